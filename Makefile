@@ -1,0 +1,41 @@
+# Everything works from a fresh clone: each target first sets up what it needs.
+
+CARGO ?= cargo
+
+.PHONY: help demo test build lint fmt clippy doc clean setup
+
+help: ## list the targets
+	@sed -n 's/^\([a-z]*\):.*## \(.*\)/make \1\t\2/p' Makefile | expand -t 16
+
+demo: setup ## run the demo scenario and write its results to out/ (options in ARGS)
+	$(CARGO) run --release --locked -- run $(ARGS)
+
+test: setup ## run all tests
+	$(CARGO) test --release --locked
+
+build: setup ## build the program: target/release/elastocal
+	$(CARGO) build --release --locked
+
+lint: fmt clippy doc ## check formatting, lints and documentation
+
+fmt:
+	$(CARGO) fmt --check
+
+clippy: setup
+	$(CARGO) clippy --release --locked --all-targets -- -D warnings
+
+doc: setup ## build the documentation, with warnings as errors
+	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --release --locked --no-deps
+
+clean: ## remove what was built and installed; results in out/ stay
+	rm -rf target .mujoco .mujoco.*
+
+setup: ## install MuJoCo, unless MUJOCO_DYNAMIC_LINK_DIR names one
+	@command -v $(CARGO) >/dev/null || { echo "error: cargo was not found." \
+	  "Install Rust 1.95 or later (rustup), and open a new shell." >&2; exit 1; }
+	@tools/install-mujoco
+
+# Documentation tests know only the folder of the installed MuJoCo (see .cargo/config.toml).
+ifdef MUJOCO_DYNAMIC_LINK_DIR
+test: export LD_LIBRARY_PATH := $(MUJOCO_DYNAMIC_LINK_DIR)$(addprefix :,$(LD_LIBRARY_PATH))
+endif

@@ -1,0 +1,72 @@
+//! Compensation of the deflection at a test pose: eqs. 14 and 15, and their non-linear form.
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::robot::{
+    EquilibriumError, EquilibriumSolver, KinematicState, Kinematics, Load, ObservationMatrix,
+    SerialChain, Tool,
+};
+use crate::scenario::{Method, TestPose};
+
+/// The joint angles to command (rad) so that the loaded tool stands where the unloaded tool stands
+/// at the test pose's own configuration q_0.
+///
+/// Linear (eq. 15): q = q_0 - J_0^-1 K_C^-1 W = q_0 - k J_0^T W, with the Jacobian at q_0; the
+/// second form needs no inverse and holds for any number of joints. Non-linear: the torque is taken
+/// at the unloaded equilibrium q_u of q_0 under gravity. The loaded equilibrium of
+/// q = q_0 - k J(q_u)^T W is then q_u itself, so that the compensation is exact for true
+/// compliances, in position and orientation.
+///
+/// # Errors
+/// The unloaded robot has no equilibrium at the test pose.
+pub fn compensate(
+    chain: &SerialChain,
+    tool: &Tool,
+    compliance_rad_per_nm: &[f64],
+    pose: &TestPose,
+    method: Method,
+) -> Result<DVector<f64>, EquilibriumError> {
+    let mut arm = chain.at(tool);
+    let q0 = &pose.configuration_rad;
+    let state = match method {
+        Method::Linear => {
+            let mut state = KinematicState::new(chain.len());
+            arm.update(q0.as_slice(), &mut state);
+            state
+        }
+        Method::Nonlinear => {
+            let mut solver = EquilibriumSolver::new(chain.len());
+            solver.solve(&mut arm, compliance_rad_per_nm, q0.as_slice(), &Load::NONE)?;
+            solver.state().clone()
+        }
+    };
+    Ok(DVector::from_iterator(
+        q0.len(),
+        (0..q0.len()).map(|joint| {
+            q0[joint] - compliance_rad_per_nm[joint] * state.load_torque(joint, &pose.load)
+        }),
+    ))
+}
+
+/// The observation matrix of a test pose, A_0^(p) (eq. 23), 3 x p.
+#[must_use]
+pub fn test_pose_matrix(
+    chain: &SerialChain,
+    tool: &Tool,
+    pose: &TestPose,
+    parameters: &[usize],
+) -> DMatrix<f64> {
+    let state = chain.at(tool).state(pose.configuration_rad.as_slice());
+    let matrix = ObservationMatrix::new(&state, &pose.load, parameters).position;
+    DMatrix::from_column_slice(3, parameters.len(), matrix.as_slice())
+}
+
+/// The predicted rms distance rho_0 that compensation leaves at a test pose (eq. 20), for a
+/// covariance of the compliances (eq. 13); same length unit as the covariance and matrix give (m).
+#[must_use]
+pub fn predicted_error(test_pose_matrix: &DMatrix<f64>, covariance: &DMatrix<f64>) -> f64 {
+    (test_pose_matrix * covariance * test_pose_matrix.transpose())
+        .trace()
+        .max(0.0)
+        .sqrt()
+}

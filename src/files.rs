@@ -1,0 +1,134 @@
+//! Reading and writing whole files: one clear error for a wrong input, and never half an output.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use thiserror::Error;
+
+/// What is wrong with an input file, or with writing an output file.
+#[derive(Debug, Error, Clone, PartialEq, Eq)]
+#[error("{}{}: {problem}", file.display(), place.as_ref().map_or_else(String::new, |place| format!(": {place}")))]
+pub struct FileError {
+    /// The file.
+    pub file: PathBuf,
+    /// The key ("robot.model") or line ("line 3") where it is.
+    pub place: Option<String>,
+    /// What was found and what is allowed.
+    pub problem: String,
+    /// What to do about it.
+    pub hint: Option<String>,
+}
+
+impl FileError {
+    /// A problem with the file as a whole.
+    #[must_use]
+    pub fn new(file: &Path, problem: impl Into<String>) -> Self {
+        Self {
+            file: file.to_owned(),
+            place: None,
+            problem: problem.into(),
+            hint: None,
+        }
+    }
+
+    /// Adds the key or line.
+    #[must_use]
+    pub fn at(mut self, place: impl Into<String>) -> Self {
+        self.place = Some(place.into());
+        self
+    }
+
+    /// Adds a hint.
+    #[must_use]
+    pub fn hint(mut self, hint: impl Into<String>) -> Self {
+        self.hint = Some(hint.into());
+        self
+    }
+}
+
+/// Reads a text file.
+///
+/// # Errors
+/// It is missing, a folder, not readable, or not UTF-8.
+pub fn read_text(path: &Path) -> Result<String, FileError> {
+    if path.is_dir() {
+        return Err(FileError::new(path, "is a folder; a file is needed"));
+    }
+    let bytes = std::fs::read(path).map_err(|error| {
+        let wrong = FileError::new(path, format!("cannot be read: {error}"));
+        if error.kind() == std::io::ErrorKind::NotFound {
+            wrong.hint("paths inside a scenario are relative to the scenario's folder")
+        } else {
+            wrong
+        }
+    })?;
+    String::from_utf8(bytes).map_err(|error| {
+        let valid = &error.as_bytes()[..error.utf8_error().valid_up_to()];
+        let line = 1 + valid.iter().filter(|&&byte| byte == b'\n').count();
+        FileError::new(path, "is not UTF-8 text")
+            .at(format!("line {line}"))
+            .hint("save the file as UTF-8")
+    })
+}
+
+/// Writes a whole file or nothing: the content goes to a temporary file beside it, which then takes
+/// its place.
+///
+/// # Errors
+/// The folder does not exist or cannot be written, the disk is full, or the path is a folder.
+pub fn write_whole(path: &Path, content: &[u8]) -> Result<(), FileError> {
+    let cannot = |error: &std::io::Error| {
+        FileError::new(path, format!("cannot be written: {error}"))
+            .hint("give a place where you may write, with --out or the option that names the file")
+    };
+    let folder = folder_of(path);
+    let mut file = tempfile::NamedTempFile::new_in(folder).map_err(|error| cannot(&error))?;
+    file.write_all(content).map_err(|error| cannot(&error))?;
+    publish(file, path)
+}
+
+/// A temporary file in the folder of `path`, for writers that need a file to write to; it becomes
+/// `path` by [`publish`].
+///
+/// # Errors
+/// The folder does not exist or cannot be written.
+pub fn temporary_beside(path: &Path) -> Result<tempfile::NamedTempFile, FileError> {
+    tempfile::NamedTempFile::new_in(folder_of(path))
+        .map_err(|error| FileError::new(path, format!("cannot be written: {error}")))
+}
+
+/// Puts a finished temporary file in its place, readable as a new file would be.
+///
+/// # Errors
+/// The file cannot take its place.
+pub fn publish(file: tempfile::NamedTempFile, path: &Path) -> Result<(), FileError> {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        let permissions = std::fs::Permissions::from_mode(0o644);
+        file.as_file()
+            .set_permissions(permissions)
+            .map_err(|error| FileError::new(path, format!("cannot be written: {error}")))?;
+    }
+    file.persist(path)
+        .map(drop)
+        .map_err(|error| FileError::new(path, format!("cannot be written: {}", error.error)))
+}
+
+/// Makes a folder with its parents.
+///
+/// # Errors
+/// It cannot be made, or a file is in its place.
+pub fn make_folder(path: &Path) -> Result<(), FileError> {
+    std::fs::create_dir_all(path).map_err(|error| {
+        FileError::new(path, format!("cannot be made a folder: {error}"))
+            .hint("give a place where you may write with --out")
+    })
+}
+
+fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    }
+}

@@ -1,0 +1,11 @@
+//! Identification of joint compliances from measured deflections, eqs. 5 to 13.
+//!
+//! [`identify`] sees the nominal robot and measurements, never the true one. It names what cannot
+//! be identified instead of inverting a singular matrix, and identifies the rest.
+
+mod estimate;
+mod least_squares;
+mod observations;
+
+pub use estimate::{identify, Identification, IdentificationError, ParameterEstimate, Sigma};
+pub use least_squares::LeastSquares;

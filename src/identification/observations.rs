@@ -1,0 +1,141 @@
+//! The measurements as whitened equations in the unknown compliances.
+
+use nalgebra::{DMatrix, DVector, Matrix3xX, Rotation3, Vector3};
+
+use super::estimate::IdentificationError;
+use crate::measurement::Measurement;
+use crate::robot::{
+    EquilibriumSolver, KinematicState, Kinematics, Load, ObservationMatrix, SerialChain, Tool,
+};
+
+/// What the equations are built from.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Observations<'a> {
+    pub chain: &'a SerialChain,
+    pub tool: &'a Tool,
+    pub parameters: &'a [usize],
+    pub measurements: &'a [Measurement],
+    /// The standard deviation of deflections that bring none of their own (m).
+    pub sigma_m: f64,
+}
+
+/// Whitened equations: `matrix` times (k minus the linearisation point) = `right_hand_side`.
+#[derive(Debug)]
+pub(super) struct Equations {
+    pub matrix: DMatrix<f64>,
+    pub right_hand_side: DVector<f64>,
+}
+
+impl Observations<'_> {
+    fn rows(&self) -> usize {
+        let rows = |each: &Measurement| if each.rotation.is_some() { 6 } else { 3 };
+        self.measurements.iter().map(rows).sum()
+    }
+
+    /// Eq. 3 or 7 for each measurement, at the commanded configuration. `compliance` are those of
+    /// all joints; the parts of the joints that are not identified go to the right-hand side, and
+    /// the equations are for k itself.
+    pub fn linear(&self, compliance: &[f64]) -> Equations {
+        let mut arm = self.chain.at(self.tool);
+        let mut state = KinematicState::new(self.chain.len());
+        let others: Vec<usize> = (0..self.chain.len())
+            .filter(|joint| !self.parameters.contains(joint))
+            .collect();
+        let known = DVector::from_iterator(
+            others.len(),
+            others.iter().map(|&joint| compliance[joint]),
+        );
+        let mut writer = Writer::new(self.rows(), self.parameters.len());
+        for each in self.measurements {
+            arm.update(each.configuration_rad.as_slice(), &mut state);
+            let observed = ObservationMatrix::new(&state, &each.load, self.parameters);
+            let rest = ObservationMatrix::new(&state, &each.load, &others);
+            writer.push(
+                &observed.position,
+                each.deflection_m - &rest.position * &known,
+                &self.sigma(each),
+            );
+            if let Some(rotation) = &each.rotation {
+                writer.push(
+                    &observed.rotation,
+                    rotation.vector_rad - &rest.rotation * &known,
+                    &rotation.sigma_rad,
+                );
+            }
+        }
+        writer.equations
+    }
+
+    /// The displacement between the nominal model's two static equilibria, linearised at the
+    /// compliances of all joints; the equations are for the change of k.
+    pub fn nonlinear(&self, compliance: &[f64]) -> Result<Equations, IdentificationError> {
+        let mut arm = self.chain.at(self.tool);
+        let mut solver = EquilibriumSolver::new(self.chain.len());
+        let mut writer = Writer::new(self.rows(), self.parameters.len());
+        for (index, each) in self.measurements.iter().enumerate() {
+            let mut rest = |load: &Load| {
+                solver
+                    .solve(&mut arm, compliance, each.configuration_rad.as_slice(), load)
+                    .map_err(|source| IdentificationError::Equilibrium {
+                        measurement: index + 1,
+                        source,
+                    })?;
+                let sensitivity = solver
+                    .sensitivity(compliance)
+                    .select_columns(self.parameters);
+                let state = solver.state();
+                Ok((state.tool_position, state.tool_rotation, sensitivity))
+            };
+            let (unloaded, unloaded_axes, from) = rest(&Load::NONE)?;
+            let (loaded, loaded_axes, to) = rest(&each.load)?;
+            let sensitivity = to - from;
+            writer.push(
+                &sensitivity.fixed_rows::<3>(0).into_owned(),
+                each.deflection_m - (loaded - unloaded),
+                &self.sigma(each),
+            );
+            if let Some(rotation) = &each.rotation {
+                let predicted = loaded_axes * unloaded_axes.transpose();
+                let predicted = Rotation3::from_matrix_unchecked(predicted).scaled_axis();
+                writer.push(
+                    &sensitivity.fixed_rows::<3>(3).into_owned(),
+                    rotation.vector_rad - predicted,
+                    &rotation.sigma_rad,
+                );
+            }
+        }
+        Ok(writer.equations)
+    }
+
+    fn sigma(&self, measurement: &Measurement) -> Vector3<f64> {
+        measurement.sigma_m.unwrap_or(Vector3::repeat(self.sigma_m))
+    }
+}
+
+/// Fills the equations three rows at a time, each row divided by its standard deviation.
+struct Writer {
+    equations: Equations,
+    row: usize,
+}
+
+impl Writer {
+    fn new(rows: usize, columns: usize) -> Self {
+        Self {
+            equations: Equations {
+                matrix: DMatrix::zeros(rows, columns),
+                right_hand_side: DVector::zeros(rows),
+            },
+            row: 0,
+        }
+    }
+
+    fn push(&mut self, matrix: &Matrix3xX<f64>, value: Vector3<f64>, sigma: &Vector3<f64>) {
+        for axis in 0..3 {
+            let weight = sigma[axis].recip();
+            let row = matrix.row(axis) * weight;
+            self.equations.matrix.row_mut(self.row).copy_from(&row);
+            self.equations.right_hand_side[self.row] = value[axis] * weight;
+            self.row += 1;
+        }
+    }
+}

@@ -1,0 +1,1 @@
+fn main(){ println!("{}", mujoco_rs::prelude::MjModel::from_xml_string("<mujoco/>").is_ok()); }

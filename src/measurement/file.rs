@@ -1,0 +1,120 @@
+//! Measurement files: CSV that a laboratory writes by hand or by script.
+
+use std::path::Path;
+
+use nalgebra::Vector3;
+
+use super::{Measurement, RotationMeasurement};
+use crate::files::{write_whole, FileError};
+use crate::plan::{experiment_columns, experiment_fields, Row, Table};
+
+const DEFLECTION: [&str; 3] = ["dx_mm", "dy_mm", "dz_mm"];
+const DEFLECTION_SIGMA: [&str; 3] = ["sx_mm", "sy_mm", "sz_mm"];
+const ROTATION: [&str; 3] = ["rx_mrad", "ry_mrad", "rz_mrad"];
+const ROTATION_SIGMA: [&str; 3] = ["srx_mrad", "sry_mrad", "srz_mrad"];
+
+/// Reads measurements of an arm of n joints.
+///
+/// # Errors
+/// See [`Table::read`]; a standard deviation must be positive, and the columns of a group
+/// (`sx_mm,sy_mm,sz_mm`; `rx_mrad,ry_mrad,rz_mrad,srx_mrad,sry_mrad,srz_mrad`) come together.
+pub fn read_measurements(path: &Path, joints: usize) -> Result<Vec<Measurement>, FileError> {
+    let mut required = experiment_columns(joints);
+    required.extend(DEFLECTION.map(str::to_owned));
+    let optional: Vec<_> = [DEFLECTION_SIGMA, ROTATION, ROTATION_SIGMA]
+        .concat()
+        .into_iter()
+        .map(str::to_owned)
+        .collect();
+    let table = Table::read(path, &required, &optional)?;
+    let has_sigma = whole_group(path, &table, &DEFLECTION_SIGMA)?;
+    let has_rotation = whole_group(path, &table, &[ROTATION, ROTATION_SIGMA].concat())?;
+    table
+        .rows()
+        .map(|row| {
+            let (configuration_rad, load) = row.configuration_and_load(joints);
+            Ok(Measurement {
+                configuration_rad,
+                load,
+                deflection_m: row.vector(DEFLECTION) * 1e-3,
+                sigma_m: has_sigma
+                    .then(|| positive(&row, DEFLECTION_SIGMA))
+                    .transpose()?,
+                rotation: has_rotation
+                    .then(|| {
+                        Ok(RotationMeasurement {
+                            vector_rad: row.vector(ROTATION) * 1e-3,
+                            sigma_rad: positive(&row, ROTATION_SIGMA)?,
+                        })
+                    })
+                    .transpose()?,
+            })
+        })
+        .collect()
+}
+
+fn whole_group(path: &Path, table: &Table<'_>, group: &[&str]) -> Result<bool, FileError> {
+    let present: Vec<_> = group.iter().filter(|column| table.has(&[column])).collect();
+    if present.is_empty() || present.len() == group.len() {
+        Ok(!present.is_empty())
+    } else {
+        let problem = format!("found {present:?}; these columns come together: {group:?}");
+        Err(FileError::new(path, problem).at("line 1"))
+    }
+}
+
+fn positive(row: &Row<'_>, columns: [&str; 3]) -> Result<Vector3<f64>, FileError> {
+    let sigma = row.vector(columns);
+    if sigma.iter().all(|&value| value > 0.0) {
+        Ok(sigma * 1e-3)
+    } else {
+        let problem = format!(
+            "{}: found {}, {}, {}; positive standard deviations are allowed",
+            columns.join(","),
+            sigma.x,
+            sigma.y,
+            sigma.z
+        );
+        Err(row.wrong(problem))
+    }
+}
+
+/// Writes measurements of an arm of n joints.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn write_measurements(
+    path: &Path,
+    joints: usize,
+    measurements: &[Measurement],
+) -> Result<(), FileError> {
+    let has_sigma = measurements.iter().all(|each| each.sigma_m.is_some());
+    let has_rotation = measurements.iter().all(|each| each.rotation.is_some());
+    let mut columns = experiment_columns(joints);
+    columns.extend(DEFLECTION.map(str::to_owned));
+    if has_sigma {
+        columns.extend(DEFLECTION_SIGMA.map(str::to_owned));
+    }
+    if has_rotation {
+        columns.extend(ROTATION.map(str::to_owned));
+        columns.extend(ROTATION_SIGMA.map(str::to_owned));
+    }
+    let mut text = columns.join(",") + "\n";
+    for each in measurements {
+        let mut fields = experiment_fields(&each.configuration_rad, &each.load);
+        let mut push = |vector: &Vector3<f64>| {
+            fields.extend(vector.iter().map(|value| (value * 1e3).to_string()));
+        };
+        push(&each.deflection_m);
+        if let (true, Some(sigma)) = (has_sigma, &each.sigma_m) {
+            push(sigma);
+        }
+        if let (true, Some(rotation)) = (has_rotation, &each.rotation) {
+            push(&rotation.vector_rad);
+            push(&rotation.sigma_rad);
+        }
+        text += &fields.join(",");
+        text.push('\n');
+    }
+    write_whole(path, text.as_bytes())
+}

@@ -1,0 +1,36 @@
+//! Measurements of deflections: what a laboratory or the virtual robot delivers, and all that
+//! identification sees.
+
+mod file;
+
+use nalgebra::{DVector, Vector3};
+
+use crate::robot::Load;
+
+pub use file::{read_measurements, write_measurements};
+
+/// One calibration experiment's outcome (A2).
+#[derive(Debug, Clone, PartialEq)]
+pub struct Measurement {
+    /// The commanded joint angles q (rad).
+    pub configuration_rad: DVector<f64>,
+    /// The load W, in the world frame at the calibration tool.
+    pub load: Load,
+    /// Loaded minus unloaded position of the tool in the world frame, dp (m).
+    pub deflection_m: Vector3<f64>,
+    /// Standard deviations of the deflection's coordinates (m), where they are known for this
+    /// measurement alone.
+    pub sigma_m: Option<Vector3<f64>>,
+    /// The tool's rotation from unloaded to loaded as a rotation vector in the world frame (rad)
+    /// with its standard deviations, where rotations are measured too.
+    pub rotation: Option<RotationMeasurement>,
+}
+
+/// A measured rotation of the tool.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RotationMeasurement {
+    /// The rotation vector in the world frame (rad).
+    pub vector_rad: Vector3<f64>,
+    /// The standard deviations of its coordinates (rad).
+    pub sigma_rad: Vector3<f64>,
+}

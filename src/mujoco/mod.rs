@@ -1,0 +1,10 @@
+//! MJCF models in MuJoCo: loading, the position stage, contacts, rays and time steps.
+//!
+//! This is the only module that talks to `mujoco-rs`. [`Model`] is what a file says, immutable and
+//! shared between threads; [`State`] is one thread's simulation of it.
+
+mod model;
+mod state;
+
+pub use model::{Geometry, Model, ModelError, Shape};
+pub use state::{Contact, State};

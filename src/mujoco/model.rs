@@ -1,0 +1,411 @@
+//! A compiled MJCF model and the look-ups that the rest of the program needs.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use mujoco_rs::prelude::{MjModel, MjtJoint};
+use mujoco_rs::wrappers::mj_model::MjtDisableBit;
+use mujoco_rs::wrappers::mj_model::{MjtGeomBase, MjtObjBase};
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
+use thiserror::Error;
+
+/// Why an MJCF file cannot serve.
+#[derive(Debug, Error)]
+pub enum ModelError {
+    /// The file is missing or cannot be read.
+    #[error("{path}: cannot be read: {source}")]
+    Read {
+        /// The model file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// MuJoCo's compiler refuses the file.
+    #[error("{path}: MuJoCo refuses the model: {message}")]
+    Compile {
+        /// The model file.
+        path: PathBuf,
+        /// MuJoCo's own words.
+        message: String,
+    },
+    /// The model has nothing of that name.
+    #[error("{path}: the model has no {kind} named {name:?}; it has: {known}")]
+    Unknown {
+        /// The model file.
+        path: PathBuf,
+        /// What was looked for, such as "site".
+        kind: &'static str,
+        /// The name that was given.
+        name: String,
+        /// The names that there are.
+        known: String,
+    },
+    /// The model is not a serial arm of hinge joints.
+    #[error("{path}: not a serial arm of hinge joints: {reason}")]
+    NotSerial {
+        /// The model file.
+        path: PathBuf,
+        /// What is in the way.
+        reason: String,
+    },
+}
+
+/// The shape of a geometry, sizes in metres.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Shape {
+    /// The half space below the local xy plane.
+    Plane,
+    /// A ball of this radius.
+    Sphere(f64),
+    /// Radius, and half length of the cylindrical part along z.
+    Capsule(f64, f64),
+    /// Radius and half length along z.
+    Cylinder(f64, f64),
+    /// The three semi-axes.
+    Ellipsoid(Vector3<f64>),
+    /// The three half sizes.
+    Box(Vector3<f64>),
+    /// Vertices and triangles (indices into the vertices).
+    Mesh(Vec<[f32; 3]>, Vec<[u32; 3]>),
+}
+
+/// One geometry of the model, fixed to a body.
+#[derive(Debug, Clone)]
+pub struct Geometry {
+    /// Its name, or `geom <id>`.
+    pub name: String,
+    /// MuJoCo's identifier, the index into [`State::geometry_pose`].
+    pub id: usize,
+    /// Its shape.
+    pub shape: Shape,
+    /// Red, green, blue and opacity in 0 to 1.
+    pub rgba: [f32; 4],
+    /// MuJoCo's visibility group; 0 to 2 are shown by default.
+    pub group: i32,
+    /// Whether it takes part in collisions.
+    pub collides: bool,
+}
+
+/// A compiled MJCF model, shared between threads.
+#[derive(Debug, Clone)]
+pub struct Model {
+    pub(super) inner: Arc<MjModel>,
+    path: PathBuf,
+}
+
+impl Model {
+    /// Compiles the MJCF file with MuJoCo.
+    ///
+    /// # Errors
+    /// The file cannot be read, or MuJoCo refuses it.
+    pub fn load(path: &Path) -> Result<Self, ModelError> {
+        // MuJoCo's own message for a missing file does not say why; the system's does.
+        std::fs::read(path).map_err(|source| ModelError::Read {
+            path: path.to_owned(),
+            source,
+        })?;
+        let inner = MjModel::from_xml(path).map_err(|error| ModelError::Compile {
+            path: path.to_owned(),
+            message: error.to_string().trim().replace('\n', "; "),
+        })?;
+        Ok(Self {
+            inner: Arc::new(inner),
+            path: path.to_owned(),
+        })
+    }
+
+    /// The file that the model was read from.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The same model without contacts, joint limits or other constraints.
+    #[must_use]
+    pub fn without_constraints(&self) -> Self {
+        let mut model = (*self.inner).clone();
+        model.opt_mut().disableflags |= MjtDisableBit::mjDSBL_CONSTRAINT as i32;
+        Self {
+            inner: Arc::new(model),
+            path: self.path.clone(),
+        }
+    }
+
+    /// The same model with other joint compliances (rad/(N m)), one for each joint.
+    ///
+    /// # Errors
+    /// A joint has no position actuator that holds it.
+    pub fn with_joint_compliance(&self, compliance: &[f64]) -> Result<Self, ModelError> {
+        let mut model = (*self.inner).clone();
+        for (joint, value) in compliance.iter().enumerate() {
+            let (Some(actuator), Some(_)) =
+                (self.joint_actuator(joint), self.joint_compliance(joint))
+            else {
+                return Err(ModelError::NotSerial {
+                    path: self.path.clone(),
+                    reason: format!(
+                        "joint {:?} has no position actuator to hold it",
+                        self.joint_name(joint)
+                    ),
+                });
+            };
+            // SAFETY: gains and biases are plain numbers; no index or size depends on them.
+            #[expect(unsafe_code, reason = "the wrapper has no safe setter")]
+            unsafe {
+                model.actuator_gainprm_mut()[actuator][0] = value.recip();
+                model.actuator_biasprm_mut()[actuator][1] = -value.recip();
+            }
+        }
+        Ok(Self {
+            inner: Arc::new(model),
+            path: self.path.clone(),
+        })
+    }
+
+    /// The time step of simulations (s).
+    #[must_use]
+    pub fn time_step_s(&self) -> f64 {
+        self.inner.opt().timestep
+    }
+
+    /// The acceleration of gravity in the world frame, m/s^2.
+    #[must_use]
+    pub fn gravity(&self) -> Vector3<f64> {
+        Vector3::from(self.inner.opt().gravity)
+    }
+
+    /// The number of bodies, the world (0) included.
+    #[must_use]
+    pub fn bodies(&self) -> usize {
+        self.inner.body_mass().len()
+    }
+
+    /// The body that the given one is fixed to or moves against; the world is its own parent.
+    #[must_use]
+    pub fn parent(&self, body: usize) -> usize {
+        self.inner.body_parentid()[body].unsigned_abs() as usize
+    }
+
+    /// The body's frame in its parent's at the model's zero configuration.
+    #[must_use]
+    pub fn parent_from_body(&self, body: usize) -> Isometry3<f64> {
+        isometry(&self.inner.body_pos()[body], &self.inner.body_quat()[body])
+    }
+
+    /// Mass (kg) and centre of mass (m, body frame) of one body.
+    #[must_use]
+    pub fn mass(&self, body: usize) -> (f64, Vector3<f64>) {
+        (
+            self.inner.body_mass()[body],
+            Vector3::from(self.inner.body_ipos()[body]),
+        )
+    }
+
+    /// The joints of a body in the order in which they act.
+    pub fn joints_of(&self, body: usize) -> impl Iterator<Item = usize> + use<> {
+        let count = self.inner.body_jntnum()[body].unsigned_abs() as usize;
+        let first = self.inner.body_jntadr()[body].max(0).unsigned_abs() as usize;
+        first..first + count
+    }
+
+    /// The number of joints.
+    #[must_use]
+    pub fn joints(&self) -> usize {
+        self.inner.jnt_type().len()
+    }
+
+    /// Whether the joint is a hinge.
+    #[must_use]
+    pub fn is_hinge(&self, joint: usize) -> bool {
+        self.inner.jnt_type()[joint] == MjtJoint::mjJNT_HINGE
+    }
+
+    /// Axis (unit vector) and anchor (m) of a joint in its body's frame.
+    #[must_use]
+    pub fn joint_axis_and_anchor(&self, joint: usize) -> (Vector3<f64>, Vector3<f64>) {
+        (
+            Vector3::from(self.inner.jnt_axis()[joint]),
+            Vector3::from(self.inner.jnt_pos()[joint]),
+        )
+    }
+
+    /// The range of a joint's commanded angle (rad), whether or not MuJoCo enforces it on the
+    /// elastic joint; where the model gives none, one turn each way.
+    #[must_use]
+    pub fn joint_range(&self, joint: usize) -> [f64; 2] {
+        let [low, high] = self.inner.jnt_range()[joint];
+        if low < high {
+            [low, high]
+        } else {
+            [-std::f64::consts::TAU, std::f64::consts::TAU]
+        }
+    }
+
+    /// The joint coordinate at which the bodies stand as the file draws them (rad).
+    #[must_use]
+    pub fn joint_reference(&self, joint: usize) -> f64 {
+        self.inner.qpos0()[joint]
+    }
+
+    /// The compliance of a joint (rad/(N m)): one over the gain of the position actuator that
+    /// holds it at the commanded angle; `None` if there is no such actuator.
+    #[must_use]
+    pub fn joint_compliance(&self, joint: usize) -> Option<f64> {
+        let actuator = self.joint_actuator(joint)?;
+        let gain = self.inner.actuator_gainprm()[actuator][0];
+        let bias = self.inner.actuator_biasprm()[actuator][1];
+        #[expect(clippy::float_cmp, reason = "a position actuator has the same number twice")]
+        (gain > 0.0 && bias == -gain).then(|| gain.recip())
+    }
+
+    /// The actuator that drives a joint.
+    #[must_use]
+    pub fn joint_actuator(&self, joint: usize) -> Option<usize> {
+        let wanted = i32::try_from(joint).ok()?;
+        self.inner
+            .actuator_trnid()
+            .iter()
+            .position(|target| target[0] == wanted)
+    }
+
+    /// The joint's name, or `joint <id>`.
+    #[must_use]
+    pub fn joint_name(&self, joint: usize) -> String {
+        self.name(MjtObjBase::mjOBJ_JOINT, "joint", joint)
+    }
+
+    /// The body's name, or `body <id>`.
+    #[must_use]
+    pub fn body_name(&self, body: usize) -> String {
+        self.name(MjtObjBase::mjOBJ_BODY, "body", body)
+    }
+
+    /// The identifier of a site.
+    ///
+    /// # Errors
+    /// There is no such site.
+    pub fn site(&self, name: &str) -> Result<usize, ModelError> {
+        self.inner
+            .name_to_id(MjtObjBase::mjOBJ_SITE, name)
+            .ok_or_else(|| self.unknown("site", MjtObjBase::mjOBJ_SITE, name, self.sites()))
+    }
+
+    /// The body that carries a site, and the site's frame in that body's.
+    #[must_use]
+    pub fn site_body(&self, site: usize) -> (usize, Isometry3<f64>) {
+        (
+            self.inner.site_bodyid()[site].unsigned_abs() as usize,
+            isometry(&self.inner.site_pos()[site], &self.inner.site_quat()[site]),
+        )
+    }
+
+    /// The number of geometries.
+    #[must_use]
+    pub fn geometries(&self) -> usize {
+        self.inner.geom_type().len()
+    }
+
+    /// The body that carries a geometry.
+    #[must_use]
+    pub fn geometry_body(&self, geometry: usize) -> usize {
+        self.inner.geom_bodyid()[geometry].unsigned_abs() as usize
+    }
+
+    /// The geometry's name, or `geom <id>`.
+    #[must_use]
+    pub fn geometry_name(&self, geometry: usize) -> String {
+        self.name(MjtObjBase::mjOBJ_GEOM, "geom", geometry)
+    }
+
+    /// Everything there is to draw or to collide with, in MuJoCo's order.
+    #[must_use]
+    pub fn scenery(&self) -> Vec<Geometry> {
+        (0..self.geometries())
+            .filter_map(|id| {
+                Some(Geometry {
+                    name: self.geometry_name(id),
+                    id,
+                    shape: self.shape(id)?,
+                    rgba: self.colour(id),
+                    group: self.inner.geom_group()[id],
+                    collides: self.inner.geom_contype()[id] != 0
+                        || self.inner.geom_conaffinity()[id] != 0,
+                })
+            })
+            .collect()
+    }
+
+    fn shape(&self, geometry: usize) -> Option<Shape> {
+        let [x, y, z] = self.inner.geom_size()[geometry];
+        Some(match self.inner.geom_type()[geometry] {
+            MjtGeomBase::mjGEOM_PLANE => Shape::Plane,
+            MjtGeomBase::mjGEOM_SPHERE => Shape::Sphere(x),
+            MjtGeomBase::mjGEOM_CAPSULE => Shape::Capsule(x, y),
+            MjtGeomBase::mjGEOM_CYLINDER => Shape::Cylinder(x, y),
+            MjtGeomBase::mjGEOM_ELLIPSOID => Shape::Ellipsoid(Vector3::new(x, y, z)),
+            MjtGeomBase::mjGEOM_BOX => Shape::Box(Vector3::new(x, y, z)),
+            MjtGeomBase::mjGEOM_MESH => self.mesh(geometry)?,
+            _ => return None,
+        })
+    }
+
+    fn mesh(&self, geometry: usize) -> Option<Shape> {
+        let mesh = usize::try_from(self.inner.geom_dataid()[geometry]).ok()?;
+        let range = |first: &[i32], count: &[i32]| {
+            let first = first[mesh].unsigned_abs() as usize;
+            first..first + count[mesh].unsigned_abs() as usize
+        };
+        let vertices = range(self.inner.mesh_vertadr(), self.inner.mesh_vertnum());
+        let faces = range(self.inner.mesh_faceadr(), self.inner.mesh_facenum());
+        Some(Shape::Mesh(
+            self.inner.mesh_vert()[vertices].to_vec(),
+            self.inner.mesh_face()[faces]
+                .iter()
+                .map(|face| face.map(i32::unsigned_abs))
+                .collect(),
+        ))
+    }
+
+    fn colour(&self, geometry: usize) -> [f32; 4] {
+        usize::try_from(self.inner.geom_matid()[geometry]).map_or_else(
+            |_| self.inner.geom_rgba()[geometry],
+            |material| self.inner.mat_rgba()[material],
+        )
+    }
+
+    fn sites(&self) -> usize {
+        self.inner.site_bodyid().len()
+    }
+
+    fn name(&self, kind: MjtObjBase, word: &str, id: usize) -> String {
+        self.inner
+            .id_to_name(kind, id)
+            .map_or_else(|| format!("{word} {id}"), str::to_owned)
+    }
+
+    fn unknown(
+        &self,
+        kind: &'static str,
+        object: MjtObjBase,
+        name: &str,
+        count: usize,
+    ) -> ModelError {
+        let known: Vec<_> = (0..count)
+            .filter_map(|id| self.inner.id_to_name(object, id))
+            .collect();
+        ModelError::Unknown {
+            path: self.path.clone(),
+            kind,
+            name: name.to_owned(),
+            known: known.join(", "),
+        }
+    }
+}
+
+fn isometry(position: &[f64; 3], quaternion: &[f64; 4]) -> Isometry3<f64> {
+    let [w, x, y, z] = *quaternion;
+    Isometry3::from_parts(
+        Translation3::from(Vector3::from(*position)),
+        UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z)),
+    )
+}

@@ -1,0 +1,185 @@
+//! One thread's simulation of a model.
+
+use mujoco_rs::prelude::MjData;
+use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
+
+use super::Model;
+
+/// Two geometries nearer to each other than their margins allow.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Contact {
+    /// The names of the two geometries.
+    pub between: [String; 2],
+    /// The signed distance (m); negative is penetration.
+    pub distance_m: f64,
+}
+
+/// One thread's simulation: joint coordinates and all that follows from them.
+pub struct State {
+    model: Model,
+    data: MjData<std::sync::Arc<mujoco_rs::prelude::MjModel>>,
+}
+
+impl std::fmt::Debug for State {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        formatter
+            .debug_struct("State")
+            .field("model", &self.model.path())
+            .finish_non_exhaustive()
+    }
+}
+
+impl State {
+    /// A new simulation at the model's zero configuration.
+    #[must_use]
+    pub fn new(model: &Model) -> Self {
+        Self {
+            data: MjData::new(model.inner.clone()),
+            model: model.clone(),
+        }
+    }
+
+    /// The model that is simulated.
+    #[must_use]
+    pub fn model(&self) -> &Model {
+        &self.model
+    }
+
+    /// Runs MuJoCo's kinematics at the joint coordinates `q` (rad): poses of bodies, geometries and
+    /// sites, joint axes and centres of mass; no collisions.
+    pub fn move_to(&mut self, q: &[f64]) {
+        self.data.qpos_mut()[..q.len()].copy_from_slice(q);
+        self.data.kinematics();
+        self.data.com_pos();
+    }
+
+    /// The joint's anchor (m) and axis (unit vector) in the world frame.
+    #[must_use]
+    pub fn joint(&self, joint: usize) -> (Vector3<f64>, Vector3<f64>) {
+        (
+            Vector3::from(self.data.xanchor()[joint]),
+            Vector3::from(self.data.xaxis()[joint]),
+        )
+    }
+
+    /// The mass (kg) of a body with all that hangs on it, and its centre in the world frame (m).
+    #[must_use]
+    pub fn subtree(&self, body: usize) -> (f64, Vector3<f64>) {
+        (
+            self.model.inner.body_subtreemass()[body],
+            Vector3::from(self.data.subtree_com()[body]),
+        )
+    }
+
+    /// The position (m) and orientation of a site in the world frame.
+    #[must_use]
+    pub fn site(&self, site: usize) -> (Vector3<f64>, Matrix3<f64>) {
+        (
+            Vector3::from(self.data.site_xpos()[site]),
+            Matrix3::from_row_slice(&self.data.site_xmat()[site]),
+        )
+    }
+
+    /// MuJoCo's own Jacobian of a site: position rows, then rotation rows, row-major, each row as
+    /// long as there are joints.
+    #[must_use]
+    pub fn site_jacobian(&self, site: usize) -> (Vec<f64>, Vec<f64>) {
+        self.data.jac_site(true, true, site)
+    }
+
+    /// The pose of a geometry in the world frame.
+    #[must_use]
+    pub fn geometry_pose(&self, geometry: usize) -> Isometry3<f64> {
+        let rotation = Rotation3::from_matrix_unchecked(Matrix3::from_row_slice(
+            &self.data.geom_xmat()[geometry],
+        ));
+        Isometry3::from_parts(
+            Translation3::from(Vector3::from(self.data.geom_xpos()[geometry])),
+            UnitQuaternion::from_rotation_matrix(&rotation),
+        )
+    }
+
+    /// The smallest signed distance between two geometries (m), cut off at `limit_m`.
+    pub fn distance(&mut self, first: usize, second: usize, limit_m: f64) -> f64 {
+        self.data.geom_distance(first, second, limit_m, None)
+    }
+
+    /// Follows a ray from a point along a vector, both in the world frame; geometries of the shown
+    /// groups (0 to 2) do not stop it where `solid` groups are asked for. Returns the first
+    /// geometry hit and its distance in lengths of the vector.
+    pub fn ray(
+        &mut self,
+        from: &Vector3<f64>,
+        along: &Vector3<f64>,
+        groups: [u8; 6],
+    ) -> Option<(usize, f64)> {
+        let (hit, distance) = self.data.ray(
+            &(*from).into(),
+            &(*along).into(),
+            Some(&groups),
+            true,
+            None,
+            None,
+        );
+        hit.map(|geometry| (geometry, distance))
+    }
+
+    /// Sets the commanded joint angles of a time simulation (rad).
+    pub fn command(&mut self, commanded: &[f64]) {
+        for (joint, &angle) in commanded.iter().enumerate() {
+            if let Some(actuator) = self.model.joint_actuator(joint) {
+                self.data.ctrl_mut()[actuator] = angle;
+            }
+        }
+    }
+
+    /// Puts the simulation at rest at the joint coordinates `q` (rad).
+    pub fn rest_at(&mut self, q: &[f64]) {
+        self.data.reset();
+        self.data.qpos_mut()[..q.len()].copy_from_slice(q);
+    }
+
+    /// One time step under a force (N) and torque (N m) in the world frame at a site, which follow
+    /// the site as it moves.
+    pub fn step_with_wrench(&mut self, site: usize, force: &Vector3<f64>, torque: &Vector3<f64>) {
+        self.data.step1();
+        let (body, _) = self.model.site_body(site);
+        let point = self.data.site_xpos()[site];
+        let applied = self.generalised_force(&point, body, force, torque);
+        self.data.qfrc_applied_mut().copy_from_slice(&applied);
+        self.data.step2();
+    }
+
+    fn generalised_force(
+        &mut self,
+        point: &[f64; 3],
+        body: usize,
+        force: &Vector3<f64>,
+        torque: &Vector3<f64>,
+    ) -> Vec<f64> {
+        let mut applied = vec![0.0; self.data.qvel().len()];
+        self.data
+            .apply_ft(&(*force).into(), &(*torque).into(), point, body, &mut applied)
+            .unwrap_or_default();
+        applied
+    }
+
+    /// The joint coordinates (rad) and velocities (rad/s).
+    #[must_use]
+    pub fn coordinates(&self) -> (&[f64], &[f64]) {
+        (self.data.qpos(), self.data.qvel())
+    }
+
+    /// Whether MuJoCo reports a contact between two geometries of the model at the present
+    /// configuration; the first pair found.
+    pub fn first_contact(&mut self) -> Option<Contact> {
+        self.data.collision();
+        let contact = self.data.contact().iter().next()?;
+        let [first, second] = contact.geom;
+        Some(Contact {
+            between: [first, second]
+                .map(|id| self.model.geometry_name(id.max(0).unsigned_abs() as usize)),
+            distance_m: contact.dist,
+        })
+    }
+}

@@ -1,0 +1,13 @@
+//! Random numbers that are a function of the seed and the run alone, so that any run can be
+//! replayed by itself, in any order, on any number of threads.
+
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+
+/// The generator of run `run` under `seed`: one of 2^64 independent streams of the seed's cipher.
+#[must_use]
+pub fn generator(seed: u64, run: u64) -> ChaCha8Rng {
+    let mut generator = ChaCha8Rng::seed_from_u64(seed);
+    generator.set_stream(run);
+    generator
+}

@@ -1,0 +1,113 @@
+//! The serial kinematic chain with rigid links, independent of any simulator.
+
+use nalgebra::{Isometry3, Rotation3, Unit, UnitQuaternion, Vector3};
+
+use super::kinematic_state::{KinematicState, Kinematics};
+
+/// One hinge joint and the rigid link that it moves.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Joint {
+    /// The joint's name in the model.
+    pub name: String,
+    /// The link's frame in that of the previous link (the world for the first) at zero angle; its
+    /// origin lies on the axis.
+    pub previous_from_link: Isometry3<f64>,
+    /// The axis in the link's frame, about which a positive angle turns right-handed.
+    pub axis: Unit<Vector3<f64>>,
+    /// Lower and upper limit (rad).
+    pub range_rad: [f64; 2],
+    /// Mass of the link with all that is fixed to it (kg).
+    pub mass_kg: f64,
+    /// Centre of that mass in the link's frame (m).
+    pub centre_of_mass_m: Vector3<f64>,
+    /// The compliance that the model gives the joint (rad/(N m)), if it gives one.
+    pub model_compliance_rad_per_nm: Option<f64>,
+}
+
+/// A frame fixed to a link, such as a tool centre point.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Tool {
+    /// The name of the site in the model.
+    pub name: String,
+    /// How many joints move it.
+    pub joints: usize,
+    /// Its frame in that of the link that carries it.
+    pub link_from_tool: Isometry3<f64>,
+}
+
+/// An arm of hinge joints in series.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SerialChain {
+    /// The joints from the base to the flange.
+    pub joints: Vec<Joint>,
+    /// The acceleration of gravity in the world frame (m/s^2).
+    pub gravity_m_s2: Vector3<f64>,
+}
+
+impl SerialChain {
+    /// The number of joints.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.joints.len()
+    }
+
+    /// Whether the chain has no joint.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.joints.is_empty()
+    }
+
+    /// The chain as seen from one of its tools.
+    #[must_use]
+    pub fn at<'a>(&'a self, tool: &'a Tool) -> ChainAtTool<'a> {
+        ChainAtTool { chain: self, tool }
+    }
+}
+
+/// A chain together with the tool whose pose is asked for.
+#[derive(Debug, Clone, Copy)]
+pub struct ChainAtTool<'a> {
+    chain: &'a SerialChain,
+    tool: &'a Tool,
+}
+
+impl ChainAtTool<'_> {
+    /// The kinematic state at the joint angles `q` (rad).
+    #[must_use]
+    pub fn state(mut self, q: &[f64]) -> KinematicState {
+        let mut state = KinematicState::new(self.chain.len());
+        self.update(q, &mut state);
+        state
+    }
+}
+
+impl Kinematics for ChainAtTool<'_> {
+    fn joints(&self) -> usize {
+        self.chain.len()
+    }
+
+    fn gravity_m_s2(&self) -> Vector3<f64> {
+        self.chain.gravity_m_s2
+    }
+
+    fn update(&mut self, q: &[f64], state: &mut KinematicState) {
+        let mut world_from_link = Isometry3::identity();
+        let mut world_from_tool = self.tool.link_from_tool;
+        for (index, (joint, &angle)) in self.chain.joints.iter().zip(q).enumerate() {
+            world_from_link *= joint.previous_from_link;
+            state.axis[index] = world_from_link.rotation * joint.axis.into_inner();
+            state.anchor[index] = world_from_link.translation.vector;
+            world_from_link.rotation *= UnitQuaternion::from_axis_angle(&joint.axis, angle);
+            state.distal_mass[index] = joint.mass_kg;
+            state.distal_centre[index] =
+                world_from_link.rotation * joint.centre_of_mass_m + state.anchor[index];
+            if index + 1 == self.tool.joints {
+                world_from_tool = world_from_link * self.tool.link_from_tool;
+            }
+        }
+        state.gather_distal_masses();
+        state.tool_joints = self.tool.joints;
+        state.tool_position = world_from_tool.translation.vector;
+        state.tool_rotation = Rotation3::from(world_from_tool.rotation).into_inner();
+    }
+}

@@ -1,0 +1,242 @@
+//! The static equilibrium of an arm with elastic joints, without linearisation.
+//!
+//! Each joint is an elastic element in series with its commanded angle, so at rest
+//!
+//! ```text
+//! q = q_commanded + k * tau(q),   tau(q) = J(q)^T W + gravity's torques
+//! ```
+//!
+//! Newton's method on this equation converges quadratically; its matrix I - k dtau/dq also tells
+//! whether the equilibrium is stable and how it moves with the compliances.
+
+use nalgebra::{Cholesky, DMatrix, DVector, Matrix6xX};
+use thiserror::Error;
+
+use super::kinematic_state::{KinematicState, Kinematics, Load};
+
+/// The last step of a converged solution is no larger than this (rad).
+pub const CONVERGED_RAD: f64 = 1e-12;
+/// Newton's method needs three or four steps; more than this is a failure.
+pub const MAXIMUM_ITERATIONS: usize = 30;
+/// A deflection beyond this is no longer that of an elastic joint (rad).
+const LARGEST_DEFLECTION_RAD: f64 = 0.5;
+
+/// Why an arm has no static equilibrium.
+#[derive(Debug, Error, Clone, PartialEq)]
+pub enum EquilibriumError {
+    /// Newton's method did not converge.
+    #[error(
+        "no static equilibrium: joint {joint} still moved by {step_rad:.3e} rad after {iterations} iterations"
+    )]
+    NotConverged {
+        /// The joint that moved most, counted from 1.
+        joint: usize,
+        /// Its last step (rad).
+        step_rad: f64,
+        /// The number of iterations.
+        iterations: usize,
+    },
+    /// The equilibrium that was found is unstable: the load overcomes the joints' stiffness.
+    #[error("the static equilibrium is unstable: the load outweighs the joints' stiffness")]
+    Unstable,
+}
+
+/// An arm at rest.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Equilibrium {
+    /// The number of Newton steps.
+    pub iterations: usize,
+    /// The size of the last step (rad).
+    pub last_step_rad: f64,
+}
+
+/// Finds static equilibria; keeps its workspace, so that solving does not allocate.
+#[derive(Debug, Clone)]
+pub struct EquilibriumSolver {
+    state: KinematicState,
+    q: DVector<f64>,
+    torque: DVector<f64>,
+    gradient: DMatrix<f64>,
+    system: DMatrix<f64>,
+    step: DVector<f64>,
+}
+
+impl EquilibriumSolver {
+    /// A solver for arms of n joints.
+    #[must_use]
+    pub fn new(joints: usize) -> Self {
+        Self {
+            state: KinematicState::new(joints),
+            q: DVector::zeros(joints),
+            torque: DVector::zeros(joints),
+            gradient: DMatrix::zeros(joints, joints),
+            system: DMatrix::zeros(joints, joints),
+            step: DVector::zeros(joints),
+        }
+    }
+
+    /// Finds the joint angles at rest for the commanded angles (rad), the compliances (rad/(N m))
+    /// and the load; they are then in [`Self::q`] and the geometry in [`Self::state`].
+    ///
+    /// # Errors
+    /// There is no equilibrium nearby, or it is unstable.
+    pub fn solve(
+        &mut self,
+        arm: &mut impl Kinematics,
+        compliance_rad_per_nm: &[f64],
+        commanded_rad: &[f64],
+        load: &Load,
+    ) -> Result<Equilibrium, EquilibriumError> {
+        self.q.copy_from_slice(commanded_rad);
+        let mut last_step_rad = f64::INFINITY;
+        for iterations in 1..=MAXIMUM_ITERATIONS {
+            self.evaluate(arm, load);
+            for joint in 0..self.q.len() {
+                self.step[joint] = commanded_rad[joint]
+                    + compliance_rad_per_nm[joint] * self.torque[joint]
+                    - self.q[joint];
+            }
+            newton_matrix(&self.gradient, compliance_rad_per_nm, &mut self.system);
+            if !solve_in_place(&mut self.system, self.step.as_mut_slice()) {
+                return Err(EquilibriumError::Unstable);
+            }
+            self.q += &self.step;
+            last_step_rad = self.step.amax();
+            if last_step_rad <= CONVERGED_RAD {
+                // The geometry must be that of the final angles.
+                self.evaluate(arm, load);
+                self.check_stability(compliance_rad_per_nm)?;
+                return Ok(Equilibrium {
+                    iterations,
+                    last_step_rad,
+                });
+            }
+            let deflection = (0..self.q.len())
+                .map(|joint| (self.q[joint] - commanded_rad[joint]).abs())
+                .fold(0.0, f64::max);
+            if deflection.is_nan() || deflection > LARGEST_DEFLECTION_RAD {
+                break;
+            }
+        }
+        Err(EquilibriumError::NotConverged {
+            joint: self.step.iamax() + 1,
+            step_rad: last_step_rad,
+            iterations: MAXIMUM_ITERATIONS,
+        })
+    }
+
+    /// The joint angles of the last solution (rad).
+    #[must_use]
+    pub fn q(&self) -> &[f64] {
+        self.q.as_slice()
+    }
+
+    /// The arm's geometry at the last solution.
+    #[must_use]
+    pub fn state(&self) -> &KinematicState {
+        &self.state
+    }
+
+    /// How the tool of the last solution moves with each compliance: 6 x n, column j is
+    /// d(position, rotation)/d k_j = J (I - k dtau/dq)^-1 e_j tau_j, in m and rad per rad/(N m).
+    #[must_use]
+    pub fn sensitivity(&self, compliance_rad_per_nm: &[f64]) -> Matrix6xX<f64> {
+        let mut moved = DMatrix::from_diagonal(&self.torque);
+        let mut system = self.gradient.clone();
+        newton_matrix(&self.gradient, compliance_rad_per_nm, &mut system);
+        if !solve_in_place(&mut system, moved.as_mut_slice()) {
+            moved.fill(f64::NAN);
+        }
+        self.state.jacobian() * moved
+    }
+
+    /// The torques of gravity and of the load at the last solution (N m).
+    #[must_use]
+    pub fn torque(&self) -> &[f64] {
+        self.torque.as_slice()
+    }
+
+    fn evaluate(&mut self, arm: &mut impl Kinematics, load: &Load) {
+        let gravity = arm.gravity_m_s2();
+        arm.update(self.q.as_slice(), &mut self.state);
+        for joint in 0..self.q.len() {
+            self.torque[joint] = self.state.load_torque(joint, load)
+                + self.state.gravity_torque(joint, &gravity);
+        }
+        self.state
+            .torque_gradient(load, &gravity, &mut self.gradient);
+    }
+
+    /// The equilibrium is stable where the potential energy is convex: the symmetric part of
+    /// I - k^1/2 dtau/dq k^1/2 is positive definite.
+    fn check_stability(&mut self, compliance: &[f64]) -> Result<(), EquilibriumError> {
+        let joints = self.q.len();
+        for row in 0..joints {
+            for column in 0..joints {
+                let symmetric = 0.5 * (self.gradient[(row, column)] + self.gradient[(column, row)]);
+                let weight = (compliance[row].max(0.0) * compliance[column].max(0.0)).sqrt();
+                let identity = f64::from(u8::from(row == column));
+                self.system[(row, column)] = identity - weight * symmetric;
+            }
+        }
+        // The factorisation takes the matrix's storage and gives it back: nothing is allocated.
+        let system = std::mem::replace(&mut self.system, DMatrix::zeros(0, 0));
+        match Cholesky::new(system) {
+            Some(factor) => {
+                self.system = factor.unpack_dirty();
+                Ok(())
+            }
+            None => {
+                self.system = DMatrix::zeros(joints, joints);
+                Err(EquilibriumError::Unstable)
+            }
+        }
+    }
+}
+
+/// Writes I - diag(k) dtau/dq, the matrix of Newton's method.
+fn newton_matrix(gradient: &DMatrix<f64>, compliance: &[f64], system: &mut DMatrix<f64>) {
+    for column in 0..gradient.ncols() {
+        for row in 0..gradient.nrows() {
+            let identity = f64::from(u8::from(row == column));
+            system[(row, column)] = identity - compliance[row] * gradient[(row, column)];
+        }
+    }
+}
+
+/// Gaussian elimination with partial pivoting for one or more right-hand sides (column-major) that
+/// are overwritten by the solutions; unlike the library's factorisation it allocates nothing.
+/// Returns false for a singular matrix.
+fn solve_in_place(system: &mut DMatrix<f64>, right_hand_sides: &mut [f64]) -> bool {
+    let size = system.nrows();
+    for pivot in 0..size {
+        let best = pivot + system.view((pivot, pivot), (size - pivot, 1)).iamax_full().0;
+        if system[(best, pivot)] == 0.0 || !system[(best, pivot)].is_finite() {
+            return false;
+        }
+        if best != pivot {
+            system.swap_rows(best, pivot);
+            for column in right_hand_sides.chunks_exact_mut(size) {
+                column.swap(best, pivot);
+            }
+        }
+        for row in pivot + 1..size {
+            let factor = system[(row, pivot)] / system[(pivot, pivot)];
+            for column in pivot + 1..size {
+                system[(row, column)] -= factor * system[(pivot, column)];
+            }
+            for column in right_hand_sides.chunks_exact_mut(size) {
+                column[row] -= factor * column[pivot];
+            }
+        }
+    }
+    for column in right_hand_sides.chunks_exact_mut(size) {
+        for row in (0..size).rev() {
+            let known: f64 = (row + 1..size)
+                .map(|other| system[(row, other)] * column[other])
+                .sum();
+            column[row] = (column[row] - known) / system[(row, row)];
+        }
+    }
+    true
+}

@@ -1,0 +1,189 @@
+//! The arm's geometry at one configuration, in the world frame, and what follows from it.
+
+use nalgebra::{DMatrix, Matrix3, Matrix6xX, Vector3, Vector6};
+
+/// A force (N) and a torque (N m) in the world frame, applied at a tool's origin; they keep their
+/// direction as the tool moves.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Load {
+    /// The force F (N).
+    pub force_n: Vector3<f64>,
+    /// The torque T (N m).
+    pub torque_nm: Vector3<f64>,
+}
+
+impl Load {
+    /// No load.
+    pub const NONE: Self = Self {
+        force_n: Vector3::new(0.0, 0.0, 0.0),
+        torque_nm: Vector3::new(0.0, 0.0, 0.0),
+    };
+
+    /// A pure force (N).
+    #[must_use]
+    pub const fn force(x: f64, y: f64, z: f64) -> Self {
+        Self {
+            force_n: Vector3::new(x, y, z),
+            torque_nm: Vector3::new(0.0, 0.0, 0.0),
+        }
+    }
+
+    /// The wrench W as six numbers, force then torque.
+    #[must_use]
+    pub fn wrench(&self) -> Vector6<f64> {
+        let (f, t) = (&self.force_n, &self.torque_nm);
+        Vector6::new(f.x, f.y, f.z, t.x, t.y, t.z)
+    }
+
+    /// The load of six numbers, force then torque.
+    #[must_use]
+    pub fn from_wrench(wrench: [f64; 6]) -> Self {
+        let [fx, fy, fz, tx, ty, tz] = wrench;
+        Self {
+            force_n: Vector3::new(fx, fy, fz),
+            torque_nm: Vector3::new(tx, ty, tz),
+        }
+    }
+}
+
+/// Something that can tell the arm's geometry at any joint angles.
+pub trait Kinematics {
+    /// The number of joints n.
+    fn joints(&self) -> usize;
+    /// The acceleration of gravity in the world frame (m/s^2).
+    fn gravity_m_s2(&self) -> Vector3<f64>;
+    /// Writes the geometry at the joint angles `q` (n values, rad); does not allocate.
+    fn update(&mut self, q: &[f64], state: &mut KinematicState);
+}
+
+/// The arm's geometry at one configuration, in the world frame; n joints from base to flange.
+#[derive(Debug, Clone, PartialEq)]
+pub struct KinematicState {
+    /// The axis of each joint (unit vectors).
+    pub axis: Vec<Vector3<f64>>,
+    /// A point on the axis of each joint (m).
+    pub anchor: Vec<Vector3<f64>>,
+    /// The mass that each joint carries (kg).
+    pub distal_mass: Vec<f64>,
+    /// The centre of the mass that each joint carries (m).
+    pub distal_centre: Vec<Vector3<f64>>,
+    /// How many joints, from the base, move the tool.
+    pub tool_joints: usize,
+    /// The tool's origin (m).
+    pub tool_position: Vector3<f64>,
+    /// The tool's axes as columns.
+    pub tool_rotation: Matrix3<f64>,
+}
+
+impl KinematicState {
+    /// Room for the state of an arm of n joints.
+    #[must_use]
+    pub fn new(joints: usize) -> Self {
+        Self {
+            axis: vec![Vector3::zeros(); joints],
+            anchor: vec![Vector3::zeros(); joints],
+            distal_mass: vec![0.0; joints],
+            distal_centre: vec![Vector3::zeros(); joints],
+            tool_joints: joints,
+            tool_position: Vector3::zeros(),
+            tool_rotation: Matrix3::identity(),
+        }
+    }
+
+    /// The number of joints n.
+    #[must_use]
+    pub fn joints(&self) -> usize {
+        self.axis.len()
+    }
+
+    /// Turns the mass and centre of each single link into those of all that its joint carries.
+    pub(super) fn gather_distal_masses(&mut self) {
+        for joint in (1..self.joints()).rev() {
+            let (outer, inner) = (self.distal_mass[joint], self.distal_mass[joint - 1]);
+            let total = outer + inner;
+            if total > 0.0 {
+                self.distal_centre[joint - 1] = (self.distal_centre[joint] * outer
+                    + self.distal_centre[joint - 1] * inner)
+                    / total;
+            }
+            self.distal_mass[joint - 1] = total;
+        }
+    }
+
+    /// Column j of the Jacobian's position rows (m): the tool's velocity per unit rate of joint j.
+    #[must_use]
+    pub fn position_column(&self, joint: usize) -> Vector3<f64> {
+        if joint < self.tool_joints {
+            self.axis[joint].cross(&(self.tool_position - self.anchor[joint]))
+        } else {
+            Vector3::zeros()
+        }
+    }
+
+    /// Column j of the Jacobian's rotation rows: the tool's angular velocity per unit rate.
+    #[must_use]
+    pub fn rotation_column(&self, joint: usize) -> Vector3<f64> {
+        if joint < self.tool_joints {
+            self.axis[joint]
+        } else {
+            Vector3::zeros()
+        }
+    }
+
+    /// The tool's Jacobian J, 6 x n: position rows (m), then rotation rows, in the world frame.
+    #[must_use]
+    pub fn jacobian(&self) -> Matrix6xX<f64> {
+        let mut jacobian = Matrix6xX::zeros(self.joints());
+        for (joint, mut column) in jacobian.column_iter_mut().enumerate() {
+            column.fixed_rows_mut::<3>(0).copy_from(&self.position_column(joint));
+            column.fixed_rows_mut::<3>(3).copy_from(&self.rotation_column(joint));
+        }
+        jacobian
+    }
+
+    /// The torque of a load at the tool about joint j, J_j^T W (N m).
+    #[must_use]
+    pub fn load_torque(&self, joint: usize, load: &Load) -> f64 {
+        self.position_column(joint).dot(&load.force_n)
+            + self.rotation_column(joint).dot(&load.torque_nm)
+    }
+
+    /// The torque of gravity about joint j (N m).
+    #[must_use]
+    pub fn gravity_torque(&self, joint: usize, gravity_m_s2: &Vector3<f64>) -> f64 {
+        self.mass_column(joint).dot(gravity_m_s2)
+    }
+
+    /// Adds to `gradient` (n x n, N m/rad) the derivatives of the torques of gravity and of the
+    /// load with respect to the joint angles: row j, column i is d tau_j / d q_i.
+    ///
+    /// A point that joints a <= b both move has d2 p / (dq_a dq_b) = z_a x (z_b x (p - o_b)), so
+    /// forces give a symmetric matrix. A torque of fixed direction is not conservative: it adds
+    /// (z_i x z_j) . T for i < j only.
+    pub fn torque_gradient(
+        &self,
+        load: &Load,
+        gravity_m_s2: &Vector3<f64>,
+        gradient: &mut DMatrix<f64>,
+    ) {
+        for outer in 0..self.joints() {
+            let force_column = self.position_column(outer);
+            let mass_column = self.mass_column(outer);
+            let rotation_column = self.rotation_column(outer);
+            for inner in 0..=outer {
+                let axis = &self.axis[inner];
+                let symmetric = axis.cross(&force_column).dot(&load.force_n)
+                    + axis.cross(&mass_column).dot(gravity_m_s2);
+                let twist = axis.cross(&rotation_column).dot(&load.torque_nm);
+                gradient[(outer, inner)] = symmetric + twist;
+                gradient[(inner, outer)] = symmetric;
+            }
+        }
+    }
+
+    /// The first moment (kg m) by which joint j moves the mass that it carries.
+    fn mass_column(&self, joint: usize) -> Vector3<f64> {
+        self.axis[joint].cross(&(self.distal_centre[joint] - self.anchor[joint]))
+            * self.distal_mass[joint]
+    }
+}

@@ -1,0 +1,20 @@
+//! The serial arm: its kinematic chain, read from an MJCF model, and its elastostatics.
+//!
+//! [`SerialChain`] is what the planner believes of the robot's geometry and masses. At a
+//! configuration it yields a [`KinematicState`], and everything else follows from that: the
+//! Jacobian, the observation matrix (eqs. 3, 4, 7, 8), the torques of gravity and of a wrench, and
+//! the static equilibrium. The virtual robot yields the same [`KinematicState`] from MuJoCo, so that
+//! the two can judge each other.
+
+mod chain;
+mod elastostatics;
+mod equilibrium;
+mod kinematic_state;
+mod mjcf;
+
+pub use chain::{Joint, SerialChain, Tool};
+pub use elastostatics::{cartesian_stiffness, ObservationMatrix};
+pub use equilibrium::{
+    Equilibrium, EquilibriumError, EquilibriumSolver, CONVERGED_RAD, MAXIMUM_ITERATIONS,
+};
+pub use kinematic_state::{Kinematics, KinematicState, Load};

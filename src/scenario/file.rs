@@ -1,0 +1,170 @@
+//! The scenario file as it is written: keys with units, nothing checked but their names and types.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+
+/// The whole file.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct File {
+    #[serde(default)]
+    pub description: String,
+    #[serde(default)]
+    pub seed: u64,
+    pub robot: RobotTable,
+    pub true_robot: Option<TrueRobotTable>,
+    pub instrument: InstrumentTable,
+    #[serde(default)]
+    pub identification: IdentificationTable,
+    pub test_pose: Vec<TestPoseTable>,
+    pub load: LoadKind,
+    #[serde(default)]
+    pub region: RegionTable,
+    pub design: DesignTable,
+    #[serde(default)]
+    pub plan: Vec<PlanTable>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RobotTable {
+    pub model: PathBuf,
+    pub calibration_site: String,
+    pub machining_site: String,
+    pub parameters: Vec<String>,
+    pub compliance_rad_per_nm: Option<Vec<f64>>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct TrueRobotTable {
+    pub model: Option<PathBuf>,
+    pub compliance_rad_per_nm: Option<Vec<f64>>,
+}
+
+/// What the instrument's sigma is the standard deviation of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SigmaOf {
+    /// Of each coordinate of the deflection, as in the paper.
+    Deflection,
+    /// Of each coordinate of the two positions whose difference is the deflection.
+    Position,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct InstrumentTable {
+    pub sigma_mm: f64,
+    pub sigma_of: SigmaOf,
+    pub rotation_sigma_mrad: Option<f64>,
+    pub tracker_site: Option<String>,
+}
+
+/// How compliances are identified and deflections compensated.
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, Serialize, clap::ValueEnum,
+)]
+#[serde(rename_all = "snake_case")]
+pub enum Method {
+    /// Linear least squares (eq. 9) and linear compensation (eq. 15).
+    Linear,
+    /// Through the static equilibrium of the nominal model: no linearisation.
+    #[default]
+    Nonlinear,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct IdentificationTable {
+    #[serde(default)]
+    pub method: Method,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct TestPoseTable {
+    pub name: Option<String>,
+    pub q_deg: Vec<f64>,
+    pub force_n: [f64; 3],
+    #[serde(default)]
+    pub torque_nm: [f64; 3],
+    pub weight: Option<f64>,
+}
+
+/// The table `[load]`: which loads a plan may use.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
+pub enum LoadKind {
+    /// One wrench for every experiment.
+    Fixed {
+        /// The force (N).
+        force_n: [f64; 3],
+        /// The torque (N m).
+        #[serde(default)]
+        torque_nm: [f64; 3],
+    },
+    /// A force of fixed direction.
+    Direction {
+        /// Its direction; need not be of length one.
+        direction: [f64; 3],
+        /// The smallest force (N).
+        #[serde(default)]
+        force_min_n: f64,
+        /// The largest force (N).
+        force_max_n: f64,
+    },
+    /// A force of any direction.
+    Any {
+        /// The largest force (N).
+        force_max_n: f64,
+    },
+    /// One of a list.
+    List {
+        /// The wrenches.
+        wrenches: Vec<WrenchTable>,
+    },
+}
+
+/// A force and a torque.
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct WrenchTable {
+    /// The force (N).
+    pub force_n: [f64; 3],
+    /// The torque (N m).
+    #[serde(default)]
+    pub torque_nm: [f64; 3],
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RegionTable {
+    #[serde(default)]
+    pub joint_range_deg: BTreeMap<String, [f64; 2]>,
+    pub tool_height_min_mm: Option<f64>,
+    pub tool_height_max_mm: Option<f64>,
+    pub tool_radius_min_mm: Option<f64>,
+    pub tool_radius_max_mm: Option<f64>,
+    pub tool_elevation_max_deg: Option<f64>,
+    pub joint_torque_max_nm: Option<Vec<f64>>,
+    pub collision_clearance_mm: Option<f64>,
+    #[serde(default)]
+    pub line_of_sight: bool,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct DesignTable {
+    pub experiments: u32,
+    pub configurations: Option<u32>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct PlanTable {
+    pub name: String,
+    pub file: PathBuf,
+}

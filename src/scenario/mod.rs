@@ -1,0 +1,166 @@
+//! A scenario: everything that a calibration study needs to know, read from one TOML file.
+//!
+//! [`Scenario::load`] either gives a scenario in which everything is consistent (the models are
+//! compiled, every site exists, every number is finite and in SI units), or one error that names
+//! the file, the key, what was found and what is allowed.
+
+mod check;
+mod file;
+
+use std::path::PathBuf;
+
+use nalgebra::DVector;
+
+use crate::mujoco::Model;
+use crate::robot::{Load, SerialChain, Tool};
+
+pub use file::{LoadKind, Method, SigmaOf};
+
+/// A robot: its model, and its joints' compliances.
+#[derive(Debug, Clone)]
+pub struct Robot {
+    /// The MJCF model.
+    pub model: Model,
+    /// The serial chain read from it.
+    pub chain: SerialChain,
+    /// The compliance of every joint (rad/(N m)).
+    pub compliance_rad_per_nm: Vec<f64>,
+}
+
+/// How deflections are measured.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Instrument {
+    /// The standard deviation of each coordinate of a deflection (m).
+    pub sigma_m: f64,
+    /// The standard deviation of each coordinate of a rotation (rad), where rotations are measured.
+    pub rotation_sigma_rad: Option<f64>,
+    /// The site of the model where the tracker stands.
+    pub tracker_site: Option<usize>,
+}
+
+/// A test pose (D3): where the robot must machine.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TestPose {
+    /// Its name.
+    pub name: String,
+    /// The configuration q_0 (rad).
+    pub configuration_rad: DVector<f64>,
+    /// The task load W_0, in the world frame at the machining tool.
+    pub load: Load,
+    /// Its weight among the test poses; the weights sum to one.
+    pub weight: f64,
+}
+
+/// The loads that a plan may use.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Loads {
+    /// One wrench for every experiment.
+    Fixed(Load),
+    /// A force of fixed direction (unit vector) whose size lies between two bounds (N).
+    Direction {
+        /// The direction.
+        direction: nalgebra::Vector3<f64>,
+        /// The smallest and the largest force (N).
+        force_n: [f64; 2],
+    },
+    /// A force of any direction up to this size (N); eq. 22.
+    Any {
+        /// The largest force (N).
+        force_max_n: f64,
+    },
+    /// One of these wrenches.
+    List(Vec<Load>),
+}
+
+/// Where experiments are possible.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Region {
+    /// The commanded angle of each joint lies in this range (rad).
+    pub joint_range_rad: Vec<[f64; 2]>,
+    /// Lower and upper bound of the calibration tool's height above the floor, p_z of Table 3 (m).
+    pub tool_height_m: [Option<f64>; 2],
+    /// Lower and upper bound of the calibration tool's distance from axis 1, r of Table 3 (m).
+    pub tool_radius_m: [Option<f64>; 2],
+    /// Upper bound of the elevation of the tool's z axis over the horizontal, phi of Table 3 (rad).
+    pub tool_elevation_max_rad: Option<f64>,
+    /// Upper bounds of the joint torques under load and gravity (N m).
+    pub joint_torque_max_nm: Option<Vec<f64>>,
+    /// Robot, tool and surroundings stay this far apart (m), unloaded and loaded.
+    pub collision_clearance_m: Option<f64>,
+    /// Whether the tracker must see the reflector at the calibration tool.
+    pub line_of_sight: bool,
+}
+
+/// What the search for a plan needs to know.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Design {
+    /// The number m of measurements.
+    pub experiments: u32,
+    /// The number of different configurations, where it is bounded.
+    pub configurations: Option<u32>,
+}
+
+/// A plan that the scenario brings.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct PlanFile {
+    /// Its name.
+    pub name: String,
+    /// The plan file.
+    pub path: PathBuf,
+}
+
+/// A checked scenario, in SI units.
+#[derive(Debug, Clone)]
+pub struct Scenario {
+    /// The scenario file.
+    pub path: PathBuf,
+    /// The file's name without folder and ending; names the output folder.
+    pub name: String,
+    /// One line on what it is.
+    pub description: String,
+    /// SHA-256 of the scenario file's and the model files' bytes, in hexadecimal.
+    pub sha256: String,
+    /// The seed of all random numbers.
+    pub seed: u64,
+    /// What the planner and the identification believe.
+    pub nominal: Robot,
+    /// The virtual robot, which only the testbed sees.
+    pub true_robot: Robot,
+    /// The tool that carries the reflector and the weight.
+    pub calibration_tool: Tool,
+    /// The tool that machines.
+    pub machining_tool: Tool,
+    /// The joints whose compliances are identified, as indices.
+    pub parameters: Vec<usize>,
+    /// How deflections are measured.
+    pub instrument: Instrument,
+    /// The method of identification and compensation.
+    pub method: Method,
+    /// Where the robot must machine.
+    pub test_poses: Vec<TestPose>,
+    /// The loads that a plan may use.
+    pub loads: Loads,
+    /// Where experiments are possible.
+    pub region: Region,
+    /// What the search for a plan needs to know.
+    pub design: Design,
+    /// The plans that the scenario brings.
+    pub plans: Vec<PlanFile>,
+}
+
+impl Scenario {
+    /// The number of joints.
+    #[must_use]
+    pub fn joints(&self) -> usize {
+        self.nominal.chain.len()
+    }
+
+    /// The names of the identified joints.
+    #[must_use]
+    pub fn parameter_names(&self) -> Vec<String> {
+        self.parameters
+            .iter()
+            .map(|&joint| self.nominal.chain.joints[joint].name.clone())
+            .collect()
+    }
+}

@@ -1,0 +1,11 @@
+//! The virtual calibration testbed: a robot in MuJoCo with compliant joints, loaded and measured.
+//!
+//! [`VirtualRobot`] is the only owner of the true compliances; what leaves this module towards
+//! identification are [`Measurement`](crate::measurement::Measurement)s.
+
+mod instrument;
+mod settle;
+mod virtual_robot;
+
+pub use settle::{settle, SettleError, Settled};
+pub use virtual_robot::{Displacement, MeasurementError, VirtualRobot};
