@@ -9,3 +9,4 @@ pub mod random;
 pub mod testbed;
 pub mod identification;
 pub mod compensation;
+pub mod calibration;

@@ -1,11 +1,13 @@
 //! Plans of experiments (D1): which configurations and loads to measure.
 
+mod accuracy;
 mod file;
 
 use nalgebra::DVector;
 
 use crate::robot::Load;
 
+pub use accuracy::{test_pose_weights, ExperimentModel};
 pub use file::{experiment_columns, experiment_fields, read_plan, write_plan, Row, Table};
 
 /// One configuration and load of a plan.

@@ -1,0 +1,157 @@
+//! The whole loop once: measure a plan on the virtual robot, identify, compensate, and see on the
+//! virtual robot what distance is left.
+
+use nalgebra::{DVector, Vector3};
+use thiserror::Error;
+
+use crate::compensation::{compensate, predicted_error, test_pose_matrix};
+use crate::identification::{identify, Identification, IdentificationError, Sigma};
+use crate::measurement::Measurement;
+use crate::mujoco::ModelError;
+use crate::plan::Plan;
+use crate::random::generator;
+use crate::robot::{EquilibriumError, Load};
+use crate::scenario::{Method, Scenario, TestPose};
+use crate::testbed::{MeasurementError, VirtualRobot};
+
+/// Why the loop could not be closed.
+#[derive(Debug, Error)]
+pub enum CalibrationError {
+    /// The virtual robot's model lacks something.
+    #[error(transparent)]
+    Model(#[from] ModelError),
+    /// An experiment cannot be measured.
+    #[error(transparent)]
+    Measurement(#[from] MeasurementError),
+    /// The measurements identify nothing.
+    #[error(transparent)]
+    Identification(#[from] IdentificationError),
+    /// A test pose has no equilibrium.
+    #[error("test pose {pose:?}: {source}")]
+    TestPose {
+        /// The test pose's name.
+        pose: String,
+        /// What is wrong.
+        source: EquilibriumError,
+    },
+}
+
+/// What compensation achieves at a test pose.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CompensatedPose {
+    /// The test pose's name.
+    pub name: String,
+    /// Its weight among the test poses.
+    pub weight: f64,
+    /// The joint angles to command (rad).
+    pub commanded_rad: DVector<f64>,
+    /// The predicted rms distance rho_0 (m), eq. 20 with the covariance of this identification.
+    pub predicted_m: f64,
+    /// What was seen on the virtual robot.
+    pub seen: SeenPose,
+}
+
+/// Distances of the loaded tool from where it is wanted, t_F - t_0 (D2), in the world frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SeenPose {
+    /// Without compensation (m).
+    pub uncompensated_m: Vector3<f64>,
+    /// With compensation (m).
+    pub residual_m: Vector3<f64>,
+}
+
+/// One calibration from plan to compensated test poses.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Calibration {
+    /// The plan that was measured.
+    pub plan: Plan,
+    /// The measurements.
+    pub measurements: Vec<Measurement>,
+    /// What was identified from them.
+    pub identification: Identification,
+    /// What that achieves at each test pose.
+    pub poses: Vec<CompensatedPose>,
+}
+
+/// Measures, identifies and compensates with the noise of run `run` under the scenario's seed.
+///
+/// # Errors
+/// See [`CalibrationError`].
+pub fn calibrate(
+    scenario: &Scenario,
+    plan: &Plan,
+    run: u64,
+) -> Result<Calibration, CalibrationError> {
+    let mut robot = VirtualRobot::new(&scenario.true_robot, &scenario.calibration_tool.name)?;
+    let mut noise = generator(scenario.seed, run);
+    let measurements = robot.measure(plan, &scenario.instrument, &mut noise)?;
+    let identification = identify(
+        &scenario.nominal,
+        &scenario.calibration_tool,
+        &scenario.parameters,
+        &measurements,
+        Sigma::Known(scenario.instrument.sigma_m),
+        scenario.method,
+    )?;
+    let poses = compensate_poses(scenario, &identification, scenario.method)?;
+    Ok(Calibration {
+        plan: plan.clone(),
+        measurements,
+        identification,
+        poses,
+    })
+}
+
+/// Compensates every test pose with identified compliances and sees on the virtual robot what
+/// distance is left.
+///
+/// # Errors
+/// See [`CalibrationError`].
+pub fn compensate_poses(
+    scenario: &Scenario,
+    identification: &Identification,
+    method: Method,
+) -> Result<Vec<CompensatedPose>, CalibrationError> {
+    let mut robot = VirtualRobot::new(&scenario.true_robot, &scenario.machining_tool.name)?;
+    let (chain, tool) = (&scenario.nominal.chain, &scenario.machining_tool);
+    scenario
+        .test_poses
+        .iter()
+        .map(|pose| {
+            let at_pose = |source| CalibrationError::TestPose {
+                pose: pose.name.clone(),
+                source,
+            };
+            let compliance = &identification.compliance_rad_per_nm;
+            let commanded_rad =
+                compensate(chain, tool, compliance, pose, method).map_err(at_pose)?;
+            let matrix = test_pose_matrix(chain, tool, pose, &scenario.parameters);
+            Ok(CompensatedPose {
+                name: pose.name.clone(),
+                weight: pose.weight,
+                predicted_m: predicted_error(&matrix, &identification.covariance),
+                seen: see(&mut robot, pose, &commanded_rad).map_err(at_pose)?,
+                commanded_rad,
+            })
+        })
+        .collect()
+}
+
+/// Commands the virtual robot at a test pose under the task load, without and with compensation.
+/// The wanted place t_0 is that of the unloaded tool.
+///
+/// # Errors
+/// There is no stable equilibrium.
+pub fn see(
+    robot: &mut VirtualRobot,
+    pose: &TestPose,
+    commanded_rad: &DVector<f64>,
+) -> Result<SeenPose, EquilibriumError> {
+    let (wanted, _, _) = robot.rest(&pose.configuration_rad, &Load::NONE)?;
+    let (loaded, _, _) = robot.rest(&pose.configuration_rad, &pose.load)?;
+    let (compensated, _, _) = robot.rest(commanded_rad, &pose.load)?;
+    Ok(SeenPose {
+        uncompensated_m: loaded - wanted,
+        residual_m: compensated - wanted,
+    })
+}

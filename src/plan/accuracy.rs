@@ -1,0 +1,75 @@
+//! What a plan promises: the information matrix, and the accuracy that follows from it.
+
+use nalgebra::{DMatrix, Matrix3xX};
+
+use super::{Experiment, Plan};
+use crate::compensation::test_pose_matrix;
+use crate::robot::{KinematicState, Kinematics, ObservationMatrix, SerialChain, Tool};
+use crate::scenario::Scenario;
+
+/// The planner's model of an experiment: the nominal robot with the calibration tool.
+#[derive(Debug, Clone)]
+pub struct ExperimentModel<'a> {
+    /// The nominal chain.
+    pub chain: &'a SerialChain,
+    /// The calibration tool.
+    pub tool: &'a Tool,
+    /// The identified joints.
+    pub parameters: &'a [usize],
+    /// The standard deviation of a deflection's coordinates (m).
+    pub sigma_m: f64,
+}
+
+impl<'a> ExperimentModel<'a> {
+    /// The model that a scenario's planner believes in.
+    #[must_use]
+    pub fn new(scenario: &'a Scenario) -> Self {
+        Self {
+            chain: &scenario.nominal.chain,
+            tool: &scenario.calibration_tool,
+            parameters: &scenario.parameters,
+            sigma_m: scenario.instrument.sigma_m,
+        }
+    }
+
+    /// The observation matrix A^(p) of an experiment (eqs. 4, 7), 3 x p, at the commanded angles.
+    #[must_use]
+    pub fn observation_matrix(&self, experiment: &Experiment) -> Matrix3xX<f64> {
+        let mut arm = self.chain.at(self.tool);
+        let mut state = KinematicState::new(self.chain.len());
+        arm.update(experiment.configuration_rad.as_slice(), &mut state);
+        ObservationMatrix::new(&state, &experiment.load, self.parameters).position
+    }
+
+    /// The information matrix of a plan for sigma = 1: the sum of A^T A, p x p, in m^2 (N m/rad)^2.
+    #[must_use]
+    pub fn information(&self, plan: &Plan) -> DMatrix<f64> {
+        let size = self.parameters.len();
+        let mut information = DMatrix::zeros(size, size);
+        for experiment in &plan.experiments {
+            let matrix = self.observation_matrix(experiment);
+            information += f64::from(experiment.repeats) * matrix.tr_mul(&matrix);
+        }
+        information
+    }
+}
+
+/// The weight matrix of the test poses: the weighted sum of A_0^T A_0, p x p, so that
+/// rho_0^2 = sigma^2 trace(weights * information^-1) (eq. 20).
+#[must_use]
+pub fn test_pose_weights(scenario: &Scenario) -> DMatrix<f64> {
+    let size = scenario.parameters.len();
+    scenario
+        .test_poses
+        .iter()
+        .map(|pose| {
+            let matrix = test_pose_matrix(
+                &scenario.nominal.chain,
+                &scenario.machining_tool,
+                pose,
+                &scenario.parameters,
+            );
+            pose.weight * matrix.tr_mul(&matrix)
+        })
+        .fold(DMatrix::zeros(size, size), |sum, each| sum + each)
+}

@@ -1,0 +1,89 @@
+//! The analytic chain and MuJoCo judge each other, and MuJoCo's dynamics judge its statics.
+
+use elastocal::mujoco::State;
+use elastocal::plan::Experiment;
+use elastocal::random::generator;
+use elastocal::robot::{EquilibriumSolver, Load};
+use elastocal::scenario::Scenario;
+use elastocal::testbed::{settle, VirtualRobot};
+use nalgebra::{DVector, Matrix3xX};
+use rand::RngExt;
+
+use crate::support::{scenario, table4};
+
+fn random_configurations(scenario: &Scenario, count: usize) -> Vec<DVector<f64>> {
+    let mut random = generator(7, 0);
+    (0..count)
+        .map(|_| {
+            DVector::from_iterator(
+                scenario.joints(),
+                scenario
+                    .region
+                    .joint_range_rad
+                    .iter()
+                    .map(|[low, high]| random.random_range(*low..=*high)),
+            )
+        })
+        .collect()
+}
+
+#[test]
+fn the_chain_is_mujocos() {
+    let scenario = scenario("kr270");
+    let mut state = State::new(&scenario.nominal.model);
+    for tool in [&scenario.calibration_tool, &scenario.machining_tool] {
+        let site = scenario.nominal.model.site(&tool.name).expect("there is");
+        for q in random_configurations(&scenario, 1000) {
+            state.move_to(q.as_slice());
+            let (position, axes) = state.site(site);
+            let (rows_position, rows_rotation) = state.site_jacobian(site);
+            let ours = scenario.nominal.chain.at(tool).state(q.as_slice());
+            assert!((ours.tool_position - position).amax() < 1e-10);
+            assert!((ours.tool_rotation - axes).amax() < 1e-10);
+            let jacobian = ours.jacobian();
+            let theirs = |rows: &[f64]| Matrix3xX::from_row_slice(rows);
+            assert!((jacobian.fixed_rows::<3>(0) - theirs(&rows_position)).amax() < 1e-10);
+            assert!((jacobian.fixed_rows::<3>(3) - theirs(&rows_rotation)).amax() < 1e-10);
+        }
+    }
+}
+
+#[test]
+fn both_find_the_same_equilibrium() {
+    let scenario = scenario("kr270");
+    let robot = &scenario.nominal;
+    let mut virtual_robot =
+        VirtualRobot::new(robot, &scenario.calibration_tool.name).expect("the site exists");
+    let mut arm = robot.chain.at(&scenario.calibration_tool);
+    let mut solver = EquilibriumSolver::new(scenario.joints());
+    let load = Load::from_wrench([300.0, -800.0, -2500.0, 100.0, -50.0, 200.0]);
+    for q in random_configurations(&scenario, 100) {
+        solver
+            .solve(&mut arm, &robot.compliance_rad_per_nm, q.as_slice(), &load)
+            .expect("stable");
+        let (position, _, found) = virtual_robot.rest(&q, &load).expect("stable");
+        assert!((solver.state().tool_position - position).amax() < 1e-11);
+        assert!(found.iterations <= 6, "{found:?}");
+    }
+}
+
+#[test]
+fn time_simulation_comes_to_rest_in_the_equilibrium() {
+    let scenario = scenario("klimchik2012");
+    let robot = &scenario.true_robot;
+    let site = &scenario.calibration_tool.name;
+    let mut virtual_robot = VirtualRobot::new(robot, site).expect("the site exists");
+    for Experiment {
+        configuration_rad,
+        load,
+        ..
+    } in &table4(3).experiments
+    {
+        for load in [&Load::NONE, load] {
+            let settled = settle(robot, site, configuration_rad, load).expect("settles");
+            let (position, _, _) = virtual_robot.rest(configuration_rad, load).expect("stable");
+            let apart = (settled.tool_position_m - position).norm();
+            assert!(apart < 1e-9, "{apart} m apart");
+        }
+    }
+}
