@@ -131,6 +131,18 @@ impl Model {
         }
     }
 
+    /// The same model in which geometries that collide come into contact at this distance (m).
+    #[must_use]
+    pub fn with_clearance(&self, clearance_m: f64) -> Self {
+        let mut model = (*self.inner).clone();
+        model.geom_margin_mut().fill(clearance_m);
+        model.body_margin_mut().fill(clearance_m);
+        Self {
+            inner: Arc::new(model),
+            path: self.path.clone(),
+        }
+    }
+
     /// The same model with other joint compliances (rad/(N m)), one for each joint.
     ///
     /// # Errors

@@ -1,13 +1,20 @@
 //! Plans of experiments (D1): which configurations and loads to measure.
 
 mod accuracy;
+mod criterion;
+mod feasibility;
 mod file;
+mod region;
+pub mod search;
 
 use nalgebra::DVector;
 
 use crate::robot::Load;
 
 pub use accuracy::{test_pose_weights, ExperimentModel};
+pub use criterion::{Criterion, CriterionFunction};
+pub use feasibility::{Feasibility, Violation};
+pub use region::{bounds_of, Bound};
 pub use file::{experiment_columns, experiment_fields, read_plan, write_plan, Row, Table};
 
 /// One configuration and load of a plan.
