@@ -27,6 +27,18 @@ pub struct Violation {
     pub unit: &'static str,
 }
 
+impl Violation {
+    /// The constraint that is violated, without the names of the geometries.
+    #[must_use]
+    pub fn kind(&self) -> String {
+        match self.what.split_once(" of ") {
+            Some(("distance", _)) => "collision clearance".to_owned(),
+            _ if self.what.contains(" hides ") => "line of sight".to_owned(),
+            _ => self.what.clone(),
+        }
+    }
+}
+
 impl std::fmt::Display for Violation {
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Self {
