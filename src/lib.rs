@@ -2,6 +2,7 @@
 pub mod files;
 pub mod measurement;
 pub mod mujoco;
+pub mod output;
 pub mod plan;
 pub mod robot;
 pub mod scenario;

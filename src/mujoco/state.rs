@@ -1,7 +1,7 @@
 //! One thread's simulation of a model.
 
 use mujoco_rs::prelude::MjData;
-use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Matrix3, Quaternion, Rotation3, Translation3, UnitQuaternion, Vector3};
 
 use super::Model;
 
@@ -85,6 +85,16 @@ impl State {
     #[must_use]
     pub fn site_jacobian(&self, site: usize) -> (Vec<f64>, Vec<f64>) {
         self.data.jac_site(true, true, site)
+    }
+
+    /// The pose of a body in the world frame.
+    #[must_use]
+    pub fn body_pose(&self, body: usize) -> Isometry3<f64> {
+        let [w, x, y, z] = self.data.xquat()[body];
+        Isometry3::from_parts(
+            Translation3::from(Vector3::from(self.data.xpos()[body])),
+            UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z)),
+        )
     }
 
     /// The pose of a geometry in the world frame.

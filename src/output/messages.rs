@@ -1,0 +1,262 @@
+//! The JSON records of a calibration, with the unit of every number in its key.
+//!
+//! The command line's `--json`, results.json and the MCAP file share them. Numbers that do not
+//! exist (an unidentifiable compliance, an infinite condition number) are `null`.
+
+use nalgebra::Vector3;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::calibration::{Calibration, CompensatedPose};
+use crate::identification::Identification;
+use crate::measurement::Measurement;
+use crate::plan::{Experiment, Plan};
+use crate::robot::Load;
+use crate::scenario::{Method, Scenario};
+
+/// Where an output comes from.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct ProvenanceMessage {
+    /// The version of elastocal.
+    pub version: String,
+    /// The commit that it was built from.
+    pub commit: String,
+    /// The scenario's name.
+    pub scenario: String,
+    /// SHA-256 of the scenario file's and the model files' bytes, in hexadecimal.
+    pub scenario_sha256: String,
+    /// The seed of all random numbers.
+    pub seed: u64,
+}
+
+impl ProvenanceMessage {
+    /// The provenance of what this program makes of a scenario.
+    #[must_use]
+    pub fn new(scenario: &Scenario) -> Self {
+        Self {
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            commit: env!("ELASTOCAL_COMMIT").to_owned(),
+            scenario: scenario.name.clone(),
+            scenario_sha256: scenario.sha256.clone(),
+            seed: scenario.seed,
+        }
+    }
+}
+
+/// One configuration and load of a plan.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct ExperimentMessage {
+    /// The commanded joint angles (deg).
+    pub q_deg: Vec<f64>,
+    /// Force (N) and torque (N m) in the world frame at the calibration tool.
+    pub wrench: [f64; 6],
+    /// How often it is measured.
+    pub repeats: u32,
+}
+
+impl From<&Experiment> for ExperimentMessage {
+    fn from(experiment: &Experiment) -> Self {
+        Self {
+            q_deg: degrees(experiment.configuration_rad.as_slice()),
+            wrench: wrench(&experiment.load),
+            repeats: experiment.repeats,
+        }
+    }
+}
+
+/// The experiments of a plan in their order.
+#[must_use]
+pub fn plan_messages(plan: &Plan) -> Vec<ExperimentMessage> {
+    plan.experiments.iter().map(Into::into).collect()
+}
+
+/// One experiment's outcome.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct MeasurementMessage {
+    /// The commanded joint angles (deg).
+    pub q_deg: Vec<f64>,
+    /// Force (N) and torque (N m) in the world frame at the calibration tool.
+    pub wrench: [f64; 6],
+    /// Loaded minus unloaded position of the tool in the world frame (mm).
+    pub deflection_mm: [f64; 3],
+    /// Standard deviations of the deflection, where this measurement has its own (mm).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub deflection_std_mm: Option<[f64; 3]>,
+    /// The tool's rotation as a rotation vector in the world frame, where it is measured (mrad).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rotation_mrad: Option<[f64; 3]>,
+    /// Standard deviations of the rotation (mrad).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rotation_std_mrad: Option<[f64; 3]>,
+}
+
+impl From<&Measurement> for MeasurementMessage {
+    fn from(measurement: &Measurement) -> Self {
+        let rotation = measurement.rotation.as_ref();
+        Self {
+            q_deg: degrees(measurement.configuration_rad.as_slice()),
+            wrench: wrench(&measurement.load),
+            deflection_mm: thousandfold(&measurement.deflection_m),
+            deflection_std_mm: measurement.sigma_m.as_ref().map(thousandfold),
+            rotation_mrad: rotation.map(|rotation| thousandfold(&rotation.vector_rad)),
+            rotation_std_mrad: rotation.map(|rotation| thousandfold(&rotation.sigma_rad)),
+        }
+    }
+}
+
+/// What was identified, and how well; the arrays go by `parameters`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct IdentificationMessage {
+    /// `linear` or `nonlinear`.
+    pub method: String,
+    /// The names of the identified joints.
+    pub parameters: Vec<String>,
+    /// The compliances (rad/(N m)); null where the measurements do not determine one.
+    pub compliance_rad_per_nm: Vec<Option<f64>>,
+    /// Their standard errors (rad/(N m)).
+    pub compliance_std_rad_per_nm: Vec<Option<f64>>,
+    /// Their 95 % intervals (rad/(N m)).
+    pub compliance_ci95_rad_per_nm: Vec<Option<[f64; 2]>>,
+    /// The standard deviation of a deflection's coordinate that the uncertainties rest on (mm).
+    pub sigma_mm: f64,
+    /// The one that the residuals show, if there are more equations than unknowns (mm).
+    pub residual_sigma_mm: Option<f64>,
+    /// The probability of residuals at least this large if model and sigma are right.
+    pub consistency: Option<f64>,
+    /// The number of independent combinations of compliances that the measurements determine.
+    pub rank: usize,
+    /// The condition number of the observation matrix with columns scaled to length one; null
+    /// where it is infinite.
+    pub condition: Option<f64>,
+    /// The number of Gauss-Newton steps; 1 for the linear method.
+    pub iterations: usize,
+    /// Measured minus modelled deflection of each measurement (mm).
+    pub residuals_mm: Vec<[f64; 3]>,
+}
+
+impl From<&Identification> for IdentificationMessage {
+    fn from(identification: &Identification) -> Self {
+        let estimates = || identification.parameters.iter().map(|each| each.estimate);
+        Self {
+            method: method_name(identification.method).to_owned(),
+            parameters: identification
+                .parameters
+                .iter()
+                .map(|parameter| parameter.name.clone())
+                .collect(),
+            compliance_rad_per_nm: estimates().map(|estimate| Some(estimate?.value)).collect(),
+            compliance_std_rad_per_nm: estimates()
+                .map(|estimate| Some(estimate?.standard_error))
+                .collect(),
+            compliance_ci95_rad_per_nm: estimates()
+                .map(|estimate| Some(estimate?.interval95))
+                .collect(),
+            sigma_mm: identification.sigma_m * 1e3,
+            residual_sigma_mm: identification.residual_sigma_m.map(|sigma| sigma * 1e3),
+            consistency: identification.consistency,
+            rank: identification.rank,
+            condition: Some(identification.condition).filter(|value| value.is_finite()),
+            iterations: identification.iterations,
+            residuals_mm: residuals_mm(&identification.residuals_m),
+        }
+    }
+}
+
+/// What compensation achieves at a test pose.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct TestPoseMessage {
+    /// The test pose's name.
+    pub name: String,
+    /// Its weight among the test poses.
+    pub weight: f64,
+    /// The joint angles to command (deg).
+    pub q_commanded_deg: Vec<f64>,
+    /// The loaded tool's distance from where it is wanted, without compensation (mm).
+    pub uncompensated_mm: f64,
+    /// The same with compensation (mm).
+    pub residual_mm: f64,
+    /// The predicted rms of the latter (mm), eq. 20 with the covariance of the identification.
+    pub rho0_mm: f64,
+    /// The components of `uncompensated_mm` in the world frame.
+    pub uncompensated_xyz_mm: [f64; 3],
+    /// The components of `residual_mm` in the world frame.
+    pub residual_xyz_mm: [f64; 3],
+}
+
+impl From<&CompensatedPose> for TestPoseMessage {
+    fn from(pose: &CompensatedPose) -> Self {
+        Self {
+            name: pose.name.clone(),
+            weight: pose.weight,
+            q_commanded_deg: degrees(pose.commanded_rad.as_slice()),
+            uncompensated_mm: pose.seen.uncompensated_m.norm() * 1e3,
+            residual_mm: pose.seen.residual_m.norm() * 1e3,
+            rho0_mm: pose.predicted_m * 1e3,
+            uncompensated_xyz_mm: thousandfold(&pose.seen.uncompensated_m),
+            residual_xyz_mm: thousandfold(&pose.seen.residual_m),
+        }
+    }
+}
+
+/// One calibration from plan to compensated test poses.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct CalibrationMessage {
+    /// The plan's name.
+    pub name: String,
+    /// The plan.
+    pub plan: Vec<ExperimentMessage>,
+    /// Its measurements.
+    pub measurements: Vec<MeasurementMessage>,
+    /// What was identified from them.
+    pub identification: IdentificationMessage,
+    /// What that achieves at each test pose.
+    pub test_poses: Vec<TestPoseMessage>,
+}
+
+impl CalibrationMessage {
+    /// The record of a calibration under the name of its plan.
+    #[must_use]
+    pub fn new(name: &str, calibration: &Calibration) -> Self {
+        Self {
+            name: name.to_owned(),
+            plan: plan_messages(&calibration.plan),
+            measurements: calibration.measurements.iter().map(Into::into).collect(),
+            identification: (&calibration.identification).into(),
+            test_poses: calibration.poses.iter().map(Into::into).collect(),
+        }
+    }
+}
+
+/// Angles in degrees.
+#[must_use]
+pub fn degrees(angles_rad: &[f64]) -> Vec<f64> {
+    angles_rad.iter().map(|angle| angle.to_degrees()).collect()
+}
+
+/// A load as force (N), then torque (N m).
+#[must_use]
+pub fn wrench(load: &Load) -> [f64; 6] {
+    load.wrench().into()
+}
+
+/// From metres to millimetres, or from radians to milliradians.
+pub(super) fn thousandfold(vector: &Vector3<f64>) -> [f64; 3] {
+    (vector * 1e3).into()
+}
+
+/// Residuals of deflections (mm), three to a measurement.
+pub(super) fn residuals_mm(residuals_m: &[f64]) -> Vec<[f64; 3]> {
+    residuals_m
+        .as_chunks()
+        .0
+        .iter()
+        .map(|residual: &[f64; 3]| residual.map(|value| value * 1e3))
+        .collect()
+}
+
+fn method_name(method: Method) -> &'static str {
+    match method {
+        Method::Linear => "linear",
+        Method::Nonlinear => "nonlinear",
+    }
+}

@@ -1,0 +1,9 @@
+//! What leaves the program as files; computes nothing.
+//!
+//! - [`messages`]: the JSON records that `--json`, results.json and the MCAP file share.
+//! - [`recording`]: the robot in every experiment and test pose, for both recordings.
+//! - [`mesh`]: the model's shapes as triangles.
+
+pub mod mesh;
+pub mod messages;
+pub mod recording;
