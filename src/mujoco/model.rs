@@ -266,7 +266,10 @@ impl Model {
         let actuator = self.joint_actuator(joint)?;
         let gain = self.inner.actuator_gainprm()[actuator][0];
         let bias = self.inner.actuator_biasprm()[actuator][1];
-        #[expect(clippy::float_cmp, reason = "a position actuator has the same number twice")]
+        #[expect(
+            clippy::float_cmp,
+            reason = "a position actuator has the same number twice"
+        )]
         (gain > 0.0 && bias == -gain).then(|| gain.recip())
     }
 

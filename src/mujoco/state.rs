@@ -170,7 +170,13 @@ impl State {
     ) -> Vec<f64> {
         let mut applied = vec![0.0; self.data.qvel().len()];
         self.data
-            .apply_ft(&(*force).into(), &(*torque).into(), point, body, &mut applied)
+            .apply_ft(
+                &(*force).into(),
+                &(*torque).into(),
+                point,
+                body,
+                &mut applied,
+            )
             .unwrap_or_default();
         applied
     }

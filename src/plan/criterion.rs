@@ -127,11 +127,7 @@ impl CriterionFunction {
         }
     }
 
-    fn test_pose_cost(
-        &mut self,
-        information: &DMatrix<f64>,
-        directions: &mut DMatrix<f64>,
-    ) -> f64 {
+    fn test_pose_cost(&mut self, information: &DMatrix<f64>, directions: &mut DMatrix<f64>) -> f64 {
         // The factorisation takes the matrix's storage and gives it back: nothing is allocated.
         let mut work = std::mem::replace(&mut self.work, DMatrix::zeros(0, 0));
         work.copy_from(information);
@@ -161,7 +157,11 @@ impl CriterionFunction {
                 values.iter().map(|value| value.recip()).sum()
             }
             Criterion::D | Criterion::O1 => {
-                let power = if self.criterion == Criterion::D { 1.0 } else { 0.5 };
+                let power = if self.criterion == Criterion::D {
+                    1.0
+                } else {
+                    0.5
+                };
                 let logarithm: f64 = values.iter().map(|value| value.ln()).sum();
                 let cost = (-power * logarithm / size).exp();
                 slope = values.map(|value| -power * cost / (size * value));

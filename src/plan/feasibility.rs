@@ -3,7 +3,7 @@
 
 use nalgebra::Vector3;
 
-use super::region::{bounds_of, Bound};
+use super::region::{Bound, bounds_of};
 use super::{Experiment, Plan};
 use crate::mujoco::State;
 use crate::robot::{EquilibriumError, EquilibriumSolver, KinematicState, Kinematics, Load};
@@ -70,10 +70,11 @@ impl<'a> Feasibility<'a> {
     #[must_use]
     pub fn new(scenario: &'a Scenario) -> Self {
         let region = &scenario.region;
-        let simulation = (region.collision_clearance_m.is_some() || region.line_of_sight).then(|| {
-            let clearance = region.collision_clearance_m.unwrap_or(0.0);
-            State::new(&scenario.nominal.model.with_clearance(clearance))
-        });
+        let simulation =
+            (region.collision_clearance_m.is_some() || region.line_of_sight).then(|| {
+                let clearance = region.collision_clearance_m.unwrap_or(0.0);
+                State::new(&scenario.nominal.model.with_clearance(clearance))
+            });
         Self {
             bounds: bounds_of(region),
             state: KinematicState::new(scenario.joints()),
@@ -97,6 +98,13 @@ impl<'a> Feasibility<'a> {
         let mut violations = self.violated_ranges(number, experiment);
         let q = experiment.configuration_rad.as_slice();
         violations.extend(self.violated_bounds(number, q, &experiment.load));
+        violations.extend(self.forbidden(q).map(|(index, found, bound)| Violation {
+            experiment: number,
+            what: format!("largest joint distance from forbidden configuration {index}"),
+            found: found.to_degrees(),
+            bound: bound.to_degrees(),
+            unit: "deg",
+        }));
         if self.simulation.is_some() {
             for load in [Load::NONE, experiment.load] {
                 match self.seen_violations(number, q, &load) {
@@ -116,12 +124,34 @@ impl<'a> Feasibility<'a> {
     }
 
     /// Whether MuJoCo finds the experiment free of collisions and in the tracker's sight, unloaded
-    /// and loaded; true where the region asks for neither.
+    /// and loaded, where the region asks for that, and away from forbidden configurations.
     pub fn is_clear(&mut self, q: &[f64], load: &Load) -> bool {
+        if self.forbidden(q).is_some() {
+            return false;
+        }
         self.simulation.is_none()
             || [Load::NONE, *load].iter().all(|load| {
                 self.seen_violations(0, q, load)
                     .is_ok_and(|violations| violations.is_empty())
+            })
+    }
+
+    /// The forbidden configuration (from 1) that is too near, the largest difference of a joint and
+    /// its bound (rad).
+    fn forbidden(&self, q: &[f64]) -> Option<(usize, f64, f64)> {
+        self.scenario
+            .region
+            .forbidden
+            .iter()
+            .enumerate()
+            .find_map(|(index, forbidden)| {
+                let apart = forbidden
+                    .configuration_rad
+                    .iter()
+                    .zip(q)
+                    .map(|(one, other)| (one - other).abs())
+                    .fold(0.0, f64::max);
+                (apart <= forbidden.within_rad).then_some((index + 1, apart, forbidden.within_rad))
             })
     }
 
@@ -205,7 +235,10 @@ impl<'a> Feasibility<'a> {
             let contact = simulation.nearest_contact(clearance);
             violations.extend(contact.map(|contact| Violation {
                 experiment: number,
-                what: format!("distance of {} and {}", contact.between[0], contact.between[1]),
+                what: format!(
+                    "distance of {} and {}",
+                    contact.between[0], contact.between[1]
+                ),
                 found: contact.distance_m * 1e3,
                 bound: clearance * 1e3,
                 unit: "mm",
@@ -216,7 +249,9 @@ impl<'a> Feasibility<'a> {
             let hidden = hidden_by(simulation, tracker, &reflector);
             violations.extend(hidden.map(|(name, distance)| Violation {
                 experiment: number,
-                what: format!("{name} hides the reflector from the tracker: its distance before it"),
+                what: format!(
+                    "{name} hides the reflector from the tracker: its distance before it"
+                ),
                 found: distance * 1e3,
                 bound: f64::INFINITY,
                 unit: "mm",

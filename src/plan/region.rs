@@ -117,16 +117,31 @@ impl Bound {
             }
             Self::ElevationMax(sine) => {
                 let bound = sine.asin().to_degrees();
-                ("tool elevation".to_owned(), elevation.to_degrees(), bound, "deg")
+                (
+                    "tool elevation".to_owned(),
+                    elevation.to_degrees(),
+                    bound,
+                    "deg",
+                )
             }
             Self::ElevationMin(sine) => {
                 let bound = -sine.asin().to_degrees();
-                ("tool elevation".to_owned(), elevation.to_degrees(), bound, "deg")
+                (
+                    "tool elevation".to_owned(),
+                    elevation.to_degrees(),
+                    bound,
+                    "deg",
+                )
             }
             Self::TorqueMax(joint, bound) | Self::TorqueMin(joint, bound) => {
                 let torque = torque(state, joint, load, gravity);
                 let bound = bound.copysign(torque);
-                (format!("torque about joint {}", joint + 1), torque, bound, "N m")
+                (
+                    format!("torque about joint {}", joint + 1),
+                    torque,
+                    bound,
+                    "N m",
+                )
             }
         }
     }

@@ -135,8 +135,12 @@ impl KinematicState {
     pub fn jacobian(&self) -> Matrix6xX<f64> {
         let mut jacobian = Matrix6xX::zeros(self.joints());
         for (joint, mut column) in jacobian.column_iter_mut().enumerate() {
-            column.fixed_rows_mut::<3>(0).copy_from(&self.position_column(joint));
-            column.fixed_rows_mut::<3>(3).copy_from(&self.rotation_column(joint));
+            column
+                .fixed_rows_mut::<3>(0)
+                .copy_from(&self.position_column(joint));
+            column
+                .fixed_rows_mut::<3>(3)
+                .copy_from(&self.rotation_column(joint));
         }
         jacobian
     }
@@ -173,7 +177,10 @@ impl KinematicState {
         let forces = axis.cross(&self.position_column(outer)).dot(&load.force_n)
             + axis.cross(&self.mass_column(outer)).dot(gravity_m_s2);
         if by < joint {
-            forces + axis.cross(&self.rotation_column(joint)).dot(&load.torque_nm)
+            forces
+                + axis
+                    .cross(&self.rotation_column(joint))
+                    .dot(&load.torque_nm)
         } else {
             forces
         }

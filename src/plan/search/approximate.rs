@@ -9,13 +9,17 @@
 //! ```
 //!
 //! where the maximum runs over the whole feasible region. A plan of m experiments is a distribution
-//! with weights that are multiples of 1/m, so its `rho_0`^2 is at least phi^2 / (m max d).
+//! with weights that are multiples of 1/m, so its `rho_0`^2 is at least phi^2 / (m max d). Mandatory
+//! experiments have their own derivatives in place of max d.
+//!
+//! The maximum is searched where the smooth bounds hold, whether or not there is a collision or the
+//! tracker's view is blocked: that region contains the feasible one, so the bound holds there too.
 
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 
 use super::local::LocalSearch;
-use super::problem::{add_information, information_in, Point, Problem, SearchError};
+use super::problem::{Point, Problem, SearchError, add_information, information_in};
 use super::sampling::Sampler;
 use crate::random::generator;
 
@@ -39,13 +43,17 @@ pub struct Certificate {
     pub searches: usize,
     /// How many of them ended within 0.1 % of the largest.
     pub agreeing: usize,
+    /// The number of mandatory measurements, and the sum of their directional derivatives.
+    pub mandatory: (u32, f64),
 }
 
 impl Certificate {
     /// A lower bound of the cost of any plan of m experiments.
     #[must_use]
     pub fn lower_bound(&self, experiments: u32) -> f64 {
-        self.cost * self.cost / (self.largest_derivative * f64::from(experiments))
+        let (count, derivatives) = self.mandatory;
+        let free = f64::from(experiments.saturating_sub(count));
+        self.cost * self.cost / (derivatives + self.largest_derivative * free)
     }
 }
 
@@ -78,9 +86,19 @@ pub fn approximate_design(
         let cost = weighing.optimise(&support, &mut weights);
         prune(&mut support, &mut weights);
         let stream = 1 + round as u64;
-        let found = climbs(problem, &support, &weighing.directions, seed, stream, problem.effort.probes);
+        let found = climbs(
+            problem,
+            &support,
+            &weighing.directions,
+            seed,
+            stream,
+            problem.effort.probes,
+        );
         let threshold = cost * (1.0 + TOLERANCE);
-        let mut found: Vec<_> = found.into_iter().filter(|(_, value)| *value > threshold).collect();
+        let mut found: Vec<_> = found
+            .into_iter()
+            .filter(|(_, value)| *value > threshold)
+            .collect();
         if found.is_empty() {
             break;
         }
@@ -105,12 +123,14 @@ pub fn approximate_design(
     let cost = weighing.optimise(&support, &mut weights);
     let searches = problem.effort.certificate_probes;
     let found = climbs(problem, &support, &weighing.directions, seed, 0, searches);
-    let largest_derivative = found
-        .iter()
-        .map(|(_, value)| *value)
-        .fold(cost, f64::max);
+    let largest_derivative = found.iter().map(|(_, value)| *value).fold(cost, f64::max);
+    let mandatory = &problem.scenario.design.mandatory;
     Ok(ApproximateDesign {
         certificate: Certificate {
+            mandatory: (
+                mandatory.measurements(),
+                problem.information(mandatory).dot(&weighing.directions),
+            ),
             cost,
             largest_derivative,
             searches,
@@ -130,14 +150,41 @@ fn initial_support(problem: &Problem<'_>, seed: u64) -> Result<Vec<Point>, Searc
     let mut sampler = Sampler::new(problem);
     let mut random = generator(seed, u64::MAX);
     let local = LocalSearch::new(problem);
-    (0..40)
+    let support: Vec<Point> = (0..40)
         .map(|_| {
             let (q, load) = sampler
                 .draw(&mut random)
                 .ok_or_else(|| sampler.explain_empty(seed))?;
             Ok(local.point(&q, &load))
         })
-        .collect()
+        .collect::<Result<_, _>>()?;
+    check_excited(problem, &support)?;
+    Ok(support)
+}
+
+/// Every compliance must show in some experiment.
+fn check_excited(problem: &Problem<'_>, support: &[Point]) -> Result<(), SearchError> {
+    let shown = |parameter: usize| {
+        let lengths = support
+            .iter()
+            .map(|point| point.matrix.column(parameter).norm());
+        lengths.fold(0.0, f64::max)
+    };
+    let shown: Vec<f64> = (0..problem.parameters()).map(shown).collect();
+    let largest = shown.iter().copied().fold(0.0, f64::max);
+    let joints: Vec<String> = problem
+        .scenario
+        .parameter_names()
+        .into_iter()
+        .zip(shown)
+        .filter(|(_, shown)| *shown <= 1e-9 * largest)
+        .map(|(name, _)| name)
+        .collect();
+    if joints.is_empty() {
+        Ok(())
+    } else {
+        Err(SearchError::NotExcited { joints })
+    }
 }
 
 /// Local searches for the largest derivative, from the support and from random starts.
@@ -176,7 +223,10 @@ fn is_same(one: &Point, other: &Point) -> bool {
 }
 
 fn prune(support: &mut Vec<Point>, weights: &mut Vec<f64>) {
-    let kept: Vec<bool> = weights.iter().map(|weight| *weight > SMALLEST_WEIGHT).collect();
+    let kept: Vec<bool> = weights
+        .iter()
+        .map(|weight| *weight > SMALLEST_WEIGHT)
+        .collect();
     let mut keep = kept.iter();
     support.retain(|_| keep.next().copied().unwrap_or(false));
     weights.retain(|weight| *weight > SMALLEST_WEIGHT);

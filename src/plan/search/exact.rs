@@ -1,6 +1,7 @@
 //! Exact designs: plans of whole experiments, by exchange with gradient refinement.
 
 use std::cell::RefCell;
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use nalgebra::{DMatrix, Matrix3xX};
@@ -9,7 +10,7 @@ use rayon::prelude::*;
 
 use super::approximate::ApproximateDesign;
 use super::local::LocalSearch;
-use super::problem::{add_information, Point, Problem, SearchError};
+use super::problem::{Point, Problem, SearchError, add_information};
 use super::sampling::Sampler;
 use crate::plan::{CriterionFunction, Plan};
 use crate::random::generator;
@@ -28,69 +29,107 @@ pub struct ExactDesign {
     pub plan: Plan,
     /// Its cost.
     pub cost: f64,
-    /// How many starts ended within 0.1 % of that cost.
+    /// How many searches there were.
+    pub searches: usize,
+    /// How many of them ended within 0.1 % of that cost's root.
     pub agreeing: usize,
 }
 
-/// Searches the best plan with the given repeats, one for each configuration, from many starts.
+/// How a search is watched and stopped.
+#[derive(Clone, Copy)]
+pub struct Watch<'a> {
+    /// When set, searches that have not begun are left out.
+    pub stop: &'a AtomicBool,
+    /// Called after every search with the number of those done, of all, and the lowest cost so far.
+    pub progress: &'a (dyn Fn(usize, usize, f64) + Sync),
+}
+
+/// Searches the best plan of `experiments` measurements in `configurations` different
+/// configurations, the mandatory ones of the scenario among them, from many starts.
 ///
-/// The result is a function of the problem and the seed alone. When `stop` is set, searches that
-/// have not begun are left out.
+/// The result is a function of the problem and the seed alone, unless it is stopped.
 ///
 /// # Errors
 /// No plan determines the compliances.
 pub fn exact_design(
     problem: &Problem<'_>,
     approximate: &ApproximateDesign,
-    repeats: &[u32],
+    experiments: u32,
+    configurations: u32,
     seed: u64,
-    stop: &AtomicBool,
+    watch: Watch<'_>,
 ) -> Result<ExactDesign, SearchError> {
+    let mandatory = &problem.scenario.design.mandatory;
+    let singular = SearchError::Singular {
+        experiments,
+        parameters: problem.parameters(),
+    };
+    let free = experiments.saturating_sub(mandatory.measurements());
+    let count = u32::try_from(mandatory.experiments.len()).unwrap_or(u32::MAX);
+    let configurations = configurations.saturating_sub(count).min(free);
+    let repeats = even_repeats(free, configurations);
     let candidates = clear_candidates(problem, approximate);
-    let starts = problem.effort.starts_for(repeats.len());
+    let starts = if free == 0 {
+        1
+    } else {
+        problem.effort.starts_for(repeats.len())
+    };
+    let seen = Mutex::new((0, f64::INFINITY));
     let search = |indices: std::ops::Range<usize>, known: &[Found]| -> Vec<Found> {
         indices
             .into_par_iter()
             .map_init(
                 || Refinement::new(problem),
                 |refinement, start| {
-                    if start > 0 && stop.load(Ordering::Relaxed) {
+                    if start > 0 && watch.stop.load(Ordering::Relaxed) {
                         return None;
                     }
                     let mut random = generator(seed, (1 << 48) + start as u64);
-                    let points = match known.get(start % PARENTS) {
+                    let (points, repeats) = match known.get(start % PARENTS) {
                         Some(parent) => refinement.mutate(parent, &mut random)?,
-                        None => refinement.draw(&candidates, repeats.len(), &mut random)?,
+                        None => {
+                            let points =
+                                refinement.draw(&candidates, repeats.len(), &mut random)?;
+                            (points, repeats.clone())
+                        }
                     };
                     // Every other search may exchange experiments for the approximate design's.
                     let offered = if start % 2 == 0 { &*candidates } else { &[] };
-                    refinement.refine(points, offered, repeats)
+                    let found = refinement.refine(points, offered, repeats);
+                    if let Ok(mut seen) = seen.lock() {
+                        seen.0 += 1;
+                        seen.1 = found.iter().fold(seen.1, |low, found| low.min(found.cost));
+                        (watch.progress)(seen.0, starts, seen.1);
+                    }
+                    found
                 },
             )
             .flatten()
             .collect()
     };
     // First from anywhere; then from the best plans found, each with one experiment drawn anew.
-    let mut results = search(0..starts / 2, &[]);
+    let first = starts.div_ceil(2);
+    let mut results = search(0..first, &[]);
     results.sort_by(|one, other| one.cost.total_cmp(&other.cost));
-    let parents = distinct(&results);
-    results.extend(search(starts / 2..starts, &parents));
+    if free > 0 {
+        let parents = distinct(&results);
+        results.extend(search(first..starts, &parents));
+    }
     let best = results
         .iter()
         .min_by(|one, other| one.cost.total_cmp(&other.cost))
-        .ok_or_else(|| SearchError::Singular {
-            experiments: u32::try_from(repeats.len()).unwrap_or(u32::MAX),
-            parameters: problem.parameters(),
-        })?;
-    let experiments = best
+        .ok_or(singular)?;
+    let found = best
         .points
         .iter()
-        .zip(repeats)
-        .map(|(point, &repeats)| point.experiment(repeats))
-        .collect();
+        .zip(&best.repeats)
+        .map(|(point, &repeats)| point.experiment(repeats));
     Ok(ExactDesign {
-        plan: Plan { experiments },
+        plan: Plan {
+            experiments: mandatory.experiments.iter().cloned().chain(found).collect(),
+        },
         cost: best.cost,
+        searches: results.len(),
         agreeing: results
             .iter()
             .filter(|found| found.cost < best.cost * 1.002)
@@ -98,10 +137,22 @@ pub fn exact_design(
     })
 }
 
+/// Shares m measurements evenly among c configurations.
+fn even_repeats(measurements: u32, configurations: u32) -> Vec<u32> {
+    (0..configurations)
+        .map(|index| {
+            let extra = u32::from(index < measurements % configurations);
+            measurements / configurations + extra
+        })
+        .collect()
+}
+
 /// A plan that a search ended in.
+#[derive(Clone)]
 struct Found {
     cost: f64,
     points: Vec<Point>,
+    repeats: Vec<u32>,
 }
 
 /// The best few plans that differ in cost, from plans sorted by cost.
@@ -112,10 +163,7 @@ fn distinct(sorted: &[Found]) -> Vec<Found> {
             .last()
             .is_none_or(|last| found.cost > last.cost * (1.0 + 1e-5));
         if is_new && parents.len() < PARENTS {
-            parents.push(Found {
-                cost: found.cost,
-                points: found.points.clone(),
-            });
+            parents.push(found.clone());
         }
     }
     parents
@@ -136,6 +184,8 @@ fn clear_candidates(problem: &Problem<'_>, approximate: &ApproximateDesign) -> V
 struct Refinement<'a> {
     local: LocalSearch<'a>,
     sampler: Sampler<'a>,
+    /// The information of the mandatory experiments.
+    mandatory: DMatrix<f64>,
     work: RefCell<Work>,
 }
 
@@ -151,6 +201,7 @@ impl<'a> Refinement<'a> {
         Self {
             local: LocalSearch::new(problem),
             sampler: Sampler::new(problem),
+            mandatory: problem.information(&problem.scenario.design.mandatory),
             work: RefCell::new(Work {
                 cost: problem.cost(),
                 information: DMatrix::zeros(size, size),
@@ -180,11 +231,11 @@ impl<'a> Refinement<'a> {
     }
 
     /// A plan with one of its experiments drawn anew.
-    fn mutate(&mut self, parent: &Found, random: &mut impl Rng) -> Option<Vec<Point>> {
+    fn mutate(&mut self, parent: &Found, random: &mut impl Rng) -> Option<(Vec<Point>, Vec<u32>)> {
         let mut points = parent.points.clone();
         let index = random.random_range(0..points.len());
         points[index] = self.draw_point(random)?;
-        Some(points)
+        Some((points, parent.repeats.clone()))
     }
 
     fn draw_point(&mut self, random: &mut impl Rng) -> Option<Point> {
@@ -192,34 +243,64 @@ impl<'a> Refinement<'a> {
         Some(self.local.point(&q, &load))
     }
 
-    /// Improves the experiments in turn until nothing more is gained.
+    /// Improves the experiments in turn, and moves repeats from one to another, until nothing more
+    /// is gained.
     fn refine(
         &mut self,
         mut points: Vec<Point>,
         offered: &[(Point, f64)],
-        repeats: &[u32],
+        mut repeats: Vec<u32>,
     ) -> Option<Found> {
-        let size = self.work.borrow().information.nrows();
-        let mut information = DMatrix::zeros(size, size);
+        let mut information = self.mandatory.clone();
         let mut last = f64::INFINITY;
         for _ in 0..SWEEPS {
             for index in 0..points.len() {
-                self.rest(&points, repeats, index, &mut information);
+                self.total(&points, &repeats, Some(index), &mut information);
                 let repeats = f64::from(repeats[index]);
                 points[index] = self.exchange(&points[index], offered, &information, repeats);
             }
-            information.fill(0.0);
-            for (point, &repeats) in points.iter().zip(repeats) {
-                add_information(&mut information, &point.matrix, f64::from(repeats));
-            }
+            self.total(&points, &repeats, None, &mut information);
             let cost = self.cost(&information);
             let improved = cost < last * (1.0 - CONVERGED);
             last = last.min(cost);
-            if !improved {
+            if !improved && !self.move_repeat(&points, &mut repeats, &information, last) {
                 break;
             }
         }
-        last.is_finite().then_some(Found { cost: last, points })
+        last.is_finite().then_some(Found {
+            cost: last,
+            points,
+            repeats,
+        })
+    }
+
+    /// Moves one repeat between two configurations where that lowers the cost most.
+    fn move_repeat(
+        &self,
+        points: &[Point],
+        repeats: &mut [u32],
+        information: &DMatrix<f64>,
+        cost: f64,
+    ) -> bool {
+        let mut best = (cost * (1.0 - CONVERGED), None);
+        let mut moved = information.clone();
+        for from in (0..points.len()).filter(|&from| repeats[from] > 1) {
+            for to in (0..points.len()).filter(|&to| to != from) {
+                moved.copy_from(information);
+                add_information(&mut moved, &points[from].matrix, -1.0);
+                add_information(&mut moved, &points[to].matrix, 1.0);
+                let cost = self.cost(&moved);
+                if cost < best.0 {
+                    best = (cost, Some((from, to)));
+                }
+            }
+        }
+        let Some((from, to)) = best.1 else {
+            return false;
+        };
+        repeats[from] -= 1;
+        repeats[to] += 1;
+        true
     }
 
     fn cost(&self, information: &DMatrix<f64>) -> f64 {
@@ -229,12 +310,18 @@ impl<'a> Refinement<'a> {
         cost.cost(information, directions)
     }
 
-    /// The information of all experiments but one.
-    fn rest(&self, points: &[Point], repeats: &[u32], left_out: usize, rest: &mut DMatrix<f64>) {
-        rest.fill(0.0);
+    /// The information of the mandatory and all other experiments but one.
+    fn total(
+        &self,
+        points: &[Point],
+        repeats: &[u32],
+        left_out: Option<usize>,
+        total: &mut DMatrix<f64>,
+    ) {
+        total.copy_from(&self.mandatory);
         for (index, (point, &repeats)) in points.iter().zip(repeats).enumerate() {
-            if index != left_out {
-                add_information(rest, &point.matrix, f64::from(repeats));
+            if Some(index) != left_out {
+                add_information(total, &point.matrix, f64::from(repeats));
             }
         }
     }

@@ -3,10 +3,10 @@
 use std::cell::RefCell;
 
 use nalgebra::{DMatrix, Matrix3xX, Vector3};
-use slsqp::{minimize, Func, StopTols};
+use slsqp::{Func, StopTols, minimize};
 
 use super::observation::Observer;
-use super::problem::{information_in, LoadChoice, Point, Problem};
+use super::problem::{LoadChoice, Point, Problem, information_in};
 use crate::plan::Bound;
 use crate::robot::Load;
 
@@ -86,33 +86,6 @@ impl<'a> LocalSearch<'a> {
             .all(|bound| bound.margin(state, load, &self.gravity) >= INSET - SLACK)
     }
 
-    /// The load that gives most information in the directions G at joint angles `q`: the best of
-    /// the list, or the closed form for a free direction.
-    pub fn best_load(&self, q: &[f64], directions: &DMatrix<f64>) -> Load {
-        let mut seat = self.observer.borrow_mut();
-        seat.move_to(q);
-        let observer = &seat.observer;
-        match &self.loads {
-            LoadChoice::OneOf(loads) => {
-                let mut matrix = Matrix3xX::zeros(self.parameters);
-                let mut information = |load: &Load| {
-                    observer.observe(load, &mut matrix);
-                    information_in(&matrix, directions)
-                };
-                let mut best = loads[0];
-                let mut most = information(&best);
-                for load in &loads[1..] {
-                    let value = information(load);
-                    if value > most {
-                        (best, most) = (*load, value);
-                    }
-                }
-                best
-            }
-            LoadChoice::AnyDirection(size) => best_force(observer, directions, *size),
-        }
-    }
-
     /// Climbs from a start to a point of locally largest information in the directions G,
     /// trace(A G A^T), and returns it with that information. A list of loads is tried one by one;
     /// a free force takes its best direction at every configuration on the way.
@@ -124,7 +97,9 @@ impl<'a> LocalSearch<'a> {
                 .max_by(|one, other| one.1.total_cmp(&other.1)),
             LoadChoice::AnyDirection(size) => {
                 let size = *size;
-                self.climb(q, directions, &|observer| best_force(observer, directions, size))
+                self.climb(q, directions, &|observer| {
+                    best_force(observer, directions, size)
+                })
             }
         }
     }
@@ -147,7 +122,11 @@ impl<'a> LocalSearch<'a> {
             seat.observer.observe(&load, matrix);
             information_in(matrix, directions)
         };
-        let unit = if start_value > 0.0 { start_value.recip() } else { 1.0 };
+        let unit = if start_value > 0.0 {
+            start_value.recip()
+        } else {
+            1.0
+        };
         let objective = |q: &[f64], gradient: Option<&mut [f64]>, (): &mut ()| {
             let mut seat = self.observer.borrow_mut();
             seat.move_to(q);
@@ -220,7 +199,8 @@ impl<'a> LocalSearch<'a> {
             if let Some(gradient) = gradient {
                 gradient.fill(0.0);
                 *factor *= unit;
-                seat.observer.pull_back(&load, factor, &mut gradient[..joints]);
+                seat.observer
+                    .pull_back(&load, factor, &mut gradient[..joints]);
                 if let Some(size) = free {
                     let slope = seat.observer.force_gradient(factor) * size;
                     gradient[joints..].copy_from_slice(slope.as_slice());

@@ -14,7 +14,8 @@ mod observation;
 mod problem;
 mod sampling;
 
-pub use approximate::{approximate_design, ApproximateDesign, Certificate};
-pub use exact::{exact_design, ExactDesign};
+pub use approximate::{ApproximateDesign, Certificate, approximate_design};
+pub use exact::{ExactDesign, Watch, exact_design};
 pub use observation::Observer;
 pub use problem::{Effort, Problem, SearchError};
+pub use sampling::random_plan;

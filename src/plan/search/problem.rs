@@ -6,7 +6,9 @@ use thiserror::Error;
 
 use super::observation::Observer;
 use crate::compensation::test_pose_matrix;
-use crate::plan::{bounds_of, Bound, Criterion, CriterionFunction, Experiment, ExperimentModel, Plan};
+use crate::plan::{
+    Bound, Criterion, CriterionFunction, Experiment, ExperimentModel, Plan, bounds_of,
+};
 use crate::random::generator;
 use crate::robot::Load;
 use crate::scenario::{Loads, Scenario};
@@ -24,7 +26,7 @@ pub enum SearchError {
     },
     /// The test pose depends on a compliance that no feasible experiment shows.
     #[error(
-        "no feasible experiment shows the compliance of {}, on which the compensation depends",
+        "no feasible experiment shows the compliance of {}: the loads leave it without torque",
         joints.join(", ")
     )]
     NotExcited {
@@ -172,7 +174,10 @@ impl<'a> Problem<'a> {
     /// An observer of this problem's experiments.
     #[must_use]
     pub fn observer(&self) -> Observer<'a> {
-        Observer::new(ExperimentModel::new(self.scenario), &self.typical_rad_per_nm)
+        Observer::new(
+            ExperimentModel::new(self.scenario),
+            &self.typical_rad_per_nm,
+        )
     }
 
     /// The criterion as a cost.
@@ -272,7 +277,9 @@ fn indifferent_joints(problem: &Problem<'_>) -> Vec<usize> {
             turned[joint] = draw(joint);
             for load in loads {
                 let (before, after) = (told(&q, load), told(&turned, load));
-                let size = before.iter().fold(1.0_f64, |size, value| size.max(value.abs()));
+                let size = before
+                    .iter()
+                    .fold(1.0_f64, |size, value| size.max(value.abs()));
                 *matters |= before
                     .iter()
                     .zip(&after)
@@ -291,7 +298,13 @@ fn typical(scenario: &Scenario) -> Vec<f64> {
     scenario
         .parameters
         .iter()
-        .map(|&joint| if nominal[joint] > 0.0 { nominal[joint] } else { fallback })
+        .map(|&joint| {
+            if nominal[joint] > 0.0 {
+                nominal[joint]
+            } else {
+                fallback
+            }
+        })
         .collect()
 }
 

@@ -5,13 +5,15 @@ use rand_distr::{Distribution, UnitSphere};
 
 use super::local::LocalSearch;
 use super::problem::{LoadChoice, Point, Problem, SearchError};
-use crate::plan::{Experiment, Feasibility};
+use crate::plan::{Criterion, Experiment, Feasibility, Plan};
 use crate::random::generator;
 use crate::robot::Load;
-
+use crate::scenario::Scenario;
 
 /// Random experiments that are tried before the region is held to be empty.
 const ATTEMPTS: usize = 20_000;
+/// The stream of random numbers that random plans are drawn from.
+const RANDOM_PLAN: u64 = 1 << 63;
 
 /// How many other angles of the joints that do not matter are tried to get clear of an obstacle.
 const VARIANTS: usize = 24;
@@ -105,7 +107,12 @@ impl<'a> Sampler<'a> {
             samples: SAMPLES,
             rejections: counts
                 .into_iter()
-                .map(|(what, count)| format!("{what} rejects {:.1} %", 100.0 * count as f64 / SAMPLES as f64))
+                .map(|(what, count)| {
+                    format!(
+                        "{what} rejects {:.1} %",
+                        100.0 * count as f64 / SAMPLES as f64
+                    )
+                })
                 .collect(),
         }
     }
@@ -119,6 +126,29 @@ impl<'a> Sampler<'a> {
             }
         }
     }
+}
+
+/// A random feasible plan: what a laboratory without a plan would measure.
+///
+/// # Errors
+/// No feasible experiment is found.
+pub fn random_plan(scenario: &Scenario, experiments: u32, seed: u64) -> Result<Plan, SearchError> {
+    let problem = Problem::new(scenario, Criterion::TestPose);
+    let mut sampler = Sampler::new(&problem);
+    let mut random = generator(seed, RANDOM_PLAN);
+    let experiments = (0..experiments)
+        .map(|_| {
+            let (q, load) = sampler
+                .draw(&mut random)
+                .ok_or_else(|| sampler.explain_empty(seed))?;
+            Ok(Experiment {
+                configuration_rad: nalgebra::DVector::from_vec(q),
+                load,
+                repeats: 1,
+            })
+        })
+        .collect::<Result<_, _>>()?;
+    Ok(Plan { experiments })
 }
 
 fn uniform(ranges: &[(f64, f64)], random: &mut impl Rng) -> Vec<f64> {
