@@ -1,0 +1,2 @@
+//! Monte Carlo studies: how good are plans over many runs?
+pub mod normal;
