@@ -34,8 +34,3 @@ setup: ## install MuJoCo, unless MUJOCO_DYNAMIC_LINK_DIR names one
 	@command -v $(CARGO) >/dev/null || { echo "error: cargo was not found." \
 	  "Install Rust 1.95 or later (rustup), and open a new shell." >&2; exit 1; }
 	@tools/install-mujoco
-
-# Documentation tests know only the folder of the installed MuJoCo (see .cargo/config.toml).
-ifdef MUJOCO_DYNAMIC_LINK_DIR
-test: export LD_LIBRARY_PATH := $(MUJOCO_DYNAMIC_LINK_DIR)$(addprefix :,$(LD_LIBRARY_PATH))
-endif

@@ -1,6 +1,7 @@
 //! Gives every binary the folder of MuJoCo's shared library as rpath, so that none of them needs
 //! `LD_LIBRARY_PATH`, and records the commit for the provenance of outputs.
 
+use std::path::Path;
 use std::process::Command;
 
 fn main() {
@@ -9,14 +10,22 @@ fn main() {
         println!("cargo::rustc-link-arg=-Wl,-rpath,{directory}");
     }
 
-    println!("cargo::rerun-if-changed=.git/HEAD");
-    println!("cargo::rerun-if-changed=.git/logs/HEAD");
-    let commit = Command::new("git")
-        .args(["describe", "--always", "--dirty", "--abbrev=12"])
-        .output()
-        .ok()
-        .filter(|output| output.status.success())
-        .and_then(|output| String::from_utf8(output.stdout).ok())
-        .map_or_else(|| "unknown".to_owned(), |text| text.trim().to_owned());
+    // A file that does not exist would count as changed in each build.
+    for name in ["HEAD", "logs/HEAD"] {
+        if let Some(path) = git(&["rev-parse", "--git-path", name])
+            && Path::new(&path).exists()
+        {
+            println!("cargo::rerun-if-changed={path}");
+        }
+    }
+    let commit = git(&["describe", "--always", "--abbrev=12"]);
+    let commit = commit.as_deref().unwrap_or("unknown");
     println!("cargo::rustc-env=ELASTOCAL_COMMIT={commit}");
+}
+
+/// What git answers, if there is a git, a repository and an answer.
+fn git(arguments: &[&str]) -> Option<String> {
+    let output = Command::new("git").args(arguments).output().ok()?;
+    let text = String::from_utf8(output.stdout).ok()?;
+    output.status.success().then(|| text.trim().to_owned())
 }

@@ -1,11 +1,11 @@
 //! The whole loop once: measure a plan on the virtual robot, identify, compensate, and see on the
 //! virtual robot what distance is left.
 
-use nalgebra::{DVector, Vector3};
+use nalgebra::{DMatrix, DVector, Vector3};
 use thiserror::Error;
 
 use crate::compensation::{compensate, predicted_error, test_pose_matrix};
-use crate::identification::{identify, Identification, IdentificationError, Sigma};
+use crate::identification::{Identification, IdentificationError, Sigma, identify};
 use crate::measurement::Measurement;
 use crate::mujoco::ModelError;
 use crate::plan::Plan;
@@ -93,7 +93,12 @@ pub fn calibrate(
         Sigma::Known(scenario.instrument.sigma_m),
         scenario.method,
     )?;
-    let poses = compensate_poses(scenario, &identification, scenario.method)?;
+    let poses = compensate_poses(
+        scenario,
+        &identification.compliance_rad_per_nm,
+        &identification.covariance,
+        scenario.method,
+    )?;
     Ok(Calibration {
         plan: plan.clone(),
         measurements,
@@ -102,14 +107,16 @@ pub fn calibrate(
     })
 }
 
-/// Compensates every test pose with identified compliances and sees on the virtual robot what
+/// Compensates every test pose with the identified compliances of all joints (rad/(N m)), whose
+/// parameters have the given covariance, and sees on the virtual robot what
 /// distance is left.
 ///
 /// # Errors
 /// See [`CalibrationError`].
 pub fn compensate_poses(
     scenario: &Scenario,
-    identification: &Identification,
+    compliance_rad_per_nm: &[f64],
+    covariance: &DMatrix<f64>,
     method: Method,
 ) -> Result<Vec<CompensatedPose>, CalibrationError> {
     let mut robot = VirtualRobot::new(&scenario.true_robot, &scenario.machining_tool.name)?;
@@ -122,14 +129,13 @@ pub fn compensate_poses(
                 pose: pose.name.clone(),
                 source,
             };
-            let compliance = &identification.compliance_rad_per_nm;
             let commanded_rad =
-                compensate(chain, tool, compliance, pose, method).map_err(at_pose)?;
+                compensate(chain, tool, compliance_rad_per_nm, pose, method).map_err(at_pose)?;
             let matrix = test_pose_matrix(chain, tool, pose, &scenario.parameters);
             Ok(CompensatedPose {
                 name: pose.name.clone(),
                 weight: pose.weight,
-                predicted_m: predicted_error(&matrix, &identification.covariance),
+                predicted_m: predicted_error(&matrix, covariance),
                 seen: see(&mut robot, pose, &commanded_rad).map_err(at_pose)?,
                 commanded_rad,
             })

@@ -4,8 +4,8 @@ use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ChiSquared, ContinuousCDF, Normal, StudentsT};
 use thiserror::Error;
 
-use super::least_squares::LeastSquares;
 use super::observations::{Equations, Observations};
+use crate::least_squares::LeastSquares;
 use crate::measurement::Measurement;
 use crate::robot::{EquilibriumError, Tool};
 use crate::scenario::{Method, Robot};
@@ -52,7 +52,9 @@ pub enum IdentificationError {
         source: EquilibriumError,
     },
     /// The non-linear estimate did not converge.
-    #[error("the non-linear estimate did not converge: the last step changed a compliance by {change:.1e} of itself")]
+    #[error(
+        "the non-linear estimate did not converge: the last step changed a compliance by {change:.1e} of itself"
+    )]
     NotConverged {
         /// The last relative change.
         change: f64,
@@ -166,7 +168,9 @@ struct Fit {
 }
 
 fn typical(nominal: &Robot, parameters: &[usize]) -> Vec<f64> {
-    let values = parameters.iter().map(|&joint| nominal.compliance_rad_per_nm[joint]);
+    let values = parameters
+        .iter()
+        .map(|&joint| nominal.compliance_rad_per_nm[joint]);
     let largest = values.clone().fold(0.0, f64::max);
     values
         .map(|value| if value > 0.0 { value } else { largest })

@@ -4,8 +4,6 @@
 //! be identified instead of inverting a singular matrix, and identifies the rest.
 
 mod estimate;
-mod least_squares;
 mod observations;
 
-pub use estimate::{identify, Identification, IdentificationError, ParameterEstimate, Sigma};
-pub use least_squares::LeastSquares;
+pub use estimate::{Identification, IdentificationError, ParameterEstimate, Sigma, identify};

@@ -41,10 +41,8 @@ impl Observations<'_> {
         let others: Vec<usize> = (0..self.chain.len())
             .filter(|joint| !self.parameters.contains(joint))
             .collect();
-        let known = DVector::from_iterator(
-            others.len(),
-            others.iter().map(|&joint| compliance[joint]),
-        );
+        let known =
+            DVector::from_iterator(others.len(), others.iter().map(|&joint| compliance[joint]));
         let mut writer = Writer::new(self.rows(), self.parameters.len());
         for each in self.measurements {
             arm.update(each.configuration_rad.as_slice(), &mut state);
@@ -75,7 +73,12 @@ impl Observations<'_> {
         for (index, each) in self.measurements.iter().enumerate() {
             let mut rest = |load: &Load| {
                 solver
-                    .solve(&mut arm, compliance, each.configuration_rad.as_slice(), load)
+                    .solve(
+                        &mut arm,
+                        compliance,
+                        each.configuration_rad.as_slice(),
+                        load,
+                    )
                     .map_err(|source| IdentificationError::Equilibrium {
                         measurement: index + 1,
                         source,

@@ -5,8 +5,8 @@ use std::path::Path;
 use nalgebra::Vector3;
 
 use super::{Measurement, RotationMeasurement};
-use crate::files::{write_whole, FileError};
-use crate::plan::{experiment_columns, experiment_fields, Row, Table};
+use crate::files::{FileError, write_whole};
+use crate::plan::{Row, Table, experiment_columns, experiment_fields};
 
 const DEFLECTION: [&str; 3] = ["dx_mm", "dy_mm", "dz_mm"];
 const DEFLECTION_SIGMA: [&str; 3] = ["sx_mm", "sy_mm", "sz_mm"];

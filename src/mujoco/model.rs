@@ -131,6 +131,18 @@ impl Model {
         }
     }
 
+    /// The same model in which geometries that collide come into contact at this distance (m).
+    #[must_use]
+    pub fn with_clearance(&self, clearance_m: f64) -> Self {
+        let mut model = (*self.inner).clone();
+        model.geom_margin_mut().fill(clearance_m);
+        model.body_margin_mut().fill(clearance_m);
+        Self {
+            inner: Arc::new(model),
+            path: self.path.clone(),
+        }
+    }
+
     /// The same model with other joint compliances (rad/(N m)), one for each joint.
     ///
     /// # Errors
@@ -254,7 +266,10 @@ impl Model {
         let actuator = self.joint_actuator(joint)?;
         let gain = self.inner.actuator_gainprm()[actuator][0];
         let bias = self.inner.actuator_biasprm()[actuator][1];
-        #[expect(clippy::float_cmp, reason = "a position actuator has the same number twice")]
+        #[expect(
+            clippy::float_cmp,
+            reason = "a position actuator has the same number twice"
+        )]
         (gain > 0.0 && bias == -gain).then(|| gain.recip())
     }
 

@@ -114,21 +114,22 @@ impl State {
         self.data.geom_distance(first, second, limit_m, None)
     }
 
-    /// Follows a ray from a point along a vector, both in the world frame; geometries of the shown
-    /// groups (0 to 2) do not stop it where `solid` groups are asked for. Returns the first
-    /// geometry hit and its distance in lengths of the vector.
+    /// Follows a ray from a point along a vector, both in the world frame, and returns the first
+    /// shown geometry (groups 0 to 2) that it meets with the distance in lengths of the vector;
+    /// geometries of the body `transparent` do not stop it.
     pub fn ray(
         &mut self,
         from: &Vector3<f64>,
         along: &Vector3<f64>,
-        groups: [u8; 6],
+        transparent: usize,
     ) -> Option<(usize, f64)> {
+        const SHOWN: [u8; 6] = [1, 1, 1, 0, 0, 0];
         let (hit, distance) = self.data.ray(
             &(*from).into(),
             &(*along).into(),
-            Some(&groups),
+            Some(&SHOWN),
             true,
-            None,
+            Some(transparent),
             None,
         );
         hit.map(|geometry| (geometry, distance))
@@ -169,7 +170,13 @@ impl State {
     ) -> Vec<f64> {
         let mut applied = vec![0.0; self.data.qvel().len()];
         self.data
-            .apply_ft(&(*force).into(), &(*torque).into(), point, body, &mut applied)
+            .apply_ft(
+                &(*force).into(),
+                &(*torque).into(),
+                point,
+                body,
+                &mut applied,
+            )
             .unwrap_or_default();
         applied
     }
@@ -180,16 +187,20 @@ impl State {
         (self.data.qpos(), self.data.qvel())
     }
 
-    /// Whether MuJoCo reports a contact between two geometries of the model at the present
-    /// configuration; the first pair found.
-    pub fn first_contact(&mut self) -> Option<Contact> {
+    /// The nearest pair of geometries that may collide, if it is nearer than `clearance_m`, as
+    /// MuJoCo's collision detection finds it; the model must have at least that clearance, see
+    /// [`Model::with_clearance`].
+    pub fn nearest_contact(&mut self, clearance_m: f64) -> Option<Contact> {
         self.data.collision();
-        let contact = self.data.contact().iter().next()?;
-        let [first, second] = contact.geom;
-        Some(Contact {
-            between: [first, second]
-                .map(|id| self.model.geometry_name(id.max(0).unsigned_abs() as usize)),
-            distance_m: contact.dist,
+        let nearest = self
+            .data
+            .contact()
+            .iter()
+            .min_by(|one, other| one.dist.total_cmp(&other.dist))?;
+        let name = |id: i32| self.model.geometry_name(id.unsigned_abs() as usize);
+        (nearest.dist < clearance_m).then(|| Contact {
+            between: nearest.geom.map(name),
+            distance_m: nearest.dist,
         })
     }
 }

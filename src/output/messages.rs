@@ -3,6 +3,8 @@
 //! The command line's `--json`, results.json and the MCAP file share them. Numbers that do not
 //! exist (an unidentifiable compliance, an infinite condition number) are `null`.
 
+use std::collections::BTreeMap;
+
 use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -10,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use crate::calibration::{Calibration, CompensatedPose};
 use crate::identification::Identification;
 use crate::measurement::Measurement;
-use crate::plan::{Experiment, Plan};
+use crate::plan::{Assessment, Criterion, Experiment, Plan};
 use crate::robot::Load;
 use crate::scenario::{Method, Scenario};
 
@@ -117,6 +119,8 @@ pub struct IdentificationMessage {
     pub compliance_std_rad_per_nm: Vec<Option<f64>>,
     /// Their 95 % intervals (rad/(N m)).
     pub compliance_ci95_rad_per_nm: Vec<Option<[f64; 2]>>,
+    /// Their covariance (rad^2/(N m)^2); zero for those that are not determined.
+    pub covariance_rad2_per_n2m2: Vec<Vec<f64>>,
     /// The standard deviation of a deflection's coordinate that the uncertainties rest on (mm).
     pub sigma_mm: f64,
     /// The one that the residuals show, if there are more equations than unknowns (mm).
@@ -151,6 +155,11 @@ impl From<&Identification> for IdentificationMessage {
             compliance_ci95_rad_per_nm: estimates()
                 .map(|estimate| Some(estimate?.interval95))
                 .collect(),
+            covariance_rad2_per_n2m2: identification
+                .covariance
+                .row_iter()
+                .map(|row| row.iter().copied().collect())
+                .collect(),
             sigma_mm: identification.sigma_m * 1e3,
             residual_sigma_mm: identification.residual_sigma_m.map(|sigma| sigma * 1e3),
             consistency: identification.consistency,
@@ -158,6 +167,78 @@ impl From<&Identification> for IdentificationMessage {
             condition: Some(identification.condition).filter(|value| value.is_finite()),
             iterations: identification.iterations,
             residuals_mm: residuals_mm(&identification.residuals_m),
+        }
+    }
+}
+
+/// What a plan promises; the arrays go by `parameters`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct AssessmentMessage {
+    /// The number of measurements.
+    pub experiments: u32,
+    /// The names of the identified joints.
+    pub parameters: Vec<String>,
+    /// The predicted rms distance over the test poses (mm), eq. 20; null where the compensation
+    /// needs a compliance that the plan does not determine.
+    pub rho0_mm: Option<f64>,
+    /// The standard errors of the compliances (rad/(N m)); null where one is not determined.
+    pub compliance_std_rad_per_nm: Vec<Option<f64>>,
+    /// The criteria of Table 1 by name, in relative units; `test_pose` in mm.
+    pub criteria: BTreeMap<String, Option<f64>>,
+    /// No plan of as many measurements has a smaller `rho0_mm`.
+    pub lower_bound_rho0_mm: Option<f64>,
+    /// `lower_bound_rho0_mm` over `rho0_mm`.
+    pub efficiency: Option<f64>,
+    /// What makes the plan impossible.
+    pub violations: Vec<ViolationMessage>,
+}
+
+/// One bound that an experiment of a plan does not keep.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct ViolationMessage {
+    /// The experiment's number, from 1.
+    pub experiment: usize,
+    /// What is wrong.
+    pub what: String,
+    /// The value found.
+    pub found: Option<f64>,
+    /// The bound.
+    pub bound: Option<f64>,
+    /// The unit of both.
+    pub unit: String,
+}
+
+impl AssessmentMessage {
+    /// The record of an assessment.
+    #[must_use]
+    pub fn new(scenario: &Scenario, assessment: &Assessment) -> Self {
+        let millimetres = |(criterion, value): &(Criterion, Option<f64>)| {
+            let unit = if *criterion == Criterion::TestPose {
+                1e3
+            } else {
+                1.0
+            };
+            (criterion.name().to_owned(), value.map(|value| value * unit))
+        };
+        Self {
+            experiments: assessment.experiments,
+            parameters: scenario.parameter_names(),
+            rho0_mm: assessment.rho0_m.map(|value| value * 1e3),
+            compliance_std_rad_per_nm: assessment.standard_errors.clone(),
+            criteria: assessment.criteria.iter().map(millimetres).collect(),
+            lower_bound_rho0_mm: assessment.lower_bound_m.map(|value| value * 1e3),
+            efficiency: assessment.efficiency(),
+            violations: assessment
+                .violations
+                .iter()
+                .map(|violation| ViolationMessage {
+                    experiment: violation.experiment,
+                    what: violation.what.clone(),
+                    found: Some(violation.found).filter(|value| value.is_finite()),
+                    bound: Some(violation.bound).filter(|value| value.is_finite()),
+                    unit: violation.unit.to_owned(),
+                })
+                .collect(),
         }
     }
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 use nalgebra::DVector;
 
 use super::{Experiment, Plan};
-use crate::files::{read_text, write_whole, FileError};
+use crate::files::{FileError, read_text, write_whole};
 use crate::robot::Load;
 
 /// The columns that name a configuration and a load, for an arm of n joints.

@@ -1,14 +1,23 @@
 //! Plans of experiments (D1): which configurations and loads to measure.
 
 mod accuracy;
+mod assessment;
+mod criterion;
+mod feasibility;
 mod file;
+mod region;
+pub mod search;
 
 use nalgebra::DVector;
 
 use crate::robot::Load;
 
-pub use accuracy::{test_pose_weights, ExperimentModel};
-pub use file::{experiment_columns, experiment_fields, read_plan, write_plan, Row, Table};
+pub use accuracy::{ExperimentModel, test_pose_weights};
+pub use assessment::Assessment;
+pub use criterion::{Criterion, CriterionFunction};
+pub use feasibility::{Feasibility, Violation};
+pub use file::{Row, Table, experiment_columns, experiment_fields, read_plan, write_plan};
+pub use region::{Bound, bounds_of};
 
 /// One configuration and load of a plan.
 #[derive(Debug, Clone, PartialEq)]

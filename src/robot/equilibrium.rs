@@ -160,8 +160,8 @@ impl EquilibriumSolver {
         let gravity = arm.gravity_m_s2();
         arm.update(self.q.as_slice(), &mut self.state);
         for joint in 0..self.q.len() {
-            self.torque[joint] = self.state.load_torque(joint, load)
-                + self.state.gravity_torque(joint, &gravity);
+            self.torque[joint] =
+                self.state.load_torque(joint, load) + self.state.gravity_torque(joint, &gravity);
         }
         self.state
             .torque_gradient(load, &gravity, &mut self.gradient);
@@ -210,7 +210,11 @@ fn newton_matrix(gradient: &DMatrix<f64>, compliance: &[f64], system: &mut DMatr
 fn solve_in_place(system: &mut DMatrix<f64>, right_hand_sides: &mut [f64]) -> bool {
     let size = system.nrows();
     for pivot in 0..size {
-        let best = pivot + system.view((pivot, pivot), (size - pivot, 1)).iamax_full().0;
+        let best = pivot
+            + system
+                .view((pivot, pivot), (size - pivot, 1))
+                .iamax_full()
+                .0;
         if system[(best, pivot)] == 0.0 || !system[(best, pivot)].is_finite() {
             return false;
         }

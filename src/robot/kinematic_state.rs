@@ -135,8 +135,12 @@ impl KinematicState {
     pub fn jacobian(&self) -> Matrix6xX<f64> {
         let mut jacobian = Matrix6xX::zeros(self.joints());
         for (joint, mut column) in jacobian.column_iter_mut().enumerate() {
-            column.fixed_rows_mut::<3>(0).copy_from(&self.position_column(joint));
-            column.fixed_rows_mut::<3>(3).copy_from(&self.rotation_column(joint));
+            column
+                .fixed_rows_mut::<3>(0)
+                .copy_from(&self.position_column(joint));
+            column
+                .fixed_rows_mut::<3>(3)
+                .copy_from(&self.rotation_column(joint));
         }
         jacobian
     }
@@ -154,29 +158,44 @@ impl KinematicState {
         self.mass_column(joint).dot(gravity_m_s2)
     }
 
-    /// Adds to `gradient` (n x n, N m/rad) the derivatives of the torques of gravity and of the
-    /// load with respect to the joint angles: row j, column i is d tau_j / d q_i.
+    /// The derivative of the torque of gravity and of the load about joint j with respect to the
+    /// angle of joint i (N m/rad).
     ///
     /// A point that joints a <= b both move has d2 p / (dq_a dq_b) = z_a x (z_b x (p - o_b)), so
     /// forces give a symmetric matrix. A torque of fixed direction is not conservative: it adds
     /// (z_i x z_j) . T for i < j only.
+    #[must_use]
+    pub fn torque_derivative(
+        &self,
+        joint: usize,
+        by: usize,
+        load: &Load,
+        gravity_m_s2: &Vector3<f64>,
+    ) -> f64 {
+        let (inner, outer) = (joint.min(by), joint.max(by));
+        let axis = &self.axis[inner];
+        let forces = axis.cross(&self.position_column(outer)).dot(&load.force_n)
+            + axis.cross(&self.mass_column(outer)).dot(gravity_m_s2);
+        if by < joint {
+            forces
+                + axis
+                    .cross(&self.rotation_column(joint))
+                    .dot(&load.torque_nm)
+        } else {
+            forces
+        }
+    }
+
+    /// Writes d tau_j / d q_i (row j, column i; n x n, N m/rad), see [`Self::torque_derivative`].
     pub fn torque_gradient(
         &self,
         load: &Load,
         gravity_m_s2: &Vector3<f64>,
         gradient: &mut DMatrix<f64>,
     ) {
-        for outer in 0..self.joints() {
-            let force_column = self.position_column(outer);
-            let mass_column = self.mass_column(outer);
-            let rotation_column = self.rotation_column(outer);
-            for inner in 0..=outer {
-                let axis = &self.axis[inner];
-                let symmetric = axis.cross(&force_column).dot(&load.force_n)
-                    + axis.cross(&mass_column).dot(gravity_m_s2);
-                let twist = axis.cross(&rotation_column).dot(&load.torque_nm);
-                gradient[(outer, inner)] = symmetric + twist;
-                gradient[(inner, outer)] = symmetric;
+        for by in 0..self.joints() {
+            for joint in 0..self.joints() {
+                gradient[(joint, by)] = self.torque_derivative(joint, by, load, gravity_m_s2);
             }
         }
     }

@@ -53,7 +53,10 @@ impl SerialChain {
         let mounts = mounts(model, &mut Vec::new())?;
         let mount = &mounts[body];
         if mount.joints == 0 {
-            return Err(not_serial(model, format!("no joint moves the site {site:?}")));
+            return Err(not_serial(
+                model,
+                format!("no joint moves the site {site:?}"),
+            ));
         }
         Ok(Tool {
             name: site.to_owned(),
@@ -91,8 +94,7 @@ fn mounts(model: &Model, joints: &mut Vec<Joint>) -> Result<Vec<Mount>, ModelErr
             let (axis, anchor) = model.joint_axis_and_anchor(joint);
             let axis = Unit::new_normalize(axis);
             // MuJoCo's bodies stand as drawn where the coordinate equals the reference.
-            let turn_back =
-                UnitQuaternion::from_axis_angle(&axis, -model.joint_reference(joint));
+            let turn_back = UnitQuaternion::from_axis_angle(&axis, -model.joint_reference(joint));
             let body_from_link = Isometry3::from_parts(anchor.into(), turn_back);
             joints.push(Joint {
                 name,
@@ -104,7 +106,8 @@ fn mounts(model: &Model, joints: &mut Vec<Joint>) -> Result<Vec<Mount>, ModelErr
                 model_compliance_rad_per_nm: model.joint_compliance(joint),
             });
             mount.joints = joints.len();
-            mount.link_from_body = Isometry3::from_parts((-anchor).into(), UnitQuaternion::identity());
+            mount.link_from_body =
+                Isometry3::from_parts((-anchor).into(), UnitQuaternion::identity());
         }
         mounts.push(mount);
     }

@@ -13,8 +13,8 @@ mod kinematic_state;
 mod mjcf;
 
 pub use chain::{Joint, SerialChain, Tool};
-pub use elastostatics::{cartesian_stiffness, ObservationMatrix};
+pub use elastostatics::{ObservationMatrix, cartesian_stiffness};
 pub use equilibrium::{
-    Equilibrium, EquilibriumError, EquilibriumSolver, CONVERGED_RAD, MAXIMUM_ITERATIONS,
+    CONVERGED_RAD, Equilibrium, EquilibriumError, EquilibriumSolver, MAXIMUM_ITERATIONS,
 };
-pub use kinematic_state::{Kinematics, KinematicState, Load};
+pub use kinematic_state::{KinematicState, Kinematics, Load};

@@ -6,11 +6,13 @@ use nalgebra::{DVector, Vector3};
 use sha2::{Digest, Sha256};
 
 use super::file::{
-    DesignTable, File, InstrumentTable, LoadKind, RegionTable, SigmaOf, TestPoseTable, WrenchTable,
+    DesignTable, File, ForbiddenTable, InstrumentTable, LoadKind, RegionTable, SigmaOf,
+    TestPoseTable, WrenchTable,
 };
-use super::{Design, Instrument, Loads, PlanFile, Region, Robot, Scenario, TestPose};
-use crate::files::{read_text, FileError};
+use super::{Design, Forbidden, Instrument, Loads, PlanFile, Region, Robot, Scenario, TestPose};
+use crate::files::{FileError, read_text};
 use crate::mujoco::{Model, ModelError};
+use crate::plan::Plan;
 use crate::robot::{Load, SerialChain, Tool};
 
 impl Scenario {
@@ -64,19 +66,23 @@ impl Checker<'_> {
         let test_poses = self.test_poses(&file.test_pose, &nominal.chain)?;
         Ok(Scenario {
             path: self.path.to_owned(),
-            name: self
-                .path
-                .file_stem()
-                .map_or_else(|| "scenario".into(), |stem| stem.to_string_lossy().into_owned()),
+            name: self.path.file_stem().map_or_else(
+                || "scenario".into(),
+                |stem| stem.to_string_lossy().into_owned(),
+            ),
             description: file.description,
-            sha256: hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect(),
+            sha256: hash
+                .finalize()
+                .iter()
+                .map(|byte| format!("{byte:02x}"))
+                .collect(),
             seed: file.seed,
             instrument: self.instrument(&file.instrument, &file.region, &nominal.model)?,
             method: file.identification.method,
             test_poses,
             loads: self.loads(&file.load)?,
             region: self.region(&file.region, &nominal.chain)?,
-            design: self.design(&file.design, parameters.len())?,
+            design: self.design(&file.design, parameters.len(), joints)?,
             plans: self.plans(&file.plan, joints)?,
             nominal,
             true_robot,
@@ -163,7 +169,10 @@ impl Checker<'_> {
         if value.is_finite() && value >= 0.0 {
             Ok(value)
         } else {
-            Err(self.wrong(key, format!("found {value}; zero or a positive number is allowed")))
+            Err(self.wrong(
+                key,
+                format!("found {value}; zero or a positive number is allowed"),
+            ))
         }
     }
 
@@ -178,7 +187,10 @@ impl Checker<'_> {
         } else {
             Err(self.wrong(
                 key,
-                format!("found {} numbers; the robot has {joints} joints", values.len()),
+                format!(
+                    "found {} numbers; the robot has {joints} joints",
+                    values.len()
+                ),
             ))
         }
     }
@@ -216,7 +228,11 @@ impl Checker<'_> {
     fn parameters(&self, chain: &SerialChain, names: &[String]) -> Result<Vec<usize>, FileError> {
         let key = "robot.parameters";
         let known = || {
-            let names: Vec<_> = chain.joints.iter().map(|joint| joint.name.as_str()).collect();
+            let names: Vec<_> = chain
+                .joints
+                .iter()
+                .map(|joint| joint.name.as_str())
+                .collect();
             names.join(", ")
         };
         let mut parameters = Vec::new();
@@ -226,7 +242,10 @@ impl Checker<'_> {
                 .iter()
                 .position(|joint| joint.name == *name)
                 .ok_or_else(|| {
-                    self.wrong(key, format!("found {name:?}; the robot's joints are: {}", known()))
+                    self.wrong(
+                        key,
+                        format!("found {name:?}; the robot's joints are: {}", known()),
+                    )
                 })?;
             if parameters.contains(&joint) {
                 return Err(self.wrong(key, format!("found {name:?} twice")));
@@ -298,7 +317,11 @@ impl Checker<'_> {
         let tracker_site = table
             .tracker_site
             .as_deref()
-            .map(|name| model.site(name).map_err(|error| self.model_error(key, &error)))
+            .map(|name| {
+                model
+                    .site(name)
+                    .map_err(|error| self.model_error(key, &error))
+            })
             .transpose()?;
         if region.line_of_sight && tracker_site.is_none() {
             return Err(self.wrong(key, "is missing, and region.line_of_sight needs it"));
@@ -353,7 +376,10 @@ impl Checker<'_> {
             }
             let weight = table.weight.unwrap_or(1.0);
             poses.push(TestPose {
-                name: table.name.clone().unwrap_or_else(|| format!("test pose {}", index + 1)),
+                name: table
+                    .name
+                    .clone()
+                    .unwrap_or_else(|| format!("test pose {}", index + 1)),
                 configuration_rad: DVector::from_iterator(
                     q_deg.len(),
                     q_deg.iter().map(|angle| angle.to_radians()),
@@ -389,7 +415,8 @@ impl Checker<'_> {
                 let low = self.not_negative("load.force_min_n", *force_min_n)?;
                 let high = self.positive("load.force_max_n", *force_max_n)?;
                 if low > high {
-                    let problem = format!("found {low}; at most load.force_max_n = {high} is allowed");
+                    let problem =
+                        format!("found {low}; at most load.force_max_n = {high} is allowed");
                     return Err(self.wrong("load.force_min_n", problem));
                 }
                 Loads::Direction {
@@ -408,7 +435,13 @@ impl Checker<'_> {
                     let key = format!("load.wrenches[{index}]");
                     self.acting_load(&key, wrench.force_n, wrench.torque_nm)
                 };
-                Loads::List(wrenches.iter().enumerate().map(load).collect::<Result<_, _>>()?)
+                Loads::List(
+                    wrenches
+                        .iter()
+                        .enumerate()
+                        .map(load)
+                        .collect::<Result<_, _>>()?,
+                )
             }
         })
     }
@@ -422,7 +455,8 @@ impl Checker<'_> {
     }
 
     fn region(&self, table: &RegionTable, chain: &SerialChain) -> Result<Region, FileError> {
-        let mut joint_range_rad: Vec<_> = chain.joints.iter().map(|joint| joint.range_rad).collect();
+        let mut joint_range_rad: Vec<_> =
+            chain.joints.iter().map(|joint| joint.range_rad).collect();
         for (name, range) in &table.joint_range_deg {
             let key = format!("region.joint_range_deg.{name}");
             let index = chain
@@ -445,7 +479,10 @@ impl Checker<'_> {
         }
         let length = |key: &str, value: Option<f64>| {
             value
-                .map(|value| self.finite(&format!("region.{key}"), value).map(|mm| mm * 1e-3))
+                .map(|value| {
+                    self.finite(&format!("region.{key}"), value)
+                        .map(|mm| mm * 1e-3)
+                })
                 .transpose()
         };
         let joint_torque_max_nm = table
@@ -481,10 +518,38 @@ impl Checker<'_> {
                 .transpose()?
                 .map(|value| value * 1e-3),
             line_of_sight: table.line_of_sight,
+            forbidden: self.forbidden(&table.forbidden, chain.len())?,
         })
     }
 
-    fn design(&self, table: &DesignTable, parameters: usize) -> Result<Design, FileError> {
+    fn forbidden(
+        &self,
+        tables: &[ForbiddenTable],
+        joints: usize,
+    ) -> Result<Vec<Forbidden>, FileError> {
+        let forbidden = |(index, table): (usize, &ForbiddenTable)| {
+            let key = format!("region.forbidden[{index}]");
+            let q_key = format!("{key}.q_deg");
+            let q_deg = self
+                .one_per_joint(&q_key, &table.q_deg, joints)?
+                .iter()
+                .map(|&angle| self.finite(&q_key, angle).map(f64::to_radians))
+                .collect::<Result<Vec<_>, _>>()?;
+            let within = self.positive(&format!("{key}.within_deg"), table.within_deg)?;
+            Ok(Forbidden {
+                configuration_rad: DVector::from_vec(q_deg),
+                within_rad: within.to_radians(),
+            })
+        };
+        tables.iter().enumerate().map(forbidden).collect()
+    }
+
+    fn design(
+        &self,
+        table: &DesignTable,
+        parameters: usize,
+        joints: usize,
+    ) -> Result<Design, FileError> {
         let key = "design.experiments";
         let fewest = u32::try_from(parameters.div_ceil(3)).unwrap_or(u32::MAX);
         if table.experiments < fewest {
@@ -503,9 +568,22 @@ impl Checker<'_> {
             );
             return Err(self.wrong("design.configurations", problem));
         }
+        let mandatory = match &table.mandatory {
+            Some(path) => crate::plan::read_plan(&self.resolve(path), joints)?,
+            None => Plan::default(),
+        };
+        if mandatory.measurements() > table.experiments {
+            let problem = format!(
+                "found {} experiments; at most design.experiments = {} are allowed",
+                mandatory.measurements(),
+                table.experiments
+            );
+            return Err(self.wrong("design.mandatory", problem));
+        }
         Ok(Design {
             experiments: table.experiments,
             configurations: table.configurations,
+            mandatory,
         })
     }
 
@@ -533,7 +611,11 @@ impl Checker<'_> {
 }
 
 fn line_of(text: &str, offset: usize) -> usize {
-    1 + text.bytes().take(offset).filter(|&byte| byte == b'\n').count()
+    1 + text
+        .bytes()
+        .take(offset)
+        .filter(|&byte| byte == b'\n')
+        .count()
 }
 
 /// For serde's "unknown field `x`, expected one of `a`, `b`": the likeliest of those allowed.

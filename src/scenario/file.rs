@@ -64,9 +64,7 @@ pub(super) struct InstrumentTable {
 }
 
 /// How compliances are identified and deflections compensated.
-#[derive(
-    Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, Serialize, clap::ValueEnum,
-)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, Serialize, clap::ValueEnum)]
 #[serde(rename_all = "snake_case")]
 pub enum Method {
     /// Linear least squares (eq. 9) and linear compensation (eq. 15).
@@ -153,6 +151,15 @@ pub(super) struct RegionTable {
     pub collision_clearance_mm: Option<f64>,
     #[serde(default)]
     pub line_of_sight: bool,
+    #[serde(default)]
+    pub forbidden: Vec<ForbiddenTable>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ForbiddenTable {
+    pub q_deg: Vec<f64>,
+    pub within_deg: f64,
 }
 
 #[derive(Debug, Deserialize)]
@@ -160,6 +167,7 @@ pub(super) struct RegionTable {
 pub(super) struct DesignTable {
     pub experiments: u32,
     pub configurations: Option<u32>,
+    pub mandatory: Option<PathBuf>,
 }
 
 #[derive(Debug, Deserialize)]

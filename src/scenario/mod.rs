@@ -12,6 +12,7 @@ use std::path::PathBuf;
 use nalgebra::DVector;
 
 use crate::mujoco::Model;
+use crate::plan::Plan;
 use crate::robot::{Load, SerialChain, Tool};
 
 pub use file::{LoadKind, Method, SigmaOf};
@@ -89,6 +90,17 @@ pub struct Region {
     pub collision_clearance_m: Option<f64>,
     /// Whether the tracker must see the reflector at the calibration tool.
     pub line_of_sight: bool,
+    /// Configurations to keep away from.
+    pub forbidden: Vec<Forbidden>,
+}
+
+/// A configuration to keep away from.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Forbidden {
+    /// The configuration (rad).
+    pub configuration_rad: DVector<f64>,
+    /// Some joint must differ by more than this (rad).
+    pub within_rad: f64,
 }
 
 /// What the search for a plan needs to know.
@@ -98,6 +110,8 @@ pub struct Design {
     pub experiments: u32,
     /// The number of different configurations, where it is bounded.
     pub configurations: Option<u32>,
+    /// Experiments that every plan must contain; they count among its measurements.
+    pub mandatory: Plan,
 }
 
 /// A plan that the scenario brings.

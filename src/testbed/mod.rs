@@ -7,5 +7,5 @@ mod instrument;
 mod settle;
 mod virtual_robot;
 
-pub use settle::{settle, SettleError, Settled};
+pub use settle::{SettleError, Settled, settle};
 pub use virtual_robot::{Displacement, MeasurementError, VirtualRobot};

@@ -5,7 +5,7 @@ use elastocal::plan::Experiment;
 use elastocal::random::generator;
 use elastocal::robot::{EquilibriumSolver, Load};
 use elastocal::scenario::Scenario;
-use elastocal::testbed::{settle, VirtualRobot};
+use elastocal::testbed::{VirtualRobot, settle};
 use nalgebra::{DVector, Matrix3xX};
 use rand::RngExt;
 

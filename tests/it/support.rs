@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use elastocal::plan::{read_plan, Plan};
+use elastocal::plan::{Plan, read_plan};
 use elastocal::scenario::Scenario;
 
 /// A path inside the project.

@@ -67,7 +67,11 @@ impl LeastSquares {
                 unknowns,
                 (0..unknowns).map(|unknown| v_t[(index, unknown)] * scale[unknown]),
             );
-            solution.axpy(u.column(index).dot(right_hand_side) / value, &direction, 1.0);
+            solution.axpy(
+                u.column(index).dot(right_hand_side) / value,
+                &direction,
+                1.0,
+            );
             covariance.ger((value * value).recip(), &direction, &direction, 1.0);
             for (unknown, share) in share_in_range.iter_mut().enumerate() {
                 *share += v_t[(index, unknown)].powi(2);

@@ -1,0 +1,122 @@
+//! `compensate`: the joint angles to command at the test poses.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use elastocal::calibration::compensate_poses;
+use elastocal::files::{FileError, read_text};
+use elastocal::output::messages::{IdentificationMessage, ProvenanceMessage, TestPoseMessage};
+use elastocal::scenario::{Method, Scenario};
+use serde_json::json;
+
+use super::table::table;
+use super::{Common, Report};
+
+/// Arguments of `compensate`.
+#[derive(Debug, Args)]
+pub struct Compensate {
+    #[command(flatten)]
+    pub common: Common,
+    /// What `identify --identified-out` wrote.
+    #[arg(long, value_name = "FILE")]
+    identified: PathBuf,
+    /// How; the scenario's method if not given.
+    #[arg(long, value_enum)]
+    method: Option<Method>,
+}
+
+impl Compensate {
+    pub fn execute(&self) -> anyhow::Result<Report> {
+        let scenario = self.common.load()?;
+        let (compliance, covariance) = read_identified(&self.identified, &scenario)?;
+        let method = self.method.unwrap_or(scenario.method);
+        self.common.say("compensating on the virtual robot");
+        let poses = compensate_poses(&scenario, &compliance, &covariance, method)?;
+        let messages: Vec<TestPoseMessage> = poses.iter().map(Into::into).collect();
+        let rows: Vec<Vec<String>> = messages
+            .iter()
+            .map(|pose| {
+                vec![
+                    pose.name.clone(),
+                    format!("{:.4}", pose.uncompensated_mm),
+                    format!("{:.4}", pose.residual_mm),
+                    format!("{:.4}", pose.rho0_mm),
+                    pose.q_commanded_deg
+                        .iter()
+                        .map(|angle| format!("{angle:.5}"))
+                        .collect::<Vec<_>>()
+                        .join(" "),
+                ]
+            })
+            .collect();
+        let first = &messages[0];
+        Ok(Report {
+            json: json!({
+                "provenance": ProvenanceMessage::new(&scenario),
+                "q_commanded_deg": first.q_commanded_deg,
+                "uncompensated_mm": first.uncompensated_mm,
+                "residual_mm": first.residual_mm,
+                "rho0_mm": first.rho0_mm,
+                "test_poses": messages,
+            }),
+            text: table(
+                &[
+                    "test pose",
+                    "uncompensated [mm]",
+                    "compensated [mm]",
+                    "predicted rms [mm]",
+                    "commanded angles [deg]",
+                ],
+                &rows,
+            ),
+            conditions: Vec::new(),
+        })
+    }
+}
+
+/// The compliances of all joints, nominal where none was identified, and the covariance of the
+/// parameters.
+fn read_identified(
+    path: &Path,
+    scenario: &Scenario,
+) -> Result<(Vec<f64>, nalgebra::DMatrix<f64>), FileError> {
+    let text = read_text(path)?;
+    let message: IdentificationMessage = serde_json::from_str(&text).map_err(|error| {
+        FileError::new(path, error.to_string())
+            .hint("the file must be one that `elastocal identify --identified-out` wrote")
+    })?;
+    let expected = scenario.parameter_names();
+    if message.parameters != expected {
+        let problem = format!(
+            "found {}; the scenario's parameters are {}",
+            message.parameters.join(", "),
+            expected.join(", ")
+        );
+        return Err(FileError::new(path, problem).at("parameters"));
+    }
+    let size = expected.len();
+    let wrong_size = |key: &str, found: usize| {
+        let problem = format!("found {found} values; the scenario has {size} parameters");
+        FileError::new(path, problem).at(key)
+    };
+    if message.compliance_rad_per_nm.len() != size {
+        let found = message.compliance_rad_per_nm.len();
+        return Err(wrong_size("compliance_rad_per_nm", found));
+    }
+    let covariance = &message.covariance_rad2_per_n2m2;
+    if covariance.len() != size || covariance.iter().any(|row| row.len() != size) {
+        return Err(wrong_size("covariance_rad2_per_n2m2", covariance.len()));
+    }
+    let mut compliance = scenario.nominal.compliance_rad_per_nm.clone();
+    for (&joint, value) in scenario
+        .parameters
+        .iter()
+        .zip(&message.compliance_rad_per_nm)
+    {
+        if let Some(value) = value {
+            compliance[joint] = *value;
+        }
+    }
+    let covariance = nalgebra::DMatrix::from_fn(size, size, |row, column| covariance[row][column]);
+    Ok((compliance, covariance))
+}

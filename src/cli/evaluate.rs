@@ -1,0 +1,120 @@
+//! `evaluate`: what a plan promises.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use elastocal::output::messages::{AssessmentMessage, ProvenanceMessage};
+use elastocal::plan::search::{Problem, approximate_design};
+use elastocal::plan::{Assessment, Criterion, read_plan};
+use elastocal::scenario::Scenario;
+use serde_json::{Value, json};
+
+use super::table::{number, table};
+use super::{Common, Report};
+
+/// Arguments of `evaluate`.
+#[derive(Debug, Args)]
+pub struct Evaluate {
+    #[command(flatten)]
+    pub common: Common,
+    /// The plan to assess.
+    #[arg(long, value_name = "FILE")]
+    plan: PathBuf,
+}
+
+impl Evaluate {
+    pub fn execute(&self) -> anyhow::Result<Report> {
+        let scenario = self.common.load()?;
+        let plan = read_plan(&self.plan, scenario.joints())?;
+        self.common.say("searching the bound that no plan can beat");
+        let problem = Problem::new(&scenario, Criterion::TestPose);
+        // Without a bound, the rest still holds.
+        let approximate = approximate_design(&problem, scenario.seed)
+            .inspect_err(|error| self.common.say(&format!("no bound: {error}")))
+            .ok();
+        let certificate = approximate.as_ref().map(|design| &design.certificate);
+        let assessment = Assessment::new(&scenario, &plan, certificate);
+        let message = AssessmentMessage::new(&scenario, &assessment);
+        let mut json = json!({ "provenance": ProvenanceMessage::new(&scenario) });
+        merge(&mut json, serde_json::to_value(&message)?);
+        Ok(Report {
+            json,
+            text: describe(&scenario, &assessment),
+            conditions: conditions(&scenario, &assessment),
+        })
+    }
+}
+
+/// Adds the keys of one JSON object to another.
+pub fn merge(into: &mut Value, from: Value) {
+    if let (Value::Object(into), Value::Object(from)) = (into, from) {
+        into.extend(from);
+    }
+}
+
+/// The conditions that a plan does not meet.
+pub fn conditions(scenario: &Scenario, assessment: &Assessment) -> Vec<String> {
+    let names = scenario.parameter_names();
+    let mut conditions: Vec<String> = assessment
+        .undetermined()
+        .into_iter()
+        .map(|index| {
+            format!(
+                "the plan does not determine the compliance of {}",
+                names[index]
+            )
+        })
+        .collect();
+    if !assessment.violations.is_empty() {
+        conditions.push(format!(
+            "the plan has {} violations",
+            assessment.violations.len()
+        ));
+    }
+    conditions
+}
+
+/// An assessment for a person.
+pub fn describe(scenario: &Scenario, assessment: &Assessment) -> String {
+    let mut text = format!(
+        "{} experiments: rho0 = {} um at the test pose",
+        assessment.experiments,
+        number(assessment.rho0_m.map(|value| value * 1e6), 3)
+    );
+    if let (Some(bound), Some(efficiency)) = (assessment.lower_bound_m, assessment.efficiency()) {
+        text += &format!(
+            "; no plan of as many can be below {:.3} um (efficiency {efficiency:.4})",
+            bound * 1e6
+        );
+    }
+    text += "\n\n";
+    let rows: Vec<Vec<String>> = scenario
+        .parameter_names()
+        .into_iter()
+        .zip(&assessment.standard_errors)
+        .map(|(name, error)| vec![name, number(error.map(|error| error * 1e9), 2)])
+        .collect();
+    text += &table(&["joint", "standard error [1e-9 rad/(N m)]"], &rows);
+    text.push('\n');
+    let rows: Vec<Vec<String>> = assessment
+        .criteria
+        .iter()
+        .map(|(criterion, value)| {
+            let value = value.map_or_else(|| "-".to_owned(), |value| format!("{value:.6e}"));
+            let better = if criterion.is_maximised() {
+                "larger"
+            } else {
+                "smaller"
+            };
+            vec![criterion.name().to_owned(), value, better.to_owned()]
+        })
+        .collect();
+    text += &table(&["criterion", "value", "better"], &rows);
+    for violation in &assessment.violations {
+        text += &format!("\nviolation: {violation}");
+    }
+    if !assessment.violations.is_empty() {
+        text.push('\n');
+    }
+    text
+}

@@ -1,0 +1,148 @@
+//! `identify`: compliances from measurements.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use elastocal::files::write_whole;
+use elastocal::identification::{Identification, Sigma, identify};
+use elastocal::measurement::read_measurements;
+use elastocal::output::messages::{IdentificationMessage, ProvenanceMessage};
+use elastocal::scenario::Method;
+use serde_json::json;
+
+use super::evaluate::merge;
+use super::table::{number, table};
+use super::{Common, Report};
+
+/// Arguments of `identify`.
+#[derive(Debug, Args)]
+pub struct Identify {
+    #[command(flatten)]
+    pub common: Common,
+    /// The measurements.
+    #[arg(long, value_name = "FILE")]
+    measurements: PathBuf,
+    /// How; the scenario's method if not given.
+    #[arg(long, value_enum)]
+    method: Option<Method>,
+    /// Estimate sigma from the residuals instead of taking the scenario's.
+    #[arg(long)]
+    sigma_from_residuals: bool,
+    /// Where to write what was identified, for `compensate`.
+    #[arg(long, value_name = "FILE")]
+    identified_out: Option<PathBuf>,
+}
+
+impl Identify {
+    pub fn execute(&self) -> anyhow::Result<Report> {
+        let scenario = self.common.load()?;
+        let measurements = read_measurements(&self.measurements, scenario.joints())?;
+        let method = self.method.unwrap_or(scenario.method);
+        self.common.say(&format!(
+            "identifying {} from {} measurements",
+            scenario.parameter_names().join(", "),
+            measurements.len()
+        ));
+        let sigma = if self.sigma_from_residuals {
+            Sigma::FromResiduals
+        } else {
+            Sigma::Known(scenario.instrument.sigma_m)
+        };
+        let identification = identify(
+            &scenario.nominal,
+            &scenario.calibration_tool,
+            &scenario.parameters,
+            &measurements,
+            sigma,
+            method,
+        )?;
+        let mut json = json!({ "provenance": ProvenanceMessage::new(&scenario) });
+        let message = IdentificationMessage::from(&identification);
+        merge(&mut json, serde_json::to_value(&message)?);
+        let mut text = describe(&identification);
+        if let Some(path) = &self.identified_out {
+            write_whole(
+                path,
+                (serde_json::to_string_pretty(&json)? + "\n").as_bytes(),
+            )?;
+            text += &format!("wrote {}\n", path.display());
+        }
+        Ok(Report {
+            json,
+            text,
+            conditions: conditions(&identification),
+        })
+    }
+}
+
+/// What is wrong with an identification, by name.
+pub fn conditions(identification: &Identification) -> Vec<String> {
+    let mut conditions: Vec<String> = identification
+        .unidentifiable()
+        .iter()
+        .map(|joint| format!("the measurements do not determine the compliance of {joint}"))
+        .collect();
+    for parameter in &identification.parameters {
+        if parameter
+            .estimate
+            .is_some_and(|estimate| estimate.value < 0.0)
+        {
+            conditions.push(format!(
+                "the estimated compliance of {} is negative: too few measurements, or a wrong model",
+                parameter.name
+            ));
+        }
+    }
+    if let Some(probability) = identification.consistency
+        && probability < 1e-4
+    {
+        conditions.push(format!(
+            "the residuals are too large for sigma = {:.4} mm (probability {probability:.1e}): the \
+             model or sigma is wrong",
+            identification.sigma_m * 1e3
+        ));
+    }
+    conditions
+}
+
+/// An identification for a person.
+pub fn describe(identification: &Identification) -> String {
+    let micro = |value: f64| number(Some(value * 1e6), 4);
+    let rows: Vec<Vec<String>> = identification
+        .parameters
+        .iter()
+        .map(|parameter| match parameter.estimate {
+            Some(estimate) => vec![
+                parameter.name.clone(),
+                micro(estimate.value),
+                micro(estimate.standard_error),
+                format!(
+                    "{} to {}",
+                    micro(estimate.interval95[0]),
+                    micro(estimate.interval95[1])
+                ),
+            ],
+            None => {
+                let mut row = vec![parameter.name.clone()];
+                row.extend(["not determined", "-", "-"].map(str::to_owned));
+                row
+            }
+        })
+        .collect();
+    let mut text = table(
+        &[
+            "joint",
+            "compliance [1e-6 rad/(N m)]",
+            "standard error",
+            "95 % interval",
+        ],
+        &rows,
+    );
+    text += &format!(
+        "  sigma {:.4} mm, from residuals {} mm; condition number {:.2}\n",
+        identification.sigma_m * 1e3,
+        number(identification.residual_sigma_m.map(|sigma| sigma * 1e3), 4),
+        identification.condition
+    );
+    text
+}

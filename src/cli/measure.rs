@@ -1,0 +1,81 @@
+//! `measure`: virtual measurements of a plan.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use elastocal::measurement::write_measurements;
+use elastocal::output::messages::{MeasurementMessage, ProvenanceMessage};
+use elastocal::plan::read_plan;
+use elastocal::random::generator;
+use elastocal::testbed::VirtualRobot;
+use serde_json::json;
+
+use super::table::table;
+use super::{Common, Report};
+
+/// Arguments of `measure`.
+#[derive(Debug, Args)]
+pub struct Measure {
+    #[command(flatten)]
+    pub common: Common,
+    /// The plan to measure.
+    #[arg(long, value_name = "FILE")]
+    plan: PathBuf,
+    /// Leave the instrument's noise out.
+    #[arg(long)]
+    noise_free: bool,
+    /// Where to write the measurements.
+    #[arg(long, value_name = "FILE")]
+    measurements_out: Option<PathBuf>,
+}
+
+impl Measure {
+    pub fn execute(&self) -> anyhow::Result<Report> {
+        let scenario = self.common.load()?;
+        let plan = read_plan(&self.plan, scenario.joints())?;
+        self.common.say(&format!(
+            "measuring {} experiments on the virtual robot {}",
+            plan.measurements(),
+            scenario.true_robot.model.path().display()
+        ));
+        let site = &scenario.calibration_tool.name;
+        let mut robot = VirtualRobot::new(&scenario.true_robot, site)?;
+        let measurements = if self.noise_free {
+            robot.measure_noise_free(&plan, &scenario.instrument)?
+        } else {
+            let mut noise = generator(scenario.seed, 0);
+            robot.measure(&plan, &scenario.instrument, &mut noise)?
+        };
+        let rows: Vec<Vec<String>> = measurements
+            .iter()
+            .enumerate()
+            .map(|(index, each)| {
+                let mut row = vec![(index + 1).to_string()];
+                row.extend(
+                    each.deflection_m
+                        .iter()
+                        .map(|value| format!("{:.4}", value * 1e3)),
+                );
+                row.push(format!("{:.4}", each.deflection_m.norm() * 1e3));
+                row
+            })
+            .collect();
+        let mut text = table(
+            &["experiment", "dx [mm]", "dy [mm]", "dz [mm]", "size [mm]"],
+            &rows,
+        );
+        if let Some(path) = &self.measurements_out {
+            write_measurements(path, scenario.joints(), &measurements)?;
+            text += &format!("wrote {}\n", path.display());
+        }
+        let messages: Vec<MeasurementMessage> = measurements.iter().map(Into::into).collect();
+        Ok(Report {
+            json: json!({
+                "provenance": ProvenanceMessage::new(&scenario),
+                "measurements": messages,
+            }),
+            text,
+            conditions: Vec::new(),
+        })
+    }
+}

@@ -1,0 +1,170 @@
+//! Arguments and subcommands, one file each.
+//!
+//! Every command loads the scenario, says on stderr what it does, and ends in a [`Report`]: results
+//! for stdout as JSON or as text, and the named conditions that did not hold.
+
+mod check;
+mod compensate;
+mod evaluate;
+mod identify;
+mod measure;
+mod plan;
+mod progress;
+mod run;
+mod table;
+
+use std::io::Write;
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand};
+use elastocal::files::FileError;
+use elastocal::scenario::Scenario;
+use serde_json::Value;
+
+/// A virtual calibration testbed for the joint stiffness of industrial robots.
+#[derive(Debug, Parser)]
+#[command(version, about)]
+pub struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+/// What every command takes.
+#[derive(Debug, Clone, Args)]
+pub struct Common {
+    /// The scenario file.
+    #[arg(default_value = "scenarios/kr270.toml")]
+    scenario: PathBuf,
+    /// Print results as JSON.
+    #[arg(long)]
+    json: bool,
+    /// Replace the scenario's seed.
+    #[arg(long)]
+    seed: Option<u64>,
+    /// How many threads to use; all cores if not given. Results do not depend on it.
+    #[arg(long, value_parser = clap::value_parser!(u16).range(1..))]
+    threads: Option<u16>,
+    /// The folder for results.
+    #[arg(long, default_value = "out")]
+    out: PathBuf,
+    /// Say nothing on stderr but errors.
+    #[arg(long)]
+    quiet: bool,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// The whole loop: design a plan, measure, identify, compensate, and write it all to a folder
+    Run(run::Run),
+    /// Validate a scenario, and a plan against it
+    Check(check::Check),
+    /// Design a plan of experiments
+    Plan(plan::PlanCommand),
+    /// Assess a plan: accuracy at the test pose, standard errors, criteria, violations
+    Evaluate(evaluate::Evaluate),
+    /// Measure a plan on the virtual robot
+    Measure(measure::Measure),
+    /// Identify the compliances from measurements
+    Identify(identify::Identify),
+    /// Compensate the test poses with identified compliances
+    Compensate(compensate::Compensate),
+}
+
+/// What a command ends with.
+#[derive(Debug, Default)]
+pub struct Report {
+    /// For stdout with `--json`.
+    json: Value,
+    /// For stdout without.
+    text: String,
+    /// Named conditions that did not hold.
+    conditions: Vec<String>,
+}
+
+impl Arguments {
+    /// Runs the command and prints its results. Returns the conditions that did not hold.
+    pub fn execute(&self) -> anyhow::Result<Vec<String>> {
+        let common = self.command.common();
+        if let Some(threads) = common.threads {
+            rayon::ThreadPoolBuilder::new()
+                .num_threads(usize::from(threads))
+                .build_global()?;
+        }
+        let report = match &self.command {
+            Command::Run(command) => command.execute(),
+            Command::Check(command) => command.execute(),
+            Command::Plan(command) => command.execute(),
+            Command::Evaluate(command) => command.execute(),
+            Command::Measure(command) => command.execute(),
+            Command::Identify(command) => command.execute(),
+            Command::Compensate(command) => command.execute(),
+        }?;
+        let text = if common.json {
+            serde_json::to_string_pretty(&report.json)? + "\n"
+        } else {
+            report.text
+        };
+        print(&text)?;
+        Ok(report.conditions)
+    }
+}
+
+impl Command {
+    fn common(&self) -> &Common {
+        match self {
+            Self::Run(command) => &command.common,
+            Self::Check(command) => &command.common,
+            Self::Plan(command) => &command.common,
+            Self::Evaluate(command) => &command.common,
+            Self::Measure(command) => &command.common,
+            Self::Identify(command) => &command.common,
+            Self::Compensate(command) => &command.common,
+        }
+    }
+}
+
+impl Common {
+    /// Loads the scenario, with the seed replaced where one is given.
+    fn load(&self) -> anyhow::Result<Scenario> {
+        let mut scenario = Scenario::load(&self.scenario)?;
+        if let Some(seed) = self.seed {
+            scenario.seed = seed;
+        }
+        self.say(&format!(
+            "scenario {}: {}",
+            self.scenario.display(),
+            scenario.description
+        ));
+        Ok(scenario)
+    }
+
+    /// Says on stderr what is being done.
+    fn say(&self, what: &str) {
+        if !self.quiet {
+            eprintln!("{what}");
+        }
+    }
+}
+
+/// A reader that has seen enough is no error.
+fn print(text: &str) -> anyhow::Result<()> {
+    let mut stdout = std::io::stdout().lock();
+    match stdout
+        .write_all(text.as_bytes())
+        .and_then(|()| stdout.flush())
+    {
+        Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
+        other => Ok(other?),
+    }
+}
+
+/// Prints an error and, on a line of its own, what to do about it.
+pub fn explain(error: &anyhow::Error) {
+    eprintln!("error: {error:#}");
+    let hint = error
+        .downcast_ref::<FileError>()
+        .and_then(|error| error.hint.as_deref());
+    if let Some(hint) = hint {
+        eprintln!("hint: {hint}");
+    }
+}

@@ -1,0 +1,148 @@
+//! `plan`: design a plan of experiments.
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use clap::Args;
+use elastocal::output::messages::{AssessmentMessage, ProvenanceMessage, plan_messages};
+use elastocal::plan::search::{
+    ApproximateDesign, ExactDesign, Problem, Watch, approximate_design, exact_design,
+};
+use elastocal::plan::{Assessment, Criterion, write_plan};
+use elastocal::scenario::Scenario;
+use serde_json::json;
+
+use super::evaluate::{conditions, describe, merge};
+use super::progress::{bar, stop_flag};
+use super::{Common, Report};
+
+/// Arguments of `plan`.
+#[derive(Debug, Args)]
+pub struct PlanCommand {
+    #[command(flatten)]
+    pub common: Common,
+    /// The number m of measurements; the scenario's if not given.
+    #[arg(long, value_name = "M", value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    experiments: Option<u32>,
+    /// At most so many different configurations, repeated.
+    #[arg(long, value_name = "C", value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    configurations: Option<u32>,
+    /// What makes the plan good.
+    #[arg(long, value_enum, default_value_t)]
+    criterion: Criterion,
+    /// Where to write the plan.
+    #[arg(long, value_name = "FILE")]
+    plan_out: Option<PathBuf>,
+}
+
+/// A designed plan with what was found on the way.
+#[derive(Debug)]
+pub struct Designed {
+    pub approximate: ApproximateDesign,
+    pub exact: ExactDesign,
+    pub elapsed_s: f64,
+}
+
+/// Designs a plan with a progress bar.
+pub fn design(
+    common: &Common,
+    scenario: &Scenario,
+    criterion: Criterion,
+    experiments: u32,
+    configurations: Option<u32>,
+) -> anyhow::Result<Designed> {
+    let start = Instant::now();
+    let problem = Problem::new(scenario, criterion);
+    let bound_problem = Problem::new(scenario, Criterion::TestPose);
+    let approximate = approximate_design(&bound_problem, scenario.seed)?;
+    let bound = approximate.certificate.lower_bound(experiments).sqrt() * 1e6;
+    let bar = bar(common.quiet, "searching the plan");
+    let progress = |done: usize, all: usize, cost: f64| {
+        bar.set_length(all as u64);
+        bar.set_position(done as u64);
+        if criterion == Criterion::TestPose {
+            bar.set_message(format!(
+                "best {:.4} um, bound {bound:.4} um",
+                cost.sqrt() * 1e6
+            ));
+        }
+    };
+    let watch = Watch {
+        stop: stop_flag(),
+        progress: &progress,
+    };
+    let configurations = configurations.unwrap_or(experiments);
+    let exact = exact_design(
+        &problem,
+        &approximate,
+        experiments,
+        configurations,
+        scenario.seed,
+        watch,
+    )?;
+    bar.finish_and_clear();
+    Ok(Designed {
+        approximate,
+        exact,
+        elapsed_s: start.elapsed().as_secs_f64(),
+    })
+}
+
+impl PlanCommand {
+    pub fn execute(&self) -> anyhow::Result<Report> {
+        let mut scenario = self.common.load()?;
+        if let Some(experiments) = self.experiments {
+            scenario.design.experiments = experiments;
+            scenario.design.configurations = None;
+        }
+        let experiments = scenario.design.experiments;
+        let configurations = self.configurations.or(scenario.design.configurations);
+        self.common.say(&format!(
+            "designing a plan of {experiments} measurements{} for the criterion {}",
+            configurations.map_or_else(String::new, |count| format!(" in {count} configurations")),
+            self.criterion.name()
+        ));
+        let designed = design(
+            &self.common,
+            &scenario,
+            self.criterion,
+            experiments,
+            configurations,
+        )?;
+        let certificate = &designed.approximate.certificate;
+        let plan = &designed.exact.plan;
+        let assessment = Assessment::new(&scenario, plan, Some(certificate));
+        let mut text = describe(&scenario, &assessment);
+        text += &format!(
+            "\nThe bound rests on the largest directional derivative found by {} local searches, of \
+             which {} ended within 0.1 % of it.\nOf {} searches for the plan, {} ended within 0.1 % \
+             of it. It took {:.2} s.\n",
+            certificate.searches,
+            certificate.agreeing,
+            designed.exact.searches,
+            designed.exact.agreeing,
+            designed.elapsed_s
+        );
+        if let Some(path) = &self.plan_out {
+            write_plan(path, scenario.joints(), plan)?;
+            text += &format!("wrote {}\n", path.display());
+        }
+        let mut json = json!({
+            "provenance": ProvenanceMessage::new(&scenario),
+            "plan": plan_messages(plan),
+            "criterion": self.criterion.name(),
+            "elapsed_s": designed.elapsed_s,
+            "searches": designed.exact.searches,
+            "searches_agreeing": designed.exact.agreeing,
+            "bound_searches": certificate.searches,
+            "bound_searches_agreeing": certificate.agreeing,
+        });
+        let message = AssessmentMessage::new(&scenario, &assessment);
+        merge(&mut json, serde_json::to_value(&message)?);
+        Ok(Report {
+            json,
+            text,
+            conditions: conditions(&scenario, &assessment),
+        })
+    }
+}

@@ -1,0 +1,216 @@
+//! `run`: the whole loop, and a folder with all that came of it.
+
+use std::path::Path;
+
+use clap::Args;
+use elastocal::calibration::{Calibration, calibrate};
+use elastocal::files::{make_folder, write_whole};
+use elastocal::measurement::write_measurements;
+use elastocal::output::messages::{
+    AssessmentMessage, CalibrationMessage, MeasurementMessage, ProvenanceMessage, plan_messages,
+};
+use elastocal::plan::search::{Certificate, random_plan};
+use elastocal::plan::{Assessment, Criterion, Plan, read_plan, write_plan};
+use elastocal::scenario::Scenario;
+use serde_json::{Value, json};
+
+use super::evaluate::merge;
+use super::plan::design;
+use super::table::{number, table};
+use super::{Common, Report, identify};
+
+/// Arguments of `run`.
+#[derive(Debug, Args)]
+pub struct Run {
+    #[command(flatten)]
+    pub common: Common,
+}
+
+/// A plan that took part, with what it promised and what came of it.
+struct Entry {
+    name: String,
+    assessment: Assessment,
+    calibration: Calibration,
+}
+
+impl Run {
+    pub fn execute(&self) -> anyhow::Result<Report> {
+        let common = &self.common;
+        let scenario = common.load()?;
+        let folder = common.out.join(&scenario.name);
+        // Whether results can be written is found out before the work is done.
+        make_folder(&folder)?;
+
+        let experiments = scenario.design.experiments;
+        common.say(&format!("designing a plan of {experiments} measurements"));
+        let criterion = Criterion::TestPose;
+        let configurations = scenario.design.configurations;
+        let designed = design(common, &scenario, criterion, experiments, configurations)?;
+        let certificate = designed.approximate.certificate;
+
+        let plans = plans_to_compare(&scenario, designed.exact.plan)?;
+        common.say("measuring, identifying and compensating in MuJoCo");
+        let mut entries = Vec::new();
+        for (name, plan) in plans {
+            entries.push(entry(&scenario, name, &plan, &certificate)?);
+        }
+
+        common.say(&format!("writing {}", folder.display()));
+        let json = results(&scenario, &entries, designed.elapsed_s)?;
+        write_all(&scenario, &folder, &entries, &json)?;
+        let identification = &entries[0].calibration.identification;
+        Ok(Report {
+            text: summary(&scenario, &folder, &entries),
+            conditions: identify::conditions(identification),
+            json,
+        })
+    }
+}
+
+/// The designed plan, those of the scenario with as many measurements, and a random one.
+fn plans_to_compare(scenario: &Scenario, optimal: Plan) -> anyhow::Result<Vec<(String, Plan)>> {
+    let experiments = optimal.measurements();
+    let mut plans = vec![("optimal".to_owned(), optimal)];
+    for file in &scenario.plans {
+        let plan = read_plan(&file.path, scenario.joints())?;
+        if plan.measurements() == experiments {
+            plans.push((file.name.clone(), plan));
+        }
+    }
+    let random = random_plan(scenario, experiments, scenario.seed)?;
+    plans.push(("random".to_owned(), random));
+    Ok(plans)
+}
+
+fn entry(
+    scenario: &Scenario,
+    name: String,
+    plan: &Plan,
+    certificate: &Certificate,
+) -> anyhow::Result<Entry> {
+    Ok(Entry {
+        assessment: Assessment::new(scenario, plan, Some(certificate)),
+        // Every plan is measured with the same noise.
+        calibration: calibrate(scenario, plan, 0)?,
+        name,
+    })
+}
+
+/// The JSON of the run: the main plan's keys by stage, then every plan.
+fn results(scenario: &Scenario, entries: &[Entry], elapsed_s: f64) -> anyhow::Result<Value> {
+    let main = &entries[0];
+    let messages: Vec<CalibrationMessage> = entries
+        .iter()
+        .map(|entry| CalibrationMessage::new(&entry.name, &entry.calibration))
+        .collect();
+    let measurements: Vec<MeasurementMessage> = main
+        .calibration
+        .measurements
+        .iter()
+        .map(Into::into)
+        .collect();
+    let mut json = json!({
+        "provenance": ProvenanceMessage::new(scenario),
+        "plan": plan_messages(&main.calibration.plan),
+        "elapsed_s": elapsed_s,
+        "measurements": measurements,
+    });
+    merge(
+        &mut json,
+        serde_json::to_value(AssessmentMessage::new(scenario, &main.assessment))?,
+    );
+    merge(
+        &mut json,
+        serde_json::to_value(&messages[0].identification)?,
+    );
+    merge(&mut json, serde_json::to_value(&messages[0].test_poses[0])?);
+    let mut plans = Vec::new();
+    for (entry, message) in entries.iter().zip(&messages) {
+        let mut plan = serde_json::to_value(message)?;
+        let assessment = AssessmentMessage::new(scenario, &entry.assessment);
+        merge(&mut plan, json!({ "assessment": assessment }));
+        plans.push(plan);
+    }
+    merge(&mut json, json!({ "plans": plans }));
+    Ok(json)
+}
+
+fn write_all(
+    scenario: &Scenario,
+    folder: &Path,
+    entries: &[Entry],
+    json: &Value,
+) -> anyhow::Result<()> {
+    let main = &entries[0].calibration;
+    write_plan(&folder.join("plan.csv"), scenario.joints(), &main.plan)?;
+    write_measurements(
+        &folder.join("measurements.csv"),
+        scenario.joints(),
+        &main.measurements,
+    )?;
+    let text = serde_json::to_string_pretty(json)? + "\n";
+    write_whole(&folder.join("results.json"), text.as_bytes())?;
+    Ok(())
+}
+
+/// What it means, for a person.
+fn summary(scenario: &Scenario, folder: &Path, entries: &[Entry]) -> String {
+    let main = &entries[0];
+    let mut text = identify::describe(&main.calibration.identification);
+    text.push('\n');
+    let micro = |value: f64| number(Some(value * 1e6), 2);
+    let rows: Vec<Vec<String>> = entries
+        .iter()
+        .map(|entry| {
+            let pose = &entry.calibration.poses[0];
+            vec![
+                entry.name.clone(),
+                number(entry.assessment.rho0_m.map(|value| value * 1e6), 2),
+                number(entry.assessment.efficiency(), 4),
+                micro(pose.seen.residual_m.norm()),
+                entry.assessment.violations.len().to_string(),
+            ]
+        })
+        .collect();
+    text += &table(
+        &[
+            "plan",
+            "predicted rms [um]",
+            "efficiency",
+            "seen in this run [um]",
+            "violations",
+        ],
+        &rows,
+    );
+    let pose = &main.calibration.poses[0];
+    let uncompensated = pose.seen.uncompensated_m.norm() * 1e6;
+    let predicted = main.assessment.rho0_m.unwrap_or(f64::NAN) * 1e6;
+    text += &format!(
+        "\nAt the test pose {:?} the task load bends the robot by {uncompensated:.0} um. After calibration \
+         with {} measurements, compensation leaves {:.1} um in this run, and {predicted:.1} um rms over \
+         many",
+        pose.name,
+        main.assessment.experiments,
+        pose.seen.residual_m.norm() * 1e6,
+    );
+    if let Some(bound) = main.assessment.lower_bound_m {
+        text += &format!(
+            "; no plan of as many measurements can do better than {:.1} um",
+            bound * 1e6
+        );
+    }
+    text += ".\n";
+    if let (Some(random), Some(optimal)) = (
+        entries.last().and_then(|entry| entry.assessment.rho0_m),
+        main.assessment.rho0_m,
+    ) && entries.len() > 1
+    {
+        text += &format!(
+            "The random plan would need {:.1} times as many measurements for the same accuracy.\n",
+            (random / optimal).powi(2)
+        );
+    }
+    let _ = scenario;
+    text += &format!("Results are in {}\n", folder.display());
+    text
+}

@@ -1,0 +1,107 @@
+//! What a plan promises: the accuracy at the test poses, standard errors, criteria, violations.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::search::{Certificate, Problem};
+use super::{Criterion, ExperimentModel, Feasibility, Plan, Violation};
+use crate::compensation::{predicted_error, test_pose_matrix};
+use crate::least_squares::LeastSquares;
+use crate::scenario::Scenario;
+
+/// A plan judged against a scenario.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Assessment {
+    /// The number m of measurements.
+    pub experiments: u32,
+    /// The predicted rms distance `rho_0` over the test poses (m), eq. 20; `None` where the
+    /// compensation needs a compliance that the plan does not determine.
+    pub rho0_m: Option<f64>,
+    /// The standard error of each compliance (rad/(N m)), eq. 13; `None` where the plan does not
+    /// determine it.
+    pub standard_errors: Vec<Option<f64>>,
+    /// The value of each criterion of Table 1, see [`Criterion`]; `None` for a singular plan.
+    pub criteria: Vec<(Criterion, Option<f64>)>,
+    /// No plan of as many experiments has a smaller `rho_0` (m).
+    pub lower_bound_m: Option<f64>,
+    /// What makes the plan impossible.
+    pub violations: Vec<Violation>,
+}
+
+impl Assessment {
+    /// Judges a plan; `certificate` is that of the scenario's approximate design for `rho_0`.
+    #[must_use]
+    pub fn new(scenario: &Scenario, plan: &Plan, certificate: Option<&Certificate>) -> Self {
+        let problem = Problem::new(scenario, Criterion::TestPose);
+        let information = problem.information(plan);
+        let least_squares = solve(scenario, plan);
+        let sigma_m = scenario.instrument.sigma_m;
+        let errors = |index: usize| {
+            least_squares.determined[index]
+                .then(|| least_squares.covariance[(index, index)].sqrt() * sigma_m)
+        };
+        let experiments = plan.measurements();
+        Self {
+            experiments,
+            rho0_m: predicted(scenario, &least_squares),
+            standard_errors: (0..scenario.parameters.len()).map(errors).collect(),
+            criteria: Criterion::ALL
+                .iter()
+                .map(|&criterion| (criterion, problem.cost_of(criterion).value(&information)))
+                .collect(),
+            lower_bound_m: certificate
+                .map(|certificate| certificate.lower_bound(experiments).sqrt()),
+            violations: Feasibility::new(scenario).violations(plan),
+        }
+    }
+
+    /// Lower bound over `rho_0`: 1 for the best plan that there can be.
+    #[must_use]
+    pub fn efficiency(&self) -> Option<f64> {
+        Some(self.lower_bound_m? / self.rho0_m?)
+    }
+
+    /// The indices of the parameters that the plan does not determine.
+    #[must_use]
+    pub fn undetermined(&self) -> Vec<usize> {
+        (0..self.standard_errors.len())
+            .filter(|&index| self.standard_errors[index].is_none())
+            .collect()
+    }
+}
+
+/// The least-squares problem of the plan for sigma = 1.
+fn solve(scenario: &Scenario, plan: &Plan) -> LeastSquares {
+    let model = ExperimentModel::new(scenario);
+    let parameters = scenario.parameters.len();
+    let mut matrix = DMatrix::zeros(3 * plan.experiments.len(), parameters);
+    for (index, experiment) in plan.experiments.iter().enumerate() {
+        let block = model.observation_matrix(experiment) * f64::from(experiment.repeats).sqrt();
+        matrix.rows_mut(3 * index, 3).copy_from(&block);
+    }
+    let typical: Vec<f64> = scenario
+        .parameters
+        .iter()
+        .map(|&joint| scenario.nominal.compliance_rad_per_nm[joint])
+        .collect();
+    LeastSquares::solve(&matrix, &DVector::zeros(matrix.nrows()), &typical)
+}
+
+fn predicted(scenario: &Scenario, least_squares: &LeastSquares) -> Option<f64> {
+    let covariance = &least_squares.covariance * scenario.instrument.sigma_m.powi(2);
+    let mut sum = 0.0;
+    for pose in &scenario.test_poses {
+        let matrix = test_pose_matrix(
+            &scenario.nominal.chain,
+            &scenario.machining_tool,
+            pose,
+            &scenario.parameters,
+        );
+        let largest = matrix.amax();
+        let needs = |index: usize| matrix.column(index).amax() > 1e-9 * largest;
+        if (0..matrix.ncols()).any(|index| needs(index) && !least_squares.determined[index]) {
+            return None;
+        }
+        sum += pose.weight * predicted_error(&matrix, &covariance).powi(2);
+    }
+    Some(sum.sqrt())
+}

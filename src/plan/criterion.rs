@@ -1,0 +1,231 @@
+//! Optimality criteria: the test pose's rho_0 (eq. 20) and those of Table 1.
+//!
+//! All are functions of the information matrix M (p x p) in relative units: each compliance is
+//! divided by its nominal value and each deflection by sigma, so that M^-1 is the covariance of
+//! relative errors and unlike joints compare. (D-optimal and `O1`-optimal plans do not depend on that
+//! scaling; for the others the literature asks for it, Sun and Hollerbach, ICRA 2008.)
+//!
+//! Table 1 has two misprints: `O3`, the smallest singular value, is to be maximised; and the
+//! G row needs the diagonal of cov(k).
+
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn, SymmetricEigen};
+use serde::{Deserialize, Serialize};
+
+/// What makes a plan good.
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Deserialize, Serialize, clap::ValueEnum,
+)]
+#[serde(rename_all = "snake_case")]
+pub enum Criterion {
+    /// The rms distance `rho_0` that compensation leaves at the test poses (m), eq. 20; minimised.
+    #[default]
+    TestPose,
+    /// A: the trace of the covariance; minimised.
+    A,
+    /// D: the determinant of the information matrix; maximised.
+    D,
+    /// E: the smallest eigenvalue of the information matrix; maximised.
+    E,
+    /// G: the largest variance of a compliance; minimised.
+    G,
+    /// `O1`: the geometric mean of the singular values of the observation matrix (Borm and Menq);
+    /// maximised.
+    O1,
+    /// `O2`: the condition number of the observation matrix (Driels and Pathre); minimised.
+    O2,
+    /// `O3`: its smallest singular value (Nahvi et al.); maximised.
+    O3,
+    /// `O4`: the noise amplification index, smallest squared over largest (Nahvi and Hollerbach);
+    /// maximised.
+    O4,
+    /// `O5`: the sum of the inverse singular values (Sun and Hollerbach); minimised.
+    O5,
+}
+
+impl Criterion {
+    /// All criteria.
+    pub const ALL: [Self; 10] = [
+        Self::TestPose,
+        Self::A,
+        Self::D,
+        Self::E,
+        Self::G,
+        Self::O1,
+        Self::O2,
+        Self::O3,
+        Self::O4,
+        Self::O5,
+    ];
+
+    /// The name in files and on the command line.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::TestPose => "test_pose",
+            Self::A => "a",
+            Self::D => "d",
+            Self::E => "e",
+            Self::G => "g",
+            Self::O1 => "o1",
+            Self::O2 => "o2",
+            Self::O3 => "o3",
+            Self::O4 => "o4",
+            Self::O5 => "o5",
+        }
+    }
+
+    /// Whether larger values are better.
+    #[must_use]
+    pub const fn is_maximised(self) -> bool {
+        matches!(self, Self::D | Self::E | Self::O1 | Self::O3 | Self::O4)
+    }
+}
+
+/// A criterion made ready for a problem: a cost to be minimised, with its derivative.
+#[derive(Debug, Clone)]
+pub struct CriterionFunction {
+    criterion: Criterion,
+    /// C^T (p x r) with C the test poses' matrices stacked, each times the root of its weight, in m:
+    /// `rho_0`^2 = trace(C M^-1 C^T).
+    test_poses: DMatrix<f64>,
+    /// Room for M, whose storage the factorisation borrows.
+    work: DMatrix<f64>,
+    /// Room for M^-1 C^T.
+    solved: DMatrix<f64>,
+}
+
+impl CriterionFunction {
+    /// The criterion for test poses given by C^T (p x r), in relative units.
+    #[must_use]
+    pub fn new(criterion: Criterion, test_poses: DMatrix<f64>) -> Self {
+        let size = test_poses.nrows();
+        Self {
+            criterion,
+            work: DMatrix::zeros(size, size),
+            solved: test_poses.clone(),
+            test_poses,
+        }
+    }
+
+    /// Which criterion it is.
+    #[must_use]
+    pub const fn criterion(&self) -> Criterion {
+        self.criterion
+    }
+
+    /// The cost of an information matrix, to be minimised, and minus its derivative, into
+    /// `directions`: the information in these directions is worth most. The cost is infinite for a
+    /// singular matrix.
+    ///
+    /// It is `rho_0`^2 (m^2) for the test pose; A, G, O2 and O5 as they are; and the inverse of those
+    /// that are maximised (for D, of the p-th root of the determinant).
+    pub fn cost(&mut self, information: &DMatrix<f64>, directions: &mut DMatrix<f64>) -> f64 {
+        if self.criterion == Criterion::TestPose {
+            self.test_pose_cost(information, directions)
+        } else {
+            self.spectral_cost(information, directions)
+        }
+    }
+
+    fn test_pose_cost(&mut self, information: &DMatrix<f64>, directions: &mut DMatrix<f64>) -> f64 {
+        // The factorisation takes the matrix's storage and gives it back: nothing is allocated.
+        let mut work = std::mem::replace(&mut self.work, DMatrix::zeros(0, 0));
+        work.copy_from(information);
+        let Some(factor) = Cholesky::new(work) else {
+            self.work = information.clone();
+            return f64::INFINITY;
+        };
+        self.solved.copy_from(&self.test_poses);
+        factor.solve_mut(&mut self.solved);
+        self.work = factor.unpack_dirty();
+        directions.gemm(1.0, &self.solved, &self.solved.transpose(), 0.0);
+        self.solved.dot(&self.test_poses)
+    }
+
+    fn spectral_cost(&self, information: &DMatrix<f64>, directions: &mut DMatrix<f64>) -> f64 {
+        let Some(eigen) = positive_eigen(information) else {
+            return f64::INFINITY;
+        };
+        let values = &eigen.eigenvalues;
+        let (low, high) = (values.imin(), values.imax());
+        let size = f64::from(u32::try_from(values.len()).unwrap_or(u32::MAX));
+        // The cost, and its derivatives with respect to the eigenvalues.
+        let mut slope = DVector::zeros(values.len());
+        let cost = match self.criterion {
+            Criterion::TestPose | Criterion::A => {
+                slope = values.map(|value| -value.powi(-2));
+                values.iter().map(|value| value.recip()).sum()
+            }
+            Criterion::D | Criterion::O1 => {
+                let power = if self.criterion == Criterion::D {
+                    1.0
+                } else {
+                    0.5
+                };
+                let logarithm: f64 = values.iter().map(|value| value.ln()).sum();
+                let cost = (-power * logarithm / size).exp();
+                slope = values.map(|value| -power * cost / (size * value));
+                cost
+            }
+            Criterion::E => {
+                slope[low] = -values[low].powi(-2);
+                values[low].recip()
+            }
+            Criterion::O3 => {
+                slope[low] = -0.5 * values[low].powf(-1.5);
+                values[low].powf(-0.5)
+            }
+            Criterion::O2 => {
+                let cost = (values[high] / values[low]).sqrt();
+                slope[high] = 0.5 * cost / values[high];
+                slope[low] = -0.5 * cost / values[low];
+                cost
+            }
+            Criterion::O4 => {
+                let cost = values[high].sqrt() / values[low];
+                slope[high] = 0.5 * cost / values[high];
+                slope[low] = -cost / values[low];
+                cost
+            }
+            Criterion::O5 => {
+                slope = values.map(|value| -0.5 * value.powf(-1.5));
+                values.iter().map(|value| value.powf(-0.5)).sum()
+            }
+            Criterion::G => return largest_variance(&eigen, directions),
+        };
+        let vectors = &eigen.eigenvectors;
+        let weighted = vectors * DMatrix::from_diagonal(&-slope);
+        directions.gemm(1.0, &weighted, &vectors.transpose(), 0.0);
+        cost
+    }
+
+    /// The criterion's value as the literature states it: `rho_0` in m, D as the determinant's p-th
+    /// root, the others as named. `None` for a singular information matrix.
+    #[must_use]
+    pub fn value(&mut self, information: &DMatrix<f64>) -> Option<f64> {
+        let mut directions = information.clone();
+        let cost = self.cost(information, &mut directions);
+        cost.is_finite().then(|| match self.criterion {
+            Criterion::TestPose => cost.sqrt(),
+            maximised if maximised.is_maximised() => cost.recip(),
+            _ => cost,
+        })
+    }
+}
+
+/// The eigenvalues, if all are positive beyond rounding.
+fn positive_eigen(information: &DMatrix<f64>) -> Option<SymmetricEigen<f64, Dyn>> {
+    let eigen = SymmetricEigen::new(information.clone());
+    let largest = eigen.eigenvalues.max();
+    (eigen.eigenvalues.min() > 1e-14 * largest && largest.is_finite()).then_some(eigen)
+}
+
+fn largest_variance(eigen: &SymmetricEigen<f64, Dyn>, directions: &mut DMatrix<f64>) -> f64 {
+    let inverse = eigen.eigenvalues.map(f64::recip);
+    let covariance =
+        &eigen.eigenvectors * DMatrix::from_diagonal(&inverse) * eigen.eigenvectors.transpose();
+    let worst = covariance.diagonal().imax();
+    let column = covariance.column(worst);
+    directions.gemm(1.0, &column, &column.transpose(), 0.0);
+    covariance[(worst, worst)]
+}

@@ -1,0 +1,283 @@
+//! Whether an experiment is possible: the bounds of the region, and what MuJoCo says of collisions
+//! and of the tracker's sight, for the unloaded and the loaded robot.
+
+use nalgebra::Vector3;
+
+use super::region::{Bound, bounds_of};
+use super::{Experiment, Plan};
+use crate::mujoco::State;
+use crate::robot::{EquilibriumError, EquilibriumSolver, KinematicState, Kinematics, Load};
+use crate::scenario::Scenario;
+
+/// Bounds may be missed by this much (m, sine, or share of a torque) through rounding alone.
+const ROUNDING: f64 = 1e-9;
+
+/// One thing that makes an experiment impossible.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Violation {
+    /// The experiment's number in the plan, from 1.
+    pub experiment: usize,
+    /// What is wrong: "tool height", "joint_3", "collision of floor and link_6" ...
+    pub what: String,
+    /// The value found, in `unit`.
+    pub found: f64,
+    /// The bound, in `unit`.
+    pub bound: f64,
+    /// The unit of both.
+    pub unit: &'static str,
+}
+
+impl Violation {
+    /// The constraint that is violated, without the names of the geometries.
+    #[must_use]
+    pub fn kind(&self) -> String {
+        match self.what.split_once(" of ") {
+            Some(("distance", _)) => "collision clearance".to_owned(),
+            _ if self.what.contains(" hides ") => "line of sight".to_owned(),
+            _ => self.what.clone(),
+        }
+    }
+}
+
+impl std::fmt::Display for Violation {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self {
+            experiment,
+            what,
+            found,
+            bound,
+            unit,
+        } = self;
+        write!(
+            formatter,
+            "experiment {experiment}: {what} is {found:.3} {unit}; the bound is {bound:.3} {unit}"
+        )
+    }
+}
+
+/// Judges experiments against a scenario's region.
+#[derive(Debug)]
+pub struct Feasibility<'a> {
+    scenario: &'a Scenario,
+    bounds: Vec<Bound>,
+    state: KinematicState,
+    solver: EquilibriumSolver,
+    simulation: Option<State>,
+}
+
+impl<'a> Feasibility<'a> {
+    /// A judge for a scenario's region.
+    #[must_use]
+    pub fn new(scenario: &'a Scenario) -> Self {
+        let region = &scenario.region;
+        let simulation =
+            (region.collision_clearance_m.is_some() || region.line_of_sight).then(|| {
+                let clearance = region.collision_clearance_m.unwrap_or(0.0);
+                State::new(&scenario.nominal.model.with_clearance(clearance))
+            });
+        Self {
+            bounds: bounds_of(region),
+            state: KinematicState::new(scenario.joints()),
+            solver: EquilibriumSolver::new(scenario.joints()),
+            scenario,
+            simulation,
+        }
+    }
+
+    /// Every violation of a plan.
+    pub fn violations(&mut self, plan: &Plan) -> Vec<Violation> {
+        plan.experiments
+            .iter()
+            .enumerate()
+            .flat_map(|(index, experiment)| self.violations_of(index + 1, experiment))
+            .collect()
+    }
+
+    /// Every violation of one experiment, whose number in the plan is given.
+    pub fn violations_of(&mut self, number: usize, experiment: &Experiment) -> Vec<Violation> {
+        let mut violations = self.violated_ranges(number, experiment);
+        let q = experiment.configuration_rad.as_slice();
+        violations.extend(self.violated_bounds(number, q, &experiment.load));
+        violations.extend(self.forbidden(q).map(|(index, found, bound)| Violation {
+            experiment: number,
+            what: format!("largest joint distance from forbidden configuration {index}"),
+            found: found.to_degrees(),
+            bound: bound.to_degrees(),
+            unit: "deg",
+        }));
+        if self.simulation.is_some() {
+            for load in [Load::NONE, experiment.load] {
+                match self.seen_violations(number, q, &load) {
+                    Ok(found) => violations.extend(found),
+                    Err(error) => violations.push(Violation {
+                        experiment: number,
+                        what: error.to_string(),
+                        found: f64::NAN,
+                        bound: f64::NAN,
+                        unit: "",
+                    }),
+                }
+            }
+            violations.dedup_by(|one, other| one.what == other.what);
+        }
+        violations
+    }
+
+    /// Whether MuJoCo finds the experiment free of collisions and in the tracker's sight, unloaded
+    /// and loaded, where the region asks for that, and away from forbidden configurations.
+    pub fn is_clear(&mut self, q: &[f64], load: &Load) -> bool {
+        if self.forbidden(q).is_some() {
+            return false;
+        }
+        self.simulation.is_none()
+            || [Load::NONE, *load].iter().all(|load| {
+                self.seen_violations(0, q, load)
+                    .is_ok_and(|violations| violations.is_empty())
+            })
+    }
+
+    /// The forbidden configuration (from 1) that is too near, the largest difference of a joint and
+    /// its bound (rad).
+    fn forbidden(&self, q: &[f64]) -> Option<(usize, f64, f64)> {
+        self.scenario
+            .region
+            .forbidden
+            .iter()
+            .enumerate()
+            .find_map(|(index, forbidden)| {
+                let apart = forbidden
+                    .configuration_rad
+                    .iter()
+                    .zip(q)
+                    .map(|(one, other)| (one - other).abs())
+                    .fold(0.0, f64::max);
+                (apart <= forbidden.within_rad).then_some((index + 1, apart, forbidden.within_rad))
+            })
+    }
+
+    fn violated_ranges(&self, number: usize, experiment: &Experiment) -> Vec<Violation> {
+        let ranges = &self.scenario.region.joint_range_rad;
+        let joints = &self.scenario.nominal.chain.joints;
+        experiment
+            .configuration_rad
+            .iter()
+            .zip(ranges)
+            .zip(joints)
+            .filter_map(|((&angle, &[low, high]), joint)| {
+                let bound = if angle < low - ROUNDING {
+                    low
+                } else if angle > high + ROUNDING {
+                    high
+                } else {
+                    return None;
+                };
+                Some(Violation {
+                    experiment: number,
+                    what: joint.name.clone(),
+                    found: angle.to_degrees(),
+                    bound: bound.to_degrees(),
+                    unit: "deg",
+                })
+            })
+            .collect()
+    }
+
+    fn violated_bounds(&mut self, number: usize, q: &[f64], load: &Load) -> Vec<Violation> {
+        let Scenario {
+            nominal,
+            calibration_tool,
+            ..
+        } = self.scenario;
+        let gravity = nominal.chain.gravity_m_s2;
+        nominal
+            .chain
+            .at(calibration_tool)
+            .update(q, &mut self.state);
+        self.bounds
+            .iter()
+            .filter(|bound| bound.margin(&self.state, load, &gravity) < -ROUNDING)
+            .map(|bound| {
+                let (what, found, bound, unit) = bound.describe(&self.state, load, &gravity);
+                Violation {
+                    experiment: number,
+                    what,
+                    found,
+                    bound,
+                    unit,
+                }
+            })
+            .collect()
+    }
+
+    /// Collisions and hidden reflectors of the nominal robot at rest.
+    fn seen_violations(
+        &mut self,
+        number: usize,
+        q: &[f64],
+        load: &Load,
+    ) -> Result<Vec<Violation>, EquilibriumError> {
+        let Some(simulation) = &mut self.simulation else {
+            return Ok(Vec::new());
+        };
+        let Scenario {
+            nominal,
+            calibration_tool,
+            region,
+            instrument,
+            ..
+        } = self.scenario;
+        let mut arm = nominal.chain.at(calibration_tool);
+        self.solver
+            .solve(&mut arm, &nominal.compliance_rad_per_nm, q, load)?;
+        simulation.move_to(self.solver.q());
+        let mut violations = Vec::new();
+        if let Some(clearance) = region.collision_clearance_m {
+            let contact = simulation.nearest_contact(clearance);
+            violations.extend(contact.map(|contact| Violation {
+                experiment: number,
+                what: format!(
+                    "distance of {} and {}",
+                    contact.between[0], contact.between[1]
+                ),
+                found: contact.distance_m * 1e3,
+                bound: clearance * 1e3,
+                unit: "mm",
+            }));
+        }
+        if let (true, Some(tracker)) = (region.line_of_sight, instrument.tracker_site) {
+            let reflector = self.solver.state().tool_position;
+            let hidden = hidden_by(simulation, tracker, &reflector);
+            violations.extend(hidden.map(|(name, distance)| Violation {
+                experiment: number,
+                what: format!(
+                    "{name} hides the reflector from the tracker: its distance before it"
+                ),
+                found: distance * 1e3,
+                bound: f64::INFINITY,
+                unit: "mm",
+            }));
+        }
+        Ok(violations)
+    }
+}
+
+/// What stands between the tracker and the reflector: the first geometry on the ray and how far
+/// before the reflector it is (m). The tracker itself and what lies within a reflector's radius of
+/// the reflector do not hide it.
+fn hidden_by(
+    simulation: &mut State,
+    tracker: usize,
+    reflector: &Vector3<f64>,
+) -> Option<(String, f64)> {
+    /// A 1.5 inch reflector's radius, and a little (m).
+    const REFLECTOR_M: f64 = 0.025;
+    let (from, _) = simulation.site(tracker);
+    let (tracker_body, _) = simulation.model().site_body(tracker);
+    let ray = from - reflector;
+    let length = ray.norm();
+    let start = reflector + ray * (REFLECTOR_M / length);
+    let (geometry, distance) = simulation.ray(&start, &ray, tracker_body)?;
+    let before_reflector = distance * length + REFLECTOR_M;
+    (before_reflector < length)
+        .then(|| (simulation.model().geometry_name(geometry), before_reflector))
+}

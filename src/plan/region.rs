@@ -1,0 +1,159 @@
+//! The smooth bounds of the feasible region: height, radius and inclination of the tool (Table 3)
+//! and joint torques, with their derivatives.
+
+use nalgebra::Vector3;
+
+use crate::robot::{KinematicState, Load};
+use crate::scenario::Region;
+
+/// One bound of the feasible region.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Bound {
+    /// The tool is at least this high (m).
+    HeightMin(f64),
+    /// The tool is at most this high (m).
+    HeightMax(f64),
+    /// The tool is at least this far from axis 1 (m).
+    RadiusMin(f64),
+    /// The tool is at most this far from axis 1 (m).
+    RadiusMax(f64),
+    /// The tool's z axis rises at most this much over the horizontal (sine of the angle).
+    ElevationMax(f64),
+    /// The tool's z axis falls at most this much below the horizontal (sine of the angle).
+    ElevationMin(f64),
+    /// The torque about a joint is at most this (N m).
+    TorqueMax(usize, f64),
+    /// The torque about a joint is at least minus this (N m).
+    TorqueMin(usize, f64),
+}
+
+/// The bounds that a region sets, the joint ranges apart.
+#[must_use]
+pub fn bounds_of(region: &Region) -> Vec<Bound> {
+    let mut bounds = Vec::new();
+    let [height_min, height_max] = region.tool_height_m;
+    let [radius_min, radius_max] = region.tool_radius_m;
+    bounds.extend(height_min.map(Bound::HeightMin));
+    bounds.extend(height_max.map(Bound::HeightMax));
+    bounds.extend(radius_min.map(Bound::RadiusMin));
+    bounds.extend(radius_max.map(Bound::RadiusMax));
+    if let Some(angle) = region.tool_elevation_max_rad {
+        bounds.push(Bound::ElevationMax(angle.sin()));
+        bounds.push(Bound::ElevationMin(angle.sin()));
+    }
+    for (joint, &torque) in region.joint_torque_max_nm.iter().flatten().enumerate() {
+        bounds.push(Bound::TorqueMax(joint, torque));
+        bounds.push(Bound::TorqueMin(joint, torque));
+    }
+    bounds
+}
+
+impl Bound {
+    /// How far inside the bound a state is: negative is a violation. In m, as a sine, or as a share
+    /// of the largest torque.
+    #[must_use]
+    pub fn margin(&self, state: &KinematicState, load: &Load, gravity: &Vector3<f64>) -> f64 {
+        match *self {
+            Self::HeightMin(bound) => state.tool_position.z - bound,
+            Self::HeightMax(bound) => bound - state.tool_position.z,
+            Self::RadiusMin(bound) => radius(state).norm() - bound,
+            Self::RadiusMax(bound) => bound - radius(state).norm(),
+            Self::ElevationMax(sine) => sine - state.tool_rotation[(2, 2)],
+            Self::ElevationMin(sine) => sine + state.tool_rotation[(2, 2)],
+            Self::TorqueMax(joint, bound) => 1.0 - torque(state, joint, load, gravity) / bound,
+            Self::TorqueMin(joint, bound) => 1.0 + torque(state, joint, load, gravity) / bound,
+        }
+    }
+
+    /// The derivative of the margin with respect to joint `by` (per rad).
+    #[must_use]
+    pub fn derivative(
+        &self,
+        state: &KinematicState,
+        load: &Load,
+        gravity: &Vector3<f64>,
+        by: usize,
+    ) -> f64 {
+        let moved = || state.position_column(by);
+        let outward = || radius(state).normalize().dot(&moved());
+        let z_axis_rises = || {
+            let z_axis = state.tool_rotation.column(2);
+            state.rotation_column(by).cross(&z_axis).z
+        };
+        match *self {
+            Self::HeightMin(_) => moved().z,
+            Self::HeightMax(_) => -moved().z,
+            Self::RadiusMin(_) => outward(),
+            Self::RadiusMax(_) => -outward(),
+            Self::ElevationMax(_) => -z_axis_rises(),
+            Self::ElevationMin(_) => z_axis_rises(),
+            Self::TorqueMax(joint, bound) => {
+                -state.torque_derivative(joint, by, load, gravity) / bound
+            }
+            Self::TorqueMin(joint, bound) => {
+                state.torque_derivative(joint, by, load, gravity) / bound
+            }
+        }
+    }
+
+    /// What is bounded, with the value that a state has, the bound, and the unit, for a person.
+    #[must_use]
+    pub fn describe(
+        &self,
+        state: &KinematicState,
+        load: &Load,
+        gravity: &Vector3<f64>,
+    ) -> (String, f64, f64, &'static str) {
+        let elevation = state.tool_rotation[(2, 2)].clamp(-1.0, 1.0).asin();
+        match *self {
+            Self::HeightMin(bound) | Self::HeightMax(bound) => {
+                let height = state.tool_position.z;
+                ("tool height".to_owned(), height * 1e3, bound * 1e3, "mm")
+            }
+            Self::RadiusMin(bound) | Self::RadiusMax(bound) => {
+                let distance = radius(state).norm();
+                let what = "tool distance from axis 1".to_owned();
+                (what, distance * 1e3, bound * 1e3, "mm")
+            }
+            Self::ElevationMax(sine) => {
+                let bound = sine.asin().to_degrees();
+                (
+                    "tool elevation".to_owned(),
+                    elevation.to_degrees(),
+                    bound,
+                    "deg",
+                )
+            }
+            Self::ElevationMin(sine) => {
+                let bound = -sine.asin().to_degrees();
+                (
+                    "tool elevation".to_owned(),
+                    elevation.to_degrees(),
+                    bound,
+                    "deg",
+                )
+            }
+            Self::TorqueMax(joint, bound) | Self::TorqueMin(joint, bound) => {
+                let torque = torque(state, joint, load, gravity);
+                let bound = bound.copysign(torque);
+                (
+                    format!("torque about joint {}", joint + 1),
+                    torque,
+                    bound,
+                    "N m",
+                )
+            }
+        }
+    }
+}
+
+/// From axis 1 to the tool, at right angles to the axis.
+fn radius(state: &KinematicState) -> Vector3<f64> {
+    let axis = &state.axis[0];
+    let from_anchor = state.tool_position - state.anchor[0];
+    from_anchor - axis * axis.dot(&from_anchor)
+}
+
+fn torque(state: &KinematicState, joint: usize, load: &Load, gravity: &Vector3<f64>) -> f64 {
+    state.load_torque(joint, load) + state.gravity_torque(joint, gravity)
+}

@@ -1,0 +1,21 @@
+//! The search for a plan (eqs. 21, 22) and the certificate of how good it can be.
+//!
+//! - [`observation`](Observer): the observation matrix and its derivatives.
+//! - `local`: the best configuration near a given one, by sequential quadratic programming.
+//! - `sampling`: random feasible experiments.
+//! - `approximate`: the design with continuous weights, whose largest directional derivative bounds
+//!   every plan from below.
+//! - `exact`: plans of whole experiments, by exchange with gradient refinement from many starts.
+
+mod approximate;
+mod exact;
+mod local;
+mod observation;
+mod problem;
+mod sampling;
+
+pub use approximate::{ApproximateDesign, Certificate, approximate_design};
+pub use exact::{ExactDesign, Watch, exact_design};
+pub use observation::Observer;
+pub use problem::{Effort, Problem, SearchError};
+pub use sampling::random_plan;

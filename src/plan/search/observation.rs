@@ -1,0 +1,131 @@
+//! The observation matrix of one experiment with its derivatives, without allocation.
+
+use nalgebra::{Matrix3, Matrix3xX, Vector3};
+
+use crate::plan::ExperimentModel;
+use crate::robot::{KinematicState, Kinematics, Load};
+
+/// Computes A^(p) of experiments, in units that make it dimensionless: compliances relative to
+/// typical ones, deflections relative to sigma.
+#[derive(Debug, Clone)]
+pub struct Observer<'a> {
+    model: ExperimentModel<'a>,
+    /// Typical compliance over sigma, one for each parameter.
+    scale: Vec<f64>,
+    /// The arm's geometry at the last configuration.
+    pub state: KinematicState,
+    /// Column n of the Jacobian's position rows for each parameter.
+    column: Vec<Vector3<f64>>,
+    /// What multiplies the derivatives of the columns, one for each parameter.
+    adjoint: Vec<Vector3<f64>>,
+    twist: Vec<Vector3<f64>>,
+}
+
+impl<'a> Observer<'a> {
+    /// An observer for a model; `typical_rad_per_nm` are typical compliances of the parameters.
+    #[must_use]
+    pub fn new(model: ExperimentModel<'a>, typical_rad_per_nm: &[f64]) -> Self {
+        let parameters = model.parameters.len();
+        Self {
+            scale: typical_rad_per_nm
+                .iter()
+                .map(|compliance| compliance / model.sigma_m)
+                .collect(),
+            state: KinematicState::new(model.chain.len()),
+            column: vec![Vector3::zeros(); parameters],
+            adjoint: vec![Vector3::zeros(); parameters],
+            twist: vec![Vector3::zeros(); parameters],
+            model,
+        }
+    }
+
+    /// The number p of parameters.
+    #[must_use]
+    pub fn parameters(&self) -> usize {
+        self.scale.len()
+    }
+
+    /// The acceleration of gravity (m/s^2).
+    #[must_use]
+    pub fn gravity(&self) -> Vector3<f64> {
+        self.model.chain.gravity_m_s2
+    }
+
+    /// Moves to the joint angles `q` (rad).
+    pub fn move_to(&mut self, q: &[f64]) {
+        self.model
+            .chain
+            .at(self.model.tool)
+            .update(q, &mut self.state);
+        for (column, &joint) in self.column.iter_mut().zip(self.model.parameters) {
+            *column = self.state.position_column(joint);
+        }
+    }
+
+    /// Writes the scaled observation matrix, 3 x p, at the last configuration.
+    pub fn observe(&self, load: &Load, matrix: &mut Matrix3xX<f64>) {
+        for (index, &joint) in self.model.parameters.iter().enumerate() {
+            let torque = self.state.load_torque(joint, load);
+            matrix.set_column(index, &(self.column[index] * (torque * self.scale[index])));
+        }
+    }
+
+    /// Adds the derivative of sum(B * A), taken element by element, with respect to the joint angles
+    /// to `gradient` (n values), in one sweep over the joints.
+    ///
+    /// Column n of A is J_n (J_n . F + z_n . T). With v_n = (J_n . F + z_n . T) B_n + (B_n . J_n) F
+    /// and dJ_n/dq_j = z_j x J_n (j <= n) or z_n x J_j (j > n), the sum over n becomes
+    /// z_j . sum_{n >= j} (J_n x v_n + (B_n . J_n) z_n x T) + J_j . sum_{n < j} (v_n x z_n).
+    pub fn pull_back(&mut self, load: &Load, factor: &Matrix3xX<f64>, gradient: &mut [f64]) {
+        let parameters = self.model.parameters;
+        for (index, &joint) in parameters.iter().enumerate() {
+            let b = factor.column(index) * self.scale[index];
+            let column = &self.column[index];
+            let along = b.dot(column);
+            let v = b * self.state.load_torque(joint, load) + load.force_n * along;
+            let axis = self.state.rotation_column(joint);
+            self.adjoint[index] = column.cross(&v) + axis.cross(&load.torque_nm) * along;
+            self.twist[index] = v.cross(&axis);
+        }
+        let mut index = 0;
+        let mut outer: Vector3<f64> = self.adjoint.iter().sum();
+        let mut inner = Vector3::zeros();
+        for (joint, slope) in gradient.iter_mut().enumerate().take(self.state.joints()) {
+            *slope += self.state.rotation_column(joint).dot(&outer)
+                + self.state.position_column(joint).dot(&inner);
+            if index < parameters.len() && parameters[index] == joint {
+                outer -= self.adjoint[index];
+                inner += self.twist[index];
+                index += 1;
+            }
+        }
+    }
+
+    /// The matrix Q (3 x 3) with sum(B * A) for B = A G equal to F^T Q F: the information that a
+    /// force F at the last configuration gives in the directions G (p x p, symmetric), for loads
+    /// without torque. Its largest eigenvector is the best direction of the force.
+    #[must_use]
+    pub fn force_form(&self, directions: &nalgebra::DMatrix<f64>) -> Matrix3<f64> {
+        let mut form = Matrix3::zeros();
+        for (one, j_one) in self.column.iter().enumerate() {
+            for (other, j_other) in self.column.iter().enumerate() {
+                let weight = directions[(one, other)]
+                    * self.scale[one]
+                    * self.scale[other]
+                    * j_one.dot(j_other);
+                form += j_one * j_other.transpose() * weight;
+            }
+        }
+        (form + form.transpose()) * 0.5
+    }
+
+    /// The derivative of sum(B * A) with respect to the force F.
+    #[must_use]
+    pub fn force_gradient(&self, factor: &Matrix3xX<f64>) -> Vector3<f64> {
+        self.column
+            .iter()
+            .enumerate()
+            .map(|(index, column)| column * (factor.column(index).dot(column) * self.scale[index]))
+            .sum()
+    }
+}

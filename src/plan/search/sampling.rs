@@ -1,0 +1,159 @@
+//! Random feasible experiments.
+
+use rand::{Rng, RngExt};
+use rand_distr::{Distribution, UnitSphere};
+
+use super::local::LocalSearch;
+use super::problem::{LoadChoice, Point, Problem, SearchError};
+use crate::plan::{Criterion, Experiment, Feasibility, Plan};
+use crate::random::generator;
+use crate::robot::Load;
+use crate::scenario::Scenario;
+
+/// Random experiments that are tried before the region is held to be empty.
+const ATTEMPTS: usize = 20_000;
+/// The stream of random numbers that random plans are drawn from.
+const RANDOM_PLAN: u64 = 1 << 63;
+
+/// How many other angles of the joints that do not matter are tried to get clear of an obstacle.
+const VARIANTS: usize = 24;
+
+/// Draws configurations uniformly from the joint ranges, and loads from those that are allowed.
+#[derive(Debug)]
+pub(super) struct Sampler<'a> {
+    problem: &'a Problem<'a>,
+    local: LocalSearch<'a>,
+    feasibility: Feasibility<'a>,
+}
+
+impl<'a> Sampler<'a> {
+    pub fn new(problem: &'a Problem<'a>) -> Self {
+        Self {
+            local: LocalSearch::new(problem),
+            feasibility: Feasibility::new(problem.scenario),
+            problem,
+        }
+    }
+
+    /// A configuration that keeps the smooth bounds and is clear of collisions, with a load; `None`
+    /// after many attempts.
+    pub fn draw(&mut self, random: &mut impl Rng) -> Option<(Vec<f64>, Load)> {
+        (0..ATTEMPTS).find_map(|_| {
+            let q = uniform(&self.problem.ranges, random);
+            let load = self.load(random);
+            (self.local.is_inside(&q, &load) && self.feasibility.is_clear(&q, &load))
+                .then_some((q, load))
+        })
+    }
+
+    /// The same experiment, clear of collisions and in sight: itself, or one that tells the same at
+    /// other angles of the joints that do not matter. `None` where there is none among a fixed set.
+    pub fn clear_variant(&mut self, point: &Point) -> Option<Point> {
+        if self.feasibility.is_clear(&point.q, &point.load) {
+            return Some(point.clone());
+        }
+        let free = &self.problem.indifferent;
+        if free.is_empty() {
+            return None;
+        }
+        let mut random = generator(0, 0);
+        (0..VARIANTS).find_map(|_| {
+            let mut q = point.q.clone();
+            for &joint in free {
+                let (low, high) = self.problem.ranges[joint];
+                q[joint] = low + (high - low) * random.random::<f64>();
+            }
+            (self.local.is_inside(&q, &point.load) && self.feasibility.is_clear(&q, &point.load))
+                .then(|| self.local.point(&q, &point.load))
+        })
+    }
+
+    /// A configuration that keeps the smooth bounds only.
+    pub fn draw_inside(&self, random: &mut impl Rng) -> Option<Vec<f64>> {
+        (0..ATTEMPTS).find_map(|_| {
+            let q = uniform(&self.problem.ranges, random);
+            let load = self.load(random);
+            self.local.is_inside(&q, &load).then_some(q)
+        })
+    }
+
+    /// Why nothing feasible was found: the share of random experiments that each constraint rejects.
+    pub fn explain_empty(&mut self, seed: u64) -> SearchError {
+        const SAMPLES: usize = 2000;
+        let mut random = generator(seed, u64::MAX - 1);
+        let mut rejected: std::collections::BTreeMap<String, usize> = Default::default();
+        for _ in 0..SAMPLES {
+            let q = uniform(&self.problem.ranges, &mut random);
+            let experiment = Experiment {
+                configuration_rad: nalgebra::DVector::from_vec(q),
+                load: self.load(&mut random),
+                repeats: 1,
+            };
+            let mut violations: Vec<_> = self
+                .feasibility
+                .violations_of(1, &experiment)
+                .into_iter()
+                .map(|violation| violation.kind())
+                .collect();
+            violations.sort();
+            violations.dedup();
+            for what in violations {
+                *rejected.entry(what).or_default() += 1;
+            }
+        }
+        let mut counts: Vec<_> = rejected.into_iter().collect();
+        counts.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
+        SearchError::EmptyRegion {
+            samples: SAMPLES,
+            rejections: counts
+                .into_iter()
+                .map(|(what, count)| {
+                    format!(
+                        "{what} rejects {:.1} %",
+                        100.0 * count as f64 / SAMPLES as f64
+                    )
+                })
+                .collect(),
+        }
+    }
+
+    fn load(&self, random: &mut impl Rng) -> Load {
+        match &self.problem.loads {
+            LoadChoice::OneOf(loads) => loads[random.random_range(0..loads.len())],
+            LoadChoice::AnyDirection(size) => {
+                let [x, y, z]: [f64; 3] = UnitSphere.sample(random);
+                Load::force(x * size, y * size, z * size)
+            }
+        }
+    }
+}
+
+/// A random feasible plan: what a laboratory without a plan would measure.
+///
+/// # Errors
+/// No feasible experiment is found.
+pub fn random_plan(scenario: &Scenario, experiments: u32, seed: u64) -> Result<Plan, SearchError> {
+    let problem = Problem::new(scenario, Criterion::TestPose);
+    let mut sampler = Sampler::new(&problem);
+    let mut random = generator(seed, RANDOM_PLAN);
+    let experiments = (0..experiments)
+        .map(|_| {
+            let (q, load) = sampler
+                .draw(&mut random)
+                .ok_or_else(|| sampler.explain_empty(seed))?;
+            Ok(Experiment {
+                configuration_rad: nalgebra::DVector::from_vec(q),
+                load,
+                repeats: 1,
+            })
+        })
+        .collect::<Result<_, _>>()?;
+    Ok(Plan { experiments })
+}
+
+fn uniform(ranges: &[(f64, f64)], random: &mut impl Rng) -> Vec<f64> {
+    ranges
+        .iter()
+        .map(|&(low, high)| low + (high - low) * random.random::<f64>())
+        .collect()
+}
