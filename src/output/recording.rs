@@ -491,7 +491,8 @@ fn bodies(scenario: &Scenario) -> Result<(Vec<Body>, Vec<Body>), CalibrationErro
 
 /// The model's colour, except that of a textured plane, which would be plain white.
 fn colour(geometry: &Geometry) -> [f32; 4] {
-    if geometry.shape == Shape::Plane && geometry.rgba == [1.0; 4] {
+    let white = geometry.rgba.iter().all(|share| *share >= 1.0);
+    if geometry.shape == Shape::Plane && white {
         FLOOR_RGBA
     } else {
         geometry.rgba
