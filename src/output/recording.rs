@@ -151,7 +151,7 @@ impl Step {
         } else {
             format!("{:.3} mm", micrometres * 1e-3)
         };
-        format!("{length} (drawn {} times)", self.enlargement)
+        format!("{length} (drawn {} times as long)", self.enlargement)
     }
 
     /// The load in words: "2500 N", "300 N and 20 N m".

@@ -427,7 +427,12 @@ fn rerun_reads_the_stream() {
     let rows = rows(&rerun(&["rrd", "print"], &path));
     // Three experiments and the test pose twice.
     let steps = 5;
-    for entity in ["/world/force", "/world/deflection", "/text/step"] {
+    for entity in [
+        "/world/force",
+        "/world/deflection",
+        "/world/labels",
+        "/text/step",
+    ] {
         assert_eq!(rows.get(entity), Some(&steps), "{entity}");
     }
     for link in 1..=6 {
@@ -457,14 +462,11 @@ fn rerun_reads_the_stream() {
         "the scenario has no tracker"
     );
 
-    let force = rerun(&["rrd", "print", "-vvv", "--entity", "/world/force"], &path);
-    assert_eq!(force.matches("[2500 N]").count(), 3);
-    assert_eq!(force.matches("[333 N]").count(), 2);
-    let results = rerun(
-        &["rrd", "print", "-vvv", "--entity", "/text/results"],
-        &path,
-    );
-    assert!(results.contains("plan: compliances"));
+    let print = |entity| rerun(&["rrd", "print", "-vvv", "--entity", entity], &path);
+    let labels = print("/world/labels");
+    assert_eq!(labels.matches("2500 N").count(), 3);
+    assert_eq!(labels.matches("333 N").count(), 2);
+    assert!(print("/text/results").contains("plan: compliances"));
 
     // Two files of the same recording differ in the order of the footer's parts at most.
     let again = folder.path().join("again.rrd");

@@ -9,8 +9,8 @@ use std::path::Path;
 use nalgebra::{Isometry3, Vector3};
 use rerun::external::re_log_types::{StoreId, StoreKind};
 use rerun::{
-    Arrows3D, Clear, EntityPath, LineStrips3D, Mesh3D, RecordingInfo, Scalars, SeriesPoints,
-    TextDocument, Transform3D, ViewCoordinates, entity_path,
+    Arrows3D, Clear, EntityPath, LineStrips3D, Mesh3D, Points3D, RecordingInfo, Scalars,
+    SeriesPoints, TextDocument, Transform3D, ViewCoordinates, entity_path,
 };
 use sha2::{Digest, Sha256};
 
@@ -22,6 +22,8 @@ use store::Store;
 const APPLICATION: &str = "elastocal";
 /// The timeline of steps: experiments and test poses, numbered from 1.
 const STEP: &str = "step";
+/// How far labels are from what they name (m).
+const LABEL_AWAY_M: f64 = 0.3;
 /// The timeline of measurements, repeats counted, numbered from 1.
 const MEASUREMENT: &str = "measurement";
 
@@ -131,7 +133,7 @@ fn eye(recording: &Recording) -> Eye {
         ((low + high) / 2.0, (high - low).norm().max(0.5))
     };
     Eye {
-        position_m: target_m + Vector3::new(-0.4, -1.0, 0.35).normalize() * (0.95 * size),
+        position_m: target_m + Vector3::new(-0.4, -1.0, 0.35).normalize() * (0.78 * size),
         target_m,
     }
 }
@@ -251,8 +253,7 @@ fn log_arrows(store: &mut Store, recording: &Recording, step: &Step, number: u32
         let arrow = Arrows3D::from_vectors([single(&force)])
             .with_origins([single(&step.enlarged.tool_m)])
             .with_radii([0.018])
-            .with_colors([FORCE_RGB])
-            .with_labels([step.load_label()]);
+            .with_colors([FORCE_RGB]);
         store.log("world/force", &now, &arrow);
     } else {
         store.log("world/force", &now, &Clear::flat());
@@ -261,9 +262,21 @@ fn log_arrows(store: &mut Store, recording: &Recording, step: &Step, number: u32
     let arrow = Arrows3D::from_vectors([single(&deflection)])
         .with_origins([single(&step.unloaded.tool_m)])
         .with_radii([0.014])
-        .with_colors([DEFLECTION_RGB])
-        .with_labels([step.displacement_label()]);
+        .with_colors([DEFLECTION_RGB]);
     store.log("world/deflection", &now, &arrow);
+
+    // Away from the arrows, where labels would hide them and the arm.
+    let above_tool = step.unloaded.tool_m + Vector3::z() * LABEL_AWAY_M;
+    let mut labels = vec![(above_tool, DEFLECTION_RGB, step.displacement_label())];
+    if let Some(force) = recording.force_arrow_m(step) {
+        let behind_tip = step.enlarged.tool_m + force + force.normalize() * (LABEL_AWAY_M / 2.5);
+        labels.push((behind_tip, FORCE_RGB, step.load_label()));
+    }
+    let points = Points3D::new(labels.iter().map(|(place, _, _)| single(place)))
+        .with_radii([0.0])
+        .with_colors(labels.iter().map(|(_, colour, _)| *colour))
+        .with_labels(labels.iter().map(|(_, _, text)| text.as_str()));
+    store.log("world/labels", &now, &points);
 }
 
 /// The tracker's line to the reflector, which only the calibration tool has.
