@@ -3,7 +3,10 @@
 //! - [`messages`]: the JSON records that `--json`, results.json and the MCAP file share.
 //! - [`recording`]: the robot in every experiment and test pose, for both recordings.
 //! - [`mesh`]: the model's shapes as triangles.
+//! - [`rerun_file`], [`mcap_file`]: the recordings.
 
+pub mod mcap_file;
 pub mod mesh;
 pub mod messages;
 pub mod recording;
+pub mod rerun_file;

@@ -8,7 +8,7 @@ use nalgebra::{DVector, Isometry3, Vector3};
 use super::mesh::Mesh;
 use super::messages::{CalibrationMessage, ProvenanceMessage};
 use crate::calibration::{Calibration, CalibrationError};
-use crate::mujoco::{Geometry, Model, State};
+use crate::mujoco::{Geometry, Model, Shape, State};
 use crate::robot::{EquilibriumError, Load};
 use crate::scenario::{Scenario, TestPose};
 use crate::testbed::{MeasurementError, VirtualRobot};
@@ -18,7 +18,11 @@ const LAST_SHOWN_GROUP: i32 = 2;
 /// The group of the tool that is not mounted; drawn where that tool is at work.
 const UNMOUNTED_GROUP: i32 = 3;
 /// The largest deflection of experiments, and that of test poses, is drawn about this long (m).
-const DRAWN_DEFLECTION_M: f64 = 0.15;
+const DRAWN_DEFLECTION_M: f64 = 0.25;
+/// The largest force in experiments, and that in test poses, is drawn this long (m).
+const FORCE_ARROW_M: f64 = 0.6;
+/// What a plane looks like if its colour comes from a texture, which is not drawn.
+const FLOOR_RGBA: [f32; 4] = [0.60, 0.62, 0.65, 1.0];
 
 /// One calibration or several of one scenario, ready to be written.
 #[derive(Debug, Clone)]
@@ -138,6 +142,29 @@ impl Step {
         }
     }
 
+    /// The deflection of the tool as it is drawn, in words.
+    #[must_use]
+    pub fn displacement_label(&self) -> String {
+        let micrometres = self.displacement_m().norm() * 1e6;
+        let length = if micrometres < 100.0 {
+            format!("{micrometres:.1} µm")
+        } else {
+            format!("{:.3} mm", micrometres * 1e-3)
+        };
+        format!("{length} (drawn {} times as long)", self.enlargement)
+    }
+
+    /// The load in words: "2500 N", "300 N and 20 N m".
+    #[must_use]
+    pub fn load_label(&self) -> String {
+        let (force, torque) = (self.load.force_n.norm(), self.load.torque_nm.norm());
+        match (force > 0.0, torque > 0.0) {
+            (_, false) => format!("{force:.0} N"),
+            (false, true) => format!("{torque:.0} N m"),
+            (true, true) => format!("{force:.0} N and {torque:.0} N m"),
+        }
+    }
+
     /// Loaded minus unloaded position of the tool (m), true to scale and without noise.
     #[must_use]
     pub fn displacement_m(&self) -> Vector3<f64> {
@@ -207,6 +234,18 @@ impl Recording {
                 .map(|site| stage.state.site(site).0),
             calibrations: recorded,
         })
+    }
+
+    /// The force of a step as an arrow (m), if there is one: the largest of all steps with the same
+    /// tool has a fixed length.
+    #[must_use]
+    pub fn force_arrow_m(&self, step: &Step) -> Option<Vector3<f64>> {
+        let largest_n = self
+            .steps()
+            .filter(|(_, _, other)| other.tool() == step.tool())
+            .map(|(_, _, other)| other.load.force_n.norm())
+            .fold(0.0, f64::max);
+        (step.load.force_n.norm() > 0.0).then(|| step.load.force_n * (FORCE_ARROW_M / largest_n))
     }
 
     /// Every step of every calibration, numbered from 1 in the order in which they are shown.
@@ -371,14 +410,14 @@ fn enlarge(
     Ok(())
 }
 
-/// The nearest of 1, 2, 5, 10, 20, 50 and so on; 1 where there is nothing to enlarge.
+/// The nearest of 1, 2, 3, 5, 10, 20, 30, 50 and so on; 1 where there is nothing to enlarge.
 fn round_factor(factor: f64) -> f64 {
     if !factor.is_finite() || factor <= 1.0 {
         return 1.0;
     }
     let decade = 10_f64.powf(factor.log10().floor());
     let apart = |candidate: f64| (candidate / factor).ln().abs();
-    [1.0, 2.0, 5.0, 10.0]
+    [1.0, 2.0, 3.0, 5.0, 10.0]
         .map(|step| step * decade)
         .into_iter()
         .min_by(|a, b| apart(*a).total_cmp(&apart(*b)))
@@ -431,7 +470,7 @@ fn bodies(scenario: &Scenario) -> Result<(Vec<Body>, Vec<Body>), CalibrationErro
             .iter()
             .filter(shown)
             .map(|each| Surface {
-                rgba: each.rgba,
+                rgba: colour(each),
                 mesh: Mesh::new(&each.shape)
                     .transformed(&world_from_frame.inv_mul(&state.geometry_pose(each.id))),
             })
@@ -448,6 +487,16 @@ fn bodies(scenario: &Scenario) -> Result<(Vec<Body>, Vec<Body>), CalibrationErro
         if moves { &mut links } else { &mut surroundings }.push(body);
     }
     Ok((surroundings, links))
+}
+
+/// The model's colour, except that of a textured plane, which would be plain white.
+fn colour(geometry: &Geometry) -> [f32; 4] {
+    let white = geometry.rgba.iter().all(|share| *share >= 1.0);
+    if geometry.shape == Shape::Plane && white {
+        FLOOR_RGBA
+    } else {
+        geometry.rgba
+    }
 }
 
 /// Whether a joint moves the body.
@@ -481,7 +530,7 @@ mod tests {
     fn factors_are_round() {
         assert_eq!(round_factor(18.3), 20.0);
         assert_eq!(round_factor(145.0), 200.0);
-        assert_eq!(round_factor(3.3), 5.0);
+        assert_eq!(round_factor(3.3), 3.0);
         assert_eq!(round_factor(0.2), 1.0);
         assert_eq!(round_factor(f64::INFINITY), 1.0);
     }

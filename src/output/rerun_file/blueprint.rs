@@ -1,0 +1,158 @@
+//! How the viewer shows a recording: the robot large, text and curves beside it.
+//!
+//! The SDK's own blueprint types give no hold of the eye, so the archetypes are logged directly.
+
+use nalgebra::Vector3;
+use rerun::blueprint::components::{
+    BackgroundKind, ColumnShare, ContainerKind, Eye3DKind, IncludedContent, PanelState,
+    QueryExpression, RootContainer, RowShare, ViewClass,
+};
+use rerun::components::{Name, Visible};
+use rerun::datatypes::{Bool, Float32, Uuid};
+use rerun::external::re_sdk_types::blueprint::archetypes::TimePanelBlueprint;
+use rerun::external::re_sdk_types::blueprint::archetypes::{
+    Background, ContainerBlueprint, EyeControls3D, LineGrid3D, PanelBlueprint, ViewBlueprint,
+    ViewContents, ViewportBlueprint,
+};
+
+use super::store::Store;
+
+/// From where the scene is seen.
+pub(super) struct Eye {
+    /// The eye's place (m).
+    pub(super) position_m: Vector3<f64>,
+    /// What it looks at (m).
+    pub(super) target_m: Vector3<f64>,
+}
+
+/// A part of the window.
+pub(super) enum Area {
+    /// Areas side by side, with their shares of the width.
+    Row(Vec<(f32, Area)>),
+    /// Areas below one another, with their shares of the height.
+    Column(Vec<(f32, Area)>),
+    /// Areas of which one is seen at a time.
+    Tabs(Vec<Area>),
+    /// A view of a kind with its name and the entities that it shows.
+    View(&'static str, String, String),
+}
+
+/// The kinds of views.
+pub(super) const SPACE: &str = "3D";
+pub(super) const TEXT: &str = "TextDocument";
+pub(super) const CURVES: &str = "TimeSeries";
+
+/// Writes the blueprint into its store.
+pub(super) fn lay_out(store: &mut Store, root: &Area, eye: &Eye, timeline: &str) {
+    let mut layout = Layout {
+        store,
+        eye,
+        count: 0,
+    };
+    let (_, id) = layout.add(root);
+    let viewport = ViewportBlueprint::new()
+        .with_root_container(RootContainer(Uuid { bytes: id }))
+        .with_auto_layout(false)
+        .with_auto_views(false);
+    layout.log("viewport", &viewport);
+    let hidden = PanelBlueprint::new().with_state(PanelState::Hidden);
+    layout.log("blueprint_panel", &hidden);
+    layout.log("selection_panel", &hidden);
+    let time_panel = TimePanelBlueprint::new()
+        .with_state(PanelState::Collapsed)
+        .with_timeline(timeline)
+        .with_fps(0.5);
+    layout.log("time_panel", &time_panel);
+}
+
+struct Layout<'a> {
+    store: &'a mut Store,
+    eye: &'a Eye,
+    count: u8,
+}
+
+impl Layout<'_> {
+    fn log(&mut self, path: &str, what: &dyn rerun::AsComponents) {
+        self.store.log(path, &[("blueprint", 0)], what);
+    }
+
+    /// Adds an area with all that is in it; gives its path in the blueprint and its identifier.
+    fn add(&mut self, area: &Area) -> (String, [u8; 16]) {
+        self.count += 1;
+        let mut id = [0; 16];
+        // The viewer wants identifiers to look random (version 4).
+        (id[0], id[6], id[8]) = (self.count, 0x40, 0x80);
+        let text = format!("{:02x}000000-0000-4000-8000-000000000000", self.count);
+        let path = match area {
+            Area::View(class, name, content) => {
+                let path = format!("view/{text}");
+                self.add_view(&path, class, name, content);
+                path
+            }
+            Area::Row(areas) => {
+                let path = format!("container/{text}");
+                let content = self.add_all(areas.iter().map(|(_, area)| area));
+                let container = ContainerBlueprint::new(ContainerKind::Horizontal)
+                    .with_contents(content)
+                    .with_col_shares(areas.iter().map(|(share, _)| ColumnShare(Float32(*share))));
+                self.log(&path, &container);
+                path
+            }
+            Area::Column(areas) => {
+                let path = format!("container/{text}");
+                let content = self.add_all(areas.iter().map(|(_, area)| area));
+                let container = ContainerBlueprint::new(ContainerKind::Vertical)
+                    .with_contents(content)
+                    .with_row_shares(areas.iter().map(|(share, _)| RowShare(Float32(*share))));
+                self.log(&path, &container);
+                path
+            }
+            Area::Tabs(areas) => {
+                let path = format!("container/{text}");
+                let content = self.add_all(areas);
+                let first = content[0].clone();
+                let container = ContainerBlueprint::new(ContainerKind::Tabs)
+                    .with_contents(content)
+                    .with_active_tab(rerun::blueprint::components::ActiveTab(first.0));
+                self.log(&path, &container);
+                path
+            }
+        };
+        (path, id)
+    }
+
+    fn add_all<'a>(&mut self, areas: impl IntoIterator<Item = &'a Area>) -> Vec<IncludedContent> {
+        areas
+            .into_iter()
+            .map(|area| IncludedContent(self.add(area).0.as_str().into()))
+            .collect()
+    }
+
+    fn add_view(&mut self, path: &str, class: &'static str, name: &str, content: &str) {
+        let view = ViewBlueprint::new(ViewClass(class.into()))
+            .with_display_name(Name(name.into()))
+            .with_space_origin(content.trim_end_matches("/**"))
+            .with_visible(Visible(Bool(true)));
+        self.log(path, &view);
+        let contents = ViewContents::new([QueryExpression(content.into())]);
+        self.log(&format!("{path}/ViewContents"), &contents);
+        if class == SPACE {
+            let eye = EyeControls3D::new()
+                .with_kind(Eye3DKind::Orbital)
+                .with_position(single(&self.eye.position_m))
+                .with_look_target(single(&self.eye.target_m))
+                .with_eye_up([0.0, 0.0, 1.0]);
+            self.log(&format!("{path}/EyeControls3D"), &eye);
+            let background =
+                Background::new(BackgroundKind::SolidColor).with_color([222, 228, 234]);
+            self.log(&format!("{path}/Background"), &background);
+            let grid = LineGrid3D::new().with_visible(false);
+            self.log(&format!("{path}/LineGrid3D"), &grid);
+        }
+    }
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "for drawing")]
+fn single(vector: &Vector3<f64>) -> [f32; 3] {
+    (*vector).map(|value| value as f32).into()
+}
