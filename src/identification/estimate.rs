@@ -44,7 +44,7 @@ pub enum IdentificationError {
         rank: usize,
     },
     /// The nominal model has no equilibrium where one was measured.
-    #[error("measurement {measurement}: the nominal model has {source}")]
+    #[error("measurement {measurement}: with the compliances that fit so far, {source}")]
     Equilibrium {
         /// The measurement's number, from 1.
         measurement: usize,
