@@ -126,7 +126,13 @@ impl Command {
 impl Common {
     /// Loads the scenario, with the seed replaced where one is given.
     fn load(&self) -> anyhow::Result<Scenario> {
-        let mut scenario = Scenario::load(&self.scenario)?;
+        let mut scenario = Scenario::load(&self.scenario).map_err(|error| {
+            if self.scenario.exists() {
+                error
+            } else {
+                error.hint("give the path of a scenario file after the command")
+            }
+        })?;
         if let Some(seed) = self.seed {
             scenario.seed = seed;
         }
@@ -160,7 +166,14 @@ fn print(text: &str) -> anyhow::Result<()> {
 
 /// Prints an error and, on a line of its own, what to do about it.
 pub fn explain(error: &anyhow::Error) {
-    eprintln!("error: {error:#}");
+    let mut text = error.to_string();
+    for cause in error.chain().skip(1).map(ToString::to_string) {
+        // Most errors name their cause themselves.
+        if !text.contains(&cause) {
+            text += &format!(": {cause}");
+        }
+    }
+    eprintln!("error: {text}");
     let hint = error
         .downcast_ref::<FileError>()
         .and_then(|error| error.hint.as_deref());
