@@ -85,6 +85,7 @@ impl Arguments {
     /// Runs the command and prints its results. Returns the conditions that did not hold.
     pub fn execute(&self) -> anyhow::Result<Vec<String>> {
         let common = self.command.common();
+        elastocal::mujoco::print_warnings(!common.quiet);
         if let Some(threads) = common.threads {
             rayon::ThreadPoolBuilder::new()
                 .num_threads(usize::from(threads))
