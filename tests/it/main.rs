@@ -2,9 +2,15 @@
 //!
 //! - `published`: numbers that the paper prints, with the tolerance that its printing supports.
 //! - `judges`: the analytic model and MuJoCo judge each other.
+//! - `recovery`: known compliances come back, and hand-computed small cases.
+//! - `uncertainty`: the promised uncertainties are seen over many seeded runs.
+//! - `identifiability`: what measurements cannot tell is named.
 //! - `bad_input`: wrong inputs, seen from outside the process.
 
 mod bad_input;
+mod identifiability;
 mod judges;
 mod published;
+mod recovery;
 mod support;
+mod uncertainty;
