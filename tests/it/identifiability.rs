@@ -87,7 +87,7 @@ fn an_unidentifiable_joint_ends_with_code_3_and_null() {
 }
 
 /// Two hinges on one axis: only the sum of their compliances shows. A third turns across.
-const TWINS: &str = r#"<mujoco model="twins"><worldbody>
+pub const TWINS: &str = r#"<mujoco model="twins"><worldbody>
   <body name="a" pos="0 0 1"><inertial pos="0.5 0 0" mass="10" diaginertia="1 1 1"/>
     <joint name="first" axis="0 1 0"/>
     <joint name="second" axis="0 1 0"/>
@@ -98,7 +98,7 @@ const TWINS: &str = r#"<mujoco model="twins"><worldbody>
   </body>
 </worldbody></mujoco>"#;
 
-const TWINS_SCENARIO: &str = r#"
+pub const TWINS_SCENARIO: &str = r#"
 [robot]
 model = "twins.xml"
 calibration_site = "tcp"

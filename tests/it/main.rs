@@ -5,9 +5,11 @@
 //! - `recovery`: known compliances come back, and hand-computed small cases.
 //! - `uncertainty`: the promised uncertainties are seen over many seeded runs.
 //! - `identifiability`: what measurements cannot tell is named.
+//! - `command_line`: the commands, seen from outside the process.
 //! - `bad_input`: wrong inputs, seen from outside the process.
 
 mod bad_input;
+mod command_line;
 mod identifiability;
 mod judges;
 mod published;
