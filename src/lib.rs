@@ -12,3 +12,4 @@ pub mod random;
 pub mod robot;
 pub mod scenario;
 pub mod testbed;
+pub mod units;

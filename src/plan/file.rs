@@ -7,6 +7,7 @@ use nalgebra::DVector;
 use super::{Experiment, Plan};
 use crate::files::{FileError, read_text, write_whole};
 use crate::robot::Load;
+use crate::units::degrees;
 
 /// The columns that name a configuration and a load, for an arm of n joints.
 #[must_use]
@@ -231,7 +232,7 @@ pub fn read_plan(path: &Path, joints: usize) -> Result<Plan, FileError> {
 pub fn experiment_fields(configuration_rad: &DVector<f64>, load: &Load) -> Vec<String> {
     configuration_rad
         .iter()
-        .map(|angle| angle.to_degrees())
+        .map(|&angle| degrees(angle))
         .chain(load.wrench().iter().copied())
         .map(|value| value.to_string())
         .collect()
