@@ -4,14 +4,16 @@
 #[must_use]
 pub fn degrees(angle_rad: f64) -> f64 {
     shortest(angle_rad.to_degrees(), |written| {
-        written.to_radians() == angle_rad
+        written.to_radians().to_bits() == angle_rad.to_bits()
     })
 }
 
 /// Thousandths of a unit (mm for m, mrad for rad) for a value that is read as these times 1e-3.
 #[must_use]
 pub fn thousandths(value: f64) -> f64 {
-    shortest(value * 1e3, |written| written * 1e-3 == value)
+    shortest(value * 1e3, |written| {
+        (written * 1e-3).to_bits() == value.to_bits()
+    })
 }
 
 /// Of the numbers next to `near` that are read back right, the one with the shortest decimal form.

@@ -339,6 +339,29 @@ fn wrong_measurements() {
     assert_none(&wrong);
 }
 
+/// A robot too soft for its own weight, or for the load.
+#[test]
+fn robots_that_give_way() {
+    let workplace = Workplace::new();
+    workplace.write("plan.csv", PLAN);
+    let with_compliance = |table: &str, value: &str| {
+        let table = format!(
+            "{table}\ncompliance_rad_per_nm = [{}]\n",
+            [value; 6].join(", ")
+        );
+        workplace.write("soft.toml", scenario_text("klimchik2012") + &table);
+    };
+    let mut wrong = Vec::new();
+    let measure = "measure soft.toml --plan plan.csv --measurements-out m.csv";
+    with_compliance("[true_robot]", "1e-3");
+    let says = ["plan.csv: experiment 1, unloaded: no static equilibrium: joint "];
+    wrong.extend(complaints(&workplace, measure, &says, None));
+    with_compliance("[true_robot]", "1e-4");
+    let says = ["plan.csv: experiment 1, loaded: no static equilibrium: joint "];
+    wrong.extend(complaints(&workplace, measure, &says, None));
+    assert_none(&wrong);
+}
+
 #[test]
 fn sigma_from_no_residuals() {
     let workplace = Workplace::new();

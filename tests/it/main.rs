@@ -6,12 +6,14 @@
 //! - `uncertainty`: the promised uncertainties are seen over many seeded runs.
 //! - `identifiability`: what measurements cannot tell is named.
 //! - `command_line`: the commands, seen from outside the process.
+//! - `properties`: what holds whatever the numbers are; derivatives against differences.
 //! - `bad_input`: wrong inputs, seen from outside the process.
 
 mod bad_input;
 mod command_line;
 mod identifiability;
 mod judges;
+mod properties;
 mod published;
 mod recovery;
 mod support;

@@ -110,7 +110,7 @@ pub struct Outcome {
 impl Outcome {
     /// Asserts the exit code.
     pub fn ends_with(self, code: i32) -> Self {
-        assert_eq!(self.code, Some(code), "{self:#?}");
+        assert_eq!(self.code, Some(code), "{}: {self:#?}", self.arguments);
         self
     }
 
