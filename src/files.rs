@@ -90,7 +90,10 @@ pub fn check_writable(path: &Path) -> Result<(), FileError> {
 }
 
 fn cannot_write(path: &Path, error: &std::io::Error) -> FileError {
-    FileError::new(path, format!("cannot be written: {error}"))
+    // The temporary file, which is named behind what the system says, is nothing to users.
+    let text = error.to_string();
+    let cause = text.split(" at path ").next().unwrap_or_default();
+    FileError::new(path, format!("cannot be written: {cause}"))
         .hint("give a place where you may write, with --out or the option that names the file")
 }
 
