@@ -33,6 +33,8 @@ fn complaints(
         (Some(hint), Some(line)) => line.starts_with("hint: ") && line.contains(hint),
         (expected, found) => expected == found,
     };
+    let names_temporary = error.contains("/.tmp");
+    expect(!names_temporary, "a temporary file is named".into());
     expect(hint_is_right, format!("the hint is not {hint:?}"));
     expect(lines.next().is_none(), "more lines on stderr".into());
     let after = workplace.listing();

@@ -144,6 +144,7 @@ fn joints_that_cannot_be_told_apart_are_both_named() {
         let found = identified(&scenario, &measurements, known(&scenario), method);
         assert_eq!(found.unidentifiable(), ["first", "second"], "{method:?}");
         assert_eq!(found.rank, 2);
+        assert_eq!(found.compliance_rad_per_nm[..2], [1e-6, 2e-6], "nominal");
         assert!(found.condition.is_finite());
         let third = found.parameters[2].estimate.expect("determined");
         assert!(
