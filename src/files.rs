@@ -54,14 +54,8 @@ pub fn read_text(path: &Path) -> Result<String, FileError> {
     if path.is_dir() {
         return Err(FileError::new(path, "is a folder; a file is needed"));
     }
-    let bytes = std::fs::read(path).map_err(|error| {
-        let wrong = FileError::new(path, format!("cannot be read: {error}"));
-        if error.kind() == std::io::ErrorKind::NotFound {
-            wrong.hint("paths inside a scenario are relative to the scenario's folder")
-        } else {
-            wrong
-        }
-    })?;
+    let bytes = std::fs::read(path)
+        .map_err(|error| FileError::new(path, format!("cannot be read: {error}")))?;
     String::from_utf8(bytes).map_err(|error| {
         let valid = &error.as_bytes()[..error.utf8_error().valid_up_to()];
         let line = 1 + valid.iter().filter(|&&byte| byte == b'\n').count();
@@ -77,14 +71,30 @@ pub fn read_text(path: &Path) -> Result<String, FileError> {
 /// # Errors
 /// The folder does not exist or cannot be written, the disk is full, or the path is a folder.
 pub fn write_whole(path: &Path, content: &[u8]) -> Result<(), FileError> {
-    let cannot = |error: &std::io::Error| {
-        FileError::new(path, format!("cannot be written: {error}"))
-            .hint("give a place where you may write, with --out or the option that names the file")
-    };
-    let folder = folder_of(path);
-    let mut file = tempfile::NamedTempFile::new_in(folder).map_err(|error| cannot(&error))?;
-    file.write_all(content).map_err(|error| cannot(&error))?;
+    let mut file = temporary_beside(path)?;
+    file.write_all(content)
+        .map_err(|error| cannot_write(path, &error))?;
     publish(file, path)
+}
+
+/// Finds out before the work is done whether its result can be written.
+///
+/// # Errors
+/// The folder does not exist or cannot be written, or the path is a folder.
+pub fn check_writable(path: &Path) -> Result<(), FileError> {
+    if path.is_dir() {
+        let folder = std::io::Error::from(std::io::ErrorKind::IsADirectory);
+        return Err(cannot_write(path, &folder));
+    }
+    temporary_beside(path).map(drop)
+}
+
+fn cannot_write(path: &Path, error: &std::io::Error) -> FileError {
+    // The temporary file, which is named behind what the system says, is nothing to users.
+    let text = error.to_string();
+    let cause = text.split(" at path ").next().unwrap_or_default();
+    FileError::new(path, format!("cannot be written: {cause}"))
+        .hint("give a place where you may write, with --out or the option that names the file")
 }
 
 /// A temporary file in the folder of `path`, for writers that need a file to write to; it becomes
@@ -93,8 +103,8 @@ pub fn write_whole(path: &Path, content: &[u8]) -> Result<(), FileError> {
 /// # Errors
 /// The folder does not exist or cannot be written.
 pub fn temporary_beside(path: &Path) -> Result<tempfile::NamedTempFile, FileError> {
-    tempfile::NamedTempFile::new_in(folder_of(path))
-        .map_err(|error| FileError::new(path, format!("cannot be written: {error}")))
+    let io_error = |error| cannot_write(path, &error);
+    tempfile::NamedTempFile::new_in(folder_of(path)).map_err(io_error)
 }
 
 /// Puts a finished temporary file in its place, readable as a new file would be.
@@ -108,11 +118,11 @@ pub fn publish(file: tempfile::NamedTempFile, path: &Path) -> Result<(), FileErr
         let permissions = std::fs::Permissions::from_mode(0o644);
         file.as_file()
             .set_permissions(permissions)
-            .map_err(|error| FileError::new(path, format!("cannot be written: {error}")))?;
+            .map_err(|error| cannot_write(path, &error))?;
     }
     file.persist(path)
         .map(drop)
-        .map_err(|error| FileError::new(path, format!("cannot be written: {}", error.error)))
+        .map_err(|error| cannot_write(path, &error.error))
 }
 
 /// Makes a folder with its parents.

@@ -13,3 +13,4 @@ pub mod robot;
 pub mod scenario;
 pub mod testbed;
 pub mod study;
+pub mod units;

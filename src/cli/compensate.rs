@@ -81,10 +81,16 @@ fn read_identified(
     scenario: &Scenario,
 ) -> Result<(Vec<f64>, nalgebra::DMatrix<f64>), FileError> {
     let text = read_text(path)?;
-    let message: IdentificationMessage = serde_json::from_str(&text).map_err(|error| {
-        FileError::new(path, error.to_string())
-            .hint("the file must be one that `elastocal identify --identified-out` wrote")
-    })?;
+    let reader = &mut serde_json::Deserializer::from_str(&text);
+    let message: IdentificationMessage =
+        serde_path_to_error::deserialize(reader).map_err(|error| {
+            let wrong = FileError::new(path, error.inner().to_string())
+                .hint("the file must be one that `elastocal identify --identified-out` wrote");
+            match error.path().to_string().as_str() {
+                "." => wrong,
+                key => wrong.at(key),
+            }
+        })?;
     let expected = scenario.parameter_names();
     if message.parameters != expected {
         let problem = format!(

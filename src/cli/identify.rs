@@ -1,10 +1,10 @@
 //! `identify`: compliances from measurements.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
-use elastocal::files::write_whole;
-use elastocal::identification::{Identification, Sigma, identify};
+use elastocal::files::{FileError, check_writable, write_whole};
+use elastocal::identification::{Identification, IdentificationError, Sigma, identify};
 use elastocal::measurement::read_measurements;
 use elastocal::output::messages::{IdentificationMessage, ProvenanceMessage};
 use elastocal::scenario::Method;
@@ -37,6 +37,9 @@ impl Identify {
     pub fn execute(&self) -> anyhow::Result<Report> {
         let scenario = self.common.load()?;
         let measurements = read_measurements(&self.measurements, scenario.joints())?;
+        self.identified_out
+            .as_deref()
+            .map_or(Ok(()), check_writable)?;
         let method = self.method.unwrap_or(scenario.method);
         self.common.say(&format!(
             "identifying {} from {} measurements",
@@ -55,7 +58,8 @@ impl Identify {
             &measurements,
             sigma,
             method,
-        )?;
+        )
+        .map_err(|error| explained(&self.measurements, &error))?;
         let mut json = json!({ "provenance": ProvenanceMessage::new(&scenario) });
         let message = IdentificationMessage::from(&identification);
         merge(&mut json, serde_json::to_value(&message)?);
@@ -72,6 +76,18 @@ impl Identify {
             text,
             conditions: conditions(&identification),
         })
+    }
+}
+
+fn explained(file: &Path, error: &IdentificationError) -> FileError {
+    let wrong = FileError::new(file, error.to_string());
+    match error {
+        IdentificationError::Equilibrium { .. } | IdentificationError::NotConverged { .. } => wrong
+            .hint("check signs, units and frames of deflections and loads, or try --method linear"),
+        IdentificationError::NoResiduals { .. } => {
+            wrong.hint("measure more, or leave out --sigma-from-residuals")
+        }
+        _ => wrong,
     }
 }
 

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use elastocal::files::{FileError, check_writable};
 use elastocal::measurement::write_measurements;
 use elastocal::output::messages::{MeasurementMessage, ProvenanceMessage};
 use elastocal::plan::read_plan;
@@ -33,6 +34,9 @@ impl Measure {
     pub fn execute(&self) -> anyhow::Result<Report> {
         let scenario = self.common.load()?;
         let plan = read_plan(&self.plan, scenario.joints())?;
+        self.measurements_out
+            .as_deref()
+            .map_or(Ok(()), check_writable)?;
         self.common.say(&format!(
             "measuring {} experiments on the virtual robot {}",
             plan.measurements(),
@@ -41,11 +45,13 @@ impl Measure {
         let site = &scenario.calibration_tool.name;
         let mut robot = VirtualRobot::new(&scenario.true_robot, site)?;
         let measurements = if self.noise_free {
-            robot.measure_noise_free(&plan, &scenario.instrument)?
+            robot.measure_noise_free(&plan, &scenario.instrument)
         } else {
             let mut noise = generator(scenario.seed, 0);
-            robot.measure(&plan, &scenario.instrument, &mut noise)?
+            robot.measure(&plan, &scenario.instrument, &mut noise)
         };
+        let measurements =
+            measurements.map_err(|error| FileError::new(&self.plan, error.to_string()))?;
         let rows: Vec<Vec<String>> = measurements
             .iter()
             .enumerate()

@@ -85,6 +85,7 @@ impl Arguments {
     /// Runs the command and prints its results. Returns the conditions that did not hold.
     pub fn execute(&self) -> anyhow::Result<Vec<String>> {
         let common = self.command.common();
+        elastocal::mujoco::print_warnings(!common.quiet);
         if let Some(threads) = common.threads {
             rayon::ThreadPoolBuilder::new()
                 .num_threads(usize::from(threads))
@@ -126,7 +127,13 @@ impl Command {
 impl Common {
     /// Loads the scenario, with the seed replaced where one is given.
     fn load(&self) -> anyhow::Result<Scenario> {
-        let mut scenario = Scenario::load(&self.scenario)?;
+        let mut scenario = Scenario::load(&self.scenario).map_err(|error| {
+            if self.scenario.exists() {
+                error
+            } else {
+                error.hint("give the path of a scenario file after the command")
+            }
+        })?;
         if let Some(seed) = self.seed {
             scenario.seed = seed;
         }
@@ -160,7 +167,14 @@ fn print(text: &str) -> anyhow::Result<()> {
 
 /// Prints an error and, on a line of its own, what to do about it.
 pub fn explain(error: &anyhow::Error) {
-    eprintln!("error: {error:#}");
+    let mut text = error.to_string();
+    for cause in error.chain().skip(1).map(ToString::to_string) {
+        // Most errors name their cause themselves.
+        if !text.contains(&cause) {
+            text += &format!(": {cause}");
+        }
+    }
+    eprintln!("error: {text}");
     let hint = error
         .downcast_ref::<FileError>()
         .and_then(|error| error.hint.as_deref());

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use clap::Args;
+use elastocal::files::check_writable;
 use elastocal::output::messages::{AssessmentMessage, ProvenanceMessage, plan_messages};
 use elastocal::plan::search::{
     ApproximateDesign, ExactDesign, Problem, Watch, approximate_design, exact_design,
@@ -91,6 +92,7 @@ pub fn design(
 impl PlanCommand {
     pub fn execute(&self) -> anyhow::Result<Report> {
         let mut scenario = self.common.load()?;
+        self.plan_out.as_deref().map_or(Ok(()), check_writable)?;
         if let Some(experiments) = self.experiments {
             scenario.design.experiments = experiments;
             scenario.design.configurations = None;

@@ -115,6 +115,9 @@ fn results(scenario: &Scenario, entries: &[Entry], elapsed_s: f64) -> anyhow::Re
         "elapsed_s": elapsed_s,
         "measurements": measurements,
     });
+    // The order matters where keys coincide: rho0_mm is what the plan promises, and the standard
+    // errors are those of the identification.
+    merge(&mut json, serde_json::to_value(&messages[0].test_poses[0])?);
     merge(
         &mut json,
         serde_json::to_value(AssessmentMessage::new(scenario, &main.assessment))?,
@@ -123,7 +126,6 @@ fn results(scenario: &Scenario, entries: &[Entry], elapsed_s: f64) -> anyhow::Re
         &mut json,
         serde_json::to_value(&messages[0].identification)?,
     );
-    merge(&mut json, serde_json::to_value(&messages[0].test_poses[0])?);
     let mut plans = Vec::new();
     for (entry, message) in entries.iter().zip(&messages) {
         let mut plan = serde_json::to_value(message)?;

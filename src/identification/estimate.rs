@@ -44,7 +44,7 @@ pub enum IdentificationError {
         rank: usize,
     },
     /// The nominal model has no equilibrium where one was measured.
-    #[error("measurement {measurement}: the nominal model has {source}")]
+    #[error("measurement {measurement}: with the compliances that fit so far, {source}")]
     Equilibrium {
         /// The measurement's number, from 1.
         measurement: usize,
@@ -200,7 +200,8 @@ fn fit_linear(observations: &Observations<'_>, nominal: &Robot) -> Fit {
 }
 
 /// Gauss-Newton from the linear estimate; directions that the data do not determine stay as they
-/// are.
+/// are. A compliance of which only a combination with others is determined moves with that, so that
+/// the residuals are those of the best fit, but is then reported with its nominal value.
 fn fit_nonlinear(
     observations: &Observations<'_>,
     nominal: &Robot,
@@ -213,6 +214,11 @@ fn fit_nonlinear(
         let least_squares =
             LeastSquares::solve(&equations.matrix, &equations.right_hand_side, &typical);
         if change <= CONVERGED {
+            for (index, &joint) in observations.parameters.iter().enumerate() {
+                if !least_squares.determined[index] {
+                    compliance[joint] = nominal.compliance_rad_per_nm[joint];
+                }
+            }
             return Ok(Fit {
                 whitened_residuals: equations.right_hand_side,
                 compliance,
@@ -222,11 +228,9 @@ fn fit_nonlinear(
         }
         change = 0.0;
         for (index, &joint) in observations.parameters.iter().enumerate() {
-            if least_squares.determined[index] {
-                let step = least_squares.solution[index];
-                compliance[joint] += step;
-                change = change.max(step.abs() / typical[index]);
-            }
+            let step = least_squares.solution[index];
+            compliance[joint] += step;
+            change = change.max(step.abs() / typical[index]);
         }
     }
     Err(IdentificationError::NotConverged { change })

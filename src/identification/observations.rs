@@ -1,11 +1,12 @@
 //! The measurements as whitened equations in the unknown compliances.
 
-use nalgebra::{DMatrix, DVector, Matrix3xX, Rotation3, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3xX, Vector3};
 
 use super::estimate::IdentificationError;
 use crate::measurement::Measurement;
 use crate::robot::{
     EquilibriumSolver, KinematicState, Kinematics, Load, ObservationMatrix, SerialChain, Tool,
+    rotation_vector,
 };
 
 /// What the equations are built from.
@@ -98,8 +99,7 @@ impl Observations<'_> {
                 &self.sigma(each),
             );
             if let Some(rotation) = &each.rotation {
-                let predicted = loaded_axes * unloaded_axes.transpose();
-                let predicted = Rotation3::from_matrix_unchecked(predicted).scaled_axis();
+                let predicted = rotation_vector(&(loaded_axes * unloaded_axes.transpose()));
                 writer.push(
                     &sensitivity.fixed_rows::<3>(3).into_owned(),
                     rotation.vector_rad - predicted,

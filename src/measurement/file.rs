@@ -7,6 +7,7 @@ use nalgebra::Vector3;
 use super::{Measurement, RotationMeasurement};
 use crate::files::{FileError, write_whole};
 use crate::plan::{Row, Table, experiment_columns, experiment_fields};
+use crate::units::thousandths;
 
 const DEFLECTION: [&str; 3] = ["dx_mm", "dy_mm", "dz_mm"];
 const DEFLECTION_SIGMA: [&str; 3] = ["sx_mm", "sy_mm", "sz_mm"];
@@ -82,14 +83,28 @@ fn positive(row: &Row<'_>, columns: [&str; 3]) -> Result<Vector3<f64>, FileError
 /// Writes measurements of an arm of n joints.
 ///
 /// # Errors
-/// The file cannot be written.
+/// The file cannot be written; or some measurements have standard deviations or rotations and some
+/// have none, which the columns of a file cannot say.
 pub fn write_measurements(
     path: &Path,
     joints: usize,
     measurements: &[Measurement],
 ) -> Result<(), FileError> {
-    let has_sigma = measurements.iter().all(|each| each.sigma_m.is_some());
-    let has_rotation = measurements.iter().all(|each| each.rotation.is_some());
+    let has = |what, is_there: fn(&Measurement) -> bool| match measurements
+        .iter()
+        .filter(|each| is_there(each))
+        .count()
+    {
+        0 => Ok(false),
+        count if count == measurements.len() => Ok(true),
+        count => {
+            let all = measurements.len();
+            let problem = format!("{count} of {all} measurements have {what}; all or none may");
+            Err(FileError::new(path, problem))
+        }
+    };
+    let has_sigma = has("standard deviations", |each| each.sigma_m.is_some())?;
+    let has_rotation = has("rotations", |each| each.rotation.is_some())?;
     let mut columns = experiment_columns(joints);
     columns.extend(DEFLECTION.map(str::to_owned));
     if has_sigma {
@@ -103,7 +118,7 @@ pub fn write_measurements(
     for each in measurements {
         let mut fields = experiment_fields(&each.configuration_rad, &each.load);
         let mut push = |vector: &Vector3<f64>| {
-            fields.extend(vector.iter().map(|value| (value * 1e3).to_string()));
+            fields.extend(vector.iter().map(|&value| thousandths(value).to_string()));
         };
         push(&each.deflection_m);
         if let (true, Some(sigma)) = (has_sigma, &each.sigma_m) {

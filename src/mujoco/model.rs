@@ -104,6 +104,7 @@ impl Model {
             path: path.to_owned(),
             source,
         })?;
+        super::messages::take_over();
         let inner = MjModel::from_xml(path).map_err(|error| ModelError::Compile {
             path: path.to_owned(),
             message: error.to_string().trim().replace('\n', "; "),

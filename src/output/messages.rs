@@ -15,6 +15,7 @@ use crate::measurement::Measurement;
 use crate::plan::{Assessment, Criterion, Experiment, Plan};
 use crate::robot::Load;
 use crate::scenario::{Method, Scenario};
+use crate::units;
 
 /// Where an output comes from.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -311,7 +312,10 @@ impl CalibrationMessage {
 /// Angles in degrees.
 #[must_use]
 pub fn degrees(angles_rad: &[f64]) -> Vec<f64> {
-    angles_rad.iter().map(|angle| angle.to_degrees()).collect()
+    angles_rad
+        .iter()
+        .map(|&angle| units::degrees(angle))
+        .collect()
 }
 
 /// A load as force (N), then torque (N m).
@@ -322,7 +326,7 @@ pub fn wrench(load: &Load) -> [f64; 6] {
 
 /// From metres to millimetres, or from radians to milliradians.
 pub(super) fn thousandfold(vector: &Vector3<f64>) -> [f64; 3] {
-    (vector * 1e3).into()
+    vector.map(units::thousandths).into()
 }
 
 /// Residuals of deflections (mm), three to a measurement.

@@ -7,6 +7,7 @@ use nalgebra::DVector;
 use super::{Experiment, Plan};
 use crate::files::{FileError, read_text, write_whole};
 use crate::robot::Load;
+use crate::units::degrees;
 
 /// The columns that name a configuration and a load, for an arm of n joints.
 #[must_use]
@@ -22,7 +23,7 @@ pub fn experiment_columns(joints: usize) -> Vec<String> {
 pub struct Table<'a> {
     path: &'a Path,
     columns: Vec<String>,
-    rows: Vec<(u64, Vec<f64>)>,
+    rows: Vec<(usize, Vec<f64>)>,
 }
 
 impl<'a> Table<'a> {
@@ -38,43 +39,31 @@ impl<'a> Table<'a> {
         optional: &[String],
     ) -> Result<Self, FileError> {
         let text = read_text(path)?;
-        let mut reader = csv::ReaderBuilder::new()
-            .comment(Some(b'#'))
-            .trim(csv::Trim::All)
-            .from_reader(text.as_bytes());
-        let wrong = |error: csv::Error| {
-            let place = error.position().map_or(1, csv::Position::line);
-            let problem = match error.kind() {
-                csv::ErrorKind::UnequalLengths {
-                    expected_len, len, ..
-                } => format!("found {len} fields; the header has {expected_len}"),
-                _ => error.to_string(),
-            };
-            FileError::new(path, problem).at(format!("line {place}"))
-        };
-        let columns: Vec<String> = reader
-            .headers()
-            .map_err(wrong)?
-            .iter()
-            .map(str::to_owned)
-            .collect();
-        check_columns(path, &columns, required, optional)?;
+        let mut lines = content_lines(text.strip_prefix('\u{feff}').unwrap_or(&text));
+        let (header_line, header) = lines
+            .next()
+            .ok_or_else(|| FileError::new(path, "is empty").hint(header_hint(required)))?;
+        let columns: Vec<String> = fields(header).map(str::to_owned).collect();
+        check_columns(path, header_line, &columns, required, optional)?;
         let mut rows = Vec::new();
-        for record in reader.records() {
-            let record = record.map_err(wrong)?;
-            let line = record.position().map_or(0, csv::Position::line);
-            let values = record
-                .iter()
-                .zip(&columns)
-                .map(|(field, column)| match field.parse::<f64>() {
-                    Ok(value) if value.is_finite() => Ok(value),
-                    _ => Err(FileError::new(
-                        path,
-                        format!("{column}: found {field:?}; a finite number is allowed"),
-                    )
-                    .at(format!("line {line}"))),
-                })
-                .collect::<Result<_, _>>()?;
+        for (line, content) in lines {
+            let wrong = |problem| Err(FileError::new(path, problem).at(format!("line {line}")));
+            let found = fields(content).count();
+            if found != columns.len() {
+                let problem = format!("found {found} fields; the header has {}", columns.len());
+                return wrong(problem);
+            }
+            let mut values = Vec::new();
+            for (field, column) in fields(content).zip(&columns) {
+                match field.parse::<f64>() {
+                    Ok(value) if value.is_finite() => values.push(value),
+                    _ => {
+                        let problem =
+                            format!("{column}: found {field:?}; a finite number is allowed");
+                        return wrong(problem);
+                    }
+                }
+            }
             rows.push((line, values));
         }
         if rows.is_empty() {
@@ -109,7 +98,7 @@ impl<'a> Table<'a> {
 #[derive(Debug, Clone, Copy)]
 pub struct Row<'a> {
     table: &'a Table<'a>,
-    line: u64,
+    line: usize,
     values: &'a [f64],
 }
 
@@ -151,16 +140,35 @@ impl Row<'_> {
     }
 }
 
+/// The lines that are neither blank nor comments, with their numbers from 1.
+fn content_lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
+    (1..).zip(text.lines()).filter(|(_, line)| {
+        let line = line.trim();
+        !line.is_empty() && !line.starts_with('#')
+    })
+}
+
+/// The fields of a line of names or numbers, which contain no comma, without space or quotes.
+fn fields(line: &str) -> impl Iterator<Item = &str> {
+    line.split(',')
+        .map(|field| field.trim().trim_matches('"').trim())
+}
+
+fn header_hint(required: &[String]) -> String {
+    format!("the header must be: {}", required.join(","))
+}
+
 fn check_columns(
     path: &Path,
+    line: usize,
     found: &[String],
     required: &[String],
     optional: &[String],
 ) -> Result<(), FileError> {
     let wrong = |problem: String| {
         FileError::new(path, problem)
-            .at("line 1")
-            .hint(format!("the header must be: {}", required.join(",")))
+            .at(format!("line {line}"))
+            .hint(header_hint(required))
     };
     for (index, column) in found.iter().enumerate() {
         if !required.contains(column) && !optional.contains(column) {
@@ -185,7 +193,7 @@ fn check_columns(
 /// Reads a plan for an arm of n joints.
 ///
 /// # Errors
-/// See [`Table::read`]; and `repeats` must be a whole number from 1.
+/// See [`Table::read`]; `repeats` must be a whole number from 1, and no load zero.
 pub fn read_plan(path: &Path, joints: usize) -> Result<Plan, FileError> {
     let mut columns = experiment_columns(joints);
     columns.push("repeats".to_owned());
@@ -200,6 +208,9 @@ pub fn read_plan(path: &Path, joints: usize) -> Result<Plan, FileError> {
                 )));
             }
             let (configuration_rad, load) = row.configuration_and_load(joints);
+            if load == Load::NONE {
+                return Err(row.wrong("found a load of zero, which deflects nothing"));
+            }
             #[expect(
                 clippy::cast_possible_truncation,
                 clippy::cast_sign_loss,
@@ -221,7 +232,7 @@ pub fn read_plan(path: &Path, joints: usize) -> Result<Plan, FileError> {
 pub fn experiment_fields(configuration_rad: &DVector<f64>, load: &Load) -> Vec<String> {
     configuration_rad
         .iter()
-        .map(|angle| angle.to_degrees())
+        .map(|&angle| degrees(angle))
         .chain(load.wrench().iter().copied())
         .map(|value| value.to_string())
         .collect()

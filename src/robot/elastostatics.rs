@@ -19,9 +19,21 @@ pub fn cartesian_stiffness(
     for (mut column, &compliance) in scaled.column_iter_mut().zip(compliance_rad_per_nm) {
         column *= compliance;
     }
-    let compliance = &scaled * jacobian.transpose();
-    Matrix6::from_iterator(compliance.iter().copied()).try_inverse()
+    let compliance = Matrix6::from_iterator((&scaled * jacobian.transpose()).iter().copied());
+    // Whether it is singular must not depend on the units of length and angle.
+    let size = compliance.diagonal().map(f64::sqrt);
+    let relative =
+        Matrix6::from_fn(|row, column| compliance[(row, column)] / (size[row] * size[column]));
+    let smallest = relative
+        .iter()
+        .all(|value| value.is_finite())
+        .then(|| relative.symmetric_eigenvalues().min())?;
+    (smallest > SINGULAR).then(|| compliance.try_inverse())?
 }
+
+/// Rounding alone leaves the smallest eigenvalue of a singular matrix with a diagonal of ones below
+/// this.
+const SINGULAR: f64 = 1e-13;
 
 /// The observation matrix A = [J_1 J_1^T W, ..., J_n J_n^T W] (eq. 4), which maps the compliances
 /// of the identified joints to the tool's displacement: dt = A k (eq. 3).

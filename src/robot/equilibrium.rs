@@ -89,7 +89,9 @@ impl EquilibriumSolver {
     ) -> Result<Equilibrium, EquilibriumError> {
         self.q.copy_from_slice(commanded_rad);
         let mut last_step_rad = f64::INFINITY;
-        for iterations in 1..=MAXIMUM_ITERATIONS {
+        let mut iterations = 0;
+        while iterations < MAXIMUM_ITERATIONS {
+            iterations += 1;
             self.evaluate(arm, load);
             for joint in 0..self.q.len() {
                 self.step[joint] = commanded_rad[joint]
@@ -121,7 +123,7 @@ impl EquilibriumSolver {
         Err(EquilibriumError::NotConverged {
             joint: self.step.iamax() + 1,
             step_rad: last_step_rad,
-            iterations: MAXIMUM_ITERATIONS,
+            iterations,
         })
     }
 

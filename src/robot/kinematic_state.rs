@@ -46,6 +46,20 @@ impl Load {
     }
 }
 
+/// The rotation vector (rad) of a rotation matrix, precise for small angles too, where the usual
+/// arc cosine loses half of the digits, or all.
+#[must_use]
+pub fn rotation_vector(rotation: &Matrix3<f64>) -> Vector3<f64> {
+    let skew = (rotation - rotation.transpose()) / 2.0;
+    let axis = Vector3::new(skew[(2, 1)], skew[(0, 2)], skew[(1, 0)]);
+    let sine = axis.norm();
+    if sine > 0.0 {
+        axis * (sine.atan2((rotation.trace() - 1.0) / 2.0) / sine)
+    } else {
+        axis
+    }
+}
+
 /// Something that can tell the arm's geometry at any joint angles.
 pub trait Kinematics {
     /// The number of joints n.

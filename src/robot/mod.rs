@@ -17,4 +17,4 @@ pub use elastostatics::{ObservationMatrix, cartesian_stiffness};
 pub use equilibrium::{
     CONVERGED_RAD, Equilibrium, EquilibriumError, EquilibriumSolver, MAXIMUM_ITERATIONS,
 };
-pub use kinematic_state::{KinematicState, Kinematics, Load};
+pub use kinematic_state::{KinematicState, Kinematics, Load, rotation_vector};

@@ -133,8 +133,24 @@ impl Checker<'_> {
     fn model(&self, key: &str, path: &Path) -> Result<Model, FileError> {
         let path = self.resolve(path);
         // The same checks, and the same words, as for every other file.
-        read_text(&path)?;
+        read_text(&path).map_err(|error| self.named_file(key, error))?;
         Model::load(&path).map_err(|error| self.model_error(key, &error))
+    }
+
+    /// What is wrong with a file that the scenario names.
+    fn named_file(&self, key: &str, error: FileError) -> FileError {
+        let wrong = self.wrong(key, error.to_string());
+        match error.hint {
+            Some(hint) => wrong.hint(hint),
+            None if !error.file.exists() => {
+                wrong.hint("paths inside a scenario are relative to the scenario's folder")
+            }
+            None => wrong,
+        }
+    }
+
+    fn plan(&self, key: &str, path: &Path, joints: usize) -> Result<Plan, FileError> {
+        crate::plan::read_plan(path, joints).map_err(|error| self.named_file(key, error))
     }
 
     fn model_error(&self, key: &str, error: &ModelError) -> FileError {
@@ -227,14 +243,7 @@ impl Checker<'_> {
 
     fn parameters(&self, chain: &SerialChain, names: &[String]) -> Result<Vec<usize>, FileError> {
         let key = "robot.parameters";
-        let known = || {
-            let names: Vec<_> = chain
-                .joints
-                .iter()
-                .map(|joint| joint.name.as_str())
-                .collect();
-            names.join(", ")
-        };
+        let known = || names_of(chain);
         let mut parameters = Vec::new();
         for name in names {
             let joint = chain
@@ -463,7 +472,13 @@ impl Checker<'_> {
                 .joints
                 .iter()
                 .position(|joint| joint.name == *name)
-                .ok_or_else(|| self.wrong(&key, "the robot has no such joint"))?;
+                .ok_or_else(|| {
+                    let known = names_of(chain);
+                    self.wrong(
+                        &key,
+                        format!("no such joint; the robot's joints are: {known}"),
+                    )
+                })?;
             let [low, high] = chain.joints[index].range_rad.map(f64::to_degrees);
             let [from, to] = *range;
             if !(from.is_finite() && to.is_finite() && from <= to)
@@ -477,14 +492,6 @@ impl Checker<'_> {
             }
             joint_range_rad[index] = range.map(f64::to_radians);
         }
-        let length = |key: &str, value: Option<f64>| {
-            value
-                .map(|value| {
-                    self.finite(&format!("region.{key}"), value)
-                        .map(|mm| mm * 1e-3)
-                })
-                .transpose()
-        };
         let joint_torque_max_nm = table
             .joint_torque_max_nm
             .as_deref()
@@ -498,14 +505,14 @@ impl Checker<'_> {
             .transpose()?;
         Ok(Region {
             joint_range_rad,
-            tool_height_m: [
-                length("tool_height_min_mm", table.tool_height_min_mm)?,
-                length("tool_height_max_mm", table.tool_height_max_mm)?,
-            ],
-            tool_radius_m: [
-                length("tool_radius_min_mm", table.tool_radius_min_mm)?,
-                length("tool_radius_max_mm", table.tool_radius_max_mm)?,
-            ],
+            tool_height_m: self.lengths(
+                "region.tool_height",
+                [table.tool_height_min_mm, table.tool_height_max_mm],
+            )?,
+            tool_radius_m: self.lengths(
+                "region.tool_radius",
+                [table.tool_radius_min_mm, table.tool_radius_max_mm],
+            )?,
             tool_elevation_max_rad: table
                 .tool_elevation_max_deg
                 .map(|value| self.not_negative("region.tool_elevation_max_deg", value))
@@ -520,6 +527,25 @@ impl Checker<'_> {
             line_of_sight: table.line_of_sight,
             forbidden: self.forbidden(&table.forbidden, chain.len())?,
         })
+    }
+
+    /// The bounds `<key>_min_mm` and `<key>_max_mm`, from mm to m.
+    fn lengths(
+        &self,
+        key: &str,
+        [low, high]: [Option<f64>; 2],
+    ) -> Result<[Option<f64>; 2], FileError> {
+        let keys = ["min", "max"].map(|end| format!("{key}_{end}_mm"));
+        for (key, value) in keys.iter().zip([low, high]) {
+            value.map(|value| self.finite(key, value)).transpose()?;
+        }
+        if let (Some(low), Some(high)) = (low, high)
+            && low > high
+        {
+            let problem = format!("found {low}; at most {} = {high} is allowed", keys[1]);
+            return Err(self.wrong(&keys[0], problem));
+        }
+        Ok([low, high].map(|value| value.map(|mm| mm * 1e-3)))
     }
 
     fn forbidden(
@@ -569,7 +595,7 @@ impl Checker<'_> {
             return Err(self.wrong("design.configurations", problem));
         }
         let mandatory = match &table.mandatory {
-            Some(path) => crate::plan::read_plan(&self.resolve(path), joints)?,
+            Some(path) => self.plan("design.mandatory", &self.resolve(path), joints)?,
             None => Plan::default(),
         };
         if mandatory.measurements() > table.experiments {
@@ -600,7 +626,7 @@ impl Checker<'_> {
                 return Err(self.wrong(&format!("plan[{index}].name"), problem));
             }
             let path = self.resolve(&table.file);
-            crate::plan::read_plan(&path, joints)?;
+            self.plan(&format!("plan[{index}].file"), &path, joints)?;
             plans.push(PlanFile {
                 name: table.name.clone(),
                 path,
@@ -608,6 +634,13 @@ impl Checker<'_> {
         }
         Ok(plans)
     }
+}
+
+fn names_of(chain: &SerialChain) -> String {
+    let names: Vec<_> = (chain.joints.iter())
+        .map(|joint| joint.name.as_str())
+        .collect();
+    names.join(", ")
 }
 
 fn line_of(text: &str, offset: usize) -> usize {

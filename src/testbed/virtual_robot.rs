@@ -1,12 +1,13 @@
 //! The robot in MuJoCo: static equilibria from MuJoCo's position stage, without linearisation.
 
-use nalgebra::{DVector, Matrix3, Rotation3, Vector3};
+use nalgebra::{DVector, Matrix3, Vector3};
 use thiserror::Error;
 
 use crate::mujoco::{ModelError, State};
 use crate::plan::Experiment;
 use crate::robot::{
     Equilibrium, EquilibriumError, EquilibriumSolver, KinematicState, Kinematics, Load,
+    rotation_vector,
 };
 use crate::scenario::Robot;
 
@@ -123,10 +124,9 @@ impl VirtualRobot {
         };
         let (unloaded, unloaded_axes, first) = rest(&Load::NONE)?;
         let (loaded, loaded_axes, second) = rest(&experiment.load)?;
-        let rotation = loaded_axes * unloaded_axes.transpose();
         Ok(Displacement {
             position_m: loaded - unloaded,
-            rotation_rad: Rotation3::from_matrix_unchecked(rotation).scaled_axis(),
+            rotation_rad: rotation_vector(&(loaded_axes * unloaded_axes.transpose())),
             iterations: [first.iterations, second.iterations],
         })
     }

@@ -3,8 +3,20 @@
 //! - `published`: numbers that the paper prints, with the tolerance that its printing supports.
 //! - `judges`: the analytic model and MuJoCo judge each other.
 //! - `recordings`: the rerun and MCAP files, read with their own tools.
+//! - `recovery`: known compliances come back, and hand-computed small cases.
+//! - `uncertainty`: the promised uncertainties are seen over many seeded runs.
+//! - `identifiability`: what measurements cannot tell is named.
+//! - `command_line`: the commands, seen from outside the process.
+//! - `properties`: what holds whatever the numbers are; derivatives against differences.
+//! - `bad_input`: wrong inputs, seen from outside the process.
 
+mod bad_input;
+mod command_line;
+mod identifiability;
 mod judges;
+mod properties;
 mod published;
 mod recordings;
+mod recovery;
 mod support;
+mod uncertainty;

@@ -1,9 +1,12 @@
 //! What several tests need.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::process::Command;
 
 use elastocal::plan::{Plan, read_plan};
 use elastocal::scenario::Scenario;
+use serde_json::Value;
+use tempfile::TempDir;
 
 /// A path inside the project.
 pub fn project(path: &str) -> PathBuf {
@@ -15,8 +18,113 @@ pub fn scenario(name: &str) -> Scenario {
     Scenario::load(&project(&format!("scenarios/{name}.toml"))).expect("the scenario is valid")
 }
 
+/// A plan that the project ships.
+pub fn plan(name: &str) -> Plan {
+    read_plan(&project(&format!("scenarios/plans/{name}.csv")), 6).expect("the plan is valid")
+}
+
 /// A plan of the paper's Table 4.
 pub fn table4(experiments: u32) -> Plan {
-    let path = project(&format!("scenarios/plans/klimchik2012_m{experiments}.csv"));
-    read_plan(&path, 6).expect("the plan is valid")
+    plan(&format!("klimchik2012_m{experiments}"))
+}
+
+/// The text of a scenario that the project ships, with paths that hold in any folder.
+pub fn scenario_text(name: &str) -> String {
+    std::fs::read_to_string(project(&format!("scenarios/{name}.toml")))
+        .expect("the scenario can be read")
+        .replace("../models", &project("models").to_string_lossy())
+        .replace("plans/", &project("scenarios/plans/").to_string_lossy())
+}
+
+/// An empty folder to run the program in.
+pub struct Workplace {
+    folder: TempDir,
+}
+
+impl Workplace {
+    pub fn new() -> Self {
+        let folder = tempfile::tempdir().expect("a temporary folder can be made");
+        Self { folder }
+    }
+
+    /// A path inside the folder.
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// Writes a file.
+    pub fn write(&self, name: &str, content: impl AsRef<[u8]>) {
+        std::fs::write(self.path(name), content).expect("the file can be written");
+    }
+
+    /// Reads a text file.
+    pub fn read(&self, name: &str) -> String {
+        std::fs::read_to_string(self.path(name)).expect("the file can be read")
+    }
+
+    /// The names of all files and folders, folders within folders included, in order.
+    pub fn listing(&self) -> Vec<String> {
+        let mut found = Vec::new();
+        list(self.folder.path(), self.folder.path(), &mut found);
+        found.sort();
+        found
+    }
+
+    /// Runs the program in the folder; the arguments are separated by spaces.
+    pub fn run(&self, arguments: &str) -> Outcome {
+        let output = Command::new(env!("CARGO_BIN_EXE_elastocal"))
+            .args(arguments.split_whitespace())
+            .current_dir(self.folder.path())
+            .output()
+            .expect("the program starts");
+        let text = |bytes| String::from_utf8(bytes).expect("the program writes UTF-8");
+        Outcome {
+            arguments: arguments.to_owned(),
+            code: output.status.code(),
+            stdout: text(output.stdout),
+            stderr: text(output.stderr),
+        }
+    }
+}
+
+fn list(root: &Path, folder: &Path, found: &mut Vec<String>) {
+    for entry in std::fs::read_dir(folder).expect("the folder can be read") {
+        let path = entry.expect("the entry can be read").path();
+        let name = path.strip_prefix(root).expect("it lies in the root");
+        found.push(name.to_string_lossy().into_owned());
+        if path.is_dir() {
+            list(root, &path, found);
+        }
+    }
+}
+
+/// How a run of the program ended.
+#[derive(Debug)]
+pub struct Outcome {
+    pub arguments: String,
+    pub code: Option<i32>,
+    pub stdout: String,
+    pub stderr: String,
+}
+
+impl Outcome {
+    /// Asserts the exit code.
+    pub fn ends_with(self, code: i32) -> Self {
+        assert_eq!(self.code, Some(code), "{}: {self:#?}", self.arguments);
+        self
+    }
+
+    /// The results that were printed with `--json`.
+    pub fn json(&self) -> Value {
+        serde_json::from_str(&self.stdout).unwrap_or_else(|error| panic!("{error}: {self:#?}"))
+    }
+}
+
+/// The numbers of a JSON array.
+pub fn numbers(value: &Value) -> Vec<f64> {
+    let array = value.as_array().expect("an array");
+    array
+        .iter()
+        .map(|each| each.as_f64().expect("a number"))
+        .collect()
 }

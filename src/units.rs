@@ -1,0 +1,28 @@
+//! From SI units to those of files, so that reading gives back the same number to the bit.
+
+/// Degrees for an angle (rad) that is read with [`f64::to_radians`].
+#[must_use]
+pub fn degrees(angle_rad: f64) -> f64 {
+    shortest(angle_rad.to_degrees(), |written| {
+        written.to_radians().to_bits() == angle_rad.to_bits()
+    })
+}
+
+/// Thousandths of a unit (mm for m, mrad for rad) for a value that is read as these times 1e-3.
+#[must_use]
+pub fn thousandths(value: f64) -> f64 {
+    shortest(value * 1e3, |written| {
+        (written * 1e-3).to_bits() == value.to_bits()
+    })
+}
+
+/// Of the numbers next to `near` that are read back right, the one with the shortest decimal form.
+/// Where there is none, since the written numbers are not as dense as those that are read, `near`.
+fn shortest(near: f64, is_right: impl Fn(f64) -> bool) -> f64 {
+    let (up, down) = (near.next_up(), near.next_down());
+    [near, up, down, up.next_up(), down.next_down()]
+        .into_iter()
+        .filter(|&written| is_right(written))
+        .min_by_key(|written| written.to_string().len())
+        .unwrap_or(near)
+}

@@ -1,0 +1,414 @@
+//! The commands from outside the process: results, diagnostics, exit codes and files.
+
+use std::process::Command;
+
+use elastocal::measurement::read_measurements;
+use elastocal::plan::read_plan;
+use serde_json::Value;
+
+use crate::support::{Outcome, Workplace, numbers, project, scenario_text};
+
+const FULL: &str = "klimchik2012";
+
+/// A folder with the paper's scenario, its plan of three, and a shorter name for each.
+fn workplace() -> Workplace {
+    let workplace = Workplace::new();
+    workplace.write("s.toml", scenario_text(FULL));
+    let plan = std::fs::read(project("scenarios/plans/klimchik2012_m3.csv"));
+    workplace.write("plan.csv", plan.expect("can be read"));
+    workplace
+}
+
+const MEASURE: &str = "measure s.toml --plan plan.csv --measurements-out m.csv";
+const IDENTIFY: &str = "identify s.toml --measurements m.csv --identified-out i.json";
+const COMPENSATE: &str = "compensate s.toml --identified i.json";
+
+fn measured_and_identified() -> Workplace {
+    let workplace = workplace();
+    workplace.run(MEASURE).ends_with(0);
+    workplace.run(IDENTIFY).ends_with(0);
+    workplace
+}
+
+/// Asserts that the JSON object has these keys with values that are not null.
+fn has(json: &Value, keys: &[&str]) {
+    for key in keys {
+        assert!(
+            json.get(key).is_some_and(|value| !value.is_null()),
+            "no {key} in {json:#}"
+        );
+    }
+}
+
+const EVALUATE_KEYS: [&str; 8] = [
+    "experiments",
+    "parameters",
+    "rho0_mm",
+    "compliance_std_rad_per_nm",
+    "criteria",
+    "lower_bound_rho0_mm",
+    "efficiency",
+    "violations",
+];
+const IDENTIFY_KEYS: [&str; 6] = [
+    "parameters",
+    "compliance_rad_per_nm",
+    "compliance_std_rad_per_nm",
+    "sigma_mm",
+    "rank",
+    "condition",
+];
+const COMPENSATE_KEYS: [&str; 3] = ["q_commanded_deg", "uncompensated_mm", "residual_mm"];
+
+#[test]
+fn every_command_prints_its_keys() {
+    let workplace = measured_and_identified();
+    let json = |arguments: &str, code| {
+        let outcome = workplace
+            .run(&format!("{arguments} --json --quiet"))
+            .ends_with(code);
+        if code == 0 {
+            assert_eq!(outcome.stderr, "", "{arguments}");
+        }
+        outcome.json()
+    };
+
+    let check = json("check s.toml", 0);
+    assert_eq!(check, serde_json::json!({ "ok": true, "problems": [] }));
+
+    let plan = json("plan s.toml --experiments 2", 0);
+    has(&plan, &EVALUATE_KEYS);
+    has(&plan, &["plan", "elapsed_s", "provenance"]);
+    assert_eq!(plan["experiments"], 2);
+    for experiment in plan["plan"].as_array().expect("an array") {
+        assert_eq!(numbers(&experiment["q_deg"]).len(), 6);
+        assert_eq!(
+            numbers(&experiment["wrench"]),
+            [0.0, 0.0, -2500.0, 0.0, 0.0, 0.0]
+        );
+        assert!(experiment["repeats"].as_u64().expect("a count") >= 1);
+    }
+
+    // One angle of the printed plan is 0.03 degrees beyond its bound.
+    let evaluate = json("evaluate s.toml --plan plan.csv", 3);
+    has(&evaluate, &EVALUATE_KEYS);
+    assert_eq!(evaluate["experiments"], 3);
+    assert_eq!(evaluate["violations"].as_array().map(Vec::len), Some(1));
+    assert_eq!(evaluate["violations"][0]["experiment"], 2);
+
+    let measure = json("measure s.toml --plan plan.csv --noise-free", 0);
+    has(&measure, &["measurements", "provenance"]);
+    let measurements = measure["measurements"].as_array().expect("an array");
+    assert_eq!(measurements.len(), 3);
+    assert_eq!(numbers(&measurements[0]["q_deg"]).len(), 6);
+    assert_eq!(numbers(&measurements[0]["wrench"]).len(), 6);
+    assert_eq!(numbers(&measurements[0]["deflection_mm"]).len(), 3);
+
+    let identify = json("identify s.toml --measurements m.csv", 0);
+    has(&identify, &IDENTIFY_KEYS);
+    has(&identify, &["provenance"]);
+    assert_eq!(identify["rank"], 5);
+    assert_eq!(identify["sigma_mm"], 0.03);
+    assert_eq!(
+        identify["parameters"],
+        serde_json::json!(["joint_2", "joint_3", "joint_4", "joint_5", "joint_6"])
+    );
+
+    let compensate = json(COMPENSATE, 0);
+    has(&compensate, &COMPENSATE_KEYS);
+    has(&compensate, &["provenance"]);
+    assert_eq!(numbers(&compensate["q_commanded_deg"]).len(), 6);
+    // The design page says: deflections of 1.03 mm at the test pose by eq. 2; more with gravity.
+    let uncompensated = compensate["uncompensated_mm"].as_f64().expect("a number");
+    assert!((1.0..1.3).contains(&uncompensated), "{uncompensated}");
+    assert!(compensate["residual_mm"].as_f64().expect("a number") < 0.03);
+}
+
+/// Results go to stdout, diagnostics to stderr.
+#[test]
+fn results_and_diagnostics_do_not_mix() {
+    let workplace = measured_and_identified();
+    for arguments in ["check s.toml", MEASURE, IDENTIFY, COMPENSATE] {
+        let loud = workplace.run(arguments).ends_with(0);
+        assert!(
+            !loud.stdout.is_empty() && loud.stderr.starts_with("scenario s.toml: "),
+            "{loud:#?}"
+        );
+        let quiet = workplace.run(&format!("{arguments} --quiet")).ends_with(0);
+        assert_eq!(quiet.stderr, "");
+        let untimed = |outcome: &Outcome| outcome.stdout.split("It took").next().map(str::to_owned);
+        assert_eq!(untimed(&quiet), untimed(&loud), "{arguments}");
+    }
+    // A condition is said even if nothing else is.
+    let outcome = workplace
+        .run("check s.toml --plan plan.csv --quiet")
+        .ends_with(3);
+    assert_eq!(outcome.stderr, "condition: the plan has 1 violations\n");
+    assert!(
+        outcome
+            .stdout
+            .contains("experiment 2: tool elevation is 30.033 deg"),
+        "{outcome:#?}"
+    );
+}
+
+#[test]
+fn check_tells_a_program_what_is_wrong() {
+    let workplace = workplace();
+    workplace.write(
+        "bad.toml",
+        scenario_text(FULL).replace("sigma_mm", "sigma_um"),
+    );
+    let outcome = workplace.run("check bad.toml --json --quiet").ends_with(1);
+    let json = outcome.json();
+    assert_eq!(json["ok"], false);
+    let problem = json["problems"][0].as_str().expect("a text");
+    assert!(problem.contains("sigma_um"), "{problem}");
+    assert_eq!(
+        outcome.stderr.lines().next(),
+        Some(format!("error: {problem}").as_str())
+    );
+}
+
+#[test]
+fn the_seed_is_all_that_chance_depends_on() {
+    let workplace = workplace();
+    let measured = |options: &str| {
+        workplace.run(&format!("{MEASURE} {options}")).ends_with(0);
+        workplace.read("m.csv")
+    };
+    let first = measured("");
+    assert_eq!(measured(""), first);
+    assert_eq!(measured("--seed 1"), first, "the scenario's own seed");
+    assert_ne!(measured("--seed 2"), first);
+    assert_eq!(measured("--seed 2 --noise-free"), measured("--noise-free"));
+    let outcome =
+        workplace.run("measure s.toml --plan plan.csv --json --seed 18446744073709551615");
+    let json = outcome.ends_with(0).json();
+    assert_eq!(json["provenance"]["seed"], u64::MAX);
+}
+
+/// Everything but the time that it took.
+fn timeless(outcome: Outcome) -> Value {
+    let mut json = outcome.ends_with(0).json();
+    json.as_object_mut()
+        .expect("an object")
+        .remove("elapsed_s")
+        .expect("is there");
+    json
+}
+
+#[test]
+fn threads_change_no_bit() {
+    let workplace = workplace();
+    let [one, two] = [1, 2]
+        .map(|threads| timeless(workplace.run(&format!("run s.toml --json --threads {threads}"))));
+    assert_eq!(one, two);
+}
+
+fn folder_of_run(workplace: &Workplace) -> Value {
+    let outcome = workplace
+        .run("run s.toml --json --out results")
+        .ends_with(0);
+    let printed = outcome.json();
+    let written: Value =
+        serde_json::from_str(&workplace.read("results/s/results.json")).expect("JSON");
+    assert_eq!(printed, written);
+    written
+}
+
+#[test]
+fn run_writes_files_that_agree() {
+    let workplace = workplace();
+    let results = folder_of_run(&workplace);
+    assert!(!workplace.path("out").exists(), "--out names the folder");
+    has(
+        &results,
+        &["plan", "measurements", "elapsed_s", "provenance", "plans"],
+    );
+    has(&results, &EVALUATE_KEYS);
+    has(&results, &IDENTIFY_KEYS);
+    has(&results, &COMPENSATE_KEYS);
+    assert_eq!(results["provenance"]["seed"], 1);
+    assert_eq!(results["provenance"]["scenario"], "s");
+    assert_eq!(
+        results["provenance"]["scenario_sha256"]
+            .as_str()
+            .map(str::len),
+        Some(64)
+    );
+
+    let plan = read_plan(&workplace.path("results/s/plan.csv"), 6).expect("valid");
+    let listed = results["plan"].as_array().expect("an array");
+    assert_eq!(plan.experiments.len(), listed.len());
+    for (experiment, listed) in plan.experiments.iter().zip(listed) {
+        let angles = numbers(&listed["q_deg"]);
+        for (angle, listed) in experiment.configuration_rad.iter().zip(angles) {
+            assert!((angle.to_degrees() - listed).abs() < 1e-12);
+        }
+        assert_eq!(
+            experiment.load.wrench().as_slice(),
+            numbers(&listed["wrench"])
+        );
+        assert_eq!(listed["repeats"], experiment.repeats);
+    }
+    let path = workplace.path("results/s/measurements.csv");
+    let measurements = read_measurements(&path, 6).expect("valid");
+    let listed = results["measurements"].as_array().expect("an array");
+    assert_eq!(measurements.len(), 3);
+    for (measurement, listed) in measurements.iter().zip(listed) {
+        for (value, listed) in measurement
+            .deflection_m
+            .iter()
+            .zip(numbers(&listed["deflection_mm"]))
+        {
+            assert!((value * 1e3 - listed).abs() < 1e-12);
+        }
+    }
+    let names: Vec<_> = (results["plans"].as_array().expect("an array").iter())
+        .map(|plan| plan["name"].as_str().expect("a name"))
+        .collect();
+    assert_eq!(names, ["optimal", "klimchik2012_m3", "random"]);
+    assert_eq!(
+        results["plans"][0]["assessment"]["rho0_mm"],
+        results["rho0_mm"]
+    );
+    assert!(
+        results["efficiency"].as_f64() > results["plans"][1]["assessment"]["efficiency"].as_f64()
+    );
+}
+
+fn assert_close(one: &Value, other: &Value, key: &str) {
+    let flat = |value: &Value| {
+        if value.is_array() {
+            numbers(value)
+        } else {
+            vec![value.as_f64().expect("a number")]
+        }
+    };
+    let (one, other) = (flat(&one[key]), flat(&other[key]));
+    assert_eq!(one.len(), other.len(), "{key}");
+    for (one, other) in one.iter().zip(other) {
+        assert!(
+            (one - other).abs() <= 1e-9 * one.abs().max(1e-3),
+            "{key}: {one}, {other}"
+        );
+    }
+}
+
+/// Step by step with files in between, it is the same calibration.
+#[test]
+fn the_steps_make_the_run() {
+    let workplace = workplace();
+    let results = folder_of_run(&workplace);
+    workplace
+        .run("measure s.toml --plan results/s/plan.csv --measurements-out m.csv")
+        .ends_with(0);
+    let identified = workplace
+        .run(&format!("{IDENTIFY} --json"))
+        .ends_with(0)
+        .json();
+    let compensated = workplace
+        .run(&format!("{COMPENSATE} --json"))
+        .ends_with(0)
+        .json();
+    for key in [
+        "compliance_rad_per_nm",
+        "compliance_std_rad_per_nm",
+        "consistency",
+        "residual_sigma_mm",
+    ] {
+        let scaled = |json: &Value| {
+            let values = if json[key].is_array() {
+                numbers(&json[key])
+            } else {
+                vec![json[key].as_f64().expect("a number")]
+            };
+            let unit = if key.ends_with("per_nm") { 1e6 } else { 1.0 };
+            serde_json::json!({ key: values.iter().map(|value| value * unit).collect::<Vec<_>>() })
+        };
+        assert_close(&scaled(&identified), &scaled(&results), key);
+    }
+    for key in ["q_commanded_deg", "uncompensated_mm", "residual_mm"] {
+        assert_close(&compensated, &results, key);
+    }
+    let written: Value = serde_json::from_str(&workplace.read("i.json")).expect("JSON");
+    assert_eq!(written, identified);
+}
+
+/// Paths inside a scenario are relative to it, those on the command line to the working folder.
+#[test]
+fn works_from_another_folder() {
+    let workplace = Workplace::new();
+    let shipped = project("scenarios/klimchik2012.toml");
+    workplace
+        .run(&format!("check {}", shipped.display()))
+        .ends_with(0);
+    let elsewhere = workplace.run("check").ends_with(1);
+    assert!(
+        elsewhere
+            .stderr
+            .contains("error: scenarios/kr270.toml: cannot be read"),
+        "{elsewhere:#?}"
+    );
+    assert!(
+        elsewhere
+            .stderr
+            .contains("hint: give the path of a scenario file"),
+        "{elsewhere:#?}"
+    );
+    assert_eq!(workplace.listing(), [] as [&str; 0]);
+
+    let output = Command::new(env!("CARGO_BIN_EXE_elastocal"))
+        .arg("check")
+        .current_dir(project(""))
+        .output()
+        .expect("starts");
+    assert_eq!(
+        String::from_utf8_lossy(&output.stdout),
+        "scenarios/kr270.toml is valid\n"
+    );
+}
+
+/// MuJoCo warns of this model, whose two first joints share an axis and have no inertia between
+/// them; by itself it would do so in a file in the working folder.
+#[test]
+fn mujoco_writes_no_file() {
+    let workplace = Workplace::new();
+    workplace.write("twins.xml", crate::identifiability::TWINS);
+    workplace.write("twins.toml", crate::identifiability::TWINS_SCENARIO);
+    let before = workplace.listing();
+    let outcome = workplace.run("check twins.toml").ends_with(0);
+    assert!(
+        outcome.stderr.contains("warning: MuJoCo: Inertia matrix"),
+        "{outcome:#?}"
+    );
+    assert_eq!(
+        workplace
+            .run("check twins.toml --quiet")
+            .ends_with(0)
+            .stderr,
+        ""
+    );
+    assert_eq!(workplace.listing(), before);
+}
+
+/// `elastocal ... | head` is no error.
+#[test]
+#[cfg(unix)]
+fn a_reader_may_stop_reading() {
+    let workplace = workplace();
+    let script = format!(
+        "set -o pipefail; {} measure s.toml --plan plan.csv --json --quiet | true",
+        env!("CARGO_BIN_EXE_elastocal")
+    );
+    let output = Command::new("bash")
+        .args(["-c", &script])
+        .current_dir(workplace.path(""))
+        .output()
+        .expect("bash starts");
+    assert!(
+        output.status.success() && output.stderr.is_empty(),
+        "{output:?}"
+    );
+}

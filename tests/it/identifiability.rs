@@ -1,0 +1,243 @@
+//! What the measurements do not tell is named, and never guessed or NaN.
+
+use elastocal::identification::{IdentificationError, Sigma, identify};
+use elastocal::measurement::Measurement;
+use elastocal::output::messages::IdentificationMessage;
+use elastocal::plan::{Experiment, Plan};
+use elastocal::robot::Load;
+use elastocal::scenario::{Method, Scenario};
+use nalgebra::dvector;
+use serde_json::Value;
+
+use crate::recovery::{differing, identified, noise_free};
+use crate::support::{Workplace, scenario, scenario_text, table4};
+
+const METHODS: [Method; 2] = [Method::Linear, Method::Nonlinear];
+
+fn known(scenario: &Scenario) -> Sigma {
+    Sigma::Known(scenario.instrument.sigma_m)
+}
+
+/// A vertical load turns no vertical axis.
+#[test]
+fn joint_1_does_not_show_under_a_vertical_load() {
+    let scenario = differing("kr270_all_joints");
+    let measurements = noise_free(&scenario, &table4(3));
+    for method in METHODS {
+        let found = identified(&scenario, &measurements, known(&scenario), method);
+        assert_eq!(found.unidentifiable(), ["joint_1"], "{method:?}");
+        assert_eq!(found.rank, 5);
+        let nominal = scenario.nominal.compliance_rad_per_nm[0];
+        assert_eq!(found.compliance_rad_per_nm[0].to_bits(), nominal.to_bits());
+        assert_eq!(found.covariance.row(0).amax(), 0.0);
+        // The linear estimate is biased, see `recovery`.
+        let tolerance = if method == Method::Linear { 0.05 } else { 1e-8 };
+        for parameter in &found.parameters[1..] {
+            let truth = scenario.true_robot.compliance_rad_per_nm[parameter.joint];
+            let estimate = parameter.estimate.expect("determined").value;
+            assert!((estimate / truth - 1.0).abs() < tolerance, "{parameter:?}");
+        }
+    }
+}
+
+#[test]
+fn an_unidentifiable_joint_ends_with_code_3_and_null() {
+    let workplace = Workplace::new();
+    workplace.write("s.toml", scenario_text("kr270_all_joints"));
+    let plan = crate::support::project("scenarios/plans/klimchik2012_m3.csv");
+    let plan = plan.display();
+    workplace
+        .run(&format!(
+            "measure s.toml --plan {plan} --measurements-out m.csv"
+        ))
+        .ends_with(0);
+    let identify = "identify s.toml --measurements m.csv --identified-out i.json --json";
+    let outcome = workplace.run(&format!("{identify} --quiet")).ends_with(3);
+    let condition = "condition: the measurements do not determine the compliance of joint_1\n";
+    assert_eq!(outcome.stderr, condition);
+    let json = outcome.json();
+    for key in [
+        "compliance_rad_per_nm",
+        "compliance_std_rad_per_nm",
+        "compliance_ci95_rad_per_nm",
+    ] {
+        let values = json[key].as_array().expect("an array");
+        assert_eq!(
+            values.iter().map(Value::is_null).collect::<Vec<_>>(),
+            [true, false, false, false, false, false],
+            "{key}"
+        );
+    }
+    assert_eq!(json["rank"], 5);
+    // The file serves all the same: joint 1 keeps its nominal compliance.
+    workplace
+        .run("compensate s.toml --identified i.json")
+        .ends_with(0);
+
+    let evaluated = workplace
+        .run(&format!("evaluate s.toml --plan {plan} --json"))
+        .ends_with(3);
+    let condition = "condition: the plan does not determine the compliance of joint_1\n";
+    assert!(evaluated.stderr.contains(condition), "{evaluated:#?}");
+    let json = evaluated.json();
+    assert!(json["compliance_std_rad_per_nm"][0].is_null());
+    assert!(json["compliance_std_rad_per_nm"][1].is_f64());
+    assert!(json["rho0_mm"].is_null(), "the test pose needs joint 1");
+    assert!(json["efficiency"].is_null());
+}
+
+/// Two hinges on one axis: only the sum of their compliances shows. A third turns across.
+pub const TWINS: &str = r#"<mujoco model="twins"><worldbody>
+  <body name="a" pos="0 0 1"><inertial pos="0.5 0 0" mass="10" diaginertia="1 1 1"/>
+    <joint name="first" axis="0 1 0"/>
+    <joint name="second" axis="0 1 0"/>
+    <body name="b" pos="1 0 0"><inertial pos="0.5 0 0" mass="10" diaginertia="1 1 1"/>
+      <joint name="third" axis="0 0 1"/>
+      <site name="tcp" pos="0.5 0 0.3"/>
+    </body>
+  </body>
+</worldbody></mujoco>"#;
+
+pub const TWINS_SCENARIO: &str = r#"
+[robot]
+model = "twins.xml"
+calibration_site = "tcp"
+machining_site = "tcp"
+parameters = ["first", "second", "third"]
+compliance_rad_per_nm = [1e-6, 2e-6, 3e-6]
+[true_robot]
+compliance_rad_per_nm = [1.5e-6, 2.5e-6, 4e-6]
+[instrument]
+sigma_mm = 0.03
+sigma_of = "deflection"
+[[test_pose]]
+q_deg = [0, 0, 0]
+force_n = [0, 0, 1]
+[load]
+kind = "fixed"
+force_n = [0, 700, -700]
+[design]
+experiments = 3
+"#;
+
+fn twins() -> (Scenario, Vec<Measurement>) {
+    let workplace = Workplace::new();
+    workplace.write("twins.xml", TWINS);
+    workplace.write("twins.toml", TWINS_SCENARIO);
+    let scenario = Scenario::load(&workplace.path("twins.toml")).expect("valid");
+    let experiment = |first, second, third| Experiment {
+        configuration_rad: dvector![first, second, third],
+        load: Load::force(0.0, 700.0, -700.0),
+        repeats: 1,
+    };
+    let plan = Plan {
+        experiments: vec![experiment(0.1, 0.2, 0.3), experiment(0.6, -0.9, -0.4)],
+    };
+    let measurements = noise_free(&scenario, &plan);
+    (scenario, measurements)
+}
+
+#[test]
+fn joints_that_cannot_be_told_apart_are_both_named() {
+    let (scenario, measurements) = twins();
+    for method in METHODS {
+        let found = identified(&scenario, &measurements, known(&scenario), method);
+        assert_eq!(found.unidentifiable(), ["first", "second"], "{method:?}");
+        assert_eq!(found.rank, 2);
+        assert_eq!(found.compliance_rad_per_nm[..2], [1e-6, 2e-6], "nominal");
+        assert!(found.condition.is_finite());
+        let third = found.parameters[2].estimate.expect("determined");
+        assert!(
+            (third.value / 4e-6 - 1.0).abs() < 0.02,
+            "{method:?}: {third:?}"
+        );
+    }
+}
+
+/// What the two do together is determined, so that it must not be left in the residuals, where it
+/// would look like a wrong model.
+#[test]
+fn a_determined_sum_is_no_residual() {
+    let (scenario, measurements) = twins();
+    let found = identified(
+        &scenario,
+        &measurements,
+        known(&scenario),
+        Method::Nonlinear,
+    );
+    let third = found.parameters[2].estimate.expect("determined").value;
+    assert!((third / 4e-6 - 1.0).abs() < 1e-6, "{third}");
+    let largest = found
+        .residuals_m
+        .iter()
+        .fold(0.0_f64, |most, each| most.max(each.abs()));
+    assert!(
+        largest < 1e-8,
+        "{largest} m of {}",
+        measurements[0].deflection_m.norm()
+    );
+    assert!(found.consistency.expect("residuals are left") > 0.99);
+}
+
+#[test]
+fn nothing_to_identify_from() {
+    let scenario = scenario("klimchik2012");
+    let (nominal, tool) = (&scenario.nominal, &scenario.calibration_tool);
+    let mut unloaded = noise_free(&scenario, &table4(3));
+    for each in &mut unloaded {
+        each.load = Load::NONE;
+    }
+    for method in METHODS {
+        let failure = |measurements: &[Measurement], parameters: &[usize], sigma| {
+            identify(nominal, tool, parameters, measurements, sigma, method).expect_err("fails")
+        };
+        let sigma = known(&scenario);
+        assert_eq!(
+            failure(&[], &[1], sigma),
+            IdentificationError::NoMeasurements
+        );
+        let nothing = IdentificationError::NothingObserved;
+        assert_eq!(failure(&unloaded, &[1, 2, 3], sigma), nothing, "{method:?}");
+        let vertical = noise_free(&scenario, &table4(3));
+        assert_eq!(
+            failure(&vertical, &[0], sigma),
+            nothing,
+            "joint 1, {method:?}"
+        );
+        let none_left = IdentificationError::NoResiduals {
+            equations: 3,
+            rank: 3,
+        };
+        assert_eq!(
+            failure(&vertical[..1], &[1, 2, 3], Sigma::FromResiduals),
+            none_left
+        );
+    }
+}
+
+/// As many equations as unknowns: estimates, but no word on sigma.
+#[test]
+fn without_residuals_there_is_no_consistency() {
+    let mut scenario = differing("klimchik2012");
+    scenario.parameters = vec![1, 2, 3];
+    scenario.nominal = scenario.true_robot.clone();
+    let measurements = noise_free(&scenario, &table4(3));
+    let found = identified(
+        &scenario,
+        &measurements[..1],
+        known(&scenario),
+        Method::Nonlinear,
+    );
+    assert_eq!(
+        (found.rank, found.consistency, found.residual_sigma_m),
+        (3, None, None)
+    );
+    let json = serde_json::to_value(IdentificationMessage::from(&found)).expect("serializes");
+    assert!(json["consistency"].is_null() && json["residual_sigma_mm"].is_null());
+    assert!(
+        found
+            .parameters
+            .iter()
+            .all(|parameter| parameter.estimate.is_some())
+    );
+}
