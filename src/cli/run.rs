@@ -9,6 +9,7 @@ use elastocal::measurement::write_measurements;
 use elastocal::output::messages::{
     AssessmentMessage, CalibrationMessage, MeasurementMessage, ProvenanceMessage, plan_messages,
 };
+use elastocal::output::stills;
 use elastocal::plan::search::{Certificate, random_plan};
 use elastocal::plan::{Assessment, Criterion, Plan, read_plan, write_plan};
 use elastocal::scenario::Scenario;
@@ -150,6 +151,8 @@ fn write_all(
     )?;
     let text = serde_json::to_string_pretty(json)? + "\n";
     write_whole(&folder.join("results.json"), text.as_bytes())?;
+    let stills = stills::sheet(scenario, &main.plan);
+    write_whole(&folder.join("stills.svg"), stills.as_bytes())?;
     Ok(())
 }
 
