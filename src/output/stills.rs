@@ -68,10 +68,10 @@ pub fn sheet(scenario: &Scenario, plan: &Plan) -> String {
         heading(scenario, plan)
     );
     // The floor is the same in every still.
-    let _ = write!(
+    let _ = writeln!(
         svg,
         "<defs><clipPath id=\"still\"><rect width=\"{still_width:.1}\" height=\"{still_height:.1}\" \
-         rx=\"6\"/></clipPath>\n<g id=\"floor\">{}</g></defs>\n",
+         rx=\"6\"/></clipPath>\n<g id=\"floor\">{}</g></defs>",
         floor(&camera)
     );
     for (index, (experiment, scene)) in plan.experiments.iter().zip(&scenes).enumerate() {
@@ -261,9 +261,9 @@ fn short(value: f64) -> String {
 
 /// The floor with its grid, as far as the pictures reach.
 fn floor(camera: &Camera) -> String {
+    const LINES: i32 = 30;
     let [width, height] = camera.size_px;
     let mut svg = format!("<rect width=\"{width:.1}\" height=\"{height:.1}\" fill=\"#eef1f4\"/>");
-    const LINES: i32 = 30;
     let reach = f64::from(LINES) * GRID_M;
     let corner = |x: f64, y: f64| {
         let [x, y, _] = camera.see(&Point3::new(x, y, 0.0));

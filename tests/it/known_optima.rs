@@ -13,7 +13,7 @@ use elastocal::scenario::{Loads, Scenario};
 
 use crate::support::{assert_close, best_rho0, designed, largest_derivative, scenario};
 
-/// Link lengths of models/planar_3r.xml and of models/spatial_3r.xml (m).
+// Link lengths of models/planar_3r.xml and of models/spatial_3r.xml (m).
 const PLANAR_M: [f64; 3] = [0.7, 0.5, 0.5];
 const SPATIAL_M: f64 = 0.8 + 0.7;
 /// The forces of their scenarios (N).
@@ -98,13 +98,13 @@ fn one_compliance_is_seen_best_by_the_stretched_arm() {
     }
 }
 
-/// Two unknowns at the ends of two equal links of length l, one measurement. With u = J_2, v = J_3 and
-/// the elbow angle q (u and v are as long as 2 l cos(q/2) and l, with q/2 between them),
-/// det(A^T A) = F^4 (u.f)^2 (v.f)^2 |u x v|^2 and |u x v| = l^2 sin q. Joint 1 turns the whole against
-/// the force: (u.f)(v.f) = |u||v| cos(x) cos(x - q/2) is largest at x = q/4, where the force bisects u
-/// and v, with the value (|u||v| + u.v) / 2 = l^2 c (1 + c), c = cos(q/2). So the root of the
-/// determinant is F^2 2 l^4 s c^2 (1 + c), s = sin(q/2). Its logarithm's derivative vanishes where
-/// c/s - 2 s/c - s/(1 + c) = 0, that is 4 c^2 - c - 2 = 0: c = (1 + sqrt(33)) / 8, q = 65.07 deg.
+// Two unknowns at the ends of two equal links of length l, one measurement. With u = J_2, v = J_3 and
+// the elbow angle q (u and v are as long as 2 l cos(q/2) and l, with q/2 between them),
+// det(A^T A) = F^4 (u.f)^2 (v.f)^2 |u x v|^2 and |u x v| = l^2 sin q. Joint 1 turns the whole against
+// the force: (u.f)(v.f) = |u||v| cos(x) cos(x - q/2) is largest at x = q/4, where the force bisects u
+// and v, with the value (|u||v| + u.v) / 2 = l^2 c (1 + c), c = cos(q/2). So the root of the
+// determinant is F^2 2 l^4 s c^2 (1 + c), s = sin(q/2). Its logarithm's derivative vanishes where
+// c/s - 2 s/c - s/(1 + c) = 0, that is 4 c^2 - c - 2 = 0: c = (1 + sqrt(33)) / 8, q = 65.07 deg.
 #[test]
 fn the_d_optimal_elbow_of_two_equal_links_is_65_degrees() {
     let scenario = scenario_of("planar_3r", &[1, 2]);
@@ -130,16 +130,16 @@ fn the_d_optimal_elbow_of_two_equal_links_is_65_degrees() {
     assert!(2.0 * best(&scenario, Criterion::D, 2).cost < 0.71 * found.cost);
 }
 
-/// The spatial arm without its elbow: about the vertical axis and the shoulder, both on axis 1, J_1 is at
-/// right angles to the arm's plane and J_2 lies in it. With R the tool's distance from axis 1, h its
-/// height over the shoulder, r^2 = R^2 + h^2, the information of every experiment is diagonal,
-/// (x, y) = (R^2 (J_1.F)^2, r^2 (J_2.F)^2):
-///   a vertical force:      (0, r^2 R^2 F^2),
-///   a force along y at q1: (R^4 F^2 cos^2 q1, r^2 h^2 F^2 sin^2 q1).
-/// In both x + y <= r^4 F^2 <= L^4 F^2 = I, with equality for the stretched arm, at (0, I) and (I, 0). So
-/// `rho_0`^2 = sigma^2 (|a_1|^2 / x + |a_2|^2 / y) is minimised over x + y = I: the weights are as the
-/// roots of the cost shares, |a_1| : |a_2|, and m `rho_0`^2 >= sigma^2 (|a_1| + |a_2|)^2 / I.
-/// A plan of m measurements takes the best whole numbers, m_1 + m_2 = m.
+// The spatial arm with a known elbow: about the vertical axis and the shoulder, both on axis 1, J_1 is at
+// right angles to the arm's plane and J_2 lies in it. With R the tool's distance from axis 1, h its
+// height over the shoulder, r^2 = R^2 + h^2, the information of every experiment is diagonal,
+// (x, y) = (R^2 (J_1.F)^2, r^2 (J_2.F)^2):
+//   a vertical force:      (0, r^2 R^2 F^2),
+//   a force along y at q1: (R^4 F^2 cos^2 q1, r^2 h^2 F^2 sin^2 q1).
+// In both x + y <= r^4 F^2 <= L^4 F^2 = I, with equality for the stretched arm, at (0, I) and (I, 0). So
+// `rho_0`^2 = sigma^2 (|a_1|^2 / x + |a_2|^2 / y) is minimised over x + y = I: the weights are as the
+// roots of the cost shares, |a_1| : |a_2|, and m `rho_0`^2 >= sigma^2 (|a_1| + |a_2|)^2 / I.
+// A plan of m measurements takes the best whole numbers, m_1 + m_2 = m.
 #[test]
 fn separate_compliances_share_the_measurements_as_roots_of_their_cost() {
     let mut scenario = scenario_of("spatial_3r", &[0, 1]);
@@ -180,15 +180,15 @@ fn separate_compliances_share_the_measurements_as_roots_of_their_cost() {
     }
 }
 
-/// The same arm under a force of any direction: J_1.F and J_2.F are components of F at right angles, so
-/// horizontally stretched x + y = L^2 ((J_1.F)^2 + (J_2.F)^2) = I can be split at will within one
-/// measurement, and even m = 1 reaches the bound. In relative units, with s_j = k_j^2 m I / sigma^2, the
-/// eigenvalues are w s_1 and (1 - w) s_2, and every criterion has its best w in closed form:
-///   A: 1/(w s_1) + 1/((1 - w) s_2)         >= (1/sqrt(s_1) + 1/sqrt(s_2))^2
-///   D: sqrt(w (1 - w) s_1 s_2)             <= sqrt(s_1 s_2) / 2;    O1 is its root
-///   E: min(w s_1, (1 - w) s_2)             <= 1 / (1/s_1 + 1/s_2);  G is its inverse, O3 its root
-///   O2: 1 where both are equal; O4: smallest / sqrt(largest) <= sqrt(smallest) <= sqrt(E)
-///   O5: 1/sqrt(w s_1) + 1/sqrt((1-w) s_2)  >= (s_1^(-1/3) + s_2^(-1/3))^(3/2)
+// The same arm under a force of any direction: J_1.F and J_2.F are components of F at right angles, so
+// horizontally stretched x + y = L^2 ((J_1.F)^2 + (J_2.F)^2) = I can be split at will within one
+// measurement, and even m = 1 reaches the bound. In relative units, with s_j = k_j^2 m I / sigma^2, the
+// eigenvalues are w s_1 and (1 - w) s_2, and every criterion has its best w in closed form:
+//   A: 1/(w s_1) + 1/((1 - w) s_2)         >= (1/sqrt(s_1) + 1/sqrt(s_2))^2
+//   D: sqrt(w (1 - w) s_1 s_2)             <= sqrt(s_1 s_2) / 2;    O1 is its root
+//   E: min(w s_1, (1 - w) s_2)             <= 1 / (1/s_1 + 1/s_2);  G is its inverse, O3 its root
+//   O2: 1 where both are equal; O4: smallest / sqrt(largest) <= sqrt(smallest) <= sqrt(E)
+//   O5: 1/sqrt(w s_1) + 1/sqrt((1-w) s_2)  >= (s_1^(-1/3) + s_2^(-1/3))^(3/2)
 #[test]
 fn a_free_force_splits_one_measurement_by_every_criterion() {
     let scenario = scenario_of("spatial_3r", &[0, 1]);

@@ -5,7 +5,7 @@
 //! penetrate each other have no order that is right everywhere; the one that is wrong on the smallest
 //! area is taken.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::fmt::Write;
 
 use nalgebra::{Point3, Rotation3, Vector3};
@@ -298,25 +298,21 @@ impl DepthImage {
 /// The closed outlines of a set of triangles that share their vertices.
 fn outlines(triangles: &[[u32; 3]]) -> Vec<Vec<u32>> {
     let edges_of = |&[a, b, c]: &[u32; 3]| [(a, b), (b, c), (c, a)];
-    let mut edges: BTreeMap<(u32, u32), ()> = triangles
-        .iter()
-        .flat_map(edges_of)
-        .map(|edge| (edge, ()))
-        .collect();
+    let mut edges: BTreeSet<(u32, u32)> = triangles.iter().flat_map(edges_of).collect();
     // An edge inside belongs to two triangles, which go along it in opposite directions.
-    let inside: Vec<_> = (edges.keys().copied())
-        .filter(|&(from, to)| edges.contains_key(&(to, from)))
+    let inside: Vec<_> = (edges.iter().copied())
+        .filter(|&(from, to)| edges.contains(&(to, from)))
         .collect();
     for edge in inside {
         edges.remove(&edge);
     }
     let mut outlines = Vec::new();
-    while let Some(((start, mut at), ())) = edges.pop_first() {
+    while let Some((start, mut at)) = edges.pop_first() {
         let mut outline = vec![start];
         while at != start {
             outline.push(at);
             let onwards = edges.range((at, 0)..=(at, u32::MAX)).next();
-            let Some((&edge, ())) = onwards else { break };
+            let Some(&edge) = onwards else { break };
             edges.remove(&edge);
             at = edge.1;
         }
