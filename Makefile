@@ -11,6 +11,7 @@ demo: setup ## run the demo scenario and write its results to out/ (options in A
 	$(CARGO) run --release --locked -- run $(ARGS)
 
 test: setup ## run all tests
+	@tools/install-rerun
 	$(CARGO) test --release --locked
 
 build: setup ## build the program: target/release/elastocal
@@ -28,7 +29,7 @@ doc: setup ## build the documentation, with warnings as errors
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --release --locked --no-deps
 
 clean: ## remove what was built and installed; results in out/ stay
-	rm -rf target .mujoco .mujoco.*
+	rm -rf target .mujoco .mujoco.* .rerun .rerun.*
 
 setup: ## install MuJoCo, unless MUJOCO_DYNAMIC_LINK_DIR names one
 	@command -v $(CARGO) >/dev/null || { echo "error: cargo was not found." \

@@ -11,6 +11,6 @@ pub mod plan;
 pub mod random;
 pub mod robot;
 pub mod scenario;
-pub mod testbed;
 pub mod study;
+pub mod testbed;
 pub mod units;

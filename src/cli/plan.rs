@@ -4,8 +4,9 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use clap::Args;
-use elastocal::files::check_writable;
+use elastocal::files::{check_writable, write_whole};
 use elastocal::output::messages::{AssessmentMessage, ProvenanceMessage, plan_messages};
+use elastocal::output::stills;
 use elastocal::plan::search::{
     ApproximateDesign, ExactDesign, Problem, Watch, approximate_design, exact_design,
 };
@@ -34,6 +35,9 @@ pub struct PlanCommand {
     /// Where to write the plan.
     #[arg(long, value_name = "FILE")]
     plan_out: Option<PathBuf>,
+    /// Where to draw the robot in each configuration of the plan (SVG).
+    #[arg(long, value_name = "FILE")]
+    stills_out: Option<PathBuf>,
 }
 
 /// A designed plan with what was found on the way.
@@ -127,6 +131,10 @@ impl PlanCommand {
         );
         if let Some(path) = &self.plan_out {
             write_plan(path, scenario.joints(), plan)?;
+            text += &format!("wrote {}\n", path.display());
+        }
+        if let Some(path) = &self.stills_out {
+            write_whole(path, stills::sheet(&scenario, plan).as_bytes())?;
             text += &format!("wrote {}\n", path.display());
         }
         let mut json = json!({

@@ -6,10 +6,14 @@ use clap::Args;
 use elastocal::calibration::{Calibration, calibrate};
 use elastocal::files::{make_folder, write_whole};
 use elastocal::measurement::write_measurements;
+use elastocal::output::mcap_file::write_mcap;
 use elastocal::output::messages::{
     AssessmentMessage, CalibrationMessage, MeasurementMessage, ProvenanceMessage, plan_messages,
 };
-use elastocal::plan::search::{Certificate, random_plan};
+use elastocal::output::recording::Recording;
+use elastocal::output::rerun_file::write_rerun;
+use elastocal::output::stills;
+use elastocal::plan::search::{Certificate, median_random_rho0, random_plan};
 use elastocal::plan::{Assessment, Criterion, Plan, read_plan, write_plan};
 use elastocal::scenario::Scenario;
 use serde_json::{Value, json};
@@ -26,11 +30,14 @@ pub struct Run {
     pub common: Common,
 }
 
+/// So many random plans stand for what a laboratory without a plan would do.
+const RANDOM_PLANS: u64 = 99;
+
 /// A plan that took part, with what it promised and what came of it.
 struct Entry {
-    name: String,
     assessment: Assessment,
-    calibration: Calibration,
+    /// The plan's name and its calibration.
+    calibration: (String, Calibration),
 }
 
 impl Run {
@@ -55,12 +62,20 @@ impl Run {
             entries.push(entry(&scenario, name, &plan, &certificate)?);
         }
 
-        common.say(&format!("writing {}", folder.display()));
-        let json = results(&scenario, &entries, designed.elapsed_s)?;
+        common.say(&format!(
+            "assessing {RANDOM_PLANS} random plans, writing {}",
+            folder.display()
+        ));
+        let mut json = results(&scenario, &entries, designed.elapsed_s)?;
+        let random_rho0_m = median_random_rho0(&scenario, experiments, RANDOM_PLANS)?;
+        merge(
+            &mut json,
+            json!({ "random_plans": RANDOM_PLANS, "random_median_rho0_mm": random_rho0_m * 1e3 }),
+        );
         write_all(&scenario, &folder, &entries, &json)?;
-        let identification = &entries[0].calibration.identification;
+        let identification = &entries[0].calibration.1.identification;
         Ok(Report {
-            text: summary(&scenario, &folder, &entries),
+            text: summary(&folder, &entries, random_rho0_m),
             conditions: identify::conditions(identification),
             json,
         })
@@ -77,7 +92,7 @@ fn plans_to_compare(scenario: &Scenario, optimal: Plan) -> anyhow::Result<Vec<(S
             plans.push((file.name.clone(), plan));
         }
     }
-    let random = random_plan(scenario, experiments, scenario.seed)?;
+    let random = random_plan(scenario, experiments, 0)?;
     plans.push(("random".to_owned(), random));
     Ok(plans)
 }
@@ -91,8 +106,7 @@ fn entry(
     Ok(Entry {
         assessment: Assessment::new(scenario, plan, Some(certificate)),
         // Every plan is measured with the same noise.
-        calibration: calibrate(scenario, plan, 0)?,
-        name,
+        calibration: (name, calibrate(scenario, plan, 0)?),
     })
 }
 
@@ -101,17 +115,18 @@ fn results(scenario: &Scenario, entries: &[Entry], elapsed_s: f64) -> anyhow::Re
     let main = &entries[0];
     let messages: Vec<CalibrationMessage> = entries
         .iter()
-        .map(|entry| CalibrationMessage::new(&entry.name, &entry.calibration))
+        .map(|entry| CalibrationMessage::new(&entry.calibration.0, &entry.calibration.1))
         .collect();
     let measurements: Vec<MeasurementMessage> = main
         .calibration
+        .1
         .measurements
         .iter()
         .map(Into::into)
         .collect();
     let mut json = json!({
         "provenance": ProvenanceMessage::new(scenario),
-        "plan": plan_messages(&main.calibration.plan),
+        "plan": plan_messages(&main.calibration.1.plan),
         "elapsed_s": elapsed_s,
         "measurements": measurements,
     });
@@ -143,7 +158,7 @@ fn write_all(
     entries: &[Entry],
     json: &Value,
 ) -> anyhow::Result<()> {
-    let main = &entries[0].calibration;
+    let (_, main) = &entries[0].calibration;
     write_plan(&folder.join("plan.csv"), scenario.joints(), &main.plan)?;
     write_measurements(
         &folder.join("measurements.csv"),
@@ -152,21 +167,30 @@ fn write_all(
     )?;
     let text = serde_json::to_string_pretty(json)? + "\n";
     write_whole(&folder.join("results.json"), text.as_bytes())?;
+    let stills = stills::sheet(scenario, &main.plan);
+    write_whole(&folder.join("stills.svg"), stills.as_bytes())?;
+    let calibrations: Vec<_> = entries
+        .iter()
+        .map(|entry| entry.calibration.clone())
+        .collect();
+    let recording = Recording::new(scenario, &calibrations)?;
+    write_mcap(&folder.join("run.mcap"), &recording)?;
+    write_rerun(&folder.join("run.rrd"), &recording)?;
     Ok(())
 }
 
 /// What it means, for a person.
-fn summary(scenario: &Scenario, folder: &Path, entries: &[Entry]) -> String {
+fn summary(folder: &Path, entries: &[Entry], random_rho0_m: f64) -> String {
     let main = &entries[0];
-    let mut text = identify::describe(&main.calibration.identification);
+    let mut text = identify::describe(&main.calibration.1.identification);
     text.push('\n');
     let micro = |value: f64| number(Some(value * 1e6), 2);
     let rows: Vec<Vec<String>> = entries
         .iter()
         .map(|entry| {
-            let pose = &entry.calibration.poses[0];
+            let pose = &entry.calibration.1.poses[0];
             vec![
-                entry.name.clone(),
+                entry.calibration.0.clone(),
                 number(entry.assessment.rho0_m.map(|value| value * 1e6), 2),
                 number(entry.assessment.efficiency(), 4),
                 micro(pose.seen.residual_m.norm()),
@@ -184,7 +208,7 @@ fn summary(scenario: &Scenario, folder: &Path, entries: &[Entry]) -> String {
         ],
         &rows,
     );
-    let pose = &main.calibration.poses[0];
+    let pose = &main.calibration.1.poses[0];
     let uncompensated = pose.seen.uncompensated_m.norm() * 1e6;
     let predicted = main.assessment.rho0_m.unwrap_or(f64::NAN) * 1e6;
     text += &format!(
@@ -202,17 +226,14 @@ fn summary(scenario: &Scenario, folder: &Path, entries: &[Entry]) -> String {
         );
     }
     text += ".\n";
-    if let (Some(random), Some(optimal)) = (
-        entries.last().and_then(|entry| entry.assessment.rho0_m),
-        main.assessment.rho0_m,
-    ) && entries.len() > 1
-    {
+    if let Some(optimal) = main.assessment.rho0_m {
+        let times = (random_rho0_m / optimal).powi(2);
         text += &format!(
-            "The random plan would need {:.1} times as many measurements for the same accuracy.\n",
-            (random / optimal).powi(2)
+            "A random plan of as many promises {:.1} um (the median of {RANDOM_PLANS}): it would need \
+             {times:.1} times as many measurements for the same accuracy.\n",
+            random_rho0_m * 1e6
         );
     }
-    let _ = scenario;
     text += &format!("Results are in {}\n", folder.display());
     text
 }

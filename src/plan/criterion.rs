@@ -131,9 +131,12 @@ impl CriterionFunction {
         // The factorisation takes the matrix's storage and gives it back: nothing is allocated.
         let mut work = std::mem::replace(&mut self.work, DMatrix::zeros(0, 0));
         work.copy_from(information);
-        let Some(factor) = Cholesky::new(work) else {
-            self.work = information.clone();
-            return f64::INFINITY;
+        let factor = match Cholesky::new(work) {
+            Some(factor) if is_regular(information, &factor) => factor,
+            _ => {
+                self.work = information.clone();
+                return f64::INFINITY;
+            }
         };
         self.solved.copy_from(&self.test_poses);
         factor.solve_mut(&mut self.solved);
@@ -211,6 +214,14 @@ impl CriterionFunction {
             _ => cost,
         })
     }
+}
+
+/// Whether every parameter keeps information beyond rounding when those before it are unknown: the
+/// squared pivots are that information, the diagonal is the information when they are known.
+fn is_regular(information: &DMatrix<f64>, factor: &Cholesky<f64, Dyn>) -> bool {
+    let pivots = factor.l_dirty();
+    (0..information.nrows())
+        .all(|index| pivots[(index, index)].powi(2) > 1e-12 * information[(index, index)])
 }
 
 /// The eigenvalues, if all are positive beyond rounding.

@@ -9,14 +9,19 @@
 //! - `command_line`: the commands, seen from outside the process.
 //! - `properties`: what holds whatever the numbers are; derivatives against differences.
 //! - `bad_input`: wrong inputs, seen from outside the process.
+//! - `known_optima`: arms of three joints, for which the best plan can be derived by hand.
+//! - `search`: the search for plans and its certificate, on the KR-270.
 
 mod bad_input;
 mod command_line;
 mod identifiability;
 mod judges;
+mod known_optima;
+mod planning;
 mod properties;
 mod published;
 mod recordings;
 mod recovery;
+mod search;
 mod support;
 mod uncertainty;

@@ -208,7 +208,14 @@ impl<'a> LocalSearch<'a> {
             }
             unit * value
         };
-        let x = self.minimise_with_force(&x, joints, &ranges, &objective, &load_of)?;
+        let mut x = self.minimise_with_force(&x, joints, &ranges, &objective, &load_of)?;
+        // Where the cost has kinks, the optimiser may end with a force of another size.
+        let force = x[joints..].iter().map(|value| value * value).sum::<f64>();
+        if free.is_some() && force > 0.0 {
+            for value in &mut x[joints..] {
+                *value /= force.sqrt();
+            }
+        }
         let load = load_of(&x);
         self.is_inside(&x[..joints], &load)
             .then(|| self.point(&x[..joints], &load))

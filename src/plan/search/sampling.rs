@@ -2,6 +2,7 @@
 
 use rand::{Rng, RngExt};
 use rand_distr::{Distribution, UnitSphere};
+use rayon::prelude::*;
 
 use super::local::LocalSearch;
 use super::problem::{LoadChoice, Point, Problem, SearchError};
@@ -128,14 +129,48 @@ impl<'a> Sampler<'a> {
     }
 }
 
-/// A random feasible plan: what a laboratory without a plan would measure.
+/// A random feasible plan, number `run` under the scenario's seed: what a laboratory without a plan
+/// would measure.
 ///
 /// # Errors
 /// No feasible experiment is found.
-pub fn random_plan(scenario: &Scenario, experiments: u32, seed: u64) -> Result<Plan, SearchError> {
+pub fn random_plan(scenario: &Scenario, experiments: u32, run: u64) -> Result<Plan, SearchError> {
     let problem = Problem::new(scenario, Criterion::TestPose);
-    let mut sampler = Sampler::new(&problem);
-    let mut random = generator(seed, RANDOM_PLAN);
+    draw_plan(&mut Sampler::new(&problem), experiments, scenario.seed, run)
+}
+
+/// The median of the accuracies `rho_0` (m) that so many random plans promise, drawn on all threads.
+///
+/// # Errors
+/// No feasible experiment is found.
+pub fn median_random_rho0(
+    scenario: &Scenario,
+    experiments: u32,
+    plans: u64,
+) -> Result<f64, SearchError> {
+    let problem = Problem::new(scenario, Criterion::TestPose);
+    let mut promised = (0..plans)
+        .into_par_iter()
+        .map_init(
+            || (Sampler::new(&problem), problem.cost()),
+            |(sampler, cost), run| {
+                let plan = draw_plan(sampler, experiments, scenario.seed, run)?;
+                let rho0 = cost.value(&problem.information(&plan));
+                Ok(rho0.unwrap_or(f64::INFINITY))
+            },
+        )
+        .collect::<Result<Vec<f64>, SearchError>>()?;
+    promised.sort_by(f64::total_cmp);
+    Ok(promised[promised.len() / 2])
+}
+
+fn draw_plan(
+    sampler: &mut Sampler<'_>,
+    experiments: u32,
+    seed: u64,
+    run: u64,
+) -> Result<Plan, SearchError> {
+    let mut random = generator(seed, RANDOM_PLAN + run);
     let experiments = (0..experiments)
         .map(|_| {
             let (q, load) = sampler
