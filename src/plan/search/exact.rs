@@ -21,6 +21,13 @@ const SWEEPS: usize = 200;
 const CONVERGED: f64 = 1e-7;
 /// How many of the best plans are searched further.
 const PARENTS: usize = 6;
+/// Searches between two looks at whether enough is done.
+const BATCH: usize = 12;
+/// So many searches from independent starts must agree on the best plan, divided by the number of
+/// configurations: plans of few configurations have rare optima, and searches for them are short.
+const ENOUGH: usize = 60;
+/// Costs within this factor agree: 0.1 % in `rho_0`, the cost's root.
+const SAME: f64 = 1.002;
 
 /// A plan with its cost.
 #[derive(Debug, Clone, PartialEq)]
@@ -75,8 +82,8 @@ pub fn exact_design(
         problem.effort.starts_for(repeats.len())
     };
     let seen = Mutex::new((0, f64::INFINITY));
-    let search = |indices: std::ops::Range<usize>, known: &[Found]| -> Vec<Found> {
-        indices
+    let search = |starts_of_batch: std::ops::Range<usize>, parents: &[Found]| -> Vec<Found> {
+        starts_of_batch
             .into_par_iter()
             .map_init(
                 || Refinement::new(problem),
@@ -85,7 +92,7 @@ pub fn exact_design(
                         return None;
                     }
                     let mut random = generator(seed, (1 << 48) + start as u64);
-                    let (points, repeats) = match known.get(start % PARENTS) {
+                    let (points, repeats) = match parents.get(start % PARENTS) {
                         Some(parent) => refinement.mutate(parent, &mut random)?,
                         None => {
                             let points =
@@ -107,18 +114,34 @@ pub fn exact_design(
             .flatten()
             .collect()
     };
-    // First from anywhere; then from the best plans found, each with one experiment drawn anew.
-    let first = starts.div_ceil(2);
-    let mut results = search(0..first, &[]);
-    results.sort_by(|one, other| one.cost.total_cmp(&other.cost));
-    if free > 0 {
-        let parents = distinct(&results);
-        results.extend(search(first..starts, &parents));
+    // Batches from anywhere and batches from the best plans found, each with one experiment drawn
+    // anew, take turns. Enough is done when independent searches agree on the best plan.
+    let enough = (ENOUGH / repeats.len().max(1)).max(4);
+    let mut results: Vec<Found> = Vec::new();
+    let mut independent: Vec<f64> = Vec::new();
+    for (batch, first) in (0..starts).step_by(BATCH).enumerate() {
+        let is_independent = batch % 2 == 0 || free == 0;
+        let parents = if is_independent {
+            Vec::new()
+        } else {
+            distinct(&results)
+        };
+        let found = search(first..starts.min(first + BATCH), &parents);
+        if is_independent {
+            independent.extend(found.iter().map(|found| found.cost));
+        }
+        results.extend(found);
+        results.sort_by(|one, other| one.cost.total_cmp(&other.cost));
+        let agrees = |cost: &&f64| {
+            results
+                .first()
+                .is_some_and(|best| **cost < best.cost * SAME)
+        };
+        if !is_independent && independent.iter().filter(agrees).count() >= enough {
+            break;
+        }
     }
-    let best = results
-        .iter()
-        .min_by(|one, other| one.cost.total_cmp(&other.cost))
-        .ok_or(singular)?;
+    let best = results.first().ok_or(singular)?;
     let found = best
         .points
         .iter()
@@ -132,7 +155,7 @@ pub fn exact_design(
         searches: results.len(),
         agreeing: results
             .iter()
-            .filter(|found| found.cost < best.cost * 1.002)
+            .filter(|found| found.cost < best.cost * SAME)
             .count(),
     })
 }
