@@ -12,6 +12,8 @@
 //! - `known_optima`: arms of three joints, for which the best plan can be derived by hand.
 //! - `search`: the search for plans and its certificate, on the KR-270.
 
+#![expect(clippy::expect_used, reason = "a test that cannot go on fails")]
+
 mod bad_input;
 mod command_line;
 mod identifiability;
