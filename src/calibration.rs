@@ -45,13 +45,13 @@ pub struct CompensatedPose {
     pub weight: f64,
     /// The joint angles to command (rad).
     pub commanded_rad: DVector<f64>,
-    /// The predicted rms distance rho_0 (m), eq. 20 with the covariance of this identification.
+    /// The predicted rms distance `rho_0` (m), eq. 20 with the covariance of this identification.
     pub predicted_m: f64,
     /// What was seen on the virtual robot.
     pub seen: SeenPose,
 }
 
-/// Distances of the loaded tool from where it is wanted, t_F - t_0 (D2), in the world frame.
+/// Distances of the loaded tool from where it is wanted, `t_F` - `t_0` (D2), in the world frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SeenPose {
     /// Without compensation (m).
@@ -144,7 +144,7 @@ pub fn compensate_poses(
 }
 
 /// Commands the virtual robot at a test pose under the task load, without and with compensation.
-/// The wanted place t_0 is that of the unloaded tool.
+/// The wanted place `t_0` is that of the unloaded tool.
 ///
 /// # Errors
 /// There is no stable equilibrium.

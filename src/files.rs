@@ -58,7 +58,7 @@ pub fn read_text(path: &Path) -> Result<String, FileError> {
         .map_err(|error| FileError::new(path, format!("cannot be read: {error}")))?;
     String::from_utf8(bytes).map_err(|error| {
         let valid = &error.as_bytes()[..error.utf8_error().valid_up_to()];
-        let line = 1 + valid.iter().filter(|&&byte| byte == b'\n').count();
+        let line = 1 + valid.split(|&byte| byte == b'\n').skip(1).count();
         FileError::new(path, "is not UTF-8 text")
             .at(format!("line {line}"))
             .hint("save the file as UTF-8")

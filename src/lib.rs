@@ -1,4 +1,102 @@
-//! elastocal
+//! elastocal: a virtual calibration testbed for the joint stiffness of industrial robots.
+//!
+//! A heavy robot bends under its task load. To compensate, its controller needs each joint's
+//! compliance, which is identified by hanging loads on the robot and measuring how the tool
+//! deflects. Which configurations and loads to measure decides how good the compensation gets.
+//! This crate designs such plans for the pose where the robot must work (the test pose), tries them
+//! on a virtual robot in MuJoCo, identifies, compensates, and compares.
+//!
+//! # The problem in equations
+//!
+//! After A. Klimchik, A. Pashkevich, Y. Wu, S. Caro, B. Furet, *Design of calibration experiments
+//! for identification of manipulator elastostatic parameters*, Journal of Mechanics Engineering and
+//! Automation 2 (2012) 531-542; the equation numbers are that paper's.
+//!
+//! ```text
+//! K_C = J^-T K_theta J^-1                                   Cartesian stiffness          (1)
+//! dt  = J k_theta J^T W                                     deflection under a wrench    (2)
+//! dt  = A k,   A = [J_1 J_1^T W, ..., J_n J_n^T W]          the same, linear in k        (3, 4)
+//! dp  = A^(p) k                                             its position rows            (7, 8)
+//! k^  = (sum A^(p)T A^(p))^-1 sum A^(p)T dp                 identification               (9)
+//! cov(k^) = sigma^2 (sum A^(p)T A^(p))^-1                   its covariance               (13)
+//! q   = q_0 - k_theta J_0^T W_0                             compensation                 (15)
+//! rho_0^2 = sigma^2 trace(A_0 (sum A^(p)T A^(p))^-1 A_0^T)  what it leaves, mean square  (20)
+//! rho_0 -> min over {q_i, W_i}                              the plan                     (21, 22)
+//! ```
+//!
+//! Deflections of a real robot are not linear in k: the virtual robot, the non-linear
+//! identification and the non-linear compensation solve the static equilibrium
+//! `q = q_commanded + k tau(q)` with gravity instead of eq. 2.
+//!
+//! # How the data flows
+//!
+//! Each module uses only what stands above it.
+//!
+//! - [`files`], [`units`], [`random`], [`least_squares`]: what every stage needs.
+//! - [`mujoco`]: MJCF models in MuJoCo; the only user of the simulator's bindings.
+//! - [`robot`]: the serial chain read from the model; Jacobians, elastostatics, static equilibrium.
+//! - [`scenario`]: one TOML file becomes a checked [`Scenario`](scenario::Scenario), in SI units.
+//! - [`measurement`]: measured deflections, the laboratory's or the virtual robot's.
+//! - [`testbed`]: the virtual robot in MuJoCo, its instrument, and its dynamics as judge.
+//! - [`identification`]: compliances with their uncertainty, and what cannot be identified.
+//! - [`compensation`]: the joint angles to command at a test pose.
+//! - [`plan`]: plans of experiments, what they promise, whether they are possible, and
+//!   [`plan::search`] for the best one with its certificate.
+//! - [`calibration`]: the whole loop once.
+//! - [`study`]: Monte Carlo.
+//! - [`output`]: JSON records, MCAP, the rerun stream, pictures; computes nothing.
+//!
+//! # Invariants
+//!
+//! - Identification and planning see the nominal robot and measurements, never the true robot.
+//! - One MJCF file is the only source of a robot's geometry and masses.
+//! - Random numbers are a function of the seed and the run alone, and results do not depend on the
+//!   number of threads, to the bit.
+//! - What cannot be determined is named, and is no number: `None` here, `null` in JSON.
+//! - An output file is whole or not there.
+//!
+//! # Notation
+//!
+//! | paper | here | unit |
+//! |---|---|---|
+//! | q, q_0 | `configuration_rad` | rad |
+//! | W = (F, T) | [`robot::Load`] | N, N m; world frame |
+//! | J | [`robot::KinematicState::jacobian`] | m, 1; world frame |
+//! | k, k_theta | `compliance_rad_per_nm` | rad/(N m) |
+//! | K_C | [`robot::cartesian_stiffness`] | N/m, N m/rad |
+//! | A, A^(p), A^(phi) | [`robot::ObservationMatrix`] | m N m/rad |
+//! | A_0^(p) | [`compensation::test_pose_matrix`] | m N m/rad |
+//! | dp | `deflection_m` | m; loaded minus unloaded |
+//! | sigma | `sigma_m`: of each coordinate of a deflection | m |
+//! | sum A^T A | `information` | m^2 (N m/rad)^2; relative units in the search |
+//! | cov(k) | `covariance` | (rad/(N m))^2 |
+//! | rho_0 | `rho0_m`, `predicted_m` | m |
+//! | m | `experiments`: measurements, repeats counted | |
+//!
+//! # The whole loop
+//!
+//! ```
+//! use std::sync::atomic::AtomicBool;
+//!
+//! use elastocal::calibration::calibrate;
+//! use elastocal::plan::Criterion;
+//! use elastocal::plan::search::{Problem, Watch, approximate_design, exact_design};
+//! use elastocal::scenario::Scenario;
+//!
+//! let scenario = Scenario::load("scenarios/klimchik2012.toml".as_ref())?;
+//! let mut problem = Problem::new(&scenario, Criterion::TestPose);
+//! problem.effort.starts = 24; // a quick search
+//! let bound = approximate_design(&problem, scenario.seed)?;
+//! let watch = Watch { stop: &AtomicBool::new(false), progress: &|_, _, _| {} };
+//! let best = exact_design(&problem, &bound, 4, 4, scenario.seed, watch)?;
+//! let calibration = calibrate(&scenario, &best.plan, 0)?;
+//! let pose = &calibration.poses[0];
+//! assert!(best.cost >= bound.certificate.lower_bound(4));
+//! assert!(pose.seen.residual_m.norm() < 0.05 * pose.seen.uncompensated_m.norm());
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+#![expect(clippy::doc_markdown, reason = "the paper's symbols")]
+
 pub mod calibration;
 pub mod compensation;
 pub mod files;

@@ -127,18 +127,19 @@ pub fn describe(identification: &Identification) -> String {
     let rows: Vec<Vec<String>> = identification
         .parameters
         .iter()
-        .map(|parameter| match parameter.estimate {
-            Some(estimate) => vec![
-                parameter.name.clone(),
-                micro(estimate.value),
-                micro(estimate.standard_error),
-                format!(
-                    "{} to {}",
-                    micro(estimate.interval95[0]),
-                    micro(estimate.interval95[1])
-                ),
-            ],
-            None => {
+        .map(|parameter| {
+            if let Some(estimate) = parameter.estimate {
+                vec![
+                    parameter.name.clone(),
+                    micro(estimate.value),
+                    micro(estimate.standard_error),
+                    format!(
+                        "{} to {}",
+                        micro(estimate.interval95[0]),
+                        micro(estimate.interval95[1])
+                    ),
+                ]
+            } else {
                 let mut row = vec![parameter.name.clone()];
                 row.extend(["not determined", "-", "-"].map(str::to_owned));
                 row

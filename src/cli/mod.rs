@@ -3,6 +3,7 @@
 //! Every command loads the scenario, says on stderr what it does, and ends in a [`Report`]: results
 //! for stdout as JSON or as text, and the named conditions that did not hold.
 
+mod budget;
 mod check;
 mod compensate;
 mod evaluate;
@@ -60,6 +61,8 @@ enum Command {
     Check(check::Check),
     /// Design a plan of experiments
     Plan(plan::PlanCommand),
+    /// How many measurements, and in how many configurations, for a wanted accuracy
+    Budget(budget::Budget),
     /// Assess a plan: accuracy at the test pose, standard errors, criteria, violations
     Evaluate(evaluate::Evaluate),
     /// Measure a plan on the virtual robot
@@ -95,6 +98,7 @@ impl Arguments {
             Command::Run(command) => command.execute(),
             Command::Check(command) => command.execute(),
             Command::Plan(command) => command.execute(),
+            Command::Budget(command) => command.execute(),
             Command::Evaluate(command) => command.execute(),
             Command::Measure(command) => command.execute(),
             Command::Identify(command) => command.execute(),
@@ -116,6 +120,7 @@ impl Command {
             Self::Run(command) => &command.common,
             Self::Check(command) => &command.common,
             Self::Plan(command) => &command.common,
+            Self::Budget(command) => &command.common,
             Self::Evaluate(command) => &command.common,
             Self::Measure(command) => &command.common,
             Self::Identify(command) => &command.common,

@@ -9,12 +9,12 @@ use crate::robot::{
 use crate::scenario::{Method, TestPose};
 
 /// The joint angles to command (rad) so that the loaded tool stands where the unloaded tool stands
-/// at the test pose's own configuration q_0.
+/// at the test pose's own configuration `q_0`.
 ///
-/// Linear (eq. 15): q = q_0 - J_0^-1 K_C^-1 W = q_0 - k J_0^T W, with the Jacobian at q_0; the
+/// Linear (eq. 15): q = `q_0` - J_0^-1 K_C^-1 W = `q_0` - k `J_0^T` W, with the Jacobian at `q_0`; the
 /// second form needs no inverse and holds for any number of joints. Non-linear: the torque is taken
-/// at the unloaded equilibrium q_u of q_0 under gravity. The loaded equilibrium of
-/// q = q_0 - k J(q_u)^T W is then q_u itself, so that the compensation is exact for true
+/// at the unloaded equilibrium `q_u` of `q_0` under gravity. The loaded equilibrium of
+/// q = `q_0` - k `J(q_u)^T` W is then `q_u` itself, so that the compensation is exact for true
 /// compliances, in position and orientation.
 ///
 /// # Errors
@@ -48,7 +48,7 @@ pub fn compensate(
     ))
 }
 
-/// The observation matrix of a test pose, A_0^(p) (eq. 23), 3 x p.
+/// The observation matrix of a test pose, `A_0^(p)` (eq. 23), 3 x p.
 #[must_use]
 pub fn test_pose_matrix(
     chain: &SerialChain,
@@ -61,7 +61,7 @@ pub fn test_pose_matrix(
     DMatrix::from_column_slice(3, parameters.len(), matrix.as_slice())
 }
 
-/// The predicted rms distance rho_0 that compensation leaves at a test pose (eq. 20), for a
+/// The predicted rms distance `rho_0` that compensation leaves at a test pose (eq. 20), for a
 /// covariance of the compliances (eq. 13); same length unit as the covariance and matrix give (m).
 #[must_use]
 pub fn predicted_error(test_pose_matrix: &DMatrix<f64>, covariance: &DMatrix<f64>) -> f64 {

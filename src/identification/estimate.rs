@@ -249,7 +249,6 @@ fn report(
     }
     let equations = fit.whitened_residuals.len();
     let spare = equations - least_squares.rank;
-    #[expect(clippy::cast_precision_loss, reason = "far below 2^52 measurements")]
     let freedom = spare as f64;
     let sum_of_squares = fit.whitened_residuals.norm_squared();
     let ratio = (spare > 0).then(|| (sum_of_squares / freedom).sqrt());

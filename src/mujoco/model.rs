@@ -74,7 +74,7 @@ pub enum Shape {
 pub struct Geometry {
     /// Its name, or `geom <id>`.
     pub name: String,
-    /// MuJoCo's identifier, the index into [`State::geometry_pose`].
+    /// MuJoCo's identifier, the index into [`super::State::geometry_pose`].
     pub id: usize,
     /// Its shape.
     pub shape: Shape,

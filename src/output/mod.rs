@@ -3,12 +3,14 @@
 //! - [`messages`]: the JSON records that `--json`, results.json and the MCAP file share.
 //! - [`recording`]: the robot in every experiment and test pose, for both recordings.
 //! - [`stills`]: a sheet of pictures of the robot in each configuration of a plan.
+//! - [`plots`]: plots as SVG.
 //! - [`mesh`]: the model's shapes as triangles.
 //! - [`rerun_file`], [`mcap_file`]: the recordings.
 
 pub mod mcap_file;
 pub mod mesh;
 pub mod messages;
+pub mod plots;
 pub mod recording;
 pub mod rerun_file;
 pub mod stills;

@@ -54,8 +54,8 @@ impl<'a> ExperimentModel<'a> {
     }
 }
 
-/// The weight matrix of the test poses: the weighted sum of A_0^T A_0, p x p, so that
-/// rho_0^2 = sigma^2 trace(weights * information^-1) (eq. 20).
+/// The weight matrix of the test poses: the weighted sum of `A_0^T` `A_0`, p x p, so that
+/// `rho_0^2` = sigma^2 trace(weights * information^-1) (eq. 20).
 #[must_use]
 pub fn test_pose_weights(scenario: &Scenario) -> DMatrix<f64> {
     let size = scenario.parameters.len();

@@ -1,4 +1,4 @@
-//! Optimality criteria: the test pose's rho_0 (eq. 20) and those of Table 1.
+//! Optimality criteria: the test pose's `rho_0` (eq. 20) and those of Table 1.
 //!
 //! All are functions of the information matrix M (p x p) in relative units: each compliance is
 //! divided by its nominal value and each deflection by sigma, so that M^-1 is the covariance of

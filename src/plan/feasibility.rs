@@ -17,7 +17,7 @@ const ROUNDING: f64 = 1e-9;
 pub struct Violation {
     /// The experiment's number in the plan, from 1.
     pub experiment: usize,
-    /// What is wrong: "tool height", "joint_3", "collision of floor and link_6" ...
+    /// What is wrong: "tool height", "`joint_3`", "collision of floor and `link_6`" ...
     pub what: String,
     /// The value found, in `unit`.
     pub found: f64,

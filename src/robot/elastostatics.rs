@@ -4,11 +4,11 @@ use nalgebra::{Matrix3xX, Matrix6, Matrix6xX};
 
 use super::kinematic_state::{KinematicState, Load};
 
-/// The Cartesian stiffness matrix K_C = J^-T K_theta J^-1 (eq. 1), 6 x 6, in the world frame at the
+/// The Cartesian stiffness matrix `K_C` = J^-T `K_theta` J^-1 (eq. 1), 6 x 6, in the world frame at the
 /// tool: rows force (N) and torque (N m), columns displacement (m) and rotation (rad).
 ///
 /// `compliance_rad_per_nm` are the joints' compliances. `None` where the compliance matrix
-/// J k_theta J^T is singular: fewer than six elastic joints, or a singular configuration.
+/// J `k_theta` J^T is singular: fewer than six elastic joints, or a singular configuration.
 #[must_use]
 pub fn cartesian_stiffness(
     state: &KinematicState,
@@ -35,7 +35,7 @@ pub fn cartesian_stiffness(
 /// this.
 const SINGULAR: f64 = 1e-13;
 
-/// The observation matrix A = [J_1 J_1^T W, ..., J_n J_n^T W] (eq. 4), which maps the compliances
+/// The observation matrix A = [`J_1` `J_1^T` W, ..., `J_n` `J_n^T` W] (eq. 4), which maps the compliances
 /// of the identified joints to the tool's displacement: dt = A k (eq. 3).
 #[derive(Debug, Clone, PartialEq)]
 pub struct ObservationMatrix {

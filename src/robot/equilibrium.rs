@@ -140,7 +140,7 @@ impl EquilibriumSolver {
     }
 
     /// How the tool of the last solution moves with each compliance: 6 x n, column j is
-    /// d(position, rotation)/d k_j = J (I - k dtau/dq)^-1 e_j tau_j, in m and rad per rad/(N m).
+    /// d(position, rotation)/d `k_j` = J (I - k dtau/dq)^-1 `e_j` `tau_j`, in m and rad per rad/(N m).
     #[must_use]
     pub fn sensitivity(&self, compliance_rad_per_nm: &[f64]) -> Matrix6xX<f64> {
         let mut moved = DMatrix::from_diagonal(&self.torque);
@@ -183,15 +183,12 @@ impl EquilibriumSolver {
         }
         // The factorisation takes the matrix's storage and gives it back: nothing is allocated.
         let system = std::mem::replace(&mut self.system, DMatrix::zeros(0, 0));
-        match Cholesky::new(system) {
-            Some(factor) => {
-                self.system = factor.unpack_dirty();
-                Ok(())
-            }
-            None => {
-                self.system = DMatrix::zeros(joints, joints);
-                Err(EquilibriumError::Unstable)
-            }
+        if let Some(factor) = Cholesky::new(system) {
+            self.system = factor.unpack_dirty();
+            Ok(())
+        } else {
+            self.system = DMatrix::zeros(joints, joints);
+            Err(EquilibriumError::Unstable)
         }
     }
 }

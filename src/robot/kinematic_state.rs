@@ -159,7 +159,7 @@ impl KinematicState {
         jacobian
     }
 
-    /// The torque of a load at the tool about joint j, J_j^T W (N m).
+    /// The torque of a load at the tool about joint j, `J_j^T` W (N m).
     #[must_use]
     pub fn load_torque(&self, joint: usize, load: &Load) -> f64 {
         self.position_column(joint).dot(&load.force_n)
@@ -175,9 +175,9 @@ impl KinematicState {
     /// The derivative of the torque of gravity and of the load about joint j with respect to the
     /// angle of joint i (N m/rad).
     ///
-    /// A point that joints a <= b both move has d2 p / (dq_a dq_b) = z_a x (z_b x (p - o_b)), so
+    /// A point that joints a <= b both move has d2 p / (`dq_a` `dq_b`) = `z_a` x (`z_b` x (p - `o_b`)), so
     /// forces give a symmetric matrix. A torque of fixed direction is not conservative: it adds
-    /// (z_i x z_j) . T for i < j only.
+    /// (`z_i` x `z_j`) . T for i < j only.
     #[must_use]
     pub fn torque_derivative(
         &self,
@@ -200,7 +200,7 @@ impl KinematicState {
         }
     }
 
-    /// Writes d tau_j / d q_i (row j, column i; n x n, N m/rad), see [`Self::torque_derivative`].
+    /// Writes d `tau_j` / d `q_i` (row j, column i; n x n, N m/rad), see [`Self::torque_derivative`].
     pub fn torque_gradient(
         &self,
         load: &Load,

@@ -1,5 +1,6 @@
 //! From the file as written to a checked scenario.
 
+use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use nalgebra::{DVector, Vector3};
@@ -71,11 +72,7 @@ impl Checker<'_> {
                 |stem| stem.to_string_lossy().into_owned(),
             ),
             description: file.description,
-            sha256: hash
-                .finalize()
-                .iter()
-                .map(|byte| format!("{byte:02x}"))
-                .collect(),
+            sha256: hexadecimal(&hash.finalize()),
             seed: file.seed,
             instrument: self.instrument(&file.instrument, &file.region, &nominal.model)?,
             method: file.identification.method,
@@ -659,4 +656,12 @@ fn hint_for(problem: &str) -> Option<String> {
         strsim::jaro_winkler(found, one).total_cmp(&strsim::jaro_winkler(found, other))
     })?;
     (strsim::jaro_winkler(found, best) > 0.8).then(|| format!("did you mean `{best}`?"))
+}
+
+fn hexadecimal(bytes: &[u8]) -> String {
+    bytes.iter().fold(String::new(), |mut text, byte| {
+        // Writing to a string cannot fail.
+        let _ = write!(text, "{byte:02x}");
+        text
+    })
 }

@@ -44,9 +44,9 @@ pub struct Instrument {
 pub struct TestPose {
     /// Its name.
     pub name: String,
-    /// The configuration q_0 (rad).
+    /// The configuration `q_0` (rad).
     pub configuration_rad: DVector<f64>,
-    /// The task load W_0, in the world frame at the machining tool.
+    /// The task load `W_0`, in the world frame at the machining tool.
     pub load: Load,
     /// Its weight among the test poses; the weights sum to one.
     pub weight: f64,
@@ -78,7 +78,7 @@ pub enum Loads {
 pub struct Region {
     /// The commanded angle of each joint lies in this range (rad).
     pub joint_range_rad: Vec<[f64; 2]>,
-    /// Lower and upper bound of the calibration tool's height above the floor, p_z of Table 3 (m).
+    /// Lower and upper bound of the calibration tool's height above the floor, `p_z` of Table 3 (m).
     pub tool_height_m: [Option<f64>; 2],
     /// Lower and upper bound of the calibration tool's distance from axis 1, r of Table 3 (m).
     pub tool_radius_m: [Option<f64>; 2],

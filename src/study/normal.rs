@@ -39,6 +39,7 @@ fn fill(seed: u64, first_run: u64, normals: &mut [[f64; LANES]]) {
 }
 
 /// Four 32-bit numbers for each of [`LANES`] consecutive runs.
+#[expect(clippy::needless_range_loop, reason = "four arrays side by side")]
 #[inline(always)]
 fn philox(seed: u64, first_run: u64, block: u64) -> [[u64; LANES]; 4] {
     const LOW: u64 = 0xFFFF_FFFF;
@@ -140,7 +141,7 @@ fn sine_cosine(n: u64) -> (f64, f64) {
             -0.499_999_996_154_366_85,
             0.041_666_616_739_328_98,
             -0.001_388_661_921_141_482,
-            2.437_992_933_703_375_8e-5,
+            2.437_992_933_703_376e-5,
         ],
     );
     // A quadrant further, (cos, sin) becomes (-sin, cos).

@@ -77,7 +77,6 @@ pub fn settle(
                 steps,
             });
         }
-        #[expect(clippy::cast_precision_loss, reason = "far below 2^52 steps")]
         let done = steps as f64 >= longest;
         if done || speed_rad_s.is_nan() {
             return Err(SettleError::StillMoving {

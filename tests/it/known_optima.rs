@@ -2,8 +2,8 @@
 //! and the equivalence theorem on fresh samples where it cannot.
 //!
 //! Notation: L is the distance from a joint to the tool of the stretched arm, F the force's size,
-//! sigma the standard deviation, `a_j` column j of the test pose's matrix, J_j column j of the Jacobian.
-//! An experiment shows `k_j` through column j of its observation matrix, J_j (J_j . F).
+//! sigma the standard deviation, `a_j` column j of the test pose's matrix, `J_j` column j of the Jacobian.
+//! An experiment shows `k_j` through column j of its observation matrix, `J_j` (`J_j` . F).
 
 use elastocal::compensation::test_pose_matrix;
 use elastocal::plan::search::{ExactDesign, Problem, SearchError, approximate_design};

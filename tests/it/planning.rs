@@ -6,7 +6,7 @@ use std::sync::atomic::AtomicBool;
 use elastocal::plan::search::{
     ApproximateDesign, ExactDesign, Problem, SearchError, Watch, approximate_design, exact_design,
 };
-use elastocal::plan::{Bound, Criterion, Plan, bounds_of};
+use elastocal::plan::{Bound, Criterion, bounds_of};
 use elastocal::random::generator;
 use elastocal::robot::Load;
 use elastocal::scenario::{Loads, Scenario};

@@ -119,7 +119,7 @@ fn information_of_repeats_is_a_sum() {
     assert!((model.information(&written_out) - &sum).amax() < 1e-12 * sum.amax());
 }
 
-/// Table 6's rule: a plan of m, measured M times in all, has rho_0 * sqrt(m / M).
+/// Table 6's rule: a plan of m, measured M times in all, has `rho_0` * sqrt(m / M).
 #[test]
 fn rho0_scales_with_sigma_and_repeats() {
     let mut scenario = scenario("klimchik2012");

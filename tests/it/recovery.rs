@@ -137,7 +137,7 @@ fn stacked(scenario: &Scenario, plan: &Plan) -> DMatrix<f64> {
 }
 
 /// Eq. 2 leaves out what the deflection itself does to the geometry. With e what it misses in each
-/// measurement, linear least squares is off by (A^T A)^-1 A^T e exactly, and by A_0 times that at
+/// measurement, linear least squares is off by (A^T A)^-1 A^T e exactly, and by `A_0` times that at
 /// the test pose.
 #[test]
 fn linear_identification_is_biased_by_what_linearisation_misses() {
@@ -233,7 +233,7 @@ fn an_uncertain_measurement_hardly_counts() {
     let measurement = |deflection_m: Vector3<f64>, sigma_m: f64| Measurement {
         configuration_rad: experiment.configuration_rad.clone(),
         load: experiment.load,
-        deflection_m: deflection_m + &others,
+        deflection_m: deflection_m + others,
         sigma_m: Some(Vector3::repeat(sigma_m)),
         rotation: None,
     };

@@ -104,8 +104,8 @@ fn intervals_of_95_percent_cover_the_truth_in_95_percent() {
     }
 }
 
-/// The error at the test pose is normal with the covariance S = A_0 cov(k) A_0^T, so that its
-/// square has the mean trace(S) = rho_0^2 (eq. 20) and the variance 2 trace(S^2).
+/// The error at the test pose is normal with the covariance S = `A_0` cov(k) `A_0^T`, so that its
+/// square has the mean trace(S) = `rho_0^2` (eq. 20) and the variance 2 trace(S^2).
 #[test]
 fn compensation_is_as_good_as_predicted() {
     let scenario = scenario("klimchik2012");

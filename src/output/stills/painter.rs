@@ -265,7 +265,6 @@ impl DepthImage {
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
-        clippy::cast_precision_loss,
         reason = "some hundred"
     )]
     fn samples_of(width: usize, height: usize, patch: &Patch, mut visit: impl FnMut(usize, f64)) {

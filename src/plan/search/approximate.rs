@@ -201,12 +201,11 @@ fn climbs(
         .map_init(
             || (LocalSearch::new(problem), Sampler::new(problem)),
             |(local, sampler), index| {
-                let start = match support.get(index) {
-                    Some(point) => point.q.clone(),
-                    None => {
-                        let run = (stream << 32) + index as u64;
-                        sampler.draw_inside(&mut generator(seed, run))?
-                    }
+                let start = if let Some(point) = support.get(index) {
+                    point.q.clone()
+                } else {
+                    let run = (stream << 32) + index as u64;
+                    sampler.draw_inside(&mut generator(seed, run))?
                 };
                 local.most_informative(&start, directions)
             },

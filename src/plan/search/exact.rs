@@ -92,13 +92,11 @@ pub fn exact_design(
                         return None;
                     }
                     let mut random = generator(seed, (1 << 48) + start as u64);
-                    let (points, repeats) = match parents.get(start % PARENTS) {
-                        Some(parent) => refinement.mutate(parent, &mut random)?,
-                        None => {
-                            let points =
-                                refinement.draw(&candidates, repeats.len(), &mut random)?;
-                            (points, repeats.clone())
-                        }
+                    let (points, repeats) = if let Some(parent) = parents.get(start % PARENTS) {
+                        refinement.mutate(parent, &mut random)?
+                    } else {
+                        let points = refinement.draw(&candidates, repeats.len(), &mut random)?;
+                        (points, repeats.clone())
                     };
                     // Every other search may exchange experiments for the approximate design's.
                     let offered = if start % 2 == 0 { &*candidates } else { &[] };

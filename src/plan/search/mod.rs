@@ -5,9 +5,11 @@
 //! - `sampling`: random feasible experiments.
 //! - `approximate`: the design with continuous weights, whose largest directional derivative bounds
 //!   every plan from below.
+//! - `budget`: the best accuracy against the number of measurements.
 //! - `exact`: plans of whole experiments, by exchange with gradient refinement from many starts.
 
 mod approximate;
+mod budget;
 mod exact;
 mod local;
 mod observation;
@@ -15,6 +17,7 @@ mod problem;
 mod sampling;
 
 pub use approximate::{ApproximateDesign, Certificate, approximate_design};
+pub use budget::{BudgetPoint, budget, cheapest};
 pub use exact::{ExactDesign, Watch, exact_design};
 pub use observation::Observer;
 pub use problem::{Effort, Problem, SearchError};

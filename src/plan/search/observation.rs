@@ -73,9 +73,9 @@ impl<'a> Observer<'a> {
     /// Adds the derivative of sum(B * A), taken element by element, with respect to the joint angles
     /// to `gradient` (n values), in one sweep over the joints.
     ///
-    /// Column n of A is J_n (J_n . F + z_n . T). With v_n = (J_n . F + z_n . T) B_n + (B_n . J_n) F
-    /// and dJ_n/dq_j = z_j x J_n (j <= n) or z_n x J_j (j > n), the sum over n becomes
-    /// z_j . sum_{n >= j} (J_n x v_n + (B_n . J_n) z_n x T) + J_j . sum_{n < j} (v_n x z_n).
+    /// Column n of A is `J_n` (`J_n` . F + `z_n` . T). With `v_n` = (`J_n` . F + `z_n` . T) `B_n` + (`B_n` . `J_n`) F
+    /// and `dJ_n/dq_j` = `z_j` x `J_n` (j <= n) or `z_n` x `J_j` (j > n), the sum over n becomes
+    /// `z_j` . sum_{n >= j} (`J_n` x `v_n` + (`B_n` . `J_n`) `z_n` x T) + `J_j` . sum_{n < j} (`v_n` x `z_n`).
     pub fn pull_back(&mut self, load: &Load, factor: &Matrix3xX<f64>, gradient: &mut [f64]) {
         let parameters = self.model.parameters;
         for (index, &joint) in parameters.iter().enumerate() {

@@ -1,5 +1,7 @@
 //! Random feasible experiments.
 
+use std::collections::BTreeMap;
+
 use rand::{Rng, RngExt};
 use rand_distr::{Distribution, UnitSphere};
 use rayon::prelude::*;
@@ -82,7 +84,7 @@ impl<'a> Sampler<'a> {
     pub fn explain_empty(&mut self, seed: u64) -> SearchError {
         const SAMPLES: usize = 2000;
         let mut random = generator(seed, u64::MAX - 1);
-        let mut rejected: std::collections::BTreeMap<String, usize> = Default::default();
+        let mut rejected = BTreeMap::<String, usize>::new();
         for _ in 0..SAMPLES {
             let q = uniform(&self.problem.ranges, &mut random);
             let experiment = Experiment {

@@ -1,0 +1,133 @@
+//! `budget`: how many experiments, and in how many configurations?
+
+use std::path::PathBuf;
+
+use clap::Args;
+use elastocal::files::{check_writable, write_whole};
+use elastocal::output::messages::ProvenanceMessage;
+use elastocal::output::plots::budget_plot;
+use elastocal::plan::search::{BudgetPoint, Watch, budget, cheapest};
+use serde_json::{Value, json};
+
+use super::progress::{bar, stop_flag};
+use super::table::table;
+use super::{Common, Report};
+
+/// Arguments of `budget`.
+#[derive(Debug, Args)]
+pub struct Budget {
+    #[command(flatten)]
+    pub common: Common,
+    /// The largest number of measurements.
+    #[arg(long, value_name = "M", default_value_t = 12, value_parser = clap::value_parser!(u32).range(1..=100))]
+    up_to: u32,
+    /// The accuracy that is wanted at the test pose (rms, um).
+    #[arg(long, value_name = "UM", default_value_t = 5.0)]
+    accuracy_um: f64,
+    /// Where to write the plot (SVG).
+    #[arg(long, value_name = "FILE")]
+    plot_out: Option<PathBuf>,
+}
+
+impl Budget {
+    pub fn execute(&self) -> anyhow::Result<Report> {
+        let scenario = self.common.load()?;
+        self.plot_out.as_deref().map_or(Ok(()), check_writable)?;
+        self.common.say(&format!(
+            "searching the best plans of up to {} measurements",
+            self.up_to
+        ));
+        let bar = bar(self.common.quiet, "searching plans");
+        let watch = Watch {
+            stop: stop_flag(),
+            progress: &|_, _, _| {},
+        };
+        let points = budget(&scenario, self.up_to, watch, &|done, all| {
+            bar.set_length(all as u64);
+            bar.set_position(done as u64);
+        })?;
+        bar.finish_and_clear();
+        anyhow::ensure!(
+            !points.is_empty(),
+            "{} measurements do not determine {} compliances; give a larger --up-to",
+            self.up_to,
+            scenario.parameters.len()
+        );
+        let needed = cheapest(&points, self.accuracy_um * 1e-6);
+        let mut text = describe(&points);
+        let mut conditions = Vec::new();
+        match needed {
+            Some(point) => {
+                text += &format!(
+                    "\nFor {} um at the test pose you need {} measurements in {} configurations.\n",
+                    self.accuracy_um, point.experiments, point.configurations
+                );
+            }
+            None => conditions.push(format!(
+                "{} measurements do not give {} um",
+                self.up_to, self.accuracy_um
+            )),
+        }
+        if let Some(path) = &self.plot_out {
+            let title = format!("{}: accuracy against measurements", scenario.name);
+            write_whole(path, budget_plot(&title, &points)?.as_bytes())?;
+            text += &format!("wrote {}\n", path.display());
+        }
+        Ok(Report {
+            json: json!({
+                "provenance": ProvenanceMessage::new(&scenario),
+                "accuracy_um": self.accuracy_um,
+                "needed": needed.as_ref().map(record),
+                "budget": points.iter().map(record).collect::<Vec<_>>(),
+            }),
+            text,
+            conditions,
+        })
+    }
+}
+
+fn record(point: &BudgetPoint) -> Value {
+    json!({
+        "experiments": point.experiments,
+        "configurations": point.configurations,
+        "rho0_mm": point.rho0_m * 1e3,
+        "lower_bound_rho0_mm": point.lower_bound_m * 1e3,
+    })
+}
+
+/// A row for each number of measurements: the accuracy by the number of configurations, with the
+/// loss against all different ones.
+fn describe(points: &[BudgetPoint]) -> String {
+    let mut counts: Vec<u32> = points
+        .iter()
+        .filter(|point| point.configurations < point.experiments)
+        .map(|point| point.configurations)
+        .collect();
+    counts.sort_unstable();
+    counts.dedup();
+    let mut header = vec!["measurements".to_owned()];
+    header.extend(counts.iter().map(|count| format!("in {count} [um]")));
+    header.extend(["all different [um]".to_owned(), "bound [um]".to_owned()]);
+    let mut rows = Vec::new();
+    for all_different in points
+        .iter()
+        .filter(|point| point.configurations == point.experiments)
+    {
+        let m = all_different.experiments;
+        let mut row = vec![m.to_string()];
+        row.extend(counts.iter().map(|&count| {
+            points
+                .iter()
+                .find(|point| point.experiments == m && point.configurations == count)
+                .map_or_else(String::new, |point| {
+                    let loss = point.rho0_m / all_different.rho0_m - 1.0;
+                    format!("{:.3} ({:+.2} %)", point.rho0_m * 1e6, loss * 100.0)
+                })
+        }));
+        row.push(format!("{:.3}", all_different.rho0_m * 1e6));
+        row.push(format!("{:.3}", all_different.lower_bound_m * 1e6));
+        rows.push(row);
+    }
+    let header: Vec<&str> = header.iter().map(String::as_str).collect();
+    table(&header, &rows)
+}

@@ -1,0 +1,84 @@
+//! How many experiments? The best accuracy against the number of measurements, in new
+//! configurations or repeated ones.
+
+use super::approximate::approximate_design;
+use super::exact::{Watch, exact_design};
+use super::problem::{Problem, SearchError};
+use crate::plan::Criterion;
+use crate::scenario::Scenario;
+
+/// Starts of the searches: fewer than for a single plan, since there are many.
+const STARTS: usize = 80;
+/// Few configurations are tried up to this number, and then as many as measurements.
+const FEW: u32 = 4;
+
+/// The best accuracy that was found for m measurements in c configurations.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BudgetPoint {
+    /// The number m of measurements.
+    pub experiments: u32,
+    /// The number c of different configurations.
+    pub configurations: u32,
+    /// The predicted rms distance at the test poses (m).
+    pub rho0_m: f64,
+    /// No plan of m measurements has a smaller one (m).
+    pub lower_bound_m: f64,
+}
+
+/// Searches the best plans of up to `largest` measurements, in 2, 3 and 4 configurations (as far as
+/// these determine the compliances) and in as many as there are measurements. `progress` hears of
+/// the searches done and of all.
+///
+/// # Errors
+/// No feasible experiment is found, or none that shows the compliances.
+pub fn budget(
+    scenario: &Scenario,
+    largest: u32,
+    watch: Watch<'_>,
+    progress: &dyn Fn(usize, usize),
+) -> Result<Vec<BudgetPoint>, SearchError> {
+    let mut problem = Problem::new(scenario, Criterion::TestPose);
+    problem.effort.starts = STARTS;
+    let approximate = approximate_design(&problem, scenario.seed)?;
+    let fewest = u32::try_from(problem.parameters().div_ceil(3)).unwrap_or(u32::MAX);
+    let sizes: Vec<(u32, u32)> = (fewest..=largest)
+        .flat_map(|m| {
+            let few = (fewest..=FEW).filter(move |&c| c < m);
+            few.chain([m]).map(move |c| (m, c))
+        })
+        .collect();
+    let mut points = Vec::new();
+    for (index, &(experiments, configurations)) in sizes.iter().enumerate() {
+        progress(index, sizes.len());
+        let seed = scenario.seed;
+        match exact_design(
+            &problem,
+            &approximate,
+            experiments,
+            configurations,
+            seed,
+            watch,
+        ) {
+            Ok(design) => points.push(BudgetPoint {
+                experiments,
+                configurations,
+                rho0_m: design.cost.sqrt(),
+                lower_bound_m: approximate.certificate.lower_bound(experiments).sqrt(),
+            }),
+            // So few configurations do not determine the compliances: more may.
+            Err(SearchError::Singular { .. }) => {}
+            Err(error) => return Err(error),
+        }
+    }
+    Ok(points)
+}
+
+/// The cheapest way to an accuracy (m): fewest measurements, then fewest configurations.
+#[must_use]
+pub fn cheapest(points: &[BudgetPoint], accuracy_m: f64) -> Option<BudgetPoint> {
+    points
+        .iter()
+        .filter(|point| point.rho0_m <= accuracy_m)
+        .min_by_key(|point| (point.experiments, point.configurations))
+        .copied()
+}
