@@ -45,8 +45,9 @@ pub struct CompensatedPose {
     pub weight: f64,
     /// The joint angles to command (rad).
     pub commanded_rad: DVector<f64>,
-    /// The predicted rms distance `rho_0` (m), eq. 20 with the covariance of this identification.
-    pub predicted_m: f64,
+    /// The predicted rms distance `rho_0` (m), eq. 20 with the covariance of this identification;
+    /// `None` where a compliance on which the pose depends was not identified.
+    pub predicted_m: Option<f64>,
     /// What was seen on the virtual robot.
     pub seen: SeenPose,
 }
@@ -135,12 +136,22 @@ pub fn compensate_poses(
             Ok(CompensatedPose {
                 name: pose.name.clone(),
                 weight: pose.weight,
-                predicted_m: predicted_error(&matrix, covariance),
+                predicted_m: determines(covariance, &matrix)
+                    .then(|| predicted_error(&matrix, covariance)),
                 seen: see(&mut robot, pose, &commanded_rad).map_err(at_pose)?,
                 commanded_rad,
             })
         })
         .collect()
+}
+
+/// Whether every compliance on which the test pose depends was identified: the others have no
+/// variance.
+fn determines(covariance: &DMatrix<f64>, test_pose_matrix: &DMatrix<f64>) -> bool {
+    let needed = 1e-9 * test_pose_matrix.amax();
+    (0..covariance.ncols()).all(|index| {
+        covariance[(index, index)] > 0.0 || test_pose_matrix.column(index).amax() <= needed
+    })
 }
 
 /// Commands the virtual robot at a test pose under the task load, without and with compensation.

@@ -9,7 +9,7 @@ use elastocal::output::messages::{IdentificationMessage, ProvenanceMessage, Test
 use elastocal::scenario::{Method, Scenario};
 use serde_json::json;
 
-use super::table::table;
+use super::table::{number, table};
 use super::{Common, Report};
 
 /// Arguments of `compensate`.
@@ -40,7 +40,7 @@ impl Compensate {
                     pose.name.clone(),
                     format!("{:.4}", pose.uncompensated_mm),
                     format!("{:.4}", pose.residual_mm),
-                    format!("{:.4}", pose.rho0_mm),
+                    number(pose.rho0_mm, 4),
                     pose.q_commanded_deg
                         .iter()
                         .map(|angle| format!("{angle:.5}"))

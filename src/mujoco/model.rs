@@ -72,7 +72,7 @@ pub enum Shape {
 /// One geometry of the model, fixed to a body.
 #[derive(Debug, Clone)]
 pub struct Geometry {
-    /// Its name, or `geom <id>`.
+    /// Its name, or that of the body that it is a part of.
     pub name: String,
     /// MuJoCo's identifier, the index into [`super::State::geometry_pose`].
     pub id: usize,
@@ -327,10 +327,15 @@ impl Model {
         self.inner.geom_bodyid()[geometry].unsigned_abs() as usize
     }
 
-    /// The geometry's name, or `geom <id>`.
+    /// The geometry's name, or that of the body that it is a part of.
     #[must_use]
     pub fn geometry_name(&self, geometry: usize) -> String {
-        self.name(MjtObjBase::mjOBJ_GEOM, "geom", geometry)
+        self.inner
+            .id_to_name(MjtObjBase::mjOBJ_GEOM, geometry)
+            .map_or_else(
+                || format!("a part of {}", self.body_name(self.geometry_body(geometry))),
+                str::to_owned,
+            )
     }
 
     /// Everything there is to draw or to collide with, in MuJoCo's order.

@@ -258,7 +258,7 @@ pub struct TestPoseMessage {
     /// The same with compensation (mm).
     pub residual_mm: f64,
     /// The predicted rms of the latter (mm), eq. 20 with the covariance of the identification.
-    pub rho0_mm: f64,
+    pub rho0_mm: Option<f64>,
     /// The components of `uncompensated_mm` in the world frame.
     pub uncompensated_xyz_mm: [f64; 3],
     /// The components of `residual_mm` in the world frame.
@@ -273,7 +273,7 @@ impl From<&CompensatedPose> for TestPoseMessage {
             q_commanded_deg: degrees(pose.commanded_rad.as_slice()),
             uncompensated_mm: pose.seen.uncompensated_m.norm() * 1e3,
             residual_mm: pose.seen.residual_m.norm() * 1e3,
-            rho0_mm: pose.predicted_m * 1e3,
+            rho0_mm: pose.predicted_m.map(|value| value * 1e3),
             uncompensated_xyz_mm: thousandfold(&pose.seen.uncompensated_m),
             residual_xyz_mm: thousandfold(&pose.seen.residual_m),
         }

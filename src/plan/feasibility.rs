@@ -33,7 +33,7 @@ impl Violation {
     pub fn kind(&self) -> String {
         match self.what.split_once(" of ") {
             Some(("distance", _)) => "collision clearance".to_owned(),
-            _ if self.what.contains(" hides ") => "line of sight".to_owned(),
+            _ if self.what.starts_with("free line of sight") => "line of sight".to_owned(),
             _ => self.what.clone(),
         }
     }
@@ -247,13 +247,11 @@ impl<'a> Feasibility<'a> {
         if let (true, Some(tracker)) = (region.line_of_sight, instrument.tracker_site) {
             let reflector = self.solver.state().tool_position;
             let hidden = hidden_by(simulation, tracker, &reflector);
-            violations.extend(hidden.map(|(name, distance)| Violation {
+            violations.extend(hidden.map(|(name, free_m, length_m)| Violation {
                 experiment: number,
-                what: format!(
-                    "{name} hides the reflector from the tracker: its distance before it"
-                ),
-                found: distance * 1e3,
-                bound: f64::INFINITY,
+                what: format!("free line of sight from the reflector (blocked by {name})"),
+                found: free_m * 1e3,
+                bound: length_m * 1e3,
                 unit: "mm",
             }));
         }
@@ -261,14 +259,14 @@ impl<'a> Feasibility<'a> {
     }
 }
 
-/// What stands between the tracker and the reflector: the first geometry on the ray and how far
-/// before the reflector it is (m). The tracker itself and what lies within a reflector's radius of
-/// the reflector do not hide it.
+/// What stands between the tracker and the reflector: the first geometry on the line of sight, the
+/// length of the line that is free before it, and the whole length (m). The tracker itself and what
+/// lies within a reflector's radius of the reflector do not hide it.
 fn hidden_by(
     simulation: &mut State,
     tracker: usize,
     reflector: &Vector3<f64>,
-) -> Option<(String, f64)> {
+) -> Option<(String, f64, f64)> {
     /// A 1.5 inch reflector's radius, and a little (m).
     const REFLECTOR_M: f64 = 0.025;
     let (from, _) = simulation.site(tracker);
@@ -277,7 +275,6 @@ fn hidden_by(
     let length = ray.norm();
     let start = reflector + ray * (REFLECTOR_M / length);
     let (geometry, distance) = simulation.ray(&start, &ray, tracker_body)?;
-    let before_reflector = distance * length + REFLECTOR_M;
-    (before_reflector < length)
-        .then(|| (simulation.model().geometry_name(geometry), before_reflector))
+    let free = distance * length + REFLECTOR_M;
+    (free < length).then(|| (simulation.model().geometry_name(geometry), free, length))
 }

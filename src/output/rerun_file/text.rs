@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use nalgebra::Vector3;
 
-use crate::output::messages::{CalibrationMessage, MeasurementMessage};
+use crate::output::messages::{CalibrationMessage, MeasurementMessage, TestPoseMessage};
 use crate::output::recording::{RecordedCalibration, Recording, Step, StepKind};
 
 /// What the robot does in a step.
@@ -93,14 +93,20 @@ pub(super) fn results(record: &CalibrationMessage) -> String {
     for pose in &record.test_poses {
         let _ = writeln!(
             text,
-            "| {} | {:.1} µm | {:.2} µm | {:.2} µm |",
+            "| {} | {:.1} µm | {:.2} µm | {} |",
             pose.name,
             pose.uncompensated_mm * 1e3,
             pose.residual_mm * 1e3,
-            pose.rho0_mm * 1e3
+            predicted(pose)
         );
     }
     text
+}
+
+/// The predicted rms of a test pose, which there is where all needed compliances are identified.
+fn predicted(pose: &TestPoseMessage) -> String {
+    pose.rho0_mm
+        .map_or_else(|| "-".to_owned(), |value| format!("{:.2} µm", value * 1e3))
 }
 
 /// All calibrations side by side, and where the recording comes from.
@@ -117,12 +123,12 @@ pub(super) fn overview(recording: &Recording) -> String {
         for pose in &record.test_poses {
             let _ = writeln!(
                 text,
-                "| {} | {} | {} | {:.2} µm | {:.2} µm |",
+                "| {} | {} | {} | {:.2} µm | {} |",
                 record.name,
                 record.measurements.len(),
                 pose.name,
                 pose.residual_mm * 1e3,
-                pose.rho0_mm * 1e3
+                predicted(pose)
             );
         }
     }
