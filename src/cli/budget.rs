@@ -1,6 +1,7 @@
 //! `budget`: how many experiments, and in how many configurations?
 
 use std::path::PathBuf;
+use std::sync::atomic::Ordering;
 
 use clap::Args;
 use elastocal::files::{check_writable, write_whole};
@@ -53,9 +54,12 @@ impl Budget {
             self.up_to,
             scenario.parameters.len()
         );
+        let mut conditions = Vec::new();
+        if watch.stop.load(Ordering::Relaxed) {
+            conditions.push("the search was stopped: better plans may exist".to_owned());
+        }
         let needed = cheapest(&points, self.accuracy_um * 1e-6);
         let mut text = describe(&points);
-        let mut conditions = Vec::new();
         match needed {
             Some(point) => {
                 text += &format!(

@@ -55,7 +55,7 @@ impl Check {
         let conditions = if problems.is_empty() {
             Vec::new()
         } else {
-            vec![format!("the plan has {} violations", problems.len())]
+            vec![super::evaluate::violated(problems.len())]
         };
         Ok(Report {
             json: json!({ "ok": problems.is_empty(), "problems": problems }),

@@ -66,12 +66,15 @@ pub fn conditions(scenario: &Scenario, assessment: &Assessment) -> Vec<String> {
         })
         .collect();
     if !assessment.violations.is_empty() {
-        conditions.push(format!(
-            "the plan has {} violations",
-            assessment.violations.len()
-        ));
+        conditions.push(violated(assessment.violations.len()));
     }
     conditions
+}
+
+/// The condition of a plan with violations.
+pub fn violated(count: usize) -> String {
+    let plural = if count == 1 { "" } else { "s" };
+    format!("the plan has {count} violation{plural}")
 }
 
 /// An assessment for a person.

@@ -1,6 +1,7 @@
 //! `plan`: design a plan of experiments.
 
 use std::path::PathBuf;
+use std::sync::atomic::Ordering;
 use std::time::Instant;
 
 use clap::Args;
@@ -149,10 +150,14 @@ impl PlanCommand {
         });
         let message = AssessmentMessage::new(&scenario, &assessment);
         merge(&mut json, serde_json::to_value(&message)?);
+        let mut conditions = conditions(&scenario, &assessment);
+        if stop_flag().load(Ordering::Relaxed) {
+            conditions.push("the search was stopped: a better plan may exist".to_owned());
+        }
         Ok(Report {
             json,
             text,
-            conditions: conditions(&scenario, &assessment),
+            conditions,
         })
     }
 }

@@ -210,11 +210,11 @@ fn summary(folder: &Path, entries: &[Entry], random_rho0_m: f64) -> String {
     );
     let pose = &main.calibration.1.poses[0];
     let uncompensated = pose.seen.uncompensated_m.norm() * 1e6;
-    let predicted = main.assessment.rho0_m.unwrap_or(f64::NAN) * 1e6;
+    let predicted = number(main.assessment.rho0_m.map(|value| value * 1e6), 1);
     text += &format!(
         "\nAt the test pose {:?} the task load bends the robot by {uncompensated:.0} um. After calibration \
-         with {} measurements, compensation leaves {:.1} um in this run, and {predicted:.1} um rms over \
-         many",
+         with {} measurements, compensation leaves {:.1} um in this run; the measurements' noise alone leaves {predicted} um \
+         rms",
         pose.name,
         main.assessment.experiments,
         pose.seen.residual_m.norm() * 1e6,

@@ -11,7 +11,7 @@ use crate::robot::{EquilibriumError, Tool};
 use crate::scenario::{Method, Robot};
 
 /// The non-linear estimate is found when no compliance changes by more than this share of itself.
-const CONVERGED: f64 = 1e-11;
+const CONVERGED: f64 = 1e-10;
 /// Gauss-Newton needs three or four steps here, where the problem is nearly linear.
 const MAXIMUM_ITERATIONS: usize = 30;
 

@@ -143,7 +143,7 @@ fn results_and_diagnostics_do_not_mix() {
     let outcome = workplace
         .run("check s.toml --plan plan.csv --quiet")
         .ends_with(3);
-    assert_eq!(outcome.stderr, "condition: the plan has 1 violations\n");
+    assert_eq!(outcome.stderr, "condition: the plan has 1 violation\n");
     assert!(
         outcome
             .stdout
@@ -411,4 +411,31 @@ fn a_reader_may_stop_reading() {
         output.status.success() && output.stderr.is_empty(),
         "{output:?}"
     );
+}
+
+#[test]
+fn budget_says_how_many_measurements_are_needed() {
+    let place = Workplace::new();
+    let scenario = project("scenarios/klimchik2012.toml");
+    let arguments = format!(
+        "budget {} --up-to 4 --accuracy-um 7 --plot-out plot.svg --json --quiet",
+        scenario.display()
+    );
+    let json = place.run(&arguments).ends_with(0).json();
+    let points = json["budget"].as_array().expect("an array");
+    let rho0 = |m: u64, c: u64| {
+        let point = points.iter().find(|point| {
+            point["experiments"].as_u64() == Some(m) && point["configurations"].as_u64() == Some(c)
+        });
+        point.expect("there is")["rho0_mm"]
+            .as_f64()
+            .expect("a number")
+    };
+    // More measurements tell more, and so do more configurations.
+    assert!(rho0(3, 3) < rho0(2, 2) && rho0(4, 4) < rho0(3, 3));
+    assert!(rho0(4, 4) < 1.001 * rho0(4, 3) && rho0(4, 3) < rho0(4, 2));
+    assert_eq!(json["needed"]["experiments"], 3);
+    assert!(place.read("plot.svg").starts_with("<svg"));
+    let arguments = arguments.replace("--accuracy-um 7", "--accuracy-um 1");
+    assert!(place.run(&arguments).ends_with(3).json()["needed"].is_null());
 }
