@@ -2,12 +2,12 @@
 
 use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ChiSquared, ContinuousCDF, Normal, StudentsT};
-use thiserror::Error;
 
+use super::error::IdentificationError;
 use super::observations::{Equations, Observations};
 use crate::least_squares::LeastSquares;
 use crate::measurement::Measurement;
-use crate::robot::{EquilibriumError, Tool};
+use crate::robot::Tool;
 use crate::scenario::{Method, Robot};
 
 /// The non-linear estimate is found when no compliance changes by more than this share of itself.
@@ -22,43 +22,6 @@ pub enum Sigma {
     Known(f64),
     /// The one that the residuals show; intervals follow Student's t.
     FromResiduals,
-}
-
-/// Why nothing can be identified.
-#[derive(Debug, Error, Clone, PartialEq)]
-pub enum IdentificationError {
-    /// There are no measurements.
-    #[error("there are no measurements")]
-    NoMeasurements,
-    /// No measurement depends on any of the compliances.
-    #[error("no measurement depends on any of the compliances: every load leaves the joints free")]
-    NothingObserved,
-    /// Sigma cannot be estimated from as many equations as unknowns.
-    #[error(
-        "sigma cannot be estimated from residuals: {equations} equations determine {rank} unknowns and leave nothing over"
-    )]
-    NoResiduals {
-        /// The number of scalar measurements.
-        equations: usize,
-        /// The number of determined combinations.
-        rank: usize,
-    },
-    /// The nominal model has no equilibrium where one was measured.
-    #[error("measurement {measurement}: with the compliances that fit so far, {source}")]
-    Equilibrium {
-        /// The measurement's number, from 1.
-        measurement: usize,
-        /// What is wrong.
-        source: EquilibriumError,
-    },
-    /// The non-linear estimate did not converge.
-    #[error(
-        "the non-linear estimate did not converge: the last step changed a compliance by {change:.1e} of itself"
-    )]
-    NotConverged {
-        /// The last relative change.
-        change: f64,
-    },
 }
 
 /// One joint's estimated compliance.

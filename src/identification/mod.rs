@@ -3,7 +3,9 @@
 //! [`identify`] sees the nominal robot and measurements, never the true one. It names what cannot
 //! be identified instead of inverting a singular matrix, and identifies the rest.
 
+mod error;
 mod estimate;
 mod observations;
 
-pub use estimate::{Identification, IdentificationError, ParameterEstimate, Sigma, identify};
+pub use error::IdentificationError;
+pub use estimate::{Estimate, Identification, ParameterEstimate, Sigma, identify};

@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector, Matrix3xX, Vector3};
 
-use super::estimate::IdentificationError;
+use super::error::IdentificationError;
 use crate::measurement::Measurement;
 use crate::robot::{
     EquilibriumSolver, KinematicState, Kinematics, Load, ObservationMatrix, SerialChain, Tool,
