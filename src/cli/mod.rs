@@ -11,6 +11,7 @@ mod measure;
 mod plan;
 mod progress;
 mod run;
+mod study;
 mod table;
 
 use std::io::Write;
@@ -68,6 +69,8 @@ enum Command {
     Identify(identify::Identify),
     /// Compensate the test poses with identified compliances
     Compensate(compensate::Compensate),
+    /// Compare plans over many runs (Monte Carlo)
+    Study(study::StudyCommand),
 }
 
 /// What a command ends with.
@@ -99,6 +102,7 @@ impl Arguments {
             Command::Measure(command) => command.execute(),
             Command::Identify(command) => command.execute(),
             Command::Compensate(command) => command.execute(),
+            Command::Study(command) => command.execute(),
         }?;
         let text = if common.json {
             serde_json::to_string_pretty(&report.json)? + "\n"
@@ -120,6 +124,7 @@ impl Command {
             Self::Measure(command) => &command.common,
             Self::Identify(command) => &command.common,
             Self::Compensate(command) => &command.common,
+            Self::Study(command) => &command.common,
         }
     }
 }

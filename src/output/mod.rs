@@ -3,6 +3,7 @@
 //! - [`messages`]: the JSON records that `--json`, results.json and the MCAP file share.
 //! - [`recording`]: the robot in every experiment and test pose, for both recordings.
 //! - [`stills`]: a sheet of pictures of the robot in each configuration of a plan.
+//! - [`study`]: the records of a Monte Carlo study.
 //! - [`mesh`]: the model's shapes as triangles.
 //! - [`rerun_file`], [`mcap_file`]: the recordings.
 
@@ -12,3 +13,4 @@ pub mod messages;
 pub mod recording;
 pub mod rerun_file;
 pub mod stills;
+pub mod study;
