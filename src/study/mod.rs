@@ -6,6 +6,7 @@
 //! - [`tally`]: what is kept of the runs; exact, so that threads and order change no bit.
 //! - [`runner`]: blocks of runs on all threads.
 //! - [`summary`]: means, intervals, quantiles and checks from a tally.
+//! - [`tally_file`]: tallies of parts of a study, to join or to go on from.
 
 pub mod model_level;
 pub mod normal;
@@ -13,6 +14,7 @@ pub mod robot_level;
 pub mod runner;
 pub mod summary;
 pub mod tally;
+pub mod tally_file;
 
 use thiserror::Error;
 
