@@ -79,8 +79,10 @@ impl Header {
         let fields = |header: &Self| serde_json::to_value(header).ok();
         let (mine, theirs) = (fields(self)?, fields(other)?);
         let (mine, theirs) = (mine.as_object()?, theirs.as_object()?);
+        // Other plans are often the consequence of another difference, which says more.
         (mine.iter())
-            .find(|(key, value)| theirs.get(*key) != Some(value))
+            .filter(|(key, value)| theirs.get(*key) != Some(value))
+            .min_by_key(|(key, _)| *key == "plans_sha256")
             .map(|(key, value)| {
                 let found = theirs.get(key).unwrap_or(&serde_json::Value::Null);
                 format!("is of another study: {key} is {found} and not {value}")

@@ -317,3 +317,80 @@ fn wrong_studies_give_one_clear_error() {
     workplace.write("s.toml", with_study(SMALL));
     workplace.run("study s.toml --trials 0").ends_with(2);
 }
+
+/// Three shards joined in any order, and a study resumed, are the study made at once; files of
+/// other studies are refused with what differs.
+#[test]
+fn shards_and_resumption_change_no_bit() {
+    let workplace = Workplace::new();
+    workplace.write("s.toml", with_study(SMALL));
+    let study = "study s.toml --quiet --trials 9001";
+    workplace.run(study).ends_with(0);
+    let csv = workplace.read("out/s/study.csv");
+    for shard in 1..=3 {
+        let arguments = format!("{study} --shard {shard}/3 --tally-out {shard}.json");
+        workplace.run(&arguments).ends_with(0);
+    }
+    let merged = workplace.run("merge 3.json 1.json 2.json --json --out joined");
+    assert_eq!(merged.ends_with(0).json()["trials"], 9001);
+    assert_eq!(workplace.read("joined/s/study.csv"), csv);
+
+    workplace
+        .run(&format!("{study} --resume r.json --out one"))
+        .ends_with(0);
+    let finished = workplace.read("r.json");
+    workplace
+        .run(&format!("{study} --resume r.json --out two"))
+        .ends_with(0);
+    assert_eq!(workplace.read("r.json"), finished);
+    for folder in ["one", "two"] {
+        assert_eq!(workplace.read(&format!("{folder}/s/study.csv")), csv);
+    }
+
+    let fails = |arguments: &str, says: &str| {
+        let outcome = workplace.run(arguments).ends_with(1);
+        assert!(outcome.stderr.contains(says), "{outcome:#?}");
+    };
+    fails("merge 1.json 3.json", "number 2 is missing");
+    fails("merge 1.json 1.json", "which another file is too");
+    fails("merge 1.json s.toml", "is not a tally");
+    fails(
+        &format!("{study} --seed 7 --resume r.json"),
+        "seed is 1 and not 7",
+    );
+    let other = "study s.toml --quiet --trials 9002 --shard 2/3 --tally-out other.json";
+    workplace.run(other).ends_with(0);
+    fails(
+        "merge 1.json other.json 3.json",
+        "trials is 9002 and not 9001",
+    );
+    workplace
+        .run(&format!("{study} --shard 4/3 --tally-out t.json"))
+        .ends_with(2);
+}
+
+/// What was done before an interruption counts, and the rest is done.
+#[test]
+fn an_interrupted_study_goes_on() {
+    use elastocal::study::tally_file::{Header, TallyFile};
+    let scenario = scenario("klimchik2012");
+    let entries = paper_plans(&[3], 12);
+    let runner = Runner::new(&scenario, Level::Model, 12, &entries).expect("works");
+    let trials = 10_000;
+    let header = Header::new(&scenario, Level::Model, trials, 1, &entries);
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("t.json");
+    let mut part = TallyFile::resume(&path, header.clone(), 1).expect("nothing is done");
+    part.tallies = runner.run(trials, 0..2, 1, &|_| ()).expect("works");
+    part.blocks_done = 2;
+    part.write(&path).expect("can be written");
+    let mut again = TallyFile::resume(&path, header.clone(), 1).expect("is there");
+    assert_eq!(again, part);
+    assert!(!again.is_complete());
+    let rest = runner.run(trials, 2..header.blocks_of(1), 1, &|_| ());
+    again.tallies[0].merge(&rest.expect("works")[0]);
+    assert_eq!(
+        again.tallies,
+        run(&scenario, Level::Model, &entries, trials)
+    );
+}
