@@ -9,9 +9,11 @@ mod compensate;
 mod evaluate;
 mod identify;
 mod measure;
+mod merge;
 mod plan;
 mod progress;
 mod run;
+mod study;
 mod table;
 
 use std::io::Write;
@@ -71,6 +73,10 @@ enum Command {
     Identify(identify::Identify),
     /// Compensate the test poses with identified compliances
     Compensate(compensate::Compensate),
+    /// Compare plans over many runs (Monte Carlo)
+    Study(study::StudyCommand),
+    /// Join the shards of a study
+    Merge(merge::Merge),
 }
 
 /// What a command ends with.
@@ -87,9 +93,13 @@ pub struct Report {
 impl Arguments {
     /// Runs the command and prints its results. Returns the conditions that did not hold.
     pub fn execute(&self) -> anyhow::Result<Vec<String>> {
-        let common = self.command.common();
-        elastocal::mujoco::print_warnings(!common.quiet);
-        if let Some(threads) = common.threads {
+        let (json, quiet, threads) = match (&self.command, self.command.common()) {
+            (_, Some(common)) => (common.json, common.quiet, common.threads),
+            (Command::Merge(command), None) => (command.json, command.quiet, None),
+            (_, None) => (false, false, None),
+        };
+        elastocal::mujoco::print_warnings(!quiet);
+        if let Some(threads) = threads {
             rayon::ThreadPoolBuilder::new()
                 .num_threads(usize::from(threads))
                 .build_global()?;
@@ -103,8 +113,10 @@ impl Arguments {
             Command::Measure(command) => command.execute(),
             Command::Identify(command) => command.execute(),
             Command::Compensate(command) => command.execute(),
+            Command::Study(command) => command.execute(),
+            Command::Merge(command) => command.execute(),
         }?;
-        let text = if common.json {
+        let text = if json {
             serde_json::to_string_pretty(&report.json)? + "\n"
         } else {
             report.text
@@ -115,8 +127,9 @@ impl Arguments {
 }
 
 impl Command {
-    fn common(&self) -> &Common {
-        match self {
+    /// What every command takes that has a scenario.
+    fn common(&self) -> Option<&Common> {
+        Some(match self {
             Self::Run(command) => &command.common,
             Self::Check(command) => &command.common,
             Self::Plan(command) => &command.common,
@@ -125,7 +138,9 @@ impl Command {
             Self::Measure(command) => &command.common,
             Self::Identify(command) => &command.common,
             Self::Compensate(command) => &command.common,
-        }
+            Self::Study(command) => &command.common,
+            Self::Merge(_) => return None,
+        })
     }
 }
 

@@ -4,6 +4,7 @@
 //! - [`recording`]: the robot in every experiment and test pose, for both recordings.
 //! - [`stills`]: a sheet of pictures of the robot in each configuration of a plan.
 //! - [`plots`]: plots as SVG.
+//! - [`study`]: the records of a Monte Carlo study.
 //! - [`mesh`]: the model's shapes as triangles.
 //! - [`rerun_file`], [`mcap_file`]: the recordings.
 
@@ -14,3 +15,4 @@ pub mod plots;
 pub mod recording;
 pub mod rerun_file;
 pub mod stills;
+pub mod study;

@@ -1,5 +1,7 @@
 //! From the file as written to a checked scenario.
 
+mod study;
+
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -65,6 +67,15 @@ impl Checker<'_> {
 
         let joints = nominal.chain.len();
         let test_poses = self.test_poses(&file.test_pose, &nominal.chain)?;
+        let design = self.design(&file.design, parameters.len(), joints)?;
+        let plans = self.plans(&file.plan, joints)?;
+        let context = study::Context {
+            design: &design,
+            plans: &plans,
+            parameters: parameters.len(),
+            joints,
+        };
+        let study = self.study(&file.study, &context)?;
         Ok(Scenario {
             path: self.path.to_owned(),
             name: self.path.file_stem().map_or_else(
@@ -79,8 +90,9 @@ impl Checker<'_> {
             test_poses,
             loads: self.loads(&file.load)?,
             region: self.region(&file.region, &nominal.chain)?,
-            design: self.design(&file.design, parameters.len(), joints)?,
-            plans: self.plans(&file.plan, joints)?,
+            design,
+            plans,
+            study,
             nominal,
             true_robot,
             calibration_tool,

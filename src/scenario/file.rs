@@ -5,6 +5,8 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
+use crate::plan::Criterion;
+
 /// The whole file.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -25,6 +27,8 @@ pub(super) struct File {
     pub design: DesignTable,
     #[serde(default)]
     pub plan: Vec<PlanTable>,
+    #[serde(default)]
+    pub study: StudyTable,
 }
 
 #[derive(Debug, Deserialize)]
@@ -175,4 +179,48 @@ pub(super) struct DesignTable {
 pub(super) struct PlanTable {
     pub name: String,
     pub file: PathBuf,
+}
+
+/// What the runs of a study are made of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, Serialize, clap::ValueEnum)]
+#[serde(rename_all = "snake_case")]
+pub enum Level {
+    /// The linear model of the paper: noise, eq. 9 and eq. 15 as matrices.
+    #[default]
+    Model,
+    /// The virtual robot in MuJoCo: measured, identified, compensated and seen again.
+    Robot,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct StudyTable {
+    pub trials: Option<u64>,
+    pub experiments: Option<u32>,
+    #[serde(default)]
+    pub level: Level,
+    pub plan: Option<Vec<StudyPlanTable>>,
+}
+
+/// One of `[[study.plan]]`.
+#[derive(Debug, Deserialize)]
+#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
+pub(super) enum StudyPlanTable {
+    File {
+        name: String,
+        file: PathBuf,
+    },
+    Optimal {
+        name: String,
+        #[serde(default)]
+        criterion: Criterion,
+        configurations: Option<u32>,
+        experiments: Option<u32>,
+    },
+    Random {
+        name: String,
+    },
+    RandomEach {
+        name: String,
+    },
 }

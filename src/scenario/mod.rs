@@ -12,10 +12,10 @@ use std::path::PathBuf;
 use nalgebra::DVector;
 
 use crate::mujoco::Model;
-use crate::plan::Plan;
+use crate::plan::{Criterion, Plan};
 use crate::robot::{Load, SerialChain, Tool};
 
-pub use file::{LoadKind, Method, SigmaOf};
+pub use file::{Level, LoadKind, Method, SigmaOf};
 
 /// A robot: its model, and its joints' compliances.
 #[derive(Debug, Clone)]
@@ -123,6 +123,48 @@ pub struct PlanFile {
     pub path: PathBuf,
 }
 
+/// Which plans a Monte Carlo study compares, and over how many runs.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Study {
+    /// The number of runs.
+    pub trials: u64,
+    /// The number M of measurements that every plan is repeated to.
+    pub experiments: u32,
+    /// What the runs are made of.
+    pub level: Level,
+    /// The plans.
+    pub plans: Vec<StudyPlan>,
+}
+
+/// A plan of a study.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StudyPlan {
+    /// Its name.
+    pub name: String,
+    /// Where it comes from.
+    pub source: StudySource,
+}
+
+/// Where a plan of a study comes from.
+#[derive(Debug, Clone, PartialEq)]
+pub enum StudySource {
+    /// A plan file, repeated as a whole.
+    File(Plan),
+    /// The best plan of m measurements, repeated as a whole.
+    Optimal {
+        /// What makes it good.
+        criterion: Criterion,
+        /// The number of different configurations, where it is bounded.
+        configurations: Option<u32>,
+        /// The number m of measurements that are designed.
+        experiments: u32,
+    },
+    /// One random feasible plan for all runs.
+    Random,
+    /// A fresh random feasible plan in every run.
+    RandomEach,
+}
+
 /// A checked scenario, in SI units.
 #[derive(Debug, Clone)]
 pub struct Scenario {
@@ -160,6 +202,8 @@ pub struct Scenario {
     pub design: Design,
     /// The plans that the scenario brings.
     pub plans: Vec<PlanFile>,
+    /// Which plans a Monte Carlo study compares.
+    pub study: Study,
 }
 
 impl Scenario {

@@ -1,2 +1,104 @@
 //! Monte Carlo studies: how good are plans over many runs?
+//!
+//! - [`normal`]: the noise of a run, a function of (seed, run) alone, the same for all plans.
+//! - [`model_level`]: a run of the paper's linear model, a few small products of matrices.
+//! - [`robot_level`]: a run of the whole loop on the virtual robot in MuJoCo.
+//! - [`tally`]: what is kept of the runs; exact, so that threads and order change no bit.
+//! - [`runner`]: blocks of runs on all threads.
+//! - [`summary`]: means, intervals, quantiles and checks from a tally.
+//! - [`tally_file`]: tallies of parts of a study, to join or to go on from.
+
+pub mod model_level;
 pub mod normal;
+pub mod robot_level;
+pub mod runner;
+pub mod summary;
+pub mod tally;
+pub mod tally_file;
+
+use thiserror::Error;
+
+use crate::mujoco::ModelError;
+use crate::plan::Plan;
+use tally::Failure;
+
+/// A plan that takes part in a study.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Entry {
+    /// Its name.
+    pub name: String,
+    /// What is measured in each run.
+    pub kind: EntryKind,
+}
+
+/// What is measured in each run.
+#[derive(Debug, Clone, PartialEq)]
+pub enum EntryKind {
+    /// A plan of the scenario's or the search's choice.
+    Fixed(Plan),
+    /// One plan drawn at random for all runs.
+    Random(Plan),
+    /// A fresh random feasible plan in every run.
+    RandomEach,
+}
+
+impl EntryKind {
+    /// The plan, where all runs have the same.
+    #[must_use]
+    pub const fn plan(&self) -> Option<&Plan> {
+        match self {
+            Self::Fixed(plan) | Self::Random(plan) => Some(plan),
+            Self::RandomEach => None,
+        }
+    }
+}
+
+/// Why a study cannot be made.
+#[derive(Debug, Clone, Error)]
+pub enum StudyError {
+    /// A plan fails in every run.
+    #[error("plan {plan:?}: {}", failure.text())]
+    Plan {
+        /// The plan's name.
+        plan: String,
+        /// What is wrong with it.
+        failure: Failure,
+    },
+    /// A plan has another number of measurements than the study.
+    #[error("plan {plan:?}: found {found} measurements; the study's plans have {expected}")]
+    Experiments {
+        /// The plan's name.
+        plan: String,
+        /// The number of its measurements.
+        found: u32,
+        /// The study's number M.
+        expected: u32,
+    },
+    /// There is nothing to compare.
+    #[error("a study needs at least one plan")]
+    NoPlan,
+    /// The virtual robot's model lacks something.
+    #[error("{0}")]
+    Model(String),
+}
+
+impl From<ModelError> for StudyError {
+    fn from(error: ModelError) -> Self {
+        Self::Model(error.to_string())
+    }
+}
+
+/// The plan repeated as a whole until it has so many measurements; `None` where whole repetitions
+/// do not make them up.
+#[must_use]
+pub fn repeated(plan: &Plan, experiments: u32) -> Option<Plan> {
+    let once = plan.measurements();
+    if once == 0 || !experiments.is_multiple_of(once) {
+        return None;
+    }
+    let mut plan = plan.clone();
+    for each in &mut plan.experiments {
+        each.repeats *= experiments / once;
+    }
+    Some(plan)
+}

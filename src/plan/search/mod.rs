@@ -21,4 +21,4 @@ pub use budget::{BudgetPoint, budget, cheapest};
 pub use exact::{ExactDesign, Watch, exact_design};
 pub use observation::Observer;
 pub use problem::{Effort, Problem, SearchError};
-pub use sampling::{median_random_rho0, random_plan};
+pub use sampling::{RandomPlans, median_random_rho0, random_plan};

@@ -131,6 +131,32 @@ impl<'a> Sampler<'a> {
     }
 }
 
+/// Draws random feasible plans one after another: what a laboratory without a plan would measure.
+#[derive(Debug)]
+pub struct RandomPlans<'a> {
+    sampler: Sampler<'a>,
+    seed: u64,
+}
+
+impl<'a> RandomPlans<'a> {
+    /// Random plans of a problem, under its scenario's seed.
+    #[must_use]
+    pub fn new(problem: &'a Problem<'a>) -> Self {
+        Self {
+            sampler: Sampler::new(problem),
+            seed: problem.scenario.seed,
+        }
+    }
+
+    /// Random plan number `run`; the same as [`random_plan`] gives.
+    ///
+    /// # Errors
+    /// No feasible experiment is found.
+    pub fn draw(&mut self, experiments: u32, run: u64) -> Result<Plan, SearchError> {
+        draw_plan(&mut self.sampler, experiments, self.seed, run)
+    }
+}
+
 /// A random feasible plan, number `run` under the scenario's seed: what a laboratory without a plan
 /// would measure.
 ///

@@ -1,0 +1,151 @@
+//! The records of a Monte Carlo study, with the unit of every number in its key.
+
+use std::fmt::Write;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::study::summary::Summary;
+use crate::study::tally::{Failure, Tally};
+
+/// What many runs of one plan say. Numbers that do not exist are `null`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct StudyPlanMessage {
+    /// The plan's name.
+    pub name: String,
+    /// The number M of measurements in each run.
+    pub experiments: u32,
+    /// Runs that did not fail.
+    pub runs: u64,
+    /// Runs that failed.
+    pub failed: u64,
+    /// Why they failed and how many.
+    pub failures: Vec<(String, u64)>,
+    /// The mean distance that compensation leaves (mm).
+    pub mean_mm: Option<f64>,
+    /// The standard error of the mean (mm).
+    pub mean_std_mm: Option<f64>,
+    /// The 95 % interval of the mean (mm).
+    pub mean_ci95_mm: Option<[f64; 2]>,
+    /// The rms distance (mm).
+    pub rms_mm: Option<f64>,
+    /// The standard error of the rms distance (mm).
+    pub rms_std_mm: Option<f64>,
+    /// The rms distance that eq. 20 predicts (mm).
+    pub predicted_rms_mm: Option<f64>,
+    /// The distances that 5, 50, 95 and 99 % of the runs do not exceed (mm).
+    pub quantiles_mm: Option<[f64; 4]>,
+    /// Observed minus predicted mean square in the standard deviations that are predicted for it.
+    pub z: Option<f64>,
+    /// The mean of the normalised estimation error squared.
+    pub nees: Option<f64>,
+    /// What is expected for it: the number of compliances.
+    pub nees_expected: usize,
+    /// Its deviation in standard deviations.
+    pub nees_z: Option<f64>,
+    /// The mean distance over that of the first random plan.
+    pub mean_ratio_to_random: Option<f64>,
+    /// The 95 % interval of that ratio.
+    pub mean_ratio_to_random_ci95: Option<[f64; 2]>,
+}
+
+impl StudyPlanMessage {
+    /// The record of a plan's tally.
+    #[must_use]
+    pub fn new(
+        name: &str,
+        experiments: u32,
+        parameters: usize,
+        tally: &Tally,
+        summary: Option<&Summary>,
+    ) -> Self {
+        let of =
+            |value: &dyn Fn(&Summary) -> f64| summary.map(value).filter(|value| value.is_finite());
+        let ratio = summary.and_then(|summary| summary.ratio_to_random);
+        Self {
+            name: name.to_owned(),
+            experiments,
+            runs: tally.runs,
+            failed: tally.failures(),
+            failures: reasons(tally),
+            mean_mm: of(&|each| each.mean_m.value * 1e3),
+            mean_std_mm: of(&|each| each.mean_m.standard_error * 1e3),
+            mean_ci95_mm: summary.map(|each| each.mean_m.interval95().map(|value| value * 1e3)),
+            rms_mm: of(&|each| each.rms_m.value * 1e3),
+            rms_std_mm: of(&|each| each.rms_m.standard_error * 1e3),
+            predicted_rms_mm: of(&|each| each.predicted_rms_m * 1e3),
+            quantiles_mm: summary.map(|each| each.quantiles_m.map(|value| value * 1e3)),
+            z: of(&|each| each.z),
+            nees: of(&|each| each.nees),
+            nees_expected: parameters,
+            nees_z: of(&|each| each.nees_z),
+            mean_ratio_to_random: ratio.map(|ratio| ratio.value),
+            mean_ratio_to_random_ci95: ratio.map(|ratio| ratio.interval95()),
+        }
+    }
+}
+
+/// A CSV table with one row for each plan.
+#[must_use]
+pub fn study_csv(plans: &[StudyPlanMessage]) -> String {
+    let mut text = String::from(
+        "plan,experiments,runs,failed,mean_mm,mean_low95_mm,mean_high95_mm,rms_mm,predicted_rms_mm,\
+         q05_mm,q50_mm,q95_mm,q99_mm,z,nees,nees_z,mean_ratio_to_random\n",
+    );
+    for plan in plans {
+        let [low, high] = split(plan.mean_ci95_mm);
+        let [q05, q50, q95, q99] = split(plan.quantiles_mm);
+        let numbers = [
+            plan.mean_mm,
+            low,
+            high,
+            plan.rms_mm,
+            plan.predicted_rms_mm,
+            q05,
+            q50,
+            q95,
+            q99,
+            plan.z,
+            plan.nees,
+            plan.nees_z,
+            plan.mean_ratio_to_random,
+        ];
+        text += &format!(
+            "{},{},{},{}",
+            quoted(&plan.name),
+            plan.experiments,
+            plan.runs,
+            plan.failed
+        );
+        for number in numbers {
+            text.push(',');
+            if let Some(number) = number {
+                // Writing to a string cannot fail.
+                let _ = write!(text, "{number}");
+            }
+        }
+        text.push('\n');
+    }
+    text
+}
+
+fn split<const N: usize>(values: Option<[f64; N]>) -> [Option<f64>; N] {
+    values.map_or([None; N], |values| values.map(Some))
+}
+
+fn quoted(name: &str) -> String {
+    if name.contains([',', '"', '\n', '\r']) {
+        format!("\"{}\"", name.replace('"', "\"\""))
+    } else {
+        name.to_owned()
+    }
+}
+
+fn reasons(tally: &Tally) -> Vec<(String, u64)> {
+    Failure::ALL
+        .into_iter()
+        .zip(tally.failed)
+        .filter(|(_, count)| *count > 0)
+        .map(|(reason, count)| (reason.text().to_owned(), count))
+        .collect()
+}

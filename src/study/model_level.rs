@@ -1,0 +1,195 @@
+//! A run of the paper's linear model: the noise of a run, multiplied by two matrices.
+//!
+//! With A the observation matrices of all measurements stacked (3M x p), sigma eps the noise and
+//! A_0 those of the test poses, eqs. 9 and 15 leave the errors
+//!
+//! ```text
+//! dk = (A^T A)^-1 A^T sigma eps,      d = A_0 dk = B eps
+//! ```
+//!
+//! The information matrix is factored, A^T A = L L^T, so that
+//!
+//! ```text
+//! z = L^-1 A^T eps  (p standard normals),   d / sigma = (A_0 L^-T) z,   NEES = z^T z
+//! ```
+//!
+//! and with S = B B^T / sigma^2 = (A_0 L^-T)(A_0 L^-T)^T, the squared distance has the mean
+//! `rho_0^2` = sigma^2 trace(S) (eq. 20) and the variance 2 sigma^4 trace(S^2). Several test poses
+//! are stacked, each times the root of its weight.
+
+use multiversion::multiversion;
+use nalgebra::DMatrix;
+
+use super::normal::LANES;
+use super::tally::{Batch, Failure};
+use crate::compensation::test_pose_matrix;
+use crate::plan::{ExperimentModel, Plan};
+use crate::scenario::Scenario;
+
+/// The most compliances that a run can have.
+const MOST: usize = 48;
+
+/// Three rows of a matrix, column by column.
+type ThreeRows = Vec<[f64; 3]>;
+
+/// What all plans of a study have in common.
+#[derive(Debug, Clone)]
+pub struct Model<'a> {
+    experiments: ExperimentModel<'a>,
+    /// A_0 of all test poses, each times the root of its weight, stacked.
+    test_poses: DMatrix<f64>,
+}
+
+impl<'a> Model<'a> {
+    /// The linear model of a scenario.
+    #[must_use]
+    pub fn new(scenario: &'a Scenario) -> Self {
+        let parameters = &scenario.parameters;
+        let mut test_poses = DMatrix::zeros(3 * scenario.test_poses.len(), parameters.len());
+        for (index, pose) in scenario.test_poses.iter().enumerate() {
+            let (chain, tool) = (&scenario.nominal.chain, &scenario.machining_tool);
+            let matrix = test_pose_matrix(chain, tool, pose, parameters) * pose.weight.sqrt();
+            test_poses.rows_mut(3 * index, 3).copy_from(&matrix);
+        }
+        Self {
+            experiments: ExperimentModel::new(scenario),
+            test_poses,
+        }
+    }
+
+    /// Prepares a plan.
+    ///
+    /// # Errors
+    /// The plan does not determine all compliances.
+    pub fn plan(&self, plan: &Plan) -> Result<PlanModel, Failure> {
+        let size = self.test_poses.ncols();
+        let information = self.experiments.information(plan);
+        let factor = information
+            .clone()
+            .cholesky()
+            .filter(|_| size <= MOST)
+            .ok_or(Failure::Undetermined)?
+            .unpack();
+        // Squared pivots are what remains of a compliance's information when the others before it
+        // are unknown.
+        if (0..size).any(|i| !(factor[(i, i)].powi(2) > 1e-12 * information[(i, i)])) {
+            return Err(Failure::Undetermined);
+        }
+        // Rows beyond p are zero: they fill up threes.
+        let padded = size.next_multiple_of(3);
+        let mut whitener = vec![ThreeRows::new(); padded / 3];
+        for experiment in &plan.experiments {
+            let mut columns = self.experiments.observation_matrix(experiment).transpose();
+            if !factor.solve_lower_triangular_mut(&mut columns) {
+                return Err(Failure::Undetermined);
+            }
+            for _ in 0..experiment.repeats {
+                for axis in 0..3 {
+                    for (group, rows) in whitener.iter_mut().enumerate() {
+                        rows.push(std::array::from_fn(|row| {
+                            let row = 3 * group + row;
+                            if row < size {
+                                columns[(row, axis)]
+                            } else {
+                                0.0
+                            }
+                        }));
+                    }
+                }
+            }
+        }
+        let mut errors = self.test_poses.transpose();
+        if !factor.solve_lower_triangular_mut(&mut errors) {
+            return Err(Failure::Undetermined);
+        }
+        let covariance = errors.tr_mul(&errors);
+        let compensation = (0..errors.ncols() / 3)
+            .map(|pose| {
+                (0..size)
+                    .map(|column| std::array::from_fn(|axis| errors[(column, 3 * pose + axis)]))
+                    .collect()
+            })
+            .collect();
+        Ok(PlanModel {
+            whitener,
+            compensation,
+            expected: covariance.trace(),
+            variance: 2.0 * covariance.norm_squared(),
+        })
+    }
+}
+
+/// A plan made ready for runs; distances are in sigma.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlanModel {
+    /// L^-1 A^T, three rows at a time.
+    whitener: Vec<ThreeRows>,
+    /// A_0 L^-T, three rows for each test pose.
+    compensation: Vec<ThreeRows>,
+    /// trace(S), the predicted mean square.
+    pub expected: f64,
+    /// 2 trace(S^2), its variance from run to run.
+    pub variance: f64,
+}
+
+impl PlanModel {
+    /// Several runs at once, from their standard normals (3M numbers of each; more are left alone).
+    #[must_use]
+    pub fn run(&self, normals: &[[f64; LANES]]) -> Batch {
+        let (square, nees) = run(&self.whitener, &self.compensation, normals);
+        Batch {
+            square,
+            nees,
+            expected: [self.expected; LANES],
+            variance: [self.variance; LANES],
+            failed: [None; LANES],
+        }
+    }
+}
+
+#[multiversion(targets(
+    "x86_64+avx512f+avx512dq+avx512vl+fma",
+    "x86_64+avx2+fma",
+    "aarch64+neon"
+))]
+fn run(
+    whitener: &[ThreeRows],
+    compensation: &[ThreeRows],
+    normals: &[[f64; LANES]],
+) -> ([f64; LANES], [f64; LANES]) {
+    let mut whitened = [[0.0; LANES]; MOST];
+    let mut nees = [0.0; LANES];
+    for (rows, three) in whitener.iter().zip(whitened.chunks_exact_mut(3)) {
+        let product = multiply(rows, normals);
+        add_squares(&product, &mut nees);
+        three.copy_from_slice(&product);
+    }
+    let mut square = [0.0; LANES];
+    for rows in compensation {
+        add_squares(&multiply(rows, &whitened), &mut square);
+    }
+    (square, nees)
+}
+
+/// Three rows times as many columns as there are.
+#[inline(always)]
+fn multiply(rows: &[[f64; 3]], columns: &[[f64; LANES]]) -> [[f64; LANES]; 3] {
+    let [mut x, mut y, mut z] = [[0.0; LANES]; 3];
+    for ([a, b, c], column) in rows.iter().zip(columns) {
+        for lane in 0..LANES {
+            x[lane] = a.mul_add(column[lane], x[lane]);
+            y[lane] = b.mul_add(column[lane], y[lane]);
+            z[lane] = c.mul_add(column[lane], z[lane]);
+        }
+    }
+    [x, y, z]
+}
+
+#[inline(always)]
+fn add_squares(vectors: &[[f64; LANES]; 3], sum: &mut [f64; LANES]) {
+    for vector in vectors {
+        for lane in 0..LANES {
+            sum[lane] = vector[lane].mul_add(vector[lane], sum[lane]);
+        }
+    }
+}

@@ -1,0 +1,113 @@
+//! A run of the whole loop on the virtual robot: measure in MuJoCo, identify, compensate, command
+//! the robot in MuJoCo again, and see what distance is left.
+
+use nalgebra::{DVector, Vector3};
+
+use super::normal::LANES;
+use super::tally::Failure;
+use crate::calibration::see;
+use crate::compensation::compensate;
+use crate::identification::{Sigma, identify};
+use crate::measurement::Measurement;
+use crate::mujoco::ModelError;
+use crate::plan::Plan;
+use crate::scenario::Scenario;
+use crate::testbed::VirtualRobot;
+
+/// What one thread needs for runs.
+#[derive(Debug)]
+pub struct RobotRuns<'a> {
+    scenario: &'a Scenario,
+    measuring: VirtualRobot,
+    machining: VirtualRobot,
+}
+
+impl<'a> RobotRuns<'a> {
+    /// The virtual robot with each of the scenario's tools.
+    ///
+    /// # Errors
+    /// The true robot's model lacks a tool.
+    pub fn new(scenario: &'a Scenario) -> Result<Self, ModelError> {
+        let robot = &scenario.true_robot;
+        Ok(Self {
+            scenario,
+            measuring: VirtualRobot::new(robot, &scenario.calibration_tool.name)?,
+            machining: VirtualRobot::new(robot, &scenario.machining_tool.name)?,
+        })
+    }
+
+    /// One run with the normals of a lane: the squared distance in sigma^2, weighted over the test
+    /// poses, and the normalised estimation error squared.
+    ///
+    /// # Errors
+    /// Why the run failed.
+    pub fn run(
+        &mut self,
+        plan: &Plan,
+        normals: &[[f64; LANES]],
+        lane: usize,
+    ) -> Result<(f64, f64), Failure> {
+        let scenario = self.scenario;
+        let mut measurements = self
+            .measuring
+            .measure_noise_free(plan, &scenario.instrument)
+            .map_err(|_| Failure::Measurement)?;
+        add_noise(
+            &mut measurements,
+            scenario.instrument.sigma_m,
+            normals,
+            lane,
+        );
+        let identification = identify(
+            &scenario.nominal,
+            &scenario.calibration_tool,
+            &scenario.parameters,
+            &measurements,
+            Sigma::Known(scenario.instrument.sigma_m),
+            scenario.method,
+        )
+        .map_err(|_| Failure::Identification)?;
+        let estimated = &identification.compliance_rad_per_nm;
+        let error = DVector::from_iterator(
+            scenario.parameters.len(),
+            scenario
+                .parameters
+                .iter()
+                .map(|&joint| estimated[joint] - scenario.true_robot.compliance_rad_per_nm[joint]),
+        );
+        let factor = identification
+            .covariance
+            .clone()
+            .cholesky()
+            .filter(|_| identification.unidentifiable().is_empty())
+            .ok_or(Failure::Undetermined)?;
+        let nees = error.dot(&factor.solve(&error));
+        let mut square_m2 = 0.0;
+        for pose in &scenario.test_poses {
+            let (chain, tool) = (&scenario.nominal.chain, &scenario.machining_tool);
+            let seen = compensate(chain, tool, estimated, pose, scenario.method)
+                .and_then(|commanded| see(&mut self.machining, pose, &commanded))
+                .map_err(|_| Failure::TestPose)?;
+            square_m2 += pose.weight * seen.residual_m.norm_squared();
+        }
+        Ok((square_m2 / scenario.instrument.sigma_m.powi(2), nees))
+    }
+}
+
+/// The first 3M normals are the noise of the deflections, as on the model level; the next that of
+/// rotations.
+fn add_noise(
+    measurements: &mut [Measurement],
+    sigma_m: f64,
+    normals: &[[f64; LANES]],
+    lane: usize,
+) {
+    let count = measurements.len();
+    let noise = |index: usize| Vector3::from_fn(|axis, _| normals[3 * index + axis][lane]);
+    for (index, each) in measurements.iter_mut().enumerate() {
+        each.deflection_m += noise(index) * sigma_m;
+        if let Some(rotation) = &mut each.rotation {
+            rotation.vector_rad += noise(count + index).component_mul(&rotation.sigma_rad);
+        }
+    }
+}

@@ -1,0 +1,357 @@
+//! What is kept of many runs: sums, a histogram, and why runs failed.
+//!
+//! Distances are in units of the instrument's sigma. The sums of a block of runs are made in a fixed
+//! order in floating point and then turned into integers (fixed point), so that adding tallies is
+//! exact, commutative and associative: the number of threads, the order of blocks, sharding and
+//! interruption change no bit. A tally's size does not depend on the number of runs.
+
+use super::normal::LANES;
+
+/// Why a run failed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Failure {
+    /// No random feasible plan was found.
+    NoPlan,
+    /// The measurements do not determine all compliances.
+    Undetermined,
+    /// An experiment has no stable equilibrium on the virtual robot.
+    Measurement,
+    /// The identification gives nothing.
+    Identification,
+    /// A test pose has no stable equilibrium.
+    TestPose,
+    /// The distance is beyond [`LARGEST`] sigma: no calibration at all.
+    TooFar,
+}
+
+impl Failure {
+    /// All of them, in the order of [`Tally::failed`].
+    pub const ALL: [Self; 6] = [
+        Self::NoPlan,
+        Self::Undetermined,
+        Self::Measurement,
+        Self::Identification,
+        Self::TestPose,
+        Self::TooFar,
+    ];
+
+    /// What happened, in words.
+    #[must_use]
+    pub const fn text(self) -> &'static str {
+        match self {
+            Self::NoPlan => "no random feasible plan was found",
+            Self::Undetermined => "the measurements do not determine all compliances",
+            Self::Measurement => "an experiment has no stable equilibrium",
+            Self::Identification => "the identification failed",
+            Self::TestPose => "a test pose has no stable equilibrium",
+            Self::TooFar => "the distance is beyond 16384 sigma",
+        }
+    }
+}
+
+/// Distances beyond this (in sigma) are failures.
+pub const LARGEST: f64 = 16384.0;
+/// Normalised estimation errors squared beyond this count as this.
+const LARGEST_NEES: f64 = 1_048_576.0;
+
+/// What is summed over runs, with u the distance in sigma.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Sum {
+    /// u.
+    Distance,
+    /// u^2.
+    Square,
+    /// u^4.
+    Fourth,
+    /// u times the reference plan's u in the same run.
+    Cross,
+    /// What the model predicts for u^2.
+    Expected,
+    /// The variance that the model predicts for u^2.
+    Variance,
+    /// The normalised estimation error squared.
+    Nees,
+    /// Its square.
+    NeesSquare,
+}
+
+/// The number of sums.
+pub const SUMS: usize = 8;
+
+/// Binary places of each sum's integer. With u < 2^14 and 2^40 runs, none exceeds 2^127; the
+/// rounding of u and u^2, once a block, is below that of the block's sum in floating point.
+const PLACES: [i32; SUMS] = [70, 56, 28, 56, 56, 28, 62, 44];
+
+/// Bins of the histogram in each octave of the distance.
+const BINS_PER_OCTAVE: usize = 64;
+/// The exponent of the histogram's lower end; the upper end is [`LARGEST`] = 2^14.
+const LOWEST_EXPONENT: i32 = -34;
+/// The number of bins of the histogram.
+pub const BINS: usize = 48 * BINS_PER_OCTAVE;
+
+/// The outcome of [`LANES`] consecutive runs of one plan.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Batch {
+    /// The squared distance in sigma^2, weighted over the test poses.
+    pub square: [f64; LANES],
+    /// The normalised estimation error squared.
+    pub nees: [f64; LANES],
+    /// What the model predicts for the squared distance.
+    pub expected: [f64; LANES],
+    /// The variance that it predicts for that.
+    pub variance: [f64; LANES],
+    /// Which runs failed.
+    pub failed: [Option<Failure>; LANES],
+}
+
+impl Batch {
+    /// Runs that all failed.
+    #[must_use]
+    pub fn all_failed(failure: Failure) -> Self {
+        Self {
+            failed: [Some(failure); LANES],
+            ..Self::default()
+        }
+    }
+
+    /// Turns absurd distances into failures, and makes failed runs and those from `runs` on zero, so
+    /// that they add nothing to any sum.
+    pub fn clean(&mut self, runs: usize) {
+        for lane in 0..LANES {
+            if !(self.square[lane] < LARGEST * LARGEST) && self.failed[lane].is_none() {
+                self.failed[lane] = Some(Failure::TooFar);
+            }
+            if lane >= runs || self.failed[lane].is_some() {
+                self.square[lane] = 0.0;
+                self.nees[lane] = 0.0;
+                self.expected[lane] = 0.0;
+                self.variance[lane] = 0.0;
+            }
+        }
+    }
+}
+
+/// The sums of a block of runs, lane by lane.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct BlockSums([[f64; LANES]; SUMS]);
+
+/// All that is kept of one plan's runs.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Tally {
+    /// Runs that did not fail.
+    pub runs: u64,
+    /// Runs in which neither this plan nor the reference plan failed.
+    pub pairs: u64,
+    /// Failed runs by reason, see [`Failure::ALL`].
+    pub failed: [u64; Failure::ALL.len()],
+    /// The sums as integers, by [`Sum`].
+    pub sums: [i128; SUMS],
+    /// The histogram of the distance.
+    pub bins: Vec<u64>,
+}
+
+impl Default for Tally {
+    fn default() -> Self {
+        Self {
+            runs: 0,
+            pairs: 0,
+            failed: [0; Failure::ALL.len()],
+            sums: [0; SUMS],
+            bins: vec![0; BINS],
+        }
+    }
+}
+
+impl Tally {
+    /// Adds the first `runs` runs of a clean batch; their sums go to `block`. `reference` is the
+    /// clean batch of the plan that others are compared with.
+    pub fn add(
+        &mut self,
+        block: &mut BlockSums,
+        batch: &Batch,
+        reference: Option<&Batch>,
+        runs: usize,
+    ) {
+        let distance = batch.square.map(f64::sqrt);
+        let other = reference.map_or([0.0; LANES], |other| other.square.map(f64::sqrt));
+        let sums = &mut block.0;
+        for lane in 0..LANES {
+            let square = batch.square[lane];
+            let nees = batch.nees[lane].min(LARGEST_NEES);
+            sums[Sum::Distance as usize][lane] += distance[lane];
+            sums[Sum::Square as usize][lane] += square;
+            sums[Sum::Fourth as usize][lane] += square * square;
+            sums[Sum::Cross as usize][lane] += distance[lane] * other[lane];
+            sums[Sum::Expected as usize][lane] += batch.expected[lane].min(LARGEST * LARGEST);
+            sums[Sum::Variance as usize][lane] += batch.variance[lane].min(LARGEST.powi(4));
+            sums[Sum::Nees as usize][lane] += nees;
+            sums[Sum::NeesSquare as usize][lane] += nees * nees;
+        }
+        for lane in 0..runs {
+            if let Some(failure) = batch.failed[lane] {
+                self.failed[failure as usize] += 1;
+                continue;
+            }
+            self.runs += 1;
+            self.pairs +=
+                u64::from(reference.is_some_and(|reference| reference.failed[lane].is_none()));
+            self.bins[bin_of(distance[lane])] += 1;
+        }
+    }
+
+    /// Adds the sums of a finished block, which starts again from zero.
+    pub fn close(&mut self, block: &mut BlockSums) {
+        for ((sum, lanes), places) in self.sums.iter_mut().zip(&block.0).zip(PLACES) {
+            *sum += to_fixed(lanes.iter().sum(), places);
+        }
+        *block = BlockSums::default();
+    }
+
+    /// Adds another tally: exact, and in any order.
+    pub fn merge(&mut self, other: &Self) {
+        self.runs += other.runs;
+        self.pairs += other.pairs;
+        for (mine, theirs) in self.failed.iter_mut().zip(&other.failed) {
+            *mine += theirs;
+        }
+        for (mine, theirs) in self.sums.iter_mut().zip(&other.sums) {
+            *mine += theirs;
+        }
+        for (mine, theirs) in self.bins.iter_mut().zip(&other.bins) {
+            *mine += theirs;
+        }
+    }
+
+    /// The sum over all runs that did not fail.
+    #[must_use]
+    pub fn sum(&self, which: Sum) -> f64 {
+        let places = PLACES[which as usize];
+        integer_to_f64(self.sums[which as usize]) * 2.0_f64.powi(-places)
+    }
+
+    /// The number of failed runs.
+    #[must_use]
+    pub fn failures(&self) -> u64 {
+        self.failed.iter().sum()
+    }
+
+    /// The distance (in sigma) that a share of the runs does not exceed, from the histogram: within
+    /// its bin, 1/64 octave, the runs are taken as spread evenly.
+    #[must_use]
+    pub fn quantile(&self, share: f64) -> Option<f64> {
+        let total: u64 = self.bins.iter().sum();
+        let wanted = share * count_to_f64(total);
+        let mut below = 0.0;
+        for (index, &count) in self
+            .bins
+            .iter()
+            .enumerate()
+            .filter(|(_, count)| **count > 0)
+        {
+            let count = count_to_f64(count);
+            if below + count >= wanted {
+                let within = ((wanted - below) / count).clamp(0.0, 1.0);
+                let (low, high) = (lower_edge(index), lower_edge(index + 1));
+                return Some(low + (high - low) * within);
+            }
+            below += count;
+        }
+        None
+    }
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "bounded far below 2^127, and whole"
+)]
+fn to_fixed(value: f64, places: i32) -> i128 {
+    (value * 2.0_f64.powi(places)).round() as i128
+}
+
+#[expect(clippy::cast_precision_loss, reason = "a mean needs 53 bits")]
+fn integer_to_f64(value: i128) -> f64 {
+    value as f64
+}
+
+#[expect(clippy::cast_precision_loss, reason = "far below 2^52 runs")]
+pub(super) fn count_to_f64(count: u64) -> f64 {
+    count as f64
+}
+
+/// The first bits of a float are its exponent and the first of its binary places.
+const SHIFT: u32 = 52 - BINS_PER_OCTAVE.ilog2();
+
+/// The first bits of the histogram's lower end.
+fn lowest() -> u64 {
+    2.0_f64.powi(LOWEST_EXPONENT).to_bits() >> SHIFT
+}
+
+fn bin_of(distance: f64) -> usize {
+    let first_bits = distance.to_bits() >> SHIFT;
+    usize::try_from(first_bits.saturating_sub(lowest()))
+        .unwrap_or(BINS)
+        .min(BINS - 1)
+}
+
+fn lower_edge(bin: usize) -> f64 {
+    f64::from_bits((lowest() + bin as u64) << SHIFT)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_distance_lies_in_its_bin() {
+        for distance in [1e-9, 0.3, 1.0, 1.999, 2.0, 777.0, 16383.9] {
+            let bin = bin_of(distance);
+            assert!(lower_edge(bin) <= distance && distance < lower_edge(bin + 1));
+            assert!(lower_edge(bin + 1) / lower_edge(bin) <= 1.0 + 1.0 / 64.0);
+        }
+        assert_eq!(bin_of(0.0), 0);
+        assert_eq!(bin_of(LARGEST), BINS - 1);
+        assert_eq!(lower_edge(BINS), LARGEST);
+    }
+
+    /// A billion blocks of the largest values fit into the integers.
+    #[test]
+    fn nothing_overflows() {
+        let largest = [
+            LARGEST,
+            LARGEST.powi(2),
+            LARGEST.powi(4),
+            LARGEST.powi(2),
+            LARGEST.powi(2),
+            LARGEST.powi(4),
+            LARGEST_NEES,
+            LARGEST_NEES.powi(2),
+        ];
+        for (value, places) in largest.into_iter().zip(PLACES) {
+            let bits = (value * 1e12).log2() + f64::from(places);
+            assert!(bits < 126.0, "{value}: {bits}");
+        }
+    }
+
+    #[test]
+    fn failed_runs_add_nothing_but_their_reason() {
+        let mut tally = Tally::default();
+        let mut block = BlockSums::default();
+        let mut batch = Batch {
+            square: [4.0; LANES],
+            nees: [5.0; LANES],
+            ..Batch::default()
+        };
+        batch.square[1] = f64::NAN;
+        batch.square[2] = 1e30;
+        batch.failed[3] = Some(Failure::Identification);
+        batch.clean(6);
+        tally.add(&mut block, &batch, Some(&batch), 6);
+        tally.close(&mut block);
+        assert_eq!((tally.runs, tally.pairs, tally.failures()), (3, 3, 3));
+        assert_eq!(tally.failed, [0, 0, 0, 1, 0, 2]);
+        assert_eq!(tally.sum(Sum::Distance), 6.0);
+        assert_eq!(tally.sum(Sum::Cross), 12.0);
+        assert_eq!(tally.sum(Sum::Nees), 15.0);
+        assert_eq!(tally.bins.iter().sum::<u64>(), 3);
+    }
+}

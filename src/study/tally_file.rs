@@ -1,0 +1,319 @@
+//! Tallies as files: shards of a study to join, and interrupted studies to go on from.
+//!
+//! Shard i of n has the blocks i - 1, i - 1 + n, ... in this order. The integers of the sums are
+//! decimal strings, since JSON's numbers are floats to many readers.
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+
+use super::tally::{BINS, Failure, SUMS, Tally};
+use super::{Entry, runner};
+use crate::files::{FileError, read_text, write_whole};
+use crate::output::messages::ProvenanceMessage;
+use crate::plan::Plan;
+use crate::scenario::{Level, Scenario};
+
+/// What a study's numbers depend on; tallies of different headers do not add.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Header {
+    /// Program, scenario and seed.
+    #[serde(flatten)]
+    pub provenance: ProvenanceMessage,
+    /// The number of runs of the whole study.
+    pub trials: u64,
+    /// What the runs are made of.
+    pub level: Level,
+    /// The number M of measurements in each run.
+    pub experiments: u32,
+    /// The instrument's standard deviation (m), with all its digits.
+    pub sigma_m: String,
+    /// The names of the compliances.
+    pub parameters: Vec<String>,
+    /// The plans' names.
+    pub plans: Vec<String>,
+    /// SHA-256 of each plan; null where every run has its own.
+    pub plans_sha256: Vec<Option<String>>,
+    /// The plan that others are compared with, as an index.
+    pub reference: Option<usize>,
+    /// The number n of shards.
+    pub shards: u64,
+}
+
+impl Header {
+    /// The header of a study in so many shards.
+    #[must_use]
+    pub fn new(
+        scenario: &Scenario,
+        level: Level,
+        trials: u64,
+        shards: u64,
+        entries: &[Entry],
+    ) -> Self {
+        Self {
+            provenance: ProvenanceMessage::new(scenario),
+            trials,
+            level,
+            experiments: scenario.study.experiments,
+            sigma_m: format!("{:e}", scenario.instrument.sigma_m),
+            parameters: scenario.parameter_names(),
+            plans: entries.iter().map(|entry| entry.name.clone()).collect(),
+            plans_sha256: (entries.iter())
+                .map(|entry| entry.kind.plan().map(fingerprint))
+                .collect(),
+            reference: runner::reference(entries),
+            shards,
+        }
+    }
+
+    /// The number of blocks of shard `shard`, from 1.
+    #[must_use]
+    pub const fn blocks_of(&self, shard: u64) -> u64 {
+        let blocks = self.trials.div_ceil(runner::block_runs(self.level));
+        (blocks + self.shards).saturating_sub(shard) / self.shards
+    }
+
+    /// What differs in another header.
+    fn difference(&self, other: &Self) -> Option<String> {
+        let fields = |header: &Self| serde_json::to_value(header).ok();
+        let (mine, theirs) = (fields(self)?, fields(other)?);
+        let (mine, theirs) = (mine.as_object()?, theirs.as_object()?);
+        // Other plans are often the consequence of another difference, which says more.
+        (mine.iter())
+            .filter(|(key, value)| theirs.get(*key) != Some(value))
+            .min_by_key(|(key, _)| *key == "plans_sha256")
+            .map(|(key, value)| {
+                let found = theirs.get(key).unwrap_or(&serde_json::Value::Null);
+                format!("is of another study: {key} is {found} and not {value}")
+            })
+    }
+}
+
+fn fingerprint(plan: &Plan) -> String {
+    let mut hash = Sha256::new();
+    for experiment in &plan.experiments {
+        for angle in experiment.configuration_rad.iter() {
+            hash.update(angle.to_le_bytes());
+        }
+        for component in experiment.load.wrench().iter() {
+            hash.update(component.to_le_bytes());
+        }
+        hash.update(experiment.repeats.to_le_bytes());
+    }
+    (hash.finalize().iter())
+        .map(|byte| format!("{byte:02x}"))
+        .collect()
+}
+
+/// A part of a study: the first blocks of one shard.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TallyFile {
+    /// The study.
+    pub header: Header,
+    /// The shard's number, from 1.
+    pub shard: u64,
+    /// How many of the shard's blocks are done.
+    pub blocks_done: u64,
+    /// What they gave, by plan.
+    pub tallies: Vec<Tally>,
+}
+
+/// The file as it is written.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Stored {
+    /// The version of this format.
+    elastocal_tally: u32,
+    study: Header,
+    shard: u64,
+    blocks_done: u64,
+    tallies: Vec<StoredTally>,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct StoredTally {
+    runs: u64,
+    pairs: u64,
+    failed: Vec<u64>,
+    /// Fixed-point integers.
+    sums: Vec<String>,
+    /// The bins that are not empty: index and count.
+    histogram: Vec<(usize, u64)>,
+}
+
+const FORMAT: u32 = 1;
+
+impl TallyFile {
+    /// A shard of which nothing is done.
+    #[must_use]
+    pub fn empty(header: Header, shard: u64) -> Self {
+        Self {
+            shard,
+            blocks_done: 0,
+            tallies: vec![Tally::default(); header.plans.len()],
+            header,
+        }
+    }
+
+    /// Whether all blocks of the shard are done.
+    #[must_use]
+    pub const fn is_complete(&self) -> bool {
+        self.blocks_done == self.header.blocks_of(self.shard)
+    }
+
+    /// Writes the file, whole or not at all.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    pub fn write(&self, path: &Path) -> Result<(), FileError> {
+        let stored = Stored {
+            elastocal_tally: FORMAT,
+            study: self.header.clone(),
+            shard: self.shard,
+            blocks_done: self.blocks_done,
+            tallies: self.tallies.iter().map(store).collect(),
+        };
+        let text = serde_json::to_string(&stored)
+            .map_err(|error| FileError::new(path, format!("cannot be written: {error}")))?;
+        write_whole(path, (text + "\n").as_bytes())
+    }
+
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// It is not a tally, or what it says cannot be.
+    pub fn read(path: &Path) -> Result<Self, FileError> {
+        let text = read_text(path)?;
+        let stored: Stored = serde_json::from_str(&text).map_err(|error| {
+            FileError::new(path, format!("is not a tally: {error}")).hint(
+                "the file must be one that `elastocal study` wrote with --tally-out or --resume",
+            )
+        })?;
+        let wrong = |key: &str| FileError::new(path, "is damaged").at(key);
+        if stored.elastocal_tally != FORMAT {
+            return Err(wrong("elastocal_tally"));
+        }
+        let header = stored.study;
+        if !(1..=header.shards).contains(&stored.shard) {
+            return Err(wrong("shard"));
+        }
+        if stored.blocks_done > header.blocks_of(stored.shard) {
+            return Err(wrong("blocks_done"));
+        }
+        let tallies: Option<Vec<Tally>> = stored.tallies.iter().map(restore).collect();
+        let tallies = tallies
+            .filter(|tallies| tallies.len() == header.plans.len())
+            .ok_or_else(|| wrong("tallies"))?;
+        Ok(Self {
+            header,
+            shard: stored.shard,
+            blocks_done: stored.blocks_done,
+            tallies,
+        })
+    }
+
+    /// Reads the file of the same shard of the same study to go on from; nothing is done yet where
+    /// there is no file.
+    ///
+    /// # Errors
+    /// The file is of another study, and what differs.
+    pub fn resume(path: &Path, header: Header, shard: u64) -> Result<Self, FileError> {
+        if !path.exists() {
+            return Ok(Self::empty(header, shard));
+        }
+        let found = Self::read(path)?;
+        found.check(path, &header)?;
+        if found.shard != shard {
+            let problem = format!("is of shard {} and not {shard}", found.shard);
+            return Err(FileError::new(path, problem));
+        }
+        Ok(found)
+    }
+
+    fn check(&self, path: &Path, expected: &Header) -> Result<(), FileError> {
+        match expected.difference(&self.header) {
+            Some(problem) => Err(FileError::new(path, problem)),
+            None => Ok(()),
+        }
+    }
+}
+
+/// Joins the complete shards of a study: its header and its tallies.
+///
+/// # Errors
+/// A file cannot be read, is of another study, is not complete or comes twice; or a shard is
+/// missing.
+pub fn join<P: AsRef<Path>>(paths: &[P]) -> Result<Option<(Header, Vec<Tally>)>, FileError> {
+    let mut joined: Option<(Header, Vec<Tally>)> = None;
+    let mut seen = Vec::new();
+    for path in paths {
+        let path = path.as_ref();
+        let part = TallyFile::read(path)?;
+        if let Some((header, _)) = &joined {
+            part.check(path, header)?;
+        }
+        if !part.is_complete() {
+            let all = part.header.blocks_of(part.shard);
+            let problem = format!("has {} of its {all} blocks", part.blocks_done);
+            return Err(
+                FileError::new(path, problem).hint("finish it with the same command and --resume")
+            );
+        }
+        if seen.contains(&part.shard) {
+            let problem = format!("is shard {}, which another file is too", part.shard);
+            return Err(FileError::new(path, problem));
+        }
+        seen.push(part.shard);
+        match &mut joined {
+            None => joined = Some((part.header, part.tallies)),
+            Some((_, tallies)) => {
+                for (all, part) in tallies.iter_mut().zip(&part.tallies) {
+                    all.merge(part);
+                }
+            }
+        }
+    }
+    if let (Some((header, _)), Some(path)) = (&joined, paths.first())
+        && let Some(missing) = (1..=header.shards).find(|shard| !seen.contains(shard))
+    {
+        let problem = format!(
+            "is one of {} shards, and number {missing} is missing",
+            header.shards
+        );
+        return Err(FileError::new(path.as_ref(), problem));
+    }
+    Ok(joined)
+}
+
+fn store(tally: &Tally) -> StoredTally {
+    StoredTally {
+        runs: tally.runs,
+        pairs: tally.pairs,
+        failed: tally.failed.to_vec(),
+        sums: tally.sums.iter().map(ToString::to_string).collect(),
+        histogram: (tally.bins.iter().copied().enumerate())
+            .filter(|(_, count)| *count > 0)
+            .collect(),
+    }
+}
+
+fn restore(stored: &StoredTally) -> Option<Tally> {
+    let sums: Vec<i128> = (stored.sums.iter())
+        .map(|text| text.parse().ok())
+        .collect::<Option<_>>()?;
+    let sums: [i128; SUMS] = sums.try_into().ok()?;
+    let failed: [u64; Failure::ALL.len()] = stored.failed.clone().try_into().ok()?;
+    let mut bins = vec![0; BINS];
+    for &(index, count) in &stored.histogram {
+        *bins.get_mut(index)? = count;
+    }
+    Some(Tally {
+        runs: stored.runs,
+        pairs: stored.pairs,
+        failed,
+        sums,
+        bins,
+    })
+}

@@ -1,0 +1,396 @@
+//! Monte Carlo studies: exact tallies, runs that keep what was predicted, wrong inputs.
+
+use elastocal::scenario::{Level, Method, Scenario};
+use elastocal::study::model_level::Model;
+use elastocal::study::normal::{LANES, fill_normals};
+use elastocal::study::robot_level::RobotRuns;
+use elastocal::study::runner::Runner;
+use elastocal::study::summary::Summary;
+use elastocal::study::tally::{Sum, Tally};
+use elastocal::study::{Entry, EntryKind, StudyError, repeated};
+use serde_json::Value;
+
+use crate::support::{Workplace, numbers, scenario, scenario_text, table4};
+
+/// The paper's plans, repeated to so many measurements.
+fn paper_plans(sizes: &[u32], experiments: u32) -> Vec<Entry> {
+    let entry = |&size: &u32| Entry {
+        name: format!("m{size}"),
+        kind: EntryKind::Fixed(repeated(&table4(size), experiments).expect("divides")),
+    };
+    sizes.iter().map(entry).collect()
+}
+
+fn run(scenario: &Scenario, level: Level, entries: &[Entry], trials: u64) -> Vec<Tally> {
+    let experiments = entries[0].kind.plan().expect("fixed").measurements();
+    let runner = Runner::new(scenario, level, experiments, entries).expect("works");
+    let blocks = runner.blocks(trials);
+    runner.run(trials, 0..blocks, 1, &|_| ()).expect("works")
+}
+
+/// rho0 of eq. 20 within 3.3 standard deviations of what a million runs show, for every plan of
+/// Fig. 7; and the estimation errors are as large as their covariance says.
+#[test]
+fn a_million_runs_keep_the_promise_of_every_plan() {
+    let scenario = scenario("klimchik2012");
+    let entries = paper_plans(&[2, 3, 4, 6, 12], 12);
+    let tallies = run(&scenario, Level::Model, &entries, 1_000_000);
+    // The design page's values for m measurements, by the rule of repeated plans.
+    let known = [(2, 8.17), (3, 6.59), (4, 5.45), (6, 4.53), (12, 3.20)];
+    for ((tally, entry), (size, rho0)) in tallies.iter().zip(&entries).zip(known) {
+        let summary = Summary::new(tally, 3e-5, 5, None).expect("runs");
+        assert_eq!(summary.runs, 1_000_000);
+        assert!(summary.z.abs() < 3.3, "{}: {}", entry.name, summary.z);
+        assert!(summary.nees_z.abs() < 3.3, "{}: {summary:?}", entry.name);
+        let expected = rho0 * f64::from(size).sqrt() / 12.0_f64.sqrt();
+        let predicted = summary.predicted_rms_m * 1e6;
+        assert!((predicted / expected - 1.0).abs() < 0.002, "{predicted}");
+        assert!((summary.rms_m.value * 1e6 / expected - 1.0).abs() < 0.004);
+        assert!(summary.quantiles_m.is_sorted());
+    }
+}
+
+/// Any split of the blocks, merged in any order, on any number of threads.
+#[test]
+fn neither_threads_nor_order_change_a_bit() {
+    let scenario = scenario("klimchik2012");
+    let mut entries = paper_plans(&[3, 12], 12);
+    entries.push(Entry {
+        name: "random".into(),
+        kind: EntryKind::RandomEach,
+    });
+    let trials = 10_001;
+    let runner = Runner::new(&scenario, Level::Model, 12, &entries).expect("works");
+    let part = |start, step| {
+        runner
+            .run(trials, start..runner.blocks(trials), step, &|_| ())
+            .expect("works")
+    };
+    let on = |threads| {
+        rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .expect("threads")
+            .install(|| part(0, 1))
+    };
+    let one = on(1);
+    assert_eq!(one, on(2));
+    assert_eq!(one[0].runs, trials);
+    let parts = [part(0, 3), part(1, 3), part(2, 3)];
+    for order in [[0, 1, 2], [2, 0, 1], [1, 2, 0]] {
+        let mut merged = vec![Tally::default(); entries.len()];
+        for index in order {
+            for (all, part) in merged.iter_mut().zip(&parts[index]) {
+                all.merge(part);
+            }
+        }
+        assert_eq!(merged, one);
+    }
+}
+
+/// Run 777 by itself is what it was among its neighbours, and B eps is the textbook's formula.
+#[test]
+fn a_run_can_be_replayed_by_itself() {
+    let scenario = scenario("klimchik2012");
+    let plan = table4(3);
+    let model = Model::new(&scenario).plan(&plan).expect("determined");
+    let draw = |first| {
+        let mut normals = [[0.0; LANES]; 9];
+        fill_normals(scenario.seed, first, &mut normals);
+        normals
+    };
+    let alone = draw(777);
+    let among = draw(776);
+    let (one, other) = (model.run(&alone), model.run(&among));
+    assert_eq!(one.square[0], other.square[1]);
+    assert_eq!(one.nees[0], other.nees[1]);
+
+    let experiments = elastocal::plan::ExperimentModel::new(&scenario);
+    let mut observed = nalgebra::DMatrix::zeros(9, 5);
+    for (index, experiment) in plan.repeated().enumerate() {
+        let matrix = experiments.observation_matrix(experiment);
+        observed.rows_mut(3 * index, 3).copy_from(&matrix);
+    }
+    let noise = nalgebra::DVector::from_fn(9, |row, _| alone[row][0]);
+    let information = observed.tr_mul(&observed);
+    let inverse = information.clone().try_inverse().expect("regular");
+    let error = inverse * observed.tr_mul(&noise);
+    let test_pose = elastocal::compensation::test_pose_matrix(
+        &scenario.nominal.chain,
+        &scenario.machining_tool,
+        &scenario.test_poses[0],
+        &scenario.parameters,
+    );
+    let square = (test_pose * &error).norm_squared();
+    assert!((one.square[0] / square - 1.0).abs() < 1e-8, "{square}");
+    let nees = error.dot(&(&information * &error));
+    assert!((one.nees[0] / nees - 1.0).abs() < 1e-8, "{nees}");
+
+    let mut robot = RobotRuns::new(&scenario).expect("works");
+    let first = robot.run(&plan, &alone, 0).expect("works");
+    robot.run(&plan, &alone, 1).expect("works");
+    assert_eq!(robot.run(&plan, &among, 1), Ok(first));
+}
+
+/// With the non-linear method nothing is lost to linearisation: run by run the virtual robot ends
+/// where the linear model says, but for the second order of the errors.
+#[test]
+fn the_virtual_robot_keeps_the_promise_of_the_model() {
+    let scenario = scenario("klimchik2012");
+    assert_eq!(scenario.method, Method::Nonlinear);
+    let entries = paper_plans(&[3], 3);
+    let trials = 1500;
+    let robot = &run(&scenario, Level::Robot, &entries, trials)[0];
+    let model = &run(&scenario, Level::Model, &entries, trials)[0];
+    assert_eq!((robot.runs, robot.failures()), (trials, 0));
+    let summary = Summary::new(robot, 3e-5, 5, None).expect("runs");
+    assert!(summary.z.abs() < 3.3, "{summary:?}");
+    assert!(summary.nees_z.abs() < 3.3, "{summary:?}");
+    // The same noise: much closer than statistics ask for.
+    let ratio = robot.sum(Sum::Square) / model.sum(Sum::Square);
+    assert!((ratio - 1.0).abs() < 0.03, "{ratio}");
+}
+
+#[test]
+fn what_cannot_be_studied_is_named() {
+    let scenario = scenario("klimchik2012");
+    let new = |entries: &[Entry]| Runner::new(&scenario, Level::Model, 12, entries).map(drop);
+    assert!(matches!(new(&[]), Err(StudyError::NoPlan)));
+    let wrong = new(&paper_plans(&[3], 6)).expect_err("six measurements");
+    assert!(
+        wrong.to_string().contains("found 6 measurements"),
+        "{wrong}"
+    );
+    let mut plan = table4(12);
+    plan.experiments.truncate(1);
+    plan.experiments[0].repeats = 12;
+    let singular = Entry {
+        name: "one".into(),
+        kind: EntryKind::Fixed(plan),
+    };
+    let wrong = new(&[singular]).expect_err("one configuration");
+    assert!(
+        wrong
+            .to_string()
+            .contains("\"one\": the measurements do not determine")
+    );
+    assert!(repeated(&table4(4), 6).is_none());
+}
+
+const SMALL: &str = r#"
+[study]
+trials = 3000
+experiments = 6
+
+[[study.plan]]
+name = "paper, of three"
+kind = "file"
+file = "plans/klimchik2012_m3.csv"
+
+[[study.plan]]
+name = "random"
+kind = "random"
+
+[[study.plan]]
+name = "best"
+kind = "optimal"
+experiments = 2
+"#;
+
+/// The paper's scenario with another study.
+fn with_study(study: &str) -> String {
+    let text = scenario_text("klimchik2012");
+    let start = text.find("[study]").expect("is there");
+    let plans = crate::support::project("scenarios/plans/");
+    text[..start].to_owned() + &study.replace("plans/", &plans.to_string_lossy())
+}
+
+#[test]
+fn the_command_prints_and_writes_its_results() {
+    let workplace = Workplace::new();
+    workplace.write("s.toml", with_study(SMALL));
+    let study = |options: &str| {
+        let outcome = workplace.run(&format!("study s.toml --json --quiet {options}"));
+        outcome.ends_with(0).json()
+    };
+    let json = study("--threads 1");
+    let written: Value = serde_json::from_str(&workplace.read("out/s/study.json")).expect("JSON");
+    assert_eq!(json, written);
+    assert_eq!(json["trials"], 3000);
+    assert_eq!(json["level"], "model");
+    assert_eq!(json["reference"], "random");
+    assert_eq!(json["provenance"]["seed"], 1);
+    assert!(json["elapsed_s"].as_f64() > Some(0.0) && json["runs_per_s"].as_f64() > Some(0.0));
+    let plans = json["plans"].as_array().expect("an array");
+    assert_eq!(plans.len(), 3);
+    for plan in plans {
+        let [low, high] = numbers(&plan["mean_ci95_mm"])[..] else {
+            panic!("{plan}");
+        };
+        let mean = plan["mean_mm"].as_f64().expect("a number");
+        assert!(low < mean && mean < high && plan["failed"] == 0);
+        assert!(plan["z"].as_f64().expect("a number").abs() < 4.0);
+        assert!(plan["rms_mm"].as_f64() > plan["mean_mm"].as_f64());
+        assert!(plan["predicted_rms_mm"].is_number() && plan["nees"].is_number());
+    }
+    assert!(plans[2]["mean_ratio_to_random"].as_f64() < Some(1.0));
+    let csv = workplace.read("out/s/study.csv");
+    assert_eq!(csv.lines().count(), 4);
+    assert!(csv.contains("\n\"paper, of three\",6,3000,0,"), "{csv}");
+    assert_eq!(study("--threads 2")["plans"], json["plans"]);
+    assert_ne!(study("--seed 2")["plans"], json["plans"]);
+    let robot = study("--level robot --trials 20");
+    assert_eq!(
+        (&robot["level"], &robot["trials"]),
+        (&"robot".into(), &20.into())
+    );
+    let text = workplace.run("study s.toml").ends_with(0).stdout;
+    assert!(text.contains("with a random plan of as many measurements it is"));
+}
+
+/// What is replaced, by what, what the error says.
+const WRONG: &[(&str, &str, &[&str])] = &[
+    ("trials = 3000", "trials = 0", &["study.trials", "found 0"]),
+    (
+        "experiments = 6",
+        "experiments = 7",
+        &["study.plan[0].file", "found 3", "study.experiments = 7"],
+    ),
+    (
+        "experiments = 6",
+        "experiments = 1",
+        &["study.experiments", "found 1", "2 to 10000"],
+    ),
+    (
+        "experiments = 2",
+        "experiments = 4",
+        &["study.plan[2].experiments", "found 4"],
+    ),
+    (
+        "experiments = 2",
+        "experiments = 2\nconfigurations = 3",
+        &["study.plan[2].configurations", "found 3"],
+    ),
+    (
+        "kind = \"optimal\"",
+        "kind = \"optimal\"\ncriterion = \"o6\"",
+        &["study.plan", "`o6`", "`test_pose`"],
+    ),
+    (
+        "kind = \"random\"",
+        "kind = \"randon\"",
+        &["study.plan", "`randon`"],
+    ),
+    (
+        "name = \"best\"",
+        "name = \"random\"",
+        &["study.plan[2].name", "\"random\" twice"],
+    ),
+    (
+        "m3.csv",
+        "m5.csv",
+        &["study.plan[0].file", "cannot be read"],
+    ),
+];
+
+#[test]
+fn wrong_studies_give_one_clear_error() {
+    let workplace = Workplace::new();
+    let fails = |text: String, says: &[&str]| {
+        workplace.write("bad.toml", text);
+        let outcome = workplace.run("study bad.toml --quiet").ends_with(1);
+        let error = outcome.stderr.lines().next().unwrap_or_default();
+        for part in says {
+            assert!(error.contains(part), "{part:?} is missing: {error}");
+        }
+        assert_eq!(outcome.stderr.matches("error: ").count(), 1);
+        assert!(!workplace.path("out").exists());
+    };
+    for (from, to, says) in WRONG {
+        assert!(SMALL.contains(from), "{from:?}");
+        fails(with_study(&SMALL.replacen(from, to, 1)), says);
+    }
+    fails(
+        with_study("[study]\nplan = []\n"),
+        &["study.plan", "is empty"],
+    );
+    workplace.write("s.toml", with_study(SMALL));
+    workplace.run("study s.toml --trials 0").ends_with(2);
+}
+
+/// Three shards joined in any order, and a study resumed, are the study made at once; files of
+/// other studies are refused with what differs.
+#[test]
+fn shards_and_resumption_change_no_bit() {
+    let workplace = Workplace::new();
+    workplace.write("s.toml", with_study(SMALL));
+    let study = "study s.toml --quiet --trials 9001";
+    workplace.run(study).ends_with(0);
+    let csv = workplace.read("out/s/study.csv");
+    for shard in 1..=3 {
+        let arguments = format!("{study} --shard {shard}/3 --tally-out {shard}.json");
+        workplace.run(&arguments).ends_with(0);
+    }
+    let merged = workplace.run("merge 3.json 1.json 2.json --json --out joined");
+    assert_eq!(merged.ends_with(0).json()["trials"], 9001);
+    assert_eq!(workplace.read("joined/s/study.csv"), csv);
+
+    workplace
+        .run(&format!("{study} --resume r.json --out one"))
+        .ends_with(0);
+    let finished = workplace.read("r.json");
+    workplace
+        .run(&format!("{study} --resume r.json --out two"))
+        .ends_with(0);
+    assert_eq!(workplace.read("r.json"), finished);
+    for folder in ["one", "two"] {
+        assert_eq!(workplace.read(&format!("{folder}/s/study.csv")), csv);
+    }
+
+    let fails = |arguments: &str, says: &str| {
+        let outcome = workplace.run(arguments).ends_with(1);
+        assert!(outcome.stderr.contains(says), "{outcome:#?}");
+    };
+    fails("merge 1.json 3.json", "number 2 is missing");
+    fails("merge 1.json 1.json", "which another file is too");
+    fails("merge 1.json s.toml", "is not a tally");
+    fails(
+        &format!("{study} --seed 7 --resume r.json"),
+        "seed is 1 and not 7",
+    );
+    let other = "study s.toml --quiet --trials 9002 --shard 2/3 --tally-out other.json";
+    workplace.run(other).ends_with(0);
+    fails(
+        "merge 1.json other.json 3.json",
+        "trials is 9002 and not 9001",
+    );
+    workplace
+        .run(&format!("{study} --shard 4/3 --tally-out t.json"))
+        .ends_with(2);
+}
+
+/// What was done before an interruption counts, and the rest is done.
+#[test]
+fn an_interrupted_study_goes_on() {
+    use elastocal::study::tally_file::{Header, TallyFile};
+    let scenario = scenario("klimchik2012");
+    let entries = paper_plans(&[3], 12);
+    let runner = Runner::new(&scenario, Level::Model, 12, &entries).expect("works");
+    let trials = 10_000;
+    let header = Header::new(&scenario, Level::Model, trials, 1, &entries);
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("t.json");
+    let mut part = TallyFile::resume(&path, header.clone(), 1).expect("nothing is done");
+    part.tallies = runner.run(trials, 0..2, 1, &|_| ()).expect("works");
+    part.blocks_done = 2;
+    part.write(&path).expect("can be written");
+    let mut again = TallyFile::resume(&path, header.clone(), 1).expect("is there");
+    assert_eq!(again, part);
+    assert!(!again.is_complete());
+    let rest = runner.run(trials, 2..header.blocks_of(1), 1, &|_| ());
+    again.tallies[0].merge(&rest.expect("works")[0]);
+    assert_eq!(
+        again.tallies,
+        run(&scenario, Level::Model, &entries, trials)
+    );
+}
