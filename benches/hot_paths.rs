@@ -1,6 +1,5 @@
 //! The cost of the hot paths: `cargo bench`.
 
-#![expect(missing_docs, reason = "made by criterion's macros")]
 #![expect(clippy::expect_used, reason = "a bench that cannot go on fails")]
 
 use std::hint::black_box;

@@ -2,7 +2,6 @@
 
 mod study;
 
-use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use nalgebra::{DVector, Vector3};
@@ -13,7 +12,7 @@ use super::file::{
     TestPoseTable, WrenchTable,
 };
 use super::{Design, Forbidden, Instrument, Loads, PlanFile, Region, Robot, Scenario, TestPose};
-use crate::files::{FileError, read_text};
+use crate::files::{FileError, hexadecimal, read_text};
 use crate::mujoco::{Model, ModelError};
 use crate::plan::Plan;
 use crate::robot::{Load, SerialChain, Tool};
@@ -668,12 +667,4 @@ fn hint_for(problem: &str) -> Option<String> {
         strsim::jaro_winkler(found, one).total_cmp(&strsim::jaro_winkler(found, other))
     })?;
     (strsim::jaro_winkler(found, best) > 0.8).then(|| format!("did you mean `{best}`?"))
-}
-
-fn hexadecimal(bytes: &[u8]) -> String {
-    bytes.iter().fold(String::new(), |mut text, byte| {
-        // Writing to a string cannot fail.
-        let _ = write!(text, "{byte:02x}");
-        text
-    })
 }

@@ -72,7 +72,8 @@ impl<'a> Model<'a> {
             .unpack();
         // Squared pivots are what remains of a compliance's information when the others before it
         // are unknown.
-        if (0..size).any(|i| !(factor[(i, i)].powi(2) > 1e-12 * information[(i, i)])) {
+        let is_known = |i: usize| factor[(i, i)].powi(2) > 1e-12 * information[(i, i)];
+        if !(0..size).all(is_known) {
             return Err(Failure::Undetermined);
         }
         // Rows beyond p are zero: they fill up threes.

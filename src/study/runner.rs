@@ -248,6 +248,11 @@ fn replace(batch: &mut Batch, lane: usize, outcome: Result<(f64, f64), Failure>)
     }
 }
 
+#[expect(
+    clippy::unnecessary_wraps,
+    clippy::needless_pass_by_value,
+    reason = "rayon's shape"
+)]
 fn merge(mut one: Vec<Tally>, other: Vec<Tally>) -> Result<Vec<Tally>, StudyError> {
     for (one, other) in one.iter_mut().zip(&other) {
         one.merge(other);

@@ -10,7 +10,7 @@ use sha2::{Digest, Sha256};
 
 use super::tally::{BINS, Failure, SUMS, Tally};
 use super::{Entry, runner};
-use crate::files::{FileError, read_text, write_whole};
+use crate::files::{FileError, hexadecimal, read_text, write_whole};
 use crate::output::messages::ProvenanceMessage;
 use crate::plan::Plan;
 use crate::scenario::{Level, Scenario};
@@ -101,9 +101,7 @@ fn fingerprint(plan: &Plan) -> String {
         }
         hash.update(experiment.repeats.to_le_bytes());
     }
-    (hash.finalize().iter())
-        .map(|byte| format!("{byte:02x}"))
-        .collect()
+    hexadecimal(&hash.finalize())
 }
 
 /// A part of a study: the first blocks of one shard.
