@@ -86,14 +86,7 @@ pub fn calibrate(
     let mut robot = VirtualRobot::new(&scenario.true_robot, &scenario.calibration_tool.name)?;
     let mut noise = generator(scenario.seed, run);
     let measurements = robot.measure(plan, &scenario.instrument, &mut noise)?;
-    let identification = identify(
-        &scenario.nominal,
-        &scenario.calibration_tool,
-        &scenario.parameters,
-        &measurements,
-        Sigma::Known(scenario.instrument.sigma_m),
-        scenario.method,
-    )?;
+    let identification = identify_as_planned(scenario, &measurements)?;
     let poses = compensate_poses(
         scenario,
         &identification.compliance_rad_per_nm,
@@ -106,6 +99,24 @@ pub fn calibrate(
         identification,
         poses,
     })
+}
+
+/// Identifies the scenario's parameters by its method, with its sigma.
+///
+/// # Errors
+/// Nothing can be identified.
+pub fn identify_as_planned(
+    scenario: &Scenario,
+    measurements: &[Measurement],
+) -> Result<Identification, IdentificationError> {
+    identify(
+        &scenario.nominal,
+        &scenario.calibration_tool,
+        &scenario.parameters,
+        measurements,
+        Sigma::Known(scenario.instrument.sigma_m),
+        scenario.method,
+    )
 }
 
 /// Compensates every test pose with the identified compliances of all joints (rad/(N m)), whose

@@ -7,7 +7,7 @@ use clap::Args;
 use elastocal::files::{check_writable, write_whole};
 use elastocal::output::messages::ProvenanceMessage;
 use elastocal::output::plots::budget_plot;
-use elastocal::plan::search::{BudgetPoint, Watch, budget, cheapest};
+use elastocal::plan::search::{BudgetPoint, Watch, budget, cheapest, repeated_configurations};
 use serde_json::{Value, json};
 
 use super::progress::{bar, stop_flag};
@@ -102,13 +102,7 @@ fn record(point: &BudgetPoint) -> Value {
 /// A row for each number of measurements: the accuracy by the number of configurations, with the
 /// loss against all different ones.
 fn describe(points: &[BudgetPoint]) -> String {
-    let mut counts: Vec<u32> = points
-        .iter()
-        .filter(|point| point.configurations < point.experiments)
-        .map(|point| point.configurations)
-        .collect();
-    counts.sort_unstable();
-    counts.dedup();
+    let counts = repeated_configurations(points);
     let mut header = vec!["measurements".to_owned()];
     header.extend(counts.iter().map(|count| format!("in {count} [um]")));
     header.extend(["all different [um]".to_owned(), "bound [um]".to_owned()]);

@@ -109,11 +109,6 @@ impl State {
         )
     }
 
-    /// The smallest signed distance between two geometries (m), cut off at `limit_m`.
-    pub fn distance(&mut self, first: usize, second: usize, limit_m: f64) -> f64 {
-        self.data.geom_distance(first, second, limit_m, None)
-    }
-
     /// Follows a ray from a point along a vector, both in the world frame, and returns the first
     /// shown geometry (groups 0 to 2) that it meets with the distance in lengths of the vector;
     /// geometries of the body `transparent` do not stop it.

@@ -3,7 +3,7 @@
 use plotters::prelude::*;
 use thiserror::Error;
 
-use crate::plan::search::BudgetPoint;
+use crate::plan::search::{BudgetPoint, repeated_configurations};
 
 const SIZE: (u32, u32) = (800, 500);
 const COLOURS: [RGBColor; 5] = [
@@ -58,13 +58,6 @@ pub fn budget_plot(title: &str, points: &[BudgetPoint]) -> Result<String, PlotEr
             .label_style(("sans-serif", 15))
             .draw()?;
         let mut lines: Vec<(String, Vec<(u32, f64)>)> = Vec::new();
-        let mut repeated: Vec<u32> = points
-            .iter()
-            .filter(|point| point.configurations < point.experiments)
-            .map(|point| point.configurations)
-            .collect();
-        repeated.sort_unstable();
-        repeated.dedup();
         let line = |keep: &dyn Fn(&&BudgetPoint) -> bool| -> Vec<(u32, f64)> {
             points
                 .iter()
@@ -72,7 +65,7 @@ pub fn budget_plot(title: &str, points: &[BudgetPoint]) -> Result<String, PlotEr
                 .map(|point| (point.experiments, point.rho0_m * 1e6))
                 .collect()
         };
-        for count in repeated {
+        for count in repeated_configurations(points) {
             let name = format!("{count} configurations, repeated");
             lines.push((name, line(&|point| point.configurations == count)));
         }

@@ -5,9 +5,8 @@ use nalgebra::{DVector, Vector3};
 
 use super::normal::LANES;
 use super::tally::Failure;
-use crate::calibration::see;
+use crate::calibration::{identify_as_planned, see};
 use crate::compensation::compensate;
-use crate::identification::{Sigma, identify};
 use crate::measurement::Measurement;
 use crate::mujoco::ModelError;
 use crate::plan::Plan;
@@ -58,15 +57,8 @@ impl<'a> RobotRuns<'a> {
             normals,
             lane,
         );
-        let identification = identify(
-            &scenario.nominal,
-            &scenario.calibration_tool,
-            &scenario.parameters,
-            &measurements,
-            Sigma::Known(scenario.instrument.sigma_m),
-            scenario.method,
-        )
-        .map_err(|_| Failure::Identification)?;
+        let identification =
+            identify_as_planned(scenario, &measurements).map_err(|_| Failure::Identification)?;
         let estimated = &identification.compliance_rad_per_nm;
         let error = DVector::from_iterator(
             scenario.parameters.len(),

@@ -1,6 +1,8 @@
 //! How many experiments? The best accuracy against the number of measurements, in new
 //! configurations or repeated ones.
 
+use std::collections::BTreeSet;
+
 use super::approximate::approximate_design;
 use super::exact::{Watch, exact_design};
 use super::problem::{Problem, SearchError};
@@ -71,6 +73,16 @@ pub fn budget(
         }
     }
     Ok(points)
+}
+
+/// The numbers of configurations that are repeated, in ascending order.
+#[must_use]
+pub fn repeated_configurations(points: &[BudgetPoint]) -> Vec<u32> {
+    let repeated = points
+        .iter()
+        .filter(|point| point.configurations < point.experiments)
+        .map(|point| point.configurations);
+    repeated.collect::<BTreeSet<_>>().into_iter().collect()
 }
 
 /// The cheapest way to an accuracy (m): fewest measurements, then fewest configurations.

@@ -17,7 +17,7 @@ mod problem;
 mod sampling;
 
 pub use approximate::{ApproximateDesign, Certificate, approximate_design};
-pub use budget::{BudgetPoint, budget, cheapest};
+pub use budget::{BudgetPoint, budget, cheapest, repeated_configurations};
 pub use exact::{ExactDesign, Watch, exact_design};
 pub use observation::Observer;
 pub use problem::{Effort, Problem, SearchError};

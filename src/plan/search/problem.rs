@@ -183,7 +183,7 @@ impl<'a> Problem<'a> {
     /// The criterion as a cost.
     #[must_use]
     pub fn cost(&self) -> CriterionFunction {
-        CriterionFunction::new(self.criterion, self.test_poses.clone())
+        self.cost_of(self.criterion)
     }
 
     /// Any other criterion of the same problem.
