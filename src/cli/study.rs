@@ -188,7 +188,14 @@ impl Results {
                 .and_then(|other| tallies.get(other));
             let summary = Summary::new(tally, sigma_m, parameters, reference);
             let (name, experiments) = (&header.plans[index], header.experiments);
-            StudyPlanMessage::new(name, experiments, parameters, tally, summary.as_ref())
+            StudyPlanMessage::new(
+                name,
+                experiments,
+                parameters,
+                sigma_m,
+                tally,
+                summary.as_ref(),
+            )
         };
         let messages: Vec<_> = tallies.iter().enumerate().map(message).collect();
         let mut json = json!({

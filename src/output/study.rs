@@ -35,6 +35,8 @@ pub struct StudyPlanMessage {
     pub predicted_rms_mm: Option<f64>,
     /// The distances that 5, 50, 95 and 99 % of the runs do not exceed (mm).
     pub quantiles_mm: Option<[f64; 4]>,
+    /// How often which distances were left.
+    pub histogram: HistogramMessage,
     /// Observed minus predicted mean square in the standard deviations that are predicted for it.
     pub z: Option<f64>,
     /// The mean of the normalised estimation error squared.
@@ -49,13 +51,35 @@ pub struct StudyPlanMessage {
     pub mean_ratio_to_random_ci95: Option<[f64; 2]>,
 }
 
+/// A histogram of distances; bins grow with the distance, 8 an octave.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct HistogramMessage {
+    /// The edges of the bins (mm), one more than there are bins.
+    pub edges_mm: Vec<f64>,
+    /// The number of runs in each bin.
+    pub counts: Vec<u64>,
+}
+
+impl HistogramMessage {
+    /// The record of a tally whose distances are in units of `sigma_m`.
+    #[must_use]
+    pub fn new(tally: &Tally, sigma_m: f64) -> Self {
+        let (edges, counts) = tally.histogram();
+        Self {
+            edges_mm: edges.iter().map(|edge| edge * sigma_m * 1e3).collect(),
+            counts,
+        }
+    }
+}
+
 impl StudyPlanMessage {
-    /// The record of a plan's tally.
+    /// The record of a plan's tally, whose distances are in units of `sigma_m`.
     #[must_use]
     pub fn new(
         name: &str,
         experiments: u32,
         parameters: usize,
+        sigma_m: f64,
         tally: &Tally,
         summary: Option<&Summary>,
     ) -> Self {
@@ -75,6 +99,7 @@ impl StudyPlanMessage {
             rms_std_mm: of(&|each| each.rms_m.standard_error * 1e3),
             predicted_rms_mm: of(&|each| each.predicted_rms_m * 1e3),
             quantiles_mm: summary.map(|each| each.quantiles_m.map(|value| value * 1e3)),
+            histogram: HistogramMessage::new(tally, sigma_m),
             z: of(&|each| each.z),
             nees: of(&|each| each.nees),
             nees_expected: parameters,

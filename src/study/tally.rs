@@ -84,6 +84,8 @@ const PLACES: [i32; SUMS] = [70, 56, 28, 56, 56, 28, 62, 44];
 
 /// Bins of the histogram in each octave of the distance.
 const BINS_PER_OCTAVE: usize = 64;
+/// So many bins make one of the histogram that is shown.
+const COARSE: usize = BINS_PER_OCTAVE / 8;
 /// The exponent of the histogram's lower end; the upper end is [`LARGEST`] = 2^14.
 const LOWEST_EXPONENT: i32 = -34;
 /// The number of bins of the histogram.
@@ -236,6 +238,26 @@ impl Tally {
         self.failed.iter().sum()
     }
 
+    /// The histogram in 8 even bins an octave, from the first that has runs to the last: their edges (in
+    /// sigma, one more than bins) and counts.
+    #[must_use]
+    pub fn histogram(&self) -> (Vec<f64>, Vec<u64>) {
+        let coarse: Vec<u64> = (self.bins.chunks(COARSE))
+            .map(|bins| bins.iter().sum())
+            .collect();
+        let is_used = |count: &u64| *count > 0;
+        let (Some(first), Some(last)) = (
+            coarse.iter().position(is_used),
+            coarse.iter().rposition(is_used),
+        ) else {
+            return (Vec::new(), Vec::new());
+        };
+        let edges = (first..=last + 1)
+            .map(|bin| lower_edge(bin * COARSE))
+            .collect();
+        (edges, coarse[first..=last].to_vec())
+    }
+
     /// The distance (in sigma) that a share of the runs does not exceed, from the histogram: within
     /// its bin, 1/64 octave, the runs are taken as spread evenly.
     #[must_use]
@@ -353,5 +375,8 @@ mod tests {
         let is = |sum, value: f64| (tally.sum(sum) - value).abs() < 1e-9;
         assert!(is(Sum::Distance, 6.0) && is(Sum::Cross, 12.0) && is(Sum::Nees, 15.0));
         assert_eq!(tally.bins.iter().sum::<u64>(), 3);
+        let (edges, counts) = tally.histogram();
+        assert_eq!((&*counts, edges[0]), (&[3][..], 2.0));
+        assert!((edges[1] - 2.0 * (1.0 + 1.0 / 8.0)).abs() < 1e-12);
     }
 }
