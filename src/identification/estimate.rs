@@ -10,7 +10,8 @@ use crate::measurement::Measurement;
 use crate::robot::Tool;
 use crate::scenario::{Method, Robot};
 
-/// The non-linear estimate is found when no compliance changes by more than this share of itself.
+/// The non-linear estimate is found when no compliance would change by more than this share of
+/// itself.
 const CONVERGED: f64 = 1e-10;
 /// Gauss-Newton needs three or four steps here, where the problem is nearly linear.
 const MAXIMUM_ITERATIONS: usize = 30;
@@ -176,7 +177,9 @@ fn fit_nonlinear(
         let equations = observations.nonlinear(&compliance)?;
         let least_squares =
             LeastSquares::solve(&equations.matrix, &equations.right_hand_side, &typical);
-        if change <= CONVERGED {
+        let steps = least_squares.solution.iter().zip(&typical);
+        let changes = steps.map(|(step, typical)| step.abs() / typical);
+        if changes.clone().all(|change| change <= CONVERGED) {
             for (index, &joint) in observations.parameters.iter().enumerate() {
                 if !least_squares.determined[index] {
                     compliance[joint] = nominal.compliance_rad_per_nm[joint];
@@ -189,11 +192,9 @@ fn fit_nonlinear(
                 iterations,
             });
         }
-        change = 0.0;
-        for (index, &joint) in observations.parameters.iter().enumerate() {
-            let step = least_squares.solution[index];
+        change = changes.fold(0.0, f64::max);
+        for (step, &joint) in least_squares.solution.iter().zip(observations.parameters) {
             compliance[joint] += step;
-            change = change.max(step.abs() / typical[index]);
         }
     }
     Err(IdentificationError::NotConverged { change })

@@ -102,21 +102,21 @@ impl EquilibriumSolver {
             if !solve_in_place(&mut self.system, self.step.as_mut_slice()) {
                 return Err(EquilibriumError::Unstable);
             }
-            self.q += &self.step;
+            if !self.step.iter().all(|step| step.is_finite()) {
+                break;
+            }
             last_step_rad = self.step.amax();
+            // A step as small as this is not worth a new geometry: the last one is that of `q`.
             if last_step_rad <= CONVERGED_RAD {
-                // The geometry must be that of the final angles.
-                self.evaluate(arm, load);
                 self.check_stability(compliance_rad_per_nm)?;
                 return Ok(Equilibrium {
                     iterations,
                     last_step_rad,
                 });
             }
-            let deflection = (0..self.q.len())
-                .map(|joint| (self.q[joint] - commanded_rad[joint]).abs())
-                .fold(0.0, f64::max);
-            if deflection.is_nan() || deflection > LARGEST_DEFLECTION_RAD {
+            self.q += &self.step;
+            let mut deflections = self.q.iter().zip(commanded_rad).map(|(q, c)| (q - c).abs());
+            if !deflections.all(|deflection| deflection <= LARGEST_DEFLECTION_RAD) {
                 break;
             }
         }

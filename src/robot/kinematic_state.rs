@@ -200,16 +200,23 @@ impl KinematicState {
         }
     }
 
-    /// Writes d `tau_j` / d `q_i` (row j, column i; n x n, N m/rad), see [`Self::torque_derivative`].
+    /// Writes d `tau_j` / d `q_i` (row j, column i; n x n, N m/rad), see [`Self::torque_derivative`];
+    /// a triple product's factors are swapped so that the sum of moments is made once a joint.
     pub fn torque_gradient(
         &self,
         load: &Load,
         gravity_m_s2: &Vector3<f64>,
         gradient: &mut DMatrix<f64>,
     ) {
-        for by in 0..self.joints() {
-            for joint in 0..self.joints() {
-                gradient[(joint, by)] = self.torque_derivative(joint, by, load, gravity_m_s2);
+        for outer in 0..self.joints() {
+            let forces = self.position_column(outer).cross(&load.force_n)
+                + self.mass_column(outer).cross(gravity_m_s2);
+            let torque = self.rotation_column(outer).cross(&load.torque_nm);
+            gradient[(outer, outer)] = self.axis[outer].dot(&forces);
+            for (inner, axis) in self.axis[..outer].iter().enumerate() {
+                let symmetric = axis.dot(&forces);
+                gradient[(inner, outer)] = symmetric;
+                gradient[(outer, inner)] = symmetric + axis.dot(&torque);
             }
         }
     }
