@@ -3,17 +3,18 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use anyhow::Context;
 use clap::Args;
 use elastocal::files::{check_writable, make_folder, write_whole};
 use elastocal::output::study::{StudyPlanMessage, study_csv};
 use elastocal::plan::Plan;
 use elastocal::plan::search::random_plan;
-use elastocal::scenario::{Level, Scenario, StudyPlan, StudySource};
+use elastocal::scenario::{Conditions, Level, Scenario, StudyPlan, StudySource};
 use elastocal::study::runner::Runner;
 use elastocal::study::summary::Summary;
 use elastocal::study::tally::Tally;
-use elastocal::study::tally_file::{Header, TallyFile};
-use elastocal::study::{Entry, EntryKind, repeated};
+use elastocal::study::tally_file::{Header, PlanHeader, TallyFile};
+use elastocal::study::{Entry, EntryKind, Setting, repeated};
 use indicatif::ProgressStyle;
 use serde_json::{Value, json};
 
@@ -76,19 +77,17 @@ impl StudyCommand {
         let level = self.level.unwrap_or(scenario.study.level);
         let (shard, shards) = self.shard.unwrap_or((1, 1));
 
-        let entries = (scenario.study.plans.iter())
-            .map(|plan| entry(common, &scenario, plan))
-            .collect::<anyhow::Result<Vec<_>>>()?;
-        let experiments = scenario.study.experiments;
-        let runner = Runner::new(&scenario, level, experiments, &entries)?;
-        let header = Header::new(&scenario, level, trials, shards, &entries);
+        let settings = Setting::all(&scenario);
+        let entries = entries(common, &scenario, &settings)?;
+        let runner = Runner::new(&settings, level, &entries)?;
+        let header = Header::new(&scenario, &settings, level, trials, shards, &entries);
         let mut part = match &self.resume {
             Some(path) => TallyFile::resume(path, header, shard)?,
             None => TallyFile::empty(header, shard),
         };
         common.say(&format!(
-            "{trials} runs of {} plans with {experiments} measurements each, {}",
-            entries.len(),
+            "{trials} runs of {}, {}",
+            describe_entries(&entries, &settings),
             describe_level(level)
         ));
         let start = Instant::now();
@@ -179,32 +178,31 @@ pub struct Results {
 impl Results {
     /// Sums up the tallies of a study.
     pub fn new(header: &Header, tallies: &[Tally], timing: Option<Timing>) -> anyhow::Result<Self> {
-        let sigma_m: f64 = header.sigma_m.parse()?;
         let parameters = header.parameters.len();
-        let message = |(index, tally): (usize, &Tally)| {
-            let reference = header
-                .reference
-                .filter(|&other| other != index)
-                .and_then(|other| tallies.get(other));
-            let summary = Summary::new(tally, sigma_m, parameters, reference);
-            let (name, experiments) = (&header.plans[index], header.experiments);
-            StudyPlanMessage::new(
+        let message = |(plan, tally): (&PlanHeader, &Tally)| {
+            let conditions = plan.conditions().context("the conditions are damaged")?;
+            let reference = plan.reference.and_then(|other| tallies.get(other));
+            let reference = reference.filter(|&other| !std::ptr::eq(other, tally));
+            let summary = Summary::new(tally, conditions.sigma_m, parameters, reference);
+            let (name, summary) = (&plan.name, summary.as_ref());
+            Ok(StudyPlanMessage::new(
                 name,
-                experiments,
+                &conditions,
                 parameters,
-                sigma_m,
                 tally,
-                summary.as_ref(),
-            )
+                summary,
+            ))
         };
-        let messages: Vec<_> = tallies.iter().enumerate().map(message).collect();
+        let messages = (header.plans.iter().zip(tallies))
+            .map(message)
+            .collect::<anyhow::Result<Vec<_>>>()?;
+        let reference = header.plans.iter().find_map(|plan| plan.reference);
         let mut json = json!({
             "provenance": header.provenance,
             "trials": header.trials,
             "level": header.level,
-            "experiments": header.experiments,
             "parameters": header.parameters,
-            "reference": header.reference.map(|index| &header.plans[index]),
+            "reference": reference.map(|index| &header.plans[index].name),
             "plans": messages,
         });
         if let Some(timing) = timing {
@@ -223,19 +221,15 @@ impl Results {
 
     /// Results for stdout, and the conditions that did not hold.
     pub fn report(&self, folder: &Path) -> Report {
-        let reference = self
-            .header
-            .reference
-            .map(|index| &*self.header.plans[index]);
         let took = self.timing.map_or_else(String::new, |timing| {
             format!(", in {:.2} s", timing.elapsed_s)
         });
         Report {
             json: self.json.clone(),
             text: format!(
-                "{}{}{} runs of each plan, {}{took}. Results are in {}\n",
+                "{}\n{}{} runs of each plan, {}{took}. Results are in {}\n",
                 describe(&self.messages),
-                sentence(&self.messages, reference),
+                sentence(&self.messages, &self.header),
                 self.header.trials,
                 describe_level(self.header.level),
                 folder.display()
@@ -279,63 +273,123 @@ const fn describe_level(level: Level) -> &'static str {
     }
 }
 
+/// "7 plans with 12 measurements each", "20 plans under 4 conditions".
+fn describe_entries(entries: &[Entry], settings: &[Setting]) -> String {
+    let plans = entries.len();
+    match settings {
+        [one] => format!(
+            "{plans} plans with {} measurements each",
+            one.conditions.experiments
+        ),
+        all => format!("{plans} plans under {} conditions", all.len()),
+    }
+}
+
+/// The plans of a study, under all conditions for which whole repetitions make up the measurements.
+fn entries(
+    common: &Common,
+    scenario: &Scenario,
+    settings: &[Setting],
+) -> anyhow::Result<Vec<Entry>> {
+    let mut entries: Vec<Entry> = Vec::new();
+    for (index, setting) in settings.iter().enumerate() {
+        for plan in &scenario.study.plans {
+            if !plan.source.fits(setting.conditions.experiments) {
+                continue;
+            }
+            // Sigma changes no plan.
+            let known = entries.iter().find(|entry| {
+                let conditions = &settings[entry.setting].conditions;
+                let sigma_m = setting.conditions.sigma_m;
+                entry.name == plan.name
+                    && Conditions {
+                        sigma_m,
+                        ..*conditions
+                    } == setting.conditions
+            });
+            let kind = match known {
+                Some(entry) => entry.kind.clone(),
+                None => entry_kind(common, setting, plan)?,
+            };
+            entries.push(Entry {
+                name: plan.name.clone(),
+                setting: index,
+                kind,
+            });
+        }
+    }
+    Ok(entries)
+}
+
 /// Reads, designs or draws a plan, and repeats it as a whole.
-fn entry(common: &Common, scenario: &Scenario, plan: &StudyPlan) -> anyhow::Result<Entry> {
-    let experiments = scenario.study.experiments;
+fn entry_kind(common: &Common, setting: &Setting, plan: &StudyPlan) -> anyhow::Result<EntryKind> {
+    let (scenario, conditions) = (&setting.scenario, &setting.conditions);
     let whole = |plan: &Plan| {
         let found = plan.measurements();
-        repeated(plan, experiments).ok_or_else(|| {
-            anyhow::anyhow!(
-                "{found} measurements do not make up {experiments} by whole repetitions"
-            )
+        repeated(plan, conditions.experiments).with_context(|| {
+            let wanted = conditions.experiments;
+            format!("{found} measurements do not make up {wanted} by whole repetitions")
         })
     };
-    let kind = match &plan.source {
-        StudySource::File(plan) => EntryKind::Fixed(whole(plan)?),
+    Ok(match &plan.source {
+        StudySource::File(plan) => {
+            let mut plan = whole(plan)?;
+            for experiment in &mut plan.experiments {
+                experiment.load = experiment.load.scaled(conditions.load_scale);
+            }
+            EntryKind::Fixed(plan)
+        }
         StudySource::Optimal {
             criterion,
             configurations,
             experiments,
         } => {
+            let experiments = experiments.unwrap_or(conditions.experiments);
             common.say(&format!(
                 "designing the plan {:?} of {experiments} measurements",
                 plan.name
             ));
-            let designed = design(common, scenario, *criterion, *experiments, *configurations)?;
+            let designed = design(common, scenario, *criterion, experiments, *configurations)?;
             EntryKind::Fixed(whole(&designed.exact.plan)?)
         }
-        StudySource::Random => EntryKind::Random(random_plan(scenario, experiments, 0)?),
+        StudySource::Random => EntryKind::Random(random_plan(scenario, conditions.experiments, 0)?),
         StudySource::RandomEach => EntryKind::RandomEach,
-    };
-    let name = plan.name.clone();
-    Ok(Entry { name, kind })
+    })
 }
 
-/// The table for a person.
+/// The table for a person, with a column for each condition that varies.
 fn describe(messages: &[StudyPlanMessage]) -> String {
     let micro = |value: Option<f64>| number(value.map(|value| value * 1e3), 3);
-    let rows: Vec<Vec<String>> = messages
-        .iter()
-        .map(|message| {
-            let interval = message.mean_ci95_mm.map_or_else(
-                || "-".to_owned(),
-                |[low, high]| format!("{:.3} to {:.3}", low * 1e3, high * 1e3),
-            );
-            vec![
-                message.name.clone(),
-                micro(message.mean_mm),
-                interval,
-                micro(message.rms_mm),
-                micro(message.predicted_rms_mm),
-                number(message.z, 1),
-                micro(message.quantiles_mm.map(|quantiles| quantiles[2])),
-                number(message.nees, 3),
-                message.failed.to_string(),
-            ]
+    let swept: Vec<_> = SWEPT
+        .into_iter()
+        .filter(|(_, value)| {
+            messages
+                .iter()
+                .any(|each| value(each) != value(&messages[0]))
         })
         .collect();
-    let header = [
-        "plan",
+    let row = |message: &StudyPlanMessage| {
+        let interval = message.mean_ci95_mm.map_or_else(
+            || "-".to_owned(),
+            |[low, high]| format!("{:.3} to {:.3}", low * 1e3, high * 1e3),
+        );
+        let mut row = vec![message.name.clone()];
+        row.extend(swept.iter().map(|(_, value)| value(message)));
+        row.extend([
+            micro(message.mean_mm),
+            interval,
+            micro(message.rms_mm),
+            micro(message.predicted_rms_mm),
+            number(message.z, 1),
+            micro(message.quantiles_mm.map(|quantiles| quantiles[2])),
+            number(message.nees, 3),
+            message.failed.to_string(),
+        ]);
+        row
+    };
+    let mut header = vec!["plan"];
+    header.extend(swept.iter().map(|(name, _)| name));
+    header.extend([
         "mean [um]",
         "95 % interval [um]",
         "rms [um]",
@@ -344,28 +398,38 @@ fn describe(messages: &[StudyPlanMessage]) -> String {
         "95 % below [um]",
         "NEES",
         "failed",
-    ];
-    table(&header, &rows)
+    ]);
+    table(&header, &messages.iter().map(row).collect::<Vec<_>>())
 }
 
-/// What it comes to: the best plan against a random one.
-fn sentence(messages: &[StudyPlanMessage], reference: Option<&str>) -> String {
-    let best = messages
-        .iter()
-        .filter(|message| Some(message.name.as_str()) != reference)
-        .filter_map(|message| Some((message, message.mean_mm?)))
+/// A condition that a sweep can vary: what it is called, and its value as text.
+type Swept = (&'static str, fn(&StudyPlanMessage) -> String);
+
+const SWEPT: [Swept; 3] = [
+    ("measurements", |message| message.experiments.to_string()),
+    ("load scale", |message| message.load_scale.to_string()),
+    ("sigma [mm]", |message| format!("{:.4}", message.sigma_mm)),
+];
+
+/// What it comes to under one set of conditions: the best plan against a random one.
+fn sentence(messages: &[StudyPlanMessage], header: &Header) -> String {
+    let reference = header.plans.iter().find_map(|plan| plan.reference);
+    let plans = || messages.iter().enumerate();
+    let best = plans()
+        .filter(|(index, _)| Some(*index) != reference)
+        .filter_map(|(_, message)| Some((message, message.mean_mm?)))
         .min_by(|one, other| one.1.total_cmp(&other.1));
-    let Some((best, mean_mm)) = best else {
-        return "\n".to_owned();
+    let is_swept =
+        (header.plans.iter()).any(|plan| plan.conditions() != header.plans[0].conditions());
+    let (Some((best, mean_mm)), false) = (best, is_swept) else {
+        return String::new();
     };
     let mut text = format!(
-        "\nAfter calibration with the plan {:?}, compensation leaves {:.2} um on average",
+        "After calibration with the plan {:?}, compensation leaves {:.2} um on average",
         best.name,
         mean_mm * 1e3
     );
-    let random = (messages.iter())
-        .find(|message| Some(message.name.as_str()) == reference)
-        .and_then(|message| message.mean_mm);
+    let random = reference.and_then(|index| messages[index].mean_mm);
     if let (Some(random), Some([low, high])) = (random, best.mean_ratio_to_random_ci95) {
         text += &format!(
             "; with a random plan of as many measurements it is {:.2} um, {:.2} times as much ({:.2} to {:.2})",

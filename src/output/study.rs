@@ -5,6 +5,7 @@ use std::fmt::Write;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::scenario::Conditions;
 use crate::study::summary::Summary;
 use crate::study::tally::{Failure, Tally};
 
@@ -15,6 +16,10 @@ pub struct StudyPlanMessage {
     pub name: String,
     /// The number M of measurements in each run.
     pub experiments: u32,
+    /// The standard deviation of each coordinate of a deflection (mm).
+    pub sigma_mm: f64,
+    /// How many times the loads are those of the scenario and the plan.
+    pub load_scale: f64,
     /// Runs that did not fail.
     pub runs: u64,
     /// Runs that failed.
@@ -73,13 +78,12 @@ impl HistogramMessage {
 }
 
 impl StudyPlanMessage {
-    /// The record of a plan's tally, whose distances are in units of `sigma_m`.
+    /// The record of a plan's tally, whose distances are in units of the conditions' sigma.
     #[must_use]
     pub fn new(
         name: &str,
-        experiments: u32,
+        conditions: &Conditions,
         parameters: usize,
-        sigma_m: f64,
         tally: &Tally,
         summary: Option<&Summary>,
     ) -> Self {
@@ -88,7 +92,10 @@ impl StudyPlanMessage {
         let ratio = summary.and_then(|summary| summary.ratio_to_random);
         Self {
             name: name.to_owned(),
-            experiments,
+            experiments: conditions.experiments,
+            // 0.03 and not 0.030000000000000002.
+            sigma_mm: (conditions.sigma_m * 1e15).round() * 1e-12,
+            load_scale: conditions.load_scale,
             runs: tally.runs,
             failed: tally.failures(),
             failures: reasons(tally),
@@ -99,7 +106,7 @@ impl StudyPlanMessage {
             rms_std_mm: of(&|each| each.rms_m.standard_error * 1e3),
             predicted_rms_mm: of(&|each| each.predicted_rms_m * 1e3),
             quantiles_mm: summary.map(|each| each.quantiles_m.map(|value| value * 1e3)),
-            histogram: HistogramMessage::new(tally, sigma_m),
+            histogram: HistogramMessage::new(tally, conditions.sigma_m),
             z: of(&|each| each.z),
             nees: of(&|each| each.nees),
             nees_expected: parameters,
@@ -114,7 +121,7 @@ impl StudyPlanMessage {
 #[must_use]
 pub fn study_csv(plans: &[StudyPlanMessage]) -> String {
     let mut text = String::from(
-        "plan,experiments,runs,failed,mean_mm,mean_low95_mm,mean_high95_mm,rms_mm,predicted_rms_mm,\
+        "plan,experiments,sigma_mm,load_scale,runs,failed,mean_mm,mean_low95_mm,mean_high95_mm,rms_mm,predicted_rms_mm,\
          q05_mm,q50_mm,q95_mm,q99_mm,z,nees,nees_z,mean_ratio_to_random\n",
     );
     for plan in plans {
@@ -136,9 +143,11 @@ pub fn study_csv(plans: &[StudyPlanMessage]) -> String {
             plan.mean_ratio_to_random,
         ];
         text += &format!(
-            "{},{},{},{}",
+            "{},{},{},{},{},{}",
             quoted(&plan.name),
             plan.experiments,
+            plan.sigma_mm,
+            plan.load_scale,
             plan.runs,
             plan.failed
         );

@@ -28,6 +28,15 @@ impl Load {
         }
     }
 
+    /// So many times the load.
+    #[must_use]
+    pub fn scaled(&self, factor: f64) -> Self {
+        Self {
+            force_n: self.force_n * factor,
+            torque_nm: self.torque_nm * factor,
+        }
+    }
+
     /// The wrench W as six numbers, force then torque.
     #[must_use]
     pub fn wrench(&self) -> Vector6<f64> {

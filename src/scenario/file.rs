@@ -58,6 +58,16 @@ pub enum SigmaOf {
     Position,
 }
 
+impl SigmaOf {
+    /// The standard deviation of a deflection's coordinate over the given one.
+    pub(super) fn deflection_factor(self) -> f64 {
+        match self {
+            Self::Deflection => 1.0,
+            Self::Position => 2.0_f64.sqrt(),
+        }
+    }
+}
+
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct InstrumentTable {
@@ -199,7 +209,34 @@ pub(super) struct StudyTable {
     pub experiments: Option<u32>,
     #[serde(default)]
     pub level: Level,
+    #[serde(default)]
+    pub compliance_spread: Spread,
+    #[serde(default)]
+    pub sweep: SweepTable,
     pub plan: Option<Vec<StudyPlanTable>>,
+}
+
+/// One number for all joints, or one for each.
+#[derive(Debug, Deserialize)]
+#[serde(untagged)]
+pub(super) enum Spread {
+    All(f64),
+    Each(Vec<f64>),
+}
+
+impl Default for Spread {
+    fn default() -> Self {
+        Self::All(0.0)
+    }
+}
+
+/// Conditions that a study is made under, all with all.
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct SweepTable {
+    pub sigma_mm: Option<Vec<f64>>,
+    pub experiments: Option<Vec<u32>>,
+    pub load_scale: Option<Vec<f64>>,
 }
 
 /// One of `[[study.plan]]`.

@@ -73,6 +73,22 @@ pub enum Loads {
     List(Vec<Load>),
 }
 
+impl Loads {
+    /// Makes all loads so many times as large.
+    fn scale(&mut self, factor: f64) {
+        match self {
+            Self::Fixed(load) => *load = load.scaled(factor),
+            Self::Direction { force_n, .. } => *force_n = force_n.map(|force| force * factor),
+            Self::Any { force_max_n } => *force_max_n *= factor,
+            Self::List(loads) => {
+                for load in loads {
+                    *load = load.scaled(factor);
+                }
+            }
+        }
+    }
+}
+
 /// Where experiments are possible.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Region {
@@ -128,12 +144,26 @@ pub struct PlanFile {
 pub struct Study {
     /// The number of runs.
     pub trials: u64,
-    /// The number M of measurements that every plan is repeated to.
-    pub experiments: u32,
     /// What the runs are made of.
     pub level: Level,
+    /// The virtual robot's compliances vary from run to run about those of the true robot, log-normally:
+    /// the standard deviation of each joint's logarithm.
+    pub compliance_spread: Vec<f64>,
+    /// The conditions that every plan is studied under.
+    pub conditions: Vec<Conditions>,
     /// The plans.
     pub plans: Vec<StudyPlan>,
+}
+
+/// Conditions of a study, which a sweep varies.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Conditions {
+    /// The standard deviation of each coordinate of a deflection (m).
+    pub sigma_m: f64,
+    /// The number M of measurements that every plan is repeated to.
+    pub experiments: u32,
+    /// All calibration loads are so many times what the scenario and its plans say.
+    pub load_scale: f64,
 }
 
 /// A plan of a study.
@@ -156,13 +186,26 @@ pub enum StudySource {
         criterion: Criterion,
         /// The number of different configurations, where it is bounded.
         configurations: Option<u32>,
-        /// The number m of measurements that are designed.
-        experiments: u32,
+        /// The number m of measurements that are designed; as many as are made if not given.
+        experiments: Option<u32>,
     },
     /// One random feasible plan for all runs.
     Random,
     /// A fresh random feasible plan in every run.
     RandomEach,
+}
+
+impl StudySource {
+    /// Whether whole repetitions of the plan make up so many measurements.
+    #[must_use]
+    pub fn fits(&self, experiments: u32) -> bool {
+        let once = match self {
+            Self::File(plan) => plan.measurements(),
+            Self::Optimal { experiments, .. } => experiments.unwrap_or(1),
+            Self::Random | Self::RandomEach => 1,
+        };
+        once > 0 && experiments.is_multiple_of(once)
+    }
 }
 
 /// A checked scenario, in SI units.
@@ -211,6 +254,15 @@ impl Scenario {
     #[must_use]
     pub fn joints(&self) -> usize {
         self.nominal.chain.len()
+    }
+
+    /// The scenario under other conditions.
+    #[must_use]
+    pub fn under(&self, conditions: &Conditions) -> Self {
+        let mut scenario = self.clone();
+        scenario.instrument.sigma_m = conditions.sigma_m;
+        scenario.loads.scale(conditions.load_scale);
+        scenario
     }
 
     /// The names of the identified joints.

@@ -1,6 +1,7 @@
 //! Monte Carlo studies: how good are plans over many runs?
 //!
 //! - [`normal`]: the noise of a run, a function of (seed, run) alone, the same for all plans.
+//! - [`truth`]: the virtual robot's compliances in a run.
 //! - [`model_level`]: a run of the paper's linear model, a few small products of matrices.
 //! - [`robot_level`]: a run of the whole loop on the virtual robot in MuJoCo.
 //! - [`tally`]: what is kept of the runs; exact, so that threads and order change no bit.
@@ -15,11 +16,13 @@ pub mod runner;
 pub mod summary;
 pub mod tally;
 pub mod tally_file;
+pub mod truth;
 
 use thiserror::Error;
 
 use crate::mujoco::ModelError;
 use crate::plan::Plan;
+use crate::scenario::{Conditions, Scenario};
 use tally::Failure;
 
 /// A plan that takes part in a study.
@@ -27,8 +30,31 @@ use tally::Failure;
 pub struct Entry {
     /// Its name.
     pub name: String,
+    /// The conditions that it is studied under, as an index.
+    pub setting: usize,
     /// What is measured in each run.
     pub kind: EntryKind,
+}
+
+/// A scenario under the conditions of a part of the study.
+#[derive(Debug, Clone)]
+pub struct Setting {
+    /// The conditions.
+    pub conditions: Conditions,
+    /// The scenario under these.
+    pub scenario: Scenario,
+}
+
+impl Setting {
+    /// The settings of a scenario's study, one for all its conditions.
+    #[must_use]
+    pub fn all(scenario: &Scenario) -> Vec<Self> {
+        let setting = |&conditions: &Conditions| Self {
+            conditions,
+            scenario: scenario.under(&conditions),
+        };
+        scenario.study.conditions.iter().map(setting).collect()
+    }
 }
 
 /// What is measured in each run.

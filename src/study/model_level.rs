@@ -16,9 +16,14 @@
 //! and with S = B B^T / sigma^2 = (A_0 L^-T)(A_0 L^-T)^T, the squared distance has the mean
 //! `rho_0^2` = sigma^2 trace(S) (eq. 20) and the variance 2 sigma^4 trace(S^2). Several test poses
 //! are stacked, each times the root of its weight.
+//!
+//! A joint that is not identified is taken to have its nominal compliance. Where the virtual robot's
+//! is another by u, with the observation matrices A' and `A_0`' of these joints, A' u adds to sigma
+//! eps, and -`A_0`' u to d: the mean square then has the square of the bias c = (B A' / sigma - `A_0`') u
+//! in addition, and the variance 4 sigma^2 c^T S c.
 
 use multiversion::multiversion;
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 
 use super::normal::LANES;
 use super::tally::{Batch, Failure};
@@ -38,23 +43,38 @@ pub struct Model<'a> {
     experiments: ExperimentModel<'a>,
     /// A_0 of all test poses, each times the root of its weight, stacked.
     test_poses: DMatrix<f64>,
+    /// The joints that are not identified and whose true compliance is not the nominal one.
+    unknown: Vec<usize>,
+    /// Their columns `A_0`'.
+    test_poses_unknown: DMatrix<f64>,
 }
 
 impl<'a> Model<'a> {
     /// The linear model of a scenario.
     #[must_use]
     pub fn new(scenario: &'a Scenario) -> Self {
-        let parameters = &scenario.parameters;
-        let mut test_poses = DMatrix::zeros(3 * scenario.test_poses.len(), parameters.len());
-        for (index, pose) in scenario.test_poses.iter().enumerate() {
-            let (chain, tool) = (&scenario.nominal.chain, &scenario.machining_tool);
-            let matrix = test_pose_matrix(chain, tool, pose, parameters) * pose.weight.sqrt();
-            test_poses.rows_mut(3 * index, 3).copy_from(&matrix);
-        }
+        let unknown = unknown_joints(scenario);
         Self {
             experiments: ExperimentModel::new(scenario),
-            test_poses,
+            test_poses: test_poses(scenario, &scenario.parameters),
+            test_poses_unknown: test_poses(scenario, &unknown),
+            unknown,
         }
+    }
+
+    /// By how much the compliances of the joints that are not identified differ from the nominal
+    /// ones (per sigma), where they do.
+    #[must_use]
+    pub fn unknown(
+        &self,
+        scenario: &Scenario,
+        true_rad_per_nm: &[[f64; LANES]],
+    ) -> Vec<[f64; LANES]> {
+        let nominal = &scenario.nominal.compliance_rad_per_nm;
+        let difference = |&joint: &usize| {
+            true_rad_per_nm[joint].map(|k| (k - nominal[joint]) / scenario.instrument.sigma_m)
+        };
+        self.unknown.iter().map(difference).collect()
     }
 
     /// Prepares a plan.
@@ -79,11 +99,18 @@ impl<'a> Model<'a> {
         // Rows beyond p are zero: they fill up threes.
         let padded = size.next_multiple_of(3);
         let mut whitener = vec![ThreeRows::new(); padded / 3];
+        let unknown = ExperimentModel {
+            parameters: &self.unknown,
+            ..self.experiments.clone()
+        };
+        let mut biases = DMatrix::zeros(size, self.unknown.len());
         for experiment in &plan.experiments {
             let mut columns = self.experiments.observation_matrix(experiment).transpose();
             if !factor.solve_lower_triangular_mut(&mut columns) {
                 return Err(Failure::Undetermined);
             }
+            biases +=
+                &columns * unknown.observation_matrix(experiment) * f64::from(experiment.repeats);
             for _ in 0..experiment.repeats {
                 for axis in 0..3 {
                     for (group, rows) in whitener.iter_mut().enumerate() {
@@ -103,11 +130,18 @@ impl<'a> Model<'a> {
         if !factor.solve_lower_triangular_mut(&mut errors) {
             return Err(Failure::Undetermined);
         }
+        for (group, rows) in whitener.iter_mut().enumerate() {
+            rows.extend(threes(
+                &biases.clone().resize_vertically(padded, 0.0),
+                3 * group,
+            ));
+        }
         let covariance = errors.tr_mul(&errors);
+        let transposed = errors.transpose().resize_horizontally(padded, 0.0);
         let compensation = (0..errors.ncols() / 3)
             .map(|pose| {
-                (0..size)
-                    .map(|column| std::array::from_fn(|axis| errors[(column, 3 * pose + axis)]))
+                threes(&transposed, 3 * pose)
+                    .chain(threes(&-&self.test_poses_unknown, 3 * pose))
                     .collect()
             })
             .collect();
@@ -116,35 +150,79 @@ impl<'a> Model<'a> {
             compensation,
             expected: covariance.trace(),
             variance: 2.0 * covariance.norm_squared(),
+            bias: errors.tr_mul(&biases) - &self.test_poses_unknown,
+            errors,
         })
     }
+}
+
+/// Three rows of a matrix from `first`, column by column.
+fn threes(matrix: &DMatrix<f64>, first: usize) -> impl Iterator<Item = [f64; 3]> {
+    (matrix.column_iter()).map(move |column| std::array::from_fn(|row| column[first + row]))
+}
+
+/// A_0 of all test poses for the given joints, each times the root of its weight, stacked.
+fn test_poses(scenario: &Scenario, joints: &[usize]) -> DMatrix<f64> {
+    let mut stacked = DMatrix::zeros(3 * scenario.test_poses.len(), joints.len());
+    for (index, pose) in scenario.test_poses.iter().enumerate() {
+        let (chain, tool) = (&scenario.nominal.chain, &scenario.machining_tool);
+        let matrix = test_pose_matrix(chain, tool, pose, joints) * pose.weight.sqrt();
+        stacked.rows_mut(3 * index, 3).copy_from(&matrix);
+    }
+    stacked
+}
+
+#[expect(clippy::float_cmp, reason = "the same number is meant")]
+fn unknown_joints(scenario: &Scenario) -> Vec<usize> {
+    let (nominal, truth) = (&scenario.nominal, &scenario.true_robot);
+    let differs = |joint: &usize| {
+        nominal.compliance_rad_per_nm[*joint] != truth.compliance_rad_per_nm[*joint]
+            || scenario.study.compliance_spread[*joint] > 0.0
+    };
+    (0..scenario.joints())
+        .filter(|joint| !scenario.parameters.contains(joint) && differs(joint))
+        .collect()
 }
 
 /// A plan made ready for runs; distances are in sigma.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlanModel {
-    /// L^-1 A^T, three rows at a time.
+    /// L^-1 [A^T, A^T A'], three rows at a time.
     whitener: Vec<ThreeRows>,
-    /// A_0 L^-T, three rows for each test pose.
+    /// [`A_0` L^-T, -`A_0`'], three rows for each test pose.
     compensation: Vec<ThreeRows>,
     /// trace(S), the predicted mean square.
     pub expected: f64,
     /// 2 trace(S^2), its variance from run to run.
     pub variance: f64,
+    /// B A' / sigma - `A_0`'.
+    bias: DMatrix<f64>,
+    /// L^-1 `A_0^T`.
+    errors: DMatrix<f64>,
 }
 
 impl PlanModel {
-    /// Several runs at once, from their standard normals (3M numbers of each; more are left alone).
+    /// Several runs at once, from their standard normals (3M numbers of each; more are left alone)
+    /// and what [`Model::unknown`] gives.
     #[must_use]
-    pub fn run(&self, normals: &[[f64; LANES]]) -> Batch {
-        let (square, nees) = run(&self.whitener, &self.compensation, normals);
-        Batch {
+    pub fn run(&self, normals: &[[f64; LANES]], unknown: &[[f64; LANES]]) -> Batch {
+        let (square, nees) = run(&self.whitener, &self.compensation, normals, unknown);
+        let mut batch = Batch {
             square,
             nees,
             expected: [self.expected; LANES],
             variance: [self.variance; LANES],
             failed: [None; LANES],
+        };
+        if !unknown.is_empty() {
+            for lane in 0..LANES {
+                let unknown = DVector::from_fn(unknown.len(), |row, _| unknown[row][lane]);
+                let bias = &self.bias * unknown;
+                batch.expected[lane] += bias.norm_squared();
+                batch.variance[lane] += 4.0 * (&self.errors * bias).norm_squared();
+            }
         }
+        batch
     }
 }
 
@@ -157,25 +235,33 @@ fn run(
     whitener: &[ThreeRows],
     compensation: &[ThreeRows],
     normals: &[[f64; LANES]],
+    unknown: &[[f64; LANES]],
 ) -> ([f64; LANES], [f64; LANES]) {
     let mut whitened = [[0.0; LANES]; MOST];
     let mut nees = [0.0; LANES];
     for (rows, three) in whitener.iter().zip(whitened.chunks_exact_mut(3)) {
-        let product = multiply(rows, normals);
+        let (known, others) = rows.split_at(rows.len() - unknown.len());
+        let mut product = [[0.0; LANES]; 3];
+        add_product(known, normals, &mut product);
+        add_product(others, unknown, &mut product);
         add_squares(&product, &mut nees);
         three.copy_from_slice(&product);
     }
     let mut square = [0.0; LANES];
     for rows in compensation {
-        add_squares(&multiply(rows, &whitened), &mut square);
+        let (known, others) = rows.split_at(rows.len() - unknown.len());
+        let mut product = [[0.0; LANES]; 3];
+        add_product(known, &whitened, &mut product);
+        add_product(others, unknown, &mut product);
+        add_squares(&product, &mut square);
     }
     (square, nees)
 }
 
-/// Three rows times as many columns as there are.
+/// Adds three rows times as many columns as there are.
 #[inline(always)]
-fn multiply(rows: &[[f64; 3]], columns: &[[f64; LANES]]) -> [[f64; LANES]; 3] {
-    let [mut x, mut y, mut z] = [[0.0; LANES]; 3];
+fn add_product(rows: &[[f64; 3]], columns: &[[f64; LANES]], sum: &mut [[f64; LANES]; 3]) {
+    let [mut x, mut y, mut z] = *sum;
     for ([a, b, c], column) in rows.iter().zip(columns) {
         for lane in 0..LANES {
             x[lane] = a.mul_add(column[lane], x[lane]);
@@ -183,7 +269,7 @@ fn multiply(rows: &[[f64; 3]], columns: &[[f64; LANES]]) -> [[f64; LANES]; 3] {
             z[lane] = c.mul_add(column[lane], z[lane]);
         }
     }
-    [x, y, z]
+    *sum = [x, y, z];
 }
 
 #[inline(always)]

@@ -16,10 +16,19 @@ const MULTIPLIERS: [u64; 2] = [0xD251_1F53, 0xCD9E_8D57];
 const WEYL: [u32; 2] = [0x9E37_79B9, 0xBB67_AE85];
 const ROUNDS: u32 = 10;
 
+/// What random numbers are for; each use has numbers of its own.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stream {
+    /// The noise of the measurements.
+    Noise = 0,
+    /// The virtual robot's compliances.
+    Compliances = 1,
+}
+
 /// Fills `normals` with standard normal numbers of [`LANES`] consecutive runs from `first_run`:
 /// number i of run `first_run` + j is `normals[i][j]`.
-pub fn fill_normals(seed: u64, first_run: u64, normals: &mut [[f64; LANES]]) {
-    fill(seed, first_run, normals);
+pub fn fill_normals(stream: Stream, seed: u64, first_run: u64, normals: &mut [[f64; LANES]]) {
+    fill((stream as u64) << 32, seed, first_run, normals);
 }
 
 #[multiversion(targets(
@@ -27,9 +36,9 @@ pub fn fill_normals(seed: u64, first_run: u64, normals: &mut [[f64; LANES]]) {
     "x86_64+avx2+fma",
     "aarch64+neon"
 ))]
-fn fill(seed: u64, first_run: u64, normals: &mut [[f64; LANES]]) {
-    for (block, four) in normals.chunks_mut(4).enumerate() {
-        let [a, b, c, d] = philox(seed, first_run, block as u64);
+fn fill(first_block: u64, seed: u64, first_run: u64, normals: &mut [[f64; LANES]]) {
+    for (block, four) in (first_block..).zip(normals.chunks_mut(4)) {
+        let [a, b, c, d] = philox(seed, first_run, block);
         let one = box_muller(&a, &b);
         let two = box_muller(&c, &d);
         for (target, source) in four.iter_mut().zip([one.0, one.1, two.0, two.1]) {
@@ -219,11 +228,13 @@ mod tests {
     fn a_run_has_the_same_numbers_wherever_it_is_drawn() {
         let mut here = [[0.0; LANES]; 10];
         let mut there = [[0.0; LANES]; 10];
-        fill_normals(5, 1000, &mut here);
-        fill_normals(5, 1003, &mut there);
+        fill_normals(Stream::Noise, 5, 1000, &mut here);
+        fill_normals(Stream::Noise, 5, 1003, &mut there);
         for (one, other) in here.iter().zip(&there) {
             assert_eq!(one[3..], other[..LANES - 3]);
         }
+        fill_normals(Stream::Compliances, 5, 1000, &mut there);
+        assert!(here.iter().zip(&there).all(|(one, other)| one != other));
     }
 
     /// Mean, variance, skewness and kurtosis of a million numbers, each within five standard
@@ -231,7 +242,7 @@ mod tests {
     #[test]
     fn the_numbers_are_normal() {
         let mut normals = vec![[0.0; LANES]; 4 * 31_250];
-        fill_normals(1, 0, &mut normals);
+        fill_normals(Stream::Noise, 1, 0, &mut normals);
         let count = (normals.len() * LANES) as f64;
         let moment = |power: i32| {
             let sum: f64 = normals.as_flattened().iter().map(|x| x.powi(power)).sum();

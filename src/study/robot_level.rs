@@ -19,6 +19,7 @@ pub struct RobotRuns<'a> {
     scenario: &'a Scenario,
     measuring: VirtualRobot,
     machining: VirtualRobot,
+    true_rad_per_nm: Vec<f64>,
 }
 
 impl<'a> RobotRuns<'a> {
@@ -32,7 +33,17 @@ impl<'a> RobotRuns<'a> {
             scenario,
             measuring: VirtualRobot::new(robot, &scenario.calibration_tool.name)?,
             machining: VirtualRobot::new(robot, &scenario.machining_tool.name)?,
+            true_rad_per_nm: robot.compliance_rad_per_nm.clone(),
         })
+    }
+
+    /// Gives the virtual robot other compliances (rad/(N m)): those of a lane.
+    pub fn set_compliance(&mut self, true_rad_per_nm: &[[f64; LANES]], lane: usize) {
+        for (mine, lanes) in self.true_rad_per_nm.iter_mut().zip(true_rad_per_nm) {
+            *mine = lanes[lane];
+        }
+        self.measuring.set_compliance(&self.true_rad_per_nm);
+        self.machining.set_compliance(&self.true_rad_per_nm);
     }
 
     /// One run with the normals of a lane: the squared distance in sigma^2, weighted over the test
@@ -65,7 +76,7 @@ impl<'a> RobotRuns<'a> {
             scenario
                 .parameters
                 .iter()
-                .map(|&joint| estimated[joint] - scenario.true_robot.compliance_rad_per_nm[joint]),
+                .map(|&joint| estimated[joint] - self.true_rad_per_nm[joint]),
         );
         let factor = identification
             .covariance

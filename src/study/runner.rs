@@ -5,85 +5,89 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::model_level::{Model, PlanModel};
-use super::normal::{LANES, fill_normals};
+use super::normal::{LANES, Stream, fill_normals};
 use super::robot_level::RobotRuns;
 use super::tally::{Batch, BlockSums, Failure, Tally};
-use super::{Entry, EntryKind, StudyError};
-use crate::plan::Criterion;
+use super::truth::Truth;
+use super::{Entry, EntryKind, Setting, StudyError};
 use crate::plan::search::{Problem, RandomPlans};
-use crate::scenario::{Level, Scenario};
+use crate::plan::{Criterion, Plan};
+use crate::scenario::Level;
 
 /// A study made ready to run.
 #[derive(Debug)]
 pub struct Runner<'a> {
-    scenario: &'a Scenario,
+    seed: u64,
     level: Level,
-    experiments: u32,
     entries: &'a [Entry],
-    problem: Problem<'a>,
-    model: Model<'a>,
+    parts: Vec<Part<'a>>,
     /// The model of each plan that is the same in all runs.
     plans: Vec<Option<PlanModel>>,
-    /// The plan that others are compared with.
-    reference: Option<usize>,
+    /// For each plan, the one that it is compared with.
+    references: Vec<Option<usize>>,
+}
+
+/// What the plans under the same conditions have in common.
+#[derive(Debug)]
+struct Part<'a> {
+    setting: &'a Setting,
+    problem: Problem<'a>,
+    model: Model<'a>,
 }
 
 /// What one thread needs.
 struct Workspace<'a> {
-    random: RandomPlans<'a>,
-    robot: Option<RobotRuns<'a>>,
     normals: Vec<[f64; LANES]>,
+    truth: Truth<'a>,
+    /// One for each setting.
+    parts: Vec<PartWorkspace<'a>>,
     batches: Vec<Batch>,
     sums: Vec<BlockSums>,
 }
 
+/// What one thread needs for one setting.
+struct PartWorkspace<'a> {
+    random: RandomPlans<'a>,
+    robot: Option<RobotRuns<'a>>,
+    /// See [`Model::unknown`].
+    unknown: Vec<[f64; LANES]>,
+}
+
 impl<'a> Runner<'a> {
-    /// Prepares the plans of a study, which all have so many measurements.
+    /// Prepares the plans of a study, which have as many measurements as the conditions of their
+    /// settings say.
     ///
     /// # Errors
     /// A plan cannot work in any run, or there is none.
     pub fn new(
-        scenario: &'a Scenario,
+        settings: &'a [Setting],
         level: Level,
-        experiments: u32,
         entries: &'a [Entry],
     ) -> Result<Self, StudyError> {
-        if entries.is_empty() {
+        let (Some(first), false) = (settings.first(), entries.is_empty()) else {
             return Err(StudyError::NoPlan);
-        }
-        let model = Model::new(scenario);
-        let prepare = |entry: &Entry| {
-            let Some(plan) = entry.kind.plan() else {
-                return Ok(None);
-            };
-            let found = plan.measurements();
-            if found != experiments {
-                return Err(StudyError::Experiments {
-                    plan: entry.name.clone(),
-                    found,
-                    expected: experiments,
-                });
-            }
-            let prepared = model.plan(plan).map_err(|failure| StudyError::Plan {
-                plan: entry.name.clone(),
-                failure,
-            })?;
-            Ok(Some(prepared))
         };
-        let plans = entries.iter().map(prepare).collect::<Result<_, _>>()?;
+        let parts: Vec<Part<'_>> = (settings.iter())
+            .map(|setting| Part {
+                setting,
+                problem: Problem::new(&setting.scenario, Criterion::TestPose),
+                model: Model::new(&setting.scenario),
+            })
+            .collect();
+        let plans = (entries.iter())
+            .map(|entry| prepare(&parts[entry.setting], entry))
+            .collect::<Result<_, _>>()?;
         if level == Level::Robot {
             // What is wrong with the model shows before the work.
-            RobotRuns::new(scenario)?;
+            RobotRuns::new(&first.scenario)?;
         }
         Ok(Self {
-            scenario,
+            seed: first.scenario.seed,
             level,
-            experiments,
             entries,
-            problem: Problem::new(scenario, Criterion::TestPose),
-            model,
+            parts,
             plans,
-            reference: reference(entries),
+            references: references(entries),
         })
     }
 
@@ -131,19 +135,28 @@ impl<'a> Runner<'a> {
     }
 
     fn workspace(&self) -> Result<Workspace<'_>, StudyError> {
-        let rotations = self.scenario.instrument.rotation_sigma_rad.is_some();
-        let numbers = if rotations { 6 } else { 3 } * self.experiments as usize;
-        let plans = self.entries.len();
-        Ok(Workspace {
-            random: RandomPlans::new(&self.problem),
-            robot: match self.level {
-                Level::Model => None,
-                Level::Robot => Some(RobotRuns::new(self.scenario)?),
-            },
-            normals: vec![[0.0; LANES]; numbers],
-            batches: vec![Batch::default(); plans],
-            sums: vec![BlockSums::default(); plans],
-        })
+        let parts = (self.parts.iter())
+            .map(|part| {
+                Ok(PartWorkspace {
+                    random: RandomPlans::new(&part.problem),
+                    robot: match self.level {
+                        Level::Model => None,
+                        Level::Robot => Some(RobotRuns::new(&part.setting.scenario)?),
+                    },
+                    unknown: Vec::new(),
+                })
+            })
+            .collect::<Result<_, StudyError>>()?;
+        let numbers = self.parts.iter().map(|part| numbers(part.setting)).max();
+        let mut workspace = Workspace {
+            normals: vec![[0.0; LANES]; numbers.unwrap_or(0)],
+            truth: Truth::new(&self.parts[0].setting.scenario),
+            parts,
+            batches: vec![Batch::default(); self.entries.len()],
+            sums: vec![BlockSums::default(); self.entries.len()],
+        };
+        self.draw_truth(&mut workspace, 0);
+        Ok(workspace)
     }
 
     /// Consecutive runs in a fixed order, a batch at a time.
@@ -152,24 +165,32 @@ impl<'a> Runner<'a> {
         let end = first + runs;
         for first in (first..end).step_by(LANES) {
             let count = usize::try_from(end - first).map_or(LANES, |left| left.min(LANES));
-            fill_normals(self.scenario.seed, first, &mut workspace.normals);
+            fill_normals(Stream::Noise, self.seed, first, &mut workspace.normals);
+            if workspace.truth.varies() {
+                self.draw_truth(workspace, first);
+            }
             for index in 0..self.entries.len() {
                 let mut batch = self.batch(workspace, index, first, count);
                 batch.clean(count);
                 workspace.batches[index] = batch;
             }
-            let reference = self.reference.map(|index| &workspace.batches[index]);
-            for ((tally, sums), batch) in (tallies.iter_mut())
-                .zip(&mut workspace.sums)
-                .zip(&workspace.batches)
-            {
-                tally.add(sums, batch, reference, count);
+            for (index, (tally, sums)) in tallies.iter_mut().zip(&mut workspace.sums).enumerate() {
+                let reference = self.references[index].map(|other| &workspace.batches[other]);
+                tally.add(sums, &workspace.batches[index], reference, count);
             }
         }
         for (tally, sums) in tallies.iter_mut().zip(&mut workspace.sums) {
             tally.close(sums);
         }
         tallies
+    }
+
+    /// Draws the true compliances of some runs.
+    fn draw_truth(&self, workspace: &mut Workspace<'_>, first: u64) {
+        let truth = workspace.truth.draw(first);
+        for (part, mine) in self.parts.iter().zip(&mut workspace.parts) {
+            mine.unknown = part.model.unknown(&part.setting.scenario, truth);
+        }
     }
 
     fn batch(
@@ -179,19 +200,17 @@ impl<'a> Runner<'a> {
         first: u64,
         count: usize,
     ) -> Batch {
-        let kind = &self.entries[index].kind;
-        if let (Some(model), Some(plan)) = (&self.plans[index], kind.plan()) {
-            let mut batch = model.run(&workspace.normals);
-            if let Some(robot) = &mut workspace.robot {
-                for lane in 0..count {
-                    replace(&mut batch, lane, robot.run(plan, &workspace.normals, lane));
-                }
+        let entry = &self.entries[index];
+        if let (Some(model), Some(plan)) = (&self.plans[index], entry.kind.plan()) {
+            let mut batch = model.run(&workspace.normals, &workspace.parts[entry.setting].unknown);
+            for lane in 0..count {
+                robot_run(workspace, entry.setting, plan, &mut batch, lane);
             }
             return batch;
         }
         let mut batch = Batch::default();
         for (lane, run) in (first..).take(count).enumerate() {
-            if let Err(failure) = self.random_run(workspace, &mut batch, lane, run) {
+            if let Err(failure) = self.random_run(workspace, entry.setting, &mut batch, lane, run) {
                 batch.failed[lane] = Some(failure);
             }
         }
@@ -202,23 +221,73 @@ impl<'a> Runner<'a> {
     fn random_run(
         &self,
         workspace: &mut Workspace<'_>,
+        setting: usize,
         batch: &mut Batch,
         lane: usize,
         run: u64,
     ) -> Result<(), Failure> {
-        let plan = workspace
-            .random
-            .draw(self.experiments, run)
-            .map_err(|_| Failure::NoPlan)?;
-        let all = self.model.plan(&plan)?.run(&workspace.normals);
+        let part = &self.parts[setting];
+        let mine = &mut workspace.parts[setting];
+        let experiments = part.setting.conditions.experiments;
+        let plan = (mine.random.draw(experiments, run)).map_err(|_| Failure::NoPlan)?;
+        let all = part
+            .model
+            .plan(&plan)?
+            .run(&workspace.normals, &mine.unknown);
         batch.square[lane] = all.square[lane];
         batch.nees[lane] = all.nees[lane];
         batch.expected[lane] = all.expected[lane];
         batch.variance[lane] = all.variance[lane];
-        if let Some(robot) = &mut workspace.robot {
-            replace(batch, lane, robot.run(&plan, &workspace.normals, lane));
-        }
+        robot_run(workspace, setting, &plan, batch, lane);
         Ok(())
+    }
+}
+
+/// The model of a plan that is the same in all runs.
+fn prepare(part: &Part<'_>, entry: &Entry) -> Result<Option<PlanModel>, StudyError> {
+    let Some(plan) = entry.kind.plan() else {
+        return Ok(None);
+    };
+    let (found, expected) = (plan.measurements(), part.setting.conditions.experiments);
+    if found != expected {
+        return Err(StudyError::Experiments {
+            plan: entry.name.clone(),
+            found,
+            expected,
+        });
+    }
+    let model = part.model.plan(plan).map_err(|failure| StudyError::Plan {
+        plan: entry.name.clone(),
+        failure,
+    })?;
+    Ok(Some(model))
+}
+
+/// How many random numbers a run needs.
+fn numbers(setting: &Setting) -> usize {
+    let rotations = setting.scenario.instrument.rotation_sigma_rad.is_some();
+    let coordinates = if rotations { 6 } else { 3 };
+    coordinates * setting.conditions.experiments as usize
+}
+
+/// At the robot's level, puts what is seen on the virtual robot in the place of the model's outcome.
+fn robot_run(
+    workspace: &mut Workspace<'_>,
+    setting: usize,
+    plan: &Plan,
+    batch: &mut Batch,
+    lane: usize,
+) {
+    let Some(robot) = &mut workspace.parts[setting].robot else {
+        return;
+    };
+    robot.set_compliance(workspace.truth.current(), lane);
+    match robot.run(plan, &workspace.normals, lane) {
+        Ok((square, nees)) => {
+            batch.square[lane] = square;
+            batch.nees[lane] = nees;
+        }
+        Err(failure) => batch.failed[lane] = Some(failure),
     }
 }
 
@@ -231,21 +300,14 @@ pub const fn block_runs(level: Level) -> u64 {
     }
 }
 
-/// The plan that others are compared with: the first random one.
+/// For each plan, the one that it is compared with: the first random one under the same conditions.
 #[must_use]
-pub fn reference(entries: &[Entry]) -> Option<usize> {
-    (entries.iter()).position(|entry| !matches!(entry.kind, EntryKind::Fixed(_)))
-}
-
-/// Puts what was seen on the virtual robot in the place of the model's outcome.
-fn replace(batch: &mut Batch, lane: usize, outcome: Result<(f64, f64), Failure>) {
-    match outcome {
-        Ok((square, nees)) => {
-            batch.square[lane] = square;
-            batch.nees[lane] = nees;
-        }
-        Err(failure) => batch.failed[lane] = Some(failure),
-    }
+pub fn references(entries: &[Entry]) -> Vec<Option<usize>> {
+    let is_random = |entry: &Entry| !matches!(entry.kind, EntryKind::Fixed(_));
+    let reference = |each: &Entry| {
+        (entries.iter()).position(|other| other.setting == each.setting && is_random(other))
+    };
+    entries.iter().map(reference).collect()
 }
 
 #[expect(

@@ -122,7 +122,7 @@ fn ratio(tally: &Tally, reference: &Tally) -> Option<Measured> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::study::normal::{LANES, fill_normals};
+    use crate::study::normal::{LANES, Stream, fill_normals};
     use crate::study::tally::{Batch, BlockSums};
 
     /// The length of a vector of three standard normals: mean sqrt(8/pi), mean square 3, median
@@ -133,7 +133,7 @@ mod tests {
         let mut block = BlockSums::default();
         let mut normals = [[0.0; LANES]; 3];
         for first in (0..400_000).step_by(LANES) {
-            fill_normals(3, first, &mut normals);
+            fill_normals(Stream::Noise, 3, first, &mut normals);
             let square =
                 std::array::from_fn(|lane| normals.iter().map(|axis| axis[lane].powi(2)).sum());
             let batch = Batch {

@@ -9,11 +9,11 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::tally::{BINS, Failure, SUMS, Tally};
-use super::{Entry, runner};
+use super::{Entry, Setting, runner};
 use crate::files::{FileError, hexadecimal, read_text, write_whole};
 use crate::output::messages::ProvenanceMessage;
 use crate::plan::Plan;
-use crate::scenario::{Level, Scenario};
+use crate::scenario::{Conditions, Level, Scenario};
 
 /// What a study's numbers depend on; tallies of different headers do not add.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -25,20 +25,41 @@ pub struct Header {
     pub trials: u64,
     /// What the runs are made of.
     pub level: Level,
-    /// The number M of measurements in each run.
-    pub experiments: u32,
-    /// The instrument's standard deviation (m), with all its digits.
-    pub sigma_m: String,
     /// The names of the compliances.
     pub parameters: Vec<String>,
-    /// The plans' names.
-    pub plans: Vec<String>,
-    /// SHA-256 of each plan; null where every run has its own.
-    pub plans_sha256: Vec<Option<String>>,
-    /// The plan that others are compared with, as an index.
-    pub reference: Option<usize>,
+    /// The plans.
+    pub plans: Vec<PlanHeader>,
     /// The number n of shards.
     pub shards: u64,
+}
+
+/// What a plan's numbers depend on. Floats are strings, with all their digits.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct PlanHeader {
+    /// Its name.
+    pub name: String,
+    /// The number M of measurements in each run.
+    pub experiments: u32,
+    /// The instrument's standard deviation (m).
+    pub sigma_m: String,
+    /// How many times the loads are those of the scenario and the plan.
+    pub load_scale: String,
+    /// The plan that it is compared with, as an index.
+    pub reference: Option<usize>,
+    /// SHA-256 of the plan; null where every run has its own.
+    pub sha256: Option<String>,
+}
+
+impl PlanHeader {
+    /// The conditions of its runs; `None` where the numbers are damaged.
+    #[must_use]
+    pub fn conditions(&self) -> Option<Conditions> {
+        Some(Conditions {
+            sigma_m: self.sigma_m.parse().ok()?,
+            experiments: self.experiments,
+            load_scale: self.load_scale.parse().ok()?,
+        })
+    }
 }
 
 impl Header {
@@ -46,23 +67,31 @@ impl Header {
     #[must_use]
     pub fn new(
         scenario: &Scenario,
+        settings: &[Setting],
         level: Level,
         trials: u64,
         shards: u64,
         entries: &[Entry],
     ) -> Self {
+        let plan = |(entry, reference): (&Entry, Option<usize>)| {
+            let conditions = &settings[entry.setting].conditions;
+            PlanHeader {
+                name: entry.name.clone(),
+                experiments: conditions.experiments,
+                sigma_m: format!("{:e}", conditions.sigma_m),
+                load_scale: format!("{:e}", conditions.load_scale),
+                reference,
+                sha256: entry.kind.plan().map(fingerprint),
+            }
+        };
         Self {
             provenance: ProvenanceMessage::new(scenario),
             trials,
             level,
-            experiments: scenario.study.experiments,
-            sigma_m: format!("{:e}", scenario.instrument.sigma_m),
             parameters: scenario.parameter_names(),
-            plans: entries.iter().map(|entry| entry.name.clone()).collect(),
-            plans_sha256: (entries.iter())
-                .map(|entry| entry.kind.plan().map(fingerprint))
+            plans: (entries.iter().zip(runner::references(entries)))
+                .map(plan)
                 .collect(),
-            reference: runner::reference(entries),
             shards,
         }
     }
@@ -82,7 +111,7 @@ impl Header {
         // Other plans are often the consequence of another difference, which says more.
         (mine.iter())
             .filter(|(key, value)| theirs.get(*key) != Some(value))
-            .min_by_key(|(key, _)| *key == "plans_sha256")
+            .min_by_key(|(key, _)| *key == "plans")
             .map(|(key, value)| {
                 let found = theirs.get(key).unwrap_or(&serde_json::Value::Null);
                 format!("is of another study: {key} is {found} and not {value}")
@@ -141,7 +170,7 @@ struct StoredTally {
     histogram: Vec<(usize, u64)>,
 }
 
-const FORMAT: u32 = 1;
+const FORMAT: u32 = 2;
 
 impl TallyFile {
     /// A shard of which nothing is done.
@@ -199,6 +228,9 @@ impl TallyFile {
         }
         if stored.blocks_done > header.blocks_of(stored.shard) {
             return Err(wrong("blocks_done"));
+        }
+        if header.plans.iter().any(|plan| plan.conditions().is_none()) {
+            return Err(wrong("plans"));
         }
         let tallies: Option<Vec<Tally>> = stored.tallies.iter().map(restore).collect();
         let tallies = tallies

@@ -2,12 +2,12 @@
 
 use elastocal::scenario::{Level, Method, Scenario};
 use elastocal::study::model_level::Model;
-use elastocal::study::normal::{LANES, fill_normals};
+use elastocal::study::normal::{LANES, Stream, fill_normals};
 use elastocal::study::robot_level::RobotRuns;
 use elastocal::study::runner::Runner;
 use elastocal::study::summary::Summary;
 use elastocal::study::tally::{Sum, Tally};
-use elastocal::study::{Entry, EntryKind, StudyError, repeated};
+use elastocal::study::{Entry, EntryKind, Setting, StudyError, repeated};
 use serde_json::Value;
 
 use crate::support::{Workplace, numbers, scenario, scenario_text, table4};
@@ -16,14 +16,23 @@ use crate::support::{Workplace, numbers, scenario, scenario_text, table4};
 fn paper_plans(sizes: &[u32], experiments: u32) -> Vec<Entry> {
     let entry = |&size: &u32| Entry {
         name: format!("m{size}"),
+        setting: 0,
         kind: EntryKind::Fixed(repeated(&table4(size), experiments).expect("divides")),
     };
     sizes.iter().map(entry).collect()
 }
 
+/// The scenario with so many measurements in each run.
+fn setting(scenario: &Scenario, experiments: u32) -> Vec<Setting> {
+    let mut scenario = scenario.clone();
+    scenario.study.conditions[0].experiments = experiments;
+    Setting::all(&scenario)
+}
+
 fn run(scenario: &Scenario, level: Level, entries: &[Entry], trials: u64) -> Vec<Tally> {
     let experiments = entries[0].kind.plan().expect("fixed").measurements();
-    let runner = Runner::new(scenario, level, experiments, entries).expect("works");
+    let settings = setting(scenario, experiments);
+    let runner = Runner::new(&settings, level, entries).expect("works");
     let blocks = runner.blocks(trials);
     runner.run(trials, 0..blocks, 1, &|_| ()).expect("works")
 }
@@ -57,10 +66,12 @@ fn neither_threads_nor_order_change_a_bit() {
     let mut entries = paper_plans(&[3, 12], 12);
     entries.push(Entry {
         name: "random".into(),
+        setting: 0,
         kind: EntryKind::RandomEach,
     });
     let trials = 10_001;
-    let runner = Runner::new(&scenario, Level::Model, 12, &entries).expect("works");
+    let settings = setting(&scenario, 12);
+    let runner = Runner::new(&settings, Level::Model, &entries).expect("works");
     let part = |start, step| {
         runner
             .run(trials, start..runner.blocks(trials), step, &|_| ())
@@ -96,12 +107,12 @@ fn a_run_can_be_replayed_by_itself() {
     let model = Model::new(&scenario).plan(&plan).expect("determined");
     let draw = |first| {
         let mut normals = [[0.0; LANES]; 9];
-        fill_normals(scenario.seed, first, &mut normals);
+        fill_normals(Stream::Noise, scenario.seed, first, &mut normals);
         normals
     };
     let alone = draw(777);
     let among = draw(776);
-    let (one, other) = (model.run(&alone), model.run(&among));
+    let (one, other) = (model.run(&alone, &[]), model.run(&among, &[]));
     assert_eq!(one.square[0].to_bits(), other.square[1].to_bits());
     assert_eq!(one.nees[0].to_bits(), other.nees[1].to_bits());
 
@@ -151,10 +162,70 @@ fn the_virtual_robot_keeps_the_promise_of_the_model() {
     assert!((ratio - 1.0).abs() < 0.03, "{ratio}");
 }
 
+/// True compliances that vary: where all are identified, the linear model's errors stay the same and
+/// the virtual robot's nearly so; a joint that is taken as known leaves a bias that can be told
+/// beforehand from the log-normal's moments.
+#[test]
+fn true_compliances_may_vary() {
+    let mut scenario = scenario("klimchik2012");
+    let entries = paper_plans(&[3], 3);
+    let fixed = run(&scenario, Level::Model, &entries, 2000);
+    let identified = scenario.parameters.clone();
+    for &joint in &identified {
+        scenario.study.compliance_spread[joint] = 0.2;
+    }
+    assert_eq!(run(&scenario, Level::Model, &entries, 2000), fixed);
+    let robot = &run(&scenario, Level::Robot, &entries, 2000)[0];
+    assert_eq!(robot.failures(), 0);
+    let summary = Summary::new(robot, 3e-5, 5, None).expect("runs");
+    assert!(
+        summary.z.abs() < 3.3 && summary.nees_z.abs() < 3.3,
+        "{summary:?}"
+    );
+    assert_ne!(robot.sums, run_fixed_robot(&entries).sums);
+
+    // Joint 1 is not identified: a vertical load does not bend it, but the task load does.
+    let spread: f64 = 0.1;
+    scenario.study.compliance_spread[0] = spread;
+    let nominal = scenario.nominal.compliance_rad_per_nm[0];
+    scenario.true_robot.compliance_rad_per_nm[0] = 1.1 * nominal;
+    let (mean, mean_square) = ((spread * spread / 2.0).exp(), (2.0 * spread * spread).exp());
+    let square = nominal.powi(2) * (1.21 * mean_square - 2.2 * mean + 1.0);
+    let column = elastocal::compensation::test_pose_matrix(
+        &scenario.nominal.chain,
+        &scenario.machining_tool,
+        &scenario.test_poses[0],
+        &[0],
+    );
+    let bias_square = column.norm_squared() * square / (3e-5_f64).powi(2);
+    for (level, trials, tolerance) in [(Level::Model, 400_000, 0.01), (Level::Robot, 4000, 0.1)] {
+        let tally = &run(&scenario, level, &entries, trials)[0];
+        let noise = fixed[0].sum(Sum::Expected) / 2000.0;
+        let seen = tally.sum(Sum::Square) / trials as f64;
+        let predicted = tally.sum(Sum::Expected) / trials as f64;
+        assert!(
+            (seen / (noise + bias_square) - 1.0).abs() < tolerance,
+            "{level:?}: {seen}"
+        );
+        assert!((predicted / (noise + bias_square) - 1.0).abs() < tolerance);
+        let summary = Summary::new(tally, 3e-5, 5, None).expect("runs");
+        // At the robot's level eq. 15's second order counts too.
+        assert!(
+            level == Level::Robot || summary.z.abs() < 3.3,
+            "{summary:?}"
+        );
+    }
+}
+
+fn run_fixed_robot(entries: &[Entry]) -> Tally {
+    run(&scenario("klimchik2012"), Level::Robot, entries, 2000).remove(0)
+}
+
 #[test]
 fn what_cannot_be_studied_is_named() {
     let scenario = scenario("klimchik2012");
-    let new = |entries: &[Entry]| Runner::new(&scenario, Level::Model, 12, entries).map(drop);
+    let settings = setting(&scenario, 12);
+    let new = |entries: &[Entry]| Runner::new(&settings, Level::Model, entries).map(drop);
     assert!(matches!(new(&[]), Err(StudyError::NoPlan)));
     let wrong = new(&paper_plans(&[3], 6)).expect_err("six measurements");
     assert!(
@@ -166,6 +237,7 @@ fn what_cannot_be_studied_is_named() {
     plan.experiments[0].repeats = 12;
     let singular = Entry {
         name: "one".into(),
+        setting: 0,
         kind: EntryKind::Fixed(plan),
     };
     let wrong = new(&[singular]).expect_err("one configuration");
@@ -236,7 +308,10 @@ fn the_command_prints_and_writes_its_results() {
     assert!(plans[2]["mean_ratio_to_random"].as_f64() < Some(1.0));
     let csv = workplace.read("out/s/study.csv");
     assert_eq!(csv.lines().count(), 4);
-    assert!(csv.contains("\n\"paper, of three\",6,3000,0,"), "{csv}");
+    assert!(
+        csv.contains("\n\"paper, of three\",6,0.03,1,3000,0,"),
+        "{csv}"
+    );
     assert_eq!(study("--threads 2")["plans"], json["plans"]);
     assert_ne!(study("--seed 2")["plans"], json["plans"]);
     let robot = study("--level robot --trials 20");
@@ -246,6 +321,62 @@ fn the_command_prints_and_writes_its_results() {
     );
     let text = workplace.run("study s.toml").ends_with(0).stdout;
     assert!(text.contains("with a random plan of as many measurements it is"));
+}
+
+/// All conditions of a sweep with all; a plan takes part where it fits, and the part under given
+/// conditions is the study that is made under these alone.
+#[test]
+fn a_sweep_is_many_studies() {
+    let workplace = Workplace::new();
+    let sweep =
+        "\n[study.sweep]\nsigma_mm = [0.03, 0.06]\nexperiments = [2, 6]\nload_scale = [0.5, 1]\n";
+    workplace.write("sweep.toml", with_study(SMALL) + sweep);
+    workplace.write("one.toml", with_study(SMALL));
+    let study = |name: &str| {
+        let outcome = workplace.run(&format!("study {name}.toml --json --quiet"));
+        outcome.ends_with(0).json()["plans"]
+            .as_array()
+            .expect("an array")
+            .clone()
+    };
+    let (all, one) = (study("sweep"), study("one"));
+    // Of 3 plans under 8 conditions, the one of three measurements does not make up two.
+    assert_eq!(all.len(), 3 * 8 - 4);
+    let find = |name: &str, experiments: u32, load: f64, sigma: f64| {
+        let is_wanted = |plan: &&Value| {
+            plan["name"] == name
+                && plan["experiments"] == experiments
+                && plan["load_scale"] == load
+                && plan["sigma_mm"] == sigma
+        };
+        all.iter().find(is_wanted).expect("is there")
+    };
+    for plan in &one {
+        let name = plan["name"].as_str().expect("text");
+        let same = find(name, 6, 1.0, 0.03);
+        assert_eq!(same, plan);
+        // The linear model: the error grows with sigma and with the inverse of the load.
+        for (load, sigma, factor) in [(1.0, 0.06, 2.0), (0.5, 0.03, 2.0), (0.5, 0.06, 4.0)] {
+            let other = find(name, 6, load, sigma);
+            let ratio = |key: &str| {
+                other[key].as_f64().expect("a number") / plan[key].as_f64().expect("a number")
+            };
+            assert!((ratio("mean_mm") / factor - 1.0).abs() < 1e-9, "{name}");
+            assert!(
+                (ratio("predicted_rms_mm") / factor - 1.0).abs() < 1e-9,
+                "{name}"
+            );
+        }
+    }
+    let csv = workplace.read("out/sweep/study.csv");
+    assert_eq!(csv.lines().count(), 21);
+    assert!(csv.contains("\nbest,2,0.06,0.5,3000,0,"), "{csv}");
+    let text = workplace.run("study sweep.toml").ends_with(0);
+    assert!(
+        text.stderr.contains("20 plans under 8 conditions"),
+        "{text:#?}"
+    );
+    assert!(text.stdout.contains("load scale"), "{text:#?}");
 }
 
 /// What is replaced, by what, what the error says.
@@ -285,6 +416,41 @@ const WRONG: &[(&str, &str, &[&str])] = &[
         "name = \"best\"",
         "name = \"random\"",
         &["study.plan[2].name", "\"random\" twice"],
+    ),
+    (
+        "experiments = 6",
+        "experiments = 6\nsweep = { experiments = [4, 5] }",
+        &["study.plan[0].file", "found 3", "= 4 or 5"],
+    ),
+    (
+        "experiments = 6",
+        "experiments = 6\nsweep = { sigma_mm = [] }",
+        &["study.sweep.sigma_mm", "is empty"],
+    ),
+    (
+        "experiments = 6",
+        "experiments = 6\nsweep = { load_scale = [1, 0] }",
+        &["study.sweep.load_scale", "found 0", "positive"],
+    ),
+    (
+        "experiments = 6",
+        "experiments = 6\nsweep = { load_scale = [1, 2, 1] }",
+        &["study.sweep.load_scale", "found 1 twice"],
+    ),
+    (
+        "experiments = 6",
+        "experiments = 6\nsweep = { sigma_um = [1] }",
+        &["study.sweep", "`sigma_um`", "`sigma_mm`"],
+    ),
+    (
+        "experiments = 6",
+        "experiments = 6\ncompliance_spread = 1.5",
+        &["study.compliance_spread", "found 1.5", "0 to 1"],
+    ),
+    (
+        "experiments = 6",
+        "experiments = 6\ncompliance_spread = [0.1, 0.1]",
+        &["study.compliance_spread", "found 2 numbers", "6 joints"],
     ),
     (
         "m3.csv",
@@ -375,9 +541,10 @@ fn an_interrupted_study_goes_on() {
     use elastocal::study::tally_file::{Header, TallyFile};
     let scenario = scenario("klimchik2012");
     let entries = paper_plans(&[3], 12);
-    let runner = Runner::new(&scenario, Level::Model, 12, &entries).expect("works");
+    let settings = setting(&scenario, 12);
+    let runner = Runner::new(&settings, Level::Model, &entries).expect("works");
     let trials = 10_000;
-    let header = Header::new(&scenario, Level::Model, trials, 1, &entries);
+    let header = Header::new(&scenario, &settings, Level::Model, trials, 1, &entries);
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("t.json");
     let mut part = TallyFile::resume(&path, header.clone(), 1).expect("nothing is done");

@@ -4,7 +4,7 @@ use super::Checker;
 use crate::files::FileError;
 use crate::mujoco::Model;
 use crate::scenario::Instrument;
-use crate::scenario::file::{InstrumentTable, RegionTable, SigmaOf};
+use crate::scenario::file::{InstrumentTable, RegionTable};
 
 impl Checker<'_> {
     pub(super) fn instrument(
@@ -14,10 +14,6 @@ impl Checker<'_> {
         model: &Model,
     ) -> Result<Instrument, FileError> {
         let sigma_m = self.positive("instrument.sigma_mm", table.sigma_mm)? * 1e-3;
-        let positions = match table.sigma_of {
-            SigmaOf::Deflection => 1.0,
-            SigmaOf::Position => 2.0_f64,
-        };
         let key = "instrument.tracker_site";
         let tracker_site = table
             .tracker_site
@@ -32,7 +28,7 @@ impl Checker<'_> {
             return Err(self.wrong(key, "is missing, and region.line_of_sight needs it"));
         }
         Ok(Instrument {
-            sigma_m: sigma_m * positions.sqrt(),
+            sigma_m: sigma_m * table.sigma_of.deflection_factor(),
             rotation_sigma_rad: table
                 .rotation_sigma_mrad
                 .map(|value| self.positive("instrument.rotation_sigma_mrad", value))

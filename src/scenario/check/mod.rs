@@ -70,7 +70,10 @@ impl Checker<'_> {
         let test_poses = self.test_poses(&file.test_pose, &nominal.chain)?;
         let design = self.design(&file.design, parameters.len(), joints)?;
         let plans = self.plans(&file.plan, joints)?;
+        let instrument = self.instrument(&file.instrument, &file.region, &nominal.model)?;
         let context = study::Context {
+            sigma_m: instrument.sigma_m,
+            sigma_of: file.instrument.sigma_of,
             design: &design,
             plans: &plans,
             parameters: parameters.len(),
@@ -86,7 +89,7 @@ impl Checker<'_> {
             description: file.description,
             sha256: hexadecimal(&hash.finalize()),
             seed: file.seed,
-            instrument: self.instrument(&file.instrument, &file.region, &nominal.model)?,
+            instrument,
             method: file.identification.method,
             test_poses,
             loads: self.loads(&file.load)?,

@@ -3,16 +3,22 @@
 use super::Checker;
 use crate::files::FileError;
 use crate::plan::Criterion;
-use crate::scenario::file::{StudyPlanTable, StudyTable};
-use crate::scenario::{Design, PlanFile, Study, StudyPlan, StudySource};
+use crate::scenario::file::{Spread, StudyPlanTable, StudyTable, SweepTable};
+use crate::scenario::{Conditions, Design, PlanFile, SigmaOf, Study, StudyPlan, StudySource};
 
 /// The statistics are exact up to so many runs.
 const MOST_TRIALS: u64 = 1_000_000_000_000;
 /// Without the key `trials`.
 const DEFAULT_TRIALS: u64 = 10_000;
+/// With this, compliances are within a factor of 7 in 95 % of the runs.
+const LARGEST_SPREAD: f64 = 1.0;
+/// A sweep has at most so many combinations.
+const MOST_CONDITIONS: usize = 1000;
 
 /// What the rest of the scenario says that the study depends on.
 pub(super) struct Context<'a> {
+    pub sigma_m: f64,
+    pub sigma_of: SigmaOf,
     pub design: &'a Design,
     pub plans: &'a [PlanFile],
     pub parameters: usize,
@@ -30,22 +36,117 @@ impl Checker<'_> {
             let problem = format!("found {trials}; 1 to {MOST_TRIALS} are allowed");
             return Err(self.wrong("study.trials", problem));
         }
-        let experiments = table.experiments.unwrap_or(context.design.experiments);
-        self.enough("study.experiments", experiments, context.parameters)?;
+        let base = Conditions {
+            sigma_m: context.sigma_m,
+            experiments: table.experiments.unwrap_or(context.design.experiments),
+            load_scale: 1.0,
+        };
+        self.enough("study.experiments", base.experiments, context.parameters)?;
+        let conditions = self.conditions(&table.sweep, base, context)?;
         let plans = match &table.plan {
-            None => self.default_plans(experiments, context)?,
+            None => self.default_plans(&conditions, context)?,
             Some(tables) if tables.is_empty() => {
                 let problem = "is empty; leave the key out for the default plans";
                 return Err(self.wrong("study.plan", problem));
             }
-            Some(tables) => self.study_plans(tables, experiments, context)?,
+            Some(tables) => self.study_plans(tables, &conditions, context)?,
         };
         Ok(Study {
             trials,
-            experiments,
             level: table.level,
+            compliance_spread: self.spread(&table.compliance_spread, context.joints)?,
+            conditions,
             plans,
         })
+    }
+
+    fn spread(&self, spread: &Spread, joints: usize) -> Result<Vec<f64>, FileError> {
+        let key = "study.compliance_spread";
+        let values = match spread {
+            Spread::All(value) => vec![*value; joints],
+            Spread::Each(values) => self.one_per_joint(key, values, joints)?.to_vec(),
+        };
+        match values
+            .iter()
+            .find(|value| !(0.0..=LARGEST_SPREAD).contains(*value))
+        {
+            None => Ok(values),
+            Some(value) => {
+                let problem = format!("found {value}; 0 to {LARGEST_SPREAD} are allowed");
+                Err(self
+                    .wrong(key, problem)
+                    .hint("0.1 lets the compliances vary by about 10 %"))
+            }
+        }
+    }
+
+    /// The base conditions with all combinations of what is swept.
+    fn conditions(
+        &self,
+        table: &SweepTable,
+        base: Conditions,
+        context: &Context<'_>,
+    ) -> Result<Vec<Conditions>, FileError> {
+        let (sigma_key, experiments_key, load_key) = (
+            "study.sweep.sigma_mm",
+            "study.sweep.experiments",
+            "study.sweep.load_scale",
+        );
+        let mut conditions = vec![base];
+        if let Some(counts) = &table.experiments {
+            self.some_and_different(experiments_key, counts)?;
+            for &count in counts {
+                self.enough(experiments_key, count, context.parameters)?;
+            }
+            conditions = combine(&conditions, counts, |base, &experiments| Conditions {
+                experiments,
+                ..base
+            });
+        }
+        if let Some(factors) = &table.load_scale {
+            self.some_and_different(load_key, factors)?;
+            for &factor in factors {
+                self.positive(load_key, factor)?;
+            }
+            conditions = combine(&conditions, factors, |base, &load_scale| Conditions {
+                load_scale,
+                ..base
+            });
+        }
+        if let Some(sigmas) = &table.sigma_mm {
+            self.some_and_different(sigma_key, sigmas)?;
+            for &sigma in sigmas {
+                self.positive(sigma_key, sigma)?;
+            }
+            conditions = combine(&conditions, sigmas, |base, &sigma_mm| Conditions {
+                sigma_m: sigma_mm * 1e-3 * context.sigma_of.deflection_factor(),
+                ..base
+            });
+        }
+        if conditions.len() > MOST_CONDITIONS {
+            let problem = format!(
+                "found {} combinations; at most {MOST_CONDITIONS} are allowed",
+                conditions.len()
+            );
+            return Err(self.wrong("study.sweep", problem));
+        }
+        Ok(conditions)
+    }
+
+    fn some_and_different<T: PartialEq + std::fmt::Display>(
+        &self,
+        key: &str,
+        values: &[T],
+    ) -> Result<(), FileError> {
+        if values.is_empty() {
+            return Err(self.wrong(key, "is empty; at least one number is needed"));
+        }
+        for (index, value) in values.iter().enumerate() {
+            if values[..index].contains(value) {
+                return Err(self.wrong(key, format!("found {value} twice")));
+            }
+        }
+        Ok(())
     }
 
     fn enough(&self, key: &str, experiments: u32, parameters: usize) -> Result<(), FileError> {
@@ -60,33 +161,30 @@ impl Checker<'_> {
     /// The scenario's plans that whole repetitions fill up, an optimal plan, and random ones.
     fn default_plans(
         &self,
-        experiments: u32,
+        conditions: &[Conditions],
         context: &Context<'_>,
     ) -> Result<Vec<StudyPlan>, FileError> {
         let mut plans = Vec::new();
         for (index, file) in context.plans.iter().enumerate() {
             let plan = self.plan(&format!("plan[{index}].file"), &file.path, context.joints)?;
-            if experiments.is_multiple_of(plan.measurements().max(1)) {
+            if fits_any(plan.measurements(), conditions) {
                 plans.push(StudyPlan {
                     name: file.name.clone(),
                     source: StudySource::File(plan),
                 });
             }
         }
-        let configurations =
-            (context.design.configurations).filter(|_| context.design.experiments == experiments);
-        let named = [
-            (
-                "optimal",
-                StudySource::Optimal {
-                    criterion: Criterion::TestPose,
-                    configurations,
-                    experiments,
-                },
-            ),
+        let as_designed = |each: &Conditions| each.experiments == context.design.experiments;
+        let optimal = StudySource::Optimal {
+            criterion: Criterion::TestPose,
+            configurations: (context.design.configurations)
+                .filter(|_| conditions.iter().all(as_designed)),
+            experiments: None,
+        };
+        for (name, source) in [
+            ("optimal", optimal),
             ("random_each", StudySource::RandomEach),
-        ];
-        for (name, source) in named {
+        ] {
             if plans.iter().all(|plan| plan.name != name) {
                 let name = name.to_owned();
                 plans.push(StudyPlan { name, source });
@@ -98,13 +196,13 @@ impl Checker<'_> {
     fn study_plans(
         &self,
         tables: &[StudyPlanTable],
-        experiments: u32,
+        conditions: &[Conditions],
         context: &Context<'_>,
     ) -> Result<Vec<StudyPlan>, FileError> {
         let mut plans: Vec<StudyPlan> = Vec::new();
         for (index, table) in tables.iter().enumerate() {
             let key = format!("study.plan[{index}]");
-            let (name, source) = self.study_source(&key, table, experiments, context)?;
+            let (name, source) = self.study_source(&key, table, conditions, context)?;
             if name.trim().is_empty() {
                 return Err(self.wrong(&format!("{key}.name"), "is empty"));
             }
@@ -117,6 +215,12 @@ impl Checker<'_> {
                 source,
             });
         }
+        for each in conditions {
+            if !plans.iter().any(|plan| plan.source.fits(each.experiments)) {
+                let problem = format!("found none for {} measurements", each.experiments);
+                return Err(self.wrong("study.plan", problem));
+            }
+        }
         Ok(plans)
     }
 
@@ -124,7 +228,7 @@ impl Checker<'_> {
         &self,
         key: &str,
         table: &'a StudyPlanTable,
-        all: u32,
+        conditions: &[Conditions],
         context: &Context<'_>,
     ) -> Result<(&'a String, StudySource), FileError> {
         Ok(match table {
@@ -133,7 +237,7 @@ impl Checker<'_> {
             StudyPlanTable::File { name, file } => {
                 let key = format!("{key}.file");
                 let plan = self.plan(&key, &self.resolve(file), context.joints)?;
-                self.divides(&key, plan.measurements(), all)?;
+                self.divides(&key, plan.measurements(), conditions)?;
                 (name, StudySource::File(plan))
             }
             StudyPlanTable::Optimal {
@@ -143,41 +247,77 @@ impl Checker<'_> {
                 experiments,
             } => {
                 let experiments_key = format!("{key}.experiments");
-                let experiments = experiments.unwrap_or(all);
-                self.enough(&experiments_key, experiments, context.parameters)?;
-                self.divides(&experiments_key, experiments, all)?;
+                if let Some(experiments) = *experiments {
+                    self.enough(&experiments_key, experiments, context.parameters)?;
+                    self.divides(&experiments_key, experiments, conditions)?;
+                }
+                let fewest = experiments.unwrap_or_else(|| fewest(conditions));
                 let mandatory = context.design.mandatory.measurements();
-                if experiments < mandatory {
-                    let problem =
-                        format!("found {experiments}; design.mandatory alone has {mandatory}");
+                if fewest < mandatory {
+                    let problem = format!("found {fewest}; design.mandatory alone has {mandatory}");
                     return Err(self.wrong(&experiments_key, problem));
                 }
                 if let Some(configurations) = *configurations {
                     let key = format!("{key}.configurations");
                     self.enough(&key, configurations, context.parameters)?;
-                    if configurations > experiments {
+                    if configurations > fewest {
                         let problem =
-                            format!("found {configurations}; at most {experiments} are allowed");
+                            format!("found {configurations}; at most {fewest} are allowed");
                         return Err(self.wrong(&key, problem));
                     }
                 }
                 let source = StudySource::Optimal {
                     criterion: *criterion,
                     configurations: *configurations,
-                    experiments,
+                    experiments: *experiments,
                 };
                 (name, source)
             }
         })
     }
 
-    fn divides(&self, key: &str, experiments: u32, all: u32) -> Result<(), FileError> {
-        if experiments > 0 && all.is_multiple_of(experiments) {
+    fn divides(
+        &self,
+        key: &str,
+        measurements: u32,
+        conditions: &[Conditions],
+    ) -> Result<(), FileError> {
+        if fits_any(measurements, conditions) {
             return Ok(());
         }
+        let all: Vec<String> = conditions
+            .iter()
+            .map(|each| each.experiments.to_string())
+            .collect();
         let problem = format!(
-            "found {experiments} measurements; whole repetitions must make up study.experiments = {all}"
+            "found {measurements} measurements; whole repetitions must make up study.experiments = {}",
+            all.join(" or ")
         );
         Err(self.wrong(key, problem))
     }
+}
+
+fn fits_any(measurements: u32, conditions: &[Conditions]) -> bool {
+    (conditions.iter())
+        .any(|each| measurements > 0 && each.experiments.is_multiple_of(measurements))
+}
+
+fn fewest(conditions: &[Conditions]) -> u32 {
+    conditions
+        .iter()
+        .map(|each| each.experiments)
+        .min()
+        .unwrap_or(0)
+}
+
+/// Every one of the conditions with every one of the values.
+fn combine<T>(
+    conditions: &[Conditions],
+    values: &[T],
+    with: impl Fn(Conditions, &T) -> Conditions,
+) -> Vec<Conditions> {
+    (conditions.iter())
+        .flat_map(|&base| values.iter().map(move |value| (base, value)))
+        .map(|(base, value)| with(base, value))
+        .collect()
 }
