@@ -8,10 +8,9 @@ use criterion::{Criterion, criterion_group, criterion_main};
 use elastocal::identification::{Sigma, identify};
 use elastocal::plan::search::Problem;
 use elastocal::plan::{Plan, read_plan};
-use elastocal::random::generator;
+use elastocal::random::normal::{LANES, Stream, fill_normals};
 use elastocal::robot::Load;
 use elastocal::scenario::{Method, Scenario};
-use elastocal::study::normal::{LANES, fill_normals};
 use elastocal::testbed::{VirtualRobot, settle};
 use nalgebra::{DMatrix, Matrix3xX};
 
@@ -101,9 +100,8 @@ fn identification(bench: &mut Criterion) {
     let site = &scenario.calibration_tool.name;
     let mut robot = VirtualRobot::new(&scenario.true_robot, site).expect("the site exists");
     for experiments in [3, 12] {
-        let mut noise = generator(1, 0);
         let measurements = robot
-            .measure(&table4(experiments), &scenario.instrument, &mut noise)
+            .measure(&table4(experiments), &scenario.instrument, 1, 0)
             .expect("stable");
         for method in [Method::Linear, Method::Nonlinear] {
             let name = format!("identification, {method:?}, m = {experiments}");
@@ -129,7 +127,7 @@ fn normals(bench: &mut Criterion) {
     let mut run = 0;
     bench.bench_function("8 x 36 normal numbers", |bench| {
         bench.iter(|| {
-            fill_normals(1, run, &mut normals);
+            fill_normals(Stream::Noise, 1, run, &mut normals);
             run += LANES as u64;
             black_box(&normals);
         });

@@ -9,7 +9,6 @@ use crate::identification::{Identification, IdentificationError, Sigma, identify
 use crate::measurement::Measurement;
 use crate::mujoco::ModelError;
 use crate::plan::Plan;
-use crate::random::generator;
 use crate::robot::{EquilibriumError, Load};
 use crate::scenario::{Method, Scenario, TestPose};
 use crate::testbed::{MeasurementError, VirtualRobot};
@@ -74,7 +73,8 @@ pub struct Calibration {
     pub poses: Vec<CompensatedPose>,
 }
 
-/// Measures, identifies and compensates with the noise of run `run` under the scenario's seed.
+/// Measures, identifies and compensates with the noise of run `run` under the scenario's seed: the
+/// same as that run of a study on the virtual robot.
 ///
 /// # Errors
 /// See [`CalibrationError`].
@@ -84,8 +84,7 @@ pub fn calibrate(
     run: u64,
 ) -> Result<Calibration, CalibrationError> {
     let mut robot = VirtualRobot::new(&scenario.true_robot, &scenario.calibration_tool.name)?;
-    let mut noise = generator(scenario.seed, run);
-    let measurements = robot.measure(plan, &scenario.instrument, &mut noise)?;
+    let measurements = robot.measure(plan, &scenario.instrument, scenario.seed, run)?;
     let identification = identify_as_planned(scenario, &measurements)?;
     let poses = compensate_poses(
         scenario,

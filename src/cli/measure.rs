@@ -7,7 +7,6 @@ use elastocal::files::{FileError, check_writable};
 use elastocal::measurement::write_measurements;
 use elastocal::output::messages::{MeasurementMessage, ProvenanceMessage};
 use elastocal::plan::read_plan;
-use elastocal::random::generator;
 use elastocal::testbed::VirtualRobot;
 use serde_json::json;
 
@@ -47,8 +46,7 @@ impl Measure {
         let measurements = if self.noise_free {
             robot.measure_noise_free(&plan, &scenario.instrument)
         } else {
-            let mut noise = generator(scenario.seed, 0);
-            robot.measure(&plan, &scenario.instrument, &mut noise)
+            robot.measure(&plan, &scenario.instrument, scenario.seed, 0)
         };
         let measurements =
             measurements.map_err(|error| FileError::new(&self.plan, error.to_string()))?;

@@ -12,6 +12,7 @@ mod measure;
 mod merge;
 mod plan;
 mod progress;
+mod replay;
 mod run;
 mod study;
 mod table;
@@ -75,6 +76,8 @@ enum Command {
     Compensate(compensate::Compensate),
     /// Compare plans over many runs (Monte Carlo)
     Study(study::StudyCommand),
+    /// Replay one run of the study on the virtual robot, and record it
+    Replay(replay::Replay),
     /// Join the shards of a study
     Merge(merge::Merge),
 }
@@ -114,6 +117,7 @@ impl Arguments {
             Command::Identify(command) => command.execute(),
             Command::Compensate(command) => command.execute(),
             Command::Study(command) => command.execute(),
+            Command::Replay(command) => command.execute(),
             Command::Merge(command) => command.execute(),
         }?;
         let text = if json {
@@ -139,6 +143,7 @@ impl Command {
             Self::Identify(command) => &command.common,
             Self::Compensate(command) => &command.common,
             Self::Study(command) => &command.common,
+            Self::Replay(command) => &command.common,
             Self::Merge(_) => return None,
         })
     }

@@ -286,7 +286,7 @@ fn describe_entries(entries: &[Entry], settings: &[Setting]) -> String {
 }
 
 /// The plans of a study, under all conditions for which whole repetitions make up the measurements.
-fn entries(
+pub fn entries(
     common: &Common,
     scenario: &Scenario,
     settings: &[Setting],

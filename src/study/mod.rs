@@ -1,6 +1,5 @@
 //! Monte Carlo studies: how good are plans over many runs?
 //!
-//! - [`normal`]: the noise of a run, a function of (seed, run) alone, the same for all plans.
 //! - [`truth`]: the virtual robot's compliances in a run.
 //! - [`model_level`]: a run of the paper's linear model, a few small products of matrices.
 //! - [`robot_level`]: a run of the whole loop on the virtual robot in MuJoCo.
@@ -10,7 +9,6 @@
 //! - [`tally_file`]: tallies of parts of a study, to join or to go on from.
 
 pub mod model_level;
-pub mod normal;
 pub mod robot_level;
 pub mod runner;
 pub mod summary;

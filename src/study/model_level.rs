@@ -25,10 +25,10 @@
 use multiversion::multiversion;
 use nalgebra::{DMatrix, DVector};
 
-use super::normal::LANES;
 use super::tally::{Batch, Failure};
 use crate::compensation::test_pose_matrix;
 use crate::plan::{ExperimentModel, Plan};
+use crate::random::normal::LANES;
 use crate::scenario::Scenario;
 
 /// The most compliances that a run can have.

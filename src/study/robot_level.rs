@@ -1,17 +1,16 @@
 //! A run of the whole loop on the virtual robot: measure in MuJoCo, identify, compensate, command
 //! the robot in MuJoCo again, and see what distance is left.
 
-use nalgebra::{DVector, Vector3};
+use nalgebra::DVector;
 
-use super::normal::LANES;
 use super::tally::Failure;
 use crate::calibration::{identify_as_planned, see};
 use crate::compensation::compensate;
-use crate::measurement::Measurement;
 use crate::mujoco::ModelError;
 use crate::plan::Plan;
+use crate::random::normal::LANES;
 use crate::scenario::Scenario;
-use crate::testbed::VirtualRobot;
+use crate::testbed::{VirtualRobot, add_noise};
 
 /// What one thread needs for runs.
 #[derive(Debug)]
@@ -62,12 +61,7 @@ impl<'a> RobotRuns<'a> {
             .measuring
             .measure_noise_free(plan, &scenario.instrument)
             .map_err(|_| Failure::Measurement)?;
-        add_noise(
-            &mut measurements,
-            scenario.instrument.sigma_m,
-            normals,
-            lane,
-        );
+        add_noise(&mut measurements, &scenario.instrument, normals, lane);
         let identification =
             identify_as_planned(scenario, &measurements).map_err(|_| Failure::Identification)?;
         let estimated = &identification.compliance_rad_per_nm;
@@ -94,23 +88,5 @@ impl<'a> RobotRuns<'a> {
             square_m2 += pose.weight * seen.residual_m.norm_squared();
         }
         Ok((square_m2 / scenario.instrument.sigma_m.powi(2), nees))
-    }
-}
-
-/// The first 3M normals are the noise of the deflections, as on the model level; the next that of
-/// rotations.
-fn add_noise(
-    measurements: &mut [Measurement],
-    sigma_m: f64,
-    normals: &[[f64; LANES]],
-    lane: usize,
-) {
-    let count = measurements.len();
-    let noise = |index: usize| Vector3::from_fn(|axis, _| normals[3 * index + axis][lane]);
-    for (index, each) in measurements.iter_mut().enumerate() {
-        each.deflection_m += noise(index) * sigma_m;
-        if let Some(rotation) = &mut each.rotation {
-            rotation.vector_rad += noise(count + index).component_mul(&rotation.sigma_rad);
-        }
     }
 }

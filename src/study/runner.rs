@@ -5,14 +5,15 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::model_level::{Model, PlanModel};
-use super::normal::{LANES, Stream, fill_normals};
 use super::robot_level::RobotRuns;
 use super::tally::{Batch, BlockSums, Failure, Tally};
 use super::truth::Truth;
 use super::{Entry, EntryKind, Setting, StudyError};
 use crate::plan::search::{Problem, RandomPlans};
 use crate::plan::{Criterion, Plan};
+use crate::random::normal::{LANES, Stream, fill_normals};
 use crate::scenario::Level;
+use crate::testbed::numbers;
 
 /// A study made ready to run.
 #[derive(Debug)]
@@ -147,7 +148,12 @@ impl<'a> Runner<'a> {
                 })
             })
             .collect::<Result<_, StudyError>>()?;
-        let numbers = self.parts.iter().map(|part| numbers(part.setting)).max();
+        let numbers = (self.parts.iter())
+            .map(|part| {
+                let measurements = part.setting.conditions.experiments as usize;
+                numbers(&part.setting.scenario.instrument, measurements)
+            })
+            .max();
         let mut workspace = Workspace {
             normals: vec![[0.0; LANES]; numbers.unwrap_or(0)],
             truth: Truth::new(&self.parts[0].setting.scenario),
@@ -261,13 +267,6 @@ fn prepare(part: &Part<'_>, entry: &Entry) -> Result<Option<PlanModel>, StudyErr
         failure,
     })?;
     Ok(Some(model))
-}
-
-/// How many random numbers a run needs.
-fn numbers(setting: &Setting) -> usize {
-    let rotations = setting.scenario.instrument.rotation_sigma_rad.is_some();
-    let coordinates = if rotations { 6 } else { 3 };
-    coordinates * setting.conditions.experiments as usize
 }
 
 /// At the robot's level, puts what is seen on the virtual robot in the place of the model's outcome.

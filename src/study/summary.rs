@@ -122,7 +122,7 @@ fn ratio(tally: &Tally, reference: &Tally) -> Option<Measured> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::study::normal::{LANES, Stream, fill_normals};
+    use crate::random::normal::{LANES, Stream, fill_normals};
     use crate::study::tally::{Batch, BlockSums};
 
     /// The length of a vector of three standard normals: mean sqrt(8/pi), mean square 3, median

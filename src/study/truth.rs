@@ -3,7 +3,7 @@
 //! In run r, joint j has the compliance `k_j` exp(`s_j` z), with the scenario's spread `s_j` and a
 //! standard normal z that is a function of (seed, r, j).
 
-use super::normal::{LANES, Stream, fill_normals};
+use crate::random::normal::{LANES, Stream, fill_normals};
 use crate::scenario::Scenario;
 
 /// Draws true compliances, [`LANES`] runs at a time.

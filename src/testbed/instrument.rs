@@ -1,17 +1,16 @@
 //! The instrument: displacements with its noise become measurements.
 
 use nalgebra::Vector3;
-use rand::Rng;
-use rand_distr::{Distribution, StandardNormal};
 
 use super::virtual_robot::{MeasurementError, VirtualRobot};
 use crate::measurement::{Measurement, RotationMeasurement};
 use crate::plan::Plan;
+use crate::random::normal::{LANES, Stream, fill_normals};
 use crate::scenario::Instrument;
 
 impl VirtualRobot {
-    /// Measures every experiment of a plan as often as it says. The noise of every coordinate is
-    /// independent and normal, with the instrument's standard deviation.
+    /// Measures every experiment of a plan as often as it says, with the noise of run `run` under
+    /// `seed`, see [`add_noise`].
     ///
     /// # Errors
     /// The first experiment that has no stable equilibrium.
@@ -19,15 +18,13 @@ impl VirtualRobot {
         &mut self,
         plan: &Plan,
         instrument: &Instrument,
-        noise: &mut impl Rng,
+        seed: u64,
+        run: u64,
     ) -> Result<Vec<Measurement>, MeasurementError> {
         let mut measurements = self.measure_noise_free(plan, instrument)?;
-        for each in &mut measurements {
-            each.deflection_m += normal(noise) * instrument.sigma_m;
-            if let Some(rotation) = &mut each.rotation {
-                rotation.vector_rad += normal(noise).component_mul(&rotation.sigma_rad);
-            }
-        }
+        let mut normals = vec![[0.0; LANES]; numbers(instrument, measurements.len())];
+        fill_normals(Stream::Noise, seed, run, &mut normals);
+        add_noise(&mut measurements, instrument, &normals, 0);
         Ok(measurements)
     }
 
@@ -64,6 +61,27 @@ impl VirtualRobot {
     }
 }
 
-fn normal(noise: &mut impl Rng) -> Vector3<f64> {
-    Vector3::from_fn(|_, _| StandardNormal.sample(noise))
+/// How many random numbers so many measurements take.
+#[must_use]
+pub fn numbers(instrument: &Instrument, measurements: usize) -> usize {
+    let rotations = instrument.rotation_sigma_rad.is_some();
+    measurements * if rotations { 6 } else { 3 }
+}
+
+/// Adds the instrument's noise to measurements: independent and normal for every coordinate. The
+/// first numbers of a lane are those of the deflections, the next those of the rotations.
+pub fn add_noise(
+    measurements: &mut [Measurement],
+    instrument: &Instrument,
+    normals: &[[f64; LANES]],
+    lane: usize,
+) {
+    let count = measurements.len();
+    let noise = |index: usize| Vector3::from_fn(|axis, _| normals[3 * index + axis][lane]);
+    for (index, each) in measurements.iter_mut().enumerate() {
+        each.deflection_m += noise(index) * instrument.sigma_m;
+        if let Some(rotation) = &mut each.rotation {
+            rotation.vector_rad += noise(count + index).component_mul(&rotation.sigma_rad);
+        }
+    }
 }

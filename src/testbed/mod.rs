@@ -7,5 +7,6 @@ mod instrument;
 mod settle;
 mod virtual_robot;
 
+pub use instrument::{add_noise, numbers};
 pub use settle::{SettleError, Settled, settle};
 pub use virtual_robot::{Displacement, MeasurementError, VirtualRobot};

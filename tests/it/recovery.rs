@@ -5,7 +5,6 @@ use elastocal::compensation::{compensate, test_pose_matrix};
 use elastocal::identification::{Identification, Sigma, identify};
 use elastocal::measurement::Measurement;
 use elastocal::plan::{ExperimentModel, Plan};
-use elastocal::random::generator;
 use elastocal::robot::{Load, ObservationMatrix};
 use elastocal::scenario::{Method, Scenario};
 use elastocal::testbed::VirtualRobot;
@@ -280,7 +279,7 @@ fn residuals_tell_sigma() {
     }
     let measurements = VirtualRobot::new(&scenario.true_robot, &scenario.calibration_tool.name)
         .expect("the site exists")
-        .measure(&plan, &scenario.instrument, &mut generator(11, 0))
+        .measure(&plan, &scenario.instrument, 11, 0)
         .expect("stable");
     let found = identified(
         &scenario,

@@ -1,8 +1,9 @@
 //! Monte Carlo studies: exact tallies, runs that keep what was predicted, wrong inputs.
 
+use elastocal::calibration::calibrate;
+use elastocal::random::normal::{LANES, Stream, fill_normals};
 use elastocal::scenario::{Level, Method, Scenario};
 use elastocal::study::model_level::Model;
-use elastocal::study::normal::{LANES, Stream, fill_normals};
 use elastocal::study::robot_level::RobotRuns;
 use elastocal::study::runner::Runner;
 use elastocal::study::summary::Summary;
@@ -141,6 +142,44 @@ fn a_run_can_be_replayed_by_itself() {
     let first = robot.run(&plan, &alone, 0).expect("works");
     robot.run(&plan, &alone, 1).expect("works");
     assert_eq!(robot.run(&plan, &among, 1), Ok(first));
+    // And it is what a single calibration shows.
+    let shown = calibrate(&scenario, &plan, 777).expect("works");
+    let square = shown.poses[0].seen.residual_m.norm_squared();
+    assert!((square / (first.0 * scenario.instrument.sigma_m.powi(2)) - 1.0).abs() < 1e-9);
+}
+
+/// A study of one run shows what the replay of this run shows, true compliances and random plans
+/// included.
+#[test]
+fn a_replay_is_the_run_of_the_study() {
+    let workplace = Workplace::new();
+    let spread = "[study]\ncompliance_spread = 0.1";
+    workplace.write("s.toml", with_study(&SMALL.replacen("[study]", spread, 1)));
+    let study = workplace.run("study s.toml --level robot --trials 1 --json --quiet");
+    let study = study.ends_with(0).json();
+    let replay = workplace
+        .run("replay s.toml --run 0 --json --quiet")
+        .ends_with(0)
+        .json();
+    for (one, other) in (study["plans"].as_array().expect("an array").iter())
+        .zip(replay["plans"].as_array().expect("an array"))
+    {
+        assert_eq!(one["name"], other["name"]);
+        let mean = one["mean_mm"].as_f64().expect("a number");
+        let seen = other["test_poses"][0]["residual_mm"]
+            .as_f64()
+            .expect("a number");
+        assert!((mean / seen - 1.0).abs() < 1e-9, "{mean}, {seen}");
+    }
+    for ending in ["json", "rrd", "mcap"] {
+        assert!(workplace.path(&format!("out/s/replay_0.{ending}")).exists());
+    }
+    let other = workplace
+        .run("replay s.toml --run 1 --json --quiet")
+        .ends_with(0)
+        .json();
+    assert_ne!(other["plans"], replay["plans"]);
+    workplace.run("replay s.toml").ends_with(2);
 }
 
 /// With the non-linear method nothing is lost to linearisation: run by run the virtual robot ends

@@ -1,5 +1,10 @@
 //! Random numbers that are a function of the seed and the run alone, so that any run can be
 //! replayed by itself, in any order, on any number of threads.
+//!
+//! - [`generator`]: any random numbers, such as those of searches and random plans.
+//! - [`normal`]: the noise of measurements, many runs at a time.
+
+pub mod normal;
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;

@@ -1,0 +1,107 @@
+//! `replay`: one run of the study on the virtual robot, recorded.
+
+use std::path::Path;
+
+use clap::Args;
+use elastocal::calibration::{Calibration, calibrate};
+use elastocal::files::{make_folder, write_whole};
+use elastocal::output::mcap_file::write_mcap;
+use elastocal::output::messages::{CalibrationMessage, ProvenanceMessage};
+use elastocal::output::recording::Recording;
+use elastocal::output::rerun_file::write_rerun;
+use elastocal::plan::Plan;
+use elastocal::plan::search::random_plan;
+use elastocal::scenario::Scenario;
+use elastocal::study::truth::Truth;
+use elastocal::study::{Entry, EntryKind, Setting};
+use serde_json::json;
+
+use super::study::entries;
+use super::table::table;
+use super::{Common, Report};
+
+/// Arguments of `replay`.
+#[derive(Debug, Args)]
+pub struct Replay {
+    #[command(flatten)]
+    pub common: Common,
+    /// The number of the run, from 0.
+    #[arg(long, value_name = "R")]
+    run: u64,
+}
+
+impl Replay {
+    pub fn execute(&self) -> anyhow::Result<Report> {
+        let common = &self.common;
+        let mut scenario = common.load()?;
+        let folder = common.out.join(&scenario.name);
+        make_folder(&folder)?;
+        // The first conditions of a sweep stand for all.
+        scenario.study.conditions.truncate(1);
+        let settings = Setting::all(&scenario);
+        let entries = entries(common, &scenario, &settings)?;
+        let mut scenario = settings[0].scenario.clone();
+        let truth = Truth::new(&scenario).draw(self.run).to_vec();
+        for (mine, lanes) in (scenario.true_robot.compliance_rad_per_nm.iter_mut()).zip(&truth) {
+            *mine = lanes[0];
+        }
+        common.say(&format!(
+            "replaying run {} with {} plans on the virtual robot",
+            self.run,
+            entries.len()
+        ));
+        let calibrations = (entries.iter())
+            .map(|entry| {
+                let plan = self.plan(&scenario, &settings[0], entry)?;
+                Ok((entry.name.clone(), calibrate(&scenario, &plan, self.run)?))
+            })
+            .collect::<anyhow::Result<Vec<_>>>()?;
+        let name = format!("replay_{}", self.run);
+        let path = |ending: &str| folder.join(format!("{name}.{ending}"));
+        let messages: Vec<_> = (calibrations.iter())
+            .map(|(name, calibration)| CalibrationMessage::new(name, calibration))
+            .collect();
+        let json = json!({
+            "provenance": ProvenanceMessage::new(&scenario),
+            "run": self.run,
+            "plans": messages,
+        });
+        let text = serde_json::to_string_pretty(&json)? + "\n";
+        write_whole(&path("json"), text.as_bytes())?;
+        let recording = Recording::new(&scenario, &calibrations)?;
+        write_mcap(&path("mcap"), &recording)?;
+        write_rerun(&path("rrd"), &recording)?;
+        Ok(Report {
+            json,
+            text: describe(&scenario, &calibrations, &path("rrd")),
+            conditions: Vec::new(),
+        })
+    }
+
+    /// What an entry measures in the run.
+    fn plan(&self, scenario: &Scenario, setting: &Setting, entry: &Entry) -> anyhow::Result<Plan> {
+        Ok(match &entry.kind {
+            EntryKind::Fixed(plan) | EntryKind::Random(plan) => plan.clone(),
+            EntryKind::RandomEach => {
+                random_plan(scenario, setting.conditions.experiments, self.run)?
+            }
+        })
+    }
+}
+
+/// The distance that each plan leaves at each test pose.
+fn describe(scenario: &Scenario, calibrations: &[(String, Calibration)], path: &Path) -> String {
+    let mut header = vec!["plan".to_owned()];
+    header.extend((scenario.test_poses.iter()).map(|pose| format!("{} [um]", pose.name)));
+    let header: Vec<&str> = header.iter().map(String::as_str).collect();
+    let row = |(name, calibration): &(String, Calibration)| {
+        let distance = |pose: &elastocal::calibration::CompensatedPose| {
+            format!("{:.3}", pose.seen.residual_m.norm() * 1e6)
+        };
+        let mut row = vec![name.clone()];
+        row.extend(calibration.poses.iter().map(distance));
+        row
+    };
+    let rows: Vec<_> = calibrations.iter().map(row).collect();
+    table(&header, &rows) + &format!("recorded in {}, .mcap and .json\n", path.display())
+}
