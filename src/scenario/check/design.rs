@@ -1,0 +1,74 @@
+//! The table `[design]` and the plans of `[[plan]]`.
+
+use super::Checker;
+use crate::files::FileError;
+use crate::plan::Plan;
+use crate::scenario::file::{DesignTable, PlanTable};
+use crate::scenario::{Design, PlanFile};
+
+impl Checker<'_> {
+    pub(super) fn design(
+        &self,
+        table: &DesignTable,
+        parameters: usize,
+        joints: usize,
+    ) -> Result<Design, FileError> {
+        let key = "design.experiments";
+        let fewest = u32::try_from(parameters.div_ceil(3)).unwrap_or(u32::MAX);
+        if table.experiments < fewest {
+            let problem = format!(
+                "found {}; at least {fewest} are needed, since each gives three numbers and {parameters} compliances are unknown",
+                table.experiments
+            );
+            return Err(self.wrong(key, problem));
+        }
+        if let Some(configurations) = table.configurations
+            && !(fewest..=table.experiments).contains(&configurations)
+        {
+            let problem = format!(
+                "found {configurations}; {fewest} to design.experiments = {} are allowed",
+                table.experiments
+            );
+            return Err(self.wrong("design.configurations", problem));
+        }
+        let mandatory = match &table.mandatory {
+            Some(path) => self.plan("design.mandatory", &self.resolve(path), joints)?,
+            None => Plan::default(),
+        };
+        if mandatory.measurements() > table.experiments {
+            let problem = format!(
+                "found {} experiments; at most design.experiments = {} are allowed",
+                mandatory.measurements(),
+                table.experiments
+            );
+            return Err(self.wrong("design.mandatory", problem));
+        }
+        Ok(Design {
+            experiments: table.experiments,
+            configurations: table.configurations,
+            mandatory,
+        })
+    }
+
+    /// Plans are read once here, so that a wrong one is found before any work is done.
+    pub(super) fn plans(
+        &self,
+        tables: &[PlanTable],
+        joints: usize,
+    ) -> Result<Vec<PlanFile>, FileError> {
+        let mut plans: Vec<PlanFile> = Vec::new();
+        for (index, table) in tables.iter().enumerate() {
+            if plans.iter().any(|plan| plan.name == table.name) {
+                let problem = format!("found {:?} twice", table.name);
+                return Err(self.wrong(&format!("plan[{index}].name"), problem));
+            }
+            let path = self.resolve(&table.file);
+            self.plan(&format!("plan[{index}].file"), &path, joints)?;
+            plans.push(PlanFile {
+                name: table.name.clone(),
+                path,
+            });
+        }
+        Ok(plans)
+    }
+}

@@ -1,0 +1,44 @@
+//! The table `[instrument]`.
+
+use super::Checker;
+use crate::files::FileError;
+use crate::mujoco::Model;
+use crate::scenario::Instrument;
+use crate::scenario::file::{InstrumentTable, RegionTable, SigmaOf};
+
+impl Checker<'_> {
+    pub(super) fn instrument(
+        &self,
+        table: &InstrumentTable,
+        region: &RegionTable,
+        model: &Model,
+    ) -> Result<Instrument, FileError> {
+        let sigma_m = self.positive("instrument.sigma_mm", table.sigma_mm)? * 1e-3;
+        let positions = match table.sigma_of {
+            SigmaOf::Deflection => 1.0,
+            SigmaOf::Position => 2.0_f64,
+        };
+        let key = "instrument.tracker_site";
+        let tracker_site = table
+            .tracker_site
+            .as_deref()
+            .map(|name| {
+                model
+                    .site(name)
+                    .map_err(|error| self.model_error(key, &error))
+            })
+            .transpose()?;
+        if region.line_of_sight && tracker_site.is_none() {
+            return Err(self.wrong(key, "is missing, and region.line_of_sight needs it"));
+        }
+        Ok(Instrument {
+            sigma_m: sigma_m * positions.sqrt(),
+            rotation_sigma_rad: table
+                .rotation_sigma_mrad
+                .map(|value| self.positive("instrument.rotation_sigma_mrad", value))
+                .transpose()?
+                .map(|value| value * 1e-3),
+            tracker_site,
+        })
+    }
+}

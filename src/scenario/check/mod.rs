@@ -1,0 +1,180 @@
+//! From the file as written to a checked scenario, a file for each table.
+
+mod design;
+mod instrument;
+mod load;
+mod number;
+mod region;
+mod robot;
+mod study;
+mod test_pose;
+
+use std::path::{Path, PathBuf};
+
+use sha2::{Digest, Sha256};
+
+use super::file::File;
+use super::{Robot, Scenario};
+use crate::files::{FileError, hexadecimal, read_text};
+use crate::mujoco::ModelError;
+use crate::plan::Plan;
+
+impl Scenario {
+    /// Reads and checks a scenario file.
+    ///
+    /// # Errors
+    /// The first thing that is wrong, with the dotted key path.
+    pub fn load(path: &Path) -> Result<Self, FileError> {
+        let text = read_text(path)?;
+        Checker { path }.scenario(&text)
+    }
+}
+
+/// Checks values and says where in which file they are wrong.
+struct Checker<'a> {
+    path: &'a Path,
+}
+
+impl Checker<'_> {
+    fn scenario(&self, text: &str) -> Result<Scenario, FileError> {
+        let file = self.parse(text)?;
+        let mut hash = Sha256::new_with_prefix(text);
+
+        let model = self.model("robot.model", &file.robot.model)?;
+        hash.update(read_text(model.path())?);
+        let chain = self.serial_chain("robot.model", &model)?;
+        let nominal = Robot {
+            compliance_rad_per_nm: self.compliances(
+                "robot.compliance_rad_per_nm",
+                &chain,
+                file.robot.compliance_rad_per_nm.as_deref(),
+            )?,
+            chain,
+            model,
+        };
+        let calibration_tool = self.tool(
+            "robot.calibration_site",
+            &nominal.model,
+            &file.robot.calibration_site,
+        )?;
+        let machining_tool = self.tool(
+            "robot.machining_site",
+            &nominal.model,
+            &file.robot.machining_site,
+        )?;
+        let parameters = self.parameters(&nominal.chain, &file.robot.parameters)?;
+        let true_robot = self.true_robot(&file, &nominal)?;
+        hash.update(read_text(true_robot.model.path())?);
+
+        let joints = nominal.chain.len();
+        let test_poses = self.test_poses(&file.test_pose, &nominal.chain)?;
+        let design = self.design(&file.design, parameters.len(), joints)?;
+        let plans = self.plans(&file.plan, joints)?;
+        let context = study::Context {
+            design: &design,
+            plans: &plans,
+            parameters: parameters.len(),
+            joints,
+        };
+        let study = self.study(&file.study, &context)?;
+        Ok(Scenario {
+            path: self.path.to_owned(),
+            name: self.path.file_stem().map_or_else(
+                || "scenario".into(),
+                |stem| stem.to_string_lossy().into_owned(),
+            ),
+            description: file.description,
+            sha256: hexadecimal(&hash.finalize()),
+            seed: file.seed,
+            instrument: self.instrument(&file.instrument, &file.region, &nominal.model)?,
+            method: file.identification.method,
+            test_poses,
+            loads: self.loads(&file.load)?,
+            region: self.region(&file.region, &nominal.chain)?,
+            design,
+            plans,
+            study,
+            nominal,
+            true_robot,
+            calibration_tool,
+            machining_tool,
+            parameters,
+        })
+    }
+
+    fn parse(&self, text: &str) -> Result<File, FileError> {
+        let syntax = |error: &toml::de::Error| {
+            let place = error.span().map(|span| line_of(text, span.start));
+            let wrong = FileError::new(self.path, error.message().replace('\n', "; "));
+            match place {
+                Some(line) => wrong.at(format!("line {line}")),
+                None => wrong,
+            }
+        };
+        let deserializer = toml::Deserializer::parse(text).map_err(|error| syntax(&error))?;
+        serde_path_to_error::deserialize(deserializer).map_err(|error| {
+            let key = error.path().to_string();
+            let wrong = syntax(error.inner());
+            let place = match (&wrong.place, key.as_str()) {
+                (Some(line), "." | "") => line.clone(),
+                (Some(line), key) => format!("{key} ({line})"),
+                (None, key) => key.to_owned(),
+            };
+            let hint = hint_for(&wrong.problem);
+            let wrong = wrong.at(place);
+            match hint {
+                Some(hint) => wrong.hint(hint),
+                None => wrong,
+            }
+        })
+    }
+
+    fn wrong(&self, key: &str, problem: impl Into<String>) -> FileError {
+        FileError::new(self.path, problem).at(key)
+    }
+
+    /// Paths are relative to the scenario's folder.
+    fn resolve(&self, path: &Path) -> PathBuf {
+        self.path
+            .parent()
+            .map_or_else(|| path.to_owned(), |folder| folder.join(path))
+    }
+
+    /// What is wrong with a file that the scenario names.
+    fn named_file(&self, key: &str, error: FileError) -> FileError {
+        let wrong = self.wrong(key, error.to_string());
+        match error.hint {
+            Some(hint) => wrong.hint(hint),
+            None if !error.file.exists() => {
+                wrong.hint("paths inside a scenario are relative to the scenario's folder")
+            }
+            None => wrong,
+        }
+    }
+
+    fn plan(&self, key: &str, path: &Path, joints: usize) -> Result<Plan, FileError> {
+        crate::plan::read_plan(path, joints).map_err(|error| self.named_file(key, error))
+    }
+
+    fn model_error(&self, key: &str, error: &ModelError) -> FileError {
+        self.wrong(key, error.to_string())
+    }
+}
+
+fn line_of(text: &str, offset: usize) -> usize {
+    1 + text
+        .bytes()
+        .take(offset)
+        .filter(|&byte| byte == b'\n')
+        .count()
+}
+
+/// For serde's "unknown field `x`, expected one of `a`, `b`": the likeliest of those allowed.
+fn hint_for(problem: &str) -> Option<String> {
+    let mut quoted = problem.split('`').skip(1).step_by(2);
+    let found = quoted.next().filter(|_| problem.starts_with("unknown "))?;
+    let best = quoted.max_by(|one, other| {
+        strsim::jaro_winkler(found, one).total_cmp(&strsim::jaro_winkler(found, other))
+    })?;
+    (strsim::jaro_winkler(found, best) > 0.8).then(|| format!("did you mean `{best}`?"))
+}

@@ -1,0 +1,123 @@
+//! The table `[region]`: where experiments are possible.
+
+use nalgebra::DVector;
+
+use super::Checker;
+use super::robot::names_of;
+use crate::files::FileError;
+use crate::robot::SerialChain;
+use crate::scenario::file::{ForbiddenTable, RegionTable};
+use crate::scenario::{Forbidden, Region};
+
+impl Checker<'_> {
+    pub(super) fn region(
+        &self,
+        table: &RegionTable,
+        chain: &SerialChain,
+    ) -> Result<Region, FileError> {
+        let mut joint_range_rad: Vec<_> =
+            chain.joints.iter().map(|joint| joint.range_rad).collect();
+        for (name, range) in &table.joint_range_deg {
+            let key = format!("region.joint_range_deg.{name}");
+            let index = chain
+                .joints
+                .iter()
+                .position(|joint| joint.name == *name)
+                .ok_or_else(|| {
+                    let known = names_of(chain);
+                    self.wrong(
+                        &key,
+                        format!("no such joint; the robot's joints are: {known}"),
+                    )
+                })?;
+            let [low, high] = chain.joints[index].range_rad.map(f64::to_degrees);
+            let [from, to] = *range;
+            if !(from.is_finite() && to.is_finite() && from <= to)
+                || from < low - 1e-9
+                || to > high + 1e-9
+            {
+                let problem = format!(
+                    "found {from} to {to}; a range within {low:.4} to {high:.4} is allowed"
+                );
+                return Err(self.wrong(&key, problem));
+            }
+            joint_range_rad[index] = range.map(f64::to_radians);
+        }
+        let joint_torque_max_nm = table
+            .joint_torque_max_nm
+            .as_deref()
+            .map(|values| {
+                let key = "region.joint_torque_max_nm";
+                self.one_per_joint(key, values, chain.len())?
+                    .iter()
+                    .map(|&value| self.positive(key, value))
+                    .collect::<Result<Vec<_>, _>>()
+            })
+            .transpose()?;
+        Ok(Region {
+            joint_range_rad,
+            tool_height_m: self.lengths(
+                "region.tool_height",
+                [table.tool_height_min_mm, table.tool_height_max_mm],
+            )?,
+            tool_radius_m: self.lengths(
+                "region.tool_radius",
+                [table.tool_radius_min_mm, table.tool_radius_max_mm],
+            )?,
+            tool_elevation_max_rad: table
+                .tool_elevation_max_deg
+                .map(|value| self.not_negative("region.tool_elevation_max_deg", value))
+                .transpose()?
+                .map(f64::to_radians),
+            joint_torque_max_nm,
+            collision_clearance_m: table
+                .collision_clearance_mm
+                .map(|value| self.not_negative("region.collision_clearance_mm", value))
+                .transpose()?
+                .map(|value| value * 1e-3),
+            line_of_sight: table.line_of_sight,
+            forbidden: self.forbidden(&table.forbidden, chain.len())?,
+        })
+    }
+
+    /// The bounds `<key>_min_mm` and `<key>_max_mm`, from mm to m.
+    fn lengths(
+        &self,
+        key: &str,
+        [low, high]: [Option<f64>; 2],
+    ) -> Result<[Option<f64>; 2], FileError> {
+        let keys = ["min", "max"].map(|end| format!("{key}_{end}_mm"));
+        for (key, value) in keys.iter().zip([low, high]) {
+            value.map(|value| self.finite(key, value)).transpose()?;
+        }
+        if let (Some(low), Some(high)) = (low, high)
+            && low > high
+        {
+            let problem = format!("found {low}; at most {} = {high} is allowed", keys[1]);
+            return Err(self.wrong(&keys[0], problem));
+        }
+        Ok([low, high].map(|value| value.map(|mm| mm * 1e-3)))
+    }
+
+    fn forbidden(
+        &self,
+        tables: &[ForbiddenTable],
+        joints: usize,
+    ) -> Result<Vec<Forbidden>, FileError> {
+        let forbidden = |(index, table): (usize, &ForbiddenTable)| {
+            let key = format!("region.forbidden[{index}]");
+            let q_key = format!("{key}.q_deg");
+            let q_deg = self
+                .one_per_joint(&q_key, &table.q_deg, joints)?
+                .iter()
+                .map(|&angle| self.finite(&q_key, angle).map(f64::to_radians))
+                .collect::<Result<Vec<_>, _>>()?;
+            let within = self.positive(&format!("{key}.within_deg"), table.within_deg)?;
+            Ok(Forbidden {
+                configuration_rad: DVector::from_vec(q_deg),
+                within_rad: within.to_radians(),
+            })
+        };
+        tables.iter().enumerate().map(forbidden).collect()
+    }
+}

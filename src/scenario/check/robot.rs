@@ -1,0 +1,139 @@
+//! The tables `[robot]` and `[true_robot]`: models, joints, tools and compliances.
+
+use std::path::Path;
+
+use super::Checker;
+use crate::files::{FileError, read_text};
+use crate::mujoco::Model;
+use crate::robot::{SerialChain, Tool};
+use crate::scenario::Robot;
+use crate::scenario::file::File;
+
+impl Checker<'_> {
+    pub(super) fn model(&self, key: &str, path: &Path) -> Result<Model, FileError> {
+        let path = self.resolve(path);
+        // The same checks, and the same words, as for every other file.
+        read_text(&path).map_err(|error| self.named_file(key, error))?;
+        Model::load(&path).map_err(|error| self.model_error(key, &error))
+    }
+
+    pub(super) fn serial_chain(&self, key: &str, model: &Model) -> Result<SerialChain, FileError> {
+        SerialChain::from_model(model).map_err(|error| self.model_error(key, &error))
+    }
+
+    pub(super) fn tool(&self, key: &str, model: &Model, site: &str) -> Result<Tool, FileError> {
+        SerialChain::tool(model, site).map_err(|error| self.model_error(key, &error))
+    }
+
+    pub(super) fn compliances(
+        &self,
+        key: &str,
+        chain: &SerialChain,
+        given: Option<&[f64]>,
+    ) -> Result<Vec<f64>, FileError> {
+        match given {
+            Some(values) => self
+                .one_per_joint(key, values, chain.len())?
+                .iter()
+                .map(|&value| self.not_negative(key, value))
+                .collect(),
+            None => chain
+                .joints
+                .iter()
+                .map(|joint| {
+                    joint.model_compliance_rad_per_nm.ok_or_else(|| {
+                        self.wrong(
+                            key,
+                            format!(
+                                "is missing, and the model gives joint {:?} no position actuator whose gain is its stiffness",
+                                joint.name
+                            ),
+                        )
+                    })
+                })
+                .collect(),
+        }
+    }
+
+    pub(super) fn parameters(
+        &self,
+        chain: &SerialChain,
+        names: &[String],
+    ) -> Result<Vec<usize>, FileError> {
+        let key = "robot.parameters";
+        let known = || names_of(chain);
+        let mut parameters = Vec::new();
+        for name in names {
+            let joint = chain
+                .joints
+                .iter()
+                .position(|joint| joint.name == *name)
+                .ok_or_else(|| {
+                    self.wrong(
+                        key,
+                        format!("found {name:?}; the robot's joints are: {}", known()),
+                    )
+                })?;
+            if parameters.contains(&joint) {
+                return Err(self.wrong(key, format!("found {name:?} twice")));
+            }
+            parameters.push(joint);
+        }
+        if parameters.is_empty() {
+            let problem = format!("is empty; at least one joint is needed of: {}", known());
+            return Err(self.wrong(key, problem));
+        }
+        parameters.sort_unstable();
+        Ok(parameters)
+    }
+
+    pub(super) fn true_robot(&self, file: &File, nominal: &Robot) -> Result<Robot, FileError> {
+        let table = file.true_robot.as_ref();
+        let Some(table) = table else {
+            return Ok(nominal.clone());
+        };
+        let mut robot = match &table.model {
+            None => nominal.clone(),
+            Some(path) => {
+                let key = "true_robot.model";
+                let model = self.model(key, path)?;
+                let chain = self.serial_chain(key, &model)?;
+                if chain.len() != nominal.chain.len() {
+                    let problem = format!(
+                        "found {} joints; the nominal robot has {}",
+                        chain.len(),
+                        nominal.chain.len()
+                    );
+                    return Err(self.wrong(key, problem));
+                }
+                self.tool(key, &model, &file.robot.calibration_site)?;
+                self.tool(key, &model, &file.robot.machining_site)?;
+                Robot {
+                    compliance_rad_per_nm: self.compliances(
+                        "true_robot.compliance_rad_per_nm",
+                        &chain,
+                        table.compliance_rad_per_nm.as_deref(),
+                    )?,
+                    chain,
+                    model,
+                }
+            }
+        };
+        if let Some(given) = &table.compliance_rad_per_nm {
+            robot.compliance_rad_per_nm = self.compliances(
+                "true_robot.compliance_rad_per_nm",
+                &robot.chain,
+                Some(given),
+            )?;
+        }
+        Ok(robot)
+    }
+}
+
+/// The joints' names, for messages.
+pub(super) fn names_of(chain: &SerialChain) -> String {
+    let names: Vec<_> = (chain.joints.iter())
+        .map(|joint| joint.name.as_str())
+        .collect();
+    names.join(", ")
+}

@@ -1,0 +1,56 @@
+//! The tables `[[test_pose]]`.
+
+use nalgebra::DVector;
+
+use super::Checker;
+use crate::files::FileError;
+use crate::robot::SerialChain;
+use crate::scenario::TestPose;
+use crate::scenario::file::TestPoseTable;
+
+impl Checker<'_> {
+    pub(super) fn test_poses(
+        &self,
+        tables: &[TestPoseTable],
+        chain: &SerialChain,
+    ) -> Result<Vec<TestPose>, FileError> {
+        if tables.is_empty() {
+            return Err(self.wrong("test_pose", "is empty; at least one test pose is needed"));
+        }
+        let mut poses = Vec::new();
+        for (index, table) in tables.iter().enumerate() {
+            let key = format!("test_pose[{index}]");
+            let q_key = format!("{key}.q_deg");
+            let q_deg = self.one_per_joint(&q_key, &table.q_deg, chain.len())?;
+            for (value, joint) in q_deg.iter().zip(&chain.joints) {
+                self.finite(&q_key, *value)?;
+                let [low, high] = joint.range_rad.map(f64::to_degrees);
+                if *value < low - 1e-9 || *value > high + 1e-9 {
+                    let problem = format!(
+                        "found {value} for {}; its limits are {low:.4} to {high:.4}",
+                        joint.name
+                    );
+                    return Err(self.wrong(&q_key, problem));
+                }
+            }
+            let weight = table.weight.unwrap_or(1.0);
+            poses.push(TestPose {
+                name: table
+                    .name
+                    .clone()
+                    .unwrap_or_else(|| format!("test pose {}", index + 1)),
+                configuration_rad: DVector::from_iterator(
+                    q_deg.len(),
+                    q_deg.iter().map(|angle| angle.to_radians()),
+                ),
+                load: self.load(&key, table.force_n, table.torque_nm)?,
+                weight: self.positive(&format!("{key}.weight"), weight)?,
+            });
+        }
+        let total: f64 = poses.iter().map(|pose| pose.weight).sum();
+        for pose in &mut poses {
+            pose.weight /= total;
+        }
+        Ok(poses)
+    }
+}
