@@ -12,7 +12,7 @@ use elastocal::testbed::VirtualRobot;
 use serde_json::json;
 
 use super::table::table;
-use super::{Common, Report};
+use super::{Common, Report, results};
 
 /// Arguments of `measure`.
 #[derive(Debug, Args)]
@@ -76,10 +76,13 @@ impl Measure {
         }
         let messages: Vec<MeasurementMessage> = measurements.iter().map(Into::into).collect();
         Ok(Report {
-            json: json!({
-                "provenance": ProvenanceMessage::new(&scenario),
-                "measurements": messages,
-            }),
+            json: results(
+                "measure",
+                &ProvenanceMessage::new(&scenario),
+                json!({
+                    "measurements": messages,
+                }),
+            ),
             text,
             conditions: Vec::new(),
         })

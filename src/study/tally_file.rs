@@ -13,10 +13,10 @@ use super::{Entry, runner};
 use crate::files::{FileError, hexadecimal, read_text, write_whole};
 use crate::output::messages::ProvenanceMessage;
 use crate::plan::Plan;
-use crate::scenario::{Level, Scenario};
+use crate::scenario::{Gate, Level, Scenario};
 
 /// What a study's numbers depend on; tallies of different headers do not add.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Header {
     /// Program, scenario and seed.
     #[serde(flatten)]
@@ -39,6 +39,8 @@ pub struct Header {
     pub reference: Option<usize>,
     /// The number n of shards.
     pub shards: u64,
+    /// How much worse results may get: no number depends on it.
+    pub gate: Gate,
 }
 
 impl Header {
@@ -64,6 +66,7 @@ impl Header {
                 .collect(),
             reference: runner::reference(entries),
             shards,
+            gate: scenario.gate.clone(),
         }
     }
 
@@ -81,7 +84,7 @@ impl Header {
         let (mine, theirs) = (mine.as_object()?, theirs.as_object()?);
         // Other plans are often the consequence of another difference, which says more.
         (mine.iter())
-            .filter(|(key, value)| theirs.get(*key) != Some(value))
+            .filter(|(key, value)| *key != "gate" && theirs.get(*key) != Some(value))
             .min_by_key(|(key, _)| *key == "plans_sha256")
             .map(|(key, value)| {
                 let found = theirs.get(key).unwrap_or(&serde_json::Value::Null);
@@ -141,7 +144,7 @@ struct StoredTally {
     histogram: Vec<(usize, u64)>,
 }
 
-const FORMAT: u32 = 1;
+const FORMAT: u32 = 2;
 
 impl TallyFile {
     /// A shard of which nothing is done.
@@ -227,7 +230,7 @@ impl TallyFile {
             let problem = format!("is of shard {} and not {shard}", found.shard);
             return Err(FileError::new(path, problem));
         }
-        Ok(found)
+        Ok(Self { header, ..found })
     }
 
     fn check(&self, path: &Path, expected: &Header) -> Result<(), FileError> {
