@@ -224,7 +224,7 @@ fn schema_differs(differences: &[Difference]) -> bool {
 fn differences(base: &ResultsFile, new: &ResultsFile) -> Vec<Difference> {
     let differs = |setting: &Setting| !setting.is_same(base, new);
     let difference = |setting: Setting| {
-        let say = |file| setting.of(file).unwrap_or_else(|| "not given".to_owned());
+        let say = |file| setting.of(file).unwrap_or_else(|| "none".to_owned());
         Difference {
             setting,
             base: say(base),

@@ -1,7 +1,5 @@
 //! The table `[gate]`: how much worse results may get before a comparison fails.
 
-use std::collections::BTreeMap;
-
 use serde::{Deserialize, Serialize};
 
 /// What comparisons of results look at.
@@ -66,8 +64,23 @@ pub(super) struct ToleranceTable {
 
 /// The table as it is written; results carry it to where they are compared.
 #[derive(Debug, Clone, PartialEq, Default, Deserialize, Serialize)]
-#[serde(transparent)]
-pub struct Gate(BTreeMap<Quantity, ToleranceTable>);
+#[serde(deny_unknown_fields)]
+pub struct Gate {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    rho0: Option<ToleranceTable>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    efficiency: Option<ToleranceTable>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    standard_error: Option<ToleranceTable>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    realised_error: Option<ToleranceTable>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    mean_error: Option<ToleranceTable>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    violations: Option<ToleranceTable>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    failed_runs: Option<ToleranceTable>,
+}
 
 impl Quantity {
     /// All of them.
@@ -141,10 +154,22 @@ impl ToleranceTable {
 }
 
 impl Gate {
+    const fn table(&self, quantity: Quantity) -> Option<ToleranceTable> {
+        match quantity {
+            Quantity::Rho0 => self.rho0,
+            Quantity::Efficiency => self.efficiency,
+            Quantity::StandardError => self.standard_error,
+            Quantity::RealisedError => self.realised_error,
+            Quantity::MeanError => self.mean_error,
+            Quantity::Violations => self.violations,
+            Quantity::FailedRuns => self.failed_runs,
+        }
+    }
+
     /// The tolerance of a quantity.
     #[must_use]
     pub fn tolerance(&self, quantity: Quantity) -> Tolerance {
-        let table = self.0.get(&quantity).copied().unwrap_or_default();
+        let table = self.table(quantity).unwrap_or_default();
         let absolute = table.absolutes().into_iter().find_map(|(_, value)| value);
         let default = absolute.map_or(quantity.default_relative(), |_| 0.0);
         Tolerance {
@@ -159,7 +184,10 @@ impl Gate {
     /// # Errors
     /// A tolerance is negative, not finite, or in the wrong unit.
     pub fn check(&self) -> Result<(), (String, String)> {
-        for (quantity, table) in &self.0 {
+        for quantity in Quantity::ALL {
+            let Some(table) = self.table(quantity) else {
+                continue;
+            };
             let key = |key: &str| format!("{}.{key}", quantity.name());
             let right = quantity.absolute_key();
             for (name, value) in table.absolutes() {

@@ -74,7 +74,15 @@ fn every_command_prints_its_keys() {
     };
 
     let check = json("check s.toml", 0);
-    assert_eq!(check, serde_json::json!({ "ok": true, "problems": [] }));
+    assert_eq!(
+        (&check["ok"], &check["problems"]),
+        (&true.into(), &serde_json::json!([]))
+    );
+    assert_eq!(check["provenance"]["scenario"], "s");
+    assert_eq!(
+        check["schema"],
+        serde_json::json!({ "name": "elastocal.check", "version": 1 })
+    );
 
     let plan = json("plan s.toml --experiments 2", 0);
     has(&plan, &EVALUATE_KEYS);
@@ -162,6 +170,9 @@ fn check_tells_a_program_what_is_wrong() {
     let outcome = workplace.run("check bad.toml --json --quiet").ends_with(1);
     let json = outcome.json();
     assert_eq!(json["ok"], false);
+    assert_eq!(json["provenance"]["scenario"], "bad");
+    let pretty = serde_json::to_string_pretty(&json).expect("JSON");
+    assert_eq!(outcome.stdout, pretty + "\n");
     let problem = json["problems"][0].as_str().expect("a text");
     assert!(problem.contains("sigma_um"), "{problem}");
     assert_eq!(
