@@ -16,7 +16,7 @@ use super::table::table;
 pub struct Compare {
     /// The results to measure by, of run, plan, evaluate or study.
     base: PathBuf,
-    /// The results to judge, by the tolerances of [gate] in their scenario.
+    /// The results to judge, by the gate of their scenario.
     new: PathBuf,
     /// Compare although these differ.
     #[arg(long, value_name = "SETTINGS", value_enum, value_delimiter = ',')]

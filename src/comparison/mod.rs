@@ -288,7 +288,11 @@ impl Key {
     #[must_use]
     pub fn text(&self) -> String {
         let of = (self.of.as_ref()).map_or_else(String::new, |of| format!(" of {of}"));
-        format!("{}{of}, plan {}", self.quantity.name(), self.plan)
+        let plan = match &*self.plan {
+            results::ONLY_PLAN => String::new(),
+            name => format!(", plan {name}"),
+        };
+        format!("{}{of}{plan}", self.quantity.name())
     }
 }
 

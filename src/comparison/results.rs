@@ -11,10 +11,13 @@ use crate::files::{FileError, read_text};
 use crate::output::messages::{ProvenanceMessage, RESULTS_VERSION, SchemaMessage};
 use crate::scenario::{Gate, Quantity};
 
+/// The name of a plan that results give none.
+pub const ONLY_PLAN: &str = "plan";
+
 /// A number's name: of which plan, what, and of which joint or test pose.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Key {
-    /// The plan's name; "plan" where the results are of one plan without a name.
+    /// The plan's name; [`ONLY_PLAN`] where the results are of one plan without a name.
     pub plan: String,
     /// What it is.
     pub quantity: Quantity,
@@ -205,7 +208,7 @@ impl ResultsFile {
     fn single(&mut self, promise: Promise) -> Result<(), FileError> {
         self.settings
             .push(("experiments", promise.experiments.into()));
-        let name = self.add_plan("plan".to_owned());
+        let name = self.add_plan(ONLY_PLAN.to_owned());
         self.promise(&name, "", promise)
     }
 

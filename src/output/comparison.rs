@@ -60,6 +60,7 @@ fn change_json(change: &Change) -> Value {
 }
 
 /// A row for each change, in the [`COLUMNS`].
+#[must_use]
 pub fn rows<'a>(changes: impl Iterator<Item = &'a Change>) -> Vec<Vec<String>> {
     changes.map(row).collect()
 }
@@ -126,7 +127,9 @@ fn allowed(change: &Change) -> String {
     match change.base {
         _ if change.tolerance == 0.0 => format!("{sign}0"),
         Some(base) if base != 0.0 && !is_count(change.key.quantity) => {
-            format!("{sign}{:.3} %", change.tolerance / base.abs() * 100.0)
+            let percent = format!("{:.3}", change.tolerance / base.abs() * 100.0);
+            let percent = percent.trim_end_matches('0').trim_end_matches('.');
+            format!("{sign}{percent} %")
         }
         _ => format!("{sign}{}", change.tolerance),
     }
@@ -154,8 +157,13 @@ pub fn notes(base: &ResultsFile, new: &ResultsFile, comparison: &Comparison) -> 
     }
     let (before, now) = (&base.provenance.platform, &new.provenance.platform);
     if before != now {
+        let digits = if comparison.identical {
+            ""
+        } else {
+            ": the last digits may differ"
+        };
         notes.push(format!(
-            "The base is of another platform ({before}, now {now}): the last digits may differ."
+            "The base is of another platform ({before}, now {now}){digits}."
         ));
     }
     if comparison.identical {

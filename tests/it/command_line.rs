@@ -181,6 +181,39 @@ fn check_tells_a_program_what_is_wrong() {
     );
 }
 
+/// Standard deviations that a file brings count, and are what `identify` names.
+#[test]
+fn a_files_own_standard_deviations_are_named() {
+    let workplace = measured_and_identified();
+    let plain = workplace.run(&format!("{IDENTIFY} --json")).json();
+    let own: String = (workplace.read("m.csv").lines())
+        .map(|line| {
+            let is_header = line.starts_with("q1_deg");
+            let own = if is_header {
+                "sx_mm,sy_mm,sz_mm"
+            } else {
+                "0.06,0.06,0.06"
+            };
+            format!("{line},{own}\n")
+        })
+        .collect();
+    workplace.write("m.csv", own);
+    let json = workplace
+        .run(&format!("{IDENTIFY} --json"))
+        .ends_with(0)
+        .json();
+    let of = |json: &Value, key: &str| json[key].as_f64().expect("a number");
+    assert!((of(&json, "sigma_mm") - 0.06).abs() < 1e-12, "{json:#}");
+    // The residuals are what they were.
+    let change = of(&json, "residual_sigma_mm") / of(&plain, "residual_sigma_mm");
+    assert!((change - 1.0).abs() < 1e-6, "{change}");
+    let text = workplace.run(IDENTIFY).stdout;
+    assert!(
+        text.contains("sigma 0.0600 mm, from residuals 0.0"),
+        "{text}"
+    );
+}
+
 #[test]
 fn the_seed_is_all_that_chance_depends_on() {
     let workplace = workplace();

@@ -434,7 +434,7 @@ fn the_summary_is_markdown() {
         .expect("a row");
     assert_eq!(
         row,
-        "| a\\|b&lt;i> | rho0 [um] | 6.5882 | 8.2352 | +25.00 % | +1.000 % |"
+        "| a\\|b&lt;i> | rho0 [um] | 6.5882 | 8.2352 | +25.00 % | +1 % |"
     );
     assert_eq!(top.matches("rho0 [um]").count(), 1, "only what is broken");
     assert!(top.contains("| base | base.json | 0.1.0 ("), "{top}");
