@@ -2,7 +2,7 @@
 
 CARGO ?= cargo
 
-.PHONY: help demo test build lint fmt clippy doc clean setup
+.PHONY: help demo test build gate baseline lint fmt clippy doc clean setup
 
 help: ## list the targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/make \1\t\2/p' Makefile | expand -t 16
@@ -16,6 +16,14 @@ test: setup ## run all tests
 
 build: setup ## build the program: target/release/elastocal
 	$(CARGO) build --release --locked
+
+gate: build ## compare results with those stored in scenarios/baselines: the same bits on the same platform
+	tools/baseline target/gate
+	@for name in results study; do target/release/elastocal compare --exact \
+	  scenarios/baselines/klimchik2012_$$name.json target/gate/klimchik2012_$$name.json || exit $$?; done
+
+baseline: build ## store new results in scenarios/baselines, to commit where they were meant to change
+	tools/baseline scenarios/baselines
 
 lint: fmt clippy doc ## check formatting, lints and documentation
 

@@ -18,9 +18,23 @@ fn main() {
             println!("cargo::rerun-if-changed={path}");
         }
     }
-    let commit = git(&["describe", "--always", "--abbrev=12"]);
-    let commit = commit.as_deref().unwrap_or("unknown");
-    println!("cargo::rustc-env=ELASTOCAL_COMMIT={commit}");
+    let commit =
+        git(&["describe", "--always", "--abbrev=12"]).unwrap_or_else(|| "unknown".to_owned());
+    println!("cargo::rustc-env=ELASTOCAL_COMMIT={commit}{}", dirty_mark());
+}
+
+/// "-dirty" where what the program is made of is not as it was committed.
+fn dirty_mark() -> &'static str {
+    let sources = ["build.rs", "Cargo.lock", "Cargo.toml", "src"];
+    let mut status = vec!["--no-optional-locks", "status", "--porcelain", "--"];
+    for source in sources {
+        println!("cargo::rerun-if-changed={source}");
+        status.push(source);
+    }
+    match git(&status) {
+        Some(changes) if !changes.is_empty() => "-dirty",
+        _ => "",
+    }
 }
 
 /// What git answers, if there is a git, a repository and an answer.

@@ -32,7 +32,7 @@
 //!
 //! Each module uses only what stands above it.
 //!
-//! - [`files`], [`units`], [`random`], [`least_squares`]: what every stage needs.
+//! - [`files`], [`units`], [`random`], [`platform`], [`least_squares`]: what every stage needs.
 //! - [`mujoco`]: MJCF models in MuJoCo; the only user of the simulator's bindings.
 //! - [`robot`]: the serial chain read from the model; Jacobians, elastostatics, static equilibrium.
 //! - [`scenario`]: one TOML file becomes a checked [`Scenario`](scenario::Scenario), in SI units.
@@ -45,6 +45,7 @@
 //! - [`calibration`]: the whole loop once.
 //! - [`study`]: Monte Carlo.
 //! - [`output`]: JSON records, MCAP, the rerun stream, pictures; computes nothing.
+//! - [`comparison`]: two results files against tolerances.
 //!
 //! # Invariants
 //!
@@ -98,6 +99,7 @@
 #![expect(clippy::doc_markdown, reason = "the paper's symbols")]
 
 pub mod calibration;
+pub mod comparison;
 pub mod compensation;
 pub mod files;
 pub mod identification;
@@ -106,9 +108,16 @@ pub mod measurement;
 pub mod mujoco;
 pub mod output;
 pub mod plan;
+pub mod platform;
 pub mod random;
 pub mod robot;
 pub mod scenario;
 pub mod study;
 pub mod testbed;
 pub mod units;
+
+/// The version of elastocal.
+pub const VERSION: &str = env!("CARGO_PKG_VERSION");
+
+/// The commit that it was built from, with "-dirty" where its sources had been changed since.
+pub const COMMIT: &str = env!("ELASTOCAL_COMMIT");

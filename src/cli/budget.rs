@@ -12,7 +12,7 @@ use serde_json::{Value, json};
 
 use super::progress::{bar, stop_flag};
 use super::table::table;
-use super::{Common, Report};
+use super::{Common, Report, results};
 
 /// Arguments of `budget`.
 #[derive(Debug, Args)]
@@ -78,12 +78,15 @@ impl Budget {
             text += &format!("wrote {}\n", path.display());
         }
         Ok(Report {
-            json: json!({
-                "provenance": ProvenanceMessage::new(&scenario),
-                "accuracy_um": self.accuracy_um,
-                "needed": needed.as_ref().map(record),
-                "budget": points.iter().map(record).collect::<Vec<_>>(),
-            }),
+            json: results(
+                "budget",
+                &ProvenanceMessage::new(&scenario),
+                json!({
+                    "accuracy_um": self.accuracy_um,
+                    "needed": needed.as_ref().map(record),
+                    "budget": points.iter().map(record).collect::<Vec<_>>(),
+                }),
+            ),
             text,
             conditions,
         })

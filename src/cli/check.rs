@@ -1,12 +1,15 @@
 //! `check`: is the scenario valid, and is the plan possible?
 
+use std::ffi::OsStr;
 use std::path::PathBuf;
 
 use clap::Args;
+use elastocal::output::messages::{ProvenanceMessage, SchemaMessage};
 use elastocal::plan::{Feasibility, read_plan};
-use serde_json::json;
+use elastocal::platform::platform;
+use serde_json::{Value, json};
 
-use super::{Common, Report};
+use super::{Common, Report, results};
 
 /// Arguments of `check`.
 #[derive(Debug, Args)]
@@ -32,11 +35,8 @@ impl Check {
             Ok(checked) => checked,
             Err(error) => {
                 if self.common.json {
-                    let problems = [error.to_string()];
-                    super::print(&format!(
-                        "{}\n",
-                        json!({ "ok": false, "problems": problems })
-                    ))?;
+                    let json = self.broken(&error.to_string());
+                    super::print(&(serde_json::to_string_pretty(&json)? + "\n"))?;
                 }
                 return Err(error);
             }
@@ -57,10 +57,23 @@ impl Check {
         } else {
             vec![super::evaluate::violated(problems.len())]
         };
+        let json = json!({ "ok": problems.is_empty(), "problems": problems });
         Ok(Report {
-            json: json!({ "ok": problems.is_empty(), "problems": problems }),
+            json: results("check", &ProvenanceMessage::new(&scenario), json),
             text,
             conditions,
+        })
+    }
+
+    /// A broken scenario, or one with a broken plan, has neither seed nor hash here.
+    fn broken(&self, problem: &str) -> Value {
+        let [version, commit] = [elastocal::VERSION, elastocal::COMMIT];
+        let scenario = (self.common.scenario.file_stem()).map(OsStr::to_string_lossy);
+        json!({
+            "schema": SchemaMessage::new("check"),
+            "provenance": { "version": version, "commit": commit, "platform": platform(), "scenario": scenario },
+            "ok": false,
+            "problems": [problem],
         })
     }
 }

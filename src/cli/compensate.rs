@@ -10,7 +10,7 @@ use elastocal::scenario::{Method, Scenario};
 use serde_json::json;
 
 use super::table::{number, table};
-use super::{Common, Report};
+use super::{Common, Report, results};
 
 /// Arguments of `compensate`.
 #[derive(Debug, Args)]
@@ -51,14 +51,17 @@ impl Compensate {
             .collect();
         let first = &messages[0];
         Ok(Report {
-            json: json!({
-                "provenance": ProvenanceMessage::new(&scenario),
-                "q_commanded_deg": first.q_commanded_deg,
-                "uncompensated_mm": first.uncompensated_mm,
-                "residual_mm": first.residual_mm,
-                "rho0_mm": first.rho0_mm,
-                "test_poses": messages,
-            }),
+            json: results(
+                "compensate",
+                &ProvenanceMessage::new(&scenario),
+                json!({
+                    "q_commanded_deg": first.q_commanded_deg,
+                    "uncompensated_mm": first.uncompensated_mm,
+                    "residual_mm": first.residual_mm,
+                    "rho0_mm": first.rho0_mm,
+                    "test_poses": messages,
+                }),
+            ),
             text: table(
                 &[
                     "test pose",

@@ -7,10 +7,10 @@ use elastocal::output::messages::{AssessmentMessage, ProvenanceMessage};
 use elastocal::plan::search::{Problem, approximate_design};
 use elastocal::plan::{Assessment, Criterion, read_plan};
 use elastocal::scenario::Scenario;
-use serde_json::{Value, json};
+use serde_json::json;
 
 use super::table::{number, table};
-use super::{Common, Report};
+use super::{Common, Report, merge, results};
 
 /// Arguments of `evaluate`.
 #[derive(Debug, Args)]
@@ -35,20 +35,14 @@ impl Evaluate {
         let certificate = approximate.as_ref().map(|design| &design.certificate);
         let assessment = Assessment::new(&scenario, &plan, certificate);
         let message = AssessmentMessage::new(&scenario, &assessment);
-        let mut json = json!({ "provenance": ProvenanceMessage::new(&scenario) });
+        let provenance = ProvenanceMessage::new(&scenario);
+        let mut json = results("evaluate", &provenance, json!({ "gate": scenario.gate }));
         merge(&mut json, serde_json::to_value(&message)?);
         Ok(Report {
             json,
             text: describe(&scenario, &assessment),
             conditions: conditions(&scenario, &assessment),
         })
-    }
-}
-
-/// Adds the keys of one JSON object to another.
-pub fn merge(into: &mut Value, from: Value) {
-    if let (Value::Object(into), Value::Object(from)) = (into, from) {
-        into.extend(from);
     }
 }
 

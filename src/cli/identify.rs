@@ -8,11 +8,9 @@ use elastocal::identification::{Identification, IdentificationError, Sigma, iden
 use elastocal::measurement::read_measurements;
 use elastocal::output::messages::{IdentificationMessage, ProvenanceMessage};
 use elastocal::scenario::Method;
-use serde_json::json;
 
-use super::evaluate::merge;
 use super::table::{number, table};
-use super::{Common, Report};
+use super::{Common, Report, results};
 
 /// Arguments of `identify`.
 #[derive(Debug, Args)]
@@ -60,9 +58,12 @@ impl Identify {
             method,
         )
         .map_err(|error| explained(&self.measurements, &error))?;
-        let mut json = json!({ "provenance": ProvenanceMessage::new(&scenario) });
         let message = IdentificationMessage::from(&identification);
-        merge(&mut json, serde_json::to_value(&message)?);
+        let json = results(
+            "identify",
+            &ProvenanceMessage::new(&scenario),
+            serde_json::to_value(&message)?,
+        );
         let mut text = describe(&identification);
         if let Some(path) = &self.identified_out {
             write_whole(

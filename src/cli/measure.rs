@@ -11,7 +11,7 @@ use elastocal::testbed::VirtualRobot;
 use serde_json::json;
 
 use super::table::table;
-use super::{Common, Report};
+use super::{Common, Report, results};
 
 /// Arguments of `measure`.
 #[derive(Debug, Args)]
@@ -74,10 +74,13 @@ impl Measure {
         }
         let messages: Vec<MeasurementMessage> = measurements.iter().map(Into::into).collect();
         Ok(Report {
-            json: json!({
-                "provenance": ProvenanceMessage::new(&scenario),
-                "measurements": messages,
-            }),
+            json: results(
+                "measure",
+                &ProvenanceMessage::new(&scenario),
+                json!({
+                    "measurements": messages,
+                }),
+            ),
             text,
             conditions: Vec::new(),
         })

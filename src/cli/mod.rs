@@ -5,6 +5,7 @@
 
 mod budget;
 mod check;
+mod compare;
 mod compensate;
 mod evaluate;
 mod identify;
@@ -22,8 +23,9 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
 use elastocal::files::FileError;
+use elastocal::output::messages::{ProvenanceMessage, SchemaMessage};
 use elastocal::scenario::Scenario;
-use serde_json::Value;
+use serde_json::{Value, json};
 
 /// A virtual calibration testbed for the joint stiffness of industrial robots.
 #[derive(Debug, Parser)]
@@ -80,6 +82,8 @@ enum Command {
     Replay(replay::Replay),
     /// Join the shards of a study
     Merge(merge::Merge),
+    /// Compare two results files against tolerances: the gate for continuous integration
+    Compare(compare::Compare),
 }
 
 /// What a command ends with.
@@ -99,6 +103,7 @@ impl Arguments {
         let (json, quiet, threads) = match (&self.command, self.command.common()) {
             (_, Some(common)) => (common.json, common.quiet, common.threads),
             (Command::Merge(command), None) => (command.json, command.quiet, None),
+            (Command::Compare(command), None) => (command.json, command.quiet, None),
             (_, None) => (false, false, None),
         };
         elastocal::mujoco::print_warnings(!quiet);
@@ -119,6 +124,7 @@ impl Arguments {
             Command::Study(command) => command.execute(),
             Command::Replay(command) => command.execute(),
             Command::Merge(command) => command.execute(),
+            Command::Compare(command) => command.execute(),
         }?;
         let text = if json {
             serde_json::to_string_pretty(&report.json)? + "\n"
@@ -144,7 +150,7 @@ impl Command {
             Self::Compensate(command) => &command.common,
             Self::Study(command) => &command.common,
             Self::Replay(command) => &command.common,
-            Self::Merge(_) => return None,
+            Self::Merge(_) | Self::Compare(_) => return None,
         })
     }
 }
@@ -175,6 +181,20 @@ impl Common {
         if !self.quiet {
             eprintln!("{what}");
         }
+    }
+}
+
+/// The results of a command in JSON: what they are and where they come from, and the command's keys.
+fn results(command: &str, provenance: &ProvenanceMessage, keys: Value) -> Value {
+    let mut json = json!({ "schema": SchemaMessage::new(command), "provenance": provenance });
+    merge(&mut json, keys);
+    json
+}
+
+/// Adds the keys of one JSON object to another.
+fn merge(into: &mut Value, from: Value) {
+    if let (Value::Object(into), Value::Object(from)) = (into, from) {
+        into.extend(from);
     }
 }
 

@@ -15,9 +15,9 @@ use elastocal::plan::{Assessment, Criterion, write_plan};
 use elastocal::scenario::Scenario;
 use serde_json::json;
 
-use super::evaluate::{conditions, describe, merge};
+use super::evaluate::{conditions, describe};
 use super::progress::{bar, stop_flag};
-use super::{Common, Report};
+use super::{Common, Report, merge, results};
 
 /// Arguments of `plan`.
 #[derive(Debug, Args)]
@@ -138,8 +138,8 @@ impl PlanCommand {
             write_whole(path, stills::sheet(&scenario, plan).as_bytes())?;
             text += &format!("wrote {}\n", path.display());
         }
-        let mut json = json!({
-            "provenance": ProvenanceMessage::new(&scenario),
+        let json = json!({
+            "gate": scenario.gate,
             "plan": plan_messages(plan),
             "criterion": self.criterion.name(),
             "elapsed_s": designed.elapsed_s,
@@ -148,6 +148,7 @@ impl PlanCommand {
             "bound_searches": certificate.searches,
             "bound_searches_agreeing": certificate.agreeing,
         });
+        let mut json = results("plan", &ProvenanceMessage::new(&scenario), json);
         let message = AssessmentMessage::new(&scenario, &assessment);
         merge(&mut json, serde_json::to_value(&message)?);
         let mut conditions = conditions(&scenario, &assessment);

@@ -18,10 +18,9 @@ use elastocal::plan::{Assessment, Criterion, Plan, read_plan, write_plan};
 use elastocal::scenario::Scenario;
 use serde_json::{Value, json};
 
-use super::evaluate::merge;
 use super::plan::design;
 use super::table::{number, table};
-use super::{Common, Report, identify};
+use super::{Common, Report, identify, merge, results};
 
 /// Arguments of `run`.
 #[derive(Debug, Args)]
@@ -66,7 +65,7 @@ impl Run {
             "assessing {RANDOM_PLANS} random plans, writing {}",
             folder.display()
         ));
-        let mut json = results(&scenario, &entries, designed.elapsed_s)?;
+        let mut json = everything(&scenario, &entries, designed.elapsed_s)?;
         let random_rho0_m = median_random_rho0(&scenario, experiments, RANDOM_PLANS)?;
         merge(
             &mut json,
@@ -111,7 +110,7 @@ fn entry(
 }
 
 /// The JSON of the run: the main plan's keys by stage, then every plan.
-fn results(scenario: &Scenario, entries: &[Entry], elapsed_s: f64) -> anyhow::Result<Value> {
+fn everything(scenario: &Scenario, entries: &[Entry], elapsed_s: f64) -> anyhow::Result<Value> {
     let main = &entries[0];
     let messages: Vec<CalibrationMessage> = entries
         .iter()
@@ -124,12 +123,13 @@ fn results(scenario: &Scenario, entries: &[Entry], elapsed_s: f64) -> anyhow::Re
         .iter()
         .map(Into::into)
         .collect();
-    let mut json = json!({
-        "provenance": ProvenanceMessage::new(scenario),
+    let json = json!({
+        "gate": scenario.gate,
         "plan": plan_messages(&main.calibration.1.plan),
         "elapsed_s": elapsed_s,
         "measurements": measurements,
     });
+    let mut json = results("run", &ProvenanceMessage::new(scenario), json);
     // The order matters where keys coincide: rho0_mm is what the plan promises, and the standard
     // errors are those of the identification.
     merge(&mut json, serde_json::to_value(&messages[0].test_poses[0])?);

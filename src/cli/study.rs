@@ -6,6 +6,7 @@ use std::time::Instant;
 use anyhow::Context;
 use clap::Args;
 use elastocal::files::{check_writable, make_folder, write_whole};
+use elastocal::output::messages::SchemaMessage;
 use elastocal::output::study::{StudyPlanMessage, study_csv};
 use elastocal::plan::Plan;
 use elastocal::plan::search::random_plan;
@@ -18,11 +19,10 @@ use elastocal::study::{Entry, EntryKind, Setting, repeated};
 use indicatif::ProgressStyle;
 use serde_json::{Value, json};
 
-use super::evaluate::merge;
 use super::plan::design;
 use super::progress::bar;
 use super::table::{number, table};
-use super::{Common, Report};
+use super::{Common, Report, merge, results};
 
 /// Arguments of `study`.
 #[derive(Debug, Args)]
@@ -110,7 +110,7 @@ impl StudyCommand {
             );
             merge(
                 &mut report.json,
-                json!({ "shard": shard, "shards": shards }),
+                json!({ "schema": SchemaMessage::new("shard"), "shard": shard, "shards": shards }),
             );
             return Ok(report);
         }
@@ -198,13 +198,14 @@ impl Results {
             .collect::<anyhow::Result<Vec<_>>>()?;
         let reference = header.plans.iter().find_map(|plan| plan.reference);
         let mut json = json!({
-            "provenance": header.provenance,
+            "gate": header.gate,
             "trials": header.trials,
             "level": header.level,
             "parameters": header.parameters,
             "reference": reference.map(|index| &header.plans[index].name),
             "plans": messages,
         });
+        json = results("study", &header.provenance, json);
         if let Some(timing) = timing {
             #[expect(clippy::cast_precision_loss, reason = "far below 2^52 runs")]
             let runs_per_s = timing.runs as f64 / timing.elapsed_s;

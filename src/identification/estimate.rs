@@ -59,7 +59,8 @@ pub struct Identification {
     pub compliance_rad_per_nm: Vec<f64>,
     /// The covariance of the parameters (eq. 13), p x p; zero for those not determined.
     pub covariance: DMatrix<f64>,
-    /// The standard deviation of a deflection's coordinate that the uncertainties rest on (m).
+    /// The standard deviation of a deflection's coordinate that the uncertainties rest on (m); the rms
+    /// of them where measurements bring their own.
     pub sigma_m: f64,
     /// The standard deviation that the residuals show (m), where there are any to spare.
     pub residual_sigma_m: Option<f64>,
@@ -214,6 +215,7 @@ fn report(
     let equations = fit.whitened_residuals.len();
     let spare = equations - least_squares.rank;
     let freedom = spare as f64;
+    let sigma_m = observations.typical_sigma_m();
     let sum_of_squares = fit.whitened_residuals.norm_squared();
     let ratio = (spare > 0).then(|| (sum_of_squares / freedom).sqrt());
     let (factor, quantile) = match sigma {
@@ -253,8 +255,8 @@ fn report(
         parameters,
         compliance_rad_per_nm: fit.compliance.clone(),
         covariance,
-        sigma_m: observations.sigma_m * factor,
-        residual_sigma_m: ratio.map(|ratio| ratio * observations.sigma_m),
+        sigma_m: sigma_m * factor,
+        residual_sigma_m: ratio.map(|ratio| ratio * sigma_m),
         consistency: (spare > 0 && matches!(sigma, Sigma::Known(_)))
             .then(|| ChiSquared::new(freedom).map_or(f64::NAN, |chi| chi.sf(sum_of_squares))),
         residuals_m: residuals_m(observations, &fit.whitened_residuals),

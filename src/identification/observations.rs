@@ -110,6 +110,18 @@ impl Observations<'_> {
         Ok(writer.equations)
     }
 
+    /// The standard deviation of a deflection's coordinate (m): the rms of them where measurements
+    /// bring their own.
+    pub fn typical_sigma_m(&self) -> f64 {
+        if self.measurements.iter().all(|each| each.sigma_m.is_none()) {
+            return self.sigma_m;
+        }
+        let squares: f64 = (self.measurements.iter())
+            .map(|each| self.sigma(each).norm_squared())
+            .sum();
+        (squares / (3 * self.measurements.len()) as f64).sqrt()
+    }
+
     fn sigma(&self, measurement: &Measurement) -> Vector3<f64> {
         measurement.sigma_m.unwrap_or(Vector3::repeat(self.sigma_m))
     }

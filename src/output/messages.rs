@@ -15,21 +15,47 @@ use crate::measurement::Measurement;
 use crate::plan::{Assessment, Criterion, Experiment, Plan};
 use crate::robot::Load;
 use crate::scenario::{Method, Scenario};
-use crate::units;
+use crate::{COMMIT, VERSION, platform, units};
+
+/// What a JSON file holds and in which form, so that another version can tell.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct SchemaMessage {
+    /// "elastocal." and the command that makes such results.
+    pub name: String,
+    /// The version of the form, the same for all results.
+    pub version: u32,
+}
+
+/// The version of the results that this program writes.
+pub const RESULTS_VERSION: u32 = 1;
+
+impl SchemaMessage {
+    /// The schema of what a command of this program prints.
+    #[must_use]
+    pub fn new(command: &str) -> Self {
+        Self {
+            name: format!("elastocal.{command}"),
+            version: RESULTS_VERSION,
+        }
+    }
+}
 
 /// Where an output comes from.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct ProvenanceMessage {
     /// The version of elastocal.
     pub version: String,
-    /// The commit that it was built from.
+    /// The commit that it was built from, with "-dirty" where its sources had been changed since.
     pub commit: String,
     /// The scenario's name.
     pub scenario: String,
-    /// SHA-256 of the scenario file's and the model files' bytes, in hexadecimal.
+    /// SHA-256 of the scenario's keys and values, without `[gate]`, and of the model files' bytes, in
+    /// hexadecimal.
     pub scenario_sha256: String,
     /// The seed of all random numbers.
     pub seed: u64,
+    /// The kind of machine and system.
+    pub platform: String,
 }
 
 impl ProvenanceMessage {
@@ -37,11 +63,12 @@ impl ProvenanceMessage {
     #[must_use]
     pub fn new(scenario: &Scenario) -> Self {
         Self {
-            version: env!("CARGO_PKG_VERSION").to_owned(),
-            commit: env!("ELASTOCAL_COMMIT").to_owned(),
+            version: VERSION.to_owned(),
+            commit: COMMIT.to_owned(),
             scenario: scenario.name.clone(),
             scenario_sha256: scenario.sha256.clone(),
             seed: scenario.seed,
+            platform: platform::platform(),
         }
     }
 }

@@ -5,9 +5,11 @@
 //! - [`stills`]: a sheet of pictures of the robot in each configuration of a plan.
 //! - [`plots`]: plots as SVG.
 //! - [`study`]: the records of a Monte Carlo study.
+//! - [`comparison`]: what changed between two results.
 //! - [`mesh`]: the model's shapes as triangles.
 //! - [`rerun_file`], [`mcap_file`]: the recordings.
 
+pub mod comparison;
 pub mod mcap_file;
 pub mod mesh;
 pub mod messages;

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
+use super::Gate;
 use crate::plan::Criterion;
 
 /// The whole file.
@@ -29,6 +30,8 @@ pub(super) struct File {
     pub plan: Vec<PlanTable>,
     #[serde(default)]
     pub study: StudyTable,
+    #[serde(default)]
+    pub gate: Gate,
 }
 
 #[derive(Debug, Deserialize)]

@@ -6,6 +6,7 @@
 
 mod check;
 mod file;
+mod gate;
 
 use std::path::PathBuf;
 
@@ -16,6 +17,7 @@ use crate::plan::{Criterion, Plan};
 use crate::robot::{Load, SerialChain, Tool};
 
 pub use file::{Level, LoadKind, Method, SigmaOf};
+pub use gate::{Direction, Gate, Quantity, Tolerance};
 
 /// A robot: its model, and its joints' compliances.
 #[derive(Debug, Clone)]
@@ -217,7 +219,8 @@ pub struct Scenario {
     pub name: String,
     /// One line on what it is.
     pub description: String,
-    /// SHA-256 of the scenario file's and the model files' bytes, in hexadecimal.
+    /// SHA-256 of the scenario's keys and values, without `[gate]`, and of the model files' bytes, in
+    /// hexadecimal.
     pub sha256: String,
     /// The seed of all random numbers.
     pub seed: u64,
@@ -247,6 +250,8 @@ pub struct Scenario {
     pub plans: Vec<PlanFile>,
     /// Which plans a Monte Carlo study compares.
     pub study: Study,
+    /// How much worse results may get.
+    pub gate: Gate,
 }
 
 impl Scenario {

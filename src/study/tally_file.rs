@@ -13,10 +13,10 @@ use super::{Entry, Setting, runner};
 use crate::files::{FileError, hexadecimal, read_text, write_whole};
 use crate::output::messages::ProvenanceMessage;
 use crate::plan::Plan;
-use crate::scenario::{Conditions, Level, Scenario};
+use crate::scenario::{Conditions, Gate, Level, Scenario};
 
 /// What a study's numbers depend on; tallies of different headers do not add.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Header {
     /// Program, scenario and seed.
     #[serde(flatten)]
@@ -31,6 +31,8 @@ pub struct Header {
     pub plans: Vec<PlanHeader>,
     /// The number n of shards.
     pub shards: u64,
+    /// How much worse results may get: no number depends on it.
+    pub gate: Gate,
 }
 
 /// What a plan's numbers depend on. Floats are strings, with all their digits.
@@ -93,6 +95,7 @@ impl Header {
                 .map(plan)
                 .collect(),
             shards,
+            gate: scenario.gate.clone(),
         }
     }
 
@@ -108,8 +111,10 @@ impl Header {
         let fields = |header: &Self| serde_json::to_value(header).ok();
         let (mine, theirs) = (fields(self)?, fields(other)?);
         let (mine, theirs) = (mine.as_object()?, theirs.as_object()?);
-        // Other plans are often the consequence of another difference, which says more.
+        // Other plans are often the consequence of another difference, which says more. A cluster may
+        // have several kinds of machine: where that matters, it shows in the plans.
         (mine.iter())
+            .filter(|(key, _)| !["gate", "platform"].contains(&key.as_str()))
             .filter(|(key, value)| theirs.get(*key) != Some(value))
             .min_by_key(|(key, _)| *key == "plans")
             .map(|(key, value)| {
@@ -259,7 +264,7 @@ impl TallyFile {
             let problem = format!("is of shard {} and not {shard}", found.shard);
             return Err(FileError::new(path, problem));
         }
-        Ok(found)
+        Ok(Self { header, ..found })
     }
 
     fn check(&self, path: &Path, expected: &Header) -> Result<(), FileError> {

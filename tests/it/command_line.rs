@@ -74,7 +74,15 @@ fn every_command_prints_its_keys() {
     };
 
     let check = json("check s.toml", 0);
-    assert_eq!(check, serde_json::json!({ "ok": true, "problems": [] }));
+    assert_eq!(
+        (&check["ok"], &check["problems"]),
+        (&true.into(), &serde_json::json!([]))
+    );
+    assert_eq!(check["provenance"]["scenario"], "s");
+    assert_eq!(
+        check["schema"],
+        serde_json::json!({ "name": "elastocal.check", "version": 1 })
+    );
 
     let plan = json("plan s.toml --experiments 2", 0);
     has(&plan, &EVALUATE_KEYS);
@@ -162,11 +170,47 @@ fn check_tells_a_program_what_is_wrong() {
     let outcome = workplace.run("check bad.toml --json --quiet").ends_with(1);
     let json = outcome.json();
     assert_eq!(json["ok"], false);
+    assert_eq!(json["provenance"]["scenario"], "bad");
+    let pretty = serde_json::to_string_pretty(&json).expect("JSON");
+    assert_eq!(outcome.stdout, pretty + "\n");
     let problem = json["problems"][0].as_str().expect("a text");
     assert!(problem.contains("sigma_um"), "{problem}");
     assert_eq!(
         outcome.stderr.lines().next(),
         Some(format!("error: {problem}").as_str())
+    );
+}
+
+/// Standard deviations that a file brings count, and are what `identify` names.
+#[test]
+fn a_files_own_standard_deviations_are_named() {
+    let workplace = measured_and_identified();
+    let plain = workplace.run(&format!("{IDENTIFY} --json")).json();
+    let own: String = (workplace.read("m.csv").lines())
+        .map(|line| {
+            let is_header = line.starts_with("q1_deg");
+            let own = if is_header {
+                "sx_mm,sy_mm,sz_mm"
+            } else {
+                "0.06,0.06,0.06"
+            };
+            format!("{line},{own}\n")
+        })
+        .collect();
+    workplace.write("m.csv", own);
+    let json = workplace
+        .run(&format!("{IDENTIFY} --json"))
+        .ends_with(0)
+        .json();
+    let of = |json: &Value, key: &str| json[key].as_f64().expect("a number");
+    assert!((of(&json, "sigma_mm") - 0.06).abs() < 1e-12, "{json:#}");
+    // The residuals are what they were.
+    let change = of(&json, "residual_sigma_mm") / of(&plain, "residual_sigma_mm");
+    assert!((change - 1.0).abs() < 1e-6, "{change}");
+    let text = workplace.run(IDENTIFY).stdout;
+    assert!(
+        text.contains("sigma 0.0600 mm, from residuals 0.0"),
+        "{text}"
     );
 }
 

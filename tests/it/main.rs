@@ -7,6 +7,8 @@
 //! - `uncertainty`: the promised uncertainties are seen over many seeded runs.
 //! - `identifiability`: what measurements cannot tell is named.
 //! - `command_line`: the commands, seen from outside the process.
+//! - `gate`: comparing results against tolerances, seen from outside the process.
+//! - `gate_refusals`: results and tolerances that cannot be compared.
 //! - `properties`: what holds whatever the numbers are; derivatives against differences.
 //! - `bad_input`: wrong inputs, seen from outside the process.
 //! - `known_optima`: arms of three joints, for which the best plan can be derived by hand.
@@ -17,6 +19,8 @@
 
 mod bad_input;
 mod command_line;
+mod gate;
+mod gate_refusals;
 mod identifiability;
 mod judges;
 mod known_optima;

@@ -161,6 +161,7 @@ impl<W: Write + Seek> Channels<W> {
             scenario,
             scenario_sha256,
             seed,
+            platform,
         } = recording.provenance.clone();
         self.writer.write_metadata(&Metadata {
             name: "provenance".to_owned(),
@@ -170,6 +171,7 @@ impl<W: Write + Seek> Channels<W> {
                 ("scenario".to_owned(), scenario),
                 ("scenario_sha256".to_owned(), scenario_sha256),
                 ("seed".to_owned(), seed.to_string()),
+                ("platform".to_owned(), platform),
             ]),
         })?;
         self.write(self.provenance, 0, &recording.provenance)?;

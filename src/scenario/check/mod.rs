@@ -1,6 +1,7 @@
 //! From the file as written to a checked scenario, a file for each table.
 
 mod design;
+mod gate;
 mod instrument;
 mod load;
 mod number;
@@ -38,7 +39,7 @@ struct Checker<'a> {
 impl Checker<'_> {
     fn scenario(&self, text: &str) -> Result<Scenario, FileError> {
         let file = self.parse(text)?;
-        let mut hash = Sha256::new_with_prefix(text);
+        let mut hash = Sha256::new_with_prefix(self.question(text)?);
 
         let model = self.model("robot.model", &file.robot.model)?;
         hash.update(read_text(model.path())?);
@@ -97,6 +98,7 @@ impl Checker<'_> {
             design,
             plans,
             study,
+            gate: self.gate(file.gate)?,
             nominal,
             true_robot,
             calibration_tool,
@@ -130,6 +132,14 @@ impl Checker<'_> {
                 None => wrong,
             }
         })
+    }
+
+    /// All that results depend on. A tolerance, a comment or an order of keys is no such thing.
+    fn question(&self, text: &str) -> Result<String, FileError> {
+        let mut table: toml::Table = toml::from_str(text)
+            .map_err(|error| FileError::new(self.path, error.message().to_owned()))?;
+        table.remove("gate");
+        serde_json::to_string(&table).map_err(|error| FileError::new(self.path, error.to_string()))
     }
 
     fn wrong(&self, key: &str, problem: impl Into<String>) -> FileError {

@@ -1,0 +1,91 @@
+//! `compare`: two results files against tolerances.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use elastocal::comparison::results::ResultsFile;
+use elastocal::comparison::{Comparison, Rules, Setting, compare};
+use elastocal::files::{check_writable, write_whole};
+use elastocal::output::comparison::{COLUMNS, comparison_json, markdown, notes, rows, verdict};
+
+use super::Report;
+use super::table::table;
+
+/// Arguments of `compare`.
+#[derive(Debug, Args)]
+pub struct Compare {
+    /// The results to measure by, of run, plan, evaluate or study.
+    base: PathBuf,
+    /// The results to judge, by the gate of their scenario.
+    new: PathBuf,
+    /// Compare although these differ.
+    #[arg(long, value_name = "SETTINGS", value_enum, value_delimiter = ',')]
+    allow_different: Vec<Setting>,
+    /// On the same platform, allow no change at all.
+    #[arg(long)]
+    exact: bool,
+    /// Where to write a summary in Markdown.
+    #[arg(long, value_name = "FILE")]
+    markdown: Option<PathBuf>,
+    /// Print results as JSON.
+    #[arg(long)]
+    pub json: bool,
+    /// Say nothing on stderr but errors and conditions.
+    #[arg(long)]
+    pub quiet: bool,
+}
+
+impl Compare {
+    pub fn execute(&self) -> anyhow::Result<Report> {
+        let base = ResultsFile::read(&self.base)?;
+        let new = ResultsFile::read(&self.new)?;
+        self.markdown.as_deref().map_or(Ok(()), check_writable)?;
+        let rules = Rules {
+            gate: &new.gate,
+            allowed: &self.allow_different,
+            exact: self.exact,
+        };
+        let comparison = compare(&base, &new, rules)?;
+        if let Some(path) = &self.markdown {
+            write_whole(path, markdown(&base, &new, &comparison).as_bytes())?;
+        }
+        Ok(Report {
+            json: comparison_json(&base, &new, &comparison),
+            text: describe(&base, &new, &comparison),
+            conditions: condition(&comparison).into_iter().collect(),
+        })
+    }
+}
+
+fn condition(comparison: &Comparison) -> Option<String> {
+    let broken: Vec<String> = (comparison.broken())
+        .map(|change| change.key.text())
+        .collect();
+    let first = broken.first()?;
+    let others = match broken.len() {
+        1 => String::new(),
+        count => format!(" and {} more", count - 1),
+    };
+    Some(format!("changed beyond tolerance: {first}{others}"))
+}
+
+/// The comparison for a person.
+fn describe(base: &ResultsFile, new: &ResultsFile, comparison: &Comparison) -> String {
+    let origin = |name: &str, file: &ResultsFile| {
+        let provenance = &file.provenance;
+        format!(
+            "{name} {}: elastocal {} ({}), {}\n",
+            file.path.display(),
+            provenance.version,
+            provenance.commit,
+            provenance.platform
+        )
+    };
+    let mut text = origin("base", base) + &origin("new ", new) + "\n";
+    text += &table(&COLUMNS, &rows(comparison.changes.iter()));
+    text += &format!("\n{}\n", verdict(comparison));
+    for note in notes(base, new, comparison) {
+        text += &format!("{note}\n");
+    }
+    text
+}

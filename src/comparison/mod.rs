@@ -1,0 +1,334 @@
+//! Two results of the same question: what changed, and is it more than the gate allows?
+//!
+//! - [`results`]: results files as they are compared.
+//!
+//! Every number of the one file is compared with that of the same name in the other. Results that
+//! answer different questions are refused, unless the difference is allowed.
+
+pub mod results;
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use crate::files::FileError;
+use crate::scenario::{Direction, Gate, Quantity, Tolerance};
+use results::{Key, ResultsFile};
+
+/// In what results can differ that makes them answers to different questions.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "snake_case")]
+pub enum Setting {
+    /// The command, or the version of its results.
+    Schema,
+    /// The scenario file or its models.
+    Scenario,
+    /// The seed of the random numbers.
+    Seed,
+    /// The number of measurements.
+    Experiments,
+    /// The criterion that a plan was designed for.
+    Criterion,
+    /// The number of runs of a study.
+    Trials,
+    /// What the runs of a study are made of.
+    Level,
+    /// Which plans there are.
+    Plans,
+}
+
+/// A difference between the questions, with both answers.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Difference {
+    /// What differs.
+    pub setting: Setting,
+    /// What it is in the one.
+    pub base: String,
+    /// What it is in the other.
+    pub new: String,
+}
+
+/// A number before and now.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Change {
+    /// What it is.
+    pub key: Key,
+    /// Before.
+    pub base: Option<f64>,
+    /// Now.
+    pub new: Option<f64>,
+    /// How far it may change, in its unit.
+    pub tolerance: f64,
+    /// Which changes count.
+    pub direction: Direction,
+    /// Whether the change is within the tolerance.
+    pub ok: bool,
+}
+
+/// What comparing two results gives.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Comparison {
+    /// Differences that were allowed.
+    pub differences: Vec<Difference>,
+    /// The numbers that both have.
+    pub changes: Vec<Change>,
+    /// The numbers that only one has.
+    pub not_compared: Vec<Key>,
+    /// Whether every number that both have is the same to the bit.
+    pub identical: bool,
+}
+
+/// How to compare.
+#[derive(Debug, Clone, Copy)]
+pub struct Rules<'a> {
+    /// The tolerances.
+    pub gate: &'a Gate,
+    /// Differences that are put up with.
+    pub allowed: &'a [Setting],
+    /// On the same platform, any change is too much.
+    pub exact: bool,
+}
+
+impl Setting {
+    const ALL: [Self; 8] = [
+        Self::Schema,
+        Self::Scenario,
+        Self::Seed,
+        Self::Experiments,
+        Self::Criterion,
+        Self::Trials,
+        Self::Level,
+        Self::Plans,
+    ];
+
+    /// The name, as on the command line.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Schema => "schema",
+            Self::Scenario => "scenario",
+            Self::Seed => "seed",
+            Self::Experiments => "experiments",
+            Self::Criterion => "criterion",
+            Self::Trials => "trials",
+            Self::Level => "level",
+            Self::Plans => "plans",
+        }
+    }
+
+    /// What it is in a results file, for a person; none where the file says nothing about it.
+    fn of(self, file: &ResultsFile) -> Option<String> {
+        let provenance = &file.provenance;
+        match self {
+            Self::Schema => Some(format!("{} {}", file.schema.name, file.schema.version)),
+            Self::Scenario => {
+                let hash: String = provenance.scenario_sha256.chars().take(12).collect();
+                Some(format!("{} {hash}", provenance.scenario))
+            }
+            Self::Seed => Some(provenance.seed.to_string()),
+            Self::Plans => Some(file.plans.join(", ")),
+            _ => (file.settings.iter())
+                .find(|(name, _)| *name == self.name())
+                .map(|(_, value)| match value {
+                    Value::String(text) => text.clone(),
+                    other => other.to_string(),
+                }),
+        }
+    }
+
+    fn is_same(self, base: &ResultsFile, new: &ResultsFile) -> bool {
+        match self {
+            // A copy of a scenario under another name asks the same question.
+            Self::Scenario => base.provenance.scenario_sha256 == new.provenance.scenario_sha256,
+            Self::Plans => sorted(&base.plans) == sorted(&new.plans),
+            _ => self.of(base) == self.of(new),
+        }
+    }
+}
+
+/// Compares new results with those they are measured by.
+///
+/// # Errors
+/// They differ in a setting that is not allowed to differ, or have nothing in common.
+pub fn compare(
+    base: &ResultsFile,
+    new: &ResultsFile,
+    rules: Rules<'_>,
+) -> Result<Comparison, FileError> {
+    let differences = differences(base, new);
+    let refused: Vec<&Difference> = (differences.iter())
+        .filter(|difference| !rules.allowed.contains(&difference.setting))
+        .collect();
+    if !refused.is_empty() {
+        return Err(refusal(base, new, &refused));
+    }
+    let bits = rules.exact && base.provenance.platform == new.provenance.platform;
+    let value_in = |file: &ResultsFile, key: &Key| {
+        (file.numbers.iter())
+            .find(|(other, _)| other == key)
+            .map(|(_, value)| *value)
+    };
+    let mut changes = Vec::new();
+    let mut not_compared = Vec::new();
+    for (key, before) in &base.numbers {
+        match value_in(new, key) {
+            Some(now) => {
+                let tolerance = if bits {
+                    EXACT
+                } else {
+                    rules.gate.tolerance(key.quantity)
+                };
+                changes.push(judge(key.clone(), *before, now, tolerance));
+            }
+            None => not_compared.push(key.clone()),
+        }
+    }
+    let only_new = (new.numbers.iter()).filter(|(key, _)| value_in(base, key).is_none());
+    not_compared.extend(only_new.map(|(key, _)| key.clone()));
+    let scenario_may_differ = rules.allowed.contains(&Setting::Scenario);
+    let missing = (not_compared.iter())
+        .find(|key| base.plans.contains(&key.plan) && new.plans.contains(&key.plan));
+    if let (Some(key), false) = (missing, scenario_may_differ || schema_differs(&differences)) {
+        let problem = format!("only one of this file and {} has it", base.path.display());
+        return Err(FileError::new(&new.path, problem).at(key.text()));
+    }
+    if changes.is_empty() {
+        let problem = format!("has no number in common with {}", base.path.display());
+        return Err(FileError::new(&new.path, problem));
+    }
+    let same_bits = |change: &Change| change.base.map(f64::to_bits) == change.new.map(f64::to_bits);
+    Ok(Comparison {
+        identical: changes.iter().all(same_bits),
+        differences,
+        changes,
+        not_compared,
+    })
+}
+
+/// Not a bit may change.
+const EXACT: Tolerance = Tolerance {
+    relative: 0.0,
+    absolute: 0.0,
+    direction: Direction::Both,
+};
+
+fn sorted(names: &[String]) -> Vec<&String> {
+    let mut names: Vec<_> = names.iter().collect();
+    names.sort_unstable();
+    names
+}
+
+fn schema_differs(differences: &[Difference]) -> bool {
+    (differences.iter()).any(|difference| difference.setting == Setting::Schema)
+}
+
+fn differences(base: &ResultsFile, new: &ResultsFile) -> Vec<Difference> {
+    let differs = |setting: &Setting| !setting.is_same(base, new);
+    let difference = |setting: Setting| {
+        let say = |file| setting.of(file).unwrap_or_else(|| "none".to_owned());
+        Difference {
+            setting,
+            base: say(base),
+            new: say(new),
+        }
+    };
+    let all = Setting::ALL.into_iter();
+    all.filter(differs).map(difference).collect()
+}
+
+fn refusal(base: &ResultsFile, new: &ResultsFile, refused: &[&Difference]) -> FileError {
+    let named: Vec<String> = (refused.iter())
+        .map(|each| format!("{} ({}, not {})", each.setting.name(), each.new, each.base))
+        .collect();
+    let names: Vec<&str> = refused.iter().map(|each| each.setting.name()).collect();
+    let problem = format!(
+        "differs from {} in {}",
+        base.path.display(),
+        named.join(", ")
+    );
+    let hint = format!(
+        "make both in the same way; or --allow-different {} compares them all the same",
+        names.join(",")
+    );
+    FileError::new(&new.path, problem).hint(hint)
+}
+
+fn judge(key: Key, base: Option<f64>, new: Option<f64>, allowed: Tolerance) -> Change {
+    let tolerance = base.map_or(0.0, |base| allowed.relative * base.abs());
+    let tolerance = tolerance.max(allowed.absolute);
+    let ok = match (base, new) {
+        (Some(base), Some(new)) => {
+            let larger = new - base;
+            let worse = if key.quantity.larger_is_worse() {
+                larger
+            } else {
+                -larger
+            };
+            match allowed.direction {
+                Direction::Worse => worse <= tolerance,
+                Direction::Both => worse.abs() <= tolerance,
+                Direction::None => true,
+            }
+        }
+        // A number on one side only cannot be measured.
+        (None, Some(_)) | (Some(_), None) => allowed.direction == Direction::None,
+        (None, None) => true,
+    };
+    Change {
+        key,
+        base,
+        new,
+        tolerance,
+        direction: allowed.direction,
+        ok,
+    }
+}
+
+impl Key {
+    /// The name for a person, such as "`standard_error` of `joint_2`, plan optimal".
+    #[must_use]
+    pub fn text(&self) -> String {
+        let of = (self.of.as_ref()).map_or_else(String::new, |of| format!(" of {of}"));
+        let plan = match &*self.plan {
+            results::ONLY_PLAN => String::new(),
+            name => format!(", plan {name}"),
+        };
+        format!("{}{of}{plan}", self.quantity.name())
+    }
+}
+
+impl Change {
+    /// The change in the unit of the quantity.
+    #[must_use]
+    pub fn change(&self) -> Option<f64> {
+        Some(self.new? - self.base?)
+    }
+
+    /// The change as a part of the value before.
+    #[must_use]
+    pub fn relative_change(&self) -> Option<f64> {
+        let base = self.base.filter(|base| *base != 0.0)?;
+        Some(self.change()? / base.abs())
+    }
+}
+
+impl Comparison {
+    /// Whether all changes are within their tolerances.
+    #[must_use]
+    pub fn ok(&self) -> bool {
+        self.broken().next().is_none()
+    }
+
+    /// The changes beyond their tolerances.
+    pub fn broken(&self) -> impl Iterator<Item = &Change> {
+        self.changes.iter().filter(|change| !change.ok)
+    }
+
+    /// The quantities that were compared.
+    #[must_use]
+    pub fn quantities(&self) -> Vec<Quantity> {
+        let is_there = |quantity: &Quantity| {
+            (self.changes.iter()).any(|change| change.key.quantity == *quantity)
+        };
+        Quantity::ALL.into_iter().filter(is_there).collect()
+    }
+}

@@ -1,0 +1,286 @@
+//! Results files as they are compared: their numbers by plan and quantity, and under which settings
+//! they were made.
+
+use std::path::{Path, PathBuf};
+
+use serde::de::{DeserializeOwned, IgnoredAny};
+use serde::{Deserialize, Deserializer};
+use serde_json::Value;
+
+use crate::files::{FileError, read_text};
+use crate::output::messages::{ProvenanceMessage, RESULTS_VERSION, SchemaMessage};
+use crate::scenario::{Gate, Quantity};
+
+/// The name of a plan that results give none.
+pub const ONLY_PLAN: &str = "plan";
+
+/// A number's name: of which plan, what, and of which joint or test pose.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Key {
+    /// The plan's name; [`ONLY_PLAN`] where the results are of one plan without a name.
+    pub plan: String,
+    /// What it is.
+    pub quantity: Quantity,
+    /// The joint or the test pose, where there are several.
+    pub of: Option<String>,
+}
+
+/// A results file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ResultsFile {
+    /// The file.
+    pub path: PathBuf,
+    /// Which command's results, in which form.
+    pub schema: SchemaMessage,
+    /// Where they come from.
+    pub provenance: ProvenanceMessage,
+    /// The scenario's tolerances.
+    pub gate: Gate,
+    /// What was asked for beside the scenario, such as the number of runs, by name.
+    pub settings: Vec<(&'static str, Value)>,
+    /// The plans' names.
+    pub plans: Vec<String>,
+    /// All numbers, in the units of [`Quantity::unit`]; none where there is no such number.
+    pub numbers: Vec<(Key, Option<f64>)>,
+}
+
+#[derive(Deserialize)]
+struct Head {
+    schema: SchemaMessage,
+    provenance: ProvenanceMessage,
+    #[serde(default)]
+    gate: Gate,
+}
+
+/// What `plan` and `evaluate` say, and `run` of each plan.
+#[derive(Deserialize)]
+struct Promise {
+    experiments: u32,
+    parameters: Vec<String>,
+    #[serde(deserialize_with = "there")]
+    rho0_mm: Option<f64>,
+    #[serde(deserialize_with = "there")]
+    efficiency: Option<f64>,
+    compliance_std_rad_per_nm: Vec<Option<f64>>,
+    violations: Vec<IgnoredAny>,
+}
+
+#[derive(Deserialize)]
+struct Criterion {
+    criterion: String,
+}
+
+#[derive(Deserialize)]
+struct Run {
+    experiments: u32,
+    plans: Vec<RunPlan>,
+}
+
+#[derive(Deserialize)]
+struct RunPlan {
+    name: String,
+    assessment: Promise,
+    test_poses: Vec<TestPose>,
+}
+
+#[derive(Deserialize)]
+struct TestPose {
+    name: String,
+    #[serde(deserialize_with = "there")]
+    residual_mm: Option<f64>,
+}
+
+#[derive(Deserialize)]
+struct Study {
+    trials: u64,
+    level: String,
+    plans: Vec<StudyPlan>,
+}
+
+#[derive(Deserialize)]
+struct StudyPlan {
+    name: String,
+    experiments: u32,
+    sigma_mm: f64,
+    load_scale: f64,
+    failed: u64,
+    #[serde(deserialize_with = "there")]
+    mean_mm: Option<f64>,
+    #[serde(deserialize_with = "there")]
+    predicted_rms_mm: Option<f64>,
+}
+
+/// A number or null, but not nothing.
+fn there<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<f64>, D::Error> {
+    Option::deserialize(deserializer)
+}
+
+impl ResultsFile {
+    /// Reads the results of `run`, `plan`, `evaluate` or `study`.
+    ///
+    /// # Errors
+    /// The file is not such results.
+    pub fn read(path: &Path) -> Result<Self, FileError> {
+        let text = read_text(path)?;
+        let json: Value = serde_json::from_str(&text)
+            .map_err(|error| FileError::new(path, format!("is not JSON: {error}")))?;
+        let of_elastocal = json["schema"]["name"]
+            .as_str()
+            .is_some_and(|name| name.starts_with("elastocal."));
+        if !of_elastocal {
+            return Err(FileError::new(path, "is not a results file of elastocal")
+                .at("schema.name")
+                .hint("files to compare are results.json, study.json, or what --json prints"));
+        }
+        let head: Head = typed(path, &json)?;
+        if head.schema.version > RESULTS_VERSION {
+            let problem = format!(
+                "found {}; this elastocal ({}) reads up to {RESULTS_VERSION}",
+                head.schema.version,
+                crate::VERSION
+            );
+            return Err(FileError::new(path, problem).at("schema.version"));
+        }
+        head.gate
+            .check()
+            .map_err(|(key, problem)| FileError::new(path, problem).at(format!("gate.{key}")))?;
+        let mut file = Self {
+            path: path.to_owned(),
+            schema: head.schema,
+            provenance: head.provenance,
+            gate: head.gate,
+            settings: Vec::new(),
+            plans: Vec::new(),
+            numbers: Vec::new(),
+        };
+        match file.schema.name.as_str() {
+            "elastocal.run" => file.run(typed(path, &json)?)?,
+            "elastocal.study" => file.study(typed(path, &json)?),
+            "elastocal.plan" => {
+                let Criterion { criterion } = typed(path, &json)?;
+                file.settings.push(("criterion", criterion.into()));
+                file.single(typed(path, &json)?)?;
+            }
+            "elastocal.evaluate" => file.single(typed(path, &json)?)?,
+            other => {
+                let problem = format!(
+                    "found {other:?}; results of run, plan, evaluate and study can be compared"
+                );
+                return Err(FileError::new(path, problem).at("schema.name"));
+            }
+        }
+        Ok(file)
+    }
+
+    fn run(&mut self, run: Run) -> Result<(), FileError> {
+        self.settings.push(("experiments", run.experiments.into()));
+        for (index, plan) in run.plans.into_iter().enumerate() {
+            let name = self.add_plan(plan.name);
+            self.promise(
+                &name,
+                &format!("plans[{index}].assessment."),
+                plan.assessment,
+            )?;
+            for pose in plan.test_poses {
+                let micrometres = pose.residual_mm.map(|value| value * 1e3);
+                self.add(&name, Quantity::RealisedError, Some(pose.name), micrometres);
+            }
+        }
+        Ok(())
+    }
+
+    fn study(&mut self, study: Study) {
+        let mut experiments: Vec<u32> = study.plans.iter().map(|plan| plan.experiments).collect();
+        experiments.dedup();
+        self.settings.extend([
+            ("trials", study.trials.into()),
+            ("level", study.level.into()),
+            (
+                "experiments",
+                match experiments[..] {
+                    [one] => one.into(),
+                    _ => experiments.into(),
+                },
+            ),
+        ]);
+        let is_swept = |name: &str| study.plans.iter().filter(|plan| plan.name == name).count() > 1;
+        for plan in &study.plans {
+            let (m, sigma_mm, load) = (plan.experiments, plan.sigma_mm, plan.load_scale);
+            let name = self.add_plan(if is_swept(&plan.name) {
+                format!(
+                    "{}, {m} measurements, {sigma_mm} mm, load {load}",
+                    plan.name
+                )
+            } else {
+                plan.name.clone()
+            });
+            let micrometres = |value: Option<f64>| value.map(|value| value * 1e3);
+            let rho0 = micrometres(plan.predicted_rms_mm);
+            self.add(&name, Quantity::Rho0, None, rho0);
+            let mean = micrometres(plan.mean_mm);
+            self.add(&name, Quantity::MeanError, None, mean);
+            let failed = Some(plan.failed as f64);
+            self.add(&name, Quantity::FailedRuns, None, failed);
+        }
+    }
+
+    fn single(&mut self, promise: Promise) -> Result<(), FileError> {
+        self.settings
+            .push(("experiments", promise.experiments.into()));
+        let name = self.add_plan(ONLY_PLAN.to_owned());
+        self.promise(&name, "", promise)
+    }
+
+    fn promise(&mut self, plan: &str, place: &str, promise: Promise) -> Result<(), FileError> {
+        let (names, errors) = (promise.parameters, promise.compliance_std_rad_per_nm);
+        if names.len() != errors.len() {
+            let problem = format!("found {} numbers for {} joints", errors.len(), names.len());
+            let place = format!("{place}compliance_std_rad_per_nm");
+            return Err(FileError::new(&self.path, problem).at(place));
+        }
+        let rho0 = promise.rho0_mm.map(|value| value * 1e3);
+        self.add(plan, Quantity::Rho0, None, rho0);
+        self.add(plan, Quantity::Efficiency, None, promise.efficiency);
+        for (joint, error) in names.into_iter().zip(errors) {
+            self.add(plan, Quantity::StandardError, Some(joint), error);
+        }
+        let violations = promise.violations.len() as f64;
+        self.add(plan, Quantity::Violations, None, Some(violations));
+        Ok(())
+    }
+
+    fn add(&mut self, plan: &str, quantity: Quantity, of: Option<String>, value: Option<f64>) {
+        let plan = plan.to_owned();
+        let mut key = Key { plan, quantity, of };
+        // Two test poses may share a name.
+        let same = |(other, _): &&(Key, _)| *other == key;
+        let earlier = self.numbers.iter().filter(same).count();
+        if let (Some(of), 1..) = (&mut key.of, earlier) {
+            *of += &format!(" ({})", earlier + 1);
+        }
+        self.numbers.push((key, value));
+    }
+
+    /// Adds a plan under a name of its own: a scenario may bring one that is named as `run` names its.
+    fn add_plan(&mut self, name: String) -> String {
+        let mut own = name.clone();
+        for number in 2.. {
+            if !self.plans.contains(&own) {
+                break;
+            }
+            own = format!("{name} ({number})");
+        }
+        self.plans.push(own.clone());
+        own
+    }
+}
+
+fn typed<T: DeserializeOwned>(path: &Path, json: &Value) -> Result<T, FileError> {
+    serde_path_to_error::deserialize(json).map_err(|error| {
+        let wrong = FileError::new(path, error.inner().to_string());
+        match error.path().to_string().as_str() {
+            "." => wrong,
+            key => wrong.at(key),
+        }
+    })
+}

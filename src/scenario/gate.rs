@@ -1,0 +1,211 @@
+//! The table `[gate]`: how much worse results may get before a comparison fails.
+
+use serde::{Deserialize, Serialize};
+
+/// What comparisons of results look at.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Deserialize, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Quantity {
+    /// The rms distance that a plan promises at the test poses, eq. 20.
+    Rho0,
+    /// The bound that no plan can beat, over rho0.
+    Efficiency,
+    /// The standard error that a plan promises for a compliance.
+    StandardError,
+    /// The distance that compensation left at a test pose in the one run on the virtual robot.
+    RealisedError,
+    /// The mean distance that compensation leaves in a study.
+    MeanError,
+    /// The number of bounds that a plan does not keep.
+    Violations,
+    /// The number of runs of a study that failed.
+    FailedRuns,
+}
+
+/// Which changes a gate objects to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Direction {
+    /// Those for the worse.
+    #[default]
+    Worse,
+    /// All.
+    Both,
+    /// None: the quantity is only shown.
+    None,
+}
+
+/// How far a quantity may change: by the larger of the two.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize)]
+pub struct Tolerance {
+    /// As a part of the value before.
+    pub relative: f64,
+    /// In the unit of the quantity.
+    pub absolute: f64,
+    /// Which changes count.
+    pub direction: Direction,
+}
+
+/// A tolerance as it is written. Each quantity has one key for the absolute tolerance.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ToleranceTable {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    relative: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    absolute: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    absolute_um: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    absolute_rad_per_nm: Option<f64>,
+    #[serde(default)]
+    direction: Direction,
+}
+
+/// The table as it is written; results carry it to where they are compared.
+#[derive(Debug, Clone, PartialEq, Default, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Gate {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    rho0: Option<ToleranceTable>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    efficiency: Option<ToleranceTable>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    standard_error: Option<ToleranceTable>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    realised_error: Option<ToleranceTable>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    mean_error: Option<ToleranceTable>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    violations: Option<ToleranceTable>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    failed_runs: Option<ToleranceTable>,
+}
+
+impl Quantity {
+    /// All of them.
+    pub const ALL: [Self; 7] = [
+        Self::Rho0,
+        Self::Efficiency,
+        Self::StandardError,
+        Self::RealisedError,
+        Self::MeanError,
+        Self::Violations,
+        Self::FailedRuns,
+    ];
+
+    /// The name, as in files.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Rho0 => "rho0",
+            Self::Efficiency => "efficiency",
+            Self::StandardError => "standard_error",
+            Self::RealisedError => "realised_error",
+            Self::MeanError => "mean_error",
+            Self::Violations => "violations",
+            Self::FailedRuns => "failed_runs",
+        }
+    }
+
+    /// The unit of its values; empty for pure numbers.
+    #[must_use]
+    pub const fn unit(self) -> &'static str {
+        match self {
+            Self::Rho0 | Self::RealisedError | Self::MeanError => "um",
+            Self::StandardError => "rad/(N m)",
+            Self::Efficiency | Self::Violations | Self::FailedRuns => "",
+        }
+    }
+
+    /// Whether a larger value is worse.
+    #[must_use]
+    pub const fn larger_is_worse(self) -> bool {
+        !matches!(self, Self::Efficiency)
+    }
+
+    const fn absolute_key(self) -> &'static str {
+        match self {
+            Self::Rho0 | Self::RealisedError | Self::MeanError => "absolute_um",
+            Self::StandardError => "absolute_rad_per_nm",
+            Self::Efficiency | Self::Violations | Self::FailedRuns => "absolute",
+        }
+    }
+
+    /// The relative tolerance of a quantity for which the gate gives none; counts may not grow.
+    const fn default_relative(self) -> f64 {
+        match self {
+            Self::Rho0 | Self::Efficiency => 0.01,
+            Self::StandardError | Self::RealisedError | Self::MeanError => 0.05,
+            Self::Violations | Self::FailedRuns => 0.0,
+        }
+    }
+}
+
+impl ToleranceTable {
+    /// Every key for an absolute tolerance with its value.
+    const fn absolutes(&self) -> [(&'static str, Option<f64>); 3] {
+        [
+            ("absolute", self.absolute),
+            ("absolute_um", self.absolute_um),
+            ("absolute_rad_per_nm", self.absolute_rad_per_nm),
+        ]
+    }
+}
+
+impl Gate {
+    const fn table(&self, quantity: Quantity) -> Option<ToleranceTable> {
+        match quantity {
+            Quantity::Rho0 => self.rho0,
+            Quantity::Efficiency => self.efficiency,
+            Quantity::StandardError => self.standard_error,
+            Quantity::RealisedError => self.realised_error,
+            Quantity::MeanError => self.mean_error,
+            Quantity::Violations => self.violations,
+            Quantity::FailedRuns => self.failed_runs,
+        }
+    }
+
+    /// The tolerance of a quantity.
+    #[must_use]
+    pub fn tolerance(&self, quantity: Quantity) -> Tolerance {
+        let table = self.table(quantity).unwrap_or_default();
+        let absolute = table.absolutes().into_iter().find_map(|(_, value)| value);
+        let default = absolute.map_or(quantity.default_relative(), |_| 0.0);
+        Tolerance {
+            relative: table.relative.unwrap_or(default),
+            absolute: absolute.unwrap_or(0.0),
+            direction: table.direction,
+        }
+    }
+
+    /// What is wrong with the table first: the key, and what was found.
+    ///
+    /// # Errors
+    /// A tolerance is negative, not finite, or in the wrong unit.
+    pub fn check(&self) -> Result<(), (String, String)> {
+        for quantity in Quantity::ALL {
+            let Some(table) = self.table(quantity) else {
+                continue;
+            };
+            let key = |key: &str| format!("{}.{key}", quantity.name());
+            let right = quantity.absolute_key();
+            for (name, value) in table.absolutes() {
+                if value.is_some() && name != right {
+                    let problem = format!(
+                        "unknown field `{name}`, expected `relative`, `{right}` or `direction`"
+                    );
+                    return Err((key(name), problem));
+                }
+            }
+            let relative = ("relative", table.relative);
+            for (name, value) in table.absolutes().into_iter().chain([relative]) {
+                if let Some(value) = value.filter(|value| !(value.is_finite() && *value >= 0.0)) {
+                    let problem = format!("found {value}; zero or a positive number is allowed");
+                    return Err((key(name), problem));
+                }
+            }
+        }
+        Ok(())
+    }
+}
