@@ -93,8 +93,12 @@ fn cannot_write(path: &Path, error: &std::io::Error) -> FileError {
     // The temporary file, which is named behind what the system says, is nothing to users.
     let text = error.to_string();
     let cause = text.split(" at path ").next().unwrap_or_default();
-    FileError::new(path, format!("cannot be written: {cause}"))
-        .hint("give a place where you may write, with --out or the option that names the file")
+    FileError::new(path, format!("cannot be written: {cause}")).hint(match error.kind() {
+        std::io::ErrorKind::StorageFull | std::io::ErrorKind::QuotaExceeded => {
+            "make room, or give another place with --out or the option that names the file"
+        }
+        _ => "give a place where you may write, with --out or the option that names the file",
+    })
 }
 
 /// A temporary file in the folder of `path`, for writers that need a file to write to; it becomes
