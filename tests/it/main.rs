@@ -9,6 +9,7 @@
 //! - `command_line`: the commands, seen from outside the process.
 //! - `gate`: comparing results against tolerances, seen from outside the process.
 //! - `gate_refusals`: results and tolerances that cannot be compared.
+//! - `interruptions`: studies that are killed, disks that fill up.
 //! - `properties`: what holds whatever the numbers are; derivatives against differences.
 //! - `bad_input`: wrong inputs, seen from outside the process.
 //! - `known_optima`: arms of three joints, for which the best plan can be derived by hand.
@@ -22,6 +23,7 @@ mod command_line;
 mod gate;
 mod gate_refusals;
 mod identifiability;
+mod interruptions;
 mod judges;
 mod known_optima;
 mod planning;
