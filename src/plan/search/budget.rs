@@ -10,7 +10,7 @@ use crate::plan::{Criterion, Plan};
 use crate::scenario::Scenario;
 
 /// Searches: fewer than for a single plan, since there are many.
-const SEARCHES: usize = 24;
+const SEARCHES: usize = 48;
 /// Few configurations are tried up to this number, and then as many as measurements.
 const FEW: u32 = 4;
 

@@ -179,7 +179,7 @@ pub(super) fn exact_design_from(
 const fn fewest_searches(configurations: u32) -> usize {
     match configurations {
         0..=2 => 48,
-        3 => 64,
+        3 => 96,
         _ => INDEPENDENT,
     }
 }
