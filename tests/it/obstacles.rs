@@ -1,7 +1,7 @@
 //! `[[obstacle]]`: what stands in the laboratory is judged for collisions and line of sight, avoided by
 //! plans, and drawn.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use elastocal::mujoco::Shape;
 use elastocal::plan::search::Problem;
@@ -22,7 +22,7 @@ fn with_obstacle(workplace: &Workplace, table: &str) -> PathBuf {
     workplace.path("my.toml")
 }
 
-fn load(path: &PathBuf) -> Scenario {
+fn load(path: &Path) -> Scenario {
     Scenario::load(path).expect("the scenario is valid")
 }
 
