@@ -86,7 +86,7 @@
 //!
 //! let scenario = Scenario::load("scenarios/klimchik2012.toml".as_ref())?;
 //! let mut problem = Problem::new(&scenario, Criterion::TestPose);
-//! problem.effort.starts = 24; // a quick search
+//! problem.effort.searches = 8; // a quick search
 //! let bound = approximate_design(&problem, scenario.seed)?;
 //! let watch = Watch { stop: &AtomicBool::new(false), progress: &|_, _, _| {} };
 //! let best = exact_design(&problem, &bound, 4, 4, scenario.seed, watch)?;

@@ -122,8 +122,8 @@ impl PlanCommand {
         let mut text = describe(&scenario, &assessment);
         text += &format!(
             "\nThe bound rests on the largest directional derivative found by {} local searches, of \
-             which {} ended within 0.1 % of it.\nOf {} searches for the plan, {} ended within 0.1 % \
-             of it. It took {:.2} s.\n",
+             which {} ended within 0.1 % of it.\nOf {} independent searches for the plan, {} ended \
+             within 0.1 % of it. It took {:.2} s.\n",
             certificate.searches,
             certificate.agreeing,
             designed.exact.searches,

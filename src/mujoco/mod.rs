@@ -5,8 +5,10 @@
 
 mod messages;
 mod model;
+mod obstacle;
 mod state;
 
 pub use messages::print_warnings;
 pub use model::{Geometry, Model, ModelError, Shape};
+pub use obstacle::Obstacle;
 pub use state::{Contact, State};

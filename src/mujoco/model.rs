@@ -109,10 +109,14 @@ impl Model {
             path: path.to_owned(),
             message: error.to_string().trim().replace('\n', "; "),
         })?;
-        Ok(Self {
+        Ok(Self::new(inner, path))
+    }
+
+    pub(super) fn new(inner: MjModel, path: &Path) -> Self {
+        Self {
             inner: Arc::new(inner),
             path: path.to_owned(),
-        })
+        }
     }
 
     /// The file that the model was read from.

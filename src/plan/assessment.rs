@@ -31,8 +31,14 @@ impl Assessment {
     /// Judges a plan; `certificate` is that of the scenario's approximate design for `rho_0`.
     #[must_use]
     pub fn new(scenario: &Scenario, plan: &Plan, certificate: Option<&Certificate>) -> Self {
-        let problem = Problem::new(scenario, Criterion::TestPose);
-        let information = problem.information(plan);
+        // One is about what matters at the test poses, the other ones about all compliances.
+        let test_pose = Problem::new(scenario, Criterion::TestPose);
+        let all = Problem::new(scenario, Criterion::A);
+        let informations = [&test_pose, &all].map(|problem| problem.information(plan));
+        let value = |criterion| match criterion {
+            Criterion::TestPose => test_pose.cost().value(&informations[0]),
+            other => all.cost_of(other).value(&informations[1]),
+        };
         let least_squares = solve(scenario, plan);
         let sigma_m = scenario.instrument.sigma_m;
         let errors = |index: usize| {
@@ -46,7 +52,7 @@ impl Assessment {
             standard_errors: (0..scenario.parameters.len()).map(errors).collect(),
             criteria: Criterion::ALL
                 .iter()
-                .map(|&criterion| (criterion, problem.cost_of(criterion).value(&information)))
+                .map(|&criterion| (criterion, value(criterion)))
                 .collect(),
             lower_bound_m: certificate
                 .map(|certificate| certificate.lower_bound(experiments).sqrt()),

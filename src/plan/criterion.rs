@@ -8,7 +8,7 @@
 //! Table 1 has two misprints: `O3`, the smallest singular value, is to be maximised; and the
 //! G row needs the diagonal of cov(k).
 
-use nalgebra::{Cholesky, DMatrix, DVector, Dyn, SymmetricEigen};
+use nalgebra::{DMatrix, DVector, Dyn, SymmetricEigen};
 use serde::{Deserialize, Serialize};
 
 /// What makes a plan good.
@@ -88,7 +88,7 @@ pub struct CriterionFunction {
     /// C^T (p x r) with C the test poses' matrices stacked, each times the root of its weight, in m:
     /// `rho_0`^2 = trace(C M^-1 C^T).
     test_poses: DMatrix<f64>,
-    /// Room for M, whose storage the factorisation borrows.
+    /// Room for M and its factors.
     work: DMatrix<f64>,
     /// Room for M^-1 C^T.
     solved: DMatrix<f64>,
@@ -128,21 +128,39 @@ impl CriterionFunction {
     }
 
     fn test_pose_cost(&mut self, information: &DMatrix<f64>, directions: &mut DMatrix<f64>) -> f64 {
-        // The factorisation takes the matrix's storage and gives it back: nothing is allocated.
-        let mut work = std::mem::replace(&mut self.work, DMatrix::zeros(0, 0));
-        work.copy_from(information);
-        let factor = match Cholesky::new(work) {
-            Some(factor) if is_regular(information, &factor) => factor,
-            _ => {
-                self.work = information.clone();
-                return f64::INFINITY;
-            }
-        };
-        self.solved.copy_from(&self.test_poses);
-        factor.solve_mut(&mut self.solved);
-        self.work = factor.unpack_dirty();
-        directions.gemm(1.0, &self.solved, &self.solved.transpose(), 0.0);
-        self.solved.dot(&self.test_poses)
+        self.work.copy_from(information);
+        let cost = self.factorise_work();
+        if cost.is_finite() {
+            solve_transposed(self.work.as_slice(), self.solved.as_mut_slice());
+            sum_of_squares(self.solved.as_slice(), directions.as_mut_slice());
+        }
+        cost
+    }
+
+    /// The cost alone of `rest` plus `weight` times `block`, both p x p.
+    pub fn cost_of_sum(&mut self, rest: &DMatrix<f64>, block: &[f64], weight: f64) -> f64 {
+        let sum = self.work.as_mut_slice().iter_mut();
+        for ((sum, rest), block) in sum.zip(rest.as_slice()).zip(block) {
+            *sum = rest + weight * block;
+        }
+        if self.criterion == Criterion::TestPose {
+            self.factorise_work()
+        } else {
+            let mut directions = self.work.clone();
+            self.spectral_cost(&self.work, &mut directions)
+        }
+    }
+
+    fn factorise_work(&mut self) -> f64 {
+        let (work, test_poses) = (self.work.as_mut_slice(), self.test_poses.as_slice());
+        let solved = self.solved.as_mut_slice();
+        // The same code, unrolled for the usual numbers of parameters.
+        match self.test_poses.nrows() {
+            3 => half_solve(3, work, test_poses, solved),
+            5 => half_solve(5, work, test_poses, solved),
+            6 => half_solve(6, work, test_poses, solved),
+            size => half_solve(size, work, test_poses, solved),
+        }
     }
 
     fn spectral_cost(&self, information: &DMatrix<f64>, directions: &mut DMatrix<f64>) -> f64 {
@@ -216,12 +234,77 @@ impl CriterionFunction {
     }
 }
 
-/// Whether every parameter keeps information beyond rounding when those before it are unknown: the
-/// squared pivots are that information, the diagonal is the information when they are known.
-fn is_regular(information: &DMatrix<f64>, factor: &Cholesky<f64, Dyn>) -> bool {
-    let pivots = factor.l_dirty();
-    (0..information.nrows())
-        .all(|index| pivots[(index, index)].powi(2) > 1e-12 * information[(index, index)])
+/// The least share of its information that a parameter keeps when those before it are unknown. Rounding
+/// makes up shares of up to 1e-11.
+const REGULAR: f64 = 1e-9;
+
+/// Factorises M (p x p, symmetric) into L D L^T in its place, with 1/D on the diagonal, and solves
+/// L Y = C^T. Returns trace(C M^-1 C^T), the sum of Y^2 / D; infinite unless every parameter keeps
+/// information beyond rounding when those before it are unknown: D is that information, the diagonal
+/// of M is the information when they are known.
+#[inline(always)]
+fn half_solve(size: usize, matrix: &mut [f64], right: &[f64], solved: &mut [f64]) -> f64 {
+    for row in 0..size {
+        let (above, here) = matrix.split_at_mut(row * size);
+        let here = &mut here[..size];
+        let known = here[row];
+        let mut pivot = known;
+        for column in 0..row {
+            let other = &above[column * size..(column + 1) * size];
+            for each in 0..column {
+                here[column] -= here[each] * other[each];
+            }
+        }
+        for column in 0..row {
+            let scaled = here[column] * above[column * size + column];
+            pivot -= scaled * here[column];
+            here[column] = scaled;
+        }
+        if pivot.is_nan() || pivot <= REGULAR * known {
+            return f64::INFINITY;
+        }
+        here[row] = pivot.recip();
+    }
+    let mut cost = 0.0;
+    for (solved, right) in solved.chunks_exact_mut(size).zip(right.chunks_exact(size)) {
+        for row in 0..size {
+            let factor = &matrix[row * size..(row + 1) * size];
+            let mut value = right[row];
+            for each in 0..row {
+                value -= factor[each] * solved[each];
+            }
+            cost += value * value * factor[row];
+            solved[row] = value;
+        }
+    }
+    cost
+}
+
+/// Goes on from Y to X = M^-1 C^T = L^-T D^-1 Y.
+fn solve_transposed(factor: &[f64], solved: &mut [f64]) {
+    let size = factor.len().isqrt();
+    for solved in solved.chunks_exact_mut(size) {
+        for row in (0..size).rev() {
+            let mut value = solved[row] * factor[row * size + row];
+            for below in row + 1..size {
+                value -= factor[below * size + row] * solved[below];
+            }
+            solved[row] = value;
+        }
+    }
+}
+
+/// X X^T, p x p, from the columns of X.
+fn sum_of_squares(columns: &[f64], squares: &mut [f64]) {
+    let size = squares.len().isqrt();
+    squares.fill(0.0);
+    for column in columns.chunks_exact(size) {
+        for (row, squares) in squares.chunks_exact_mut(size).enumerate() {
+            for (square, value) in squares.iter_mut().zip(column) {
+                *square += column[row] * value;
+            }
+        }
+    }
 }
 
 /// The eigenvalues, if all are positive beyond rounding.

@@ -25,6 +25,8 @@ pub(super) struct File {
     pub load: LoadKind,
     #[serde(default)]
     pub region: RegionTable,
+    #[serde(default)]
+    pub obstacle: Vec<ObstacleTable>,
     pub design: DesignTable,
     #[serde(default)]
     pub plan: Vec<PlanTable>,
@@ -177,6 +179,41 @@ pub(super) struct RegionTable {
 pub(super) struct ForbiddenTable {
     pub q_deg: Vec<f64>,
     pub within_deg: f64,
+}
+
+/// The shapes of obstacles.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum ObstacleKind {
+    Box,
+    Sphere,
+    Cylinder,
+    Capsule,
+}
+
+impl ObstacleKind {
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Box => "box",
+            Self::Sphere => "sphere",
+            Self::Cylinder => "cylinder",
+            Self::Capsule => "capsule",
+        }
+    }
+}
+
+/// One of `[[obstacle]]`.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ObstacleTable {
+    pub name: String,
+    pub kind: ObstacleKind,
+    pub size_mm: Option<[f64; 3]>,
+    pub radius_mm: Option<f64>,
+    pub length_mm: Option<f64>,
+    pub position_mm: [f64; 3],
+    #[serde(default)]
+    pub rpy_deg: [f64; 3],
 }
 
 #[derive(Debug, Deserialize)]

@@ -78,6 +78,16 @@ const SCENARIO_EDITS: &[Edit] = &[
     ("kind = \"fixed\"", "", &["load", "missing field `kind`"], None),
     ("seed = 1", "seed = 1\nseed = 2", &["line 3", "duplicate key"], None),
     ("seed = 1", "seed = ", &["line 2"], None),
+    // Obstacles.
+    ("[design]", "[[obstacle]]\nname = \"a\"\nkind = \"cone\"\nposition_mm = [0, 0, 0]\n[design]", &["obstacle[0].kind", "`cone`", "`box`, `sphere`, `cylinder`, `capsule`"], None),
+    ("[design]", "[[obstacle]]\nname = \"a\"\nkind = \"sphere\"\nposition_mm = [0, 0, 0]\n[design]", &["obstacle[0].radius_mm", "a sphere needs it"], None),
+    ("[design]", "[[obstacle]]\nname = \"a\"\nkind = \"sphere\"\nradius_mm = -1\nposition_mm = [0, 0, 0]\n[design]", &["obstacle[0].radius_mm", "found -1", "a positive number is allowed"], None),
+    ("[design]", "[[obstacle]]\nname = \"a\"\nkind = \"box\"\nradius_mm = 1\nposition_mm = [0, 0, 0]\n[design]", &["obstacle[0].radius_mm", "a box has no such size"], None),
+    ("[design]", "[[obstacle]]\nname = \"a\"\nkind = \"sphere\"\nradius_m = 1\nposition_mm = [0, 0, 0]\n[design]", &["obstacle[0].radius_m", "unknown field `radius_m`"], Some("did you mean `radius_mm`?")),
+    ("[design]", "[[obstacle]]\nname = \"a\"\nkind = \"sphere\"\nradius_mm = 1\nposition_mm = [0, nan, 0]\n[design]", &["obstacle[0].position_mm", "found NaN"], None),
+    ("[design]", "[[obstacle]]\nname = \"\"\nkind = \"sphere\"\nradius_mm = 1\nposition_mm = [0, 0, 0]\n[design]", &["obstacle[0].name", "a name of one line is allowed"], None),
+    ("[design]", "[[obstacle]]\nname = \"a\"\nkind = \"sphere\"\nradius_mm = 1\nposition_mm = [0, 0, 0]\n[design]", &["obstacles are not judged", "region.collision_clearance_mm", "region.line_of_sight"], None),
+    ("[design]", "collision_clearance_mm = 20\n[[obstacle]]\nname = \"floor\"\nkind = \"sphere\"\nradius_mm = 1\nposition_mm = [0, 0, 0]\n[design]", &["robot.model", "floor"], None),
     // Types.
     ("seed = 1", "seed = \"one\"", &["seed", "line 2", "string \"one\"", "u64"], None),
     ("seed = 1", "seed = -1", &["seed", "line 2", "`-1`"], None),

@@ -14,6 +14,7 @@
 //! - `bad_input`: wrong inputs, seen from outside the process.
 //! - `known_optima`: arms of three joints, for which the best plan can be derived by hand.
 //! - `search`: the search for plans and its certificate, on the KR-270.
+//! - `obstacles`: what stands in the laboratory.
 //! - `study`: Monte Carlo studies keep what was predicted, to the bit whatever the threads.
 
 #![expect(clippy::expect_used, reason = "a test that cannot go on fails")]
@@ -26,6 +27,7 @@ mod identifiability;
 mod interruptions;
 mod judges;
 mod known_optima;
+mod obstacles;
 mod planning;
 mod properties;
 mod published;

@@ -18,19 +18,32 @@
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 
-use super::local::LocalSearch;
-use super::problem::{Point, Problem, SearchError, add_information, information_in};
+use super::local::{LocalSearch, Precision};
+use super::pool::Pool;
+use super::problem::{Point, Problem, SearchError};
 use super::sampling::Sampler;
 use crate::random::generator;
 
 /// Rounds of adding experiments and weighting them.
-const ROUNDS: usize = 40;
+const ROUNDS: usize = 60;
 /// The rounds end when no experiment promises more than this share.
 const TOLERANCE: f64 = 1e-4;
+/// As long as experiments of the pool promise more than this share, there are no local searches.
+const ROUGH_TOLERANCE: f64 = 2e-2;
+/// Experiments that are added in one round.
+const ADDED: usize = 8;
+/// Experiments whose information differs by less than this share stand for one another.
+const NEAR: f64 = 1e-3;
 /// Weights below this are dropped.
 const SMALLEST_WEIGHT: f64 = 1e-5;
 /// Steps of the multiplicative algorithm in one round.
 const WEIGHT_STEPS: usize = 3000;
+/// Random local searches between two looks at whether enough are done.
+const BATCH: usize = 64;
+/// So many random local searches that end in the largest derivative are enough.
+const ENOUGH: usize = 50;
+/// How many of the best ends of random local searches are searched on to full precision.
+const POLISHED: usize = 8;
 
 /// A lower bound for every plan, and what it rests on.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -68,6 +81,8 @@ pub struct ApproximateDesign {
     pub directions: DMatrix<f64>,
     /// The bound that follows.
     pub certificate: Certificate,
+    /// The experiments and other informative ones, for the search of plans.
+    pub(super) candidates: Vec<Point>,
 }
 
 /// Finds the approximate design by adding the most informative experiments until none promises
@@ -79,70 +94,130 @@ pub fn approximate_design(
     problem: &Problem<'_>,
     seed: u64,
 ) -> Result<ApproximateDesign, SearchError> {
+    problem.check_excited()?;
     let mut support = initial_support(problem, seed)?;
+    let pool = Pool::draw(problem, problem.effort.pool, seed, 1);
     let mut weights = vec![(support.len() as f64).recip(); support.len()];
     let mut weighing = Weighing::new(problem);
-    for round in 0..ROUNDS {
-        let cost = weighing.optimise(&support, &mut weights);
+    let mut gap = 1.0;
+    for _ in 0..ROUNDS {
+        let cost = weighing.optimise(&support, &mut weights, 0.1 * gap);
         prune(&mut support, &mut weights);
-        let stream = 1 + round as u64;
-        let found = climbs(
-            problem,
-            &support,
-            &weighing.directions,
-            seed,
-            stream,
-            problem.effort.probes,
-        );
-        let threshold = cost * (1.0 + TOLERANCE);
-        let mut found: Vec<_> = found
-            .into_iter()
-            .filter(|(_, value)| *value > threshold)
+        let ranked = pool.by_derivative(&weighing.directions);
+        let mut found: Vec<(Point, f64)> = ranked
+            .iter()
+            .take(ADDED)
+            .filter(|(_, value)| *value > cost * (1.0 + ROUGH_TOLERANCE))
+            .map(|&(point, value)| (point.clone(), value))
             .collect();
         if found.is_empty() {
+            let promising = ranked.iter().take(problem.effort.probes);
+            let starts: Vec<&[f64]> = (support.iter())
+                .chain(promising.map(|(point, _)| *point))
+                .map(|point| &*point.q)
+                .collect();
+            found = climbs(problem, &starts, &weighing.directions, Precision::FINE);
+            found.retain(|(_, value)| *value > cost * (1.0 + TOLERANCE));
+        }
+        let largest = found.iter().map(|(_, value)| *value).fold(0.0, f64::max);
+        gap = (largest / cost - 1.0).clamp(TOLERANCE, gap);
+        if !add(&mut support, &mut weights, found) {
             break;
-        }
-        found.sort_by(|one, other| other.1.total_cmp(&one.1));
-        let mut added = 0;
-        for (point, _) in found {
-            if added < 8 && !support.iter().any(|known| is_same(known, &point)) {
-                support.push(point);
-                weights.push(0.0);
-                added += 1;
-            }
-        }
-        if added == 0 {
-            break;
-        }
-        let share = 0.5 / added as f64;
-        let old = weights.len() - added;
-        for (index, weight) in weights.iter_mut().enumerate() {
-            *weight = if index < old { *weight * 0.5 } else { share };
         }
     }
-    let cost = weighing.optimise(&support, &mut weights);
-    let searches = problem.effort.certificate_probes;
-    let found = climbs(problem, &support, &weighing.directions, seed, 0, searches);
-    let largest_derivative = found.iter().map(|(_, value)| *value).fold(cost, f64::max);
-    let mandatory = &problem.scenario.design.mandatory;
+    let cost = weighing.optimise(&support, &mut weights, 0.1 * TOLERANCE);
+    let (certificate, ends) = certify(problem, seed, &support, cost, &weighing.directions);
+    let mut candidates = support.clone();
+    for (point, _) in ends {
+        if !candidates.iter().any(|known| is_same(known, &point)) {
+            candidates.push(point);
+        }
+    }
     Ok(ApproximateDesign {
-        certificate: Certificate {
-            mandatory: (
-                mandatory.measurements(),
-                problem.information(mandatory).dot(&weighing.directions),
-            ),
-            cost,
-            largest_derivative,
-            searches,
-            agreeing: found
-                .iter()
-                .filter(|(_, value)| *value > 0.999 * largest_derivative)
-                .count(),
-        },
+        certificate,
         directions: weighing.directions,
         support,
         weights,
+        candidates,
     })
+}
+
+/// Adds the most informative of the experiments that were found, or puts them in the place of those
+/// that tell the same; whether there are any.
+fn add(support: &mut Vec<Point>, weights: &mut Vec<f64>, mut found: Vec<(Point, f64)>) -> bool {
+    found.sort_by(|one, other| other.1.total_cmp(&one.1));
+    let old = support.len();
+    let mut taken: Vec<Point> = Vec::new();
+    for (point, _) in found {
+        if taken.len() == ADDED || taken.iter().any(|known| is_same(known, &point)) {
+            continue;
+        }
+        taken.push(point.clone());
+        match support.iter_mut().find(|known| is_same(known, &point)) {
+            Some(known) => *known = point,
+            None => support.push(point),
+        }
+    }
+    let added = support.len() - old;
+    if added > 0 {
+        for weight in weights.iter_mut() {
+            *weight *= 0.5;
+        }
+        weights.resize(support.len(), 0.5 / added as f64);
+    }
+    !taken.is_empty()
+}
+
+/// Searches the largest derivative, from the support and from random starts until enough of these
+/// agree. Returns also where the latter ended.
+fn certify(
+    problem: &Problem<'_>,
+    seed: u64,
+    support: &[Point],
+    cost: f64,
+    directions: &DMatrix<f64>,
+) -> (Certificate, Vec<(Point, f64)>) {
+    let mut ends: Vec<(Point, f64)> = Vec::new();
+    let mut searches = 0;
+    while searches < problem.effort.certificate_probes {
+        let starts = Pool::draw(problem, BATCH, seed, 2 + searches as u64);
+        let starts: Vec<&[f64]> = starts.points().iter().map(|point| &*point.q).collect();
+        ends.extend(climbs(problem, &starts, directions, Precision::ROUGH));
+        searches += BATCH;
+        if agreeing(&ends) >= ENOUGH {
+            break;
+        }
+    }
+    ends.sort_by(|one, other| other.1.total_cmp(&one.1));
+    let starts: Vec<&[f64]> = (ends.iter().take(POLISHED).map(|(point, _)| point))
+        .chain(support)
+        .map(|point| &*point.q)
+        .collect();
+    let polished = climbs(problem, &starts, directions, Precision::FINE);
+    let largest_derivative = polished
+        .iter()
+        .map(|(_, value)| *value)
+        .fold(cost, f64::max);
+    let mandatory = &problem.scenario.design.mandatory;
+    let certificate = Certificate {
+        mandatory: (
+            mandatory.measurements(),
+            problem.information(mandatory).dot(directions),
+        ),
+        cost,
+        largest_derivative,
+        searches,
+        agreeing: agreeing(&ends),
+    };
+    (certificate, ends)
+}
+
+/// How many searches ended within 0.1 % of the largest derivative found.
+fn agreeing(ends: &[(Point, f64)]) -> usize {
+    let largest = ends.iter().map(|(_, value)| *value).fold(0.0, f64::max);
+    ends.iter()
+        .filter(|(_, value)| *value > 0.999 * largest)
+        .count()
 }
 
 /// Random feasible experiments, each under the load that tells most of all compliances alike.
@@ -150,65 +225,28 @@ fn initial_support(problem: &Problem<'_>, seed: u64) -> Result<Vec<Point>, Searc
     let mut sampler = Sampler::new(problem);
     let mut random = generator(seed, u64::MAX);
     let local = LocalSearch::new(problem);
-    let support: Vec<Point> = (0..40)
+    (0..40)
         .map(|_| {
             let (q, load) = sampler
                 .draw(&mut random)
                 .ok_or_else(|| sampler.explain_empty(seed))?;
             Ok(local.point(&q, &load))
         })
-        .collect::<Result<_, _>>()?;
-    check_excited(problem, &support)?;
-    Ok(support)
+        .collect()
 }
 
-/// Every compliance must show in some experiment.
-fn check_excited(problem: &Problem<'_>, support: &[Point]) -> Result<(), SearchError> {
-    let shown = |parameter: usize| {
-        let lengths = support
-            .iter()
-            .map(|point| point.matrix.column(parameter).norm());
-        lengths.fold(0.0, f64::max)
-    };
-    let shown: Vec<f64> = (0..problem.parameters()).map(shown).collect();
-    let largest = shown.iter().copied().fold(0.0, f64::max);
-    let joints: Vec<String> = problem
-        .scenario
-        .parameter_names()
-        .into_iter()
-        .zip(shown)
-        .filter(|(_, shown)| *shown <= 1e-9 * largest)
-        .map(|(name, _)| name)
-        .collect();
-    if joints.is_empty() {
-        Ok(())
-    } else {
-        Err(SearchError::NotExcited { joints })
-    }
-}
-
-/// Local searches for the largest derivative, from the support and from random starts.
+/// Local searches for the largest derivative.
 fn climbs(
     problem: &Problem<'_>,
-    support: &[Point],
+    starts: &[&[f64]],
     directions: &DMatrix<f64>,
-    seed: u64,
-    stream: u64,
-    probes: usize,
+    precision: Precision,
 ) -> Vec<(Point, f64)> {
-    (0..support.len() + probes)
-        .into_par_iter()
+    starts
+        .par_iter()
         .map_init(
-            || (LocalSearch::new(problem), Sampler::new(problem)),
-            |(local, sampler), index| {
-                let start = if let Some(point) = support.get(index) {
-                    point.q.clone()
-                } else {
-                    let run = (stream << 32) + index as u64;
-                    sampler.draw_inside(&mut generator(seed, run))?
-                };
-                local.most_informative(&start, directions)
-            },
+            || LocalSearch::new(problem),
+            |local, start| local.most_informative(start, directions, precision),
         )
         .flatten()
         .collect()
@@ -218,7 +256,7 @@ fn climbs(
 /// give the same information.
 fn is_same(one: &Point, other: &Point) -> bool {
     let (first, second) = (one.information(), other.information());
-    (&first - second).norm() < 1e-3 * first.norm()
+    (&first - second).norm() < NEAR * first.norm()
 }
 
 fn prune(support: &mut Vec<Point>, weights: &mut Vec<f64>) {
@@ -254,12 +292,16 @@ impl Weighing {
 
     /// The multiplicative algorithm: each weight grows with the root of its derivative (Fellman;
     /// Yu 2010 shows that the cost never rises). Returns the cost.
-    fn optimise(&mut self, support: &[Point], weights: &mut [f64]) -> f64 {
+    fn optimise(&mut self, support: &[Point], weights: &mut [f64], tolerance: f64) -> f64 {
+        let blocks: Vec<DMatrix<f64>> = support.iter().map(Point::information).collect();
         let mut cost = f64::INFINITY;
         for _ in 0..WEIGHT_STEPS {
             self.information.fill(0.0);
-            for (point, weight) in support.iter().zip(weights.iter()) {
-                add_information(&mut self.information, &point.matrix, *weight);
+            for (block, weight) in blocks.iter().zip(weights.iter()) {
+                let sums = self.information.as_mut_slice().iter_mut();
+                for (sum, value) in sums.zip(block.as_slice()) {
+                    *sum += weight * value;
+                }
             }
             cost = self.cost.cost(&self.information, &mut self.directions);
             if !cost.is_finite() {
@@ -267,8 +309,9 @@ impl Weighing {
             }
             let mut largest = 0.0_f64;
             let mut total = 0.0;
-            for (point, weight) in support.iter().zip(weights.iter_mut()) {
-                let derivative = information_in(&point.matrix, &self.directions);
+            for (block, weight) in blocks.iter().zip(weights.iter_mut()) {
+                let pairs = block.as_slice().iter().zip(self.directions.as_slice());
+                let derivative: f64 = pairs.map(|(one, other)| one * other).sum();
                 largest = largest.max(derivative);
                 *weight *= derivative.max(0.0).sqrt();
                 total += *weight;
@@ -276,7 +319,7 @@ impl Weighing {
             for weight in weights.iter_mut() {
                 *weight /= total;
             }
-            if largest <= cost * (1.0 + 0.1 * TOLERANCE) {
+            if largest <= cost * (1.0 + tolerance) {
                 break;
             }
         }

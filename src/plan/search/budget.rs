@@ -4,13 +4,13 @@
 use std::collections::BTreeSet;
 
 use super::approximate::approximate_design;
-use super::exact::{Watch, exact_design};
+use super::exact::{Watch, exact_design_from};
 use super::problem::{Problem, SearchError};
-use crate::plan::Criterion;
+use crate::plan::{Criterion, Plan};
 use crate::scenario::Scenario;
 
-/// Starts of the searches: fewer than for a single plan, since there are many.
-const STARTS: usize = 80;
+/// Searches: fewer than for a single plan, since there are many.
+const SEARCHES: usize = 48;
 /// Few configurations are tried up to this number, and then as many as measurements.
 const FEW: u32 = 4;
 
@@ -40,7 +40,7 @@ pub fn budget(
     progress: &dyn Fn(usize, usize),
 ) -> Result<Vec<BudgetPoint>, SearchError> {
     let mut problem = Problem::new(scenario, Criterion::TestPose);
-    problem.effort.starts = STARTS;
+    problem.effort.searches = SEARCHES;
     let approximate = approximate_design(&problem, scenario.seed)?;
     let fewest = u32::try_from(problem.parameters().div_ceil(3)).unwrap_or(u32::MAX);
     let sizes: Vec<(u32, u32)> = (fewest..=largest)
@@ -50,29 +50,51 @@ pub fn budget(
         })
         .collect();
     let mut points = Vec::new();
+    let mut plans: Vec<((u32, u32), Plan)> = Vec::new();
     for (index, &(experiments, configurations)) in sizes.iter().enumerate() {
         progress(index, sizes.len());
-        let seed = scenario.seed;
-        match exact_design(
+        let known: Vec<Plan> = plans
+            .iter()
+            .filter_map(|((m, c), plan)| {
+                if *m + 1 == experiments && *c == configurations {
+                    Some(measured_once_more(plan))
+                } else {
+                    (*m == experiments).then(|| plan.clone())
+                }
+            })
+            .collect();
+        match exact_design_from(
             &problem,
             &approximate,
-            experiments,
-            configurations,
-            seed,
+            [experiments, configurations],
+            scenario.seed,
             watch,
+            &known,
         ) {
-            Ok(design) => points.push(BudgetPoint {
-                experiments,
-                configurations,
-                rho0_m: design.cost.sqrt(),
-                lower_bound_m: approximate.certificate.lower_bound(experiments).sqrt(),
-            }),
+            Ok(design) => {
+                points.push(BudgetPoint {
+                    experiments,
+                    configurations,
+                    rho0_m: design.cost.sqrt(),
+                    lower_bound_m: approximate.certificate.lower_bound(experiments).sqrt(),
+                });
+                plans.push(((experiments, configurations), design.plan));
+            }
             // So few configurations do not determine the compliances: more may.
             Err(SearchError::Singular { .. }) => {}
             Err(error) => return Err(error),
         }
     }
     Ok(points)
+}
+
+/// The same plan with one more repeat of its last experiment; the search moves it where it is best.
+fn measured_once_more(plan: &Plan) -> Plan {
+    let mut plan = plan.clone();
+    if let Some(last) = plan.experiments.last_mut() {
+        last.repeats += 1;
+    }
+    plan
 }
 
 /// The numbers of configurations that are repeated, in ascending order.

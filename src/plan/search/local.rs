@@ -6,7 +6,7 @@ use nalgebra::{DMatrix, Matrix3xX, Vector3};
 use slsqp::{Func, StopTols, minimize};
 
 use super::observation::Observer;
-use super::problem::{LoadChoice, Point, Problem, information_in};
+use super::problem::{LoadChoice, Point, Problem, in_directions, information_in};
 use crate::plan::Bound;
 use crate::robot::Load;
 
@@ -15,8 +15,32 @@ use crate::robot::Load;
 const INSET: f64 = 1e-7;
 /// The optimiser may leave a bound by this much before its result is refused.
 const SLACK: f64 = 0.99 * INSET;
-/// Evaluations of one local search.
-const EVALUATIONS: usize = 120;
+
+/// When a local search ends.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Precision {
+    /// A step that improves by less than this share is the last.
+    tolerance: f64,
+    /// The largest number of evaluations.
+    evaluations: usize,
+    /// A sweep over a plan's experiments that improves by less than this share is the last.
+    pub converged: f64,
+}
+
+impl Precision {
+    /// On the way.
+    pub const ROUGH: Self = Self {
+        tolerance: 1e-5,
+        evaluations: 60,
+        converged: 3e-5,
+    };
+    /// At the end.
+    pub const FINE: Self = Self {
+        tolerance: 1e-9,
+        evaluations: 120,
+        converged: 1e-6,
+    };
+}
 
 /// Local searches over one experiment; one for each thread.
 #[derive(Debug, Clone)]
@@ -76,6 +100,12 @@ impl<'a> LocalSearch<'a> {
         }
     }
 
+    /// Joint angles as near as the joint ranges allow.
+    pub fn in_ranges(&self, mut q: Vec<f64>) -> Vec<f64> {
+        clamp(&mut q, &self.ranges);
+        q
+    }
+
     /// Whether a point lies within the smooth bounds.
     pub fn is_inside(&self, q: &[f64], load: &Load) -> bool {
         let mut seat = self.observer.borrow_mut();
@@ -89,15 +119,20 @@ impl<'a> LocalSearch<'a> {
     /// Climbs from a start to a point of locally largest information in the directions G,
     /// trace(A G A^T), and returns it with that information. A list of loads is tried one by one;
     /// a free force takes its best direction at every configuration on the way.
-    pub fn most_informative(&self, q: &[f64], directions: &DMatrix<f64>) -> Option<(Point, f64)> {
+    pub fn most_informative(
+        &self,
+        q: &[f64],
+        directions: &DMatrix<f64>,
+        precision: Precision,
+    ) -> Option<(Point, f64)> {
         match &self.loads {
             LoadChoice::OneOf(loads) => loads
                 .iter()
-                .filter_map(|load| self.climb(q, directions, &|_| *load))
+                .filter_map(|load| self.climb(q, directions, precision, &|_| *load))
                 .max_by(|one, other| one.1.total_cmp(&other.1)),
             LoadChoice::AnyDirection(size) => {
                 let size = *size;
-                self.climb(q, directions, &|observer| {
+                self.climb(q, directions, precision, &|observer| {
                     best_force(observer, directions, size)
                 })
             }
@@ -108,6 +143,7 @@ impl<'a> LocalSearch<'a> {
         &self,
         q: &[f64],
         directions: &DMatrix<f64>,
+        precision: Precision,
         load_at: &dyn Fn(&Observer<'_>) -> Load,
     ) -> Option<(Point, f64)> {
         let matrix = RefCell::new((
@@ -134,14 +170,14 @@ impl<'a> LocalSearch<'a> {
             let (matrix, factor) = &mut *matrix.borrow_mut();
             seat.observer.observe(&load, matrix);
             if let Some(gradient) = gradient {
-                factor.gemm(-2.0 * unit, matrix, directions, 0.0);
+                in_directions(factor, -2.0 * unit, matrix, directions);
                 gradient.fill(0.0);
                 seat.observer.pull_back(&load, factor, gradient);
             }
             -unit * information_in(matrix, directions)
         };
         let load_here = |seat: &Seat<'_>| load_at(&seat.observer);
-        let q = self.minimise(q, &self.ranges, &objective, &load_here)?;
+        let q = self.minimise(q, &objective, &load_here, precision)?;
         let load = {
             let mut seat = self.observer.borrow_mut();
             seat.move_to(&q);
@@ -162,6 +198,7 @@ impl<'a> LocalSearch<'a> {
         &self,
         start: &Point,
         cost: &dyn Fn(&Matrix3xX<f64>, &mut Matrix3xX<f64>) -> f64,
+        precision: Precision,
     ) -> Option<Point> {
         let joints = start.q.len();
         let free = match self.loads {
@@ -208,7 +245,7 @@ impl<'a> LocalSearch<'a> {
             }
             unit * value
         };
-        let mut x = self.minimise_with_force(&x, joints, &ranges, &objective, &load_of)?;
+        let mut x = self.minimise_with_force(&x, &ranges, &objective, &load_of, precision)?;
         // Where the cost has kinks, the optimiser may end with a force of another size.
         let force = x[joints..].iter().map(|value| value * value).sum::<f64>();
         if free.is_some() && force > 0.0 {
@@ -224,9 +261,9 @@ impl<'a> LocalSearch<'a> {
     fn minimise(
         &self,
         q: &[f64],
-        ranges: &[(f64, f64)],
         objective: &dyn Func<()>,
         load_here: &dyn Fn(&Seat<'_>) -> Load,
+        precision: Precision,
     ) -> Option<Vec<f64>> {
         let constraint = |bound: Bound| {
             move |q: &[f64], gradient: Option<&mut [f64]>, (): &mut ()| {
@@ -238,17 +275,18 @@ impl<'a> LocalSearch<'a> {
         };
         let constraints: Vec<_> = self.bounds.iter().map(|&bound| constraint(bound)).collect();
         let constraints: Vec<&dyn Func<()>> = constraints.iter().map(|each| each as _).collect();
-        run(objective, q, ranges, &constraints)
+        run(objective, q, &self.ranges, &constraints, precision)
     }
 
     fn minimise_with_force(
         &self,
         x: &[f64],
-        joints: usize,
         ranges: &[(f64, f64)],
         objective: &dyn Func<()>,
         load_of: &dyn Fn(&[f64]) -> Load,
+        precision: Precision,
     ) -> Option<Vec<f64>> {
+        let joints = self.ranges.len();
         let constraint = |bound: Bound| {
             move |x: &[f64], gradient: Option<&mut [f64]>, (): &mut ()| {
                 let mut seat = self.observer.borrow_mut();
@@ -277,7 +315,7 @@ impl<'a> LocalSearch<'a> {
         if x.len() > joints {
             constraints.push(&force_size);
         }
-        run(objective, x, ranges, &constraints)
+        run(objective, x, ranges, &constraints, precision)
     }
 
     /// A bound as the optimiser wants it: not positive inside.
@@ -304,9 +342,10 @@ fn run(
     start: &[f64],
     ranges: &[(f64, f64)],
     constraints: &[&dyn Func<()>],
+    precision: Precision,
 ) -> Option<Vec<f64>> {
     let tolerances = StopTols {
-        ftol_rel: 1e-9,
+        ftol_rel: precision.tolerance,
         ..StopTols::default()
     };
     let result = minimize(
@@ -315,16 +354,20 @@ fn run(
         ranges,
         constraints,
         (),
-        EVALUATIONS,
+        precision.evaluations,
         Some(tolerances),
     );
     let mut x = match result {
         Ok((_, x, _)) | Err((_, x, _)) => x,
     };
+    clamp(&mut x, ranges);
+    x.iter().all(|value| value.is_finite()).then_some(x)
+}
+
+fn clamp(x: &mut [f64], ranges: &[(f64, f64)]) {
     for (value, &(low, high)) in x.iter_mut().zip(ranges) {
         *value = value.clamp(low, high);
     }
-    x.iter().all(|value| value.is_finite()).then_some(x)
 }
 
 /// The force of the given size that gives most information: trace(A G A^T) = F^T Q F, so it points

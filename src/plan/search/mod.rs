@@ -6,14 +6,20 @@
 //! - `approximate`: the design with continuous weights, whose largest directional derivative bounds
 //!   every plan from below.
 //! - `budget`: the best accuracy against the number of measurements.
-//! - `exact`: plans of whole experiments, by exchange with gradient refinement from many starts.
+//! - `pool`: random experiments that are cheap to look through.
+//! - `exchange`, `refinement`: one search of a plan of whole experiments, by exchange over a pool and
+//!   refinement by gradients.
+//! - `exact`: the best plan of whole experiments that many such searches find.
 
 mod approximate;
 mod budget;
 mod exact;
+mod exchange;
 mod local;
 mod observation;
+mod pool;
 mod problem;
+mod refinement;
 mod sampling;
 
 pub use approximate::{ApproximateDesign, Certificate, approximate_design};

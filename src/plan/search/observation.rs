@@ -10,6 +10,8 @@ use crate::robot::{KinematicState, Kinematics, Load};
 #[derive(Debug, Clone)]
 pub struct Observer<'a> {
     model: ExperimentModel<'a>,
+    /// The joints whose compliances are the parameters.
+    parameters: Vec<usize>,
     /// Typical compliance over sigma, one for each parameter.
     scale: Vec<f64>,
     /// The arm's geometry at the last configuration.
@@ -22,19 +24,25 @@ pub struct Observer<'a> {
 }
 
 impl<'a> Observer<'a> {
-    /// An observer for a model; `typical_rad_per_nm` are typical compliances of the parameters.
+    /// An observer for a model; `parameters` are joints among the model's, `typical_rad_per_nm` their
+    /// typical compliances.
     #[must_use]
-    pub fn new(model: ExperimentModel<'a>, typical_rad_per_nm: &[f64]) -> Self {
-        let parameters = model.parameters.len();
+    pub fn new(
+        model: ExperimentModel<'a>,
+        parameters: &[usize],
+        typical_rad_per_nm: &[f64],
+    ) -> Self {
+        let count = parameters.len();
         Self {
+            parameters: parameters.to_vec(),
             scale: typical_rad_per_nm
                 .iter()
                 .map(|compliance| compliance / model.sigma_m)
                 .collect(),
             state: KinematicState::new(model.chain.len()),
-            column: vec![Vector3::zeros(); parameters],
-            adjoint: vec![Vector3::zeros(); parameters],
-            twist: vec![Vector3::zeros(); parameters],
+            column: vec![Vector3::zeros(); count],
+            adjoint: vec![Vector3::zeros(); count],
+            twist: vec![Vector3::zeros(); count],
             model,
         }
     }
@@ -57,14 +65,14 @@ impl<'a> Observer<'a> {
             .chain
             .at(self.model.tool)
             .update(q, &mut self.state);
-        for (column, &joint) in self.column.iter_mut().zip(self.model.parameters) {
+        for (column, &joint) in self.column.iter_mut().zip(&self.parameters) {
             *column = self.state.position_column(joint);
         }
     }
 
     /// Writes the scaled observation matrix, 3 x p, at the last configuration.
     pub fn observe(&self, load: &Load, matrix: &mut Matrix3xX<f64>) {
-        for (index, &joint) in self.model.parameters.iter().enumerate() {
+        for (index, &joint) in self.parameters.iter().enumerate() {
             let torque = self.state.load_torque(joint, load);
             matrix.set_column(index, &(self.column[index] * (torque * self.scale[index])));
         }
@@ -77,7 +85,7 @@ impl<'a> Observer<'a> {
     /// and `dJ_n/dq_j` = `z_j` x `J_n` (j <= n) or `z_n` x `J_j` (j > n), the sum over n becomes
     /// `z_j` . sum_{n >= j} (`J_n` x `v_n` + (`B_n` . `J_n`) `z_n` x T) + `J_j` . sum_{n < j} (`v_n` x `z_n`).
     pub fn pull_back(&mut self, load: &Load, factor: &Matrix3xX<f64>, gradient: &mut [f64]) {
-        let parameters = self.model.parameters;
+        let parameters = &self.parameters;
         for (index, &joint) in parameters.iter().enumerate() {
             let b = factor.column(index) * self.scale[index];
             let column = &self.column[index];

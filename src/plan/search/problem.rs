@@ -1,6 +1,6 @@
 //! What is searched: the scenario's planning problem in relative units.
 
-use nalgebra::{DMatrix, Matrix3xX};
+use nalgebra::{DMatrix, Matrix3xX, Vector3};
 use rand::RngExt;
 use thiserror::Error;
 
@@ -46,29 +46,23 @@ pub enum SearchError {
 /// How much work a search does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Effort {
-    /// Random starts of a search over one experiment, for the approximate design.
+    /// Random experiments that are looked through for promising ones.
+    pub pool: usize,
+    /// How many of these a search over one experiment starts from, for the approximate design.
     pub probes: usize,
-    /// Random starts of the last such search, on which the certificate rests.
+    /// Random starts of the search on which the certificate rests, at most.
     pub certificate_probes: usize,
-    /// Random starts of a search over whole plans, for plans of few experiments.
-    pub starts: usize,
-}
-
-impl Effort {
-    /// Random starts for plans of c configurations: the more there are, the more alike are the
-    /// plans that searches end in.
-    #[must_use]
-    pub fn starts_for(&self, configurations: usize) -> usize {
-        (2 * self.starts / configurations.max(2)).max(self.starts.min(12))
-    }
+    /// Searches over whole plans, at most.
+    pub searches: usize,
 }
 
 impl Default for Effort {
     fn default() -> Self {
         Self {
-            probes: 64,
-            certificate_probes: 1000,
-            starts: 300,
+            pool: 1000,
+            probes: 16,
+            certificate_probes: 1024,
+            searches: 240,
         }
     }
 }
@@ -127,16 +121,48 @@ pub struct Problem<'a> {
     /// Joints whose angle changes neither what any experiment tells nor the smooth bounds: axis 1
     /// under a vertical load.
     pub(super) indifferent: Vec<usize>,
+    /// The joints whose compliances the plan is to determine.
+    parameters: Vec<usize>,
+    /// Those of them that no experiment shows.
+    unexcited: Vec<usize>,
     typical_rad_per_nm: Vec<f64>,
     test_poses: DMatrix<f64>,
 }
 
 impl<'a> Problem<'a> {
-    /// The planning problem of a scenario for a criterion.
+    /// The planning problem of a scenario for a criterion. For the test pose, a compliance that no
+    /// load shows and that does not matter there is left out; every other criterion is about all
+    /// compliances.
     #[must_use]
     pub fn new(scenario: &'a Scenario, criterion: Criterion) -> Self {
-        let typical_rad_per_nm = typical(scenario);
-        let mut problem = Self {
+        let mut problem = Self::of_parameters(scenario, criterion, &scenario.parameters);
+        problem.unexcited = problem.unexcited_joints();
+        if criterion == Criterion::TestPose {
+            let matters = |&index: &usize| {
+                problem.test_poses.row(index).amax() > 1e-9 * problem.test_poses.amax()
+            };
+            let kept: Vec<usize> = (0..scenario.parameters.len())
+                .filter(|index| {
+                    !problem.unexcited.contains(&scenario.parameters[*index]) || matters(index)
+                })
+                .map(|index| scenario.parameters[index])
+                .collect();
+            if !kept.is_empty() && kept.len() < scenario.parameters.len() {
+                let unexcited = problem.unexcited;
+                problem = Self::of_parameters(scenario, criterion, &kept);
+                problem.unexcited = unexcited
+                    .into_iter()
+                    .filter(|joint| kept.contains(joint))
+                    .collect();
+            }
+        }
+        problem.indifferent = indifferent_joints(&problem);
+        problem
+    }
+
+    fn of_parameters(scenario: &'a Scenario, criterion: Criterion, parameters: &[usize]) -> Self {
+        let typical_rad_per_nm = typical(scenario, parameters);
+        Self {
             indifferent: Vec::new(),
             bounds: bounds_of(&scenario.region),
             ranges: scenario
@@ -155,14 +181,66 @@ impl<'a> Problem<'a> {
                 Loads::Any { force_max_n } => LoadChoice::AnyDirection(*force_max_n),
                 Loads::List(loads) => LoadChoice::OneOf(loads.clone()),
             },
-            test_poses: scaled_test_poses(scenario, &typical_rad_per_nm),
+            test_poses: scaled_test_poses(scenario, parameters, &typical_rad_per_nm),
+            parameters: parameters.to_vec(),
+            unexcited: Vec::new(),
             typical_rad_per_nm,
             criterion,
             effort: Effort::default(),
             scenario,
+        }
+    }
+
+    /// Every compliance must show in some experiment.
+    ///
+    /// # Errors
+    /// Those that do not are named.
+    pub(super) fn check_excited(&self) -> Result<(), SearchError> {
+        if self.unexcited.is_empty() {
+            return Ok(());
+        }
+        let names = self.scenario.parameter_names();
+        let named = self.scenario.parameters.iter().zip(names);
+        Err(SearchError::NotExcited {
+            joints: named
+                .filter(|(joint, _)| self.unexcited.contains(joint))
+                .map(|(_, name)| name)
+                .collect(),
+        })
+    }
+
+    /// The joints whose compliances do not show at random configurations under any load.
+    fn unexcited_joints(&self) -> Vec<usize> {
+        const CONFIGURATIONS: u64 = 40;
+        let forces = [Vector3::x(), Vector3::y(), Vector3::z()].map(|force| Load {
+            force_n: force,
+            torque_nm: Vector3::zeros(),
+        });
+        let loads: &[Load] = match &self.loads {
+            LoadChoice::OneOf(loads) => loads,
+            LoadChoice::AnyDirection(_) => &forces,
         };
-        problem.indifferent = indifferent_joints(&problem);
-        problem
+        let mut observer = self.observer();
+        let mut matrix = Matrix3xX::zeros(self.parameters());
+        let mut shown = vec![0.0_f64; self.parameters()];
+        let mut random = generator(0, 2);
+        for _ in 0..CONFIGURATIONS {
+            let draw = |&(low, high): &(f64, f64)| low + (high - low) * random.random::<f64>();
+            let q: Vec<f64> = self.ranges.iter().map(draw).collect();
+            observer.move_to(&q);
+            for load in loads {
+                observer.observe(load, &mut matrix);
+                for (shown, column) in shown.iter_mut().zip(matrix.column_iter()) {
+                    *shown = shown.max(column.norm());
+                }
+            }
+        }
+        let largest = shown.iter().copied().fold(0.0, f64::max);
+        let joints = self.parameters.iter().zip(shown);
+        joints
+            .filter(|(_, shown)| *shown <= 1e-9 * largest)
+            .map(|(joint, _)| *joint)
+            .collect()
     }
 
     /// The number p of compliances.
@@ -176,6 +254,7 @@ impl<'a> Problem<'a> {
     pub fn observer(&self) -> Observer<'a> {
         Observer::new(
             ExperimentModel::new(self.scenario),
+            &self.parameters,
             &self.typical_rad_per_nm,
         )
     }
@@ -224,26 +303,48 @@ pub(super) fn add_information(
     matrix: &Matrix3xX<f64>,
     weight: f64,
 ) {
-    for column in 0..matrix.ncols() {
-        for row in 0..=column {
-            let value = weight * matrix.column(row).dot(&matrix.column(column));
-            information[(row, column)] += value;
-            if row != column {
-                information[(column, row)] += value;
-            }
+    let columns = matrix.as_slice();
+    let size = matrix.ncols();
+    let sums = information.as_mut_slice().chunks_exact_mut(size);
+    for (sums, one) in sums.zip(columns.chunks_exact(3)) {
+        let [x, y, z] = [one[0] * weight, one[1] * weight, one[2] * weight];
+        for (sum, other) in sums.iter_mut().zip(columns.chunks_exact(3)) {
+            *sum += x * other[0] + y * other[1] + z * other[2];
         }
     }
 }
 
 /// trace(A G A^T): the information of an experiment in the directions G.
 pub(super) fn information_in(matrix: &Matrix3xX<f64>, directions: &DMatrix<f64>) -> f64 {
+    let columns = matrix.as_slice();
     let mut sum = 0.0;
-    for column in 0..matrix.ncols() {
-        for row in 0..matrix.ncols() {
-            sum += directions[(row, column)] * matrix.column(row).dot(&matrix.column(column));
+    let rows = directions.as_slice().chunks_exact(matrix.ncols());
+    for (row, one) in rows.zip(columns.chunks_exact(3)) {
+        for (weight, other) in row.iter().zip(columns.chunks_exact(3)) {
+            sum += weight * (one[0] * other[0] + one[1] * other[1] + one[2] * other[2]);
         }
     }
     sum
+}
+
+/// A G for an observation matrix A, times a factor.
+pub(super) fn in_directions(
+    product: &mut Matrix3xX<f64>,
+    factor: f64,
+    matrix: &Matrix3xX<f64>,
+    directions: &DMatrix<f64>,
+) {
+    let columns = matrix.as_slice();
+    let rows = directions.as_slice().chunks_exact(matrix.ncols());
+    for (sum, row) in product.as_mut_slice().chunks_exact_mut(3).zip(rows) {
+        sum.fill(0.0);
+        for (weight, column) in row.iter().zip(columns.chunks_exact(3)) {
+            let weight = factor * weight;
+            sum[0] += weight * column[0];
+            sum[1] += weight * column[1];
+            sum[2] += weight * column[2];
+        }
+    }
 }
 
 /// Finds the joints that do not matter by turning each at random configurations.
@@ -291,12 +392,11 @@ fn indifferent_joints(problem: &Problem<'_>) -> Vec<usize> {
 }
 
 /// Nominal compliances of the parameters; the largest one stands in for a joint held to be rigid.
-fn typical(scenario: &Scenario) -> Vec<f64> {
+fn typical(scenario: &Scenario, parameters: &[usize]) -> Vec<f64> {
     let nominal = &scenario.nominal.compliance_rad_per_nm;
     let largest = nominal.iter().copied().fold(0.0, f64::max);
     let fallback = if largest > 0.0 { largest } else { 1e-6 };
-    scenario
-        .parameters
+    parameters
         .iter()
         .map(|&joint| {
             if nominal[joint] > 0.0 {
@@ -309,14 +409,14 @@ fn typical(scenario: &Scenario) -> Vec<f64> {
 }
 
 /// C^T (p x 3 poses): the test poses' matrices in relative units, times the roots of the weights.
-fn scaled_test_poses(scenario: &Scenario, typical: &[f64]) -> DMatrix<f64> {
+fn scaled_test_poses(scenario: &Scenario, parameters: &[usize], typical: &[f64]) -> DMatrix<f64> {
     let mut stacked = DMatrix::zeros(typical.len(), 3 * scenario.test_poses.len());
     for (index, pose) in scenario.test_poses.iter().enumerate() {
         let matrix = test_pose_matrix(
             &scenario.nominal.chain,
             &scenario.machining_tool,
             pose,
-            &scenario.parameters,
+            parameters,
         );
         for row in 0..3 {
             for (parameter, scale) in typical.iter().enumerate() {

@@ -71,12 +71,12 @@ impl<'a> Sampler<'a> {
         })
     }
 
-    /// A configuration that keeps the smooth bounds only.
-    pub fn draw_inside(&self, random: &mut impl Rng) -> Option<Vec<f64>> {
+    /// An experiment that keeps the smooth bounds only.
+    pub fn draw_inside(&self, random: &mut impl Rng) -> Option<Point> {
         (0..ATTEMPTS).find_map(|_| {
             let q = uniform(&self.problem.ranges, random);
             let load = self.load(random);
-            self.local.is_inside(&q, &load).then_some(q)
+            (self.local.is_inside(&q, &load)).then(|| self.local.point(&q, &load))
         })
     }
 

@@ -5,6 +5,7 @@ mod gate;
 mod instrument;
 mod load;
 mod number;
+mod obstacle;
 mod region;
 mod robot;
 mod study;
@@ -41,7 +42,8 @@ impl Checker<'_> {
         let file = self.parse(text)?;
         let mut hash = Sha256::new_with_prefix(self.question(text)?);
 
-        let model = self.model("robot.model", &file.robot.model)?;
+        let obstacles = self.obstacles(&file)?;
+        let model = self.model("robot.model", &file.robot.model, &obstacles)?;
         hash.update(read_text(model.path())?);
         let chain = self.serial_chain("robot.model", &model)?;
         let nominal = Robot {
@@ -64,7 +66,7 @@ impl Checker<'_> {
             &file.robot.machining_site,
         )?;
         let parameters = self.parameters(&nominal.chain, &file.robot.parameters)?;
-        let true_robot = self.true_robot(&file, &nominal)?;
+        let true_robot = self.true_robot(&file, &nominal, &obstacles)?;
         hash.update(read_text(true_robot.model.path())?);
 
         let joints = nominal.chain.len();

@@ -4,17 +4,23 @@ use std::path::Path;
 
 use super::Checker;
 use crate::files::{FileError, read_text};
-use crate::mujoco::Model;
+use crate::mujoco::{Model, Obstacle};
 use crate::robot::{SerialChain, Tool};
 use crate::scenario::Robot;
 use crate::scenario::file::File;
 
 impl Checker<'_> {
-    pub(super) fn model(&self, key: &str, path: &Path) -> Result<Model, FileError> {
+    /// The model in its laboratory.
+    pub(super) fn model(
+        &self,
+        key: &str,
+        path: &Path,
+        obstacles: &[Obstacle],
+    ) -> Result<Model, FileError> {
         let path = self.resolve(path);
         // The same checks, and the same words, as for every other file.
         read_text(&path).map_err(|error| self.named_file(key, error))?;
-        Model::load(&path).map_err(|error| self.model_error(key, &error))
+        Model::load_with(&path, obstacles).map_err(|error| self.model_error(key, &error))
     }
 
     pub(super) fn serial_chain(&self, key: &str, model: &Model) -> Result<SerialChain, FileError> {
@@ -87,7 +93,12 @@ impl Checker<'_> {
         Ok(parameters)
     }
 
-    pub(super) fn true_robot(&self, file: &File, nominal: &Robot) -> Result<Robot, FileError> {
+    pub(super) fn true_robot(
+        &self,
+        file: &File,
+        nominal: &Robot,
+        obstacles: &[Obstacle],
+    ) -> Result<Robot, FileError> {
         let table = file.true_robot.as_ref();
         let Some(table) = table else {
             return Ok(nominal.clone());
@@ -96,7 +107,7 @@ impl Checker<'_> {
             None => nominal.clone(),
             Some(path) => {
                 let key = "true_robot.model";
-                let model = self.model(key, path)?;
+                let model = self.model(key, path, obstacles)?;
                 let chain = self.serial_chain(key, &model)?;
                 if chain.len() != nominal.chain.len() {
                     let problem = format!(

@@ -1,0 +1,291 @@
+//! The best plan near a given one: its experiments are improved in turn, and repeats moved.
+
+use std::cell::RefCell;
+
+use nalgebra::{DMatrix, Matrix3xX};
+
+use super::local::{LocalSearch, Precision};
+use super::problem::{Point, Problem, add_information, in_directions};
+use super::sampling::Sampler;
+use crate::plan::{CriterionFunction, Experiment};
+
+/// The most sweeps over the experiments of one plan that refine them.
+const SWEEPS: usize = 200;
+/// A moved repeat must lower the cost by this share.
+const WORTHWHILE: f64 = 1e-3;
+/// A refinement has hope as long as so many gains like the last would do.
+const HOPE: f64 = 10.0;
+/// The longest extrapolation, in sweeps.
+const LONGEST_STEP: f64 = 50.0;
+
+/// A plan that a search ended in.
+#[derive(Debug, Clone)]
+pub(super) struct Found {
+    pub cost: f64,
+    pub points: Vec<Point>,
+    pub repeats: Vec<u32>,
+}
+
+/// Refines plans; one for each thread.
+pub(super) struct Refinement<'a> {
+    pub problem: &'a Problem<'a>,
+    pub local: LocalSearch<'a>,
+    pub sampler: Sampler<'a>,
+    /// The information of the mandatory experiments.
+    pub mandatory: DMatrix<f64>,
+    pub work: RefCell<Work>,
+}
+
+pub(super) struct Work {
+    pub cost: CriterionFunction,
+    information: DMatrix<f64>,
+    directions: DMatrix<f64>,
+}
+
+impl<'a> Refinement<'a> {
+    pub fn new(problem: &'a Problem<'a>) -> Self {
+        let size = problem.parameters();
+        Self {
+            problem,
+            local: LocalSearch::new(problem),
+            sampler: Sampler::new(problem),
+            mandatory: problem.information(&problem.scenario.design.mandatory),
+            work: RefCell::new(Work {
+                cost: problem.cost(),
+                information: DMatrix::zeros(size, size),
+                directions: DMatrix::zeros(size, size),
+            }),
+        }
+    }
+
+    /// A plan that is known, without the mandatory experiments.
+    pub fn known(&self, experiments: &[Experiment]) -> Found {
+        let points: Vec<Point> = experiments
+            .iter()
+            .map(|each| {
+                self.local
+                    .point(each.configuration_rad.as_slice(), &each.load)
+            })
+            .collect();
+        let repeats = experiments.iter().map(|each| each.repeats).collect();
+        self.plan(points, repeats)
+    }
+
+    /// A plan with its cost.
+    pub fn plan(&self, points: Vec<Point>, repeats: Vec<u32>) -> Found {
+        let mut information = self.mandatory.clone();
+        self.total(&points, &repeats, None, &mut information);
+        Found {
+            cost: self.cost(&information),
+            points,
+            repeats,
+        }
+    }
+
+    /// Refines to full precision, also after moving single repeats from one configuration to another.
+    pub fn polish(&mut self, found: Found) -> Found {
+        let mut best = self.refine(found, Precision::FINE, f64::INFINITY);
+        let count = best.points.len();
+        loop {
+            let mut better: Option<Found> = None;
+            for (from, to) in (0..count * count).map(|pair| (pair / count, pair % count)) {
+                if from == to || best.repeats[from] == 1 {
+                    continue;
+                }
+                let mut repeats = best.repeats.clone();
+                repeats[from] -= 1;
+                repeats[to] += 1;
+                let lowest = better.as_ref().unwrap_or(&best).cost;
+                let moved = self.plan(best.points.clone(), repeats);
+                let moved = self.refine(moved, Precision::ROUGH, lowest);
+                if moved.cost < lowest * (1.0 - WORTHWHILE) {
+                    better = Some(moved);
+                }
+            }
+            match better {
+                Some(better) => best = self.refine(better, Precision::FINE, f64::INFINITY),
+                None => return best,
+            }
+        }
+    }
+
+    /// Improves the experiments in turn, and moves repeats from one to another, until nothing more
+    /// is gained, or so little that the cost will not fall below `hopeless`.
+    pub fn refine(&mut self, mut best: Found, precision: Precision, hopeless: f64) -> Found {
+        let mut information = self.mandatory.clone();
+        let mut next = best.points.clone();
+        let mut is_extrapolated = false;
+        for _ in 0..SWEEPS {
+            let swept = self.sweep(next, &best.repeats, precision, &mut information);
+            let cost = self.cost(&information);
+            let gain = 1.0 - cost / best.cost;
+            let before = if gain > 0.0 {
+                best.cost = cost;
+                std::mem::replace(&mut best.points, swept)
+            } else {
+                best.points.clone()
+            };
+            next = best.points.clone();
+            if gain > precision.converged {
+                if best.cost * (1.0 - HOPE * gain) > hopeless {
+                    break;
+                }
+                is_extrapolated = self.extrapolate(&before, &best, &mut next);
+            } else if is_extrapolated {
+                is_extrapolated = false;
+            } else {
+                self.total(&best.points, &best.repeats, None, &mut information);
+                let Found {
+                    cost,
+                    points,
+                    repeats,
+                } = &mut best;
+                if !self.move_repeat(points, repeats, &information, cost) {
+                    break;
+                }
+            }
+        }
+        best
+    }
+
+    /// Improves each experiment in turn, and leaves the information of all.
+    fn sweep(
+        &mut self,
+        mut points: Vec<Point>,
+        repeats: &[u32],
+        precision: Precision,
+        information: &mut DMatrix<f64>,
+    ) -> Vec<Point> {
+        for index in 0..points.len() {
+            self.total(&points, repeats, Some(index), information);
+            let weight = f64::from(repeats[index]);
+            if let Some(better) = self.improve(&points[index], information, weight, precision) {
+                points[index] = better;
+            }
+        }
+        self.total(&points, repeats, None, information);
+        if points
+            .iter()
+            .any(|point| !self.local.is_inside(&point.q, &point.load))
+        {
+            information.fill(0.0);
+        }
+        points
+    }
+
+    /// Goes on in the direction of a sweep's whole step as long as that lowers the cost, be it a
+    /// little out of bounds: the next sweep starts there. Sweeps alone converge slowly.
+    fn extrapolate(&mut self, before: &[Point], best: &Found, next: &mut Vec<Point>) -> bool {
+        let mut information = self.mandatory.clone();
+        let mut lowest = best.cost;
+        let mut factor = 1.0;
+        while factor < LONGEST_STEP {
+            let points: Vec<Point> = before
+                .iter()
+                .zip(&best.points)
+                .map(|(before, after)| {
+                    let q: Vec<f64> = (before.q.iter().zip(&after.q))
+                        .map(|(before, after)| after + factor * (after - before))
+                        .collect();
+                    self.local.point(&self.local.in_ranges(q), &after.load)
+                })
+                .collect();
+            self.total(&points, &best.repeats, None, &mut information);
+            let cost = self.cost(&information);
+            if cost >= lowest {
+                break;
+            }
+            lowest = cost;
+            *next = points;
+            factor *= 2.0;
+        }
+        lowest < best.cost
+    }
+
+    /// Moves one repeat between two configurations where that lowers the cost most.
+    pub fn move_repeat(
+        &self,
+        points: &[Point],
+        repeats: &mut [u32],
+        information: &DMatrix<f64>,
+        lowest: &mut f64,
+    ) -> bool {
+        let mut best = None;
+        let mut moved = information.clone();
+        for from in (0..points.len()).filter(|&from| repeats[from] > 1) {
+            for to in (0..points.len()).filter(|&to| to != from) {
+                moved.copy_from(information);
+                add_information(&mut moved, &points[from].matrix, -1.0);
+                add_information(&mut moved, &points[to].matrix, 1.0);
+                let cost = self.cost(&moved);
+                if cost < *lowest * (1.0 - 1e-7) {
+                    *lowest = cost;
+                    best = Some((from, to));
+                }
+            }
+        }
+        let Some((from, to)) = best else {
+            return false;
+        };
+        repeats[from] -= 1;
+        repeats[to] += 1;
+        true
+    }
+
+    /// The cost of an information matrix.
+    pub fn cost(&self, information: &DMatrix<f64>) -> f64 {
+        let Work {
+            cost, directions, ..
+        } = &mut *self.work.borrow_mut();
+        cost.cost(information, directions)
+    }
+
+    /// The information of the mandatory and all other experiments but one.
+    pub fn total(
+        &self,
+        points: &[Point],
+        repeats: &[u32],
+        left_out: Option<usize>,
+        total: &mut DMatrix<f64>,
+    ) {
+        total.copy_from(&self.mandatory);
+        for (index, (point, &repeats)) in points.iter().zip(repeats).enumerate() {
+            if Some(index) != left_out {
+                add_information(total, &point.matrix, f64::from(repeats));
+            }
+        }
+    }
+
+    /// A better experiment near the present one to join the rest, if there is one.
+    fn improve(
+        &mut self,
+        present: &Point,
+        rest: &DMatrix<f64>,
+        weight: f64,
+        precision: Precision,
+    ) -> Option<Point> {
+        let cost = |matrix: &Matrix3xX<f64>, factor: &mut Matrix3xX<f64>| {
+            let Work {
+                cost,
+                information,
+                directions,
+            } = &mut *self.work.borrow_mut();
+            information.copy_from(rest);
+            add_information(information, matrix, weight);
+            let value = cost.cost(information, directions);
+            if value.is_finite() {
+                in_directions(factor, -2.0 * weight, matrix, directions);
+            } else {
+                factor.fill(0.0);
+            }
+            value
+        };
+        let is_outside = !self.local.is_inside(&present.q, &present.load);
+        let mut factor = present.matrix.clone();
+        let before = cost(&present.matrix, &mut factor);
+        self.local
+            .improve(present, &cost, precision)
+            .filter(|improved| is_outside || cost(&improved.matrix, &mut factor) < before)
+            .and_then(|improved| self.sampler.clear_variant(&improved))
+    }
+}
