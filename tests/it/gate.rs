@@ -433,7 +433,7 @@ fn another_platform_stays_within_the_gate_of_the_stored_results() {
     let workplace = Workplace::new();
     for arguments in [
         "run scenarios/klimchik2012.toml --quiet",
-        "study scenarios/klimchik2012.toml --trials 2000 --quiet",
+        "study scenarios/klimchik2012.toml --trials 20000 --quiet",
     ] {
         let output = Command::new(env!("CARGO_BIN_EXE_elastocal"))
             .args(arguments.split(' '))
