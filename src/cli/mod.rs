@@ -13,8 +13,11 @@ mod merge;
 mod plan;
 mod progress;
 mod run;
+mod stream;
 mod study;
+mod study_stream;
 mod table;
+mod view;
 
 use std::io::Write;
 use std::path::PathBuf;
@@ -77,6 +80,8 @@ enum Command {
     Study(study::StudyCommand),
     /// Join the shards of a study
     Merge(merge::Merge),
+    /// Open a recording in the rerun viewer
+    View(view::View),
 }
 
 /// What a command ends with.
@@ -115,6 +120,7 @@ impl Arguments {
             Command::Compensate(command) => command.execute(),
             Command::Study(command) => command.execute(),
             Command::Merge(command) => command.execute(),
+            Command::View(command) => command.execute(),
         }?;
         let text = if json {
             serde_json::to_string_pretty(&report.json)? + "\n"
@@ -139,7 +145,7 @@ impl Command {
             Self::Identify(command) => &command.common,
             Self::Compensate(command) => &command.common,
             Self::Study(command) => &command.common,
-            Self::Merge(_) => return None,
+            Self::Merge(_) | Self::View(_) => return None,
         })
     }
 }

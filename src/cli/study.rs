@@ -6,6 +6,7 @@ use std::time::Instant;
 use clap::Args;
 use elastocal::files::{check_writable, make_folder, write_whole};
 use elastocal::output::study::{StudyPlanMessage, study_csv};
+use elastocal::output::study_recording::next_snapshot;
 use elastocal::plan::Plan;
 use elastocal::plan::search::random_plan;
 use elastocal::scenario::{Level, Scenario, StudyPlan, StudySource};
@@ -20,6 +21,8 @@ use serde_json::{Value, json};
 use super::evaluate::merge;
 use super::plan::design;
 use super::progress::bar;
+use super::stream::{TARGETS, Target};
+use super::study_stream::StudyObserver;
 use super::table::{number, table};
 use super::{Common, Report};
 
@@ -43,6 +46,9 @@ pub struct StudyCommand {
     /// Keep the tally in this file while running, and go on from it if it is there.
     #[arg(long, value_name = "FILE")]
     resume: Option<PathBuf>,
+    /// Show the study in a rerun viewer while it runs: start one, connect to one, or write a file.
+    #[arg(long, value_name = TARGETS)]
+    rerun: Option<Target>,
 }
 
 fn parse_shard(text: &str) -> Result<(u64, u64), String> {
@@ -66,7 +72,9 @@ impl StudyCommand {
         let scenario = common.load()?;
         let folder = common.out.join(&scenario.name);
         // Whether results can be written is found out before the work is done.
-        for path in [&self.tally_out, &self.resume].into_iter().flatten() {
+        let file = self.rerun.as_ref().and_then(Target::file);
+        let paths = [self.tally_out.as_ref(), self.resume.as_ref(), file];
+        for path in paths.into_iter().flatten() {
             check_writable(path)?;
         }
         if self.shard.is_none() {
@@ -91,9 +99,20 @@ impl StudyCommand {
             entries.len(),
             describe_level(level)
         ));
+        let target = self.rerun.as_ref();
+        let mut observer = if self.shard.is_none() || target.is_some() {
+            Some(StudyObserver::new(
+                &scenario,
+                &part.header,
+                &entries,
+                target,
+            )?)
+        } else {
+            None
+        };
         let start = Instant::now();
         let done_before: u64 = runs_of(&part);
-        self.run(&runner, &mut part)?;
+        self.run(&runner, &mut part, observer.as_mut())?;
         let elapsed_s = start.elapsed().as_secs_f64();
         if let Some(path) = &self.tally_out {
             part.write(path)?;
@@ -103,6 +122,13 @@ impl StudyCommand {
             runs: runs_of(&part) - done_before,
         };
         let results = Results::new(&part.header, &part.tallies, Some(timing))?;
+        let own_folder = self.shard.is_none().then_some(&*folder);
+        if let Some(folder) = own_folder {
+            write(folder, &results)?;
+        }
+        if let Some(observer) = observer {
+            observer.finish(own_folder, target)?;
+        }
         if self.shard.is_some() {
             let mut report = results.report(&folder);
             report.text = format!(
@@ -115,12 +141,17 @@ impl StudyCommand {
             );
             return Ok(report);
         }
-        write(&folder, &results)?;
         Ok(results.report(&folder))
     }
 
-    /// Makes what is left of the shard's blocks, and saves it from time to time.
-    fn run(&self, runner: &Runner<'_>, part: &mut TallyFile) -> anyhow::Result<()> {
+    /// Makes what is left of the shard's blocks, and saves and shows it from time to
+    /// time.
+    fn run(
+        &self,
+        runner: &Runner<'_>,
+        part: &mut TallyFile,
+        mut observer: Option<&mut StudyObserver>,
+    ) -> anyhow::Result<()> {
         let (trials, step) = (part.header.trials, part.header.shards);
         let all = part.header.blocks_of(part.shard);
         let bar = bar(self.common.quiet, "runs");
@@ -129,11 +160,21 @@ impl StudyCommand {
         bar.set_length((all * runner.block_runs()).min(trials));
         bar.set_position(part.blocks_done * runner.block_runs());
         bar.reset_eta();
-        // Rounds of blocks, as long as it takes to be worth saving.
+        if let Some(observer) = &mut observer {
+            bar.suspend(|| match part.blocks_done {
+                0 => observer.first_runs(runner, part.shard - 1),
+                _ => observer.observe(&part.tallies),
+            })?;
+        }
+        // Rounds of blocks, as long as it takes to be worth saving, or to the next snapshot.
         let mut round = if self.resume.is_some() { 16 } else { all };
+        let mut saved = Instant::now();
         while part.blocks_done < all {
-            let start = Instant::now();
-            let count = round.min(all - part.blocks_done);
+            let snapshot = match observer {
+                Some(_) => next_snapshot(part.blocks_done).min(all),
+                None => all,
+            };
+            let count = round.min(snapshot - part.blocks_done);
             let first = part.shard - 1 + part.blocks_done * step;
             let end = first + (count - 1) * step + 1;
             let tallies = runner.run(trials, first..end, step, &|runs| bar.inc(runs))?;
@@ -141,13 +182,18 @@ impl StudyCommand {
                 all.merge(new);
             }
             part.blocks_done += count;
-            let elapsed_s = start.elapsed().as_secs_f64();
             if let Some(path) = &self.resume {
-                if elapsed_s > SAVE_S / 2.0 || part.blocks_done == all {
+                if saved.elapsed().as_secs_f64() > SAVE_S / 2.0 || part.blocks_done == all {
                     part.write(path)?;
+                    saved = Instant::now();
                 } else {
-                    round *= 2;
+                    round = round.saturating_mul(2);
                 }
+            }
+            if let Some(observer) = &mut observer
+                && part.blocks_done == snapshot
+            {
+                bar.suspend(|| observer.observe(&part.tallies))?;
             }
         }
         bar.finish_and_clear();
@@ -179,25 +225,7 @@ pub struct Results {
 impl Results {
     /// Sums up the tallies of a study.
     pub fn new(header: &Header, tallies: &[Tally], timing: Option<Timing>) -> anyhow::Result<Self> {
-        let sigma_m: f64 = header.sigma_m.parse()?;
-        let parameters = header.parameters.len();
-        let message = |(index, tally): (usize, &Tally)| {
-            let reference = header
-                .reference
-                .filter(|&other| other != index)
-                .and_then(|other| tallies.get(other));
-            let summary = Summary::new(tally, sigma_m, parameters, reference);
-            let (name, experiments) = (&header.plans[index], header.experiments);
-            StudyPlanMessage::new(
-                name,
-                experiments,
-                parameters,
-                sigma_m,
-                tally,
-                summary.as_ref(),
-            )
-        };
-        let messages: Vec<_> = tallies.iter().enumerate().map(message).collect();
+        let messages = plan_messages(header, tallies)?;
         let mut json = json!({
             "provenance": header.provenance,
             "trials": header.trials,
@@ -243,6 +271,29 @@ impl Results {
             conditions: self.messages.iter().filter_map(condition).collect(),
         }
     }
+}
+
+/// What the tallies say of each plan.
+pub fn plan_messages(header: &Header, tallies: &[Tally]) -> anyhow::Result<Vec<StudyPlanMessage>> {
+    let sigma_m: f64 = header.sigma_m.parse()?;
+    let parameters = header.parameters.len();
+    let message = |(index, tally): (usize, &Tally)| {
+        let reference = header
+            .reference
+            .filter(|&other| other != index)
+            .and_then(|other| tallies.get(other));
+        let summary = Summary::new(tally, sigma_m, parameters, reference);
+        let (name, experiments) = (&header.plans[index], header.experiments);
+        StudyPlanMessage::new(
+            name,
+            experiments,
+            parameters,
+            sigma_m,
+            tally,
+            summary.as_ref(),
+        )
+    };
+    Ok(tallies.iter().enumerate().map(message).collect())
 }
 
 /// Writes study.json and study.csv.

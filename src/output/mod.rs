@@ -5,6 +5,7 @@
 //! - [`stills`]: a sheet of pictures of the robot in each configuration of a plan.
 //! - [`plots`]: plots as SVG.
 //! - [`study`]: the records of a Monte Carlo study.
+//! - [`study_recording`]: a study as its recordings show it.
 //! - [`mesh`]: the model's shapes as triangles.
 //! - [`rerun_file`], [`mcap_file`]: the recordings.
 
@@ -16,3 +17,4 @@ pub mod recording;
 pub mod rerun_file;
 pub mod stills;
 pub mod study;
+pub mod study_recording;

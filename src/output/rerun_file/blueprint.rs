@@ -41,6 +41,7 @@ pub(super) enum Area {
 pub(super) const SPACE: &str = "3D";
 pub(super) const TEXT: &str = "TextDocument";
 pub(super) const CURVES: &str = "TimeSeries";
+pub(super) const BARS: &str = "BarChart";
 
 /// Writes the blueprint into its store.
 pub(super) fn lay_out(store: &mut Store, root: &Area, eye: &Eye, timeline: &str) {
