@@ -10,6 +10,7 @@ pub mod viewer;
 
 use std::path::Path;
 
+use rerun::blueprint::components::PlayState;
 use rerun::external::re_log_types::{StoreId, StoreKind};
 use rerun::log::LogMsg;
 use rerun::{EntityPath, RecordingInfo, Scalars, SeriesPoints, TextDocument, entity_path};
@@ -17,7 +18,7 @@ use sha2::{Digest, Sha256};
 
 use super::recording::{Recording, StepKind};
 use crate::files::{FileError, write_whole};
-use blueprint::{Area, CURVES, SPACE, TEXT};
+use blueprint::{Area, CURVES, Clock, SPACE, TEXT};
 use store::Store;
 
 const APPLICATION: &str = "elastocal";
@@ -50,7 +51,13 @@ pub fn messages(recording: &Recording) -> Result<Vec<LogMsg>, String> {
     for calibration in &recording.calibrations {
         content += &format!("{:?}", calibration.record);
     }
-    let (mut messages, mut store) = open(&content, &layout(), recording, STEP)?;
+    let clock = Clock {
+        timeline: STEP,
+        range: None,
+        per_second: 0.5,
+        play_state: PlayState::Playing,
+    };
+    let (mut messages, mut store) = open(&content, &layout(), recording, &clock)?;
     log_recording(&mut store, recording);
     messages.extend(store.take()?);
     Ok(messages)
@@ -69,7 +76,7 @@ fn open(
     content: &str,
     layout: &Area,
     recording: &Recording,
-    timeline: &str,
+    clock: &Clock,
 ) -> Result<(Vec<LogMsg>, Store), String> {
     let digest = Sha256::digest(content.as_bytes());
     let id = digest
@@ -79,7 +86,7 @@ fn open(
     let new = |kind, name, first| Store::new(StoreId::new(kind, APPLICATION, name), first);
     let blueprint = format!("blueprint-{id:032x}");
     let mut blueprint = new(StoreKind::Blueprint, blueprint, id ^ (1 << 120));
-    blueprint::lay_out(&mut blueprint, layout, &scene::eye(recording), timeline);
+    blueprint::lay_out(&mut blueprint, layout, &scene::eye(recording), clock);
     let mut store = new(StoreKind::Recording, format!("{id:032x}"), id);
     let info = RecordingInfo::new().with_name(recording.provenance.scenario.as_str());
     store.log_static(EntityPath::properties(), &info);

@@ -5,15 +5,16 @@
 
 use std::path::Path;
 
+use rerun::blueprint::components::PlayState;
 use rerun::log::LogMsg;
 use rerun::{BarChart, EntityPath, Scalars, SeriesLines, TextDocument, entity_path};
 
-use super::blueprint::{Area, BARS, CURVES, SPACE, TEXT};
+use super::blueprint::{Area, BARS, CURVES, Clock, SPACE, TEXT};
 use super::store::Store;
 use super::{STEP, open, scene, study_text, text, write_messages};
 use crate::files::FileError;
 use crate::output::recording::MountedTool;
-use crate::output::study::{HistogramMessage, StudyPlanMessage};
+use crate::output::study::HistogramMessage;
 use crate::output::study_recording::{Snapshot, StudyRecording};
 
 /// The timeline of the number of runs so far.
@@ -30,7 +31,12 @@ const COLOURS: [[u8; 3]; 8] = [
     [170, 170, 170],
 ];
 /// The opacity of bars, which lie over one another.
-const BAR_ALPHA: u8 = 110;
+const BAR_ALPHA: u8 = 150;
+
+/// No more plans than these have a tab for their distribution.
+const MOST_TABS: usize = 30;
+/// Played again, a study takes so long (s).
+const REPLAY_S: f64 = 30.0;
 
 /// Writes a study with its snapshots for the rerun viewer.
 ///
@@ -65,7 +71,14 @@ impl StudyStream {
     /// What is wrong with the messages; a matter of the program.
     pub fn new(study: &StudyRecording) -> Result<(Self, Vec<LogMsg>), String> {
         let content = format!("{:?}", study.header);
-        let (mut messages, store) = open(&content, &layout(), &study.arms, RUN)?;
+        #[expect(clippy::cast_precision_loss, reason = "for playing")]
+        let clock = Clock {
+            timeline: RUN,
+            range: Some((0, i64::try_from(study.header.trials).unwrap_or(i64::MAX))),
+            per_second: study.header.trials as f64 / REPLAY_S,
+            play_state: PlayState::Following,
+        };
+        let (mut messages, store) = open(&content, &layout(study), &study.arms, &clock)?;
         let mut stream = Self {
             store,
             snapshots: 0,
@@ -89,7 +102,7 @@ impl StudyStream {
             }
             if let Some(bars) = bars(&plan.histogram) {
                 let bars = bars.with_color(translucent(colour(index)));
-                store.log(distance_path(plan), &now, &bars);
+                store.log(distance_path(&plan.name), &now, &bars);
             }
         }
         let steps = study.arms.steps().count().max(1);
@@ -133,53 +146,55 @@ impl StudyStream {
     }
 }
 
-fn layout() -> Area {
+fn layout(study: &StudyRecording) -> Area {
     let view = |class, name: &str, content: &str| Area::View(class, name.into(), content.into());
-    Area::Row(vec![
-        (
-            1.25,
-            Area::Column(vec![
-                (2.2, view(SPACE, "robot", "world/**")),
-                (
-                    1.0,
-                    Area::Tabs(vec![
-                        view(TEXT, "about this study", "text/about"),
-                        view(TEXT, "step", "text/step"),
-                    ]),
-                ),
-            ]),
-        ),
+    let left = Area::Column(vec![
+        (2.2, view(SPACE, "robot", "world/**")),
         (
             1.0,
-            Area::Column(vec![
-                (
-                    1.2,
-                    view(
-                        CURVES,
-                        "mean distance so far, with 95 % band [µm]",
-                        "means_um/**",
-                    ),
-                ),
-                (
-                    1.2,
-                    view(
-                        BARS,
-                        "distribution of the distance [µm]: share of runs in % per µm",
-                        "distance_um/**",
-                    ),
-                ),
-                (1.0, view(TEXT, "results so far", "text/table")),
+            Area::Tabs(vec![
+                view(TEXT, "about this study", "text/about"),
+                view(TEXT, "step", "text/step"),
             ]),
         ),
-    ])
+    ]);
+    let means = "mean distance over the number of runs, with 95 % bands [µm]";
+    let right = Area::Column(vec![
+        (1.1, view(CURVES, means, "means_um/**")),
+        (1.1, Area::Tabs(distributions(study))),
+        (1.0, view(TEXT, "results so far", "text/table")),
+    ]);
+    Area::Row(vec![(1.25, left), (1.0, right)])
+}
+
+/// Each plan's distribution with that of the plan that it is compared with, the last plan's first.
+fn distributions(study: &StudyRecording) -> Vec<Area> {
+    let header = &study.header;
+    let reference = header.reference.map(|index| &header.plans[index]);
+    let view = |plan: &String| {
+        let compared = reference.filter(|reference| *reference != plan);
+        let shown: Vec<String> = (compared.into_iter().chain([plan]))
+            .map(|name| distance_path(name).to_string())
+            .collect();
+        let name = match compared {
+            Some(reference) => format!("{plan}, {reference}: % of runs per µm"),
+            None => format!("{plan}: % of runs per µm"),
+        };
+        Area::View(BARS, name, shown.join("\n"))
+    };
+    let others = |plan: &&String| header.plans.len() == 1 || Some(*plan) != reference;
+    (header.plans.iter().rev().filter(others))
+        .take(MOST_TABS)
+        .map(view)
+        .collect()
 }
 
 fn mean_path(plan: &str) -> EntityPath {
     entity_path!["means_um", plan.to_owned()]
 }
 
-fn distance_path(plan: &StudyPlanMessage) -> EntityPath {
-    entity_path!["distance_um", plan.name.clone()]
+fn distance_path(plan: &str) -> EntityPath {
+    entity_path!["distance_um", plan.to_owned()]
 }
 
 fn colour(plan: usize) -> [u8; 3] {
@@ -196,17 +211,17 @@ fn bars(histogram: &HistogramMessage) -> Option<BarChart> {
     if runs == 0 {
         return None;
     }
-    let (mut shares, mut centres, mut widths) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut shares, mut starts, mut widths) = (Vec::new(), Vec::new(), Vec::new());
     for (edges, count) in histogram.edges_mm.windows(2).zip(&histogram.counts) {
         let width = (edges[1] - edges[0]) * 1e3;
         #[expect(clippy::cast_precision_loss, reason = "for drawing")]
         shares.push(100.0 * *count as f64 / runs as f64 / width);
-        centres.push((edges[0] + edges[1]) / 2.0 * 1e3);
+        starts.push(edges[0] * 1e3);
         widths.push(scene::narrow(width));
     }
     Some(
         BarChart::new(shares)
-            .with_abscissa(centres)
+            .with_abscissa(starts)
             .with_widths(widths),
     )
 }

@@ -41,7 +41,7 @@ pub(super) fn table(study: &StudyRecording, snapshot: &Snapshot) -> String {
     };
     let failed: u64 = snapshot.plans.iter().map(|plan| plan.failed).sum();
     let mut text = format!(
-        "#### {} of {} runs\n\n| plan | mean [µm] | 95 % interval | rms [µm] | predicted |\n|:--|--:|--:|--:|--:|\n",
+        "**{} of {} runs**\n\n| plan | mean [µm] | 95 % interval | rms [µm] | predicted |\n|:--|--:|--:|--:|--:|\n",
         snapshot.runs, study.header.trials
     );
     for plan in &snapshot.plans {
