@@ -11,6 +11,7 @@
 //! - `bad_input`: wrong inputs, seen from outside the process.
 //! - `known_optima`: arms of three joints, for which the best plan can be derived by hand.
 //! - `search`: the search for plans and its certificate, on the KR-270.
+//! - `streams`: a study's recordings, live in a viewer and as files; `view`.
 //! - `study`: Monte Carlo studies keep what was predicted, to the bit whatever the threads.
 
 #![expect(clippy::expect_used, reason = "a test that cannot go on fails")]
@@ -26,6 +27,7 @@ mod published;
 mod recordings;
 mod recovery;
 mod search;
+mod streams;
 mod study;
 mod support;
 mod uncertainty;

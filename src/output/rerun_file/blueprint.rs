@@ -4,15 +4,15 @@
 
 use nalgebra::Vector3;
 use rerun::blueprint::components::{
-    BackgroundKind, ColumnShare, ContainerKind, Eye3DKind, IncludedContent, PanelState, PlayState,
-    QueryExpression, RootContainer, RowShare, ViewClass,
+    BackgroundKind, ColumnShare, ContainerKind, Corner2D, Eye3DKind, IncludedContent, PanelState,
+    PlayState, QueryExpression, RootContainer, RowShare, ViewClass,
 };
 use rerun::components::{Name, Visible};
 use rerun::datatypes::{Bool, Float32, TimeInt, TimeRange, TimeRangeBoundary, Uuid};
 use rerun::external::re_sdk_types::blueprint::archetypes::TimePanelBlueprint;
 use rerun::external::re_sdk_types::blueprint::archetypes::{
-    Background, ContainerBlueprint, EyeControls3D, LineGrid3D, PanelBlueprint, TimeAxis,
-    ViewBlueprint, ViewContents, ViewportBlueprint,
+    Background, ContainerBlueprint, EyeControls3D, LineGrid3D, PanelBlueprint, PlotLegend,
+    TimeAxis, ViewBlueprint, ViewContents, ViewportBlueprint,
 };
 
 use super::store::Store;
@@ -164,6 +164,8 @@ impl Layout<'_> {
             };
             let axis = TimeAxis::new().with_view_range(range);
             self.log(&format!("{path}/TimeAxis"), &axis);
+            let legend = PlotLegend::new().with_corner(Corner2D::RightTop);
+            self.log(&format!("{path}/PlotLegend"), &legend);
         }
         if class == SPACE {
             let eye = EyeControls3D::new()

@@ -35,6 +35,8 @@ const BAR_ALPHA: u8 = 150;
 
 /// No more plans than these have a tab for their distribution.
 const MOST_TABS: usize = 30;
+/// Means of fewer runs than this fraction of all are not drawn: they would dwarf the bands.
+const UNSETTLED: u64 = 500;
 /// Played again, a study takes so long (s).
 const REPLAY_S: f64 = 30.0;
 
@@ -71,10 +73,12 @@ impl StudyStream {
     /// What is wrong with the messages; a matter of the program.
     pub fn new(study: &StudyRecording) -> Result<(Self, Vec<LogMsg>), String> {
         let content = format!("{:?}", study.header);
+        // The legend has its place behind the last run.
+        let end = i64::try_from(study.header.trials / 7 * 8).unwrap_or(i64::MAX);
         #[expect(clippy::cast_precision_loss, reason = "for playing")]
         let clock = Clock {
             timeline: RUN,
-            range: Some((0, i64::try_from(study.header.trials).unwrap_or(i64::MAX))),
+            range: Some((0, end)),
             per_second: study.header.trials as f64 / REPLAY_S,
             play_state: PlayState::Following,
         };
@@ -96,7 +100,9 @@ impl StudyStream {
         let table = TextDocument::from_markdown(study_text::table(study, snapshot));
         store.log("text/table", &now, &table);
         for (index, plan) in snapshot.plans.iter().enumerate() {
-            if let (Some(mean), Some([low, high])) = (plan.mean_mm, plan.mean_ci95_mm) {
+            if let (Some(mean), Some([low, high])) = (plan.mean_mm, plan.mean_ci95_mm)
+                && snapshot.runs >= study.header.trials / UNSETTLED
+            {
                 let values = [mean, low, high].map(|value| value * 1e3);
                 store.log(mean_path(&plan.name), &now, &Scalars::new(values));
             }
