@@ -6,7 +6,7 @@ use elastocal::calibration::calibrate;
 use elastocal::output::mcap_file::study::write_study_mcap;
 use elastocal::output::recording::Recording;
 use elastocal::output::rerun_file::study::{StudyStream, write_study_rerun};
-use elastocal::output::rerun_file::viewer::Viewer;
+use elastocal::output::rerun_file::viewer::{Messages, Viewer};
 use elastocal::output::study_recording::{Snapshot, StudyRecording};
 use elastocal::plan::search::random_plan;
 use elastocal::scenario::Scenario;
@@ -49,19 +49,28 @@ impl StudyObserver {
             header: header.clone(),
             arms: Recording::new(scenario, &calibrations)?,
         };
-        let live = match target.and_then(Target::open) {
-            Some(mut viewer) => {
-                let (stream, messages) = StudyStream::new(&study).map_err(anyhow::Error::msg)?;
-                viewer.send(messages);
-                Some((viewer, stream))
-            }
-            None => None,
-        };
-        Ok(Self {
+        let mut observer = Self {
             study,
             snapshots: Vec::new(),
-            live,
-        })
+            live: None,
+        };
+        if let Some(viewer) = target.and_then(Target::open) {
+            let (stream, messages) =
+                StudyStream::new(&observer.study).map_err(anyhow::Error::msg)?;
+            observer.live = Some((viewer, stream));
+            observer.send(messages);
+        }
+        Ok(observer)
+    }
+
+    /// Sends messages to the viewer; that it is gone is said once.
+    fn send(&mut self, messages: Messages) {
+        if let Some((viewer, _)) = &mut self.live
+            && let Some(problem) = viewer.send(messages)
+        {
+            warn(&problem, None);
+            self.live = None;
+        }
     }
 
     /// Makes the first runs, to be shown before the first block is done; the block makes them again.
@@ -82,13 +91,10 @@ impl StudyObserver {
                 .map_or(0, |tally| tally.runs + tally.failures()),
             plans: plan_messages(&self.study.header, tallies)?,
         };
-        if let Some((viewer, stream)) = &mut self.live {
+        if let Some((_, stream)) = &mut self.live {
             stream.log(&self.study, &snapshot);
             let messages = stream.take().map_err(anyhow::Error::msg)?;
-            if let Some(problem) = viewer.send(messages) {
-                warn(&problem, None);
-                self.live = None;
-            }
+            self.send(messages);
         }
         self.snapshots.push(snapshot);
         Ok(())

@@ -24,6 +24,9 @@ const REST: Duration = Duration::from_secs(10);
 /// How often a connection is looked at.
 const GLANCE: Duration = Duration::from_millis(50);
 
+/// What a viewer is sent.
+pub type Messages = Vec<LogMsg>;
+
 /// A viewer's address.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Address(ProxyUri);
@@ -70,7 +73,7 @@ impl Address {
 pub struct Viewer {
     address: Address,
     start: Instant,
-    messages: Option<Sender<Vec<LogMsg>>>,
+    messages: Option<Sender<Messages>>,
     /// Why the viewer does not get any more; empty when it has got all.
     outcome: Receiver<Option<String>>,
 }
@@ -104,7 +107,8 @@ impl Viewer {
     }
 
     /// Sends messages, unless the viewer is gone. Returns why it does not get any more, once.
-    pub fn send(&mut self, messages: Vec<LogMsg>) -> Option<String> {
+    #[must_use = "nobody else says that the viewer is gone"]
+    pub fn send(&mut self, messages: Messages) -> Option<String> {
         let failed = (self.outcome.try_recv().ok().flatten())
             .map(|reason| format!("the rerun viewer at {} {reason}", self.address));
         if failed.is_some() {
@@ -133,7 +137,7 @@ impl Viewer {
 }
 
 /// Sends what comes in until nothing more comes.
-fn pass_on(sink: &GrpcSink, inbox: &Receiver<Vec<LogMsg>>) -> Result<(), String> {
+fn pass_on(sink: &GrpcSink, inbox: &Receiver<Messages>) -> Result<(), String> {
     let start = Instant::now();
     // The sink takes a few messages only before it is connected.
     while matches!(sink.status(), GrpcSinkConnectionState::Connecting { .. }) {
