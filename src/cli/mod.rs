@@ -15,8 +15,11 @@ mod plan;
 mod progress;
 mod replay;
 mod run;
+mod stream;
 mod study;
+mod study_stream;
 mod table;
+mod view;
 
 use std::io::Write;
 use std::path::PathBuf;
@@ -84,6 +87,8 @@ enum Command {
     Merge(merge::Merge),
     /// Compare two results files against tolerances: the gate for continuous integration
     Compare(compare::Compare),
+    /// Open a recording in the rerun viewer
+    View(view::View),
 }
 
 /// What a command ends with.
@@ -125,6 +130,7 @@ impl Arguments {
             Command::Replay(command) => command.execute(),
             Command::Merge(command) => command.execute(),
             Command::Compare(command) => command.execute(),
+            Command::View(command) => command.execute(),
         }?;
         let text = if json {
             serde_json::to_string_pretty(&report.json)? + "\n"
@@ -150,7 +156,7 @@ impl Command {
             Self::Compensate(command) => &command.common,
             Self::Study(command) => &command.common,
             Self::Replay(command) => &command.common,
-            Self::Merge(_) | Self::Compare(_) => return None,
+            Self::Merge(_) | Self::Compare(_) | Self::View(_) => return None,
         })
     }
 }

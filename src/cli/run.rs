@@ -4,14 +4,14 @@ use std::path::Path;
 
 use clap::Args;
 use elastocal::calibration::{Calibration, calibrate};
-use elastocal::files::{make_folder, write_whole};
+use elastocal::files::{check_writable, make_folder, write_whole};
 use elastocal::measurement::write_measurements;
 use elastocal::output::mcap_file::write_mcap;
 use elastocal::output::messages::{
     AssessmentMessage, CalibrationMessage, MeasurementMessage, ProvenanceMessage, plan_messages,
 };
 use elastocal::output::recording::Recording;
-use elastocal::output::rerun_file::write_rerun;
+use elastocal::output::rerun_file::{messages, write_rerun};
 use elastocal::output::stills;
 use elastocal::plan::search::{Certificate, median_random_rho0, random_plan};
 use elastocal::plan::{Assessment, Criterion, Plan, read_plan, write_plan};
@@ -19,6 +19,7 @@ use elastocal::scenario::Scenario;
 use serde_json::{Value, json};
 
 use super::plan::design;
+use super::stream::{TARGETS, Target, warn};
 use super::table::{number, table};
 use super::{Common, Report, identify, merge, results};
 
@@ -27,6 +28,9 @@ use super::{Common, Report, identify, merge, results};
 pub struct Run {
     #[command(flatten)]
     pub common: Common,
+    /// Show the recording in a rerun viewer too: start one, connect to one, or write a file.
+    #[arg(long, value_name = TARGETS)]
+    rerun: Option<Target>,
 }
 
 /// So many random plans stand for what a laboratory without a plan would do.
@@ -46,6 +50,8 @@ impl Run {
         let folder = common.out.join(&scenario.name);
         // Whether results can be written is found out before the work is done.
         make_folder(&folder)?;
+        let file = self.rerun.as_ref().and_then(Target::file);
+        file.map_or(Ok(()), |path| check_writable(path))?;
 
         let experiments = scenario.design.experiments;
         common.say(&format!("designing a plan of {experiments} measurements"));
@@ -71,7 +77,10 @@ impl Run {
             &mut json,
             json!({ "random_plans": RANDOM_PLANS, "random_median_rho0_mm": random_rho0_m * 1e3 }),
         );
-        write_all(&scenario, &folder, &entries, &json)?;
+        let recording = write_all(&scenario, &folder, &entries, &json)?;
+        if let Some(target) = &self.rerun {
+            show(target, &recording)?;
+        }
         let identification = &entries[0].calibration.1.identification;
         Ok(Report {
             text: summary(&folder, &entries, random_rho0_m),
@@ -157,7 +166,7 @@ fn write_all(
     folder: &Path,
     entries: &[Entry],
     json: &Value,
-) -> anyhow::Result<()> {
+) -> anyhow::Result<Recording> {
     let (_, main) = &entries[0].calibration;
     write_plan(&folder.join("plan.csv"), scenario.joints(), &main.plan)?;
     write_measurements(
@@ -176,6 +185,22 @@ fn write_all(
     let recording = Recording::new(scenario, &calibrations)?;
     write_mcap(&folder.join("run.mcap"), &recording)?;
     write_rerun(&folder.join("run.rrd"), &recording)?;
+    Ok(recording)
+}
+
+/// Shows what run.rrd holds.
+fn show(target: &Target, recording: &Recording) -> anyhow::Result<()> {
+    if let Some(path) = target.file() {
+        write_rerun(path, recording)?;
+    }
+    if let Some(mut viewer) = target.open() {
+        let problem = viewer
+            .send(messages(recording).map_err(anyhow::Error::msg)?)
+            .or_else(|| viewer.finish());
+        if let Some(problem) = problem {
+            warn(&problem, None);
+        }
+    }
     Ok(())
 }
 

@@ -1,5 +1,6 @@
 //! `study`: how good are the scenario's plans over many runs?
 
+use std::fmt::Display;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -8,6 +9,7 @@ use clap::Args;
 use elastocal::files::{check_writable, make_folder, write_whole};
 use elastocal::output::messages::SchemaMessage;
 use elastocal::output::study::{StudyPlanMessage, study_csv};
+use elastocal::output::study_recording::next_snapshot;
 use elastocal::plan::Plan;
 use elastocal::plan::search::random_plan;
 use elastocal::scenario::{Conditions, Level, Scenario, StudyPlan, StudySource};
@@ -21,6 +23,8 @@ use serde_json::{Value, json};
 
 use super::plan::design;
 use super::progress::bar;
+use super::stream::{TARGETS, Target};
+use super::study_stream::StudyObserver;
 use super::table::{number, table};
 use super::{Common, Report, merge, results};
 
@@ -44,6 +48,9 @@ pub struct StudyCommand {
     /// Keep the tally in this file while running, and go on from it if it is there.
     #[arg(long, value_name = "FILE")]
     resume: Option<PathBuf>,
+    /// Show the study in a rerun viewer while it runs: start one, connect to one, or write a file.
+    #[arg(long, value_name = TARGETS)]
+    rerun: Option<Target>,
 }
 
 fn parse_shard(text: &str) -> Result<(u64, u64), String> {
@@ -58,8 +65,27 @@ fn parse_shard(text: &str) -> Result<(u64, u64), String> {
     }
 }
 
-/// A tally that can be gone on from is saved so often (s).
-const SAVE_S: f64 = 5.0;
+/// A tally that can be gone on from is saved after the first blocks, and then every so often (s).
+const SAVE_S: f64 = 2.0;
+
+/// Files that could not be written. The results are printed all the same.
+#[derive(Debug, Default)]
+struct Unwritten {
+    problems: Vec<String>,
+}
+
+impl Unwritten {
+    fn note<E: Display>(&mut self, written: Result<(), E>) {
+        if let Err(problem) = written {
+            let problem = problem.to_string();
+            // A tally is saved many times.
+            if !self.problems.contains(&problem) {
+                eprintln!("warning: {problem}; going on without it");
+                self.problems.push(problem);
+            }
+        }
+    }
+}
 
 impl StudyCommand {
     pub fn execute(&self) -> anyhow::Result<Report> {
@@ -67,7 +93,9 @@ impl StudyCommand {
         let scenario = common.load()?;
         let folder = common.out.join(&scenario.name);
         // Whether results can be written is found out before the work is done.
-        for path in [&self.tally_out, &self.resume].into_iter().flatten() {
+        let file = self.rerun.as_ref().and_then(Target::file);
+        let paths = [self.tally_out.as_ref(), self.resume.as_ref(), file];
+        for path in paths.into_iter().flatten() {
             check_writable(path)?;
         }
         if self.shard.is_none() {
@@ -87,23 +115,42 @@ impl StudyCommand {
         };
         common.say(&format!(
             "{trials} runs of {}, {}",
-            describe_entries(&entries, &settings),
+            part.header.title(),
             describe_level(level)
         ));
+        let target = self.rerun.as_ref();
+        let mut observer = if self.shard.is_none() || target.is_some() {
+            Some(StudyObserver::new(
+                &settings,
+                &part.header,
+                &entries,
+                target,
+            )?)
+        } else {
+            None
+        };
         let start = Instant::now();
         let done_before: u64 = runs_of(&part);
-        self.run(&runner, &mut part)?;
+        let mut unwritten = Unwritten::default();
+        self.run(&runner, &mut part, observer.as_mut(), &mut unwritten)?;
         let elapsed_s = start.elapsed().as_secs_f64();
         if let Some(path) = &self.tally_out {
-            part.write(path)?;
+            unwritten.note(part.write(path));
         }
         let timing = Timing {
             elapsed_s,
             runs: runs_of(&part) - done_before,
         };
         let results = Results::new(&part.header, &part.tallies, Some(timing))?;
+        let own_folder = self.shard.is_none().then_some(&*folder);
+        if let Some(folder) = own_folder {
+            unwritten.note(write(folder, &results));
+        }
+        if let Some(observer) = observer {
+            unwritten.note(observer.finish(own_folder, target));
+        }
+        let mut report = results.report(&folder);
         if self.shard.is_some() {
-            let mut report = results.report(&folder);
             report.text = format!(
                 "shard {shard} of {shards}:\n{}",
                 describe(&results.messages)
@@ -112,14 +159,20 @@ impl StudyCommand {
                 &mut report.json,
                 json!({ "schema": SchemaMessage::new("shard"), "shard": shard, "shards": shards }),
             );
-            return Ok(report);
         }
-        write(&folder, &results)?;
-        Ok(results.report(&folder))
+        report.conditions.extend(unwritten.problems);
+        Ok(report)
     }
 
-    /// Makes what is left of the shard's blocks, and saves it from time to time.
-    fn run(&self, runner: &Runner<'_>, part: &mut TallyFile) -> anyhow::Result<()> {
+    /// Makes what is left of the shard's blocks, and saves and shows it from time to
+    /// time.
+    fn run(
+        &self,
+        runner: &Runner<'_>,
+        part: &mut TallyFile,
+        mut observer: Option<&mut StudyObserver>,
+        unwritten: &mut Unwritten,
+    ) -> anyhow::Result<()> {
         let (trials, step) = (part.header.trials, part.header.shards);
         let all = part.header.blocks_of(part.shard);
         let bar = bar(self.common.quiet, "runs");
@@ -128,11 +181,21 @@ impl StudyCommand {
         bar.set_length((all * runner.block_runs()).min(trials));
         bar.set_position(part.blocks_done * runner.block_runs());
         bar.reset_eta();
-        // Rounds of blocks, as long as it takes to be worth saving.
+        if let Some(observer) = &mut observer {
+            bar.suspend(|| match part.blocks_done {
+                0 => observer.first_runs(runner, part.shard - 1),
+                _ => observer.observe(&part.tallies),
+            })?;
+        }
+        // Rounds of blocks, as long as it takes to be worth saving, or to the next snapshot.
         let mut round = if self.resume.is_some() { 16 } else { all };
+        let mut saved: Option<Instant> = None;
         while part.blocks_done < all {
-            let start = Instant::now();
-            let count = round.min(all - part.blocks_done);
+            let snapshot = match observer {
+                Some(_) => next_snapshot(part.blocks_done).min(all),
+                None => all,
+            };
+            let count = round.min(snapshot - part.blocks_done);
             let first = part.shard - 1 + part.blocks_done * step;
             let end = first + (count - 1) * step + 1;
             let tallies = runner.run(trials, first..end, step, &|runs| bar.inc(runs))?;
@@ -140,13 +203,19 @@ impl StudyCommand {
                 all.merge(new);
             }
             part.blocks_done += count;
-            let elapsed_s = start.elapsed().as_secs_f64();
             if let Some(path) = &self.resume {
-                if elapsed_s > SAVE_S / 2.0 || part.blocks_done == all {
-                    part.write(path)?;
+                let is_fresh = |saved: Instant| saved.elapsed().as_secs_f64() < SAVE_S;
+                if part.blocks_done == all || !saved.is_some_and(is_fresh) {
+                    unwritten.note(part.write(path));
+                    saved = Some(Instant::now());
                 } else {
-                    round *= 2;
+                    round = round.saturating_mul(2);
                 }
+            }
+            if let Some(observer) = &mut observer
+                && part.blocks_done == snapshot
+            {
+                bar.suspend(|| observer.observe(&part.tallies))?;
             }
         }
         bar.finish_and_clear();
@@ -178,24 +247,7 @@ pub struct Results {
 impl Results {
     /// Sums up the tallies of a study.
     pub fn new(header: &Header, tallies: &[Tally], timing: Option<Timing>) -> anyhow::Result<Self> {
-        let parameters = header.parameters.len();
-        let message = |(plan, tally): (&PlanHeader, &Tally)| {
-            let conditions = plan.conditions().context("the conditions are damaged")?;
-            let reference = plan.reference.and_then(|other| tallies.get(other));
-            let reference = reference.filter(|&other| !std::ptr::eq(other, tally));
-            let summary = Summary::new(tally, conditions.sigma_m, parameters, reference);
-            let (name, summary) = (&plan.name, summary.as_ref());
-            Ok(StudyPlanMessage::new(
-                name,
-                &conditions,
-                parameters,
-                tally,
-                summary,
-            ))
-        };
-        let messages = (header.plans.iter().zip(tallies))
-            .map(message)
-            .collect::<anyhow::Result<Vec<_>>>()?;
+        let messages = plan_messages(header, tallies)?;
         let reference = header.plans.iter().find_map(|plan| plan.reference);
         let mut json = json!({
             "gate": header.gate,
@@ -240,6 +292,26 @@ impl Results {
     }
 }
 
+/// What the tallies say of each plan.
+pub fn plan_messages(header: &Header, tallies: &[Tally]) -> anyhow::Result<Vec<StudyPlanMessage>> {
+    let parameters = header.parameters.len();
+    let message = |(plan, tally): (&PlanHeader, &Tally)| {
+        let conditions = plan.conditions().context("the conditions are damaged")?;
+        let reference = plan.reference.and_then(|other| tallies.get(other));
+        let reference = reference.filter(|&other| !std::ptr::eq(other, tally));
+        let summary = Summary::new(tally, conditions.sigma_m, parameters, reference);
+        let (name, summary) = (&plan.name, summary.as_ref());
+        Ok(StudyPlanMessage::new(
+            name,
+            &conditions,
+            parameters,
+            tally,
+            summary,
+        ))
+    };
+    header.plans.iter().zip(tallies).map(message).collect()
+}
+
 /// Writes study.json and study.csv.
 pub fn write(folder: &Path, results: &Results) -> anyhow::Result<()> {
     let text = serde_json::to_string_pretty(&results.json)? + "\n";
@@ -271,18 +343,6 @@ const fn describe_level(level: Level) -> &'static str {
     match level {
         Level::Model => "by the linear model",
         Level::Robot => "on the virtual robot",
-    }
-}
-
-/// "7 plans with 12 measurements each", "20 plans under 4 conditions".
-fn describe_entries(entries: &[Entry], settings: &[Setting]) -> String {
-    let plans = entries.len();
-    match settings {
-        [one] => format!(
-            "{plans} plans with {} measurements each",
-            one.conditions.experiments
-        ),
-        all => format!("{plans} plans under {} conditions", all.len()),
     }
 }
 

@@ -6,6 +6,7 @@
 //! - [`plots`]: plots as SVG.
 //! - [`study`]: the records of a Monte Carlo study.
 //! - [`comparison`]: what changed between two results.
+//! - [`study_recording`]: a study as its recordings show it.
 //! - [`mesh`]: the model's shapes as triangles.
 //! - [`rerun_file`], [`mcap_file`]: the recordings.
 
@@ -18,3 +19,4 @@ pub mod recording;
 pub mod rerun_file;
 pub mod stills;
 pub mod study;
+pub mod study_recording;

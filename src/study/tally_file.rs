@@ -99,6 +99,39 @@ impl Header {
         }
     }
 
+    /// The plans and how much each measures, for people.
+    #[must_use]
+    pub fn title(&self) -> String {
+        let mut conditions: Vec<_> = self.plans.iter().map(PlanHeader::conditions).collect();
+        conditions.dedup();
+        let plans = self.plans.len();
+        match (&conditions[..], self.plans.first()) {
+            ([_], Some(plan)) => {
+                format!("{plans} plans with {} measurements each", plan.experiments)
+            }
+            _ => format!("{plans} plans under {} conditions", conditions.len()),
+        }
+    }
+
+    /// A name of its own for each plan, with the conditions where it is studied under several.
+    #[must_use]
+    pub fn labels(&self) -> Vec<String> {
+        let label = |plan: &PlanHeader| {
+            let same = |other: &&PlanHeader| other.name == plan.name;
+            match (self.plans.iter().filter(same).count(), plan.conditions()) {
+                (2.., Some(conditions)) => format!(
+                    "{}, {} measurements, sigma {:.4} mm, load {}",
+                    plan.name,
+                    conditions.experiments,
+                    conditions.sigma_m * 1e3,
+                    conditions.load_scale
+                ),
+                _ => plan.name.clone(),
+            }
+        };
+        self.plans.iter().map(label).collect()
+    }
+
     /// The number of blocks of shard `shard`, from 1.
     #[must_use]
     pub const fn blocks_of(&self, shard: u64) -> u64 {

@@ -15,6 +15,7 @@
 //! - `known_optima`: arms of three joints, for which the best plan can be derived by hand.
 //! - `search`: the search for plans and its certificate, on the KR-270.
 //! - `obstacles`: what stands in the laboratory.
+//! - `streams`: a study's recordings, live in a viewer and as files; `view`.
 //! - `study`: Monte Carlo studies keep what was predicted, to the bit whatever the threads.
 
 #![expect(clippy::expect_used, reason = "a test that cannot go on fails")]
@@ -34,6 +35,7 @@ mod published;
 mod recordings;
 mod recovery;
 mod search;
+mod streams;
 mod study;
 mod support;
 mod uncertainty;

@@ -39,13 +39,13 @@ fn plan_with_a_repeat() -> Plan {
 }
 
 /// A message of an MCAP file, checked against its schema.
-struct Message {
-    topic: String,
-    time_ns: u64,
-    json: Value,
+pub struct Message {
+    pub topic: String,
+    pub time_ns: u64,
+    pub json: Value,
 }
 
-fn read_mcap(bytes: &[u8]) -> Vec<Message> {
+pub fn read_mcap(bytes: &[u8]) -> Vec<Message> {
     MessageStream::new(bytes)
         .expect("an MCAP file")
         .map(|message| {
@@ -96,6 +96,14 @@ fn check(schema: &Value, value: &Value, place: &str) {
                     let rule = rules.get(key);
                     let rule = rule.unwrap_or_else(|| panic!("{place}.{key}: not in the schema"));
                     check(rule, each, &format!("{place}.{key}"));
+                }
+                true
+            }
+            // One schema for all, or one for each place.
+            "items" if rule.is_array() => {
+                let rules = rule.as_array().expect("an array");
+                for (rule, each) in rules.iter().zip(value.as_array().into_iter().flatten()) {
+                    check(rule, each, &format!("{place}[]"));
                 }
                 true
             }
@@ -375,7 +383,7 @@ fn an_unwritable_place_is_an_error_that_names_it() {
 }
 
 /// The rerun program that tools/install-rerun puts in place, or the user's own.
-fn rerun_program() -> PathBuf {
+pub fn rerun_program() -> PathBuf {
     let program =
         std::env::var_os("ELASTOCAL_RERUN").map_or_else(|| project(".rerun/rerun"), PathBuf::from);
     assert!(
@@ -386,7 +394,7 @@ fn rerun_program() -> PathBuf {
     program
 }
 
-fn rerun(arguments: &[&str], path: &Path) -> String {
+pub fn rerun(arguments: &[&str], path: &Path) -> String {
     let output = Command::new(rerun_program())
         .args(arguments)
         .arg(path)
@@ -403,7 +411,7 @@ fn rerun(arguments: &[&str], path: &Path) -> String {
 }
 
 /// The rows of each entity of a recording, static ones included, from `rerun rrd print`.
-fn rows(printed: &str) -> BTreeMap<String, usize> {
+pub fn rows(printed: &str) -> BTreeMap<String, usize> {
     let mut rows = BTreeMap::new();
     for line in printed.lines().filter(|line| line.starts_with("Chunk(")) {
         let (_, line) = line.split_once(" with ").expect("a chunk has rows");

@@ -7,9 +7,11 @@
 
 mod foxglove;
 mod scene;
+pub mod study;
 
 use std::collections::BTreeMap;
-use std::io::{Seek, Write};
+use std::fs::File;
+use std::io::{BufWriter, Seek, Write};
 use std::path::Path;
 
 use mcap::records::{MessageHeader, Metadata};
@@ -101,17 +103,28 @@ struct StepRecord<'a> {
 /// # Errors
 /// The file cannot be written.
 pub fn write_mcap(path: &Path, recording: &Recording) -> Result<(), FileError> {
-    let cannot = |error: &McapError| FileError::new(path, format!("cannot be written: {error}"));
+    write_file(path, &recording.provenance, |mut channels| {
+        channels.write_recording(recording)?;
+        channels.finish()
+    })
+}
+
+/// Writes a file, whole or not at all.
+fn write_file(
+    path: &Path,
+    provenance: &ProvenanceMessage,
+    write: impl FnOnce(Channels<BufWriter<&mut File>>) -> Result<(), McapError>,
+) -> Result<(), FileError> {
     let mut file = temporary_beside(path)?;
     let options = WriteOptions::new()
         .compression(Some(Compression::Zstd))
         // The number of threads would decide on how chunks are cut for compression.
         .compression_threads(0)
-        .library(format!("elastocal {}", recording.provenance.version));
+        .library(format!("elastocal {}", provenance.version));
     let written = options
-        .create(std::io::BufWriter::new(file.as_file_mut()))
-        .and_then(|writer| Channels::new(writer)?.write_all(recording));
-    written.map_err(|error| cannot(&error))?;
+        .create(BufWriter::new(file.as_file_mut()))
+        .and_then(|writer| write(Channels::new(writer)?));
+    written.map_err(|error| FileError::new(path, format!("cannot be written: {error}")))?;
     publish(file, path)
 }
 
@@ -154,7 +167,7 @@ impl<W: Write + Seek> Channels<W> {
         })
     }
 
-    fn write_all(mut self, recording: &Recording) -> Result<(), McapError> {
+    fn write_recording(&mut self, recording: &Recording) -> Result<(), McapError> {
         let ProvenanceMessage {
             version,
             commit,
@@ -184,7 +197,10 @@ impl<W: Write + Seek> Channels<W> {
         }
         let scenery = scene::scenery(recording, Time::seconds(0));
         self.write(self.scene, 0, &scenery)?;
-        self.write_steps(recording)?;
+        self.write_steps(recording)
+    }
+
+    fn finish(mut self) -> Result<(), McapError> {
         self.writer.finish()?;
         Ok(self.writer.into_inner().flush()?)
     }

@@ -4,15 +4,15 @@
 
 use nalgebra::Vector3;
 use rerun::blueprint::components::{
-    BackgroundKind, ColumnShare, ContainerKind, Eye3DKind, IncludedContent, PanelState,
-    QueryExpression, RootContainer, RowShare, ViewClass,
+    BackgroundKind, ColumnShare, ContainerKind, Corner2D, Eye3DKind, IncludedContent, PanelState,
+    PlayState, QueryExpression, RootContainer, RowShare, ViewClass,
 };
 use rerun::components::{Name, Visible};
-use rerun::datatypes::{Bool, Float32, Uuid};
+use rerun::datatypes::{Bool, Float32, TimeInt, TimeRange, TimeRangeBoundary, Uuid};
 use rerun::external::re_sdk_types::blueprint::archetypes::TimePanelBlueprint;
 use rerun::external::re_sdk_types::blueprint::archetypes::{
-    Background, ContainerBlueprint, EyeControls3D, LineGrid3D, PanelBlueprint, ViewBlueprint,
-    ViewContents, ViewportBlueprint,
+    Background, ContainerBlueprint, EyeControls3D, LineGrid3D, PanelBlueprint, PlotLegend,
+    TimeAxis, ViewBlueprint, ViewContents, ViewportBlueprint,
 };
 
 use super::store::Store;
@@ -33,7 +33,7 @@ pub(super) enum Area {
     Column(Vec<(f32, Area)>),
     /// Areas of which one is seen at a time.
     Tabs(Vec<Area>),
-    /// A view of a kind with its name and the entities that it shows.
+    /// A view of a kind with its name and the entities that it shows, one a line.
     View(&'static str, String, String),
 }
 
@@ -41,12 +41,26 @@ pub(super) enum Area {
 pub(super) const SPACE: &str = "3D";
 pub(super) const TEXT: &str = "TextDocument";
 pub(super) const CURVES: &str = "TimeSeries";
+pub(super) const BARS: &str = "BarChart";
+
+/// The timeline that is shown at first.
+pub(super) struct Clock {
+    /// Its name.
+    pub(super) timeline: &'static str,
+    /// The range that curves are drawn over; if not given, what there is.
+    pub(super) range: Option<(i64, i64)>,
+    /// How far it goes in a second when it is played.
+    pub(super) per_second: f64,
+    /// Whether it is played from the beginning, or stays at the end as that moves.
+    pub(super) play_state: PlayState,
+}
 
 /// Writes the blueprint into its store.
-pub(super) fn lay_out(store: &mut Store, root: &Area, eye: &Eye, timeline: &str) {
+pub(super) fn lay_out(store: &mut Store, root: &Area, eye: &Eye, clock: &Clock) {
     let mut layout = Layout {
         store,
         eye,
+        range: clock.range,
         count: 0,
     };
     let (_, id) = layout.add(root);
@@ -60,14 +74,16 @@ pub(super) fn lay_out(store: &mut Store, root: &Area, eye: &Eye, timeline: &str)
     layout.log("selection_panel", &hidden);
     let time_panel = TimePanelBlueprint::new()
         .with_state(PanelState::Collapsed)
-        .with_timeline(timeline)
-        .with_fps(0.5);
+        .with_timeline(clock.timeline)
+        .with_fps(clock.per_second)
+        .with_play_state(clock.play_state);
     layout.log("time_panel", &time_panel);
 }
 
 struct Layout<'a> {
     store: &'a mut Store,
     eye: &'a Eye,
+    range: Option<(i64, i64)>,
     count: u8,
 }
 
@@ -129,13 +145,28 @@ impl Layout<'_> {
     }
 
     fn add_view(&mut self, path: &str, class: &'static str, name: &str, content: &str) {
+        let origin = match content.split_once('\n') {
+            None => content.trim_end_matches("/**"),
+            Some(_) => "/",
+        };
         let view = ViewBlueprint::new(ViewClass(class.into()))
             .with_display_name(Name(name.into()))
-            .with_space_origin(content.trim_end_matches("/**"))
+            .with_space_origin(origin)
             .with_visible(Visible(Bool(true)));
         self.log(path, &view);
-        let contents = ViewContents::new([QueryExpression(content.into())]);
+        let contents = ViewContents::new(content.lines().map(|line| QueryExpression(line.into())));
         self.log(&format!("{path}/ViewContents"), &contents);
+        if let (CURVES, Some((start, end))) = (class, self.range) {
+            let boundary = |place| TimeRangeBoundary::Absolute(TimeInt(place));
+            let range = TimeRange {
+                start: boundary(start),
+                end: boundary(end),
+            };
+            let axis = TimeAxis::new().with_view_range(range);
+            self.log(&format!("{path}/TimeAxis"), &axis);
+            let legend = PlotLegend::new().with_corner(Corner2D::RightTop);
+            self.log(&format!("{path}/PlotLegend"), &legend);
+        }
         if class == SPACE {
             let eye = EyeControls3D::new()
                 .with_kind(Eye3DKind::Orbital)

@@ -1,40 +1,32 @@
 //! The stream for the rerun viewer (.rrd).
 
 mod blueprint;
+mod scene;
 mod store;
+pub mod study;
+mod study_text;
 mod text;
+pub mod viewer;
 
 use std::path::Path;
 
-use nalgebra::{Isometry3, Vector3};
+use rerun::blueprint::components::PlayState;
 use rerun::external::re_log_types::{StoreId, StoreKind};
-use rerun::{
-    Arrows3D, Clear, EntityPath, LineStrips3D, Mesh3D, Points3D, RecordingInfo, Scalars,
-    SeriesPoints, TextDocument, Transform3D, ViewCoordinates, entity_path,
-};
+use rerun::log::LogMsg;
+use rerun::{EntityPath, RecordingInfo, Scalars, SeriesPoints, TextDocument, entity_path};
 use sha2::{Digest, Sha256};
 
-use super::recording::{Body, MountedTool, Recording, Step, StepKind};
+use super::recording::{Recording, StepKind};
 use crate::files::{FileError, write_whole};
-use blueprint::{Area, CURVES, Eye, SPACE, TEXT};
+use blueprint::{Area, CURVES, Clock, SPACE, TEXT};
 use store::Store;
 
 const APPLICATION: &str = "elastocal";
 /// The timeline of steps: experiments and test poses, numbered from 1.
 const STEP: &str = "step";
-/// How far labels are from what they name (m).
-const LABEL_AWAY_M: f64 = 0.3;
 /// The timeline of measurements, repeats counted, numbered from 1.
 const MEASUREMENT: &str = "measurement";
 
-/// The loaded arm is translucent and in the model's colours with this share of a light blue.
-const LOADED_ALPHA: u8 = 130;
-const LOADED_RGB: [u8; 3] = [110, 180, 255];
-const LOADED_SHARE: f32 = 0.75;
-// Labels take the colour of what they name, and the viewer puts them on dark ground.
-const FORCE_RGB: [u8; 3] = [255, 100, 100];
-const DEFLECTION_RGB: [u8; 3] = [255, 200, 40];
-const TRACKER_RGB: [u8; 3] = [40, 200, 110];
 const AXES: [(&str, [u8; 3]); 3] = [
     ("x", [220, 60, 60]),
     ("y", [50, 160, 70]),
@@ -47,39 +39,58 @@ const AXES: [(&str, [u8; 3]); 3] = [
 /// # Errors
 /// The file cannot be written.
 pub fn write_rerun(path: &Path, recording: &Recording) -> Result<(), FileError> {
-    let id = identifier(recording);
-    let mut store = Store::new(
-        StoreId::new(StoreKind::Recording, APPLICATION, format!("{id:032x}")),
-        id,
-    );
+    write_messages(path, messages(recording))
+}
+
+/// The messages of a recording with its layout, for a file or a viewer.
+///
+/// # Errors
+/// What is wrong with them; a matter of the program.
+pub fn messages(recording: &Recording) -> Result<Vec<LogMsg>, String> {
+    let mut content = format!("{:?}", recording.provenance);
+    for calibration in &recording.calibrations {
+        content += &format!("{:?}", calibration.record);
+    }
+    let clock = Clock {
+        timeline: STEP,
+        range: None,
+        per_second: 0.5,
+        play_state: PlayState::Playing,
+    };
+    let (mut messages, mut store) = open(&content, &layout(), recording, &clock)?;
     log_recording(&mut store, recording);
-    let mut blueprint = Store::new(
-        StoreId::new(
-            StoreKind::Blueprint,
-            APPLICATION,
-            format!("blueprint-{id:032x}"),
-        ),
-        id ^ (1 << 120),
-    );
-    blueprint::lay_out(&mut blueprint, &layout(), &eye(recording), STEP);
-    let bytes = store::encode(store, blueprint)
+    messages.extend(store.take()?);
+    Ok(messages)
+}
+
+fn write_messages(path: &Path, messages: Result<Vec<LogMsg>, String>) -> Result<(), FileError> {
+    let bytes = messages
+        .and_then(store::encode)
         .map_err(|error| FileError::new(path, format!("cannot be written: {error}")))?;
     write_whole(path, &bytes)
 }
 
-/// A number that follows from the content: the viewer takes two files with the same one for parts
-/// of one recording.
-fn identifier(recording: &Recording) -> u128 {
-    let mut hash = Sha256::new();
-    hash.update(format!("{:?}", recording.provenance));
-    for calibration in &recording.calibrations {
-        hash.update(format!("{:?}", calibration.record));
-    }
-    let digest = hash.finalize();
-    digest
+/// The messages that lay out the viewer, and the store of a recording whose numbers follow from the
+/// content: the viewer takes two with the same number for parts of one recording.
+fn open(
+    content: &str,
+    layout: &Area,
+    recording: &Recording,
+    clock: &Clock,
+) -> Result<(Vec<LogMsg>, Store), String> {
+    let digest = Sha256::digest(content.as_bytes());
+    let id = digest
         .iter()
         .take(15)
-        .fold(0, |number, byte| number << 8 | u128::from(*byte))
+        .fold(0, |number, byte| number << 8 | u128::from(*byte));
+    let new = |kind, name, first| Store::new(StoreId::new(kind, APPLICATION, name), first);
+    let blueprint = format!("blueprint-{id:032x}");
+    let mut blueprint = new(StoreKind::Blueprint, blueprint, id ^ (1 << 120));
+    blueprint::lay_out(&mut blueprint, layout, &scene::eye(recording), clock);
+    let mut store = new(StoreKind::Recording, format!("{id:032x}"), id);
+    let info = RecordingInfo::new().with_name(recording.provenance.scenario.as_str());
+    store.log_static(EntityPath::properties(), &info);
+    Ok((store::show_by(blueprint)?, store))
 }
 
 fn layout() -> Area {
@@ -109,51 +120,8 @@ fn layout() -> Area {
     ])
 }
 
-/// A place from which the whole arm is seen in all steps, from the side and a little from above.
-fn eye(recording: &Recording) -> Eye {
-    let origins: Vec<_> = recording
-        .steps()
-        .flat_map(|(_, _, step)| {
-            let links = step.unloaded.world_from_link.iter();
-            links
-                .map(|pose| pose.translation.vector)
-                .chain([step.unloaded.tool_m, step.enlarged.tool_m])
-                .chain(recording.tracker_m)
-        })
-        .collect();
-    let low = origins
-        .iter()
-        .fold(Vector3::repeat(f64::MAX), |low, each| low.inf(each));
-    let high = origins
-        .iter()
-        .fold(Vector3::repeat(f64::MIN), |high, each| high.sup(each));
-    let (target_m, size) = if origins.is_empty() {
-        (Vector3::zeros(), 1.0)
-    } else {
-        ((low + high) / 2.0, (high - low).norm().max(0.5))
-    };
-    Eye {
-        position_m: target_m + Vector3::new(-0.4, -1.0, 0.35).normalize() * (0.78 * size),
-        target_m,
-    }
-}
-
 fn log_recording(store: &mut Store, recording: &Recording) {
-    let info = RecordingInfo::new().with_name(recording.provenance.scenario.as_str());
-    store.log_static(EntityPath::properties(), &info);
-    store.log_static("world", &ViewCoordinates::RIGHT_HAND_Z_UP());
-    for body in &recording.surroundings {
-        store.log_static(
-            entity_path!["world", "surroundings", body.name],
-            &coloured_mesh(body),
-        );
-    }
-    for body in &recording.links {
-        if body.only_with.is_none() {
-            store.log_static(link_path("robot", body), &coloured_mesh(body));
-            store.log_static(link_path("loaded", body), &ghost_mesh(body));
-        }
-    }
+    scene::log_bodies(store, recording);
     for group in ["residual_mm", "deflection_mm"] {
         for (axis, colour) in AXES {
             let series = SeriesPoints::new()
@@ -173,12 +141,8 @@ fn log_steps(store: &mut Store, recording: &Recording) {
     let mut named = None;
     let mut measurement = 0;
     for (number, calibration, step) in recording.steps() {
-        let now = [(STEP, number)];
-        let tool = step.tool();
-        if mounted != Some(tool) {
-            log_tools(store, recording, tool, number);
-            mounted = Some(tool);
-        }
+        let now = [(STEP, i64::from(number))];
+        scene::log_step(store, recording, step, &mut mounted, &now);
         if named != Some(&calibration.record.name) {
             let results = TextDocument::from_markdown(text::results(&calibration.record));
             store.log("text/results", &now, &results);
@@ -186,15 +150,10 @@ fn log_steps(store: &mut Store, recording: &Recording) {
         }
         let described = TextDocument::from_markdown(text::step(calibration, step));
         store.log("text/step", &now, &described);
-        log_arms(store, recording, step, number);
-        log_arrows(store, recording, step, number);
-        if let Some(tracker_m) = &recording.tracker_m {
-            log_line_of_sight(store, tracker_m, step, number);
-        }
         if let StepKind::Experiment { measurements, .. } = &step.kind {
             for index in measurements.clone() {
                 measurement += 1;
-                let now = [(STEP, number), (MEASUREMENT, measurement)];
+                let now = [(STEP, i64::from(number)), (MEASUREMENT, measurement)];
                 let record = &calibration.record;
                 let measured = record
                     .measurements
@@ -210,153 +169,4 @@ fn log_steps(store: &mut Store, recording: &Recording) {
             }
         }
     }
-}
-
-fn link_path(arm: &str, body: &Body) -> EntityPath {
-    entity_path!["world", arm, body.name]
-}
-
-/// Takes the tool that was at work off the arm and puts the other one on.
-fn log_tools(store: &mut Store, recording: &Recording, tool: MountedTool, number: u32) {
-    let now = [(STEP, number)];
-    for body in &recording.links {
-        if body.only_with == Some(tool) {
-            store.log(link_path("robot", body), &now, &coloured_mesh(body));
-            store.log(link_path("loaded", body), &now, &ghost_mesh(body));
-        } else if body.only_with.is_some() {
-            for arm in ["robot", "loaded"] {
-                store.log(link_path(arm, body), &now, &Mesh3D::clear_fields());
-            }
-        }
-    }
-}
-
-fn log_arms(store: &mut Store, recording: &Recording, step: &Step, number: u32) {
-    let now = [(STEP, number)];
-    let [unloaded, enlarged] =
-        [&step.unloaded, &step.enlarged].map(|stance| &stance.world_from_link);
-    for (body, (unloaded, enlarged)) in recording.links.iter().zip(unloaded.iter().zip(enlarged)) {
-        store.log(link_path("robot", body), &now, &transform(unloaded));
-        store.log(link_path("loaded", body), &now, &transform(enlarged));
-        // Two surfaces in the same place flicker: a link that does not move is drawn once.
-        let apart = unloaded.inv_mul(enlarged);
-        let moves = apart.translation.vector.norm() > 1e-3 || apart.rotation.angle() > 1e-3;
-        let alpha = if moves { LOADED_ALPHA } else { 0 };
-        let opacity = Mesh3D::update_fields().with_albedo_factor([255, 255, 255, alpha]);
-        store.log(link_path("loaded", body), &now, &opacity);
-    }
-}
-
-fn log_arrows(store: &mut Store, recording: &Recording, step: &Step, number: u32) {
-    let now = [(STEP, number)];
-    if let Some(force) = recording.force_arrow_m(step) {
-        let arrow = Arrows3D::from_vectors([single(&force)])
-            .with_origins([single(&step.enlarged.tool_m)])
-            .with_radii([0.018])
-            .with_colors([FORCE_RGB]);
-        store.log("world/force", &now, &arrow);
-    } else {
-        store.log("world/force", &now, &Clear::flat());
-    }
-    let deflection = step.displacement_m() * step.enlargement;
-    let arrow = Arrows3D::from_vectors([single(&deflection)])
-        .with_origins([single(&step.unloaded.tool_m)])
-        .with_radii([0.014])
-        .with_colors([DEFLECTION_RGB]);
-    store.log("world/deflection", &now, &arrow);
-
-    // Away from the arrows, where labels would hide them and the arm.
-    let above_tool = step.unloaded.tool_m + Vector3::z() * LABEL_AWAY_M;
-    let mut labels = vec![(above_tool, DEFLECTION_RGB, step.displacement_label())];
-    if let Some(force) = recording.force_arrow_m(step) {
-        let behind_tip = step.enlarged.tool_m + force + force.normalize() * (LABEL_AWAY_M / 2.5);
-        labels.push((behind_tip, FORCE_RGB, step.load_label()));
-    }
-    let points = Points3D::new(labels.iter().map(|(place, _, _)| single(place)))
-        .with_radii([0.0])
-        .with_colors(labels.iter().map(|(_, colour, _)| *colour))
-        .with_labels(labels.iter().map(|(_, _, text)| text.as_str()));
-    store.log("world/labels", &now, &points);
-}
-
-/// The tracker's line to the reflector, which only the calibration tool has.
-fn log_line_of_sight(store: &mut Store, tracker_m: &Vector3<f64>, step: &Step, number: u32) {
-    let now = [(STEP, number)];
-    if step.tool() == MountedTool::Calibration {
-        let line = LineStrips3D::new([[single(tracker_m), single(&step.unloaded.tool_m)]])
-            .with_radii([0.006])
-            .with_colors([TRACKER_RGB]);
-        store.log("world/tracker_line", &now, &line);
-    } else {
-        store.log("world/tracker_line", &now, &Clear::flat());
-    }
-}
-
-/// All of a body in the model's colours.
-fn coloured_mesh(body: &Body) -> Mesh3D {
-    mesh(body, |rgba| rgba.map(byte))
-}
-
-/// All of a body in the colours of the loaded arm.
-fn ghost_mesh(body: &Body) -> Mesh3D {
-    mesh(body, |[r, g, b, _]| {
-        let mut mixed = [r, g, b, 1.0].map(byte);
-        for (own, other) in mixed.iter_mut().zip(LOADED_RGB) {
-            let share = f32::from(*own) * (1.0 - LOADED_SHARE) + f32::from(other) * LOADED_SHARE;
-            *own = byte(share / 255.0);
-        }
-        mixed
-    })
-}
-
-fn mesh(body: &Body, colour: impl Fn([f32; 4]) -> [u8; 4]) -> Mesh3D {
-    let (mut vertices, mut normals, mut triangles) = (Vec::new(), Vec::new(), Vec::new());
-    let mut colours = Vec::new();
-    for surface in &body.surfaces {
-        let shaded = surface.mesh.shaded();
-        let first = u32::try_from(vertices.len()).unwrap_or(u32::MAX);
-        triangles.extend(
-            shaded
-                .triangles
-                .iter()
-                .map(|each| each.map(|corner| first + corner)),
-        );
-        colours.extend(std::iter::repeat_n(
-            colour(surface.rgba),
-            shaded.vertices.len(),
-        ));
-        vertices.extend(shaded.vertices.iter().map(|vertex| single(&vertex.coords)));
-        normals.extend(shaded.normals.iter().map(single));
-    }
-    Mesh3D::new(vertices)
-        .with_vertex_normals(normals)
-        .with_triangle_indices(triangles)
-        .with_vertex_colors(colours)
-}
-
-fn transform(pose: &Isometry3<f64>) -> Transform3D {
-    let rotation = pose.rotation.coords;
-    Transform3D::new()
-        .with_translation(single(&pose.translation.vector))
-        .with_quaternion(rerun::Quaternion::from_xyzw(
-            [rotation.x, rotation.y, rotation.z, rotation.w].map(narrow),
-        ))
-}
-
-fn single(vector: &Vector3<f64>) -> [f32; 3] {
-    (*vector).map(narrow).into()
-}
-
-#[expect(clippy::cast_possible_truncation, reason = "for drawing")]
-fn narrow(value: f64) -> f32 {
-    value as f32
-}
-
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "clamped to a byte's range"
-)]
-fn byte(share: f32) -> u8 {
-    (share.clamp(0.0, 1.0) * 255.0).round() as u8
 }

@@ -18,10 +18,15 @@ use rerun::{AsComponents, EntityPath, TimePoint, Timeline};
 /// The entities of one recording or blueprint.
 pub(super) struct Store {
     id: StoreId,
-    first_chunk: u128,
+    next_chunk: u128,
     rows: u128,
-    entities: BTreeMap<(EntityPath, bool), Vec<Row>>,
+    is_open: bool,
+    /// The rows that were not taken yet, by entity and timelines.
+    entities: BTreeMap<(EntityPath, Vec<&'static str>), Vec<Row>>,
 }
+
+/// A place on each of some timelines.
+pub(super) type Now<'a> = &'a [(&'static str, i64)];
 
 struct Row {
     id: RowId,
@@ -35,8 +40,9 @@ impl Store {
     pub(super) fn new(id: StoreId, first_chunk: u128) -> Self {
         Self {
             id,
-            first_chunk,
+            next_chunk: first_chunk,
             rows: 0,
+            is_open: false,
             entities: BTreeMap::new(),
         }
     }
@@ -50,17 +56,17 @@ impl Store {
     pub(super) fn log(
         &mut self,
         path: impl Into<EntityPath>,
-        when: &[(&'static str, u32)],
+        when: Now<'_>,
         what: &dyn AsComponents,
     ) {
         self.rows += 1;
         let time = when
             .iter()
             .fold(TimePoint::default(), |time, &(timeline, place)| {
-                time.with(Timeline::new_sequence(timeline), i64::from(place))
+                time.with(Timeline::new_sequence(timeline), place)
             });
         self.entities
-            .entry((path.into(), when.is_empty()))
+            .entry((path.into(), when.iter().map(|(name, _)| *name).collect()))
             .or_default()
             .push(Row {
                 id: RowId::from_u128(self.rows),
@@ -69,15 +75,24 @@ impl Store {
             });
     }
 
-    /// The messages of this store: one chunk for each entity.
-    fn messages(self) -> rerun::log::ChunkResult<Vec<LogMsg>> {
-        let info = StoreInfo::new(self.id.clone(), StoreSource::Other("elastocal".to_owned()));
-        let mut messages = vec![LogMsg::SetStoreInfo(SetStoreInfo {
-            row_id: Tuid::from_u128(self.first_chunk),
-            info,
-        })];
-        for (index, ((path, _), rows)) in (1..).zip(self.entities) {
-            let id = ChunkId::from_u128(self.first_chunk.wrapping_add(index));
+    /// The messages of what was logged since the last call: one chunk for each entity.
+    pub(super) fn take(&mut self) -> Result<Vec<LogMsg>, String> {
+        self.chunks().map_err(|error| error.to_string())
+    }
+
+    fn chunks(&mut self) -> rerun::log::ChunkResult<Vec<LogMsg>> {
+        let mut messages = Vec::new();
+        if !self.is_open {
+            let info = StoreInfo::new(self.id.clone(), StoreSource::Other("elastocal".to_owned()));
+            messages.push(LogMsg::SetStoreInfo(SetStoreInfo {
+                row_id: Tuid::from_u128(self.next_chunk),
+                info,
+            }));
+            self.is_open = true;
+        }
+        for ((path, _), rows) in std::mem::take(&mut self.entities) {
+            self.next_chunk = self.next_chunk.wrapping_add(1);
+            let id = ChunkId::from_u128(self.next_chunk);
             let chunk = rows
                 .into_iter()
                 .fold(Chunk::builder_with_id(id, path), |chunk, row| {
@@ -90,18 +105,20 @@ impl Store {
     }
 }
 
-/// The bytes of a file with a recording and the blueprint by which it is shown.
-pub(super) fn encode(recording: Store, blueprint: Store) -> Result<Vec<u8>, String> {
-    let activation = BlueprintActivationCommand {
-        blueprint_id: blueprint.id.clone(),
-        make_active: true,
-        make_default: true,
-    };
-    let write = || -> Result<Vec<u8>, Box<dyn std::error::Error>> {
-        let mut messages = blueprint.messages()?;
-        messages.push(LogMsg::BlueprintActivationCommand(activation));
-        messages.extend(recording.messages()?);
-        Ok(Encoder::encode(messages.into_iter().map(Ok))?)
-    };
-    write().map_err(|error| error.to_string())
+/// The messages of a blueprint and those that make the viewer use it, to go before a recording's.
+pub(super) fn show_by(mut blueprint: Store) -> Result<Vec<LogMsg>, String> {
+    let mut messages = blueprint.take()?;
+    messages.push(LogMsg::BlueprintActivationCommand(
+        BlueprintActivationCommand {
+            blueprint_id: blueprint.id,
+            make_active: true,
+            make_default: true,
+        },
+    ));
+    Ok(messages)
+}
+
+/// The bytes of a file with these messages.
+pub(super) fn encode(messages: Vec<LogMsg>) -> Result<Vec<u8>, String> {
+    Encoder::encode(messages.into_iter().map(Ok)).map_err(|error| error.to_string())
 }

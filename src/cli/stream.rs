@@ -1,0 +1,103 @@
+//! `--rerun`: results on their way to a rerun viewer.
+
+use std::os::unix::process::CommandExt;
+use std::path::PathBuf;
+use std::process::{Command, Stdio};
+
+use elastocal::output::rerun_file::viewer::{Address, DEFAULT_PORT, DEFAULT_URL, Viewer};
+
+use super::view::find_viewer;
+
+/// Where results are shown or written, besides the usual files.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Target {
+    /// A viewer on this machine, started if none is there.
+    Spawn,
+    /// A viewer that is there.
+    Connect(Address),
+    /// A file.
+    Save(PathBuf),
+}
+
+/// The names of the targets, for the help.
+pub const TARGETS: &str = "spawn|connect[=URL]|save=FILE";
+
+impl std::str::FromStr for Target {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text
+            .split_once('=')
+            .map_or((text, None), |(how, what)| (how, Some(what)))
+        {
+            ("spawn", None) => Ok(Self::Spawn),
+            ("connect", url) => Ok(Self::Connect(url.unwrap_or(DEFAULT_URL).parse()?)),
+            ("save", Some(path)) if !path.is_empty() => Ok(Self::Save(path.into())),
+            _ => Err(format!(
+                "spawn starts a viewer, connect or connect={DEFAULT_URL} sends to one, save=FILE writes a file"
+            )),
+        }
+    }
+}
+
+impl Target {
+    /// The file to write, if it is one.
+    pub fn file(&self) -> Option<&PathBuf> {
+        match self {
+            Self::Save(path) => Some(path),
+            Self::Spawn | Self::Connect(_) => None,
+        }
+    }
+
+    /// Connects to the viewer. That there is none is said, and no reason to give up the work.
+    pub fn open(&self) -> Option<Viewer> {
+        let opened = match self {
+            Self::Save(_) => return None,
+            Self::Spawn => spawn(),
+            Self::Connect(address) => match address.probe() {
+                Ok(()) => Ok(Viewer::connect(address)),
+                Err(error) => Err((
+                    format!("there is no rerun viewer at {address}: {error}"),
+                    "start `rerun` first, or use --rerun spawn".to_owned(),
+                )),
+            },
+        };
+        opened
+            .inspect_err(|(problem, hint)| warn(problem, Some(hint)))
+            .ok()
+    }
+}
+
+/// Says what is wrong with a stream; the results do not depend on it.
+pub fn warn(problem: &str, hint: Option<&str>) {
+    eprintln!("warning: {problem}; going on without it");
+    if let Some(hint) = hint {
+        eprintln!("hint: {hint}");
+    }
+}
+
+/// A viewer that may be there already, or is started and outlives this program.
+fn spawn() -> Result<Viewer, (String, String)> {
+    let found = find_viewer().map_err(|error| {
+        let hint = error.hint.clone().unwrap_or_default();
+        (error.to_string(), hint)
+    })?;
+    let here: Address = (DEFAULT_URL.parse()).map_err(|problem| (problem, String::new()))?;
+    if here.probe().is_err() {
+        // Its own streams, so that nobody who reads this program's waits for the viewer to end; its
+        // own group, so that ctrl-C does not end it.
+        Command::new(&found)
+            .arg(format!("--port={DEFAULT_PORT}"))
+            .arg("--expect-data-soon")
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .process_group(0)
+            .spawn()
+            .map_err(|error| {
+                let problem = format!("{} does not start: {error}", found.display());
+                (problem, "start it by hand to see why".to_owned())
+            })?;
+    }
+    Ok(Viewer::connect(&here))
+}

@@ -1,0 +1,127 @@
+//! A study as it is recorded and streamed while it runs.
+
+use std::path::Path;
+
+use elastocal::calibration::calibrate;
+use elastocal::output::mcap_file::study::write_study_mcap;
+use elastocal::output::recording::Recording;
+use elastocal::output::rerun_file::study::{StudyStream, write_study_rerun};
+use elastocal::output::rerun_file::viewer::{Messages, Viewer};
+use elastocal::output::study_recording::{Snapshot, StudyRecording};
+use elastocal::plan::search::random_plan;
+use elastocal::study::runner::Runner;
+use elastocal::study::tally::Tally;
+use elastocal::study::tally_file::Header;
+use elastocal::study::{Entry, Setting};
+
+use super::stream::{Target, warn};
+use super::study::plan_messages;
+
+/// What is recorded of a study, and the viewer that it is streamed to.
+pub struct StudyObserver {
+    study: StudyRecording,
+    snapshots: Vec<Snapshot>,
+    live: Option<(Viewer, StudyStream)>,
+}
+
+impl StudyObserver {
+    /// Calibrates once with each plan, to be shown, and opens the viewer.
+    pub fn new(
+        settings: &[Setting],
+        header: &Header,
+        entries: &[Entry],
+        target: Option<&Target>,
+    ) -> anyhow::Result<Self> {
+        let mut calibrations = Vec::new();
+        for (entry, label) in entries.iter().zip(header.labels()) {
+            let Setting {
+                conditions,
+                scenario,
+            } = &settings[entry.setting];
+            let plan = match entry.kind.plan() {
+                Some(plan) => plan.clone(),
+                // The plan of run 0 stands for all.
+                None => random_plan(scenario, conditions.experiments, 0)?,
+            };
+            // A plan that fails on the virtual robot is not shown, and may do by the linear model.
+            if let Ok(calibration) = calibrate(scenario, &plan, 0) {
+                calibrations.push((label, calibration));
+            }
+        }
+        let study = StudyRecording {
+            header: header.clone(),
+            arms: Recording::new(&settings[0].scenario, &calibrations)?,
+        };
+        let mut observer = Self {
+            study,
+            snapshots: Vec::new(),
+            live: None,
+        };
+        if let Some(viewer) = target.and_then(Target::open) {
+            let (stream, messages) =
+                StudyStream::new(&observer.study).map_err(anyhow::Error::msg)?;
+            observer.live = Some((viewer, stream));
+            observer.send(messages);
+        }
+        Ok(observer)
+    }
+
+    /// Sends messages to the viewer; that it is gone is said once.
+    fn send(&mut self, messages: Messages) {
+        if let Some((viewer, _)) = &mut self.live
+            && let Some(problem) = viewer.send(messages)
+        {
+            warn(&problem, None);
+            self.live = None;
+        }
+    }
+
+    /// Makes the first runs, to be shown before the first block is done; the block makes them again.
+    pub fn first_runs(&mut self, runner: &Runner<'_>, block: u64) -> anyhow::Result<()> {
+        for runs in self.study.first_runs() {
+            let end = block * runner.block_runs() + runs;
+            let tallies = runner.run(end, block..block + 1, 1, &|_| ())?;
+            self.observe(&tallies)?;
+        }
+        Ok(())
+    }
+
+    /// Takes a snapshot, and shows it.
+    pub fn observe(&mut self, tallies: &[Tally]) -> anyhow::Result<()> {
+        let header = &self.study.header;
+        let mut plans = plan_messages(header, tallies)?;
+        for (plan, label) in plans.iter_mut().zip(header.labels()) {
+            plan.name = label;
+        }
+        let snapshot = Snapshot {
+            runs: tallies
+                .first()
+                .map_or(0, |tally| tally.runs + tally.failures()),
+            plans,
+        };
+        if let Some((_, stream)) = &mut self.live {
+            stream.log(&self.study, &snapshot);
+            let messages = stream.take().map_err(anyhow::Error::msg)?;
+            self.send(messages);
+        }
+        self.snapshots.push(snapshot);
+        Ok(())
+    }
+
+    /// Writes study.mcap and study.rrd to the folder, if one is given, and the file of the target.
+    pub fn finish(self, folder: Option<&Path>, target: Option<&Target>) -> anyhow::Result<()> {
+        if let Some(folder) = folder {
+            write_study_mcap(&folder.join("study.mcap"), &self.study, &self.snapshots)?;
+            write_study_rerun(&folder.join("study.rrd"), &self.study, &self.snapshots)?;
+        }
+        if let Some(path) = target.and_then(Target::file) {
+            write_study_rerun(path, &self.study, &self.snapshots)?;
+        }
+        if let Some((viewer, _)) = self.live
+            && let Some(problem) = viewer.finish()
+        {
+            warn(&problem, None);
+        }
+        Ok(())
+    }
+}
