@@ -175,7 +175,7 @@ impl ResultsFile {
     fn run(&mut self, run: Run) -> Result<(), FileError> {
         self.settings.push(("experiments", run.experiments.into()));
         for (index, plan) in run.plans.into_iter().enumerate() {
-            let name = self.add_plan(plan.name);
+            let name = self.add_plan(&plan.name);
             self.promise(
                 &name,
                 &format!("plans[{index}].assessment."),
@@ -206,7 +206,7 @@ impl ResultsFile {
         let is_swept = |name: &str| study.plans.iter().filter(|plan| plan.name == name).count() > 1;
         for plan in &study.plans {
             let (m, sigma_mm, load) = (plan.experiments, plan.sigma_mm, plan.load_scale);
-            let name = self.add_plan(if is_swept(&plan.name) {
+            let name = self.add_plan(&if is_swept(&plan.name) {
                 format!(
                     "{}, {m} measurements, {sigma_mm} mm, load {load}",
                     plan.name
@@ -227,7 +227,7 @@ impl ResultsFile {
     fn single(&mut self, promise: Promise) -> Result<(), FileError> {
         self.settings
             .push(("experiments", promise.experiments.into()));
-        let name = self.add_plan(ONLY_PLAN.to_owned());
+        let name = self.add_plan(ONLY_PLAN);
         self.promise(&name, "", promise)
     }
 
@@ -262,8 +262,8 @@ impl ResultsFile {
     }
 
     /// Adds a plan under a name of its own: a scenario may bring one that is named as `run` names its.
-    fn add_plan(&mut self, name: String) -> String {
-        let mut own = name.clone();
+    fn add_plan(&mut self, name: &str) -> String {
+        let mut own = name.to_owned();
         for number in 2.. {
             if !self.plans.contains(&own) {
                 break;

@@ -187,9 +187,9 @@ fn unknown_joints(scenario: &Scenario) -> Vec<usize> {
 /// A plan made ready for runs; distances are in sigma.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlanModel {
-    /// L^-1 [A^T, A^T A'], three rows at a time.
+    /// L^-1 A^T beside L^-1 A^T A', three rows at a time.
     whitener: Vec<ThreeRows>,
-    /// [`A_0` L^-T, -`A_0`'], three rows for each test pose.
+    /// `A_0` L^-T beside -`A_0`', three rows for each test pose.
     compensation: Vec<ThreeRows>,
     /// trace(S), the predicted mean square.
     pub expected: f64,

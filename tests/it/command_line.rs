@@ -186,17 +186,16 @@ fn check_tells_a_program_what_is_wrong() {
 fn a_files_own_standard_deviations_are_named() {
     let workplace = measured_and_identified();
     let plain = workplace.run(&format!("{IDENTIFY} --json")).json();
-    let own: String = (workplace.read("m.csv").lines())
-        .map(|line| {
-            let is_header = line.starts_with("q1_deg");
-            let own = if is_header {
-                "sx_mm,sy_mm,sz_mm"
-            } else {
-                "0.06,0.06,0.06"
-            };
-            format!("{line},{own}\n")
-        })
-        .collect();
+    let mut own = String::new();
+    for line in workplace.read("m.csv").lines() {
+        let is_header = line.starts_with("q1_deg");
+        let columns = if is_header {
+            "sx_mm,sy_mm,sz_mm"
+        } else {
+            "0.06,0.06,0.06"
+        };
+        own += &format!("{line},{columns}\n");
+    }
     workplace.write("m.csv", own);
     let json = workplace
         .run(&format!("{IDENTIFY} --json"))

@@ -18,9 +18,9 @@ fn one_plan() -> String {
     assert!(plan.contains("optimal"));
     let file = crate::support::project("scenarios/plans/klimchik2012_m12.csv");
     format!(
-        "{}[[study.plan]]\nname = \"paper\"\nkind = \"file\"\nfile = {:?}\n",
+        "{}[[study.plan]]\nname = \"paper\"\nkind = \"file\"\nfile = \"{}\"\n",
         &text[..plans],
-        file
+        file.display()
     )
 }
 

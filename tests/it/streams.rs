@@ -20,8 +20,9 @@ fn small() -> Workplace {
         "s.toml",
         format!(
             "{text}[study]\ntrials = 5000\nexperiments = 12\n\
-             [[study.plan]]\nname = \"the paper's\"\nkind = \"file\"\nfile = {file:?}\n\
-             [[study.plan]]\nname = \"random\"\nkind = \"random_each\"\n"
+             [[study.plan]]\nname = \"the paper's\"\nkind = \"file\"\nfile = \"{}\"\n\
+             [[study.plan]]\nname = \"random\"\nkind = \"random_each\"\n",
+            file.display()
         ),
     );
     workplace

@@ -116,7 +116,12 @@ impl<'a> Refinement<'a> {
         let mut next = best.points.clone();
         let mut is_extrapolated = false;
         for _ in 0..SWEEPS {
-            let swept = self.sweep(next, &best.repeats, precision, &mut information);
+            let swept = self.sweep(
+                std::mem::take(&mut next),
+                &best.repeats,
+                precision,
+                &mut information,
+            );
             let cost = self.cost(&information);
             let gain = 1.0 - cost / best.cost;
             let before = if gain > 0.0 {
@@ -125,7 +130,7 @@ impl<'a> Refinement<'a> {
             } else {
                 best.points.clone()
             };
-            next = best.points.clone();
+            next.clone_from(&best.points);
             if gain > precision.converged {
                 if best.cost * (1.0 - HOPE * gain) > hopeless {
                     break;
