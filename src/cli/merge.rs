@@ -7,7 +7,7 @@ use elastocal::files::make_folder;
 use elastocal::study::tally_file::join;
 
 use super::Report;
-use super::study::{Results, write};
+use super::study::results::{Results, write};
 
 /// Arguments of `merge`.
 #[derive(Debug, Args)]

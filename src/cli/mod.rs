@@ -17,7 +17,6 @@ mod replay;
 mod run;
 mod stream;
 mod study;
-mod study_stream;
 mod table;
 mod view;
 

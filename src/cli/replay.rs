@@ -16,7 +16,7 @@ use elastocal::study::truth::Truth;
 use elastocal::study::{Entry, EntryKind, Setting};
 use serde_json::json;
 
-use super::study::entries;
+use super::study::entries::entries;
 use super::table::table;
 use super::{Common, Report};
 

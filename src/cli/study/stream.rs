@@ -14,8 +14,8 @@ use elastocal::study::tally::Tally;
 use elastocal::study::tally_file::Header;
 use elastocal::study::{Entry, Setting};
 
-use super::stream::{Target, warn};
-use super::study::plan_messages;
+use super::results::plan_messages;
+use crate::cli::stream::{Target, warn};
 
 /// What is recorded of a study, and the viewer that it is streamed to.
 pub struct StudyObserver {

@@ -1,0 +1,219 @@
+//! What a study comes to: its records, and text for people.
+
+use std::path::Path;
+
+use anyhow::Context;
+use elastocal::files::write_whole;
+use elastocal::output::study::{StudyPlanMessage, study_csv};
+use elastocal::scenario::Level;
+use elastocal::study::summary::Summary;
+use elastocal::study::tally::Tally;
+use elastocal::study::tally_file::{Header, PlanHeader};
+use serde_json::{Value, json};
+
+use crate::cli::table::{number, table};
+use crate::cli::{Report, merge, results};
+
+/// How long how many runs took.
+#[derive(Debug, Clone, Copy)]
+pub struct Timing {
+    pub elapsed_s: f64,
+    pub runs: u64,
+}
+
+/// What a study comes to.
+#[derive(Debug)]
+pub struct Results {
+    header: Header,
+    pub messages: Vec<StudyPlanMessage>,
+    json: Value,
+    timing: Option<Timing>,
+}
+
+impl Results {
+    /// Sums up the tallies of a study.
+    pub fn new(header: &Header, tallies: &[Tally], timing: Option<Timing>) -> anyhow::Result<Self> {
+        let messages = plan_messages(header, tallies)?;
+        let reference = header.plans.iter().find_map(|plan| plan.reference);
+        let mut json = json!({
+            "gate": header.gate,
+            "trials": header.trials,
+            "level": header.level,
+            "parameters": header.parameters,
+            "reference": reference.map(|index| &header.plans[index].name),
+            "plans": messages,
+        });
+        json = results("study", &header.provenance, json);
+        if let Some(timing) = timing {
+            #[expect(clippy::cast_precision_loss, reason = "far below 2^52 runs")]
+            let runs_per_s = timing.runs as f64 / timing.elapsed_s;
+            let timing = json!({ "elapsed_s": timing.elapsed_s, "runs_per_s": runs_per_s });
+            merge(&mut json, timing);
+        }
+        Ok(Self {
+            header: header.clone(),
+            messages,
+            json,
+            timing,
+        })
+    }
+
+    /// Results for stdout, and the conditions that did not hold.
+    pub fn report(&self, folder: &Path) -> Report {
+        let took = self.timing.map_or_else(String::new, |timing| {
+            format!(", in {:.2} s", timing.elapsed_s)
+        });
+        Report {
+            json: self.json.clone(),
+            text: format!(
+                "{}\n{}{} runs of each plan, {}{took}. Results are in {}\n",
+                describe(&self.messages),
+                sentence(&self.messages, &self.header),
+                self.header.trials,
+                describe_level(self.header.level),
+                folder.display()
+            ),
+            conditions: self.messages.iter().filter_map(condition).collect(),
+        }
+    }
+}
+
+/// What the tallies say of each plan.
+pub fn plan_messages(header: &Header, tallies: &[Tally]) -> anyhow::Result<Vec<StudyPlanMessage>> {
+    let parameters = header.parameters.len();
+    let message = |(plan, tally): (&PlanHeader, &Tally)| {
+        let conditions = plan.conditions().context("the conditions are damaged")?;
+        let reference = plan.reference.and_then(|other| tallies.get(other));
+        let reference = reference.filter(|&other| !std::ptr::eq(other, tally));
+        let summary = Summary::new(tally, conditions.sigma_m, parameters, reference);
+        let (name, summary) = (&plan.name, summary.as_ref());
+        Ok(StudyPlanMessage::new(
+            name,
+            &conditions,
+            parameters,
+            tally,
+            summary,
+        ))
+    };
+    header.plans.iter().zip(tallies).map(message).collect()
+}
+
+/// Writes study.json and study.csv.
+pub fn write(folder: &Path, results: &Results) -> anyhow::Result<()> {
+    let text = serde_json::to_string_pretty(&results.json)? + "\n";
+    write_whole(&folder.join("study.json"), text.as_bytes())?;
+    write_whole(
+        &folder.join("study.csv"),
+        study_csv(&results.messages).as_bytes(),
+    )?;
+    Ok(())
+}
+
+/// Failed runs with their reasons.
+fn condition(message: &StudyPlanMessage) -> Option<String> {
+    let reasons: Vec<String> = (message.failures.iter())
+        .map(|(reason, count)| format!("{count}: {reason}"))
+        .collect();
+    (message.failed > 0).then(|| {
+        format!(
+            "{} of {} runs failed with the plan {:?} ({})",
+            message.failed,
+            message.failed + message.runs,
+            message.name,
+            reasons.join("; ")
+        )
+    })
+}
+
+/// What runs are made of, for people.
+pub const fn describe_level(level: Level) -> &'static str {
+    match level {
+        Level::Model => "by the linear model",
+        Level::Robot => "on the virtual robot",
+    }
+}
+
+/// The table for a person, with a column for each condition that varies.
+pub fn describe(messages: &[StudyPlanMessage]) -> String {
+    let micro = |value: Option<f64>| number(value.map(|value| value * 1e3), 3);
+    let swept: Vec<_> = SWEPT
+        .into_iter()
+        .filter(|(_, value)| {
+            messages
+                .iter()
+                .any(|each| value(each) != value(&messages[0]))
+        })
+        .collect();
+    let row = |message: &StudyPlanMessage| {
+        let interval = message.mean_ci95_mm.map_or_else(
+            || "-".to_owned(),
+            |[low, high]| format!("{:.3} to {:.3}", low * 1e3, high * 1e3),
+        );
+        let mut row = vec![message.name.clone()];
+        row.extend(swept.iter().map(|(_, value)| value(message)));
+        row.extend([
+            micro(message.mean_mm),
+            interval,
+            micro(message.rms_mm),
+            micro(message.predicted_rms_mm),
+            number(message.z, 1),
+            micro(message.quantiles_mm.map(|quantiles| quantiles[2])),
+            number(message.nees, 3),
+            message.failed.to_string(),
+        ]);
+        row
+    };
+    let mut header = vec!["plan"];
+    header.extend(swept.iter().map(|(name, _)| name));
+    header.extend([
+        "mean [um]",
+        "95 % interval [um]",
+        "rms [um]",
+        "predicted rms [um]",
+        "z",
+        "95 % below [um]",
+        "NEES",
+        "failed",
+    ]);
+    table(&header, &messages.iter().map(row).collect::<Vec<_>>())
+}
+
+/// A condition that a sweep can vary: what it is called, and its value as text.
+type Swept = (&'static str, fn(&StudyPlanMessage) -> String);
+
+const SWEPT: [Swept; 3] = [
+    ("measurements", |message| message.experiments.to_string()),
+    ("load scale", |message| message.load_scale.to_string()),
+    ("sigma [mm]", |message| format!("{:.4}", message.sigma_mm)),
+];
+
+/// What it comes to under one set of conditions: the best plan against a random one.
+fn sentence(messages: &[StudyPlanMessage], header: &Header) -> String {
+    let reference = header.plans.iter().find_map(|plan| plan.reference);
+    let plans = || messages.iter().enumerate();
+    let best = plans()
+        .filter(|(index, _)| Some(*index) != reference)
+        .filter_map(|(_, message)| Some((message, message.mean_mm?)))
+        .min_by(|one, other| one.1.total_cmp(&other.1));
+    let is_swept =
+        (header.plans.iter()).any(|plan| plan.conditions() != header.plans[0].conditions());
+    let (Some((best, mean_mm)), false) = (best, is_swept) else {
+        return String::new();
+    };
+    let mut text = format!(
+        "After calibration with the plan {:?}, compensation leaves {:.2} um on average",
+        best.name,
+        mean_mm * 1e3
+    );
+    let random = reference.and_then(|index| messages[index].mean_mm);
+    if let (Some(random), Some([low, high])) = (random, best.mean_ratio_to_random_ci95) {
+        text += &format!(
+            "; with a random plan of as many measurements it is {:.2} um, {:.2} times as much ({:.2} to {:.2})",
+            random * 1e3,
+            random / mean_mm,
+            high.recip(),
+            low.recip()
+        );
+    }
+    text + ".\n"
+}
