@@ -75,7 +75,6 @@ impl StudyStream {
         let content = format!("{:?}", study.header);
         // The legend has its place behind the last run.
         let end = i64::try_from(study.header.trials / 7 * 8).unwrap_or(i64::MAX);
-        #[expect(clippy::cast_precision_loss, reason = "for playing")]
         let clock = Clock {
             timeline: RUN,
             range: Some((0, end)),
@@ -225,7 +224,6 @@ fn bars(histogram: &HistogramMessage) -> Option<BarChart> {
     let (mut shares, mut starts, mut widths) = (Vec::new(), Vec::new(), Vec::new());
     for (edges, count) in histogram.edges_mm.windows(2).zip(&histogram.counts) {
         let width = (edges[1] - edges[0]) * 1e3;
-        #[expect(clippy::cast_precision_loss, reason = "for drawing")]
         shares.push(100.0 * *count as f64 / runs as f64 / width);
         starts.push(edges[0] * 1e3);
         widths.push(scene::narrow(width));
