@@ -12,6 +12,7 @@ mod measure;
 mod merge;
 mod plan;
 mod progress;
+mod reproduce;
 mod run;
 mod study;
 mod table;
@@ -21,6 +22,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
 use elastocal::files::FileError;
+use elastocal::output::markup::shell_word;
 use elastocal::scenario::Scenario;
 use serde_json::Value;
 
@@ -77,6 +79,8 @@ enum Command {
     Study(study::StudyCommand),
     /// Join the shards of a study
     Merge(merge::Merge),
+    /// The paper's tables and figure beside this program's
+    Reproduce(reproduce::Reproduce),
 }
 
 /// What a command ends with.
@@ -115,6 +119,7 @@ impl Arguments {
             Command::Compensate(command) => command.execute(),
             Command::Study(command) => command.execute(),
             Command::Merge(command) => command.execute(),
+            Command::Reproduce(command) => command.execute(),
         }?;
         let text = if json {
             serde_json::to_string_pretty(&report.json)? + "\n"
@@ -139,6 +144,7 @@ impl Command {
             Self::Identify(command) => &command.common,
             Self::Compensate(command) => &command.common,
             Self::Study(command) => &command.common,
+            Self::Reproduce(command) => &command.common,
             Self::Merge(_) => return None,
         })
     }
@@ -171,6 +177,16 @@ impl Common {
             eprintln!("{what}");
         }
     }
+}
+
+/// The command that was given, as a shell takes it.
+fn command_line() -> String {
+    let given = std::env::args_os().skip(1);
+    let words = given.map(|each| shell_word(&each.to_string_lossy()));
+    let words: Vec<String> = std::iter::once("elastocal".to_owned())
+        .chain(words)
+        .collect();
+    words.join(" ")
 }
 
 /// A reader that has seen enough is no error.

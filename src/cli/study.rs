@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use clap::Args;
 use elastocal::files::{check_writable, make_folder, write_whole};
+use elastocal::output::report::{StudyRecord, study_page};
 use elastocal::output::study::{StudyPlanMessage, study_csv};
 use elastocal::plan::Plan;
 use elastocal::plan::search::random_plan;
@@ -21,7 +22,7 @@ use super::evaluate::merge;
 use super::plan::design;
 use super::progress::bar;
 use super::table::{number, table};
-use super::{Common, Report};
+use super::{Common, Report, command_line};
 
 /// Arguments of `study`.
 #[derive(Debug, Args)]
@@ -223,10 +224,7 @@ impl Results {
 
     /// Results for stdout, and the conditions that did not hold.
     pub fn report(&self, folder: &Path) -> Report {
-        let reference = self
-            .header
-            .reference
-            .map(|index| &*self.header.plans[index]);
+        let reference = self.reference();
         let took = self.timing.map_or_else(String::new, |timing| {
             format!(", in {:.2} s", timing.elapsed_s)
         });
@@ -240,12 +238,35 @@ impl Results {
                 describe_level(self.header.level),
                 folder.display()
             ),
-            conditions: self.messages.iter().filter_map(condition).collect(),
+            conditions: self.conditions(),
         }
+    }
+
+    fn reference(&self) -> Option<&str> {
+        let index = self.header.reference?;
+        Some(&self.header.plans[index])
+    }
+
+    fn conditions(&self) -> Vec<String> {
+        self.messages.iter().filter_map(condition).collect()
+    }
+
+    /// The page to look at.
+    fn page(&self) -> anyhow::Result<String> {
+        Ok(study_page(&StudyRecord {
+            provenance: &self.header.provenance,
+            trials: self.header.trials,
+            experiments: self.header.experiments,
+            level: describe_level(self.header.level),
+            reference: self.reference(),
+            plans: &self.messages,
+            conditions: &self.conditions(),
+            command: &command_line(),
+        })?)
     }
 }
 
-/// Writes study.json and study.csv.
+/// Writes study.json, study.csv and study.html.
 pub fn write(folder: &Path, results: &Results) -> anyhow::Result<()> {
     let text = serde_json::to_string_pretty(&results.json)? + "\n";
     write_whole(&folder.join("study.json"), text.as_bytes())?;
@@ -253,6 +274,7 @@ pub fn write(folder: &Path, results: &Results) -> anyhow::Result<()> {
         &folder.join("study.csv"),
         study_csv(&results.messages).as_bytes(),
     )?;
+    write_whole(&folder.join("study.html"), results.page()?.as_bytes())?;
     Ok(())
 }
 

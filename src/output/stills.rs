@@ -10,6 +10,7 @@ use std::fmt::Write;
 use nalgebra::{Point3, Vector3};
 
 use self::painter::{Camera, Painter};
+use super::markup::escaped;
 use super::mesh::Mesh;
 use super::messages::ProvenanceMessage;
 use crate::mujoco::{Geometry, Model, Shape, State};
@@ -215,13 +216,6 @@ fn heading(scenario: &Scenario, plan: &Plan) -> String {
         escaped(&commit),
         escaped(&scenario.description),
     )
-}
-
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;")
-        .replace('<', "&lt;")
-        .replace('>', "&gt;")
-        .replace('"', "&quot;")
 }
 
 /// The numbers over a still.

@@ -6,10 +6,12 @@
 //! - `approximate`: the design with continuous weights, whose largest directional derivative bounds
 //!   every plan from below.
 //! - `budget`: the best accuracy against the number of measurements.
+//! - `criteria`: the best plans for the criteria of Table 1, judged at the test poses.
 //! - `exact`: plans of whole experiments, by exchange with gradient refinement from many starts.
 
 mod approximate;
 mod budget;
+mod criteria;
 mod exact;
 mod local;
 mod observation;
@@ -18,6 +20,7 @@ mod sampling;
 
 pub use approximate::{ApproximateDesign, Certificate, approximate_design};
 pub use budget::{BudgetPoint, budget, cheapest, repeated_configurations};
+pub use criteria::{CriterionPlan, compare_criteria};
 pub use exact::{ExactDesign, Watch, exact_design};
 pub use observation::Observer;
 pub use problem::{Effort, Problem, SearchError};
