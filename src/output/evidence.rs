@@ -35,6 +35,8 @@ pub struct CriterionPlanMessage {
     pub criteria: Vec<String>,
     /// Its predicted rms distance at the test poses (mm).
     pub rho0_mm: Option<f64>,
+    /// How many searches ended in a plan as good for these criteria.
+    pub searches_agreeing: Option<usize>,
     /// The plan.
     pub plan: Vec<ExperimentMessage>,
 }
@@ -92,6 +94,7 @@ impl From<&CriterionPlan> for CriterionPlanMessage {
                 .map(|each| each.name().to_owned())
                 .collect(),
             rho0_mm: best.rho0_m.map(|value| value * 1e3),
+            searches_agreeing: best.agreeing,
             plan: plan_messages(&best.plan),
         }
     }

@@ -54,7 +54,7 @@ pub fn paragraph(text: &str) -> String {
 #[must_use]
 pub fn figure(svg: &str, caption: &str) -> String {
     format!(
-        "<figure>\n{svg}\n<figcaption>{}</figcaption>\n</figure>\n",
+        "<figure>\n<div class=\"wide\">{svg}</div>\n<figcaption>{}</figcaption>\n</figure>\n",
         escaped(caption)
     )
 }

@@ -17,7 +17,7 @@ pub const TEXT: u32 = 28;
 /// The height of a row.
 const ROW: u32 = 74;
 /// The height of the axis below the rows, and the space above them.
-const AXIS: u32 = 86;
+const AXIS: u32 = 76;
 const TOP: u32 = 12;
 /// Longer names are cut.
 const LONGEST_NAME: usize = 26;
@@ -77,8 +77,9 @@ pub fn drawing(
         area.present()?;
     }
     let content = svg.split_once('>').map_or("", |(_, content)| content);
+    let class = if size.0 >= WHOLE { "whole" } else { "half" };
     Ok(format!(
-        "<svg role=\"img\" aria-label=\"{}\" viewBox=\"0 0 {} {}\">{content}",
+        "<svg class=\"{class}\" role=\"img\" aria-label=\"{}\" viewBox=\"0 0 {} {}\">{content}",
         escaped(name),
         size.0,
         size.1
@@ -129,7 +130,7 @@ impl Rows<'_> {
             .margin_top(TOP)
             .margin_right(12 + width_of(self.notes))
             .x_label_area_size(AXIS)
-            .y_label_area_size(18 + width_of(&names))
+            .y_label_area_size(26 + width_of(&names))
             .build_cartesian_2d(
                 self.axis.clone(),
                 Axis {
@@ -148,7 +149,7 @@ impl Rows<'_> {
             .light_line_style(TRANSPARENT)
             .bold_line_style(GRID)
             .axis_style(SOFT)
-            .set_tick_mark_size(LabelAreaPosition::Left, 0)
+            .set_tick_mark_size(LabelAreaPosition::Left, 8)
             .label_style(text(INK))
             .x_desc(self.title.clone())
             .axis_desc_style(text(SOFT))

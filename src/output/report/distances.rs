@@ -12,16 +12,49 @@ const FILL: f64 = 0.86;
 /// The vermilion of random plans.
 const RANDOM: RGBColor = RGBColor(213, 94, 0);
 
+/// What a plan is compared as; each has its colour.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Role {
+    /// The plan that the page is about.
+    Own,
+    /// A plan beside it.
+    Other,
+    /// Random plans.
+    Random,
+}
+
+impl Role {
+    const fn colour(self) -> RGBColor {
+        match self {
+            Self::Own => COLOURS[0],
+            Self::Other => COLOURS[4],
+            Self::Random => RANDOM,
+        }
+    }
+}
+
 /// A plan's runs, with what they are drawn and listed as.
 pub struct Line<'a> {
     /// What the plan is called here.
     pub name: String,
     /// Its runs.
     pub runs: &'a StudyPlanMessage,
-    /// Whether it stands for random plans.
-    pub is_random: bool,
+    /// What it is compared as.
+    pub role: Role,
     /// A mean that was published (mm).
     pub printed_mean_mm: Option<f64>,
+}
+
+impl<'a> Line<'a> {
+    /// A plan under its own name.
+    pub fn new(runs: &'a StudyPlanMessage, role: Role) -> Self {
+        Self {
+            name: runs.name.clone(),
+            runs,
+            role,
+            printed_mean_mm: None,
+        }
+    }
 }
 
 /// The figure: a row for each plan with the distribution of its distances, its mean and, where
@@ -54,14 +87,8 @@ pub fn distances_figure(lines: &[Line<'_>], caption: &str) -> Result<String, Plo
         "Distribution of the distance left by each plan",
         |area| {
             let mut chart = rows.draw(area, &|tick| short(10_f64.powf(*tick)))?;
-            let mut own = 0;
             for (row, line) in lines.iter().enumerate() {
-                let colour = if line.is_random {
-                    RANDOM
-                } else {
-                    own += 1;
-                    COLOURS[(own - 1) % COLOURS.len()]
-                };
+                let colour = line.role.colour();
                 let foot = rows.middle(row) - 0.46;
                 let inside = |x: &f64| rows.axis.range.contains(x);
                 let shape: Vec<(f64, f64)> = shares(line.runs)
@@ -142,16 +169,16 @@ pub fn distances_table(lines: &[Line<'_>]) -> String {
     table(&header, &rows)
 }
 
-/// The middle of each bin (logarithm of um) and its share of the runs. All bins are as wide on the
-/// logarithmic axis, so shares compare.
+/// The middle of each bin (logarithm of um) and the share of the runs for each unit of the
+/// logarithmic axis, so that areas are shares.
 fn shares(runs: &StudyPlanMessage) -> impl Iterator<Item = (f64, f64)> {
     let edges = runs.histogram.edges_mm.windows(2);
-    (runs.histogram.counts.iter())
-        .zip(edges)
-        .map(|(count, edges)| {
-            let middle = (logarithm(edges[0]) + logarithm(edges[1])) / 2.0;
-            (middle, *count as f64 / runs.runs as f64)
-        })
+    let bins = runs.histogram.counts.iter().zip(edges);
+    bins.map(|(count, edges)| {
+        let (low, high) = (logarithm(edges[0]), logarithm(edges[1]));
+        let share = *count as f64 / runs.runs as f64;
+        ((low + high) / 2.0, share / (high - low))
+    })
 }
 
 /// From the smallest to the largest distances that are not rare.

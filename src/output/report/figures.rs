@@ -11,8 +11,8 @@ use crate::output::plots::{COLOURS, PlotError};
 const HEIGHT: u32 = 620;
 /// The half width of a 95 % interval of a standard normal.
 const NORMAL_95: f64 = 1.96;
-/// The names of the coordinates.
-const AXES: [&str; 3] = ["x", "y", "z"];
+/// Name, shift from the measurement's place, and place in the legend of each coordinate.
+const AXES: [(&str, f64, i32); 3] = [("x", -0.2, 150), ("y", 0.0, 240), ("z", 0.2, 330)];
 
 /// `rho_0` against the number of measurements: what was searched, this plan, this plan repeated,
 /// and the bound.
@@ -33,7 +33,7 @@ pub fn accuracy_figure(
         .collect();
     let repeated: Vec<(f64, f64)> = own.map_or_else(Vec::new, |own| {
         let m = f64::from(own.experiments);
-        let times = (1..=6).map(f64::from).take_while(|times| times * m <= last);
+        let times = (2..=6).map(f64::from).take_while(|times| times * m <= last);
         times
             .map(|times| (times * m, own.rho0_mm * 1e3 / times.sqrt()))
             .collect()
@@ -75,7 +75,12 @@ pub fn accuracy_figure(
             chart
                 .draw_series(DashedLineSeries::new(bound, 10, 7, INK.stroke_width(3)))?
                 .label("no plan is below")
-                .legend(|(x, y)| PathElement::new([(x, y), (x + 34, y)], INK.stroke_width(3)));
+                .legend(|(x, y)| {
+                    let dash = |from| {
+                        PathElement::new([(x + from, y), (x + from + 13, y)], INK.stroke_width(3))
+                    };
+                    EmptyElement::at((0, 0)) + dash(0) + dash(20)
+                });
             chart
                 .draw_series(
                     repeated
@@ -228,6 +233,7 @@ pub fn residuals_figure(standardised: &[[f64; 3]]) -> Result<String, PlotError> 
     drawing((HALF, HEIGHT), "Standardised residuals", |area| {
         let mut chart = ChartBuilder::on(area)
             .margin(14)
+            .margin_top(52)
             .x_label_area_size(78)
             .y_label_area_size(104)
             .build_cartesian_2d(
@@ -256,8 +262,8 @@ pub fn residuals_figure(standardised: &[[f64; 3]]) -> Result<String, PlotError> 
             .y_label_formatter(&|y| short(*y))
             .draw()?;
         chart.draw_series([PathElement::new([(x.start, 0.0), (x.end, 0.0)], INK)])?;
-        for (axis, offset) in [-0.2, 0.0, 0.2].into_iter().enumerate() {
-            let colour = COLOURS[[0, 1, 2][axis]];
+        for (axis, (name, offset, x)) in AXES.into_iter().enumerate() {
+            let colour = COLOURS[axis];
             let points: Vec<(f64, f64)> = (1..)
                 .map(|number| f64::from(number) + offset)
                 .zip(standardised.iter().map(|residual| residual[axis]))
@@ -265,20 +271,12 @@ pub fn residuals_figure(standardised: &[[f64; 3]]) -> Result<String, PlotError> 
             let stem =
                 |&(x, y): &(f64, f64)| PathElement::new([(x, 0.0), (x, y)], colour.stroke_width(3));
             chart.draw_series(points.iter().map(stem))?;
-            let mark = move |at: (i32, i32)| marker(axis, at, colour);
-            chart
-                .draw_series(points.iter().map(|at| EmptyElement::at(*at) + mark((0, 0))))?
-                .label(AXES[axis])
-                .legend(move |(x, y)| EmptyElement::at((0, 0)) + mark((x + 17, y)));
+            let mark = |at: &(f64, f64)| EmptyElement::at(*at) + marker(axis, (0, 0), colour);
+            chart.draw_series(points.iter().map(mark))?;
+            // The legend stands above the chart, where no residual is.
+            area.draw(&marker(axis, (x, 28), colour))?;
+            area.draw(&Text::new(name, (x + 22, 14), text(INK)))?;
         }
-        chart
-            .configure_series_labels()
-            .position(SeriesLabelPosition::UpperRight)
-            .legend_area_size(44)
-            .margin(12)
-            .background_style(WHITE.mix(0.85))
-            .label_font(text(INK))
-            .draw()?;
         Ok(())
     })
 }

@@ -20,7 +20,7 @@ use super::markup::{
 use super::messages::{AssessmentMessage, CalibrationMessage, ProvenanceMessage};
 use super::plots::PlotError;
 use crate::scenario::Scenario;
-use distances::{Line, distances_figure, distances_table};
+use distances::{Line, Role, distances_figure, distances_table};
 use figures::{
     Estimate, accuracy_figure, compliances_figure, criteria_figure, criteria_names,
     residuals_figure,
@@ -58,7 +58,7 @@ pub fn run_page(run: &RunRecord<'_>) -> Result<String, PlotError> {
     };
     let evidence = run.evidence;
     let mut body = overview::overview(run, calibration, assessment);
-    body += &distances(evidence)?;
+    body += &distances(evidence, &calibration.name)?;
     let accuracy = accuracy_figure(
         &evidence.accuracy,
         &evidence.lower_bounds_rho0_mm,
@@ -100,9 +100,18 @@ pub fn run_page(run: &RunRecord<'_>) -> Result<String, PlotError> {
     ))
 }
 
-/// Many runs of every plan.
-fn distances(evidence: &EvidenceMessage) -> Result<String, PlotError> {
-    let lines: Vec<Line<'_>> = (evidence.study.iter()).map(study::line).collect();
+/// Many runs of every plan; `own` is the designed one.
+fn distances(evidence: &EvidenceMessage, own: &str) -> Result<String, PlotError> {
+    // Random plans come last.
+    let last = evidence.study.len().saturating_sub(1);
+    let role = |index: usize, name: &str| match index {
+        _ if index == last => Role::Random,
+        _ if name == own => Role::Own,
+        _ => Role::Other,
+    };
+    let lines: Vec<Line<'_>> = (evidence.study.iter().enumerate())
+        .map(|(index, runs)| Line::new(runs, role(index, &runs.name)))
+        .collect();
     let caption = format!(
         "{} runs of each plan by the linear model, all with the same noise; \u{201c}random\u{201d} is a fresh \
          feasible plan in every run. Each hill shows how often which distance was left; the dark line is the mean.",
@@ -119,7 +128,7 @@ fn distances(evidence: &EvidenceMessage) -> Result<String, PlotError> {
 fn accuracy_caption(experiments: u32) -> String {
     format!(
         "The bound holds for every plan of as many measurements. Crosses: this plan of {experiments}, measured again as \
-         a whole. The searches for other numbers were short; `elastocal budget` looks closer."
+         a whole. The searches for other numbers were short; the command budget looks closer."
     )
 }
 
@@ -133,14 +142,24 @@ fn criteria_caption(plans: &[CriterionPlanMessage]) -> String {
     let (Some((best, rho0)), Some(own)) = (best, own) else {
         return "No other criterion has a plan.".to_owned();
     };
-    format!(
+    let mut caption = format!(
         "The best plan found for each criterion, of as many measurements, judged at the test pose. Next to the \
          test-pose plan comes {}: {} against {} ({} more).",
         criteria_names(best),
         micrometres(Some(rho0)),
         micrometres(Some(own)),
         percent(Some(rho0 / own - 1.0), 1)
-    )
+    );
+    let alone =
+        |plan: &&CriterionPlanMessage| plan.searches_agreeing.is_some_and(|count| count < 2);
+    let rough: Vec<String> = plans.iter().filter(alone).map(criteria_names).collect();
+    if !rough.is_empty() {
+        caption += &format!(
+            " Searches for {} did not agree: by that criterion there may be better plans.",
+            rough.join("; ")
+        );
+    }
+    caption
 }
 
 /// What the letters stand for.

@@ -1,6 +1,6 @@
 //! The page of the paper's reproduction.
 
-use super::distances::{Line, distances_figure, distances_table};
+use super::distances::{Line, Role, distances_figure, distances_table};
 use super::provenance;
 use crate::output::markup::{card, number, page, paragraph, percent, section, table};
 use crate::output::messages::{ExperimentMessage, ProvenanceMessage};
@@ -138,12 +138,15 @@ fn headline_card(message: &ReproductionMessage) -> String {
 }
 
 fn figure_7(message: &ReproductionMessage) -> Result<String, PlotError> {
+    let role = |index: usize, each: &FigureSevenMessage| match each.printed_mean_mm {
+        _ if index == 0 => Role::Random,
+        Some(_) => Role::Other,
+        None => Role::Own,
+    };
     let lines: Vec<Line<'_>> = (message.fig7.iter().enumerate())
         .map(|(index, each)| Line {
-            name: each.runs.name.clone(),
-            runs: &each.runs,
-            is_random: index == 0,
             printed_mean_mm: each.printed_mean_mm,
+            ..Line::new(&each.runs, role(index, each))
         })
         .collect();
     let caption = format!(

@@ -1,6 +1,6 @@
 //! The page of a Monte Carlo study.
 
-use super::distances::{Line, distances_figure, distances_table};
+use super::distances::{Line, Role, distances_figure, distances_table};
 use super::provenance;
 use crate::output::markup::{card, counted, escaped, micrometres, number, page, section};
 use crate::output::messages::ProvenanceMessage;
@@ -28,15 +28,15 @@ pub struct StudyRecord<'a> {
     pub command: &'a str,
 }
 
-/// How a study's plan is drawn.
-pub(super) fn line(runs: &StudyPlanMessage) -> Line<'_> {
-    Line {
-        name: runs.name.clone(),
-        // What others are compared with is random.
-        is_random: runs.mean_ratio_to_random.is_none(),
-        runs,
-        printed_mean_mm: None,
-    }
+/// The smallest mean is what a page of several plans is about.
+fn best<'a>(
+    plans: &'a [StudyPlanMessage],
+    reference: Option<&str>,
+) -> Option<&'a StudyPlanMessage> {
+    let others = (plans.iter()).filter(|plan| Some(plan.name.as_str()) != reference);
+    let with_mean = others.filter_map(|plan| Some((plan, plan.mean_mm?)));
+    let best = with_mean.min_by(|one, other| one.1.total_cmp(&other.1));
+    best.map(|(plan, _)| plan)
 }
 
 /// The page of a study as HTML.
@@ -44,10 +44,9 @@ pub(super) fn line(runs: &StudyPlanMessage) -> Line<'_> {
 /// # Errors
 /// A figure cannot be drawn.
 pub fn study_page(study: &StudyRecord<'_>) -> Result<String, PlotError> {
-    let mut lines: Vec<Line<'_>> = study.plans.iter().map(line).collect();
-    for line in &mut lines {
-        line.is_random = Some(line.name.as_str()) == study.reference;
-    }
+    let best = best(study.plans, study.reference);
+    let line = |runs| Line::new(runs, role(runs, best, study.reference));
+    let lines: Vec<Line<'_>> = study.plans.iter().map(line).collect();
     let caption = format!(
         "{} runs of each plan {}, {} each, all with the same noise. Each hill shows how often which distance was \
          left; the dark line is the mean.",
@@ -73,19 +72,25 @@ pub fn study_page(study: &StudyRecord<'_>) -> Result<String, PlotError> {
     ))
 }
 
+fn role(runs: &StudyPlanMessage, best: Option<&StudyPlanMessage>, reference: Option<&str>) -> Role {
+    if Some(runs.name.as_str()) == reference {
+        Role::Random
+    } else if best.is_some_and(|best| best.name == runs.name) {
+        Role::Own
+    } else {
+        Role::Other
+    }
+}
+
 /// The best plan, how much better than random it is, and whether the prediction holds.
 fn cards(study: &StudyRecord<'_>) -> String {
-    let others = (study.plans.iter()).filter(|plan| Some(plan.name.as_str()) != study.reference);
-    let best = others
-        .filter_map(|plan| Some((plan, plan.mean_mm?)))
-        .min_by(|one, other| one.1.total_cmp(&other.1));
     let mut cards = String::new();
-    if let Some((best, mean)) = best {
+    if let Some(best) = best(study.plans, study.reference) {
         let interval = best.mean_ci95_mm.map_or_else(String::new, |[low, high]| {
             let (low, high) = (micrometres(Some(low)), micrometres(Some(high)));
             format!("95 % interval of the mean: {low} to {high}.")
         });
-        let answer = format!("{}: {}", best.name, micrometres(Some(mean)));
+        let answer = format!("{}: {}", best.name, micrometres(best.mean_mm));
         cards += &card("", "Smallest mean distance", &answer, &interval);
         if let (Some(ratio), Some([low, high])) =
             (best.mean_ratio_to_random, best.mean_ratio_to_random_ci95)

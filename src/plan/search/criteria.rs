@@ -29,6 +29,9 @@ pub struct CriterionPlan {
     pub plan: Plan,
     /// Its predicted rms distance at the test poses (m).
     pub rho0_m: Option<f64>,
+    /// How many searches ended in a plan as good for these criteria; criteria that are not smooth
+    /// have many optima. `None` for the plan that was given.
+    pub agreeing: Option<usize>,
 }
 
 /// Designs a plan for every criterion of Table 1, of as many measurements and configurations as
@@ -43,14 +46,15 @@ pub fn compare_criteria(
     for_test_poses: &Plan,
     watch: Watch<'_>,
 ) -> Result<Vec<CriterionPlan>, SearchError> {
-    let judged = |criteria: &[Criterion], plan: Plan| CriterionPlan {
+    let judged = |criteria: &[Criterion], plan: Plan, agreeing: Option<usize>| CriterionPlan {
         criteria: criteria.to_vec(),
         rho0_m: Assessment::new(scenario, &plan, None).rho0_m,
         plan,
+        agreeing,
     };
     let experiments = for_test_poses.measurements();
     let configurations = u32::try_from(for_test_poses.experiments.len()).unwrap_or(experiments);
-    let mut plans = vec![judged(&[Criterion::TestPose], for_test_poses.clone())];
+    let mut plans = vec![judged(&[Criterion::TestPose], for_test_poses.clone(), None)];
     for criteria in RIVALS {
         let mut problem = Problem::new(scenario, criteria[0]);
         problem.effort.starts = STARTS;
@@ -62,7 +66,7 @@ pub fn compare_criteria(
             scenario.seed,
             watch,
         ) {
-            Ok(design) => plans.push(judged(criteria, design.plan)),
+            Ok(design) => plans.push(judged(criteria, design.plan, Some(design.agreeing))),
             Err(SearchError::Singular { .. }) => {}
             Err(error) => return Err(error),
         }
