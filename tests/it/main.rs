@@ -11,11 +11,14 @@
 //! - `bad_input`: wrong inputs, seen from outside the process.
 //! - `known_optima`: arms of three joints, for which the best plan can be derived by hand.
 //! - `search`: the search for plans and its certificate, on the KR-270.
+//! - `reproduction`: the paper's numbers beside the program's, by the program.
+//! - `report`: pages to look at, and a browser that looks at them.
 //! - `study`: Monte Carlo studies keep what was predicted, to the bit whatever the threads.
 
 #![expect(clippy::expect_used, reason = "a test that cannot go on fails")]
 
 mod bad_input;
+mod browser;
 mod command_line;
 mod identifiability;
 mod judges;
@@ -25,6 +28,8 @@ mod properties;
 mod published;
 mod recordings;
 mod recovery;
+mod report;
+mod reproduction;
 mod search;
 mod study;
 mod support;

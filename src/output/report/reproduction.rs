@@ -173,9 +173,14 @@ fn figure_7(message: &ReproductionMessage) -> Result<String, PlotError> {
 fn table_6(message: &ReproductionMessage) -> String {
     let micro = |value: Option<f64>| number(value.map(|value| value * 1e3), 3);
     let row = |row: &TableSixMessage| {
-        let repeats: Vec<String> = (row.own_plan.iter())
-            .map(|each| each.repeats.to_string())
-            .collect();
+        let mut repeats: Vec<u32> = row.own_plan.iter().map(|each| each.repeats).collect();
+        repeats.sort_unstable_by(|one, other| other.cmp(one));
+        let repeats: Vec<String> = repeats.iter().map(u32::to_string).collect();
+        let repeats = if row.configurations == row.experiments {
+            "none".to_owned()
+        } else {
+            repeats.join(" + ")
+        };
         vec![
             row.experiments.to_string(),
             row.configurations.to_string(),
@@ -184,7 +189,7 @@ fn table_6(message: &ReproductionMessage) -> String {
             micro(row.found_rho0_mm),
             number(row.ratio, 3),
             micro(Some(row.own_rho0_mm)),
-            repeats.join(" + "),
+            repeats,
             micro(Some(row.lower_bound_rho0_mm)),
         ]
     };
