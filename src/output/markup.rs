@@ -63,10 +63,10 @@ pub fn figure(svg: &str, caption: &str) -> String {
 #[must_use]
 pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
     let line = |tag: &str, cells: &mut dyn Iterator<Item = &str>| {
-        let cells: String = cells
+        let cells: Vec<String> = cells
             .map(|cell| format!("<{tag}>{}</{tag}>", escaped(cell)))
             .collect();
-        format!("<tr>{cells}</tr>\n")
+        format!("<tr>{}</tr>\n", cells.concat())
     };
     let head = line("th", &mut header.iter().copied());
     let body: String = rows

@@ -1,6 +1,6 @@
 //! The pages: complete, in agreement with the records, safe, and good to look at.
 
-use elastocal::output::markup::{escaped, micrometres};
+use elastocal::output::markup::{escaped, micrometres, number};
 use serde_json::Value;
 
 use crate::browser::looks_well;
@@ -76,7 +76,7 @@ fn assert_agrees(page: &str, results: &Value) {
             .to_owned(),
     ];
     for value in numbers(&results["compliance_rad_per_nm"]) {
-        texts.push(format!("<td>{:.4}</td>", value * 1e6));
+        texts.push(format!("<td>{}</td>", number(Some(value * 1e6), 4)));
     }
     for interval in results["compliance_ci95_rad_per_nm"]
         .as_array()
@@ -85,7 +85,8 @@ fn assert_agrees(page: &str, results: &Value) {
         let [low, high] = numbers(interval)[..] else {
             panic!("two ends")
         };
-        texts.push(format!("<td>{:.4} to {:.4}</td>", low * 1e6, high * 1e6));
+        let [low, high] = [low, high].map(|end| number(Some(end * 1e6), 4));
+        texts.push(format!("<td>{low} to {high}</td>"));
     }
     for plan in results["study"].as_array().expect("an array") {
         texts.extend([three(&plan["mean_mm"]), three(&plan["rms_mm"])]);

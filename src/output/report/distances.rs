@@ -2,7 +2,7 @@
 
 use plotters::prelude::*;
 
-use super::charts::{Axis, INK, Rows, WHOLE, drawing, log_ticks, short};
+use super::charts::{Axis, Chart, INK, Rows, WHOLE, drawing, log_ticks, short};
 use crate::output::markup::{figure, micrometres, number, table};
 use crate::output::plots::{COLOURS, PlotError};
 use crate::output::study::StudyPlanMessage;
@@ -88,36 +88,13 @@ pub fn distances_figure(lines: &[Line<'_>], caption: &str) -> Result<String, Plo
         |area| {
             let mut chart = rows.draw(area, &|tick| short(10_f64.powf(*tick)))?;
             for (row, line) in lines.iter().enumerate() {
-                let colour = line.role.colour();
-                let foot = rows.middle(row) - 0.46;
-                let inside = |x: &f64| rows.axis.range.contains(x);
-                let shape: Vec<(f64, f64)> = shares(line.runs)
-                    .filter(|(x, _)| inside(x))
-                    .map(|(x, share)| (x, foot + FILL * share / highest))
-                    .collect();
-                let ends = [shape.last(), shape.first()];
-                let ends = ends.into_iter().flatten().map(|(x, _)| (*x, foot));
-                let closed: Vec<(f64, f64)> = shape.iter().copied().chain(ends).collect();
-                chart.draw_series([Polygon::new(closed, colour.mix(0.35).filled())])?;
-                chart.draw_series(LineSeries::new(shape, colour.stroke_width(3)))?;
-                let mark = |x: f64, height: f64| [(x, foot), (x, foot + height)];
-                if let Some(mean) = line.runs.mean_mm.map(logarithm).filter(inside) {
-                    let line = PathElement::new(mark(mean, FILL), INK.stroke_width(4));
-                    chart.draw_series([line])?;
-                }
-                if let Some(mean) = line.printed_mean_mm.map(logarithm).filter(inside) {
-                    let size = 12;
-                    let diamond = EmptyElement::at((mean, foot + 0.5 * FILL))
-                        + Polygon::new(
-                            vec![(-size, 0), (0, -size), (size, 0), (0, size)],
-                            WHITE.filled(),
-                        )
-                        + PathElement::new(
-                            vec![(-size, 0), (0, -size), (size, 0), (0, size), (-size, 0)],
-                            INK.stroke_width(3),
-                        );
-                    chart.draw_series([diamond])?;
-                }
+                draw_line(
+                    &mut chart,
+                    &rows.axis,
+                    rows.middle(row) - 0.46,
+                    line,
+                    highest,
+                )?;
             }
             Ok(())
         },
@@ -125,11 +102,48 @@ pub fn distances_figure(lines: &[Line<'_>], caption: &str) -> Result<String, Plo
     Ok(figure(&svg, caption))
 }
 
+/// Draws a plan's hill with its foot at a height; `highest` is the highest share of any plan.
+fn draw_line(
+    chart: &mut Chart<'_, '_>,
+    axis: &Axis,
+    foot: f64,
+    line: &Line<'_>,
+    highest: f64,
+) -> Result<(), PlotError> {
+    let colour = line.role.colour();
+    let inside = |x: &f64| axis.range.contains(x);
+    let shape: Vec<(f64, f64)> = shares(line.runs)
+        .filter(|(x, _)| inside(x))
+        .map(|(x, share)| (x, foot + FILL * share / highest))
+        .collect();
+    let ends = [shape.last(), shape.first()];
+    let ends = ends.into_iter().flatten().map(|(x, _)| (*x, foot));
+    let closed: Vec<(f64, f64)> = shape.iter().copied().chain(ends).collect();
+    chart.draw_series([Polygon::new(closed, colour.mix(0.35).filled())])?;
+    chart.draw_series(LineSeries::new(shape, colour.stroke_width(3)))?;
+    if let Some(mean) = line.runs.mean_mm.map(logarithm).filter(inside) {
+        let mark = [(mean, foot), (mean, foot + FILL)];
+        chart.draw_series([PathElement::new(mark, INK.stroke_width(4))])?;
+    }
+    if let Some(mean) = line.printed_mean_mm.map(logarithm).filter(inside) {
+        let corners = vec![(-12, 0), (0, -12), (12, 0), (0, 12), (-12, 0)];
+        let diamond = EmptyElement::at((mean, foot + 0.5 * FILL))
+            + Polygon::new(corners.clone(), WHITE.filled())
+            + PathElement::new(corners, INK.stroke_width(3));
+        chart.draw_series([diamond])?;
+    }
+    Ok(())
+}
+
 /// The numbers below the figure.
 pub fn distances_table(lines: &[Line<'_>]) -> String {
     let micro = |value: Option<f64>| number(value.map(|value| value * 1e3), 3);
     let interval = |[low, high]: [f64; 2]| format!("{:.3} to {:.3}", low * 1e3, high * 1e3);
-    let inverse = |[low, high]: [f64; 2]| format!("{:.2} to {:.2}", high.recip(), low.recip());
+    let inverse = |[low, high]: [f64; 2]| match low {
+        low if low > 0.0 => format!("{:.2} to {:.2}", high.recip(), low.recip()),
+        // So few runs do not bound it.
+        _ => format!("over {:.2}", high.recip()),
+    };
     let has_printed = lines.iter().any(|line| line.printed_mean_mm.is_some());
     let mut header = vec![
         "plan",

@@ -116,15 +116,14 @@ pub fn accuracy_figure(
 pub fn criteria_figure(plans: &[CriterionPlanMessage]) -> Result<String, PlotError> {
     let names: Vec<String> = plans.iter().map(criteria_names).collect();
     let best = plans.first().and_then(|plan| plan.rho0_mm);
-    let notes: Vec<String> = (plans.iter())
-        .map(|plan| match (plan.rho0_mm, best) {
-            (Some(rho0), Some(best)) if rho0 != best => {
-                let more = percent(Some(rho0 / best - 1.0), 0);
-                format!("{} (+{more})", micrometres(Some(rho0)))
-            }
-            (rho0, _) => micrometres(rho0),
-        })
-        .collect();
+    let note = |(index, plan): (usize, &CriterionPlanMessage)| match (plan.rho0_mm, best) {
+        (Some(rho0), Some(best)) if index > 0 && rho0 > best * 1.001 => {
+            let more = percent(Some(rho0 / best - 1.0), 0);
+            format!("{} (+{more})", micrometres(Some(rho0)))
+        }
+        (rho0, _) => micrometres(rho0),
+    };
+    let notes: Vec<String> = plans.iter().enumerate().map(note).collect();
     let largest = (plans.iter()).filter_map(|plan| plan.rho0_mm);
     let high = largest.fold(f64::MIN_POSITIVE, f64::max) * 1e3 * 1.04;
     let rows = Rows {

@@ -326,13 +326,13 @@ fn provenance(from: &ProvenanceMessage, command: &str) -> String {
         ("seed", from.seed.to_string()),
         ("command", command.to_owned()),
     ];
-    let list: String = entries
+    let list: Vec<String> = entries
         .iter()
         .map(|(key, value)| format!("<dt>{key}</dt><dd>{}</dd>\n", escaped(value)))
         .collect();
     section(
         "provenance",
         "Where this page comes from",
-        &format!("<dl>\n{list}</dl>\n"),
+        &format!("<dl>\n{}</dl>\n", list.concat()),
     )
 }
