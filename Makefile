@@ -2,13 +2,16 @@
 
 CARGO ?= cargo
 
-.PHONY: help demo test build gate baseline lint fmt clippy doc clean setup
+.PHONY: help demo reproduce test build gate baseline lint fmt clippy doc clean setup
 
 help: ## list the targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/make \1\t\2/p' Makefile | expand -t 16
 
 demo: setup ## run the demo scenario and write its results to out/ (options in ARGS)
 	$(CARGO) run --release --locked -- run $(ARGS)
+
+reproduce: setup ## set the paper's numbers beside this program's: out/klimchik2012/reproduction.html
+	$(CARGO) run --release --locked -- reproduce $(ARGS)
 
 test: setup ## run all tests
 	@tools/install-rerun

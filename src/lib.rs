@@ -44,7 +44,7 @@
 //!   [`plan::search`] for the best one with its certificate.
 //! - [`calibration`]: the whole loop once.
 //! - [`study`]: Monte Carlo.
-//! - [`output`]: JSON records, MCAP, the rerun stream, pictures; computes nothing.
+//! - [`output`]: JSON records, MCAP, the rerun stream, pictures, pages; computes nothing.
 //! - [`comparison`]: two results files against tolerances.
 //!
 //! # Invariants

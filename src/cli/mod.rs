@@ -14,6 +14,7 @@ mod merge;
 mod plan;
 mod progress;
 mod replay;
+mod reproduce;
 mod run;
 mod stream;
 mod study;
@@ -25,6 +26,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
 use elastocal::files::FileError;
+use elastocal::output::markup::shell_word;
 use elastocal::output::messages::{ProvenanceMessage, SchemaMessage};
 use elastocal::scenario::Scenario;
 use serde_json::{Value, json};
@@ -86,6 +88,8 @@ enum Command {
     Merge(merge::Merge),
     /// Compare two results files against tolerances: the gate for continuous integration
     Compare(compare::Compare),
+    /// The paper's tables and figure beside this program's
+    Reproduce(reproduce::Reproduce),
     /// Open a recording in the rerun viewer
     View(view::View),
 }
@@ -130,6 +134,7 @@ impl Arguments {
             Command::Merge(command) => command.execute(),
             Command::Compare(command) => command.execute(),
             Command::View(command) => command.execute(),
+            Command::Reproduce(command) => command.execute(),
         }?;
         let text = if json {
             serde_json::to_string_pretty(&report.json)? + "\n"
@@ -155,6 +160,7 @@ impl Command {
             Self::Compensate(command) => &command.common,
             Self::Study(command) => &command.common,
             Self::Replay(command) => &command.common,
+            Self::Reproduce(command) => &command.common,
             Self::Merge(_) | Self::Compare(_) | Self::View(_) => return None,
         })
     }
@@ -201,6 +207,16 @@ fn merge(into: &mut Value, from: Value) {
     if let (Value::Object(into), Value::Object(from)) = (into, from) {
         into.extend(from);
     }
+}
+
+/// The command that was given, as a shell takes it.
+fn command_line() -> String {
+    let given = std::env::args_os().skip(1);
+    let words = given.map(|each| shell_word(&each.to_string_lossy()));
+    let words: Vec<String> = std::iter::once("elastocal".to_owned())
+        .chain(words)
+        .collect();
+    words.join(" ")
 }
 
 /// A reader that has seen enough is no error.

@@ -6,22 +6,24 @@ use clap::Args;
 use elastocal::calibration::{Calibration, calibrate};
 use elastocal::files::{check_writable, make_folder, write_whole};
 use elastocal::measurement::write_measurements;
+use elastocal::output::evidence::EvidenceMessage;
 use elastocal::output::mcap_file::write_mcap;
-use elastocal::output::messages::{
-    AssessmentMessage, CalibrationMessage, MeasurementMessage, ProvenanceMessage, plan_messages,
-};
+use elastocal::output::messages::{AssessmentMessage, CalibrationMessage, ProvenanceMessage};
 use elastocal::output::recording::Recording;
+use elastocal::output::report::{RunRecord, run_page};
 use elastocal::output::rerun_file::{messages, write_rerun};
 use elastocal::output::stills;
-use elastocal::plan::search::{Certificate, median_random_rho0, random_plan};
+use elastocal::plan::search::{Certificate, Watch, median_random_rho0, random_plan};
 use elastocal::plan::{Assessment, Criterion, Plan, read_plan, write_plan};
 use elastocal::scenario::Scenario;
+use elastocal::study::evidence::gather;
 use serde_json::{Value, json};
 
 use super::plan::design;
+use super::progress::stop_flag;
 use super::stream::{TARGETS, Target, warn};
 use super::table::{number, table};
-use super::{Common, Report, identify, merge, results};
+use super::{Common, Report, command_line, identify, merge, results};
 
 /// Arguments of `run`.
 #[derive(Debug, Args)]
@@ -41,6 +43,19 @@ struct Entry {
     assessment: Assessment,
     /// The plan's name and its calibration.
     calibration: (String, Calibration),
+}
+
+/// The records of a plan's calibration and of what it promised.
+type Messages = (CalibrationMessage, AssessmentMessage);
+
+impl Entry {
+    fn messages(&self, scenario: &Scenario) -> Messages {
+        let (name, calibration) = &self.calibration;
+        (
+            CalibrationMessage::new(name, calibration),
+            AssessmentMessage::new(scenario, &self.assessment),
+        )
+    }
 }
 
 impl Run {
@@ -63,28 +78,53 @@ impl Run {
         let plans = plans_to_compare(&scenario, designed.exact.plan)?;
         common.say("measuring, identifying and compensating in MuJoCo");
         let mut entries = Vec::new();
-        for (name, plan) in plans {
-            entries.push(entry(&scenario, name, &plan, &certificate)?);
+        for (name, plan) in &plans {
+            entries.push(entry(&scenario, name.clone(), plan, &certificate)?);
         }
+        let records: Vec<Messages> = (entries.iter())
+            .map(|entry| entry.messages(&scenario))
+            .collect();
 
         common.say(&format!(
-            "assessing {RANDOM_PLANS} random plans, writing {}",
+            "comparing with {RANDOM_PLANS} random plans, other criteria and other numbers of measurements, writing {}",
             folder.display()
         ));
-        let mut json = everything(&scenario, &entries, designed.elapsed_s)?;
         let random_rho0_m = median_random_rho0(&scenario, experiments, RANDOM_PLANS)?;
+        let watch = Watch {
+            stop: stop_flag(),
+            progress: &|_, _, _| {},
+        };
+        // The study draws random plans of its own.
+        let fixed = &plans[..plans.len() - 1];
+        let evidence = gather(&scenario, &designed.approximate, fixed, watch)?;
+        let evidence = EvidenceMessage::new(&scenario, &certificate, &evidence);
+
+        let mut json = everything(&scenario, &records, designed.elapsed_s)?;
         merge(
             &mut json,
             json!({ "random_plans": RANDOM_PLANS, "random_median_rho0_mm": random_rho0_m * 1e3 }),
         );
+        merge(&mut json, serde_json::to_value(&evidence)?);
+        let conditions = identify::conditions(&entries[0].calibration.1.identification);
+        let stills = stills::sheet(&scenario, &entries[0].calibration.1.plan);
+        let page = run_page(&RunRecord {
+            scenario: &scenario,
+            plans: &records,
+            evidence: &evidence,
+            random: (RANDOM_PLANS, random_rho0_m * 1e3),
+            conditions: &conditions,
+            command: &command_line(),
+            stills: &stills,
+        })?;
         let recording = write_all(&scenario, &folder, &entries, &json)?;
+        write_whole(&folder.join("stills.svg"), stills.as_bytes())?;
+        write_whole(&folder.join("report.html"), page.as_bytes())?;
         if let Some(target) = &self.rerun {
             show(target, &recording)?;
         }
-        let identification = &entries[0].calibration.1.identification;
         Ok(Report {
             text: summary(&folder, &entries, random_rho0_m),
-            conditions: identify::conditions(identification),
+            conditions,
             json,
         })
     }
@@ -119,45 +159,27 @@ fn entry(
 }
 
 /// The JSON of the run: the main plan's keys by stage, then every plan.
-fn everything(scenario: &Scenario, entries: &[Entry], elapsed_s: f64) -> anyhow::Result<Value> {
-    let main = &entries[0];
-    let messages: Vec<CalibrationMessage> = entries
-        .iter()
-        .map(|entry| CalibrationMessage::new(&entry.calibration.0, &entry.calibration.1))
-        .collect();
-    let measurements: Vec<MeasurementMessage> = main
-        .calibration
-        .1
-        .measurements
-        .iter()
-        .map(Into::into)
-        .collect();
+fn everything(scenario: &Scenario, plans: &[Messages], elapsed_s: f64) -> anyhow::Result<Value> {
+    let (main, assessment) = &plans[0];
     let json = json!({
         "gate": scenario.gate,
-        "plan": plan_messages(&main.calibration.1.plan),
+        "plan": main.plan,
         "elapsed_s": elapsed_s,
-        "measurements": measurements,
+        "measurements": main.measurements,
     });
     let mut json = results("run", &ProvenanceMessage::new(scenario), json);
     // The order matters where keys coincide: rho0_mm is what the plan promises, and the standard
     // errors are those of the identification.
-    merge(&mut json, serde_json::to_value(&messages[0].test_poses[0])?);
-    merge(
-        &mut json,
-        serde_json::to_value(AssessmentMessage::new(scenario, &main.assessment))?,
-    );
-    merge(
-        &mut json,
-        serde_json::to_value(&messages[0].identification)?,
-    );
-    let mut plans = Vec::new();
-    for (entry, message) in entries.iter().zip(&messages) {
-        let mut plan = serde_json::to_value(message)?;
-        let assessment = AssessmentMessage::new(scenario, &entry.assessment);
+    merge(&mut json, serde_json::to_value(&main.test_poses[0])?);
+    merge(&mut json, serde_json::to_value(assessment)?);
+    merge(&mut json, serde_json::to_value(&main.identification)?);
+    let mut all = Vec::new();
+    for (calibration, assessment) in plans {
+        let mut plan = serde_json::to_value(calibration)?;
         merge(&mut plan, json!({ "assessment": assessment }));
-        plans.push(plan);
+        all.push(plan);
     }
-    merge(&mut json, json!({ "plans": plans }));
+    merge(&mut json, json!({ "plans": all }));
     Ok(json)
 }
 
@@ -176,8 +198,6 @@ fn write_all(
     )?;
     let text = serde_json::to_string_pretty(json)? + "\n";
     write_whole(&folder.join("results.json"), text.as_bytes())?;
-    let stills = stills::sheet(scenario, &main.plan);
-    write_whole(&folder.join("stills.svg"), stills.as_bytes())?;
     let calibrations: Vec<_> = entries
         .iter()
         .map(|entry| entry.calibration.clone())

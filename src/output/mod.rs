@@ -7,15 +7,21 @@
 //! - [`study`]: the records of a Monte Carlo study.
 //! - [`comparison`]: what changed between two results.
 //! - [`study_recording`]: a study as its recordings show it.
+//! - [`evidence`], [`reproduction`]: the records of what a plan is shown beside, and of the paper.
+//! - [`report`]: pages to look at, on [`markup`].
 //! - [`mesh`]: the model's shapes as triangles.
 //! - [`rerun_file`], [`mcap_file`]: the recordings.
 
 pub mod comparison;
+pub mod evidence;
+pub mod markup;
 pub mod mcap_file;
 pub mod mesh;
 pub mod messages;
 pub mod plots;
 pub mod recording;
+pub mod report;
+pub mod reproduction;
 pub mod rerun_file;
 pub mod stills;
 pub mod study;

@@ -6,7 +6,7 @@ use thiserror::Error;
 use crate::plan::search::{BudgetPoint, repeated_configurations};
 
 const SIZE: (u32, u32) = (800, 500);
-const COLOURS: [RGBColor; 5] = [
+pub(super) const COLOURS: [RGBColor; 5] = [
     RGBColor(0, 114, 178),
     RGBColor(230, 159, 0),
     RGBColor(0, 158, 115),

@@ -10,6 +10,7 @@ use std::fmt::Write;
 use nalgebra::{Point3, Vector3};
 
 use self::painter::{Camera, Painter};
+use super::markup::{counted, escaped};
 use super::mesh::Mesh;
 use super::messages::ProvenanceMessage;
 use crate::mujoco::{Geometry, Model, Shape, State};
@@ -57,7 +58,8 @@ pub fn sheet(scenario: &Scenario, plan: &Plan) -> String {
     let rows = plan.experiments.len().div_ceil(columns);
     let place =
         |count: usize, size: f64| f64::from(u32::try_from(count).unwrap_or(u32::MAX)) * size;
-    let width = GAP_PX + place(columns, still_width + GAP_PX);
+    // The heading needs the room of two stills.
+    let width = GAP_PX + place(columns, still_width + GAP_PX).max(2.0 * (STILL_PX + GAP_PX));
     let height = HEADING_PX + place(rows, CAPTION_PX + still_height + GAP_PX);
     let mut svg = String::new();
     let _ = write!(
@@ -203,9 +205,9 @@ fn heading(scenario: &Scenario, plan: &Plan) -> String {
     } = ProvenanceMessage::new(scenario);
     let name = escaped(&scenario.name);
     let title = format!(
-        "{name}: {} measurements in {} configurations",
-        plan.measurements(),
-        plan.experiments.len()
+        "{name}: {} in {}",
+        counted(plan.measurements().into(), "measurement"),
+        counted(plan.experiments.len() as u64, "configuration")
     );
     format!(
         "<title>{title}</title>\n<desc>elastocal {version} ({}), scenario {scenario_sha256}, seed {seed}</desc>\n\
@@ -215,13 +217,6 @@ fn heading(scenario: &Scenario, plan: &Plan) -> String {
         escaped(&commit),
         escaped(&scenario.description),
     )
-}
-
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;")
-        .replace('<', "&lt;")
-        .replace('>', "&gt;")
-        .replace('"', "&quot;")
 }
 
 /// The numbers over a still.

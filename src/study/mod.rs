@@ -7,8 +7,14 @@
 //! - [`runner`]: blocks of runs on all threads.
 //! - [`summary`]: means, intervals, quantiles and checks from a tally.
 //! - [`tally_file`]: tallies of parts of a study, to join or to go on from.
+//! - [`evidence`]: what a designed plan is shown beside: rivals, other sizes, many runs.
+//! - [`published`]: the numbers that the paper prints.
+//! - [`reproduction`]: the same numbers by this program.
 
+pub mod evidence;
 pub mod model_level;
+pub mod published;
+pub mod reproduction;
 pub mod robot_level;
 pub mod runner;
 pub mod summary;
@@ -44,6 +50,20 @@ pub struct Setting {
 }
 
 impl Setting {
+    /// The scenario as it is, with so many measurements in each run.
+    #[must_use]
+    pub fn plain(scenario: &Scenario, experiments: u32) -> Self {
+        let conditions = Conditions {
+            sigma_m: scenario.instrument.sigma_m,
+            experiments,
+            load_scale: 1.0,
+        };
+        Self {
+            conditions,
+            scenario: scenario.clone(),
+        }
+    }
+
     /// The settings of a scenario's study, one for all its conditions.
     #[must_use]
     pub fn all(scenario: &Scenario) -> Vec<Self> {

@@ -16,11 +16,14 @@
 //! - `search`: the search for plans and its certificate, on the KR-270.
 //! - `obstacles`: what stands in the laboratory.
 //! - `streams`: a study's recordings, live in a viewer and as files; `view`.
+//! - `reproduction`: the paper's numbers beside the program's, by the program.
+//! - `report`: pages to look at, and a browser that looks at them.
 //! - `study`: Monte Carlo studies keep what was predicted, to the bit whatever the threads.
 
 #![expect(clippy::expect_used, reason = "a test that cannot go on fails")]
 
 mod bad_input;
+mod browser;
 mod command_line;
 mod gate;
 mod gate_refusals;
@@ -34,6 +37,8 @@ mod properties;
 mod published;
 mod recordings;
 mod recovery;
+mod report;
+mod reproduction;
 mod search;
 mod streams;
 mod study;

@@ -3,24 +3,9 @@
 use elastocal::compensation::test_pose_matrix;
 use elastocal::plan::ExperimentModel;
 use elastocal::scenario::TestPose;
+use elastocal::study::published::{EQUATION_23, TABLE_5};
 
 use crate::support::{scenario, table4};
-
-/// Eq. 23, rows x, y, z and columns k2 to k6, in N m^2/rad, printed with one decimal.
-const EQUATION_23: [[f64; 5]; 3] = [
-    [-73.4, -177.4, -106.1, 102.4, 0.0],
-    [0.0, 0.0, 197.2, 19.3, 0.0],
-    [-363.6, -98.3, -167.1, -42.2, 0.0],
-];
-
-/// Table 5: experiments, then the standard errors of k2 to k6 in 1e-9 rad/(N m).
-const TABLE_5: [(u32, [f64; 5]); 5] = [
-    (2, [6.55, 6.88, 24.0, 34.5, 71.9]),
-    (3, [5.74, 6.87, 19.2, 26.4, 74.9]),
-    (4, [3.72, 6.96, 16.9, 21.2, 66.9]),
-    (6, [3.93, 4.82, 13.8, 16.4, 55.2]),
-    (12, [2.78, 3.41, 9.75, 11.6, 38.8]),
-];
 
 /// The angles of Table 2 and the numbers of eq. 23 are both printed with one decimal: each of our
 /// numbers may differ by half a unit of its own last place and by what half a unit in the angles

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use anyhow::Context;
 use elastocal::files::write_whole;
+use elastocal::output::report::{StudyRecord, study_page};
 use elastocal::output::study::{StudyPlanMessage, study_csv};
 use elastocal::scenario::Level;
 use elastocal::study::summary::Summary;
@@ -12,7 +13,7 @@ use elastocal::study::tally_file::{Header, PlanHeader};
 use serde_json::{Value, json};
 
 use crate::cli::table::{number, table};
-use crate::cli::{Report, merge, results};
+use crate::cli::{Report, command_line, merge, results};
 
 /// How long how many runs took.
 #[derive(Debug, Clone, Copy)]
@@ -73,8 +74,35 @@ impl Results {
                 describe_level(self.header.level),
                 folder.display()
             ),
-            conditions: self.messages.iter().filter_map(condition).collect(),
+            conditions: self.conditions(),
         }
+    }
+
+    fn conditions(&self) -> Vec<String> {
+        self.messages.iter().filter_map(condition).collect()
+    }
+
+    /// The page to look at; none for a sweep, where no plan is best under all conditions.
+    fn page(&self) -> anyhow::Result<Option<String>> {
+        let plans = &self.header.plans;
+        let first = &plans[0];
+        if plans
+            .iter()
+            .any(|plan| plan.conditions() != first.conditions())
+        {
+            return Ok(None);
+        }
+        let page = study_page(&StudyRecord {
+            provenance: &self.header.provenance,
+            trials: self.header.trials,
+            experiments: first.experiments,
+            level: describe_level(self.header.level),
+            reference: first.reference.map(|index| &*plans[index].name),
+            plans: &self.messages,
+            conditions: &self.conditions(),
+            command: &command_line(),
+        })?;
+        Ok(Some(page))
     }
 }
 
@@ -98,7 +126,7 @@ pub fn plan_messages(header: &Header, tallies: &[Tally]) -> anyhow::Result<Vec<S
     header.plans.iter().zip(tallies).map(message).collect()
 }
 
-/// Writes study.json and study.csv.
+/// Writes study.json, study.csv and, for one set of conditions, study.html.
 pub fn write(folder: &Path, results: &Results) -> anyhow::Result<()> {
     let text = serde_json::to_string_pretty(&results.json)? + "\n";
     write_whole(&folder.join("study.json"), text.as_bytes())?;
@@ -106,6 +134,9 @@ pub fn write(folder: &Path, results: &Results) -> anyhow::Result<()> {
         &folder.join("study.csv"),
         study_csv(&results.messages).as_bytes(),
     )?;
+    if let Some(page) = results.page()? {
+        write_whole(&folder.join("study.html"), page.as_bytes())?;
+    }
     Ok(())
 }
 

@@ -6,6 +6,7 @@
 //! - `approximate`: the design with continuous weights, whose largest directional derivative bounds
 //!   every plan from below.
 //! - `budget`: the best accuracy against the number of measurements.
+//! - `criteria`: the best plans for the criteria of Table 1, judged at the test poses.
 //! - `pool`: random experiments that are cheap to look through.
 //! - `exchange`, `refinement`: one search of a plan of whole experiments, by exchange over a pool and
 //!   refinement by gradients.
@@ -13,6 +14,7 @@
 
 mod approximate;
 mod budget;
+mod criteria;
 mod exact;
 mod exchange;
 mod local;
@@ -24,6 +26,7 @@ mod sampling;
 
 pub use approximate::{ApproximateDesign, Certificate, approximate_design};
 pub use budget::{BudgetPoint, budget, cheapest, repeated_configurations};
+pub use criteria::{CriterionPlan, compare_criteria};
 pub use exact::{ExactDesign, Watch, exact_design};
 pub use observation::Observer;
 pub use problem::{Effort, Problem, SearchError};

@@ -1,0 +1,160 @@
+//! `reproduce`: the paper's numbers beside this program's.
+
+use std::path::PathBuf;
+use std::sync::atomic::Ordering;
+
+use clap::Args;
+use elastocal::files::{make_folder, write_whole};
+use elastocal::output::messages::ProvenanceMessage;
+use elastocal::output::report::reproduction_page;
+use elastocal::output::reproduction::ReproductionMessage;
+use elastocal::plan::search::Watch;
+use elastocal::study::reproduction::reproduce;
+use serde_json::json;
+
+use super::progress::{bar, stop_flag};
+use super::table::{number, table};
+use super::{Common, Report, command_line, merge, results};
+
+/// Arguments of `reproduce`.
+#[derive(Debug, Args)]
+#[command(mut_arg("scenario", |argument| argument.default_value("scenarios/klimchik2012.toml")))]
+pub struct Reproduce {
+    #[command(flatten)]
+    pub common: Common,
+    /// The number of runs in Fig. 7; the scenario's if not given.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
+    trials: Option<u64>,
+}
+
+impl Reproduce {
+    pub fn execute(&self) -> anyhow::Result<Report> {
+        let common = &self.common;
+        let scenario = common.load()?;
+        let folder = common.out.join(&scenario.name);
+        make_folder(&folder)?;
+        let trials = self.trials.unwrap_or(scenario.study.trials);
+        common.say("designing a plan for each number of Table 6");
+        let bar = bar(common.quiet, "designing plans");
+        let watch = Watch {
+            stop: stop_flag(),
+            progress: &|_, _, _| {},
+        };
+        let reproduction = reproduce(&scenario, trials, watch, &|done, all| {
+            bar.set_length(all as u64);
+            bar.set_position(done as u64);
+        })?;
+        bar.finish_and_clear();
+        let message = ReproductionMessage::new(&scenario, &reproduction);
+        let provenance = ProvenanceMessage::new(&scenario);
+        let mut json = results("reproduce", &provenance, json!({}));
+        merge(&mut json, serde_json::to_value(&message)?);
+        let page = reproduction_page(&message, &provenance, &command_line())?;
+        let files: [PathBuf; 2] =
+            ["reproduction.html", "reproduction.json"].map(|name| folder.join(name));
+        let record = serde_json::to_string_pretty(&json)? + "\n";
+        write_whole(&files[0], page.as_bytes())?;
+        write_whole(&files[1], record.as_bytes())?;
+        let mut conditions = message.failures.clone();
+        if stop_flag().load(Ordering::Relaxed) {
+            conditions.push("the search was stopped: better plans may exist".to_owned());
+        }
+        let [page, record] = files.map(|file| file.display().to_string());
+        Ok(Report {
+            text: describe(&message) + &format!("\nwrote {page} and {record}\n"),
+            conditions,
+            json,
+        })
+    }
+}
+
+/// What agrees, what does not, and how much better than random, for a person.
+fn describe(message: &ReproductionMessage) -> String {
+    let cells = || message.eq23.iter().flatten();
+    let worst = (message.table5.iter())
+        .map(|row| row.largest_difference)
+        .fold(0.0, f64::max);
+    let ruled = || (message.table6.iter()).filter(|row| row.keeps_the_rule.is_some());
+    let kept = ruled().filter(|row| row.keeps_the_rule == Some(true));
+    let mut text = format!(
+        "eq. 23: {} of {} numbers agree as far as they are printed\n\
+         Table 5: the standard errors of Table 4's plans agree within {:.2} %\n\
+         Table 6: {} of {} repeated plans keep the rule rho0 sqrt(m/M); but its numbers do not follow from eq. 23:\n\n",
+        cells().filter(|cell| cell.agrees).count(),
+        cells().count(),
+        worst * 100.0,
+        kept.count(),
+        ruled().count(),
+    );
+    text += &table_6(message);
+    text += &format!(
+        "\nFig. 7: mean distance after 12 measurements, {} runs of each plan:\n\n",
+        message.trials
+    );
+    text += &figure_7(message);
+    let own = message
+        .fig7
+        .iter()
+        .rfind(|each| each.printed_mean_mm.is_none());
+    if let Some((own, [low, high])) = own.and_then(|own| Some((own, own.random_over_mean_ci95?))) {
+        text += &format!(
+            "\nRandom plans leave {} times the distance of our optimum ({low:.2} to {high:.2}); the paper says \
+             about 1.6 times that of its plans.\n",
+            number(own.random_over_mean, 2)
+        );
+    }
+    text
+}
+
+fn table_6(message: &ReproductionMessage) -> String {
+    let micro = |value: Option<f64>| number(value.map(|value| value * 1e3), 3);
+    let rows: Vec<Vec<String>> = (message.table6.iter())
+        .map(|row| {
+            vec![
+                format!("{} in {}", row.experiments, row.configurations),
+                micro(Some(row.printed_rho0_mm)),
+                micro(row.found_rho0_mm),
+                number(row.ratio, 3),
+                micro(Some(row.own_rho0_mm)),
+                micro(Some(row.lower_bound_rho0_mm)),
+            ]
+        })
+        .collect();
+    let header = [
+        "measurements",
+        "printed [um]",
+        "Table 4 by eq. 20 [um]",
+        "ratio",
+        "our plan [um]",
+        "bound [um]",
+    ];
+    table(&header, &rows)
+}
+
+fn figure_7(message: &ReproductionMessage) -> String {
+    let micro = |value: Option<f64>| number(value.map(|value| value * 1e3), 2);
+    let interval = |ends: Option<[f64; 2]>| {
+        ends.map_or_else(String::new, |[low, high]| format!("{low:.2} to {high:.2}"))
+    };
+    let rows: Vec<Vec<String>> = (message.fig7.iter())
+        .map(|each| {
+            vec![
+                each.runs.name.clone(),
+                micro(each.printed_mean_mm),
+                micro(each.runs.mean_mm),
+                interval((each.runs.mean_ci95_mm).map(|ends| ends.map(|end| end * 1e3))),
+                number(each.random_over_mean, 2),
+                interval(each.random_over_mean_ci95),
+            ]
+        })
+        .collect();
+    let header = [
+        "plan",
+        "printed [um]",
+        "mean [um]",
+        "95 % interval [um]",
+        "random over it",
+        "95 % interval",
+    ];
+    table(&header, &rows)
+}

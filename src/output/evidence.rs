@@ -1,0 +1,112 @@
+//! The records of what a designed plan is shown beside.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::messages::{ExperimentMessage, plan_messages};
+use super::study::StudyPlanMessage;
+use crate::plan::search::{BudgetPoint, Certificate, CriterionPlan};
+use crate::scenario::Scenario;
+use crate::study::Setting;
+use crate::study::evidence::{Distances, Evidence};
+
+/// What a designed plan is shown beside, and what its bound rests on.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct EvidenceMessage {
+    /// The number of local searches that the lower bound rests on.
+    pub bound_searches: usize,
+    /// How many of them ended within 0.1 % of the largest directional derivative.
+    pub bound_searches_agreeing: usize,
+    /// The number of runs of each plan in `study`.
+    pub trials: u64,
+    /// Many runs of each plan by the linear model.
+    pub study: Vec<StudyPlanMessage>,
+    /// The best plans for other criteria.
+    pub criteria_compared: Vec<CriterionPlanMessage>,
+    /// The best accuracy that was found for other numbers of measurements.
+    pub accuracy: Vec<AccuracyMessage>,
+    /// The lower bound of `rho0_mm` for 1, 2, 3, ... measurements (mm).
+    pub lower_bounds_rho0_mm: Vec<f64>,
+}
+
+/// The best plan for a criterion, judged at the test poses.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct CriterionPlanMessage {
+    /// The criteria that the plan is best for.
+    pub criteria: Vec<String>,
+    /// Its predicted rms distance at the test poses (mm).
+    pub rho0_mm: Option<f64>,
+    /// How many searches ended in a plan as good for these criteria.
+    pub searches_agreeing: Option<usize>,
+    /// The plan.
+    pub plan: Vec<ExperimentMessage>,
+}
+
+/// The best accuracy that was found for a number of measurements.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct AccuracyMessage {
+    /// The number of measurements.
+    pub experiments: u32,
+    /// The number of different configurations.
+    pub configurations: u32,
+    /// The predicted rms distance at the test poses (mm).
+    pub rho0_mm: f64,
+    /// No plan of as many measurements has a smaller one (mm).
+    pub lower_bound_rho0_mm: f64,
+}
+
+impl EvidenceMessage {
+    /// The record of a plan's evidence.
+    #[must_use]
+    pub fn new(scenario: &Scenario, certificate: &Certificate, evidence: &Evidence) -> Self {
+        let largest = (evidence.accuracy.iter()).map(|point| point.experiments);
+        let bound = |m| certificate.lower_bound(m).sqrt() * 1e3;
+        Self {
+            bound_searches: certificate.searches,
+            bound_searches_agreeing: certificate.agreeing,
+            trials: evidence.trials,
+            study: (evidence.distances.iter())
+                .map(|each| distances_message(scenario, each))
+                .collect(),
+            criteria_compared: evidence.criteria.iter().map(Into::into).collect(),
+            accuracy: evidence.accuracy.iter().map(Into::into).collect(),
+            lower_bounds_rho0_mm: (1..=largest.max().unwrap_or(1)).map(bound).collect(),
+        }
+    }
+}
+
+/// The record of one plan's runs.
+#[must_use]
+pub fn distances_message(scenario: &Scenario, distances: &Distances) -> StudyPlanMessage {
+    StudyPlanMessage::new(
+        &distances.name,
+        &Setting::plain(scenario, distances.experiments).conditions,
+        scenario.parameters.len(),
+        &distances.tally,
+        distances.summary.as_ref(),
+    )
+}
+
+impl From<&CriterionPlan> for CriterionPlanMessage {
+    fn from(best: &CriterionPlan) -> Self {
+        Self {
+            criteria: (best.criteria.iter())
+                .map(|each| each.name().to_owned())
+                .collect(),
+            rho0_mm: best.rho0_m.map(|value| value * 1e3),
+            searches_agreeing: best.agreeing,
+            plan: plan_messages(&best.plan),
+        }
+    }
+}
+
+impl From<&BudgetPoint> for AccuracyMessage {
+    fn from(point: &BudgetPoint) -> Self {
+        Self {
+            experiments: point.experiments,
+            configurations: point.configurations,
+            rho0_mm: point.rho0_m * 1e3,
+            lower_bound_rho0_mm: point.lower_bound_m * 1e3,
+        }
+    }
+}

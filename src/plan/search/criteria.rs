@@ -1,0 +1,75 @@
+//! Which criterion's best plan does best at the test poses?
+
+use super::approximate::ApproximateDesign;
+use super::exact::{Watch, exact_design};
+use super::problem::{Problem, SearchError};
+use crate::plan::{Assessment, Criterion, Plan};
+use crate::scenario::Scenario;
+
+/// Searches for each criterion: fewer than for a plan that will be measured.
+const SEARCHES: usize = 24;
+/// Criteria of Table 1. Those of a row have the same optimum: `O1` is a power of D's determinant, and
+/// `O3` squared is E's eigenvalue.
+const RIVALS: [&[Criterion]; 7] = [
+    &[Criterion::A],
+    &[Criterion::D, Criterion::O1],
+    &[Criterion::E, Criterion::O3],
+    &[Criterion::G],
+    &[Criterion::O2],
+    &[Criterion::O4],
+    &[Criterion::O5],
+];
+
+/// The best plan that was found for a criterion, judged at the test poses.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CriterionPlan {
+    /// The criteria that the plan is best for.
+    pub criteria: Vec<Criterion>,
+    /// The plan.
+    pub plan: Plan,
+    /// Its predicted rms distance at the test poses (m).
+    pub rho0_m: Option<f64>,
+    /// How many searches ended in a plan as good for these criteria; criteria that are not smooth
+    /// have many optima. `None` for the plan that was given.
+    pub agreeing: Option<usize>,
+}
+
+/// Designs a plan for every criterion of Table 1, of as many measurements and configurations as
+/// `for_test_poses` has, the plan that is best at the test poses. `approximate` is the scenario's
+/// approximate design for them. Criteria without a plan are left out.
+///
+/// # Errors
+/// No experiment is feasible.
+pub fn compare_criteria(
+    scenario: &Scenario,
+    approximate: &ApproximateDesign,
+    for_test_poses: &Plan,
+    watch: Watch<'_>,
+) -> Result<Vec<CriterionPlan>, SearchError> {
+    let judged = |criteria: &[Criterion], plan: Plan, agreeing: Option<usize>| CriterionPlan {
+        criteria: criteria.to_vec(),
+        rho0_m: Assessment::new(scenario, &plan, None).rho0_m,
+        plan,
+        agreeing,
+    };
+    let experiments = for_test_poses.measurements();
+    let configurations = u32::try_from(for_test_poses.experiments.len()).unwrap_or(experiments);
+    let mut plans = vec![judged(&[Criterion::TestPose], for_test_poses.clone(), None)];
+    for criteria in RIVALS {
+        let mut problem = Problem::new(scenario, criteria[0]);
+        problem.effort.searches = SEARCHES;
+        match exact_design(
+            &problem,
+            approximate,
+            experiments,
+            configurations,
+            scenario.seed,
+            watch,
+        ) {
+            Ok(design) => plans.push(judged(criteria, design.plan, Some(design.agreeing))),
+            Err(SearchError::Singular { .. }) => {}
+            Err(error) => return Err(error),
+        }
+    }
+    Ok(plans)
+}

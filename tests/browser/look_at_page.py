@@ -1,0 +1,197 @@
+#!/usr/bin/env python3
+"""Looks at an HTML page in a headless Chromium and prints what it saw as JSON.
+
+    look_at_page.py CHROMIUM PAGE [--width PX] [--screenshot FILE.png]
+
+Speaks the DevTools protocol over a pipe, with the standard library alone.
+"""
+
+import argparse
+import base64
+import json
+import os
+import pathlib
+import select
+import subprocess
+import sys
+import tempfile
+import time
+
+TIMEOUT_S = 60
+
+OPTIONS = [
+    "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
+    "--disable-background-networking", "--disable-component-update", "--disable-sync",
+    "--disable-extensions", "--disable-dev-shm-usage", "--hide-scrollbars",
+    "--remote-debugging-pipe",
+]
+
+# What a person would see: figures with their content, text that is cut off or covers other text,
+# and whether the page is wider than the window.
+LOOK = r"""
+(() => {
+  const box = element => element.getBoundingClientRect();
+  const label = element => element.getAttribute("aria-label")
+    || (element.parentElement && element.parentElement.getAttribute("aria-label")) || "";
+  const figures = [...document.querySelectorAll("svg")].map(svg => {
+    const frame = box(svg);
+    const texts = [...svg.querySelectorAll("text")].filter(text => text.textContent.trim());
+    const boxes = texts.map(box);
+    const name = text => text.textContent.trim();
+    const outside = texts.filter((text, i) => boxes[i].left < frame.left - 1
+      || boxes[i].right > frame.right + 1 || boxes[i].top < frame.top - 1
+      || boxes[i].bottom > frame.bottom + 1).map(name);
+    const overlaps = [];
+    for (let i = 0; i < texts.length; i++)
+      for (let j = 0; j < i; j++) {
+        const [a, b] = [boxes[i], boxes[j]];
+        const width = Math.min(a.right, b.right) - Math.max(a.left, b.left);
+        const height = Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top);
+        // The boxes are a little higher than the letters.
+        const lines = Math.min(a.height, b.height);
+        if (width > 1 && height > 0.3 * lines) overlaps.push([name(texts[j]), name(texts[i])]);
+      }
+    const drawn = svg.querySelectorAll("line,rect,circle,polyline,polygon,path");
+    const content = svg.getBBox();
+    return {
+      label: label(svg), width_px: frame.width, height_px: frame.height,
+      content_px: [content.width, content.height], shapes: drawn.length, texts: texts.length,
+      smallest_text_px: Math.min(...boxes.map(each => Math.min(each.width, each.height)), 1e9),
+      outside, overlaps,
+    };
+  });
+  const root = document.documentElement;
+  return {
+    title: document.title, text: document.body.innerText,
+    scripts: document.scripts.length,
+    page_px: [root.scrollWidth, root.scrollHeight], window_px: root.clientWidth, figures,
+  };
+})()
+"""
+
+
+class Browser:
+    def __init__(self, program, profile):
+        to_browser, self.writer = os.pipe()
+        self.reader, from_browser = os.pipe()
+        # The browser reads from 3 and writes to 4.
+        command = f'exec "$0" "$@" 3<&{to_browser} 4>&{from_browser}'
+        self.log = tempfile.TemporaryFile()
+        self.process = subprocess.Popen(
+            ["/bin/sh", "-c", command, program, *OPTIONS, f"--user-data-dir={profile}", "about:blank"],
+            pass_fds=(to_browser, from_browser), stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL, stderr=self.log)
+        os.close(to_browser)
+        os.close(from_browser)
+        self.rest = b""
+        self.number = 0
+        self.events = []
+        self.deadline = time.monotonic() + TIMEOUT_S
+
+    def message(self, wait_s):
+        """The next message, or None if none comes in time."""
+        while b"\0" not in self.rest:
+            left = min(wait_s, self.deadline - time.monotonic())
+            ready, _, _ = select.select([self.reader], [], [], max(left, 0))
+            if not ready:
+                return None
+            data = os.read(self.reader, 1 << 20)
+            if not data:
+                self.log.seek(0)
+                said = self.log.read().decode(errors="replace")
+                raise SystemExit(f"the browser ended: {said[-2000:]}")
+            self.rest += data
+        text, self.rest = self.rest.split(b"\0", 1)
+        return json.loads(text)
+
+    def call(self, method, session=None, **parameters):
+        self.number += 1
+        request = {"id": self.number, "method": method, "params": parameters}
+        if session:
+            request["sessionId"] = session
+        os.write(self.writer, json.dumps(request).encode() + b"\0")
+        while True:
+            message = self.message(TIMEOUT_S)
+            if message is None:
+                raise SystemExit(f"no answer to {method} in {TIMEOUT_S} s")
+            if message.get("id") == self.number:
+                if "error" in message:
+                    raise SystemExit(f"{method}: {message['error']}")
+                return message["result"]
+            self.events.append(message)
+
+    def wait_for(self, event):
+        while not any(each.get("method") == event for each in self.events):
+            message = self.message(TIMEOUT_S)
+            if message is None:
+                raise SystemExit(f"no {event} in {TIMEOUT_S} s")
+            self.events.append(message)
+
+    def listen(self, seconds):
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            message = self.message(end - time.monotonic())
+            if message is not None:
+                self.events.append(message)
+
+    def close(self):
+        self.process.terminate()
+        try:
+            self.process.wait(10)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+
+
+def look(browser, page, width, screenshot):
+    target = browser.call("Target.createTarget", url="about:blank")["targetId"]
+    session = browser.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
+    call = lambda method, **parameters: browser.call(method, session, **parameters)
+    for domain in ["Page", "Runtime", "Log", "Network"]:
+        call(f"{domain}.enable")
+    call("Emulation.setDeviceMetricsOverride", width=width, height=900, deviceScaleFactor=1,
+         mobile=width < 700)
+    browser.events.clear()
+    call("Page.navigate", url=page.resolve().as_uri())
+    browser.wait_for("Page.loadEventFired")
+    browser.listen(0.3)
+    answer = call("Runtime.evaluate", expression=LOOK, returnByValue=True)
+    if "exceptionDetails" in answer:
+        raise SystemExit(f"the look failed: {answer['exceptionDetails']}")
+    seen = answer["result"]["value"]
+    if screenshot:
+        picture = call("Page.captureScreenshot", format="png", captureBeyondViewport=True, clip={
+            "x": 0, "y": 0, "width": width, "height": seen["page_px"][1], "scale": 1})
+        screenshot.write_bytes(base64.b64decode(picture["data"]))
+    parameters = lambda method: [
+        each["params"] for each in browser.events if each.get("method") == method]
+    seen["console"] = [
+        " ".join(str(value.get("value", value.get("description"))) for value in each["args"])
+        for each in parameters("Runtime.consoleAPICalled")]
+    seen["errors"] = [
+        each["exceptionDetails"]["text"] for each in parameters("Runtime.exceptionThrown")
+    ] + [each["entry"]["text"] for each in parameters("Log.entryAdded")]
+    seen["requests"] = [
+        each["request"]["url"] for each in parameters("Network.requestWillBeSent")]
+    return seen
+
+
+def main():
+    arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    arguments.add_argument("chromium")
+    arguments.add_argument("page", type=pathlib.Path)
+    arguments.add_argument("--width", type=int, default=1280)
+    arguments.add_argument("--screenshot", type=pathlib.Path)
+    given = arguments.parse_args()
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
+        browser = Browser(given.chromium, profile)
+        try:
+            seen = look(browser, given.page, given.width, given.screenshot)
+        finally:
+            browser.close()
+    json.dump(seen, sys.stdout, indent=1)
+    print()
+
+
+if __name__ == "__main__":
+    main()

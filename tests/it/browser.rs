@@ -1,0 +1,122 @@
+//! A real browser looks at the pages.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use serde_json::Value;
+
+use crate::support::{Workplace, project};
+
+/// A page of text alone has no figures.
+const FEWEST_SHAPES: u64 = 8;
+
+/// The user's own Chromium, or the system's.
+fn chromium() -> Option<PathBuf> {
+    if let Some(own) = std::env::var_os("ELASTOCAL_CHROMIUM") {
+        return Some(own.into());
+    }
+    let folders: Vec<PathBuf> = std::env::split_paths(&std::env::var_os("PATH")?).collect();
+    ["chromium", "chromium-browser", "google-chrome"]
+        .into_iter()
+        .find_map(|name| {
+            let mut places = folders.iter().map(|folder| folder.join(name));
+            places.find(|place| place.is_file())
+        })
+}
+
+/// What the browser sees of a page in a window of this width; `None` without a browser, which is
+/// said even where tests' outputs are captured.
+fn look(page: &Path, width_px: u32) -> Option<Value> {
+    let Some(chromium) = chromium() else {
+        let text = "\nSKIPPED: there is no Chromium to look at pages (tools/install-chromium)\n";
+        std::io::stderr()
+            .write_all(text.as_bytes())
+            .expect("stderr");
+        return None;
+    };
+    let output = Command::new("python3")
+        .arg(project("tests/browser/look_at_page.py"))
+        .arg(chromium)
+        .arg(page)
+        .args(["--width", &width_px.to_string()])
+        .output()
+        .expect("python3 starts");
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{}: {said}", page.display());
+    Some(serde_json::from_slice(&output.stdout).expect("JSON"))
+}
+
+fn is_empty(value: &Value) -> bool {
+    value.as_array().expect("an array").is_empty()
+}
+
+/// Asserts that a person would see the page with its figures, on a screen and on a phone: no error,
+/// nothing loaded, nothing empty, no text cut off or on other text.
+pub fn looks_well(page: &Path, figures: usize) {
+    for width_px in [1280, 390] {
+        let Some(seen) = look(page, width_px) else {
+            return;
+        };
+        let place = format!("{} at {width_px} px", page.display());
+        assert!(is_empty(&seen["errors"]), "{place}: {}", seen["errors"]);
+        assert!(is_empty(&seen["console"]), "{place}: {}", seen["console"]);
+        assert_eq!(seen["scripts"], 0);
+        assert_eq!(
+            seen["requests"].as_array().map(Vec::len),
+            Some(1),
+            "{place}"
+        );
+        assert_eq!(
+            seen["page_px"][0], width_px,
+            "{place} is wider than the window"
+        );
+        let found = seen["figures"].as_array().expect("an array");
+        assert_eq!(found.len(), figures, "{place}");
+        for figure in found {
+            let label = &figure["label"];
+            assert!(
+                label.as_str().is_some_and(|label| !label.is_empty()),
+                "{place}"
+            );
+            assert!(
+                figure["shapes"].as_u64() >= Some(FEWEST_SHAPES),
+                "{place}: {label}"
+            );
+            for side in figure["content_px"].as_array().expect("two sides") {
+                assert!(side.as_f64() > Some(100.0), "{place}: {label} is empty");
+            }
+            assert!(is_empty(&figure["outside"]), "{place}: {figure:#}");
+            assert!(is_empty(&figure["overlaps"]), "{place}: {figure:#}");
+        }
+    }
+}
+
+/// The look itself sees what is wrong with a page.
+#[test]
+fn the_look_sees_what_is_wrong() {
+    let workplace = Workplace::new();
+    workplace.write(
+        "wrong.html",
+        "<!DOCTYPE html><html><body><div style='width: 3000px'>wide</div>\
+         <svg width='200' height='100' aria-label='two'><text x='10' y='50'>One text</text>\
+         <text x='12' y='52'>on another</text><text x='180' y='90'>cut off</text></svg>\
+         <img src='missing.png'><script>console.log('hello'); nothing.works();</script></body></html>",
+    );
+    let Some(seen) = look(&workplace.path("wrong.html"), 1280) else {
+        return;
+    };
+    assert_eq!(seen["scripts"], 1);
+    assert_eq!(seen["console"], serde_json::json!(["hello"]));
+    assert!(!is_empty(&seen["errors"]));
+    assert!(seen["page_px"][0].as_f64() >= Some(3000.0));
+    let requests = seen["requests"].as_array().expect("an array");
+    assert_eq!(requests.len(), 2, "{requests:?}");
+    let figure = &seen["figures"][0];
+    assert_eq!(figure["shapes"], 0);
+    assert_eq!(figure["outside"], serde_json::json!(["cut off"]));
+    assert_eq!(
+        figure["overlaps"],
+        serde_json::json!([["One text", "on another"]])
+    );
+}

@@ -1,0 +1,234 @@
+//! The pages: complete, in agreement with the records, safe, and good to look at.
+
+use elastocal::output::markup::{escaped, micrometres, number};
+use serde_json::Value;
+
+use crate::browser::looks_well;
+use crate::support::{Workplace, numbers, scenario_text};
+
+/// The sections of a run's report.
+const SECTIONS: [&str; 8] = [
+    "distances",
+    "accuracy",
+    "criteria",
+    "configurations",
+    "compliances",
+    "residuals",
+    "plans",
+    "provenance",
+];
+/// Its figures: one in each of the first six sections.
+const FIGURES: usize = 6;
+
+/// Runs a scenario under the name `s`, and gives the page and results.json.
+fn run(workplace: &Workplace, text: &str, code: i32) -> (String, Value) {
+    workplace.write("s.toml", text);
+    workplace.run("run s.toml --quiet").ends_with(code);
+    let results = serde_json::from_str(&workplace.read("out/s/results.json")).expect("JSON");
+    (workplace.read("out/s/report.html"), results)
+}
+
+/// Nothing in the page makes a browser fetch or run anything.
+fn assert_self_contained(page: &str) {
+    assert!(page.starts_with("<!DOCTYPE html>") && page.ends_with("</html>\n"));
+    for forbidden in [
+        "<script",
+        "src=",
+        "@import",
+        "url(http",
+        "<iframe",
+        "javascript:",
+    ] {
+        assert!(!page.contains(forbidden), "{forbidden}");
+    }
+    for reference in page.split("href=\"").skip(1) {
+        let is_inside = reference.starts_with("data:") || reference.starts_with('#');
+        assert!(is_inside, "{}", &reference[..40]);
+    }
+}
+
+/// The page holds these texts.
+fn assert_has(page: &str, texts: &[String]) {
+    for text in texts {
+        assert!(page.contains(text.as_str()), "no {text:?}");
+    }
+}
+
+/// The numbers that a reader looks for are those of results.json.
+fn assert_agrees(page: &str, results: &Value) {
+    let micro = |value: &Value| micrometres(value.as_f64());
+    let three = |value: &Value| format!("<td>{:.3}</td>", value.as_f64().expect("a number") * 1e3);
+    let percent =
+        |value: &Value| format!("{:.1}\u{a0}%", value.as_f64().expect("a number") * 100.0);
+    let mut texts = vec![
+        format!("<strong>{} rms</strong>", micro(&results["rho0_mm"])),
+        micro(&results["lower_bound_rho0_mm"]),
+        percent(&results["efficiency"]),
+        micro(&results["random_median_rho0_mm"]),
+        micro(&results["uncompensated_mm"]),
+        results["provenance"]["scenario_sha256"]
+            .as_str()
+            .expect("text")
+            .to_owned(),
+        results["provenance"]["commit"]
+            .as_str()
+            .expect("text")
+            .to_owned(),
+    ];
+    for value in numbers(&results["compliance_rad_per_nm"]) {
+        texts.push(format!("<td>{}</td>", number(Some(value * 1e6), 4)));
+    }
+    for interval in results["compliance_ci95_rad_per_nm"]
+        .as_array()
+        .expect("an array")
+    {
+        let [low, high] = numbers(interval)[..] else {
+            panic!("two ends")
+        };
+        let [low, high] = [low, high].map(|end| number(Some(end * 1e6), 4));
+        texts.push(format!("<td>{low} to {high}</td>"));
+    }
+    for plan in results["study"].as_array().expect("an array") {
+        texts.extend([three(&plan["mean_mm"]), three(&plan["rms_mm"])]);
+        texts.push(format!("mean {}", micro(&plan["mean_mm"])));
+    }
+    for plan in results["criteria_compared"].as_array().expect("an array") {
+        texts.push(micro(&plan["rho0_mm"]));
+    }
+    for section in SECTIONS {
+        texts.push(format!("<section id=\"{section}\">"));
+    }
+    assert_has(page, &texts);
+}
+
+/// What stands beside the plan is as good as the plan's own promise says.
+fn assert_evidence_holds(results: &Value) {
+    let rho0 = results["rho0_mm"].as_f64().expect("a number");
+    let criteria = results["criteria_compared"].as_array().expect("an array");
+    assert_eq!(criteria.len(), 8);
+    assert_eq!(criteria[0]["criteria"], serde_json::json!(["test_pose"]));
+    assert_eq!(criteria[0]["rho0_mm"], rho0);
+    for other in criteria {
+        assert!(
+            other["rho0_mm"].as_f64() >= Some(rho0 * 0.999),
+            "{}",
+            other["criteria"]
+        );
+    }
+    let accuracy = results["accuracy"].as_array().expect("an array");
+    let own = (accuracy.iter()).find(|point| point["experiments"] == results["experiments"]);
+    assert_eq!(own.expect("the plan itself")["rho0_mm"], rho0);
+    let bounds = numbers(&results["lower_bounds_rho0_mm"]);
+    for point in accuracy {
+        let m = usize::try_from(point["experiments"].as_u64().expect("a count")).expect("small");
+        let bound = point["lower_bound_rho0_mm"].as_f64().expect("a number");
+        assert!((bounds[m - 1] / bound - 1.0).abs() < 1e-12);
+        assert!(
+            point["rho0_mm"].as_f64() >= Some(bound * (1.0 - 1e-9)),
+            "{point}"
+        );
+    }
+    assert!(
+        accuracy.len() >= 3 && accuracy.is_sorted_by_key(|point| point["experiments"].as_u64())
+    );
+}
+
+#[test]
+fn a_planar_arm_has_a_report_that_looks_well() {
+    let workplace = Workplace::new();
+    let (page, results) = run(&workplace, &scenario_text("planar_3r"), 0);
+    assert_self_contained(&page);
+    assert_agrees(&page, &results);
+    assert_evidence_holds(&results);
+    assert_has(
+        &page,
+        &[
+            "all hold".to_owned(),
+            "elastocal run s.toml --quiet".to_owned(),
+        ],
+    );
+    looks_well(&workplace.path("out/s/report.html"), FIGURES);
+}
+
+#[test]
+fn a_single_measurement_has_a_report_that_looks_well() {
+    let workplace = Workplace::new();
+    let (page, results) = run(&workplace, &scenario_text("klimchik2012_joint1"), 0);
+    assert_self_contained(&page);
+    assert_agrees(&page, &results);
+    assert_evidence_holds(&results);
+    looks_well(&workplace.path("out/s/report.html"), FIGURES);
+}
+
+#[test]
+fn six_compliances_under_several_loads_have_a_report() {
+    // Without obstacles, which take time.
+    let text = scenario_text("kr270_all_joints")
+        .replace("collision_clearance_mm = 20", "")
+        .replace("line_of_sight = true", "");
+    let (page, results) = run(&Workplace::new(), &text, 0);
+    assert_self_contained(&page);
+    assert_agrees(&page, &results);
+    assert_evidence_holds(&results);
+}
+
+/// Names and descriptions come from files that others wrote.
+#[test]
+fn what_a_scenario_says_is_text_on_the_page() {
+    let hostile = "</title><script>alert(1)</script><img src=x onerror='alert(2)'> & \"so\"";
+    let quoted = serde_json::to_string(hostile).expect("a string");
+    let text = scenario_text("planar_3r")
+        .replace(
+            "description = \"A planar arm of three joints in a vertical plane, with a weight on its tool: its optima \
+             can be derived by hand\"",
+            &format!("description = {quoted}"),
+        )
+        .replace("name = \"milling\"", &format!("name = {quoted}"));
+    assert_eq!(text.matches(&quoted).count(), 2);
+    let workplace = Workplace::new();
+    let (page, _) = run(&workplace, &text, 0);
+    assert!(!page.contains("<script") && !page.contains("<img"));
+    // The lead, the accuracy and the stills.
+    assert!(page.matches(&escaped(hostile)).count() >= 3);
+    looks_well(&workplace.path("out/s/report.html"), FIGURES);
+
+    let plan = format!("[[study.plan]]\nname = {quoted}\nkind = \"random\"\n");
+    workplace.write("s.toml", text + "\n[study]\ntrials = 2000\n" + &plan);
+    workplace.run("study s.toml --quiet").ends_with(0);
+    let page = workplace.read("out/s/study.html");
+    assert!(!page.contains("<script") && !page.contains("<img"));
+    assert!(page.contains(&escaped(hostile)));
+}
+
+/// With so much noise that a compliance comes out negative.
+#[test]
+fn problems_are_on_the_first_cards() {
+    let text = scenario_text("planar_3r").replace("sigma_mm = 0.03", "sigma_mm = 3");
+    let (page, results) = run(&Workplace::new(), &text, 3);
+    assert_agrees(&page, &results);
+    assert!(page.contains("the estimated compliance of joint_2 is negative"));
+    assert!(!page.contains("all hold"));
+}
+
+#[test]
+fn a_study_has_a_page_with_its_numbers() {
+    let workplace = Workplace::new();
+    workplace.write("s.toml", scenario_text("klimchik2012"));
+    let arguments = "study s.toml --trials 4000 --json --quiet";
+    let json = workplace.run(arguments).ends_with(0).json();
+    let page = workplace.read("out/s/study.html");
+    assert_self_contained(&page);
+    for plan in json["plans"].as_array().expect("an array") {
+        let mean = plan["mean_mm"].as_f64().expect("a number") * 1e3;
+        assert_has(&page, &[format!("<td>{mean:.3}</td>")]);
+    }
+    let optimal = (json["plans"].as_array().expect("an array"))
+        .iter()
+        .find(|plan| plan["name"] == "optimal");
+    let mean = optimal.expect("there is one")["mean_mm"].as_f64();
+    assert_has(
+        &page,
+        &[format!("<strong>optimal: {}</strong>", micrometres(mean))],
+    );
+    looks_well(&workplace.path("out/s/study.html"), 1);
+}

@@ -1,0 +1,137 @@
+//! The paper's numbers beside the program's.
+
+use elastocal::study::reproduction::{
+    Agreement, Reproduction, accuracies, equation_23, standard_errors,
+};
+
+use crate::browser::looks_well;
+use crate::support::{Workplace, numbers, scenario, scenario_text, table4};
+
+/// All that needs no search.
+fn tables() -> Reproduction {
+    let scenario = scenario("klimchik2012");
+    let table_4 = [2, 3, 4, 6, 12].map(table4).to_vec();
+    Reproduction {
+        equation_23: equation_23(&scenario).expect("the paper's problem"),
+        table_5: standard_errors(&scenario, &table_4),
+        table_6: accuracies(&scenario, &table_4),
+        table_4,
+        designs: Vec::new(),
+        figure_7: Vec::new(),
+        trials: 0,
+    }
+}
+
+/// Eq. 23, Table 5 and the rule of repeats agree; Table 6 is off by what the design page found.
+#[test]
+fn what_should_agree_agrees_and_the_rest_is_as_known() {
+    let reproduction = tables();
+    assert_eq!(reproduction.failures(), [] as [&str; 0]);
+    let agreeing = reproduction.equation_23.iter().flatten();
+    assert_eq!(agreeing.filter(|cell| cell.agrees()).count(), 15);
+    for row in &reproduction.table_5 {
+        assert!(row.agrees() && row.largest_difference() < 0.003, "{row:?}");
+    }
+    let known = [(2, 8.17), (3, 6.59), (4, 5.45), (6, 4.53), (12, 3.20)];
+    for (m, rho0_um) in known {
+        let row = (reproduction.table_6.iter())
+            .find(|row| (row.experiments, row.configurations) == (m, m));
+        let found = row.expect("printed").found_m * 1e6;
+        assert!((found - rho0_um).abs() < 0.006, "{m}: {found}");
+    }
+    for row in &reproduction.table_6 {
+        assert!((1.34..1.415).contains(&row.ratio()), "{row:?}");
+        assert_eq!(
+            row.keeps_the_rule().is_some(),
+            row.configurations < row.experiments
+        );
+    }
+}
+
+/// What should agree and does not is named.
+#[test]
+fn disagreement_is_named() {
+    let mut scenario = scenario("klimchik2012");
+    scenario.test_poses[0].configuration_rad[4] += 0.02;
+    let mut reproduction = tables();
+    reproduction.equation_23 = equation_23(&scenario).expect("the paper's problem");
+    reproduction.table_5[1].found[4] *= 1.006;
+    reproduction.table_6[2].printed_m += 2e-9;
+    let failures = reproduction.failures();
+    assert!(
+        failures[0].ends_with("of the 15 numbers of eq. 23 differ"),
+        "{failures:?}"
+    );
+    assert_eq!(
+        failures[1..],
+        [
+            "1 of the 5 rows of Table 5 differ",
+            "1 numbers of Table 6 break the rule of repeated plans"
+        ]
+    );
+}
+
+#[test]
+fn the_program_sets_both_side_by_side() {
+    let workplace = Workplace::new();
+    workplace.write("s.toml", scenario_text("klimchik2012"));
+    let outcome = workplace
+        .run("reproduce s.toml --json --quiet")
+        .ends_with(0);
+    let json = outcome.json();
+    let written: serde_json::Value =
+        serde_json::from_str(&workplace.read("out/s/reproduction.json")).expect("JSON");
+    assert_eq!(json, written);
+    let rows = |key: &str| json[key].as_array().expect("an array").clone();
+    let cells: Vec<_> = (rows("eq23").iter())
+        .flat_map(|row| row.as_array().expect("a row").clone())
+        .collect();
+    assert_eq!(cells.len(), 15);
+    assert!(json["agrees"] == true && cells.iter().all(|cell| cell["agrees"] == true));
+    assert_eq!((rows("table4").len(), rows("table5").len()), (5, 5));
+    // Our plans are better than Table 4's, and no better than can be.
+    for row in rows("table6") {
+        let [own, found, bound] = ["own_rho0_mm", "found_rho0_mm", "lower_bound_rho0_mm"]
+            .map(|key| row[key].as_f64().expect("a number"));
+        assert!(bound <= own && own < 0.97 * found, "{row}");
+    }
+    // The headline: the printed means give 1.58 to 1.64, ours more.
+    let fig7 = rows("fig7");
+    let ratio = |name: &str| {
+        let row = fig7.iter().find(|row| row["name"] == name).expect("a row");
+        let ends = numbers(&row["random_over_mean_ci95"]);
+        let value = row["random_over_mean"].as_f64().expect("a number");
+        assert!(ends[0] < value && value < ends[1]);
+        (ends, row["printed_random_over_mean"].as_f64())
+    };
+    for name in ["2a", "2b", "2c", "2d", "2e"] {
+        let (ends, printed) = ratio(name);
+        let printed = printed.expect("printed");
+        assert!(
+            (1.58..1.65).contains(&printed) && ends[0] > printed,
+            "{name}"
+        );
+    }
+    assert!(ratio("elastocal 12").0[0] > 2.1);
+    let page = workplace.read("out/s/reproduction.html");
+    for text in [
+        "<td>\u{2212}363.6</td>",
+        "<td>8.172</td>",
+        "<td>5.989</td>",
+        "Table 6: 1.35 to 1.41 times",
+    ] {
+        assert!(page.contains(text), "no {text}");
+    }
+    looks_well(&workplace.path("out/s/reproduction.html"), 1);
+}
+
+#[test]
+fn another_problem_is_refused() {
+    let workplace = Workplace::new();
+    workplace.write("s.toml", scenario_text("planar_3r"));
+    let outcome = workplace.run("reproduce s.toml --quiet").ends_with(1);
+    assert!(
+        outcome.stderr.contains("not the paper's problem"),
+        "{outcome:#?}"
+    );
+}
