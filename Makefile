@@ -2,10 +2,10 @@
 
 CARGO ?= cargo
 
-.PHONY: help demo test build lint fmt clippy doc clean setup
+.PHONY: help demo test build bench instructions instructions-baseline scaling lint fmt clippy doc clean setup
 
 help: ## list the targets
-	@sed -n 's/^\([a-z]*\):.*## \(.*\)/make \1\t\2/p' Makefile | expand -t 16
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/make \1\t\2/p' Makefile | expand -t 16
 
 demo: setup ## run the demo scenario and write its results to out/ (options in ARGS)
 	$(CARGO) run --release --locked -- run $(ARGS)
@@ -16,6 +16,18 @@ test: setup ## run all tests
 
 build: setup ## build the program: target/release/elastocal
 	$(CARGO) build --release --locked
+
+bench: build ## time the hot paths beside other programs, a few minutes (options in ARGS, such as --quick)
+	benches/peers/run $(ARGS)
+
+instructions: setup ## count the hot paths' instructions and check them against the baseline
+	@tools/install-valgrind && benches/instructions check
+
+instructions-baseline: setup ## make these counts the baseline
+	@tools/install-valgrind && benches/instructions baseline
+
+scaling: setup ## cost against measurements, joints, runs and threads: out/scaling.json and pictures
+	@tools/install-valgrind && benches/instructions scaling
 
 lint: fmt clippy doc ## check formatting, lints and documentation
 
