@@ -14,7 +14,7 @@ pub fn serial_arm(joints: u32) -> &'static Scenario {
     Box::leak(Box::new(Scenario::load(&path).expect("a valid scenario")))
 }
 
-/// As many random measurements as the arm has joints plus one.
+/// Six random measurements of such an arm.
 pub fn plan(joints: u32) -> Plan {
     random_plan(serial_arm(joints), 6, 0).expect("feasible")
 }
