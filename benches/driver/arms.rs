@@ -39,7 +39,7 @@ fn model(joints: u32) -> String {
 
 fn scenario(joints: u32) -> String {
     let names: Vec<String> = (1..=joints).map(|n| format!("\"joint_{n}\"")).collect();
-    let angles: Vec<String> = (1..=joints).map(|n| format!("{}", 10 * n)).collect();
+    let angles: Vec<String> = (1..=joints).map(|n| format!("{}", 8 * n)).collect();
     format!(
         "[robot]\nmodel = \"arm.xml\"\ncalibration_site = \"tool\"\nmachining_site = \"tool\"\n\
          parameters = [{}]\n[instrument]\nsigma_mm = 0.03\nsigma_of = \"deflection\"\n\

@@ -9,7 +9,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 def executable() -> str:
     """Builds the driver and gives its path, which has a hash in it."""
-    command = ["cargo", "build", "--release", "--locked", "--bench", "driver", "--message-format=json"]
+    command = ["cargo", "build", "--release", "--locked", "--quiet", "--bench", "driver", "--message-format=json"]
     built = subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, check=True, text=True)
     messages = [json.loads(line) for line in built.stdout.splitlines() if line.startswith("{")]
     return next(
