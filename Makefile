@@ -2,10 +2,10 @@
 
 CARGO ?= cargo
 
-.PHONY: help demo reproduce test build gate baseline lint fmt clippy doc clean setup
+.PHONY: help demo reproduce test build gate baseline bench instructions instructions-baseline scaling lint fmt clippy doc clean setup
 
 help: ## list the targets
-	@sed -n 's/^\([a-z]*\):.*## \(.*\)/make \1\t\2/p' Makefile | expand -t 16
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/make \1\t\2/p' Makefile | expand -t 28
 
 demo: setup ## run the demo scenario and write its results to out/ (options in ARGS)
 	$(CARGO) run --release --locked -- run $(ARGS)
@@ -28,6 +28,23 @@ gate: build ## compare results with those stored in scenarios/baselines: the sam
 baseline: build ## store new results in scenarios/baselines, to commit where they were meant to change
 	tools/baseline scenarios/baselines
 
+bench: build ## time the hot paths beside other programs, a few minutes (options in ARGS, such as --quick)
+	benches/peers/run $(ARGS)
+
+instructions: setup ## count the hot paths' instructions: against the baseline, and how they grow
+	@tools/install-valgrind
+	benches/instructions.py test
+	benches/instructions.py check
+	benches/scaling.py --check
+
+instructions-baseline: setup ## make today's counts the baseline of that
+	@tools/install-valgrind
+	benches/instructions.py baseline
+
+scaling: setup ## cost against measurements, joints, runs and threads, to out/scaling.svg and .json
+	@tools/install-valgrind
+	benches/scaling.py
+
 lint: fmt clippy doc ## check formatting, lints and documentation
 
 fmt:
@@ -40,7 +57,7 @@ doc: setup ## build the documentation, with warnings as errors
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --release --locked --no-deps
 
 clean: ## remove what was built and installed; results in out/ stay
-	rm -rf target .mujoco .mujoco.* .rerun .rerun.*
+	rm -rf target .mujoco .mujoco.* .rerun .rerun.* .peers
 
 setup: ## install MuJoCo, unless MUJOCO_DYNAMIC_LINK_DIR names one
 	@command -v $(CARGO) >/dev/null || { echo "error: cargo was not found." \

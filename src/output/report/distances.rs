@@ -191,7 +191,7 @@ fn shares(runs: &StudyPlanMessage) -> impl Iterator<Item = (f64, f64)> {
     bins.map(|(count, edges)| {
         let (low, high) = (logarithm(edges[0]), logarithm(edges[1]));
         let share = *count as f64 / runs.runs as f64;
-        ((low + high) / 2.0, share / (high - low))
+        (f64::midpoint(low, high), share / (high - low))
     })
 }
 

@@ -1,0 +1,329 @@
+//! The hot paths by name, each ready to be repeated.
+
+use std::hint::black_box;
+use std::sync::atomic::AtomicBool;
+
+use elastocal::calibration::calibrate;
+use elastocal::identification::{Sigma, identify};
+use elastocal::measurement::Measurement;
+use elastocal::output::mcap_file::write_mcap;
+use elastocal::output::recording::Recording;
+use elastocal::output::rerun_file::write_rerun;
+use elastocal::plan::search::{Problem, Watch, approximate_design, exact_design, random_plan};
+use elastocal::plan::{Criterion, Plan, read_plan};
+use elastocal::random::normal::{LANES, Stream, fill_normals};
+use elastocal::robot::{KinematicState, Kinematics, Load};
+use elastocal::scenario::{Level, Method, Scenario};
+use elastocal::study::runner::{Runner, block_runs};
+use elastocal::study::{Entry, EntryKind, Setting, repeated};
+use elastocal::testbed::{VirtualRobot, settle};
+use nalgebra::{DMatrix, Matrix3xX};
+
+use super::{arms, limits};
+
+/// Does its work so many times.
+pub type HotPath = Box<dyn FnMut(u64)>;
+
+/// The paths that `cargo bench` times. A number behind a name is that of measurements, or of joints
+/// or threads where the name says so.
+pub const NAMES: [&str; 19] = [
+    "objective_3",
+    "objective_12",
+    "search",
+    "equilibrium",
+    "measurement",
+    "settle",
+    "identify_linear_3",
+    "identify_linear_12",
+    "identify_nonlinear_3",
+    "identify_nonlinear_12",
+    "study_model",
+    "study_model_threads_2",
+    "study_robot",
+    "normals",
+    "mcap",
+    "rrd",
+    "kinematics",
+    "position_stage",
+    "flops",
+];
+
+/// Prepares a path.
+pub fn hot_path(name: &str) -> HotPath {
+    let (kind, size) = match name.rsplit_once('_') {
+        Some((kind, digits)) if digits.parse::<u32>().is_ok() => {
+            (kind, digits.parse().expect("a number"))
+        }
+        _ => (name, 0),
+    };
+    match kind {
+        "objective" => objective(paper(), &plan_of(size)),
+        "objective_joints" => objective(arms::serial_arm(size), &arms::plan(size)),
+        "search" => search(),
+        "equilibrium" => equilibrium(paper(), &plan_of(3)),
+        "equilibrium_joints" => equilibrium(arms::serial_arm(size), &arms::plan(size)),
+        "measurement" => measurement(),
+        "settle" => settling(),
+        "identify_linear" => identification(Method::Linear, size),
+        "identify_nonlinear" => identification(Method::Nonlinear, size),
+        "study_model" => study(Level::Model, 12, 1),
+        "study_model_threads" => study(Level::Model, 12, size),
+        "study_robot" => study(Level::Robot, 3, 1),
+        "normals" => normals(),
+        "mcap" => recording_file("run.mcap"),
+        "rrd" => recording_file("run.rrd"),
+        "kinematics" => kinematics(),
+        "position_stage" => position_stage(),
+        "flops" => Box::new(limits::multiply_add),
+        "write" => bytes(size),
+        _ => panic!("there is no path {name:?}"),
+    }
+}
+
+/// The paper's problem; lives as long as the program.
+pub fn paper() -> &'static Scenario {
+    let path = "scenarios/klimchik2012.toml".as_ref();
+    Box::leak(Box::new(Scenario::load(path).expect("a valid scenario")))
+}
+
+/// A plan of the paper's Table 4, or the largest one over and over.
+pub fn plan_of(experiments: u32) -> Plan {
+    let size = [2, 3, 4, 6, 12]
+        .into_iter()
+        .rfind(|size| experiments.is_multiple_of(*size))
+        .expect("a multiple of a plan of Table 4");
+    let path = format!("scenarios/plans/klimchik2012_m{size}.csv");
+    let mut plan = read_plan(path.as_ref(), 6).expect("a valid plan");
+    let once = plan.experiments.clone();
+    for _ in 1..experiments / size {
+        plan.experiments.extend_from_slice(&once);
+    }
+    plan
+}
+
+/// Measurements of a plan with noise.
+pub fn measurements(scenario: &Scenario, plan: &Plan) -> Vec<Measurement> {
+    let site = &scenario.calibration_tool.name;
+    VirtualRobot::new(&scenario.true_robot, site)
+        .expect("the site exists")
+        .measure(plan, &scenario.instrument, 1, 0)
+        .expect("stable")
+}
+
+/// `rho_0`^2 of a plan (m^2), and its gradient by all joint angles.
+pub fn value_and_gradient(
+    scenario: &'static Scenario,
+    plan: &Plan,
+) -> impl FnMut() -> (f64, Vec<f64>) + use<> {
+    let problem = Problem::new(scenario, Criterion::TestPose);
+    let experiments = plan.experiments.clone();
+    let mut observer = problem.observer();
+    let mut cost = problem.cost();
+    let size = problem.parameters();
+    let mut information = DMatrix::zeros(size, size);
+    let mut directions = DMatrix::zeros(size, size);
+    let mut matrix = Matrix3xX::zeros(size);
+    let mut factor = Matrix3xX::zeros(size);
+    let joints = scenario.joints();
+    move || {
+        let mut gradient = vec![0.0; joints * experiments.len()];
+        information.fill(0.0);
+        for experiment in &experiments {
+            observer.move_to(experiment.configuration_rad.as_slice());
+            observer.observe(&experiment.load, &mut matrix);
+            information.gemm_tr(1.0, &matrix, &matrix, 1.0);
+        }
+        let value = cost.cost(&information, &mut directions);
+        for (experiment, gradient) in experiments.iter().zip(gradient.chunks_exact_mut(joints)) {
+            observer.move_to(experiment.configuration_rad.as_slice());
+            observer.observe(&experiment.load, &mut matrix);
+            factor.gemm(-2.0, &matrix, &directions, 0.0);
+            observer.pull_back(&experiment.load, &factor, gradient);
+        }
+        (value, gradient)
+    }
+}
+
+fn objective(scenario: &'static Scenario, plan: &Plan) -> HotPath {
+    over_and_over(value_and_gradient(scenario, plan))
+}
+
+/// A search to a certified plan with less effort than the program's, on one thread.
+fn search() -> HotPath {
+    let mut problem = Problem::new(paper(), Criterion::TestPose);
+    problem.effort.probes = 4;
+    problem.effort.certificate_probes = 20;
+    problem.effort.searches = 4;
+    let pool = threads(1);
+    over_and_over(move || {
+        pool.install(|| {
+            let bound = approximate_design(&problem, 1).expect("a feasible region");
+            let stop = AtomicBool::new(false);
+            let watch = Watch {
+                stop: &stop,
+                progress: &|_, _, _| {},
+            };
+            exact_design(&problem, &bound, 3, 3, 1, watch).expect("a plan")
+        })
+    })
+}
+
+/// The static equilibrium of the first experiment in MuJoCo.
+fn equilibrium(scenario: &'static Scenario, plan: &Plan) -> HotPath {
+    let experiment = plan.experiments[0].clone();
+    let site = &scenario.calibration_tool.name;
+    let mut robot = VirtualRobot::new(&scenario.true_robot, site).expect("the site exists");
+    over_and_over(move || {
+        robot
+            .rest(&experiment.configuration_rad, &experiment.load)
+            .expect("stable")
+    })
+}
+
+/// A virtual measurement: an unloaded and a loaded equilibrium.
+fn measurement() -> HotPath {
+    let scenario = paper();
+    let experiment = plan_of(3).experiments[0].clone();
+    let site = &scenario.calibration_tool.name;
+    let mut robot = VirtualRobot::new(&scenario.true_robot, site).expect("the site exists");
+    over_and_over(move || robot.displacement(1, &experiment).expect("stable"))
+}
+
+/// The same by simulating in time until the robot rests.
+fn settling() -> HotPath {
+    let scenario = paper();
+    let experiment = plan_of(3).experiments[0].clone();
+    let site = &scenario.calibration_tool.name;
+    over_and_over(move || {
+        [Load::NONE, experiment.load].map(|load| {
+            let q = &experiment.configuration_rad;
+            settle(&scenario.true_robot, site, q, &load).expect("settles")
+        })
+    })
+}
+
+fn identification(method: Method, experiments: u32) -> HotPath {
+    let scenario = paper();
+    let measurements = measurements(scenario, &plan_of(experiments));
+    over_and_over(move || {
+        identify(
+            &scenario.nominal,
+            &scenario.calibration_tool,
+            &scenario.parameters,
+            &measurements,
+            Sigma::Known(scenario.instrument.sigma_m),
+            method,
+        )
+        .expect("identifiable")
+    })
+}
+
+/// Monte Carlo runs of one plan, a block at a time: 2048 runs of the model, or 64 of the robot.
+fn study(level: Level, experiments: u32, on_threads: u32) -> HotPath {
+    let plan = repeated(&plan_of(experiments), experiments).expect("as many");
+    let entries = Box::leak(Box::new([Entry {
+        name: "plan".to_owned(),
+        setting: 0,
+        kind: EntryKind::Fixed(plan),
+    }]));
+    let settings = Box::leak(Box::new([Setting::plain(paper(), experiments)]));
+    let runner = Runner::new(settings, level, entries).expect("a valid study");
+    let pool = threads(on_threads);
+    Box::new(move |blocks| {
+        let trials = blocks * block_runs(level);
+        let tallies = pool.install(|| runner.run(trials, 0..blocks, 1, &|_| {}));
+        black_box(tallies.expect("a valid study"));
+    })
+}
+
+/// The normal numbers of a block of runs of 12 measurements.
+fn normals() -> HotPath {
+    let mut normals = vec![[0.0; LANES]; 36];
+    Box::new(move |blocks| {
+        for first in (0..blocks * block_runs(Level::Model)).step_by(LANES) {
+            fill_normals(Stream::Noise, 1, first, &mut normals);
+            black_box(&normals);
+        }
+    })
+}
+
+/// The recording of the paper's plan of three and of a random one.
+pub fn recording() -> Recording {
+    let scenario = paper();
+    let plans = [
+        ("klimchik2012_m3", plan_of(3)),
+        ("random", random_plan(scenario, 3, 0).expect("feasible")),
+    ];
+    let calibrations = plans.map(|(name, plan)| {
+        let calibration = calibrate(scenario, &plan, 0).expect("a calibration");
+        (name.to_owned(), calibration)
+    });
+    Recording::new(scenario, &calibrations).expect("a recording")
+}
+
+fn recording_file(name: &str) -> HotPath {
+    let recording = recording();
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join(name);
+    let write = if name == "run.mcap" {
+        write_mcap
+    } else {
+        write_rerun
+    };
+    over_and_over(move || {
+        // The folder lives as long as the work.
+        let _ = &folder;
+        write(&path, &recording).expect("written");
+    })
+}
+
+/// So many bytes written to a file, which is what a recording needs at least.
+fn bytes(count: u32) -> HotPath {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("bytes");
+    let content = vec![1_u8; count as usize];
+    over_and_over(move || {
+        let _ = &folder;
+        std::fs::write(&path, &content).expect("written");
+    })
+}
+
+/// The geometry of the analytic chain, which each step of a non-linear identification needs.
+fn kinematics() -> HotPath {
+    let scenario = paper();
+    let mut arm = scenario.nominal.chain.at(&scenario.calibration_tool);
+    let mut state = KinematicState::new(scenario.joints());
+    let q = plan_of(3).experiments[0].configuration_rad.clone();
+    Box::new(move |times| {
+        for _ in 0..times {
+            arm.update(black_box(q.as_slice()), &mut state);
+            black_box(&state);
+        }
+    })
+}
+
+/// MuJoCo's position stage, which each step of a static equilibrium needs.
+fn position_stage() -> HotPath {
+    let mut state = elastocal::mujoco::State::new(&paper().true_robot.model);
+    let q = plan_of(3).experiments[0].configuration_rad.clone();
+    Box::new(move |times| {
+        for _ in 0..times {
+            state.move_to(black_box(q.as_slice()));
+        }
+    })
+}
+
+fn over_and_over<T>(mut work: impl FnMut() -> T + 'static) -> HotPath {
+    Box::new(move |times| {
+        for _ in 0..times {
+            black_box(work());
+        }
+    })
+}
+
+fn threads(count: u32) -> rayon::ThreadPool {
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(count as usize)
+        .build()
+        .expect("threads")
+}

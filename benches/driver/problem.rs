@@ -1,0 +1,214 @@
+//! The paths' data and results as JSON, so that other programs do the same work and show that they
+//! come to the same numbers.
+
+use elastocal::identification::{Sigma, identify};
+use elastocal::measurement::Measurement;
+use elastocal::output::mcap_file::write_mcap;
+use elastocal::output::rerun_file::write_rerun;
+use elastocal::plan::search::{Problem, random_plan};
+use elastocal::plan::{Criterion, Plan};
+use elastocal::random::normal::{LANES, Stream, fill_normals};
+use elastocal::robot::{EquilibriumSolver, Load, Tool};
+use elastocal::scenario::{Method, Scenario};
+use elastocal::study::model_level::Model;
+use elastocal::study::robot_level::RobotRuns;
+use elastocal::testbed::VirtualRobot;
+use nalgebra::{DMatrix, DVector, Isometry3, Matrix3xX};
+use serde_json::{Value, json};
+
+use super::limits::FLOPS;
+use super::paths::{measurements, paper, plan_of, recording, value_and_gradient};
+
+/// Experiments that selections choose from.
+const POOL: u32 = 200;
+
+/// All that the peers need.
+pub fn problem() -> Value {
+    let scenario = paper();
+    let pose = &scenario.test_poses[0];
+    json!({
+        "flops_per_unit": FLOPS,
+        "sigma_m": scenario.instrument.sigma_m,
+        "parameters": scenario.parameters,
+        "compliance_rad_per_nm": scenario.nominal.compliance_rad_per_nm,
+        "model": "models/kr270.xml",
+        "gravity_m_s2": scenario.nominal.chain.gravity_m_s2.as_slice(),
+        "joints": scenario.nominal.chain.joints.iter().map(|joint| json!({
+            "previous_from_link": isometry(&joint.previous_from_link),
+            "axis": joint.axis.as_slice(),
+            "mass_kg": joint.mass_kg,
+            "centre_of_mass_m": joint.centre_of_mass_m.as_slice(),
+        })).collect::<Vec<_>>(),
+        "calibration_tool": tool(&scenario.calibration_tool),
+        "machining_tool": tool(&scenario.machining_tool),
+        "test_pose": {
+            "q_rad": pose.configuration_rad.as_slice(),
+            "wrench": pose.load.wrench().as_slice(),
+        },
+        "plans": { "3": plan(scenario, 3), "12": plan(scenario, 12) },
+        "study": study(scenario),
+        "equilibrium": equilibrium(scenario),
+        "pool": pool(scenario),
+        "recordings": recordings(),
+    })
+}
+
+fn isometry(isometry: &Isometry3<f64>) -> Vec<Vec<f64>> {
+    rows(&DMatrix::from_column_slice(
+        4,
+        4,
+        isometry.to_homogeneous().as_slice(),
+    ))
+}
+
+fn rows(matrix: &DMatrix<f64>) -> Vec<Vec<f64>> {
+    let row = |row: nalgebra::DVectorView<'_, f64>| row.iter().copied().collect();
+    matrix.transpose().column_iter().map(row).collect()
+}
+
+fn tool(tool: &Tool) -> Value {
+    json!({
+        "site": tool.name,
+        "joints": tool.joints,
+        "link_from_tool": isometry(&tool.link_from_tool),
+    })
+}
+
+/// A plan of Table 4 with the results of objective and identification.
+fn plan(scenario: &'static Scenario, experiments: u32) -> Value {
+    let plan = plan_of(experiments);
+    let (square_m2, gradient) = value_and_gradient(scenario, &plan)();
+    let measured = measurements(scenario, &plan);
+    let identified = |method| {
+        identify(
+            &scenario.nominal,
+            &scenario.calibration_tool,
+            &scenario.parameters,
+            &measured,
+            Sigma::Known(scenario.instrument.sigma_m),
+            method,
+        )
+        .expect("identifiable")
+    };
+    let linear = identified(Method::Linear);
+    let nonlinear = identified(Method::Nonlinear);
+    json!({
+        "q_rad": plan.experiments.iter().map(|each| each.configuration_rad.as_slice()).collect::<Vec<_>>(),
+        "wrench": plan.experiments.iter().map(|each| each.load.wrench().as_slice().to_vec()).collect::<Vec<_>>(),
+        "deflection_m": measured.iter().map(|each| each.deflection_m.as_slice()).collect::<Vec<_>>(),
+        "rho0_square_m2": square_m2,
+        "gradient": gradient,
+        "linear": {
+            "compliance_rad_per_nm": linear.compliance_rad_per_nm,
+            "covariance": rows(&linear.covariance),
+        },
+        "nonlinear": {
+            "compliance_rad_per_nm": nonlinear.compliance_rad_per_nm,
+            "covariance": rows(&nonlinear.covariance),
+            "kinematics_calls": kinematics_calls(scenario, &measured, nonlinear.iterations),
+        },
+    })
+}
+
+/// How often a non-linear identification asks for the arm's geometry, as far as its last step tells.
+fn kinematics_calls(scenario: &Scenario, measured: &[Measurement], iterations: usize) -> usize {
+    let mut arm = scenario.nominal.chain.at(&scenario.calibration_tool);
+    let mut solver = EquilibriumSolver::new(scenario.joints());
+    let mut calls = 0;
+    for each in measured {
+        for load in [Load::NONE, each.load] {
+            let q = each.configuration_rad.as_slice();
+            let compliance = &scenario.nominal.compliance_rad_per_nm;
+            let found = solver.solve(&mut arm, compliance, q, &load);
+            calls += found.expect("stable").iterations;
+        }
+    }
+    calls * iterations
+}
+
+/// The first runs of both levels with their normals.
+fn study(scenario: &Scenario) -> Value {
+    let mut normals = vec![[0.0; LANES]; 36];
+    fill_normals(Stream::Noise, scenario.seed, 0, &mut normals);
+    let model = Model::new(scenario);
+    let batch = model
+        .plan(&plan_of(12))
+        .expect("determined")
+        .run(&normals, &[]);
+    let plan = plan_of(3);
+    let mut robot = RobotRuns::new(scenario).expect("the tools exist");
+    let runs: Vec<(f64, f64)> = (0..LANES)
+        .map(|lane| robot.run(&plan, &normals, lane).expect("a run"))
+        .collect();
+    json!({
+        "normals": normals,
+        "model": { "square": batch.square, "nees": batch.nees },
+        "robot": {
+            "square": runs.iter().map(|run| run.0).collect::<Vec<_>>(),
+            "nees": runs.iter().map(|run| run.1).collect::<Vec<_>>(),
+        },
+    })
+}
+
+/// Where the first experiment of the plan of three rests without and with load, and how often
+/// MuJoCo's position stage is asked for that, and for a whole run.
+fn equilibrium(scenario: &Scenario) -> Value {
+    let mut calls_of_run = 0;
+    let mut rest = |tool: &Tool, q: &DVector<f64>, load: &Load| {
+        let mut robot =
+            VirtualRobot::new(&scenario.true_robot, &tool.name).expect("the site exists");
+        let (position, _, equilibrium) = robot.rest(q, load).expect("stable");
+        // The geometry is asked for once more at the end.
+        let calls = equilibrium.iterations;
+        calls_of_run += calls;
+        (position.as_slice().to_vec(), calls)
+    };
+    let found: Vec<(Vec<f64>, usize)> = plan_of(3)
+        .experiments
+        .iter()
+        .flat_map(|each| [Load::NONE, each.load].map(|load| (each.configuration_rad.clone(), load)))
+        .map(|(q, load)| rest(&scenario.calibration_tool, &q, &load))
+        .collect();
+    let pose = &scenario.test_poses[0];
+    for load in [Load::NONE, pose.load, pose.load] {
+        rest(&scenario.machining_tool, &pose.configuration_rad, &load);
+    }
+    json!({
+        "tool_m": [found[0].0, found[1].0],
+        "position_stages": [found[0].1, found[1].1],
+        "position_stages_of_run": calls_of_run,
+    })
+}
+
+/// Random feasible experiments with their observation matrices, and the test pose's, in units of
+/// typical compliances and of sigma: `rho_0` is in metres.
+fn pool(scenario: &Scenario) -> Value {
+    let drawn: Plan = random_plan(scenario, POOL, 0).expect("feasible");
+    let problem = Problem::new(scenario, Criterion::TestPose);
+    let mut observer = problem.observer();
+    let mut matrix = Matrix3xX::zeros(problem.parameters());
+    let matrices: Vec<Vec<Vec<f64>>> = drawn
+        .experiments
+        .iter()
+        .map(|each| {
+            observer.move_to(each.configuration_rad.as_slice());
+            observer.observe(&each.load, &mut matrix);
+            rows(&DMatrix::from_column_slice(
+                3,
+                matrix.ncols(),
+                matrix.as_slice(),
+            ))
+        })
+        .collect();
+    json!({ "observation_matrices": matrices })
+}
+
+/// The recordings as files for the peers to read.
+fn recordings() -> Value {
+    let recording = recording();
+    let folder = std::path::Path::new("out/bench");
+    std::fs::create_dir_all(folder).expect("a folder for recordings");
+    write_mcap(&folder.join("run.mcap"), &recording).expect("written");
+    write_rerun(&folder.join("run.rrd"), &recording).expect("written");
+    json!({ "mcap": "out/bench/run.mcap", "rrd": "out/bench/run.rrd" })
+}
