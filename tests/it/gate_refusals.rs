@@ -37,7 +37,7 @@ fn answers_to_other_questions_are_refused_or_named() {
             "/trials",
             json!(4000),
             "trials",
-            "trials (4000, not 2000)",
+            "trials (4000, not 20000)",
         ),
         (
             STUDY,
