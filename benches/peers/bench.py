@@ -31,6 +31,7 @@ PEERS = [
     ("write_mcap", "rows", "MCAP", "Python's mcap"),
     ("write_rerun", "rows", "rrd", "rerun's Python SDK"),
 ]
+PARALLEL = "Monte Carlo, model level, 2 threads"
 PACKAGES = ["numpy", "scipy", "mujoco", "mcap", "rerun-sdk", "figaroh"]
 
 
@@ -58,7 +59,7 @@ def compared(driver: Driver, problem: dict, effort: dict, module: str, function:
 
 def parallel(driver: Driver, effort: dict) -> Result:
     """Both sides are elastocal: one thread beside two."""
-    name, peer = "Monte Carlo, model level, 2 threads", "elastocal on 1 thread"
+    name, peer = PARALLEL, "elastocal on 1 thread"
     if len(os.sched_getaffinity(0)) < 2:
         return Result(name, peer, skipped="there is one core")
     paths = ["study_model_threads_2", "study_model"]
@@ -128,6 +129,7 @@ def record(result: Result) -> dict:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="fewer and shorter repetitions")
+    parser.add_argument("--only", default="", metavar="TEXT", help="only rows whose name has this in it")
     parser.add_argument("--json", type=Path, default=Path("out/bench.json"))
     arguments = parser.parse_args()
     effort = {"slice_s": 0.15, "repetitions": 9, "seeds": 3, "limit_s": 15.0}
@@ -139,9 +141,11 @@ def main() -> None:
     problem = driver.problem()
     results = []
     for module, function, name, peer in PEERS:
-        make = lambda: compared(driver, problem, effort, module, function)
-        results += skipping(name, peer, make)
-    results.append(parallel(driver, effort))
+        if arguments.only in name:
+            make = lambda: compared(driver, problem, effort, module, function)
+            results += skipping(name, peer, make)
+    if arguments.only in PARALLEL:
+        results.append(parallel(driver, effort))
     driver.close()
     print("searches", file=sys.stderr)
     searches = [
@@ -149,6 +153,8 @@ def main() -> None:
         ("selection from a pool", "FIGAROH", "beside_figaroh", (problem, effort["seeds"])),
     ]
     for name, peer, function, given in searches:
+        if arguments.only not in name:
+            continue
         results += skipping(
             name, peer, lambda: getattr(importlib.import_module("whole_searches"), function)(*given)
         )

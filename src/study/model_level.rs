@@ -33,6 +33,8 @@ use crate::scenario::Scenario;
 
 /// The most compliances that a run can have.
 const MOST: usize = 48;
+/// Up to so many, less memory is cleared in each run.
+const FEW: usize = 12;
 
 /// Three rows of a matrix, column by column.
 type ThreeRows = Vec<[f64; 3]>;
@@ -237,7 +239,21 @@ fn run(
     normals: &[[f64; LANES]],
     unknown: &[[f64; LANES]],
 ) -> ([f64; LANES], [f64; LANES]) {
-    let mut whitened = [[0.0; LANES]; MOST];
+    if 3 * whitener.len() <= FEW {
+        run_up_to::<FEW>(whitener, compensation, normals, unknown)
+    } else {
+        run_up_to::<MOST>(whitener, compensation, normals, unknown)
+    }
+}
+
+#[inline(always)]
+fn run_up_to<const SIZE: usize>(
+    whitener: &[ThreeRows],
+    compensation: &[ThreeRows],
+    normals: &[[f64; LANES]],
+    unknown: &[[f64; LANES]],
+) -> ([f64; LANES], [f64; LANES]) {
+    let mut whitened = [[0.0; LANES]; SIZE];
     let mut nees = [0.0; LANES];
     for (rows, three) in whitener.iter().zip(whitened.chunks_exact_mut(3)) {
         let (known, others) = rows.split_at(rows.len() - unknown.len());
