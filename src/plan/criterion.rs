@@ -8,6 +8,7 @@
 //! Table 1 has two misprints: `O3`, the smallest singular value, is to be maximised; and the
 //! G row needs the diagonal of cov(k).
 
+use multiversion::multiversion;
 use nalgebra::{DMatrix, DVector, Dyn, SymmetricEigen};
 use serde::{Deserialize, Serialize};
 
@@ -81,6 +82,9 @@ impl Criterion {
     }
 }
 
+/// Information matrices that are judged at a time.
+pub const LANES: usize = 8;
+
 /// A criterion made ready for a problem: a cost to be minimised, with its derivative.
 #[derive(Debug, Clone)]
 pub struct CriterionFunction {
@@ -92,6 +96,8 @@ pub struct CriterionFunction {
     work: DMatrix<f64>,
     /// Room for M^-1 C^T.
     solved: DMatrix<f64>,
+    /// Room for both of several matrices.
+    side_by_side: Vec<[f64; LANES]>,
 }
 
 impl CriterionFunction {
@@ -103,6 +109,7 @@ impl CriterionFunction {
             criterion,
             work: DMatrix::zeros(size, size),
             solved: test_poses.clone(),
+            side_by_side: Vec::new(),
             test_poses,
         }
     }
@@ -137,30 +144,35 @@ impl CriterionFunction {
         cost
     }
 
-    /// The cost alone of `rest` plus `weight` times `block`, both p x p.
-    pub fn cost_of_sum(&mut self, rest: &DMatrix<f64>, block: &[f64], weight: f64) -> f64 {
-        let sum = self.work.as_mut_slice().iter_mut();
-        for ((sum, rest), block) in sum.zip(rest.as_slice()).zip(block) {
-            *sum = rest + weight * block;
-        }
+    /// The costs alone of `rest` plus `weight` times each of [`LANES`] blocks (all p x p), whose
+    /// numbers stand side by side.
+    pub fn costs_of_sums(
+        &mut self,
+        rest: &DMatrix<f64>,
+        blocks: &[[f64; LANES]],
+        weight: f64,
+    ) -> [f64; LANES] {
         if self.criterion == Criterion::TestPose {
-            self.factorise_work()
-        } else {
+            let room = &mut self.side_by_side;
+            room.resize(2 * blocks.len().max(self.test_poses.len()), [0.0; LANES]);
+            return costs_of_sums(rest, blocks, weight, self.test_poses.as_slice(), room);
+        }
+        std::array::from_fn(|lane| {
+            let sum = self.work.as_mut_slice().iter_mut();
+            for ((sum, rest), block) in sum.zip(rest.as_slice()).zip(blocks) {
+                *sum = rest + weight * block[lane];
+            }
             let mut directions = self.work.clone();
             self.spectral_cost(&self.work, &mut directions)
-        }
+        })
     }
 
     fn factorise_work(&mut self) -> f64 {
-        let (work, test_poses) = (self.work.as_mut_slice(), self.test_poses.as_slice());
-        let solved = self.solved.as_mut_slice();
-        // The same code, unrolled for the usual numbers of parameters.
-        match self.test_poses.nrows() {
-            3 => half_solve(3, work, test_poses, solved),
-            5 => half_solve(5, work, test_poses, solved),
-            6 => half_solve(6, work, test_poses, solved),
-            size => half_solve(size, work, test_poses, solved),
-        }
+        let (work, _) = self.work.as_mut_slice().as_chunks_mut::<1>();
+        let (solved, _) = self.solved.as_mut_slice().as_chunks_mut::<1>();
+        let size = self.test_poses.nrows();
+        let [cost] = half_solve_unrolled(size, work, self.test_poses.as_slice(), solved);
+        cost
     }
 
     fn spectral_cost(&self, information: &DMatrix<f64>, directions: &mut DMatrix<f64>) -> f64 {
@@ -238,12 +250,52 @@ impl CriterionFunction {
 /// makes up shares of up to 1e-11.
 const REGULAR: f64 = 1e-9;
 
-/// Factorises M (p x p, symmetric) into L D L^T in its place, with 1/D on the diagonal, and solves
-/// L Y = C^T. Returns trace(C M^-1 C^T), the sum of Y^2 / D; infinite unless every parameter keeps
-/// information beyond rounding when those before it are unknown: D is that information, the diagonal
-/// of M is the information when they are known.
+/// See [`CriterionFunction::costs_of_sums`]; `room` is for twice as many numbers as blocks or C have.
+#[multiversion(targets("x86_64+avx512f+avx512dq+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+fn costs_of_sums(
+    rest: &DMatrix<f64>,
+    blocks: &[[f64; LANES]],
+    weight: f64,
+    test_poses: &[f64],
+    room: &mut [[f64; LANES]],
+) -> [f64; LANES] {
+    let (sums, solved) = room.split_at_mut(room.len() / 2);
+    for ((sum, rest), block) in sums.iter_mut().zip(rest.as_slice()).zip(blocks) {
+        for lane in 0..LANES {
+            sum[lane] = rest + weight * block[lane];
+        }
+    }
+    half_solve_unrolled(rest.nrows(), sums, test_poses, solved)
+}
+
+/// [`half_solve`], unrolled for the usual numbers of parameters.
 #[inline(always)]
-fn half_solve(size: usize, matrix: &mut [f64], right: &[f64], solved: &mut [f64]) -> f64 {
+fn half_solve_unrolled<const L: usize>(
+    size: usize,
+    matrix: &mut [[f64; L]],
+    right: &[f64],
+    solved: &mut [[f64; L]],
+) -> [f64; L] {
+    match size {
+        3 => half_solve(3, matrix, right, solved),
+        5 => half_solve(5, matrix, right, solved),
+        6 => half_solve(6, matrix, right, solved),
+        size => half_solve(size, matrix, right, solved),
+    }
+}
+
+/// Factorises L matrices M (p x p, symmetric) side by side into L D L^T in their place, with 1/D on the
+/// diagonal, and solves L Y = C^T. Returns trace(C M^-1 C^T), the sum of Y^2 / D; infinite unless every
+/// parameter keeps information beyond rounding when those before it are unknown: D is that
+/// information, the diagonal of M is the information when they are known.
+#[inline(always)]
+fn half_solve<const L: usize>(
+    size: usize,
+    matrix: &mut [[f64; L]],
+    right: &[f64],
+    solved: &mut [[f64; L]],
+) -> [f64; L] {
+    let mut is_regular = [true; L];
     for row in 0..size {
         let (above, here) = matrix.split_at_mut(row * size);
         let here = &mut here[..size];
@@ -252,29 +304,43 @@ fn half_solve(size: usize, matrix: &mut [f64], right: &[f64], solved: &mut [f64]
         for column in 0..row {
             let other = &above[column * size..(column + 1) * size];
             for each in 0..column {
-                here[column] -= here[each] * other[each];
+                for lane in 0..L {
+                    here[column][lane] -= here[each][lane] * other[each][lane];
+                }
             }
         }
         for column in 0..row {
-            let scaled = here[column] * above[column * size + column];
-            pivot -= scaled * here[column];
-            here[column] = scaled;
+            let inverse = above[column * size + column];
+            for lane in 0..L {
+                let scaled = here[column][lane] * inverse[lane];
+                pivot[lane] -= scaled * here[column][lane];
+                here[column][lane] = scaled;
+            }
         }
-        if pivot.is_nan() || pivot <= REGULAR * known {
-            return f64::INFINITY;
+        for lane in 0..L {
+            is_regular[lane] &= pivot[lane] > REGULAR * known[lane];
+            here[row][lane] = pivot[lane].recip();
         }
-        here[row] = pivot.recip();
     }
-    let mut cost = 0.0;
+    let mut cost = [0.0; L];
     for (solved, right) in solved.chunks_exact_mut(size).zip(right.chunks_exact(size)) {
         for row in 0..size {
             let factor = &matrix[row * size..(row + 1) * size];
-            let mut value = right[row];
+            let mut value = [right[row]; L];
             for each in 0..row {
-                value -= factor[each] * solved[each];
+                for lane in 0..L {
+                    value[lane] -= factor[each][lane] * solved[each][lane];
+                }
             }
-            cost += value * value * factor[row];
+            for lane in 0..L {
+                cost[lane] += value[lane] * value[lane] * factor[row][lane];
+            }
             solved[row] = value;
+        }
+    }
+    for lane in 0..L {
+        if !is_regular[lane] {
+            cost[lane] = f64::INFINITY;
         }
     }
     cost

@@ -238,12 +238,15 @@ fn sentence(messages: &[StudyPlanMessage], header: &Header) -> String {
     );
     let random = reference.and_then(|index| messages[index].mean_mm);
     if let (Some(random), Some([low, high])) = (random, best.mean_ratio_to_random_ci95) {
+        let interval = match low {
+            low if low > 0.0 => format!("{:.2} to {:.2}", high.recip(), low.recip()),
+            // So few runs do not bound it.
+            _ => format!("over {:.2}", high.recip()),
+        };
         text += &format!(
-            "; with a random plan of as many measurements it is {:.2} um, {:.2} times as much ({:.2} to {:.2})",
+            "; with a random plan of as many measurements it is {:.2} um, {:.2} times as much ({interval})",
             random * 1e3,
             random / mean_mm,
-            high.recip(),
-            low.recip()
         );
     }
     text + ".\n"

@@ -6,16 +6,18 @@ use rayon::prelude::*;
 
 use super::problem::{Point, Problem};
 use super::sampling::Sampler;
-use crate::plan::CriterionFunction;
+use crate::plan::{CriterionFunction, LANES};
 use crate::random::generator;
 
 /// Experiments with the information that they give.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Pool {
     points: Vec<Point>,
-    /// A^T A of every point (p x p), one after the other.
-    information: Vec<f64>,
-    parameters: usize,
+    /// A^T A (p x p) of the points, [`LANES`] at a time side by side. Those that fill up the last
+    /// ones tell nothing.
+    information: Vec<[f64; LANES]>,
+    /// p^2.
+    entries: usize,
 }
 
 impl Pool {
@@ -35,15 +37,19 @@ impl Pool {
 
     /// A pool of these experiments.
     pub fn new(problem: &Problem<'_>, points: Vec<Point>) -> Self {
-        let mut information = Vec::new();
-        for point in &points {
-            information.extend_from_slice(point.information().as_slice());
-        }
-        Self {
+        let entries = problem.parameters().pow(2);
+        let mut pool = Self {
+            information: vec![[0.0; LANES]; points.len().div_ceil(LANES) * entries],
             points,
-            information,
-            parameters: problem.parameters(),
+            entries,
+        };
+        for index in 0..pool.points.len() {
+            let information = pool.points[index].information();
+            for (entry, value) in information.iter().enumerate() {
+                *pool.entry(index, entry) = *value;
+            }
         }
+        pool
     }
 
     /// The experiments.
@@ -54,11 +60,15 @@ impl Pool {
     /// The experiments in descending order of their directional derivatives trace(A G A^T), with
     /// these.
     pub fn by_derivative(&self, directions: &DMatrix<f64>) -> Vec<(&Point, f64)> {
-        let dot = |information: &[f64]| -> f64 {
-            let pairs = information.iter().zip(directions.as_slice());
-            pairs.map(|(one, other)| one * other).sum()
-        };
-        let derivatives = self.blocks().map(dot);
+        let derivatives = self.information.chunks_exact(self.entries).flat_map(|blocks| {
+            let mut derivatives = [0.0; LANES];
+            for (values, direction) in blocks.iter().zip(directions.as_slice()) {
+                for lane in 0..LANES {
+                    derivatives[lane] += values[lane] * direction;
+                }
+            }
+            derivatives
+        });
         let mut sorted: Vec<_> = self.points.iter().zip(derivatives).collect();
         sorted.sort_by(|one, other| other.1.total_cmp(&one.1));
         sorted
@@ -72,8 +82,10 @@ impl Pool {
         rest: &DMatrix<f64>,
         weight: f64,
     ) -> Option<(usize, f64)> {
-        self.blocks()
-            .map(|block| cost.cost_of_sum(rest, block, weight))
+        self.information
+            .chunks_exact(self.entries)
+            .flat_map(|blocks| cost.costs_of_sums(rest, blocks, weight))
+            .take(self.points.len())
             .enumerate()
             .min_by(|one, other| one.1.total_cmp(&other.1))
     }
@@ -83,15 +95,17 @@ impl Pool {
         self.points[index] = point;
     }
 
-    /// Takes an experiment out.
+    /// Takes an experiment out; the last one takes its place.
     pub fn remove(&mut self, index: usize) {
-        self.points.remove(index);
-        let size = self.parameters * self.parameters;
-        self.information.drain(index * size..(index + 1) * size);
+        self.points.swap_remove(index);
+        let last = self.points.len();
+        for entry in 0..self.entries {
+            *self.entry(index, entry) = *self.entry(last, entry);
+        }
+        self.information.truncate(last.div_ceil(LANES) * self.entries);
     }
 
-    fn blocks(&self) -> impl Iterator<Item = &[f64]> {
-        self.information
-            .chunks_exact(self.parameters * self.parameters)
+    fn entry(&mut self, index: usize, entry: usize) -> &mut f64 {
+        &mut self.information[index / LANES * self.entries + entry][index % LANES]
     }
 }

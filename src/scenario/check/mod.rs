@@ -72,6 +72,9 @@ impl Checker<'_> {
         let joints = nominal.chain.len();
         let test_poses = self.test_poses(&file.test_pose, &nominal.chain)?;
         let design = self.design(&file.design, parameters.len(), joints)?;
+        if let Some(path) = &file.design.mandatory {
+            hash.update(read_text(&self.resolve(path))?);
+        }
         let plans = self.plans(&file.plan, joints)?;
         let instrument = self.instrument(&file.instrument, &file.region, &nominal.model)?;
         let context = study::Context {
