@@ -1,6 +1,5 @@
 //! The model's shapes as triangles, which both recordings draw.
 
-use std::collections::HashMap;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 use nalgebra::{Isometry3, Point3, Vector3};
@@ -90,7 +89,8 @@ impl Mesh {
         }
         let smooth = CREASE_RAD.cos();
         let mut shaded = ShadedMesh::default();
-        let mut known = HashMap::new();
+        // Of each corner: its normals so far, few, with the indices of their vertices.
+        let mut known = vec![Vec::new(); self.vertices.len()];
         for (own, corners) in normals.iter().zip(&self.triangles) {
             let indices = corners.map(|corner| {
                 // Weighted by the faces' angles at the corner, so that it does not matter how a
@@ -103,12 +103,16 @@ impl Mesh {
                     .sum::<Vector3<f64>>();
                 let normal = direction(&normal);
                 #[expect(clippy::cast_possible_truncation, reason = "a key; at most 1000")]
-                let key = (corner, normal.map(|value| (value * 1e3).round() as i32));
-                *known.entry(key).or_insert_with(|| {
-                    shaded.vertices.push(self.vertices[corner as usize]);
-                    shaded.normals.push(normal);
-                    count(shaded.vertices.len()) - 1
-                })
+                let key = normal.map(|value| (value * 1e3).round() as i32);
+                let known = &mut known[corner as usize];
+                if let Some((_, index)) = known.iter().find(|(other, _)| *other == key) {
+                    return *index;
+                }
+                let index = count(shaded.vertices.len());
+                known.push((key, index));
+                shaded.vertices.push(self.vertices[corner as usize]);
+                shaded.normals.push(normal);
+                index
             });
             shaded.triangles.push(indices);
         }

@@ -8,9 +8,12 @@
 //! Table 1 has two misprints: `O3`, the smallest singular value, is to be maximised; and the
 //! G row needs the diagonal of cov(k).
 
-use multiversion::multiversion;
 use nalgebra::{DMatrix, DVector, Dyn, SymmetricEigen};
 use serde::{Deserialize, Serialize};
+
+use super::factorisation::{
+    LANES, costs_of_sums, half_solve_unrolled, solve_transposed, sum_of_squares,
+};
 
 /// What makes a plan good.
 #[derive(
@@ -81,9 +84,6 @@ impl Criterion {
         matches!(self, Self::D | Self::E | Self::O1 | Self::O3 | Self::O4)
     }
 }
-
-/// Information matrices that are judged at a time.
-pub const LANES: usize = 8;
 
 /// A criterion made ready for a problem: a cost to be minimised, with its derivative.
 #[derive(Debug, Clone)]
@@ -243,133 +243,6 @@ impl CriterionFunction {
             maximised if maximised.is_maximised() => cost.recip(),
             _ => cost,
         })
-    }
-}
-
-/// The least share of its information that a parameter keeps when those before it are unknown. Rounding
-/// makes up shares of up to 1e-11.
-const REGULAR: f64 = 1e-9;
-
-/// See [`CriterionFunction::costs_of_sums`]; `room` is for twice as many numbers as blocks or C have.
-#[multiversion(targets("x86_64+avx512f+avx512dq+avx512vl", "x86_64+avx2", "aarch64+neon"))]
-fn costs_of_sums(
-    rest: &DMatrix<f64>,
-    blocks: &[[f64; LANES]],
-    weight: f64,
-    test_poses: &[f64],
-    room: &mut [[f64; LANES]],
-) -> [f64; LANES] {
-    let (sums, solved) = room.split_at_mut(room.len() / 2);
-    for ((sum, rest), block) in sums.iter_mut().zip(rest.as_slice()).zip(blocks) {
-        for lane in 0..LANES {
-            sum[lane] = rest + weight * block[lane];
-        }
-    }
-    half_solve_unrolled(rest.nrows(), sums, test_poses, solved)
-}
-
-/// [`half_solve`], unrolled for the usual numbers of parameters.
-#[inline(always)]
-fn half_solve_unrolled<const L: usize>(
-    size: usize,
-    matrix: &mut [[f64; L]],
-    right: &[f64],
-    solved: &mut [[f64; L]],
-) -> [f64; L] {
-    match size {
-        3 => half_solve(3, matrix, right, solved),
-        5 => half_solve(5, matrix, right, solved),
-        6 => half_solve(6, matrix, right, solved),
-        size => half_solve(size, matrix, right, solved),
-    }
-}
-
-/// Factorises L matrices M (p x p, symmetric) side by side into L D L^T in their place, with 1/D on the
-/// diagonal, and solves L Y = C^T. Returns trace(C M^-1 C^T), the sum of Y^2 / D; infinite unless every
-/// parameter keeps information beyond rounding when those before it are unknown: D is that
-/// information, the diagonal of M is the information when they are known.
-#[inline(always)]
-fn half_solve<const L: usize>(
-    size: usize,
-    matrix: &mut [[f64; L]],
-    right: &[f64],
-    solved: &mut [[f64; L]],
-) -> [f64; L] {
-    let mut is_regular = [true; L];
-    for row in 0..size {
-        let (above, here) = matrix.split_at_mut(row * size);
-        let here = &mut here[..size];
-        let known = here[row];
-        let mut pivot = known;
-        for column in 0..row {
-            let other = &above[column * size..(column + 1) * size];
-            for each in 0..column {
-                for lane in 0..L {
-                    here[column][lane] -= here[each][lane] * other[each][lane];
-                }
-            }
-        }
-        for column in 0..row {
-            let inverse = above[column * size + column];
-            for lane in 0..L {
-                let scaled = here[column][lane] * inverse[lane];
-                pivot[lane] -= scaled * here[column][lane];
-                here[column][lane] = scaled;
-            }
-        }
-        for lane in 0..L {
-            is_regular[lane] &= pivot[lane] > REGULAR * known[lane];
-            here[row][lane] = pivot[lane].recip();
-        }
-    }
-    let mut cost = [0.0; L];
-    for (solved, right) in solved.chunks_exact_mut(size).zip(right.chunks_exact(size)) {
-        for row in 0..size {
-            let factor = &matrix[row * size..(row + 1) * size];
-            let mut value = [right[row]; L];
-            for each in 0..row {
-                for lane in 0..L {
-                    value[lane] -= factor[each][lane] * solved[each][lane];
-                }
-            }
-            for lane in 0..L {
-                cost[lane] += value[lane] * value[lane] * factor[row][lane];
-            }
-            solved[row] = value;
-        }
-    }
-    for lane in 0..L {
-        if !is_regular[lane] {
-            cost[lane] = f64::INFINITY;
-        }
-    }
-    cost
-}
-
-/// Goes on from Y to X = M^-1 C^T = L^-T D^-1 Y.
-fn solve_transposed(factor: &[f64], solved: &mut [f64]) {
-    let size = factor.len().isqrt();
-    for solved in solved.chunks_exact_mut(size) {
-        for row in (0..size).rev() {
-            let mut value = solved[row] * factor[row * size + row];
-            for below in row + 1..size {
-                value -= factor[below * size + row] * solved[below];
-            }
-            solved[row] = value;
-        }
-    }
-}
-
-/// X X^T, p x p, from the columns of X.
-fn sum_of_squares(columns: &[f64], squares: &mut [f64]) {
-    let size = squares.len().isqrt();
-    squares.fill(0.0);
-    for column in columns.chunks_exact(size) {
-        for (row, squares) in squares.chunks_exact_mut(size).enumerate() {
-            for (square, value) in squares.iter_mut().zip(column) {
-                *square += column[row] * value;
-            }
-        }
     }
 }
 

@@ -3,6 +3,7 @@
 mod accuracy;
 mod assessment;
 mod criterion;
+mod factorisation;
 mod feasibility;
 mod file;
 mod region;
@@ -14,7 +15,8 @@ use crate::robot::Load;
 
 pub use accuracy::{ExperimentModel, test_pose_weights};
 pub use assessment::Assessment;
-pub use criterion::{Criterion, CriterionFunction, LANES};
+pub use criterion::{Criterion, CriterionFunction};
+pub use factorisation::LANES;
 pub use feasibility::{Feasibility, Violation};
 pub use file::{Row, Table, experiment_columns, experiment_fields, read_plan, write_plan};
 pub use region::{Bound, bounds_of};

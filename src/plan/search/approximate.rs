@@ -19,8 +19,9 @@ use nalgebra::DMatrix;
 use rayon::prelude::*;
 
 use super::local::{LocalSearch, Precision};
+use super::point::Point;
 use super::pool::Pool;
-use super::problem::{Point, Problem, SearchError};
+use super::problem::{Problem, SearchError};
 use super::sampling::Sampler;
 use crate::random::generator;
 

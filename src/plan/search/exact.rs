@@ -7,7 +7,8 @@ use rayon::prelude::*;
 
 use super::approximate::ApproximateDesign;
 use super::local::Precision;
-use super::problem::{Point, Problem, SearchError};
+use super::point::Point;
+use super::problem::{Problem, SearchError};
 use super::refinement::{Found, Refinement};
 use crate::plan::{Criterion, Plan};
 use crate::random::generator;

@@ -4,8 +4,8 @@
 use rand::{Rng, RngExt};
 
 use super::local::Precision;
+use super::point::Point;
 use super::pool::Pool;
-use super::problem::Point;
 use super::refinement::{Found, Refinement};
 use crate::plan::Criterion;
 

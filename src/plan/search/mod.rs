@@ -1,6 +1,7 @@
 //! The search for a plan (eqs. 21, 22) and the certificate of how good it can be.
 //!
 //! - [`observation`](Observer): the observation matrix and its derivatives.
+//! - `problem`, `point`, `joints`: what is searched, an experiment of it, and the joints that matter.
 //! - `local`: the best configuration near a given one, by sequential quadratic programming.
 //! - `sampling`: random feasible experiments.
 //! - `approximate`: the design with continuous weights, whose largest directional derivative bounds
@@ -17,8 +18,10 @@ mod budget;
 mod criteria;
 mod exact;
 mod exchange;
+mod joints;
 mod local;
 mod observation;
+mod point;
 mod pool;
 mod problem;
 mod refinement;

@@ -4,7 +4,8 @@
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 
-use super::problem::{Point, Problem};
+use super::point::Point;
+use super::problem::Problem;
 use super::sampling::Sampler;
 use crate::plan::{CriterionFunction, LANES};
 use crate::random::generator;
@@ -60,15 +61,18 @@ impl Pool {
     /// The experiments in descending order of their directional derivatives trace(A G A^T), with
     /// these.
     pub fn by_derivative(&self, directions: &DMatrix<f64>) -> Vec<(&Point, f64)> {
-        let derivatives = self.information.chunks_exact(self.entries).flat_map(|blocks| {
-            let mut derivatives = [0.0; LANES];
-            for (values, direction) in blocks.iter().zip(directions.as_slice()) {
-                for lane in 0..LANES {
-                    derivatives[lane] += values[lane] * direction;
+        let derivatives = self
+            .information
+            .chunks_exact(self.entries)
+            .flat_map(|blocks| {
+                let mut derivatives = [0.0; LANES];
+                for (values, direction) in blocks.iter().zip(directions.as_slice()) {
+                    for lane in 0..LANES {
+                        derivatives[lane] += values[lane] * direction;
+                    }
                 }
-            }
-            derivatives
-        });
+                derivatives
+            });
         let mut sorted: Vec<_> = self.points.iter().zip(derivatives).collect();
         sorted.sort_by(|one, other| other.1.total_cmp(&one.1));
         sorted
@@ -102,7 +106,8 @@ impl Pool {
         for entry in 0..self.entries {
             *self.entry(index, entry) = *self.entry(last, entry);
         }
-        self.information.truncate(last.div_ceil(LANES) * self.entries);
+        self.information
+            .truncate(last.div_ceil(LANES) * self.entries);
     }
 
     fn entry(&mut self, index: usize, entry: usize) -> &mut f64 {

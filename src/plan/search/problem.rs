@@ -1,15 +1,13 @@
 //! What is searched: the scenario's planning problem in relative units.
 
-use nalgebra::{DMatrix, Matrix3xX, Vector3};
-use rand::RngExt;
+use nalgebra::{DMatrix, Matrix3xX};
 use thiserror::Error;
 
+use super::joints::{indifferent_joints, unexcited_joints};
 use super::observation::Observer;
+use super::point::add_information;
 use crate::compensation::test_pose_matrix;
-use crate::plan::{
-    Bound, Criterion, CriterionFunction, Experiment, ExperimentModel, Plan, bounds_of,
-};
-use crate::random::generator;
+use crate::plan::{Bound, Criterion, CriterionFunction, ExperimentModel, Plan, bounds_of};
 use crate::robot::Load;
 use crate::scenario::{Loads, Scenario};
 
@@ -76,36 +74,6 @@ pub enum LoadChoice {
     AnyDirection(f64),
 }
 
-/// A configuration and a load with the observation matrix that they give.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Point {
-    /// The joint angles (rad).
-    pub q: Vec<f64>,
-    /// The load.
-    pub load: Load,
-    /// The scaled observation matrix, 3 x p.
-    pub matrix: Matrix3xX<f64>,
-}
-
-impl Point {
-    /// The scaled information A^T A, p x p.
-    #[must_use]
-    pub fn information(&self) -> DMatrix<f64> {
-        let matrix = self.matrix.tr_mul(&self.matrix);
-        DMatrix::from_column_slice(matrix.nrows(), matrix.ncols(), matrix.as_slice())
-    }
-
-    /// The point as an experiment of a plan.
-    #[must_use]
-    pub fn experiment(&self, repeats: u32) -> Experiment {
-        Experiment {
-            configuration_rad: nalgebra::DVector::from_column_slice(&self.q),
-            load: self.load,
-            repeats,
-        }
-    }
-}
-
 /// A planning problem: the region, the loads, the criterion and the model, in relative units.
 #[derive(Debug, Clone)]
 pub struct Problem<'a> {
@@ -122,7 +90,7 @@ pub struct Problem<'a> {
     /// under a vertical load.
     pub(super) indifferent: Vec<usize>,
     /// The joints whose compliances the plan is to determine.
-    parameters: Vec<usize>,
+    pub(super) parameters: Vec<usize>,
     /// Those of them that no experiment shows.
     unexcited: Vec<usize>,
     typical_rad_per_nm: Vec<f64>,
@@ -136,7 +104,7 @@ impl<'a> Problem<'a> {
     #[must_use]
     pub fn new(scenario: &'a Scenario, criterion: Criterion) -> Self {
         let mut problem = Self::of_parameters(scenario, criterion, &scenario.parameters);
-        problem.unexcited = problem.unexcited_joints();
+        problem.unexcited = unexcited_joints(&problem);
         if criterion == Criterion::TestPose {
             let matters = |&index: &usize| {
                 problem.test_poses.row(index).amax() > 1e-9 * problem.test_poses.amax()
@@ -209,40 +177,6 @@ impl<'a> Problem<'a> {
         })
     }
 
-    /// The joints whose compliances do not show at random configurations under any load.
-    fn unexcited_joints(&self) -> Vec<usize> {
-        const CONFIGURATIONS: u64 = 40;
-        let forces = [Vector3::x(), Vector3::y(), Vector3::z()].map(|force| Load {
-            force_n: force,
-            torque_nm: Vector3::zeros(),
-        });
-        let loads: &[Load] = match &self.loads {
-            LoadChoice::OneOf(loads) => loads,
-            LoadChoice::AnyDirection(_) => &forces,
-        };
-        let mut observer = self.observer();
-        let mut matrix = Matrix3xX::zeros(self.parameters());
-        let mut shown = vec![0.0_f64; self.parameters()];
-        let mut random = generator(0, 2);
-        for _ in 0..CONFIGURATIONS {
-            let draw = |&(low, high): &(f64, f64)| low + (high - low) * random.random::<f64>();
-            let q: Vec<f64> = self.ranges.iter().map(draw).collect();
-            observer.move_to(&q);
-            for load in loads {
-                observer.observe(load, &mut matrix);
-                for (shown, column) in shown.iter_mut().zip(matrix.column_iter()) {
-                    *shown = shown.max(column.norm());
-                }
-            }
-        }
-        let largest = shown.iter().copied().fold(0.0, f64::max);
-        let joints = self.parameters.iter().zip(shown);
-        joints
-            .filter(|(_, shown)| *shown <= 1e-9 * largest)
-            .map(|(joint, _)| *joint)
-            .collect()
-    }
-
     /// The number p of compliances.
     #[must_use]
     pub fn parameters(&self) -> usize {
@@ -295,100 +229,6 @@ impl<'a> Problem<'a> {
             .map(|(index, typical)| covariance[(index, index)].max(0.0).sqrt() * typical)
             .collect()
     }
-}
-
-/// Adds `weight` A^T A to an information matrix.
-pub(super) fn add_information(
-    information: &mut DMatrix<f64>,
-    matrix: &Matrix3xX<f64>,
-    weight: f64,
-) {
-    let columns = matrix.as_slice();
-    let size = matrix.ncols();
-    let sums = information.as_mut_slice().chunks_exact_mut(size);
-    for (sums, one) in sums.zip(columns.chunks_exact(3)) {
-        let [x, y, z] = [one[0] * weight, one[1] * weight, one[2] * weight];
-        for (sum, other) in sums.iter_mut().zip(columns.chunks_exact(3)) {
-            *sum += x * other[0] + y * other[1] + z * other[2];
-        }
-    }
-}
-
-/// trace(A G A^T): the information of an experiment in the directions G.
-pub(super) fn information_in(matrix: &Matrix3xX<f64>, directions: &DMatrix<f64>) -> f64 {
-    let columns = matrix.as_slice();
-    let mut sum = 0.0;
-    let rows = directions.as_slice().chunks_exact(matrix.ncols());
-    for (row, one) in rows.zip(columns.chunks_exact(3)) {
-        for (weight, other) in row.iter().zip(columns.chunks_exact(3)) {
-            sum += weight * (one[0] * other[0] + one[1] * other[1] + one[2] * other[2]);
-        }
-    }
-    sum
-}
-
-/// A G for an observation matrix A, times a factor.
-pub(super) fn in_directions(
-    product: &mut Matrix3xX<f64>,
-    factor: f64,
-    matrix: &Matrix3xX<f64>,
-    directions: &DMatrix<f64>,
-) {
-    let columns = matrix.as_slice();
-    let rows = directions.as_slice().chunks_exact(matrix.ncols());
-    for (sum, row) in product.as_mut_slice().chunks_exact_mut(3).zip(rows) {
-        sum.fill(0.0);
-        for (weight, column) in row.iter().zip(columns.chunks_exact(3)) {
-            let weight = factor * weight;
-            sum[0] += weight * column[0];
-            sum[1] += weight * column[1];
-            sum[2] += weight * column[2];
-        }
-    }
-}
-
-/// Finds the joints that do not matter by turning each at random configurations.
-fn indifferent_joints(problem: &Problem<'_>) -> Vec<usize> {
-    const CONFIGURATIONS: u64 = 8;
-    let LoadChoice::OneOf(loads) = &problem.loads else {
-        return Vec::new();
-    };
-    let mut observer = problem.observer();
-    let gravity = observer.gravity();
-    let mut matrix = Matrix3xX::zeros(problem.parameters());
-    let mut told = |q: &[f64], load: &Load| {
-        observer.move_to(q);
-        observer.observe(load, &mut matrix);
-        let margin = |bound: &Bound| bound.margin(&observer.state, load, &gravity);
-        let mut told: Vec<f64> = problem.bounds.iter().map(margin).collect();
-        told.extend(matrix.tr_mul(&matrix).iter());
-        told
-    };
-    let mut random = generator(0, 1);
-    let mut draw = |joint: usize| {
-        let (low, high) = problem.ranges[joint];
-        low + (high - low) * random.random::<f64>()
-    };
-    let joints = problem.ranges.len();
-    let mut matters = vec![false; joints];
-    for _ in 0..CONFIGURATIONS {
-        let q: Vec<f64> = (0..joints).map(&mut draw).collect();
-        for (joint, matters) in matters.iter_mut().enumerate() {
-            let mut turned = q.clone();
-            turned[joint] = draw(joint);
-            for load in loads {
-                let (before, after) = (told(&q, load), told(&turned, load));
-                let size = before
-                    .iter()
-                    .fold(1.0_f64, |size, value| size.max(value.abs()));
-                *matters |= before
-                    .iter()
-                    .zip(&after)
-                    .any(|(one, other)| (one - other).abs() > 1e-9 * size);
-            }
-        }
-    }
-    (0..joints).filter(|&joint| !matters[joint]).collect()
 }
 
 /// Nominal compliances of the parameters; the largest one stands in for a joint held to be rigid.

@@ -5,7 +5,8 @@ use std::cell::RefCell;
 use nalgebra::{DMatrix, Matrix3xX};
 
 use super::local::{LocalSearch, Precision};
-use super::problem::{Point, Problem, add_information, in_directions};
+use super::point::{Point, add_information, in_directions};
+use super::problem::Problem;
 use super::sampling::Sampler;
 use crate::plan::{CriterionFunction, Experiment};
 

@@ -1,0 +1,88 @@
+//! Which joints a planning problem is about, seen at random configurations.
+
+use nalgebra::{Matrix3xX, Vector3};
+use rand::RngExt;
+
+use super::problem::{LoadChoice, Problem};
+use crate::plan::Bound;
+use crate::random::generator;
+use crate::robot::Load;
+
+/// The joints whose compliances do not show at random configurations under any load.
+pub(super) fn unexcited_joints(problem: &Problem<'_>) -> Vec<usize> {
+    const CONFIGURATIONS: u64 = 40;
+    let forces = [Vector3::x(), Vector3::y(), Vector3::z()].map(|force| Load {
+        force_n: force,
+        torque_nm: Vector3::zeros(),
+    });
+    let loads: &[Load] = match &problem.loads {
+        LoadChoice::OneOf(loads) => loads,
+        LoadChoice::AnyDirection(_) => &forces,
+    };
+    let mut observer = problem.observer();
+    let mut matrix = Matrix3xX::zeros(problem.parameters());
+    let mut shown = vec![0.0_f64; problem.parameters()];
+    let mut random = generator(0, 2);
+    for _ in 0..CONFIGURATIONS {
+        let draw = |&(low, high): &(f64, f64)| low + (high - low) * random.random::<f64>();
+        let q: Vec<f64> = problem.ranges.iter().map(draw).collect();
+        observer.move_to(&q);
+        for load in loads {
+            observer.observe(load, &mut matrix);
+            for (shown, column) in shown.iter_mut().zip(matrix.column_iter()) {
+                *shown = shown.max(column.norm());
+            }
+        }
+    }
+    let largest = shown.iter().copied().fold(0.0, f64::max);
+    let joints = problem.parameters.iter().zip(shown);
+    joints
+        .filter(|(_, shown)| *shown <= 1e-9 * largest)
+        .map(|(joint, _)| *joint)
+        .collect()
+}
+
+/// The joints whose angle changes neither what any experiment tells nor the smooth bounds, found by
+/// turning each.
+pub(super) fn indifferent_joints(problem: &Problem<'_>) -> Vec<usize> {
+    const CONFIGURATIONS: u64 = 8;
+    let LoadChoice::OneOf(loads) = &problem.loads else {
+        return Vec::new();
+    };
+    let mut observer = problem.observer();
+    let gravity = observer.gravity();
+    let mut matrix = Matrix3xX::zeros(problem.parameters());
+    let mut told = |q: &[f64], load: &Load| {
+        observer.move_to(q);
+        observer.observe(load, &mut matrix);
+        let margin = |bound: &Bound| bound.margin(&observer.state, load, &gravity);
+        let mut told: Vec<f64> = problem.bounds.iter().map(margin).collect();
+        told.extend(matrix.tr_mul(&matrix).iter());
+        told
+    };
+    let mut random = generator(0, 1);
+    let mut draw = |joint: usize| {
+        let (low, high) = problem.ranges[joint];
+        low + (high - low) * random.random::<f64>()
+    };
+    let joints = problem.ranges.len();
+    let mut matters = vec![false; joints];
+    for _ in 0..CONFIGURATIONS {
+        let q: Vec<f64> = (0..joints).map(&mut draw).collect();
+        for (joint, matters) in matters.iter_mut().enumerate() {
+            let mut turned = q.clone();
+            turned[joint] = draw(joint);
+            for load in loads {
+                let (before, after) = (told(&q, load), told(&turned, load));
+                let size = before
+                    .iter()
+                    .fold(1.0_f64, |size, value| size.max(value.abs()));
+                *matters |= before
+                    .iter()
+                    .zip(&after)
+                    .any(|(one, other)| (one - other).abs() > 1e-9 * size);
+            }
+        }
+    }
+    (0..joints).filter(|&joint| !matters[joint]).collect()
+}

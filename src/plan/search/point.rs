@@ -1,0 +1,86 @@
+//! An experiment as the search sees it, and the information that it gives.
+
+use nalgebra::{DMatrix, Matrix3xX};
+
+use crate::plan::Experiment;
+use crate::robot::Load;
+
+/// A configuration and a load with the observation matrix that they give.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Point {
+    /// The joint angles (rad).
+    pub q: Vec<f64>,
+    /// The load.
+    pub load: Load,
+    /// The scaled observation matrix, 3 x p.
+    pub matrix: Matrix3xX<f64>,
+}
+
+impl Point {
+    /// The scaled information A^T A, p x p.
+    #[must_use]
+    pub fn information(&self) -> DMatrix<f64> {
+        let matrix = self.matrix.tr_mul(&self.matrix);
+        DMatrix::from_column_slice(matrix.nrows(), matrix.ncols(), matrix.as_slice())
+    }
+
+    /// The point as an experiment of a plan.
+    #[must_use]
+    pub fn experiment(&self, repeats: u32) -> Experiment {
+        Experiment {
+            configuration_rad: nalgebra::DVector::from_column_slice(&self.q),
+            load: self.load,
+            repeats,
+        }
+    }
+}
+
+/// Adds `weight` A^T A to an information matrix.
+pub(super) fn add_information(
+    information: &mut DMatrix<f64>,
+    matrix: &Matrix3xX<f64>,
+    weight: f64,
+) {
+    let columns = matrix.as_slice();
+    let size = matrix.ncols();
+    let sums = information.as_mut_slice().chunks_exact_mut(size);
+    for (sums, one) in sums.zip(columns.chunks_exact(3)) {
+        let [x, y, z] = [one[0] * weight, one[1] * weight, one[2] * weight];
+        for (sum, other) in sums.iter_mut().zip(columns.chunks_exact(3)) {
+            *sum += x * other[0] + y * other[1] + z * other[2];
+        }
+    }
+}
+
+/// trace(A G A^T): the information of an experiment in the directions G.
+pub(super) fn information_in(matrix: &Matrix3xX<f64>, directions: &DMatrix<f64>) -> f64 {
+    let columns = matrix.as_slice();
+    let mut sum = 0.0;
+    let rows = directions.as_slice().chunks_exact(matrix.ncols());
+    for (row, one) in rows.zip(columns.chunks_exact(3)) {
+        for (weight, other) in row.iter().zip(columns.chunks_exact(3)) {
+            sum += weight * (one[0] * other[0] + one[1] * other[1] + one[2] * other[2]);
+        }
+    }
+    sum
+}
+
+/// A G for an observation matrix A, times a factor.
+pub(super) fn in_directions(
+    product: &mut Matrix3xX<f64>,
+    factor: f64,
+    matrix: &Matrix3xX<f64>,
+    directions: &DMatrix<f64>,
+) {
+    let columns = matrix.as_slice();
+    let rows = directions.as_slice().chunks_exact(matrix.ncols());
+    for (sum, row) in product.as_mut_slice().chunks_exact_mut(3).zip(rows) {
+        sum.fill(0.0);
+        for (weight, column) in row.iter().zip(columns.chunks_exact(3)) {
+            let weight = factor * weight;
+            sum[0] += weight * column[0];
+            sum[1] += weight * column[1];
+            sum[2] += weight * column[2];
+        }
+    }
+}
