@@ -233,6 +233,8 @@ fn revolve(profile: &[(f64, f64)]) -> Mesh {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::HashMap;
+
     use super::*;
     use crate::mujoco::Model;
 
