@@ -5,6 +5,7 @@ use std::sync::atomic::Ordering;
 
 use clap::Args;
 use elastocal::files::{check_writable, write_whole};
+use elastocal::output::markup::counted;
 use elastocal::output::messages::ProvenanceMessage;
 use elastocal::output::plots::budget_plot;
 use elastocal::plan::search::{BudgetPoint, Watch, budget, cheapest, repeated_configurations};
@@ -35,8 +36,8 @@ impl Budget {
         let scenario = self.common.load()?;
         self.plot_out.as_deref().map_or(Ok(()), check_writable)?;
         self.common.say(&format!(
-            "searching the best plans of up to {} measurements",
-            self.up_to
+            "searching the best plans of up to {}",
+            counted(self.up_to.into(), "measurement")
         ));
         let bar = bar(self.common.quiet, "searching plans");
         let watch = Watch {
@@ -50,9 +51,9 @@ impl Budget {
         bar.finish_and_clear();
         anyhow::ensure!(
             !points.is_empty(),
-            "{} measurements do not determine {} compliances; give a larger --up-to",
-            self.up_to,
-            scenario.parameters.len()
+            "no plan of up to {} determines {}; give a larger --up-to",
+            counted(self.up_to.into(), "measurement"),
+            counted(scenario.parameters.len() as u64, "compliance")
         );
         let mut conditions = Vec::new();
         if watch.stop.load(Ordering::Relaxed) {
@@ -63,13 +64,16 @@ impl Budget {
         match needed {
             Some(point) => {
                 text += &format!(
-                    "\nFor {} um at the test pose you need {} measurements in {} configurations.\n",
-                    self.accuracy_um, point.experiments, point.configurations
+                    "\nFor {} um at the test pose you need {} in {}.\n",
+                    self.accuracy_um,
+                    counted(point.experiments.into(), "measurement"),
+                    counted(point.configurations.into(), "configuration")
                 );
             }
             None => conditions.push(format!(
-                "{} measurements do not give {} um",
-                self.up_to, self.accuracy_um
+                "no plan of up to {} gives {} um",
+                counted(self.up_to.into(), "measurement"),
+                self.accuracy_um
             )),
         }
         if let Some(path) = &self.plot_out {

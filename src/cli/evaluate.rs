@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use elastocal::output::markup::counted;
 use elastocal::output::messages::{AssessmentMessage, ProvenanceMessage};
 use elastocal::plan::search::{Problem, approximate_design};
 use elastocal::plan::{Assessment, Criterion, read_plan};
@@ -67,15 +68,14 @@ pub fn conditions(scenario: &Scenario, assessment: &Assessment) -> Vec<String> {
 
 /// The condition of a plan with violations.
 pub fn violated(count: usize) -> String {
-    let plural = if count == 1 { "" } else { "s" };
-    format!("the plan has {count} violation{plural}")
+    format!("the plan has {}", counted(count as u64, "violation"))
 }
 
 /// An assessment for a person.
 pub fn describe(scenario: &Scenario, assessment: &Assessment) -> String {
     let mut text = format!(
-        "{} experiments: rho0 = {} um at the test pose",
-        assessment.experiments,
+        "{}: rho0 = {} um at the test pose",
+        counted(assessment.experiments.into(), "experiment"),
         number(assessment.rho0_m.map(|value| value * 1e6), 3)
     );
     if let (Some(bound), Some(efficiency)) = (assessment.lower_bound_m, assessment.efficiency()) {

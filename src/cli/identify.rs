@@ -6,6 +6,7 @@ use clap::Args;
 use elastocal::files::{FileError, check_writable, write_whole};
 use elastocal::identification::{Identification, IdentificationError, Sigma, identify};
 use elastocal::measurement::read_measurements;
+use elastocal::output::markup::counted;
 use elastocal::output::messages::{IdentificationMessage, ProvenanceMessage};
 use elastocal::scenario::Method;
 
@@ -40,9 +41,9 @@ impl Identify {
             .map_or(Ok(()), check_writable)?;
         let method = self.method.unwrap_or(scenario.method);
         self.common.say(&format!(
-            "identifying {} from {} measurements",
+            "identifying {} from {}",
             scenario.parameter_names().join(", "),
-            measurements.len()
+            counted(measurements.len() as u64, "measurement")
         ));
         let sigma = if self.sigma_from_residuals {
             Sigma::FromResiduals

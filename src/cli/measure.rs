@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use elastocal::files::{FileError, check_writable};
 use elastocal::measurement::write_measurements;
+use elastocal::output::markup::counted;
 use elastocal::output::messages::{MeasurementMessage, ProvenanceMessage};
 use elastocal::plan::read_plan;
 use elastocal::testbed::VirtualRobot;
@@ -37,8 +38,8 @@ impl Measure {
             .as_deref()
             .map_or(Ok(()), check_writable)?;
         self.common.say(&format!(
-            "measuring {} experiments on the virtual robot {}",
-            plan.measurements(),
+            "measuring {} on the virtual robot {}",
+            counted(plan.measurements().into(), "experiment"),
             scenario.true_robot.model.path().display()
         ));
         let site = &scenario.calibration_tool.name;

@@ -6,6 +6,7 @@ use std::time::Instant;
 
 use clap::Args;
 use elastocal::files::{check_writable, write_whole};
+use elastocal::output::markup::counted;
 use elastocal::output::messages::{AssessmentMessage, ProvenanceMessage, plan_messages};
 use elastocal::output::stills;
 use elastocal::plan::search::{
@@ -105,8 +106,12 @@ impl PlanCommand {
         let experiments = scenario.design.experiments;
         let configurations = self.configurations.or(scenario.design.configurations);
         self.common.say(&format!(
-            "designing a plan of {experiments} measurements{} for the criterion {}",
-            configurations.map_or_else(String::new, |count| format!(" in {count} configurations")),
+            "designing a plan of {}{} for the criterion {}",
+            counted(experiments.into(), "measurement"),
+            configurations.map_or_else(String::new, |count| format!(
+                " in {}",
+                counted(count.into(), "configuration")
+            )),
             self.criterion.name()
         ));
         let designed = design(

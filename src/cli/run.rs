@@ -7,6 +7,7 @@ use elastocal::calibration::{Calibration, calibrate};
 use elastocal::files::{check_writable, make_folder, write_whole};
 use elastocal::measurement::write_measurements;
 use elastocal::output::evidence::EvidenceMessage;
+use elastocal::output::markup::counted;
 use elastocal::output::mcap_file::write_mcap;
 use elastocal::output::messages::{AssessmentMessage, CalibrationMessage, ProvenanceMessage};
 use elastocal::output::recording::Recording;
@@ -69,7 +70,10 @@ impl Run {
         file.map_or(Ok(()), |path| check_writable(path))?;
 
         let experiments = scenario.design.experiments;
-        common.say(&format!("designing a plan of {experiments} measurements"));
+        common.say(&format!(
+            "designing a plan of {}",
+            counted(experiments.into(), "measurement")
+        ));
         let criterion = Criterion::TestPose;
         let configurations = scenario.design.configurations;
         let designed = design(common, &scenario, criterion, experiments, configurations)?;
@@ -258,10 +262,10 @@ fn summary(folder: &Path, entries: &[Entry], random_rho0_m: f64) -> String {
     let predicted = number(main.assessment.rho0_m.map(|value| value * 1e6), 1);
     text += &format!(
         "\nAt the test pose {:?} the task load bends the robot by {uncompensated:.0} um. After calibration \
-         with {} measurements, compensation leaves {:.1} um in this run; the measurements' noise alone leaves {predicted} um \
+         with {}, compensation leaves {:.1} um in this run; the measurements' noise alone leaves {predicted} um \
          rms",
         pose.name,
-        main.assessment.experiments,
+        counted(main.assessment.experiments.into(), "measurement"),
         pose.seen.residual_m.norm() * 1e6,
     );
     if let Some(bound) = main.assessment.lower_bound_m {

@@ -1,6 +1,7 @@
 //! The plans of a study: read, designed or drawn.
 
 use anyhow::Context;
+use elastocal::output::markup::counted;
 use elastocal::plan::Plan;
 use elastocal::plan::search::random_plan;
 use elastocal::scenario::{Conditions, Scenario, StudyPlan, StudySource};
@@ -70,8 +71,9 @@ fn entry_kind(common: &Common, setting: &Setting, plan: &StudyPlan) -> anyhow::R
         } => {
             let experiments = experiments.unwrap_or(conditions.experiments);
             common.say(&format!(
-                "designing the plan {:?} of {experiments} measurements",
-                plan.name
+                "designing the plan {:?} of {}",
+                plan.name,
+                counted(experiments.into(), "measurement")
             ));
             let designed = design(common, scenario, *criterion, experiments, *configurations)?;
             EntryKind::Fixed(whole(&designed.exact.plan)?)
