@@ -86,12 +86,17 @@ pub fn paper() -> &'static Scenario {
     Box::leak(Box::new(Scenario::load(path).expect("a valid scenario")))
 }
 
-/// A plan of the paper's Table 4, or the largest one over and over.
-pub fn plan_of(experiments: u32) -> Plan {
-    let size = [2, 3, 4, 6, 12]
+/// The size of the largest plan of the paper's Table 4 that makes up so many experiments.
+fn size_of_part(experiments: u32) -> u32 {
+    [2, 3, 4, 6, 12]
         .into_iter()
         .rfind(|size| experiments.is_multiple_of(*size))
-        .expect("a multiple of a plan of Table 4");
+        .expect("a multiple of a plan of Table 4")
+}
+
+/// A plan of the paper's Table 4, or the largest one over and over.
+pub fn plan_of(experiments: u32) -> Plan {
+    let size = size_of_part(experiments);
     let path = format!("scenarios/plans/klimchik2012_m{size}.csv");
     let mut plan = read_plan(path.as_ref(), 6).expect("a valid plan");
     let once = plan.experiments.clone();
@@ -101,13 +106,16 @@ pub fn plan_of(experiments: u32) -> Plan {
     plan
 }
 
-/// Measurements of a plan with noise.
-pub fn measurements(scenario: &Scenario, plan: &Plan) -> Vec<Measurement> {
+/// Measurements with noise of a plan of the paper's Table 4, or those of the largest one over and over:
+/// the identification then needs as many iterations however many there are.
+pub fn measurements(scenario: &Scenario, experiments: u32) -> Vec<Measurement> {
+    let size = size_of_part(experiments);
     let site = &scenario.calibration_tool.name;
-    VirtualRobot::new(&scenario.true_robot, site)
+    let once = VirtualRobot::new(&scenario.true_robot, site)
         .expect("the site exists")
-        .measure(plan, &scenario.instrument, 1, 0)
-        .expect("stable")
+        .measure(&plan_of(size), &scenario.instrument, 1, 0)
+        .expect("stable");
+    vec![once; (experiments / size) as usize].concat()
 }
 
 /// `rho_0`^2 of a plan (m^2), and its gradient by all joint angles.
@@ -204,7 +212,7 @@ fn settling() -> HotPath {
 
 fn identification(method: Method, experiments: u32) -> HotPath {
     let scenario = paper();
-    let measurements = measurements(scenario, &plan_of(experiments));
+    let measurements = measurements(scenario, experiments);
     over_and_over(move || {
         identify(
             &scenario.nominal,

@@ -78,7 +78,7 @@ fn tool(tool: &Tool) -> Value {
 fn plan(scenario: &'static Scenario, experiments: u32) -> Value {
     let plan = plan_of(experiments);
     let (square_m2, gradient) = value_and_gradient(scenario, &plan)();
-    let measured = measurements(scenario, &plan);
+    let measured = measurements(scenario, experiments);
     let identified = |method| {
         identify(
             &scenario.nominal,
