@@ -12,7 +12,8 @@ use nalgebra::{DMatrix, DVector, Dyn, SymmetricEigen};
 use serde::{Deserialize, Serialize};
 
 use super::factorisation::{
-    LANES, costs_of_sums, half_solve_unrolled, solve_transposed, sum_of_squares,
+    LANES, half_solve_unrolled, inverse_determinant, solve_transposed, sum_of_squares,
+    traces_of_sums,
 };
 
 /// What makes a plan good.
@@ -83,6 +84,13 @@ impl Criterion {
     pub const fn is_maximised(self) -> bool {
         matches!(self, Self::D | Self::E | Self::O1 | Self::O3 | Self::O4)
     }
+
+    /// Whether it follows from a factorisation of M, without eigenvalues: then it is smooth, and cheap
+    /// to judge for many plans.
+    #[must_use]
+    pub const fn is_factored(self) -> bool {
+        matches!(self, Self::TestPose | Self::A | Self::D | Self::O1)
+    }
 }
 
 /// A criterion made ready for a problem: a cost to be minimised, with its derivative.
@@ -90,8 +98,8 @@ impl Criterion {
 pub struct CriterionFunction {
     criterion: Criterion,
     /// C^T (p x r) with C the test poses' matrices stacked, each times the root of its weight, in m:
-    /// `rho_0`^2 = trace(C M^-1 C^T).
-    test_poses: DMatrix<f64>,
+    /// `rho_0`^2 = trace(C M^-1 C^T). For other criteria the unit matrix.
+    right: DMatrix<f64>,
     /// Room for M and its factors.
     work: DMatrix<f64>,
     /// Room for M^-1 C^T.
@@ -105,12 +113,16 @@ impl CriterionFunction {
     #[must_use]
     pub fn new(criterion: Criterion, test_poses: DMatrix<f64>) -> Self {
         let size = test_poses.nrows();
+        let right = match criterion {
+            Criterion::TestPose => test_poses,
+            _ => DMatrix::identity(size, size),
+        };
         Self {
             criterion,
             work: DMatrix::zeros(size, size),
-            solved: test_poses.clone(),
+            solved: right.clone(),
             side_by_side: Vec::new(),
-            test_poses,
+            right,
         }
     }
 
@@ -127,21 +139,48 @@ impl CriterionFunction {
     /// It is `rho_0`^2 (m^2) for the test pose; A, G, O2 and O5 as they are; and the inverse of those
     /// that are maximised (for D, of the p-th root of the determinant).
     pub fn cost(&mut self, information: &DMatrix<f64>, directions: &mut DMatrix<f64>) -> f64 {
-        if self.criterion == Criterion::TestPose {
-            self.test_pose_cost(information, directions)
+        if self.criterion.is_factored() {
+            self.factored_cost(information, directions)
         } else {
             self.spectral_cost(information, directions)
         }
     }
 
-    fn test_pose_cost(&mut self, information: &DMatrix<f64>, directions: &mut DMatrix<f64>) -> f64 {
+    fn factored_cost(&mut self, information: &DMatrix<f64>, directions: &mut DMatrix<f64>) -> f64 {
         self.work.copy_from(information);
-        let cost = self.factorise_work();
-        if cost.is_finite() {
-            solve_transposed(self.work.as_slice(), self.solved.as_mut_slice());
-            sum_of_squares(self.solved.as_slice(), directions.as_mut_slice());
+        let size = self.work.nrows();
+        let power = self.power_of_determinant();
+        let (work, _) = self.work.as_mut_slice().as_chunks_mut::<1>();
+        let (solved, _) = self.solved.as_mut_slice().as_chunks_mut::<1>();
+        let [trace] = half_solve_unrolled(size, work, self.right.as_slice(), solved);
+        if trace.is_infinite() {
+            return trace;
         }
-        cost
+        // det(M)^-a, for D and O1.
+        let determinant = power.map(|power| inverse_determinant(size, work)[0].powf(power));
+        solve_transposed(self.work.as_slice(), self.solved.as_mut_slice());
+        match power.zip(determinant) {
+            None => {
+                sum_of_squares(self.solved.as_slice(), directions.as_mut_slice());
+                trace
+            }
+            Some((power, cost)) => {
+                // Its derivative is -a det(M)^-a M^-1.
+                directions.copy_from(&self.solved);
+                *directions *= power * cost;
+                cost
+            }
+        }
+    }
+
+    /// The a of costs that are det(M)^-a.
+    fn power_of_determinant(&self) -> Option<f64> {
+        let size = f64::from(u32::try_from(self.right.nrows()).unwrap_or(u32::MAX));
+        match self.criterion {
+            Criterion::D => Some(size.recip()),
+            Criterion::O1 => Some(0.5 / size),
+            _ => None,
+        }
     }
 
     /// The costs alone of `rest` plus `weight` times each of [`LANES`] blocks (all p x p), whose
@@ -152,10 +191,19 @@ impl CriterionFunction {
         blocks: &[[f64; LANES]],
         weight: f64,
     ) -> [f64; LANES] {
-        if self.criterion == Criterion::TestPose {
+        if self.criterion.is_factored() {
+            let power = self.power_of_determinant();
             let room = &mut self.side_by_side;
-            room.resize(2 * blocks.len().max(self.test_poses.len()), [0.0; LANES]);
-            return costs_of_sums(rest, blocks, weight, self.test_poses.as_slice(), room);
+            room.resize(2 * blocks.len().max(self.right.len()), [0.0; LANES]);
+            let Some(power) = power else {
+                return traces_of_sums(rest, blocks, weight, self.right.as_slice(), room);
+            };
+            let zero_if_regular = traces_of_sums(rest, blocks, weight, &[], room);
+            let inverse = inverse_determinant(rest.nrows(), room);
+            return std::array::from_fn(|lane| match zero_if_regular[lane] {
+                infinite if infinite > 0.0 => infinite,
+                _ => inverse[lane].powf(power),
+            });
         }
         std::array::from_fn(|lane| {
             let sum = self.work.as_mut_slice().iter_mut();
@@ -167,39 +215,15 @@ impl CriterionFunction {
         })
     }
 
-    fn factorise_work(&mut self) -> f64 {
-        let (work, _) = self.work.as_mut_slice().as_chunks_mut::<1>();
-        let (solved, _) = self.solved.as_mut_slice().as_chunks_mut::<1>();
-        let size = self.test_poses.nrows();
-        let [cost] = half_solve_unrolled(size, work, self.test_poses.as_slice(), solved);
-        cost
-    }
-
     fn spectral_cost(&self, information: &DMatrix<f64>, directions: &mut DMatrix<f64>) -> f64 {
         let Some(eigen) = positive_eigen(information) else {
             return f64::INFINITY;
         };
         let values = &eigen.eigenvalues;
         let (low, high) = (values.imin(), values.imax());
-        let size = f64::from(u32::try_from(values.len()).unwrap_or(u32::MAX));
         // The cost, and its derivatives with respect to the eigenvalues.
         let mut slope = DVector::zeros(values.len());
         let cost = match self.criterion {
-            Criterion::TestPose | Criterion::A => {
-                slope = values.map(|value| -value.powi(-2));
-                values.iter().map(|value| value.recip()).sum()
-            }
-            Criterion::D | Criterion::O1 => {
-                let power = if self.criterion == Criterion::D {
-                    1.0
-                } else {
-                    0.5
-                };
-                let logarithm: f64 = values.iter().map(|value| value.ln()).sum();
-                let cost = (-power * logarithm / size).exp();
-                slope = values.map(|value| -power * cost / (size * value));
-                cost
-            }
             Criterion::E => {
                 slope[low] = -values[low].powi(-2);
                 values[low].recip()
@@ -224,7 +248,8 @@ impl CriterionFunction {
                 slope = values.map(|value| -0.5 * value.powf(-1.5));
                 values.iter().map(|value| value.powf(-0.5)).sum()
             }
-            Criterion::G => return largest_variance(&eigen, directions),
+            // G; the others are factored.
+            _ => return largest_variance(&eigen, directions),
         };
         let vectors = &eigen.eigenvectors;
         let weighted = vectors * DMatrix::from_diagonal(&-slope);

@@ -1,5 +1,5 @@
-//! The factorisation of information matrices, one or several side by side, for
-//! `rho_0`^2 = trace(C M^-1 C^T) (eq. 20).
+//! The factorisation of information matrices, one or several side by side, for traces
+//! trace(C M^-1 C^T), such as `rho_0`^2 (eq. 20), and determinants.
 
 use multiversion::multiversion;
 use nalgebra::DMatrix;
@@ -11,13 +11,15 @@ pub const LANES: usize = 8;
 /// makes up shares of up to 1e-11.
 const REGULAR: f64 = 1e-9;
 
-/// trace(C M^-1 C^T) for each M that is `rest` plus `weight` times a block (all p x p); `room` is for twice as many numbers as blocks or C have.
+/// trace(C M^-1 C^T) for each M that is `rest` plus `weight` times a block (all p x p), infinite for
+/// singular ones. `right` is C^T. `room`, for twice as many numbers as a block or C have, begins with
+/// the factors afterwards.
 #[multiversion(targets("x86_64+avx512f+avx512dq+avx512vl", "x86_64+avx2", "aarch64+neon"))]
-pub(super) fn costs_of_sums(
+pub(super) fn traces_of_sums(
     rest: &DMatrix<f64>,
     blocks: &[[f64; LANES]],
     weight: f64,
-    test_poses: &[f64],
+    right: &[f64],
     room: &mut [[f64; LANES]],
 ) -> [f64; LANES] {
     let (sums, solved) = room.split_at_mut(room.len() / 2);
@@ -26,7 +28,19 @@ pub(super) fn costs_of_sums(
             sum[lane] = rest + weight * block[lane];
         }
     }
-    half_solve_unrolled(rest.nrows(), sums, test_poses, solved)
+    half_solve_unrolled(rest.nrows(), sums, right, solved)
+}
+
+/// 1/det(M) of matrices that are factorised.
+#[inline(always)]
+pub(super) fn inverse_determinant<const L: usize>(size: usize, factors: &[[f64; L]]) -> [f64; L] {
+    let mut product = [1.0; L];
+    for diagonal in factors.iter().take(size * size).step_by(size + 1) {
+        for lane in 0..L {
+            product[lane] *= diagonal[lane];
+        }
+    }
+    product
 }
 
 /// [`half_solve`], unrolled for the usual numbers of parameters.

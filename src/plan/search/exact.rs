@@ -10,7 +10,7 @@ use super::local::Precision;
 use super::point::Point;
 use super::problem::{Problem, SearchError};
 use super::refinement::{Found, Refinement};
-use crate::plan::{Criterion, Plan};
+use crate::plan::Plan;
 use crate::random::generator;
 
 /// Searches that know nothing of one another, between two looks at whether enough are done.
@@ -21,7 +21,7 @@ const RECOMBINED: usize = 4;
 const PARENTS: usize = 16;
 /// So many independent searches must agree on the best plan.
 const ENOUGH: usize = 8;
-/// The same for other criteria than the test pose's, whose searches are short.
+/// The same for criteria that take eigenvalues, whose searches are short.
 const ENOUGH_OF_OTHERS: usize = 30;
 /// Costs within this factor agree: 0.1 % in `rho_0`, the cost's root.
 const SAME: f64 = 1.002;
@@ -128,9 +128,10 @@ pub(super) fn exact_design_from(
             });
         found.flatten().collect()
     };
-    let enough = match problem.criterion {
-        Criterion::TestPose => ENOUGH,
-        _ => ENOUGH_OF_OTHERS,
+    let enough = if problem.criterion.is_factored() {
+        ENOUGH
+    } else {
+        ENOUGH_OF_OTHERS
     };
     let fewest = fewest_searches(configurations);
     let mut results = known_plans(problem, known);

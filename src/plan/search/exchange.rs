@@ -7,7 +7,6 @@ use super::local::Precision;
 use super::point::Point;
 use super::pool::Pool;
 use super::refinement::{Found, Refinement};
-use crate::plan::Criterion;
 
 /// Random experiments in the pool of one search.
 const POOL: usize = 200;
@@ -32,7 +31,7 @@ impl Refinement<'_> {
         configurations: u32,
         random: &mut impl Rng,
     ) -> Option<Found> {
-        if self.problem.criterion == Criterion::TestPose {
+        if self.problem.criterion.is_factored() {
             self.search_by_exchange(given, measurements, configurations, random)
         } else {
             self.search_by_refinement(given, measurements, configurations, random)
