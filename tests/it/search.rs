@@ -237,7 +237,6 @@ fn different_seeds_end_in_equally_good_plans() {
 }
 
 #[test]
-#[ignore = "ten seeds take a minute"]
 fn ten_seeds_end_in_equally_good_plans() {
     for name in ["klimchik2012", "kr270"] {
         let scenario = scenario(name);

@@ -121,6 +121,7 @@ impl<'a> Refinement<'a> {
                 std::mem::take(&mut next),
                 &best.repeats,
                 precision,
+                is_extrapolated,
                 &mut information,
             );
             let cost = self.cost(&information);
@@ -154,28 +155,36 @@ impl<'a> Refinement<'a> {
         best
     }
 
-    /// Improves each experiment in turn, and leaves the information of all.
+    /// Improves each experiment in turn, and leaves the information of all; none where an experiment is
+    /// out of bounds. Experiments that are not improved may be out of them if they were `extrapolated`.
     fn sweep(
         &mut self,
         mut points: Vec<Point>,
         repeats: &[u32],
         precision: Precision,
+        extrapolated: bool,
         information: &mut DMatrix<f64>,
     ) -> Vec<Point> {
         for index in 0..points.len() {
             self.total(&points, repeats, Some(index), information);
             let weight = f64::from(repeats[index]);
-            if let Some(better) = self.improve(&points[index], information, weight, precision) {
-                points[index] = better;
-            }
+            let present = &points[index];
+            let better = self
+                .improve(present, information, weight, precision)
+                .or_else(|| {
+                    if !extrapolated {
+                        return Some(present.clone());
+                    }
+                    (self.local.is_inside(&present.q, &present.load))
+                        .then(|| self.sampler.clear_variant(present))?
+                });
+            let Some(better) = better else {
+                information.fill(0.0);
+                return points;
+            };
+            points[index] = better;
         }
         self.total(&points, repeats, None, information);
-        if points
-            .iter()
-            .any(|point| !self.local.is_inside(&point.q, &point.load))
-        {
-            information.fill(0.0);
-        }
         points
     }
 
