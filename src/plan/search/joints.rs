@@ -3,29 +3,33 @@
 use nalgebra::{Matrix3xX, Vector3};
 use rand::RngExt;
 
-use super::problem::{LoadChoice, Problem};
+use super::observation::Observer;
+use super::point::LoadChoice;
 use crate::plan::Bound;
 use crate::random::generator;
 use crate::robot::Load;
 
-/// The joints whose compliances do not show at random configurations under any load.
-pub(super) fn unexcited_joints(problem: &Problem<'_>) -> Vec<usize> {
+/// Which of the observer's parameters do not show at random configurations under any load.
+pub(super) fn unexcited_parameters(
+    mut observer: Observer<'_>,
+    ranges: &[(f64, f64)],
+    loads: &LoadChoice,
+) -> Vec<usize> {
     const CONFIGURATIONS: u64 = 40;
     let forces = [Vector3::x(), Vector3::y(), Vector3::z()].map(|force| Load {
         force_n: force,
         torque_nm: Vector3::zeros(),
     });
-    let loads: &[Load] = match &problem.loads {
+    let loads: &[Load] = match loads {
         LoadChoice::OneOf(loads) => loads,
         LoadChoice::AnyDirection(_) => &forces,
     };
-    let mut observer = problem.observer();
-    let mut matrix = Matrix3xX::zeros(problem.parameters());
-    let mut shown = vec![0.0_f64; problem.parameters()];
+    let mut matrix = Matrix3xX::zeros(observer.parameters());
+    let mut shown = vec![0.0_f64; observer.parameters()];
     let mut random = generator(0, 2);
     for _ in 0..CONFIGURATIONS {
         let draw = |&(low, high): &(f64, f64)| low + (high - low) * random.random::<f64>();
-        let q: Vec<f64> = problem.ranges.iter().map(draw).collect();
+        let q: Vec<f64> = ranges.iter().map(draw).collect();
         observer.move_to(&q);
         for load in loads {
             observer.observe(load, &mut matrix);
@@ -35,37 +39,39 @@ pub(super) fn unexcited_joints(problem: &Problem<'_>) -> Vec<usize> {
         }
     }
     let largest = shown.iter().copied().fold(0.0, f64::max);
-    let joints = problem.parameters.iter().zip(shown);
-    joints
-        .filter(|(_, shown)| *shown <= 1e-9 * largest)
-        .map(|(joint, _)| *joint)
+    (0..shown.len())
+        .filter(|&index| shown[index] <= 1e-9 * largest)
         .collect()
 }
 
 /// The joints whose angle changes neither what any experiment tells nor the smooth bounds, found by
 /// turning each.
-pub(super) fn indifferent_joints(problem: &Problem<'_>) -> Vec<usize> {
+pub(super) fn indifferent_joints(
+    mut observer: Observer<'_>,
+    ranges: &[(f64, f64)],
+    loads: &LoadChoice,
+    bounds: &[Bound],
+) -> Vec<usize> {
     const CONFIGURATIONS: u64 = 8;
-    let LoadChoice::OneOf(loads) = &problem.loads else {
+    let LoadChoice::OneOf(loads) = loads else {
         return Vec::new();
     };
-    let mut observer = problem.observer();
     let gravity = observer.gravity();
-    let mut matrix = Matrix3xX::zeros(problem.parameters());
+    let mut matrix = Matrix3xX::zeros(observer.parameters());
     let mut told = |q: &[f64], load: &Load| {
         observer.move_to(q);
         observer.observe(load, &mut matrix);
         let margin = |bound: &Bound| bound.margin(&observer.state, load, &gravity);
-        let mut told: Vec<f64> = problem.bounds.iter().map(margin).collect();
+        let mut told: Vec<f64> = bounds.iter().map(margin).collect();
         told.extend(matrix.tr_mul(&matrix).iter());
         told
     };
     let mut random = generator(0, 1);
     let mut draw = |joint: usize| {
-        let (low, high) = problem.ranges[joint];
+        let (low, high) = ranges[joint];
         low + (high - low) * random.random::<f64>()
     };
-    let joints = problem.ranges.len();
+    let joints = ranges.len();
     let mut matters = vec![false; joints];
     for _ in 0..CONFIGURATIONS {
         let q: Vec<f64> = (0..joints).map(&mut draw).collect();

@@ -6,8 +6,8 @@ use nalgebra::{DMatrix, Matrix3xX, Vector3};
 use slsqp::{Func, StopTols, minimize};
 
 use super::observation::Observer;
-use super::point::{Point, in_directions, information_in};
-use super::problem::{LoadChoice, Problem};
+use super::point::{LoadChoice, Point, in_directions, information_in};
+use super::problem::Problem;
 use crate::plan::Bound;
 use crate::robot::Load;
 

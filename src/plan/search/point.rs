@@ -1,9 +1,18 @@
-//! An experiment as the search sees it, and the information that it gives.
+//! An experiment as the search sees it: its load, and the information that it gives.
 
 use nalgebra::{DMatrix, Matrix3xX};
 
 use crate::plan::Experiment;
 use crate::robot::Load;
+
+/// The kinds of load that the local search tells apart.
+#[derive(Debug, Clone, PartialEq)]
+pub enum LoadChoice {
+    /// One of these.
+    OneOf(Vec<Load>),
+    /// A force of any direction and of this size (N).
+    AnyDirection(f64),
+}
 
 /// A configuration and a load with the observation matrix that they give.
 #[derive(Debug, Clone, PartialEq)]

@@ -3,9 +3,9 @@
 use nalgebra::{DMatrix, Matrix3xX};
 use thiserror::Error;
 
-use super::joints::{indifferent_joints, unexcited_joints};
+use super::joints::{indifferent_joints, unexcited_parameters};
 use super::observation::Observer;
-use super::point::add_information;
+use super::point::{LoadChoice, add_information};
 use crate::compensation::test_pose_matrix;
 use crate::plan::{Bound, Criterion, CriterionFunction, ExperimentModel, Plan, bounds_of};
 use crate::robot::Load;
@@ -65,15 +65,6 @@ impl Default for Effort {
     }
 }
 
-/// The kinds of load that the local search tells apart.
-#[derive(Debug, Clone, PartialEq)]
-pub enum LoadChoice {
-    /// One of these.
-    OneOf(Vec<Load>),
-    /// A force of any direction and of this size (N).
-    AnyDirection(f64),
-}
-
 /// A planning problem: the region, the loads, the criterion and the model, in relative units.
 #[derive(Debug, Clone)]
 pub struct Problem<'a> {
@@ -90,7 +81,7 @@ pub struct Problem<'a> {
     /// under a vertical load.
     pub(super) indifferent: Vec<usize>,
     /// The joints whose compliances the plan is to determine.
-    pub(super) parameters: Vec<usize>,
+    parameters: Vec<usize>,
     /// Those of them that no experiment shows.
     unexcited: Vec<usize>,
     typical_rad_per_nm: Vec<f64>,
@@ -104,7 +95,10 @@ impl<'a> Problem<'a> {
     #[must_use]
     pub fn new(scenario: &'a Scenario, criterion: Criterion) -> Self {
         let mut problem = Self::of_parameters(scenario, criterion, &scenario.parameters);
-        problem.unexcited = unexcited_joints(&problem);
+        let unexcited = unexcited_parameters(problem.observer(), &problem.ranges, &problem.loads);
+        problem.unexcited = (unexcited.into_iter())
+            .map(|index| scenario.parameters[index])
+            .collect();
         if criterion == Criterion::TestPose {
             let matters = |&index: &usize| {
                 problem.test_poses.row(index).amax() > 1e-9 * problem.test_poses.amax()
@@ -124,7 +118,12 @@ impl<'a> Problem<'a> {
                     .collect();
             }
         }
-        problem.indifferent = indifferent_joints(&problem);
+        problem.indifferent = indifferent_joints(
+            problem.observer(),
+            &problem.ranges,
+            &problem.loads,
+            &problem.bounds,
+        );
         problem
     }
 

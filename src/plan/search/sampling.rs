@@ -7,8 +7,8 @@ use rand_distr::{Distribution, UnitSphere};
 use rayon::prelude::*;
 
 use super::local::LocalSearch;
-use super::point::Point;
-use super::problem::{LoadChoice, Problem, SearchError};
+use super::point::{LoadChoice, Point};
+use super::problem::{Problem, SearchError};
 use crate::plan::{Criterion, Experiment, Feasibility, Plan};
 use crate::random::generator;
 use crate::robot::Load;
