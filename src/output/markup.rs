@@ -122,6 +122,17 @@ pub fn percent(share: Option<f64>, decimals: usize) -> String {
     })
 }
 
+/// The interval of a ratio's inverse, from that of the ratio.
+#[must_use]
+pub fn inverse_interval([low, high]: [f64; 2]) -> String {
+    if low > 0.0 {
+        format!("{:.2} to {:.2}", high.recip(), low.recip())
+    } else {
+        // So few runs do not bound it.
+        format!("over {:.2}", high.recip())
+    }
+}
+
 /// `count` of something, with a plural s where it belongs.
 #[must_use]
 pub fn counted(count: u64, what: &str) -> String {

@@ -149,28 +149,23 @@ impl CriterionFunction {
     fn factored_cost(&mut self, information: &DMatrix<f64>, directions: &mut DMatrix<f64>) -> f64 {
         self.work.copy_from(information);
         let size = self.work.nrows();
-        let power = self.power_of_determinant();
         let (work, _) = self.work.as_mut_slice().as_chunks_mut::<1>();
         let (solved, _) = self.solved.as_mut_slice().as_chunks_mut::<1>();
         let [trace] = half_solve_unrolled(size, work, self.right.as_slice(), solved);
         if trace.is_infinite() {
             return trace;
         }
-        // det(M)^-a, for D and O1.
-        let determinant = power.map(|power| inverse_determinant(size, work)[0].powf(power));
         solve_transposed(self.work.as_slice(), self.solved.as_mut_slice());
-        match power.zip(determinant) {
-            None => {
-                sum_of_squares(self.solved.as_slice(), directions.as_mut_slice());
-                trace
-            }
-            Some((power, cost)) => {
-                // Its derivative is -a det(M)^-a M^-1.
-                directions.copy_from(&self.solved);
-                *directions *= power * cost;
-                cost
-            }
-        }
+        let Some(power) = self.power_of_determinant() else {
+            sum_of_squares(self.solved.as_slice(), directions.as_mut_slice());
+            return trace;
+        };
+        let (work, _) = self.work.as_slice().as_chunks::<1>();
+        let cost = inverse_determinant(size, work)[0].powf(power);
+        // The derivative of det(M)^-a is -a det(M)^-a M^-1.
+        directions.copy_from(&self.solved);
+        *directions *= power * cost;
+        cost
     }
 
     /// The a of costs that are det(M)^-a.

@@ -51,10 +51,9 @@ fn fill(first_block: u64, seed: u64, first_run: u64, normals: &mut [[f64; LANES]
     let mut index = first_block;
     for blocks in blocks.chunks_mut(BLOCKS) {
         fill_blocks(&keys, first_run, index, blocks);
-        index += BLOCKS as u64;
+        index += blocks.len() as u64;
     }
     if !rest.is_empty() {
-        index = first_block + blocks.len() as u64;
         let mut last = [Block::default()];
         fill_blocks(&keys, first_run, index, &mut last);
         rest.copy_from_slice(&last[0][..rest.len()]);

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use anyhow::Context;
 use elastocal::files::write_whole;
+use elastocal::output::markup::inverse_interval;
 use elastocal::output::report::{StudyRecord, study_page};
 use elastocal::output::study::{StudyPlanMessage, study_csv};
 use elastocal::scenario::Level;
@@ -237,16 +238,12 @@ fn sentence(messages: &[StudyPlanMessage], header: &Header) -> String {
         mean_mm * 1e3
     );
     let random = reference.and_then(|index| messages[index].mean_mm);
-    if let (Some(random), Some([low, high])) = (random, best.mean_ratio_to_random_ci95) {
-        let interval = match low {
-            low if low > 0.0 => format!("{:.2} to {:.2}", high.recip(), low.recip()),
-            // So few runs do not bound it.
-            _ => format!("over {:.2}", high.recip()),
-        };
+    if let (Some(random), Some(interval)) = (random, best.mean_ratio_to_random_ci95) {
         text += &format!(
-            "; with a random plan of as many measurements it is {:.2} um, {:.2} times as much ({interval})",
+            "; with a random plan of as many measurements it is {:.2} um, {:.2} times as much ({})",
             random * 1e3,
             random / mean_mm,
+            inverse_interval(interval)
         );
     }
     text + ".\n"

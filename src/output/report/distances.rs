@@ -3,7 +3,7 @@
 use plotters::prelude::*;
 
 use super::charts::{Axis, Chart, INK, Rows, WHOLE, drawing, log_ticks, short};
-use crate::output::markup::{figure, micrometres, number, table};
+use crate::output::markup::{figure, inverse_interval, micrometres, number, table};
 use crate::output::plots::{COLOURS, PlotError};
 use crate::output::study::StudyPlanMessage;
 
@@ -139,11 +139,6 @@ fn draw_line(
 pub fn distances_table(lines: &[Line<'_>]) -> String {
     let micro = |value: Option<f64>| number(value.map(|value| value * 1e3), 3);
     let interval = |[low, high]: [f64; 2]| format!("{:.3} to {:.3}", low * 1e3, high * 1e3);
-    let inverse = |[low, high]: [f64; 2]| match low {
-        low if low > 0.0 => format!("{:.2} to {:.2}", high.recip(), low.recip()),
-        // So few runs do not bound it.
-        _ => format!("over {:.2}", high.recip()),
-    };
     let has_printed = lines.iter().any(|line| line.printed_mean_mm.is_some());
     let mut header = vec![
         "plan",
@@ -171,7 +166,7 @@ pub fn distances_table(lines: &[Line<'_>]) -> String {
                 micro(runs.predicted_rms_mm),
                 micro(runs.quantiles_mm.map(|quantiles| quantiles[2])),
                 number(ratio, 2),
-                (runs.mean_ratio_to_random_ci95).map_or_else(String::new, inverse),
+                (runs.mean_ratio_to_random_ci95).map_or_else(String::new, inverse_interval),
                 runs.failed.to_string(),
             ];
             if has_printed {

@@ -155,8 +155,8 @@ impl<'a> Refinement<'a> {
         best
     }
 
-    /// Improves each experiment in turn, and leaves the information of all; none where an experiment is
-    /// out of bounds. Experiments that are not improved may be out of them if they were `extrapolated`.
+    /// Improves each experiment in turn, and leaves the information of all; none where one is
+    /// infeasible. Those that are not improved may collide only if they were `extrapolated`.
     fn sweep(
         &mut self,
         mut points: Vec<Point>,
@@ -169,20 +169,18 @@ impl<'a> Refinement<'a> {
             self.total(&points, repeats, Some(index), information);
             let weight = f64::from(repeats[index]);
             let present = &points[index];
-            let better = self
-                .improve(present, information, weight, precision)
-                .or_else(|| {
-                    if !extrapolated {
-                        return Some(present.clone());
-                    }
-                    (self.local.is_inside(&present.q, &present.load))
-                        .then(|| self.sampler.clear_variant(present))?
-                });
-            let Some(better) = better else {
+            if let Some(better) = self.improve(present, information, weight, precision) {
+                points[index] = better;
+            } else if !self.local.is_inside(&present.q, &present.load) {
                 information.fill(0.0);
                 return points;
-            };
-            points[index] = better;
+            } else if extrapolated {
+                let Some(clear) = self.sampler.clear_variant(present) else {
+                    information.fill(0.0);
+                    return points;
+                };
+                points[index] = clear;
+            }
         }
         self.total(&points, repeats, None, information);
         points
