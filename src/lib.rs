@@ -32,7 +32,7 @@
 //!
 //! Each module uses only what stands above it.
 //!
-//! - [`files`], [`units`], [`random`], [`platform`], [`least_squares`]: what every stage needs.
+//! - [`files`], [`units`], [`wording`], [`random`], [`platform`], [`least_squares`]: what every stage needs.
 //! - [`mujoco`]: MJCF models in MuJoCo; the only user of the simulator's bindings.
 //! - [`robot`]: the serial chain read from the model; Jacobians, elastostatics, static equilibrium.
 //! - [`scenario`]: one TOML file becomes a checked [`Scenario`](scenario::Scenario), in SI units.
@@ -44,8 +44,10 @@
 //!   [`plan::search`] for the best one with its certificate.
 //! - [`calibration`]: the whole loop once.
 //! - [`study`]: Monte Carlo.
-//! - [`output`]: JSON records, MCAP, the rerun stream, pictures, pages; computes nothing.
+//! - [`record`]: results as JSON records.
+//! - [`paper`]: the published numbers, and the same by this program.
 //! - [`comparison`]: two results files against tolerances.
+//! - [`view`]: recordings, pages and pictures of records; computes nothing.
 //!
 //! # Invariants
 //!
@@ -106,15 +108,18 @@ pub mod identification;
 pub mod least_squares;
 pub mod measurement;
 pub mod mujoco;
-pub mod output;
+pub mod paper;
 pub mod plan;
 pub mod platform;
 pub mod random;
+pub mod record;
 pub mod robot;
 pub mod scenario;
 pub mod study;
 pub mod testbed;
 pub mod units;
+pub mod view;
+pub mod wording;
 
 /// The version of elastocal.
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");

@@ -3,8 +3,6 @@
 
 use elastocal::identification::{Sigma, identify};
 use elastocal::measurement::Measurement;
-use elastocal::output::mcap_file::write_mcap;
-use elastocal::output::rerun_file::write_rerun;
 use elastocal::plan::search::{Problem, random_plan};
 use elastocal::plan::{Criterion, Plan};
 use elastocal::random::normal::{LANES, Stream, fill_normals};
@@ -13,6 +11,8 @@ use elastocal::scenario::{Method, Scenario};
 use elastocal::study::model_level::Model;
 use elastocal::study::robot_level::RobotRuns;
 use elastocal::testbed::VirtualRobot;
+use elastocal::view::mcap_file::write_mcap;
+use elastocal::view::rerun_file::write_rerun;
 use nalgebra::{DMatrix, DVector, Isometry3, Matrix3xX};
 use serde_json::{Value, json};
 

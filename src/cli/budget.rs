@@ -5,10 +5,10 @@ use std::sync::atomic::Ordering;
 
 use clap::Args;
 use elastocal::files::{check_writable, write_whole};
-use elastocal::output::markup::counted;
-use elastocal::output::messages::ProvenanceMessage;
-use elastocal::output::plots::budget_plot;
 use elastocal::plan::search::{BudgetPoint, Watch, budget, cheapest, repeated_configurations};
+use elastocal::record::messages::ProvenanceMessage;
+use elastocal::view::plots::budget_plot;
+use elastocal::wording::counted;
 use serde_json::{Value, json};
 
 use super::progress::{bar, stop_flag};

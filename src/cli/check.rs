@@ -4,9 +4,9 @@ use std::ffi::OsStr;
 use std::path::PathBuf;
 
 use clap::Args;
-use elastocal::output::messages::{ProvenanceMessage, SchemaMessage};
 use elastocal::plan::{Feasibility, read_plan};
 use elastocal::platform::platform;
+use elastocal::record::messages::{ProvenanceMessage, SchemaMessage};
 use serde_json::{Value, json};
 
 use super::{Common, Report, results};

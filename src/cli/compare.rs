@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use elastocal::comparison::record::{COLUMNS, comparison_json, markdown, notes, rows, verdict};
 use elastocal::comparison::results::ResultsFile;
 use elastocal::comparison::{Comparison, Rules, Setting, compare};
 use elastocal::files::{check_writable, write_whole};
-use elastocal::output::comparison::{COLUMNS, comparison_json, markdown, notes, rows, verdict};
 
 use super::Report;
 use super::table::table;

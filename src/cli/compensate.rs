@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use elastocal::calibration::compensate_poses;
 use elastocal::files::{FileError, read_text};
-use elastocal::output::messages::{IdentificationMessage, ProvenanceMessage, TestPoseMessage};
+use elastocal::record::messages::{IdentificationMessage, ProvenanceMessage, TestPoseMessage};
 use elastocal::scenario::{Method, Scenario};
 use serde_json::json;
 

@@ -3,11 +3,11 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use elastocal::output::markup::counted;
-use elastocal::output::messages::{AssessmentMessage, ProvenanceMessage};
 use elastocal::plan::search::{Problem, approximate_design};
 use elastocal::plan::{Assessment, Criterion, read_plan};
+use elastocal::record::messages::{AssessmentMessage, ProvenanceMessage};
 use elastocal::scenario::Scenario;
+use elastocal::wording::counted;
 use serde_json::json;
 
 use super::table::{number, table};

@@ -6,9 +6,9 @@ use clap::Args;
 use elastocal::files::{FileError, check_writable, write_whole};
 use elastocal::identification::{Identification, IdentificationError, Sigma, identify};
 use elastocal::measurement::read_measurements;
-use elastocal::output::markup::counted;
-use elastocal::output::messages::{IdentificationMessage, ProvenanceMessage};
+use elastocal::record::messages::{IdentificationMessage, ProvenanceMessage};
 use elastocal::scenario::Method;
+use elastocal::wording::counted;
 
 use super::table::{number, table};
 use super::{Common, Report, results};

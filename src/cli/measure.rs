@@ -5,10 +5,10 @@ use std::path::PathBuf;
 use clap::Args;
 use elastocal::files::{FileError, check_writable};
 use elastocal::measurement::write_measurements;
-use elastocal::output::markup::counted;
-use elastocal::output::messages::{MeasurementMessage, ProvenanceMessage};
 use elastocal::plan::read_plan;
+use elastocal::record::messages::{MeasurementMessage, ProvenanceMessage};
 use elastocal::testbed::VirtualRobot;
+use elastocal::wording::counted;
 use serde_json::json;
 
 use super::table::table;

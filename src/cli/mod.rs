@@ -26,9 +26,9 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
 use elastocal::files::FileError;
-use elastocal::output::markup::shell_word;
-use elastocal::output::messages::{ProvenanceMessage, SchemaMessage};
+use elastocal::record::messages::{ProvenanceMessage, SchemaMessage};
 use elastocal::scenario::Scenario;
+use elastocal::wording::shell_word;
 use serde_json::{Value, json};
 
 /// A virtual calibration testbed for the joint stiffness of industrial robots.

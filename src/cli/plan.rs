@@ -6,14 +6,14 @@ use std::time::Instant;
 
 use clap::Args;
 use elastocal::files::{check_writable, write_whole};
-use elastocal::output::markup::counted;
-use elastocal::output::messages::{AssessmentMessage, ProvenanceMessage, plan_messages};
-use elastocal::output::stills;
 use elastocal::plan::search::{
     ApproximateDesign, ExactDesign, Problem, Watch, approximate_design, exact_design,
 };
 use elastocal::plan::{Assessment, Criterion, write_plan};
+use elastocal::record::messages::{AssessmentMessage, ProvenanceMessage, plan_messages};
 use elastocal::scenario::Scenario;
+use elastocal::view::stills;
+use elastocal::wording::counted;
 use serde_json::json;
 
 use super::evaluate::{conditions, describe};

@@ -5,11 +5,11 @@ use std::sync::atomic::Ordering;
 
 use clap::Args;
 use elastocal::files::{make_folder, write_whole};
-use elastocal::output::messages::ProvenanceMessage;
-use elastocal::output::report::reproduction_page;
-use elastocal::output::reproduction::ReproductionMessage;
+use elastocal::paper::record::ReproductionMessage;
+use elastocal::paper::reproduce;
 use elastocal::plan::search::Watch;
-use elastocal::study::reproduction::reproduce;
+use elastocal::record::messages::ProvenanceMessage;
+use elastocal::view::report::reproduction_page;
 use serde_json::json;
 
 use super::progress::{bar, stop_flag};

@@ -4,7 +4,7 @@ use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 
-use elastocal::output::rerun_file::viewer::{Address, DEFAULT_PORT, DEFAULT_URL, Viewer};
+use elastocal::view::rerun_file::viewer::{Address, DEFAULT_PORT, DEFAULT_URL, Viewer};
 
 use super::view::find_viewer;
 

@@ -1,10 +1,12 @@
 //! Two results of the same question: what changed, and is it more than the gate allows?
 //!
+//! - [`record`]: what changed, for machines and for people.
 //! - [`results`]: results files as they are compared.
 //!
 //! Every number of the one file is compared with that of the same name in the other. Results that
 //! answer different questions are refused, unless the difference is allowed.
 
+pub mod record;
 pub mod results;
 
 use serde::{Deserialize, Serialize};

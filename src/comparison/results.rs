@@ -8,7 +8,7 @@ use serde::{Deserialize, Deserializer};
 use serde_json::Value;
 
 use crate::files::{FileError, read_text};
-use crate::output::messages::{ProvenanceMessage, RESULTS_VERSION, SchemaMessage};
+use crate::record::messages::{ProvenanceMessage, RESULTS_VERSION, SchemaMessage};
 use crate::scenario::{Gate, Quantity};
 
 /// The name of a plan that results give none.

@@ -8,13 +8,9 @@
 //! - [`summary`]: means, intervals, quantiles and checks from a tally.
 //! - [`tally_file`]: tallies of parts of a study, to join or to go on from.
 //! - [`evidence`]: what a designed plan is shown beside: rivals, other sizes, many runs.
-//! - [`published`]: the numbers that the paper prints.
-//! - [`reproduction`]: the same numbers by this program.
 
 pub mod evidence;
 pub mod model_level;
-pub mod published;
-pub mod reproduction;
 pub mod robot_level;
 pub mod runner;
 pub mod summary;

@@ -11,8 +11,8 @@ use sha2::{Digest, Sha256};
 use super::tally::{BINS, Failure, SUMS, Tally};
 use super::{Entry, Setting, runner};
 use crate::files::{FileError, hexadecimal, read_text, write_whole};
-use crate::output::messages::ProvenanceMessage;
 use crate::plan::Plan;
+use crate::record::messages::ProvenanceMessage;
 use crate::scenario::{Conditions, Gate, Level, Scenario};
 
 /// What a study's numbers depend on; tallies of different headers do not add.

@@ -2,8 +2,8 @@
 
 use elastocal::identification::{IdentificationError, Sigma, identify};
 use elastocal::measurement::Measurement;
-use elastocal::output::messages::IdentificationMessage;
 use elastocal::plan::{Experiment, Plan};
+use elastocal::record::messages::IdentificationMessage;
 use elastocal::robot::Load;
 use elastocal::scenario::{Method, Scenario};
 use nalgebra::dvector;

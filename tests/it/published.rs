@@ -1,9 +1,9 @@
 //! Published cases: what Klimchik et al. 2012 print.
 
 use elastocal::compensation::test_pose_matrix;
+use elastocal::paper::published::{EQUATION_23, TABLE_5};
 use elastocal::plan::ExperimentModel;
 use elastocal::scenario::TestPose;
-use elastocal::study::published::{EQUATION_23, TABLE_5};
 
 use crate::support::{scenario, table4};
 

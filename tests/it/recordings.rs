@@ -7,13 +7,13 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use elastocal::calibration::{Calibration, calibrate};
-use elastocal::output::mcap_file::write_mcap;
-use elastocal::output::recording::Recording;
-use elastocal::output::rerun_file::write_rerun;
 use elastocal::plan::Plan;
 use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
 use elastocal::testbed::VirtualRobot;
+use elastocal::view::mcap_file::write_mcap;
+use elastocal::view::recording::Recording;
+use elastocal::view::rerun_file::write_rerun;
 use mcap::MessageStream;
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use serde_json::Value;

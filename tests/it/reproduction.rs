@@ -1,8 +1,6 @@
 //! The paper's numbers beside the program's.
 
-use elastocal::study::reproduction::{
-    Agreement, Reproduction, accuracies, equation_23, standard_errors,
-};
+use elastocal::paper::{Agreement, Reproduction, accuracies, equation_23, standard_errors};
 
 use crate::browser::looks_well;
 use crate::support::{Workplace, numbers, scenario, scenario_text, table4};

@@ -1,11 +1,11 @@
 //! The plans of a study: read, designed or drawn.
 
 use anyhow::Context;
-use elastocal::output::markup::counted;
 use elastocal::plan::Plan;
 use elastocal::plan::search::random_plan;
 use elastocal::scenario::{Conditions, Scenario, StudyPlan, StudySource};
 use elastocal::study::{Entry, EntryKind, Setting, repeated};
+use elastocal::wording::counted;
 
 use crate::cli::Common;
 use crate::cli::plan::design;

@@ -10,12 +10,12 @@ use std::time::Instant;
 
 use clap::Args;
 use elastocal::files::{check_writable, make_folder};
-use elastocal::output::messages::SchemaMessage;
-use elastocal::output::study_recording::next_snapshot;
+use elastocal::record::messages::SchemaMessage;
 use elastocal::scenario::Level;
 use elastocal::study::Setting;
 use elastocal::study::runner::Runner;
 use elastocal::study::tally_file::{Header, TallyFile};
+use elastocal::view::study_recording::next_snapshot;
 use indicatif::ProgressStyle;
 use serde_json::json;
 

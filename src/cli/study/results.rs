@@ -4,13 +4,13 @@ use std::path::Path;
 
 use anyhow::Context;
 use elastocal::files::write_whole;
-use elastocal::output::markup::inverse_interval;
-use elastocal::output::report::{StudyRecord, study_page};
-use elastocal::output::study::{StudyPlanMessage, study_csv};
+use elastocal::record::study::{StudyPlanMessage, study_csv};
 use elastocal::scenario::Level;
 use elastocal::study::summary::Summary;
 use elastocal::study::tally::Tally;
 use elastocal::study::tally_file::{Header, PlanHeader};
+use elastocal::view::report::{StudyRecord, study_page};
+use elastocal::wording::inverse_interval;
 use serde_json::{Value, json};
 
 use crate::cli::table::{number, table};

@@ -3,16 +3,16 @@
 use std::path::Path;
 
 use elastocal::calibration::calibrate;
-use elastocal::output::mcap_file::study::write_study_mcap;
-use elastocal::output::recording::Recording;
-use elastocal::output::rerun_file::study::{StudyStream, write_study_rerun};
-use elastocal::output::rerun_file::viewer::{Messages, Viewer};
-use elastocal::output::study_recording::{Snapshot, StudyRecording};
 use elastocal::plan::search::random_plan;
 use elastocal::study::runner::Runner;
 use elastocal::study::tally::Tally;
 use elastocal::study::tally_file::Header;
 use elastocal::study::{Entry, Setting};
+use elastocal::view::mcap_file::study::write_study_mcap;
+use elastocal::view::recording::Recording;
+use elastocal::view::rerun_file::study::{StudyStream, write_study_rerun};
+use elastocal::view::rerun_file::viewer::{Messages, Viewer};
+use elastocal::view::study_recording::{Snapshot, StudyRecording};
 
 use super::results::plan_messages;
 use crate::cli::stream::{Target, warn};

@@ -1,0 +1,243 @@
+//! The records of a comparison: JSON for machines, rows and Markdown for people.
+
+use serde_json::{Value, json};
+
+use crate::comparison::results::{Key, ResultsFile};
+use crate::comparison::{Change, Comparison};
+use crate::record::messages::SchemaMessage;
+use crate::scenario::{Direction, Quantity};
+
+/// The columns of [`rows`].
+pub const COLUMNS: [&str; 7] = [
+    "plan", "quantity", "base", "new", "change", "allowed", "verdict",
+];
+
+/// The comparison of two files for machines. Numbers that do not exist are `null`.
+#[must_use]
+pub fn comparison_json(base: &ResultsFile, new: &ResultsFile, comparison: &Comparison) -> Value {
+    let side = |file: &ResultsFile| {
+        json!({
+            "file": file.path.display().to_string(),
+            "schema": file.schema,
+            "provenance": file.provenance,
+        })
+    };
+    let names = |quantities: Vec<Quantity>| -> Vec<&str> {
+        quantities.into_iter().map(Quantity::name).collect()
+    };
+    let differences = (comparison.differences.iter())
+        .map(|each| json!({ "setting": each.setting, "base": each.base, "new": each.new }));
+    json!({
+        "schema": SchemaMessage::new("compare"),
+        "ok": comparison.ok(),
+        "identical": comparison.identical,
+        "same_platform": base.provenance.platform == new.provenance.platform,
+        "base": side(base),
+        "new": side(new),
+        "allowed_differences": differences.collect::<Vec<_>>(),
+        "quantities": names(comparison.quantities()),
+        "changes": comparison.changes.iter().map(change_json).collect::<Vec<_>>(),
+        "not_compared": comparison.not_compared.iter().map(|key| json!({
+            "quantity": key.quantity, "plan": key.plan, "of": key.of,
+        })).collect::<Vec<_>>(),
+    })
+}
+
+fn change_json(change: &Change) -> Value {
+    json!({
+        "quantity": change.key.quantity,
+        "plan": change.key.plan,
+        "of": change.key.of,
+        "unit": change.key.quantity.unit(),
+        "base": change.base,
+        "new": change.new,
+        "change": change.change(),
+        "relative_change": change.relative_change(),
+        "tolerance": change.tolerance,
+        "direction": change.direction,
+        "ok": change.ok,
+    })
+}
+
+/// A row for each change, in the [`COLUMNS`].
+#[must_use]
+pub fn rows<'a>(changes: impl Iterator<Item = &'a Change>) -> Vec<Vec<String>> {
+    changes.map(row).collect()
+}
+
+fn row(change: &Change) -> Vec<String> {
+    let quantity = change.key.quantity;
+    let of = (change.key.of.as_ref()).map_or_else(String::new, |of| format!(" of {of}"));
+    let unit = match quantity.unit() {
+        "" => String::new(),
+        "rad/(N m)" => " [1e-9 rad/(N m)]".to_owned(),
+        unit => format!(" [{unit}]"),
+    };
+    let verdict = if change.ok { "" } else { "BROKEN" };
+    vec![
+        change.key.plan.clone(),
+        format!("{}{of}{unit}", quantity.name()),
+        shown(quantity, change.base),
+        shown(quantity, change.new),
+        difference(change),
+        allowed(change),
+        verdict.to_owned(),
+    ]
+}
+
+fn shown(quantity: Quantity, value: Option<f64>) -> String {
+    value.map_or_else(
+        || "-".to_owned(),
+        |value| match quantity {
+            Quantity::Violations | Quantity::FailedRuns => format!("{value}"),
+            Quantity::StandardError => format!("{:.4}", value * 1e9),
+            _ => format!("{value:.4}"),
+        },
+    )
+}
+
+fn is_count(quantity: Quantity) -> bool {
+    matches!(quantity, Quantity::Violations | Quantity::FailedRuns)
+}
+
+fn difference(change: &Change) -> String {
+    match (change.change(), change.relative_change()) {
+        (Some(0.0), _) => "0".to_owned(),
+        (Some(_), Some(relative)) if !is_count(change.key.quantity) => {
+            let percent = relative * 100.0;
+            if percent.abs() < 0.005 {
+                format!("{percent:+.0e} %")
+            } else {
+                format!("{percent:+.2} %")
+            }
+        }
+        (Some(absolute), _) => signed(absolute),
+        (None, _) if change.base == change.new => "0".to_owned(),
+        (None, _) => "-".to_owned(),
+    }
+}
+
+fn allowed(change: &Change) -> String {
+    let sign = match (change.direction, change.key.quantity.larger_is_worse()) {
+        (Direction::None, _) => return "any".to_owned(),
+        (Direction::Both, _) => "+-",
+        (Direction::Worse, true) => "+",
+        (Direction::Worse, false) => "-",
+    };
+    match change.base {
+        _ if change.tolerance == 0.0 => format!("{sign}0"),
+        Some(base) if base != 0.0 && !is_count(change.key.quantity) => {
+            let percent = format!("{:.3}", change.tolerance / base.abs() * 100.0);
+            let percent = percent.trim_end_matches('0').trim_end_matches('.');
+            format!("{sign}{percent} %")
+        }
+        _ => format!("{sign}{}", change.tolerance),
+    }
+}
+
+fn signed(value: f64) -> String {
+    if value.fract() == 0.0 {
+        format!("{value:+}")
+    } else {
+        format!("{value:+.3e}")
+    }
+}
+
+/// Where both come from, and what else a reader must know: a sentence each.
+#[must_use]
+pub fn notes(base: &ResultsFile, new: &ResultsFile, comparison: &Comparison) -> Vec<String> {
+    let mut notes = Vec::new();
+    for difference in &comparison.differences {
+        notes.push(format!(
+            "They differ in {}, as allowed: {} in the base, {} in the new.",
+            difference.setting.name(),
+            difference.base,
+            difference.new
+        ));
+    }
+    let (before, now) = (&base.provenance.platform, &new.provenance.platform);
+    if before != now {
+        let digits = if comparison.identical {
+            ""
+        } else {
+            ": the last digits may differ"
+        };
+        notes.push(format!(
+            "The base is of another platform ({before}, now {now}){digits}."
+        ));
+    }
+    if comparison.identical {
+        notes.push("All are the same to the last bit.".to_owned());
+    }
+    if !comparison.not_compared.is_empty() {
+        let names: Vec<String> = (comparison.not_compared.iter()).map(Key::text).collect();
+        notes.push(format!("Only one file has: {}.", names.join("; ")));
+    }
+    notes
+}
+
+/// What it comes to, in a sentence.
+#[must_use]
+pub fn verdict(comparison: &Comparison) -> String {
+    let names: Vec<&str> = (comparison.quantities().into_iter())
+        .map(Quantity::name)
+        .collect();
+    let all = comparison.changes.len();
+    let compared = format!("{all} numbers compared ({})", names.join(", "));
+    match comparison.broken().count() {
+        0 => format!("{compared}: all within tolerance."),
+        broken => format!("{compared}: {broken} beyond tolerance."),
+    }
+}
+
+/// A summary that a job of continuous integration can post.
+#[must_use]
+pub fn markdown(base: &ResultsFile, new: &ResultsFile, comparison: &Comparison) -> String {
+    let outcome = if comparison.ok() { "passed" } else { "failed" };
+    let scenario = escaped(&new.provenance.scenario);
+    let mut text = format!(
+        "### Gate {outcome}: {scenario}\n\n{}\n\n",
+        verdict(comparison)
+    );
+    if !comparison.ok() {
+        text += &markdown_table(&COLUMNS[..6], &rows(comparison.broken()));
+        text.push('\n');
+    }
+    let origin = |name: &str, file: &ResultsFile| {
+        let provenance = &file.provenance;
+        vec![
+            name.to_owned(),
+            file.path.display().to_string(),
+            format!("{} ({})", provenance.version, provenance.commit),
+            provenance.platform.clone(),
+        ]
+    };
+    text += &markdown_table(
+        &["", "file", "elastocal", "platform"],
+        &[origin("base", base), origin("new", new)],
+    );
+    for note in notes(base, new, comparison) {
+        text += &format!("\n{}\n", escaped(&note));
+    }
+    let all = markdown_table(&COLUMNS, &rows(comparison.changes.iter()));
+    text + &format!("\n<details><summary>All numbers</summary>\n\n{all}\n</details>\n")
+}
+
+fn markdown_table(header: &[&str], rows: &[Vec<String>]) -> String {
+    let line = |cells: Vec<String>| format!("| {} |\n", cells.join(" | "));
+    let mut text = line(header.iter().map(|&cell| cell.to_owned()).collect());
+    text += &line(vec!["---".to_owned(); header.len()]);
+    for row in rows {
+        let cells = row.iter().take(header.len());
+        text += &line(cells.map(|cell| escaped(cell)).collect());
+    }
+    text
+}
+
+/// Names are the user's: nothing in them may end a cell or be a tag.
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;")
+        .replace('<', "&lt;")
+        .replace('|', "\\|")
+        .replace(['\n', '\r'], " ")
+}

@@ -1,0 +1,210 @@
+//! The paper's eq. 23, Tables 4 to 6 and Fig. 7, by this program.
+//!
+//! Eq. 23, Table 5 and the rule of repeated plans (`rho_0` times the root of m/M) must agree. Table 6
+//! and Fig. 7 do not, since Table 6 does not follow from eq. 23; they are set side by side. Beside
+//! the plans of Table 4 stand those that this program designs for the same numbers of measurements
+//! and configurations.
+
+mod designs;
+pub mod published;
+pub mod record;
+mod tables;
+
+use thiserror::Error;
+
+use crate::files::FileError;
+use crate::plan::search::{SearchError, Watch};
+use crate::plan::{Plan, read_plan};
+use crate::scenario::Scenario;
+use crate::study::evidence::{Distances, distances};
+use crate::study::{Entry, EntryKind, StudyError, repeated};
+use published::{FIGURE_7, FIGURE_7_RANDOM};
+
+pub use designs::{Design, designs};
+pub use tables::{
+    Accuracy, Agreement, Number, StandardErrors, TABLE_5_TOLERANCE, accuracies, equation_23,
+    standard_errors,
+};
+
+/// The number of measurements of Fig. 7.
+const FIGURE_7_EXPERIMENTS: u32 = 12;
+
+/// Why the paper cannot be reproduced.
+#[derive(Debug, Error)]
+pub enum ReproductionError {
+    /// The scenario is another problem.
+    #[error("the scenario is not the paper's problem: {0}")]
+    OtherProblem(String),
+    /// A plan of Table 4 cannot be read.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// No plan was found.
+    #[error(transparent)]
+    Search(#[from] SearchError),
+    /// Fig. 7 cannot be simulated.
+    #[error(transparent)]
+    Study(#[from] StudyError),
+}
+
+/// The mean distance that one plan of Fig. 7 leaves.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MeanDistance {
+    /// What the plan is.
+    pub description: String,
+    /// The mean that the paper prints (m).
+    pub printed_m: Option<f64>,
+    /// This program's runs.
+    pub distances: Distances,
+}
+
+/// The paper's numbers and this program's.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Reproduction {
+    /// Eq. 23, row by row.
+    pub equation_23: Vec<Vec<Number>>,
+    /// Table 4: the paper's plans by the number of measurements.
+    pub table_4: Vec<Plan>,
+    /// Table 5.
+    pub table_5: Vec<StandardErrors>,
+    /// Table 6.
+    pub table_6: Vec<Accuracy>,
+    /// What this program designs for each row of Table 6.
+    pub designs: Vec<Design>,
+    /// Fig. 7: random plans, the paper's, this program's.
+    pub figure_7: Vec<MeanDistance>,
+    /// The number of runs of each plan.
+    pub trials: u64,
+}
+
+/// Makes all that the paper prints from the scenario of its problem, whose plans
+/// `klimchik2012_m2` to `klimchik2012_m12` are those of Table 4. `progress` hears of the plans that
+/// were designed and of all.
+///
+/// # Errors
+/// See [`ReproductionError`].
+pub fn reproduce(
+    scenario: &Scenario,
+    trials: u64,
+    watch: Watch<'_>,
+    progress: &dyn Fn(usize, usize),
+) -> Result<Reproduction, ReproductionError> {
+    let table_4 = table_4(scenario)?;
+    let equation_23 = equation_23(scenario)?;
+    let table_5 = standard_errors(scenario, &table_4);
+    let table_6 = accuracies(scenario, &table_4);
+    let designs = designs(scenario, watch, progress)?;
+    let figure_7 = figure_7(scenario, &table_4, &designs, trials)?;
+    Ok(Reproduction {
+        equation_23,
+        table_4,
+        table_5,
+        table_6,
+        designs,
+        figure_7,
+        trials,
+    })
+}
+
+/// The plans of Table 4, in the order of Table 5 and Fig. 7.
+fn table_4(scenario: &Scenario) -> Result<Vec<Plan>, ReproductionError> {
+    let read = |&(_, experiments, _): &(&str, u32, f64)| {
+        let name = format!("klimchik2012_m{experiments}");
+        let file = (scenario.plans.iter()).find(|file| file.name == name);
+        let file = file.ok_or_else(|| {
+            ReproductionError::OtherProblem(format!("it brings no plan named {name:?} (Table 4)"))
+        })?;
+        let plan = read_plan(&file.path, scenario.joints())?;
+        if plan.measurements() == experiments {
+            return Ok(plan);
+        }
+        let found = plan.measurements();
+        Err(ReproductionError::OtherProblem(format!(
+            "its plan {name:?} has {found} measurements; Table 4 has {experiments}"
+        )))
+    };
+    FIGURE_7.iter().map(read).collect()
+}
+
+/// Twelve measurements by each plan, over many runs.
+fn figure_7(
+    scenario: &Scenario,
+    table_4: &[Plan],
+    designs: &[Design],
+    trials: u64,
+) -> Result<Vec<MeanDistance>, ReproductionError> {
+    let mut entries = vec![Entry {
+        name: "random".to_owned(),
+        setting: 0,
+        kind: EntryKind::RandomEach,
+    }];
+    let mut about = vec![(
+        "a fresh random plan each run".to_owned(),
+        Some(FIGURE_7_RANDOM),
+    )];
+    let mut add = |name: &str, plan: &Plan, description: String, printed: Option<f64>| {
+        if let Some(plan) = repeated(plan, FIGURE_7_EXPERIMENTS) {
+            let (name, kind) = (name.to_owned(), EntryKind::Fixed(plan));
+            entries.push(Entry {
+                name,
+                setting: 0,
+                kind,
+            });
+            about.push((description, printed));
+        }
+    };
+    let times = |experiments: u32| match FIGURE_7_EXPERIMENTS / experiments {
+        1 => String::new(),
+        times => format!(", {times} times"),
+    };
+    for ((name, experiments, printed), plan) in FIGURE_7.iter().zip(table_4) {
+        let description = format!("Table 4's plan of {experiments}{}", times(*experiments));
+        add(name, plan, description, Some(*printed));
+    }
+    for experiments in [3, FIGURE_7_EXPERIMENTS] {
+        let own = (designs.iter())
+            .find(|each| (each.experiments, each.configurations) == (experiments, experiments));
+        if let Some(own) = own {
+            let description = format!("elastocal's plan of {experiments}{}", times(experiments));
+            add(
+                &format!("elastocal {experiments}"),
+                &own.plan,
+                description,
+                None,
+            );
+        }
+    }
+    let distances = distances(scenario, FIGURE_7_EXPERIMENTS, &entries, trials)?;
+    let all = about.into_iter().zip(distances);
+    Ok(all
+        .map(|((description, printed_um), distances)| MeanDistance {
+            description,
+            printed_m: printed_um.map(|printed| printed * 1e-6),
+            distances,
+        })
+        .collect())
+}
+
+impl Reproduction {
+    /// What should agree with the paper and does not.
+    #[must_use]
+    pub fn failures(&self) -> Vec<String> {
+        let mut failures = Vec::new();
+        let cells = self.equation_23.iter().flatten();
+        let wrong = cells.filter(|cell| !cell.agrees()).count();
+        if wrong > 0 {
+            failures.push(format!("{wrong} of the 15 numbers of eq. 23 differ"));
+        }
+        let wrong = (self.table_5.iter()).filter(|row| !row.agrees()).count();
+        if wrong > 0 {
+            failures.push(format!("{wrong} of the 5 rows of Table 5 differ"));
+        }
+        let wrong = (self.table_6.iter()).filter(|row| row.keeps_the_rule() == Some(false));
+        let wrong = wrong.count();
+        if wrong > 0 {
+            failures.push(format!(
+                "{wrong} numbers of Table 6 break the rule of repeated plans"
+            ));
+        }
+        failures
+    }
+}

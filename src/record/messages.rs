@@ -1,0 +1,374 @@
+//! The JSON records of a calibration, with the unit of every number in its key.
+//!
+//! The command line's `--json`, results.json and the MCAP file share them. Numbers that do not
+//! exist (an unidentifiable compliance, an infinite condition number) are `null`.
+
+use std::collections::BTreeMap;
+
+use nalgebra::Vector3;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::calibration::{Calibration, CompensatedPose};
+use crate::identification::Identification;
+use crate::measurement::Measurement;
+use crate::plan::{Assessment, Criterion, Experiment, Plan};
+use crate::robot::Load;
+use crate::scenario::{Method, Scenario};
+use crate::{COMMIT, VERSION, platform, units};
+
+/// What a JSON file holds and in which form, so that another version can tell.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct SchemaMessage {
+    /// "elastocal." and the command that makes such results.
+    pub name: String,
+    /// The version of the form, the same for all results.
+    pub version: u32,
+}
+
+/// The version of the results that this program writes.
+pub const RESULTS_VERSION: u32 = 1;
+
+impl SchemaMessage {
+    /// The schema of what a command of this program prints.
+    #[must_use]
+    pub fn new(command: &str) -> Self {
+        Self {
+            name: format!("elastocal.{command}"),
+            version: RESULTS_VERSION,
+        }
+    }
+}
+
+/// Where an output comes from.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct ProvenanceMessage {
+    /// The version of elastocal.
+    pub version: String,
+    /// The commit that it was built from, with "-dirty" where its sources had been changed since.
+    pub commit: String,
+    /// The scenario's name.
+    pub scenario: String,
+    /// SHA-256 of the scenario's keys and values, without `[gate]`, and of the model files' bytes, in
+    /// hexadecimal.
+    pub scenario_sha256: String,
+    /// The seed of all random numbers.
+    pub seed: u64,
+    /// The kind of machine and system.
+    pub platform: String,
+}
+
+impl ProvenanceMessage {
+    /// The provenance of what this program makes of a scenario.
+    #[must_use]
+    pub fn new(scenario: &Scenario) -> Self {
+        Self {
+            version: VERSION.to_owned(),
+            commit: COMMIT.to_owned(),
+            scenario: scenario.name.clone(),
+            scenario_sha256: scenario.sha256.clone(),
+            seed: scenario.seed,
+            platform: platform::platform(),
+        }
+    }
+}
+
+/// One configuration and load of a plan.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct ExperimentMessage {
+    /// The commanded joint angles (deg).
+    pub q_deg: Vec<f64>,
+    /// Force (N) and torque (N m) in the world frame at the calibration tool.
+    pub wrench: [f64; 6],
+    /// How often it is measured.
+    pub repeats: u32,
+}
+
+impl From<&Experiment> for ExperimentMessage {
+    fn from(experiment: &Experiment) -> Self {
+        Self {
+            q_deg: degrees(experiment.configuration_rad.as_slice()),
+            wrench: wrench(&experiment.load),
+            repeats: experiment.repeats,
+        }
+    }
+}
+
+/// The experiments of a plan in their order.
+#[must_use]
+pub fn plan_messages(plan: &Plan) -> Vec<ExperimentMessage> {
+    plan.experiments.iter().map(Into::into).collect()
+}
+
+/// One experiment's outcome.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct MeasurementMessage {
+    /// The commanded joint angles (deg).
+    pub q_deg: Vec<f64>,
+    /// Force (N) and torque (N m) in the world frame at the calibration tool.
+    pub wrench: [f64; 6],
+    /// Loaded minus unloaded position of the tool in the world frame (mm).
+    pub deflection_mm: [f64; 3],
+    /// Standard deviations of the deflection, where this measurement has its own (mm).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub deflection_std_mm: Option<[f64; 3]>,
+    /// The tool's rotation as a rotation vector in the world frame, where it is measured (mrad).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rotation_mrad: Option<[f64; 3]>,
+    /// Standard deviations of the rotation (mrad).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rotation_std_mrad: Option<[f64; 3]>,
+}
+
+impl From<&Measurement> for MeasurementMessage {
+    fn from(measurement: &Measurement) -> Self {
+        let rotation = measurement.rotation.as_ref();
+        Self {
+            q_deg: degrees(measurement.configuration_rad.as_slice()),
+            wrench: wrench(&measurement.load),
+            deflection_mm: thousandfold(&measurement.deflection_m),
+            deflection_std_mm: measurement.sigma_m.as_ref().map(thousandfold),
+            rotation_mrad: rotation.map(|rotation| thousandfold(&rotation.vector_rad)),
+            rotation_std_mrad: rotation.map(|rotation| thousandfold(&rotation.sigma_rad)),
+        }
+    }
+}
+
+/// What was identified, and how well; the arrays go by `parameters`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct IdentificationMessage {
+    /// `linear` or `nonlinear`.
+    pub method: String,
+    /// The names of the identified joints.
+    pub parameters: Vec<String>,
+    /// The compliances (rad/(N m)); null where the measurements do not determine one.
+    pub compliance_rad_per_nm: Vec<Option<f64>>,
+    /// Their standard errors (rad/(N m)).
+    pub compliance_std_rad_per_nm: Vec<Option<f64>>,
+    /// Their 95 % intervals (rad/(N m)).
+    pub compliance_ci95_rad_per_nm: Vec<Option<[f64; 2]>>,
+    /// Their covariance (rad^2/(N m)^2); zero for those that are not determined.
+    pub covariance_rad2_per_n2m2: Vec<Vec<f64>>,
+    /// The standard deviation of a deflection's coordinate that the uncertainties rest on (mm).
+    pub sigma_mm: f64,
+    /// The one that the residuals show, if there are more equations than unknowns (mm).
+    pub residual_sigma_mm: Option<f64>,
+    /// The probability of residuals at least this large if model and sigma are right.
+    pub consistency: Option<f64>,
+    /// The number of independent combinations of compliances that the measurements determine.
+    pub rank: usize,
+    /// The condition number of the observation matrix with columns scaled to length one; null
+    /// where it is infinite.
+    pub condition: Option<f64>,
+    /// The number of Gauss-Newton steps; 1 for the linear method.
+    pub iterations: usize,
+    /// Measured minus modelled deflection of each measurement (mm).
+    pub residuals_mm: Vec<[f64; 3]>,
+}
+
+impl From<&Identification> for IdentificationMessage {
+    fn from(identification: &Identification) -> Self {
+        let estimates = || identification.parameters.iter().map(|each| each.estimate);
+        Self {
+            method: method_name(identification.method).to_owned(),
+            parameters: identification
+                .parameters
+                .iter()
+                .map(|parameter| parameter.name.clone())
+                .collect(),
+            compliance_rad_per_nm: estimates().map(|estimate| Some(estimate?.value)).collect(),
+            compliance_std_rad_per_nm: estimates()
+                .map(|estimate| Some(estimate?.standard_error))
+                .collect(),
+            compliance_ci95_rad_per_nm: estimates()
+                .map(|estimate| Some(estimate?.interval95))
+                .collect(),
+            covariance_rad2_per_n2m2: identification
+                .covariance
+                .row_iter()
+                .map(|row| row.iter().copied().collect())
+                .collect(),
+            sigma_mm: identification.sigma_m * 1e3,
+            residual_sigma_mm: identification.residual_sigma_m.map(|sigma| sigma * 1e3),
+            consistency: identification.consistency,
+            rank: identification.rank,
+            condition: Some(identification.condition).filter(|value| value.is_finite()),
+            iterations: identification.iterations,
+            residuals_mm: residuals_mm(&identification.residuals_m),
+        }
+    }
+}
+
+/// What a plan promises; the arrays go by `parameters`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct AssessmentMessage {
+    /// The number of measurements.
+    pub experiments: u32,
+    /// The names of the identified joints.
+    pub parameters: Vec<String>,
+    /// The predicted rms distance over the test poses (mm), eq. 20; null where the compensation
+    /// needs a compliance that the plan does not determine.
+    pub rho0_mm: Option<f64>,
+    /// The standard errors of the compliances (rad/(N m)); null where one is not determined.
+    pub compliance_std_rad_per_nm: Vec<Option<f64>>,
+    /// The criteria of Table 1 by name, in relative units; `test_pose` in mm.
+    pub criteria: BTreeMap<String, Option<f64>>,
+    /// No plan of as many measurements has a smaller `rho0_mm`.
+    pub lower_bound_rho0_mm: Option<f64>,
+    /// `lower_bound_rho0_mm` over `rho0_mm`.
+    pub efficiency: Option<f64>,
+    /// What makes the plan impossible.
+    pub violations: Vec<ViolationMessage>,
+}
+
+/// One bound that an experiment of a plan does not keep.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct ViolationMessage {
+    /// The experiment's number, from 1.
+    pub experiment: usize,
+    /// What is wrong.
+    pub what: String,
+    /// The value found.
+    pub found: Option<f64>,
+    /// The bound.
+    pub bound: Option<f64>,
+    /// The unit of both.
+    pub unit: String,
+}
+
+impl AssessmentMessage {
+    /// The record of an assessment.
+    #[must_use]
+    pub fn new(scenario: &Scenario, assessment: &Assessment) -> Self {
+        let millimetres = |(criterion, value): &(Criterion, Option<f64>)| {
+            let unit = if *criterion == Criterion::TestPose {
+                1e3
+            } else {
+                1.0
+            };
+            (criterion.name().to_owned(), value.map(|value| value * unit))
+        };
+        Self {
+            experiments: assessment.experiments,
+            parameters: scenario.parameter_names(),
+            rho0_mm: assessment.rho0_m.map(|value| value * 1e3),
+            compliance_std_rad_per_nm: assessment.standard_errors.clone(),
+            criteria: assessment.criteria.iter().map(millimetres).collect(),
+            lower_bound_rho0_mm: assessment.lower_bound_m.map(|value| value * 1e3),
+            efficiency: assessment.efficiency(),
+            violations: assessment
+                .violations
+                .iter()
+                .map(|violation| ViolationMessage {
+                    experiment: violation.experiment,
+                    what: violation.what.clone(),
+                    found: Some(violation.found).filter(|value| value.is_finite()),
+                    bound: Some(violation.bound).filter(|value| value.is_finite()),
+                    unit: violation.unit.to_owned(),
+                })
+                .collect(),
+        }
+    }
+}
+
+/// What compensation achieves at a test pose.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct TestPoseMessage {
+    /// The test pose's name.
+    pub name: String,
+    /// Its weight among the test poses.
+    pub weight: f64,
+    /// The joint angles to command (deg).
+    pub q_commanded_deg: Vec<f64>,
+    /// The loaded tool's distance from where it is wanted, without compensation (mm).
+    pub uncompensated_mm: f64,
+    /// The same with compensation (mm).
+    pub residual_mm: f64,
+    /// The predicted rms of the latter (mm), eq. 20 with the covariance of the identification.
+    pub rho0_mm: Option<f64>,
+    /// The components of `uncompensated_mm` in the world frame.
+    pub uncompensated_xyz_mm: [f64; 3],
+    /// The components of `residual_mm` in the world frame.
+    pub residual_xyz_mm: [f64; 3],
+}
+
+impl From<&CompensatedPose> for TestPoseMessage {
+    fn from(pose: &CompensatedPose) -> Self {
+        Self {
+            name: pose.name.clone(),
+            weight: pose.weight,
+            q_commanded_deg: degrees(pose.commanded_rad.as_slice()),
+            uncompensated_mm: pose.seen.uncompensated_m.norm() * 1e3,
+            residual_mm: pose.seen.residual_m.norm() * 1e3,
+            rho0_mm: pose.predicted_m.map(|value| value * 1e3),
+            uncompensated_xyz_mm: thousandfold(&pose.seen.uncompensated_m),
+            residual_xyz_mm: thousandfold(&pose.seen.residual_m),
+        }
+    }
+}
+
+/// One calibration from plan to compensated test poses.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct CalibrationMessage {
+    /// The plan's name.
+    pub name: String,
+    /// The plan.
+    pub plan: Vec<ExperimentMessage>,
+    /// Its measurements.
+    pub measurements: Vec<MeasurementMessage>,
+    /// What was identified from them.
+    pub identification: IdentificationMessage,
+    /// What that achieves at each test pose.
+    pub test_poses: Vec<TestPoseMessage>,
+}
+
+impl CalibrationMessage {
+    /// The record of a calibration under the name of its plan.
+    #[must_use]
+    pub fn new(name: &str, calibration: &Calibration) -> Self {
+        Self {
+            name: name.to_owned(),
+            plan: plan_messages(&calibration.plan),
+            measurements: calibration.measurements.iter().map(Into::into).collect(),
+            identification: (&calibration.identification).into(),
+            test_poses: calibration.poses.iter().map(Into::into).collect(),
+        }
+    }
+}
+
+/// Angles in degrees.
+#[must_use]
+pub fn degrees(angles_rad: &[f64]) -> Vec<f64> {
+    angles_rad
+        .iter()
+        .map(|&angle| units::degrees(angle))
+        .collect()
+}
+
+/// A load as force (N), then torque (N m).
+#[must_use]
+pub fn wrench(load: &Load) -> [f64; 6] {
+    load.wrench().into()
+}
+
+/// From metres to millimetres, or from radians to milliradians.
+pub(crate) fn thousandfold(vector: &Vector3<f64>) -> [f64; 3] {
+    vector.map(units::thousandths).into()
+}
+
+/// Residuals of deflections (mm), three to a measurement.
+pub(crate) fn residuals_mm(residuals_m: &[f64]) -> Vec<[f64; 3]> {
+    residuals_m
+        .as_chunks()
+        .0
+        .iter()
+        .map(|residual: &[f64; 3]| residual.map(|value| value * 1e3))
+        .collect()
+}
+
+fn method_name(method: Method) -> &'static str {
+    match method {
+        Method::Linear => "linear",
+        Method::Nonlinear => "nonlinear",
+    }
+}

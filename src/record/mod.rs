@@ -1,0 +1,10 @@
+//! What is kept of results: serde records with the unit of every number in its key.
+//!
+//! - [`messages`]: a calibration, what a plan promises, and where results come from; `--json`,
+//!   results.json and the MCAP file share them.
+//! - [`study`]: a Monte Carlo study.
+//! - [`evidence`]: what a plan is shown beside.
+
+pub mod evidence;
+pub mod messages;
+pub mod study;

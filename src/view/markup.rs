@@ -1,0 +1,92 @@
+//! Small pieces of HTML and SVG. Whatever is given as text is escaped here.
+
+/// The style of all pages.
+const STYLE: &str = include_str!("report/style.css");
+
+/// Text as it stands in HTML and SVG, in attributes too.
+#[must_use]
+pub fn escaped(text: &str) -> String {
+    let mut safe = String::with_capacity(text.len());
+    for each in text.chars() {
+        match each {
+            '&' => safe.push_str("&amp;"),
+            '<' => safe.push_str("&lt;"),
+            '>' => safe.push_str("&gt;"),
+            '"' => safe.push_str("&quot;"),
+            '\'' => safe.push_str("&#39;"),
+            // Control characters are not allowed in XML.
+            other if other.is_control() => safe.push(' '),
+            other => safe.push(other),
+        }
+    }
+    safe
+}
+
+/// A whole page, which loads nothing. `body` is HTML.
+#[must_use]
+pub fn page(title: &str, body: &str) -> String {
+    format!(
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+         <title>{}</title>\n<link rel=\"icon\" href=\"data:,\">\n<style>\n{STYLE}</style>\n</head>\n<body>\n\
+         <main>\n{body}</main>\n</body>\n</html>\n",
+        escaped(title)
+    )
+}
+
+/// A section with a title; `body` is HTML.
+#[must_use]
+pub fn section(id: &str, title: &str, body: &str) -> String {
+    format!(
+        "<section id=\"{}\">\n<h2>{}</h2>\n{body}</section>\n",
+        escaped(id),
+        escaped(title)
+    )
+}
+
+/// A paragraph of text.
+#[must_use]
+pub fn paragraph(text: &str) -> String {
+    format!("<p>{}</p>\n", escaped(text))
+}
+
+/// A figure of a drawing (SVG) with its caption.
+#[must_use]
+pub fn figure(svg: &str, caption: &str) -> String {
+    format!(
+        "<figure>\n<div class=\"wide\">{svg}</div>\n<figcaption>{}</figcaption>\n</figure>\n",
+        escaped(caption)
+    )
+}
+
+/// A table; the first column is text, the others are numbers.
+#[must_use]
+pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
+    let line = |tag: &str, cells: &mut dyn Iterator<Item = &str>| {
+        let cells: Vec<String> = cells
+            .map(|cell| format!("<{tag}>{}</{tag}>", escaped(cell)))
+            .collect();
+        format!("<tr>{}</tr>\n", cells.concat())
+    };
+    let head = line("th", &mut header.iter().copied());
+    let body: String = rows
+        .iter()
+        .map(|row| line("td", &mut row.iter().map(String::as_str)))
+        .collect();
+    format!(
+        "<div class=\"wide\"><table>\n<thead>{head}</thead>\n<tbody>\n{body}</tbody>\n</table></div>\n"
+    )
+}
+
+/// A card of the overview: what it is about, the answer, and what to know about it. `tone` is
+/// `good`, `bad` or nothing.
+#[must_use]
+pub fn card(tone: &str, title: &str, answer: &str, about: &str) -> String {
+    format!(
+        "<div class=\"card {}\"><h3>{}</h3><strong>{}</strong><p>{}</p></div>\n",
+        escaped(tone),
+        escaped(title),
+        escaped(answer),
+        escaped(about)
+    )
+}

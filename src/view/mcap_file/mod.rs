@@ -1,0 +1,336 @@
+//! The MCAP file: plan, measurements and results as JSON with schemas, and the robot in Foxglove's
+//! message types.
+//!
+//! Step i (experiments, then test poses, of one calibration after the other) takes place at second
+//! i, what holds for all at second 0: the times are no times of day, and the same recording gives
+//! the same bytes.
+
+mod foxglove;
+mod scene;
+pub mod study;
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{BufWriter, Seek, Write};
+use std::path::Path;
+
+use mcap::records::{MessageHeader, Metadata};
+use mcap::{Compression, McapError, WriteOptions, Writer};
+use schemars::JsonSchema;
+use schemars::generate::SchemaSettings;
+use serde::Serialize;
+
+use super::recording::{RecordedCalibration, Recording, Step, StepKind};
+use crate::files::{FileError, publish, temporary_beside};
+use crate::record::messages::{
+    ExperimentMessage, IdentificationMessage, MeasurementMessage, ProvenanceMessage,
+    TestPoseMessage, degrees, thousandfold,
+};
+use foxglove::{FrameTransforms, SceneUpdate, Time};
+
+const NANOSECONDS: u64 = 1_000_000_000;
+
+/// A plan with its name.
+#[derive(Debug, Serialize, JsonSchema)]
+struct PlanRecord<'a> {
+    /// The name.
+    calibration: &'a str,
+    /// The experiments.
+    plan: &'a [ExperimentMessage],
+}
+
+/// What was identified with a plan.
+#[derive(Debug, Serialize, JsonSchema)]
+struct IdentificationRecord<'a> {
+    /// The plan's name.
+    calibration: &'a str,
+    /// The results.
+    #[serde(flatten)]
+    identification: &'a IdentificationMessage,
+}
+
+/// What compensation with these results achieves at a test pose.
+#[derive(Debug, Serialize, JsonSchema)]
+struct TestPoseRecord<'a> {
+    /// The plan's name.
+    calibration: &'a str,
+    /// The test pose.
+    #[serde(flatten)]
+    pose: &'a TestPoseMessage,
+}
+
+/// A measurement in its place in the plan.
+#[derive(Debug, Serialize, JsonSchema)]
+struct MeasurementRecord<'a> {
+    /// The plan's name.
+    calibration: &'a str,
+    /// The number of the experiment in the plan, from 1.
+    experiment: usize,
+    /// The number of the repeat, from 1.
+    repeat: usize,
+    /// The measurement.
+    #[serde(flatten)]
+    measurement: &'a MeasurementMessage,
+    /// The virtual robot's deflection, without noise (mm); identification does not see it.
+    true_deflection_mm: [f64; 3],
+    /// Measured minus modelled deflection (mm).
+    residual_mm: Option<[f64; 3]>,
+}
+
+/// What the virtual robot does in a step.
+#[derive(Debug, Serialize, JsonSchema)]
+struct StepRecord<'a> {
+    /// The plan's name.
+    calibration: &'a str,
+    /// What it is, in words.
+    title: String,
+    /// The commanded joint angles (deg).
+    q_commanded_deg: Vec<f64>,
+    /// The joint angles without load (deg).
+    q_unloaded_deg: Vec<f64>,
+    /// The joint angles under the load (deg).
+    q_loaded_deg: Vec<f64>,
+    /// Force (N) and torque (N m) in the world frame at the tool.
+    wrench: [f64; 6],
+    /// Loaded minus unloaded position of the tool in the world frame (mm).
+    displacement_mm: [f64; 3],
+    /// How many times the joints' deflections are enlarged in the scene.
+    enlargement: f64,
+}
+
+/// Writes a recording that any MCAP tool can read.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn write_mcap(path: &Path, recording: &Recording) -> Result<(), FileError> {
+    write_file(path, &recording.provenance, |mut channels| {
+        channels.write_recording(recording)?;
+        channels.finish()
+    })
+}
+
+/// Writes a file, whole or not at all.
+fn write_file(
+    path: &Path,
+    provenance: &ProvenanceMessage,
+    write: impl FnOnce(Channels<BufWriter<&mut File>>) -> Result<(), McapError>,
+) -> Result<(), FileError> {
+    let mut file = temporary_beside(path)?;
+    let options = WriteOptions::new()
+        .compression(Some(Compression::Zstd))
+        // The number of threads would decide on how chunks are cut for compression.
+        .compression_threads(0)
+        .library(format!("elastocal {}", provenance.version));
+    let written = options
+        .create(BufWriter::new(file.as_file_mut()))
+        .and_then(|writer| write(Channels::new(writer)?));
+    written.map_err(|error| FileError::new(path, format!("cannot be written: {error}")))?;
+    publish(file, path)
+}
+
+/// The file's writer with a channel for each kind of message.
+struct Channels<W: Write + Seek> {
+    writer: Writer<W>,
+    provenance: u16,
+    plan: u16,
+    steps: u16,
+    measurements: u16,
+    identification: u16,
+    test_poses: u16,
+    transforms: u16,
+    scene: u16,
+    sequence: u32,
+}
+
+impl<W: Write + Seek> Channels<W> {
+    fn new(mut writer: Writer<W>) -> Result<Self, McapError> {
+        let w = &mut writer;
+        Ok(Self {
+            provenance: channel::<ProvenanceMessage>(w, "/provenance", "elastocal.Provenance")?,
+            plan: channel::<PlanRecord<'_>>(w, "/plan", "elastocal.Plan")?,
+            steps: channel::<StepRecord<'_>>(w, "/steps", "elastocal.Step")?,
+            measurements: channel::<MeasurementRecord<'_>>(
+                w,
+                "/measurements",
+                "elastocal.Measurement",
+            )?,
+            identification: channel::<IdentificationRecord<'_>>(
+                w,
+                "/identification",
+                "elastocal.Identification",
+            )?,
+            test_poses: channel::<TestPoseRecord<'_>>(w, "/test_poses", "elastocal.TestPose")?,
+            transforms: channel::<FrameTransforms>(w, "/tf", "foxglove.FrameTransforms")?,
+            scene: channel::<SceneUpdate>(w, "/scene", "foxglove.SceneUpdate")?,
+            writer,
+            sequence: 0,
+        })
+    }
+
+    fn write_recording(&mut self, recording: &Recording) -> Result<(), McapError> {
+        let ProvenanceMessage {
+            version,
+            commit,
+            scenario,
+            scenario_sha256,
+            seed,
+            platform,
+        } = recording.provenance.clone();
+        self.writer.write_metadata(&Metadata {
+            name: "provenance".to_owned(),
+            metadata: BTreeMap::from([
+                ("version".to_owned(), version),
+                ("commit".to_owned(), commit),
+                ("scenario".to_owned(), scenario),
+                ("scenario_sha256".to_owned(), scenario_sha256),
+                ("seed".to_owned(), seed.to_string()),
+                ("platform".to_owned(), platform),
+            ]),
+        })?;
+        self.write(self.provenance, 0, &recording.provenance)?;
+        for calibration in &recording.calibrations {
+            let plan = PlanRecord {
+                calibration: &calibration.record.name,
+                plan: &calibration.record.plan,
+            };
+            self.write(self.plan, 0, &plan)?;
+        }
+        let scenery = scene::scenery(recording, Time::seconds(0));
+        self.write(self.scene, 0, &scenery)?;
+        self.write_steps(recording)
+    }
+
+    fn finish(mut self) -> Result<(), McapError> {
+        self.writer.finish()?;
+        Ok(self.writer.into_inner().flush()?)
+    }
+
+    fn write_steps(&mut self, recording: &Recording) -> Result<(), McapError> {
+        let mut mounted = None;
+        let mut now = 0;
+        for calibration in &recording.calibrations {
+            for step in &calibration.steps {
+                now += 1;
+                let time_ns = u64::from(now) * NANOSECONDS;
+                let now = Time::seconds(now);
+                let tool = step.tool();
+                if mounted != Some(tool) {
+                    let change = scene::change_tool(recording, tool, now);
+                    self.write(self.scene, time_ns, &change)?;
+                    mounted = Some(tool);
+                }
+                self.write(self.steps, time_ns, &step_record(calibration, step))?;
+                let transforms = scene::transforms(recording, step, now);
+                self.write(self.transforms, time_ns, &transforms)?;
+                let annotations = scene::annotations(recording, calibration, step, now);
+                self.write(self.scene, time_ns, &annotations)?;
+                self.write_measurements(calibration, step, time_ns)?;
+            }
+            self.write_results(calibration, u64::from(now) * NANOSECONDS)?;
+        }
+        Ok(())
+    }
+
+    /// Repeats share out the second of their experiment.
+    fn write_measurements(
+        &mut self,
+        calibration: &RecordedCalibration,
+        step: &Step,
+        time_ns: u64,
+    ) -> Result<(), McapError> {
+        let StepKind::Experiment {
+            number,
+            measurements,
+        } = &step.kind
+        else {
+            return Ok(());
+        };
+        let interval_ns = NANOSECONDS / (measurements.len() as u64).max(1);
+        for (repeat, index) in (1..).zip(measurements.clone()) {
+            let record = &calibration.record;
+            let Some(measurement) = record.measurements.get(index) else {
+                break;
+            };
+            let message = MeasurementRecord {
+                calibration: &record.name,
+                experiment: *number,
+                repeat,
+                measurement,
+                true_deflection_mm: thousandfold(&step.displacement_m()),
+                residual_mm: record.identification.residuals_mm.get(index).copied(),
+            };
+            let later_ns = interval_ns * (repeat as u64 - 1);
+            self.write(self.measurements, time_ns + later_ns, &message)?;
+        }
+        Ok(())
+    }
+
+    /// Results come with the last step of their calibration.
+    fn write_results(
+        &mut self,
+        calibration: &RecordedCalibration,
+        time_ns: u64,
+    ) -> Result<(), McapError> {
+        let record = &calibration.record;
+        let identification = IdentificationRecord {
+            calibration: &record.name,
+            identification: &record.identification,
+        };
+        self.write(self.identification, time_ns, &identification)?;
+        for pose in &record.test_poses {
+            let message = TestPoseRecord {
+                calibration: &record.name,
+                pose,
+            };
+            self.write(self.test_poses, time_ns, &message)?;
+        }
+        Ok(())
+    }
+
+    fn write(
+        &mut self,
+        channel_id: u16,
+        time_ns: u64,
+        message: &impl Serialize,
+    ) -> Result<(), McapError> {
+        let data = serde_json::to_vec(message).map_err(std::io::Error::from)?;
+        let header = MessageHeader {
+            channel_id,
+            sequence: self.sequence,
+            log_time: time_ns,
+            publish_time: time_ns,
+        };
+        self.sequence += 1;
+        self.writer.write_to_known_channel(&header, &data)
+    }
+}
+
+/// Adds a channel of JSON messages of one type.
+fn channel<T: JsonSchema>(
+    writer: &mut Writer<impl Write + Seek>,
+    topic: &str,
+    name: &str,
+) -> Result<u16, McapError> {
+    // Viewers do not follow references inside schemas.
+    let settings = SchemaSettings::draft07()
+        .for_serialize()
+        .with(|settings| settings.inline_subschemas = true);
+    let mut schema = settings.into_generator().into_root_schema_for::<T>();
+    schema.insert("title".to_owned(), name.into());
+    let schema = serde_json::to_vec(&schema).map_err(std::io::Error::from)?;
+    let schema = writer.add_schema(name, "jsonschema", &schema)?;
+    writer.add_channel(schema, topic, "json", &BTreeMap::new())
+}
+
+fn step_record<'a>(calibration: &'a RecordedCalibration, step: &Step) -> StepRecord<'a> {
+    StepRecord {
+        calibration: &calibration.record.name,
+        title: calibration.title(step),
+        q_commanded_deg: degrees(step.commanded_rad.as_slice()),
+        q_unloaded_deg: degrees(&step.unloaded.q_rad),
+        q_loaded_deg: degrees(&step.loaded.q_rad),
+        wrench: crate::record::messages::wrench(&step.load),
+        displacement_mm: thousandfold(&step.displacement_m()),
+        enlargement: step.enlargement,
+    }
+}

@@ -1,0 +1,111 @@
+//! The MCAP file of a study: one calibration with each plan as in a run's file, then what the runs
+//! say. Snapshot k is at second k, and the final record comes with the last one.
+
+use std::path::Path;
+
+use schemars::JsonSchema;
+use serde::Serialize;
+
+use super::{NANOSECONDS, channel, write_file};
+use crate::files::FileError;
+use crate::record::study::StudyPlanMessage;
+use crate::scenario::Level;
+use crate::view::study_recording::{Snapshot, StudyRecording};
+
+/// What the runs so far say.
+#[derive(Debug, Serialize, JsonSchema)]
+struct ProgressRecord {
+    /// How many runs.
+    runs: u64,
+    /// What they say of each plan.
+    plans: Vec<PlanProgress>,
+}
+
+/// What the runs so far say of a plan.
+#[derive(Debug, Serialize, JsonSchema)]
+struct PlanProgress {
+    /// The plan's name.
+    name: String,
+    /// The mean distance (mm).
+    mean_mm: Option<f64>,
+    /// The 95 % interval of the mean (mm).
+    mean_ci95_mm: Option<[f64; 2]>,
+    /// The rms distance (mm).
+    rms_mm: Option<f64>,
+    /// The rms distance that eq. 20 predicts (mm).
+    predicted_rms_mm: Option<f64>,
+    /// Runs that failed.
+    failed: u64,
+}
+
+/// What the study comes to.
+#[derive(Debug, Serialize, JsonSchema)]
+struct StudyRecord<'a> {
+    /// The number of runs of the whole study.
+    trials: u64,
+    /// `model` or `robot`: what the runs are made of.
+    level: &'static str,
+    /// The names of the compliances.
+    parameters: &'a [String],
+    /// The plan that others are compared with.
+    reference: Option<&'a str>,
+    /// The plans.
+    plans: &'a [StudyPlanMessage],
+}
+
+/// Writes a study with its snapshots.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn write_study_mcap(
+    path: &Path,
+    study: &StudyRecording,
+    snapshots: &[Snapshot],
+) -> Result<(), FileError> {
+    write_file(path, &study.header.provenance, |mut channels| {
+        channels.write_recording(&study.arms)?;
+        let writer = &mut channels.writer;
+        let progress =
+            channel::<ProgressRecord>(writer, "/study/progress", "elastocal.StudyProgress")?;
+        let result = channel::<StudyRecord<'_>>(writer, "/study", "elastocal.Study")?;
+        let mut time_ns = 0;
+        for snapshot in snapshots {
+            time_ns += NANOSECONDS;
+            channels.write(progress, time_ns, &progress_record(snapshot))?;
+        }
+        if let Some(last) = snapshots.last() {
+            channels.write(result, time_ns, &study_record(study, last))?;
+        }
+        channels.finish()
+    })
+}
+
+fn progress_record(snapshot: &Snapshot) -> ProgressRecord {
+    let plan = |plan: &StudyPlanMessage| PlanProgress {
+        name: plan.name.clone(),
+        mean_mm: plan.mean_mm,
+        mean_ci95_mm: plan.mean_ci95_mm,
+        rms_mm: plan.rms_mm,
+        predicted_rms_mm: plan.predicted_rms_mm,
+        failed: plan.failed,
+    };
+    ProgressRecord {
+        runs: snapshot.runs,
+        plans: snapshot.plans.iter().map(plan).collect(),
+    }
+}
+
+fn study_record<'a>(study: &'a StudyRecording, last: &'a Snapshot) -> StudyRecord<'a> {
+    let header = &study.header;
+    StudyRecord {
+        trials: header.trials,
+        level: match header.level {
+            Level::Model => "model",
+            Level::Robot => "robot",
+        },
+        parameters: &header.parameters,
+        reference: (header.plans.iter().find_map(|plan| plan.reference))
+            .map(|index| &*header.plans[index].name),
+        plans: &last.plans,
+    }
+}

@@ -1,0 +1,19 @@
+//! What people look at: recordings, pages and pictures of records; computes nothing.
+//!
+//! - [`recording`]: the robot in every experiment and test pose, for both recordings.
+//! - [`study_recording`]: a study as its recordings show it.
+//! - [`rerun_file`], [`mcap_file`]: the recordings.
+//! - [`stills`]: a sheet of pictures of the robot in each configuration of a plan.
+//! - [`plots`]: plots as SVG.
+//! - [`report`]: pages to look at, on [`markup`].
+//! - [`mesh`]: the model's shapes as triangles.
+
+pub mod markup;
+pub mod mcap_file;
+pub mod mesh;
+pub mod plots;
+pub mod recording;
+pub mod report;
+pub mod rerun_file;
+pub mod stills;
+pub mod study_recording;

@@ -1,0 +1,106 @@
+//! What is drawn of the model.
+
+use nalgebra::Isometry3;
+
+use super::{Body, MountedTool, Surface, tool_name};
+use crate::calibration::CalibrationError;
+use crate::mujoco::{Geometry, Model, Shape, State};
+use crate::scenario::Scenario;
+use crate::view::mesh::Mesh;
+
+/// Geometries of the model in groups up to this one are drawn, as MuJoCo does by default.
+const LAST_SHOWN_GROUP: i32 = 2;
+/// The group of the tool that is not mounted; drawn where that tool is at work.
+const UNMOUNTED_GROUP: i32 = 3;
+/// What a plane looks like if its colour comes from a texture, which is not drawn.
+const FLOOR_RGBA: [f32; 4] = [0.60, 0.62, 0.65, 1.0];
+
+/// The bodies that stand still and those that the joints move, with their surfaces.
+pub(super) fn bodies(scenario: &Scenario) -> Result<(Vec<Body>, Vec<Body>), CalibrationError> {
+    let model = &scenario.true_robot.model;
+    let tool_body = |tool| -> Result<usize, CalibrationError> {
+        Ok(model.site_body(model.site(tool_name(scenario, tool))?).0)
+    };
+    let calibration = tool_body(MountedTool::Calibration)?;
+    let machining = tool_body(MountedTool::Machining)?;
+    // A tool is unmounted only where it is a body of its own.
+    let only_with = |body| match body {
+        _ if calibration == machining => None,
+        body if body == calibration && !carries(model, body, machining) => {
+            Some(MountedTool::Calibration)
+        }
+        body if body == machining && !carries(model, body, calibration) => {
+            Some(MountedTool::Machining)
+        }
+        _ => None,
+    };
+    let mut state = State::new(model);
+    state.move_to(&vec![0.0; model.joints()]);
+    let scenery = model.scenery();
+    let (mut surroundings, mut links) = (Vec::new(), Vec::new());
+    for id in 0..model.bodies() {
+        let moves = moves(model, id);
+        let world_from_frame = if moves {
+            state.body_pose(id)
+        } else {
+            Isometry3::identity()
+        };
+        let shown = |each: &&Geometry| {
+            model.geometry_body(each.id) == id
+                && (each.group <= LAST_SHOWN_GROUP
+                    || each.group == UNMOUNTED_GROUP && only_with(id).is_some())
+        };
+        let surfaces: Vec<_> = scenery
+            .iter()
+            .filter(shown)
+            .map(|each| Surface {
+                rgba: colour(each),
+                mesh: Mesh::new(&each.shape)
+                    .transformed(&world_from_frame.inv_mul(&state.geometry_pose(each.id))),
+            })
+            .collect();
+        if surfaces.is_empty() {
+            continue;
+        }
+        let body = Body {
+            name: model.body_name(id),
+            id,
+            only_with: only_with(id),
+            surfaces,
+        };
+        if moves { &mut links } else { &mut surroundings }.push(body);
+    }
+    Ok((surroundings, links))
+}
+
+/// The model's colour, except that of a textured plane, which would be plain white.
+fn colour(geometry: &Geometry) -> [f32; 4] {
+    let white = geometry.rgba.iter().all(|share| *share >= 1.0);
+    if geometry.shape == Shape::Plane && white {
+        FLOOR_RGBA
+    } else {
+        geometry.rgba
+    }
+}
+
+/// Whether a joint moves the body.
+fn moves(model: &Model, mut body: usize) -> bool {
+    while body != 0 {
+        if model.joints_of(body).next().is_some() {
+            return true;
+        }
+        body = model.parent(body);
+    }
+    false
+}
+
+/// Whether one body is another's ancestor.
+fn carries(model: &Model, body: usize, mut other: usize) -> bool {
+    while other != 0 {
+        other = model.parent(other);
+        if other == body {
+            return true;
+        }
+    }
+    false
+}

@@ -1,0 +1,207 @@
+//! Fig. 7 redrawn: the distances that plans leave over many runs.
+
+use plotters::prelude::*;
+
+use super::charts::{Axis, Chart, INK, Rows, WHOLE, drawing, log_ticks, short};
+use crate::record::study::StudyPlanMessage;
+use crate::view::markup::{figure, table};
+use crate::view::plots::{COLOURS, PlotError};
+use crate::wording::{inverse_interval, micrometres, number};
+
+/// The share of a row that the highest distribution fills.
+const FILL: f64 = 0.86;
+/// The vermilion of random plans.
+const RANDOM: RGBColor = RGBColor(213, 94, 0);
+
+/// What a plan is compared as; each has its colour.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Role {
+    /// The plan that the page is about.
+    Own,
+    /// A plan beside it.
+    Other,
+    /// Random plans.
+    Random,
+}
+
+impl Role {
+    const fn colour(self) -> RGBColor {
+        match self {
+            Self::Own => COLOURS[0],
+            Self::Other => COLOURS[4],
+            Self::Random => RANDOM,
+        }
+    }
+}
+
+/// A plan's runs, with what they are drawn and listed as.
+pub struct Line<'a> {
+    /// What the plan is called here.
+    pub name: String,
+    /// Its runs.
+    pub runs: &'a StudyPlanMessage,
+    /// What it is compared as.
+    pub role: Role,
+    /// A mean that was published (mm).
+    pub printed_mean_mm: Option<f64>,
+}
+
+impl<'a> Line<'a> {
+    /// A plan under its own name.
+    pub fn new(runs: &'a StudyPlanMessage, role: Role) -> Self {
+        Self {
+            name: runs.name.clone(),
+            runs,
+            role,
+            printed_mean_mm: None,
+        }
+    }
+}
+
+/// The figure: a row for each plan with the distribution of its distances, its mean and, where
+/// there is one, the published mean.
+pub fn distances_figure(lines: &[Line<'_>], caption: &str) -> Result<String, PlotError> {
+    let lines: Vec<&Line<'_>> = (lines.iter()).filter(|line| line.runs.runs > 0).collect();
+    if lines.is_empty() {
+        return Ok(String::new());
+    }
+    let names: Vec<String> = lines.iter().map(|line| line.name.clone()).collect();
+    let notes: Vec<String> = (lines.iter())
+        .map(|line| format!("mean {}", micrometres(line.runs.mean_mm)))
+        .collect();
+    let range = range(&lines);
+    let rows = Rows {
+        names: &names,
+        notes: &notes,
+        width: WHOLE,
+        axis: Axis {
+            ticks: log_ticks(range.start, range.end),
+            range,
+        },
+        title: "distance left at the test pose [\u{b5}m], logarithmic".to_owned(),
+    };
+    let highest = (lines.iter())
+        .flat_map(|line| shares(line.runs).map(|(_, share)| share))
+        .fold(f64::MIN_POSITIVE, f64::max);
+    let svg = drawing(
+        rows.size(),
+        "Distribution of the distance left by each plan",
+        |area| {
+            let mut chart = rows.draw(area, &|tick| short(10_f64.powf(*tick)))?;
+            for (row, line) in lines.iter().enumerate() {
+                draw_line(
+                    &mut chart,
+                    &rows.axis,
+                    rows.middle(row) - 0.46,
+                    line,
+                    highest,
+                )?;
+            }
+            Ok(())
+        },
+    )?;
+    Ok(figure(&svg, caption))
+}
+
+/// Draws a plan's hill with its foot at a height; `highest` is the highest share of any plan.
+fn draw_line(
+    chart: &mut Chart<'_, '_>,
+    axis: &Axis,
+    foot: f64,
+    line: &Line<'_>,
+    highest: f64,
+) -> Result<(), PlotError> {
+    let colour = line.role.colour();
+    let inside = |x: &f64| axis.range.contains(x);
+    let shape: Vec<(f64, f64)> = shares(line.runs)
+        .filter(|(x, _)| inside(x))
+        .map(|(x, share)| (x, foot + FILL * share / highest))
+        .collect();
+    let ends = [shape.last(), shape.first()];
+    let ends = ends.into_iter().flatten().map(|(x, _)| (*x, foot));
+    let closed: Vec<(f64, f64)> = shape.iter().copied().chain(ends).collect();
+    chart.draw_series([Polygon::new(closed, colour.mix(0.35).filled())])?;
+    chart.draw_series(LineSeries::new(shape, colour.stroke_width(3)))?;
+    if let Some(mean) = line.runs.mean_mm.map(logarithm).filter(inside) {
+        let mark = [(mean, foot), (mean, foot + FILL)];
+        chart.draw_series([PathElement::new(mark, INK.stroke_width(4))])?;
+    }
+    if let Some(mean) = line.printed_mean_mm.map(logarithm).filter(inside) {
+        let corners = vec![(-12, 0), (0, -12), (12, 0), (0, 12), (-12, 0)];
+        let diamond = EmptyElement::at((mean, foot + 0.5 * FILL))
+            + Polygon::new(corners.clone(), WHITE.filled())
+            + PathElement::new(corners, INK.stroke_width(3));
+        chart.draw_series([diamond])?;
+    }
+    Ok(())
+}
+
+/// The numbers below the figure.
+pub fn distances_table(lines: &[Line<'_>]) -> String {
+    let micro = |value: Option<f64>| number(value.map(|value| value * 1e3), 3);
+    let interval = |[low, high]: [f64; 2]| format!("{:.3} to {:.3}", low * 1e3, high * 1e3);
+    let has_printed = lines.iter().any(|line| line.printed_mean_mm.is_some());
+    let mut header = vec![
+        "plan",
+        "mean [\u{b5}m]",
+        "95 % interval [\u{b5}m]",
+        "rms [\u{b5}m]",
+        "predicted rms \u{3c1}\u{2080} [\u{b5}m]",
+        "95 % of runs below [\u{b5}m]",
+        "mean of random over it",
+        "95 % interval",
+        "failed runs",
+    ];
+    if has_printed {
+        header.push("mean as printed [\u{b5}m]");
+    }
+    let rows: Vec<Vec<String>> = (lines.iter())
+        .map(|line| {
+            let runs = line.runs;
+            let ratio = runs.mean_ratio_to_random.map(f64::recip);
+            let mut row = vec![
+                line.name.clone(),
+                micro(runs.mean_mm),
+                runs.mean_ci95_mm.map_or_else(String::new, interval),
+                micro(runs.rms_mm),
+                micro(runs.predicted_rms_mm),
+                micro(runs.quantiles_mm.map(|quantiles| quantiles[2])),
+                number(ratio, 2),
+                (runs.mean_ratio_to_random_ci95).map_or_else(String::new, inverse_interval),
+                runs.failed.to_string(),
+            ];
+            if has_printed {
+                row.push(number(line.printed_mean_mm.map(|value| value * 1e3), 2));
+            }
+            row
+        })
+        .collect();
+    table(&header, &rows)
+}
+
+/// The middle of each bin (logarithm of um) and the share of the runs for each unit of the
+/// logarithmic axis, so that areas are shares.
+fn shares(runs: &StudyPlanMessage) -> impl Iterator<Item = (f64, f64)> {
+    let edges = runs.histogram.edges_mm.windows(2);
+    let bins = runs.histogram.counts.iter().zip(edges);
+    bins.map(|(count, edges)| {
+        let (low, high) = (logarithm(edges[0]), logarithm(edges[1]));
+        let share = *count as f64 / runs.runs as f64;
+        (f64::midpoint(low, high), share / (high - low))
+    })
+}
+
+/// From the smallest to the largest distances that are not rare.
+fn range(lines: &[&Line<'_>]) -> std::ops::Range<f64> {
+    let all = || (lines.iter()).filter_map(|line| line.runs.quantiles_mm);
+    let low = all().map(|each| each[0] / 2.5).fold(f64::MAX, f64::min);
+    let high = all()
+        .map(|each| each[3] * 1.3)
+        .fold(f64::MIN_POSITIVE, f64::max);
+    logarithm(low.min(high / 2.0))..logarithm(high)
+}
+
+/// The decimal logarithm of a distance in um.
+fn logarithm(value_mm: f64) -> f64 {
+    (value_mm * 1e3).max(f64::MIN_POSITIVE).log10()
+}

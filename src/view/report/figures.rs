@@ -1,0 +1,301 @@
+//! The figures of a calibration's report.
+
+use plotters::prelude::*;
+
+use super::charts::{Axis, GRID, HALF, INK, Rows, SOFT, drawing, short, text, ticks};
+use crate::record::evidence::{AccuracyMessage, CriterionPlanMessage};
+use crate::view::plots::{COLOURS, PlotError};
+use crate::wording::{micrometres, percent};
+
+/// The height of the figures that are no row charts.
+const HEIGHT: u32 = 620;
+/// The half width of a 95 % interval of a standard normal.
+const NORMAL_95: f64 = 1.96;
+/// Name, shift from the measurement's place, and place in the legend of each coordinate.
+const AXES: [(&str, f64, i32); 3] = [("x", -0.2, 150), ("y", 0.0, 240), ("z", 0.2, 330)];
+
+/// `rho_0` against the number of measurements: what was searched, this plan, this plan repeated,
+/// and the bound.
+pub fn accuracy_figure(
+    points: &[AccuracyMessage],
+    bounds_mm: &[f64],
+    own_experiments: u32,
+) -> Result<String, PlotError> {
+    let micro = |point: &AccuracyMessage| (f64::from(point.experiments), point.rho0_mm * 1e3);
+    let found: Vec<(f64, f64)> = points.iter().map(micro).collect();
+    let own = (points.iter()).find(|point| point.experiments == own_experiments);
+    let last = bounds_mm.len() as f64;
+    let first = found.first().map_or(1.0, |point| point.0);
+    let bound: Vec<(f64, f64)> = (1..)
+        .map(f64::from)
+        .zip(bounds_mm.iter().map(|bound| bound * 1e3))
+        .filter(|point| point.0 >= first)
+        .collect();
+    let repeated: Vec<(f64, f64)> = own.map_or_else(Vec::new, |own| {
+        let m = f64::from(own.experiments);
+        let times = (2..=6).map(f64::from).take_while(|times| times * m <= last);
+        times
+            .map(|times| (times * m, own.rho0_mm * 1e3 / times.sqrt()))
+            .collect()
+    });
+    let all = found.iter().chain(&bound).map(|point| point.1);
+    let top = all.fold(0.0, f64::max) * 1.12;
+    let x = (first - 0.4).max(0.0)..last + 0.4;
+    drawing(
+        (HALF, HEIGHT),
+        "Accuracy against the number of measurements",
+        |area| {
+            let mut chart = ChartBuilder::on(area)
+                .margin(14)
+                .x_label_area_size(78)
+                .y_label_area_size(104)
+                .build_cartesian_2d(
+                    Axis {
+                        range: x.clone(),
+                        ticks: whole_ticks(x.start, x.end),
+                    },
+                    Axis {
+                        range: 0.0..top,
+                        ticks: ticks(0.0, top, 5),
+                    },
+                )?;
+            chart
+                .configure_mesh()
+                .light_line_style(TRANSPARENT)
+                .bold_line_style(GRID)
+                .axis_style(SOFT)
+                .label_style(text(INK))
+                .axis_desc_style(text(SOFT))
+                .x_desc("measurements")
+                .y_desc("\u{3c1}\u{2080}, rms distance left [\u{b5}m]")
+                .x_label_formatter(&|x| short(*x))
+                .y_label_formatter(&|y| short(*y))
+                .draw()?;
+            let [blue, orange, ..] = COLOURS;
+            chart
+                .draw_series(DashedLineSeries::new(bound, 10, 7, INK.stroke_width(3)))?
+                .label("no plan is below")
+                .legend(|(x, y)| {
+                    let dash = |from| {
+                        PathElement::new([(x + from, y), (x + from + 13, y)], INK.stroke_width(3))
+                    };
+                    EmptyElement::at((0, 0)) + dash(0) + dash(20)
+                });
+            chart
+                .draw_series(
+                    repeated
+                        .iter()
+                        .map(|at| Cross::new(*at, 9, orange.stroke_width(5))),
+                )?
+                .label("this plan, repeated")
+                .legend(move |(x, y)| Cross::new((x + 17, y), 9, orange.stroke_width(5)));
+            chart
+                .draw_series(found.iter().map(|at| Circle::new(*at, 9, blue.filled())))?
+                .label("best plan found")
+                .legend(move |(x, y)| Circle::new((x + 17, y), 9, blue.filled()));
+            if let Some(own) = own {
+                chart
+                    .draw_series([Circle::new(micro(own), 17, INK.stroke_width(3))])?
+                    .label("this plan")
+                    .legend(|(x, y)| Circle::new((x + 17, y), 12, INK.stroke_width(3)));
+            }
+            chart
+                .configure_series_labels()
+                .position(SeriesLabelPosition::UpperRight)
+                .legend_area_size(44)
+                .margin(16)
+                .background_style(WHITE)
+                .label_font(text(INK))
+                .draw()?;
+            Ok(())
+        },
+    )
+}
+
+/// The accuracy of the best plan for each criterion.
+pub fn criteria_figure(plans: &[CriterionPlanMessage]) -> Result<String, PlotError> {
+    let names: Vec<String> = plans.iter().map(criteria_names).collect();
+    let best = plans.first().and_then(|plan| plan.rho0_mm);
+    let note = |(index, plan): (usize, &CriterionPlanMessage)| match (plan.rho0_mm, best) {
+        (Some(rho0), Some(best)) if index > 0 && rho0 > best * 1.001 => {
+            let more = percent(Some(rho0 / best - 1.0), 0);
+            format!("{} (+{more})", micrometres(Some(rho0)))
+        }
+        (rho0, _) => micrometres(rho0),
+    };
+    let notes: Vec<String> = plans.iter().enumerate().map(note).collect();
+    let largest = (plans.iter()).filter_map(|plan| plan.rho0_mm);
+    let high = largest.fold(f64::MIN_POSITIVE, f64::max) * 1e3 * 1.04;
+    let rows = Rows {
+        names: &names,
+        notes: &notes,
+        width: HALF,
+        axis: Axis {
+            range: 0.0..high,
+            ticks: ticks(0.0, high, 4),
+        },
+        title: "\u{3c1}\u{2080} at the test pose [\u{b5}m]".to_owned(),
+    };
+    drawing(
+        rows.size(),
+        "Accuracy of the best plan for each criterion",
+        |area| {
+            let mut chart = rows.draw(area, &|tick| short(*tick))?;
+            for (row, plan) in plans.iter().enumerate() {
+                let Some(rho0) = plan.rho0_mm else { continue };
+                let colour = if row == 0 { COLOURS[0] } else { COLOURS[4] };
+                let (middle, half) = (rows.middle(row), 0.32);
+                let corners = [(0.0, middle - half), (rho0 * 1e3, middle + half)];
+                chart.draw_series([Rectangle::new(corners, colour.filled())])?;
+            }
+            Ok(())
+        },
+    )
+}
+
+/// What a criterion's plan is called.
+pub fn criteria_names(plan: &CriterionPlanMessage) -> String {
+    let name = |name: &String| match name.as_str() {
+        "test_pose" => "test pose".to_owned(),
+        other => other.to_uppercase(),
+    };
+    let names: Vec<String> = plan.criteria.iter().map(name).collect();
+    names.join(", ")
+}
+
+/// A compliance with its 95 % interval, relative to the truth.
+pub struct Estimate {
+    /// The joint.
+    pub name: String,
+    /// The estimate less the truth, over the truth, and the ends of its interval.
+    pub error: Option<(f64, [f64; 2])>,
+}
+
+/// The identified compliances against the truth.
+pub fn compliances_figure(estimates: &[Estimate]) -> Result<String, PlotError> {
+    let names: Vec<String> = estimates.iter().map(|each| each.name.clone()).collect();
+    let notes: Vec<String> = (estimates.iter())
+        .map(|each| match each.error {
+            Some((error, _)) => {
+                let sign = if error < 0.0 { "" } else { "+" };
+                sign.to_owned() + &percent(Some(error), 1)
+            }
+            None => "not determined".to_owned(),
+        })
+        .collect();
+    let ends = (estimates.iter()).filter_map(|each| each.error);
+    let widest = ends
+        .flat_map(|(error, [low, high])| [error.abs(), low.abs(), high.abs()])
+        .fold(0.001, f64::max);
+    let high = widest * 100.0 * 1.08;
+    let rows = Rows {
+        names: &names,
+        notes: &notes,
+        width: HALF,
+        axis: Axis {
+            range: -high..high,
+            ticks: ticks(-high, high, 6),
+        },
+        title: "estimate less truth, share of the truth [%]".to_owned(),
+    };
+    drawing(
+        rows.size(),
+        "Identified compliances with 95 % intervals, against the truth",
+        |area| {
+            let mut chart = rows.draw(area, &|tick| short(*tick))?;
+            let bottom_to_top = [(0.0, 0.0), (0.0, estimates.len() as f64)];
+            chart.draw_series([PathElement::new(bottom_to_top, INK.stroke_width(2))])?;
+            for (row, each) in estimates.iter().enumerate() {
+                let Some((error, [low, high])) = each.error else {
+                    continue;
+                };
+                let (y, blue) = (rows.middle(row), COLOURS[0]);
+                let bar = [(low * 100.0, y), (high * 100.0, y)];
+                chart.draw_series([PathElement::new(bar, blue.stroke_width(5))])?;
+                for end in bar {
+                    let cap = [(end.0, y - 0.16), (end.0, y + 0.16)];
+                    chart.draw_series([PathElement::new(cap, blue.stroke_width(5))])?;
+                }
+                chart.draw_series([Circle::new((error * 100.0, y), 10, blue.filled())])?;
+            }
+            Ok(())
+        },
+    )
+}
+
+/// Residuals in standard deviations of the instrument, of every measurement and coordinate.
+pub fn residuals_figure(standardised: &[[f64; 3]]) -> Result<String, PlotError> {
+    let count = standardised.len() as f64;
+    let largest = standardised.iter().flatten().map(|value| value.abs());
+    let high = largest.fold(2.6, f64::max) * 1.12;
+    let x = 0.5..count + 0.5;
+    drawing((HALF, HEIGHT), "Standardised residuals", |area| {
+        let mut chart = ChartBuilder::on(area)
+            .margin(14)
+            .margin_top(52)
+            .x_label_area_size(78)
+            .y_label_area_size(104)
+            .build_cartesian_2d(
+                Axis {
+                    range: x.clone(),
+                    ticks: whole_ticks(x.start, x.end),
+                },
+                Axis {
+                    range: -high..high,
+                    ticks: ticks(-high, high, 6),
+                },
+            )?;
+        let band = [(x.start, -NORMAL_95), (x.end, NORMAL_95)];
+        chart.draw_series([Rectangle::new(band, GRID.mix(0.6).filled())])?;
+        chart
+            .configure_mesh()
+            .disable_x_mesh()
+            .light_line_style(TRANSPARENT)
+            .bold_line_style(GRID)
+            .axis_style(SOFT)
+            .label_style(text(INK))
+            .axis_desc_style(text(SOFT))
+            .x_desc("measurement")
+            .y_desc("residual / sigma")
+            .x_label_formatter(&|x| short(*x))
+            .y_label_formatter(&|y| short(*y))
+            .draw()?;
+        chart.draw_series([PathElement::new([(x.start, 0.0), (x.end, 0.0)], INK)])?;
+        for (axis, (name, offset, x)) in AXES.into_iter().enumerate() {
+            let colour = COLOURS[axis];
+            let points: Vec<(f64, f64)> = (1..)
+                .map(|number| f64::from(number) + offset)
+                .zip(standardised.iter().map(|residual| residual[axis]))
+                .collect();
+            let stem =
+                |&(x, y): &(f64, f64)| PathElement::new([(x, 0.0), (x, y)], colour.stroke_width(3));
+            chart.draw_series(points.iter().map(stem))?;
+            let mark = |at: &(f64, f64)| EmptyElement::at(*at) + marker(axis, (0, 0), colour);
+            chart.draw_series(points.iter().map(mark))?;
+            // The legend stands above the chart, where no residual is.
+            area.draw(&marker(axis, (x, 28), colour))?;
+            area.draw(&Text::new(name, (x + 22, 14), text(INK)))?;
+        }
+        Ok(())
+    })
+}
+
+/// A mark of its own shape for each coordinate: the colour is not all that tells them apart.
+fn marker(axis: usize, (x, y): (i32, i32), colour: RGBColor) -> Polygon<(i32, i32)> {
+    let corners: &[(i32, i32)] = match axis {
+        0 => &[(-10, -10), (10, -10), (10, 10), (-10, 10)],
+        1 => &[(-13, 10), (13, 10), (0, -13)],
+        _ => &[(-14, 0), (0, -14), (14, 0), (0, 14)],
+    };
+    let corners: Vec<_> = corners.iter().map(|(dx, dy)| (x + dx, y + dy)).collect();
+    Polygon::new(corners, colour.filled())
+}
+
+/// Ticks at whole numbers.
+fn whole_ticks(low: f64, high: f64) -> Vec<f64> {
+    let mut ticks = ticks(low, high, 8);
+    if ticks.windows(2).any(|pair| pair[1] - pair[0] < 1.0) {
+        ticks.retain(|tick| (tick - tick.round()).abs() < 1e-9);
+    }
+    ticks
+}

@@ -1,0 +1,337 @@
+//! Pages to look at and to hand on: one file each that loads nothing, with figures as SVG.
+//!
+//! - [`run_page`]: a designed plan, its calibration, and what it is shown beside.
+//! - [`study_page`]: a Monte Carlo study.
+//! - [`reproduction_page`]: the paper's numbers beside this program's.
+//!
+//! The numbers are those of the JSON records.
+
+mod charts;
+mod distances;
+mod figures;
+mod overview;
+mod reproduction;
+mod study;
+
+use super::markup::{escaped, figure, page, paragraph, section, table};
+use super::plots::PlotError;
+use crate::record::evidence::{CriterionPlanMessage, EvidenceMessage};
+use crate::record::messages::{AssessmentMessage, CalibrationMessage, ProvenanceMessage};
+use crate::scenario::Scenario;
+use crate::wording::{dash, micrometres, number, percent};
+use distances::{Line, Role, distances_figure, distances_table};
+use figures::{
+    Estimate, accuracy_figure, compliances_figure, criteria_figure, criteria_names,
+    residuals_figure,
+};
+
+pub use reproduction::reproduction_page;
+pub use study::{StudyRecord, study_page};
+
+/// What the report of a run is made of.
+#[derive(Debug, Clone, Copy)]
+pub struct RunRecord<'a> {
+    /// The scenario.
+    pub scenario: &'a Scenario,
+    /// Every plan's calibration and what it promised; the designed plan first.
+    pub plans: &'a [(CalibrationMessage, AssessmentMessage)],
+    /// What the designed plan is shown beside.
+    pub evidence: &'a EvidenceMessage,
+    /// The number of random plans, and the median of their `rho0_mm`.
+    pub random: (u64, f64),
+    /// The named conditions that did not hold.
+    pub conditions: &'a [String],
+    /// The command that made the report.
+    pub command: &'a str,
+    /// The robot in each configuration (SVG).
+    pub stills: &'a str,
+}
+
+/// The report of a run as HTML.
+///
+/// # Errors
+/// A figure cannot be drawn.
+pub fn run_page(run: &RunRecord<'_>) -> Result<String, PlotError> {
+    let Some((calibration, assessment)) = run.plans.first() else {
+        return Ok(page("elastocal", ""));
+    };
+    let evidence = run.evidence;
+    let mut body = overview::overview(run, calibration, assessment);
+    body += &distances(evidence, &calibration.name)?;
+    let accuracy = accuracy_figure(
+        &evidence.accuracy,
+        &evidence.lower_bounds_rho0_mm,
+        assessment.experiments,
+    )?;
+    let criteria = criteria_figure(&evidence.criteria_compared)?;
+    body += &format!(
+        "<div class=\"pair\">\n{}{}</div>\n",
+        section(
+            "accuracy",
+            "More or fewer measurements",
+            &figure(&accuracy, &accuracy_caption(assessment.experiments))
+        ),
+        section(
+            "criteria",
+            "The criteria compared",
+            &(figure(&criteria, &criteria_caption(&evidence.criteria_compared)) + CRITERIA_LEGEND)
+        )
+    );
+    body += &section(
+        "configurations",
+        "What to measure",
+        &configurations(run, calibration),
+    );
+    body += &format!(
+        "<div class=\"pair\">\n{}{}</div>\n",
+        section(
+            "compliances",
+            "Compliances",
+            &compliances(run, calibration)?
+        ),
+        section("residuals", "Residuals", &residuals(calibration)?)
+    );
+    body += &section("plans", "The plans in this run", &plans(run));
+    body += &provenance(&ProvenanceMessage::new(run.scenario), run.command);
+    Ok(page(
+        &format!("{}: calibration report", run.scenario.name),
+        &body,
+    ))
+}
+
+/// Many runs of every plan; `own` is the designed one.
+fn distances(evidence: &EvidenceMessage, own: &str) -> Result<String, PlotError> {
+    // Random plans come last.
+    let last = evidence.study.len().saturating_sub(1);
+    let role = |index: usize, name: &str| match index {
+        _ if index == last => Role::Random,
+        _ if name == own => Role::Own,
+        _ => Role::Other,
+    };
+    let lines: Vec<Line<'_>> = (evidence.study.iter().enumerate())
+        .map(|(index, runs)| Line::new(runs, role(index, &runs.name)))
+        .collect();
+    let caption = format!(
+        "{} runs of each plan by the linear model, all with the same noise; \u{201c}random\u{201d} is a fresh \
+         feasible plan in every run. Each hill shows how often which distance was left; the dark line is the mean.",
+        evidence.trials
+    );
+    let body = distances_figure(&lines, &caption)? + &distances_table(&lines);
+    Ok(section(
+        "distances",
+        "How far off the tool is after compensation",
+        &body,
+    ))
+}
+
+fn accuracy_caption(experiments: u32) -> String {
+    format!(
+        "The bound holds for every plan of as many measurements. Crosses: this plan of {experiments}, measured again as \
+         a whole. The searches for other numbers were short; the command budget looks closer."
+    )
+}
+
+/// Which criterion's plan does best at the test poses, and by how much.
+fn criteria_caption(plans: &[CriterionPlanMessage]) -> String {
+    let others = plans.iter().skip(1);
+    let best = others
+        .filter_map(|plan| Some((plan, plan.rho0_mm?)))
+        .min_by(|one, other| one.1.total_cmp(&other.1));
+    let own = plans.first().and_then(|plan| plan.rho0_mm);
+    let (Some((best, rho0)), Some(own)) = (best, own) else {
+        return "No other criterion has a plan.".to_owned();
+    };
+    let mut caption = format!(
+        "The best plan found for each criterion, of as many measurements, judged at the test pose. Next to the \
+         test-pose plan comes {}: {} against {} ({} more).",
+        criteria_names(best),
+        micrometres(Some(rho0)),
+        micrometres(Some(own)),
+        percent(Some(rho0 / own - 1.0), 1)
+    );
+    let alone =
+        |plan: &&CriterionPlanMessage| plan.searches_agreeing.is_some_and(|count| count < 2);
+    let rough: Vec<String> = plans.iter().filter(alone).map(criteria_names).collect();
+    if !rough.is_empty() {
+        caption += &format!(
+            " Searches for {} did not agree: by that criterion there may be better plans.",
+            rough.join("; ")
+        );
+    }
+    caption
+}
+
+/// What the letters stand for.
+const CRITERIA_LEGEND: &str = "<details><summary>What the criteria ask for</summary>\n<dl>\
+    <dt>test pose</dt><dd>the smallest rms distance at the test pose</dd>\
+    <dt>A</dt><dd>the smallest sum of the variances</dd>\
+    <dt>D, O1</dt><dd>the smallest volume of the confidence ellipsoid</dd>\
+    <dt>E, O3</dt><dd>the smallest longest axis of that ellipsoid</dd>\
+    <dt>G</dt><dd>the smallest of the largest variances</dd>\
+    <dt>O2</dt><dd>the smallest condition number</dd>\
+    <dt>O4</dt><dd>the best noise amplification index</dd>\
+    <dt>O5</dt><dd>the smallest sum of inverse singular values</dd></dl>\n\
+    <p>Variances are those of relative errors of the compliances.</p></details>\n";
+
+/// The stills, and the plan as a table.
+fn configurations(run: &RunRecord<'_>, calibration: &CalibrationMessage) -> String {
+    let joints = run.scenario.joints();
+    let mut header = vec!["experiment".to_owned()];
+    header.extend((1..=joints).map(|joint| format!("q{joint} [deg]")));
+    header.extend([
+        "force [N]".to_owned(),
+        "torque [N m]".to_owned(),
+        "times".to_owned(),
+    ]);
+    let header: Vec<&str> = header.iter().map(String::as_str).collect();
+    let vector = |values: &[f64]| {
+        let values: Vec<String> = values.iter().map(|&value| charts::short(value)).collect();
+        values.join(", ")
+    };
+    let rows: Vec<Vec<String>> = (calibration.plan.iter().enumerate())
+        .map(|(index, experiment)| {
+            let mut row = vec![(index + 1).to_string()];
+            row.extend(experiment.q_deg.iter().map(|&angle| number(Some(angle), 3)));
+            row.push(vector(&experiment.wrench[..3]));
+            row.push(vector(&experiment.wrench[3..]));
+            row.push(experiment.repeats.to_string());
+            row
+        })
+        .collect();
+    format!(
+        "<div class=\"wide stills\" role=\"img\" aria-label=\"The robot in each configuration\">{}</div>\n{}{}",
+        run.stills,
+        paragraph(
+            "The same numbers are in plan.csv. Loads act at the calibration tool, in the world frame, z up."
+        ),
+        table(&header, &rows)
+    )
+}
+
+/// The identified compliances.
+fn compliances(run: &RunRecord<'_>, calibration: &CalibrationMessage) -> Result<String, PlotError> {
+    let identification = &calibration.identification;
+    let truth = |index: usize| {
+        let joint = run.scenario.parameters.get(index)?;
+        (run.scenario.true_robot.compliance_rad_per_nm)
+            .get(*joint)
+            .copied()
+    };
+    let mut estimates = Vec::new();
+    let mut rows = Vec::new();
+    for (index, name) in identification.parameters.iter().enumerate() {
+        let value = identification
+            .compliance_rad_per_nm
+            .get(index)
+            .copied()
+            .flatten();
+        let interval = (identification.compliance_ci95_rad_per_nm)
+            .get(index)
+            .copied()
+            .flatten();
+        let truth = truth(index);
+        let error = match (value, interval, truth) {
+            (Some(value), Some(ends), Some(truth)) => {
+                Some((value / truth - 1.0, ends.map(|end| end / truth - 1.0)))
+            }
+            _ => None,
+        };
+        let micro = |value: Option<f64>| number(value.map(|value| value * 1e6), 4);
+        rows.push(vec![
+            name.clone(),
+            micro(value),
+            interval.map_or_else(dash, |[low, high]| {
+                format!("{} to {}", micro(Some(low)), micro(Some(high)))
+            }),
+            micro(truth),
+        ]);
+        let name = name.clone();
+        estimates.push(Estimate { name, error });
+    }
+    let svg = compliances_figure(&estimates)?;
+    let caption = "From this run's noisy measurements of the virtual robot, whose compliances are known. In 95 % of \
+                   runs an interval holds the truth.";
+    let unit = "compliance [1e-6 rad/(N m)]";
+    Ok(figure(&svg, caption) + &table(&["joint", unit, "95 % interval", "truth"], &rows))
+}
+
+/// What the fit leaves of each measurement.
+fn residuals(calibration: &CalibrationMessage) -> Result<String, PlotError> {
+    let identification = &calibration.identification;
+    let sigma = |index: usize| {
+        let own = calibration.measurements.get(index);
+        own.and_then(|each| each.deflection_std_mm)
+            .unwrap_or([identification.sigma_mm; 3])
+    };
+    let standardised: Vec<[f64; 3]> = (identification.residuals_mm.iter().enumerate())
+        .map(|(index, residual)| {
+            let sigma = sigma(index);
+            std::array::from_fn(|axis| residual[axis] / sigma[axis])
+        })
+        .collect();
+    let numbers = 3 * standardised.len();
+    let caption = format!(
+        "Measured less modelled deflection of each measurement, in standard deviations (sigma) of the instrument. \
+         Of {numbers} numbers, {} went into the compliances, so residuals are smaller than the noise; nearly all belong \
+         into the grey band (\u{b1}1.96).",
+        identification.rank
+    );
+    let seen = format!(
+        "sigma: {} as given, {} from the residuals. Residuals at least this large have probability {}.",
+        micrometres(Some(identification.sigma_mm)),
+        micrometres(identification.residual_sigma_mm),
+        number(identification.consistency, 3)
+    );
+    Ok(figure(&residuals_figure(&standardised)?, &caption) + &paragraph(&seen))
+}
+
+/// Every plan's promise and what came of it.
+fn plans(run: &RunRecord<'_>) -> String {
+    let row = |(calibration, assessment): &(CalibrationMessage, AssessmentMessage)| {
+        let pose = calibration.test_poses.first();
+        vec![
+            calibration.name.clone(),
+            assessment.experiments.to_string(),
+            number(assessment.rho0_mm.map(|value| value * 1e3), 2),
+            percent(assessment.efficiency, 1),
+            number(pose.map(|pose| pose.residual_mm * 1e3), 2),
+            assessment.violations.len().to_string(),
+        ]
+    };
+    let rows: Vec<Vec<String>> = run.plans.iter().map(row).collect();
+    let header = [
+        "plan",
+        "measurements",
+        "predicted rms \u{3c1}\u{2080} [\u{b5}m]",
+        "efficiency",
+        "seen in this run [\u{b5}m]",
+        "violations",
+    ];
+    table(&header, &rows)
+}
+
+/// Where a page comes from.
+fn provenance(from: &ProvenanceMessage, command: &str) -> String {
+    let entries = [
+        (
+            "program",
+            format!("elastocal {} ({})", from.version, from.commit),
+        ),
+        ("scenario", from.scenario.clone()),
+        (
+            "SHA-256 of scenario and models",
+            from.scenario_sha256.clone(),
+        ),
+        ("seed", from.seed.to_string()),
+        ("command", command.to_owned()),
+    ];
+    let list: Vec<String> = entries
+        .iter()
+        .map(|(key, value)| format!("<dt>{key}</dt><dd>{}</dd>\n", escaped(value)))
+        .collect();
+    section(
+        "provenance",
+        "Where this page comes from",
+        &format!("<dl>\n{}</dl>\n", list.concat()),
+    )
+}

@@ -1,0 +1,175 @@
+//! The top of a run's report: which plan, how accurate, proved by what, and what to do.
+
+use super::RunRecord;
+use crate::record::messages::{AssessmentMessage, CalibrationMessage};
+use crate::view::markup::{card, escaped, paragraph};
+use crate::wording::{counted, micrometres, number, percent, shell_word};
+
+/// Searches of which at least this share agree count as agreeing.
+const MANY: f64 = 0.05;
+
+/// Title, cards and next steps.
+pub fn overview(
+    run: &RunRecord<'_>,
+    calibration: &CalibrationMessage,
+    assessment: &AssessmentMessage,
+) -> String {
+    let cards = [
+        plan_card(calibration, assessment),
+        accuracy_card(calibration, assessment),
+        proof_card(run, assessment),
+        random_card(run, assessment),
+        check_card(run, assessment),
+    ];
+    format!(
+        "<header><h1>Calibration plan: {}</h1>\n<p class=\"lead\">{}</p></header>\n\
+         <div class=\"cards\">\n{}</div>\n{}",
+        escaped(&run.scenario.name),
+        escaped(&run.scenario.description),
+        cards.concat(),
+        next_steps(run, assessment)
+    )
+}
+
+fn plan_card(calibration: &CalibrationMessage, assessment: &AssessmentMessage) -> String {
+    let measurements = counted(assessment.experiments.into(), "measurement");
+    let configurations = counted(calibration.plan.len() as u64, "configuration");
+    let parameters = assessment.parameters.join(", ");
+    card(
+        "",
+        "Plan",
+        &format!("{measurements} in {configurations}"),
+        &format!("Identifies the compliance of {parameters}."),
+    )
+}
+
+fn accuracy_card(calibration: &CalibrationMessage, assessment: &AssessmentMessage) -> String {
+    let poses = &calibration.test_poses;
+    let uncompensated = poses.iter().map(|pose| {
+        let bent = micrometres(Some(pose.uncompensated_mm));
+        format!("at \u{201c}{}\u{201d} it bends by {bent}", pose.name)
+    });
+    let about = format!(
+        "\u{3c1}\u{2080}, the rms distance that the noise of the measurements leaves between the loaded tool and its \
+         place. Uncompensated, {}.",
+        uncompensated.collect::<Vec<_>>().join(", ")
+    );
+    card(
+        "",
+        "Accuracy after compensation",
+        &(micrometres(assessment.rho0_mm) + " rms"),
+        &about,
+    )
+}
+
+fn proof_card(run: &RunRecord<'_>, assessment: &AssessmentMessage) -> String {
+    let (searches, agreeing) = (
+        run.evidence.bound_searches,
+        run.evidence.bound_searches_agreeing,
+    );
+    let (Some(bound), Some(efficiency)) = (assessment.lower_bound_rho0_mm, assessment.efficiency)
+    else {
+        return card(
+            "bad",
+            "Is it the best?",
+            "no bound",
+            "Nothing is known about better plans.",
+        );
+    };
+    let better = percent(Some((1.0 - efficiency).max(0.0)), 1);
+    let tone = if agreeing as f64 >= MANY * searches as f64 {
+        "good"
+    } else {
+        ""
+    };
+    card(
+        tone,
+        "Is it the best?",
+        &format!("at most {better} can be gained"),
+        &format!(
+            "No plan of as many measurements can be below {}: efficiency {}. The bound rests on {searches} local \
+             searches for a more telling experiment; {agreeing} ended in the same best one. Strong evidence, no proof.",
+            micrometres(Some(bound)),
+            percent(Some(efficiency), 1),
+        ),
+    )
+}
+
+fn random_card(run: &RunRecord<'_>, assessment: &AssessmentMessage) -> String {
+    let (count, median_mm) = run.random;
+    let times = assessment.rho0_mm.map(|rho0| median_mm / rho0);
+    card(
+        "",
+        "Against a random plan",
+        &format!("{} times as accurate", number(times, 1)),
+        &format!(
+            "The median of {count} random plans promises {}. It would take {} times as many measurements to get as far.",
+            micrometres(Some(median_mm)),
+            number(times.map(|times| times * times), 1)
+        ),
+    )
+}
+
+fn check_card(run: &RunRecord<'_>, assessment: &AssessmentMessage) -> String {
+    let violations = assessment.violations.len() as u64;
+    let mut problems: Vec<String> = run.conditions.to_vec();
+    if violations > 0 {
+        problems.push(format!("the plan has {}", counted(violations, "violation")));
+    }
+    if problems.is_empty() {
+        let about = "On the virtual robot: every compliance that was asked for is determined, the residuals fit the \
+                     instrument, and the plan keeps all bounds of the scenario.";
+        return card("good", "Checks", "all hold", about);
+    }
+    let count = counted(problems.len() as u64, "problem");
+    card("bad", "Checks", &count, &(problems.join("; ") + "."))
+}
+
+/// What to do with the plan in the laboratory.
+fn next_steps(run: &RunRecord<'_>, assessment: &AssessmentMessage) -> String {
+    let scenario = shell_word(&run.scenario.path.to_string_lossy());
+    let step = |text: &str, command: &str| {
+        let command = if command.is_empty() {
+            String::new()
+        } else {
+            format!("<code>{}</code>", escaped(command))
+        };
+        format!("<li>{}{command}</li>\n", escaped(text))
+    };
+    let mut steps = step(
+        &format!(
+            "Take the {} of plan.csv, shown below. Write what the tracker saw, loaded less unloaded, \
+             into a CSV file like measurements.csv.",
+            counted(assessment.experiments.into(), "measurement")
+        ),
+        "",
+    );
+    steps += &step(
+        "Identify the compliances, with their uncertainty and a check of the residuals:",
+        &format!(
+            "elastocal identify {scenario} --measurements measurements.csv --identified-out identified.json"
+        ),
+    );
+    steps += &step(
+        "Compute the joint angles to command at the test pose:",
+        &format!("elastocal compensate {scenario} --identified identified.json"),
+    );
+    if let Some(more) = more_accurate(run, assessment) {
+        steps += &step(&more.0, &format!("elastocal plan {scenario} {}", more.1));
+    }
+    let lead = paragraph("Instead of the virtual robot, on yours:");
+    format!("<div class=\"next\"><h2>What to do next</h2>\n{lead}<ol>\n{steps}</ol></div>\n")
+}
+
+/// The next larger plan that was searched.
+fn more_accurate(run: &RunRecord<'_>, assessment: &AssessmentMessage) -> Option<(String, String)> {
+    let larger =
+        (run.evidence.accuracy.iter()).find(|point| point.experiments > assessment.experiments)?;
+    let m = larger.experiments;
+    let text = format!(
+        "If {} is not enough: {m} measurements reach {}.",
+        micrometres(assessment.rho0_mm),
+        micrometres(Some(larger.rho0_mm))
+    );
+    Some((text, format!("--experiments {m} --plan-out plan.csv")))
+}

@@ -1,0 +1,120 @@
+//! The page of a Monte Carlo study.
+
+use super::distances::{Line, Role, distances_figure, distances_table};
+use super::provenance;
+use crate::record::messages::ProvenanceMessage;
+use crate::record::study::StudyPlanMessage;
+use crate::view::markup::{card, escaped, page, section};
+use crate::view::plots::PlotError;
+use crate::wording::{counted, micrometres, number};
+
+/// What the page of a study is made of.
+#[derive(Debug, Clone, Copy)]
+pub struct StudyRecord<'a> {
+    /// Where the study comes from.
+    pub provenance: &'a ProvenanceMessage,
+    /// The number of runs of each plan.
+    pub trials: u64,
+    /// The number of measurements in each run.
+    pub experiments: u32,
+    /// What the runs are made of, in words.
+    pub level: &'a str,
+    /// The name of the plan that others are compared with.
+    pub reference: Option<&'a str>,
+    /// What the runs say.
+    pub plans: &'a [StudyPlanMessage],
+    /// The named conditions that did not hold.
+    pub conditions: &'a [String],
+    /// The command that made the page.
+    pub command: &'a str,
+}
+
+/// The smallest mean is what a page of several plans is about.
+fn best<'a>(
+    plans: &'a [StudyPlanMessage],
+    reference: Option<&str>,
+) -> Option<&'a StudyPlanMessage> {
+    let others = (plans.iter()).filter(|plan| Some(plan.name.as_str()) != reference);
+    let with_mean = others.filter_map(|plan| Some((plan, plan.mean_mm?)));
+    let best = with_mean.min_by(|one, other| one.1.total_cmp(&other.1));
+    best.map(|(plan, _)| plan)
+}
+
+/// The page of a study as HTML.
+///
+/// # Errors
+/// A figure cannot be drawn.
+pub fn study_page(study: &StudyRecord<'_>) -> Result<String, PlotError> {
+    let best = best(study.plans, study.reference);
+    let line = |runs| Line::new(runs, role(runs, best, study.reference));
+    let lines: Vec<Line<'_>> = study.plans.iter().map(line).collect();
+    let caption = format!(
+        "{} runs of each plan {}, {} each, all with the same noise. Each hill shows how often which distance was \
+         left; the dark line is the mean.",
+        study.trials,
+        study.level,
+        counted(study.experiments.into(), "measurement")
+    );
+    let mut body = format!(
+        "<header><h1>Plans compared: {}</h1>\n<p class=\"lead\">{}</p></header>\n<div class=\"cards\">\n{}</div>\n",
+        escaped(&study.provenance.scenario),
+        escaped(&caption),
+        cards(study)
+    );
+    body += &section(
+        "distances",
+        "How far off the tool is after compensation",
+        &(distances_figure(&lines, &caption)? + &distances_table(&lines)),
+    );
+    body += &provenance(study.provenance, study.command);
+    Ok(page(
+        &format!("{}: study", study.provenance.scenario),
+        &body,
+    ))
+}
+
+fn role(runs: &StudyPlanMessage, best: Option<&StudyPlanMessage>, reference: Option<&str>) -> Role {
+    if Some(runs.name.as_str()) == reference {
+        Role::Random
+    } else if best.is_some_and(|best| best.name == runs.name) {
+        Role::Own
+    } else {
+        Role::Other
+    }
+}
+
+/// The best plan, how much better than random it is, and whether the prediction holds.
+fn cards(study: &StudyRecord<'_>) -> String {
+    let mut cards = String::new();
+    if let Some(best) = best(study.plans, study.reference) {
+        let interval = best.mean_ci95_mm.map_or_else(String::new, |[low, high]| {
+            let (low, high) = (micrometres(Some(low)), micrometres(Some(high)));
+            format!("95 % interval of the mean: {low} to {high}.")
+        });
+        let answer = format!("{}: {}", best.name, micrometres(best.mean_mm));
+        cards += &card("", "Smallest mean distance", &answer, &interval);
+        if let (Some(ratio), Some([low, high])) =
+            (best.mean_ratio_to_random, best.mean_ratio_to_random_ci95)
+        {
+            let answer = format!("{} times as accurate", number(Some(ratio.recip()), 2));
+            let about = format!("95 % interval: {:.2} to {:.2}.", high.recip(), low.recip());
+            cards += &card("", "Against a random plan", &answer, &about);
+        }
+    }
+    let z = (study.plans.iter()).filter_map(|plan| plan.z).map(f64::abs);
+    let largest = z.fold(0.0, f64::max);
+    let about = "The largest difference between the seen and the predicted mean square, in standard deviations; \
+                 among a few plans it rarely exceeds 3.";
+    let tone = if largest < 4.0 { "good" } else { "bad" };
+    cards += &card(
+        tone,
+        "Prediction",
+        &format!("off by {largest:.1} sigma at most"),
+        about,
+    );
+    if !study.conditions.is_empty() {
+        let about = study.conditions.join("; ");
+        cards += &card("bad", "Conditions", "not all hold", &about);
+    }
+    cards
+}

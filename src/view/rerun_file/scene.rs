@@ -1,0 +1,233 @@
+//! The robot with what acts on it.
+
+use nalgebra::{Isometry3, Vector3};
+use rerun::{
+    Arrows3D, Clear, EntityPath, LineStrips3D, Mesh3D, Points3D, Transform3D, ViewCoordinates,
+    entity_path,
+};
+
+use super::blueprint::Eye;
+use super::store::{Now, Store};
+use crate::view::recording::{Body, MountedTool, Recording, Step};
+
+/// How far labels are from what they name (m).
+const LABEL_AWAY_M: f64 = 0.3;
+/// The loaded arm is translucent and in the model's colours with this share of a light blue.
+const LOADED_ALPHA: u8 = 130;
+const LOADED_RGB: [u8; 3] = [110, 180, 255];
+const LOADED_SHARE: f32 = 0.75;
+// Labels take the colour of what they name, and the viewer puts them on dark ground.
+const FORCE_RGB: [u8; 3] = [255, 100, 100];
+const DEFLECTION_RGB: [u8; 3] = [255, 200, 40];
+const TRACKER_RGB: [u8; 3] = [40, 200, 110];
+
+/// A place from which the whole arm is seen in all steps, from the side and a little from above.
+pub(super) fn eye(recording: &Recording) -> Eye {
+    let origins: Vec<_> = recording
+        .steps()
+        .flat_map(|(_, _, step)| {
+            let links = step.unloaded.world_from_link.iter();
+            links
+                .map(|pose| pose.translation.vector)
+                .chain([step.unloaded.tool_m, step.enlarged.tool_m])
+                .chain(recording.tracker_m)
+        })
+        .collect();
+    let low = origins
+        .iter()
+        .fold(Vector3::repeat(f64::MAX), |low, each| low.inf(each));
+    let high = origins
+        .iter()
+        .fold(Vector3::repeat(f64::MIN), |high, each| high.sup(each));
+    let (target_m, size) = if origins.is_empty() {
+        (Vector3::zeros(), 1.0)
+    } else {
+        ((low + high) / 2.0, (high - low).norm().max(0.5))
+    };
+    Eye {
+        position_m: target_m + Vector3::new(-0.4, -1.0, 0.35).normalize() * (0.78 * size),
+        target_m,
+    }
+}
+
+/// What does not change: surroundings and links, without tools.
+pub(super) fn log_bodies(store: &mut Store, recording: &Recording) {
+    store.log_static("world", &ViewCoordinates::RIGHT_HAND_Z_UP());
+    for body in &recording.surroundings {
+        store.log_static(
+            entity_path!["world", "surroundings", body.name],
+            &coloured_mesh(body),
+        );
+    }
+    for body in &recording.links {
+        if body.only_with.is_none() {
+            store.log_static(link_path("robot", body), &coloured_mesh(body));
+            store.log_static(link_path("loaded", body), &ghost_mesh(body));
+        }
+    }
+}
+
+/// The arms and what acts on them in a step; `mounted` is the tool of the step before.
+pub(super) fn log_step(
+    store: &mut Store,
+    recording: &Recording,
+    step: &Step,
+    mounted: &mut Option<MountedTool>,
+    now: Now<'_>,
+) {
+    let tool = step.tool();
+    if *mounted != Some(tool) {
+        log_tools(store, recording, tool, now);
+        *mounted = Some(tool);
+    }
+    log_arms(store, recording, step, now);
+    log_arrows(store, recording, step, now);
+    if let Some(tracker_m) = &recording.tracker_m {
+        log_line_of_sight(store, tracker_m, step, now);
+    }
+}
+
+fn link_path(arm: &str, body: &Body) -> EntityPath {
+    entity_path!["world", arm, body.name]
+}
+
+/// Takes the tool that was at work off the arm and puts the other one on.
+fn log_tools(store: &mut Store, recording: &Recording, tool: MountedTool, now: Now<'_>) {
+    for body in &recording.links {
+        if body.only_with == Some(tool) {
+            store.log(link_path("robot", body), now, &coloured_mesh(body));
+            store.log(link_path("loaded", body), now, &ghost_mesh(body));
+        } else if body.only_with.is_some() {
+            for arm in ["robot", "loaded"] {
+                store.log(link_path(arm, body), now, &Mesh3D::clear_fields());
+            }
+        }
+    }
+}
+
+fn log_arms(store: &mut Store, recording: &Recording, step: &Step, now: Now<'_>) {
+    let [unloaded, enlarged] =
+        [&step.unloaded, &step.enlarged].map(|stance| &stance.world_from_link);
+    for (body, (unloaded, enlarged)) in recording.links.iter().zip(unloaded.iter().zip(enlarged)) {
+        store.log(link_path("robot", body), now, &transform(unloaded));
+        store.log(link_path("loaded", body), now, &transform(enlarged));
+        // Two surfaces in the same place flicker: a link that does not move is drawn once.
+        let apart = unloaded.inv_mul(enlarged);
+        let moves = apart.translation.vector.norm() > 1e-3 || apart.rotation.angle() > 1e-3;
+        let alpha = if moves { LOADED_ALPHA } else { 0 };
+        let opacity = Mesh3D::update_fields().with_albedo_factor([255, 255, 255, alpha]);
+        store.log(link_path("loaded", body), now, &opacity);
+    }
+}
+
+fn log_arrows(store: &mut Store, recording: &Recording, step: &Step, now: Now<'_>) {
+    if let Some(force) = recording.force_arrow_m(step) {
+        let arrow = Arrows3D::from_vectors([single(&force)])
+            .with_origins([single(&step.enlarged.tool_m)])
+            .with_radii([0.018])
+            .with_colors([FORCE_RGB]);
+        store.log("world/force", now, &arrow);
+    } else {
+        store.log("world/force", now, &Clear::flat());
+    }
+    let deflection = step.displacement_m() * step.enlargement;
+    let arrow = Arrows3D::from_vectors([single(&deflection)])
+        .with_origins([single(&step.unloaded.tool_m)])
+        .with_radii([0.014])
+        .with_colors([DEFLECTION_RGB]);
+    store.log("world/deflection", now, &arrow);
+
+    // Away from the arrows, where labels would hide them and the arm.
+    let above_tool = step.unloaded.tool_m + Vector3::z() * LABEL_AWAY_M;
+    let mut labels = vec![(above_tool, DEFLECTION_RGB, step.displacement_label())];
+    if let Some(force) = recording.force_arrow_m(step) {
+        let behind_tip = step.enlarged.tool_m + force + force.normalize() * (LABEL_AWAY_M / 2.5);
+        labels.push((behind_tip, FORCE_RGB, step.load_label()));
+    }
+    let points = Points3D::new(labels.iter().map(|(place, _, _)| single(place)))
+        .with_radii([0.0])
+        .with_colors(labels.iter().map(|(_, colour, _)| *colour))
+        .with_labels(labels.iter().map(|(_, _, text)| text.as_str()));
+    store.log("world/labels", now, &points);
+}
+
+/// The tracker's line to the reflector, which only the calibration tool has.
+fn log_line_of_sight(store: &mut Store, tracker_m: &Vector3<f64>, step: &Step, now: Now<'_>) {
+    if step.tool() == MountedTool::Calibration {
+        let line = LineStrips3D::new([[single(tracker_m), single(&step.unloaded.tool_m)]])
+            .with_radii([0.006])
+            .with_colors([TRACKER_RGB]);
+        store.log("world/tracker_line", now, &line);
+    } else {
+        store.log("world/tracker_line", now, &Clear::flat());
+    }
+}
+
+/// All of a body in the model's colours.
+fn coloured_mesh(body: &Body) -> Mesh3D {
+    mesh(body, |rgba| rgba.map(byte))
+}
+
+/// All of a body in the colours of the loaded arm.
+fn ghost_mesh(body: &Body) -> Mesh3D {
+    mesh(body, |[r, g, b, _]| {
+        let mut mixed = [r, g, b, 1.0].map(byte);
+        for (own, other) in mixed.iter_mut().zip(LOADED_RGB) {
+            let share = f32::from(*own) * (1.0 - LOADED_SHARE) + f32::from(other) * LOADED_SHARE;
+            *own = byte(share / 255.0);
+        }
+        mixed
+    })
+}
+
+fn mesh(body: &Body, colour: impl Fn([f32; 4]) -> [u8; 4]) -> Mesh3D {
+    let (mut vertices, mut normals, mut triangles) = (Vec::new(), Vec::new(), Vec::new());
+    let mut colours = Vec::new();
+    for surface in &body.surfaces {
+        let shaded = surface.mesh.shaded();
+        let first = u32::try_from(vertices.len()).unwrap_or(u32::MAX);
+        triangles.extend(
+            shaded
+                .triangles
+                .iter()
+                .map(|each| each.map(|corner| first + corner)),
+        );
+        colours.extend(std::iter::repeat_n(
+            colour(surface.rgba),
+            shaded.vertices.len(),
+        ));
+        vertices.extend(shaded.vertices.iter().map(|vertex| single(&vertex.coords)));
+        normals.extend(shaded.normals.iter().map(single));
+    }
+    Mesh3D::new(vertices)
+        .with_vertex_normals(normals)
+        .with_triangle_indices(triangles)
+        .with_vertex_colors(colours)
+}
+
+fn transform(pose: &Isometry3<f64>) -> Transform3D {
+    let rotation = pose.rotation.coords;
+    Transform3D::new()
+        .with_translation(single(&pose.translation.vector))
+        .with_quaternion(rerun::Quaternion::from_xyzw(
+            [rotation.x, rotation.y, rotation.z, rotation.w].map(narrow),
+        ))
+}
+
+fn single(vector: &Vector3<f64>) -> [f32; 3] {
+    (*vector).map(narrow).into()
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "for drawing")]
+pub(super) fn narrow(value: f64) -> f32 {
+    value as f32
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "clamped to a byte's range"
+)]
+fn byte(share: f32) -> u8 {
+    (share.clamp(0.0, 1.0) * 255.0).round() as u8
+}

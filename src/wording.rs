@@ -1,0 +1,67 @@
+//! Numbers, counts and words as a person reads them.
+
+/// A distance in micrometres with its unit, or a dash.
+#[must_use]
+pub fn micrometres(value_mm: Option<f64>) -> String {
+    value_mm.map_or_else(dash, |value| {
+        let micro = value * 1e3;
+        // Four digits say enough, but a tenth of a nanometre says nothing.
+        let decimals = match micro.abs() {
+            large if large >= 1000.0 => 0,
+            large if large >= 100.0 => 1,
+            _ => 2,
+        };
+        format!("{micro:.decimals$}\u{a0}\u{b5}m")
+    })
+}
+
+/// A number with the given decimals, or a dash.
+#[must_use]
+pub fn number(value: Option<f64>, decimals: usize) -> String {
+    value.map_or_else(dash, |value| {
+        format!("{value:.decimals$}").replace('-', "\u{2212}")
+    })
+}
+
+/// A share as a percentage, or a dash.
+#[must_use]
+pub fn percent(share: Option<f64>, decimals: usize) -> String {
+    share.map_or_else(dash, |share| {
+        format!("{}\u{a0}%", number(Some(share * 100.0), decimals))
+    })
+}
+
+/// The interval of a ratio's inverse, from that of the ratio.
+#[must_use]
+pub fn inverse_interval([low, high]: [f64; 2]) -> String {
+    if low > 0.0 {
+        format!("{:.2} to {:.2}", high.recip(), low.recip())
+    } else {
+        // So few runs do not bound it.
+        format!("over {:.2}", high.recip())
+    }
+}
+
+/// `count` of something, with a plural s where it belongs.
+#[must_use]
+pub fn counted(count: u64, what: &str) -> String {
+    let plural = if count == 1 { "" } else { "s" };
+    format!("{count} {what}{plural}")
+}
+
+/// A word of a command as a shell takes it.
+#[must_use]
+pub fn shell_word(word: &str) -> String {
+    let is_plain = |each: char| each.is_ascii_alphanumeric() || "/._-+=,".contains(each);
+    if !word.is_empty() && word.chars().all(is_plain) {
+        word.to_owned()
+    } else {
+        format!("'{}'", word.replace('\'', r"'\''"))
+    }
+}
+
+/// What stands for a number that does not exist.
+#[must_use]
+pub fn dash() -> String {
+    "\u{2013}".to_owned()
+}
