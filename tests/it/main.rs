@@ -12,6 +12,8 @@
 //! - `interruptions`: studies that are killed, disks that fill up.
 //! - `properties`: what holds whatever the numbers are; derivatives against differences.
 //! - `bad_input`: wrong inputs, seen from outside the process.
+//! - `model_features`: what models can say beside the chain: honoured or refused by name.
+//! - `model_messages`: models that cannot serve, and what to do about them.
 //! - `known_optima`: arms of three joints, for which the best plan can be derived by hand.
 //! - `search`: the search for plans and its certificate, on the KR-270.
 //! - `obstacles`: what stands in the laboratory.
@@ -31,6 +33,8 @@ mod identifiability;
 mod interruptions;
 mod judges;
 mod known_optima;
+mod model_features;
+mod model_messages;
 mod obstacles;
 mod planning;
 mod properties;
