@@ -14,6 +14,7 @@
 //! - `bad_input`: wrong inputs, seen from outside the process.
 //! - `model_features`: what models can say beside the chain: honoured or refused by name.
 //! - `model_messages`: models that cannot serve, and what to do about them.
+//! - `understanding`: what `check` says that it understood, and likely mistakes.
 //! - `known_optima`: arms of three joints, for which the best plan can be derived by hand.
 //! - `search`: the search for plans and its certificate, on the KR-270.
 //! - `obstacles`: what stands in the laboratory.
@@ -48,3 +49,4 @@ mod streams;
 mod study;
 mod support;
 mod uncertainty;
+mod understanding;
