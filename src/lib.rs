@@ -32,11 +32,14 @@
 //!
 //! Each module uses only what stands above it.
 //!
-//! - [`files`], [`units`], [`wording`], [`random`], [`platform`], [`least_squares`]: what every stage needs.
+//! - [`files`], [`units`], [`wording`], [`random`], [`platform`]: what every stage needs.
+//! - [`estimable`]: what measurements determine, one decision for every stage; [`least_squares`] within
+//!   it; [`posterior`]: what is known afterwards, and the variance of anything that follows from it.
 //! - [`mujoco`]: MJCF models in MuJoCo; the only user of the simulator's bindings.
 //! - [`robot`]: the serial chain read from the model; Jacobians, elastostatics, static equilibrium.
+//! - [`parameter`]: what may be unknown about a robot, priors, and what cannot be told apart.
+//! - [`observation`]: readings, predicted with derivatives by any parameters.
 //! - [`scenario`]: one TOML file becomes a checked [`Scenario`](scenario::Scenario), in SI units.
-//! - [`understanding`]: the robot as a scenario was understood, and what is implausible about it.
 //! - [`measurement`]: measured deflections, the laboratory's or the virtual robot's.
 //! - [`testbed`]: the virtual robot in MuJoCo, its instrument, and its dynamics as judge.
 //! - [`identification`]: compliances with their uncertainty, and what cannot be identified.
@@ -54,8 +57,6 @@
 //!
 //! - Identification and planning see the nominal robot and measurements, never the true robot.
 //! - One MJCF file is the only source of a robot's geometry and masses.
-//! - Nothing in a model that can move the robot's rest is left out without a word: it is honoured, or
-//!   refused by name.
 //! - Random numbers are a function of the seed and the run alone, and results do not depend on the
 //!   number of threads, to the bit.
 //! - What cannot be determined is named, and is no number: `None` here, `null` in JSON.
@@ -106,21 +107,24 @@
 pub mod calibration;
 pub mod comparison;
 pub mod compensation;
+pub mod estimable;
 pub mod files;
 pub mod identification;
 pub mod least_squares;
 pub mod measurement;
 pub mod mujoco;
+pub mod observation;
 pub mod paper;
+pub mod parameter;
 pub mod plan;
 pub mod platform;
+pub mod posterior;
 pub mod random;
 pub mod record;
 pub mod robot;
 pub mod scenario;
 pub mod study;
 pub mod testbed;
-pub mod understanding;
 pub mod units;
 pub mod view;
 pub mod wording;

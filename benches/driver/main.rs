@@ -4,6 +4,7 @@
 #![expect(clippy::expect_used, reason = "a bench that cannot go on fails")]
 
 mod arms;
+mod fit;
 mod limits;
 mod paths;
 mod problem;

@@ -19,6 +19,7 @@ use elastocal::view::recording::Recording;
 use elastocal::view::rerun_file::write_rerun;
 use nalgebra::{DMatrix, Matrix3xX};
 
+use super::fit::Fit;
 use super::{arms, limits};
 
 /// Does its work so many times.
@@ -26,7 +27,7 @@ pub type HotPath = Box<dyn FnMut(u64)>;
 
 /// The paths that `cargo bench` times. A number behind a name is that of measurements, or of joints
 /// or threads where the name says so.
-pub const NAMES: [&str; 19] = [
+pub const NAMES: [&str; 20] = [
     "objective_3",
     "objective_12",
     "search",
@@ -37,6 +38,7 @@ pub const NAMES: [&str; 19] = [
     "identify_linear_12",
     "identify_nonlinear_3",
     "identify_nonlinear_12",
+    "fit",
     "study_model",
     "study_model_threads_2",
     "study_robot",
@@ -66,6 +68,7 @@ pub fn hot_path(name: &str) -> HotPath {
         "settle" => settling(),
         "identify_linear" => identification(Method::Linear, size),
         "identify_nonlinear" => identification(Method::Nonlinear, size),
+        "fit" => fit(),
         "study_model" => study(Level::Model, 12, 1),
         "study_model_threads" => study(Level::Model, 12, size),
         "study_robot" => study(Level::Robot, 3, 1),
@@ -224,6 +227,13 @@ fn identification(method: Method, experiments: u32) -> HotPath {
         )
         .expect("identifiable")
     })
+}
+
+/// 45 parameters from 1000 poses, on one thread.
+fn fit() -> HotPath {
+    let fit = Fit::new(paper());
+    let pool = threads(1);
+    over_and_over(move || pool.install(|| fit.solve()))
 }
 
 /// Monte Carlo runs of one plan, a block at a time: 2048 runs of the model, or 64 of the robot.

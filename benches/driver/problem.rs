@@ -16,6 +16,7 @@ use elastocal::view::rerun_file::write_rerun;
 use nalgebra::{DMatrix, DVector, Isometry3, Matrix3xX};
 use serde_json::{Value, json};
 
+use super::fit::Fit;
 use super::limits::FLOPS;
 use super::paths::{measurements, paper, plan_of, recording, value_and_gradient};
 
@@ -34,6 +35,7 @@ pub fn problem() -> Value {
         "model": "models/kr270.xml",
         "gravity_m_s2": scenario.nominal.chain.gravity_m_s2.as_slice(),
         "joints": scenario.nominal.chain.joints.iter().map(|joint| json!({
+            "name": joint.name,
             "previous_from_link": isometry(&joint.previous_from_link),
             "axis": joint.axis.as_slice(),
             "mass_kg": joint.mass_kg,
@@ -50,6 +52,7 @@ pub fn problem() -> Value {
         "equilibrium": equilibrium(scenario),
         "pool": pool(scenario),
         "recordings": recordings(),
+        "fit": Fit::new(scenario).record(),
     })
 }
 

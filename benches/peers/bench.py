@@ -146,6 +146,10 @@ def main() -> None:
             results += skipping(name, peer, make)
     if arguments.only in PARALLEL:
         results.append(parallel(driver, effort))
+    if arguments.only in "fit":
+        print("fit", file=sys.stderr)
+        make = lambda: importlib.import_module("fit_scipy").fit(driver, problem, effort["seeds"])
+        results += skipping("fit of 45 parameters", "SciPy", make)
     driver.close()
     print("searches", file=sys.stderr)
     searches = [

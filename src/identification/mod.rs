@@ -5,7 +5,9 @@
 
 mod error;
 mod estimate;
+mod gauss_newton;
 mod observations;
 
 pub use error::IdentificationError;
 pub use estimate::{Estimate, Identification, ParameterEstimate, Sigma, identify};
+pub use gauss_newton::{FitError, ParameterFit, fit_parameters};

@@ -152,6 +152,27 @@ impl EquilibriumSolver {
         self.state.jacobian() * moved
     }
 
+    /// Writes how the tool of the last solution moves with each joint's commanded angle, for the same
+    /// compliances: the transpose (n x 6) of J (I - k dtau/dq)^-1, in m and rad per rad; not numbers
+    /// where the matrix is singular. Does not allocate.
+    pub fn response(&mut self, compliance_rad_per_nm: &[f64], transposed: &mut DMatrix<f64>) {
+        for joint in 0..self.q.len() {
+            let (position, rotation) = (
+                self.state.position_column(joint),
+                self.state.rotation_column(joint),
+            );
+            for row in 0..3 {
+                transposed[(joint, row)] = position[row];
+                transposed[(joint, row + 3)] = rotation[row];
+            }
+        }
+        newton_matrix(&self.gradient, compliance_rad_per_nm, &mut self.system);
+        self.system.transpose_mut();
+        if !solve_in_place(&mut self.system, transposed.as_mut_slice()) {
+            transposed.fill(f64::NAN);
+        }
+    }
+
     /// The torques of gravity and of the load at the last solution (N m).
     #[must_use]
     pub fn torque(&self) -> &[f64] {

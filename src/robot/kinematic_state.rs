@@ -231,7 +231,8 @@ impl KinematicState {
     }
 
     /// The first moment (kg m) by which joint j moves the mass that it carries.
-    fn mass_column(&self, joint: usize) -> Vector3<f64> {
+    #[must_use]
+    pub fn mass_column(&self, joint: usize) -> Vector3<f64> {
         self.axis[joint].cross(&(self.distal_centre[joint] - self.anchor[joint]))
             * self.distal_mass[joint]
     }

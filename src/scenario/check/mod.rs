@@ -175,11 +175,7 @@ impl Checker<'_> {
     }
 
     fn model_error(&self, key: &str, error: &ModelError) -> FileError {
-        let wrong = self.wrong(key, error.to_string());
-        match error.hint() {
-            Some(hint) => wrong.hint(hint),
-            None => wrong,
-        }
+        self.wrong(key, error.to_string())
     }
 }
 

@@ -1,0 +1,296 @@
+//! What measurements determine: one decision for planning, studies, identification and compensation.
+//!
+//! M is the information of all readings, in relative units: each parameter is divided by its typical
+//! size, each reading by its standard deviation. A direction of unit length with M's eigenvalue l is
+//! then known with a standard error of l^-1/2 typical sizes, and changing the parameters along it by
+//! their typical size moves all readings together by l^1/2 standard deviations. It is *determined* if
+//!
+//! ```text
+//! l > 1/100^2          a standard error below 100 typical sizes, and
+//! l > 1e-12 l_max      more than rounding.
+//! ```
+//!
+//! The first is the meaning: where a typical change moves the readings by less than a hundredth of
+//! their standard deviation, the measurements tell nothing of it, a fit that follows them would run
+//! far out of what a joint can be, and keeping the nominal value harms nothing else. The second
+//! matters only where the readings are far better than the parameters' effect: each of M's entries is a
+//! sum of N products, wrong by at most N 2^-53 of the largest eigenvalue; with p of them in a row,
+//! p N 2^-53 stays below 1e-12 up to p N = 9000 (45 parameters from 200 readings), and the root of
+//! it, 1e-6, is far more than what columns and angles lose.
+//!
+//! A direction's share in what somebody asks for (a compliance, the error at a test pose) is judged by
+//! the same measure: it is nothing where its typical size would add less than a hundredth of the
+//! standard error, or 1e-6 of the whole (rounding again).
+
+use nalgebra::{Cholesky, DMatrix, SymmetricEigen};
+
+/// Whatever is below this share of a standard deviation tells nothing.
+const NOTHING: f64 = 0.01;
+/// Eigenvalues of an information matrix below this share of the largest are rounding.
+const ROUNDING: f64 = 1e-12;
+
+/// Which directions in the space of p parameters measurements determine.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Estimable {
+    /// The typical size of each parameter.
+    typical: Vec<f64>,
+    /// An orthonormal basis of what is determined, in relative units, p x r.
+    basis: DMatrix<f64>,
+    /// An orthonormal basis of what is not, p x (p - r).
+    hidden: DMatrix<f64>,
+}
+
+impl Estimable {
+    /// Decides for an information matrix (p x p) in relative units.
+    #[must_use]
+    pub fn new(information: &DMatrix<f64>, typical: &[f64]) -> Self {
+        if Self::surely_all(information) {
+            return Self::with_hidden(typical, DMatrix::zeros(typical.len(), 0));
+        }
+        Self::with_hidden(typical, hidden_directions(information))
+    }
+
+    /// Whether every parameter is determined beyond doubt, at less cost than the decision: the trace of
+    /// the inverse is at least the inverse of the smallest eigenvalue, the trace at least the largest.
+    #[must_use]
+    pub fn surely_all(information: &DMatrix<f64>) -> bool {
+        let Some(factor) = Cholesky::new(information.clone()) else {
+            return false;
+        };
+        let inverse = factor.inverse().trace();
+        inverse * NOTHING * NOTHING < 1.0 && information.trace() * inverse * ROUNDING < 1.0
+    }
+
+    /// Decides for whitened equations: rows of unit variance, a column for each parameter.
+    #[must_use]
+    pub fn of_equations(matrix: &DMatrix<f64>, typical: &[f64]) -> Self {
+        let mut relative = matrix.clone();
+        for (mut column, typical) in relative.column_iter_mut().zip(typical) {
+            column *= *typical;
+        }
+        Self::new(&relative.tr_mul(&relative), typical)
+    }
+
+    /// The decision whose outcome is known: an orthonormal basis of what is not determined, in
+    /// relative units, p x (p - r).
+    #[must_use]
+    pub fn with_hidden(typical: &[f64], hidden: DMatrix<f64>) -> Self {
+        Self {
+            typical: typical.to_vec(),
+            basis: complement(&hidden),
+            hidden,
+        }
+    }
+
+    /// The number r of independent combinations of parameters that are determined.
+    #[must_use]
+    pub fn rank(&self) -> usize {
+        self.basis.ncols()
+    }
+
+    /// Whether every parameter is determined.
+    #[must_use]
+    pub fn is_complete(&self) -> bool {
+        self.hidden.ncols() == 0
+    }
+
+    /// An orthonormal basis of what is determined, in relative units, p x r.
+    #[must_use]
+    pub const fn basis(&self) -> &DMatrix<f64> {
+        &self.basis
+    }
+
+    /// An orthonormal basis of what is not determined, in relative units, p x (p - r).
+    #[must_use]
+    pub const fn hidden(&self) -> &DMatrix<f64> {
+        &self.hidden
+    }
+
+    /// A basis of what is determined, in the parameters' own units, p x r.
+    #[must_use]
+    pub fn basis_in_units(&self) -> DMatrix<f64> {
+        let mut basis = self.basis.clone();
+        for (mut row, typical) in basis.row_iter_mut().zip(&self.typical) {
+            row *= *typical;
+        }
+        basis
+    }
+
+    /// The typical size of each parameter.
+    #[must_use]
+    pub fn typical(&self) -> &[f64] {
+        &self.typical
+    }
+
+    /// The parameters whose undetermined part matters to `rows` (r x p, in the parameters' own units),
+    /// which the determined part leaves uncertain by `standard_error` (root of the sum over the rows);
+    /// none where the rows are determined.
+    #[must_use]
+    pub fn missing(&self, rows: &DMatrix<f64>, standard_error: f64) -> Vec<usize> {
+        if self.is_complete() {
+            return Vec::new();
+        }
+        let mut relative = rows.clone();
+        for (mut column, typical) in relative.column_iter_mut().zip(&self.typical) {
+            column *= *typical;
+        }
+        let outside = &relative * &self.hidden;
+        let allowed = (ROUNDING.sqrt() * relative.norm()).max(NOTHING * standard_error);
+        if outside.norm() <= allowed {
+            return Vec::new();
+        }
+        // Back among the parameters, leaving out what rounding leaves of the others.
+        let outside = outside * self.hidden.transpose();
+        let largest = outside.amax();
+        let matters = |&index: &usize| outside.column(index).amax() > ROUNDING.sqrt() * largest;
+        (0..self.typical.len()).filter(matters).collect()
+    }
+}
+
+/// The directions that are not determined. A parameter that shows nowhere even where all others are known
+/// is a direction of its own, free of rounding.
+fn hidden_directions(information: &DMatrix<f64>) -> DMatrix<f64> {
+    let size = information.nrows();
+    if !information.iter().all(|value| value.is_finite()) {
+        return DMatrix::identity(size, size);
+    }
+    let least = |largest: f64| (NOTHING * NOTHING).max(ROUNDING * largest);
+    let diagonal = information.diagonal();
+    let needed = least(diagonal.iter().copied().fold(0.0, f64::max));
+    let (shown, silent): (Vec<usize>, Vec<usize>) =
+        (0..size).partition(|&index| diagonal[index] > needed);
+    let block = information.select_columns(&shown).select_rows(&shown);
+    let mut directions: Vec<Vec<(usize, f64)>> =
+        silent.iter().map(|&index| vec![(index, 1.0)]).collect();
+    if !shown.is_empty() {
+        let eigen = SymmetricEigen::new(block);
+        let needed = least(eigen.eigenvalues.max());
+        for (value, vector) in eigen
+            .eigenvalues
+            .iter()
+            .zip(eigen.eigenvectors.column_iter())
+        {
+            if *value <= needed {
+                directions.push(shown.iter().copied().zip(vector.iter().copied()).collect());
+            }
+        }
+    }
+    let mut hidden = DMatrix::zeros(size, directions.len());
+    for (column, direction) in directions.iter().enumerate() {
+        for &(row, value) in direction {
+            hidden[(row, column)] = value;
+        }
+    }
+    hidden
+}
+
+/// An orthonormal basis of what is orthogonal to orthonormal columns: unit vectors as far as they are.
+fn complement(hidden: &DMatrix<f64>) -> DMatrix<f64> {
+    let size = hidden.nrows();
+    let mut columns = Vec::new();
+    let mut taken = hidden.clone();
+    // The unit vector that is furthest from those taken comes first; among equals, the first.
+    let mut left: Vec<usize> = (0..size).collect();
+    while columns.len() + hidden.ncols() < size {
+        let outside = |index: usize| 1.0 - taken.row(index).norm_squared();
+        let Some(place) = (0..left.len()).reduce(|best, next| {
+            let better = outside(left[next]) > outside(left[best]) + ROUNDING.sqrt();
+            if better { next } else { best }
+        }) else {
+            break;
+        };
+        let index = left.remove(place);
+        let mut column = nalgebra::DVector::zeros(size);
+        column[index] = 1.0;
+        // Twice is enough.
+        for _ in 0..2 {
+            let along = taken.tr_mul(&column);
+            column -= &taken * along;
+        }
+        column.normalize_mut();
+        let width = taken.ncols();
+        taken = taken.insert_column(width, 0.0);
+        taken.set_column(width, &column);
+        columns.push((index, column));
+    }
+    columns.sort_by_key(|(index, _)| *index);
+    let columns: Vec<_> = columns.into_iter().map(|(_, column)| column).collect();
+    if columns.is_empty() {
+        DMatrix::zeros(size, 0)
+    } else {
+        DMatrix::from_columns(&columns)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::dmatrix;
+
+    fn hidden_of(information: &DMatrix<f64>) -> DMatrix<f64> {
+        let estimable = Estimable::new(information, &vec![1.0; information.nrows()]);
+        let together = estimable.basis() * estimable.basis().transpose()
+            + estimable.hidden() * estimable.hidden().transpose();
+        let size = information.nrows();
+        assert!((together - DMatrix::identity(size, size)).amax() < 1e-12);
+        estimable.hidden().clone()
+    }
+
+    #[test]
+    fn what_is_known_is_complete() {
+        let estimable = Estimable::new(&dmatrix![4.0, 1.0; 1.0, 9.0], &[1.0, 1.0]);
+        assert!(estimable.is_complete());
+        assert_eq!(*estimable.basis(), DMatrix::identity(2, 2));
+        assert!(estimable.missing(&dmatrix![1.0, 1.0], 0.1).is_empty());
+    }
+
+    /// A standard error of 99 and of 101 typical sizes.
+    #[test]
+    fn a_hundred_typical_sizes_are_the_limit() {
+        for (error, hidden) in [(99.0_f64, 0), (101.0, 1)] {
+            let information = dmatrix![1e4, 0.0; 0.0, error.powi(-2)];
+            assert_eq!(hidden_of(&information).ncols(), hidden, "{error}");
+        }
+    }
+
+    /// Readings that are far better than the effect: only rounding is left.
+    #[test]
+    fn rounding_is_no_information() {
+        for (share, hidden) in [(1e-11, 0), (1e-13, 1)] {
+            let information = dmatrix![1e20, 0.0; 0.0, 1e20 * share];
+            assert_eq!(hidden_of(&information).ncols(), hidden, "{share}");
+        }
+    }
+
+    /// Only the first plus twice the second shows: what keeps that sum is hidden, the third is known.
+    #[test]
+    fn a_combination_is_told_from_its_parts() {
+        let rows = dmatrix![30.0, 60.0, 0.0; -20.0, -40.0, 0.0; 0.0, 0.0, 50.0];
+        let estimable = Estimable::of_equations(&rows, &[1.0, 1.0, 1.0]);
+        hidden_of(&rows.tr_mul(&rows));
+        assert_eq!(estimable.rank(), 2);
+        assert_eq!(estimable.missing(&dmatrix![1.0, 0.0, 0.0], 0.1), [0, 1]);
+        assert!(estimable.missing(&dmatrix![0.5, 1.0, 7.0], 0.1).is_empty());
+        assert!(estimable.missing(&dmatrix![0.0, 0.0, 1.0], 0.1).is_empty());
+        assert_eq!(estimable.missing(&dmatrix![0.0, 1.0, 1.0], 0.1), [0, 1]);
+    }
+
+    /// The typical sizes decide, not the units: the same in radians or in millionths.
+    #[test]
+    fn units_do_not_matter() {
+        let rows = dmatrix![30.0, 0.0; 0.0, 0.005];
+        let scaled = dmatrix![30e6, 0.0; 0.0, 5e3];
+        let one = Estimable::of_equations(&rows, &[1.0, 1.0]);
+        let other = Estimable::of_equations(&scaled, &[1e-6, 1e-6]);
+        assert_eq!(one.hidden(), other.hidden());
+        assert_eq!(one.missing(&dmatrix![1.0, 1.0], 0.1), [1]);
+        // A row that needs so little of it that its typical size is below a hundredth of the noise.
+        assert!(one.missing(&dmatrix![1.0, 9e-4], 0.1).is_empty());
+    }
+
+    #[test]
+    fn numbers_that_are_none_determine_nothing() {
+        let information = dmatrix![f64::NAN, 0.0; 0.0, 1.0];
+        assert_eq!(Estimable::new(&information, &[1.0, 1.0]).rank(), 0);
+    }
+}

@@ -1,0 +1,281 @@
+//! The fit of any parameters to any readings: Gauss-Newton with Levenberg-Marquardt's damping.
+//!
+//! ```text
+//! sum (y - h(x))^T R^-1 (y - h(x)) + (x - m)^T P (x - m) -> min      over x = m + B z
+//! ```
+//!
+//! with readings y, their prediction h through the static equilibrium, their covariances R, the prior's
+//! mean m and precision P. B spans what readings and prior determine together; whatever they do not
+//! stays at its nominal value. That is decided beforehand with the planner's model, and depends on no
+//! reading.
+
+use nalgebra::{Cholesky, DVector, Dyn};
+use thiserror::Error;
+
+use crate::estimable::Estimable;
+use crate::observation::{
+    NormalEquations, Observation, PlannedReading, normal_equations, planned_information,
+};
+use crate::parameter::{Belief, Freedoms, ParameterSet, relative_precision};
+use crate::posterior::Posterior;
+use crate::robot::EquilibriumError;
+
+/// The fit is found when the next step is shorter than this in standard errors.
+const CONVERGED: f64 = 1e-6;
+/// A step this short in standard errors may end in the rounding of the sum of squares.
+const SHORT: f64 = 1e-3;
+/// Nearly linear fits take three to six steps; far starts take some more.
+const MAXIMUM_ITERATIONS: usize = 60;
+/// The first damping after a step that made the fit worse, relative to the information.
+const FIRST_DAMPING: f64 = 1e-4;
+/// With so much damping a step is none.
+const LARGEST_DAMPING: f64 = 1e12;
+
+/// Why there is no fit.
+#[derive(Debug, Error, Clone, PartialEq)]
+pub enum FitError {
+    /// There are no observations.
+    #[error("there are no observations")]
+    NoObservations,
+    /// The observations determine nothing.
+    #[error("the observations determine none of the parameters")]
+    NothingObserved,
+    /// The model has no equilibrium at the start.
+    #[error("observation {observation}: {source}")]
+    Equilibrium {
+        /// The observation's number, from 1.
+        observation: usize,
+        /// What is wrong.
+        source: EquilibriumError,
+    },
+    /// It did not converge.
+    #[error("the fit did not converge: the last step was {steps:.1e} standard errors")]
+    NotConverged {
+        /// The length of the last step in standard errors.
+        steps: f64,
+    },
+}
+
+/// Parameters that fit readings best, and what is known of them then.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ParameterFit {
+    /// The belief with the fitted values.
+    pub belief: Belief,
+    /// Values, covariance, and what is determined; in the parameters' units.
+    pub posterior: Posterior,
+    /// What is not.
+    pub freedoms: Freedoms,
+    /// The number of scalar readings.
+    pub rows: usize,
+    /// The sum of squares of the whitened residuals, without the prior's.
+    pub square: f64,
+    /// The number of steps.
+    pub iterations: usize,
+}
+
+impl ParameterFit {
+    /// Scalar readings, less what they determine.
+    #[must_use]
+    pub fn degrees_of_freedom(&self) -> usize {
+        self.rows.saturating_sub(self.posterior.estimable.rank())
+    }
+}
+
+/// Fits parameters of a belief to observations.
+///
+/// # Errors
+/// See [`FitError`].
+pub fn fit_parameters(
+    nominal: &Belief,
+    set: &ParameterSet,
+    observations: &[Observation],
+) -> Result<ParameterFit, FitError> {
+    if observations.is_empty() {
+        return Err(FitError::NoObservations);
+    }
+    let nominal_values = &set.prior().mean;
+    let (freedoms, estimable) = determined(nominal, set, observations);
+    if estimable.rank() == 0 {
+        return Err(FitError::NothingObserved);
+    }
+    let problem = Problem {
+        nominal,
+        set,
+        observations,
+        prior: relative_precision(set),
+        basis: estimable.basis(),
+    };
+    // Frames may be anywhere: they come first, as far as they do not leave what is determined.
+    let scales = set.scales();
+    let off = (frames(nominal, set, observations) - nominal_values).component_div(&scales);
+    let within = estimable.basis() * estimable.basis().tr_mul(&off);
+    let start = nominal_values + within.component_mul(&scales);
+    let (values, solved, iterations) = problem.solve(start)?;
+    let units = estimable.basis_in_units();
+    let covariance = &units * solved.factor.inverse() * units.transpose();
+    let names = set.parameters().iter().map(|each| each.name.clone());
+    Ok(ParameterFit {
+        belief: set.apply(nominal, values.as_slice()),
+        posterior: Posterior {
+            names: names.collect(),
+            mean: values.as_slice().to_vec(),
+            covariance,
+            estimable,
+        },
+        freedoms,
+        rows: observations
+            .iter()
+            .map(|each| each.reading.kind().rows())
+            .sum(),
+        square: solved.equations.square,
+        iterations,
+    })
+}
+
+/// What the observations and the set's prior determine.
+fn determined(
+    nominal: &Belief,
+    set: &ParameterSet,
+    observations: &[Observation],
+) -> (Freedoms, Estimable) {
+    let planned: Vec<PlannedReading> = observations.iter().map(Observation::planned).collect();
+    let information = planned_information(set, nominal, &set.prior().mean, &planned);
+    let freedoms = Freedoms::new(nominal, set, &information);
+    let estimable = freedoms.estimable(set);
+    (freedoms, estimable)
+}
+
+/// The prior's mean (p) with frames of the base and of the tools that fit best when all else is as it is
+/// believed to be.
+fn frames(nominal: &Belief, set: &ParameterSet, observations: &[Observation]) -> DVector<f64> {
+    let mut start = set.prior().mean.clone();
+    let is_frame: Vec<usize> = (0..set.len())
+        .filter(|&index| set.parameters()[index].kind.is_mounted())
+        .collect();
+    if is_frame.is_empty() || is_frame.len() == set.len() {
+        return start;
+    }
+    let others_nominal = set.apply(nominal, start.as_slice());
+    let frames = set.subset(&is_frame);
+    // Their nominal values are applied already; the subset's values count from the nominal belief.
+    let mut belief = others_nominal;
+    belief.tools.clone_from(&nominal.tools);
+    belief.instrument_from_base = nominal.instrument_from_base;
+    let (_, estimable) = determined(&belief, &frames, observations);
+    if estimable.rank() > 0 {
+        let problem = Problem {
+            nominal: &belief,
+            set: &frames,
+            observations,
+            prior: relative_precision(&frames),
+            basis: estimable.basis(),
+        };
+        // Where they cannot be found alone, all parameters may still be.
+        if let Ok((values, _, _)) = problem.solve(frames.prior().mean.clone()) {
+            for (&index, value) in is_frame.iter().zip(&values) {
+                start[index] = *value;
+            }
+        }
+    }
+    start
+}
+
+struct Problem<'a> {
+    nominal: &'a Belief,
+    set: &'a ParameterSet,
+    observations: &'a [Observation],
+    prior: nalgebra::DMatrix<f64>,
+    basis: &'a nalgebra::DMatrix<f64>,
+}
+
+/// The problem at one vector of values, with the next step in coordinates of the basis.
+struct Solved {
+    equations: NormalEquations,
+    /// The sum of squares with the prior's.
+    cost: f64,
+    information: nalgebra::DMatrix<f64>,
+    gradient: DVector<f64>,
+    factor: Cholesky<f64, Dyn>,
+    /// The undamped step's length in standard errors.
+    steps: f64,
+}
+
+impl Problem<'_> {
+    fn solve(&self, start: DVector<f64>) -> Result<(DVector<f64>, Solved, usize), FitError> {
+        let mut values = start;
+        let mut now = self.at(&values)?;
+        let mut damping = 0.0;
+        for iterations in 1..=MAXIMUM_ITERATIONS {
+            if now.steps <= CONVERGED {
+                return Ok((values, now, iterations));
+            }
+            loop {
+                let next = self.step(&now, damping).map(|step| &values + step);
+                let found = next.map(|next| (self.at(&next), next));
+                if let Some((Ok(found), next)) = found
+                    && (found.cost <= now.cost || now.steps <= SHORT)
+                {
+                    (values, now) = (next, found);
+                    damping = if damping > FIRST_DAMPING {
+                        damping / 10.0
+                    } else {
+                        0.0
+                    };
+                    break;
+                }
+                damping = FIRST_DAMPING.max(damping * 10.0);
+                if damping > LARGEST_DAMPING {
+                    return Err(FitError::NotConverged { steps: now.steps });
+                }
+            }
+        }
+        Err(FitError::NotConverged { steps: now.steps })
+    }
+
+    fn at(&self, values: &DVector<f64>) -> Result<Solved, FitError> {
+        let equations = normal_equations(self.set, self.nominal, values, self.observations)
+            .map_err(|(index, source)| FitError::Equilibrium {
+                observation: index + 1,
+                source,
+            })?;
+        let off = (values - &self.set.prior().mean).component_div(&self.set.scales());
+        let pull = &self.prior * &off;
+        let information = self.basis.tr_mul(&(&equations.information + &self.prior)) * self.basis;
+        let gradient = self.basis.tr_mul(&(&equations.gradient - &pull));
+        let factor = Cholesky::new(information.clone()).ok_or(FitError::NotConverged {
+            steps: f64::INFINITY,
+        })?;
+        let steps = gradient.dot(&factor.solve(&gradient)).max(0.0).sqrt();
+        Ok(Solved {
+            cost: equations.square + off.dot(&pull),
+            equations,
+            information,
+            gradient,
+            factor,
+            steps,
+        })
+    }
+
+    /// The step in the parameters' units, no longer than what the model can follow.
+    fn step(&self, now: &Solved, damping: f64) -> Option<DVector<f64>> {
+        let within = if damping > 0.0 {
+            let mut damped = now.information.clone();
+            for index in 0..damped.nrows() {
+                damped[(index, index)] *= 1.0 + damping;
+            }
+            Cholesky::new(damped)?.solve(&now.gradient)
+        } else {
+            now.factor.solve(&now.gradient)
+        };
+        let mut step = (self.basis * within).component_mul(&self.set.scales());
+        let parameters = self.set.parameters().iter();
+        let share = (parameters.zip(&step))
+            .map(|(parameter, step)| step.abs() / parameter.longest_step())
+            .fold(1.0, f64::max);
+        step /= share;
+        Some(step)
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,19 @@
+//! Setups, readings, and the one model that predicts them with their derivatives.
+//!
+//! A [`Setup`] is what the robot is told and what hangs on it; a [`Reading`] is what an instrument then
+//! says: a deflection, a position or a pose. The [`ObservationModel`] predicts any reading and its
+//! derivatives with respect to any [`ParameterSet`](crate::parameter::ParameterSet), in two forms: at
+//! the commanded angles to first order in compliance (eqs. 3 to 8, extended), for planning; and through
+//! the static equilibrium, for identification.
+
+mod information;
+mod model;
+mod reading;
+mod rotation;
+mod sweep;
+#[cfg(test)]
+mod tests;
+
+pub use information::{NormalEquations, normal_equations, planned_information};
+pub use model::{Form, ObservationModel};
+pub use reading::{Observation, PlannedReading, Prediction, Reading, ReadingKind, Setup, Whitener};

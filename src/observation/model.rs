@@ -1,0 +1,286 @@
+//! The observation model: readings and their derivatives with respect to any parameters.
+
+use nalgebra::{Matrix3, Matrix6xX, Rotation3, Vector3};
+
+use super::reading::{Prediction, ReadingKind, Setup};
+use super::rotation::{exponential, inverse_left_jacobian};
+use super::sweep::{Pose, Sweep};
+use crate::parameter::{Belief, ParameterKind, ParameterSet};
+use crate::robot::{
+    EquilibriumError, EquilibriumSolver, KinematicState, Kinematics, Load, SerialChain,
+};
+
+/// How far the arm's deflection is followed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Form {
+    /// To first order in compliance, with torques and Jacobian at the commanded angles: eqs. 3 to 8.
+    /// A deflection is then J k J^T W, and gravity has no part in it.
+    FirstOrder,
+    /// Through the static equilibrium under gravity, payload and load.
+    AtRest,
+}
+
+/// Predicts readings of an arm with the derivatives with respect to a set of parameters, at one vector
+/// of their values. Keeps its workspace, so that predicting does not allocate.
+#[derive(Debug, Clone)]
+pub struct ObservationModel<'a> {
+    set: &'a ParameterSet,
+    belief: Belief,
+    chain: SerialChain,
+    solver: EquilibriumSolver,
+    state: KinematicState,
+    sweep: Sweep,
+    commanded_rad: Vec<f64>,
+    torque: Vec<f64>,
+    unloaded: Matrix6xX<f64>,
+    base_rotation: Matrix3<f64>,
+    base_is_identity: bool,
+}
+
+impl<'a> ObservationModel<'a> {
+    /// The model of a nominal belief in which the parameters have these values (p).
+    #[must_use]
+    pub fn new(set: &'a ParameterSet, nominal: &Belief, values: &[f64]) -> Self {
+        let belief = set.apply(nominal, values);
+        let joints = belief.chain.len();
+        let base = &belief.instrument_from_base;
+        Self {
+            chain: belief.loaded_chain(),
+            solver: EquilibriumSolver::new(joints),
+            state: KinematicState::new(joints),
+            sweep: Sweep::new(set, nominal, values),
+            commanded_rad: vec![0.0; joints],
+            torque: vec![0.0; joints],
+            unloaded: Matrix6xX::zeros(set.len()),
+            base_rotation: Rotation3::from(base.rotation).into_inner(),
+            base_is_identity: *base == nalgebra::Isometry3::identity(),
+            belief,
+            set,
+        }
+    }
+
+    /// The belief with the parameters' values.
+    #[must_use]
+    pub fn belief(&self) -> &Belief {
+        &self.belief
+    }
+
+    /// Predicts a reading and writes its derivatives (6 x p, each column in m and rad per the
+    /// parameter's unit; a reading of three rows leaves the last three to be ignored). Rotation rows
+    /// are those of the rotation vector for a deflection, and the angular velocity for a pose.
+    ///
+    /// # Errors
+    /// The arm has no equilibrium there.
+    pub fn predict(
+        &mut self,
+        form: Form,
+        setup: &Setup,
+        kind: ReadingKind,
+        derivatives: &mut Matrix6xX<f64>,
+    ) -> Result<Prediction, EquilibriumError> {
+        let load = match form {
+            Form::FirstOrder => {
+                return Ok(self.predict_first_order(setup, kind, derivatives));
+            }
+            Form::AtRest => self.command(setup),
+        };
+        let mut prediction = if kind.is_deflection() {
+            let mut room = std::mem::replace(&mut self.unloaded, Matrix6xX::zeros(0));
+            let unloaded = self.at_rest(&Load::NONE, setup.target, &mut room);
+            self.unloaded = room;
+            let unloaded = unloaded?;
+            let loaded = self.at_rest(&load, setup.target, derivatives)?;
+            self.deflection(&unloaded, &loaded, kind, derivatives)
+        } else {
+            self.at_rest(&load, setup.target, derivatives)?
+        };
+        self.to_instrument(kind, &mut prediction, derivatives);
+        Ok(prediction)
+    }
+
+    /// The same to first order in compliance, which always exists.
+    pub fn predict_first_order(
+        &mut self,
+        setup: &Setup,
+        kind: ReadingKind,
+        derivatives: &mut Matrix6xX<f64>,
+    ) -> Prediction {
+        let load = self.command(setup);
+        let mut prediction =
+            self.first_order(&load, setup.target, !kind.is_deflection(), derivatives);
+        self.to_instrument(kind, &mut prediction, derivatives);
+        prediction
+    }
+
+    /// Sets the joints' angles, and returns the load that acts.
+    fn command(&mut self, setup: &Setup) -> Load {
+        for (joint, commanded) in self.commanded_rad.iter_mut().enumerate() {
+            *commanded = setup.commanded_rad[joint] + self.belief.zero_rad[joint];
+        }
+        setup.load.scaled(self.belief.load_scale)
+    }
+
+    /// The target's position and orientation in the base frame, or J k J^T W and the rotation that
+    /// goes with it.
+    fn first_order(
+        &mut self,
+        load: &Load,
+        target: usize,
+        has_rigid_motion: bool,
+        derivatives: &mut Matrix6xX<f64>,
+    ) -> Prediction {
+        let tool = &self.belief.tools[target];
+        (self.chain.at(tool)).update(&self.commanded_rad, &mut self.state);
+        let gravity = if has_rigid_motion {
+            self.chain.gravity_m_s2
+        } else {
+            Vector3::zeros()
+        };
+        let mut bent = Vector3::zeros();
+        let mut turned = Vector3::zeros();
+        for joint in 0..self.torque.len() {
+            self.torque[joint] =
+                self.state.load_torque(joint, load) + self.state.gravity_torque(joint, &gravity);
+            let angle = self.belief.compliance_rad_per_nm[joint] * self.torque[joint];
+            bent += self.state.position_column(joint) * angle;
+            turned += self.state.rotation_column(joint) * angle;
+        }
+        self.sweep.respond_rigidly(&self.state);
+        let pose = Pose {
+            set: self.set,
+            belief: &self.belief,
+            chain: &self.chain,
+            state: &self.state,
+            q: &self.commanded_rad,
+            target,
+            load,
+            gravity_m_s2: &gravity,
+            torque: &self.torque,
+            is_first_order: true,
+            has_rigid_motion,
+        };
+        self.sweep.derivatives(&pose, derivatives);
+        if has_rigid_motion {
+            Prediction {
+                position_m: self.state.tool_position + bent,
+                rotation: exponential(&turned) * self.state.tool_rotation,
+            }
+        } else {
+            Prediction {
+                position_m: bent,
+                rotation: exponential(&turned),
+            }
+        }
+    }
+
+    fn at_rest(
+        &mut self,
+        load: &Load,
+        target: usize,
+        derivatives: &mut Matrix6xX<f64>,
+    ) -> Result<Prediction, EquilibriumError> {
+        let mut arm = self.chain.at(&self.belief.tools[target]);
+        let compliance = &self.belief.compliance_rad_per_nm;
+        self.solver
+            .solve(&mut arm, compliance, &self.commanded_rad, load)?;
+        self.solver.response(compliance, &mut self.sweep.response);
+        let pose = Pose {
+            set: self.set,
+            belief: &self.belief,
+            chain: &self.chain,
+            state: self.solver.state(),
+            q: self.solver.q(),
+            target,
+            load,
+            gravity_m_s2: &self.chain.gravity_m_s2,
+            torque: self.solver.torque(),
+            is_first_order: false,
+            has_rigid_motion: true,
+        };
+        self.sweep.derivatives(&pose, derivatives);
+        Ok(Prediction {
+            position_m: pose.state.tool_position,
+            rotation: pose.state.tool_rotation,
+        })
+    }
+
+    /// Loaded minus unloaded; `derivatives` are those of the loaded pose before, of the deflection
+    /// after.
+    fn deflection(
+        &self,
+        unloaded: &Prediction,
+        loaded: &Prediction,
+        kind: ReadingKind,
+        derivatives: &mut Matrix6xX<f64>,
+    ) -> Prediction {
+        let rotation = loaded.rotation * unloaded.rotation.transpose();
+        if kind.rows() == 3 {
+            *derivatives -= &self.unloaded;
+        } else {
+            let inverse = inverse_left_jacobian(&crate::robot::rotation_vector(&rotation));
+            for (mut column, from) in derivatives
+                .column_iter_mut()
+                .zip(self.unloaded.column_iter())
+            {
+                let moved = column.fixed_rows::<3>(0) - from.fixed_rows::<3>(0);
+                let turned =
+                    inverse * (column.fixed_rows::<3>(3) - rotation * from.fixed_rows::<3>(3));
+                column.fixed_rows_mut::<3>(0).copy_from(&moved);
+                column.fixed_rows_mut::<3>(3).copy_from(&turned);
+            }
+        }
+        Prediction {
+            position_m: loaded.position_m - unloaded.position_m,
+            rotation,
+        }
+    }
+
+    /// From the robot's base frame to the instrument's, with the derivatives by the base's parameters.
+    fn to_instrument(
+        &self,
+        kind: ReadingKind,
+        prediction: &mut Prediction,
+        derivatives: &mut Matrix6xX<f64>,
+    ) {
+        let base = &self.belief.instrument_from_base;
+        if !self.base_is_identity {
+            let turn = &self.base_rotation;
+            for mut column in derivatives.column_iter_mut() {
+                let moved = turn * column.fixed_rows::<3>(0);
+                let turned = turn * column.fixed_rows::<3>(3);
+                column.fixed_rows_mut::<3>(0).copy_from(&moved);
+                column.fixed_rows_mut::<3>(3).copy_from(&turned);
+            }
+            prediction.position_m = turn * prediction.position_m;
+            if kind.is_deflection() {
+                prediction.rotation = turn * prediction.rotation * turn.transpose();
+            } else {
+                prediction.position_m += base.translation.vector;
+                prediction.rotation = turn * prediction.rotation;
+            }
+        }
+        let (displacement, rotation) = self.sweep.base_axes();
+        for (index, parameter) in self.set.parameters().iter().enumerate() {
+            let (moved, turned) = match parameter.kind {
+                ParameterKind::BasePosition { axis } if !kind.is_deflection() => (
+                    displacement.column(axis.index()).into_owned(),
+                    Vector3::zeros(),
+                ),
+                ParameterKind::BaseRotation { axis } => {
+                    let omega = rotation.column(axis.index()).into_owned();
+                    if kind.is_deflection() {
+                        let vector = crate::robot::rotation_vector(&prediction.rotation);
+                        (omega.cross(&prediction.position_m), omega.cross(&vector))
+                    } else {
+                        let lever = prediction.position_m - base.translation.vector;
+                        (omega.cross(&lever), omega)
+                    }
+                }
+                _ => continue,
+            };
+            let mut column = derivatives.column_mut(index);
+            column.fixed_rows_mut::<3>(0).copy_from(&moved);
+            column.fixed_rows_mut::<3>(3).copy_from(&turned);
+        }
+    }
+}

@@ -1,0 +1,228 @@
+//! What is set up, what is read, and how precisely.
+
+use nalgebra::{Cholesky, DVector, Matrix3, Matrix6, Matrix6xX, Vector3, Vector6};
+
+use super::rotation::inverse_left_jacobian;
+use crate::robot::{Load, rotation_vector};
+
+/// What the robot is told, and what hangs on it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Setup {
+    /// The commanded joint angles (rad).
+    pub commanded_rad: DVector<f64>,
+    /// The load in the robot's base frame, at the target.
+    pub load: Load,
+    /// Which of the belief's tools is loaded and read.
+    pub target: usize,
+}
+
+/// What kind of thing an instrument says.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum ReadingKind {
+    /// The target's loaded minus its unloaded position: three rows.
+    Deflection,
+    /// The same with the rotation from unloaded to loaded: six rows.
+    DeflectionAndRotation,
+    /// The loaded target's position: three rows.
+    Position,
+    /// The loaded target's position and orientation: six rows.
+    Pose,
+}
+
+impl ReadingKind {
+    /// The number of rows: 3 or 6, position above rotation.
+    #[must_use]
+    pub const fn rows(self) -> usize {
+        match self {
+            Self::Deflection | Self::Position => 3,
+            Self::DeflectionAndRotation | Self::Pose => 6,
+        }
+    }
+
+    /// Whether it compares the loaded with the unloaded arm.
+    #[must_use]
+    pub const fn is_deflection(self) -> bool {
+        matches!(self, Self::Deflection | Self::DeflectionAndRotation)
+    }
+}
+
+/// What an instrument says, in its own frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Reading {
+    /// Loaded minus unloaded.
+    Deflection {
+        /// The difference of positions (m).
+        position_m: Vector3<f64>,
+        /// The rotation vector (rad), where rotations are read.
+        rotation_rad: Option<Vector3<f64>>,
+    },
+    /// A position.
+    Position {
+        /// The position (m).
+        position_m: Vector3<f64>,
+    },
+    /// A pose.
+    Pose {
+        /// The position (m).
+        position_m: Vector3<f64>,
+        /// The axes as columns.
+        rotation: Matrix3<f64>,
+    },
+}
+
+impl Reading {
+    /// Its kind.
+    #[must_use]
+    pub const fn kind(&self) -> ReadingKind {
+        match self {
+            Self::Deflection {
+                rotation_rad: None, ..
+            } => ReadingKind::Deflection,
+            Self::Deflection { .. } => ReadingKind::DeflectionAndRotation,
+            Self::Position { .. } => ReadingKind::Position,
+            Self::Pose { .. } => ReadingKind::Pose,
+        }
+    }
+}
+
+/// A reading as the model has it, in the instrument's frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Prediction {
+    /// The position, or the difference of positions (m).
+    pub position_m: Vector3<f64>,
+    /// The orientation, or the rotation from unloaded to loaded.
+    pub rotation: Matrix3<f64>,
+}
+
+/// Turns rows of a covariance C into rows of unit variance: W with W C W^T = I.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Whitener {
+    matrix: Matrix6<f64>,
+}
+
+impl Whitener {
+    /// For independent rows with these standard deviations: of positions (m) and rotations (rad).
+    #[must_use]
+    pub fn independent(position_m: Vector3<f64>, rotation_rad: Vector3<f64>) -> Self {
+        let (p, r) = (position_m, rotation_rad);
+        let deviations = Vector6::new(p.x, p.y, p.z, r.x, r.y, r.z);
+        Self {
+            matrix: Matrix6::from_diagonal(&deviations.map(f64::recip)),
+        }
+    }
+
+    /// For a covariance of all six rows (m^2, m rad, rad^2); `None` if it is not positive definite.
+    #[must_use]
+    pub fn of_covariance(covariance: &Matrix6<f64>) -> Option<Self> {
+        // Units apart, so that rounding does not decide.
+        let size = covariance.diagonal().map(f64::sqrt);
+        let relative =
+            Matrix6::from_fn(|row, column| covariance[(row, column)] / (size[row] * size[column]));
+        let inverse = Cholesky::new(relative)?.l().try_inverse()?;
+        Some(Self {
+            matrix: inverse * Matrix6::from_diagonal(&size.map(f64::recip)),
+        })
+    }
+
+    /// W, 6 x 6, lower triangular; its upper left 3 x 3 serves readings of three rows.
+    #[must_use]
+    pub const fn matrix(&self) -> &Matrix6<f64> {
+        &self.matrix
+    }
+
+    /// Makes a residual and derivatives (6 x p) those of whitened rows, in place; rows that the kind
+    /// does not have become zero.
+    pub(crate) fn whiten(
+        &self,
+        kind: ReadingKind,
+        residual: &mut Vector6<f64>,
+        derivatives: &mut Matrix6xX<f64>,
+    ) {
+        let mut matrix = self.matrix;
+        if kind.rows() == 3 {
+            matrix.fixed_view_mut::<3, 6>(3, 0).fill(0.0);
+            matrix.fixed_view_mut::<6, 3>(0, 3).fill(0.0);
+        }
+        *residual = matrix * *residual;
+        for mut column in derivatives.column_iter_mut() {
+            let white = matrix * &column;
+            column.copy_from(&white);
+        }
+    }
+}
+
+/// A reading that is planned: what will be set up, what will be read, and how precisely.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlannedReading {
+    /// What will be set up.
+    pub setup: Setup,
+    /// What will be read.
+    pub kind: ReadingKind,
+    /// How precisely.
+    pub whitener: Whitener,
+}
+
+/// One reading with what it was taken of and how precise it is.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Observation {
+    /// What was set up.
+    pub setup: Setup,
+    /// What was read.
+    pub reading: Reading,
+    /// How precisely.
+    pub whitener: Whitener,
+}
+
+impl Observation {
+    /// The same, before it was read.
+    #[must_use]
+    pub fn planned(&self) -> PlannedReading {
+        PlannedReading {
+            setup: self.setup.clone(),
+            kind: self.reading.kind(),
+            whitener: self.whitener,
+        }
+    }
+
+    /// Whitened read minus predicted rows; makes the prediction's derivatives (6 x p; the rotation rows
+    /// are an angular velocity for a pose) those of the whitened prediction in place.
+    pub(crate) fn whiten(
+        &self,
+        predicted: &Prediction,
+        derivatives: &mut Matrix6xX<f64>,
+    ) -> Vector6<f64> {
+        let (position, rotation) = match &self.reading {
+            Reading::Position { position_m } => {
+                (position_m - predicted.position_m, Vector3::zeros())
+            }
+            Reading::Deflection {
+                position_m,
+                rotation_rad,
+            } => (
+                position_m - predicted.position_m,
+                rotation_rad.map_or_else(Vector3::zeros, |vector| {
+                    vector - rotation_vector(&predicted.rotation)
+                }),
+            ),
+            Reading::Pose {
+                position_m,
+                rotation,
+            } => {
+                let left = rotation_vector(&(rotation * predicted.rotation.transpose()));
+                // log(R exp(-omega)) = r - J_r^-1 omega, and J_r(r) = J_l(-r).
+                let turn = inverse_left_jacobian(&-left);
+                for mut column in derivatives.column_iter_mut() {
+                    let turned = turn * column.fixed_rows::<3>(3);
+                    column.fixed_rows_mut::<3>(3).copy_from(&turned);
+                }
+                (position_m - predicted.position_m, left)
+            }
+        };
+        let mut residual = Vector6::zeros();
+        residual.fixed_rows_mut::<3>(0).copy_from(&position);
+        residual.fixed_rows_mut::<3>(3).copy_from(&rotation);
+        self.whitener
+            .whiten(self.reading.kind(), &mut residual, derivatives);
+        residual
+    }
+}

@@ -1,0 +1,321 @@
+//! How a target moves with each parameter, from one sweep over the joints.
+//!
+//! A parameter of geometry moves all that is beyond a place of the chain by a twist: rotation omega,
+//! and velocity v + omega x p of a point p. With the joints m and further moved, it changes the torques
+//!
+//! ```text
+//! dtau_j = z_j . (dp x F + dmoment x g)                      j < m
+//! dtau_j = omega . (J_j x F + z_j x T + moment_j x g)        j >= m
+//! ```
+//!
+//! where J_j is a column of the Jacobian, moment_j the first moment by which joint j moves the mass that
+//! it carries, and dmoment the moment by which the twist moves the mass beyond it. The target moves by
+//! Z dtau, Z = Y diag(k): Y = J (I - k dtau/dq)^-1 at rest, Y = J to first order in compliance. The
+//! sums over j are made once for all parameters.
+
+use nalgebra::{DMatrix, Isometry3, Matrix3, Matrix6x3, Matrix6xX, Rotation3, Vector3, Vector6};
+
+use super::rotation::left_jacobian;
+use crate::parameter::{Belief, ParameterKind, ParameterSet};
+use crate::robot::{KinematicState, Load, SerialChain};
+
+/// The directions of a frame's displacement and rotation parameters.
+#[derive(Debug, Clone, Copy)]
+struct FrameAxes {
+    /// As columns, in the frame before.
+    displacement: Matrix3<f64>,
+    rotation: Matrix3<f64>,
+}
+
+impl FrameAxes {
+    fn new(nominal: &Isometry3<f64>, rotation: &Vector3<f64>) -> Self {
+        let displacement = Rotation3::from(nominal.rotation).into_inner();
+        Self {
+            displacement,
+            rotation: displacement * left_jacobian(rotation),
+        }
+    }
+}
+
+/// All that derivatives need besides the kinematic state.
+#[derive(Debug, Clone)]
+pub(super) struct Sweep {
+    links: Vec<FrameAxes>,
+    tools: Vec<FrameAxes>,
+    base: FrameAxes,
+    /// The orientation of the frame before each link (the previous link), and of the last link.
+    before: Vec<Matrix3<f64>>,
+    /// Y^T, n x 6.
+    pub response: DMatrix<f64>,
+    /// Sums over the joints before m of `Z_j z_j^T`, for m = 0 to n.
+    inner: Vec<Matrix6x3<f64>>,
+    /// Sums over the joints from m on of `Z_j` times what multiplies omega.
+    outer: Vec<Matrix6x3<f64>>,
+    /// To first order in compliance: sums of `z_j delta_j` over the joints before m, and of
+    /// `J_j delta_j` from m on, where delta = k tau.
+    bent_before: Vec<Vector3<f64>>,
+    bent_from: Vec<Vector3<f64>>,
+}
+
+/// What a sweep is made of.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Pose<'a> {
+    pub set: &'a ParameterSet,
+    pub belief: &'a Belief,
+    /// The chain with the payload.
+    pub chain: &'a SerialChain,
+    pub state: &'a KinematicState,
+    pub q: &'a [f64],
+    pub target: usize,
+    /// The load that acts, its scale included.
+    pub load: &'a Load,
+    pub gravity_m_s2: &'a Vector3<f64>,
+    /// The joint torques (N m).
+    pub torque: &'a [f64],
+    /// Whether Y = J, to first order in compliance.
+    pub is_first_order: bool,
+    /// Whether the target's rigid motion counts, and not its deflection alone.
+    pub has_rigid_motion: bool,
+}
+
+/// A motion of all that is beyond a place of the chain.
+#[derive(Debug, Clone, Copy)]
+struct Twist {
+    velocity: Vector3<f64>,
+    omega: Vector3<f64>,
+}
+
+impl Twist {
+    fn translation(direction: Vector3<f64>) -> Self {
+        Self {
+            velocity: direction,
+            omega: Vector3::zeros(),
+        }
+    }
+
+    fn rotation(axis: Vector3<f64>, through: &Vector3<f64>) -> Self {
+        Self {
+            velocity: through.cross(&axis),
+            omega: axis,
+        }
+    }
+
+    fn at(&self, point: &Vector3<f64>) -> Vector3<f64> {
+        self.velocity + self.omega.cross(point)
+    }
+}
+
+impl Sweep {
+    /// Room for an arm, with the frames' axes at values of the parameters.
+    pub fn new(set: &ParameterSet, nominal: &Belief, values: &[f64]) -> Self {
+        let joints = nominal.chain.len();
+        let at = set.displacements(nominal, values);
+        let links = nominal.chain.joints.iter().zip(&at.links);
+        let tools = nominal.tools.iter().zip(&at.tools);
+        Self {
+            links: links
+                .map(|(joint, at)| FrameAxes::new(&joint.previous_from_link, &at.rotation_rad))
+                .collect(),
+            tools: tools
+                .map(|(tool, at)| FrameAxes::new(&tool.link_from_tool, &at.rotation_rad))
+                .collect(),
+            base: FrameAxes::new(&nominal.instrument_from_base, &at.base.rotation_rad),
+            before: vec![Matrix3::identity(); joints + 1],
+            response: DMatrix::zeros(joints, 6),
+            inner: vec![Matrix6x3::zeros(); joints + 1],
+            outer: vec![Matrix6x3::zeros(); joints + 1],
+            bent_before: vec![Vector3::zeros(); joints + 1],
+            bent_from: vec![Vector3::zeros(); joints + 1],
+        }
+    }
+
+    /// Takes Y = J.
+    pub fn respond_rigidly(&mut self, state: &KinematicState) {
+        for joint in 0..state.joints() {
+            let (position, rotation) = (state.position_column(joint), state.rotation_column(joint));
+            for row in 0..3 {
+                self.response[(joint, row)] = position[row];
+                self.response[(joint, row + 3)] = rotation[row];
+            }
+        }
+    }
+
+    /// Writes the derivatives (6 x p, in the robot's base frame) of the target's position and of its
+    /// orientation as an angular velocity; without rigid motion, of the deflection and its rotation
+    /// vector. Parameters of the base are left out. Does not allocate.
+    pub fn derivatives(&mut self, pose: &Pose<'_>, derivatives: &mut Matrix6xX<f64>) {
+        self.orient(pose);
+        self.sum(pose);
+        for (index, parameter) in pose.set.parameters().iter().enumerate() {
+            let column = match parameter.kind {
+                ParameterKind::JointCompliance { joint } => {
+                    let factor = if parameter.is_logarithmic {
+                        pose.belief.compliance_rad_per_nm[joint]
+                    } else {
+                        1.0
+                    };
+                    self.response_to(joint) * (pose.torque[joint] * factor)
+                }
+                ParameterKind::JointZero { joint } => {
+                    let twist = Twist::rotation(pose.state.axis[joint], &pose.state.anchor[joint]);
+                    self.beyond(pose, joint, &twist)
+                }
+                ParameterKind::LinkPosition { link, axis } => {
+                    let direction =
+                        self.before[link] * self.links[link].displacement.column(axis.index());
+                    self.beyond(pose, link, &Twist::translation(direction))
+                }
+                ParameterKind::LinkRotation { link, axis } => {
+                    let about = self.before[link] * self.links[link].rotation.column(axis.index());
+                    self.beyond(
+                        pose,
+                        link,
+                        &Twist::rotation(about, &pose.state.anchor[link]),
+                    )
+                }
+                ParameterKind::ToolPosition { tool, axis } if tool == pose.target => {
+                    let joints = pose.state.tool_joints;
+                    let direction =
+                        self.before[joints] * self.tools[tool].displacement.column(axis.index());
+                    self.of_tool(pose, &Twist::translation(direction))
+                }
+                ParameterKind::ToolRotation { tool, axis } if tool == pose.target => {
+                    let joints = pose.state.tool_joints;
+                    let about =
+                        self.before[joints] * self.tools[tool].rotation.column(axis.index());
+                    self.of_tool(pose, &Twist::rotation(about, &pose.state.tool_position))
+                }
+                ParameterKind::PayloadMass => self.of_payload_mass(pose),
+                ParameterKind::PayloadCentre { axis } => {
+                    pose.belief.payload.map_or_else(Vector6::zeros, |payload| {
+                        let moved = self.before[payload.link + 1]
+                            .column(axis.index())
+                            .into_owned();
+                        let moment = moved.cross(pose.gravity_m_s2) * payload.mass_kg;
+                        self.inner[payload.link + 1] * moment
+                    })
+                }
+                ParameterKind::LoadScale => {
+                    let mut column = Vector6::zeros();
+                    for joint in 0..pose.torque.len() {
+                        let torque = pose.state.load_torque(joint, pose.load);
+                        let compliance = pose.belief.compliance_rad_per_nm[joint];
+                        column += self.response_to(joint) * (torque * compliance);
+                    }
+                    column
+                }
+                ParameterKind::ToolPosition { .. }
+                | ParameterKind::ToolRotation { .. }
+                | ParameterKind::BasePosition { .. }
+                | ParameterKind::BaseRotation { .. } => Vector6::zeros(),
+            };
+            derivatives.set_column(index, &column);
+        }
+    }
+
+    /// The twists of the base in the instrument's frame, for a target there: displacement directions
+    /// as columns, rotation axes as columns, and where these go through.
+    pub fn base_axes(&self) -> (&Matrix3<f64>, &Matrix3<f64>) {
+        (&self.base.displacement, &self.base.rotation)
+    }
+
+    fn orient(&mut self, pose: &Pose<'_>) {
+        let mut rotation = Matrix3::identity();
+        for (index, (joint, &angle)) in pose.chain.joints.iter().zip(pose.q).enumerate() {
+            self.before[index] = rotation;
+            rotation *= Rotation3::from(joint.previous_from_link.rotation).into_inner()
+                * Rotation3::from_axis_angle(&joint.axis, angle).into_inner();
+        }
+        self.before[pose.q.len()] = rotation;
+    }
+
+    /// Y's column of a joint: how the target moves with the joint's rest angle.
+    fn response_to(&self, joint: usize) -> Vector6<f64> {
+        Vector6::from_fn(|row, _| self.response[(joint, row)])
+    }
+
+    fn sum(&mut self, pose: &Pose<'_>) {
+        let (state, joints) = (pose.state, pose.torque.len());
+        let compliance = &pose.belief.compliance_rad_per_nm;
+        for (joint, &compliance) in compliance.iter().enumerate() {
+            let moved = self.response_to(joint) * compliance;
+            self.inner[joint + 1] = self.inner[joint] + moved * state.axis[joint].transpose();
+            self.bent_before[joint + 1] = self.bent_before[joint]
+                + state.rotation_column(joint) * (compliance * pose.torque[joint]);
+        }
+        for joint in (0..joints).rev() {
+            let moved = self.response_to(joint) * compliance[joint];
+            let turned = state.position_column(joint).cross(&pose.load.force_n)
+                + state.rotation_column(joint).cross(&pose.load.torque_nm)
+                + state.mass_column(joint).cross(pose.gravity_m_s2);
+            self.outer[joint] = self.outer[joint + 1] + moved * turned.transpose();
+            self.bent_from[joint] = self.bent_from[joint + 1]
+                + state.position_column(joint) * (compliance[joint] * pose.torque[joint]);
+        }
+    }
+
+    /// A twist of all from joint m on.
+    fn beyond(&self, pose: &Pose<'_>, m: usize, twist: &Twist) -> Vector6<f64> {
+        let state = pose.state;
+        let carried = twist.at(&state.distal_centre[m]) * state.distal_mass[m];
+        let mut moment = carried.cross(pose.gravity_m_s2);
+        let mut column = self.outer[m] * twist.omega;
+        if m < state.tool_joints {
+            let moved = twist.at(&state.tool_position);
+            moment += moved.cross(&pose.load.force_n);
+            column += self.rigidly(pose, m, &moved, &twist.omega);
+        }
+        column + self.inner[m] * moment
+    }
+
+    fn of_tool(&self, pose: &Pose<'_>, twist: &Twist) -> Vector6<f64> {
+        let m = pose.state.tool_joints;
+        let moved = twist.at(&pose.state.tool_position);
+        self.rigidly(pose, m, &moved, &twist.omega)
+            + self.inner[m] * moved.cross(&pose.load.force_n)
+    }
+
+    /// The target's own motion, and that of its Jacobian where the deflection is J delta.
+    fn rigidly(
+        &self,
+        pose: &Pose<'_>,
+        m: usize,
+        moved: &Vector3<f64>,
+        omega: &Vector3<f64>,
+    ) -> Vector6<f64> {
+        let (mut position, mut rotation) = if pose.has_rigid_motion {
+            (*moved, *omega)
+        } else {
+            (Vector3::zeros(), Vector3::zeros())
+        };
+        if pose.is_first_order {
+            let before = self.bent_before[m];
+            position += omega.cross(&self.bent_from[m]) + before.cross(moved);
+            // The orientation is exp(phi) R, phi = sum z_j delta_j: its angular velocity is
+            // dphi + omega + phi x omega, and dphi that of the joints from m on, which turn.
+            rotation += if pose.has_rigid_motion {
+                before.cross(omega)
+            } else {
+                omega.cross(&(self.bent_before[pose.torque.len()] - before))
+            };
+        }
+        let [px, py, pz] = position.into();
+        let [rx, ry, rz] = rotation.into();
+        Vector6::new(px, py, pz, rx, ry, rz)
+    }
+
+    fn of_payload_mass(&self, pose: &Pose<'_>) -> Vector6<f64> {
+        let mut column = Vector6::zeros();
+        if let Some(payload) = &pose.belief.payload {
+            let centre = pose.state.anchor[payload.link]
+                + self.before[payload.link + 1] * payload.centre_of_mass_m;
+            for joint in 0..=payload.link {
+                let lever = centre - pose.state.anchor[joint];
+                let torque = pose.state.axis[joint].dot(&lever.cross(pose.gravity_m_s2));
+                let compliance = pose.belief.compliance_rad_per_nm[joint];
+                column += self.response_to(joint) * (torque * compliance * payload.mass_kg);
+            }
+        }
+        column
+    }
+}

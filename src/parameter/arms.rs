@@ -1,0 +1,182 @@
+//! Arms for tests, and numbers at random for them.
+
+use std::f64::consts::{FRAC_PI_2, PI};
+
+use nalgebra::{DVector, Isometry3, Translation3, Unit, UnitQuaternion, Vector3};
+
+use super::{Belief, ParameterKind, Payload};
+use crate::robot::{Joint, SerialChain, Tool};
+
+/// A small generator (`SplitMix64`) of reproducible numbers.
+pub(crate) struct Numbers(pub u64);
+
+impl Numbers {
+    pub fn uniform(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    pub fn between(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * self.uniform()
+    }
+
+    pub fn normal(&mut self) -> f64 {
+        let radius = (-2.0 * (1.0 - self.uniform()).ln()).sqrt();
+        radius * (2.0 * PI * self.uniform()).cos()
+    }
+
+    pub fn vector(&mut self, size: f64) -> Vector3<f64> {
+        Vector3::from_fn(|_, _| self.between(-size, size))
+    }
+
+    pub fn configuration(&mut self, chain: &SerialChain) -> DVector<f64> {
+        DVector::from_iterator(
+            chain.len(),
+            (chain.joints.iter()).map(|joint| self.between(joint.range_rad[0], joint.range_rad[1])),
+        )
+    }
+}
+
+fn frame(position: [f64; 3], rotation: [f64; 3]) -> Isometry3<f64> {
+    Isometry3::from_parts(
+        Translation3::from(Vector3::from(position)),
+        UnitQuaternion::from_scaled_axis(Vector3::from(rotation)),
+    )
+}
+
+fn joint(
+    index: usize,
+    frame: Isometry3<f64>,
+    axis: [f64; 3],
+    mass_kg: f64,
+    centre: [f64; 3],
+) -> Joint {
+    Joint {
+        name: format!("joint_{}", index + 1),
+        previous_from_link: frame,
+        axis: Unit::new_normalize(axis.into()),
+        range_rad: [-2.8, 2.8],
+        mass_kg,
+        centre_of_mass_m: centre.into(),
+        model_compliance_rad_per_nm: None,
+    }
+}
+
+const GRAVITY: Vector3<f64> = Vector3::new(0.0, 0.0, -9.81);
+
+/// A UR10 after its published Denavit-Hartenberg parameters and masses: joints 2, 3 and 4 are
+/// parallel.
+pub(crate) fn ur10() -> Belief {
+    let turn = [FRAC_PI_2, 0.0, 0.0];
+    let frames = [
+        frame([0.0; 3], [0.0; 3]),
+        frame([0.0, 0.0, 0.1273], turn),
+        frame([-0.612, 0.0, 0.0], [0.0; 3]),
+        frame([-0.5723, 0.0, 0.0], [0.0; 3]),
+        frame([0.0, 0.0, 0.163_941], turn),
+        frame([0.0, 0.0, 0.1157], [-FRAC_PI_2, 0.0, 0.0]),
+    ];
+    let masses = [7.1, 12.7, 4.27, 2.0, 2.0, 0.365];
+    let centres = [
+        [0.021, 0.0, 0.027],
+        [-0.232, 0.0, 0.158],
+        [-0.3323, 0.0, 0.068],
+        [0.0, -0.018, 0.007],
+        [0.0, 0.018, 0.007],
+        [0.0, 0.0, -0.026],
+    ];
+    let joints = (0..6)
+        .map(|i| joint(i, frames[i], [0.0, 0.0, 1.0], masses[i], centres[i]))
+        .collect();
+    let chain = SerialChain {
+        joints,
+        gravity_m_s2: GRAVITY,
+    };
+    let tool = Tool {
+        name: "reflector".to_owned(),
+        joints: 6,
+        link_from_tool: frame([0.05, 0.03, 0.19], [0.0, 0.3, 0.0]),
+    };
+    let compliance = vec![1.5e-5, 2.0e-5, 3.0e-5, 8.0e-5, 9.0e-5, 1.2e-4];
+    Belief::new(chain, compliance, vec![tool])
+}
+
+/// A heavy arm in the manner of a KR-270, axes along x, y and z of frames that are parallel at zero.
+pub(crate) fn heavy() -> Belief {
+    let parts = [
+        ([0.0, 0.0, 0.0], [0.0, 0.0, -1.0], 367.0, [0.1, 0.0, 0.5]),
+        ([0.35, 0.0, 0.75], [0.0, 1.0, 0.0], 232.0, [0.6, 0.0, 0.0]),
+        ([1.25, 0.0, 0.0], [0.0, 1.0, 0.0], 192.0, [0.3, 0.0, 0.0]),
+        ([1.1, 0.0, -0.055], [-1.0, 0.0, 0.0], 48.0, [-0.2, 0.0, 0.0]),
+        ([0.0; 3], [0.0, 1.0, 0.0], 24.0, [0.05, 0.0, 0.0]),
+        ([0.0; 3], [-1.0, 0.0, 0.0], 12.0, [0.2, 0.0, 0.0]),
+    ];
+    let joints = (parts.iter().enumerate())
+        .map(|(index, &(at, axis, mass, centre))| {
+            joint(index, frame(at, [0.0; 3]), axis, mass, centre)
+        })
+        .collect();
+    let chain = SerialChain {
+        joints,
+        gravity_m_s2: GRAVITY,
+    };
+    let tool = Tool {
+        name: "reflector".to_owned(),
+        joints: 6,
+        link_from_tool: frame([0.6115, 0.0, -0.46], [0.0; 3]),
+    };
+    let compliance = vec![0.26e-6, 0.302e-6, 0.406e-6, 3.002e-6, 3.303e-6, 2.365e-6];
+    Belief::new(chain, compliance, vec![tool])
+}
+
+/// Any arm: frames, axes, masses, a payload, a second tool on some link, a base somewhere.
+pub(crate) fn random(numbers: &mut Numbers, joints: usize) -> Belief {
+    let links = (0..joints)
+        .map(|index| {
+            let axis = numbers.vector(1.0).normalize();
+            let mass = numbers.between(0.0, 30.0);
+            let at = Isometry3::new(numbers.vector(0.6), numbers.vector(1.5));
+            joint(index, at, axis.into(), mass, numbers.vector(0.3).into())
+        })
+        .collect();
+    let chain = SerialChain {
+        joints: links,
+        gravity_m_s2: numbers.vector(9.81),
+    };
+    let tools = [joints, 1 + joints / 2]
+        .map(|carried| Tool {
+            name: format!("tool on link {carried}"),
+            joints: carried,
+            link_from_tool: Isometry3::new(numbers.vector(0.4), numbers.vector(1.5)),
+        })
+        .to_vec();
+    let compliance = (0..joints).map(|_| numbers.between(0.0, 5e-6)).collect();
+    let mut belief = Belief::new(chain, compliance, tools);
+    belief.instrument_from_base = Isometry3::new(numbers.vector(2.0), numbers.vector(1.5));
+    belief.zero_rad = (0..joints).map(|_| numbers.between(-0.05, 0.05)).collect();
+    belief.load_scale = numbers.between(0.8, 1.2);
+    belief.payload = Some(Payload {
+        link: joints - 1,
+        mass_kg: numbers.between(1.0, 40.0),
+        centre_of_mass_m: numbers.vector(0.3),
+    });
+    belief
+}
+
+/// The frames of all links, of the tools and of the base.
+pub(crate) fn geometry(belief: &Belief) -> Vec<ParameterKind> {
+    let is_frame = |kind: &ParameterKind| {
+        kind.is_mounted()
+            || matches!(
+                kind,
+                ParameterKind::LinkPosition { .. } | ParameterKind::LinkRotation { .. }
+            )
+    };
+    ParameterKind::all_of(belief)
+        .into_iter()
+        .filter(is_frame)
+        .collect()
+}

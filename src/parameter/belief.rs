@@ -1,0 +1,68 @@
+//! What planner and identification believe of a robot.
+
+use nalgebra::{Isometry3, Vector3};
+
+use crate::robot::{SerialChain, Tool};
+
+/// A mass that is fixed to a link, besides what the model gives the link.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Payload {
+    /// The link that carries it, from 0.
+    pub link: usize,
+    /// Its mass (kg).
+    pub mass_kg: f64,
+    /// Its centre of mass in the link's frame (m).
+    pub centre_of_mass_m: Vector3<f64>,
+}
+
+/// An elastic arm with its tools, its payload and the instrument that looks at it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Belief {
+    /// The chain, without the payload; its world is the robot's base.
+    pub chain: SerialChain,
+    /// The compliance of every joint (rad/(N m)).
+    pub compliance_rad_per_nm: Vec<f64>,
+    /// What is added to each joint's commanded angle (rad).
+    pub zero_rad: Vec<f64>,
+    /// The tools that are measured or loaded.
+    pub tools: Vec<Tool>,
+    /// The payload, if there is one.
+    pub payload: Option<Payload>,
+    /// The robot's base in the frame in which the instrument gives its readings.
+    pub instrument_from_base: Isometry3<f64>,
+    /// By how much loads are larger than what is said of them.
+    pub load_scale: f64,
+}
+
+impl Belief {
+    /// An arm without payload whose zeros, base and loads are as they are said to be.
+    #[must_use]
+    pub fn new(chain: SerialChain, compliance_rad_per_nm: Vec<f64>, tools: Vec<Tool>) -> Self {
+        Self {
+            zero_rad: vec![0.0; chain.len()],
+            chain,
+            compliance_rad_per_nm,
+            tools,
+            payload: None,
+            instrument_from_base: Isometry3::identity(),
+            load_scale: 1.0,
+        }
+    }
+
+    /// The chain with the payload.
+    #[must_use]
+    pub fn loaded_chain(&self) -> SerialChain {
+        let mut chain = self.chain.clone();
+        if let Some(payload) = &self.payload
+            && payload.mass_kg > 0.0
+        {
+            let link = &mut chain.joints[payload.link];
+            let total = link.mass_kg + payload.mass_kg;
+            link.centre_of_mass_m = (link.centre_of_mass_m * link.mass_kg
+                + payload.centre_of_mass_m * payload.mass_kg)
+                / total;
+            link.mass_kg = total;
+        }
+        chain
+    }
+}

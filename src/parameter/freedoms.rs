@@ -1,0 +1,329 @@
+//! What cannot be told apart.
+//!
+//! Two classes. *Structural*: a frame that is moved along or about its own joint's axis, and put back
+//! beyond the joint; a zero and its link's rotation about the axis; the base and the first link; all
+//! compliances against the size of all loads. These are known beforehand, as directions of the
+//! parameters, and are named. That gravity acts on a link that was moved, or that a known load does not
+//! turn with the base, tells some of them apart after all, if hardly: they count as not told apart
+//! where all readings together see them more than 500 times more weakly than what they are made of.
+//! *Weak*: all else that the readings leave undetermined, by the rule of [`Estimable`].
+//!
+//! A prior settles either. Without one the direction stays at its nominal value.
+
+use nalgebra::{Cholesky, DMatrix, DVector, Isometry3, SymmetricEigen, Vector3};
+
+use super::words::{reduced, sentences};
+use super::{Axis, Belief, ParameterKind, ParameterSet};
+use crate::estimable::Estimable;
+
+/// A structural direction that is seen with less than this share of its parts' information is not told
+/// apart: 1/500, squared.
+const HARDLY_SEEN: f64 = 4e-6;
+/// With less than this share it is not seen at all, but for rounding.
+const NEVER_SEEN: f64 = 1e-11;
+/// Information below this is none, as in [`Estimable`]: a hundredth of a standard deviation, squared.
+const NOTHING: f64 = 1e-4;
+/// Singular values below this share of the largest are rounding.
+const ROUNDING: f64 = 1e-9;
+
+/// A combination of parameters that readings do not show.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Freedom {
+    /// Whether it follows from the robot's structure, whatever the readings are.
+    pub is_structural: bool,
+    /// The parameter that can be left out without loss, as an index.
+    pub redundant: usize,
+    /// The others that are in it, as indices.
+    pub others: Vec<usize>,
+    /// One sentence.
+    pub sentence: String,
+}
+
+/// All that readings of some setups do not show of a set of parameters.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Freedoms {
+    /// An orthonormal basis in typical sizes, p x f.
+    pub directions: DMatrix<f64>,
+    /// The same, each named.
+    pub named: Vec<Freedom>,
+}
+
+impl Freedoms {
+    /// What information from readings (p x p, in units of typical sizes) and the set's prior leave.
+    #[must_use]
+    pub fn new(belief: &Belief, set: &ParameterSet, information: &DMatrix<f64>) -> Self {
+        let size = set.len();
+        let prior = relative_precision(set);
+        let structural = held(
+            set,
+            &structural_directions(belief, set),
+            information,
+            &prior,
+        );
+        let free = complement(&structural);
+        let total = free.tr_mul(&(information + prior)) * &free;
+        let within = Estimable::new(&total, &vec![1.0; free.ncols()]);
+        let weak = &free * within.hidden();
+        let mut directions = DMatrix::zeros(size, structural.ncols() + weak.ncols());
+        directions
+            .columns_mut(0, structural.ncols())
+            .copy_from(&structural);
+        directions
+            .columns_mut(structural.ncols(), weak.ncols())
+            .copy_from(&weak);
+        let named = sentences(belief, set, &structural, &weak);
+        Self { directions, named }
+    }
+
+    /// The same as a decision about what is determined.
+    #[must_use]
+    pub fn estimable(&self, set: &ParameterSet) -> Estimable {
+        Estimable::with_hidden(set.scales().as_slice(), self.directions.clone())
+    }
+
+    /// The parameters that can be left out without loss, as indices, in order.
+    #[must_use]
+    pub fn redundant(&self) -> Vec<usize> {
+        let mut redundant: Vec<usize> = self.named.iter().map(|each| each.redundant).collect();
+        redundant.sort_unstable();
+        redundant
+    }
+}
+
+/// The prior's precision in units of typical sizes, p x p.
+pub(crate) fn relative_precision(set: &ParameterSet) -> DMatrix<f64> {
+    let scales = set.scales();
+    DMatrix::from_fn(set.len(), set.len(), |row, column| {
+        set.prior().precision[(row, column)] * scales[row] * scales[column]
+    })
+}
+
+/// The directions within some (p x g, orthonormal) that neither readings nor a prior tell apart.
+fn held(
+    set: &ParameterSet,
+    candidates: &DMatrix<f64>,
+    information: &DMatrix<f64>,
+    prior: &DMatrix<f64>,
+) -> DMatrix<f64> {
+    let candidates = orthonormal(&(candidates * null_space(&(prior * candidates))));
+    let parts = DMatrix::from_diagonal(&information.diagonal().add_scalar(NOTHING));
+    // One by one first, in combinations of few parameters: one that is seen must not tinge others. Then
+    // what is not seen at all of those that are.
+    let (hidden, seen): (Vec<_>, Vec<_>) = reduced(set, &candidates)
+        .into_iter()
+        .map(|(_, direction)| direction)
+        .partition(|direction| {
+            direction.dot(&(information * direction))
+                < HARDLY_SEEN * direction.dot(&(&parts * direction))
+        });
+    let mut held = DMatrix::zeros(set.len(), 0);
+    for direction in hidden {
+        let place = held.ncols();
+        held = held.insert_column(place, 0.0);
+        held.set_column(place, &direction.normalize());
+    }
+    if !seen.is_empty() {
+        let seen = orthonormal(&DMatrix::from_columns(&seen));
+        let share = seen.tr_mul(&(&parts * &seen));
+        if let Some(factor) = Cholesky::new(share).and_then(|factor| factor.l().try_inverse()) {
+            let information = seen.tr_mul(&(information * &seen));
+            let share = SymmetricEigen::new(&factor * information * factor.transpose());
+            let kept: Vec<usize> = (0..share.eigenvalues.len())
+                .filter(|&index| share.eigenvalues[index] < NEVER_SEEN)
+                .collect();
+            let more = seen * factor.transpose() * share.eigenvectors.select_columns(&kept);
+            let places = held.ncols();
+            held = held.insert_columns(places, more.ncols(), 0.0);
+            held.columns_mut(places, more.ncols()).copy_from(&more);
+        }
+    }
+    orthonormal(&held)
+}
+
+/// Directions, in units of typical sizes, that a robot's structure does not let anybody tell apart, or
+/// hardly: an orthonormal basis, p x g, of all combinations within the set.
+#[must_use]
+pub fn structural_directions(belief: &Belief, set: &ParameterSet) -> DMatrix<f64> {
+    let generators = generators(belief, set);
+    let size = |kind: ParameterKind| kind.typical_size(belief, false);
+    let mut outside: Vec<ParameterKind> = (generators.iter().flatten())
+        .map(|&(kind, _)| kind)
+        .filter(|&kind| set.index_of(kind).is_none())
+        .collect();
+    outside.sort_unstable();
+    outside.dedup();
+    let mut inner = DMatrix::<f64>::zeros(set.len(), generators.len());
+    let mut outer = DMatrix::<f64>::zeros(outside.len(), generators.len());
+    for (column, generator) in generators.iter().enumerate() {
+        for &(kind, value) in generator {
+            if let Some(row) = set.index_of(kind) {
+                inner[(row, column)] += value / set.parameters()[row].scale;
+            } else if let Ok(row) = outside.binary_search(&kind) {
+                outer[(row, column)] += value / size(kind);
+            }
+        }
+    }
+    orthonormal(&(inner * null_space(&outer)))
+}
+
+type Generator = Vec<(ParameterKind, f64)>;
+
+/// The directions among all parameters that a robot could have, in the parameters' units.
+fn generators(belief: &Belief, set: &ParameterSet) -> Vec<Generator> {
+    let mut all = Vec::new();
+    let joints = &belief.chain.joints;
+    for (index, joint) in joints.iter().enumerate() {
+        let axis = joint.axis.into_inner();
+        // A shift along the axis, taken back beyond the joint.
+        let mut shift = link(index, &axis, &Vector3::zeros());
+        shift.extend(taken_back(belief, index, &axis, &Vector3::zeros()));
+        // A turn about it.
+        let mut turn = vec![(ParameterKind::JointZero { joint: index }, 1.0)];
+        turn.extend(taken_back(belief, index, &Vector3::zeros(), &axis));
+        let mut zero = vec![(ParameterKind::JointZero { joint: index }, 1.0)];
+        zero.extend(link(index, &Vector3::zeros(), &-axis));
+        all.extend([shift, turn, zero]);
+    }
+    if let Some(first) = joints.first() {
+        let from_base = first.previous_from_link.inverse();
+        for axis in Axis::ALL {
+            let unit = Vector3::ith(axis.index(), 1.0);
+            for (velocity, omega) in [(unit, Vector3::zeros()), (Vector3::zeros(), unit)] {
+                let (back_velocity, back_omega) = seen_from(&from_base, &velocity, &omega);
+                let mut generator = link(0, &-back_velocity, &-back_omega);
+                for axis in Axis::ALL {
+                    generator.push((ParameterKind::BasePosition { axis }, velocity[axis.index()]));
+                    generator.push((ParameterKind::BaseRotation { axis }, omega[axis.index()]));
+                }
+                generator.retain(|(_, value)| *value != 0.0);
+                all.push(generator);
+            }
+        }
+    }
+    // All compliances against the size of what loads the joints.
+    let mut softer: Generator = Vec::new();
+    for (joint, &compliance) in belief.compliance_rad_per_nm.iter().enumerate() {
+        let kind = ParameterKind::JointCompliance { joint };
+        let is_logarithmic =
+            (set.index_of(kind)).is_some_and(|index| set.parameters()[index].is_logarithmic);
+        if compliance > 0.0 {
+            softer.push((kind, if is_logarithmic { 1.0 } else { compliance }));
+        }
+    }
+    if !softer.is_empty() {
+        let with = |others: &[ParameterKind]| {
+            let mut generator = softer.clone();
+            generator.extend(others.iter().map(|&kind| (kind, -1.0)));
+            generator
+        };
+        all.push(with(&[ParameterKind::LoadScale]));
+        all.push(with(&[ParameterKind::PayloadMass]));
+        all.push(with(&[
+            ParameterKind::LoadScale,
+            ParameterKind::PayloadMass,
+        ]));
+    }
+    all
+}
+
+fn link(link: usize, velocity: &Vector3<f64>, omega: &Vector3<f64>) -> Generator {
+    let mut generator = Vec::new();
+    for axis in Axis::ALL {
+        generator.push((
+            ParameterKind::LinkPosition { link, axis },
+            velocity[axis.index()],
+        ));
+        generator.push((
+            ParameterKind::LinkRotation { link, axis },
+            omega[axis.index()],
+        ));
+    }
+    generator.retain(|(_, value)| *value != 0.0);
+    generator
+}
+
+/// A small motion of a link, in its frame, taken back by the next link's frame and by all tools on it.
+fn taken_back(
+    belief: &Belief,
+    index: usize,
+    velocity: &Vector3<f64>,
+    omega: &Vector3<f64>,
+) -> Generator {
+    let mut generator = Vec::new();
+    if let Some(next) = belief.chain.joints.get(index + 1) {
+        let (velocity, omega) = seen_from(&next.previous_from_link.inverse(), velocity, omega);
+        generator.extend(link(index + 1, &-velocity, &-omega));
+    }
+    for (number, tool) in belief.tools.iter().enumerate() {
+        if tool.joints == index + 1 {
+            let (velocity, omega) = seen_from(&tool.link_from_tool.inverse(), velocity, omega);
+            for axis in Axis::ALL {
+                let position = ParameterKind::ToolPosition { tool: number, axis };
+                let rotation = ParameterKind::ToolRotation { tool: number, axis };
+                generator.push((position, -velocity[axis.index()]));
+                generator.push((rotation, -omega[axis.index()]));
+            }
+        }
+    }
+    generator.retain(|(_, value)| *value != 0.0);
+    generator
+}
+
+/// A small motion (v, omega) in the coordinates of another frame.
+fn seen_from(
+    other: &Isometry3<f64>,
+    velocity: &Vector3<f64>,
+    omega: &Vector3<f64>,
+) -> (Vector3<f64>, Vector3<f64>) {
+    let turned = other.rotation * omega;
+    let moved = other.rotation * velocity + other.translation.vector.cross(&turned);
+    (moved, turned)
+}
+
+/// An orthonormal basis of the x with A x = 0 (n x f for A of n columns).
+pub(super) fn null_space(matrix: &DMatrix<f64>) -> DMatrix<f64> {
+    let columns = matrix.ncols();
+    let largest = matrix.amax();
+    if matrix.nrows() == 0 || largest == 0.0 {
+        return DMatrix::identity(columns, columns);
+    }
+    // Enough rows for all right singular vectors.
+    let mut square = DMatrix::zeros(matrix.nrows().max(columns), columns);
+    square.rows_mut(0, matrix.nrows()).copy_from(matrix);
+    let svd = square.svd(false, true);
+    let tolerance = ROUNDING * svd.singular_values.max();
+    let Some(v_t) = svd.v_t else {
+        return DMatrix::zeros(columns, 0);
+    };
+    let null: Vec<usize> = (0..columns)
+        .filter(|&index| svd.singular_values[index] <= tolerance)
+        .collect();
+    v_t.select_rows(&null).transpose()
+}
+
+/// An orthonormal basis of the space that columns span.
+fn orthonormal(columns: &DMatrix<f64>) -> DMatrix<f64> {
+    let largest = columns.amax();
+    if columns.ncols() == 0 || largest == 0.0 {
+        return DMatrix::zeros(columns.nrows(), 0);
+    }
+    let svd = columns.clone().svd(true, false);
+    let tolerance = ROUNDING * svd.singular_values.max();
+    let Some(u) = svd.u else {
+        return DMatrix::zeros(columns.nrows(), 0);
+    };
+    let kept: Vec<usize> = (0..svd.singular_values.len())
+        .filter(|&index| svd.singular_values[index] > tolerance)
+        .collect();
+    u.select_columns(&kept)
+}
+
+/// An orthonormal basis of what is orthogonal to orthonormal columns.
+fn complement(columns: &DMatrix<f64>) -> DMatrix<f64> {
+    null_space(&columns.transpose())
+}
+
+/// For tests and words: a vector in units of typical sizes, in the parameters' units.
+pub(super) fn in_units(set: &ParameterSet, direction: &DVector<f64>) -> DVector<f64> {
+    direction.component_mul(&set.scales())
+}

@@ -1,0 +1,309 @@
+//! The kinds of parameters, with their units, names and typical sizes.
+
+use std::fmt;
+
+use super::Belief;
+
+/// An axis of a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Axis {
+    /// The first.
+    X,
+    /// The second.
+    Y,
+    /// The third.
+    Z,
+}
+
+impl Axis {
+    /// All three.
+    pub const ALL: [Self; 3] = [Self::X, Self::Y, Self::Z];
+
+    /// 0, 1 or 2.
+    #[must_use]
+    pub const fn index(self) -> usize {
+        self as usize
+    }
+}
+
+impl fmt::Display for Axis {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str(["x", "y", "z"][self.index()])
+    }
+}
+
+/// What a parameter is of a [`Belief`]. Joints, links and tools count from 0; link i is what joint i
+/// moves.
+///
+/// Frames are unknown by a displacement d and a rotation vector r along the axes of the nominal frame:
+/// T = `T_nominal` Translation(d) Rotation(r).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum ParameterKind {
+    /// The compliance of a joint (rad/(N m)); with a prior, the logarithm of its ratio to the nominal
+    /// one.
+    JointCompliance {
+        /// The joint.
+        joint: usize,
+    },
+    /// What is added to a joint's commanded angle (rad).
+    JointZero {
+        /// The joint.
+        joint: usize,
+    },
+    /// The position of a link's frame along one of its axes (m).
+    LinkPosition {
+        /// The link.
+        link: usize,
+        /// Along which axis.
+        axis: Axis,
+    },
+    /// The orientation of a link's frame: a coordinate of its rotation vector (rad).
+    LinkRotation {
+        /// The link.
+        link: usize,
+        /// About which axis.
+        axis: Axis,
+    },
+    /// The position of a tool along one of its axes (m).
+    ToolPosition {
+        /// Which of the belief's tools.
+        tool: usize,
+        /// Along which axis.
+        axis: Axis,
+    },
+    /// The orientation of a tool: a coordinate of its rotation vector (rad).
+    ToolRotation {
+        /// Which of the belief's tools.
+        tool: usize,
+        /// About which axis.
+        axis: Axis,
+    },
+    /// The position of the robot's base in the instrument's frame (m).
+    BasePosition {
+        /// Along which axis of the base.
+        axis: Axis,
+    },
+    /// The orientation of the robot's base in the instrument's frame (rad).
+    BaseRotation {
+        /// About which axis of the base.
+        axis: Axis,
+    },
+    /// The logarithm of the payload's mass over its nominal one.
+    PayloadMass,
+    /// The payload's centre of mass along an axis of the link that carries it (m).
+    PayloadCentre {
+        /// Along which axis.
+        axis: Axis,
+    },
+    /// The logarithm of the factor by which all loads differ from what is said of them.
+    LoadScale,
+}
+
+impl ParameterKind {
+    /// The unit of its value; "1" for a logarithm.
+    #[must_use]
+    pub const fn unit(self, is_logarithmic: bool) -> &'static str {
+        match self {
+            Self::JointCompliance { .. } if is_logarithmic => "1",
+            Self::JointCompliance { .. } => "rad/(N m)",
+            Self::JointZero { .. }
+            | Self::LinkRotation { .. }
+            | Self::ToolRotation { .. }
+            | Self::BaseRotation { .. } => "rad",
+            Self::LinkPosition { .. }
+            | Self::ToolPosition { .. }
+            | Self::BasePosition { .. }
+            | Self::PayloadCentre { .. } => "m",
+            Self::PayloadMass | Self::LoadScale => "1",
+        }
+    }
+
+    /// Whether it is unknown in its logarithm.
+    #[must_use]
+    pub const fn is_logarithmic(self, has_prior: bool) -> bool {
+        match self {
+            Self::JointCompliance { .. } => has_prior,
+            Self::PayloadMass | Self::LoadScale => true,
+            _ => false,
+        }
+    }
+
+    /// Everything that a belief could have as unknowns, base first.
+    #[must_use]
+    pub fn all_of(belief: &Belief) -> Vec<Self> {
+        let joints = belief.chain.len();
+        let mut kinds = Vec::new();
+        let mut frame = |position: &dyn Fn(Axis) -> Self, rotation: &dyn Fn(Axis) -> Self| {
+            kinds.extend(Axis::ALL.map(position));
+            kinds.extend(Axis::ALL.map(rotation));
+        };
+        frame(&|axis| Self::BasePosition { axis }, &|axis| {
+            Self::BaseRotation { axis }
+        });
+        for link in 0..joints {
+            frame(&|axis| Self::LinkPosition { link, axis }, &|axis| {
+                Self::LinkRotation { link, axis }
+            });
+        }
+        for tool in 0..belief.tools.len() {
+            frame(&|axis| Self::ToolPosition { tool, axis }, &|axis| {
+                Self::ToolRotation { tool, axis }
+            });
+        }
+        kinds.extend((0..joints).map(|joint| Self::JointZero { joint }));
+        kinds.extend((0..joints).map(|joint| Self::JointCompliance { joint }));
+        if belief.payload.is_some_and(|payload| payload.mass_kg > 0.0) {
+            kinds.push(Self::PayloadMass);
+            kinds.extend(Axis::ALL.map(|axis| Self::PayloadCentre { axis }));
+        }
+        kinds.push(Self::LoadScale);
+        kinds
+    }
+
+    /// Its unique name, such as `joint_3.compliance`, `link_3.x`, `tool.ry`, `base.z`.
+    #[must_use]
+    pub fn name(self, belief: &Belief) -> String {
+        let tool = |index: usize| match index {
+            0 => "tool".to_owned(),
+            index => format!("tool_{}", index + 1),
+        };
+        let joint = |index: usize| &belief.chain.joints[index].name;
+        match self {
+            Self::JointCompliance { joint: index } => format!("{}.compliance", joint(index)),
+            Self::JointZero { joint: index } => format!("{}.zero", joint(index)),
+            Self::LinkPosition { link, axis } => format!("link_{}.{axis}", link + 1),
+            Self::LinkRotation { link, axis } => format!("link_{}.r{axis}", link + 1),
+            Self::ToolPosition { tool: index, axis } => format!("{}.{axis}", tool(index)),
+            Self::ToolRotation { tool: index, axis } => format!("{}.r{axis}", tool(index)),
+            Self::BasePosition { axis } => format!("base.{axis}"),
+            Self::BaseRotation { axis } => format!("base.r{axis}"),
+            Self::PayloadMass => "payload.mass".to_owned(),
+            Self::PayloadCentre { axis } => format!("payload.{axis}"),
+            Self::LoadScale => "load.scale".to_owned(),
+        }
+    }
+
+    /// The typical size of its deviation from the nominal value, in its own unit: 0.3 mm and 0.3 mrad for
+    /// a robot's geometry, which is manufactured, 1 mrad for its zeros, more for what users mount and set
+    /// up. The largest nominal compliance stands in for a joint held to be rigid.
+    #[must_use]
+    pub fn typical_size(self, belief: &Belief, has_prior: bool) -> f64 {
+        match self {
+            Self::JointCompliance { joint } if !has_prior => {
+                let nominal = &belief.compliance_rad_per_nm;
+                let largest = nominal.iter().copied().fold(0.0, f64::max);
+                match (nominal[joint] > 0.0, largest > 0.0) {
+                    (true, _) => nominal[joint],
+                    (false, true) => largest,
+                    (false, false) => 1e-6,
+                }
+            }
+            Self::JointCompliance { .. } => 1.0,
+            Self::LinkPosition { .. } | Self::LinkRotation { .. } => 3e-4,
+            Self::JointZero { .. } | Self::ToolPosition { .. } => 1e-3,
+            Self::ToolRotation { .. }
+            | Self::BasePosition { .. }
+            | Self::BaseRotation { .. }
+            | Self::PayloadCentre { .. }
+            | Self::LoadScale => 1e-2,
+            Self::PayloadMass => 5e-2,
+        }
+    }
+
+    /// Whether it is the place of what users mount and set up: of a tool or of the base.
+    #[must_use]
+    pub const fn is_mounted(self) -> bool {
+        matches!(
+            self,
+            Self::ToolPosition { .. }
+                | Self::ToolRotation { .. }
+                | Self::BasePosition { .. }
+                | Self::BaseRotation { .. }
+        )
+    }
+
+    /// What it is, in words.
+    #[must_use]
+    pub fn words(self, belief: &Belief) -> String {
+        let joint = |index: usize| &belief.chain.joints[index].name;
+        let tool = |index: usize| match index {
+            0 => "the tool".to_owned(),
+            index => format!("tool {}", index + 1),
+        };
+        match self {
+            Self::JointCompliance { joint: index } => format!("the compliance of {}", joint(index)),
+            Self::JointZero { joint: index } => format!("the zero of {}", joint(index)),
+            Self::LinkPosition { link, axis } => {
+                format!("link_{}'s position along {axis}", link + 1)
+            }
+            Self::LinkRotation { link, axis } => {
+                format!("link_{}'s rotation about {axis}", link + 1)
+            }
+            Self::ToolPosition { tool: index, axis } => {
+                format!("{}'s position along {axis}", tool(index))
+            }
+            Self::ToolRotation { tool: index, axis } => {
+                format!("{}'s rotation about {axis}", tool(index))
+            }
+            Self::BasePosition { axis } => format!("the base's position along {axis}"),
+            Self::BaseRotation { axis } => format!("the base's rotation about {axis}"),
+            Self::PayloadMass => "the payload's mass".to_owned(),
+            Self::PayloadCentre { axis } => format!("the payload's centre along {axis}"),
+            Self::LoadScale => "the scale of the load".to_owned(),
+        }
+    }
+}
+
+/// One unknown.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Parameter {
+    /// What it is.
+    pub kind: ParameterKind,
+    /// Its unique name.
+    pub name: String,
+    /// Whether its value is a logarithm of a ratio to the nominal quantity.
+    pub is_logarithmic: bool,
+    /// Its value in the nominal belief: 0 for logarithms and for deviations of frames.
+    pub nominal: f64,
+    /// Its typical size: the prior's standard deviation where there is one. What is determined is judged
+    /// in these sizes.
+    pub scale: f64,
+    /// The standard deviation of its own prior about the nominal value, where there is one.
+    pub prior_deviation: Option<f64>,
+}
+
+impl Parameter {
+    /// The unit of its value.
+    #[must_use]
+    pub const fn unit(&self) -> &'static str {
+        self.kind.unit(self.is_logarithmic)
+    }
+
+    /// How far a fit may change it in one step, in its own unit: beyond this a linear model says nothing.
+    pub(crate) fn longest_step(&self) -> f64 {
+        match self.kind {
+            _ if self.is_logarithmic => 1.0,
+            ParameterKind::JointCompliance { .. } => 3.0 * self.nominal.max(self.scale),
+            ParameterKind::PayloadCentre { .. } => 0.3,
+            ParameterKind::LinkPosition { .. }
+            | ParameterKind::ToolPosition { .. }
+            | ParameterKind::BasePosition { .. } => f64::INFINITY,
+            _ => 1.0,
+        }
+    }
+
+    /// The quantity itself, in SI units, for a value of the parameter: itself, or the nominal
+    /// quantity times its exponential.
+    #[must_use]
+    pub fn quantity(&self, nominal: &Belief, value: f64) -> f64 {
+        if !self.is_logarithmic {
+            return value;
+        }
+        let nominal = match self.kind {
+            ParameterKind::JointCompliance { joint } => nominal.compliance_rad_per_nm[joint],
+            ParameterKind::PayloadMass => (nominal.payload).map_or(0.0, |payload| payload.mass_kg),
+            _ => nominal.load_scale,
+        };
+        nominal * value.exp()
+    }
+}

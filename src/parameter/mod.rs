@@ -1,0 +1,25 @@
+//! What may be unknown about a robot: parameters, sets of them, and what cannot be told apart.
+//!
+//! A [`Belief`] is what planner and identification believe of an arm: its chain, compliances, joint
+//! zeros, tools, payload, load and the instrument's frame. A [`ParameterSet`] lists what of it is
+//! unknown, with a typical size and, where there is one, a prior for each; a vector of values makes a
+//! nominal belief into another one. [`Freedoms`] are the directions of that vector that readings
+//! cannot show, with words for them.
+//!
+//! Positive quantities with a prior, and those that multiply another unknown (payload mass, scale of
+//! the load), are unknown in their logarithm, so that a product is a sum; a compliance without a prior
+//! is linear, as in the paper.
+
+#[cfg(test)]
+pub(crate) mod arms;
+mod belief;
+mod freedoms;
+mod kind;
+mod set;
+mod words;
+
+pub use belief::{Belief, Payload};
+pub(crate) use freedoms::relative_precision;
+pub use freedoms::{Freedom, Freedoms, structural_directions};
+pub use kind::{Axis, Parameter, ParameterKind};
+pub use set::{ParameterError, ParameterSet, Prior};

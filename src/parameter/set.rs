@@ -1,0 +1,348 @@
+//! An ordered set of parameters, and beliefs made from vectors of their values.
+
+use nalgebra::{Cholesky, DMatrix, DVector, Isometry3, Translation3, UnitQuaternion, Vector3};
+use thiserror::Error;
+
+use super::{Belief, Parameter, ParameterKind};
+
+/// Why a set of parameters makes no sense for a robot.
+#[derive(Debug, Error, Clone, PartialEq, Eq)]
+pub enum ParameterError {
+    /// A parameter is listed twice.
+    #[error("{0} is listed twice")]
+    Twice(String),
+    /// The robot has no such joint, link or tool.
+    #[error("{0} does not exist: the robot has {1} joints and {2} tools")]
+    Missing(&'static str, usize, usize),
+    /// A parameter of a payload, and there is none.
+    #[error("a payload's parameter needs a payload with a mass")]
+    NoPayload,
+    /// A relative prior of something that is nominally zero.
+    #[error("{0} has a relative prior, which a nominal value of zero cannot have")]
+    RigidWithPrior(String),
+    /// A standard deviation that is none.
+    #[error("{0}: a prior's standard deviation must be positive and finite")]
+    Deviation(String),
+    /// A covariance that is none.
+    #[error("the prior's covariance is not positive definite")]
+    Covariance,
+}
+
+/// What is known of all parameters before any reading: a normal distribution of their values.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Prior {
+    /// The mean (p).
+    pub mean: DVector<f64>,
+    /// The inverse of the covariance (p x p); zero rows where nothing is known.
+    pub precision: DMatrix<f64>,
+}
+
+/// An ordered set of unknowns of a robot with unique names.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ParameterSet {
+    parameters: Vec<Parameter>,
+    prior: Prior,
+}
+
+impl ParameterSet {
+    /// The set of these unknowns of a belief, each with the standard deviation of its prior, in the
+    /// parameter's unit, where it has one.
+    ///
+    /// # Errors
+    /// See [`ParameterError`].
+    pub fn new(
+        belief: &Belief,
+        unknowns: impl IntoIterator<Item = (ParameterKind, Option<f64>)>,
+    ) -> Result<Self, ParameterError> {
+        let mut parameters: Vec<Parameter> = Vec::new();
+        for (kind, prior_deviation) in unknowns {
+            check(belief, kind)?;
+            let name = kind.name(belief);
+            if parameters.iter().any(|other| other.kind == kind) {
+                return Err(ParameterError::Twice(name));
+            }
+            if !prior_deviation.is_none_or(|deviation| deviation > 0.0 && deviation.is_finite()) {
+                return Err(ParameterError::Deviation(name));
+            }
+            let has_prior = prior_deviation.is_some();
+            let is_logarithmic = kind.is_logarithmic(has_prior);
+            let nominal = match kind {
+                ParameterKind::JointCompliance { joint } if is_logarithmic => {
+                    if belief.compliance_rad_per_nm[joint] <= 0.0 {
+                        return Err(ParameterError::RigidWithPrior(name));
+                    }
+                    0.0
+                }
+                ParameterKind::JointCompliance { joint } => belief.compliance_rad_per_nm[joint],
+                ParameterKind::JointZero { joint } => belief.zero_rad[joint],
+                ParameterKind::PayloadCentre { axis } => {
+                    (belief.payload).map_or(0.0, |payload| payload.centre_of_mass_m[axis.index()])
+                }
+                _ => 0.0,
+            };
+            parameters.push(Parameter {
+                kind,
+                name,
+                is_logarithmic,
+                nominal,
+                scale: prior_deviation.unwrap_or_else(|| kind.typical_size(belief, has_prior)),
+                prior_deviation,
+            });
+        }
+        let precision = parameters
+            .iter()
+            .map(|each| each.prior_deviation.map_or(0.0, |d| (d * d).recip()));
+        let prior = Prior {
+            mean: DVector::from_iterator(parameters.len(), parameters.iter().map(|p| p.nominal)),
+            precision: DMatrix::from_diagonal(&DVector::from_iterator(parameters.len(), precision)),
+        };
+        Ok(Self { parameters, prior })
+    }
+
+    /// The compliances of these joints, linear and without priors: the paper's unknowns.
+    ///
+    /// # Errors
+    /// See [`ParameterError`].
+    pub fn compliances(belief: &Belief, joints: &[usize]) -> Result<Self, ParameterError> {
+        let unknown = |&joint| (ParameterKind::JointCompliance { joint }, None);
+        Self::new(belief, joints.iter().map(unknown))
+    }
+
+    /// The same set, in which the parameters at `indices` are distributed normally with a mean and a
+    /// covariance, in the parameters' units, besides what was known of them. An earlier
+    /// identification is such knowledge.
+    ///
+    /// # Errors
+    /// The covariance is not positive definite.
+    pub fn with_prior(
+        mut self,
+        indices: &[usize],
+        mean: &DVector<f64>,
+        covariance: &DMatrix<f64>,
+    ) -> Result<Self, ParameterError> {
+        // Units apart, so that rounding does not decide.
+        let size = covariance
+            .diagonal()
+            .map(|variance| variance.max(0.0).sqrt());
+        if !size.iter().all(|&size| size > 0.0 && size.is_finite()) {
+            return Err(ParameterError::Covariance);
+        }
+        let relative = DMatrix::from_fn(size.len(), size.len(), |row, column| {
+            covariance[(row, column)] / (size[row] * size[column])
+        });
+        let inverse = Cholesky::new(relative)
+            .ok_or(ParameterError::Covariance)?
+            .inverse();
+        // Two normal distributions multiplied: precisions add, and so do precision times mean.
+        let mut information = &self.prior.precision * &self.prior.mean;
+        for (row, &index) in indices.iter().enumerate() {
+            for (column, &other) in indices.iter().enumerate() {
+                let precision = inverse[(row, column)] / (size[row] * size[column]);
+                self.prior.precision[(index, other)] += precision;
+                information[index] += precision * mean[column];
+            }
+            let parameter = &mut self.parameters[index];
+            parameter.scale = parameter.scale.min(size[row]);
+        }
+        let known: Vec<usize> = (0..self.len())
+            .filter(|&index| self.prior.precision[(index, index)] > 0.0)
+            .collect();
+        let block = DMatrix::from_fn(known.len(), known.len(), |row, column| {
+            self.prior.precision[(known[row], known[column])]
+                * self.parameters[known[row]].scale
+                * self.parameters[known[column]].scale
+        });
+        let right = DVector::from_fn(known.len(), |row, _| {
+            information[known[row]] * self.parameters[known[row]].scale
+        });
+        let solved = Cholesky::new(block)
+            .ok_or(ParameterError::Covariance)?
+            .solve(&right);
+        for (row, &index) in known.iter().enumerate() {
+            self.prior.mean[index] = solved[row] * self.parameters[index].scale;
+        }
+        Ok(self)
+    }
+
+    /// Some of the parameters, at `indices`, with what is known of them when the others are at their
+    /// prior's mean.
+    #[must_use]
+    pub fn subset(&self, indices: &[usize]) -> Self {
+        Self {
+            parameters: indices
+                .iter()
+                .map(|&index| self.parameters[index].clone())
+                .collect(),
+            prior: Prior {
+                mean: self.prior.mean.select_rows(indices),
+                precision: (self.prior.precision.select_rows(indices)).select_columns(indices),
+            },
+        }
+    }
+
+    /// The number p of parameters.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.parameters.len()
+    }
+
+    /// Whether nothing is unknown.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.parameters.is_empty()
+    }
+
+    /// The parameters in their order.
+    #[must_use]
+    pub fn parameters(&self) -> &[Parameter] {
+        &self.parameters
+    }
+
+    /// What is known before any reading.
+    #[must_use]
+    pub fn prior(&self) -> &Prior {
+        &self.prior
+    }
+
+    /// The place of a parameter in the set.
+    #[must_use]
+    pub fn index_of(&self, kind: ParameterKind) -> Option<usize> {
+        self.parameters.iter().position(|each| each.kind == kind)
+    }
+
+    /// The typical sizes (p).
+    #[must_use]
+    pub fn scales(&self) -> DVector<f64> {
+        DVector::from_iterator(self.len(), self.parameters.iter().map(|each| each.scale))
+    }
+
+    /// The belief in which the parameters have these values (p, each in its unit), and all else is
+    /// nominal.
+    #[must_use]
+    pub fn apply(&self, nominal: &Belief, values: &[f64]) -> Belief {
+        let mut belief = nominal.clone();
+        for (parameter, &value) in self.parameters.iter().zip(values) {
+            let quantity = parameter.quantity(nominal, value);
+            match parameter.kind {
+                ParameterKind::JointCompliance { joint } => {
+                    belief.compliance_rad_per_nm[joint] = quantity;
+                }
+                ParameterKind::JointZero { joint } => belief.zero_rad[joint] = quantity,
+                ParameterKind::PayloadMass => {
+                    if let Some(payload) = &mut belief.payload {
+                        payload.mass_kg = quantity;
+                    }
+                }
+                ParameterKind::PayloadCentre { axis } => {
+                    if let Some(payload) = &mut belief.payload {
+                        payload.centre_of_mass_m[axis.index()] = quantity;
+                    }
+                }
+                ParameterKind::LoadScale => belief.load_scale = quantity,
+                ParameterKind::LinkPosition { .. }
+                | ParameterKind::LinkRotation { .. }
+                | ParameterKind::ToolPosition { .. }
+                | ParameterKind::ToolRotation { .. }
+                | ParameterKind::BasePosition { .. }
+                | ParameterKind::BaseRotation { .. } => {}
+            }
+        }
+        let displacements = self.displacements(nominal, values);
+        for (joint, displacement) in belief.chain.joints.iter_mut().zip(&displacements.links) {
+            displacement.apply(&mut joint.previous_from_link);
+        }
+        for (tool, displacement) in belief.tools.iter_mut().zip(&displacements.tools) {
+            displacement.apply(&mut tool.link_from_tool);
+        }
+        displacements.base.apply(&mut belief.instrument_from_base);
+        belief
+    }
+
+    /// How the frames of links, tools and base differ from the nominal ones at these values.
+    pub(crate) fn displacements(&self, nominal: &Belief, values: &[f64]) -> Displacements {
+        let mut all = Displacements {
+            links: vec![Displacement::default(); nominal.chain.len()],
+            tools: vec![Displacement::default(); nominal.tools.len()],
+            base: Displacement::default(),
+        };
+        for (parameter, &value) in self.parameters.iter().zip(values) {
+            let (frame, axis) = match parameter.kind {
+                ParameterKind::LinkPosition { link, axis }
+                | ParameterKind::LinkRotation { link, axis } => (&mut all.links[link], axis),
+                ParameterKind::ToolPosition { tool, axis }
+                | ParameterKind::ToolRotation { tool, axis } => (&mut all.tools[tool], axis),
+                ParameterKind::BasePosition { axis } | ParameterKind::BaseRotation { axis } => {
+                    (&mut all.base, axis)
+                }
+                _ => continue,
+            };
+            let is_rotation = matches!(
+                parameter.kind,
+                ParameterKind::LinkRotation { .. }
+                    | ParameterKind::ToolRotation { .. }
+                    | ParameterKind::BaseRotation { .. }
+            );
+            if is_rotation {
+                frame.rotation_rad[axis.index()] = value;
+            } else {
+                frame.position_m[axis.index()] = value;
+            }
+        }
+        all
+    }
+}
+
+/// See [`ParameterSet::displacements`].
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Displacements {
+    pub links: Vec<Displacement>,
+    pub tools: Vec<Displacement>,
+    pub base: Displacement,
+}
+
+/// How a frame differs from its nominal one, along its own axes.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(crate) struct Displacement {
+    pub position_m: Vector3<f64>,
+    pub rotation_rad: Vector3<f64>,
+}
+
+impl Displacement {
+    /// Leaves the bits of a frame as they are where nothing is different.
+    fn apply(&self, frame: &mut Isometry3<f64>) {
+        if *self != Self::default() {
+            *frame *= Isometry3::from_parts(
+                Translation3::from(self.position_m),
+                UnitQuaternion::from_scaled_axis(self.rotation_rad),
+            );
+        }
+    }
+}
+
+fn check(belief: &Belief, kind: ParameterKind) -> Result<(), ParameterError> {
+    let (joints, tools) = (belief.chain.len(), belief.tools.len());
+    let missing = |what| Err(ParameterError::Missing(what, joints, tools));
+    match kind {
+        ParameterKind::JointCompliance { joint } | ParameterKind::JointZero { joint }
+            if joint >= joints =>
+        {
+            missing("the joint")
+        }
+        ParameterKind::LinkPosition { link, .. } | ParameterKind::LinkRotation { link, .. }
+            if link >= joints =>
+        {
+            missing("the link")
+        }
+        ParameterKind::ToolPosition { tool, .. } | ParameterKind::ToolRotation { tool, .. }
+            if tool >= tools =>
+        {
+            missing("the tool")
+        }
+        ParameterKind::PayloadMass | ParameterKind::PayloadCentre { .. }
+            if belief.payload.is_none_or(|payload| payload.mass_kg <= 0.0) =>
+        {
+            Err(ParameterError::NoPayload)
+        }
+        _ => Ok(()),
+    }
+}

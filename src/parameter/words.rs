@@ -1,0 +1,191 @@
+//! Sentences about what cannot be told apart.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::freedoms::{Freedom, in_units};
+use super::{Belief, ParameterKind, ParameterSet};
+
+/// Coefficients below this share of a direction's largest are left by rounding.
+const ROUNDING: f64 = 1e-6;
+/// In a weak direction, parameters with less than this share of the largest are not named.
+const MINOR: f64 = 0.3;
+
+/// Names each of the directions (p x f each, in typical sizes), structural and weak ones.
+pub(super) fn sentences(
+    belief: &Belief,
+    set: &ParameterSet,
+    structural: &DMatrix<f64>,
+    weak: &DMatrix<f64>,
+) -> Vec<Freedom> {
+    let structural = reduced(set, structural);
+    let mut weak = weak.clone();
+    for (pivot, direction) in &structural {
+        for mut other in weak.column_iter_mut() {
+            let factor = other[*pivot];
+            other.axpy(-factor, direction, 1.0);
+        }
+    }
+    let weak = reduced(set, &weak);
+    let name = |(pivot, direction): &(usize, DVector<f64>), is_structural| {
+        describe(belief, set, *pivot, direction, is_structural)
+    };
+    let structural = structural.iter().map(|each| name(each, true));
+    structural
+        .chain(weak.iter().map(|each| name(each, false)))
+        .collect()
+}
+
+/// Which parameter of a direction one leaves out first.
+fn keep(kind: ParameterKind) -> usize {
+    match kind {
+        ParameterKind::LinkPosition { .. } | ParameterKind::LinkRotation { .. } => 0,
+        ParameterKind::LoadScale => 1,
+        ParameterKind::PayloadMass | ParameterKind::PayloadCentre { .. } => 2,
+        ParameterKind::JointZero { .. } => 3,
+        ParameterKind::JointCompliance { .. } => 4,
+        ParameterKind::ToolPosition { .. } | ParameterKind::ToolRotation { .. } => 5,
+        ParameterKind::BasePosition { .. } | ParameterKind::BaseRotation { .. } => 6,
+    }
+}
+
+/// Combinations of the directions with few parameters each: reduced to echelon form, with the parameter
+/// that is left out first as pivot. In typical sizes.
+pub(super) fn reduced(set: &ParameterSet, directions: &DMatrix<f64>) -> Vec<(usize, DVector<f64>)> {
+    let mut rows: Vec<DVector<f64>> = directions
+        .column_iter()
+        .map(nalgebra::Matrix::into_owned)
+        .collect();
+    let mut order: Vec<usize> = (0..set.len()).collect();
+    order.sort_by_key(|&index| keep(set.parameters()[index].kind));
+    let mut done = Vec::new();
+    while !rows.is_empty() {
+        // The first group of parameters in which something is left, and the largest there.
+        let mut best = (usize::MAX, 0.0, 0, 0);
+        for &index in &order {
+            let group = keep(set.parameters()[index].kind);
+            for (row, direction) in rows.iter().enumerate() {
+                let share = direction[index].abs() / direction.amax();
+                if share > 1e-4 && (group < best.0 || (group == best.0 && share > best.1 + 1e-9)) {
+                    best = (group, share, index, row);
+                }
+            }
+        }
+        let (group, _, pivot, row) = best;
+        if group == usize::MAX {
+            break;
+        }
+        order.retain(|&index| index != pivot);
+        let mut direction = rows.swap_remove(row);
+        direction /= direction[pivot];
+        for other in rows
+            .iter_mut()
+            .chain(done.iter_mut().map(|(_, other)| other))
+        {
+            let factor = other[pivot];
+            other.axpy(-factor, &direction, 1.0);
+            clean(other);
+        }
+        clean(&mut direction);
+        done.push((pivot, direction));
+    }
+    done.sort_by_key(|(pivot, _)| *pivot);
+    done
+}
+
+fn clean(direction: &mut DVector<f64>) {
+    let least = ROUNDING * direction.amax();
+    direction.apply(|value| {
+        if value.abs() < least {
+            *value = 0.0;
+        }
+    });
+}
+
+fn describe(
+    belief: &Belief,
+    set: &ParameterSet,
+    pivot: usize,
+    relative: &DVector<f64>,
+    is_structural: bool,
+) -> Freedom {
+    let direction = in_units(set, relative) / set.parameters()[pivot].scale;
+    let least = if is_structural {
+        0.0
+    } else {
+        MINOR * relative.amax()
+    };
+    let others: Vec<usize> = (0..set.len())
+        .filter(|&index| index != pivot && relative[index] != 0.0 && relative[index].abs() >= least)
+        .collect();
+    let words = |index: usize| set.parameters()[index].kind.words(belief);
+    let sentence = match others.as_slice() {
+        [] if is_structural => format!("{} cannot show in any reading", words(pivot)),
+        [] => format!("{} does not show in these readings", words(pivot)),
+        &[other] if is_structural => {
+            let is_product = set.parameters()[pivot].is_logarithmic;
+            let same_unit = set.parameters()[pivot].unit() == set.parameters()[other].unit();
+            let what = match (direction[other], is_product) {
+                (ratio, false) if same_unit && (ratio + 1.0).abs() < 1e-6 => {
+                    "their sum is determined".to_owned()
+                }
+                (ratio, false) if same_unit && (ratio - 1.0).abs() < 1e-6 => {
+                    "their difference is determined".to_owned()
+                }
+                (ratio, true) if (ratio + 1.0).abs() < 1e-6 => {
+                    "their product is determined".to_owned()
+                }
+                _ => "one combination of them is determined".to_owned(),
+            };
+            format!(
+                "{} and {} cannot be told apart: {what}",
+                words(pivot),
+                words(other)
+            )
+        }
+        others => {
+            let names: Vec<String> = others.iter().map(|&index| words(index)).collect();
+            let list = and(&names);
+            if is_product(set, pivot, others) {
+                format!(
+                    "{} and {list} cannot be told apart: their products are determined",
+                    words(pivot)
+                )
+            } else if is_structural {
+                format!(
+                    "{} cannot be told from {list}: they can do all that it does",
+                    words(pivot)
+                )
+            } else {
+                format!(
+                    "{} can hardly be told from {list} by these readings",
+                    words(pivot)
+                )
+            }
+        }
+    };
+    Freedom {
+        is_structural,
+        redundant: pivot,
+        others,
+        sentence,
+    }
+}
+
+/// A factor of all loads against compliances.
+fn is_product(set: &ParameterSet, pivot: usize, others: &[usize]) -> bool {
+    let kind = |index: usize| set.parameters()[index].kind;
+    let is_compliance =
+        |&index: &usize| matches!(kind(index), ParameterKind::JointCompliance { .. });
+    matches!(
+        kind(pivot),
+        ParameterKind::LoadScale | ParameterKind::PayloadMass
+    ) && others.iter().all(is_compliance)
+}
+
+fn and(names: &[String]) -> String {
+    match names {
+        [] => String::new(),
+        [one] => one.clone(),
+        [first @ .., last] => format!("{} and {last}", first.join(", ")),
+    }
+}

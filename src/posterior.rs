@@ -1,0 +1,92 @@
+//! What is known of parameters after measurements: values, covariance, and which combinations.
+
+use nalgebra::{DMatrix, DVector, RowDVector};
+use thiserror::Error;
+
+use crate::estimable::Estimable;
+
+/// What is known of p parameters.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Posterior {
+    /// The parameters' names.
+    pub names: Vec<String>,
+    /// Their values; in directions that are not determined, the nominal ones.
+    pub mean: Vec<f64>,
+    /// The covariance of what is determined (eq. 13), p x p; nothing of the rest is in it.
+    pub covariance: DMatrix<f64>,
+    /// What is determined.
+    pub estimable: Estimable,
+}
+
+/// What somebody asks for depends on combinations of parameters that are not determined.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[error("{} {}", joined(parameters), if parameters.len() == 1 { "is not determined" } else { "are not determined one by one" })]
+pub struct NotDetermined {
+    /// The parameters that are in these combinations.
+    pub parameters: Vec<String>,
+}
+
+fn joined(names: &[String]) -> String {
+    names.join(", ")
+}
+
+impl Posterior {
+    /// The variance of C x, summed over the rows of C (r x p): trace(C cov C^T). For the matrix of a test
+    /// pose (m N m/rad) and compliances it is `rho_0`^2 (m^2), eq. 20.
+    ///
+    /// # Errors
+    /// C x depends on what is not determined.
+    pub fn variance_of(&self, rows: &DMatrix<f64>) -> Result<f64, NotDetermined> {
+        let variance = (rows * &self.covariance * rows.transpose())
+            .trace()
+            .max(0.0);
+        let missing = self.estimable.missing(rows, variance.sqrt());
+        if missing.is_empty() {
+            return Ok(variance);
+        }
+        let parameters = missing.iter().map(|&index| self.names[index].clone());
+        Err(NotDetermined {
+            parameters: parameters.collect(),
+        })
+    }
+
+    /// The standard error of a parameter; `None` where it is not determined by itself.
+    #[must_use]
+    pub fn standard_error(&self, index: usize) -> Option<f64> {
+        if self.estimable.is_complete() {
+            return Some(self.covariance[(index, index)].sqrt());
+        }
+        let mut row = RowDVector::zeros(self.names.len());
+        row[index] = 1.0;
+        let row = DMatrix::from_rows(&[row]);
+        self.variance_of(&row).ok().map(f64::sqrt)
+    }
+
+    /// The parameters that are not determined by themselves, as indices.
+    #[must_use]
+    pub fn undetermined(&self) -> Vec<usize> {
+        (0..self.names.len())
+            .filter(|&index| self.standard_error(index).is_none())
+            .collect()
+    }
+
+    /// The normalised error squared of `error` (p), of which only what is determined counts: chi-square
+    /// with [`Estimable::rank`] degrees of freedom if the covariance is right. `None` where the
+    /// covariance is none.
+    #[must_use]
+    pub fn normalised_square(&self, error: &DVector<f64>) -> Option<f64> {
+        if self.estimable.is_complete() {
+            let factor = self.covariance.clone().cholesky()?;
+            return Some(error.dot(&factor.solve(error)));
+        }
+        // In the coordinates of the basis, where the covariance is regular.
+        let mut from = self.estimable.basis().clone();
+        for (mut row, typical) in from.row_iter_mut().zip(self.estimable.typical()) {
+            row /= *typical;
+        }
+        let covariance = from.tr_mul(&self.covariance) * &from;
+        let error = from.tr_mul(error);
+        let factor = covariance.cholesky()?;
+        Some(error.dot(&factor.solve(&error)))
+    }
+}
