@@ -40,6 +40,7 @@
 //! - [`parameter`]: what may be unknown about a robot, priors, and what cannot be told apart.
 //! - [`observation`]: readings, predicted with derivatives by any parameters.
 //! - [`scenario`]: one TOML file becomes a checked [`Scenario`](scenario::Scenario), in SI units.
+//! - [`understanding`]: the robot as a scenario was understood, and what is implausible about it.
 //! - [`measurement`]: measured deflections, the laboratory's or the virtual robot's.
 //! - [`testbed`]: the virtual robot in MuJoCo, its instrument, and its dynamics as judge.
 //! - [`identification`]: compliances with their uncertainty, and what cannot be identified.
@@ -57,6 +58,8 @@
 //!
 //! - Identification and planning see the nominal robot and measurements, never the true robot.
 //! - One MJCF file is the only source of a robot's geometry and masses.
+//! - Nothing in a model that can move the robot's rest is left out without a word: it is honoured, or
+//!   refused by name.
 //! - Random numbers are a function of the seed and the run alone, and results do not depend on the
 //!   number of threads, to the bit.
 //! - What cannot be determined is named, and is no number: `None` here, `null` in JSON.
@@ -125,6 +128,7 @@ pub mod robot;
 pub mod scenario;
 pub mod study;
 pub mod testbed;
+pub mod understanding;
 pub mod units;
 pub mod view;
 pub mod wording;

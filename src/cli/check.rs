@@ -1,4 +1,4 @@
-//! `check`: is the scenario valid, and is the plan possible?
+//! `check`: is the scenario valid, how was it understood, and is the plan possible?
 
 use std::ffi::OsStr;
 use std::path::PathBuf;
@@ -7,9 +7,13 @@ use clap::Args;
 use elastocal::plan::{Feasibility, read_plan};
 use elastocal::platform::platform;
 use elastocal::record::messages::{ProvenanceMessage, SchemaMessage};
+use elastocal::record::understanding::UnderstandingMessage;
+use elastocal::understanding::{Understanding, UnderstoodPose};
+use nalgebra::Vector3;
 use serde_json::{Value, json};
 
-use super::{Common, Report, results};
+use super::table::table;
+use super::{Common, Report, merge, results};
 
 /// Arguments of `check`.
 #[derive(Debug, Args)]
@@ -41,16 +45,26 @@ impl Check {
                 return Err(error);
             }
         };
+        let understanding = Understanding::new(&scenario);
+        for warning in &understanding.warnings {
+            self.common.say(&format!("warning: {warning}"));
+        }
+        let is_about_a_plan = plan.is_some();
         let problems: Vec<String> = plan
             .map(|plan| Feasibility::new(&scenario).violations(&plan))
             .unwrap_or_default()
             .iter()
             .map(ToString::to_string)
             .collect();
-        let text = if problems.is_empty() {
+        let verdict = if problems.is_empty() {
             format!("{} is valid\n", self.common.scenario.display())
         } else {
             format!("{}\n", problems.join("\n"))
+        };
+        let text = if is_about_a_plan {
+            verdict
+        } else {
+            describe(&understanding) + &verdict
         };
         let conditions = if problems.is_empty() {
             Vec::new()
@@ -58,8 +72,11 @@ impl Check {
             vec![super::evaluate::violated(problems.len())]
         };
         let json = json!({ "ok": problems.is_empty(), "problems": problems });
+        let mut json = results("check", &ProvenanceMessage::new(&scenario), json);
+        let understood = UnderstandingMessage::new(&understanding);
+        merge(&mut json, serde_json::to_value(understood)?);
         Ok(Report {
-            json: results("check", &ProvenanceMessage::new(&scenario), json),
+            json,
             text,
             conditions,
         })
@@ -76,4 +93,80 @@ impl Check {
             "problems": [problem],
         })
     }
+}
+
+/// The robot as it was understood, for a person.
+fn describe(understanding: &Understanding) -> String {
+    let header = [
+        "joint",
+        "range [deg]",
+        "stiffness [N m/rad]",
+        "compliance [rad/(N m)]",
+        "moving mass [kg]",
+        "",
+    ];
+    let rows: Vec<Vec<String>> = (understanding.joints.iter())
+        .map(|joint| {
+            let [low, high] = joint.range_rad.map(f64::to_degrees);
+            let stiffness = joint.compliance_rad_per_nm.recip();
+            vec![
+                joint.name.clone(),
+                format!("{low:.1} to {high:.1}"),
+                if stiffness.is_finite() {
+                    format!("{stiffness:.3e}")
+                } else {
+                    "rigid".to_owned()
+                },
+                format!("{:.3e}", joint.compliance_rad_per_nm),
+                format!("{:.1}", joint.moving_mass_kg),
+                if joint.is_parameter {
+                    "identified".to_owned()
+                } else {
+                    String::new()
+                },
+            ]
+        })
+        .collect();
+    let mut text = table(&header, &rows);
+    text += &format!(
+        "\nThe arm reaches {:.0} mm from its first joint; gravity is {:.2} m/s^2.\n",
+        understanding.reach_m * 1e3,
+        understanding.gravity_m_s2
+    );
+    for pose in &understanding.poses {
+        text += &describe_pose(understanding, pose);
+    }
+    text + "\n"
+}
+
+fn describe_pose(understanding: &Understanding, pose: &UnderstoodPose) -> String {
+    let place = |position_m: Vector3<f64>| {
+        let [x, y, z]: [f64; 3] = (position_m * 1e3).into();
+        format!("({x:.1}, {y:.1}, {z:.1}) mm")
+    };
+    let bent = match &pose.bent {
+        Ok(bent) => {
+            let turned = |(joint, angle_rad): (usize, f64)| {
+                format!(
+                    "{} by {:.4} deg",
+                    understanding.joints[joint].name,
+                    angle_rad.to_degrees()
+                )
+            };
+            format!(
+                "The robot's own weight bends it by {:.3} mm there ({}), the task load by {:.3} mm ({}).",
+                bent.own_weight_m.norm() * 1e3,
+                turned(bent.own_weight_joint),
+                bent.task_load_m.norm() * 1e3,
+                turned(bent.task_load_joint),
+            )
+        }
+        Err(error) => format!("There it does not hold: {error}."),
+    };
+    format!(
+        "At the test pose {:?} the calibration tool is at {}, the machining tool at {}. {bent}\n",
+        pose.name,
+        place(pose.calibration_tool_m),
+        place(pose.machining_tool_m),
+    )
 }

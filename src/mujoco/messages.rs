@@ -1,9 +1,14 @@
-//! MuJoCo's own messages go to stderr; by itself it would write them to a file in the working folder.
+//! MuJoCo's own messages: warnings go to stderr (by itself it would write them to a file in the working
+//! folder), and what it says of a model that it refuses is kept whole.
 
+use std::ffi::{CStr, CString, c_char, c_int};
+use std::path::Path;
+use std::ptr::null;
 use std::sync::Once;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use mujoco_rs::logging::set_log_handler;
+use mujoco_rs::mujoco_c::{mj_deleteModel, mj_loadXML};
 use mujoco_rs::wrappers::mj_logging::{MjLogMessage, MjtLogLevel};
 
 static WARNINGS: AtomicBool = AtomicBool::new(true);
@@ -29,5 +34,43 @@ fn print(message: &MjLogMessage) {
         MjtLogLevel::mjLOG_WARNING if WARNINGS.load(Ordering::Relaxed) => "warning",
         _ => return,
     };
-    eprintln!("{word}: MuJoCo: {}", message.subject().trim());
+    let body = message.body().unwrap_or_default();
+    eprintln!("{word}: MuJoCo: {}", one_line(&[message.subject(), body]));
+}
+
+/// What MuJoCo says of a file that it refuses, whole; the wrapper keeps 99 characters of it.
+pub(super) fn refusal(path: &Path, shortened: &str) -> String {
+    const ROOM: usize = 8192;
+    let mut buffer: [c_char; ROOM] = [0; ROOM];
+    let name = path.to_str().and_then(|name| CString::new(name).ok());
+    if let (Some(name), Ok(room)) = (name, c_int::try_from(ROOM)) {
+        // SAFETY: the name ends in a zero, the room is the buffer's, no virtual file system is given,
+        // and a model that is loaded after all is freed.
+        #[expect(unsafe_code, reason = "the wrapper has no room for the message")]
+        let model = unsafe { mj_loadXML(name.as_ptr(), null(), buffer.as_mut_ptr(), room) };
+        if model.is_null() {
+            // SAFETY: MuJoCo ends the text in the buffer with a zero.
+            #[expect(unsafe_code, reason = "as above")]
+            let message = unsafe { CStr::from_ptr(buffer.as_ptr()) }.to_string_lossy();
+            if !message.trim().is_empty() {
+                return one_line(&[&message]);
+            }
+        } else {
+            // SAFETY: it was made above, and nothing else has it.
+            #[expect(unsafe_code, reason = "as above")]
+            unsafe {
+                mj_deleteModel(model);
+            }
+        }
+    }
+    one_line(&[shortened])
+}
+
+/// Several lines as one.
+pub(super) fn one_line(parts: &[&str]) -> String {
+    let lines = parts.iter().flat_map(|part| part.lines()).map(str::trim);
+    lines
+        .filter(|line| !line.is_empty())
+        .collect::<Vec<_>>()
+        .join("; ")
 }

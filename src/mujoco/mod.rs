@@ -3,10 +3,12 @@
 //! This is the only module that talks to `mujoco-rs`. [`Model`] is what a file says, immutable and
 //! shared between threads; [`State`] is one thread's simulation of it.
 
+mod foreign;
 mod messages;
 mod model;
 mod obstacle;
 mod state;
+mod statics;
 
 pub use messages::print_warnings;
 pub use model::{Geometry, Model, ModelError, Shape};

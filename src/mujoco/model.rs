@@ -9,6 +9,9 @@ use mujoco_rs::wrappers::mj_model::{MjtGeomBase, MjtObjBase};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use thiserror::Error;
 
+use super::messages;
+use super::statics::{Servo, command_range, disabled};
+
 /// Why an MJCF file cannot serve.
 #[derive(Debug, Error)]
 pub enum ModelError {
@@ -28,6 +31,16 @@ pub enum ModelError {
         /// MuJoCo's own words.
         message: String,
     },
+    /// The file is written in another language than MJCF, or names files as others do.
+    #[error("{path}: {problem}")]
+    Foreign {
+        /// The model file.
+        path: PathBuf,
+        /// What it is.
+        problem: String,
+        /// What to do about it.
+        hint: String,
+    },
     /// The model has nothing of that name.
     #[error("{path}: the model has no {kind} named {name:?}; it has: {known}")]
     Unknown {
@@ -40,6 +53,18 @@ pub enum ModelError {
         /// The names that there are.
         known: String,
     },
+    /// The model has an element that can move the arm's rest and that the statics do not know.
+    #[error("{path}: {element}: {problem}")]
+    Statics {
+        /// The model file.
+        path: PathBuf,
+        /// The element, such as `joint "joint_2"`.
+        element: String,
+        /// What it says and what that would do.
+        problem: String,
+        /// What to do about it.
+        hint: String,
+    },
     /// The model is not a serial arm of hinge joints.
     #[error("{path}: not a serial arm of hinge joints: {reason}")]
     NotSerial {
@@ -48,6 +73,27 @@ pub enum ModelError {
         /// What is in the way.
         reason: String,
     },
+}
+
+/// What a list of names says that has none.
+const NONE: &str = "none";
+
+impl ModelError {
+    /// What to do about it, where that can be told.
+    #[must_use]
+    pub fn hint(&self) -> Option<&str> {
+        match self {
+            Self::Statics { hint, .. } | Self::Foreign { hint, .. } => Some(hint),
+            Self::Unknown {
+                kind: "site",
+                known,
+                ..
+            } if known == NONE => Some(
+                "mark each tool's tip with <site name=\"...\" pos=\"x y z\"/> inside the body that carries it; the scenario names these sites",
+            ),
+            _ => None,
+        }
+    }
 }
 
 /// The shape of a geometry, sizes in metres.
@@ -90,7 +136,7 @@ pub struct Geometry {
 #[derive(Debug, Clone)]
 pub struct Model {
     pub(super) inner: Arc<MjModel>,
-    path: PathBuf,
+    pub(super) path: PathBuf,
 }
 
 impl Model {
@@ -99,15 +145,10 @@ impl Model {
     /// # Errors
     /// The file cannot be read, or MuJoCo refuses it.
     pub fn load(path: &Path) -> Result<Self, ModelError> {
-        // MuJoCo's own message for a missing file does not say why; the system's does.
-        std::fs::read(path).map_err(|source| ModelError::Read {
-            path: path.to_owned(),
-            source,
-        })?;
-        super::messages::take_over();
+        prepare(path)?;
         let inner = MjModel::from_xml(path).map_err(|error| ModelError::Compile {
             path: path.to_owned(),
-            message: error.to_string().trim().replace('\n', "; "),
+            message: messages::refusal(path, &error.to_string()),
         })?;
         Ok(Self::new(inner, path))
     }
@@ -125,11 +166,36 @@ impl Model {
         &self.path
     }
 
-    /// The same model without contacts, joint limits or other constraints.
+    /// The same model without contacts and joint limits.
     #[must_use]
-    pub fn without_constraints(&self) -> Self {
+    pub fn without_contacts_and_limits(&self) -> Self {
         let mut model = (*self.inner).clone();
-        model.opt_mut().disableflags |= MjtDisableBit::mjDSBL_CONSTRAINT as i32;
+        model.opt_mut().disableflags |=
+            MjtDisableBit::mjDSBL_CONTACT as i32 | MjtDisableBit::mjDSBL_LIMIT as i32;
+        Self {
+            inner: Arc::new(model),
+            path: self.path.clone(),
+        }
+    }
+
+    /// The same model in which each body has the mass that weighs on the arm: without the share that
+    /// the model compensates (`gravcomp`). For statics alone.
+    #[must_use]
+    pub fn with_weighing_masses(&self) -> Self {
+        let compensation = self.inner.body_gravcomp();
+        if compensation.iter().all(|&share| share == 0.0) {
+            return self.clone();
+        }
+        let mut model = (*self.inner).clone();
+        for (body, mass) in model.body_mass_mut().iter_mut().enumerate() {
+            *mass *= self.weighing_share(body);
+        }
+        let masses = model.body_mass().to_vec();
+        let subtrees = model.body_subtreemass_mut();
+        subtrees.copy_from_slice(&masses);
+        for body in (1..masses.len()).rev() {
+            subtrees[self.parent(body)] += subtrees[body];
+        }
         Self {
             inner: Arc::new(model),
             path: self.path.clone(),
@@ -151,26 +217,18 @@ impl Model {
     /// The same model with other joint compliances (rad/(N m)), one for each joint.
     ///
     /// # Errors
-    /// A joint has no position actuator that holds it.
+    /// [`ModelError::Statics`] for a joint that no position actuator holds.
     pub fn with_joint_compliance(&self, compliance: &[f64]) -> Result<Self, ModelError> {
         let mut model = (*self.inner).clone();
         for (joint, value) in compliance.iter().enumerate() {
-            let (Some(actuator), Some(_)) =
-                (self.joint_actuator(joint), self.joint_compliance(joint))
-            else {
-                return Err(ModelError::NotSerial {
-                    path: self.path.clone(),
-                    reason: format!(
-                        "joint {:?} has no position actuator to hold it",
-                        self.joint_name(joint)
-                    ),
-                });
-            };
+            let mut servos = Servo::of(&self.inner, joint);
+            let servo = servos.next().ok_or_else(|| self.not_held(joint))?;
+            let gain = value.recip() / (servo.gear * servo.gear);
             // SAFETY: gains and biases are plain numbers; no index or size depends on them.
             #[expect(unsafe_code, reason = "the wrapper has no safe setter")]
             unsafe {
-                model.actuator_gainprm_mut()[actuator][0] = value.recip();
-                model.actuator_biasprm_mut()[actuator][1] = -value.recip();
+                model.actuator_gainprm_mut()[servo.actuator][0] = gain;
+                model.actuator_biasprm_mut()[servo.actuator][1] = -gain;
             }
         }
         Ok(Self {
@@ -185,9 +243,12 @@ impl Model {
         self.inner.opt().timestep
     }
 
-    /// The acceleration of gravity in the world frame, m/s^2.
+    /// The acceleration of gravity in the world frame, m/s^2; zero where the model switches it off.
     #[must_use]
     pub fn gravity(&self) -> Vector3<f64> {
+        if disabled(&self.inner, MjtDisableBit::mjDSBL_GRAVITY) {
+            return Vector3::zeros();
+        }
         Vector3::from(self.inner.opt().gravity)
     }
 
@@ -218,11 +279,36 @@ impl Model {
         )
     }
 
+    /// The share of a body's mass that weighs on the arm: what the model does not compensate. MuJoCo
+    /// compensates nothing where springs and dampers are both switched off.
+    #[must_use]
+    pub fn weighing_share(&self, body: usize) -> f64 {
+        let off = [MjtDisableBit::mjDSBL_SPRING, MjtDisableBit::mjDSBL_DAMPER];
+        if off.into_iter().all(|bit| disabled(&self.inner, bit)) {
+            return 1.0;
+        }
+        1.0 - self.inner.body_gravcomp()[body]
+    }
+
     /// The joints of a body in the order in which they act.
     pub fn joints_of(&self, body: usize) -> impl Iterator<Item = usize> + use<> {
         let count = self.inner.body_jntnum()[body].unsigned_abs() as usize;
         let first = self.inner.body_jntadr()[body].max(0).unsigned_abs() as usize;
         first..first + count
+    }
+
+    /// How many joints, from the base, move a body of a serial arm.
+    #[must_use]
+    pub fn joints_that_move(&self, mut body: usize) -> usize {
+        loop {
+            if let Some(joint) = self.joints_of(body).last() {
+                return joint + 1;
+            }
+            if body == 0 {
+                return 0;
+            }
+            body = self.parent(body);
+        }
     }
 
     /// The number of joints.
@@ -247,15 +333,16 @@ impl Model {
     }
 
     /// The range of a joint's commanded angle (rad), whether or not MuJoCo enforces it on the
-    /// elastic joint; where the model gives none, one turn each way.
+    /// elastic joint; where the joint has none, that of its actuator's commands; else one turn each way.
     #[must_use]
     pub fn joint_range(&self, joint: usize) -> [f64; 2] {
         let [low, high] = self.inner.jnt_range()[joint];
         if low < high {
-            [low, high]
-        } else {
-            [-std::f64::consts::TAU, std::f64::consts::TAU]
+            return [low, high];
         }
+        Servo::of(&self.inner, joint)
+            .find_map(|servo| command_range(&self.inner, &servo))
+            .unwrap_or([-std::f64::consts::TAU, std::f64::consts::TAU])
     }
 
     /// The joint coordinate at which the bodies stand as the file draws them (rad).
@@ -264,28 +351,13 @@ impl Model {
         self.inner.qpos0()[joint]
     }
 
-    /// The compliance of a joint (rad/(N m)): one over the gain of the position actuator that
-    /// holds it at the commanded angle; `None` if there is no such actuator.
+    /// The compliance of a joint (rad/(N m)): one over the stiffness of the position actuator that
+    /// holds it at the commanded angle; `None` if there is no actuator.
     #[must_use]
     pub fn joint_compliance(&self, joint: usize) -> Option<f64> {
-        let actuator = self.joint_actuator(joint)?;
-        let gain = self.inner.actuator_gainprm()[actuator][0];
-        let bias = self.inner.actuator_biasprm()[actuator][1];
-        #[expect(
-            clippy::float_cmp,
-            reason = "a position actuator has the same number twice"
-        )]
-        (gain > 0.0 && bias == -gain).then(|| gain.recip())
-    }
-
-    /// The actuator that drives a joint.
-    #[must_use]
-    pub fn joint_actuator(&self, joint: usize) -> Option<usize> {
-        let wanted = i32::try_from(joint).ok()?;
-        self.inner
-            .actuator_trnid()
-            .iter()
-            .position(|target| target[0] == wanted)
+        let servo = Servo::of(&self.inner, joint).next()?;
+        let gain = self.inner.actuator_gainprm()[servo.actuator][0];
+        Some((gain * servo.gear * servo.gear).recip())
     }
 
     /// The joint's name, or `joint <id>`.
@@ -422,9 +494,25 @@ impl Model {
             path: self.path.clone(),
             kind,
             name: name.to_owned(),
-            known: known.join(", "),
+            known: if known.is_empty() {
+                NONE.to_owned()
+            } else {
+                known.join(", ")
+            },
         }
     }
+}
+
+/// Looks at a file before MuJoCo does, and takes MuJoCo's messages over.
+pub(super) fn prepare(path: &Path) -> Result<(), ModelError> {
+    // MuJoCo's own message for a missing file does not say why; the system's does.
+    let bytes = std::fs::read(path).map_err(|source| ModelError::Read {
+        path: path.to_owned(),
+        source,
+    })?;
+    super::foreign::refuse(path, &String::from_utf8_lossy(&bytes))?;
+    messages::take_over();
+    Ok(())
 }
 
 fn isometry(position: &[f64; 3], quaternion: &[f64; 4]) -> Isometry3<f64> {

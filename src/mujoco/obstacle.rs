@@ -7,6 +7,8 @@ use mujoco_rs::wrappers::mj_editing::SpecItem;
 use mujoco_rs::wrappers::mj_model::MjtGeomBase;
 use nalgebra::Isometry3;
 
+use super::messages::{one_line, refusal};
+use super::model::prepare;
 use super::{Model, ModelError, Shape};
 
 /// The colour of obstacles: red, green, blue and opacity.
@@ -35,10 +37,11 @@ impl Model {
         }
         let refused = |message: String| ModelError::Compile {
             path: path.to_owned(),
-            message: message.trim().replace('\n', "; "),
+            message: one_line(&[&message]),
         };
-        super::messages::take_over();
-        let mut spec = MjSpec::from_xml(path).map_err(|error| refused(error.to_string()))?;
+        prepare(path)?;
+        let mut spec =
+            MjSpec::from_xml(path).map_err(|error| refused(refusal(path, &error.to_string())))?;
         for obstacle in obstacles {
             add(&mut spec, obstacle).map_err(refused)?;
         }

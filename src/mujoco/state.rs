@@ -1,9 +1,12 @@
 //! One thread's simulation of a model.
 
+use std::collections::BTreeSet;
+
 use mujoco_rs::prelude::MjData;
 use nalgebra::{Isometry3, Matrix3, Quaternion, Rotation3, Translation3, UnitQuaternion, Vector3};
 
 use super::Model;
+use super::statics::Servo;
 
 /// Two geometries nearer to each other than their margins allow.
 #[derive(Debug, Clone, PartialEq)]
@@ -133,8 +136,8 @@ impl State {
     /// Sets the commanded joint angles of a time simulation (rad).
     pub fn command(&mut self, commanded: &[f64]) {
         for (joint, &angle) in commanded.iter().enumerate() {
-            if let Some(actuator) = self.model.joint_actuator(joint) {
-                self.data.ctrl_mut()[actuator] = angle;
+            for servo in Servo::of(&self.model.inner, joint) {
+                self.data.ctrl_mut()[servo.control] = servo.gear * angle;
             }
         }
     }
@@ -192,10 +195,21 @@ impl State {
             .contact()
             .iter()
             .min_by(|one, other| one.dist.total_cmp(&other.dist))?;
-        let name = |id: i32| self.model.geometry_name(id.unsigned_abs() as usize);
         (nearest.dist < clearance_m).then(|| Contact {
-            between: nearest.geom.map(name),
+            between: nearest.geom.map(|id| self.geometry_name(id)),
             distance_m: nearest.dist,
         })
+    }
+
+    /// The names of all pairs of geometries that are nearer than `clearance_m`, each once.
+    pub fn contacts(&mut self, clearance_m: f64) -> BTreeSet<[String; 2]> {
+        self.data.collision();
+        let near = (self.data.contact().iter()).filter(|contact| contact.dist < clearance_m);
+        near.map(|contact| contact.geom.map(|id| self.geometry_name(id)))
+            .collect()
+    }
+
+    fn geometry_name(&self, id: i32) -> String {
+        self.model.geometry_name(id.unsigned_abs() as usize)
     }
 }

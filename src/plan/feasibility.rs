@@ -1,6 +1,8 @@
 //! Whether an experiment is possible: the bounds of the region, and what MuJoCo says of collisions
 //! and of the tracker's sight, for the unloaded and the loaded robot.
 
+use std::collections::BTreeSet;
+
 use nalgebra::Vector3;
 
 use super::region::{Bound, bounds_of};
@@ -11,6 +13,9 @@ use crate::scenario::Scenario;
 
 /// Bounds may be missed by this much (m, sine, or share of a torque) through rounding alone.
 const ROUNDING: f64 = 1e-9;
+
+/// The kind of a violation by a collision.
+pub(super) const COLLISION: &str = "collision clearance";
 
 /// One thing that makes an experiment impossible.
 #[derive(Debug, Clone, PartialEq)]
@@ -32,7 +37,7 @@ impl Violation {
     #[must_use]
     pub fn kind(&self) -> String {
         match self.what.split_once(" of ") {
-            Some(("distance", _)) => "collision clearance".to_owned(),
+            Some(("distance", _)) => COLLISION.to_owned(),
             _ if self.what.starts_with("free line of sight") => "line of sight".to_owned(),
             _ => self.what.clone(),
         }
@@ -134,6 +139,32 @@ impl<'a> Feasibility<'a> {
                 self.seen_violations(0, q, load)
                     .is_ok_and(|violations| violations.is_empty())
             })
+    }
+
+    /// The pairs of geometries that come too near to each other in an experiment, unloaded or loaded.
+    pub(super) fn colliding_pairs(&mut self, experiment: &Experiment) -> BTreeSet<[String; 2]> {
+        let (Some(simulation), Some(clearance)) = (
+            &mut self.simulation,
+            self.scenario.region.collision_clearance_m,
+        ) else {
+            return BTreeSet::new();
+        };
+        let Scenario {
+            nominal,
+            calibration_tool,
+            ..
+        } = self.scenario;
+        let q = experiment.configuration_rad.as_slice();
+        let mut pairs = BTreeSet::new();
+        for load in [Load::NONE, experiment.load] {
+            let mut arm = nominal.chain.at(calibration_tool);
+            let compliance = &nominal.compliance_rad_per_nm;
+            if self.solver.solve(&mut arm, compliance, q, &load).is_ok() {
+                simulation.move_to(self.solver.q());
+                pairs.append(&mut simulation.contacts(clearance));
+            }
+        }
+        pairs
     }
 
     /// The forbidden configuration (from 1) that is too near, the largest difference of a joint and

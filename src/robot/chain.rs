@@ -16,7 +16,7 @@ pub struct Joint {
     pub axis: Unit<Vector3<f64>>,
     /// Lower and upper limit (rad).
     pub range_rad: [f64; 2],
-    /// Mass of the link with all that is fixed to it (kg).
+    /// Mass of the link with all that is fixed to it, as far as it weighs on the arm (kg).
     pub mass_kg: f64,
     /// Centre of that mass in the link's frame (m).
     pub centre_of_mass_m: Vector3<f64>,

@@ -16,19 +16,22 @@ impl SerialChain {
     /// Reads the arm from a model: every joint must be a hinge and each must move the next.
     ///
     /// # Errors
-    /// [`ModelError::NotSerial`] if the joints are not hinges in one series.
+    /// [`ModelError::NotSerial`] if the joints are not hinges in one series, [`ModelError::Statics`] if
+    /// the model has an element that can move the arm's rest and that the chain does not know.
     pub fn from_model(model: &Model) -> Result<Self, ModelError> {
         let mut joints = Vec::new();
         let mounts = mounts(model, &mut joints)?;
         if joints.is_empty() {
             return Err(not_serial(model, "it has no joint".to_owned()));
         }
+        model.check_statics()?;
         let mut first_moment = vec![Vector3::zeros(); joints.len()];
         for (body, mount) in mounts.iter().enumerate() {
             let Some(link) = mount.joints.checked_sub(1) else {
                 continue;
             };
             let (mass, centre) = model.mass(body);
+            let mass = mass * model.weighing_share(body);
             joints[link].mass_kg += mass;
             first_moment[link] +=
                 (mount.link_from_body * nalgebra::Point3::from(centre)).coords * mass;

@@ -54,7 +54,7 @@ pub fn settle(
 ) -> Result<Settled, SettleError> {
     let model = robot
         .model
-        .without_constraints()
+        .without_contacts_and_limits()
         .with_joint_compliance(&robot.compliance_rad_per_nm)?;
     let site = model.site(site)?;
     let mut state = State::new(&model);

@@ -56,9 +56,10 @@ impl VirtualRobot {
                 bodies: (0..robot.model.bodies())
                     .flat_map(|body| robot.model.joints_of(body).map(move |_| body))
                     .collect(),
-                tool_joints: joints_that_move(robot, tool_body),
+                // Joint j has identifier j: the chain's reader has seen that all joints are in series.
+                tool_joints: robot.model.joints_that_move(tool_body),
                 gravity_m_s2: robot.model.gravity(),
-                state: State::new(&robot.model),
+                state: State::new(&robot.model.with_weighing_masses()),
                 site,
             },
             compliance_rad_per_nm: robot.compliance_rad_per_nm.clone(),
@@ -129,19 +130,6 @@ impl VirtualRobot {
             rotation_rad: rotation_vector(&(loaded_axes * unloaded_axes.transpose())),
             iterations: [first.iterations, second.iterations],
         })
-    }
-}
-
-/// Joint j has identifier j: the chain's reader has seen that all joints are hinges in series.
-fn joints_that_move(robot: &Robot, mut body: usize) -> usize {
-    loop {
-        if let Some(joint) = robot.model.joints_of(body).last() {
-            return joint + 1;
-        }
-        if body == 0 {
-            return 0;
-        }
-        body = robot.model.parent(body);
     }
 }
 

@@ -186,7 +186,7 @@ experiments = 2
 #[rustfmt::skip]
 const MODEL_EDITS: &[(&str, &str, &[&str])] = &[
     ("</mujoco>", "", &["robot.model", "MuJoCo refuses"]),
-    ("mujoco", "robot", &["robot.model", "it has no joint"]),
+    (MODEL, "<mujoco/>", &["robot.model", "it has no joint"]),
     ("mass=\"1\"", "mass=\"-1\"", &["robot.model", "MuJoCo refuses"]),
     (MODEL, "this is not XML", &["robot.model", "MuJoCo refuses"]),
     (MODEL, "", &["robot.model", "empty file"]),

@@ -407,9 +407,10 @@ fn works_from_another_folder() {
         .current_dir(project(""))
         .output()
         .expect("starts");
-    assert_eq!(
-        String::from_utf8_lossy(&output.stdout),
-        "scenarios/kr270.toml is valid\n"
+    let stdout = String::from_utf8_lossy(&output.stdout);
+    assert!(
+        stdout.ends_with("\nscenarios/kr270.toml is valid\n"),
+        "{stdout}"
     );
 }
 

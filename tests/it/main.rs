@@ -13,6 +13,9 @@
 //! - `parameters`: derivatives by any parameter beside MuJoCo's Jacobians.
 //! - `properties`: what holds whatever the numbers are; derivatives against differences.
 //! - `bad_input`: wrong inputs, seen from outside the process.
+//! - `model_features`: what models can say beside the chain: honoured or refused by name.
+//! - `model_messages`: models that cannot serve, and what to do about them.
+//! - `understanding`: what `check` says that it understood, and likely mistakes.
 //! - `known_optima`: arms of three joints, for which the best plan can be derived by hand.
 //! - `search`: the search for plans and its certificate, on the KR-270.
 //! - `obstacles`: what stands in the laboratory.
@@ -32,6 +35,8 @@ mod identifiability;
 mod interruptions;
 mod judges;
 mod known_optima;
+mod model_features;
+mod model_messages;
 mod obstacles;
 mod parameters;
 mod planning;
@@ -46,3 +51,4 @@ mod streams;
 mod study;
 mod support;
 mod uncertainty;
+mod understanding;

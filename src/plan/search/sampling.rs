@@ -1,5 +1,6 @@
 //! Random feasible experiments.
 
+use std::cmp::Reverse;
 use std::collections::BTreeMap;
 
 use rand::{Rng, RngExt};
@@ -9,6 +10,7 @@ use rayon::prelude::*;
 use super::local::LocalSearch;
 use super::point::{LoadChoice, Point};
 use super::problem::{Problem, SearchError};
+use crate::plan::feasibility::COLLISION;
 use crate::plan::{Criterion, Experiment, Feasibility, Plan};
 use crate::random::generator;
 use crate::robot::Load;
@@ -18,6 +20,9 @@ use crate::scenario::Scenario;
 const ATTEMPTS: usize = 20_000;
 /// The stream of random numbers that random plans are drawn from.
 const RANDOM_PLAN: u64 = 1 << 63;
+
+/// So many colliding pairs are named where nothing is feasible.
+const PAIRS: usize = 5;
 
 /// How many other angles of the joints that do not matter are tried to get clear of an obstacle.
 const VARIANTS: usize = 24;
@@ -81,11 +86,13 @@ impl<'a> Sampler<'a> {
         })
     }
 
-    /// Why nothing feasible was found: the share of random experiments that each constraint rejects.
+    /// Why nothing feasible was found: the share of random experiments that each constraint rejects,
+    /// and the pairs of geometries that collide most often.
     pub fn explain_empty(&mut self, seed: u64) -> SearchError {
         const SAMPLES: usize = 2000;
         let mut random = generator(seed, u64::MAX - 1);
         let mut rejected = BTreeMap::<String, usize>::new();
+        let mut colliding = BTreeMap::<[String; 2], usize>::new();
         for _ in 0..SAMPLES {
             let q = uniform(&self.problem.ranges, &mut random);
             let experiment = Experiment {
@@ -104,20 +111,29 @@ impl<'a> Sampler<'a> {
             for what in violations {
                 *rejected.entry(what).or_default() += 1;
             }
+            for pair in self.feasibility.colliding_pairs(&experiment) {
+                *colliding.entry(pair).or_default() += 1;
+            }
         }
-        let mut counts: Vec<_> = rejected.into_iter().collect();
-        counts.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
+        let share = |count: usize| 100.0 * count as f64 / SAMPLES as f64;
+        let pairs = most_often(colliding)
+            .into_iter()
+            .take(PAIRS)
+            .map(|([one, other], count)| format!("{one} and {other} in {:.1} %", share(count)))
+            .collect::<Vec<_>>();
+        let rejections = most_often(rejected)
+            .into_iter()
+            .map(|(what, count)| {
+                let mut text = format!("{what} rejects {:.1} %", share(count));
+                if what == COLLISION {
+                    text += &format!(" ({})", pairs.join(", "));
+                }
+                text
+            })
+            .collect();
         SearchError::EmptyRegion {
             samples: SAMPLES,
-            rejections: counts
-                .into_iter()
-                .map(|(what, count)| {
-                    format!(
-                        "{what} rejects {:.1} %",
-                        100.0 * count as f64 / SAMPLES as f64
-                    )
-                })
-                .collect(),
+            rejections,
         }
     }
 
@@ -213,6 +229,13 @@ fn draw_plan(
         })
         .collect::<Result<_, _>>()?;
     Ok(Plan { experiments })
+}
+
+/// Counts, the largest first.
+fn most_often<K: Ord>(counts: BTreeMap<K, usize>) -> Vec<(K, usize)> {
+    let mut counts: Vec<_> = counts.into_iter().collect();
+    counts.sort_by_key(|(_, count)| Reverse(*count));
+    counts
 }
 
 fn uniform(ranges: &[(f64, f64)], random: &mut impl Rng) -> Vec<f64> {

@@ -175,7 +175,11 @@ impl Checker<'_> {
     }
 
     fn model_error(&self, key: &str, error: &ModelError) -> FileError {
-        self.wrong(key, error.to_string())
+        let wrong = self.wrong(key, error.to_string());
+        match error.hint() {
+            Some(hint) => wrong.hint(hint),
+            None => wrong,
+        }
     }
 }
 

@@ -1,0 +1,94 @@
+//! Files that robots come in and that are no MJCF: what to do with them.
+
+use std::path::Path;
+
+use super::ModelError;
+
+/// How to make an MJCF file of a URDF.
+const CONVERT: &str = "convert it once, for example with pip's mujoco: python -c \"import mujoco; m = mujoco.MjModel.from_xml_path('robot.urdf'); mujoco.mj_saveLastXML('robot.xml', m)\"; then add to robot.xml a <position> actuator for each joint, kp being its stiffness in N m/rad, and a <site> at each tool's tip";
+
+/// Refuses what is written in another language than MJCF, or in MJCF that names packages of ROS.
+pub(super) fn refuse(path: &Path, text: &str) -> Result<(), ModelError> {
+    let foreign = |problem: String, hint: String| {
+        Err(ModelError::Foreign {
+            path: path.to_owned(),
+            problem,
+            hint,
+        })
+    };
+    let is_xacro = path.extension().is_some_and(|ending| ending == "xacro")
+        || text.contains("<xacro:")
+        || text.contains("xmlns:xacro");
+    if is_xacro {
+        let name = path
+            .file_stem()
+            .map_or_else(|| "robot".into(), |stem| stem.to_string_lossy());
+        let name = name.trim_end_matches(".urdf");
+        return foreign(
+            "is a xacro file: a URDF still to be generated".to_owned(),
+            format!(
+                "run xacro first: xacro {} > {name}.urdf; then {CONVERT}",
+                path.display()
+            ),
+        );
+    }
+    let package = text.lines().position(|line| line.contains("package://"));
+    let meshes = "replace package://... by the meshes' paths relative to the file";
+    if root(text) == Some("robot") {
+        return match package {
+            Some(line) => foreign(
+                format!(
+                    "line {}: is a URDF whose meshes are named by ROS packages (package://), which MuJoCo cannot find",
+                    line + 1
+                ),
+                format!("{meshes}; then {CONVERT}"),
+            ),
+            None => foreign(
+                "is a URDF, which has neither sites, which mark the tools, nor actuators, whose gain is a joint's stiffness".to_owned(),
+                CONVERT.to_owned(),
+            ),
+        };
+    }
+    package.map_or(Ok(()), |line| {
+        foreign(
+            format!(
+                "line {}: names a file by its ROS package (package://), which MuJoCo cannot find",
+                line + 1
+            ),
+            meshes.to_owned(),
+        )
+    })
+}
+
+/// The name of the outermost element.
+fn root(text: &str) -> Option<&str> {
+    let mut rest = text;
+    loop {
+        rest = &rest[rest.find('<')?..];
+        let end = if rest.starts_with("<!--") {
+            rest.find("-->")?
+        } else if rest.starts_with("<?") || rest.starts_with("<!") {
+            rest.find('>')?
+        } else {
+            break;
+        };
+        rest = &rest[end..];
+    }
+    rest[1..]
+        .split(|c: char| c.is_whitespace() || c == '>' || c == '/')
+        .next()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::root;
+
+    #[test]
+    fn the_outermost_element_is_found() {
+        let behind =
+            "<?xml version=\"1.0\"?>\n<!-- <robot> -->\n<!DOCTYPE x>\n<mujoco model='m'><robot/>";
+        assert_eq!(root(behind), Some("mujoco"));
+        assert_eq!(root("<robot/>"), Some("robot"));
+        assert_eq!(root("no element <!-- <robot> "), None);
+    }
+}

@@ -1,0 +1,203 @@
+//! Actuators: each joint needs one position actuator, and nothing else may pull.
+
+use mujoco_rs::prelude::MjModel;
+use mujoco_rs::wrappers::mj_model::{MjtBias, MjtDisableBit, MjtDyn, MjtGain, MjtObjBase, MjtTrn};
+
+use super::servo::{acts_on_a_joint, is_enabled};
+use super::{Refusal, Servo, disabled, element};
+
+/// Ranges of commands that differ by less are the same (rad).
+const SAME_RAD: f64 = 1e-9;
+
+fn actuator_element(model: &MjModel, id: usize) -> String {
+    element(model, MjtObjBase::mjOBJ_ACTUATOR, "actuator", id)
+}
+
+fn joint_element(model: &MjModel, id: usize) -> String {
+    element(model, MjtObjBase::mjOBJ_JOINT, "joint", id)
+}
+
+/// The actuators that act.
+fn acting(model: &MjModel) -> impl Iterator<Item = usize> {
+    (0..model.actuator_trntype().len()).filter(|&id| is_enabled(model, id))
+}
+
+/// What an actuator acts on must be a joint.
+pub(super) fn transmission(model: &MjModel) -> Option<Refusal> {
+    let id = acting(model).find(|&id| !acts_on_a_joint(model, id))?;
+    let target = match model.actuator_trntype()[id] {
+        MjtTrn::mjTRN_TENDON => "a tendon",
+        MjtTrn::mjTRN_SITE => "a site",
+        MjtTrn::mjTRN_BODY => "a body's contacts",
+        MjtTrn::mjTRN_SLIDERCRANK => "a slider crank",
+        MjtTrn::mjTRN_SO3 => "an orientation",
+        _ => "something else",
+    };
+    Some(Refusal::new(
+        actuator_element(model, id),
+        format!("acts on {target}; the statics know actuators of joints only"),
+        "remove it, or disable its group with <option actuatorgroupdisable=\"...\"/>",
+    ))
+}
+
+/// Each joint must be held by one actuator. A model without any actuator is geometry and masses
+/// alone: the scenario then says how the joints are held.
+pub(super) fn one_for_each_joint(model: &MjModel) -> Option<Refusal> {
+    if model.actuator_trntype().is_empty() {
+        return None;
+    }
+    (0..model.jnt_type().len()).find_map(|joint| {
+        let servos: Vec<_> = Servo::of(model, joint).collect();
+        match servos[..] {
+            [_] => None,
+            [] => Some(not_held(model, joint)),
+            [first, second, ..] => Some(Refusal::new(
+                actuator_element(model, second.actuator),
+                format!(
+                    "acts on {} beside {}; one actuator may hold a joint",
+                    joint_element(model, joint),
+                    actuator_element(model, first.actuator)
+                ),
+                "leave the one whose kp is the joint's stiffness, and remove the other",
+            )),
+        }
+    })
+}
+
+/// A joint without an actuator.
+pub(crate) fn not_held(model: &MjModel, joint: usize) -> Refusal {
+    let name = model.id_to_name(MjtObjBase::mjOBJ_JOINT, joint);
+    let idle = (0..model.actuator_trntype().len()).find(|&id| {
+        !is_enabled(model, id) && usize::try_from(model.actuator_trnid()[id][0]) == Ok(joint)
+    });
+    let problem = match idle {
+        Some(id) => format!(
+            "nothing holds it at its commanded angle: the group of {} is disabled by <option actuatorgroupdisable>",
+            actuator_element(model, id)
+        ),
+        None => "no actuator holds it at its commanded angle".to_owned(),
+    };
+    let hint = format!(
+        "give it one: <actuator><position joint={:?} kp=\"1e6\"/></actuator>, kp being its stiffness in N m/rad, which a scenario's compliance_rad_per_nm replaces",
+        name.unwrap_or("...")
+    );
+    Refusal::new(joint_element(model, joint), problem, hint)
+}
+
+/// The actuator's force must be that of a spring between commanded and actual angle: kp (u - length).
+#[expect(
+    clippy::float_cmp,
+    reason = "a position actuator has the same number twice"
+)]
+pub(super) fn law(model: &MjModel) -> Option<Refusal> {
+    const HINT: &str =
+        "write <position joint=\"...\" kp=\"...\"/>, kp being the joint's stiffness in N m/rad";
+    acting(model).find_map(|id| {
+        let refused = |problem: String| {
+            Some(Refusal::new(actuator_element(model, id), problem, HINT))
+        };
+        let dynamics = model.actuator_dyntype()[id];
+        if dynamics != MjtDyn::mjDYN_NONE || model.actuator_actnum()[id] != 0 {
+            return refused("has a state of its own (a filter, an integrator, a muscle or a motor); a position actuator without one is needed".to_owned());
+        }
+        if model.actuator_delay()[id] != 0.0 || model.actuator_history()[id][0] != 0 {
+            return refused("has a delay; a position actuator without one is needed".to_owned());
+        }
+        if model.actuator_plugin()[id] >= 0 {
+            return refused("is a plugin; its force is not known".to_owned());
+        }
+        let gain = model.actuator_gainprm()[id];
+        let bias = model.actuator_biasprm()[id];
+        if model.actuator_gaintype()[id] != MjtGain::mjGAIN_FIXED
+            || model.actuator_biastype()[id] != MjtBias::mjBIAS_AFFINE
+            || gain[0] <= 0.0
+            || bias[1] != -gain[0]
+        {
+            return refused(format!(
+                "is no position actuator: its force is not kp (command - length) with one positive kp (gainprm {}, biasprm {} {} {})",
+                gain[0], bias[0], bias[1], bias[2]
+            ));
+        }
+        if bias[0] != 0.0 {
+            return refused(format!(
+                "has a constant force beside its spring (biasprm begins with {}); 0 is allowed",
+                bias[0]
+            ));
+        }
+        let servo = Servo::new(model, id);
+        (servo.gear == 0.0 || !servo.gear.is_finite()).then(|| {
+            let problem = format!("has the gear {}; it holds nothing", servo.gear);
+            Refusal::new(actuator_element(model, id), problem, HINT)
+        })
+    })
+}
+
+/// A force that is cut off is no spring's.
+pub(super) fn force_limits(model: &MjModel) -> Option<Refusal> {
+    const HINT: &str = "remove it, and bound the joint torques of plans with region.joint_torque_max_nm in the scenario";
+    let actuator = acting(model).find(|&id| model.actuator_forcelimited()[id]);
+    if let Some(id) = actuator {
+        let [low, high] = model.actuator_forcerange()[id];
+        return Some(Refusal::new(
+            actuator_element(model, id),
+            format!(
+                "forcerange=\"{low} {high}\" cuts its force off; an elastic joint has no such limit"
+            ),
+            HINT,
+        ));
+    }
+    let joint = model
+        .jnt_actfrclimited()
+        .iter()
+        .position(|&limited| limited)?;
+    let [low, high] = model.jnt_actfrcrange()[joint];
+    Some(Refusal::new(
+        joint_element(model, joint),
+        format!(
+            "actuatorfrcrange=\"{low} {high}\" (in a URDF: effort) cuts the actuator's force off; an elastic joint has no such limit"
+        ),
+        HINT,
+    ))
+}
+
+/// Where commands are clamped inside the joint's range, MuJoCo's arm does not go where it is sent.
+pub(super) fn command_limits(model: &MjModel) -> Option<Refusal> {
+    (0..model.jnt_type().len()).find_map(|joint| {
+        let [low, high] = model.jnt_range()[joint];
+        let servo = Servo::of(model, joint).next()?;
+        let [first, last] = command_range(model, &servo)?;
+        let narrower = low < high && (first > low + SAME_RAD || last < high - SAME_RAD);
+        narrower.then(|| {
+            Refusal::new(
+                actuator_element(model, servo.actuator),
+                format!(
+                    "ctrlrange clamps the commanded angle to {first} to {last} rad; the range of {} is {low} to {high} rad",
+                    joint_element(model, joint)
+                ),
+                "give the joint the actuator's range, or the actuator inheritrange=\"1\"",
+            )
+        })
+    })
+}
+
+/// The range that MuJoCo clamps a commanded angle to (rad), where it does.
+pub(crate) fn command_range(model: &MjModel, servo: &Servo) -> Option<[f64; 2]> {
+    if !model.actuator_ctrllimited()[servo.control]
+        || disabled(model, MjtDisableBit::mjDSBL_CLAMPCTRL)
+    {
+        return None;
+    }
+    let [one, other] = model.actuator_ctrlrange()[servo.control].map(|end| end / servo.gear);
+    Some([one.min(other), one.max(other)])
+}
+
+/// `<option><flag actuation="disable"/>` lets every joint go.
+pub(super) fn actuation_off(model: &MjModel) -> Option<Refusal> {
+    disabled(model, MjtDisableBit::mjDSBL_ACTUATION).then(|| {
+        Refusal::new(
+            "option/flag".to_owned(),
+            "actuation=\"disable\" lets go of every joint",
+            "remove the flag",
+        )
+    })
+}

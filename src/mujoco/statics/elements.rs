@@ -1,0 +1,179 @@
+//! Springs, friction, constraints, wind and what else pulls at an arm beside its actuators.
+
+use mujoco_rs::prelude::MjModel;
+use mujoco_rs::wrappers::mj_model::{MjtDisableBit, MjtEnableBit, MjtEq, MjtObjBase};
+
+use super::{Refusal, disabled, element};
+
+/// What to do about most of them.
+const REMOVE: &str = "remove it; what the model leaves out, the virtual robot leaves out, too";
+
+/// Whether constraints of this kind act.
+fn constrains(model: &MjModel, bit: MjtDisableBit) -> bool {
+    !disabled(model, MjtDisableBit::mjDSBL_CONSTRAINT) && !disabled(model, bit)
+}
+
+/// A spring in a joint, beside its actuator.
+pub(super) fn joint_springs(model: &MjModel) -> Option<Refusal> {
+    let (stiffness, higher) = (model.jnt_stiffness(), model.jnt_stiffnesspoly());
+    let joint = (0..stiffness.len()).find(|&joint| stiffens(stiffness[joint], &higher[joint]))?;
+    let acts = !disabled(model, MjtDisableBit::mjDSBL_SPRING);
+    acts.then(|| {
+        let element = element(model, MjtObjBase::mjOBJ_JOINT, "joint", joint);
+        let found = list(stiffness[joint], &higher[joint]);
+        let problem = format!(
+            "stiffness=\"{found}\" is a spring beside the actuator, which the statics do not know"
+        );
+        Refusal::new(
+            element,
+            problem,
+            "remove it; the joint's stiffness is its actuator's kp",
+        )
+    })
+}
+
+/// A spring in a tendon.
+pub(super) fn tendon_springs(model: &MjModel) -> Option<Refusal> {
+    let (stiffness, higher) = (model.tendon_stiffness(), model.tendon_stiffnesspoly());
+    let tendon =
+        (0..stiffness.len()).find(|&tendon| stiffens(stiffness[tendon], &higher[tendon]))?;
+    let acts = !disabled(model, MjtDisableBit::mjDSBL_SPRING);
+    acts.then(|| {
+        let found = list(stiffness[tendon], &higher[tendon]);
+        let problem = format!("stiffness=\"{found}\" is a spring, which the statics do not know");
+        Refusal::new(tendon_element(model, tendon), problem, REMOVE)
+    })
+}
+
+fn stiffens(linear: f64, higher: &[f64]) -> bool {
+    linear != 0.0 || higher.iter().any(|&each| each != 0.0)
+}
+
+/// Numbers as the attribute has them; the higher ones only where they are given.
+fn list(linear: f64, higher: &[f64]) -> String {
+    let mut text = linear.to_string();
+    if higher.iter().any(|&each| each != 0.0) {
+        for each in higher {
+            text += &format!(" {each}");
+        }
+    }
+    text
+}
+
+fn tendon_element(model: &MjModel, tendon: usize) -> String {
+    element(model, MjtObjBase::mjOBJ_TENDON, "tendon", tendon)
+}
+
+/// A tendon that can become taut.
+pub(super) fn tendon_limits(model: &MjModel) -> Option<Refusal> {
+    let tendon = model.tendon_limited().iter().position(|&limited| limited)?;
+    constrains(model, MjtDisableBit::mjDSBL_LIMIT).then(|| {
+        let [low, high] = model.tendon_range()[tendon];
+        let problem = format!("range=\"{low} {high}\" holds the arm where it becomes taut");
+        Refusal::new(tendon_element(model, tendon), problem, REMOVE)
+    })
+}
+
+/// Dry friction lets an arm rest in many places.
+pub(super) fn joint_friction(model: &MjModel) -> Option<Refusal> {
+    let friction = model.dof_frictionloss();
+    let dof = friction.iter().position(|&loss| loss != 0.0)?;
+    constrains(model, MjtDisableBit::mjDSBL_FRICTIONLOSS).then(|| {
+        let joint = model.dof_jntid()[dof].unsigned_abs() as usize;
+        let element = element(model, MjtObjBase::mjOBJ_JOINT, "joint", joint);
+        let problem = format!(
+            "frictionloss=\"{}\" lets it stick away from its equilibrium",
+            friction[dof]
+        );
+        Refusal::new(element, problem, "set it to 0; damping may stay")
+    })
+}
+
+/// The same of tendons.
+pub(super) fn tendon_friction(model: &MjModel) -> Option<Refusal> {
+    let friction = model.tendon_frictionloss();
+    let tendon = friction.iter().position(|&loss| loss != 0.0)?;
+    constrains(model, MjtDisableBit::mjDSBL_FRICTIONLOSS).then(|| {
+        let problem = format!(
+            "frictionloss=\"{}\" lets the arm stick away from its equilibrium",
+            friction[tendon]
+        );
+        Refusal::new(tendon_element(model, tendon), problem, REMOVE)
+    })
+}
+
+/// Joints that are coupled, bodies that are tied to each other.
+pub(super) fn equalities(model: &MjModel) -> Option<Refusal> {
+    let equality = model.eq_active0().iter().position(|&active| active)?;
+    constrains(model, MjtDisableBit::mjDSBL_EQUALITY).then(|| {
+        let kind = match model.eq_type()[equality] {
+            MjtEq::mjEQ_CONNECT => "connect",
+            MjtEq::mjEQ_WELD => "weld",
+            MjtEq::mjEQ_JOINT => "joint",
+            MjtEq::mjEQ_TENDON => "tendon",
+            _ => "constraint",
+        };
+        let tag = format!("equality/{kind}");
+        Refusal::new(
+            element(model, MjtObjBase::mjOBJ_EQUALITY, &tag, equality),
+            "ties joints or bodies to each other; the statics know a free serial chain only",
+            "remove it, or give it active=\"false\"",
+        )
+    })
+}
+
+/// A body whose weight is compensated by more than itself, or less than nothing.
+pub(super) fn buoyancy(model: &MjModel) -> Option<Refusal> {
+    let compensation = model.body_gravcomp();
+    let body = (compensation.iter()).position(|share| !(0.0..=1.0).contains(share))?;
+    let problem = format!("gravcomp=\"{}\"; 0 to 1 is allowed", compensation[body]);
+    Some(Refusal::new(
+        element(model, MjtObjBase::mjOBJ_BODY, "body", body),
+        problem,
+        "a part of its own weight is all that can be taken off a body",
+    ))
+}
+
+/// Wind pulls at a robot at rest, where there is a medium.
+pub(super) fn wind(model: &MjModel) -> Option<Refusal> {
+    let option = model.opt();
+    let blows = option.wind.iter().any(|&speed| speed != 0.0)
+        && (option.density > 0.0 || option.viscosity > 0.0);
+    blows.then(|| {
+        let [x, y, z] = option.wind;
+        let problem = format!("wind=\"{x} {y} {z}\" with density or viscosity pulls at the robot");
+        Refusal::new("option".to_owned(), problem, "remove the wind")
+    })
+}
+
+/// A simulation that may fall asleep before it rests.
+pub(super) fn sleep(model: &MjModel) -> Option<Refusal> {
+    (model.opt().enableflags & MjtEnableBit::mjENBL_SLEEP as i32 != 0).then(|| {
+        Refusal::new(
+            "option/flag".to_owned(),
+            "sleep=\"enable\" stops the robot before it has come to rest",
+            "remove the flag",
+        )
+    })
+}
+
+/// Bodies that bend by themselves.
+pub(super) fn flexes(model: &MjModel) -> Option<Refusal> {
+    (model.ffi().nflex > 0).then(|| {
+        Refusal::new(
+            element(model, MjtObjBase::mjOBJ_FLEX, "flex", 0),
+            "is a deformable body; the statics know rigid links only",
+            REMOVE,
+        )
+    })
+}
+
+/// Plugins that pull at bodies.
+pub(super) fn plugins(model: &MjModel) -> Option<Refusal> {
+    let body = model.body_plugin().iter().position(|&plugin| plugin >= 0)?;
+    Some(Refusal::new(
+        element(model, MjtObjBase::mjOBJ_BODY, "body", body),
+        "has a plugin; its force is not known",
+        REMOVE,
+    ))
+}

@@ -1,0 +1,53 @@
+//! The position actuator that holds a joint: the elastic element of the belief.
+
+use mujoco_rs::prelude::MjModel;
+use mujoco_rs::wrappers::mj_model::MjtTrn;
+
+/// A position actuator that holds a joint. With the gear g and the gain kp its torque on the joint
+/// is g kp (u - g q) = g^2 kp (u / g - q): the commanded angle is u / g, and the stiffness g^2 kp.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Servo {
+    /// MuJoCo's identifier of the actuator.
+    pub actuator: usize,
+    /// The index of its control u.
+    pub control: usize,
+    /// The gear g, from the joint's angle to the actuator's length.
+    pub gear: f64,
+}
+
+impl Servo {
+    /// The servos of a joint: all actuators that are not disabled and act on it alone.
+    pub fn of(model: &MjModel, joint: usize) -> impl Iterator<Item = Self> {
+        (0..model.actuator_trntype().len())
+            .filter(move |&actuator| {
+                is_enabled(model, actuator)
+                    && acts_on_a_joint(model, actuator)
+                    && usize::try_from(model.actuator_trnid()[actuator][0]) == Ok(joint)
+            })
+            .map(|actuator| Self::new(model, actuator))
+    }
+
+    pub fn new(model: &MjModel, actuator: usize) -> Self {
+        let output = model.actuator_outadr()[actuator].unsigned_abs() as usize;
+        Self {
+            actuator,
+            control: model.actuator_ctrladr()[actuator].unsigned_abs() as usize,
+            gear: model.actuator_gear()[output][0],
+        }
+    }
+}
+
+/// Whether the actuator's group is not disabled.
+pub(super) fn is_enabled(model: &MjModel, actuator: usize) -> bool {
+    let group = model.actuator_group()[actuator];
+    // MuJoCo disables groups 0 to 30, one bit each.
+    !(0..=30).contains(&group) || model.opt().disableactuator & (1 << group) == 0
+}
+
+/// Whether the actuator drives one joint, and no tendon, site or body.
+pub(super) fn acts_on_a_joint(model: &MjModel, actuator: usize) -> bool {
+    matches!(
+        model.actuator_trntype()[actuator],
+        MjtTrn::mjTRN_JOINT | MjtTrn::mjTRN_JOINTINPARENT
+    )
+}

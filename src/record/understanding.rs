@@ -1,0 +1,106 @@
+//! The record of a robot as it was understood: what `check` prints.
+
+use nalgebra::Vector3;
+use serde::Serialize;
+
+use crate::understanding::{Bent, Understanding};
+
+/// What `check` understood of a scenario.
+#[derive(Debug, Clone, Serialize)]
+pub struct UnderstandingMessage {
+    /// The robot.
+    pub robot: RobotMessage,
+    /// The robot at each test pose.
+    pub test_poses: Vec<PoseMessage>,
+    /// What is likely to be a mistake.
+    pub warnings: Vec<String>,
+}
+
+/// A robot.
+#[derive(Debug, Clone, Serialize)]
+pub struct RobotMessage {
+    /// Its joints from the base to the flange.
+    pub joints: Vec<JointMessage>,
+    /// The longest way from the first joint to a tool along the links (mm).
+    pub reach_mm: f64,
+    /// The size of gravity's acceleration (m/s^2).
+    pub gravity_m_s2: f64,
+}
+
+/// A joint.
+#[derive(Debug, Clone, Serialize)]
+pub struct JointMessage {
+    /// Its name.
+    pub name: String,
+    /// The range of its commanded angle (deg).
+    pub range_deg: [f64; 2],
+    /// Its stiffness (N m/rad); `null` where it is rigid.
+    pub stiffness_nm_per_rad: Option<f64>,
+    /// Its compliance (rad/(N m)).
+    pub compliance_rad_per_nm: f64,
+    /// Whether its compliance is identified.
+    pub identified: bool,
+    /// The mass that it moves (kg).
+    pub moving_mass_kg: f64,
+}
+
+/// The robot at a test pose.
+#[derive(Debug, Clone, Serialize)]
+pub struct PoseMessage {
+    /// The pose's name.
+    pub name: String,
+    /// The calibration tool's position at the commanded angles (mm).
+    pub calibration_tool_mm: [f64; 3],
+    /// The machining tool's position at the commanded angles (mm).
+    pub machining_tool_mm: [f64; 3],
+    /// The machining tool's motion under the robot's own weight (mm); `null` where nothing holds it.
+    pub own_weight_mm: Option<[f64; 3]>,
+    /// The largest turn of a joint under the own weight (deg).
+    pub own_weight_deg: Option<f64>,
+    /// The machining tool's further motion under the task load (mm).
+    pub task_load_mm: Option<[f64; 3]>,
+    /// The largest turn of a joint under the task load (deg).
+    pub task_load_deg: Option<f64>,
+}
+
+impl UnderstandingMessage {
+    /// The record of what was understood.
+    #[must_use]
+    pub fn new(understanding: &Understanding) -> Self {
+        let joints = understanding.joints.iter().map(|joint| JointMessage {
+            name: joint.name.clone(),
+            range_deg: joint.range_rad.map(f64::to_degrees),
+            stiffness_nm_per_rad: Some(joint.compliance_rad_per_nm.recip())
+                .filter(|stiffness| stiffness.is_finite()),
+            compliance_rad_per_nm: joint.compliance_rad_per_nm,
+            identified: joint.is_parameter,
+            moving_mass_kg: joint.moving_mass_kg,
+        });
+        let poses = understanding.poses.iter().map(|pose| {
+            let bent = pose.bent.as_ref().ok();
+            let moved = |motion: fn(&Bent) -> Vector3<f64>| bent.map(motion).map(millimetres);
+            PoseMessage {
+                name: pose.name.clone(),
+                calibration_tool_mm: millimetres(pose.calibration_tool_m),
+                machining_tool_mm: millimetres(pose.machining_tool_m),
+                own_weight_mm: moved(|bent| bent.own_weight_m),
+                own_weight_deg: bent.map(|bent| bent.own_weight_joint.1.to_degrees()),
+                task_load_mm: moved(|bent| bent.task_load_m),
+                task_load_deg: bent.map(|bent| bent.task_load_joint.1.to_degrees()),
+            }
+        });
+        Self {
+            robot: RobotMessage {
+                joints: joints.collect(),
+                reach_mm: understanding.reach_m * 1e3,
+                gravity_m_s2: understanding.gravity_m_s2,
+            },
+            test_poses: poses.collect(),
+            warnings: understanding.warnings.clone(),
+        }
+    }
+}
+
+fn millimetres(position_m: Vector3<f64>) -> [f64; 3] {
+    (position_m * 1e3).into()
+}

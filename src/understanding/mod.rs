@@ -1,0 +1,162 @@
+//! The robot as the program understands a scenario, and what is implausible about it.
+//!
+//! Everything here is what the planner believes (the nominal robot), except that the warnings look
+//! at the virtual robot's compliances, too.
+
+mod plausibility;
+
+use nalgebra::Vector3;
+
+use crate::robot::{EquilibriumError, EquilibriumSolver, Load, SerialChain, Tool};
+use crate::scenario::{Scenario, TestPose};
+
+/// What a scenario was understood to say.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Understanding {
+    /// The joints from the base to the flange.
+    pub joints: Vec<UnderstoodJoint>,
+    /// The longest way from the first joint to a tool along the links (m).
+    pub reach_m: f64,
+    /// The size of gravity's acceleration (m/s^2).
+    pub gravity_m_s2: f64,
+    /// The robot at each test pose.
+    pub poses: Vec<UnderstoodPose>,
+    /// What is allowed and nevertheless likely to be a mistake, with what it may come from.
+    pub warnings: Vec<String>,
+}
+
+/// A joint as it was understood.
+#[derive(Debug, Clone, PartialEq)]
+pub struct UnderstoodJoint {
+    /// Its name.
+    pub name: String,
+    /// The range of its commanded angle (rad), as the scenario's region narrows it.
+    pub range_rad: [f64; 2],
+    /// Its compliance (rad/(N m)).
+    pub compliance_rad_per_nm: f64,
+    /// Whether its compliance is identified.
+    pub is_parameter: bool,
+    /// The mass that it moves (kg), whether or not the model compensates its weight.
+    pub moving_mass_kg: f64,
+}
+
+/// The robot at a test pose.
+#[derive(Debug, Clone, PartialEq)]
+pub struct UnderstoodPose {
+    /// The pose's name.
+    pub name: String,
+    /// The calibration tool's position at the commanded angles (m, world frame).
+    pub calibration_tool_m: Vector3<f64>,
+    /// The machining tool's position at the commanded angles (m, world frame).
+    pub machining_tool_m: Vector3<f64>,
+    /// What bends there, or why nothing holds.
+    pub bent: Result<Bent, EquilibriumError>,
+}
+
+/// How far a robot bends at a pose.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Bent {
+    /// The machining tool's motion under the robot's own weight, from the commanded angles (m).
+    pub own_weight_m: Vector3<f64>,
+    /// The joint that turns most under the own weight, and its angle (rad).
+    pub own_weight_joint: (usize, f64),
+    /// The machining tool's motion under the task load, beside the own weight (m).
+    pub task_load_m: Vector3<f64>,
+    /// The joint that turns most under the task load, and its angle (rad).
+    pub task_load_joint: (usize, f64),
+}
+
+impl Understanding {
+    /// What a scenario says of its robot.
+    #[must_use]
+    pub fn new(scenario: &Scenario) -> Self {
+        let chain = &scenario.nominal.chain;
+        let mut understanding = Self {
+            joints: joints(scenario),
+            reach_m: [&scenario.calibration_tool, &scenario.machining_tool]
+                .map(|tool| reach_m(chain, tool))
+                .into_iter()
+                .fold(0.0, f64::max),
+            gravity_m_s2: chain.gravity_m_s2.norm(),
+            poses: (scenario.test_poses.iter())
+                .map(|pose| understood_pose(scenario, pose))
+                .collect(),
+            warnings: Vec::new(),
+        };
+        understanding.warnings = plausibility::warnings(scenario, &understanding);
+        understanding
+    }
+}
+
+fn joints(scenario: &Scenario) -> Vec<UnderstoodJoint> {
+    let robot = &scenario.nominal;
+    let mut moving = vec![0.0; robot.chain.len()];
+    // Bodies come in the order of the tree, and joints are numbered along the series.
+    for body in 0..robot.model.bodies() {
+        let carried_by = robot.model.joints_that_move(body);
+        for mass in &mut moving[..carried_by] {
+            *mass += robot.model.mass(body).0;
+        }
+    }
+    (robot.chain.joints.iter().enumerate())
+        .map(|(index, joint)| UnderstoodJoint {
+            name: joint.name.clone(),
+            range_rad: scenario.region.joint_range_rad[index],
+            compliance_rad_per_nm: robot.compliance_rad_per_nm[index],
+            is_parameter: scenario.parameters.contains(&index),
+            moving_mass_kg: moving[index],
+        })
+        .collect()
+}
+
+/// The way from the first joint to the tool along the links (m).
+fn reach_m(chain: &SerialChain, tool: &Tool) -> f64 {
+    let links = chain.joints[..tool.joints].iter().skip(1);
+    links
+        .map(|joint| joint.previous_from_link.translation.vector.norm())
+        .sum::<f64>()
+        + tool.link_from_tool.translation.vector.norm()
+}
+
+fn understood_pose(scenario: &Scenario, pose: &TestPose) -> UnderstoodPose {
+    let q = pose.configuration_rad.as_slice();
+    let chain = &scenario.nominal.chain;
+    let place = |tool: &Tool| chain.at(tool).state(q).tool_position;
+    UnderstoodPose {
+        name: pose.name.clone(),
+        calibration_tool_m: place(&scenario.calibration_tool),
+        machining_tool_m: place(&scenario.machining_tool),
+        bent: bent(scenario, pose),
+    }
+}
+
+fn bent(scenario: &Scenario, pose: &TestPose) -> Result<Bent, EquilibriumError> {
+    let robot = &scenario.nominal;
+    let commanded = pose.configuration_rad.as_slice();
+    let mut arm = robot.chain.at(&scenario.machining_tool);
+    let mut solver = EquilibriumSolver::new(commanded.len());
+    let mut rest = |load: &Load| {
+        solver.solve(&mut arm, &robot.compliance_rad_per_nm, commanded, load)?;
+        Ok((solver.q().to_vec(), solver.state().tool_position))
+    };
+    let (unloaded, unloaded_m) = rest(&Load::NONE)?;
+    let (loaded, loaded_m) = rest(&pose.load)?;
+    let commanded_m = arm.state(commanded).tool_position;
+    Ok(Bent {
+        own_weight_m: unloaded_m - commanded_m,
+        own_weight_joint: largest_turn(&unloaded, commanded),
+        task_load_m: loaded_m - unloaded_m,
+        task_load_joint: largest_turn(&loaded, &unloaded),
+    })
+}
+
+/// The joint whose angles differ most, and by how much (rad).
+fn largest_turn(to: &[f64], from: &[f64]) -> (usize, f64) {
+    let turns = to.iter().zip(from).map(|(to, from)| (to - from).abs());
+    turns.enumerate().fold(
+        (0, 0.0),
+        |most, turn| {
+            if turn.1 > most.1 { turn } else { most }
+        },
+    )
+}

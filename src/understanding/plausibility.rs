@@ -1,0 +1,232 @@
+//! What is allowed in a scenario and nevertheless likely to be a mistake.
+//!
+//! All thresholds are here. They are far outside of what robots are: a warning should be right.
+
+use std::f64::consts::TAU;
+
+use super::{Understanding, UnderstoodJoint, UnderstoodPose};
+use crate::scenario::{Robot, Scenario};
+
+/// A robot that sags or bends by more than this at its tool (m) ...
+const BENT_M: f64 = 0.05;
+/// ... or in a joint (rad) has a simulation's gains for stiffnesses.
+const BENT_RAD: f64 = 0.035;
+/// A task load that moves the tool by less (m) bends nothing that could be compensated.
+const RIGID_M: f64 = 1e-8;
+/// A compliance above this (rad/(N m)) is a stiffness in N m/rad, or in another unit.
+const COMPLIANCE_RAD_PER_NM: f64 = 1e-3;
+/// No arm is longer than this (m); one in millimetres is.
+const REACH_M: f64 = 30.0;
+/// Nor has it gravity above this (m/s^2).
+const GRAVITY_M_S2: f64 = 20.0;
+/// No arm moves more than this (kg); one whose drawn shapes weigh does.
+const MASS_KG: f64 = 2500.0;
+/// No joint turns further than this (rad); one whose degrees are taken for radians does.
+const RANGE_RAD: f64 = 17.5;
+/// Angles in degrees that all lie in one turn of radians, of joints that turn further than this (rad), are
+/// likely to be radians.
+const TURNS_FURTHER_RAD: f64 = 0.6;
+/// A tracker nearer than this (m) to a joint of the robot at a test pose stands in the robot.
+const TRACKER_M: f64 = 0.3;
+/// An instrument with more noise than this (m) measures no deflections.
+const SIGMA_M: f64 = 1e-3;
+
+/// What is implausible about a scenario, in whole sentences.
+pub(super) fn warnings(scenario: &Scenario, understood: &Understanding) -> Vec<String> {
+    let mut warnings = Vec::new();
+    warnings.extend(lengths(understood));
+    warnings.extend(masses(understood));
+    warnings.extend(ranges(scenario));
+    let soft = compliances("robot", &scenario.nominal);
+    let is_soft = soft.is_some();
+    warnings.extend(soft);
+    if scenario.true_robot.compliance_rad_per_nm != scenario.nominal.compliance_rad_per_nm {
+        warnings.extend(compliances("true_robot", &scenario.true_robot));
+    }
+    for (index, pose) in understood.poses.iter().enumerate() {
+        warnings.extend(radians_for_degrees(scenario, index));
+        // What a wrong unit does to the deflection is no news.
+        if !is_soft {
+            warnings.extend(bent(&understood.joints, pose));
+        }
+        let loaded = scenario.test_poses[index].load.wrench().norm() > 0.0;
+        if loaded {
+            warnings.extend(rigid(pose));
+        }
+    }
+    warnings.extend(instrument(scenario));
+    warnings
+}
+
+fn lengths(understood: &Understanding) -> Option<String> {
+    if understood.reach_m > REACH_M {
+        return Some(format!(
+            "the arm reaches {:.0} m: are the model's lengths in millimetres? MJCF has metres",
+            understood.reach_m
+        ));
+    }
+    (understood.gravity_m_s2 > GRAVITY_M_S2).then(|| {
+        format!(
+            "the model's gravity is {} m/s^2: is it in mm/s^2? MJCF has metres",
+            understood.gravity_m_s2
+        )
+    })
+}
+
+fn masses(understood: &Understanding) -> Option<String> {
+    let moving = understood.joints.first()?.moving_mass_kg;
+    (moving > MASS_KG).then(|| {
+        format!(
+            "the arm moves {moving:.0} kg: do shapes that are drawn weigh, too? MuJoCo gives shapes without a mass that of water; give the bodies an <inertial> and the shapes mass=\"0\""
+        )
+    })
+}
+
+fn ranges(scenario: &Scenario) -> Option<String> {
+    let joints = &scenario.nominal.chain.joints;
+    let far = |range: &[f64; 2]| range[0].abs().max(range[1].abs());
+    if let Some(joint) = joints
+        .iter()
+        .find(|joint| far(&joint.range_rad) > RANGE_RAD)
+    {
+        let [low, high] = joint.range_rad.map(f64::to_degrees);
+        return Some(format!(
+            "{} turns from {low:.0} to {high:.0} deg: is its range in degrees? MuJoCo takes radians under angle=\"radian\", and for a joint with limited=\"false\" always",
+            joint.name
+        ));
+    }
+    let widest = joints
+        .iter()
+        .map(|joint| far(&joint.range_rad))
+        .fold(0.0, f64::max);
+    (widest <= TAU.to_radians()).then(|| {
+        format!(
+            "no joint turns further than {:.2} deg: are the model's ranges in radians? MJCF has degrees without <compiler angle=\"radian\"/>",
+            widest.to_degrees()
+        )
+    })
+}
+
+/// The first compliance that is none.
+fn compliances(table: &str, robot: &Robot) -> Option<String> {
+    let joint = (robot.compliance_rad_per_nm.iter())
+        .position(|&compliance| compliance > COMPLIANCE_RAD_PER_NM)?;
+    let compliance = robot.compliance_rad_per_nm[joint];
+    let name = &robot.chain.joints[joint].name;
+    let stiffness = compliance.recip();
+    Some(if compliance > 1.0 {
+        format!(
+            "{table}: the compliance of {name} is {compliance} rad/(N m): is that its stiffness in N m/rad? Then its compliance is {stiffness:.4e}"
+        )
+    } else {
+        format!(
+            "{table}: the compliance of {name} is {compliance:.3e} rad/(N m), a stiffness of {stiffness:.4} N m/rad: is it a gain for simulation, or in another unit? Joints of robots have 1e4 to 1e7 N m/rad"
+        )
+    })
+}
+
+/// A test pose in degrees whose numbers are all small, of joints that turn far.
+fn radians_for_degrees(scenario: &Scenario, index: usize) -> Option<String> {
+    let pose = &scenario.test_poses[index];
+    let joints = &scenario.nominal.chain.joints;
+    let q_deg = pose.configuration_rad.map(f64::to_degrees);
+    let written = |angle: f64| (angle - angle.round()).abs() > 1e-9;
+    let small =
+        q_deg.iter().all(|angle| angle.abs() <= TAU) && q_deg.iter().any(|&angle| written(angle));
+    let turn_far = joints
+        .iter()
+        .all(|joint| joint.range_rad[1] - joint.range_rad[0] > TURNS_FURTHER_RAD);
+    (small && turn_far && q_deg.len() > 1).then(|| {
+        format!(
+            "test_pose[{index}].q_deg: all angles of {:?} are within {TAU:.2} deg of zero: are they radians?",
+            pose.name
+        )
+    })
+}
+
+/// Whether the robot bends as robots do.
+fn bent(joints: &[UnderstoodJoint], pose: &UnderstoodPose) -> Option<String> {
+    const GAIN: &str =
+        "is its actuator's kp a gain for simulation? It must be the joint's stiffness";
+    let bent = match &pose.bent {
+        Ok(bent) => bent,
+        Err(error) => {
+            return Some(format!(
+                "at {:?} there is {error}: are the joints' stiffnesses gains for simulation, or in another unit?",
+                pose.name
+            ));
+        }
+    };
+    [
+        ("its own weight", &bent.own_weight_m, bent.own_weight_joint),
+        ("the task load", &bent.task_load_m, bent.task_load_joint),
+    ]
+    .into_iter()
+    .find(|(_, moved, (_, turned))| moved.norm() > BENT_M || *turned > BENT_RAD)
+    .map(|(what, moved, (joint, turned))| {
+        let UnderstoodJoint {
+            name,
+            compliance_rad_per_nm,
+            ..
+        } = &joints[joint];
+        format!(
+            "at {:?} {what} bends the robot by {:.0} mm, and {name} (stiffness {:.4e} N m/rad) by {:.1} deg: {GAIN}",
+            pose.name,
+            moved.norm() * 1e3,
+            compliance_rad_per_nm.recip(),
+            turned.to_degrees()
+        )
+    })
+}
+
+fn rigid(pose: &UnderstoodPose) -> Option<String> {
+    let moved = pose.bent.as_ref().ok()?.task_load_m.norm();
+    (moved < RIGID_M).then(|| {
+        format!(
+            "at {:?} the task load bends the robot by {:.1e} mm: are the compliances in another unit, or is the load?",
+            pose.name,
+            moved * 1e3
+        )
+    })
+}
+
+fn instrument(scenario: &Scenario) -> Vec<String> {
+    let mut warnings = Vec::new();
+    let sigma_m = scenario.instrument.sigma_m;
+    if sigma_m > SIGMA_M {
+        warnings.push(format!(
+            "the instrument's noise is {} mm: is it in micrometres?",
+            sigma_m * 1e3
+        ));
+    }
+    let Some(site) = scenario.instrument.tracker_site else {
+        return warnings;
+    };
+    let model = &scenario.nominal.model;
+    let (body, _) = model.site_body(site);
+    if model.joints_that_move(body) > 0 {
+        warnings.push(format!(
+            "instrument.tracker_site is on {}, which the robot moves",
+            model.body_name(body)
+        ));
+        return warnings;
+    }
+    let mut simulation = crate::mujoco::State::new(model);
+    for pose in &scenario.test_poses {
+        simulation.move_to(pose.configuration_rad.as_slice());
+        let (tracker, _) = simulation.site(site);
+        let near = (scenario.nominal.chain.joints.iter().enumerate())
+            .map(|(index, joint)| ((simulation.joint(index).0 - tracker).norm(), joint))
+            .min_by(|one, other| one.0.total_cmp(&other.0))
+            .filter(|(distance, _)| *distance < TRACKER_M);
+        if let Some((distance, joint)) = near {
+            warnings.push(format!(
+                "at {:?} the tracker is {:.0} mm from {}: does it stand in the robot?",
+                pose.name,
+                distance * 1e3,
+                joint.name
+            ));
+        }
+    }
+    warnings
+}

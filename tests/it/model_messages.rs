@@ -1,0 +1,146 @@
+//! Models that cannot serve, and regions in which everything collides: the error says what to do.
+
+use elastocal::plan::search::random_plan;
+use elastocal::scenario::Scenario;
+
+use crate::support::{Workplace, project, scenario_text};
+
+/// The error and the hint of `check` for a scenario with this model.
+fn refusal(name: &str, model: &str) -> (String, String) {
+    let workplace = Workplace::new();
+    workplace.write(name, model);
+    let text = scenario_text("planar_3r");
+    let path = project("models/planar_3r.xml");
+    let mine = text.replace(&*path.to_string_lossy(), name);
+    assert_ne!(mine, text);
+    workplace.write("my.toml", mine);
+    let outcome = workplace.run("check my.toml --quiet").ends_with(1);
+    let mut lines = outcome.stderr.lines();
+    let error = lines.next().unwrap_or_default().to_owned();
+    let hint = lines.next().unwrap_or_default().to_owned();
+    println!("{error}\n{hint}");
+    assert!(error.starts_with("error: my.toml: robot."), "{error}");
+    assert!(error.contains(name), "{error}");
+    assert_eq!(lines.next(), None, "{}", outcome.stderr);
+    (error, hint)
+}
+
+const URDF: &str = r#"<?xml version="1.0"?>
+<!-- made by a <mujoco> fan -->
+<robot name="arm">
+  <link name="base"/>
+  <link name="arm"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>
+    <visual><geometry><mesh filename="MESH"/></geometry></visual></link>
+  <joint name="joint_1" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 0 1"/>
+    <limit lower="-1" upper="1" effort="100" velocity="1"/></joint>
+</robot>"#;
+
+#[test]
+fn a_xacro_file_says_to_run_xacro() {
+    let xacro = URDF.replace(
+        "<robot",
+        "<robot xmlns:xacro=\"http://www.ros.org/wiki/xacro\"",
+    );
+    for (name, text) in [("arm.urdf.xacro", URDF), ("arm.xml", &xacro)] {
+        let (error, hint) = refusal(name, text);
+        assert!(error.contains("is a xacro file"), "{error}");
+        assert!(hint.contains(&format!("{name} > arm.urdf")), "{hint}");
+        assert!(hint.starts_with("hint: run xacro first: xacro "), "{hint}");
+    }
+}
+
+#[test]
+fn a_urdf_says_how_to_convert_it() {
+    let (error, hint) = refusal("arm.urdf", &URDF.replace("MESH", "meshes/arm.stl"));
+    assert!(error.contains("is a URDF"), "{error}");
+    assert!(hint.contains("mj_saveLastXML"), "{hint}");
+    let (error, hint) = refusal(
+        "arm.urdf",
+        &URDF.replace("MESH", "package://arm/meshes/arm.stl"),
+    );
+    assert!(error.contains("line 6: is a URDF whose meshes"), "{error}");
+    assert!(hint.starts_with("hint: replace package://"), "{hint}");
+}
+
+fn planar() -> String {
+    std::fs::read_to_string(project("models/planar_3r.xml")).expect("it can be read")
+}
+
+#[test]
+fn a_package_in_an_mjcf_file_is_found() {
+    let mesh = "<mesh name=\"m\" file=\"package://arm/meshes/arm.stl\"/>\n  </asset>";
+    let (error, hint) = refusal("arm.xml", &planar().replace("</asset>", mesh));
+    assert!(error.contains("names a file by its ROS package"), "{error}");
+    assert!(hint.contains("relative to the file"), "{hint}");
+}
+
+#[test]
+fn a_model_without_sites_says_to_add_one() {
+    let without = planar().replace(
+        "<site class=\"point\" name=\"tool\" pos=\"0.500 0 0\"/>",
+        "",
+    );
+    let (error, hint) = refusal("arm.xml", &without);
+    assert!(
+        error.contains("no site named \"tool\"; it has: none"),
+        "{error}"
+    );
+    assert!(hint.contains("<site name="), "{hint}");
+}
+
+/// The wrapper keeps 99 characters of MuJoCo's message; the line comes at the end.
+#[test]
+fn mujocos_messages_are_whole() {
+    let attribute =
+        "a_very_long_name_of_an_attribute_that_no_joint_of_any_model_has_had_so_far_in_mujoco";
+    let wrong = planar().replace(
+        "<joint name=\"joint_2\"",
+        &format!("<joint {attribute}=\"1\" name=\"joint_2\""),
+    );
+    let line = 1 + wrong
+        .lines()
+        .position(|line| line.contains(attribute))
+        .expect("there");
+    for obstacle in [
+        "",
+        "[[obstacle]]\nname = \"box\"\nkind = \"sphere\"\nradius_mm = 9\nposition_mm = [9, 9, 9]\n",
+    ] {
+        let workplace = Workplace::new();
+        workplace.write("arm.xml", &wrong);
+        let path = project("models/planar_3r.xml");
+        let text = scenario_text("planar_3r").replace(&*path.to_string_lossy(), "arm.xml");
+        let text = text.replace(
+            "[design]",
+            &format!("collision_clearance_mm = 1\n{obstacle}[design]"),
+        );
+        workplace.write("my.toml", text);
+        let outcome = workplace.run("check my.toml --quiet").ends_with(1);
+        assert!(outcome.stderr.contains(attribute), "{}", outcome.stderr);
+        assert!(
+            outcome.stderr.contains(&format!("line {line}")),
+            "{}",
+            outcome.stderr
+        );
+        assert_eq!(outcome.stderr.lines().count(), 1, "{}", outcome.stderr);
+    }
+}
+
+#[test]
+fn pairs_that_collide_everywhere_are_named_with_their_share() {
+    let workplace = Workplace::new();
+    let ball = "[[obstacle]]\nname = \"bunker\"\nkind = \"sphere\"\nradius_mm = 700\nposition_mm = [0, 0, 600]\n";
+    let text = scenario_text("kr270").replace("[design]", &format!("{ball}[design]"));
+    workplace.write("my.toml", text);
+    let scenario = Scenario::load(&workplace.path("my.toml")).expect("valid");
+    let error = random_plan(&scenario, 1, 0)
+        .expect_err("all collides")
+        .to_string();
+    println!("{error}");
+    let (_, pairs) = error
+        .split_once("collision clearance rejects 100.0 % (")
+        .expect(&error);
+    let (pairs, _) = pairs.split_once(')').expect(&error);
+    assert!(pairs.contains("bunker"), "{error}");
+    assert!(pairs.contains(" in 100.0 %"), "{error}");
+    assert!(pairs.split(", ").count() <= 5, "{error}");
+}
