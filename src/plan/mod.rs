@@ -6,6 +6,7 @@ mod criterion;
 mod factorisation;
 mod feasibility;
 mod file;
+pub mod proof;
 mod region;
 pub mod search;
 

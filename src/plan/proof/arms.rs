@@ -1,0 +1,547 @@
+//! Enclosures and proofs against single experiments, computed with plain matrices.
+
+use nalgebra::{Matrix3, Quaternion, Rotation3, Unit, UnitQuaternion, Vector3};
+
+use super::bound::{Ingredients, Target};
+use super::branching::{Effort, NoProof, Proved, prove, tasks};
+use super::enclosure::{Cell, Task};
+use super::judgement::judge;
+use super::polynomial::Polynomial;
+use super::question::{Arm, Joint, Loads, Question, Region};
+use super::taylor::{LANES, Workspace};
+
+/// Random numbers between -1 and 1.
+struct Random(u64);
+
+impl Random {
+    fn number(&mut self) -> f64 {
+        self.0 = self
+            .0
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
+    }
+
+    fn vector(&mut self) -> [f64; 3] {
+        std::array::from_fn(|_| self.number())
+    }
+
+    fn below(&mut self, count: usize) -> usize {
+        self.number();
+        usize::try_from(self.0 >> 40).unwrap_or_default() % count
+    }
+}
+
+const UPRIGHT: [f64; 4] = [0.0, 0.0, 0.0, 1.0];
+
+fn joint(offset_m: [f64; 3], axis: [f64; 3], range_deg: [f64; 2]) -> Joint {
+    Joint {
+        offset_m,
+        rotation: UPRIGHT,
+        axis,
+        range_rad: range_deg.map(f64::to_radians),
+        mass_kg: 0.0,
+        centre_of_mass_m: [0.0; 3],
+    }
+}
+
+/// An arm like the KR-270, whose loads hang on the tool.
+fn heavy_arm() -> Question {
+    let mut joints = vec![
+        joint([0.0; 3], [0.0, 0.0, -1.0], [-185.0, 185.0]),
+        joint([0.35, 0.0, 0.75], [0.0, 1.0, 0.0], [-146.0, 0.0]),
+        joint([1.25, 0.0, 0.0], [0.0, 1.0, 0.0], [-119.0, 155.0]),
+        joint([1.1, 0.0, -0.055], [-1.0, 0.0, 0.0], [-350.0, 350.0]),
+        joint([0.0; 3], [0.0, 1.0, 0.0], [-125.0, 125.0]),
+        joint([0.0; 3], [-1.0, 0.0, 0.0], [-350.0, 350.0]),
+    ];
+    for (index, joint) in joints.iter_mut().enumerate() {
+        joint.mass_kg = 300.0 / (1.0 + index as f64);
+        joint.centre_of_mass_m = [0.2, 0.1, -0.05];
+    }
+    Question {
+        arm: Arm {
+            joints,
+            tool_joints: 6,
+            tool_offset_m: [0.6, 0.0, -0.46],
+            tool_rotation: UPRIGHT,
+            gravity_m_s2: [0.0, 0.0, -9.81],
+        },
+        parameters: vec![1, 2, 3, 4, 5],
+        rows: vec![
+            vec![1.0, -2.0, 0.5, 3.0, 1.0],
+            vec![0.3, 0.2, 4.0, -2.0, 5.0],
+            vec![-1.0, 1.0, 1.0, 2.0, -1.0],
+        ],
+        region: Region {
+            height_m: [Some(0.8), None],
+            radius_m: [Some(0.6), Some(2.5)],
+            elevation_sine: Some(0.5),
+            torque_nm: None,
+        },
+        loads: Loads::OneOf(vec![[0.0, 0.0, -2.5, 0.0, 0.0, 0.0]]),
+    }
+}
+
+/// An arm of random joints in random frames, some of which are parallel.
+fn random_arm(random: &mut Random, loads: Loads, torques: bool) -> Question {
+    let joints: Vec<Joint> = (0..4)
+        .map(|_| {
+            let axes = [
+                [0.0, 0.0, 1.0],
+                [0.0, -1.0, 0.0],
+                [0.0, 2.0, 0.0],
+                random.vector(),
+            ];
+            let half = std::f64::consts::FRAC_1_SQRT_2;
+            let turns = [UPRIGHT, UPRIGHT, [half, 0.0, 0.0, half], {
+                let [x, y, z] = random.vector();
+                [x, y, z, 1.0]
+            }];
+            Joint {
+                offset_m: random.vector(),
+                rotation: turns[random.below(4)],
+                axis: axes[random.below(4)],
+                range_rad: [-2.0 + random.number(), 2.0 + random.number()],
+                mass_kg: 10.0 + random.number(),
+                centre_of_mass_m: random.vector(),
+            }
+        })
+        .collect();
+    let [x, y, z] = random.vector();
+    Question {
+        arm: Arm {
+            joints,
+            tool_joints: 3 + random.below(2),
+            tool_offset_m: random.vector(),
+            tool_rotation: [x, y, z, 0.5],
+            gravity_m_s2: [0.5, 0.0, -9.0],
+        },
+        parameters: vec![0, 1, 2],
+        rows: (0..3).map(|_| random.vector().to_vec()).collect(),
+        region: Region {
+            height_m: [Some(-0.5), Some(1.0)],
+            radius_m: [Some(0.2), Some(1.5)],
+            elevation_sine: Some(0.7),
+            torque_nm: torques.then(|| vec![40.0, 30.0, 20.0, 10.0]),
+        },
+        loads,
+    }
+}
+
+/// The arm at one configuration, with plain matrices.
+struct Pose {
+    axes: Vec<Vector3<f64>>,
+    anchors: Vec<Vector3<f64>>,
+    centres: Vec<Vector3<f64>>,
+    tool: Vector3<f64>,
+    tool_axis: Vector3<f64>,
+}
+
+fn pose(arm: &Arm, q: &[f64]) -> Pose {
+    let turn = |[x, y, z, w]: [f64; 4]| {
+        UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z)).to_rotation_matrix()
+    };
+    let mut frame = Rotation3::identity();
+    let mut origin = Vector3::zeros();
+    let (mut axes, mut anchors, mut centres) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut tool, mut tool_axis) = (Vector3::zeros(), Vector3::z());
+    for (index, joint) in arm.joints.iter().enumerate() {
+        origin += frame * Vector3::from(joint.offset_m);
+        frame *= turn(joint.rotation);
+        let axis = Unit::new_normalize(Vector3::from(joint.axis));
+        axes.push(frame * axis.into_inner());
+        anchors.push(origin);
+        frame *= Rotation3::from_axis_angle(&axis, q[index]);
+        centres.push(origin + frame * Vector3::from(joint.centre_of_mass_m));
+        if index + 1 == arm.tool_joints {
+            tool = origin + frame * Vector3::from(arm.tool_offset_m);
+            tool_axis = frame * turn(arm.tool_rotation) * Vector3::z();
+        }
+    }
+    Pose {
+        axes,
+        anchors,
+        centres,
+        tool,
+        tool_axis,
+    }
+}
+
+/// A column of the matrix of an experiment.
+fn column(question: &Question, q: &[f64], load: &[f64; 6], joint: usize) -> Vector3<f64> {
+    let pose = pose(&question.arm, q);
+    if joint >= question.arm.tool_joints {
+        return Vector3::zeros();
+    }
+    let lever = pose.axes[joint].cross(&(pose.tool - pose.anchors[joint]));
+    let [force, torque] = [&load[..3], &load[3..]].map(Vector3::from_column_slice);
+    lever * (lever.dot(&force) + pose.axes[joint].dot(&torque))
+}
+
+/// One experiment with plain matrices: d (or the largest over all directions), and the margins.
+fn experiment(question: &Question, q: &[f64], load: &[f64; 6]) -> (f64, Vec<f64>) {
+    let arm = &question.arm;
+    let Pose {
+        axes,
+        anchors,
+        centres,
+        tool,
+        tool_axis,
+    } = pose(arm, q);
+    let lever = |joint: usize| {
+        if joint < arm.tool_joints {
+            axes[joint].cross(&(tool - anchors[joint]))
+        } else {
+            Vector3::zeros()
+        }
+    };
+    let [force, torque] = [&load[..3], &load[3..]].map(Vector3::from_column_slice);
+    let turned_by = |joint: usize| {
+        let own = if joint < arm.tool_joints {
+            axes[joint].dot(&torque)
+        } else {
+            0.0
+        };
+        lever(joint).dot(&force) + own
+    };
+    let d = if let Loads::AnyForce(size) = question.loads {
+        let mut form = Matrix3::zeros();
+        for row in &question.rows {
+            let mut w = Matrix3::zeros();
+            for (factor, &joint) in row.iter().zip(&question.parameters) {
+                w += lever(joint) * lever(joint).transpose() * *factor;
+            }
+            form += w * w;
+        }
+        form.symmetric_eigenvalues().max() * size * size
+    } else {
+        let moved = |row: &Vec<f64>| {
+            let terms = row.iter().zip(&question.parameters);
+            terms
+                .map(|(factor, &joint)| lever(joint) * (turned_by(joint) * factor))
+                .sum::<Vector3<f64>>()
+        };
+        question
+            .rows
+            .iter()
+            .map(|row| moved(row).norm_squared())
+            .sum()
+    };
+    let region = &question.region;
+    let radius = lever(0).norm();
+    let mut margins = Vec::new();
+    margins.extend(region.height_m[0].map(|low| tool.z - low));
+    margins.extend(region.height_m[1].map(|high| high - tool.z));
+    margins.extend(region.radius_m[0].map(|low| radius * radius - low * low));
+    margins.extend(region.radius_m[1].map(|high| high * high - radius * radius));
+    if let Some(sine) = region.elevation_sine {
+        margins.extend([sine + tool_axis.z, sine - tool_axis.z]);
+    }
+    if let (Some(limits), false) = (
+        &region.torque_nm,
+        matches!(question.loads, Loads::AnyForce(_)),
+    ) {
+        let gravity = Vector3::from(arm.gravity_m_s2);
+        for joint in (0..arm.joints.len()).rev() {
+            let weight: f64 = (joint..arm.joints.len())
+                .map(|link| {
+                    axes[joint]
+                        .cross(&(centres[link] - anchors[joint]))
+                        .dot(&gravity)
+                        * arm.joints[link].mass_kg
+                })
+                .sum();
+            let total = weight + turned_by(joint);
+            margins.extend([limits[joint] + total, limits[joint] - total]);
+        }
+    }
+    (d, margins)
+}
+
+/// A random point of a box: the angles of all joints, the load, and the point's coordinates.
+fn point(
+    task: &Task<'_>,
+    question: &Question,
+    cell: &Cell,
+    random: &mut Random,
+) -> (Vec<f64>, [f64; 6]) {
+    let coordinate: Vec<f64> = (0..task.variables())
+        .map(|variable| cell.centre[variable] + task.half_width(cell, variable) * random.number())
+        .collect();
+    let mut q = Vec::new();
+    let mut sum = 0.0;
+    for joint in 0..question.arm.joints.len() {
+        let link = task.link(joint);
+        if link.is_none_or(|link| link.starts_run) {
+            sum = 0.0;
+        }
+        let sign = link.map_or(1.0, |link| link.sign);
+        let variable = task.domain.variable.get(joint).copied().flatten();
+        let next = variable.map_or(sum, |variable| coordinate[variable]);
+        q.push(sign * (next - sum));
+        sum = next;
+    }
+    let share = task.domain.share.map_or(1.0, |share| coordinate[share]);
+    let load = match task.domain.load {
+        super::domain::Load::Wrench(wrench, _) => wrench.map(|part| part * share),
+        super::domain::Load::Any(_) => [0.0; 6],
+    };
+    (q, load)
+}
+
+fn random_cell(task: &Task<'_>, random: &mut Random) -> Cell {
+    let mut cell = task.whole();
+    for variable in 0..task.variables() {
+        for _ in 0..random.below(9) {
+            cell = task.halves(&cell, variable)[random.below(2)];
+        }
+    }
+    cell
+}
+
+/// The bounds of a judgement, and the polynomials behind it, hold at random points.
+fn assert_enclosed(question: &Question, boxes: usize, seed: u64) {
+    let mut random = Random(seed);
+    for mut task in tasks(question).unwrap_or_default() {
+        let mut workspace = Workspace::new(task.variables());
+        for middle in task.middles() {
+            task.middle = middle;
+            for _ in 0..boxes {
+                let cells: [Cell; LANES] = std::array::from_fn(|_| random_cell(&task, &mut random));
+                let threshold = 10.0_f64.powf(2.0 * random.number());
+                let judgements = judge(&task, &mut workspace, &cells, LANES, threshold);
+                let enclosure = task.enclose(&mut workspace, &cells);
+                for (lane, (cell, judgement)) in cells.iter().zip(judgements).enumerate() {
+                    for _ in 0..10 {
+                        let (q, load) = point(&task, question, cell, &mut random);
+                        let (d, margins) = experiment(question, &q, &load);
+                        let inside = margins.iter().all(|margin| *margin >= 1e-9)
+                            && task.is_within_limits(&q, 1e-9);
+                        let bound = judgement.largest.max(threshold) * (1.0 + 1e-9) + 1e-9;
+                        assert!(!inside || d <= bound, "{d} above {}", judgement.largest);
+                        assert!(!inside || judgement.largest > f64::NEG_INFINITY);
+                        for (model, truth) in enclosure.margins.iter().zip(&margins) {
+                            let margin =
+                                Polynomial::new(&workspace, *model, lane, task.variables());
+                            assert!(margin.largest() >= truth - 1e-9);
+                            let bound = workspace.bound(*model)[lane];
+                            assert!(truth.abs() <= bound + 1e-9);
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn boxes_enclose_the_experiments_of_arms() {
+    assert_enclosed(&heavy_arm(), 40, 1);
+    let mut question = heavy_arm();
+    question.loads = Loads::OneOf(vec![
+        [0.0, 2.5, 0.0, 0.0, 0.0, 0.0],
+        [1.0, 0.5, 0.0, 0.0, 0.3, 1.0],
+    ]);
+    assert_enclosed(&question, 30, 2);
+    question.loads = Loads::AnyForce(2.5);
+    assert_enclosed(&question, 30, 3);
+    question.loads = Loads::UpTo([0.0, 1000.0, -2000.0, 0.0, 0.0, 0.0], 0.2);
+    question.region.torque_nm = Some(vec![9000.0, 5000.0, 4000.0, 2000.0, 2000.0, 900.0]);
+    assert_enclosed(&question, 30, 4);
+    let mut random = Random(5);
+    for round in 0..40 {
+        let [x, y, z] = random.vector();
+        let loads = [
+            Loads::OneOf(vec![[x, y, z, y, z, x]]),
+            Loads::AnyForce(1.5),
+            Loads::UpTo([20.0 * x, y, z, 0.0, 0.0, 1.0], 0.1),
+        ];
+        let question = random_arm(&mut random, loads[round % 3].clone(), round % 2 == 0);
+        assert_enclosed(&question, 6, round as u64);
+    }
+}
+
+/// The largest d at random experiments, with the best of them.
+fn sampled(question: &Question, count: usize, seed: u64) -> Vec<(f64, Vec<f64>, [f64; 6])> {
+    let mut random = Random(seed);
+    let loads: Vec<[f64; 6]> = match &question.loads {
+        Loads::OneOf(loads) => loads.clone(),
+        Loads::UpTo(load, _) => vec![*load],
+        Loads::AnyForce(_) => vec![[0.0; 6]],
+    };
+    let mut found = Vec::new();
+    for _ in 0..count {
+        let q: Vec<f64> = (question.arm.joints.iter())
+            .map(|joint| {
+                let [low, high] = joint.range_rad;
+                low + (high - low) * (random.number() + 1.0) / 2.0
+            })
+            .collect();
+        let load = loads[random.below(loads.len())];
+        let (d, margins) = experiment(question, &q, &load);
+        if margins.iter().all(|margin| *margin >= 0.0) {
+            found.push((d, q, load));
+        }
+    }
+    found.sort_by(|one, other| other.0.total_cmp(&one.0));
+    found
+}
+
+fn effort(gap: f64, boxes: u64) -> Effort<'static> {
+    Effort {
+        gap,
+        boxes,
+        stop: &|| false,
+        progress: &|_, _| {},
+    }
+}
+
+/// Any point of the region lies, as it is or by the symmetries, in a box that is never forgotten under a threshold just
+/// below its derivative: so nothing is proved from less than the largest derivative.
+#[test]
+fn nothing_is_proved_from_less_than_an_experiment_gives() {
+    let mut random = Random(7);
+    let mut questions = vec![heavy_arm()];
+    questions[0].arm.joints[1].range_rad = [-1.6, -1.2];
+    questions[0].arm.joints[2].range_rad = [0.9, 1.3];
+    for round in 0..12 {
+        let [x, y, z] = random.vector();
+        let loads = [
+            Loads::OneOf(vec![[0.0, 0.0, z, 0.0, 0.0, 0.0], [x, y, z, x, y, z]]),
+            Loads::AnyForce(1.0),
+        ];
+        questions.push(random_arm(
+            &mut random,
+            loads[round % 2].clone(),
+            round % 4 == 0,
+        ));
+    }
+    for question in &questions {
+        let Some(best) = sampled(question, 5_000, 1).into_iter().next() else {
+            continue;
+        };
+        // A far too small derivative is given as found: the threshold rises with what is found on the way, and ends
+        // above the best experiment.
+        let Ok(proved) = prove(question, 0.2 * best.0, effort(0.1, 15_000)) else {
+            continue;
+        };
+        assert!(proved.largest >= best.0 * (1.0 - 1e-12));
+    }
+}
+
+/// Two equal links in a vertical plane: a weight W at the end turns the second joint by W l cos(angle), so that its
+/// deflection, of l times that, is largest with the link level: d = (b W l^2)^2.
+#[test]
+fn a_planar_arm_is_proved_to_its_known_maximum() -> Result<(), NoProof> {
+    let arm = Arm {
+        joints: vec![
+            joint([0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-90.0, 90.0]),
+            joint([0.5, 0.0, 0.0], [0.0, 1.0, 0.0], [-90.0, 90.0]),
+        ],
+        tool_joints: 2,
+        tool_offset_m: [0.5, 0.0, 0.0],
+        tool_rotation: UPRIGHT,
+        gravity_m_s2: [0.0, 0.0, -9.81],
+    };
+    let question = |parameters: Vec<usize>, rows: Vec<Vec<f64>>| Question {
+        arm: arm.clone(),
+        parameters,
+        rows,
+        region: Region::default(),
+        loads: Loads::OneOf(vec![[0.0, 0.0, -100.0, 0.0, 0.0, 0.0]]),
+    };
+    let outer = (100.0_f64 * 0.25).powi(2);
+    let proved = prove(
+        &question(vec![1], vec![vec![1.0]]),
+        outer,
+        effort(1e-4, 100_000),
+    )?;
+    assert!(proved.largest >= outer && proved.gap() <= 1.001e-4);
+    // The first joint: at full stretch, W (2l) times 2l.
+    let inner = (100.0_f64).powi(2);
+    let proved = prove(
+        &question(vec![0], vec![vec![1.0]]),
+        0.9 * inner,
+        effort(1e-3, 100_000),
+    )?;
+    assert!(proved.largest >= inner && proved.largest <= inner * 1.0011);
+    assert!(proved.found <= inner * (1.0 + 1e-12));
+    // Below the maximum nothing is proved, however long it takes.
+    let Proved { largest, .. } = prove(
+        &question(vec![0], vec![vec![1.0]]),
+        0.5 * inner,
+        effort(0.3, 2_000),
+    )?;
+    assert!(largest >= inner);
+    // A weight on a level floor of 1 m: the height is a constraint, and both links level is still possible.
+    let mut floor = question(vec![0], vec![vec![1.0]]);
+    floor.region.height_m = [Some(1.25), None];
+    let proved = prove(&floor, 0.9 * inner, effort(1e-3, 200_000))?;
+    // On the constraint, sin a + sin b = 1/2 for links of 1/2: the reach is largest with a = b.
+    let reach = 2.0 * 0.5 * (1.0 - 0.0625_f64).sqrt();
+    let best = (100.0 * reach * reach).powi(2);
+    let lever = (reach * reach + 0.0625).sqrt() * reach * 100.0;
+    assert!(best < lever * lever);
+    assert!(proved.largest >= lever * lever * (1.0 - 1e-9));
+    assert!(
+        proved.largest <= lever * lever * 1.002,
+        "{} {}",
+        proved.largest,
+        lever * lever
+    );
+    Ok(())
+}
+
+/// The matrix of a target is that of plain arithmetic, and the bound is rounded down.
+#[test]
+fn the_bound_is_that_of_plain_arithmetic_but_for_rounding() {
+    let mut random = Random(11);
+    for _ in 0..40 {
+        let question = random_arm(&mut random, Loads::OneOf(vec![[0.0; 6]]), false);
+        let configuration_rad: Vec<f64> = (0..4).map(|_| 3.0 * random.number()).collect();
+        let [force, torque] = [random.vector(), random.vector()];
+        let wrench: [f64; 6] =
+            std::array::from_fn(|k| if k < 3 { force[k] } else { torque[k - 3] });
+        // Three rows that pick one coordinate of one column each: trace(C B^T) is its value.
+        for (parameter, axis) in [(0, 0), (1, 1), (2, 2), (0, 2)] {
+            let mut rows = vec![vec![0.0; 3]; 3];
+            rows[axis][parameter] = 1.0;
+            let target = Target {
+                arm: question.arm.clone(),
+                configuration_rad: configuration_rad.clone(),
+                wrench,
+                weight: 0.25,
+            };
+            let ingredients = Ingredients {
+                targets: &[target],
+                parameters: &question.parameters,
+                rows: &rows,
+                sigma_m: 2.0,
+            };
+            let bound = ingredients.least_rho0_m(4.0);
+            // d of a row that picks the column is its square.
+            let mut one = question.clone();
+            one.rows = vec![vec![0.0; 3]];
+            one.rows[0][parameter] = 1.0;
+            let column = column(&one, &configuration_rad, &wrench, parameter)[axis];
+            let truth = 2.0 * 0.5 * column.abs() / 2.0;
+            assert!(bound.is_some_and(|bound| bound <= truth + 1e-15));
+            assert!(bound.is_some_and(|bound| bound >= truth - 1e-10));
+        }
+    }
+}
+
+#[test]
+fn results_do_not_depend_on_threads() {
+    let question = heavy_arm();
+    let found = sampled(&question, 20_000, 3)[0].0;
+    let run = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        pool.map(|pool| pool.install(|| prove(&question, found, effort(0.1, 30_000))))
+    };
+    let results: Vec<_> = [1, 2, 3].into_iter().map(run).collect();
+    for result in results {
+        assert_eq!(result.ok(), run(1).ok());
+    }
+}

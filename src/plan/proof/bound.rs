@@ -1,0 +1,141 @@
+//! From a bound of the derivative to one of `rho_0`, with every rounding.
+
+use super::chain::Chain;
+use super::constant::{Constant, vector};
+use super::domain::{Domain, Load};
+use super::geometry::Geometry;
+use super::question::Arm;
+use super::rounding::{LARGEST_ANGLE, UNIT, UP, Waves, sin_cos};
+use super::taylor::{LANES, Model, Workspace};
+use super::vectors::{Angle, NOWHERE, constant_in, cross, difference, dot};
+
+/// What must be accurate: a tool at a configuration under a load.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Target {
+    /// The arm with that tool.
+    pub arm: Arm,
+    /// Its configuration (rad).
+    pub configuration_rad: Vec<f64>,
+    /// The load: force (N) and torque (N m) in the world frame.
+    pub wrench: [f64; 6],
+    /// The weight among all targets.
+    pub weight: f64,
+}
+
+/// What a lower bound of `rho_0` is made of.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Ingredients<'a> {
+    /// The targets.
+    pub targets: &'a [Target],
+    /// The joints whose compliances are the parameters.
+    pub parameters: &'a [usize],
+    /// The rows of B, three for each target.
+    pub rows: &'a [Vec<f64>],
+    /// The standard deviation of each coordinate of a deflection (m).
+    pub sigma_m: f64,
+}
+
+impl Ingredients<'_> {
+    /// No plan has a smaller `rho_0` (m) whose derivatives add up to at most `derivatives`:
+    /// sigma trace(C B^T) / sqrt(derivatives), rounded down. `None` where an angle is too large.
+    #[must_use]
+    pub fn least_rho0_m(&self, derivatives: f64) -> Option<f64> {
+        let (mut trace, mut error, mut size) = (0.0_f64, 0.0_f64, 0.0_f64);
+        let mut rows = self.rows.iter();
+        for target in self.targets {
+            let columns = columns(target, self.parameters)?;
+            let weight = target.weight.sqrt();
+            for axis in 0..3 {
+                let row = rows.next()?;
+                for (factor, column) in row.iter().zip(&columns) {
+                    let Constant { value, error: off } = column[axis];
+                    let factor = factor * weight;
+                    trace += factor * value;
+                    size += (factor * value).abs();
+                    error += factor.abs() * off * UP;
+                }
+            }
+        }
+        // The root, two products, and the sum of fewer than 1e6 terms.
+        let terms = (self.rows.len() * self.parameters.len()) as f64;
+        let error = (error + size * UNIT * (terms + 8.0)) * UP * UP;
+        let bound = self.sigma_m * ((trace.abs() - error) / derivatives.sqrt()).max(0.0);
+        Some(bound * (1.0 - 16.0 * UNIT))
+    }
+}
+
+/// The columns of the target's matrix: `tau_n` `J_n` for each parameter n, in the world frame.
+fn columns(target: &Target, parameters: &[usize]) -> Option<Vec<[Constant; 3]>> {
+    let arm = &target.arm;
+    let mut chain = Chain::new(arm, arm.joints.len());
+    // Every joint has an angle of its own here.
+    for link in &mut chain.links {
+        link.starts_run = true;
+    }
+    let count = chain.links.len();
+    if (target.configuration_rad.iter()).any(|angle| angle.is_nan() || angle.abs() > LARGEST_ANGLE)
+    {
+        return None;
+    }
+    // One point is a box of no width, in whatever variable.
+    let mut workspace = Workspace::new(1);
+    let angles: Vec<Angle> = chain
+        .links
+        .iter()
+        .zip(&target.configuration_rad)
+        .map(|(link, angle)| {
+            workspace.sin_cos(
+                0,
+                &[sin_cos(link.sign * angle); LANES],
+                &[Waves::new(0.0); LANES],
+            )
+        })
+        .collect();
+    let domain = Domain {
+        load: Load::Wrench(target.wrench, None),
+        variable: (0..count).map(Some).collect(),
+        share: None,
+        ranges: Vec::new(),
+        differences: Vec::new(),
+    };
+    let geometry = Geometry::new(&mut workspace, &chain, &domain, &angles, 0, false);
+    let [fx, fy, fz, tx, ty, tz] = target.wrench;
+    let [force, torque] = [[fx, fy, fz], [tx, ty, tz]].map(|each| {
+        constant_in(
+            &mut workspace,
+            &geometry.world,
+            &vector(each),
+            &NOWHERE,
+            1.0,
+        )
+    });
+    let column = |&joint: &usize| {
+        if joint >= arm.tool_joints {
+            return [Constant::exact(0.0); 3];
+        }
+        let lever = difference(&mut workspace, &geometry.tool, &geometry.anchor[joint]);
+        let lever = cross(&mut workspace, &geometry.axis[joint], &lever);
+        let pairs = [(&lever, &force), (&geometry.axis[joint], &torque)];
+        let moment = dot(&mut workspace, &pairs);
+        lever.map(|part| {
+            let product = workspace
+                .sum()
+                .product(super::taylor::Sign::Plus, part, moment)
+                .end();
+            constant(&workspace, product)
+        })
+    };
+    Some(parameters.iter().map(column).collect())
+}
+
+/// The value of a model over a box of no width, whose coefficients but the first are noughts.
+fn constant(workspace: &Workspace, model: Model) -> Constant {
+    let others: f64 = workspace.coefficients(model)[1..]
+        .iter()
+        .map(|each| each[0].abs())
+        .sum();
+    Constant {
+        value: workspace.coefficients(model)[0][0],
+        error: (workspace.remainder(model)[0] + others) * UP,
+    }
+}

@@ -1,0 +1,310 @@
+//! Branch and bound: boxes are halved until no derivative in any of them is above a threshold.
+
+use rayon::prelude::*;
+
+use super::chain::Chain;
+use super::domain::{Domain, Load};
+use super::enclosure::{Cell, DEEPEST, Task};
+use super::judgement::{Judgement, judge};
+use super::question::{Loads, Question};
+use super::taylor::{LANES, Workspace};
+
+/// How far above the largest derivative found the threshold is, one after another.
+const GAPS: [f64; 6] = [0.3, 0.1, 0.03, 0.01, 0.003, 0.001];
+/// Boxes that a thread takes at a time, and how many it looks at before it gives back what is left. Results
+/// depend on them, but on nothing that changes from run to run.
+const TAKEN: usize = 16;
+const LOOKS: usize = 128;
+/// Threads' shares of a round.
+const SHARES: usize = 32;
+/// To choose a middle frame: parts of the region, how often each of their variables is halved, how many boxes
+/// are looked at in each, and the threshold as a multiple of the largest derivative found.
+const TRIALS: u64 = 16;
+const TRIAL_DEPTH: u8 = 2;
+const TRIAL_BOXES: usize = 400;
+const TRIAL_GAP: f64 = 1.3;
+
+/// How far a proof shall go.
+#[derive(Clone, Copy)]
+pub struct Effort<'a> {
+    /// The gap at which it ends, as a share of the largest derivative found.
+    pub gap: f64,
+    /// The number of boxes after which it ends.
+    pub boxes: u64,
+    /// Asked now and then whether to end.
+    pub stop: &'a (dyn Fn() -> bool + Sync),
+    /// Hears of the gap that is proved so far and the number of boxes.
+    pub progress: &'a (dyn Fn(Option<f64>, u64) + Sync),
+}
+
+/// What was proved.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Proved {
+    /// No derivative in the region is above this.
+    pub largest: f64,
+    /// The largest derivative that is known.
+    pub found: f64,
+    /// The number of boxes looked at.
+    pub boxes: u64,
+}
+
+impl Proved {
+    /// How far the proved bound is above the largest derivative found, as a share of it.
+    #[must_use]
+    pub fn gap(&self) -> f64 {
+        self.largest / self.found - 1.0
+    }
+}
+
+/// Why nothing can be proved.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum NoProof {
+    /// Too many variables, or too large angles.
+    #[error("the proof takes at most 8 variables, of at most 60 rad")]
+    TooLarge,
+    /// The first rung was not reached.
+    #[error("the proof ended before its first result")]
+    Unfinished,
+}
+
+/// A box with what is known of it.
+#[derive(Debug, Clone, Copy)]
+struct Open {
+    task: usize,
+    cell: Cell,
+    largest: f64,
+    halve: usize,
+}
+
+/// What a thread's share of a round gave.
+struct Share {
+    left: Vec<(usize, Cell)>,
+    kept: Vec<Open>,
+    looks: u64,
+    found: f64,
+}
+
+/// Bounds the largest derivative over all experiments of a question, of which one is known.
+///
+/// # Errors
+/// The question is too large, or nothing was proved in time.
+pub fn prove(question: &Question, found: f64, effort: Effort<'_>) -> Result<Proved, NoProof> {
+    let mut tasks = tasks(question).ok_or(NoProof::TooLarge)?;
+    for task in &mut tasks {
+        choose_middle(task, found);
+    }
+    let mut found = found;
+    let mut boxes = 0;
+    let mut proved = None;
+    let mut kept: Vec<Open> = Vec::new();
+    let mut stack: Vec<(usize, Cell)> = Vec::new();
+    for (index, task) in tasks.iter().enumerate() {
+        stack.push((index, task.whole()));
+    }
+    let gaps = GAPS
+        .into_iter()
+        .filter(|gap| *gap > effort.gap)
+        .chain([effort.gap]);
+    for gap in gaps {
+        let (open, closed) = kept
+            .into_iter()
+            .partition(|each| each.largest > found * (1.0 + gap));
+        kept = closed;
+        let open: Vec<Open> = open;
+        for each in &open {
+            push_halves(&tasks, each, &mut stack);
+        }
+        while !stack.is_empty() {
+            if boxes >= effort.boxes || (effort.stop)() {
+                return proved.ok_or(NoProof::Unfinished);
+            }
+            let thresholds = [found * (1.0 + effort.gap), found * (1.0 + gap)];
+            let taken = stack.split_off(stack.len().saturating_sub(TAKEN * SHARES));
+            let shares: Vec<Share> = taken
+                .par_chunks(taken.len().div_ceil(SHARES))
+                .map_init(
+                    || Workspaces::new(&tasks),
+                    |workspaces, taken| share(&tasks, workspaces, taken, thresholds),
+                )
+                .collect();
+            for share in shares {
+                stack.extend(share.left);
+                kept.extend(share.kept);
+                boxes += share.looks;
+                found = found.max(share.found);
+            }
+            (effort.progress)(proved.map(|proved: Proved| proved.gap()), boxes);
+        }
+        let largest = kept.iter().map(|each| each.largest).fold(0.0, f64::max);
+        proved = Some(Proved {
+            largest: largest.max(found * (1.0 + effort.gap)),
+            found,
+            boxes,
+        });
+    }
+    proved.ok_or(NoProof::Unfinished)
+}
+
+/// What is asked, load by load; a load and its opposite tell the same.
+pub(super) fn tasks(question: &Question) -> Option<Vec<Task<'_>>> {
+    let loads: Vec<Load> = match &question.loads {
+        Loads::OneOf(wrenches) => {
+            let mut loads: Vec<Load> = Vec::new();
+            for wrench in wrenches {
+                let opposite = Load::Wrench(wrench.map(|part| -part), None);
+                let load = Load::Wrench(*wrench, None);
+                let repeats = question.region.torque_nm.is_none() && loads.contains(&opposite);
+                if !repeats && !loads.contains(&load) {
+                    loads.push(load);
+                }
+            }
+            loads
+        }
+        Loads::UpTo(wrench, least) => {
+            let needs_share = question.region.torque_nm.is_some();
+            vec![Load::Wrench(*wrench, needs_share.then_some(*least))]
+        }
+        Loads::AnyForce(size) => vec![Load::Any(*size)],
+    };
+    let joints = if question.region.torque_nm.is_some() {
+        question.arm.joints.len()
+    } else {
+        question.arm.tool_joints
+    };
+    let chain = Chain::new(&question.arm, joints);
+    loads
+        .into_iter()
+        .map(|load| {
+            let domain = Domain::new(question, &chain, load)?;
+            Some(Task::new(question, chain.clone(), domain))
+        })
+        .collect()
+}
+
+/// Rooms of the tasks, which differ in their number of variables.
+struct Workspaces(Vec<Workspace>);
+
+impl Workspaces {
+    fn new(tasks: &[Task<'_>]) -> Self {
+        Self(
+            tasks
+                .iter()
+                .map(|task| Workspace::new(task.variables()))
+                .collect(),
+        )
+    }
+}
+
+/// One thread's share: depth first. `thresholds` are where boxes may be forgotten, and where they need not be
+/// halved for now.
+fn share(
+    tasks: &[Task<'_>],
+    workspaces: &mut Workspaces,
+    taken: &[(usize, Cell)],
+    [forget, keep]: [f64; 2],
+) -> Share {
+    let mut share = Share {
+        left: taken.to_vec(),
+        kept: Vec::new(),
+        looks: 0,
+        found: 0.0,
+    };
+    let mut looks = 0;
+    while looks < LOOKS {
+        let Some(&(index, last)) = share.left.last() else {
+            break;
+        };
+        let mut cells = [last; LANES];
+        let mut used = 0;
+        while used < LANES && share.left.last().is_some_and(|(task, _)| *task == index) {
+            if let Some((_, cell)) = share.left.pop() {
+                cells[used] = cell;
+                used += 1;
+            }
+        }
+        let judgements = judge(
+            &tasks[index],
+            &mut workspaces.0[index],
+            &cells,
+            used,
+            forget,
+        );
+        looks += used;
+        for (
+            cell,
+            Judgement {
+                largest,
+                at_centre,
+                halve,
+                ..
+            },
+        ) in cells.into_iter().zip(judgements)
+        {
+            share.found = share.found.max(at_centre);
+            let open = Open {
+                task: index,
+                cell,
+                largest,
+                halve,
+            };
+            if largest > keep && cell.depth[halve] < DEEPEST {
+                push_halves(tasks, &open, &mut share.left);
+            } else if largest > forget {
+                share.kept.push(open);
+            }
+        }
+    }
+    share.looks = looks as u64;
+    share
+}
+
+fn push_halves(tasks: &[Task<'_>], open: &Open, stack: &mut Vec<(usize, Cell)>) {
+    let halves = tasks[open.task].halves(&open.cell, open.halve);
+    stack.extend(halves.map(|half| (open.task, half)));
+}
+
+/// Tries where the frame stands best: where some parts of the region take fewest boxes.
+fn choose_middle(task: &mut Task<'_>, found: f64) {
+    let mut best = (usize::MAX, 0);
+    for middle in task.middles() {
+        task.middle = middle;
+        let looks = trial(task, TRIAL_GAP * found, best.0);
+        if looks < best.0 {
+            best = (looks, middle);
+        }
+    }
+    task.middle = best.1;
+}
+
+/// The number of boxes, up to a limit, that some parts of the region take.
+fn trial(task: &Task<'_>, threshold: f64, limit: usize) -> usize {
+    let mut workspace = Workspace::new(task.variables());
+    let mut looks = 0;
+    for part in 0..TRIALS {
+        // Halves are chosen by the digits of multiples of an odd number, which look random.
+        let mut digits = (part + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+        let mut cell = task.whole();
+        for _ in 0..TRIAL_DEPTH {
+            for variable in 0..task.variables() {
+                cell = task.halves(&cell, variable)[usize::from(digits >> 63 == 1)];
+                digits = digits.rotate_left(1);
+            }
+        }
+        let mut stack = vec![cell];
+        let end = limit.min(looks + TRIAL_BOXES);
+        while !stack.is_empty() && looks < end {
+            let used = stack.len().min(LANES);
+            let mut cells = [stack[0]; LANES];
+            let from = stack.split_off(stack.len() - used);
+            cells[..used].copy_from_slice(&from);
+            let judgements = judge(task, &mut workspace, &cells, used, threshold);
+            looks += used;
+            for (cell, judgement) in cells.iter().zip(judgements) {
+                if judgement.largest > threshold && cell.depth[judgement.halve] < DEEPEST {
+                    stack.extend(task.halves(cell, judgement.halve));
+                }
+            }
+        }
+    }
+    looks
+}

@@ -1,0 +1,213 @@
+//! The variables of a question under one load, their ranges, and what symmetry leaves of them.
+
+use std::f64::consts::PI;
+
+use super::chain::Chain;
+use super::question::{Question, Region};
+use super::rounding::LARGEST_ANGLE;
+use super::taylor::VARIABLES;
+
+/// One load.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Load {
+    /// A wrench, or down to this share of it.
+    Wrench([f64; 6], Option<f64>),
+    /// A force of any direction and this size (N).
+    Any(f64),
+}
+
+/// The sum of a joint's angle and of those before it in its run, or what another variable is there for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Range {
+    pub low: f64,
+    pub high: f64,
+}
+
+/// A limit of one joint's angle where the variables are sums: low <= later - earlier <= high.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Difference {
+    pub later: usize,
+    pub earlier: usize,
+    pub low: f64,
+    pub high: f64,
+}
+
+/// The variables of a question under one load.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Domain {
+    pub load: Load,
+    /// The variable of each joint that has one; the others stay at zero.
+    pub variable: Vec<Option<usize>>,
+    /// The variable that is the load's share of its largest.
+    pub share: Option<usize>,
+    /// The range of each variable: the box to begin with.
+    pub ranges: Vec<Range>,
+    pub differences: Vec<Difference>,
+}
+
+/// A grid on which boxes can be halved thirty times without rounding.
+const GRID: f64 = 1_048_576.0;
+/// More than pi, on the grid.
+const HALF_TURN: f64 = 3_294_200.0 / GRID;
+
+impl Domain {
+    /// `None` where there are too many variables or too large angles.
+    pub fn new(question: &Question, chain: &Chain, load: Load) -> Option<Self> {
+        let region = &question.region;
+        let count = chain.links.len();
+        let mut ranges_rad: Vec<[f64; 2]> = question
+            .arm
+            .joints
+            .iter()
+            .map(|each| each.range_rad)
+            .collect();
+        let moves = moving_joints(question, chain, &load);
+        let mut domain = Self {
+            load,
+            variable: vec![None; count],
+            share: None,
+            ranges: Vec::new(),
+            differences: Vec::new(),
+        };
+        let mut is_free = vec![false; count];
+        for joint in 0..count {
+            let earlier = joint
+                .checked_sub(1)
+                .filter(|_| !chain.links[joint].starts_run)
+                .and_then(|before| domain.variable[before]);
+            if !moves[joint] {
+                domain.variable[joint] = earlier;
+                continue;
+            }
+            let [low, high] = &mut ranges_rad[joint];
+            if chain.links[joint].sign < 0.0 {
+                (*low, *high) = (-*high, -*low);
+            }
+            let [low, high] = [*low, *high];
+            is_free[joint] = high - low >= 2.0 * HALF_TURN;
+            let variable = domain.ranges.len();
+            domain.variable[joint] = Some(variable);
+            domain.ranges.push(if is_free[joint] {
+                Range {
+                    low: -HALF_TURN,
+                    high: HALF_TURN,
+                }
+            } else if let Some(earlier) = earlier {
+                domain.differences.push(Difference {
+                    later: variable,
+                    earlier,
+                    low,
+                    high,
+                });
+                let before = domain.ranges[earlier];
+                outward(before.low + low, before.high + high)
+            } else {
+                outward(low, high)
+            });
+        }
+        if region.torque_nm.is_none() {
+            domain.reduce(chain, &is_free, &ranges_rad);
+        }
+        if let Load::Wrench(_, Some(share)) = domain.load {
+            domain.share = Some(domain.ranges.len());
+            domain.ranges.push(outward(share, 1.0));
+        }
+        let is_small = |range: &Range| range.low.abs().max(range.high.abs()) < LARGEST_ANGLE;
+        (domain.ranges.len() <= VARIABLES && domain.ranges.iter().all(is_small)).then_some(domain)
+    }
+
+    /// Leaves out what symmetry repeats.
+    fn reduce(&mut self, chain: &Chain, is_free: &[bool], ranges_rad: &[[f64; 2]]) {
+        let wrist = (0..chain.tool_joints.saturating_sub(2)).find(|&k| {
+            let [low, high] = ranges_rad[k + 1];
+            chain.is_wrist(k)
+                && [k, k + 1, k + 2]
+                    .iter()
+                    .all(|&joint| self.variable[joint].is_some())
+                && is_free[k]
+                && is_free[k + 2]
+                && (is_free[k + 1] || low + high == 0.0)
+        });
+        if let Some(variable) = wrist.and_then(|k| self.variable[k + 1]) {
+            self.ranges[variable].low = 0.0;
+        }
+        for across in 0..2 {
+            let reverses = |joint: usize| chain.links[joint].axis != across;
+            let symmetric = |joint: usize| {
+                let [low, high] = ranges_rad[joint];
+                self.variable[joint].is_none()
+                    || !reverses(joint)
+                    || is_free[joint]
+                    || low + high == 0.0
+            };
+            let wrist_stays = wrist.is_none_or(|k| !reverses(k + 1));
+            let joints = 0..chain.links.len();
+            if chain.is_mirrored(across)
+                && load_is_mirrored(&self.load, across)
+                && wrist_stays
+                && joints.clone().all(symmetric)
+            {
+                let first = joints
+                    .filter(|&joint| reverses(joint))
+                    .find_map(|joint| self.variable[joint]);
+                if let Some(variable) = first {
+                    self.ranges[variable].low = 0.0;
+                }
+                return;
+            }
+        }
+    }
+}
+
+/// Whether the mirror image of a load gives the deflections' mirror image, or its opposite.
+fn load_is_mirrored(load: &Load, across: usize) -> bool {
+    let Load::Wrench([fx, fy, fz, tx, ty, tz], _) = *load else {
+        return true;
+    };
+    let (force, torque) = ([fx, fy, fz], [tx, ty, tz]);
+    let only = |vector: [f64; 3], inside: bool| {
+        (0..3).all(|k| (k == across) == inside || vector[k] == 0.0)
+    };
+    // The image of a torque, an axial vector, is reversed.
+    (only(force, true) && only(torque, false)) || (only(force, false) && only(torque, true))
+}
+
+/// The joints whose angle matters.
+fn moving_joints(question: &Question, chain: &Chain, load: &Load) -> Vec<bool> {
+    let region = &question.region;
+    let count = chain.links.len();
+    let mut moves = vec![true; count];
+    let vertical = |vector: &[f64]| vector[0] == 0.0 && vector[1] == 0.0;
+    let load_turns = match load {
+        Load::Wrench(wrench, _) => vertical(&wrench[..3]) && vertical(&wrench[3..]),
+        Load::Any(_) => true,
+    };
+    let gravity_turns = region.torque_nm.is_none() || vertical(&question.arm.gravity_m_s2);
+    if chain.is_upright() && load_turns && gravity_turns {
+        moves[0] = false;
+    }
+    if region.torque_nm.is_none() {
+        for moves in moves.iter_mut().skip(chain.tool_joints) {
+            *moves = false;
+        }
+        if chain.turns_tool_on_the_spot(needs_tool_axis(region)) {
+            moves[chain.tool_joints - 1] = false;
+        }
+    }
+    moves
+}
+
+pub(super) const fn needs_tool_axis(region: &Region) -> bool {
+    region.elevation_sine.is_some()
+}
+
+/// A range that holds both, on the grid.
+fn outward(low: f64, high: f64) -> Range {
+    // Scaling by a power of two is exact; one step more covers the rounding of a sum.
+    Range {
+        low: ((low * GRID).floor() - 1.0) / GRID,
+        high: ((high * GRID).ceil() + 1.0) / GRID,
+    }
+}
+
+const _: () = assert!(HALF_TURN > PI && HALF_TURN < PI + 1e-5);

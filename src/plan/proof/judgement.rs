@@ -1,0 +1,170 @@
+//! What a box's enclosure says: no experiment in it, no derivative above the threshold, or how to halve it.
+
+use super::enclosure::{Cell, Derivative, Enclosure, Task};
+use super::form::{Turned, turned_form};
+use super::polynomial::Polynomial;
+use super::taylor::{LANES, Lanes, Workspace};
+
+/// What is known of a box.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Judgement {
+    /// No derivative in the box is above this; minus infinity where there is no experiment.
+    pub largest: f64,
+    /// The multipliers of the margins that it rests on; where there is no experiment, that of the
+    /// margin that shows it is infinite.
+    pub multipliers: Vec<(usize, f64)>,
+    /// The derivative at the centre is at least this, if experiments are possible there.
+    pub at_centre: f64,
+    /// The variable to halve.
+    pub halve: usize,
+}
+
+/// Rounds over the margins.
+const ROUNDS: usize = 2;
+/// Boxes wider than this (rad, half of the width) are halved first of all.
+const WIDE: f64 = 1.0;
+/// How much the remainder weighs against the linear part where it is chosen what to halve.
+const REMAINDER_WEIGHT: f64 = 1.5;
+
+/// Judges boxes; those whose largest derivative is not above the threshold need no more thought.
+pub(super) fn judge(
+    task: &Task<'_>,
+    workspace: &mut Workspace,
+    cells: &[Cell; LANES],
+    used: usize,
+    threshold: f64,
+) -> Vec<Judgement> {
+    let enclosure = task.enclose(workspace, cells);
+    let turned = match enclosure.derivative {
+        Derivative::Plain(model) => Turned {
+            model,
+            is_valid: [true; LANES],
+            at_centre: None,
+        },
+        Derivative::Largest(form) => turned_form(workspace, &form, threshold),
+    };
+    (0..used)
+        .map(|lane| {
+            judge_one(
+                task,
+                workspace,
+                &enclosure,
+                &turned,
+                (&cells[lane], lane),
+                threshold,
+            )
+        })
+        .collect()
+}
+
+fn judge_one(
+    task: &Task<'_>,
+    workspace: &Workspace,
+    enclosure: &Enclosure,
+    turned: &Turned,
+    (cell, lane): (&Cell, usize),
+    threshold: f64,
+) -> Judgement {
+    let variables = task.variables();
+    let polynomial = |model| Polynomial::new(workspace, model, lane, variables);
+    let margins: Vec<Polynomial> = enclosure.margins.iter().copied().map(polynomial).collect();
+    let mut judgement = Judgement {
+        largest: f64::NEG_INFINITY,
+        multipliers: Vec::new(),
+        at_centre: f64::NEG_INFINITY,
+        halve: 0,
+    };
+    if let Some(index) = margins.iter().position(|margin| margin.largest() < 0.0) {
+        judgement.multipliers.push((index, f64::INFINITY));
+        return judgement;
+    }
+    let mut sum = polynomial(turned.model);
+    if margins.iter().all(|margin| margin.least_at_centre() >= 0.0) {
+        judgement.at_centre = match &turned.at_centre {
+            Some(at_centre) => at_centre[lane],
+            None => sum.least_at_centre(),
+        };
+    }
+    let bound = |sum: &Polynomial| {
+        let largest = sum.largest();
+        if largest.is_nan() || !turned.is_valid[lane] {
+            f64::INFINITY
+        } else {
+            largest
+        }
+    };
+    let alone = bound(&sum);
+    judgement.largest = alone;
+    if judgement.largest > threshold && judgement.largest.is_finite() {
+        for _ in 0..ROUNDS {
+            add_margins(&mut judgement, &mut sum, &margins, variables, &bound);
+            if judgement.largest <= threshold {
+                break;
+            }
+        }
+    }
+    judgement.halve = choose(task, &sum, &enclosure.spread, (cell, lane));
+    judgement
+}
+
+/// Adds each margin so many times as lowers the bound most, by the linear parts: there the bound
+/// has its kinks where a slope vanishes.
+fn add_margins(
+    judgement: &mut Judgement,
+    sum: &mut Polynomial,
+    margins: &[Polynomial],
+    variables: usize,
+    bound: &dyn Fn(&Polynomial) -> f64,
+) {
+    for (index, margin) in margins.iter().enumerate() {
+        let slopes: f64 = (0..variables).map(|j| margin.slope(j).abs()).sum();
+        if margin.constant() > slopes {
+            continue;
+        }
+        let mut kinks: Vec<f64> = (0..variables)
+            .map(|j| -sum.slope(j) / margin.slope(j))
+            .filter(|kink| kink.is_finite() && *kink > 0.0)
+            .collect();
+        kinks.sort_by(f64::total_cmp);
+        let mut best = None;
+        for kink in kinks {
+            let trial = sum.plus(kink, margin);
+            let largest = bound(&trial);
+            if largest < judgement.largest {
+                judgement.largest = largest;
+                best = Some((kink, trial));
+            } else if best.is_some() {
+                break;
+            }
+        }
+        if let Some((multiplier, trial)) = best {
+            *sum = trial;
+            judgement.multipliers.push((index, multiplier));
+        }
+    }
+}
+
+/// The variable to halve: that which adds most to the bound; of the remainder as much as it changes the deflections.
+fn choose(
+    task: &Task<'_>,
+    sum: &Polynomial,
+    spread: &[Lanes],
+    (cell, lane): (&Cell, usize),
+) -> usize {
+    let variables = task.variables();
+    let most = |values: &dyn Fn(usize) -> f64| {
+        (0..variables)
+            .max_by(|&one, &other| values(one).total_cmp(&values(other)))
+            .unwrap_or(0)
+    };
+    let width = |variable: usize| task.half_width(cell, variable);
+    let widest = most(&width);
+    let shares = sum.shares();
+    let total: f64 = spread[..variables].iter().map(|each| each[lane]).sum();
+    if width(widest) > WIDE || !(total > 0.0 && total.is_finite() && sum.remainder.is_finite()) {
+        return widest;
+    }
+    most(&|variable| {
+        shares[variable] + REMAINDER_WEIGHT * sum.remainder * spread[variable][lane] / total
+    })
+}

@@ -1,0 +1,115 @@
+//! One box's Taylor model, and its largest value.
+
+use super::rounding::{UNDERFLOW, UNIT, UP};
+use super::taylor::{COEFFICIENTS, Model, VARIABLES, Workspace, linear, second};
+
+/// A polynomial in 1, `x_j`, T2(`x_j`), `x_i x_j` with a remainder.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Polynomial {
+    variables: usize,
+    coefficients: [f64; COEFFICIENTS],
+    pub remainder: f64,
+}
+
+impl Polynomial {
+    pub fn new(workspace: &Workspace, model: Model, lane: usize, variables: usize) -> Self {
+        let mut coefficients = [0.0; COEFFICIENTS];
+        for (to, from) in coefficients.iter_mut().zip(workspace.coefficients(model)) {
+            *to = from[lane];
+        }
+        Self {
+            variables,
+            coefficients,
+            remainder: workspace.remainder(model)[lane],
+        }
+    }
+
+    #[cfg(test)]
+    pub fn coefficient(&self, place: usize) -> f64 {
+        self.coefficients[place]
+    }
+
+    pub fn slope(&self, j: usize) -> f64 {
+        self.coefficients[linear(j)]
+    }
+
+    pub fn constant(&self) -> f64 {
+        self.coefficients[0]
+    }
+
+    /// A bound of the largest value over the box.
+    ///
+    /// With |`x_i x_j`| <= (`x_i`^2 + `x_j`^2)/2 every variable stands alone: |c| t + b t^2 is largest at t = 1, or at
+    /// its vertex.
+    pub fn largest(&self) -> f64 {
+        let c = &self.coefficients;
+        let mut bend = [0.0; VARIABLES];
+        for j in 0..self.variables {
+            for i in 0..j {
+                let half = 0.5 * c[second(i, j)].abs();
+                bend[i] += half;
+                bend[j] += half;
+            }
+        }
+        let mut sum = c[0] + self.remainder;
+        let mut size = c[0].abs() + self.remainder;
+        for j in 0..self.variables {
+            let (slope, own) = (c[linear(j)].abs(), c[second(j, j)]);
+            // T2 = 2 t^2 - 1
+            let square = 2.0 * own + bend[j];
+            let top = if square < 0.0 && slope < -2.0 * square {
+                slope * slope / (-4.0 * square)
+            } else {
+                slope + square
+            };
+            sum += top - own;
+            size += slope + 2.0 * own.abs() + bend[j] + own.abs();
+        }
+        // Fewer than 50 roundings of what adds up to `size`. (The vertex is below slope/2 <= size.)
+        sum + (64.0 * UNIT * size + UNDERFLOW) * UP
+    }
+
+    /// A bound of the value at the box's centre from below.
+    pub fn least_at_centre(&self) -> f64 {
+        let mut sum = self.coefficients[0] - self.remainder;
+        let mut size = self.coefficients[0].abs() + self.remainder;
+        for j in 0..self.variables {
+            let own = self.coefficients[second(j, j)];
+            sum -= own;
+            size += own.abs();
+        }
+        sum - (32.0 * UNIT * size + UNDERFLOW) * UP
+    }
+
+    /// The sum with so many times another.
+    pub fn plus(&self, factor: f64, other: &Self) -> Self {
+        let mut sum = *self;
+        let mut size = 0.0;
+        let used = linear(self.variables);
+        let pairs = sum.coefficients[..used].iter_mut().zip(&other.coefficients);
+        for (to, from) in pairs {
+            let product = factor * from;
+            size += to.abs() + product.abs();
+            *to += product;
+        }
+        // Two roundings each.
+        sum.remainder =
+            (self.remainder + factor.abs() * other.remainder + 3.0 * UNIT * size + UNDERFLOW) * UP;
+        sum
+    }
+
+    /// How much each variable adds to the largest value.
+    pub fn shares(&self) -> [f64; VARIABLES] {
+        let c = &self.coefficients;
+        let mut shares = [0.0; VARIABLES];
+        for j in 0..self.variables {
+            shares[j] += c[linear(j)].abs() + c[second(j, j)].abs();
+            for i in 0..j {
+                let half = 0.5 * c[second(i, j)].abs();
+                shares[i] += half;
+                shares[j] += half;
+            }
+        }
+        shares
+    }
+}

@@ -1,0 +1,73 @@
+//! What is to be proved, in plain numbers, which are taken as the doubles that they are.
+
+/// A hinge joint and the link that it moves.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Joint {
+    /// Where the link's frame stands in that of the link before (m).
+    pub offset_m: [f64; 3],
+    /// How it stands there at zero angle: a quaternion (x, y, z, w) of any length.
+    pub rotation: [f64; 4],
+    /// The axis through the frame's origin, in the frame; a vector of any length.
+    pub axis: [f64; 3],
+    /// The joint's range (rad).
+    pub range_rad: [f64; 2],
+    /// The mass of the link (kg) and where its centre is in the frame (m).
+    pub mass_kg: f64,
+    /// Where the centre of mass is in the frame (m).
+    pub centre_of_mass_m: [f64; 3],
+}
+
+/// A serial arm of hinge joints with a tool.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Arm {
+    /// The joints from the base to the flange.
+    pub joints: Vec<Joint>,
+    /// How many joints, from the base, move the tool.
+    pub tool_joints: usize,
+    /// Where the tool is in the frame of the link that carries it (m).
+    pub tool_offset_m: [f64; 3],
+    /// How it stands there: a quaternion (x, y, z, w) of any length.
+    pub tool_rotation: [f64; 4],
+    /// The acceleration of gravity in the world frame (m/s^2).
+    pub gravity_m_s2: [f64; 3],
+}
+
+/// Where experiments are possible, beside the joint ranges.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Region {
+    /// Lower and upper bound of the tool's height (m).
+    pub height_m: [Option<f64>; 2],
+    /// Lower and upper bound of the tool's distance from the first axis (m).
+    pub radius_m: [Option<f64>; 2],
+    /// The tool's z axis has at most this height, up or down (the sine of its elevation).
+    pub elevation_sine: Option<f64>,
+    /// The largest torque about each joint, of load and gravity (N m).
+    pub torque_nm: Option<Vec<f64>>,
+}
+
+/// The loads that an experiment may have.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Loads {
+    /// One of these wrenches, force (N) and torque (N m) in the world frame.
+    OneOf(Vec<[f64; 6]>),
+    /// This wrench, or a smaller one down to this share of it.
+    UpTo([f64; 6], f64),
+    /// A force of any direction of at most this size (N).
+    AnyForce(f64),
+}
+
+/// The largest of d(x) = sum over rows r of |sum over parameters n of `b_rn` `tau_n`(x) `J_n`(x)|^2 over all
+/// experiments x is to be bounded.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Question {
+    /// The arm.
+    pub arm: Arm,
+    /// The joints n whose compliances are the parameters.
+    pub parameters: Vec<usize>,
+    /// The rows of B: one number for each parameter.
+    pub rows: Vec<Vec<f64>>,
+    /// Where experiments are possible.
+    pub region: Region,
+    /// Their loads.
+    pub loads: Loads,
+}

@@ -1,0 +1,600 @@
+//! Taylor models of second order in Chebyshev's polynomials, several boxes side by side.
+//!
+//! On a box, with coordinates -1 <= `x_j` <= 1, a quantity f is
+//!
+//! ```text
+//! |f(x) - c - sum_j c_j x_j - sum_j c_jj T2(x_j) - sum_{i<j} c_ij x_i x_j| <= remainder
+//! ```
+//!
+//! with T2(x) = 2 x^2 - 1. A product's terms of third order are folded as far as they go, with
+//! `x T2(x)` = (x + `T3(x)`)/2 and `x_i (x_i x_j)` = (`x_j` + `x_j T2(x_i)`)/2, and their rest, the terms of
+//! fourth order and all rounding go into the remainder.
+
+use multiversion::multiversion;
+
+use super::rounding::{SIN_COS_ERROR, UNDERFLOW, UNIT, UP, Waves};
+
+/// Boxes that are looked at side by side.
+pub(super) const LANES: usize = 8;
+/// One number for each of them.
+pub(super) type Lanes = [f64; LANES];
+
+const ZERO: Lanes = [0.0; LANES];
+
+/// The largest number of variables.
+pub(super) const VARIABLES: usize = 8;
+/// The coefficients of so many variables.
+pub(super) const COEFFICIENTS: usize = linear(VARIABLES);
+
+/// Where the coefficient of `x_j` stands. Behind it stand those of `x_i x_j` (i < j) and T2(`x_j`).
+pub(super) const fn linear(j: usize) -> usize {
+    1 + j * (j + 3) / 2
+}
+
+/// Where the coefficient of `x_i x_j` stands, i <= j; for i = j that of T2(`x_j`).
+pub(super) const fn second(i: usize, j: usize) -> usize {
+    linear(j) + 1 + i
+}
+
+/// One model of a [`Workspace`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Model {
+    index: usize,
+    /// The variables that it depends on: first..last.
+    first: usize,
+    last: usize,
+}
+
+impl Model {
+    /// Nought.
+    pub const ZERO: Self = Self {
+        index: 0,
+        first: 0,
+        last: 0,
+    };
+}
+
+/// Three models.
+pub(super) type Vector = [Model; 3];
+
+/// Where the numbers of one model stand, for n variables.
+#[derive(Debug, Clone, Copy)]
+struct Layout {
+    variables: usize,
+}
+
+impl Layout {
+    const fn remainder(self) -> usize {
+        linear(self.variables)
+    }
+    /// Bounds of |constant|, of the linear part and of the part of second order.
+    const fn sizes(self) -> usize {
+        self.remainder() + 1
+    }
+    /// For each variable, a bound of the part of second order less half of the terms with that variable.
+    const fn unfolded(self) -> usize {
+        self.sizes() + 3
+    }
+    /// While a sum is made: a bound of all that was added.
+    const fn magnitude(self) -> usize {
+        self.unfolded() + self.variables
+    }
+    const fn length(self) -> usize {
+        self.magnitude() + 1
+    }
+}
+
+/// Room for the models of one evaluation.
+#[derive(Debug, Clone)]
+pub(super) struct Workspace {
+    layout: Layout,
+    numbers: Vec<Lanes>,
+    used: usize,
+}
+
+impl Workspace {
+    /// Room for models of so many variables.
+    pub fn new(variables: usize) -> Self {
+        let layout = Layout { variables };
+        Self {
+            layout,
+            numbers: vec![ZERO; layout.length()],
+            used: 1,
+        }
+    }
+
+    /// Forgets all models.
+    pub fn clear(&mut self) {
+        self.used = 1;
+    }
+
+    /// The numbers of a model, coefficients first.
+    pub fn coefficients(&self, model: Model) -> &[Lanes] {
+        &self.all(model)[..self.layout.remainder()]
+    }
+
+    /// A model's remainder.
+    pub fn remainder(&self, model: Model) -> &Lanes {
+        &self.all(model)[self.layout.remainder()]
+    }
+
+    /// Takes a model for exactly its polynomial.
+    #[cfg(test)]
+    pub fn forget_remainder(&mut self, model: Model) {
+        let place = model.index * self.layout.length() + self.layout.remainder();
+        self.numbers[place] = ZERO;
+    }
+
+    /// Bounds of |f|.
+    pub fn bound(&self, model: Model) -> Lanes {
+        let numbers = self.all(model);
+        let sizes = &numbers[self.layout.sizes()..][..3];
+        let remainder = &numbers[self.layout.remainder()];
+        std::array::from_fn(|lane| {
+            (sizes[0][lane] + sizes[1][lane] + sizes[2][lane] + remainder[lane]) * UP
+        })
+    }
+
+    /// By how much a model changes with one of its variables, roughly.
+    pub fn add_spread(&self, model: Model, spread: &mut [Lanes; VARIABLES]) {
+        let numbers = self.all(model);
+        let second = &numbers[self.layout.sizes() + 2];
+        for variable in model.first..model.last {
+            let slope = &numbers[linear(variable)];
+            let unfolded = &numbers[self.layout.unfolded() + variable];
+            for lane in 0..LANES {
+                spread[variable][lane] += slope[lane].abs() + 2.0 * (second[lane] - unfolded[lane]);
+            }
+        }
+    }
+
+    /// A constant that is known to within an error.
+    pub fn constant(&mut self, value: f64, error: f64) -> Model {
+        if value == 0.0 && error == 0.0 {
+            return Model::ZERO;
+        }
+        self.constants(&[value; LANES], &[error; LANES])
+    }
+
+    /// A constant of its own in each lane.
+    pub fn constants(&mut self, values: &Lanes, errors: &Lanes) -> Model {
+        let layout = self.layout;
+        let (_, top) = self.begin();
+        top[0] = *values;
+        top[layout.remainder()] = *errors;
+        self.push(0, 0)
+    }
+
+    /// A coordinate of the box: exactly centre + half-width times `x_j`.
+    pub fn variable(&mut self, j: usize, centre: &Lanes, half_width: &Lanes) -> Model {
+        let (_, top) = self.begin();
+        top[0] = *centre;
+        top[linear(j)] = *half_width;
+        self.push(j, j + 1)
+    }
+
+    /// Sine and cosine of a coordinate of the box, from those of its centre and the waves of its
+    /// half-width.
+    pub fn sin_cos(
+        &mut self,
+        j: usize,
+        centre: &[(f64, f64); LANES],
+        waves: &[Waves; LANES],
+    ) -> [Model; 2] {
+        // All factors are within 1 but for 1e-15: sine and cosine of the centre come in with three
+        // coefficients, and each of these products is rounded once.
+        const ROUNDING: f64 = 4.0 * SIN_COS_ERROR + 8.0 * UNIT;
+        [false, true].map(|is_cosine| {
+            let layout = self.layout;
+            let (_, top) = self.begin();
+            for lane in 0..LANES {
+                let (sine, cosine) = centre[lane];
+                // sin(a + t) = sin a cos t + cos a sin t, cos(a + t) = cos a cos t - sin a sin t.
+                let (even, odd) = if is_cosine {
+                    (cosine, -sine)
+                } else {
+                    (sine, cosine)
+                };
+                let waves = &waves[lane];
+                top[0][lane] = even * waves.cosine[0];
+                top[linear(j)][lane] = odd * waves.sine;
+                top[second(j, j)][lane] = even * waves.cosine[1];
+                top[layout.remainder()][lane] =
+                    (even.abs() * waves.cosine_error + odd.abs() * waves.sine_error + ROUNDING)
+                        * UP;
+            }
+            self.push(j, j + 1)
+        })
+    }
+
+    /// Begins a sum of products.
+    pub fn sum(&mut self) -> Sum<'_> {
+        self.begin();
+        Sum {
+            workspace: self,
+            first: 0,
+            last: 0,
+            roundings: 0,
+        }
+    }
+
+    fn all(&self, model: Model) -> &[Lanes] {
+        let length = self.layout.length();
+        &self.numbers[model.index * length..][..length]
+    }
+
+    /// The models there are, and room for the next, all noughts.
+    fn begin(&mut self) -> (&[Lanes], &mut [Lanes]) {
+        let length = self.layout.length();
+        let start = self.used * length;
+        if self.numbers.len() < start + length {
+            self.numbers.resize(start + length, ZERO);
+        }
+        self.numbers[start..start + length].fill(ZERO);
+        self.top()
+    }
+
+    fn top(&mut self) -> (&[Lanes], &mut [Lanes]) {
+        let length = self.layout.length();
+        let (known, rest) = self.numbers.split_at_mut(self.used * length);
+        (known, &mut rest[..length])
+    }
+
+    /// Keeps the model that was begun.
+    fn push(&mut self, first: usize, last: usize) -> Model {
+        let layout = self.layout;
+        let (_, top) = self.top();
+        measure(layout, top, [first, last]);
+        self.used += 1;
+        Model {
+            index: self.used - 1,
+            first,
+            last,
+        }
+    }
+}
+
+/// A sum of products of models, which is rounded as a whole.
+pub(super) struct Sum<'a> {
+    workspace: &'a mut Workspace,
+    first: usize,
+    last: usize,
+    /// The number of roundings on the way of any one term into the sum, at most.
+    roundings: u32,
+}
+
+impl Sum<'_> {
+    /// Adds so many times a model.
+    pub fn add(self, factor: f64, model: Model) -> Self {
+        self.add_constant(factor, 0.0, model)
+    }
+
+    /// Adds a model times a constant that is known to within an error.
+    pub fn add_constant(self, factor: f64, error: f64, model: Model) -> Self {
+        if factor == 0.0 && error == 0.0 {
+            return self;
+        }
+        self.add_lanes(&[factor; LANES], error, model)
+    }
+
+    /// Adds a model times a constant of its own in each lane, known to within an error.
+    pub fn add_lanes(mut self, factor: &Lanes, error: f64, model: Model) -> Self {
+        if model == Model::ZERO {
+            return self;
+        }
+        self.widen(model);
+        self.roundings += 3;
+        let layout = self.workspace.layout;
+        let (known, top) = self.workspace.top();
+        let model_numbers = &known[model.index * layout.length()..][..layout.length()];
+        add_scaled(layout, top, (factor, error), model_numbers, range(model));
+        self
+    }
+
+    /// Adds (or subtracts) the product of two models.
+    pub fn product(mut self, sign: Sign, one: Model, other: Model) -> Self {
+        if one == Model::ZERO || other == Model::ZERO {
+            return self;
+        }
+        self.widen(one);
+        self.widen(other);
+        // Two products of constants with each part, up to 8 terms of each kind of the others.
+        self.roundings += 20;
+        let layout = self.workspace.layout;
+        let (known, top) = self.workspace.top();
+        let numbers = |model: Model| &known[model.index * layout.length()..][..layout.length()];
+        let sign = match sign {
+            Sign::Plus => 1.0,
+            Sign::Minus => -1.0,
+        };
+        add_product(
+            layout,
+            top,
+            sign,
+            (numbers(one), range(one)),
+            (numbers(other), range(other)),
+        );
+        self
+    }
+
+    /// Adds the square of a model.
+    pub fn square(mut self, model: Model) -> Self {
+        if model == Model::ZERO {
+            return self;
+        }
+        self.widen(model);
+        self.roundings += 20;
+        let layout = self.workspace.layout;
+        let (known, top) = self.workspace.top();
+        let numbers = &known[model.index * layout.length()..][..layout.length()];
+        add_square(layout, top, (numbers, range(model)));
+        self
+    }
+
+    /// The sum as a model.
+    pub fn end(self) -> Model {
+        if self.roundings == 0 {
+            return Model::ZERO;
+        }
+        let layout = self.workspace.layout;
+        let (_, top) = self.workspace.top();
+        // (1 + UNIT)^k - 1 <= k UNIT times less than 1 + 1e-10, which the slack of 8 covers.
+        let relative = UNIT * f64::from(self.roundings + 8);
+        let magnitude = top[layout.magnitude()];
+        for (remainder, magnitude) in top[layout.remainder()].iter_mut().zip(magnitude) {
+            *remainder = (*remainder + magnitude * relative + UNDERFLOW) * UP;
+        }
+        self.workspace.push(self.first, self.last)
+    }
+
+    fn widen(&mut self, model: Model) {
+        if self.first == self.last {
+            (self.first, self.last) = (model.first, model.last);
+        } else if model.first < model.last {
+            self.first = self.first.min(model.first);
+            self.last = self.last.max(model.last);
+        }
+    }
+}
+
+/// Whether a product is added or subtracted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Sign {
+    Plus,
+    Minus,
+}
+
+const fn range(model: Model) -> [usize; 2] {
+    [model.first, model.last]
+}
+
+/// Bounds the parts of a model: |constant|, the linear part, the part of second order, and, for each variable, the
+/// latter less half of its terms.
+#[multiversion(targets("x86_64+avx512f+avx512dq+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+fn measure(layout: Layout, model: &mut [Lanes], [first, last]: [usize; 2]) {
+    let (coefficients, rest) = model.split_at_mut(layout.remainder());
+    let (mut slope, mut bend) = (ZERO, ZERO);
+    let mut rows = [ZERO; VARIABLES];
+    for j in first..last {
+        let block = &coefficients[linear(j)..linear(j + 1)];
+        for lane in 0..LANES {
+            slope[lane] += block[0][lane].abs();
+        }
+        for i in first..=j {
+            let value = &block[1 + i];
+            for lane in 0..LANES {
+                let value = value[lane].abs();
+                bend[lane] += value;
+                rows[i][lane] += value;
+                if i < j {
+                    rows[j][lane] += value;
+                }
+            }
+        }
+    }
+    for lane in 0..LANES {
+        slope[lane] *= UP;
+        bend[lane] *= UP;
+    }
+    let sizes = layout.sizes() - layout.remainder();
+    rest[sizes] = coefficients[0].map(f64::abs);
+    rest[sizes + 1] = slope;
+    rest[sizes + 2] = bend;
+    for (row, unfolded) in rows
+        .iter()
+        .zip(&mut rest[sizes + 3..])
+        .skip(first)
+        .take(last - first)
+    {
+        for lane in 0..LANES {
+            unfolded[lane] = bend[lane] - 0.5 * row[lane];
+        }
+    }
+}
+
+#[multiversion(targets("x86_64+avx512f+avx512dq+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+fn add_scaled(
+    layout: Layout,
+    sum: &mut [Lanes],
+    (factor, error): (&Lanes, f64),
+    model: &[Lanes],
+    [first, last]: [usize; 2],
+) {
+    for lane in 0..LANES {
+        sum[0][lane] += factor[lane] * model[0][lane];
+    }
+    for j in first..last {
+        for k in std::iter::once(linear(j)).chain(second(first, j)..=second(j, j)) {
+            let (sum, model) = (&mut sum[k], &model[k]);
+            for lane in 0..LANES {
+                sum[lane] += factor[lane] * model[lane];
+            }
+        }
+    }
+    let (remainder, sizes) = (layout.remainder(), layout.sizes());
+    for lane in 0..LANES {
+        let size = model[sizes][lane] + model[sizes + 1][lane] + model[sizes + 2][lane];
+        let inside = model[remainder][lane];
+        sum[remainder][lane] += factor[lane].abs() * inside + error * (size + inside);
+        sum[layout.magnitude()][lane] += factor[lane].abs() * size;
+    }
+}
+
+#[multiversion(targets("x86_64+avx512f+avx512dq+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+fn add_product(
+    layout: Layout,
+    sum: &mut [Lanes],
+    sign: f64,
+    (one, one_range): (&[Lanes], [usize; 2]),
+    (other, other_range): (&[Lanes], [usize; 2]),
+) {
+    let mut constant = ZERO;
+    for lane in 0..LANES {
+        constant[lane] = one[0][lane] * other[0][lane];
+    }
+    add_constant_times(sum, sign, &one[0], other, other_range);
+    add_constant_times(sum, sign, &other[0], one, one_range);
+    for i in one_range[0]..one_range[1] {
+        let slope = one[linear(i)];
+        for j in other_range[0]..other_range[1] {
+            let factor = &other[linear(j)];
+            let place = second(i.min(j), i.max(j));
+            if i == j {
+                // x^2 = (1 + T2(x)) / 2
+                for lane in 0..LANES {
+                    let product = 0.5 * (slope[lane] * factor[lane]);
+                    constant[lane] += product;
+                    sum[place][lane] += sign * product;
+                }
+            } else {
+                for lane in 0..LANES {
+                    sum[place][lane] += sign * (slope[lane] * factor[lane]);
+                }
+            }
+        }
+    }
+    for lane in 0..LANES {
+        sum[0][lane] += sign * constant[lane];
+    }
+    fold(sum, 0.5 * sign, (one, one_range), (other, other_range));
+    fold(sum, 0.5 * sign, (other, other_range), (one, one_range));
+    let mut third = ZERO;
+    add_unfolded(layout, &mut third, (one, one_range), (other, other_range));
+    add_unfolded(layout, &mut third, (other, other_range), (one, one_range));
+    let (remainder, sizes) = (layout.remainder(), layout.sizes());
+    for lane in 0..LANES {
+        let size =
+            |model: &[Lanes]| model[sizes][lane] + model[sizes + 1][lane] + model[sizes + 2][lane];
+        let (one_size, other_size) = (size(one), size(other));
+        let (one_rest, other_rest) = (one[remainder][lane], other[remainder][lane]);
+        sum[remainder][lane] += third[lane]
+            + one[sizes + 2][lane] * other[sizes + 2][lane]
+            + one_rest * (other_size + other_rest)
+            + one_size * other_rest;
+        sum[layout.magnitude()][lane] += one_size * other_size;
+    }
+}
+
+#[multiversion(targets("x86_64+avx512f+avx512dq+avx512vl", "x86_64+avx2", "aarch64+neon"))]
+fn add_square(layout: Layout, sum: &mut [Lanes], (model, [first, last]): (&[Lanes], [usize; 2])) {
+    let mut constant = ZERO;
+    for lane in 0..LANES {
+        constant[lane] = model[0][lane] * model[0][lane];
+    }
+    add_constant_times(sum, 2.0, &model[0], model, [first, last]);
+    for j in first..last {
+        let slope = model[linear(j)];
+        for i in first..j {
+            let factor = &model[linear(i)];
+            let sum = &mut sum[second(i, j)];
+            for lane in 0..LANES {
+                sum[lane] += 2.0 * (slope[lane] * factor[lane]);
+            }
+        }
+        let sum = &mut sum[second(j, j)];
+        for lane in 0..LANES {
+            let product = 0.5 * (slope[lane] * slope[lane]);
+            constant[lane] += product;
+            sum[lane] += product;
+        }
+    }
+    for lane in 0..LANES {
+        sum[0][lane] += constant[lane];
+    }
+    let itself = (model, [first, last]);
+    fold(sum, 1.0, itself, itself);
+    let mut third = ZERO;
+    add_unfolded(layout, &mut third, itself, itself);
+    let (remainder, sizes) = (layout.remainder(), layout.sizes());
+    for lane in 0..LANES {
+        let size = model[sizes][lane] + model[sizes + 1][lane] + model[sizes + 2][lane];
+        let (bend, rest) = (model[sizes + 2][lane], model[remainder][lane]);
+        sum[remainder][lane] += 2.0 * third[lane] + bend * bend + rest * (2.0 * size + rest);
+        sum[layout.magnitude()][lane] += size * size;
+    }
+}
+
+/// Adds sign times a constant times all of a model but its constant.
+#[inline(always)]
+fn add_constant_times(
+    sum: &mut [Lanes],
+    sign: f64,
+    constant: &Lanes,
+    model: &[Lanes],
+    [first, last]: [usize; 2],
+) {
+    for j in first..last {
+        for k in std::iter::once(linear(j)).chain(second(first, j)..=second(j, j)) {
+            let (sum, model) = (&mut sum[k], &model[k]);
+            for lane in 0..LANES {
+                sum[lane] += sign * constant[lane] * model[lane];
+            }
+        }
+    }
+}
+
+/// Adds what stays linear of the linear part of one times the part of second order of the other:
+/// `factor` times `x_i` for `x_i` T2(`x_i`), and `x_j` for `x_i` (`x_i x_j`).
+#[inline(always)]
+fn fold(
+    sum: &mut [Lanes],
+    factor: f64,
+    (one, [one_first, one_last]): (&[Lanes], [usize; 2]),
+    (other, [other_first, other_last]): (&[Lanes], [usize; 2]),
+) {
+    let (first, last) = (one_first.max(other_first), one_last.min(other_last));
+    for j in other_first..other_last {
+        let mut folded = ZERO;
+        for i in first..last {
+            let (slope, bend) = (&one[linear(i)], &other[second(i.min(j), i.max(j))]);
+            for lane in 0..LANES {
+                folded[lane] += slope[lane] * bend[lane];
+            }
+        }
+        let sum = &mut sum[linear(j)];
+        for lane in 0..LANES {
+            sum[lane] += factor * folded[lane];
+        }
+    }
+}
+
+/// Adds a bound of what [`fold`] leaves out.
+#[inline(always)]
+fn add_unfolded(
+    layout: Layout,
+    third: &mut Lanes,
+    (one, [first, last]): (&[Lanes], [usize; 2]),
+    (other, [other_first, other_last]): (&[Lanes], [usize; 2]),
+) {
+    for i in first..last {
+        let slope = &one[linear(i)];
+        let bend = if (other_first..other_last).contains(&i) {
+            &other[layout.unfolded() + i]
+        } else {
+            &other[layout.sizes() + 2]
+        };
+        for lane in 0..LANES {
+            third[lane] += slope[lane].abs() * bend[lane];
+        }
+    }
+}

@@ -1,0 +1,147 @@
+//! Vectors and frames of Taylor models.
+
+use super::constant::{Constant, Rotation};
+use super::taylor::{Model, Sign, Vector, Workspace};
+
+/// The columns of a rotation matrix.
+pub(super) type Frame = [Vector; 3];
+
+pub(super) const NOWHERE: Vector = [Model::ZERO; 3];
+
+/// Sine and cosine of an angle.
+pub(super) type Angle = [Model; 2];
+
+pub(super) fn exact(workspace: &mut Workspace, values: [f64; 3]) -> Vector {
+    values.map(|value| workspace.constant(value, 0.0))
+}
+
+pub(super) fn parallel(workspace: &mut Workspace) -> Frame {
+    [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(|column| exact(workspace, column))
+}
+
+/// The two axes that a turn about an axis moves: the first towards the second.
+pub(super) const fn turned_axes(axis: usize) -> [usize; 2] {
+    [(axis + 1) % 3, (axis + 2) % 3]
+}
+
+/// A vector that is constant in a frame, added to (or subtracted from) another.
+pub(super) fn constant_in(
+    workspace: &mut Workspace,
+    frame: &Frame,
+    vector: &[Constant; 3],
+    plus: &Vector,
+    sign: f64,
+) -> Vector {
+    std::array::from_fn(|row| {
+        let mut sum = workspace.sum().add(1.0, plus[row]);
+        for (column, each) in frame.iter().zip(vector) {
+            sum = sum.add_constant(sign * each.value, each.error, column[row]);
+        }
+        sum.end()
+    })
+}
+
+/// A vector in a frame, added to (or subtracted from) another.
+pub(super) fn vector_in(
+    workspace: &mut Workspace,
+    frame: &Frame,
+    vector: &Vector,
+    plus: &Vector,
+    sign: Sign,
+) -> Vector {
+    std::array::from_fn(|row| {
+        let mut sum = workspace.sum().add(1.0, plus[row]);
+        for (column, each) in frame.iter().zip(vector) {
+            sum = sum.product(sign, column[row], *each);
+        }
+        sum.end()
+    })
+}
+
+/// A constant vector, turned about a coordinate axis.
+pub(super) fn turned_constant(
+    workspace: &mut Workspace,
+    axis: usize,
+    [sine, cosine]: Angle,
+    vector: &[Constant; 3],
+) -> Vector {
+    let [one, other] = turned_axes(axis);
+    let (a, b) = (vector[one], vector[other]);
+    let mut turned = NOWHERE;
+    turned[axis] = workspace.constant(vector[axis].value, vector[axis].error);
+    turned[one] = workspace
+        .sum()
+        .add_constant(a.value, a.error, cosine)
+        .add_constant(-b.value, b.error, sine)
+        .end();
+    turned[other] = workspace
+        .sum()
+        .add_constant(a.value, a.error, sine)
+        .add_constant(b.value, b.error, cosine)
+        .end();
+    turned
+}
+
+/// A frame turned about one of its axes (`Sign::Plus`) or back (`Sign::Minus`).
+pub(super) fn turned_frame(
+    workspace: &mut Workspace,
+    frame: &Frame,
+    axis: usize,
+    [sine, cosine]: Angle,
+    sign: Sign,
+) -> Frame {
+    let [one, other] = turned_axes(axis);
+    let back = match sign {
+        Sign::Plus => Sign::Minus,
+        Sign::Minus => Sign::Plus,
+    };
+    let mut turned = *frame;
+    turned[one] = std::array::from_fn(|row| {
+        let sum = workspace.sum().product(Sign::Plus, frame[one][row], cosine);
+        sum.product(sign, frame[other][row], sine).end()
+    });
+    turned[other] = std::array::from_fn(|row| {
+        let sum = workspace
+            .sum()
+            .product(Sign::Plus, frame[other][row], cosine);
+        sum.product(back, frame[one][row], sine).end()
+    });
+    turned
+}
+
+/// A frame times a constant rotation.
+pub(super) fn rotated(workspace: &mut Workspace, frame: &Frame, rotation: &Rotation) -> Frame {
+    rotation.map(|column| constant_in(workspace, frame, &column, &NOWHERE, 1.0))
+}
+
+pub(super) fn difference(workspace: &mut Workspace, one: &Vector, other: &Vector) -> Vector {
+    std::array::from_fn(|row| {
+        workspace
+            .sum()
+            .add(1.0, one[row])
+            .add(-1.0, other[row])
+            .end()
+    })
+}
+
+pub(super) fn cross(workspace: &mut Workspace, one: &Vector, other: &Vector) -> Vector {
+    std::array::from_fn(|row| {
+        let [i, j] = turned_axes(row);
+        workspace
+            .sum()
+            .product(Sign::Plus, one[i], other[j])
+            .product(Sign::Minus, one[j], other[i])
+            .end()
+    })
+}
+
+/// The sum of the products of two vectors each.
+pub(super) fn dot(workspace: &mut Workspace, pairs: &[(&Vector, &Vector)]) -> Model {
+    let mut sum = workspace.sum();
+    for (one, other) in pairs {
+        for (one, other) in one.iter().zip(*other) {
+            sum = sum.product(Sign::Plus, *one, *other);
+        }
+    }
+    sum.end()
+}
