@@ -166,6 +166,7 @@ pub(super) fn command_limits(model: &MjModel) -> Option<Refusal> {
         let [low, high] = model.jnt_range()[joint];
         let servo = Servo::of(model, joint).next()?;
         let [first, last] = command_range(model, &servo)?;
+        let ends = [low, high].map(|end| servo.gear * end);
         let narrower = low < high && (first > low + SAME_RAD || last < high - SAME_RAD);
         narrower.then(|| {
             Refusal::new(
@@ -174,7 +175,11 @@ pub(super) fn command_limits(model: &MjModel) -> Option<Refusal> {
                     "ctrlrange clamps the commanded angle to {first} to {last} rad; the range of {} is {low} to {high} rad",
                     joint_element(model, joint)
                 ),
-                "give the joint the actuator's range, or the actuator inheritrange=\"1\"",
+                format!(
+                    "give the joint that range, or the actuator ctrlrange=\"{} {}\"",
+                    ends[0].min(ends[1]),
+                    ends[0].max(ends[1])
+                ),
             )
         })
     })
