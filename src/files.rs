@@ -51,11 +51,25 @@ impl FileError {
 /// # Errors
 /// It is missing, a folder, not readable, or not UTF-8.
 pub fn read_text(path: &Path) -> Result<String, FileError> {
+    utf8(path, read_bytes(path)?)
+}
+
+/// Reads a file.
+///
+/// # Errors
+/// It is missing, a folder or not readable.
+pub fn read_bytes(path: &Path) -> Result<Vec<u8>, FileError> {
     if path.is_dir() {
         return Err(FileError::new(path, "is a folder; a file is needed"));
     }
-    let bytes = std::fs::read(path)
-        .map_err(|error| FileError::new(path, format!("cannot be read: {error}")))?;
+    std::fs::read(path).map_err(|error| FileError::new(path, format!("cannot be read: {error}")))
+}
+
+/// The text of a file's bytes.
+///
+/// # Errors
+/// It is not UTF-8.
+pub fn utf8(path: &Path, bytes: Vec<u8>) -> Result<String, FileError> {
     String::from_utf8(bytes).map_err(|error| {
         let valid = &error.as_bytes()[..error.utf8_error().valid_up_to()];
         let line = 1 + valid.split(|&byte| byte == b'\n').skip(1).count();

@@ -32,7 +32,7 @@
 //!
 //! Each module uses only what stands above it.
 //!
-//! - [`files`], [`units`], [`wording`], [`random`], [`platform`]: what every stage needs.
+//! - [`files`], [`csv`], [`units`], [`wording`], [`random`], [`platform`]: what every stage needs.
 //! - [`estimable`]: what measurements determine, one decision for every stage; [`least_squares`] within
 //!   it; [`posterior`]: what is known afterwards, and the variance of anything that follows from it.
 //! - [`mujoco`]: MJCF models in MuJoCo; the only user of the simulator's bindings.
@@ -110,6 +110,7 @@
 pub mod calibration;
 pub mod comparison;
 pub mod compensation;
+pub mod csv;
 pub mod estimable;
 pub mod files;
 pub mod identification;

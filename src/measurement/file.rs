@@ -5,8 +5,9 @@ use std::path::Path;
 use nalgebra::Vector3;
 
 use super::{Measurement, RotationMeasurement};
+use crate::csv::{Row, Table};
 use crate::files::{FileError, write_whole};
-use crate::plan::{Row, Table, experiment_columns, experiment_fields};
+use crate::plan::{configuration_and_load, experiment_columns, experiment_fields};
 use crate::units::thousandths;
 
 const DEFLECTION: [&str; 3] = ["dx_mm", "dy_mm", "dz_mm"];
@@ -28,12 +29,12 @@ pub fn read_measurements(path: &Path, joints: usize) -> Result<Vec<Measurement>,
         .map(str::to_owned)
         .collect();
     let table = Table::read(path, &required, &optional)?;
-    let has_sigma = whole_group(path, &table, &DEFLECTION_SIGMA)?;
-    let has_rotation = whole_group(path, &table, &[ROTATION, ROTATION_SIGMA].concat())?;
+    let has_sigma = whole_group(&table, &DEFLECTION_SIGMA)?;
+    let has_rotation = whole_group(&table, &[ROTATION, ROTATION_SIGMA].concat())?;
     table
         .rows()
         .map(|row| {
-            let (configuration_rad, load) = row.configuration_and_load(joints);
+            let (configuration_rad, load) = configuration_and_load(&row, joints);
             Ok(Measurement {
                 configuration_rad,
                 load,
@@ -54,13 +55,13 @@ pub fn read_measurements(path: &Path, joints: usize) -> Result<Vec<Measurement>,
         .collect()
 }
 
-fn whole_group(path: &Path, table: &Table<'_>, group: &[&str]) -> Result<bool, FileError> {
+fn whole_group(table: &Table<'_>, group: &[&str]) -> Result<bool, FileError> {
     let present: Vec<_> = group.iter().filter(|column| table.has(&[column])).collect();
     if present.is_empty() || present.len() == group.len() {
         Ok(!present.is_empty())
     } else {
         let problem = format!("found {present:?}; these columns come together: {group:?}");
-        Err(FileError::new(path, problem).at("line 1"))
+        Err(table.wrong_header(problem))
     }
 }
 

@@ -19,7 +19,9 @@ pub use assessment::Assessment;
 pub use criterion::{Criterion, CriterionFunction};
 pub use factorisation::LANES;
 pub use feasibility::{Feasibility, Violation};
-pub use file::{Row, Table, experiment_columns, experiment_fields, read_plan, write_plan};
+pub use file::{
+    configuration_and_load, experiment_columns, experiment_fields, read_plan, write_plan,
+};
 pub use region::{Bound, bounds_of};
 
 /// One configuration and load of a plan.

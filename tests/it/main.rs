@@ -16,6 +16,7 @@
 //! - `model_features`: what models can say beside the chain: honoured or refused by name.
 //! - `model_messages`: models that cannot serve, and what to do about them.
 //! - `understanding`: what `check` says that it understood, and likely mistakes.
+//! - `csv_dialects`: plans and measurements as spreadsheets of every country write them.
 //! - `known_optima`: arms of three joints, for which the best plan can be derived by hand.
 //! - `search`: the search for plans and its certificate, on the KR-270.
 //! - `obstacles`: what stands in the laboratory.
@@ -29,6 +30,7 @@
 mod bad_input;
 mod browser;
 mod command_line;
+mod csv_dialects;
 mod gate;
 mod gate_refusals;
 mod identifiability;

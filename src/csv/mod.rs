@@ -1,0 +1,219 @@
+//! CSV files of numbers as laboratories and their spreadsheets write them: one reader for plans and
+//! measurements.
+//!
+//! It reads UTF-8 and UTF-16; commas, semicolons or tabs between the fields; decimal points, and
+//! decimal commas where semicolons or tabs separate; quoted fields; and the line ends of every
+//! system. What can be read in two ways is an error that says so.
+
+mod dialect;
+mod encoding;
+
+use std::path::Path;
+
+use nalgebra::Vector3;
+
+use crate::files::FileError;
+use dialect::{Decimals, Delimiter};
+
+/// A CSV file of numbers, read whole: its rows with their line numbers, columns found by name.
+#[derive(Debug)]
+pub struct Table<'a> {
+    path: &'a Path,
+    header_line: usize,
+    columns: Vec<String>,
+    rows: Vec<(usize, Vec<f64>)>,
+}
+
+impl<'a> Table<'a> {
+    /// Reads a CSV file whose header has all `required` columns and, beside them, only `optional`
+    /// ones. Lines that begin with # are comments, and those without any field are blank.
+    ///
+    /// # Errors
+    /// The file cannot be read, a column is missing, unknown or given twice, a row has another
+    /// number of fields, a field is not a finite number or can be read in two ways, or there is no
+    /// row.
+    pub fn read(
+        path: &'a Path,
+        required: &[String],
+        optional: &[String],
+    ) -> Result<Self, FileError> {
+        let text = encoding::read_text(path)?;
+        let mut lines = content_lines(&text).peekable();
+        let separator_line =
+            (lines.peek()).and_then(|(_, line)| Delimiter::of_separator_line(line));
+        if separator_line.is_some() {
+            lines.next();
+        }
+        let (header_line, header) = lines
+            .next()
+            .ok_or_else(|| FileError::new(path, "is empty").hint(header_hint(required)))?;
+        let at = |line: usize| move |error: FileError| error.at(format!("line {line}"));
+        let delimiter = match separator_line {
+            Some(delimiter) => delimiter,
+            None => Delimiter::of_header(path, header).map_err(at(header_line))?,
+        };
+        let split = |line, content| delimiter.split(path, content).map_err(at(line));
+        let mut columns = split(header_line, header)?;
+        // Spreadsheets fill up lines to the width of the widest.
+        while columns.last().is_some_and(String::is_empty) {
+            columns.pop();
+        }
+        check_columns(path, header_line, &columns, required, optional)?;
+        let mut decimals = Decimals::new(path, delimiter);
+        let mut rows = Vec::new();
+        for (line, content) in lines {
+            let mut fields = split(line, content)?;
+            if fields.iter().all(String::is_empty) {
+                continue;
+            }
+            while fields.len() > columns.len() && fields.last().is_some_and(String::is_empty) {
+                fields.pop();
+            }
+            if fields.len() != columns.len() {
+                return Err(at(line)(delimiter.miscounted(
+                    path,
+                    fields.len(),
+                    columns.len(),
+                )));
+            }
+            let values = (fields.iter().zip(&columns))
+                .map(|(field, column)| decimals.number(line, column, field))
+                .collect::<Result<Vec<f64>, FileError>>()?;
+            rows.push((line, values));
+        }
+        decimals.check()?;
+        if rows.is_empty() {
+            return Err(FileError::new(path, "has no row below its header"));
+        }
+        Ok(Self {
+            path,
+            header_line,
+            columns,
+            rows,
+        })
+    }
+
+    /// Whether the file has all of these columns.
+    #[must_use]
+    pub fn has(&self, columns: &[&str]) -> bool {
+        columns
+            .iter()
+            .all(|column| self.columns.iter().any(|known| known == column))
+    }
+
+    /// An error about the header.
+    #[must_use]
+    pub fn wrong_header(&self, problem: impl Into<String>) -> FileError {
+        FileError::new(self.path, problem).at(format!("line {}", self.header_line))
+    }
+
+    /// The rows in order.
+    pub fn rows(&self) -> impl Iterator<Item = Row<'_>> {
+        self.rows.iter().map(|(line, values)| Row {
+            table: self,
+            line: *line,
+            values,
+        })
+    }
+}
+
+/// One row of a [`Table`].
+#[derive(Debug, Clone, Copy)]
+pub struct Row<'a> {
+    table: &'a Table<'a>,
+    line: usize,
+    values: &'a [f64],
+}
+
+impl Row<'_> {
+    /// The row's line in the file, from 1.
+    #[must_use]
+    pub const fn line(&self) -> usize {
+        self.line
+    }
+
+    /// The value in a column that the table has; NaN where it has none.
+    #[must_use]
+    pub fn get(&self, column: &str) -> f64 {
+        self.table
+            .columns
+            .iter()
+            .position(|known| known == column)
+            .map_or(f64::NAN, |index| self.values[index])
+    }
+
+    /// The values of three columns.
+    #[must_use]
+    pub fn vector(&self, columns: [&str; 3]) -> Vector3<f64> {
+        columns.map(|column| self.get(column)).into()
+    }
+
+    /// An error about this row.
+    #[must_use]
+    pub fn wrong(&self, problem: impl Into<String>) -> FileError {
+        FileError::new(self.table.path, problem).at(format!("line {}", self.line))
+    }
+}
+
+/// The comments of a CSV file, without # and what a spreadsheet puts around them.
+///
+/// # Errors
+/// The file cannot be read.
+pub fn comments(path: &Path) -> Result<Vec<String>, FileError> {
+    let text = encoding::read_text(path)?;
+    let around = |sign: char| sign.is_whitespace() || ['#', '"', ',', ';'].contains(&sign);
+    Ok(numbered(&text)
+        .filter(|(_, line)| is_comment(line))
+        .map(|(_, line)| line.trim_matches(around).to_owned())
+        .collect())
+}
+
+/// The lines with their numbers from 1.
+fn numbered(text: &str) -> impl Iterator<Item = (usize, &str)> {
+    (1..).zip(text.lines())
+}
+
+fn is_comment(line: &str) -> bool {
+    line.trim().trim_start_matches('"').starts_with('#')
+}
+
+/// The lines that are neither blank nor comments, with their numbers from 1.
+fn content_lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
+    numbered(text).filter(|(_, line)| !line.trim().is_empty() && !is_comment(line))
+}
+
+fn header_hint(required: &[String]) -> String {
+    format!("the header must be: {}", required.join(","))
+}
+
+fn check_columns(
+    path: &Path,
+    line: usize,
+    found: &[String],
+    required: &[String],
+    optional: &[String],
+) -> Result<(), FileError> {
+    let wrong = |problem: String| {
+        FileError::new(path, problem)
+            .at(format!("line {line}"))
+            .hint(header_hint(required))
+    };
+    for (index, column) in found.iter().enumerate() {
+        if !required.contains(column) && !optional.contains(column) {
+            return Err(wrong(format!("found the unknown column {column:?}")));
+        }
+        if found[..index].contains(column) {
+            return Err(wrong(format!("found the column {column:?} twice")));
+        }
+    }
+    required
+        .iter()
+        .find(|column| !found.contains(column))
+        .map_or(Ok(()), |missing| {
+            Err(wrong(format!(
+                "the column {missing:?} is missing; found {} columns, {} are needed",
+                found.len(),
+                required.len()
+            )))
+        })
+}
