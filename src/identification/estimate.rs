@@ -25,6 +25,17 @@ pub enum Sigma {
     FromResiduals,
 }
 
+impl Sigma {
+    /// The standard deviation that weights deflections which bring none of their own (m). Where the
+    /// residuals scale it, any value serves.
+    pub(super) const fn weight_m(self) -> f64 {
+        match self {
+            Self::Known(sigma) => sigma,
+            Self::FromResiduals => 1e-3,
+        }
+    }
+}
+
 /// One joint's estimated compliance.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ParameterEstimate {
@@ -111,11 +122,7 @@ pub fn identify(
         tool,
         parameters,
         measurements,
-        sigma_m: match sigma {
-            Sigma::Known(sigma) => sigma,
-            // Any value serves: the residuals scale it.
-            Sigma::FromResiduals => 1e-3,
-        },
+        sigma_m: sigma.weight_m(),
     };
     let fit = match method {
         Method::Linear => fit_linear(&observations, nominal),
@@ -132,7 +139,8 @@ struct Fit {
     iterations: usize,
 }
 
-fn typical(nominal: &Robot, parameters: &[usize]) -> Vec<f64> {
+/// Typical sizes of the compliances: the nominal ones (rad/(N m)).
+pub(super) fn typical(nominal: &Robot, parameters: &[usize]) -> Vec<f64> {
     let values = parameters
         .iter()
         .map(|&joint| nominal.compliance_rad_per_nm[joint]);

@@ -3,11 +3,16 @@
 //! [`identify`] sees the nominal robot and measurements, never the true one. It names what cannot
 //! be identified instead of inverting a singular matrix, and identifies the rest.
 
+mod case;
+pub mod diagnoses;
 mod error;
 mod estimate;
 mod gauss_newton;
 mod observations;
+mod residuals;
 
+pub use case::Case;
 pub use error::IdentificationError;
 pub use estimate::{Estimate, Identification, ParameterEstimate, Sigma, identify};
 pub use gauss_newton::{FitError, ParameterFit, fit_parameters};
+pub use residuals::{MeasurementResidual, Residuals, Suspect, residuals};

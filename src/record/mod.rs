@@ -2,11 +2,13 @@
 //!
 //! - [`messages`]: a calibration, what a plan promises, and where results come from; `--json`,
 //!   results.json and the MCAP file share them.
+//! - [`residuals`]: what `identify` says of residuals and likely mistakes.
 //! - [`study`]: a Monte Carlo study.
 //! - [`understanding`]: a robot as it was understood.
 //! - [`evidence`]: what a plan is shown beside.
 
 pub mod evidence;
 pub mod messages;
+pub mod residuals;
 pub mod study;
 pub mod understanding;

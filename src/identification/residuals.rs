@@ -1,0 +1,213 @@
+//! Residuals measurement by measurement: does one not fit the others, and what would be without it?
+
+use nalgebra::{DMatrix, DVector, SymmetricEigen};
+use statrs::distribution::{ChiSquared, ContinuousCDF, FisherSnedecor};
+
+use super::Case;
+use super::error::IdentificationError;
+use super::estimate::{Identification, Sigma, typical};
+use super::observations::Equations;
+use crate::least_squares::LeastSquares;
+use crate::scenario::Method;
+
+/// A residual whose variance is a smaller share of its measurement's says nothing: the fit goes
+/// through that measurement (leverage one), and rounding is what is left.
+const NO_VARIANCE: f64 = 1e-8;
+
+/// The residual of one measurement against its own uncertainty.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MeasurementResidual {
+    /// Its coordinates, those of the deflection before those of the rotation, each over its own
+    /// standard deviation: that of the measurement, less what the fit took up (leverage). `None`
+    /// where the fit goes through the measurement.
+    pub standardised: Vec<Option<f64>>,
+    /// Its Mahalanobis distance, the root of r^T (R - A cov A^T)^-1 r. Its square is what the weighted
+    /// sum of squares loses if the measurement is left out.
+    pub distance: f64,
+    /// The number of independent coordinates in that.
+    pub freedom: usize,
+    /// The probability of a distance at least as large if the measurement is like the others;
+    /// `None` where nothing is left to judge by.
+    pub probability: Option<f64>,
+}
+
+/// The measurement that fits least, and what would be without it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Suspect {
+    /// Its index, from 0.
+    pub measurement: usize,
+    /// The probability that chance alone puts any of the measurements as far out.
+    pub probability_of_any: f64,
+    /// The change of each compliance if it is left out, in standard errors; `None` where it is not
+    /// determined with the measurement, or not without it.
+    pub change: Vec<Option<f64>>,
+    /// The probability of residuals as large as those of the others, see
+    /// [`Identification::consistency`].
+    pub consistency: Option<f64>,
+}
+
+/// The residuals of an identification.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Residuals {
+    /// In the order of the measurements.
+    pub measurements: Vec<MeasurementResidual>,
+    /// The measurement that fits least, where there are two or more to compare.
+    pub suspect: Option<Suspect>,
+}
+
+/// The residuals of what was identified.
+///
+/// # Errors
+/// As [`Case::identify`].
+pub fn residuals(
+    case: &Case<'_>,
+    identification: &Identification,
+) -> Result<Residuals, IdentificationError> {
+    let observations = case.observations();
+    let compliance = &identification.compliance_rad_per_nm;
+    let Equations {
+        matrix,
+        right_hand_side,
+    } = match case.method {
+        Method::Linear => observations.linear(compliance),
+        Method::Nonlinear => observations.nonlinear(compliance)?,
+    };
+    let fit = LeastSquares::solve(
+        &matrix,
+        &right_hand_side,
+        &typical(case.nominal, case.parameters),
+    );
+    // What a combination of compliances does that are not determined one by one is fitted, too.
+    let whitened = right_hand_side - &matrix * &fit.solution;
+    let judge = match case.sigma {
+        Sigma::Known(_) => Judge::KnownVariance,
+        Sigma::FromResiduals => Judge::Residuals {
+            sum_of_squares: whitened.norm_squared(),
+            freedom: whitened.len() - fit.rank,
+        },
+    };
+    let mut row = 0;
+    let judged: Vec<MeasurementResidual> = case
+        .measurements
+        .iter()
+        .map(|measurement| {
+            let rows = if measurement.rotation.is_some() { 6 } else { 3 };
+            let matrix = matrix.rows(row, rows);
+            let residual = whitened.rows(row, rows).into_owned();
+            row += rows;
+            let leverage = matrix * &fit.covariance * matrix.transpose();
+            judge.residual(&residual, DMatrix::identity(rows, rows) - leverage)
+        })
+        .collect();
+    let suspect = farthest(&judged).map(|measurement| {
+        let mut others = case.measurements.to_vec();
+        others.remove(measurement);
+        // Where nothing can be identified without it, nothing is said.
+        let without = case.with(&others).identify().ok();
+        suspect(identification, &judged, measurement, without.as_ref())
+    });
+    Ok(Residuals {
+        measurements: judged,
+        suspect,
+    })
+}
+
+/// What whitened residuals are compared with.
+#[derive(Debug, Clone, Copy)]
+enum Judge {
+    /// Their variance is one.
+    KnownVariance,
+    /// Their variance is that of the others.
+    Residuals { sum_of_squares: f64, freedom: usize },
+}
+
+impl Judge {
+    /// Judges the whitened residual of a measurement with its covariance, if the variance is one.
+    fn residual(self, residual: &DVector<f64>, covariance: DMatrix<f64>) -> MeasurementResidual {
+        let scale = match self {
+            Self::KnownVariance => 1.0,
+            Self::Residuals {
+                sum_of_squares,
+                freedom,
+            } => (sum_of_squares / freedom as f64).sqrt(),
+        };
+        let standardised = (residual.iter().zip(covariance.diagonal().iter()))
+            .map(|(value, &variance)| {
+                (variance > NO_VARIANCE && scale > 0.0).then(|| value / variance.sqrt() / scale)
+            })
+            .collect();
+        let eigen = SymmetricEigen::new(covariance);
+        let coordinates = eigen.eigenvectors.tr_mul(residual);
+        let squares: Vec<f64> = (eigen.eigenvalues.iter().zip(coordinates.iter()))
+            .filter(|(variance, _)| **variance > NO_VARIANCE)
+            .map(|(variance, coordinate)| coordinate * coordinate / variance)
+            .collect();
+        let square: f64 = squares.iter().sum();
+        MeasurementResidual {
+            standardised,
+            distance: square.sqrt() / scale,
+            freedom: squares.len(),
+            probability: self.probability(square, squares.len()),
+        }
+    }
+
+    /// The probability of a square at least as large: chi-squared, or F against the variance of the
+    /// other residuals.
+    fn probability(self, square: f64, freedom: usize) -> Option<f64> {
+        if freedom == 0 {
+            return None;
+        }
+        let own = freedom as f64;
+        match self {
+            Self::KnownVariance => Some(ChiSquared::new(own).ok()?.sf(square)),
+            Self::Residuals {
+                sum_of_squares,
+                freedom,
+            } => {
+                let others = freedom as f64 - own;
+                let distribution = FisherSnedecor::new(own, others).ok()?;
+                let left = (sum_of_squares - square).max(0.0);
+                Some(if left > 0.0 {
+                    distribution.sf((square / own) / (left / others))
+                } else {
+                    0.0
+                })
+            }
+        }
+    }
+}
+
+/// The measurement of the smallest probability, where there are others.
+fn farthest(residuals: &[MeasurementResidual]) -> Option<usize> {
+    let judged = (residuals.iter().enumerate())
+        .filter_map(|(index, each)| Some((index, each.probability?, each.distance)));
+    (residuals.len() > 1)
+        .then(|| {
+            // Where probabilities are too small to be told apart, the distance decides.
+            judged.min_by(|one, other| (one.1.total_cmp(&other.1)).then(other.2.total_cmp(&one.2)))
+        })
+        .flatten()
+        .map(|(index, _, _)| index)
+}
+
+fn suspect(
+    identification: &Identification,
+    residuals: &[MeasurementResidual],
+    measurement: usize,
+    without: Option<&Identification>,
+) -> Suspect {
+    let probabilities = residuals.iter().filter_map(|each| each.probability);
+    let smallest = residuals[measurement].probability.unwrap_or(1.0);
+    let change = |index: usize| {
+        let estimate = identification.parameters[index].estimate?;
+        let other = without?.parameters[index].estimate?;
+        Some((other.value - estimate.value) / estimate.standard_error)
+    };
+    Suspect {
+        measurement,
+        // 1 - (1 - p)^n, also where p is tiny.
+        probability_of_any: -(probabilities.count() as f64 * (-smallest).ln_1p()).exp_m1(),
+        change: (0..identification.parameters.len()).map(change).collect(),
+        consistency: without.and_then(|without| without.consistency),
+    }
+}
