@@ -13,10 +13,11 @@ use serde_json::{Value, json};
 
 use super::progress::{bar, stop_flag};
 use super::table::table;
-use super::{Common, Report, results};
+use super::{Common, Report, results, without_effect};
 
 /// Arguments of `budget`.
 #[derive(Debug, Args)]
+#[command(mut_args(without_effect(&["out"])))]
 pub struct Budget {
     #[command(flatten)]
     pub common: Common,

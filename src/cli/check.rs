@@ -13,10 +13,11 @@ use nalgebra::Vector3;
 use serde_json::{Value, json};
 
 use super::table::table;
-use super::{Common, Report, merge, results};
+use super::{Common, Report, merge, results, without_effect};
 
 /// Arguments of `check`.
 #[derive(Debug, Args)]
+#[command(mut_args(without_effect(&["seed", "threads", "out"])))]
 pub struct Check {
     #[command(flatten)]
     pub common: Common,
@@ -57,7 +58,7 @@ impl Check {
             .map(ToString::to_string)
             .collect();
         let verdict = if problems.is_empty() {
-            format!("{} is valid\n", self.common.scenario.display())
+            format!("{} is valid\n", self.common.scenario().display())
         } else {
             format!("{}\n", problems.join("\n"))
         };
@@ -85,7 +86,7 @@ impl Check {
     /// A broken scenario, or one with a broken plan, has neither seed nor hash here.
     fn broken(&self, problem: &str) -> Value {
         let [version, commit] = [elastocal::VERSION, elastocal::COMMIT];
-        let scenario = (self.common.scenario.file_stem()).map(OsStr::to_string_lossy);
+        let scenario = (self.common.scenario().file_stem()).map(OsStr::to_string_lossy);
         json!({
             "schema": SchemaMessage::new("check"),
             "provenance": { "version": version, "commit": commit, "platform": platform(), "scenario": scenario },

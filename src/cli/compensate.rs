@@ -5,15 +5,19 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use elastocal::calibration::compensate_poses;
 use elastocal::files::{FileError, read_text};
+use elastocal::measurement::Origin;
 use elastocal::record::messages::{IdentificationMessage, ProvenanceMessage, TestPoseMessage};
 use elastocal::scenario::{Method, Scenario};
-use serde_json::json;
+use elastocal::wording::shell_word;
+use serde_json::{Value, json};
 
 use super::table::{number, table};
-use super::{Common, Report, results};
+use super::{Common, Report, named_by_file, results, without_effect};
 
 /// Arguments of `compensate`.
 #[derive(Debug, Args)]
+#[command(mut_arg("scenario", named_by_file))]
+#[command(mut_args(without_effect(&["seed", "threads", "out"])))]
 pub struct Compensate {
     #[command(flatten)]
     pub common: Common,
@@ -27,7 +31,10 @@ pub struct Compensate {
 
 impl Compensate {
     pub fn execute(&self) -> anyhow::Result<Report> {
-        let scenario = self.common.load()?;
+        let origin = origin(&self.identified)?;
+        let file = shell_word(&self.identified.to_string_lossy());
+        let usage = format!("elastocal compensate SCENARIO --identified {file}");
+        let scenario = (self.common).load_for(&self.identified, origin.as_ref(), &usage)?;
         let (compliance, covariance) = read_identified(&self.identified, &scenario)?;
         let method = self.method.unwrap_or(scenario.method);
         self.common.say("compensating on the virtual robot");
@@ -75,6 +82,18 @@ impl Compensate {
             conditions: Vec::new(),
         })
     }
+}
+
+/// Under which scenario it was identified, as the file says.
+fn origin(path: &Path) -> Result<Option<Origin>, FileError> {
+    // What is wrong with the file is told when it is read as a whole.
+    let json: Value = serde_json::from_str(&read_text(path)?).unwrap_or_default();
+    let scenario = json["scenario_file"].as_str();
+    let hash = json["provenance"]["scenario_sha256"].as_str();
+    Ok(scenario.zip(hash).map(|(scenario, hash)| Origin {
+        scenario: scenario.into(),
+        scenario_sha256: hash.to_owned(),
+    }))
 }
 
 /// The compliances of all joints, nominal where none was identified, and the covariance of the

@@ -11,10 +11,11 @@ use elastocal::wording::counted;
 use serde_json::json;
 
 use super::table::{number, table};
-use super::{Common, Report, merge, results};
+use super::{Common, Report, merge, results, without_effect};
 
 /// Arguments of `evaluate`.
 #[derive(Debug, Args)]
+#[command(mut_args(without_effect(&["out"])))]
 pub struct Evaluate {
     #[command(flatten)]
     pub common: Common,

@@ -4,17 +4,23 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use elastocal::files::{FileError, check_writable, write_whole};
-use elastocal::identification::{Identification, IdentificationError, Sigma, identify};
-use elastocal::measurement::read_measurements;
+use elastocal::identification::diagnoses::{Diagnosis, diagnoses};
+use elastocal::identification::{Case, Identification, IdentificationError, Sigma, residuals};
+use elastocal::measurement::{Origin, read_measurements};
 use elastocal::record::messages::{IdentificationMessage, ProvenanceMessage};
+use elastocal::record::residuals::ResidualsMessage;
 use elastocal::scenario::Method;
-use elastocal::wording::counted;
+use elastocal::wording::{counted, shell_word};
+use serde_json::json;
 
+use super::residuals;
 use super::table::{number, table};
-use super::{Common, Report, results};
+use super::{Common, Report, merge, named_by_file, results, without_effect};
 
 /// Arguments of `identify`.
 #[derive(Debug, Args)]
+#[command(mut_arg("scenario", named_by_file))]
+#[command(mut_args(without_effect(&["seed", "threads", "out"])))]
 pub struct Identify {
     #[command(flatten)]
     pub common: Common,
@@ -34,7 +40,10 @@ pub struct Identify {
 
 impl Identify {
     pub fn execute(&self) -> anyhow::Result<Report> {
-        let scenario = self.common.load()?;
+        let origin = Origin::read(&self.measurements)?;
+        let file = shell_word(&self.measurements.to_string_lossy());
+        let usage = format!("elastocal identify SCENARIO --measurements {file}");
+        let scenario = (self.common).load_for(&self.measurements, origin.as_ref(), &usage)?;
         let measurements = read_measurements(&self.measurements, scenario.joints())?;
         self.identified_out
             .as_deref()
@@ -50,22 +59,32 @@ impl Identify {
         } else {
             Sigma::Known(scenario.instrument.sigma_m)
         };
-        let identification = identify(
-            &scenario.nominal,
-            &scenario.calibration_tool,
-            &scenario.parameters,
-            &measurements,
+        let case = Case {
+            nominal: &scenario.nominal,
+            tool: &scenario.calibration_tool,
+            parameters: &scenario.parameters,
+            measurements: &measurements,
             sigma,
             method,
-        )
-        .map_err(|error| explained(&self.measurements, &error))?;
+        };
+        let identification = (case.identify())
+            .map_err(|error| explained(&self.measurements, &error, &diagnoses(&case, None)))?;
+        let residuals = residuals(&case, &identification)?;
+        let diagnoses = diagnoses(&case, Some(&identification));
         let message = IdentificationMessage::from(&identification);
-        let json = results(
+        let mut json = results(
             "identify",
             &ProvenanceMessage::new(&scenario),
             serde_json::to_value(&message)?,
         );
+        let more = ResidualsMessage::new(&residuals, &diagnoses);
+        merge(&mut json, serde_json::to_value(&more)?);
+        merge(&mut json, json!({ "scenario_file": scenario.path }));
         let mut text = describe(&identification);
+        if measurements.iter().any(|each| each.sigma_m.is_some()) {
+            text += "  (sigma is the rms of those that the measurements bring)\n";
+        }
+        text += &format!("\n{}", residuals::describe(&identification, &residuals));
         if let Some(path) = &self.identified_out {
             write_whole(
                 path,
@@ -76,13 +95,23 @@ impl Identify {
         Ok(Report {
             json,
             text,
-            conditions: conditions(&identification),
+            conditions: (conditions(&identification).into_iter())
+                .chain(diagnoses.iter().map(likely))
+                .collect(),
         })
     }
 }
 
-fn explained(file: &Path, error: &IdentificationError) -> FileError {
+fn likely(diagnosis: &Diagnosis) -> String {
+    format!("likely mistake: {}", diagnosis.text)
+}
+
+fn explained(file: &Path, error: &IdentificationError, diagnoses: &[Diagnosis]) -> FileError {
     let wrong = FileError::new(file, error.to_string());
+    if !diagnoses.is_empty() {
+        let all: Vec<String> = diagnoses.iter().map(likely).collect();
+        return wrong.hint(all.join("; "));
+    }
     match error {
         IdentificationError::Equilibrium { .. } | IdentificationError::NotConverged { .. } => wrong
             .hint("check signs, units and frames of deflections and loads, or try --method linear"),

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use elastocal::files::{FileError, check_writable};
-use elastocal::measurement::write_measurements;
+use elastocal::measurement::write_measurements_under;
 use elastocal::plan::read_plan;
 use elastocal::record::messages::{MeasurementMessage, ProvenanceMessage};
 use elastocal::testbed::VirtualRobot;
@@ -12,10 +12,11 @@ use elastocal::wording::counted;
 use serde_json::json;
 
 use super::table::table;
-use super::{Common, Report, results};
+use super::{Common, Report, results, without_effect};
 
 /// Arguments of `measure`.
 #[derive(Debug, Args)]
+#[command(mut_args(without_effect(&["threads", "out"])))]
 pub struct Measure {
     #[command(flatten)]
     pub common: Common,
@@ -70,7 +71,7 @@ impl Measure {
             &rows,
         );
         if let Some(path) = &self.measurements_out {
-            write_measurements(path, scenario.joints(), &measurements)?;
+            write_measurements_under(&scenario, path, &measurements)?;
             text += &format!("wrote {}\n", path.display());
         }
         let messages: Vec<MeasurementMessage> = measurements.iter().map(Into::into).collect();

@@ -15,6 +15,7 @@ mod plan;
 mod progress;
 mod replay;
 mod reproduce;
+mod residuals;
 mod run;
 mod stream;
 mod study;
@@ -22,10 +23,11 @@ mod table;
 mod view;
 
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use clap::{Args, Parser, Subcommand};
+use clap::{Arg, Args, Parser, Subcommand};
 use elastocal::files::FileError;
+use elastocal::measurement::Origin;
 use elastocal::record::messages::{ProvenanceMessage, SchemaMessage};
 use elastocal::scenario::Scenario;
 use elastocal::wording::shell_word;
@@ -39,12 +41,15 @@ pub struct Arguments {
     command: Command,
 }
 
+/// The scenario that is taken where none is given.
+const DEFAULT_SCENARIO: &str = "scenarios/kr270.toml";
+
 /// What every command takes.
 #[derive(Debug, Clone, Args)]
 pub struct Common {
     /// The scenario file.
-    #[arg(default_value = "scenarios/kr270.toml")]
-    scenario: PathBuf,
+    #[arg(default_value = DEFAULT_SCENARIO)]
+    scenario: Option<PathBuf>,
     /// Print results as JSON.
     #[arg(long)]
     json: bool,
@@ -92,6 +97,21 @@ enum Command {
     Reproduce(reproduce::Reproduce),
     /// Open a recording in the rerun viewer
     View(view::View),
+}
+
+/// Options that every command takes and that do nothing for one: its help does not speak of them.
+fn without_effect(options: &[&str]) -> impl Fn(Arg) -> Arg {
+    move |argument| {
+        let is_one = options.contains(&argument.get_id().as_str());
+        argument.hide(is_one)
+    }
+}
+
+/// The scenario of a command whose input file may name it.
+fn named_by_file(argument: Arg) -> Arg {
+    argument
+        .default_value(None)
+        .help("The scenario file; the one that the input file names if not given")
 }
 
 /// What a command ends with.
@@ -169,8 +189,56 @@ impl Command {
 impl Common {
     /// Loads the scenario, with the seed replaced where one is given.
     fn load(&self) -> anyhow::Result<Scenario> {
-        let mut scenario = Scenario::load(&self.scenario).map_err(|error| {
-            if self.scenario.exists() {
+        self.load_file(self.scenario())
+    }
+
+    /// The scenario that was given, or the default.
+    fn scenario(&self) -> &Path {
+        (self.scenario.as_deref()).unwrap_or(DEFAULT_SCENARIO.as_ref())
+    }
+
+    /// Loads the scenario that was given; if none was, the one under which an input file was made, as
+    /// the file says. No other is taken for somebody's file. `file` is the input, `usage` how a
+    /// scenario is given.
+    fn load_for(
+        &self,
+        file: &Path,
+        origin: Option<&Origin>,
+        usage: &str,
+    ) -> anyhow::Result<Scenario> {
+        let Some(given) = &self.scenario else {
+            let Some(origin) = origin else {
+                let problem =
+                    "no scenario was given, and the file does not say to which one it belongs";
+                return Err(FileError::new(file, problem)
+                    .hint(format!("name the robot's scenario: {usage}"))
+                    .into());
+            };
+            let scenario = self.load_file(&origin.scenario)?;
+            if scenario.sha256 != origin.scenario_sha256 {
+                let name = origin.scenario.display();
+                let problem = format!("it belongs to {name}, which has changed since");
+                let hint = format!("if that does not matter, name the scenario: {usage}");
+                return Err(FileError::new(file, problem).hint(hint).into());
+            }
+            return Ok(scenario);
+        };
+        let scenario = self.load_file(given)?;
+        if let Some(origin) = origin
+            && scenario.sha256 != origin.scenario_sha256
+        {
+            self.say(&format!(
+                "{} was made under another scenario, or another state of it: {}",
+                file.display(),
+                origin.scenario.display()
+            ));
+        }
+        Ok(scenario)
+    }
+
+    fn load_file(&self, path: &Path) -> anyhow::Result<Scenario> {
+        let mut scenario = Scenario::load(path).map_err(|error| {
+            if path.exists() {
                 error
             } else {
                 error.hint("give the path of a scenario file after the command")
@@ -179,11 +247,11 @@ impl Common {
         if let Some(seed) = self.seed {
             scenario.seed = seed;
         }
-        self.say(&format!(
-            "scenario {}: {}",
-            self.scenario.display(),
-            scenario.description
-        ));
+        let description = match scenario.description.trim() {
+            "" => String::new(),
+            some => format!(": {some}"),
+        };
+        self.say(&format!("scenario {}{description}", path.display()));
         Ok(scenario)
     }
 

@@ -18,10 +18,11 @@ use serde_json::json;
 
 use super::evaluate::{conditions, describe};
 use super::progress::{bar, stop_flag};
-use super::{Common, Report, merge, results};
+use super::{Common, Report, merge, results, without_effect};
 
 /// Arguments of `plan`.
 #[derive(Debug, Args)]
+#[command(mut_args(without_effect(&["out"])))]
 pub struct PlanCommand {
     #[command(flatten)]
     pub common: Common,

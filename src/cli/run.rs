@@ -5,7 +5,7 @@ use std::path::Path;
 use clap::Args;
 use elastocal::calibration::{Calibration, calibrate};
 use elastocal::files::{check_writable, make_folder, write_whole};
-use elastocal::measurement::write_measurements;
+use elastocal::measurement::write_measurements_under;
 use elastocal::plan::search::{Certificate, Watch, median_random_rho0, random_plan};
 use elastocal::plan::{Assessment, Criterion, Plan, read_plan, write_plan};
 use elastocal::record::evidence::EvidenceMessage;
@@ -195,11 +195,8 @@ fn write_all(
 ) -> anyhow::Result<Recording> {
     let (_, main) = &entries[0].calibration;
     write_plan(&folder.join("plan.csv"), scenario.joints(), &main.plan)?;
-    write_measurements(
-        &folder.join("measurements.csv"),
-        scenario.joints(),
-        &main.measurements,
-    )?;
+    let measurements = folder.join("measurements.csv");
+    write_measurements_under(scenario, &measurements, &main.measurements)?;
     let text = serde_json::to_string_pretty(json)? + "\n";
     write_whole(&folder.join("results.json"), text.as_bytes())?;
     let calibrations: Vec<_> = entries

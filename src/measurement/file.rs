@@ -4,10 +4,11 @@ use std::path::Path;
 
 use nalgebra::Vector3;
 
-use super::{Measurement, RotationMeasurement};
+use super::{Measurement, Origin, RotationMeasurement};
 use crate::csv::{Row, Table};
 use crate::files::{FileError, write_whole};
 use crate::plan::{configuration_and_load, experiment_columns, experiment_fields};
+use crate::scenario::Scenario;
 use crate::units::thousandths;
 
 const DEFLECTION: [&str; 3] = ["dx_mm", "dy_mm", "dz_mm"];
@@ -81,6 +82,19 @@ fn positive(row: &Row<'_>, columns: [&str; 3]) -> Result<Vector3<f64>, FileError
     }
 }
 
+/// Writes measurements that were made under a scenario, which comments name.
+///
+/// # Errors
+/// As [`write_measurements`].
+pub fn write_measurements_under(
+    scenario: &Scenario,
+    path: &Path,
+    measurements: &[Measurement],
+) -> Result<(), FileError> {
+    let text = text_of(path, scenario.joints(), measurements)?;
+    write_whole(path, (Origin::of(scenario).comments() + &text).as_bytes())
+}
+
 /// Writes measurements of an arm of n joints.
 ///
 /// # Errors
@@ -91,6 +105,10 @@ pub fn write_measurements(
     joints: usize,
     measurements: &[Measurement],
 ) -> Result<(), FileError> {
+    write_whole(path, text_of(path, joints, measurements)?.as_bytes())
+}
+
+fn text_of(path: &Path, joints: usize, measurements: &[Measurement]) -> Result<String, FileError> {
     let has = |what, is_there: fn(&Measurement) -> bool| match measurements
         .iter()
         .filter(|each| is_there(each))
@@ -132,5 +150,5 @@ pub fn write_measurements(
         text += &fields.join(",");
         text.push('\n');
     }
-    write_whole(path, text.as_bytes())
+    Ok(text)
 }

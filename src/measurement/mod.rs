@@ -2,12 +2,14 @@
 //! identification sees.
 
 mod file;
+mod origin;
 
 use nalgebra::{DVector, Vector3};
 
 use crate::robot::Load;
 
-pub use file::{read_measurements, write_measurements};
+pub use file::{read_measurements, write_measurements, write_measurements_under};
+pub use origin::Origin;
 
 /// One calibration experiment's outcome (A2).
 #[derive(Debug, Clone, PartialEq)]

@@ -17,6 +17,8 @@
 //! - `model_messages`: models that cannot serve, and what to do about them.
 //! - `understanding`: what `check` says that it understood, and likely mistakes.
 //! - `csv_dialects`: plans and measurements as spreadsheets of every country write them.
+//! - `diagnoses`: likely mistakes in measurements, and the measurement that fits least.
+//! - `origins`: files say under which scenario they were made; help says what has an effect.
 //! - `known_optima`: arms of three joints, for which the best plan can be derived by hand.
 //! - `search`: the search for plans and its certificate, on the KR-270.
 //! - `obstacles`: what stands in the laboratory.
@@ -31,6 +33,7 @@ mod bad_input;
 mod browser;
 mod command_line;
 mod csv_dialects;
+mod diagnoses;
 mod gate;
 mod gate_refusals;
 mod identifiability;
@@ -40,6 +43,7 @@ mod known_optima;
 mod model_features;
 mod model_messages;
 mod obstacles;
+mod origins;
 mod parameters;
 mod planning;
 mod properties;

@@ -1,0 +1,51 @@
+//! Under which scenario measurements were made, as their file says it.
+
+use std::path::{Path, PathBuf};
+
+use crate::csv::comments;
+use crate::files::FileError;
+use crate::scenario::Scenario;
+
+const FILE: &str = "scenario: ";
+const HASH: &str = "scenario_sha256: ";
+
+/// The scenario that a file says it belongs to.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Origin {
+    /// The scenario file, as it was called then.
+    pub scenario: PathBuf,
+    /// [`Scenario::sha256`] of then.
+    pub scenario_sha256: String,
+}
+
+impl Origin {
+    /// The origin of what is made under a scenario.
+    #[must_use]
+    pub fn of(scenario: &Scenario) -> Self {
+        Self {
+            scenario: scenario.path.clone(),
+            scenario_sha256: scenario.sha256.clone(),
+        }
+    }
+
+    /// What the comments of a measurement file say; `None` where they name no scenario, as those of a
+    /// laboratory.
+    ///
+    /// # Errors
+    /// The file cannot be read.
+    pub fn read(path: &Path) -> Result<Option<Self>, FileError> {
+        let comments = comments(path)?;
+        let after = |key: &str| comments.iter().find_map(|line| line.strip_prefix(key));
+        Ok(after(FILE).zip(after(HASH)).map(|(file, hash)| Self {
+            scenario: PathBuf::from(file),
+            scenario_sha256: hash.to_owned(),
+        }))
+    }
+
+    /// The comments of a measurement file.
+    pub(super) fn comments(&self) -> String {
+        // A line end in a file's name would end the comment.
+        let file = self.scenario.to_string_lossy().replace(['\n', '\r'], " ");
+        format!("# {FILE}{file}\n# {HASH}{}\n", self.scenario_sha256)
+    }
+}
