@@ -215,6 +215,19 @@ fn a_turned_frame_is_found_with_its_angle() {
     }
 }
 
+/// With axis 1 at zero throughout, its sign does not show and is not spoken of.
+#[test]
+fn what_does_not_show_is_no_other_explanation() {
+    let (scenario, _) = &arms()[0];
+    let mut measurements = measured(scenario, &table4(12), 13);
+    for each in &mut measurements {
+        each.configuration_rad[3] *= -1.0;
+    }
+    let found = diagnosed(scenario, &measurements);
+    assert_eq!(found[0].mistake, Mistake::JointSigns(vec![3]));
+    assert!(!found[0].text.contains("joint_1"), "{found:#?}");
+}
+
 /// Two mistakes at once are found one after the other.
 #[test]
 fn weights_in_kilograms_without_sign() {

@@ -175,6 +175,14 @@ fn best(case: &Case<'_>, measurements: &[Measurement]) -> Vec<(Hypothesis, f64)>
     decisive.sort_by(|one, other| other.1.total_cmp(&one.1));
     let largest = decisive.first().map_or(0.0, |(_, gain)| *gain);
     decisive.retain(|(_, gain)| largest - gain < AS_GOOD);
+    let first = decisive.first().map(|(first, _)| first.mistake.clone());
+    // Joints whose signs do not show are no other explanation.
+    decisive.retain(|(other, _)| match (&first, &other.mistake) {
+        (Some(Mistake::JointSigns(first)), Mistake::JointSigns(joints)) => {
+            first == joints || !first.iter().all(|joint| joints.contains(joint))
+        }
+        _ => true,
+    });
     decisive
 }
 
