@@ -39,6 +39,7 @@
 //! - [`robot`]: the serial chain read from the model; Jacobians, elastostatics, static equilibrium.
 //! - [`parameter`]: what may be unknown about a robot, priors, and what cannot be told apart.
 //! - [`observation`]: readings, predicted with derivatives by any parameters.
+//! - [`experiment`]: plans of experiments, and the set of loads that they may use.
 //! - [`scenario`]: one TOML file becomes a checked [`Scenario`](scenario::Scenario), in SI units.
 //! - [`understanding`]: the robot as a scenario was understood, and what is implausible about it.
 //! - [`measurement`]: measured deflections, the laboratory's or the virtual robot's.
@@ -112,6 +113,7 @@ pub mod comparison;
 pub mod compensation;
 pub mod csv;
 pub mod estimable;
+pub mod experiment;
 pub mod files;
 pub mod identification;
 pub mod least_squares;

@@ -48,6 +48,8 @@ impl Identify {
         self.identified_out
             .as_deref()
             .map_or(Ok(()), check_writable)?;
+        let loads = measurements.iter().map(|each| &each.load);
+        let loads_outside = scenario.loads.outside_all("measurement", loads);
         let method = self.method.unwrap_or(scenario.method);
         self.common.say(&format!(
             "identifying {} from {}",
@@ -75,8 +77,9 @@ impl Identify {
         let mut json = results(
             "identify",
             &ProvenanceMessage::new(&scenario),
-            serde_json::to_value(&message)?,
+            json!({ "sigma_from_residuals": self.sigma_from_residuals }),
         );
+        merge(&mut json, serde_json::to_value(&message)?);
         let more = ResidualsMessage::new(&residuals, &diagnoses);
         merge(&mut json, serde_json::to_value(&more)?);
         merge(&mut json, json!({ "scenario_file": scenario.path }));
@@ -95,7 +98,8 @@ impl Identify {
         Ok(Report {
             json,
             text,
-            conditions: (conditions(&identification).into_iter())
+            conditions: (loads_outside.into_iter())
+                .chain(conditions(&identification))
                 .chain(diagnoses.iter().map(likely))
                 .collect(),
         })

@@ -11,6 +11,7 @@ use elastocal::testbed::VirtualRobot;
 use elastocal::wording::counted;
 use serde_json::json;
 
+use super::evaluate::loads_outside;
 use super::table::table;
 use super::{Common, Report, results, without_effect};
 
@@ -79,12 +80,10 @@ impl Measure {
             json: results(
                 "measure",
                 &ProvenanceMessage::new(&scenario),
-                json!({
-                    "measurements": messages,
-                }),
+                json!({ "noise_free": self.noise_free, "measurements": messages }),
             ),
             text,
-            conditions: Vec::new(),
+            conditions: loads_outside(&scenario, &plan, None).into_iter().collect(),
         })
     }
 }

@@ -148,6 +148,7 @@ impl PlanCommand {
             "gate": scenario.gate,
             "plan": plan_messages(plan),
             "criterion": self.criterion.name(),
+            "configurations": configurations.unwrap_or(experiments).min(experiments),
             "elapsed_s": designed.elapsed_s,
             "searches": designed.exact.searches,
             "searches_agreeing": designed.exact.agreeing,

@@ -18,7 +18,7 @@ use serde_json::json;
 
 use super::study::entries::entries;
 use super::table::table;
-use super::{Common, Report};
+use super::{Common, Report, results};
 
 /// Arguments of `replay`.
 #[derive(Debug, Args)]
@@ -61,11 +61,8 @@ impl Replay {
         let messages: Vec<_> = (calibrations.iter())
             .map(|(name, calibration)| CalibrationMessage::new(name, calibration))
             .collect();
-        let json = json!({
-            "provenance": ProvenanceMessage::new(&scenario),
-            "run": self.run,
-            "plans": messages,
-        });
+        let keys = json!({ "run": self.run, "plans": messages });
+        let json = results("replay", &ProvenanceMessage::new(&scenario), keys);
         let text = serde_json::to_string_pretty(&json)? + "\n";
         write_whole(&path("json"), text.as_bytes())?;
         let recording = Recording::new(&scenario, &calibrations)?;

@@ -20,6 +20,7 @@ use elastocal::view::stills;
 use elastocal::wording::counted;
 use serde_json::{Value, json};
 
+use super::evaluate::loads_outside;
 use super::plan::design;
 use super::progress::stop_flag;
 use super::stream::{TARGETS, Target, warn};
@@ -109,7 +110,10 @@ impl Run {
             json!({ "random_plans": RANDOM_PLANS, "random_median_rho0_mm": random_rho0_m * 1e3 }),
         );
         merge(&mut json, serde_json::to_value(&evidence)?);
-        let conditions = identify::conditions(&entries[0].calibration.1.identification);
+        let mut conditions = identify::conditions(&entries[0].calibration.1.identification);
+        conditions.extend(
+            (plans.iter()).filter_map(|(name, plan)| loads_outside(&scenario, plan, Some(name))),
+        );
         let stills = stills::sheet(&scenario, &entries[0].calibration.1.plan);
         let page = run_page(&RunRecord {
             scenario: &scenario,

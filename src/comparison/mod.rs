@@ -28,6 +28,8 @@ pub enum Setting {
     Seed,
     /// The number of measurements.
     Experiments,
+    /// The largest number of different configurations.
+    Configurations,
     /// The criterion that a plan was designed for.
     Criterion,
     /// The number of runs of a study.
@@ -91,11 +93,12 @@ pub struct Rules<'a> {
 }
 
 impl Setting {
-    const ALL: [Self; 8] = [
+    const ALL: [Self; 9] = [
         Self::Schema,
         Self::Scenario,
         Self::Seed,
         Self::Experiments,
+        Self::Configurations,
         Self::Criterion,
         Self::Trials,
         Self::Level,
@@ -110,6 +113,7 @@ impl Setting {
             Self::Scenario => "scenario",
             Self::Seed => "seed",
             Self::Experiments => "experiments",
+            Self::Configurations => "configurations",
             Self::Criterion => "criterion",
             Self::Trials => "trials",
             Self::Level => "level",
@@ -142,6 +146,11 @@ impl Setting {
             // A copy of a scenario under another name asks the same question.
             Self::Scenario => base.provenance.scenario_sha256 == new.provenance.scenario_sha256,
             Self::Plans => sorted(&base.plans) == sorted(&new.plans),
+            // Results of earlier versions do not say.
+            Self::Configurations => match (self.of(base), self.of(new)) {
+                (Some(base), Some(new)) => base == new,
+                _ => true,
+            },
             _ => self.of(base) == self.of(new),
         }
     }

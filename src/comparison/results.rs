@@ -66,8 +66,9 @@ struct Promise {
 }
 
 #[derive(Deserialize)]
-struct Criterion {
+struct Designed {
     criterion: String,
+    configurations: Option<u32>,
 }
 
 #[derive(Deserialize)]
@@ -157,8 +158,11 @@ impl ResultsFile {
             "elastocal.run" => file.run(typed(path, &json)?)?,
             "elastocal.study" => file.study(typed(path, &json)?),
             "elastocal.plan" => {
-                let Criterion { criterion } = typed(path, &json)?;
-                file.settings.push(("criterion", criterion.into()));
+                let designed: Designed = typed(path, &json)?;
+                file.settings.push(("criterion", designed.criterion.into()));
+                let configurations = designed.configurations;
+                file.settings
+                    .extend(configurations.map(|count| ("configurations", count.into())));
                 file.single(typed(path, &json)?)?;
             }
             "elastocal.evaluate" => file.single(typed(path, &json)?)?,

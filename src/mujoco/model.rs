@@ -65,6 +65,14 @@ pub enum ModelError {
         /// What to do about it.
         hint: String,
     },
+    /// MuJoCo cannot apply a load.
+    #[error("{path}: MuJoCo cannot apply the load: {message}")]
+    Load {
+        /// The model file.
+        path: PathBuf,
+        /// MuJoCo's own words.
+        message: String,
+    },
     /// The model is not a serial arm of hinge joints.
     #[error("{path}: not a serial arm of hinge joints: {reason}")]
     NotSerial {

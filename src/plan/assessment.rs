@@ -79,7 +79,8 @@ impl Assessment {
 fn solve(scenario: &Scenario, plan: &Plan) -> LeastSquares {
     let model = ExperimentModel::new(scenario);
     let parameters = scenario.parameters.len();
-    let mut matrix = DMatrix::zeros(3 * plan.experiments.len(), parameters);
+    // A plan without experiments tells as much as one that tells nothing.
+    let mut matrix = DMatrix::zeros(3 * plan.experiments.len().max(1), parameters);
     for (index, experiment) in plan.experiments.iter().enumerate() {
         let block = model.observation_matrix(experiment) * f64::from(experiment.repeats).sqrt();
         matrix.rows_mut(3 * index, 3).copy_from(&block);

@@ -24,15 +24,29 @@ pub struct Violation {
     pub experiment: usize,
     /// What is wrong: "tool height", "`joint_3`", "collision of floor and `link_6`" ...
     pub what: String,
-    /// The value found, in `unit`.
+    /// The value found, in `unit`; NaN where it is no single number.
     pub found: f64,
     /// The bound, in `unit`.
     pub bound: f64,
     /// The unit of both.
     pub unit: &'static str,
+    /// What is found and what is allowed, where that is no single number.
+    pub words: Option<String>,
 }
 
 impl Violation {
+    /// What is wrong in words, without a number.
+    fn in_words(experiment: usize, what: &str, words: String) -> Self {
+        Self {
+            experiment,
+            what: what.to_owned(),
+            found: f64::NAN,
+            bound: f64::NAN,
+            unit: "",
+            words: Some(words),
+        }
+    }
+
     /// The constraint that is violated, without the names of the geometries.
     #[must_use]
     pub fn kind(&self) -> String {
@@ -52,7 +66,11 @@ impl std::fmt::Display for Violation {
             found,
             bound,
             unit,
+            words,
         } = self;
+        if let Some(words) = words {
+            return write!(formatter, "experiment {experiment}: {words}");
+        }
         write!(
             formatter,
             "experiment {experiment}: {what} is {found:.3} {unit}; the bound is {bound:.3} {unit}"
@@ -100,7 +118,12 @@ impl<'a> Feasibility<'a> {
 
     /// Every violation of one experiment, whose number in the plan is given.
     pub fn violations_of(&mut self, number: usize, experiment: &Experiment) -> Vec<Violation> {
-        let mut violations = self.violated_ranges(number, experiment);
+        let words = self.scenario.loads.outside(&experiment.load);
+        let mut violations: Vec<_> = words
+            .map(|words| Violation::in_words(number, "load", words))
+            .into_iter()
+            .collect();
+        violations.extend(self.violated_ranges(number, experiment));
         let q = experiment.configuration_rad.as_slice();
         violations.extend(self.violated_bounds(number, q, &experiment.load));
         violations.extend(self.forbidden(q).map(|(index, found, bound)| Violation {
@@ -109,18 +132,16 @@ impl<'a> Feasibility<'a> {
             found: found.to_degrees(),
             bound: bound.to_degrees(),
             unit: "deg",
+            words: None,
         }));
         if self.simulation.is_some() {
             for load in [Load::NONE, experiment.load] {
                 match self.seen_violations(number, q, &load) {
                     Ok(found) => violations.extend(found),
-                    Err(error) => violations.push(Violation {
-                        experiment: number,
-                        what: error.to_string(),
-                        found: f64::NAN,
-                        bound: f64::NAN,
-                        unit: "",
-                    }),
+                    Err(error) => {
+                        let error = error.to_string();
+                        violations.push(Violation::in_words(number, &error, error.clone()));
+                    }
                 }
             }
             violations.dedup_by(|one, other| one.what == other.what);
@@ -208,6 +229,7 @@ impl<'a> Feasibility<'a> {
                     found: angle.to_degrees(),
                     bound: bound.to_degrees(),
                     unit: "deg",
+                    words: None,
                 })
             })
             .collect()
@@ -235,6 +257,7 @@ impl<'a> Feasibility<'a> {
                     found,
                     bound,
                     unit,
+                    words: None,
                 }
             })
             .collect()
@@ -273,6 +296,7 @@ impl<'a> Feasibility<'a> {
                 found: contact.distance_m * 1e3,
                 bound: clearance * 1e3,
                 unit: "mm",
+                words: None,
             }));
         }
         if let (true, Some(tracker)) = (region.line_of_sight, instrument.tracker_site) {
@@ -284,6 +308,7 @@ impl<'a> Feasibility<'a> {
                 found: free_m * 1e3,
                 bound: length_m * 1e3,
                 unit: "mm",
+                words: None,
             }));
         }
         Ok(violations)

@@ -10,10 +10,7 @@ pub mod proof;
 mod region;
 pub mod search;
 
-use nalgebra::DVector;
-
-use crate::robot::Load;
-
+pub use crate::experiment::{Experiment, Plan};
 pub use accuracy::{ExperimentModel, test_pose_weights};
 pub use assessment::Assessment;
 pub use criterion::{Criterion, CriterionFunction};
@@ -23,36 +20,3 @@ pub use file::{
     configuration_and_load, experiment_columns, experiment_fields, read_plan, write_plan,
 };
 pub use region::{Bound, bounds_of};
-
-/// One configuration and load of a plan.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Experiment {
-    /// The commanded joint angles q (rad).
-    pub configuration_rad: DVector<f64>,
-    /// The load W, in the world frame at the calibration tool.
-    pub load: Load,
-    /// How often it is measured.
-    pub repeats: u32,
-}
-
-/// A plan of experiments (D1).
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct Plan {
-    /// The different configurations and loads.
-    pub experiments: Vec<Experiment>,
-}
-
-impl Plan {
-    /// The number m of measurements, repeats counted.
-    #[must_use]
-    pub fn measurements(&self) -> u32 {
-        self.experiments.iter().map(|each| each.repeats).sum()
-    }
-
-    /// Every experiment as often as it is measured.
-    pub fn repeated(&self) -> impl Iterator<Item = &Experiment> {
-        self.experiments
-            .iter()
-            .flat_map(|each| std::iter::repeat_n(each, each.repeats as usize))
-    }
-}

@@ -221,19 +221,21 @@ pub struct AssessmentMessage {
     pub violations: Vec<ViolationMessage>,
 }
 
-/// One bound that an experiment of a plan does not keep.
+/// One bound that an experiment of a plan does not keep, or a load that is not allowed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ViolationMessage {
     /// The experiment's number, from 1.
     pub experiment: usize,
     /// What is wrong.
     pub what: String,
-    /// The value found.
+    /// The value found; null where it is no single number, as for a load.
     pub found: Option<f64>,
     /// The bound.
     pub bound: Option<f64>,
     /// The unit of both.
     pub unit: String,
+    /// The same in words.
+    pub text: String,
 }
 
 impl AssessmentMessage {
@@ -265,6 +267,7 @@ impl AssessmentMessage {
                     found: Some(violation.found).filter(|value| value.is_finite()),
                     bound: Some(violation.bound).filter(|value| value.is_finite()),
                     unit: violation.unit.to_owned(),
+                    text: violation.to_string(),
                 })
                 .collect(),
         }

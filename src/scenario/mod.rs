@@ -16,6 +16,7 @@ use crate::mujoco::Model;
 use crate::plan::{Criterion, Plan};
 use crate::robot::{Load, SerialChain, Tool};
 
+pub use crate::experiment::Loads;
 pub use file::{Level, LoadKind, Method, SigmaOf};
 pub use gate::{Direction, Gate, Quantity, Tolerance};
 
@@ -52,43 +53,6 @@ pub struct TestPose {
     pub load: Load,
     /// Its weight among the test poses; the weights sum to one.
     pub weight: f64,
-}
-
-/// The loads that a plan may use.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Loads {
-    /// One wrench for every experiment.
-    Fixed(Load),
-    /// A force of fixed direction (unit vector) whose size lies between two bounds (N).
-    Direction {
-        /// The direction.
-        direction: nalgebra::Vector3<f64>,
-        /// The smallest and the largest force (N).
-        force_n: [f64; 2],
-    },
-    /// A force of any direction up to this size (N); eq. 22.
-    Any {
-        /// The largest force (N).
-        force_max_n: f64,
-    },
-    /// One of these wrenches.
-    List(Vec<Load>),
-}
-
-impl Loads {
-    /// Makes all loads so many times as large.
-    fn scale(&mut self, factor: f64) {
-        match self {
-            Self::Fixed(load) => *load = load.scaled(factor),
-            Self::Direction { force_n, .. } => *force_n = force_n.map(|force| force * factor),
-            Self::Any { force_max_n } => *force_max_n *= factor,
-            Self::List(loads) => {
-                for load in loads {
-                    *load = load.scaled(factor);
-                }
-            }
-        }
-    }
 }
 
 /// Where experiments are possible.
@@ -266,7 +230,10 @@ impl Scenario {
     pub fn under(&self, conditions: &Conditions) -> Self {
         let mut scenario = self.clone();
         scenario.instrument.sigma_m = conditions.sigma_m;
-        scenario.loads.scale(conditions.load_scale);
+        scenario.loads = self.loads.scaled(conditions.load_scale);
+        for experiment in &mut scenario.design.mandatory.experiments {
+            experiment.load = experiment.load.scaled(conditions.load_scale);
+        }
         scenario
     }
 

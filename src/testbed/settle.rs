@@ -45,7 +45,8 @@ pub enum SettleError {
 /// equilibrium: elastic joints alone carry the arm.
 ///
 /// # Errors
-/// A joint has no position actuator, the model has no such site, or the robot does not settle.
+/// A joint has no position actuator, the model has no such site, the load cannot be applied, or the
+/// robot does not settle.
 pub fn settle(
     robot: &Robot,
     site: &str,
@@ -63,7 +64,7 @@ pub fn settle(
     let longest = (LONGEST_S / model.time_step_s()).ceil();
     let mut steps = 0_usize;
     loop {
-        state.step_with_wrench(site, &load.force_n, &load.torque_nm);
+        state.step_with_wrench(site, &load.force_n, &load.torque_nm)?;
         steps += 1;
         let (q, speeds) = state.coordinates();
         let speed_rad_s = speeds.iter().map(|speed| speed.abs()).fold(0.0, f64::max);

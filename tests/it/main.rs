@@ -21,6 +21,7 @@
 //! - `origins`: files say under which scenario they were made; help says what has an effect.
 //! - `known_optima`: arms of three joints, for which the best plan can be derived by hand.
 //! - `search`: the search for plans and its certificate, on the KR-270.
+//! - `load_sets`: one load set decides for plans, measurements and mandatory experiments.
 //! - `obstacles`: what stands in the laboratory.
 //! - `streams`: a study's recordings, live in a viewer and as files; `view`.
 //! - `reproduction`: the paper's numbers beside the program's, by the program.
@@ -40,6 +41,7 @@ mod identifiability;
 mod interruptions;
 mod judges;
 mod known_optima;
+mod load_sets;
 mod model_features;
 mod model_messages;
 mod obstacles;

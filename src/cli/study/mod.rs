@@ -11,7 +11,7 @@ use std::time::Instant;
 use clap::Args;
 use elastocal::files::{check_writable, make_folder};
 use elastocal::record::messages::SchemaMessage;
-use elastocal::scenario::Level;
+use elastocal::scenario::{Level, Scenario, StudyPlan, StudySource};
 use elastocal::study::Setting;
 use elastocal::study::runner::Runner;
 use elastocal::study::tally_file::{Header, TallyFile};
@@ -22,6 +22,7 @@ use serde_json::json;
 use self::entries::entries;
 use self::results::{Results, Timing, describe, describe_level, write};
 use self::stream::StudyObserver;
+use super::evaluate::loads_outside;
 use super::progress::bar;
 use super::stream::{TARGETS, Target};
 use super::{Common, Report, merge};
@@ -158,6 +159,7 @@ impl StudyCommand {
                 json!({ "schema": SchemaMessage::new("shard"), "shard": shard, "shards": shards }),
             );
         }
+        report.conditions.extend(foreign_loads(&scenario));
         report.conditions.extend(unwritten.problems);
         Ok(report)
     }
@@ -219,6 +221,15 @@ impl StudyCommand {
         bar.finish_and_clear();
         Ok(())
     }
+}
+
+/// What is wrong with the loads of plan files.
+fn foreign_loads(scenario: &Scenario) -> impl Iterator<Item = String> {
+    let wrong = |plan: &StudyPlan| match &plan.source {
+        StudySource::File(file) => loads_outside(scenario, file, Some(&plan.name)),
+        _ => None,
+    };
+    scenario.study.plans.iter().filter_map(wrong)
 }
 
 /// The runs that a tally holds.

@@ -4,7 +4,7 @@ use super::Checker;
 use crate::files::FileError;
 use crate::plan::Plan;
 use crate::scenario::file::{DesignTable, PlanTable};
-use crate::scenario::{Design, PlanFile};
+use crate::scenario::{Design, Loads, PlanFile};
 
 impl Checker<'_> {
     pub(super) fn design(
@@ -12,6 +12,7 @@ impl Checker<'_> {
         table: &DesignTable,
         parameters: usize,
         joints: usize,
+        loads: &Loads,
     ) -> Result<Design, FileError> {
         let key = "design.experiments";
         let fewest = u32::try_from(parameters.div_ceil(3)).unwrap_or(u32::MAX);
@@ -42,6 +43,12 @@ impl Checker<'_> {
                 table.experiments
             );
             return Err(self.wrong("design.mandatory", problem));
+        }
+        let given = mandatory.experiments.iter().map(|each| &each.load);
+        if let Some(words) = loads.outside_all("experiment", given) {
+            return Err(self
+                .wrong("design.mandatory", words)
+                .hint("allow that load in [load] too, as one of kind = \"list\""));
         }
         Ok(Design {
             experiments: table.experiments,

@@ -71,7 +71,8 @@ impl Checker<'_> {
 
         let joints = nominal.chain.len();
         let test_poses = self.test_poses(&file.test_pose, &nominal.chain)?;
-        let design = self.design(&file.design, parameters.len(), joints)?;
+        let loads = self.loads(&file.load)?;
+        let design = self.design(&file.design, parameters.len(), joints, &loads)?;
         if let Some(path) = &file.design.mandatory {
             hash.update(read_text(&self.resolve(path))?);
         }
@@ -98,7 +99,7 @@ impl Checker<'_> {
             instrument,
             method: file.identification.method,
             test_poses,
-            loads: self.loads(&file.load)?,
+            loads,
             region: self.region(&file.region, &nominal.chain)?,
             design,
             plans,
