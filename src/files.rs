@@ -3,6 +3,7 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use sha2::{Digest, Sha256};
 use thiserror::Error;
 
 /// What is wrong with an input file, or with writing an output file.
@@ -152,6 +153,16 @@ pub fn make_folder(path: &Path) -> Result<(), FileError> {
         FileError::new(path, format!("cannot be made a folder: {error}"))
             .hint("give a place where you may write with --out")
     })
+}
+
+/// The SHA-256 of a file's bytes.
+///
+/// # Errors
+/// It cannot be read.
+pub fn sha256_of(path: &Path) -> Result<[u8; 32], FileError> {
+    let bytes = std::fs::read(path)
+        .map_err(|error| FileError::new(path, format!("cannot be read: {error}")))?;
+    Ok(Sha256::digest(bytes).into())
 }
 
 /// Bytes, such as a hash's, in hexadecimal.

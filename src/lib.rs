@@ -91,18 +91,19 @@
 //!
 //! use elastocal::calibration::calibrate;
 //! use elastocal::plan::Criterion;
-//! use elastocal::plan::search::{Problem, Watch, approximate_design, exact_design};
+//! use elastocal::plan::search::{Bound, Problem, Watch, approximate_design, exact_design};
 //! use elastocal::scenario::Scenario;
 //!
 //! let scenario = Scenario::load("scenarios/klimchik2012.toml".as_ref())?;
 //! let mut problem = Problem::new(&scenario, Criterion::TestPose);
 //! problem.effort.searches = 8; // a quick search
-//! let bound = approximate_design(&problem, scenario.seed)?;
+//! let approximate = approximate_design(&problem, scenario.seed)?;
 //! let watch = Watch { stop: &AtomicBool::new(false), progress: &|_, _, _| {} };
-//! let best = exact_design(&problem, &bound, 4, 4, scenario.seed, watch)?;
+//! let best = exact_design(&problem, &approximate, 4, 4, scenario.seed, watch)?;
 //! let calibration = calibrate(&scenario, &best.plan, 0)?;
 //! let pose = &calibration.poses[0];
-//! assert!(best.cost >= bound.certificate.lower_bound(4));
+//! let no_plan_is_below_m = Bound::new(&scenario, &approximate).of_plan(&best.plan)?;
+//! assert!(best.cost.sqrt() >= no_plan_is_below_m);
 //! assert!(pose.seen.residual_m.norm() < 0.05 * pose.seen.uncompensated_m.norm());
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```

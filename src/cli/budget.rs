@@ -12,7 +12,7 @@ use elastocal::wording::counted;
 use serde_json::{Value, json};
 
 use super::progress::{bar, stop_flag};
-use super::table::table;
+use super::table::{number, table};
 use super::{Common, Report, results, without_effect};
 
 /// Arguments of `budget`.
@@ -103,7 +103,7 @@ fn record(point: &BudgetPoint) -> Value {
         "experiments": point.experiments,
         "configurations": point.configurations,
         "rho0_mm": point.rho0_m * 1e3,
-        "lower_bound_rho0_mm": point.lower_bound_m * 1e3,
+        "lower_bound_rho0_mm": point.lower_bound_m.map(|bound_m| bound_m * 1e3),
     })
 }
 
@@ -131,7 +131,10 @@ fn describe(points: &[BudgetPoint]) -> String {
                 })
         }));
         row.push(format!("{:.3}", all_different.rho0_m * 1e6));
-        row.push(format!("{:.3}", all_different.lower_bound_m * 1e6));
+        row.push(number(
+            all_different.lower_bound_m.map(|bound_m| bound_m * 1e6),
+            3,
+        ));
         rows.push(row);
     }
     let header: Vec<&str> = header.iter().map(String::as_str).collect();

@@ -73,7 +73,11 @@ impl Check {
             vec![super::evaluate::violated(problems.len())]
         };
         let json = json!({ "ok": problems.is_empty(), "problems": problems });
-        let mut json = results("check", &ProvenanceMessage::new(&scenario), json);
+        let mut provenance = ProvenanceMessage::new(&scenario);
+        if let Some(path) = &self.plan {
+            provenance = provenance.with_input("plan", path)?;
+        }
+        let mut json = results("check", &provenance, json);
         let understood = UnderstandingMessage::new(&understanding);
         merge(&mut json, serde_json::to_value(understood)?);
         Ok(Report {

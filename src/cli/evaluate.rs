@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use elastocal::plan::search::{Problem, approximate_design};
-use elastocal::plan::{Assessment, Criterion, Plan, read_plan};
+use elastocal::plan::search::Bound;
+use elastocal::plan::{Assessment, Plan, read_plan};
 use elastocal::record::messages::{AssessmentMessage, ProvenanceMessage};
 use elastocal::scenario::Scenario;
 use elastocal::wording::counted;
@@ -29,15 +29,11 @@ impl Evaluate {
         let scenario = self.common.load()?;
         let plan = read_plan(&self.plan, scenario.joints())?;
         self.common.say("searching the bound that no plan can beat");
-        let problem = Problem::new(&scenario, Criterion::TestPose);
         // Without a bound, the rest still holds.
-        let approximate = approximate_design(&problem, scenario.seed)
-            .inspect_err(|error| self.common.say(&format!("no bound: {error}")))
-            .ok();
-        let certificate = approximate.as_ref().map(|design| &design.certificate);
-        let assessment = Assessment::new(&scenario, &plan, certificate);
+        let bound = Bound::search(&scenario);
+        let assessment = Assessment::new(&scenario, &plan, Some(&bound));
         let message = AssessmentMessage::new(&scenario, &assessment);
-        let provenance = ProvenanceMessage::new(&scenario);
+        let provenance = ProvenanceMessage::new(&scenario).with_input("plan", &self.plan)?;
         let mut json = results("evaluate", &provenance, json!({ "gate": scenario.gate }));
         merge(&mut json, serde_json::to_value(&message)?);
         Ok(Report {
@@ -89,13 +85,17 @@ pub fn describe(scenario: &Scenario, assessment: &Assessment) -> String {
         counted(assessment.experiments.into(), "experiment"),
         number(assessment.rho0_m.map(|value| value * 1e6), 3)
     );
-    if let (Some(bound), Some(efficiency)) = (assessment.lower_bound_m, assessment.efficiency()) {
+    if let (Some(bound), Some(efficiency)) = (assessment.bound_m(), assessment.efficiency()) {
         text += &format!(
             "; no plan of as many can be below {:.3} um (efficiency {efficiency:.4})",
             bound * 1e6
         );
     }
-    text += "\n\n";
+    text.push('\n');
+    if let Some(reason) = assessment.no_bound() {
+        text += &format!("no bound and no efficiency: {reason}\n");
+    }
+    text.push('\n');
     let rows: Vec<Vec<String>> = scenario
         .parameter_names()
         .into_iter()

@@ -76,7 +76,7 @@ impl Identify {
         let message = IdentificationMessage::from(&identification);
         let mut json = results(
             "identify",
-            &ProvenanceMessage::new(&scenario),
+            &ProvenanceMessage::new(&scenario).with_input("measurements", &self.measurements)?,
             json!({ "sigma_from_residuals": self.sigma_from_residuals }),
         );
         merge(&mut json, serde_json::to_value(&message)?);

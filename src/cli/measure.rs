@@ -79,7 +79,7 @@ impl Measure {
         Ok(Report {
             json: results(
                 "measure",
-                &ProvenanceMessage::new(&scenario),
+                &ProvenanceMessage::new(&scenario).with_input("plan", &self.plan)?,
                 json!({ "noise_free": self.noise_free, "measurements": messages }),
             ),
             text,

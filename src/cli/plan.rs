@@ -7,7 +7,7 @@ use std::time::Instant;
 use clap::Args;
 use elastocal::files::{check_writable, write_whole};
 use elastocal::plan::search::{
-    ApproximateDesign, ExactDesign, Problem, Watch, approximate_design, exact_design,
+    ApproximateDesign, Bound, ExactDesign, Problem, Watch, approximate_design, exact_design,
 };
 use elastocal::plan::{Assessment, Criterion, write_plan};
 use elastocal::record::messages::{AssessmentMessage, ProvenanceMessage, plan_messages};
@@ -63,16 +63,17 @@ pub fn design(
     let problem = Problem::new(scenario, criterion);
     let bound_problem = Problem::new(scenario, Criterion::TestPose);
     let approximate = approximate_design(&bound_problem, scenario.seed)?;
-    let bound = approximate.certificate.lower_bound(experiments).sqrt() * 1e6;
+    let bound = Bound::new(scenario, &approximate).of_size(experiments);
+    let bound = bound.map_or_else(
+        |_| String::new(),
+        |bound_m| format!(", bound {:.4} um", bound_m * 1e6),
+    );
     let bar = bar(common.quiet, "searching the plan");
     let progress = |done: usize, all: usize, cost: f64| {
         bar.set_length(all as u64);
         bar.set_position(done as u64);
         if criterion == Criterion::TestPose {
-            bar.set_message(format!(
-                "best {:.4} um, bound {bound:.4} um",
-                cost.sqrt() * 1e6
-            ));
+            bar.set_message(format!("best {:.4} um{bound}", cost.sqrt() * 1e6));
         }
     };
     let watch = Watch {
@@ -124,7 +125,8 @@ impl PlanCommand {
         )?;
         let certificate = &designed.approximate.certificate;
         let plan = &designed.exact.plan;
-        let assessment = Assessment::new(&scenario, plan, Some(certificate));
+        let bound = Bound::new(&scenario, &designed.approximate);
+        let assessment = Assessment::new(&scenario, plan, Some(&bound));
         let mut text = describe(&scenario, &assessment);
         text += &format!(
             "\nThe bound rests on the largest directional derivative found by {} local searches, of \

@@ -116,7 +116,7 @@ fn table_6(message: &ReproductionMessage) -> String {
                 micro(row.found_rho0_mm),
                 number(row.ratio, 3),
                 micro(Some(row.own_rho0_mm)),
-                micro(Some(row.lower_bound_rho0_mm)),
+                micro(row.lower_bound_rho0_mm),
             ]
         })
         .collect();

@@ -6,7 +6,7 @@ use clap::Args;
 use elastocal::calibration::{Calibration, calibrate};
 use elastocal::files::{check_writable, make_folder, write_whole};
 use elastocal::measurement::write_measurements_under;
-use elastocal::plan::search::{Certificate, Watch, median_random_rho0, random_plan};
+use elastocal::plan::search::{Bound, Watch, median_random_rho0, random_plan};
 use elastocal::plan::{Assessment, Criterion, Plan, read_plan, write_plan};
 use elastocal::record::evidence::EvidenceMessage;
 use elastocal::record::messages::{AssessmentMessage, CalibrationMessage, ProvenanceMessage};
@@ -78,13 +78,13 @@ impl Run {
         let criterion = Criterion::TestPose;
         let configurations = scenario.design.configurations;
         let designed = design(common, &scenario, criterion, experiments, configurations)?;
-        let certificate = designed.approximate.certificate;
+        let bound = Bound::new(&scenario, &designed.approximate);
 
         let plans = plans_to_compare(&scenario, designed.exact.plan)?;
         common.say("measuring, identifying and compensating in MuJoCo");
         let mut entries = Vec::new();
         for (name, plan) in &plans {
-            entries.push(entry(&scenario, name.clone(), plan, &certificate)?);
+            entries.push(entry(&scenario, name.clone(), plan, &bound)?);
         }
         let records: Vec<Messages> = (entries.iter())
             .map(|entry| entry.messages(&scenario))
@@ -102,7 +102,7 @@ impl Run {
         // The study draws random plans of its own.
         let fixed = &plans[..plans.len() - 1];
         let evidence = gather(&scenario, &designed.approximate, fixed, watch)?;
-        let evidence = EvidenceMessage::new(&scenario, &certificate, &evidence);
+        let evidence = EvidenceMessage::new(&scenario, &bound, &evidence);
 
         let mut json = everything(&scenario, &records, designed.elapsed_s)?;
         merge(
@@ -153,14 +153,9 @@ fn plans_to_compare(scenario: &Scenario, optimal: Plan) -> anyhow::Result<Vec<(S
     Ok(plans)
 }
 
-fn entry(
-    scenario: &Scenario,
-    name: String,
-    plan: &Plan,
-    certificate: &Certificate,
-) -> anyhow::Result<Entry> {
+fn entry(scenario: &Scenario, name: String, plan: &Plan, bound: &Bound) -> anyhow::Result<Entry> {
     Ok(Entry {
-        assessment: Assessment::new(scenario, plan, Some(certificate)),
+        assessment: Assessment::new(scenario, plan, Some(bound)),
         // Every plan is measured with the same noise.
         calibration: (name, calibrate(scenario, plan, 0)?),
     })
@@ -258,6 +253,12 @@ fn summary(folder: &Path, entries: &[Entry], random_rho0_m: f64) -> String {
         ],
         &rows,
     );
+    for entry in entries {
+        if let Some(reason) = entry.assessment.no_bound() {
+            let name = &entry.calibration.0;
+            text += &format!("plan {name:?} has no efficiency: {reason}\n");
+        }
+    }
     let pose = &main.calibration.1.poses[0];
     let uncompensated = pose.seen.uncompensated_m.norm() * 1e6;
     let predicted = number(main.assessment.rho0_m.map(|value| value * 1e6), 1);
@@ -269,7 +270,7 @@ fn summary(folder: &Path, entries: &[Entry], random_rho0_m: f64) -> String {
         counted(main.assessment.experiments.into(), "measurement"),
         pose.seen.residual_m.norm() * 1e6,
     );
-    if let Some(bound) = main.assessment.lower_bound_m {
+    if let Some(bound) = main.assessment.bound_m() {
         text += &format!(
             "; no plan of as many measurements can do better than {:.1} um",
             bound * 1e6

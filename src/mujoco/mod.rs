@@ -7,10 +7,12 @@ mod foreign;
 mod messages;
 mod model;
 mod obstacle;
+mod sources;
 mod state;
 mod statics;
 
 pub use messages::print_warnings;
 pub use model::{Geometry, Model, ModelError, Shape};
 pub use obstacle::Obstacle;
+pub use sources::sources;
 pub use state::{Contact, State};

@@ -2,7 +2,7 @@
 
 use super::ReproductionError;
 use crate::paper::published::TABLE_6;
-use crate::plan::search::{Problem, Watch, approximate_design, exact_design};
+use crate::plan::search::{Bound, Problem, Watch, approximate_design, exact_design};
 use crate::plan::{Criterion, Plan};
 use crate::scenario::Scenario;
 
@@ -17,8 +17,8 @@ pub struct Design {
     pub plan: Plan,
     /// Its predicted rms distance (m).
     pub rho0_m: f64,
-    /// No plan of as many measurements has a smaller one (m).
-    pub lower_bound_m: f64,
+    /// No plan of as many measurements has a smaller one (m), as [`Bound`] says.
+    pub lower_bound_m: Option<f64>,
 }
 
 /// Designs a plan for each number of Table 6.
@@ -32,6 +32,7 @@ pub fn designs(
 ) -> Result<Vec<Design>, ReproductionError> {
     let problem = Problem::new(scenario, Criterion::TestPose);
     let approximate = approximate_design(&problem, scenario.seed)?;
+    let bound = Bound::new(scenario, &approximate);
     let mut designs = Vec::new();
     for (index, &(experiments, configurations, _)) in TABLE_6.iter().enumerate() {
         progress(index, TABLE_6.len());
@@ -48,7 +49,7 @@ pub fn designs(
             configurations,
             plan: exact.plan,
             rho0_m: exact.cost.sqrt(),
-            lower_bound_m: approximate.certificate.lower_bound(experiments).sqrt(),
+            lower_bound_m: bound.of_size(experiments).ok(),
         });
     }
     Ok(designs)

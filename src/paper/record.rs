@@ -92,7 +92,7 @@ pub struct TableSixMessage {
     /// Of this program's plan (mm).
     pub own_rho0_mm: f64,
     /// No plan of as many measurements has a smaller one (mm).
-    pub lower_bound_rho0_mm: f64,
+    pub lower_bound_rho0_mm: Option<f64>,
     /// This program's plan.
     pub own_plan: Vec<ExperimentMessage>,
 }
@@ -184,7 +184,7 @@ impl TableSixMessage {
             by_rule_rho0_mm: accuracy.by_rule_m.map(|value| value * 1e3),
             keeps_the_rule: accuracy.keeps_the_rule(),
             own_rho0_mm: design.rho0_m * 1e3,
-            lower_bound_rho0_mm: design.lower_bound_m * 1e3,
+            lower_bound_rho0_mm: design.lower_bound_m.map(|bound| bound * 1e3),
             own_plan: plan_messages(&design.plan),
         }
     }

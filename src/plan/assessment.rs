@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::search::{Certificate, Problem};
+use super::search::{Bound, NoBound, Problem};
 use super::{Criterion, ExperimentModel, Feasibility, Plan, Violation};
 use crate::compensation::{predicted_error, test_pose_matrix};
 use crate::least_squares::LeastSquares;
@@ -21,16 +21,17 @@ pub struct Assessment {
     pub standard_errors: Vec<Option<f64>>,
     /// The value of each criterion of Table 1, see [`Criterion`]; `None` for a singular plan.
     pub criteria: Vec<(Criterion, Option<f64>)>,
-    /// No plan of as many experiments has a smaller `rho_0` (m).
-    pub lower_bound_m: Option<f64>,
+    /// No plan of the bound's class with as many measurements has a smaller `rho_0` (m), or why there is
+    /// no bound for this plan; `None` where no bound was given.
+    pub lower_bound_m: Option<Result<f64, NoBound>>,
     /// What makes the plan impossible.
     pub violations: Vec<Violation>,
 }
 
 impl Assessment {
-    /// Judges a plan; `certificate` is that of the scenario's approximate design for `rho_0`.
+    /// Judges a plan, beside the bound of the scenario's plans where it is given.
     #[must_use]
-    pub fn new(scenario: &Scenario, plan: &Plan, certificate: Option<&Certificate>) -> Self {
+    pub fn new(scenario: &Scenario, plan: &Plan, bound: Option<&Bound>) -> Self {
         // One is about what matters at the test poses, the other ones about all compliances.
         let test_pose = Problem::new(scenario, Criterion::TestPose);
         let all = Problem::new(scenario, Criterion::A);
@@ -54,16 +55,27 @@ impl Assessment {
                 .iter()
                 .map(|&criterion| (criterion, value(criterion)))
                 .collect(),
-            lower_bound_m: certificate
-                .map(|certificate| certificate.lower_bound(experiments).sqrt()),
+            lower_bound_m: bound.map(|bound| bound.of_plan(plan)),
             violations: Feasibility::new(scenario).violations(plan),
         }
+    }
+
+    /// The lower bound (m), if there is one for this plan.
+    #[must_use]
+    pub fn bound_m(&self) -> Option<f64> {
+        self.lower_bound_m.as_ref()?.as_ref().ok().copied()
+    }
+
+    /// Why there is no bound for this plan, where one was asked for.
+    #[must_use]
+    pub fn no_bound(&self) -> Option<&NoBound> {
+        self.lower_bound_m.as_ref()?.as_ref().err()
     }
 
     /// Lower bound over `rho_0`: 1 for the best plan that there can be.
     #[must_use]
     pub fn efficiency(&self) -> Option<f64> {
-        Some(self.lower_bound_m? / self.rho0_m?)
+        Some(self.bound_m()? / self.rho0_m?)
     }
 
     /// The indices of the parameters that the plan does not determine.

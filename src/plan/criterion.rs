@@ -85,6 +85,13 @@ impl Criterion {
         matches!(self, Self::D | Self::E | Self::O1 | Self::O3 | Self::O4)
     }
 
+    /// Whether more information is never worse: M + N, with N positive semidefinite, is no worse than M.
+    /// Criteria that divide by the largest singular value ask for balance instead.
+    #[must_use]
+    pub const fn is_monotone(self) -> bool {
+        !matches!(self, Self::O2 | Self::O4)
+    }
+
     /// Whether it follows from a factorisation of M, without eigenvalues: then it is smooth, and cheap
     /// to judge for many plans.
     #[must_use]

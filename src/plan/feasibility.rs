@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 
 use nalgebra::Vector3;
 
-use super::region::{Bound, bounds_of};
+use super::region::{SmoothBound, bounds_of};
 use super::{Experiment, Plan};
 use crate::mujoco::State;
 use crate::robot::{EquilibriumError, EquilibriumSolver, KinematicState, Kinematics, Load};
@@ -82,7 +82,7 @@ impl std::fmt::Display for Violation {
 #[derive(Debug)]
 pub struct Feasibility<'a> {
     scenario: &'a Scenario,
-    bounds: Vec<Bound>,
+    bounds: Vec<SmoothBound>,
     state: KinematicState,
     solver: EquilibriumSolver,
     simulation: Option<State>,

@@ -19,4 +19,4 @@ pub use feasibility::{Feasibility, Violation};
 pub use file::{
     configuration_and_load, experiment_columns, experiment_fields, read_plan, write_plan,
 };
-pub use region::{Bound, bounds_of};
+pub use region::{SmoothBound, WIDENED_M, WIDENED_RAD, WIDENED_SHARE, bounds_of, widened};

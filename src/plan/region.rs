@@ -8,7 +8,7 @@ use crate::scenario::Region;
 
 /// One bound of the feasible region.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Bound {
+pub enum SmoothBound {
     /// The tool is at least this high (m).
     HeightMin(f64),
     /// The tool is at most this high (m).
@@ -27,28 +27,70 @@ pub enum Bound {
     TorqueMin(usize, f64),
 }
 
+/// Plans are printed with one decimal, so that an experiment on a bound may be a little outside. The
+/// class of plans that a lower bound speaks about reaches this far beyond the region: in joint ranges
+/// and in the tool's elevation (rad) ...
+pub const WIDENED_RAD: f64 = 0.1_f64.to_radians();
+/// ... in the tool's height and distance from axis 1 (m) ...
+pub const WIDENED_M: f64 = 1e-3;
+/// ... and in torques, as a share: a load that leans by 0.1 deg has so much of itself to one side.
+pub const WIDENED_SHARE: f64 = WIDENED_RAD;
+
+/// The smooth bounds of a region, widened by as much as printing may move an experiment, and no others:
+/// neither collisions nor sight nor forbidden configurations.
+#[must_use]
+pub fn widened(region: &Region) -> Region {
+    let outward = |[low, high]: [Option<f64>; 2]| {
+        [
+            low.map(|low| low - WIDENED_M),
+            high.map(|high| high + WIDENED_M),
+        ]
+    };
+    let torques = region.joint_torque_max_nm.as_ref();
+    Region {
+        joint_range_rad: (region.joint_range_rad.iter())
+            .map(|[low, high]| [low - WIDENED_RAD, high + WIDENED_RAD])
+            .collect(),
+        tool_height_m: outward(region.tool_height_m),
+        tool_radius_m: outward(region.tool_radius_m),
+        tool_elevation_max_rad: (region.tool_elevation_max_rad).map(|angle| angle + WIDENED_RAD),
+        joint_torque_max_nm: torques.map(|torques| {
+            let widen = |torque: &f64| torque * (1.0 + WIDENED_SHARE);
+            torques.iter().map(widen).collect()
+        }),
+        collision_clearance_m: None,
+        line_of_sight: false,
+        forbidden: Vec::new(),
+    }
+}
+
 /// The bounds that a region sets, the joint ranges apart.
 #[must_use]
-pub fn bounds_of(region: &Region) -> Vec<Bound> {
+pub fn bounds_of(region: &Region) -> Vec<SmoothBound> {
     let mut bounds = Vec::new();
     let [height_min, height_max] = region.tool_height_m;
     let [radius_min, radius_max] = region.tool_radius_m;
-    bounds.extend(height_min.map(Bound::HeightMin));
-    bounds.extend(height_max.map(Bound::HeightMax));
-    bounds.extend(radius_min.map(Bound::RadiusMin));
-    bounds.extend(radius_max.map(Bound::RadiusMax));
-    if let Some(angle) = region.tool_elevation_max_rad {
-        bounds.push(Bound::ElevationMax(angle.sin()));
-        bounds.push(Bound::ElevationMin(angle.sin()));
+    bounds.extend(height_min.map(SmoothBound::HeightMin));
+    bounds.extend(height_max.map(SmoothBound::HeightMax));
+    bounds.extend(radius_min.map(SmoothBound::RadiusMin));
+    bounds.extend(radius_max.map(SmoothBound::RadiusMax));
+    // Nothing rises more than upright.
+    let upright = std::f64::consts::FRAC_PI_2;
+    if let Some(angle) = region
+        .tool_elevation_max_rad
+        .filter(|angle| *angle < upright)
+    {
+        bounds.push(SmoothBound::ElevationMax(angle.sin()));
+        bounds.push(SmoothBound::ElevationMin(angle.sin()));
     }
     for (joint, &torque) in region.joint_torque_max_nm.iter().flatten().enumerate() {
-        bounds.push(Bound::TorqueMax(joint, torque));
-        bounds.push(Bound::TorqueMin(joint, torque));
+        bounds.push(SmoothBound::TorqueMax(joint, torque));
+        bounds.push(SmoothBound::TorqueMin(joint, torque));
     }
     bounds
 }
 
-impl Bound {
+impl SmoothBound {
     /// How far inside the bound a state is: negative is a violation. In m, as a sine, or as a share
     /// of the largest torque.
     #[must_use]
@@ -93,6 +135,17 @@ impl Bound {
             Self::TorqueMin(joint, bound) => {
                 state.torque_derivative(joint, by, load, gravity) / bound
             }
+        }
+    }
+
+    /// The derivative of the margin with respect to the force (per N); none for bounds that no load
+    /// moves. The margin is linear in the force.
+    #[must_use]
+    pub fn force_derivative(&self, state: &KinematicState) -> Option<Vector3<f64>> {
+        match *self {
+            Self::TorqueMax(joint, bound) => Some(-state.position_column(joint) / bound),
+            Self::TorqueMin(joint, bound) => Some(state.position_column(joint) / bound),
+            _ => None,
         }
     }
 

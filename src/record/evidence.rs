@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::messages::{ExperimentMessage, plan_messages};
 use super::study::StudyPlanMessage;
-use crate::plan::search::{BudgetPoint, Certificate, CriterionPlan};
+use crate::plan::search::{Basis, Bound, BudgetPoint, CriterionPlan};
 use crate::scenario::Scenario;
 use crate::study::Setting;
 use crate::study::evidence::{Distances, Evidence};
@@ -25,8 +25,8 @@ pub struct EvidenceMessage {
     pub criteria_compared: Vec<CriterionPlanMessage>,
     /// The best accuracy that was found for other numbers of measurements.
     pub accuracy: Vec<AccuracyMessage>,
-    /// The lower bound of `rho0_mm` for 1, 2, 3, ... measurements (mm).
-    pub lower_bounds_rho0_mm: Vec<f64>,
+    /// The lower bound of `rho0_mm` for 1, 2, 3, ... measurements (mm); null where there is none.
+    pub lower_bounds_rho0_mm: Vec<Option<f64>>,
 }
 
 /// The best plan for a criterion, judged at the test poses.
@@ -51,26 +51,30 @@ pub struct AccuracyMessage {
     pub configurations: u32,
     /// The predicted rms distance at the test poses (mm).
     pub rho0_mm: f64,
-    /// No plan of as many measurements has a smaller one (mm).
-    pub lower_bound_rho0_mm: f64,
+    /// No plan of as many measurements has a smaller one (mm); null where there is no bound.
+    pub lower_bound_rho0_mm: Option<f64>,
 }
 
 impl EvidenceMessage {
     /// The record of a plan's evidence.
     #[must_use]
-    pub fn new(scenario: &Scenario, certificate: &Certificate, evidence: &Evidence) -> Self {
+    pub fn new(scenario: &Scenario, bound: &Bound, evidence: &Evidence) -> Self {
         let largest = (evidence.accuracy.iter()).map(|point| point.experiments);
-        let bound = |m| certificate.lower_bound(m).sqrt() * 1e3;
+        let bound_mm = |m| bound.of_size(m).ok().map(|bound_m| bound_m * 1e3);
+        let (searches, agreeing) = match bound.basis() {
+            Basis::Searches(certificate) => (certificate.searches, certificate.agreeing),
+            Basis::Nothing(_) => (0, 0),
+        };
         Self {
-            bound_searches: certificate.searches,
-            bound_searches_agreeing: certificate.agreeing,
+            bound_searches: searches,
+            bound_searches_agreeing: agreeing,
             trials: evidence.trials,
             study: (evidence.distances.iter())
                 .map(|each| distances_message(scenario, each))
                 .collect(),
             criteria_compared: evidence.criteria.iter().map(Into::into).collect(),
             accuracy: evidence.accuracy.iter().map(Into::into).collect(),
-            lower_bounds_rho0_mm: (1..=largest.max().unwrap_or(1)).map(bound).collect(),
+            lower_bounds_rho0_mm: (1..=largest.max().unwrap_or(1)).map(bound_mm).collect(),
         }
     }
 }
@@ -106,7 +110,7 @@ impl From<&BudgetPoint> for AccuracyMessage {
             experiments: point.experiments,
             configurations: point.configurations,
             rho0_mm: point.rho0_m * 1e3,
-            lower_bound_rho0_mm: point.lower_bound_m * 1e3,
+            lower_bound_rho0_mm: point.lower_bound_m.map(|bound_m| bound_m * 1e3),
         }
     }
 }

@@ -4,12 +4,14 @@
 //! exist (an unidentifiable compliance, an infinite condition number) are `null`.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
 use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::calibration::{Calibration, CompensatedPose};
+use crate::files::{FileError, hexadecimal, sha256_of};
 use crate::identification::Identification;
 use crate::measurement::Measurement;
 use crate::plan::{Assessment, Criterion, Experiment, Plan};
@@ -49,13 +51,18 @@ pub struct ProvenanceMessage {
     pub commit: String,
     /// The scenario's name.
     pub scenario: String,
-    /// SHA-256 of the scenario's keys and values, without `[gate]`, and of the model files' bytes, in
+    /// SHA-256 of the scenario's keys and values, without `[gate]`, and of the bytes of all files that it
+    /// names: models with what they include and their meshes and height fields, and plans; in
     /// hexadecimal.
     pub scenario_sha256: String,
     /// The seed of all random numbers.
     pub seed: u64,
     /// The kind of machine and system.
     pub platform: String,
+    /// SHA-256 of the files that were given beside the scenario, by what they are: "plan",
+    /// "measurements", "identified"; in hexadecimal.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub inputs_sha256: BTreeMap<String, String>,
 }
 
 impl ProvenanceMessage {
@@ -69,7 +76,18 @@ impl ProvenanceMessage {
             scenario_sha256: scenario.sha256.clone(),
             seed: scenario.seed,
             platform: platform::platform(),
+            inputs_sha256: BTreeMap::new(),
         }
+    }
+
+    /// The same with a file that was given beside the scenario.
+    ///
+    /// # Errors
+    /// It cannot be read.
+    pub fn with_input(mut self, name: &str, path: &Path) -> Result<Self, FileError> {
+        let hash = hexadecimal(&sha256_of(path)?);
+        self.inputs_sha256.insert(name.to_owned(), hash);
+        Ok(self)
     }
 }
 
@@ -213,10 +231,14 @@ pub struct AssessmentMessage {
     pub compliance_std_rad_per_nm: Vec<Option<f64>>,
     /// The criteria of Table 1 by name, in relative units; `test_pose` in mm.
     pub criteria: BTreeMap<String, Option<f64>>,
-    /// No plan of as many measurements has a smaller `rho0_mm`.
+    /// No plan of the class that the bound speaks about has a smaller `rho0_mm` for as many
+    /// measurements; null for a plan outside of it.
     pub lower_bound_rho0_mm: Option<f64>,
     /// `lower_bound_rho0_mm` over `rho0_mm`.
     pub efficiency: Option<f64>,
+    /// Why there is no bound for the plan; null where there is one.
+    #[serde(default)]
+    pub no_bound_reason: Option<String>,
     /// What makes the plan impossible.
     pub violations: Vec<ViolationMessage>,
 }
@@ -256,8 +278,9 @@ impl AssessmentMessage {
             rho0_mm: assessment.rho0_m.map(|value| value * 1e3),
             compliance_std_rad_per_nm: assessment.standard_errors.clone(),
             criteria: assessment.criteria.iter().map(millimetres).collect(),
-            lower_bound_rho0_mm: assessment.lower_bound_m.map(|value| value * 1e3),
+            lower_bound_rho0_mm: assessment.bound_m().map(|value| value * 1e3),
             efficiency: assessment.efficiency(),
+            no_bound_reason: assessment.no_bound().map(ToString::to_string),
             violations: assessment
                 .violations
                 .iter()

@@ -183,7 +183,8 @@ pub struct Scenario {
     pub name: String,
     /// One line on what it is.
     pub description: String,
-    /// SHA-256 of the scenario's keys and values, without `[gate]`, and of the model files' bytes, in
+    /// SHA-256 of the scenario's keys and values, without `[gate]`, and of the bytes of all files that it
+    /// names: models with what they include and their meshes and height fields, and plans; in
     /// hexadecimal.
     pub sha256: String,
     /// The seed of all random numbers.

@@ -9,8 +9,8 @@ use super::summary::Summary;
 use super::tally::Tally;
 use super::{Entry, EntryKind, Setting, StudyError};
 use crate::plan::search::{
-    ApproximateDesign, BudgetPoint, CriterionPlan, Problem, SearchError, Watch, compare_criteria,
-    exact_design,
+    ApproximateDesign, Bound, BudgetPoint, CriterionPlan, Problem, SearchError, Watch,
+    compare_criteria, exact_design,
 };
 use crate::plan::{Assessment, Criterion, Plan};
 use crate::scenario::{Level, Scenario};
@@ -146,15 +146,14 @@ fn accuracy(
 ) -> Result<Vec<BudgetPoint>, SearchError> {
     let mut problem = Problem::new(scenario, Criterion::TestPose);
     problem.effort.searches = SEARCHES;
+    let bound = Bound::new(scenario, approximate);
     let own = designed.measurements();
     let size = |plan: &Plan| u32::try_from(plan.experiments.len()).unwrap_or(u32::MAX);
     let point = |plan: &Plan, cost: f64| BudgetPoint {
         experiments: plan.measurements(),
         configurations: size(plan),
         rho0_m: cost.sqrt(),
-        lower_bound_m: (approximate.certificate)
-            .lower_bound(plan.measurements())
-            .sqrt(),
+        lower_bound_m: bound.of_size(plan.measurements()).ok(),
     };
     let fewest = (problem.parameters().div_ceil(3)).max(size(&scenario.design.mandatory) as usize);
     let largest = (own * WIDEST).max(ALWAYS);

@@ -56,7 +56,7 @@ fn best(scenario: &Scenario, criterion: Criterion, experiments: u32) -> ExactDes
 fn assert_optimal(problem: &Problem<'_>) {
     let design = approximate_design(problem, 1).expect("there is a design");
     let certificate = &design.certificate;
-    assert!(certificate.largest_derivative <= certificate.cost * 1.0002);
+    assert!(certificate.largest_inside <= certificate.cost * 1.0002);
     let sampled = largest_derivative(problem, &design.directions, 200_000);
     let largest = certificate.largest_derivative;
     assert!(
@@ -159,12 +159,10 @@ fn separate_compliances_share_the_measurements_as_roots_of_their_cost() {
     let design = approximate_design(&problem, 1).expect("there is a design");
     let total: f64 = columns.iter().sum();
     let bound = of_shares(columns[0] / total, columns[1] / total);
-    assert_close(
-        "bound",
-        design.certificate.lower_bound(1).sqrt(),
-        bound,
-        1e-4,
-    );
+    assert_close("bound", design.certificate.cost.sqrt(), bound, 1e-4);
+    // The bound leaves room for plans as they are printed.
+    let printed = design.certificate.lower_bound(1).expect("a bound").sqrt();
+    assert!(printed < bound && printed > 0.999 * bound, "{printed}");
     // The share of the measurements that show joint 1.
     let share: f64 = (design.support.iter().zip(&design.weights))
         .filter(|(point, _)| point.matrix.column(0).norm() > point.matrix.column(1).norm())

@@ -21,6 +21,9 @@
 //! - `origins`: files say under which scenario they were made; help says what has an effect.
 //! - `known_optima`: arms of three joints, for which the best plan can be derived by hand.
 //! - `search`: the search for plans and its certificate, on the KR-270.
+//! - `bounds`: the class of plans that a bound speaks about.
+//! - `force_sizes`: the size of a force is a variable of the design; optima derived by hand.
+//! - `provenance`: what results depend on is in their hash.
 //! - `load_sets`: one load set decides for plans, measurements and mandatory experiments.
 //! - `obstacles`: what stands in the laboratory.
 //! - `streams`: a study's recordings, live in a viewer and as files; `view`.
@@ -31,10 +34,12 @@
 #![expect(clippy::expect_used, reason = "a test that cannot go on fails")]
 
 mod bad_input;
+mod bounds;
 mod browser;
 mod command_line;
 mod csv_dialects;
 mod diagnoses;
+mod force_sizes;
 mod gate;
 mod gate_refusals;
 mod identifiability;
@@ -49,6 +54,7 @@ mod origins;
 mod parameters;
 mod planning;
 mod properties;
+mod provenance;
 mod published;
 mod recordings;
 mod recovery;

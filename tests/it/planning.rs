@@ -6,7 +6,7 @@ use std::sync::atomic::AtomicBool;
 use elastocal::plan::search::{
     ApproximateDesign, ExactDesign, Problem, SearchError, Watch, approximate_design, exact_design,
 };
-use elastocal::plan::{Bound, Criterion, bounds_of};
+use elastocal::plan::{Criterion, SmoothBound, bounds_of};
 use elastocal::random::generator;
 use elastocal::robot::Load;
 use elastocal::scenario::{Loads, Scenario};
@@ -99,7 +99,7 @@ fn largest_of(
         }
         let load = random_load(&scenario.loads, &mut random);
         observer.move_to(&q);
-        let inside = |bound: &Bound| bound.margin(&observer.state, &load, &gravity) >= 0.0;
+        let inside = |bound: &SmoothBound| bound.margin(&observer.state, &load, &gravity) >= 0.0;
         if bounds.iter().all(inside) {
             observer.observe(&load, &mut matrix);
             seen.gemm(1.0, &matrix, directions, 0.0);

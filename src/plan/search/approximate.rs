@@ -8,22 +8,26 @@
 //! phi(best distribution) >= phi^2 / max d(x)        (general equivalence theorem)
 //! ```
 //!
-//! where the maximum runs over the whole feasible region. A plan of m experiments is a distribution
-//! with weights that are multiples of 1/m, so its `rho_0`^2 is at least phi^2 / (m max d). Mandatory
-//! experiments have their own derivatives in place of max d.
+//! where the maximum runs over all experiments that a plan may have. A plan of m experiments is a
+//! distribution with weights that are multiples of 1/m, so its `rho_0`^2 is at least phi^2 / (m max d).
+//! Mandatory experiments have their own derivatives in place of max d, which may be smaller or larger.
 //!
-//! The maximum is searched where the smooth bounds hold, whether or not there is a collision or the
-//! tracker's view is blocked: that region contains the feasible one, so the bound holds there too.
+//! The maximum is searched over the class of plans that [`Bound`](super::Bound) speaks about: where the
+//! smooth bounds of the region hold, widened by what printing with one decimal may move, whether or
+//! not there is a collision or the tracker's view is blocked. That contains the feasible region.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, Matrix3, Matrix3xX, Vector3};
 use rayon::prelude::*;
 
 use super::local::{LocalSearch, Precision};
-use super::point::Point;
+use super::point::{Point, information_in};
 use super::pool::Pool;
 use super::problem::{Problem, SearchError};
 use super::sampling::Sampler;
+use crate::experiment::{Experiment, printed_tolerance};
+use crate::plan::WIDENED_RAD;
 use crate::random::generator;
+use crate::robot::Load;
 
 /// Rounds of adding experiments and weighting them.
 const ROUNDS: usize = 60;
@@ -43,7 +47,7 @@ const WEIGHT_CYCLES: usize = 1000;
 const BATCH: usize = 64;
 /// So many random local searches that end in the largest derivative are enough.
 const ENOUGH: usize = 50;
-/// How many of the best ends of random local searches are searched on to full precision.
+/// How many of the best different ends of random local searches are searched on to full precision.
 const POLISHED: usize = 8;
 
 /// A lower bound for every plan, and what it rests on.
@@ -51,23 +55,29 @@ const POLISHED: usize = 8;
 pub struct Certificate {
     /// The cost phi of the approximate design, for one experiment.
     pub cost: f64,
-    /// The largest directional derivative found in the feasible region.
+    /// The largest directional derivative found for any experiment of the class of plans: in the
+    /// widened region, under a load of the set or one that is printed as such.
     pub largest_derivative: f64,
+    /// The largest found in the region itself: the cost, where the approximate design is optimal.
+    pub largest_inside: f64,
     /// The number of local searches for it, from random starts.
     pub searches: usize,
     /// How many of them ended within 0.1 % of the largest.
     pub agreeing: usize,
-    /// The number of mandatory measurements, and the sum of their directional derivatives.
+    /// The number of mandatory measurements, and the largest sum of directional derivatives of
+    /// experiments that are printed as these.
     pub mandatory: (u32, f64),
 }
 
 impl Certificate {
-    /// A lower bound of the cost of any plan of m experiments.
+    /// A lower bound of the cost of any plan of m measurements with the mandatory ones among them; none
+    /// where these are more than m.
     #[must_use]
-    pub fn lower_bound(&self, experiments: u32) -> f64 {
+    pub fn lower_bound(&self, experiments: u32) -> Option<f64> {
         let (count, derivatives) = self.mandatory;
-        let free = f64::from(experiments.saturating_sub(count));
-        self.cost * self.cost / (derivatives + self.largest_derivative * free)
+        let free = f64::from(experiments.checked_sub(count)?);
+        let most = derivatives + self.largest_derivative * free;
+        (most > 0.0).then(|| self.cost * self.cost / most)
     }
 }
 
@@ -113,9 +123,8 @@ pub fn approximate_design(
             .collect();
         if found.is_empty() {
             let promising = ranked.iter().take(problem.effort.probes);
-            let starts: Vec<&[f64]> = (support.iter())
+            let starts: Vec<&Point> = (support.iter())
                 .chain(promising.map(|(point, _)| *point))
-                .map(|point| &*point.q)
                 .collect();
             found = climbs(problem, &starts, &weighing.directions, Precision::FINE);
             found.retain(|(_, value)| *value > cost * (1.0 + TOLERANCE));
@@ -169,8 +178,9 @@ fn add(support: &mut Vec<Point>, weights: &mut Vec<f64>, mut found: Vec<(Point, 
     !taken.is_empty()
 }
 
-/// Searches the largest derivative, from the support and from random starts until enough of these
-/// agree. Returns also where the latter ended.
+/// Searches the largest derivative in the region, from random starts until enough of these agree, and
+/// goes on from the best ends and from the support in the widened region. Returns also where the
+/// random searches ended.
 fn certify(
     problem: &Problem<'_>,
     seed: u64,
@@ -182,7 +192,7 @@ fn certify(
     let mut searches = 0;
     while searches < problem.effort.certificate_probes {
         let starts = Pool::draw(problem, BATCH, seed, 2 + searches as u64);
-        let starts: Vec<&[f64]> = starts.points().iter().map(|point| &*point.q).collect();
+        let starts: Vec<&Point> = starts.points().iter().collect();
         ends.extend(climbs(problem, &starts, directions, Precision::ROUGH));
         searches += BATCH;
         if agreeing(&ends) >= ENOUGH {
@@ -190,27 +200,76 @@ fn certify(
         }
     }
     ends.sort_by(|one, other| other.1.total_cmp(&one.1));
-    let starts: Vec<&[f64]> = (ends.iter().take(POLISHED).map(|(point, _)| point))
-        .chain(support)
-        .map(|point| &*point.q)
-        .collect();
-    let polished = climbs(problem, &starts, directions, Precision::FINE);
+    let mut starts: Vec<&Point> = Vec::new();
+    for (point, _) in &ends {
+        if starts.len() == POLISHED {
+            break;
+        }
+        if !starts.iter().any(|known| is_same(known, point)) {
+            starts.push(point);
+        }
+    }
+    starts.extend(support);
+    let widened = problem.widened();
+    let polished = climbs(&widened, &starts, directions, Precision::FINE);
+    let local = LocalSearch::new(&widened);
     let largest_derivative = polished
         .iter()
-        .map(|(_, value)| *value)
+        .map(|(point, _)| printed_derivative(&local, point, directions))
         .fold(cost, f64::max);
-    let mandatory = &problem.scenario.design.mandatory;
     let certificate = Certificate {
-        mandatory: (
-            mandatory.measurements(),
-            problem.information(mandatory).dot(directions),
-        ),
+        mandatory: mandatory(problem, directions),
         cost,
         largest_derivative,
+        largest_inside: ends.first().map_or(cost, |(_, value)| value.max(cost)),
         searches,
         agreeing: agreeing(&ends),
     };
     (certificate, ends)
+}
+
+/// The number of mandatory measurements, and the largest sum of derivatives of experiments that are
+/// printed as these.
+fn mandatory(problem: &Problem<'_>, directions: &DMatrix<f64>) -> (u32, f64) {
+    let plan = &problem.scenario.design.mandatory;
+    let derivative = |experiment: &Experiment| {
+        let (q, load) = (experiment.configuration_rad.as_slice(), &experiment.load);
+        let local = LocalSearch::new(problem).near(q, load, WIDENED_RAD);
+        let point = local.point(q, load);
+        let here = printed_derivative(&local, &point, directions);
+        let found = local.most_informative(&point, directions, Precision::FINE);
+        let near = found.map_or(0.0, |(point, _)| {
+            printed_derivative(&local, &point, directions)
+        });
+        f64::from(experiment.repeats) * here.max(near)
+    };
+    let sum = plan.experiments.iter().map(derivative).sum();
+    (plan.measurements(), sum)
+}
+
+/// The largest derivative under loads that are printed as that of an experiment. Its root is a norm of
+/// the load, so that it is at most the sum of those of the load and of what printing may add.
+fn printed_derivative(local: &LocalSearch<'_>, point: &Point, directions: &DMatrix<f64>) -> f64 {
+    let shown: Vec<Matrix3xX<f64>> = (0..6)
+        .map(|axis| {
+            let mut wrench = [0.0; 6];
+            wrench[axis] = 1.0;
+            let load = Load {
+                force_n: Vector3::from_column_slice(&wrench[..3]),
+                torque_nm: Vector3::from_column_slice(&wrench[3..]),
+            };
+            local.point(&point.q, &load).matrix
+        })
+        .collect();
+    let largest = |first: usize| {
+        let form = Matrix3::from_fn(|row, column| {
+            let product = &shown[first + row] * directions;
+            product.dot(&shown[first + column])
+        });
+        form.symmetric_eigenvalues().max().max(0.0).sqrt()
+    };
+    let own = information_in(&point.matrix, directions).max(0.0).sqrt();
+    (own + printed_tolerance(&point.load) * (largest(0) + largest(3))).powi(2)
 }
 
 /// How many searches ended within 0.1 % of the largest derivative found.
@@ -239,7 +298,7 @@ fn initial_support(problem: &Problem<'_>, seed: u64) -> Result<Vec<Point>, Searc
 /// Local searches for the largest derivative.
 fn climbs(
     problem: &Problem<'_>,
-    starts: &[&[f64]],
+    starts: &[&Point],
     directions: &DMatrix<f64>,
     precision: Precision,
 ) -> Vec<(Point, f64)> {

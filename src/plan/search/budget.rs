@@ -4,6 +4,7 @@
 use std::collections::BTreeSet;
 
 use super::approximate::approximate_design;
+use super::bound::Bound;
 use super::exact::{Watch, exact_design_from};
 use super::problem::{Problem, SearchError};
 use crate::plan::{Criterion, Plan};
@@ -23,8 +24,8 @@ pub struct BudgetPoint {
     pub configurations: u32,
     /// The predicted rms distance at the test poses (m).
     pub rho0_m: f64,
-    /// No plan of m measurements has a smaller one (m).
-    pub lower_bound_m: f64,
+    /// No plan of m measurements has a smaller one (m), as [`Bound`] says; `None` where it says nothing.
+    pub lower_bound_m: Option<f64>,
 }
 
 /// Searches the best plans of up to `largest` measurements, in 2, 3 and 4 configurations (as far as
@@ -42,6 +43,7 @@ pub fn budget(
     let mut problem = Problem::new(scenario, Criterion::TestPose);
     problem.effort.searches = SEARCHES;
     let approximate = approximate_design(&problem, scenario.seed)?;
+    let bound = Bound::new(scenario, &approximate);
     let fewest = u32::try_from(problem.parameters().div_ceil(3)).unwrap_or(u32::MAX);
     let sizes: Vec<(u32, u32)> = (fewest..=largest)
         .flat_map(|m| {
@@ -76,7 +78,7 @@ pub fn budget(
                     experiments,
                     configurations,
                     rho0_m: design.cost.sqrt(),
-                    lower_bound_m: approximate.certificate.lower_bound(experiments).sqrt(),
+                    lower_bound_m: bound.of_size(experiments).ok(),
                 });
                 plans.push(((experiments, configurations), design.plan));
             }

@@ -1,11 +1,11 @@
 //! Which joints a planning problem is about, seen at random configurations.
 
-use nalgebra::{Matrix3xX, Vector3};
+use nalgebra::Matrix3xX;
 use rand::RngExt;
 
 use super::observation::Observer;
 use super::point::LoadChoice;
-use crate::plan::Bound;
+use crate::plan::SmoothBound;
 use crate::random::generator;
 use crate::robot::Load;
 
@@ -16,14 +16,7 @@ pub(super) fn unexcited_parameters(
     loads: &LoadChoice,
 ) -> Vec<usize> {
     const CONFIGURATIONS: u64 = 40;
-    let forces = [Vector3::x(), Vector3::y(), Vector3::z()].map(|force| Load {
-        force_n: force,
-        torque_nm: Vector3::zeros(),
-    });
-    let loads: &[Load] = match loads {
-        LoadChoice::OneOf(loads) => loads,
-        LoadChoice::AnyDirection(_) => &forces,
-    };
+    let loads = loads.samples();
     let mut matrix = Matrix3xX::zeros(observer.parameters());
     let mut shown = vec![0.0_f64; observer.parameters()];
     let mut random = generator(0, 2);
@@ -31,7 +24,7 @@ pub(super) fn unexcited_parameters(
         let draw = |&(low, high): &(f64, f64)| low + (high - low) * random.random::<f64>();
         let q: Vec<f64> = ranges.iter().map(draw).collect();
         observer.move_to(&q);
-        for load in loads {
+        for load in &loads {
             observer.observe(load, &mut matrix);
             for (shown, column) in shown.iter_mut().zip(matrix.column_iter()) {
                 *shown = shown.max(column.norm());
@@ -50,18 +43,20 @@ pub(super) fn indifferent_joints(
     mut observer: Observer<'_>,
     ranges: &[(f64, f64)],
     loads: &LoadChoice,
-    bounds: &[Bound],
+    bounds: &[SmoothBound],
 ) -> Vec<usize> {
     const CONFIGURATIONS: u64 = 8;
-    let LoadChoice::OneOf(loads) = loads else {
+    // The joints that turn all forces of space alike are not worth looking for.
+    if matches!(loads, LoadChoice::Ball(_)) {
         return Vec::new();
-    };
+    }
+    let loads = loads.samples();
     let gravity = observer.gravity();
     let mut matrix = Matrix3xX::zeros(observer.parameters());
     let mut told = |q: &[f64], load: &Load| {
         observer.move_to(q);
         observer.observe(load, &mut matrix);
-        let margin = |bound: &Bound| bound.margin(&observer.state, load, &gravity);
+        let margin = |bound: &SmoothBound| bound.margin(&observer.state, load, &gravity);
         let mut told: Vec<f64> = bounds.iter().map(margin).collect();
         told.extend(matrix.tr_mul(&matrix).iter());
         told
@@ -78,7 +73,7 @@ pub(super) fn indifferent_joints(
         for (joint, matters) in matters.iter_mut().enumerate() {
             let mut turned = q.clone();
             turned[joint] = draw(joint);
-            for load in loads {
+            for load in &loads {
                 let (before, after) = (told(&q, load), told(&turned, load));
                 let size = before
                     .iter()

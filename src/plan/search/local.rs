@@ -6,9 +6,9 @@ use nalgebra::{DMatrix, Matrix3xX, Vector3};
 use slsqp::{Func, StopTols, minimize};
 
 use super::observation::Observer;
-use super::point::{LoadChoice, Point, in_directions, information_in};
+use super::point::{LoadChoice, Point, force, in_directions, information_in};
 use super::problem::Problem;
-use crate::plan::Bound;
+use crate::plan::SmoothBound;
 use crate::robot::Load;
 
 /// Experiments stay this far inside the smooth bounds (m, sine), so that rounding does not put them
@@ -47,11 +47,62 @@ impl Precision {
 #[derive(Debug, Clone)]
 pub(super) struct LocalSearch<'a> {
     observer: RefCell<Seat<'a>>,
-    bounds: Vec<Bound>,
+    bounds: Vec<SmoothBound>,
     ranges: Vec<(f64, f64)>,
     loads: LoadChoice,
+    is_size_free: bool,
+    is_force_bounded: bool,
     gravity: Vector3<f64>,
     parameters: usize,
+}
+
+/// What of the load is varied along with the joint angles, by variables of size one.
+#[derive(Debug, Clone, Copy)]
+enum FreeLoad {
+    /// Nothing.
+    None,
+    /// The size of a force of this direction, between two sizes (N).
+    Size(Vector3<f64>, [f64; 2]),
+    /// A force up to this size (N).
+    Force(f64),
+}
+
+impl FreeLoad {
+    /// The variables of a load, and their ranges.
+    fn variables(self, load: &Load) -> (Vec<f64>, Vec<(f64, f64)>) {
+        match self {
+            Self::None => (Vec::new(), Vec::new()),
+            Self::Size(direction, [low, high]) => (
+                vec![direction.dot(&load.force_n).clamp(low, high) / high],
+                vec![(low / high, 1.0)],
+            ),
+            Self::Force(size) => (
+                load.force_n.iter().map(|force| force / size).collect(),
+                vec![(-1.0, 1.0); 3],
+            ),
+        }
+    }
+
+    /// The load of its variables; the given one where nothing is varied.
+    fn load(self, given: &Load, variables: &[f64]) -> Load {
+        match self {
+            Self::None => *given,
+            Self::Size(direction, [_, high]) => force(&direction, variables[0] * high),
+            Self::Force(size) => Load {
+                force_n: Vector3::from_column_slice(variables) * size,
+                torque_nm: Vector3::zeros(),
+            },
+        }
+    }
+
+    /// From a derivative with respect to the force (per N) to those with respect to the variables.
+    fn pull_back(self, slope: &Vector3<f64>, gradient: &mut [f64]) {
+        match self {
+            Self::None => {}
+            Self::Size(direction, [_, high]) => gradient[0] = slope.dot(&direction) * high,
+            Self::Force(size) => gradient.copy_from_slice((slope * size).as_slice()),
+        }
+    }
 }
 
 /// An observer that remembers where it stands, since the objective and every constraint are asked
@@ -82,10 +133,21 @@ impl<'a> LocalSearch<'a> {
                 observer,
                 at: Vec::new(),
             }),
+            is_size_free: problem.is_size_free(),
+            is_force_bounded: problem.is_force_bounded(),
             bounds: problem.bounds.clone(),
             ranges: problem.ranges.clone(),
             loads: problem.loads.clone(),
         }
+    }
+
+    /// Searches over one load near joint angles, whatever the bounds of the region.
+    pub fn near(mut self, q: &[f64], load: &Load, within_rad: f64) -> Self {
+        let range = |angle: &f64| (angle - within_rad, angle + within_rad);
+        self.ranges = q.iter().map(range).collect();
+        self.loads = LoadChoice::OneOf(vec![*load]);
+        self.bounds.clear();
+        self
     }
 
     /// The point at joint angles `q` under a load.
@@ -117,27 +179,110 @@ impl<'a> LocalSearch<'a> {
             .all(|bound| bound.margin(state, load, &self.gravity) >= INSET - SLACK)
     }
 
-    /// Climbs from a start to a point of locally largest information in the directions G,
-    /// trace(A G A^T), and returns it with that information. A list of loads is tried one by one;
-    /// a free force takes its best direction at every configuration on the way.
-    pub fn most_informative(
+    /// The largest size (N) that the torque bounds allow a force of a direction (unit vector) at joint
+    /// angles `q`, between two sizes; none where they allow none.
+    pub fn largest_size(
         &self,
         q: &[f64],
+        direction: &Vector3<f64>,
+        [low, high]: [f64; 2],
+    ) -> Option<f64> {
+        let mut seat = self.observer.borrow_mut();
+        seat.move_to(q);
+        let state = &seat.observer.state;
+        let (mut least, mut most) = (low, high);
+        for bound in &self.bounds {
+            let Some(slope) = bound.force_derivative(state) else {
+                continue;
+            };
+            let slope = slope.dot(direction);
+            let room = bound.margin(state, &Load::NONE, &self.gravity) - INSET;
+            if slope < 0.0 {
+                most = most.min(-room / slope);
+            } else if slope > 0.0 {
+                least = least.max(-room / slope);
+            } else if room < 0.0 {
+                return None;
+            }
+        }
+        (least <= most).then_some(most)
+    }
+
+    /// How many times as large the force of a point may be; none where loads are as they are.
+    pub fn largest_factor(&self, point: &Point) -> Option<f64> {
+        let high = match &self.loads {
+            LoadChoice::OneOf(_) => return None,
+            LoadChoice::Size(_, [_, high]) | LoadChoice::Ball(high) => *high,
+        };
+        let size = point.load.force_n.norm();
+        let direction = point.load.force_n.try_normalize(0.0)?;
+        let largest = self.largest_size(&point.q, &direction, [0.0, high])?;
+        Some(largest / size)
+    }
+
+    /// Climbs from a start to a point of locally largest information in the directions G,
+    /// trace(A G A^T), and returns it with that information. A list of loads is tried one by one. A
+    /// free force takes its best direction at every configuration on the way; where the torque bounds
+    /// depend on it, it is varied along with the configuration.
+    pub fn most_informative(
+        &self,
+        start: &Point,
         directions: &DMatrix<f64>,
         precision: Precision,
     ) -> Option<(Point, f64)> {
+        let q = &start.q;
         match &self.loads {
             LoadChoice::OneOf(loads) => loads
                 .iter()
                 .filter_map(|load| self.climb(q, directions, precision, &|_| *load))
                 .max_by(|one, other| one.1.total_cmp(&other.1)),
-            LoadChoice::AnyDirection(size) => {
+            LoadChoice::Size(direction, [_, high]) if !self.is_force_bounded => {
+                let load = force(direction, *high);
+                self.climb(q, directions, precision, &|_| load)
+            }
+            LoadChoice::Ball(size) if !self.is_force_bounded => {
                 let size = *size;
                 self.climb(q, directions, precision, &|observer| {
-                    best_force(observer, directions, size)
+                    force(&best_direction(observer, directions), size)
                 })
             }
+            LoadChoice::Size(direction, sizes) => {
+                let size = self.largest_size(q, direction, *sizes).unwrap_or(sizes[1]);
+                self.climb_with_force(q, &force(direction, size), directions, precision)
+            }
+            LoadChoice::Ball(size) => {
+                let best = {
+                    let mut seat = self.observer.borrow_mut();
+                    seat.move_to(q);
+                    best_direction(&seat.observer, directions)
+                };
+                // Opposite forces tell the same, but gravity helps one of them.
+                let starts = [best, -best].map(|direction| {
+                    let largest = self.largest_size(q, &direction, [0.0, *size]);
+                    force(&direction, largest.unwrap_or(*size))
+                });
+                (starts.iter().chain([&start.load]))
+                    .filter_map(|load| self.climb_with_force(q, load, directions, precision))
+                    .max_by(|one, other| one.1.total_cmp(&other.1))
+            }
         }
+    }
+
+    /// Climbs from a start with the force as a variable.
+    fn climb_with_force(
+        &self,
+        q: &[f64],
+        load: &Load,
+        directions: &DMatrix<f64>,
+        precision: Precision,
+    ) -> Option<(Point, f64)> {
+        let cost = |matrix: &Matrix3xX<f64>, factor: &mut Matrix3xX<f64>| {
+            in_directions(factor, -2.0, matrix, directions);
+            -information_in(matrix, directions)
+        };
+        let point = self.improve(&self.point(q, load), &cost, precision)?;
+        let value = information_in(&point.matrix, directions);
+        Some((point, value))
     }
 
     fn climb(
@@ -194,31 +339,48 @@ impl<'a> LocalSearch<'a> {
 
     /// Improves one experiment of a plan: minimises a cost of its observation matrix from a start.
     /// `cost` returns the value and writes its derivative with respect to the matrix (3 x p). The
-    /// load stays as it is, but a free force turns along with the configuration.
+    /// load stays as it is, but a free force turns along with the configuration, and changes its size
+    /// where that matters.
     pub fn improve(
         &self,
         start: &Point,
         cost: &dyn Fn(&Matrix3xX<f64>, &mut Matrix3xX<f64>) -> f64,
         precision: Precision,
     ) -> Option<Point> {
+        let is_free = !matches!(self.loads, LoadChoice::OneOf(_));
+        if !is_free || self.is_force_bounded || !self.is_size_free {
+            return self.improve_load(start, cost, precision, self.is_size_free);
+        }
+        // Criteria that ask for balance have kinks: with fewer variables the optimiser gets further, and
+        // the size comes second.
+        let mut factor = start.matrix.clone();
+        let mut cost_of = |point: &Point| cost(&point.matrix, &mut factor);
+        let given = self.improve_load(start, cost, precision, false);
+        let given = given.filter(|given| cost_of(given) < cost_of(start));
+        let freely = self.improve_load(given.as_ref().unwrap_or(start), cost, precision, true);
+        match (given, freely) {
+            (Some(given), Some(freely)) if cost_of(&given) <= cost_of(&freely) => Some(given),
+            (given, freely) => freely.or(given),
+        }
+    }
+
+    fn improve_load(
+        &self,
+        start: &Point,
+        cost: &dyn Fn(&Matrix3xX<f64>, &mut Matrix3xX<f64>) -> f64,
+        precision: Precision,
+        is_size_free: bool,
+    ) -> Option<Point> {
         let joints = start.q.len();
         let free = match self.loads {
-            LoadChoice::AnyDirection(size) => Some(size),
-            LoadChoice::OneOf(_) => None,
+            LoadChoice::Ball(size) => FreeLoad::Force(size),
+            LoadChoice::Size(direction, sizes) if is_size_free => FreeLoad::Size(direction, sizes),
+            LoadChoice::Size(..) | LoadChoice::OneOf(_) => FreeLoad::None,
         };
-        let load_of = |x: &[f64]| match free {
-            Some(size) => Load {
-                force_n: Vector3::from_column_slice(&x[joints..]) * size,
-                torque_nm: Vector3::zeros(),
-            },
-            None => start.load,
-        };
-        let mut x = start.q.clone();
-        let mut ranges = self.ranges.clone();
-        if let Some(size) = free {
-            x.extend(start.load.force_n.iter().map(|force| force / size));
-            ranges.extend([(-1.0, 1.0); 3]);
-        }
+        let load_of = |x: &[f64]| free.load(&start.load, &x[joints..]);
+        let (variables, of_load) = free.variables(&start.load);
+        let x = [&*start.q, &variables].concat();
+        let ranges = [&*self.ranges, &of_load].concat();
         let matrices = RefCell::new((start.matrix.clone(), start.matrix.clone()));
         let unit = {
             let (matrix, factor) = &mut *matrices.borrow_mut();
@@ -239,19 +401,22 @@ impl<'a> LocalSearch<'a> {
                 *factor *= unit;
                 seat.observer
                     .pull_back(&load, factor, &mut gradient[..joints]);
-                if let Some(size) = free {
-                    let slope = seat.observer.force_gradient(factor) * size;
-                    gradient[joints..].copy_from_slice(slope.as_slice());
+                if gradient.len() > joints {
+                    let slope = seat.observer.force_gradient(factor);
+                    free.pull_back(&slope, &mut gradient[joints..]);
                 }
             }
             unit * value
         };
-        let mut x = self.minimise_with_force(&x, &ranges, &objective, &load_of, precision)?;
-        // Where the cost has kinks, the optimiser may end with a force of another size.
-        let force = x[joints..].iter().map(|value| value * value).sum::<f64>();
-        if free.is_some() && force > 0.0 {
-            for value in &mut x[joints..] {
-                *value /= force.sqrt();
+        let mut x = self.minimise_with_force(&x, &ranges, &objective, free, &load_of, precision)?;
+        if let FreeLoad::Force(_) = free {
+            // The optimiser may end with too large a force; where the largest is best but the cost has
+            // kinks, with too small a one.
+            let force = x[joints..].iter().map(|value| value * value).sum::<f64>();
+            if force > 1.0 || (force > 0.0 && !is_size_free) {
+                for value in &mut x[joints..] {
+                    *value /= force.sqrt();
+                }
             }
         }
         let load = load_of(&x);
@@ -266,7 +431,7 @@ impl<'a> LocalSearch<'a> {
         load_here: &dyn Fn(&Seat<'_>) -> Load,
         precision: Precision,
     ) -> Option<Vec<f64>> {
-        let constraint = |bound: Bound| {
+        let constraint = |bound: SmoothBound| {
             move |q: &[f64], gradient: Option<&mut [f64]>, (): &mut ()| {
                 let mut seat = self.observer.borrow_mut();
                 seat.move_to(q);
@@ -284,18 +449,23 @@ impl<'a> LocalSearch<'a> {
         x: &[f64],
         ranges: &[(f64, f64)],
         objective: &dyn Func<()>,
+        free: FreeLoad,
         load_of: &dyn Fn(&[f64]) -> Load,
         precision: Precision,
     ) -> Option<Vec<f64>> {
         let joints = self.ranges.len();
-        let constraint = |bound: Bound| {
+        let constraint = |bound: SmoothBound| {
             move |x: &[f64], gradient: Option<&mut [f64]>, (): &mut ()| {
                 let mut seat = self.observer.borrow_mut();
                 seat.move_to(&x[..joints]);
                 let load = load_of(x);
                 let gradient = gradient.map(|gradient| {
-                    gradient[joints..].fill(0.0);
-                    &mut gradient[..joints]
+                    let (of_joints, of_load) = gradient.split_at_mut(joints);
+                    of_load.fill(0.0);
+                    if let Some(slope) = bound.force_derivative(&seat.observer.state) {
+                        free.pull_back(&-slope, of_load);
+                    }
+                    of_joints
                 });
                 self.constraint(&seat, bound, &load, gradient)
             }
@@ -313,7 +483,7 @@ impl<'a> LocalSearch<'a> {
         let constraints: Vec<_> = self.bounds.iter().map(|&bound| constraint(bound)).collect();
         let mut constraints: Vec<&dyn Func<()>> =
             constraints.iter().map(|each| each as _).collect();
-        if x.len() > joints {
+        if let FreeLoad::Force(_) = free {
             constraints.push(&force_size);
         }
         run(objective, x, ranges, &constraints, precision)
@@ -323,7 +493,7 @@ impl<'a> LocalSearch<'a> {
     fn constraint(
         &self,
         seat: &Seat<'_>,
-        bound: Bound,
+        bound: SmoothBound,
         load: &Load,
         gradient: Option<&mut [f64]>,
     ) -> f64 {
@@ -371,13 +541,15 @@ fn clamp(x: &mut [f64], ranges: &[(f64, f64)]) {
     }
 }
 
-/// The force of the given size that gives most information: trace(A G A^T) = F^T Q F, so it points
+/// The direction of the force that gives most information: trace(A G A^T) = F^T Q F, so it points
 /// along the largest eigenvector of Q.
-fn best_force(observer: &Observer<'_>, directions: &DMatrix<f64>, size: f64) -> Load {
+fn best_direction(observer: &Observer<'_>, directions: &DMatrix<f64>) -> Vector3<f64> {
     let eigen = observer.force_form(directions).symmetric_eigen();
     let direction = eigen.eigenvectors.column(eigen.eigenvalues.imax());
     // Of the two opposite directions, which tell the same, the one that points down.
-    let downward = if direction.z > 0.0 { -size } else { size };
-    let [x, y, z] = (direction * downward).into();
-    Load::force(x, y, z)
+    if direction.z > 0.0 {
+        -direction
+    } else {
+        direction.into_owned()
+    }
 }

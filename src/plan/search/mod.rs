@@ -6,6 +6,7 @@
 //! - `sampling`: random feasible experiments.
 //! - `approximate`: the design with continuous weights, whose largest directional derivative bounds
 //!   every plan from below.
+//! - `bound`: that bound, the class of plans that it speaks about, and why there is none for others.
 //! - `budget`: the best accuracy against the number of measurements.
 //! - `criteria`: the best plans for the criteria of Table 1, judged at the test poses.
 //! - `pool`: random experiments that are cheap to look through.
@@ -14,6 +15,7 @@
 //! - `exact`: the best plan of whole experiments that many such searches find.
 
 mod approximate;
+mod bound;
 mod budget;
 mod criteria;
 mod exact;
@@ -28,6 +30,7 @@ mod refinement;
 mod sampling;
 
 pub use approximate::{ApproximateDesign, Certificate, approximate_design};
+pub use bound::{Basis, Bound, NoBound};
 pub use budget::{BudgetPoint, budget, cheapest, repeated_configurations};
 pub use criteria::{CriterionPlan, compare_criteria};
 pub use exact::{ExactDesign, Watch, exact_design};

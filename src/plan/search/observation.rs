@@ -12,6 +12,8 @@ pub struct Observer<'a> {
     model: ExperimentModel<'a>,
     /// The joints whose compliances are the parameters.
     parameters: Vec<usize>,
+    /// The parameters by ascending joints.
+    order: Vec<usize>,
     /// Typical compliance over sigma, one for each parameter.
     scale: Vec<f64>,
     /// The arm's geometry at the last configuration.
@@ -33,7 +35,10 @@ impl<'a> Observer<'a> {
         typical_rad_per_nm: &[f64],
     ) -> Self {
         let count = parameters.len();
+        let mut order: Vec<usize> = (0..count).collect();
+        order.sort_by_key(|&index| parameters[index]);
         Self {
+            order,
             parameters: parameters.to_vec(),
             scale: typical_rad_per_nm
                 .iter()
@@ -101,9 +106,11 @@ impl<'a> Observer<'a> {
         for (joint, slope) in gradient.iter_mut().enumerate().take(self.state.joints()) {
             *slope += self.state.rotation_column(joint).dot(&outer)
                 + self.state.position_column(joint).dot(&inner);
-            if index < parameters.len() && parameters[index] == joint {
-                outer -= self.adjoint[index];
-                inner += self.twist[index];
+            if let Some(&next) = self.order.get(index)
+                && parameters[next] == joint
+            {
+                outer -= self.adjoint[next];
+                inner += self.twist[next];
                 index += 1;
             }
         }

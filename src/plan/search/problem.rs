@@ -7,9 +7,10 @@ use super::joints::{indifferent_joints, unexcited_parameters};
 use super::observation::Observer;
 use super::point::{LoadChoice, add_information};
 use crate::compensation::test_pose_matrix;
-use crate::plan::{Bound, Criterion, CriterionFunction, ExperimentModel, Plan, bounds_of};
-use crate::robot::Load;
-use crate::scenario::{Loads, Scenario};
+use crate::plan::{
+    Criterion, CriterionFunction, ExperimentModel, Plan, SmoothBound, bounds_of, widened,
+};
+use crate::scenario::{Region, Scenario};
 
 /// Why there is no plan.
 #[derive(Debug, Error, Clone, PartialEq)]
@@ -74,7 +75,7 @@ pub struct Problem<'a> {
     pub criterion: Criterion,
     /// How much work the search does.
     pub effort: Effort,
-    pub(super) bounds: Vec<Bound>,
+    pub(super) bounds: Vec<SmoothBound>,
     pub(super) ranges: Vec<(f64, f64)>,
     pub(super) loads: LoadChoice,
     /// Joints whose angle changes neither what any experiment tells nor the smooth bounds: axis 1
@@ -132,22 +133,8 @@ impl<'a> Problem<'a> {
         Self {
             indifferent: Vec::new(),
             bounds: bounds_of(&scenario.region),
-            ranges: scenario
-                .region
-                .joint_range_rad
-                .iter()
-                .map(|&[low, high]| (low, high))
-                .collect(),
-            loads: match &scenario.loads {
-                Loads::Fixed(load) => LoadChoice::OneOf(vec![*load]),
-                // The information is quadratic in the force's size: the largest is best.
-                Loads::Direction { direction, force_n } => {
-                    let [x, y, z] = (direction * force_n[1]).into();
-                    LoadChoice::OneOf(vec![Load::force(x, y, z)])
-                }
-                Loads::Any { force_max_n } => LoadChoice::AnyDirection(*force_max_n),
-                Loads::List(loads) => LoadChoice::OneOf(loads.clone()),
-            },
+            ranges: ranges_of(&scenario.region),
+            loads: LoadChoice::new(&scenario.loads),
             test_poses: scaled_test_poses(scenario, parameters, &typical_rad_per_nm),
             parameters: parameters.to_vec(),
             unexcited: Vec::new(),
@@ -156,6 +143,33 @@ impl<'a> Problem<'a> {
             effort: Effort::default(),
             scenario,
         }
+    }
+
+    /// The same problem over the smooth bounds of a class of plans: those of the region, widened.
+    pub(super) fn widened(&self) -> Self {
+        let region = widened(&self.scenario.region);
+        Self {
+            bounds: bounds_of(&region),
+            ranges: ranges_of(&region),
+            ..self.clone()
+        }
+    }
+
+    /// Whether the size of a force is to be searched. Otherwise the largest is best: information grows
+    /// with the square of the size, no bound of the region depends on it, and the criterion is the
+    /// better for more of every information.
+    pub(super) fn is_size_free(&self) -> bool {
+        !self.criterion.is_monotone() || self.is_force_bounded()
+    }
+
+    /// Whether bounds of the region depend on the load.
+    pub(super) fn is_force_bounded(&self) -> bool {
+        (self.bounds.iter()).any(|bound| {
+            matches!(
+                bound,
+                SmoothBound::TorqueMax(..) | SmoothBound::TorqueMin(..)
+            )
+        })
     }
 
     /// Every compliance must show in some experiment.
@@ -228,6 +242,11 @@ impl<'a> Problem<'a> {
             .map(|(index, typical)| covariance[(index, index)].max(0.0).sqrt() * typical)
             .collect()
     }
+}
+
+fn ranges_of(region: &Region) -> Vec<(f64, f64)> {
+    let ranges = region.joint_range_rad.iter();
+    ranges.map(|&[low, high]| (low, high)).collect()
 }
 
 /// Nominal compliances of the parameters; the largest one stands in for a joint held to be rigid.

@@ -19,6 +19,9 @@ const HOPE: f64 = 10.0;
 /// The longest extrapolation, in sweeps.
 const LONGEST_STEP: f64 = 50.0;
 
+/// Costs that differ by this share are the same.
+const ROUNDING: f64 = 1e-12;
+
 /// A plan that a search ended in.
 #[derive(Debug, Clone)]
 pub(super) struct Found {
@@ -105,8 +108,27 @@ impl<'a> Refinement<'a> {
             }
             match better {
                 Some(better) => best = self.refine(better, Precision::FINE, f64::INFINITY),
-                None => return best,
+                None => return self.with_largest_forces(best),
             }
+        }
+    }
+
+    /// A plan with all forces as much larger as they may be, where that is as good: some criteria ask for
+    /// balance alone.
+    fn with_largest_forces(&self, best: Found) -> Found {
+        let factor = |point: &Point| self.local.largest_factor(point);
+        let factors: Option<Vec<f64>> = best.points.iter().map(factor).collect();
+        let least = (factors.iter().flatten()).fold(f64::INFINITY, |least, each| least.min(*each));
+        if self.problem.criterion.is_monotone() || !least.is_finite() || least <= 1.0 {
+            return best;
+        }
+        let scaled = |point: &Point| self.local.point(&point.q, &point.load.scaled(least));
+        let points = best.points.iter().map(scaled).collect();
+        let larger = self.plan(points, best.repeats.clone());
+        if larger.cost <= best.cost * (1.0 + ROUNDING) {
+            larger
+        } else {
+            best
         }
     }
 

@@ -8,7 +8,7 @@ use rand_distr::{Distribution, UnitSphere};
 use rayon::prelude::*;
 
 use super::local::LocalSearch;
-use super::point::{LoadChoice, Point};
+use super::point::{LoadChoice, Point, force};
 use super::problem::{Problem, SearchError};
 use crate::plan::feasibility::COLLISION;
 use crate::plan::{Criterion, Experiment, Feasibility, Plan};
@@ -49,7 +49,7 @@ impl<'a> Sampler<'a> {
     pub fn draw(&mut self, random: &mut impl Rng) -> Option<(Vec<f64>, Load)> {
         (0..ATTEMPTS).find_map(|_| {
             let q = uniform(&self.problem.ranges, random);
-            let load = self.load(random);
+            let load = self.load(&q, random)?;
             (self.local.is_inside(&q, &load) && self.feasibility.is_clear(&q, &load))
                 .then_some((q, load))
         })
@@ -81,7 +81,7 @@ impl<'a> Sampler<'a> {
     pub fn draw_inside(&self, random: &mut impl Rng) -> Option<Point> {
         (0..ATTEMPTS).find_map(|_| {
             let q = uniform(&self.problem.ranges, random);
-            let load = self.load(random);
+            let load = self.load(&q, random)?;
             (self.local.is_inside(&q, &load)).then(|| self.local.point(&q, &load))
         })
     }
@@ -95,9 +95,12 @@ impl<'a> Sampler<'a> {
         let mut colliding = BTreeMap::<[String; 2], usize>::new();
         for _ in 0..SAMPLES {
             let q = uniform(&self.problem.ranges, &mut random);
+            let load = self
+                .load(&q, &mut random)
+                .unwrap_or_else(|| self.least_load());
             let experiment = Experiment {
                 configuration_rad: nalgebra::DVector::from_vec(q),
-                load: self.load(&mut random),
+                load,
                 repeats: 1,
             };
             let mut violations: Vec<_> = self
@@ -137,13 +140,27 @@ impl<'a> Sampler<'a> {
         }
     }
 
-    fn load(&self, random: &mut impl Rng) -> Load {
-        match &self.problem.loads {
-            LoadChoice::OneOf(loads) => loads[random.random_range(0..loads.len())],
-            LoadChoice::AnyDirection(size) => {
-                let [x, y, z]: [f64; 3] = UnitSphere.sample(random);
-                Load::force(x * size, y * size, z * size)
+    /// A load at joint angles `q`. Where its size is free, the largest that the torque bounds allow;
+    /// none where they allow none.
+    fn load(&self, q: &[f64], random: &mut impl Rng) -> Option<Load> {
+        let (direction, sizes) = match &self.problem.loads {
+            LoadChoice::OneOf(loads) => return Some(loads[random.random_range(0..loads.len())]),
+            LoadChoice::Size(direction, sizes) => (*direction, *sizes),
+            LoadChoice::Ball(size) => {
+                let direction: [f64; 3] = UnitSphere.sample(random);
+                (direction.into(), [0.0, *size])
             }
+        };
+        let size = self.local.largest_size(q, &direction, sizes)?;
+        Some(force(&direction, size))
+    }
+
+    /// What is least likely to break a torque bound.
+    fn least_load(&self) -> Load {
+        match &self.problem.loads {
+            LoadChoice::OneOf(loads) => loads[0],
+            LoadChoice::Size(direction, sizes) => force(direction, sizes[0]),
+            LoadChoice::Ball(_) => Load::NONE,
         }
     }
 }

@@ -2,6 +2,7 @@
 
 mod design;
 mod gate;
+mod inputs;
 mod instrument;
 mod load;
 mod number;
@@ -11,13 +12,13 @@ mod robot;
 mod study;
 mod test_pose;
 
+use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 
-use sha2::{Digest, Sha256};
-
+use self::inputs::Inputs;
 use super::file::File;
 use super::{Robot, Scenario};
-use crate::files::{FileError, hexadecimal, read_text};
+use crate::files::{FileError, read_text};
 use crate::mujoco::ModelError;
 use crate::plan::Plan;
 
@@ -28,23 +29,23 @@ impl Scenario {
     /// The first thing that is wrong, with the dotted key path.
     pub fn load(path: &Path) -> Result<Self, FileError> {
         let text = read_text(path)?;
-        Checker { path }.scenario(&text)
+        let inputs = RefCell::new(Inputs::default());
+        Checker { path, inputs }.scenario(&text)
     }
 }
 
 /// Checks values and says where in which file they are wrong.
 struct Checker<'a> {
     path: &'a Path,
+    /// The files that were read.
+    inputs: RefCell<Inputs>,
 }
 
 impl Checker<'_> {
     fn scenario(&self, text: &str) -> Result<Scenario, FileError> {
         let file = self.parse(text)?;
-        let mut hash = Sha256::new_with_prefix(self.question(text)?);
-
         let obstacles = self.obstacles(&file)?;
         let model = self.model("robot.model", &file.robot.model, &obstacles)?;
-        hash.update(read_text(model.path())?);
         let chain = self.serial_chain("robot.model", &model)?;
         let nominal = Robot {
             compliance_rad_per_nm: self.compliances(
@@ -67,15 +68,11 @@ impl Checker<'_> {
         )?;
         let parameters = self.parameters(&nominal.chain, &file.robot.parameters)?;
         let true_robot = self.true_robot(&file, &nominal, &obstacles)?;
-        hash.update(read_text(true_robot.model.path())?);
 
         let joints = nominal.chain.len();
         let test_poses = self.test_poses(&file.test_pose, &nominal.chain)?;
         let loads = self.loads(&file.load)?;
         let design = self.design(&file.design, parameters.len(), joints, &loads)?;
-        if let Some(path) = &file.design.mandatory {
-            hash.update(read_text(&self.resolve(path))?);
-        }
         let plans = self.plans(&file.plan, joints)?;
         let instrument = self.instrument(&file.instrument, &file.region, &nominal.model)?;
         let context = study::Context {
@@ -94,7 +91,7 @@ impl Checker<'_> {
                 |stem| stem.to_string_lossy().into_owned(),
             ),
             description: file.description,
-            sha256: hexadecimal(&hash.finalize()),
+            sha256: self.inputs.borrow().sha256(&self.question(text)?),
             seed: file.seed,
             instrument,
             method: file.identification.method,
@@ -172,7 +169,10 @@ impl Checker<'_> {
     }
 
     fn plan(&self, key: &str, path: &Path, joints: usize) -> Result<Plan, FileError> {
-        crate::plan::read_plan(path, joints).map_err(|error| self.named_file(key, error))
+        let plan = crate::plan::read_plan(path, joints);
+        let plan = plan.map_err(|error| self.named_file(key, error))?;
+        self.inputs.borrow_mut().add(path)?;
+        Ok(plan)
     }
 
     fn model_error(&self, key: &str, error: &ModelError) -> FileError {

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::Checker;
 use crate::files::{FileError, read_text};
-use crate::mujoco::{Model, Obstacle};
+use crate::mujoco::{Model, ModelError, Obstacle, sources};
 use crate::robot::{SerialChain, Tool};
 use crate::scenario::Robot;
 use crate::scenario::file::File;
@@ -20,7 +20,12 @@ impl Checker<'_> {
         let path = self.resolve(path);
         // The same checks, and the same words, as for every other file.
         read_text(&path).map_err(|error| self.named_file(key, error))?;
-        Model::load_with(&path, obstacles).map_err(|error| self.model_error(key, &error))
+        let wrong = |error: &ModelError| self.model_error(key, error);
+        let model = Model::load_with(&path, obstacles).map_err(|error| wrong(&error))?;
+        for file in sources(&path).map_err(|error| wrong(&error))? {
+            self.inputs.borrow_mut().add(&file)?;
+        }
+        Ok(model)
     }
 
     pub(super) fn serial_chain(&self, key: &str, model: &Model) -> Result<SerialChain, FileError> {

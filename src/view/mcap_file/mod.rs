@@ -175,6 +175,7 @@ impl<W: Write + Seek> Channels<W> {
             scenario_sha256,
             seed,
             platform,
+            ..
         } = recording.provenance.clone();
         self.writer.write_metadata(&Metadata {
             name: "provenance".to_owned(),

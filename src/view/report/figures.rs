@@ -18,7 +18,7 @@ const AXES: [(&str, f64, i32); 3] = [("x", -0.2, 150), ("y", 0.0, 240), ("z", 0.
 /// and the bound.
 pub fn accuracy_figure(
     points: &[AccuracyMessage],
-    bounds_mm: &[f64],
+    bounds_mm: &[Option<f64>],
     own_experiments: u32,
 ) -> Result<String, PlotError> {
     let micro = |point: &AccuracyMessage| (f64::from(point.experiments), point.rho0_mm * 1e3);
@@ -28,7 +28,8 @@ pub fn accuracy_figure(
     let first = found.first().map_or(1.0, |point| point.0);
     let bound: Vec<(f64, f64)> = (1..)
         .map(f64::from)
-        .zip(bounds_mm.iter().map(|bound| bound * 1e3))
+        .zip(bounds_mm)
+        .filter_map(|(m, bound)| Some((m, (*bound)? * 1e3)))
         .filter(|point| point.0 >= first)
         .collect();
     let repeated: Vec<(f64, f64)> = own.map_or_else(Vec::new, |own| {

@@ -73,7 +73,10 @@ fn proof_card(run: &RunRecord<'_>, assessment: &AssessmentMessage) -> String {
             "bad",
             "Is it the best?",
             "no bound",
-            "Nothing is known about better plans.",
+            &(assessment.no_bound_reason.as_ref()).map_or_else(
+                || "Nothing is known about better plans.".to_owned(),
+                |reason| format!("Nothing is known about better plans: {reason}."),
+            ),
         );
     };
     let better = percent(Some((1.0 - efficiency).max(0.0)), 1);

@@ -191,7 +191,7 @@ fn table_6(message: &ReproductionMessage) -> String {
             number(row.ratio, 3),
             micro(Some(row.own_rho0_mm)),
             repeats,
-            micro(Some(row.lower_bound_rho0_mm)),
+            micro(row.lower_bound_rho0_mm),
         ]
     };
     let rows: Vec<Vec<String>> = message.table6.iter().map(row).collect();

@@ -1,0 +1,177 @@
+//! Bounds that no plan of a class can beat.
+
+use thiserror::Error;
+
+use super::approximate::{ApproximateDesign, Certificate, approximate_design};
+use super::problem::{Problem, SearchError};
+use crate::experiment::{Experiment, Plan, is_printed_as};
+use crate::plan::{Criterion, Feasibility, WIDENED_RAD, widened};
+use crate::scenario::Scenario;
+
+/// A lower bound of `rho_0` for every plan of a class, by the number m of measurements.
+///
+/// The class is that of plans
+/// - under loads of the scenario, or such as are printed alike ([`crate::experiment::Loads`]);
+/// - with all mandatory experiments of the scenario, each at least as often as there (angles within
+///   [`WIDENED_RAD`], loads printed alike);
+/// - whose other experiments keep the smooth bounds of the region (joint ranges, the tool's height,
+///   radius and elevation, torques), widened as [`widened`] says.
+///
+/// Collisions, sight and forbidden configurations exclude no plan. Outside of the class there is no
+/// bound, and the reason is told.
+#[derive(Debug, Clone)]
+pub struct Bound {
+    /// The scenario with the region of the class.
+    class: Scenario,
+    basis: Basis,
+}
+
+/// What a bound rests on.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Basis {
+    /// The largest directional derivative that many local searches found: strong evidence, no proof.
+    Searches(Certificate),
+    /// There is no bound.
+    Nothing(SearchError),
+}
+
+/// Why there is no bound for a plan, or for so many measurements.
+#[derive(Debug, Clone, Error, PartialEq)]
+pub enum NoBound {
+    /// No bound was found for any plan.
+    #[error("no bound was found: {0}")]
+    NotFound(SearchError),
+    /// The mandatory experiments alone are more.
+    #[error(
+        "the bound speaks about plans with the mandatory experiments, which alone are {mandatory} measurements"
+    )]
+    TooFew {
+        /// The number of mandatory measurements.
+        mandatory: u32,
+    },
+    /// The plan lacks a mandatory experiment.
+    #[error(
+        "the bound speaks about plans with the mandatory experiments; the plan measures number {experiment} of \
+         them {found} times, not {needed}"
+    )]
+    NotMandatory {
+        /// The number of the mandatory experiment, from 1.
+        experiment: usize,
+        /// How often it is measured.
+        found: u32,
+        /// How often it must be.
+        needed: u32,
+    },
+    /// The plan has another load, or leaves the widened region.
+    #[error("the bound does not speak about such a plan: {0}")]
+    Outside(String),
+}
+
+impl Bound {
+    /// The bound that the approximate design for a scenario's test poses gives.
+    #[must_use]
+    pub fn new(scenario: &Scenario, approximate: &ApproximateDesign) -> Self {
+        Self::resting_on(scenario, Basis::Searches(approximate.certificate))
+    }
+
+    /// Searches the bound of a scenario's plans; what was not found is told where it is asked for.
+    #[must_use]
+    pub fn search(scenario: &Scenario) -> Self {
+        let problem = Problem::new(scenario, Criterion::TestPose);
+        let basis = match approximate_design(&problem, scenario.seed) {
+            Ok(approximate) => Basis::Searches(approximate.certificate),
+            Err(error) => Basis::Nothing(error),
+        };
+        Self::resting_on(scenario, basis)
+    }
+
+    fn resting_on(scenario: &Scenario, basis: Basis) -> Self {
+        let mut class = scenario.clone();
+        class.region = widened(&scenario.region);
+        Self { class, basis }
+    }
+
+    /// What the bound rests on.
+    #[must_use]
+    pub const fn basis(&self) -> &Basis {
+        &self.basis
+    }
+
+    /// No plan of the class with so many measurements has a smaller `rho_0` (m).
+    ///
+    /// # Errors
+    /// The class has no such plan, or there is no bound.
+    pub fn of_size(&self, measurements: u32) -> Result<f64, NoBound> {
+        let certificate = match &self.basis {
+            Basis::Searches(certificate) => certificate,
+            Basis::Nothing(error) => return Err(NoBound::NotFound(error.clone())),
+        };
+        let too_few = NoBound::TooFew {
+            mandatory: certificate.mandatory.0,
+        };
+        let cost = certificate.lower_bound(measurements).ok_or(too_few)?;
+        Ok(cost.sqrt())
+    }
+
+    /// The bound for a plan: no plan of the class with as many measurements has a smaller `rho_0` (m).
+    ///
+    /// # Errors
+    /// The plan is not of the class, or there is no bound.
+    pub fn of_plan(&self, plan: &Plan) -> Result<f64, NoBound> {
+        let bound = self.of_size(plan.measurements())?;
+        let free = self.without_mandatory(plan)?;
+        let mut feasibility = Feasibility::new(&self.class);
+        for (index, experiment) in plan.experiments.iter().enumerate() {
+            if free[index] == 0 {
+                continue;
+            }
+            let loads = &self.class.loads;
+            if let Some(words) = loads.outside(&experiment.load) {
+                let words = format!("experiment {}: {words}", index + 1);
+                return Err(NoBound::Outside(words));
+            }
+            // Torques are those of the load that is meant.
+            let meant = Experiment {
+                load: loads.nearest(&experiment.load),
+                ..experiment.clone()
+            };
+            let violations = feasibility.violations_of(index + 1, &meant);
+            if let Some(violation) = violations.first() {
+                return Err(NoBound::Outside(violation.to_string()));
+            }
+        }
+        Ok(bound)
+    }
+
+    /// How often the plan measures each of its experiments beside the mandatory ones.
+    fn without_mandatory(&self, plan: &Plan) -> Result<Vec<u32>, NoBound> {
+        let mut free: Vec<u32> = plan.experiments.iter().map(|each| each.repeats).collect();
+        let mandatory = &self.class.design.mandatory.experiments;
+        for (number, wanted) in mandatory.iter().enumerate() {
+            let apart = |each: &Experiment| {
+                let angles = &each.configuration_rad - &wanted.configuration_rad;
+                let printed_alike = is_printed_as(&each.load, &wanted.load);
+                let near = angles.amax();
+                (printed_alike && near <= WIDENED_RAD).then_some(near)
+            };
+            let mut same: Vec<(usize, f64)> = (plan.experiments.iter().enumerate())
+                .filter_map(|(index, each)| Some((index, apart(each)?)))
+                .collect();
+            same.sort_by(|one, other| one.1.total_cmp(&other.1));
+            let mut needed = wanted.repeats;
+            for (index, _) in same {
+                let taken = needed.min(free[index]);
+                free[index] -= taken;
+                needed -= taken;
+            }
+            if needed > 0 {
+                return Err(NoBound::NotMandatory {
+                    experiment: number + 1,
+                    found: wanted.repeats - needed,
+                    needed: wanted.repeats,
+                });
+            }
+        }
+        Ok(free)
+    }
+}
