@@ -32,7 +32,8 @@
 //!
 //! Each module uses only what stands above it.
 //!
-//! - [`files`], [`csv`], [`units`], [`wording`], [`random`], [`platform`]: what every stage needs.
+//! - [`files`], [`diagnostics`], [`csv`], [`units`], [`wording`], [`random`], [`platform`]: what every
+//!   stage needs.
 //! - [`estimable`]: what measurements determine, one decision for every stage; [`least_squares`] within
 //!   it; [`posterior`]: what is known afterwards, and the variance of anything that follows from it.
 //! - [`mujoco`]: MJCF models in MuJoCo; the only user of the simulator's bindings.
@@ -113,6 +114,7 @@ pub mod calibration;
 pub mod comparison;
 pub mod compensation;
 pub mod csv;
+pub mod diagnostics;
 pub mod estimable;
 pub mod experiment;
 pub mod files;

@@ -4,16 +4,17 @@ use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 
 use clap::Args;
-use elastocal::files::{check_writable, write_whole};
+use elastocal::files::output::write_whole;
 use elastocal::plan::search::{BudgetPoint, Watch, budget, cheapest, repeated_configurations};
 use elastocal::record::messages::ProvenanceMessage;
 use elastocal::view::plots::budget_plot;
 use elastocal::wording::counted;
 use serde_json::{Value, json};
 
-use super::progress::{bar, stop_flag};
+use super::interruption::ask_search;
+use super::progress::bar;
 use super::table::{number, table};
-use super::{Common, Report, results, without_effect};
+use super::{Common, Report, check_outputs, inputs, results, without_effect};
 
 /// Arguments of `budget`.
 #[derive(Debug, Args)]
@@ -35,20 +36,23 @@ pub struct Budget {
 impl Budget {
     pub fn execute(&self) -> anyhow::Result<Report> {
         let scenario = self.common.load()?;
-        self.plot_out.as_deref().map_or(Ok(()), check_writable)?;
+        let outputs = [("--plot-out", self.plot_out.as_deref())];
+        check_outputs(&mut inputs(&scenario), &outputs)?;
+        let stop = ask_search();
         self.common.say(&format!(
             "searching the best plans of up to {}",
             counted(self.up_to.into(), "measurement")
         ));
         let bar = bar(self.common.quiet, "searching plans");
         let watch = Watch {
-            stop: stop_flag(),
+            stop,
             progress: &|_, _, _| {},
         };
         let points = budget(&scenario, self.up_to, watch, &|done, all| {
             bar.set_length(all as u64);
             bar.set_position(done as u64);
         })?;
+        let is_cut_short = watch.stop.load(Ordering::Relaxed);
         bar.finish_and_clear();
         anyhow::ensure!(
             !points.is_empty(),
@@ -57,9 +61,17 @@ impl Budget {
             counted(scenario.parameters.len() as u64, "compliance")
         );
         let mut conditions = Vec::new();
-        if watch.stop.load(Ordering::Relaxed) {
-            conditions.push("the search was stopped: better plans may exist".to_owned());
+        if is_cut_short {
+            conditions.push(
+                "the search was stopped: better plans may exist, and plans of more measurements were \
+                 not searched"
+                    .to_owned(),
+            );
         }
+        let searched = match points.last() {
+            Some(last) if is_cut_short => last.experiments,
+            _ => self.up_to,
+        };
         let needed = cheapest(&points, self.accuracy_um * 1e-6);
         let mut text = describe(&points);
         match needed {
@@ -73,7 +85,7 @@ impl Budget {
             }
             None => conditions.push(format!(
                 "no plan of up to {} gives {} um",
-                counted(self.up_to.into(), "measurement"),
+                counted(searched.into(), "measurement"),
                 self.accuracy_um
             )),
         }

@@ -6,10 +6,11 @@ use clap::Args;
 use elastocal::comparison::record::{COLUMNS, comparison_json, markdown, notes, rows, verdict};
 use elastocal::comparison::results::ResultsFile;
 use elastocal::comparison::{Comparison, Rules, Setting, compare};
-use elastocal::files::{check_writable, write_whole};
+use elastocal::files::output::write_whole;
+use elastocal::files::roles::Roles;
 
-use super::Report;
 use super::table::table;
+use super::{Report, check_outputs};
 
 /// Arguments of `compare`.
 #[derive(Debug, Args)]
@@ -39,7 +40,10 @@ impl Compare {
     pub fn execute(&self) -> anyhow::Result<Report> {
         let base = ResultsFile::read(&self.base)?;
         let new = ResultsFile::read(&self.new)?;
-        self.markdown.as_deref().map_or(Ok(()), check_writable)?;
+        let mut roles = Roles::default();
+        roles.reads("the base", &self.base);
+        roles.reads("the results to judge", &self.new);
+        check_outputs(&mut roles, &[("--markdown", self.markdown.as_deref())])?;
         let rules = Rules {
             gate: &new.gate,
             allowed: &self.allow_different,

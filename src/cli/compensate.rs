@@ -4,9 +4,10 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use elastocal::calibration::compensate_poses;
-use elastocal::files::{FileError, read_text};
+use elastocal::files::FileError;
 use elastocal::measurement::Origin;
 use elastocal::record::messages::{IdentificationMessage, ProvenanceMessage, TestPoseMessage};
+use elastocal::record::schema::read_results;
 use elastocal::scenario::{Method, Scenario};
 use elastocal::wording::shell_word;
 use serde_json::{Value, json};
@@ -31,11 +32,13 @@ pub struct Compensate {
 
 impl Compensate {
     pub fn execute(&self) -> anyhow::Result<Report> {
-        let origin = origin(&self.identified)?;
+        let hint = "the file must be one that `elastocal identify --identified-out` wrote";
+        let (text, json) = read_results(&self.identified, &["identify", "run"], hint)?;
+        let origin = origin(&json);
         let file = shell_word(&self.identified.to_string_lossy());
         let usage = format!("elastocal compensate SCENARIO --identified {file}");
         let scenario = (self.common).load_for(&self.identified, origin.as_ref(), &usage)?;
-        let (compliance, covariance) = read_identified(&self.identified, &scenario)?;
+        let (compliance, covariance) = read_identified(&self.identified, &text, hint, &scenario)?;
         let method = self.method.unwrap_or(scenario.method);
         self.common.say("compensating on the virtual robot");
         let poses = compensate_poses(&scenario, &compliance, &covariance, method)?;
@@ -85,29 +88,27 @@ impl Compensate {
 }
 
 /// Under which scenario it was identified, as the file says.
-fn origin(path: &Path) -> Result<Option<Origin>, FileError> {
-    // What is wrong with the file is told when it is read as a whole.
-    let json: Value = serde_json::from_str(&read_text(path)?).unwrap_or_default();
+fn origin(json: &Value) -> Option<Origin> {
     let scenario = json["scenario_file"].as_str();
     let hash = json["provenance"]["scenario_sha256"].as_str();
-    Ok(scenario.zip(hash).map(|(scenario, hash)| Origin {
+    scenario.zip(hash).map(|(scenario, hash)| Origin {
         scenario: scenario.into(),
         scenario_sha256: hash.to_owned(),
-    }))
+    })
 }
 
 /// The compliances of all joints, nominal where none was identified, and the covariance of the
 /// parameters.
 fn read_identified(
     path: &Path,
+    text: &str,
+    hint: &str,
     scenario: &Scenario,
 ) -> Result<(Vec<f64>, nalgebra::DMatrix<f64>), FileError> {
-    let text = read_text(path)?;
-    let reader = &mut serde_json::Deserializer::from_str(&text);
+    let reader = &mut serde_json::Deserializer::from_str(text);
     let message: IdentificationMessage =
         serde_path_to_error::deserialize(reader).map_err(|error| {
-            let wrong = FileError::new(path, error.inner().to_string())
-                .hint("the file must be one that `elastocal identify --identified-out` wrote");
+            let wrong = FileError::new(path, error.inner().to_string()).hint(hint);
             match error.path().to_string().as_str() {
                 "." => wrong,
                 key => wrong.at(key),

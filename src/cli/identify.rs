@@ -3,7 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use elastocal::files::{FileError, check_writable, write_whole};
+use elastocal::files::FileError;
+use elastocal::files::output::write_whole;
 use elastocal::identification::diagnoses::{Diagnosis, diagnoses};
 use elastocal::identification::{Case, Identification, IdentificationError, Sigma, residuals};
 use elastocal::measurement::{Origin, read_measurements};
@@ -15,7 +16,7 @@ use serde_json::json;
 
 use super::residuals;
 use super::table::{number, table};
-use super::{Common, Report, merge, named_by_file, results, without_effect};
+use super::{Common, Report, check_outputs, inputs, merge, named_by_file, results, without_effect};
 
 /// Arguments of `identify`.
 #[derive(Debug, Args)]
@@ -45,9 +46,10 @@ impl Identify {
         let usage = format!("elastocal identify SCENARIO --measurements {file}");
         let scenario = (self.common).load_for(&self.measurements, origin.as_ref(), &usage)?;
         let measurements = read_measurements(&self.measurements, scenario.joints())?;
-        self.identified_out
-            .as_deref()
-            .map_or(Ok(()), check_writable)?;
+        let outputs = [("--identified-out", self.identified_out.as_deref())];
+        let mut roles = inputs(&scenario);
+        roles.reads("the measurements", &self.measurements);
+        check_outputs(&mut roles, &outputs)?;
         let loads = measurements.iter().map(|each| &each.load);
         let loads_outside = scenario.loads.outside_all("measurement", loads);
         let method = self.method.unwrap_or(scenario.method);

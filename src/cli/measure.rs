@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use elastocal::files::{FileError, check_writable};
+use elastocal::files::FileError;
 use elastocal::measurement::write_measurements_under;
 use elastocal::plan::read_plan;
 use elastocal::record::messages::{MeasurementMessage, ProvenanceMessage};
@@ -13,7 +13,7 @@ use serde_json::json;
 
 use super::evaluate::loads_outside;
 use super::table::table;
-use super::{Common, Report, results, without_effect};
+use super::{Common, Report, check_outputs, inputs, results, without_effect};
 
 /// Arguments of `measure`.
 #[derive(Debug, Args)]
@@ -36,9 +36,9 @@ impl Measure {
     pub fn execute(&self) -> anyhow::Result<Report> {
         let scenario = self.common.load()?;
         let plan = read_plan(&self.plan, scenario.joints())?;
-        self.measurements_out
-            .as_deref()
-            .map_or(Ok(()), check_writable)?;
+        let outputs = [("--measurements-out", self.measurements_out.as_deref())];
+        let mut roles = inputs(&scenario);
+        check_outputs(roles.reads("the plan", &self.plan), &outputs)?;
         self.common.say(&format!(
             "measuring {} on the virtual robot {}",
             counted(plan.measurements().into(), "experiment"),

@@ -4,10 +4,12 @@ use std::path::PathBuf;
 
 use clap::Args;
 use elastocal::files::make_folder;
+use elastocal::files::roles::Roles;
 use elastocal::study::tally_file::join;
 
 use super::Report;
-use super::study::results::{Results, write};
+use super::study::results::{FILES, Results, write};
+use super::written::Written;
 
 /// Arguments of `merge`.
 #[derive(Debug, Args)]
@@ -31,9 +33,17 @@ impl Merge {
         let (header, tallies) =
             join(&self.files)?.ok_or_else(|| anyhow::anyhow!("there is no file to merge"))?;
         let folder = self.out.join(&header.provenance.scenario);
+        let mut roles = Roles::default();
+        for file in &self.files {
+            roles.reads("a tally", file);
+        }
+        roles.writes_to(&folder, &FILES).check()?;
         make_folder(&folder)?;
         let results = Results::new(&header, &tallies, None)?;
-        write(&folder, &results)?;
-        Ok(results.report(&folder))
+        let mut written = Written::default();
+        write(&folder, &results, &mut written)?;
+        let mut report = results.report(&folder);
+        report.conditions.extend(written.conditions());
+        Ok(report)
     }
 }

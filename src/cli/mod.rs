@@ -9,6 +9,7 @@ mod compare;
 mod compensate;
 mod evaluate;
 mod identify;
+pub mod interruption;
 mod measure;
 mod merge;
 mod plan;
@@ -21,12 +22,17 @@ mod stream;
 mod study;
 mod table;
 mod view;
+mod written;
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use anyhow::Context;
 use clap::{Arg, Args, Parser, Subcommand};
+use elastocal::diagnostics::say;
 use elastocal::files::FileError;
+use elastocal::files::output::check_writable;
+use elastocal::files::roles::Roles;
 use elastocal::measurement::Origin;
 use elastocal::record::messages::{ProvenanceMessage, SchemaMessage};
 use elastocal::scenario::Scenario;
@@ -255,12 +261,37 @@ impl Common {
         Ok(scenario)
     }
 
+    /// The folder for the results of a scenario.
+    fn folder(&self, scenario: &Scenario) -> PathBuf {
+        self.out.join(&scenario.name)
+    }
+
     /// Says on stderr what is being done.
     fn say(&self, what: &str) {
         if !self.quiet {
-            eprintln!("{what}");
+            say(what);
         }
     }
+}
+
+/// What a command with a scenario reads, as far as the scenario knows it.
+fn inputs(scenario: &Scenario) -> Roles {
+    let mut roles = Roles::default();
+    roles.reads("the scenario", &scenario.path);
+    for file in &scenario.files {
+        roles.reads("a file of the scenario", file);
+    }
+    roles
+}
+
+/// Finds out before any work whether files named by options can be written, and no file would be lost.
+fn check_outputs(roles: &mut Roles, options: &[(&str, Option<&Path>)]) -> Result<(), FileError> {
+    let named = || (options.iter()).filter_map(|(option, path)| Some((*option, (*path)?)));
+    for (option, path) in named() {
+        roles.writes(option, path);
+    }
+    roles.check()?;
+    named().try_for_each(|(_, path)| check_writable(path))
 }
 
 /// The results of a command in JSON: what they are and where they come from, and the command's keys.
@@ -287,15 +318,17 @@ fn command_line() -> String {
     words.join(" ")
 }
 
-/// A reader that has seen enough is no error.
 fn print(text: &str) -> anyhow::Result<()> {
     let mut stdout = std::io::stdout().lock();
-    match stdout
-        .write_all(text.as_bytes())
-        .and_then(|()| stdout.flush())
-    {
+    let printed = stdout.write_all(text.as_bytes());
+    unless_reader_is_gone(printed.and_then(|()| stdout.flush()))
+}
+
+/// A reader of stdout that has seen enough is no error.
+pub fn unless_reader_is_gone(printed: std::io::Result<()>) -> anyhow::Result<()> {
+    match printed {
         Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
-        other => Ok(other?),
+        other => other.context("stdout cannot be written"),
     }
 }
 
@@ -308,11 +341,11 @@ pub fn explain(error: &anyhow::Error) {
             text += &format!(": {cause}");
         }
     }
-    eprintln!("error: {text}");
+    say(&format!("error: {text}"));
     let hint = error
         .downcast_ref::<FileError>()
         .and_then(|error| error.hint.as_deref());
     if let Some(hint) = hint {
-        eprintln!("hint: {hint}");
+        say(&format!("hint: {hint}"));
     }
 }

@@ -1,11 +1,11 @@
 //! `plan`: design a plan of experiments.
 
 use std::path::PathBuf;
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use clap::Args;
-use elastocal::files::{check_writable, write_whole};
+use elastocal::files::output::write_whole;
 use elastocal::plan::search::{
     ApproximateDesign, Bound, ExactDesign, Problem, Watch, approximate_design, exact_design,
 };
@@ -17,8 +17,9 @@ use elastocal::wording::counted;
 use serde_json::json;
 
 use super::evaluate::{conditions, describe};
-use super::progress::{bar, stop_flag};
-use super::{Common, Report, merge, results, without_effect};
+use super::interruption::ask_search;
+use super::progress::bar;
+use super::{Common, Report, check_outputs, inputs, merge, results, without_effect};
 
 /// Arguments of `plan`.
 #[derive(Debug, Args)]
@@ -49,15 +50,18 @@ pub struct Designed {
     pub approximate: ApproximateDesign,
     pub exact: ExactDesign,
     pub elapsed_s: f64,
+    /// Whether the search was cut short.
+    pub is_cut_short: bool,
 }
 
-/// Designs a plan with a progress bar.
+/// Designs a plan with a progress bar, as long as it is not asked to stop.
 pub fn design(
     common: &Common,
     scenario: &Scenario,
     criterion: Criterion,
     experiments: u32,
     configurations: Option<u32>,
+    stop: &AtomicBool,
 ) -> anyhow::Result<Designed> {
     let start = Instant::now();
     let problem = Problem::new(scenario, criterion);
@@ -77,7 +81,7 @@ pub fn design(
         }
     };
     let watch = Watch {
-        stop: stop_flag(),
+        stop,
         progress: &progress,
     };
     let configurations = configurations.unwrap_or(experiments);
@@ -94,19 +98,25 @@ pub fn design(
         approximate,
         exact,
         elapsed_s: start.elapsed().as_secs_f64(),
+        is_cut_short: stop.load(Ordering::Relaxed),
     })
 }
 
 impl PlanCommand {
     pub fn execute(&self) -> anyhow::Result<Report> {
         let mut scenario = self.common.load()?;
-        self.plan_out.as_deref().map_or(Ok(()), check_writable)?;
+        let outputs = [
+            ("--plan-out", self.plan_out.as_deref()),
+            ("--stills-out", self.stills_out.as_deref()),
+        ];
+        check_outputs(&mut inputs(&scenario), &outputs)?;
         if let Some(experiments) = self.experiments {
             scenario.design.experiments = experiments;
             scenario.design.configurations = None;
         }
         let experiments = scenario.design.experiments;
         let configurations = self.configurations.or(scenario.design.configurations);
+        let stop = ask_search();
         self.common.say(&format!(
             "designing a plan of {}{} for the criterion {}",
             counted(experiments.into(), "measurement"),
@@ -122,6 +132,7 @@ impl PlanCommand {
             self.criterion,
             experiments,
             configurations,
+            stop,
         )?;
         let certificate = &designed.approximate.certificate;
         let plan = &designed.exact.plan;
@@ -161,7 +172,7 @@ impl PlanCommand {
         let message = AssessmentMessage::new(&scenario, &assessment);
         merge(&mut json, serde_json::to_value(&message)?);
         let mut conditions = conditions(&scenario, &assessment);
-        if stop_flag().load(Ordering::Relaxed) {
+        if designed.is_cut_short {
             conditions.push("the search was stopped: a better plan may exist".to_owned());
         }
         Ok(Report {

@@ -4,7 +4,8 @@ use std::path::Path;
 
 use clap::Args;
 use elastocal::calibration::{Calibration, calibrate};
-use elastocal::files::{make_folder, write_whole};
+use elastocal::files::make_folder;
+use elastocal::files::output::write_whole;
 use elastocal::plan::Plan;
 use elastocal::plan::search::random_plan;
 use elastocal::record::messages::{CalibrationMessage, ProvenanceMessage};
@@ -18,7 +19,8 @@ use serde_json::json;
 
 use super::study::entries::entries;
 use super::table::table;
-use super::{Common, Report, results};
+use super::written::Written;
+use super::{Common, Report, inputs, results};
 
 /// Arguments of `replay`.
 #[derive(Debug, Args)]
@@ -34,7 +36,11 @@ impl Replay {
     pub fn execute(&self) -> anyhow::Result<Report> {
         let common = &self.common;
         let mut scenario = common.load()?;
-        let folder = common.out.join(&scenario.name);
+        let folder = common.folder(&scenario);
+        let files = ["json", "mcap", "rrd"].map(|ending| format!("replay_{}.{ending}", self.run));
+        let mut roles = inputs(&scenario);
+        roles.writes_to(&folder, &files.each_ref().map(String::as_str));
+        roles.check()?;
         make_folder(&folder)?;
         // The first conditions of a sweep stand for all.
         scenario.study.conditions.truncate(1);
@@ -56,22 +62,22 @@ impl Replay {
                 Ok((entry.name.clone(), calibrate(&scenario, &plan, self.run)?))
             })
             .collect::<anyhow::Result<Vec<_>>>()?;
-        let name = format!("replay_{}", self.run);
-        let path = |ending: &str| folder.join(format!("{name}.{ending}"));
         let messages: Vec<_> = (calibrations.iter())
             .map(|(name, calibration)| CalibrationMessage::new(name, calibration))
             .collect();
         let keys = json!({ "run": self.run, "plans": messages });
         let json = results("replay", &ProvenanceMessage::new(&scenario), keys);
         let text = serde_json::to_string_pretty(&json)? + "\n";
-        write_whole(&path("json"), text.as_bytes())?;
         let recording = Recording::new(&scenario, &calibrations)?;
-        write_mcap(&path("mcap"), &recording)?;
-        write_rerun(&path("rrd"), &recording)?;
+        let mut written = Written::default();
+        let [record, mcap, rerun] = files.map(|name| folder.join(name));
+        written.note(&record, write_whole(&record, text.as_bytes()));
+        written.note(&mcap, write_mcap(&mcap, &recording));
+        written.note(&rerun, write_rerun(&rerun, &recording));
         Ok(Report {
             json,
-            text: describe(&scenario, &calibrations, &path("rrd")),
-            conditions: Vec::new(),
+            text: describe(&scenario, &calibrations, &rerun),
+            conditions: written.conditions(),
         })
     }
 

@@ -1,10 +1,10 @@
 //! `reproduce`: the paper's numbers beside this program's.
 
 use std::path::PathBuf;
-use std::sync::atomic::Ordering;
 
 use clap::Args;
-use elastocal::files::{make_folder, write_whole};
+use elastocal::files::make_folder;
+use elastocal::files::output::write_whole;
 use elastocal::paper::record::ReproductionMessage;
 use elastocal::paper::reproduce;
 use elastocal::plan::search::Watch;
@@ -12,9 +12,11 @@ use elastocal::record::messages::ProvenanceMessage;
 use elastocal::view::report::reproduction_page;
 use serde_json::json;
 
-use super::progress::{bar, stop_flag};
+use super::interruption::NEVER;
+use super::progress::bar;
 use super::table::{number, table};
-use super::{Common, Report, command_line, merge, results};
+use super::written::Written;
+use super::{Common, Report, command_line, inputs, merge, results};
 
 /// Arguments of `reproduce`.
 #[derive(Debug, Args)]
@@ -27,17 +29,22 @@ pub struct Reproduce {
     trials: Option<u64>,
 }
 
+/// The files of the results.
+const FILES: [&str; 2] = ["reproduction.html", "reproduction.json"];
+
 impl Reproduce {
     pub fn execute(&self) -> anyhow::Result<Report> {
         let common = &self.common;
         let scenario = common.load()?;
-        let folder = common.out.join(&scenario.name);
+        let folder = common.folder(&scenario);
+        let mut roles = inputs(&scenario);
+        roles.writes_to(&folder, &FILES).check()?;
         make_folder(&folder)?;
         let trials = self.trials.unwrap_or(scenario.study.trials);
         common.say("designing a plan for each number of Table 6");
         let bar = bar(common.quiet, "designing plans");
         let watch = Watch {
-            stop: stop_flag(),
+            stop: &NEVER,
             progress: &|_, _, _| {},
         };
         let reproduction = reproduce(&scenario, trials, watch, &|done, all| {
@@ -50,18 +57,15 @@ impl Reproduce {
         let mut json = results("reproduce", &provenance, json!({}));
         merge(&mut json, serde_json::to_value(&message)?);
         let page = reproduction_page(&message, &provenance, &command_line())?;
-        let files: [PathBuf; 2] =
-            ["reproduction.html", "reproduction.json"].map(|name| folder.join(name));
+        let files: [PathBuf; 2] = FILES.map(|name| folder.join(name));
         let record = serde_json::to_string_pretty(&json)? + "\n";
-        write_whole(&files[0], page.as_bytes())?;
-        write_whole(&files[1], record.as_bytes())?;
+        let mut written = Written::default();
+        written.note(&files[0], write_whole(&files[0], page.as_bytes()));
+        written.note(&files[1], write_whole(&files[1], record.as_bytes()));
         let mut conditions = message.failures.clone();
-        if stop_flag().load(Ordering::Relaxed) {
-            conditions.push("the search was stopped: better plans may exist".to_owned());
-        }
-        let [page, record] = files.map(|file| file.display().to_string());
+        conditions.extend(written.conditions());
         Ok(Report {
-            text: describe(&message) + &format!("\nwrote {page} and {record}\n"),
+            text: describe(&message) + &format!("\nResults are in {}\n", folder.display()),
             conditions,
             json,
         })

@@ -1,10 +1,11 @@
 //! `run`: the whole loop, and a folder with all that came of it.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use elastocal::calibration::{Calibration, calibrate};
-use elastocal::files::{check_writable, make_folder, write_whole};
+use elastocal::files::make_folder;
+use elastocal::files::output::write_whole;
 use elastocal::measurement::write_measurements_under;
 use elastocal::plan::search::{Bound, Watch, median_random_rho0, random_plan};
 use elastocal::plan::{Assessment, Criterion, Plan, read_plan, write_plan};
@@ -21,11 +22,12 @@ use elastocal::wording::counted;
 use serde_json::{Value, json};
 
 use super::evaluate::loads_outside;
+use super::interruption::NEVER;
 use super::plan::design;
-use super::progress::stop_flag;
 use super::stream::{TARGETS, Target, warn};
 use super::table::{number, table};
-use super::{Common, Report, command_line, identify, merge, results};
+use super::written::Written;
+use super::{Common, Report, check_outputs, command_line, identify, inputs, merge, results};
 
 /// Arguments of `run`.
 #[derive(Debug, Args)]
@@ -39,6 +41,17 @@ pub struct Run {
 
 /// So many random plans stand for what a laboratory without a plan would do.
 const RANDOM_PLANS: u64 = 99;
+
+/// The files of the results.
+const FILES: [&str; 7] = [
+    "plan.csv",
+    "measurements.csv",
+    "results.json",
+    "run.mcap",
+    "run.rrd",
+    "stills.svg",
+    "report.html",
+];
 
 /// A plan that took part, with what it promised and what came of it.
 struct Entry {
@@ -64,11 +77,12 @@ impl Run {
     pub fn execute(&self) -> anyhow::Result<Report> {
         let common = &self.common;
         let scenario = common.load()?;
-        let folder = common.out.join(&scenario.name);
-        // Whether results can be written is found out before the work is done.
-        make_folder(&folder)?;
+        let folder = common.folder(&scenario);
         let file = self.rerun.as_ref().and_then(Target::file);
-        file.map_or(Ok(()), |path| check_writable(path))?;
+        let mut roles = inputs(&scenario);
+        roles.writes_to(&folder, &FILES);
+        check_outputs(&mut roles, &[("--rerun", file.map(PathBuf::as_path))])?;
+        make_folder(&folder)?;
 
         let experiments = scenario.design.experiments;
         common.say(&format!(
@@ -77,7 +91,14 @@ impl Run {
         ));
         let criterion = Criterion::TestPose;
         let configurations = scenario.design.configurations;
-        let designed = design(common, &scenario, criterion, experiments, configurations)?;
+        let designed = design(
+            common,
+            &scenario,
+            criterion,
+            experiments,
+            configurations,
+            &NEVER,
+        )?;
         let bound = Bound::new(&scenario, &designed.approximate);
 
         let plans = plans_to_compare(&scenario, designed.exact.plan)?;
@@ -96,7 +117,7 @@ impl Run {
         ));
         let random_rho0_m = median_random_rho0(&scenario, experiments, RANDOM_PLANS)?;
         let watch = Watch {
-            stop: stop_flag(),
+            stop: &NEVER,
             progress: &|_, _, _| {},
         };
         // The study draws random plans of its own.
@@ -124,12 +145,14 @@ impl Run {
             command: &command_line(),
             stills: &stills,
         })?;
-        let recording = write_all(&scenario, &folder, &entries, &json)?;
-        write_whole(&folder.join("stills.svg"), stills.as_bytes())?;
-        write_whole(&folder.join("report.html"), page.as_bytes())?;
+        let text = serde_json::to_string_pretty(&json)? + "\n";
+        let mut written = Written::default();
+        let texts = [text, stills, page];
+        let recording = write_all(&scenario, &folder, &entries, &texts, &mut written)?;
         if let Some(target) = &self.rerun {
-            show(target, &recording)?;
+            show(target, &recording, &mut written)?;
         }
+        conditions.extend(written.conditions());
         Ok(Report {
             text: summary(&folder, &entries, random_rho0_m),
             conditions,
@@ -186,32 +209,37 @@ fn everything(scenario: &Scenario, plans: &[Messages], elapsed_s: f64) -> anyhow
     Ok(json)
 }
 
+/// Writes the results: what the entries hold, and the texts of results.json, stills.svg and
+/// report.html.
 fn write_all(
     scenario: &Scenario,
     folder: &Path,
     entries: &[Entry],
-    json: &Value,
+    texts: &[String; 3],
+    written: &mut Written,
 ) -> anyhow::Result<Recording> {
-    let (_, main) = &entries[0].calibration;
-    write_plan(&folder.join("plan.csv"), scenario.joints(), &main.plan)?;
-    let measurements = folder.join("measurements.csv");
-    write_measurements_under(scenario, &measurements, &main.measurements)?;
-    let text = serde_json::to_string_pretty(json)? + "\n";
-    write_whole(&folder.join("results.json"), text.as_bytes())?;
-    let calibrations: Vec<_> = entries
-        .iter()
+    let calibrations: Vec<_> = (entries.iter())
         .map(|entry| entry.calibration.clone())
         .collect();
     let recording = Recording::new(scenario, &calibrations)?;
-    write_mcap(&folder.join("run.mcap"), &recording)?;
-    write_rerun(&folder.join("run.rrd"), &recording)?;
+    let (joints, main) = (scenario.joints(), &entries[0].calibration.1);
+    let files = FILES.map(|name| folder.join(name));
+    let [plan, measurements, results, mcap, rerun, svg, html] = &files;
+    written.note(plan, write_plan(plan, joints, &main.plan));
+    let rows = write_measurements_under(scenario, measurements, &main.measurements);
+    written.note(measurements, rows);
+    for (file, text) in [results, svg, html].into_iter().zip(texts) {
+        written.note(file, write_whole(file, text.as_bytes()));
+    }
+    written.note(mcap, write_mcap(mcap, &recording));
+    written.note(rerun, write_rerun(rerun, &recording));
     Ok(recording)
 }
 
 /// Shows what run.rrd holds.
-fn show(target: &Target, recording: &Recording) -> anyhow::Result<()> {
+fn show(target: &Target, recording: &Recording, written: &mut Written) -> anyhow::Result<()> {
     if let Some(path) = target.file() {
-        write_rerun(path, recording)?;
+        written.note(path, write_rerun(path, recording));
     }
     if let Some(mut viewer) = target.open() {
         let problem = viewer

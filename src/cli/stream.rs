@@ -4,6 +4,7 @@ use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 
+use elastocal::diagnostics::say;
 use elastocal::view::rerun_file::viewer::{Address, DEFAULT_PORT, DEFAULT_URL, Viewer};
 
 use super::view::find_viewer;
@@ -70,9 +71,9 @@ impl Target {
 
 /// Says what is wrong with a stream; the results do not depend on it.
 pub fn warn(problem: &str, hint: Option<&str>) {
-    eprintln!("warning: {problem}; going on without it");
+    say(&format!("warning: {problem}; going on without it"));
     if let Some(hint) = hint {
-        eprintln!("hint: {hint}");
+        say(&format!("hint: {hint}"));
     }
 }
 

@@ -6,6 +6,7 @@ use std::process::Command;
 use std::time::SystemTime;
 
 use clap::Args;
+use elastocal::diagnostics::say;
 use elastocal::files::FileError;
 
 use super::Report;
@@ -34,7 +35,11 @@ impl View {
         };
         check(&file)?;
         let program = find_viewer()?;
-        eprintln!("opening {} with {}", file.display(), program.display());
+        say(&format!(
+            "opening {} with {}",
+            file.display(),
+            program.display()
+        ));
         let status = Command::new(&program)
             .arg(&file)
             .status()

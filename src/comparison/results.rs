@@ -7,8 +7,9 @@ use serde::de::{DeserializeOwned, IgnoredAny};
 use serde::{Deserialize, Deserializer};
 use serde_json::Value;
 
-use crate::files::{FileError, read_text};
-use crate::record::messages::{ProvenanceMessage, RESULTS_VERSION, SchemaMessage};
+use crate::files::FileError;
+use crate::record::messages::{ProvenanceMessage, SchemaMessage};
+use crate::record::schema::read_results;
 use crate::scenario::{Gate, Quantity};
 
 /// The name of a plan that results give none.
@@ -122,26 +123,9 @@ impl ResultsFile {
     /// # Errors
     /// The file is not such results.
     pub fn read(path: &Path) -> Result<Self, FileError> {
-        let text = read_text(path)?;
-        let json: Value = serde_json::from_str(&text)
-            .map_err(|error| FileError::new(path, format!("is not JSON: {error}")))?;
-        let of_elastocal = json["schema"]["name"]
-            .as_str()
-            .is_some_and(|name| name.starts_with("elastocal."));
-        if !of_elastocal {
-            return Err(FileError::new(path, "is not a results file of elastocal")
-                .at("schema.name")
-                .hint("files to compare are results.json, study.json, or what --json prints"));
-        }
+        let hint = "files to compare are results.json, study.json, or what --json prints";
+        let (_, json) = read_results(path, &["run", "plan", "evaluate", "study"], hint)?;
         let head: Head = typed(path, &json)?;
-        if head.schema.version > RESULTS_VERSION {
-            let problem = format!(
-                "found {}; this elastocal ({}) reads up to {RESULTS_VERSION}",
-                head.schema.version,
-                crate::VERSION
-            );
-            return Err(FileError::new(path, problem).at("schema.version"));
-        }
         head.gate
             .check()
             .map_err(|(key, problem)| FileError::new(path, problem).at(format!("gate.{key}")))?;
@@ -165,13 +149,7 @@ impl ResultsFile {
                     .extend(configurations.map(|count| ("configurations", count.into())));
                 file.single(typed(path, &json)?)?;
             }
-            "elastocal.evaluate" => file.single(typed(path, &json)?)?,
-            other => {
-                let problem = format!(
-                    "found {other:?}; results of run, plan, evaluate and study can be compared"
-                );
-                return Err(FileError::new(path, problem).at("schema.name"));
-            }
+            _ => file.single(typed(path, &json)?)?,
         }
         Ok(file)
     }

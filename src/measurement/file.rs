@@ -6,7 +6,8 @@ use nalgebra::Vector3;
 
 use super::{Measurement, Origin, RotationMeasurement};
 use crate::csv::{Row, Table};
-use crate::files::{FileError, write_whole};
+use crate::files::FileError;
+use crate::files::output::write_whole;
 use crate::plan::{configuration_and_load, experiment_columns, experiment_fields};
 use crate::scenario::Scenario;
 use crate::units::thousandths;

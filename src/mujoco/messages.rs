@@ -11,6 +11,8 @@ use mujoco_rs::logging::set_log_handler;
 use mujoco_rs::mujoco_c::{mj_deleteModel, mj_loadXML};
 use mujoco_rs::wrappers::mj_logging::{MjLogMessage, MjtLogLevel};
 
+use crate::diagnostics::say;
+
 static WARNINGS: AtomicBool = AtomicBool::new(true);
 
 /// Whether MuJoCo's warnings are printed on stderr; they are if this is never called. Its errors
@@ -35,7 +37,10 @@ fn print(message: &MjLogMessage) {
         _ => return,
     };
     let body = message.body().unwrap_or_default();
-    eprintln!("{word}: MuJoCo: {}", one_line(&[message.subject(), body]));
+    say(&format!(
+        "{word}: MuJoCo: {}",
+        one_line(&[message.subject(), body])
+    ));
 }
 
 /// What MuJoCo says of a file that it refuses, whole; the wrapper keeps 99 characters of it.

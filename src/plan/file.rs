@@ -6,7 +6,8 @@ use nalgebra::DVector;
 
 use super::{Experiment, Plan};
 use crate::csv::{Row, Table};
-use crate::files::{FileError, write_whole};
+use crate::files::FileError;
+use crate::files::output::write_whole;
 use crate::robot::Load;
 use crate::units::degrees;
 

@@ -3,6 +3,7 @@
 //! - [`messages`]: a calibration, what a plan promises, and where results come from; `--json`,
 //!   results.json and the MCAP file share them.
 //! - [`residuals`]: what `identify` says of residuals and likely mistakes.
+//! - [`schema`]: which of these files this program reads again.
 //! - [`study`]: a Monte Carlo study.
 //! - [`understanding`]: a robot as it was understood.
 //! - [`evidence`]: what a plan is shown beside.
@@ -10,5 +11,6 @@
 pub mod evidence;
 pub mod messages;
 pub mod residuals;
+pub mod schema;
 pub mod study;
 pub mod understanding;

@@ -179,6 +179,8 @@ impl StudySource {
 pub struct Scenario {
     /// The scenario file.
     pub path: PathBuf,
+    /// The files that it names, with those that its models are made of.
+    pub files: Vec<PathBuf>,
     /// The file's name without folder and ending; names the output folder.
     pub name: String,
     /// One line on what it is.

@@ -120,6 +120,9 @@ pub enum StudyError {
     /// The virtual robot's model lacks something.
     #[error("{0}")]
     Model(String),
+    /// It was asked to stop.
+    #[error("the study was stopped")]
+    Stopped,
 }
 
 impl From<ModelError> for StudyError {

@@ -1,6 +1,7 @@
 //! Blocks of runs on all threads.
 
 use std::ops::Range;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use rayon::prelude::*;
 
@@ -26,6 +27,7 @@ pub struct Runner<'a> {
     plans: Vec<Option<PlanModel>>,
     /// For each plan, the one that it is compared with.
     references: Vec<Option<usize>>,
+    stop: Option<&'a AtomicBool>,
 }
 
 /// What the plans under the same conditions have in common.
@@ -89,7 +91,17 @@ impl<'a> Runner<'a> {
             parts,
             plans,
             references: references(entries),
+            stop: None,
         })
+    }
+
+    /// The same, which gives up when the flag is set.
+    #[must_use]
+    pub fn stopped_by(self, stop: &'a AtomicBool) -> Self {
+        Self {
+            stop: Some(stop),
+            ..self
+        }
     }
 
     /// The number of runs of a block.
@@ -108,7 +120,7 @@ impl<'a> Runner<'a> {
     /// `progress` is told how many runs it had.
     ///
     /// # Errors
-    /// The virtual robot's model lacks something.
+    /// The virtual robot's model lacks something, or the flag of [`Self::stopped_by`] is set.
     pub fn run(
         &self,
         trials: u64,
@@ -127,7 +139,7 @@ impl<'a> Runner<'a> {
                     let workspace = workspace.as_mut().map_err(|error| error.clone())?;
                     let first = block * self.block_runs();
                     let runs = self.block_runs().min(trials.saturating_sub(first));
-                    let tallies = self.block(workspace, first, runs);
+                    let tallies = self.block(workspace, first, runs)?;
                     progress(runs);
                     Ok(tallies)
                 },
@@ -166,7 +178,12 @@ impl<'a> Runner<'a> {
     }
 
     /// Consecutive runs in a fixed order, a batch at a time.
-    fn block(&self, workspace: &mut Workspace<'_>, first: u64, runs: u64) -> Vec<Tally> {
+    fn block(
+        &self,
+        workspace: &mut Workspace<'_>,
+        first: u64,
+        runs: u64,
+    ) -> Result<Vec<Tally>, StudyError> {
         let mut tallies = vec![Tally::default(); self.entries.len()];
         let end = first + runs;
         for first in (first..end).step_by(LANES) {
@@ -176,6 +193,9 @@ impl<'a> Runner<'a> {
                 self.draw_truth(workspace, first);
             }
             for index in 0..self.entries.len() {
+                if self.stop.is_some_and(|stop| stop.load(Ordering::Relaxed)) {
+                    return Err(StudyError::Stopped);
+                }
                 let mut batch = self.batch(workspace, index, first, count);
                 batch.clean(count);
                 workspace.batches[index] = batch;
@@ -188,7 +208,7 @@ impl<'a> Runner<'a> {
         for (tally, sums) in tallies.iter_mut().zip(&mut workspace.sums) {
             tally.close(sums);
         }
-        tallies
+        Ok(tallies)
     }
 
     /// Draws the true compliances of some runs.

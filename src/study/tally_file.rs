@@ -6,13 +6,16 @@
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 use sha2::{Digest, Sha256};
 
 use super::tally::{BINS, Failure, SUMS, Tally};
 use super::{Entry, Setting, runner};
-use crate::files::{FileError, hexadecimal, read_text, write_whole};
+use crate::files::output::write_whole;
+use crate::files::{FileError, hexadecimal, is_plain_name, read_text};
 use crate::plan::Plan;
 use crate::record::messages::ProvenanceMessage;
+use crate::record::schema::check_version;
 use crate::scenario::{Conditions, Gate, Level, Scenario};
 
 /// What a study's numbers depend on; tallies of different headers do not add.
@@ -151,7 +154,7 @@ impl Header {
             .filter(|(key, value)| theirs.get(*key) != Some(value))
             .min_by_key(|(key, _)| *key == "plans")
             .map(|(key, value)| {
-                let found = theirs.get(key).unwrap_or(&serde_json::Value::Null);
+                let found = theirs.get(key).unwrap_or(&Value::Null);
                 format!("is of another study: {key} is {found} and not {value}")
             })
     }
@@ -194,6 +197,12 @@ struct Stored {
     shard: u64,
     blocks_done: u64,
     tallies: Vec<StoredTally>,
+}
+
+/// What tallies of all versions say.
+#[derive(Deserialize)]
+struct Kind {
+    elastocal_tally: Value,
 }
 
 #[derive(Debug, Serialize, Deserialize)]
@@ -251,16 +260,25 @@ impl TallyFile {
     /// It is not a tally, or what it says cannot be.
     pub fn read(path: &Path) -> Result<Self, FileError> {
         let text = read_text(path)?;
-        let stored: Stored = serde_json::from_str(&text).map_err(|error| {
+        let no_tally = |error: serde_json::Error| {
             FileError::new(path, format!("is not a tally: {error}")).hint(
                 "the file must be one that `elastocal study` wrote with --tally-out or --resume",
             )
-        })?;
+        };
+        // Another version may have other keys.
+        let Kind { elastocal_tally } = serde_json::from_str(&text).map_err(no_tally)?;
+        let readable = FORMAT.into()..=FORMAT.into();
+        let key = "elastocal_tally";
+        check_version(path, key, &elastocal_tally, readable, "elastocal study")?;
+        let stored: Stored = serde_json::from_str(&text).map_err(no_tally)?;
         let wrong = |key: &str| FileError::new(path, "is damaged").at(key);
-        if stored.elastocal_tally != FORMAT {
-            return Err(wrong("elastocal_tally"));
-        }
         let header = stored.study;
+        // It names the folder for the results.
+        if !is_plain_name(&header.provenance.scenario) {
+            let found = &header.provenance.scenario;
+            let problem = format!("found {found:?}; it must be the plain name of a file");
+            return Err(FileError::new(path, problem).at("study.scenario"));
+        }
         if !(1..=header.shards).contains(&stored.shard) {
             return Err(wrong("shard"));
         }

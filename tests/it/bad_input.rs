@@ -409,7 +409,8 @@ fn wrong_identifications() {
     let edits: &[(&str, &str, &[&str], Option<&str>)] = &[
         (&good, "", &["i.json: ", "line 1"], Some("--identified-out")),
         (&good, "[1, 2]", &["i.json: "], Some("--identified-out")),
-        (&good, "{\"parameters\": [\"joint_2\"]}", &["i.json: ", "missing field `method`"], Some("--identified-out")),
+        (&good, "{\"parameters\": [\"joint_2\"]}", &["i.json: schema.name: is not a results file of elastocal"], Some("--identified-out")),
+        (&good, "{\"schema\": {\"name\": \"elastocal.identify\", \"version\": 1}, \"parameters\": [\"joint_2\"]}", &["i.json: ", "missing field `method`"], Some("--identified-out")),
         (&good[good.len() / 2..], "", &["i.json: ", "line"], Some("--identified-out")),
         ("\"rank\": 5", "\"rank\": \"five\"", &["i.json: ", "rank", "line", "string \"five\""], Some("--identified-out")),
         ("joint_6", "joint_1", &["i.json: parameters: found joint_2", "joint_5, joint_1;", "joint_5, joint_6"], None),

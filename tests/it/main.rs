@@ -10,6 +10,9 @@
 //! - `gate`: comparing results against tolerances, seen from outside the process.
 //! - `gate_refusals`: results and tolerances that cannot be compared.
 //! - `interruptions`: studies that are killed, disks that fill up.
+//! - `output_files`: where results go: devices, links, modes; no output overwrites an input.
+//! - `broken_streams`: stdout and stderr that nobody reads or that are full.
+//! - `old_files`: the program's own files of other versions, and names in them.
 //! - `parameters`: derivatives by any parameter beside MuJoCo's Jacobians.
 //! - `properties`: what holds whatever the numbers are; derivatives against differences.
 //! - `bad_input`: wrong inputs, seen from outside the process.
@@ -35,6 +38,7 @@
 
 mod bad_input;
 mod bounds;
+mod broken_streams;
 mod browser;
 mod command_line;
 mod csv_dialects;
@@ -50,7 +54,9 @@ mod load_sets;
 mod model_features;
 mod model_messages;
 mod obstacles;
+mod old_files;
 mod origins;
+mod output_files;
 mod parameters;
 mod planning;
 mod properties;

@@ -1,7 +1,7 @@
 //! What several tests need.
 
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Output};
 
 use elastocal::plan::{Plan, read_plan};
 use elastocal::scenario::Scenario;
@@ -70,20 +70,34 @@ impl Workplace {
         found
     }
 
+    /// The program in the folder; the arguments are separated by spaces.
+    pub fn command(&self, arguments: &str) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_elastocal"));
+        command
+            .args(arguments.split_whitespace())
+            .current_dir(self.folder.path());
+        command
+    }
+
     /// Runs the program in the folder; the arguments are separated by spaces.
     pub fn run(&self, arguments: &str) -> Outcome {
-        let output = Command::new(env!("CARGO_BIN_EXE_elastocal"))
-            .args(arguments.split_whitespace())
+        let output = self.command(arguments).output();
+        Outcome::new(arguments, output.expect("the program starts"))
+    }
+
+    /// Runs a script of the shell in the folder, to which `elastocal` is the program, as is
+    /// `"$ELASTOCAL"`.
+    pub fn shell(&self, script: &str) -> Outcome {
+        let program = env!("CARGO_BIN_EXE_elastocal");
+        let output = Command::new("sh")
+            .args([
+                "-c",
+                &format!("elastocal() {{ '{program}' \"$@\"; }}\n{script}"),
+            ])
+            .env("ELASTOCAL", program)
             .current_dir(self.folder.path())
-            .output()
-            .expect("the program starts");
-        let text = |bytes| String::from_utf8(bytes).expect("the program writes UTF-8");
-        Outcome {
-            arguments: arguments.to_owned(),
-            code: output.status.code(),
-            stdout: text(output.stdout),
-            stderr: text(output.stderr),
-        }
+            .output();
+        Outcome::new(script, output.expect("the shell starts"))
     }
 }
 
@@ -108,6 +122,16 @@ pub struct Outcome {
 }
 
 impl Outcome {
+    fn new(arguments: &str, output: Output) -> Self {
+        let text = |bytes| String::from_utf8(bytes).expect("the program writes UTF-8");
+        Self {
+            arguments: arguments.to_owned(),
+            code: output.status.code(),
+            stdout: text(output.stdout),
+            stderr: text(output.stderr),
+        }
+    }
+
     /// Asserts the exit code.
     pub fn ends_with(self, code: i32) -> Self {
         assert_eq!(self.code, Some(code), "{}: {self:#?}", self.arguments);

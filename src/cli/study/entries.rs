@@ -8,6 +8,7 @@ use elastocal::study::{Entry, EntryKind, Setting, repeated};
 use elastocal::wording::counted;
 
 use crate::cli::Common;
+use crate::cli::interruption::NEVER;
 use crate::cli::plan::design;
 
 /// The plans of a study, under all conditions for which whole repetitions make up the measurements.
@@ -75,7 +76,14 @@ fn entry_kind(common: &Common, setting: &Setting, plan: &StudyPlan) -> anyhow::R
                 plan.name,
                 counted(experiments.into(), "measurement")
             ));
-            let designed = design(common, scenario, *criterion, experiments, *configurations)?;
+            let designed = design(
+                common,
+                scenario,
+                *criterion,
+                experiments,
+                *configurations,
+                &NEVER,
+            )?;
             EntryKind::Fixed(whole(&designed.exact.plan)?)
         }
         StudySource::Random => EntryKind::Random(random_plan(scenario, conditions.experiments, 0)?),

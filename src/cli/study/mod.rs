@@ -4,17 +4,17 @@ pub mod entries;
 pub mod results;
 mod stream;
 
-use std::fmt::Display;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Args;
-use elastocal::files::{check_writable, make_folder};
+use elastocal::diagnostics::say;
+use elastocal::files::{FileError, make_folder};
 use elastocal::record::messages::SchemaMessage;
 use elastocal::scenario::{Level, Scenario, StudyPlan, StudySource};
-use elastocal::study::Setting;
 use elastocal::study::runner::Runner;
 use elastocal::study::tally_file::{Header, TallyFile};
+use elastocal::study::{Setting, StudyError};
 use elastocal::view::study_recording::next_snapshot;
 use indicatif::ProgressStyle;
 use serde_json::json;
@@ -23,9 +23,11 @@ use self::entries::entries;
 use self::results::{Results, Timing, describe, describe_level, write};
 use self::stream::StudyObserver;
 use super::evaluate::loads_outside;
+use super::interruption::{Interrupted, ask_work, keeps};
 use super::progress::bar;
 use super::stream::{TARGETS, Target};
-use super::{Common, Report, merge};
+use super::written::Written;
+use super::{Common, Report, check_outputs, inputs, merge};
 
 /// Arguments of `study`.
 #[derive(Debug, Args)]
@@ -66,47 +68,37 @@ fn parse_shard(text: &str) -> Result<(u64, u64), String> {
 
 /// A tally that can be gone on from is saved after the first blocks, and then every so often (s).
 const SAVE_S: f64 = 2.0;
-
-/// Files that could not be written. The results are printed all the same.
-#[derive(Debug, Default)]
-struct Unwritten {
-    problems: Vec<String>,
-}
-
-impl Unwritten {
-    fn note<E: Display>(&mut self, written: Result<(), E>) {
-        if let Err(problem) = written {
-            let problem = problem.to_string();
-            // A tally is saved many times.
-            if !self.problems.contains(&problem) {
-                eprintln!("warning: {problem}; going on without it");
-                self.problems.push(problem);
-            }
-        }
-    }
-}
+/// The runs that an interruption costs take about so long (s).
+const ROUND_S: f64 = 0.5;
 
 impl StudyCommand {
     pub fn execute(&self) -> anyhow::Result<Report> {
         let common = &self.common;
         let scenario = common.load()?;
-        let folder = common.out.join(&scenario.name);
-        // Whether results can be written is found out before the work is done.
+        let folder = common.folder(&scenario);
         let file = self.rerun.as_ref().and_then(Target::file);
-        let paths = [self.tally_out.as_ref(), self.resume.as_ref(), file];
-        for path in paths.into_iter().flatten() {
-            check_writable(path)?;
+        let outputs = [
+            ("--tally-out", self.tally_out.as_deref()),
+            ("--resume", self.resume.as_deref()),
+            ("--rerun", file.map(PathBuf::as_path)),
+        ];
+        let mut roles = inputs(&scenario);
+        if self.shard.is_none() {
+            roles.writes_to(&folder, &results::FILES);
+            roles.writes_to(&folder, &stream::FILES);
         }
+        check_outputs(&mut roles, &outputs)?;
         if self.shard.is_none() {
             make_folder(&folder)?;
         }
+        self.promise(None);
         let trials = self.trials.unwrap_or(scenario.study.trials);
         let level = self.level.unwrap_or(scenario.study.level);
         let (shard, shards) = self.shard.unwrap_or((1, 1));
 
         let settings = Setting::all(&scenario);
         let entries = entries(common, &scenario, &settings)?;
-        let runner = Runner::new(&settings, level, &entries)?;
+        let runner = Runner::new(&settings, level, &entries)?.stopped_by(ask_work());
         let header = Header::new(&scenario, &settings, level, trials, shards, &entries);
         let mut part = match &self.resume {
             Some(path) => TallyFile::resume(path, header, shard)?,
@@ -130,11 +122,18 @@ impl StudyCommand {
         };
         let start = Instant::now();
         let done_before: u64 = runs_of(&part);
-        let mut unwritten = Unwritten::default();
-        self.run(&runner, &mut part, observer.as_mut(), &mut unwritten)?;
+        let mut written = Written::default();
+        if let Err(error) = self.run(&runner, &mut part, observer.as_mut(), &mut written) {
+            let is_stopped = matches!(error.downcast_ref(), Some(StudyError::Stopped));
+            return Err(if is_stopped {
+                self.interrupted(&part)
+            } else {
+                error
+            });
+        }
         let elapsed_s = start.elapsed().as_secs_f64();
         if let Some(path) = &self.tally_out {
-            unwritten.note(part.write(path));
+            written.note(path, part.write(path));
         }
         let timing = Timing {
             elapsed_s,
@@ -143,10 +142,10 @@ impl StudyCommand {
         let results = Results::new(&part.header, &part.tallies, Some(timing))?;
         let own_folder = self.shard.is_none().then_some(&*folder);
         if let Some(folder) = own_folder {
-            unwritten.note(write(folder, &results));
+            write(folder, &results, &mut written)?;
         }
         if let Some(observer) = observer {
-            unwritten.note(observer.finish(own_folder, target));
+            observer.finish(own_folder, target, &mut written);
         }
         let mut report = results.report(&folder);
         if self.shard.is_some() {
@@ -160,7 +159,7 @@ impl StudyCommand {
             );
         }
         report.conditions.extend(foreign_loads(&scenario));
-        report.conditions.extend(unwritten.problems);
+        report.conditions.extend(written.conditions());
         Ok(report)
     }
 
@@ -171,7 +170,7 @@ impl StudyCommand {
         runner: &Runner<'_>,
         part: &mut TallyFile,
         mut observer: Option<&mut StudyObserver>,
-        unwritten: &mut Unwritten,
+        written: &mut Written,
     ) -> anyhow::Result<()> {
         let (trials, step) = (part.header.trials, part.header.shards);
         let all = part.header.blocks_of(part.shard);
@@ -188,7 +187,10 @@ impl StudyCommand {
             })?;
         }
         // Rounds of blocks, as long as it takes to be worth saving, or to the next snapshot.
-        let mut round = if self.resume.is_some() { 16 } else { all };
+        let mut round = match self.resume {
+            Some(_) => rayon::current_num_threads() as u64,
+            None => all,
+        };
         let mut saved: Option<Instant> = None;
         while part.blocks_done < all {
             let snapshot = match observer {
@@ -198,7 +200,9 @@ impl StudyCommand {
             let count = round.min(snapshot - part.blocks_done);
             let first = part.shard - 1 + part.blocks_done * step;
             let end = first + (count - 1) * step + 1;
+            let start = Instant::now();
             let tallies = runner.run(trials, first..end, step, &|runs| bar.inc(runs))?;
+            let took_s = start.elapsed().as_secs_f64();
             for (all, new) in part.tallies.iter_mut().zip(&tallies) {
                 all.merge(new);
             }
@@ -206,9 +210,10 @@ impl StudyCommand {
             if let Some(path) = &self.resume {
                 let is_fresh = |saved: Instant| saved.elapsed().as_secs_f64() < SAVE_S;
                 if part.blocks_done == all || !saved.is_some_and(is_fresh) {
-                    unwritten.note(part.write(path));
+                    written.note(path, self.save(part, path));
                     saved = Some(Instant::now());
-                } else {
+                }
+                if count == round && took_s < ROUND_S {
                     round = round.saturating_mul(2);
                 }
             }
@@ -220,6 +225,42 @@ impl StudyCommand {
         }
         bar.finish_and_clear();
         Ok(())
+    }
+
+    /// Saves the tally that can be gone on from.
+    fn save(&self, part: &TallyFile, path: &Path) -> Result<(), FileError> {
+        part.write(path)?;
+        self.promise(Some(part));
+        Ok(())
+    }
+
+    /// Keeps what is done.
+    fn interrupted(&self, part: &TallyFile) -> anyhow::Error {
+        // Where it cannot be saved, what was saved before counts.
+        let saved = (self.resume.as_ref()).map_or(Ok(()), |path| self.save(part, path));
+        if let Err(error) = saved {
+            say(&format!("warning: {error}"));
+        }
+        Interrupted.into()
+    }
+
+    /// What is kept if the study is interrupted now.
+    fn promise(&self, saved: Option<&TallyFile>) {
+        keeps(match (&self.resume, saved) {
+            (Some(path), Some(part)) => format!(
+                "{} keeps {} runs; the same command goes on from there",
+                path.display(),
+                runs_of(part)
+            ),
+            (Some(path), None) if path.exists() => format!(
+                "{} is as it was; the same command goes on from there",
+                path.display()
+            ),
+            (Some(_), None) => "nothing was done yet; the same command begins anew".to_owned(),
+            (None, _) => {
+                "nothing was kept; with --resume FILE a study goes on from where it was".to_owned()
+            }
+        });
     }
 }
 

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use anyhow::Context;
-use elastocal::files::write_whole;
+use elastocal::files::output::write_whole;
 use elastocal::record::study::{StudyPlanMessage, study_csv};
 use elastocal::scenario::Level;
 use elastocal::study::summary::Summary;
@@ -14,6 +14,7 @@ use elastocal::wording::inverse_interval;
 use serde_json::{Value, json};
 
 use crate::cli::table::{number, table};
+use crate::cli::written::Written;
 use crate::cli::{Report, command_line, merge, results};
 
 /// How long how many runs took.
@@ -127,16 +128,18 @@ pub fn plan_messages(header: &Header, tallies: &[Tally]) -> anyhow::Result<Vec<S
     header.plans.iter().zip(tallies).map(message).collect()
 }
 
+/// The files of the results.
+pub const FILES: [&str; 3] = ["study.json", "study.csv", "study.html"];
+
 /// Writes study.json, study.csv and, for one set of conditions, study.html.
-pub fn write(folder: &Path, results: &Results) -> anyhow::Result<()> {
+pub fn write(folder: &Path, results: &Results, written: &mut Written) -> anyhow::Result<()> {
     let text = serde_json::to_string_pretty(&results.json)? + "\n";
-    write_whole(&folder.join("study.json"), text.as_bytes())?;
-    write_whole(
-        &folder.join("study.csv"),
-        study_csv(&results.messages).as_bytes(),
-    )?;
+    let [json, csv, html] = FILES.map(|name| folder.join(name));
+    written.note(&json, write_whole(&json, text.as_bytes()));
+    let table = study_csv(&results.messages);
+    written.note(&csv, write_whole(&csv, table.as_bytes()));
     if let Some(page) = results.page()? {
-        write_whole(&folder.join("study.html"), page.as_bytes())?;
+        written.note(&html, write_whole(&html, page.as_bytes()));
     }
     Ok(())
 }

@@ -16,6 +16,10 @@ use elastocal::view::study_recording::{Snapshot, StudyRecording};
 
 use super::results::plan_messages;
 use crate::cli::stream::{Target, warn};
+use crate::cli::written::Written;
+
+/// The recordings of a study.
+pub const FILES: [&str; 2] = ["study.mcap", "study.rrd"];
 
 /// What is recorded of a study, and the viewer that it is streamed to.
 pub struct StudyObserver {
@@ -109,19 +113,20 @@ impl StudyObserver {
     }
 
     /// Writes study.mcap and study.rrd to the folder, if one is given, and the file of the target.
-    pub fn finish(self, folder: Option<&Path>, target: Option<&Target>) -> anyhow::Result<()> {
+    pub fn finish(self, folder: Option<&Path>, target: Option<&Target>, written: &mut Written) {
+        let (study, snapshots) = (&self.study, &self.snapshots);
         if let Some(folder) = folder {
-            write_study_mcap(&folder.join("study.mcap"), &self.study, &self.snapshots)?;
-            write_study_rerun(&folder.join("study.rrd"), &self.study, &self.snapshots)?;
+            let [mcap, rerun] = FILES.map(|name| folder.join(name));
+            written.note(&mcap, write_study_mcap(&mcap, study, snapshots));
+            written.note(&rerun, write_study_rerun(&rerun, study, snapshots));
         }
         if let Some(path) = target.and_then(Target::file) {
-            write_study_rerun(path, &self.study, &self.snapshots)?;
+            written.note(path, write_study_rerun(path, study, snapshots));
         }
         if let Some((viewer, _)) = self.live
             && let Some(problem) = viewer.finish()
         {
             warn(&problem, None);
         }
-        Ok(())
     }
 }

@@ -2,6 +2,7 @@
 //! configurations or repeated ones.
 
 use std::collections::BTreeSet;
+use std::sync::atomic::Ordering;
 
 use super::approximate::approximate_design;
 use super::bound::Bound;
@@ -30,7 +31,7 @@ pub struct BudgetPoint {
 
 /// Searches the best plans of up to `largest` measurements, in 2, 3 and 4 configurations (as far as
 /// these determine the compliances) and in as many as there are measurements. `progress` hears of
-/// the searches done and of all.
+/// the searches done and of all. When it is stopped, the numbers that it has not come to are left out.
 ///
 /// # Errors
 /// No feasible experiment is found, or none that shows the compliances.
@@ -54,6 +55,9 @@ pub fn budget(
     let mut points = Vec::new();
     let mut plans: Vec<((u32, u32), Plan)> = Vec::new();
     for (index, &(experiments, configurations)) in sizes.iter().enumerate() {
+        if watch.stop.load(Ordering::Relaxed) && !points.is_empty() {
+            break;
+        }
         progress(index, sizes.len());
         let known: Vec<Plan> = plans
             .iter()

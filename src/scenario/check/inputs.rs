@@ -1,4 +1,4 @@
-//! What a scenario is made of, for its hash.
+//! What a scenario is made of, for its hash and so that no result overwrites it.
 
 use std::path::{Path, PathBuf};
 
@@ -21,6 +21,11 @@ impl Inputs {
         }
         self.files.push((path.to_owned(), sha256_of(path)?));
         Ok(())
+    }
+
+    /// The files.
+    pub fn files(&self) -> Vec<PathBuf> {
+        self.files.iter().map(|(path, _)| path.clone()).collect()
     }
 
     /// The hash of all files' bytes and of the rest that results depend on, in hexadecimal. Where the

@@ -102,6 +102,7 @@ impl Checker<'_> {
             plans,
             study,
             gate: self.gate(file.gate)?,
+            files: self.inputs.borrow().files(),
             nominal,
             true_robot,
             calibration_tool,

@@ -21,7 +21,8 @@ use schemars::generate::SchemaSettings;
 use serde::Serialize;
 
 use super::recording::{RecordedCalibration, Recording, Step, StepKind};
-use crate::files::{FileError, publish, temporary_beside};
+use crate::files::FileError;
+use crate::files::output::Output;
 use crate::record::messages::{
     ExperimentMessage, IdentificationMessage, MeasurementMessage, ProvenanceMessage,
     TestPoseMessage, degrees, thousandfold,
@@ -115,17 +116,20 @@ fn write_file(
     provenance: &ProvenanceMessage,
     write: impl FnOnce(Channels<BufWriter<&mut File>>) -> Result<(), McapError>,
 ) -> Result<(), FileError> {
-    let mut file = temporary_beside(path)?;
+    let mut output = Output::create(path)?;
     let options = WriteOptions::new()
         .compression(Some(Compression::Zstd))
         // The number of threads would decide on how chunks are cut for compression.
         .compression_threads(0)
         .library(format!("elastocal {}", provenance.version));
     let written = options
-        .create(BufWriter::new(file.as_file_mut()))
+        .create(BufWriter::new(output.file()))
         .and_then(|writer| write(Channels::new(writer)?));
-    written.map_err(|error| FileError::new(path, format!("cannot be written: {error}")))?;
-    publish(file, path)
+    match written {
+        Ok(()) => output.publish(),
+        Err(McapError::Io(error)) => Err(output.error(&error)),
+        Err(error) => Err(FileError::new(path, format!("cannot be written: {error}"))),
+    }
 }
 
 /// The file's writer with a channel for each kind of message.

@@ -17,7 +17,8 @@ use rerun::{EntityPath, RecordingInfo, Scalars, SeriesPoints, TextDocument, enti
 use sha2::{Digest, Sha256};
 
 use super::recording::{Recording, StepKind};
-use crate::files::{FileError, write_whole};
+use crate::files::FileError;
+use crate::files::output::write_whole;
 use blueprint::{Area, CURVES, Clock, SPACE, TEXT};
 use store::Store;
 

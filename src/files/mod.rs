@@ -1,7 +1,16 @@
 //! Reading and writing whole files: one clear error for a wrong input, and never half an output.
+//!
+//! - [`output`]: the only way in which results get into files.
+//! - [`roles`]: what a command reads and what it writes; no output overwrites an input.
+//! - `destination`: where an output goes: links, devices, a file's mode.
+//! - `temporary`: unfinished files, and how none is left when the program is ended.
 
-use std::io::Write;
-use std::path::{Path, PathBuf};
+mod destination;
+pub mod output;
+pub mod roles;
+mod temporary;
+
+use std::path::{Component, Path, PathBuf};
 
 use sha2::{Digest, Sha256};
 use thiserror::Error;
@@ -80,70 +89,6 @@ pub fn utf8(path: &Path, bytes: Vec<u8>) -> Result<String, FileError> {
     })
 }
 
-/// Writes a whole file or nothing: the content goes to a temporary file beside it, which then takes
-/// its place.
-///
-/// # Errors
-/// The folder does not exist or cannot be written, the disk is full, or the path is a folder.
-pub fn write_whole(path: &Path, content: &[u8]) -> Result<(), FileError> {
-    let mut file = temporary_beside(path)?;
-    file.write_all(content)
-        .map_err(|error| cannot_write(path, &error))?;
-    publish(file, path)
-}
-
-/// Finds out before the work is done whether its result can be written.
-///
-/// # Errors
-/// The folder does not exist or cannot be written, or the path is a folder.
-pub fn check_writable(path: &Path) -> Result<(), FileError> {
-    if path.is_dir() {
-        let folder = std::io::Error::from(std::io::ErrorKind::IsADirectory);
-        return Err(cannot_write(path, &folder));
-    }
-    temporary_beside(path).map(drop)
-}
-
-fn cannot_write(path: &Path, error: &std::io::Error) -> FileError {
-    // The temporary file, which is named behind what the system says, is nothing to users.
-    let text = error.to_string();
-    let cause = text.split(" at path ").next().unwrap_or_default();
-    FileError::new(path, format!("cannot be written: {cause}")).hint(match error.kind() {
-        std::io::ErrorKind::StorageFull | std::io::ErrorKind::QuotaExceeded => {
-            "make room, or give another place with --out or the option that names the file"
-        }
-        _ => "give a place where you may write, with --out or the option that names the file",
-    })
-}
-
-/// A temporary file in the folder of `path`, for writers that need a file to write to; it becomes
-/// `path` by [`publish`].
-///
-/// # Errors
-/// The folder does not exist or cannot be written.
-pub fn temporary_beside(path: &Path) -> Result<tempfile::NamedTempFile, FileError> {
-    let io_error = |error| cannot_write(path, &error);
-    tempfile::NamedTempFile::new_in(folder_of(path)).map_err(io_error)
-}
-
-/// Puts a finished temporary file in its place, readable as a new file would be.
-///
-/// # Errors
-/// The file cannot take its place.
-pub fn publish(file: tempfile::NamedTempFile, path: &Path) -> Result<(), FileError> {
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt;
-        let permissions = std::fs::Permissions::from_mode(0o644);
-        file.as_file()
-            .set_permissions(permissions)
-            .map_err(|error| cannot_write(path, &error))?;
-    }
-    file.persist(path)
-        .map(drop)
-        .map_err(|error| cannot_write(path, &error.error))
-}
-
 /// Makes a folder with its parents.
 ///
 /// # Errors
@@ -163,6 +108,16 @@ pub fn sha256_of(path: &Path) -> Result<[u8; 32], FileError> {
     let bytes = std::fs::read(path)
         .map_err(|error| FileError::new(path, format!("cannot be read: {error}")))?;
     Ok(Sha256::digest(bytes).into())
+}
+
+/// Whether a text may name a file or a folder inside another: no path, nothing that has a meaning of
+/// its own, no control characters.
+#[must_use]
+pub fn is_plain_name(name: &str) -> bool {
+    let mut parts = Path::new(name).components();
+    matches!((parts.next(), parts.next()), (Some(Component::Normal(part)), None) if part == name)
+        && !name.contains('\\')
+        && !name.chars().any(char::is_control)
 }
 
 /// Bytes, such as a hash's, in hexadecimal.

@@ -1,0 +1,65 @@
+//! The files of a command's results, where writing one may fail.
+
+use std::path::{Path, PathBuf};
+
+use elastocal::diagnostics::say;
+use elastocal::files::FileError;
+
+/// Which files are there and which are not. What cannot be written costs no other result.
+#[derive(Debug, Default)]
+pub struct Written {
+    there: Vec<PathBuf>,
+    missing: Vec<PathBuf>,
+    problems: Vec<String>,
+}
+
+impl Written {
+    /// Notes that a file was written, or warns that it was not.
+    pub fn note(&mut self, path: &Path, written: Result<(), FileError>) {
+        let (files, others) = match &written {
+            Ok(()) => (&mut self.there, &mut self.missing),
+            Err(_) => (&mut self.missing, &mut self.there),
+        };
+        // A tally is written many times.
+        others.retain(|other| other != path);
+        if !files.iter().any(|other| other == path) {
+            files.push(path.to_owned());
+        }
+        let Err(error) = written else { return };
+        let problem = error.to_string();
+        if !self.problems.contains(&problem) {
+            say(&format!("warning: {problem}; going on without it"));
+            if let Some(hint) = &error.hint {
+                say(&format!("hint: {hint}"));
+            }
+            self.problems.push(problem);
+        }
+    }
+
+    /// What could not be written, and which files are there all the same.
+    pub fn conditions(mut self) -> Vec<String> {
+        let mut conditions = self.problems;
+        if self.missing.is_empty() {
+            return conditions;
+        }
+        let there = match &self.there[..] {
+            [] => "no file was written".to_owned(),
+            files => format!("written: {}", list(files)),
+        };
+        let mut text = format!("{there}; not written: {}", list(&self.missing));
+        self.missing.retain(|file| file.is_file());
+        if !self.missing.is_empty() {
+            text += &format!("; from before are: {}", list(&self.missing));
+        }
+        conditions.push(text);
+        conditions
+    }
+}
+
+fn list(files: &[PathBuf]) -> String {
+    let names: Vec<String> = files
+        .iter()
+        .map(|file| file.display().to_string())
+        .collect();
+    names.join(", ")
+}

@@ -1,0 +1,118 @@
+//! What a command reads and what it writes. No output overwrites an input or another output.
+
+use std::os::unix::fs::FileTypeExt;
+use std::path::{Component, Path, PathBuf};
+
+use super::FileError;
+use super::destination::{end_of_links, identity};
+
+/// The files of one command.
+#[derive(Debug, Default)]
+pub struct Roles {
+    inputs: Vec<(String, PathBuf)>,
+    outputs: Vec<(String, PathBuf)>,
+    folders: Vec<PathBuf>,
+}
+
+/// What makes two names those of one file.
+#[derive(Debug, PartialEq, Eq)]
+enum Identity {
+    /// Device and number of what is there.
+    There([u64; 2]),
+    /// The path of what is not there, without links.
+    Path(PathBuf),
+}
+
+impl Roles {
+    /// A file that is read; `what` says as what: "the scenario".
+    pub fn reads(&mut self, what: &str, path: &Path) -> &mut Self {
+        self.inputs.push((what.to_owned(), path.to_owned()));
+        self
+    }
+
+    /// A file that is written; `what` says as what: "--plan-out".
+    pub fn writes(&mut self, what: &str, path: &Path) -> &mut Self {
+        self.outputs.push((what.to_owned(), path.to_owned()));
+        self
+    }
+
+    /// Files of these names that are written to a folder.
+    pub fn writes_to(&mut self, folder: &Path, names: &[&str]) -> &mut Self {
+        for name in names {
+            self.writes("the results", &folder.join(name));
+        }
+        self.folders.push(folder.to_owned());
+        self
+    }
+
+    /// Finds out before any work whether a file would be lost.
+    ///
+    /// # Errors
+    /// An output is an input too, or two outputs are one file.
+    pub fn check(&self) -> Result<(), FileError> {
+        for (index, (role, path)) in self.outputs.iter().enumerate() {
+            // A device takes all.
+            let found = path.metadata().ok();
+            if found.is_some_and(|found| found.file_type().is_char_device()) {
+                continue;
+            }
+            let own = identity_of(path);
+            let same = |(_, other): &&(String, PathBuf)| identity_of(other) == own;
+            if let Some((input, other)) = self.inputs.iter().find(same) {
+                let problem = format!(
+                    "is {input}{}, which {role} would overwrite",
+                    also(path, other)
+                );
+                return Err(FileError::new(path, problem).hint(OTHER));
+            }
+            if let Some((output, other)) = self.outputs[..index].iter().find(same) {
+                let problem = format!(
+                    "is the file for {output}{} and for {role}",
+                    also(path, other)
+                );
+                return Err(FileError::new(path, problem).hint(OTHER));
+            }
+            if self.folders.iter().any(|each| identity_of(each) == own) {
+                let problem = format!("is the file for {role} and the folder for the results");
+                return Err(FileError::new(path, problem).hint(OTHER));
+            }
+        }
+        Ok(())
+    }
+}
+
+const OTHER: &str = "give another file, or another folder with --out";
+
+/// The other name of the same file.
+fn also(path: &Path, other: &Path) -> String {
+    if path == other {
+        return String::new();
+    }
+    format!(" ({})", other.display())
+}
+
+fn identity_of(path: &Path) -> Identity {
+    match path.metadata() {
+        Ok(found) => Identity::There(identity(&found)),
+        Err(_) => Identity::Path(without_links(
+            &end_of_links(path).unwrap_or_else(|_| path.to_owned()),
+        )),
+    }
+}
+
+/// The path of something that need not be there, without links in what is there.
+fn without_links(path: &Path) -> PathBuf {
+    let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    for folder in path.ancestors().skip(1) {
+        if let (Ok(mut known), Ok(rest)) = (folder.canonicalize(), path.strip_prefix(folder)) {
+            for part in rest.components() {
+                match part {
+                    Component::ParentDir => drop(known.pop()),
+                    other => known.push(other),
+                }
+            }
+            return known;
+        }
+    }
+    path
+}
