@@ -22,7 +22,9 @@
 //! the same measure: it is nothing where its typical size would add less than a hundredth of the
 //! standard error, or 1e-6 of the whole (rounding again).
 
-use nalgebra::{Cholesky, DMatrix, SymmetricEigen};
+use nalgebra::{Cholesky, DMatrix};
+
+use crate::factorisation::finite_eigen;
 
 /// Whatever is below this share of a standard deviation tells nothing.
 const NOTHING: f64 = 0.01;
@@ -163,7 +165,9 @@ fn hidden_directions(information: &DMatrix<f64>) -> DMatrix<f64> {
     let mut directions: Vec<Vec<(usize, f64)>> =
         silent.iter().map(|&index| vec![(index, 1.0)]).collect();
     if !shown.is_empty() {
-        let eigen = SymmetricEigen::new(block);
+        let Some(eigen) = finite_eigen(&block) else {
+            return DMatrix::identity(size, size);
+        };
         let needed = least(eigen.eigenvalues.max());
         for (value, vector) in eigen
             .eigenvalues

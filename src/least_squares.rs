@@ -2,6 +2,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use crate::factorisation::finite_svd;
+
 /// Columns whose effect is this much smaller than the largest one's are taken as zero.
 const NO_EFFECT: f64 = 1e-9;
 /// Singular values of the scaled matrix below this share of the largest are taken as zero.
@@ -28,6 +30,17 @@ pub struct LeastSquares {
 }
 
 impl LeastSquares {
+    /// What numbers without a factorisation tell.
+    fn of_nothing(unknowns: usize) -> Self {
+        Self {
+            solution: DVector::zeros(unknowns),
+            determined: vec![false; unknowns],
+            covariance: DMatrix::zeros(unknowns, unknowns),
+            rank: 0,
+            condition: f64::INFINITY,
+        }
+    }
+
     /// Solves by the singular value decomposition of the scaled matrix. `typical` are typical sizes
     /// of the unknowns, against which a column's effect is judged to be nothing.
     #[must_use]
@@ -49,7 +62,9 @@ impl LeastSquares {
         for (mut column, factor) in scaled.column_iter_mut().zip(&scale) {
             column *= *factor;
         }
-        let svd = scaled.svd(true, true);
+        let Some(svd) = finite_svd(scaled) else {
+            return Self::of_nothing(unknowns);
+        };
         let (Some(u), Some(v_t)) = (&svd.u, &svd.v_t) else {
             unreachable!("both factors were asked for");
         };

@@ -32,8 +32,8 @@
 //!
 //! Each module uses only what stands above it.
 //!
-//! - [`files`], [`diagnostics`], [`csv`], [`units`], [`wording`], [`random`], [`platform`]: what every
-//!   stage needs.
+//! - [`source`], [`files`], [`diagnostics`], [`csv`], [`text`], [`plausible`], [`limits`], [`units`],
+//!   [`wording`], [`random`], [`platform`], [`factorisation`]: what every stage needs.
 //! - [`estimable`]: what measurements determine, one decision for every stage; [`least_squares`] within
 //!   it; [`posterior`]: what is known afterwards, and the variance of anything that follows from it.
 //! - [`mujoco`]: MJCF models in MuJoCo; the only user of the simulator's bindings.
@@ -117,9 +117,11 @@ pub mod csv;
 pub mod diagnostics;
 pub mod estimable;
 pub mod experiment;
+pub mod factorisation;
 pub mod files;
 pub mod identification;
 pub mod least_squares;
+pub mod limits;
 pub mod measurement;
 pub mod mujoco;
 pub mod observation;
@@ -127,13 +129,16 @@ pub mod paper;
 pub mod parameter;
 pub mod plan;
 pub mod platform;
+pub mod plausible;
 pub mod posterior;
 pub mod random;
 pub mod record;
 pub mod robot;
 pub mod scenario;
+pub mod source;
 pub mod study;
 pub mod testbed;
+pub mod text;
 pub mod understanding;
 pub mod units;
 pub mod view;

@@ -6,6 +6,7 @@ use std::sync::atomic::Ordering;
 use clap::Args;
 use elastocal::files::output::write_whole;
 use elastocal::plan::search::{BudgetPoint, Watch, budget, cheapest, repeated_configurations};
+use elastocal::plausible::ACCURACY;
 use elastocal::record::messages::ProvenanceMessage;
 use elastocal::view::plots::budget_plot;
 use elastocal::wording::counted;
@@ -26,11 +27,16 @@ pub struct Budget {
     #[arg(long, value_name = "M", default_value_t = 12, value_parser = clap::value_parser!(u32).range(1..=100))]
     up_to: u32,
     /// The accuracy that is wanted at the test pose (rms, um).
-    #[arg(long, value_name = "UM", default_value_t = 5.0)]
+    #[arg(long, value_name = "UM", default_value_t = 5.0, value_parser = accuracy)]
     accuracy_um: f64,
     /// Where to write the plot (SVG).
     #[arg(long, value_name = "FILE")]
     plot_out: Option<PathBuf>,
+}
+
+fn accuracy(text: &str) -> Result<f64, String> {
+    let number = text.parse().map_err(|_| ACCURACY.allowed())?;
+    ACCURACY.check(number)
 }
 
 impl Budget {

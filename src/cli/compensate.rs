@@ -5,7 +5,9 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use elastocal::calibration::compensate_poses;
 use elastocal::files::FileError;
+use elastocal::identification::covariance_of;
 use elastocal::measurement::Origin;
+use elastocal::plausible::ELASTIC_COMPLIANCE;
 use elastocal::record::messages::{IdentificationMessage, ProvenanceMessage, TestPoseMessage};
 use elastocal::record::schema::read_results;
 use elastocal::scenario::{Method, Scenario};
@@ -133,19 +135,24 @@ fn read_identified(
         return Err(wrong_size("compliance_rad_per_nm", found));
     }
     let covariance = &message.covariance_rad2_per_n2m2;
-    if covariance.len() != size || covariance.iter().any(|row| row.len() != size) {
+    if covariance.len() != size {
         return Err(wrong_size("covariance_rad2_per_n2m2", covariance.len()));
     }
+    let covariance = covariance_of(covariance).map_err(|(place, problem)| {
+        FileError::new(path, problem).at(format!("covariance_rad2_per_n2m2{place}"))
+    })?;
     let mut compliance = scenario.nominal.compliance_rad_per_nm.clone();
-    for (&joint, value) in scenario
+    let identified = scenario
         .parameters
         .iter()
-        .zip(&message.compliance_rad_per_nm)
-    {
-        if let Some(value) = value {
-            compliance[joint] = *value;
-        }
+        .zip(&message.compliance_rad_per_nm);
+    for (index, (&joint, value)) in identified.enumerate() {
+        let Some(value) = *value else { continue };
+        compliance[joint] = ELASTIC_COMPLIANCE.check(value).map_err(|problem| {
+            FileError::new(path, format!("{}: {problem}", expected[index]))
+                .at(format!("compliance_rad_per_nm[{index}]"))
+                .hint("measure again with loads that bend this joint, or take it out of robot.parameters")
+        })?;
     }
-    let covariance = nalgebra::DMatrix::from_fn(size, size, |row, column| covariance[row][column]);
     Ok((compliance, covariance))
 }

@@ -10,6 +10,7 @@ mod compensate;
 mod evaluate;
 mod identify;
 pub mod interruption;
+mod load_model;
 mod measure;
 mod merge;
 mod plan;
@@ -36,6 +37,7 @@ use elastocal::files::roles::Roles;
 use elastocal::measurement::Origin;
 use elastocal::record::messages::{ProvenanceMessage, SchemaMessage};
 use elastocal::scenario::Scenario;
+use elastocal::text::plain;
 use elastocal::wording::shell_word;
 use serde_json::{Value, json};
 
@@ -62,7 +64,7 @@ pub struct Common {
     /// Replace the scenario's seed.
     #[arg(long)]
     seed: Option<u64>,
-    /// How many threads to use; all cores if not given. Results do not depend on it.
+    /// How many threads to use; all cores if not given, at most four for each. Results do not depend on it.
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..))]
     threads: Option<u16>,
     /// The folder for results.
@@ -103,6 +105,9 @@ enum Command {
     Reproduce(reproduce::Reproduce),
     /// Open a recording in the rerun viewer
     View(view::View),
+    /// Load a model in a process of its own
+    #[command(hide = true)]
+    LoadModel(load_model::LoadModel),
 }
 
 /// Options that every command takes and that do nothing for one: its help does not speak of them.
@@ -143,8 +148,11 @@ impl Arguments {
         elastocal::mujoco::print_warnings(!quiet);
         if let Some(threads) = threads {
             rayon::ThreadPoolBuilder::new()
-                .num_threads(usize::from(threads))
+                .num_threads(useful(threads))
                 .build_global()?;
+        }
+        if !matches!(self.command, Command::LoadModel(_)) {
+            load_model::rehearse_models();
         }
         let report = match &self.command {
             Command::Run(command) => command.execute(),
@@ -160,12 +168,13 @@ impl Arguments {
             Command::Merge(command) => command.execute(),
             Command::Compare(command) => command.execute(),
             Command::View(command) => command.execute(),
+            Command::LoadModel(command) => return command.execute(),
             Command::Reproduce(command) => command.execute(),
         }?;
         let text = if json {
             serde_json::to_string_pretty(&report.json)? + "\n"
         } else {
-            report.text
+            plain(&report.text).into_owned()
         };
         print(&text)?;
         Ok(report.conditions)
@@ -187,7 +196,7 @@ impl Command {
             Self::Study(command) => &command.common,
             Self::Replay(command) => &command.common,
             Self::Reproduce(command) => &command.common,
-            Self::Merge(_) | Self::Compare(_) | Self::View(_) => return None,
+            Self::Merge(_) | Self::Compare(_) | Self::View(_) | Self::LoadModel(_) => return None,
         })
     }
 }
@@ -299,6 +308,15 @@ fn results(command: &str, provenance: &ProvenanceMessage, keys: Value) -> Value 
     let mut json = json!({ "schema": SchemaMessage::new(command), "provenance": provenance });
     merge(&mut json, keys);
     json
+}
+
+/// More threads than this for each core only cost time and memory.
+const THREADS_PER_CORE: usize = 4;
+
+/// As many threads as are asked for and help.
+fn useful(threads: u16) -> usize {
+    let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    usize::from(threads).min(cores * THREADS_PER_CORE)
 }
 
 /// Adds the keys of one JSON object to another.

@@ -6,6 +6,7 @@ use std::time::Instant;
 
 use clap::Args;
 use elastocal::files::output::write_whole;
+use elastocal::limits::MOST_EXPERIMENTS;
 use elastocal::plan::search::{
     ApproximateDesign, Bound, ExactDesign, Problem, Watch, approximate_design, exact_design,
 };
@@ -28,10 +29,10 @@ pub struct PlanCommand {
     #[command(flatten)]
     pub common: Common,
     /// The number m of measurements; the scenario's if not given.
-    #[arg(long, value_name = "M", value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    #[arg(long, value_name = "M", value_parser = clap::value_parser!(u32).range(1..=i64::from(MOST_EXPERIMENTS)))]
     experiments: Option<u32>,
     /// At most so many different configurations, repeated.
-    #[arg(long, value_name = "C", value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    #[arg(long, value_name = "C", value_parser = clap::value_parser!(u32).range(1..=i64::from(MOST_EXPERIMENTS)))]
     configurations: Option<u32>,
     /// What makes the plan good.
     #[arg(long, value_enum, default_value_t)]

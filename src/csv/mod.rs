@@ -13,6 +13,8 @@ use std::path::Path;
 use nalgebra::Vector3;
 
 use crate::files::FileError;
+use crate::limits::MOST_MEASUREMENTS;
+use crate::plausible::{self, Kind};
 use dialect::{Decimals, Delimiter};
 
 /// A CSV file of numbers, read whole: its rows with their line numbers, columns found by name.
@@ -77,11 +79,24 @@ impl<'a> Table<'a> {
                 )));
             }
             let values = (fields.iter().zip(&columns))
-                .map(|(field, column)| decimals.number(line, column, field))
+                .map(|(field, column)| {
+                    let value = decimals.number(line, column, field)?;
+                    kind_of(column).check(value).map_err(|problem| {
+                        FileError::new(path, format!("{column}: {problem}"))
+                            .at(format!("line {line}"))
+                    })
+                })
                 .collect::<Result<Vec<f64>, FileError>>()?;
             rows.push((line, values));
         }
         decimals.check()?;
+        if rows.len() > MOST_MEASUREMENTS as usize {
+            let problem = format!(
+                "has {} rows; at most {MOST_MEASUREMENTS} are allowed",
+                rows.len()
+            );
+            return Err(FileError::new(path, problem));
+        }
         if rows.is_empty() {
             return Err(FileError::new(path, "has no row below its header"));
         }
@@ -166,6 +181,18 @@ pub fn comments(path: &Path) -> Result<Vec<String>, FileError> {
         .filter(|(_, line)| is_comment(line))
         .map(|(_, line)| line.trim_matches(around).to_owned())
         .collect())
+}
+
+/// What a column holds, by the unit in its name.
+fn kind_of(column: &str) -> &'static Kind {
+    match column.rsplit_once('_').map(|(_, unit)| unit) {
+        Some("deg") => &plausible::ANGLE,
+        Some("n") => &plausible::FORCE,
+        Some("nm") => &plausible::TORQUE,
+        Some("mm") => &plausible::POSITION,
+        Some("mrad") => &plausible::ROTATION,
+        _ => &plausible::COUNT,
+    }
 }
 
 /// The lines with their numbers from 1.

@@ -15,6 +15,8 @@ use std::path::{Component, Path, PathBuf};
 use sha2::{Digest, Sha256};
 use thiserror::Error;
 
+use crate::source;
+
 /// What is wrong with an input file, or with writing an output file.
 #[derive(Debug, Error, Clone, PartialEq, Eq)]
 #[error("{}{}: {problem}", file.display(), place.as_ref().map_or_else(String::new, |place| format!(": {place}")))]
@@ -59,7 +61,7 @@ impl FileError {
 /// Reads a text file.
 ///
 /// # Errors
-/// It is missing, a folder, not readable, or not UTF-8.
+/// It is missing, neither a file nor a pipe, not readable, too large, or not UTF-8.
 pub fn read_text(path: &Path) -> Result<String, FileError> {
     utf8(path, read_bytes(path)?)
 }
@@ -67,12 +69,9 @@ pub fn read_text(path: &Path) -> Result<String, FileError> {
 /// Reads a file.
 ///
 /// # Errors
-/// It is missing, a folder or not readable.
+/// It is missing, neither a file nor a pipe, not readable or too large.
 pub fn read_bytes(path: &Path) -> Result<Vec<u8>, FileError> {
-    if path.is_dir() {
-        return Err(FileError::new(path, "is a folder; a file is needed"));
-    }
-    std::fs::read(path).map_err(|error| FileError::new(path, format!("cannot be read: {error}")))
+    source::read(path).map_err(|problem| FileError::new(path, problem))
 }
 
 /// The text of a file's bytes.

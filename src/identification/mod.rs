@@ -4,6 +4,7 @@
 //! be identified instead of inverting a singular matrix, and identifies the rest.
 
 mod case;
+mod covariance;
 pub mod diagnoses;
 mod error;
 mod estimate;
@@ -12,6 +13,7 @@ mod observations;
 mod residuals;
 
 pub use case::Case;
+pub use covariance::covariance_of;
 pub use error::IdentificationError;
 pub use estimate::{Estimate, Identification, ParameterEstimate, Sigma, identify};
 pub use gauss_newton::{FitError, ParameterFit, fit_parameters};

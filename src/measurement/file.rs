@@ -9,6 +9,7 @@ use crate::csv::{Row, Table};
 use crate::files::FileError;
 use crate::files::output::write_whole;
 use crate::plan::{configuration_and_load, experiment_columns, experiment_fields};
+use crate::plausible::{DEVIATION, Kind, ROTATION_DEVIATION, faint_load, shown};
 use crate::scenario::Scenario;
 use crate::units::thousandths;
 
@@ -37,18 +38,21 @@ pub fn read_measurements(path: &Path, joints: usize) -> Result<Vec<Measurement>,
         .rows()
         .map(|row| {
             let (configuration_rad, load) = configuration_and_load(&row, joints);
+            if let Some(problem) = faint_load(&load) {
+                return Err(row.wrong(problem));
+            }
             Ok(Measurement {
                 configuration_rad,
                 load,
                 deflection_m: row.vector(DEFLECTION) * 1e-3,
                 sigma_m: has_sigma
-                    .then(|| positive(&row, DEFLECTION_SIGMA))
+                    .then(|| deviations(&row, DEFLECTION_SIGMA, &DEVIATION))
                     .transpose()?,
                 rotation: has_rotation
                     .then(|| {
                         Ok(RotationMeasurement {
                             vector_rad: row.vector(ROTATION) * 1e-3,
-                            sigma_rad: positive(&row, ROTATION_SIGMA)?,
+                            sigma_rad: deviations(&row, ROTATION_SIGMA, &ROTATION_DEVIATION)?,
                         })
                     })
                     .transpose()?,
@@ -67,17 +71,18 @@ fn whole_group(table: &Table<'_>, group: &[&str]) -> Result<bool, FileError> {
     }
 }
 
-fn positive(row: &Row<'_>, columns: [&str; 3]) -> Result<Vector3<f64>, FileError> {
+fn deviations(row: &Row<'_>, columns: [&str; 3], kind: &Kind) -> Result<Vector3<f64>, FileError> {
     let sigma = row.vector(columns);
-    if sigma.iter().all(|&value| value > 0.0) {
+    if sigma.iter().all(|&value| kind.allows(value)) {
         Ok(sigma * 1e-3)
     } else {
         let problem = format!(
-            "{}: found {}, {}, {}; positive standard deviations are allowed",
+            "{}: found {}, {}, {}; {}",
             columns.join(","),
-            sigma.x,
-            sigma.y,
-            sigma.z
+            shown(sigma.x),
+            shown(sigma.y),
+            shown(sigma.z),
+            kind.allowed()
         );
         Err(row.wrong(problem))
     }

@@ -10,7 +10,11 @@ use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use thiserror::Error;
 
 use super::messages;
+use super::rehearsal::rehearse;
+use super::scan::scan;
 use super::statics::{Servo, command_range, disabled};
+use crate::source;
+use crate::text::is_unseen;
 
 /// Why an MJCF file cannot serve.
 #[derive(Debug, Error)]
@@ -40,6 +44,16 @@ pub enum ModelError {
         problem: String,
         /// What to do about it.
         hint: String,
+    },
+    /// MuJoCo cannot be left alone with the file.
+    #[error("{path}: {problem}")]
+    Untrusted {
+        /// The model file.
+        path: PathBuf,
+        /// Why.
+        problem: String,
+        /// What to do about it.
+        hint: Option<String>,
     },
     /// The model has nothing of that name.
     #[error("{path}: the model has no {kind} named {name:?}; it has: {known}")]
@@ -92,6 +106,7 @@ impl ModelError {
     pub fn hint(&self) -> Option<&str> {
         match self {
             Self::Statics { hint, .. } | Self::Foreign { hint, .. } => Some(hint),
+            Self::Untrusted { hint, .. } => hint.as_deref(),
             Self::Unknown {
                 kind: "site",
                 known,
@@ -154,18 +169,32 @@ impl Model {
     /// The file cannot be read, or MuJoCo refuses it.
     pub fn load(path: &Path) -> Result<Self, ModelError> {
         prepare(path)?;
-        let inner = MjModel::from_xml(path).map_err(|error| ModelError::Compile {
-            path: path.to_owned(),
-            message: messages::refusal(path, &error.to_string()),
-        })?;
-        Ok(Self::new(inner, path))
+        let inner = MjModel::from_xml(path)
+            .map_err(|error| refused(path, messages::refusal(path, &error.to_string())))?;
+        Self::new(inner, path)
     }
 
-    pub(super) fn new(inner: MjModel, path: &Path) -> Self {
-        Self {
+    pub(super) fn new(inner: MjModel, path: &Path) -> Result<Self, ModelError> {
+        // All names of the model, one after the other, each with a zero behind.
+        let names: Vec<u8> = inner
+            .names()
+            .iter()
+            .map(|each| each.cast_unsigned())
+            .collect();
+        for name in names.split(|&byte| byte == 0) {
+            match std::str::from_utf8(name) {
+                Ok(name) if !name.contains(is_unseen) => {}
+                _ => {
+                    let name = String::from_utf8_lossy(name);
+                    let problem = format!("the name {name:?} is not plain text of one line");
+                    return Err(refused(path, problem));
+                }
+            }
+        }
+        Ok(Self {
             inner: Arc::new(inner),
             path: path.to_owned(),
-        }
+        })
     }
 
     /// The file that the model was read from.
@@ -385,8 +414,10 @@ impl Model {
     /// # Errors
     /// There is no such site.
     pub fn site(&self, name: &str) -> Result<usize, ModelError> {
-        self.inner
-            .name_to_id(MjtObjBase::mjOBJ_SITE, name)
+        // The bindings' strings end at a zero.
+        (!name.contains('\0'))
+            .then(|| self.inner.name_to_id(MjtObjBase::mjOBJ_SITE, name))
+            .flatten()
             .ok_or_else(|| self.unknown("site", MjtObjBase::mjOBJ_SITE, name, self.sites()))
     }
 
@@ -513,14 +544,32 @@ impl Model {
 
 /// Looks at a file before MuJoCo does, and takes MuJoCo's messages over.
 pub(super) fn prepare(path: &Path) -> Result<(), ModelError> {
+    if path.to_str().is_none_or(|path| path.contains('\0')) {
+        return Err(refused(path, "its path is not UTF-8 text"));
+    }
     // MuJoCo's own message for a missing file does not say why; the system's does.
-    let bytes = std::fs::read(path).map_err(|source| ModelError::Read {
+    std::fs::metadata(path).map_err(|source| ModelError::Read {
         path: path.to_owned(),
         source,
     })?;
+    let untrusted = |problem, hint| ModelError::Untrusted {
+        path: path.to_owned(),
+        problem,
+        hint,
+    };
+    let bytes = source::read(path).map_err(|problem| untrusted(problem, None))?;
     super::foreign::refuse(path, &String::from_utf8_lossy(&bytes))?;
+    scan(path).map_err(|problem| untrusted(problem, None))?;
+    rehearse(path).map_err(|refusal| untrusted(refusal.problem, refusal.hint))?;
     messages::take_over();
     Ok(())
+}
+
+pub(super) fn refused(path: &Path, message: impl AsRef<str>) -> ModelError {
+    ModelError::Compile {
+        path: path.to_owned(),
+        message: messages::one_line(&[message.as_ref()]),
+    }
 }
 
 fn isometry(position: &[f64; 3], quaternion: &[f64; 4]) -> Isometry3<f64> {

@@ -7,9 +7,10 @@ use mujoco_rs::wrappers::mj_editing::SpecItem;
 use mujoco_rs::wrappers::mj_model::MjtGeomBase;
 use nalgebra::Isometry3;
 
-use super::messages::{one_line, refusal};
-use super::model::prepare;
+use super::messages::refusal;
+use super::model::{prepare, refused};
 use super::{Model, ModelError, Shape};
+use crate::text::wrong_name;
 
 /// The colour of obstacles: red, green, blue and opacity.
 const COLOUR: [f32; 4] = [0.75, 0.35, 0.30, 1.0];
@@ -35,10 +36,7 @@ impl Model {
         if obstacles.is_empty() {
             return Self::load(path);
         }
-        let refused = |message: String| ModelError::Compile {
-            path: path.to_owned(),
-            message: one_line(&[&message]),
-        };
+        let refused = |message: String| refused(path, message);
         prepare(path)?;
         let mut spec =
             MjSpec::from_xml(path).map_err(|error| refused(refusal(path, &error.to_string())))?;
@@ -46,7 +44,7 @@ impl Model {
             add(&mut spec, obstacle).map_err(refused)?;
         }
         let inner = spec.compile().map_err(|error| refused(error.to_string()))?;
-        Ok(Self::new(inner, path))
+        Self::new(inner, path)
     }
 }
 
@@ -59,6 +57,9 @@ fn add(spec: &mut MjSpec, obstacle: &Obstacle) -> Result<(), String> {
         Shape::Box(half) => (MjtGeomBase::mjGEOM_BOX, (*half).into()),
         other => return Err(format!("an obstacle cannot have the shape {other:?}")),
     };
+    if let Some(problem) = wrong_name(&obstacle.name) {
+        return Err(problem);
+    }
     let place = &obstacle.world_from_obstacle;
     let [x, y, z, w] = place.rotation.coords.into();
     let named = |error: mujoco_rs::error::MjEditError| format!("{}: {error}", obstacle.name);

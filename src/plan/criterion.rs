@@ -11,6 +11,8 @@
 use nalgebra::{DMatrix, DVector, Dyn, SymmetricEigen};
 use serde::{Deserialize, Serialize};
 
+use crate::factorisation::finite_eigen;
+
 use super::factorisation::{
     LANES, half_solve_unrolled, inverse_determinant, solve_transposed, sum_of_squares,
     traces_of_sums,
@@ -275,7 +277,7 @@ impl CriterionFunction {
 
 /// The eigenvalues, if all are positive beyond rounding.
 fn positive_eigen(information: &DMatrix<f64>) -> Option<SymmetricEigen<f64, Dyn>> {
-    let eigen = SymmetricEigen::new(information.clone());
+    let eigen = finite_eigen(information)?;
     let largest = eigen.eigenvalues.max();
     (eigen.eigenvalues.min() > 1e-14 * largest && largest.is_finite()).then_some(eigen)
 }

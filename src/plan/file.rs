@@ -8,6 +8,8 @@ use super::{Experiment, Plan};
 use crate::csv::{Row, Table};
 use crate::files::FileError;
 use crate::files::output::write_whole;
+use crate::limits::MOST_MEASUREMENTS;
+use crate::plausible::faint_load;
 use crate::robot::Load;
 use crate::units::degrees;
 
@@ -46,14 +48,17 @@ pub fn read_plan(path: &Path, joints: usize) -> Result<Plan, FileError> {
         .rows()
         .map(|row| {
             let repeats = row.get("repeats");
-            if repeats.fract() != 0.0 || !(1.0..=1e6).contains(&repeats) {
+            if repeats.fract() != 0.0 || !(1.0..=f64::from(MOST_MEASUREMENTS)).contains(&repeats) {
                 return Err(row.wrong(format!(
-                    "repeats: found {repeats}; a whole number from 1 to 1000000 is allowed"
+                    "repeats: found {repeats}; a whole number from 1 to {MOST_MEASUREMENTS} is allowed"
                 )));
             }
             let (configuration_rad, load) = configuration_and_load(&row, joints);
             if load == Load::NONE {
                 return Err(row.wrong("found a load of zero, which deflects nothing"));
+            }
+            if let Some(problem) = faint_load(&load) {
+                return Err(row.wrong(problem));
             }
             #[expect(
                 clippy::cast_possible_truncation,
@@ -67,8 +72,17 @@ pub fn read_plan(path: &Path, joints: usize) -> Result<Plan, FileError> {
                 repeats,
             })
         })
-        .collect::<Result<_, _>>()?;
-    Ok(Plan { experiments })
+        .collect::<Result<Vec<_>, _>>()?;
+    let plan = Plan { experiments };
+    let all = plan.experiments.iter().map(|each| u64::from(each.repeats));
+    let all: u64 = all.sum();
+    if all > u64::from(MOST_MEASUREMENTS) {
+        let problem = format!(
+            "found {all} measurements, repeats counted; at most {MOST_MEASUREMENTS} are allowed"
+        );
+        return Err(FileError::new(path, problem).at("repeats"));
+    }
+    Ok(plan)
 }
 
 /// The fields of a configuration and a load, in the order of [`experiment_columns`].

@@ -3,6 +3,7 @@
 use nalgebra::{Matrix3xX, Matrix6, Matrix6xX};
 
 use super::kinematic_state::{KinematicState, Load};
+use crate::factorisation::finite_eigen;
 
 /// The Cartesian stiffness matrix `K_C` = J^-T `K_theta` J^-1 (eq. 1), 6 x 6, in the world frame at the
 /// tool: rows force (N) and torque (N m), columns displacement (m) and rotation (rad).
@@ -24,10 +25,7 @@ pub fn cartesian_stiffness(
     let size = compliance.diagonal().map(f64::sqrt);
     let relative =
         Matrix6::from_fn(|row, column| compliance[(row, column)] / (size[row] * size[column]));
-    let smallest = relative
-        .iter()
-        .all(|value| value.is_finite())
-        .then(|| relative.symmetric_eigenvalues().min())?;
+    let smallest = finite_eigen(&relative)?.eigenvalues.min();
     (smallest > SINGULAR).then(|| compliance.try_inverse())?
 }
 

@@ -1,4 +1,6 @@
 //! The scenario file as it is written: keys with units, nothing checked but their names and types.
+//!
+//! Arrays have any length here: read as `[f64; N]`, surplus numbers would be dropped without a word.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -105,9 +107,8 @@ pub(super) struct IdentificationTable {
 pub(super) struct TestPoseTable {
     pub name: Option<String>,
     pub q_deg: Vec<f64>,
-    pub force_n: [f64; 3],
-    #[serde(default)]
-    pub torque_nm: [f64; 3],
+    pub force_n: Vec<f64>,
+    pub torque_nm: Option<Vec<f64>>,
     pub weight: Option<f64>,
 }
 
@@ -118,15 +119,14 @@ pub enum LoadKind {
     /// One wrench for every experiment.
     Fixed {
         /// The force (N).
-        force_n: [f64; 3],
+        force_n: Vec<f64>,
         /// The torque (N m).
-        #[serde(default)]
-        torque_nm: [f64; 3],
+        torque_nm: Option<Vec<f64>>,
     },
     /// A force of fixed direction.
     Direction {
         /// Its direction; need not be of length one.
-        direction: [f64; 3],
+        direction: Vec<f64>,
         /// The smallest force (N).
         #[serde(default)]
         force_min_n: f64,
@@ -146,21 +146,20 @@ pub enum LoadKind {
 }
 
 /// A force and a torque.
-#[derive(Debug, Clone, Copy, Deserialize)]
+#[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WrenchTable {
     /// The force (N).
-    pub force_n: [f64; 3],
+    pub force_n: Vec<f64>,
     /// The torque (N m).
-    #[serde(default)]
-    pub torque_nm: [f64; 3],
+    pub torque_nm: Option<Vec<f64>>,
 }
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct RegionTable {
     #[serde(default)]
-    pub joint_range_deg: BTreeMap<String, [f64; 2]>,
+    pub joint_range_deg: BTreeMap<String, Vec<f64>>,
     pub tool_height_min_mm: Option<f64>,
     pub tool_height_max_mm: Option<f64>,
     pub tool_radius_min_mm: Option<f64>,
@@ -208,12 +207,11 @@ impl ObstacleKind {
 pub(super) struct ObstacleTable {
     pub name: String,
     pub kind: ObstacleKind,
-    pub size_mm: Option<[f64; 3]>,
+    pub size_mm: Option<Vec<f64>>,
     pub radius_mm: Option<f64>,
     pub length_mm: Option<f64>,
-    pub position_mm: [f64; 3],
-    #[serde(default)]
-    pub rpy_deg: [f64; 3],
+    pub position_mm: Vec<f64>,
+    pub rpy_deg: Option<Vec<f64>>,
 }
 
 #[derive(Debug, Deserialize)]

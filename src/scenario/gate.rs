@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::plausible::TOLERANCE;
+
 /// What comparisons of results look at.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
@@ -182,7 +184,7 @@ impl Gate {
     /// What is wrong with the table first: the key, and what was found.
     ///
     /// # Errors
-    /// A tolerance is negative, not finite, or in the wrong unit.
+    /// A tolerance is negative, not plausible, or in the wrong unit.
     pub fn check(&self) -> Result<(), (String, String)> {
         for quantity in Quantity::ALL {
             let Some(table) = self.table(quantity) else {
@@ -200,9 +202,10 @@ impl Gate {
             }
             let relative = ("relative", table.relative);
             for (name, value) in table.absolutes().into_iter().chain([relative]) {
-                if let Some(value) = value.filter(|value| !(value.is_finite() && *value >= 0.0)) {
-                    let problem = format!("found {value}; zero or a positive number is allowed");
-                    return Err((key(name), problem));
+                if let Some(value) = value {
+                    TOLERANCE
+                        .check(value)
+                        .map_err(|problem| (key(name), problem))?;
                 }
             }
         }

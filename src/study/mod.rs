@@ -15,6 +15,7 @@ pub mod robot_level;
 pub mod runner;
 pub mod summary;
 pub mod tally;
+mod tally_check;
 pub mod tally_file;
 pub mod truth;
 

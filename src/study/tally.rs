@@ -52,7 +52,7 @@ impl Failure {
 /// Distances beyond this (in sigma) are failures.
 pub const LARGEST: f64 = 16384.0;
 /// Normalised estimation errors squared beyond this count as this.
-const LARGEST_NEES: f64 = 1_048_576.0;
+pub(super) const LARGEST_NEES: f64 = 1_048_576.0;
 
 /// What is summed over runs, with u the distance in sigma.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -80,7 +80,7 @@ pub const SUMS: usize = 8;
 
 /// Binary places of each sum's integer. With u < 2^14 and 2^40 runs, none exceeds 2^127; the
 /// rounding of u and u^2, once a block, is below that of the block's sum in floating point.
-const PLACES: [i32; SUMS] = [70, 56, 28, 56, 56, 28, 62, 44];
+pub(super) const PLACES: [i32; SUMS] = [70, 56, 28, 56, 56, 28, 62, 44];
 
 /// Bins of the histogram in each octave of the distance.
 const BINS_PER_OCTAVE: usize = 64;
@@ -292,7 +292,7 @@ fn to_fixed(value: f64, places: i32) -> i128 {
 }
 
 #[expect(clippy::cast_precision_loss, reason = "a mean needs 53 bits")]
-fn integer_to_f64(value: i128) -> f64 {
+pub(super) fn integer_to_f64(value: i128) -> f64 {
     value as f64
 }
 
@@ -316,7 +316,7 @@ fn bin_of(distance: f64) -> usize {
         .min(BINS - 1)
 }
 
-fn lower_edge(bin: usize) -> f64 {
+pub(super) fn lower_edge(bin: usize) -> f64 {
     f64::from_bits((lowest() + bin as u64) << SHIFT)
 }
 

@@ -270,34 +270,29 @@ impl TallyFile {
         let readable = FORMAT.into()..=FORMAT.into();
         let key = "elastocal_tally";
         check_version(path, key, &elastocal_tally, readable, "elastocal study")?;
-        let stored: Stored = serde_json::from_str(&text).map_err(no_tally)?;
-        let wrong = |key: &str| FileError::new(path, "is damaged").at(key);
-        let header = stored.study;
+        let deserializer = &mut serde_json::Deserializer::from_str(&text);
+        let stored: Stored = serde_path_to_error::deserialize(deserializer).map_err(|error| {
+            let wrong = FileError::new(path, format!("is not a tally: {}", error.inner())).hint(
+                "the file must be one that `elastocal study` wrote with --tally-out or --resume",
+            );
+            match error.path().to_string().as_str() {
+                "." => wrong,
+                key => wrong.at(key),
+            }
+        })?;
+        let file = stored.restore().map_err(|(key, problem)| {
+            FileError::new(path, problem)
+                .at(key)
+                .hint("the tally is damaged: delete it and make its part of the study again")
+        })?;
         // It names the folder for the results.
-        if !is_plain_name(&header.provenance.scenario) {
-            let found = &header.provenance.scenario;
-            let problem = format!("found {found:?}; it must be the plain name of a file");
-            return Err(FileError::new(path, problem).at("study.scenario"));
+        let name = &file.header.provenance.scenario;
+        if is_plain_name(name) {
+            Ok(file)
+        } else {
+            let problem = format!("found {name:?}; it must be the plain name of a file");
+            Err(FileError::new(path, problem).at("study.scenario"))
         }
-        if !(1..=header.shards).contains(&stored.shard) {
-            return Err(wrong("shard"));
-        }
-        if stored.blocks_done > header.blocks_of(stored.shard) {
-            return Err(wrong("blocks_done"));
-        }
-        if header.plans.iter().any(|plan| plan.conditions().is_none()) {
-            return Err(wrong("plans"));
-        }
-        let tallies: Option<Vec<Tally>> = stored.tallies.iter().map(restore).collect();
-        let tallies = tallies
-            .filter(|tallies| tallies.len() == header.plans.len())
-            .ok_or_else(|| wrong("tallies"))?;
-        Ok(Self {
-            header,
-            shard: stored.shard,
-            blocks_done: stored.blocks_done,
-            tallies,
-        })
     }
 
     /// Reads the file of the same shard of the same study to go on from; nothing is done yet where
@@ -385,17 +380,81 @@ fn store(tally: &Tally) -> StoredTally {
     }
 }
 
-fn restore(stored: &StoredTally) -> Option<Tally> {
-    let sums: Vec<i128> = (stored.sums.iter())
-        .map(|text| text.parse().ok())
-        .collect::<Option<_>>()?;
-    let sums: [i128; SUMS] = sums.try_into().ok()?;
-    let failed: [u64; Failure::ALL.len()] = stored.failed.clone().try_into().ok()?;
+impl Stored {
+    /// What is written, if it can be.
+    fn restore(self) -> Result<TallyFile, (String, String)> {
+        if self.elastocal_tally != FORMAT {
+            let problem = format!(
+                "found {}; this elastocal ({}) reads {FORMAT}",
+                self.elastocal_tally,
+                crate::VERSION
+            );
+            return Err(("elastocal_tally".to_owned(), problem));
+        }
+        let header = self.study;
+        header.check()?;
+        let is_within = |key: &str, found: u64, low: u64, high: u64| {
+            if (low..=high).contains(&found) {
+                return Ok(());
+            }
+            let problem = format!("found {found}; {low} to {high} are allowed");
+            Err((key.to_owned(), problem))
+        };
+        is_within("shard", self.shard, 1, header.shards)?;
+        let blocks = header.blocks_of(self.shard);
+        is_within("blocks_done", self.blocks_done, 0, blocks)?;
+        let (found, plans) = (self.tallies.len(), header.plans.len());
+        if found != plans {
+            let problem = format!("found {found}; there are {plans} plans");
+            return Err(("tallies".to_owned(), problem));
+        }
+        let tallies: Vec<Tally> = (self.tallies.iter().enumerate())
+            .map(|(index, stored)| {
+                restore(stored)
+                    .map_err(|(key, problem)| (format!("tallies[{index}].{key}"), problem))
+            })
+            .collect::<Result<_, _>>()?;
+        let runs = header.runs_of(self.shard, self.blocks_done);
+        for (index, (tally, plan)) in tallies.iter().zip(&header.plans).enumerate() {
+            let reference = plan.reference.and_then(|other| tallies.get(other));
+            tally
+                .check(runs, reference)
+                .map_err(|(key, problem)| (format!("tallies[{index}].{key}"), problem))?;
+        }
+        Ok(TallyFile {
+            header,
+            shard: self.shard,
+            blocks_done: self.blocks_done,
+            tallies,
+        })
+    }
+}
+
+fn restore(stored: &StoredTally) -> Result<Tally, (&'static str, String)> {
+    let (found, reasons) = (stored.failed.len(), Failure::ALL.len());
+    let failed = (stored.failed.as_slice().try_into()).map_err(|_| {
+        (
+            "failed",
+            format!("found {found} numbers; {reasons} are allowed"),
+        )
+    })?;
+    let sums: Option<Vec<i128>> = stored.sums.iter().map(|text| text.parse().ok()).collect();
+    let sums = (sums.and_then(|sums| sums.try_into().ok()))
+        .ok_or_else(|| ("sums", format!("{SUMS} whole numbers as text are allowed")))?;
     let mut bins = vec![0; BINS];
     for &(index, count) in &stored.histogram {
-        *bins.get_mut(index)? = count;
+        match bins.get_mut(index) {
+            Some(bin) if *bin == 0 && count > 0 => *bin = count,
+            _ => {
+                let problem = format!(
+                    "found {count} in bin {index}; each of the bins 0 to {} may come once with what it counts",
+                    BINS - 1
+                );
+                return Err(("histogram", problem));
+            }
+        }
     }
-    Some(Tally {
+    Ok(Tally {
         runs: stored.runs,
         pairs: stored.pairs,
         failed,

@@ -5,7 +5,7 @@ use crate::support::{Workplace, project, scenario_text};
 
 /// What is wrong with how a run failed: it should end with code 1, print one `error:` line with all
 /// of `says` and, where `hint` is given, one `hint:` line with that, and leave no file behind.
-fn complaints(
+pub fn complaints(
     workplace: &Workplace,
     arguments: &str,
     says: &[&str],
@@ -51,7 +51,7 @@ fn repeats_itself(error: &str) -> bool {
     parts.len() != all
 }
 
-fn assert_none(complaints: &[String]) {
+pub fn assert_none(complaints: &[String]) {
     assert!(complaints.is_empty(), "{}", complaints.join("\n"));
 }
 
@@ -152,7 +152,7 @@ fn wrong_scenarios() {
 }
 
 /// A model that works, and edits that break it: what is replaced, by what, what the error says.
-const MODEL: &str = r#"<mujoco model="arm"><worldbody>
+pub const MODEL: &str = r#"<mujoco model="arm"><worldbody>
   <body name="a" pos="0 0 1"><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>
     <joint name="one" axis="0 0 1"/>
     <body name="b" pos="1 0 0"><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>
@@ -163,7 +163,7 @@ const MODEL: &str = r#"<mujoco model="arm"><worldbody>
   <site name="wall" pos="0 0 0"/>
 </worldbody></mujoco>"#;
 
-const MODEL_SCENARIO: &str = r#"
+pub const MODEL_SCENARIO: &str = r#"
 [robot]
 model = "arm.xml"
 calibration_site = "tcp"
@@ -243,7 +243,7 @@ fn wrong_models() {
     assert_none(&wrong);
 }
 
-const PLAN: &str =
+pub const PLAN: &str =
     "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm,repeats
 0,-90,90,10,20,30,0,0,-2500,0,0,0,1
 # a comment
@@ -304,7 +304,7 @@ fn wrong_plans() {
     assert_none(&wrong);
 }
 
-const MEASUREMENTS: &str = "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm,dx_mm,dy_mm,dz_mm,sx_mm,sy_mm,sz_mm
+pub const MEASUREMENTS: &str = "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm,dx_mm,dy_mm,dz_mm,sx_mm,sy_mm,sz_mm
 0,-93.5,125,-118.7,-62.4,-168.9,0,0,-2500,0,0,0,-0.29,1.2,-5.54,0.03,0.03,0.04
 0,-103.4,93.4,-147.9,105.8,93.2,0,0,-2500,0,0,0,0.17,1.15,-5.37,0.03,0.03,0.05
 ";

@@ -22,6 +22,9 @@
 //! - `csv_dialects`: plans and measurements as spreadsheets of every country write them.
 //! - `diagnoses`: likely mistakes in measurements, and the measurement that fits least.
 //! - `origins`: files say under which scenario they were made; help says what has an effect.
+//! - `implausible_input`: inputs that are well formed and cannot be.
+//! - `limits`: sizes, and files without an end.
+//! - `tallies`: tallies that cannot be.
 //! - `known_optima`: arms of three joints, for which the best plan can be derived by hand.
 //! - `search`: the search for plans and its certificate, on the KR-270.
 //! - `bounds`: the class of plans that a bound speaks about.
@@ -47,9 +50,11 @@ mod force_sizes;
 mod gate;
 mod gate_refusals;
 mod identifiability;
+mod implausible_input;
 mod interruptions;
 mod judges;
 mod known_optima;
+mod limits;
 mod load_sets;
 mod model_features;
 mod model_messages;
@@ -70,5 +75,6 @@ mod search;
 mod streams;
 mod study;
 mod support;
+mod tallies;
 mod uncertainty;
 mod understanding;

@@ -10,6 +10,7 @@ use std::time::Instant;
 use clap::Args;
 use elastocal::diagnostics::say;
 use elastocal::files::{FileError, make_folder};
+use elastocal::limits::{MOST_SHARDS, MOST_TRIALS};
 use elastocal::record::messages::SchemaMessage;
 use elastocal::scenario::{Level, Scenario, StudyPlan, StudySource};
 use elastocal::study::runner::Runner;
@@ -35,7 +36,7 @@ pub struct StudyCommand {
     #[command(flatten)]
     pub common: Common,
     /// The number of runs; the scenario's if not given.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000_000))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=MOST_TRIALS))]
     trials: Option<u64>,
     /// What the runs are made of; the scenario's if not given.
     #[arg(long, value_enum)]
@@ -59,7 +60,7 @@ fn parse_shard(text: &str) -> Result<(u64, u64), String> {
         .split_once('/')
         .and_then(|(shard, shards)| Some((shard.parse().ok()?, shards.parse().ok()?)));
     match parsed {
-        Some((shard, shards)) if (1..=shards).contains(&shard) && shards <= 1_000_000 => {
+        Some((shard, shards)) if (1..=shards).contains(&shard) && shards <= MOST_SHARDS => {
             Ok((shard, shards))
         }
         _ => Err("1/4 is the first part of four".to_owned()),

@@ -8,6 +8,7 @@ use slsqp::{Func, StopTols, minimize};
 use super::observation::Observer;
 use super::point::{LoadChoice, Point, force, in_directions, information_in};
 use super::problem::Problem;
+use crate::factorisation::finite_eigen;
 use crate::plan::SmoothBound;
 use crate::robot::Load;
 
@@ -544,8 +545,13 @@ fn clamp(x: &mut [f64], ranges: &[(f64, f64)]) {
 /// The direction of the force that gives most information: trace(A G A^T) = F^T Q F, so it points
 /// along the largest eigenvector of Q.
 fn best_direction(observer: &Observer<'_>, directions: &DMatrix<f64>) -> Vector3<f64> {
-    let eigen = observer.force_form(directions).symmetric_eigen();
-    let direction = eigen.eigenvectors.column(eigen.eigenvalues.imax());
+    let direction = match finite_eigen(&observer.force_form(directions)) {
+        Some(eigen) => eigen
+            .eigenvectors
+            .column(eigen.eigenvalues.imax())
+            .into_owned(),
+        None => Vector3::z(),
+    };
     // Of the two opposite directions, which tell the same, the one that points down.
     if direction.z > 0.0 {
         -direction

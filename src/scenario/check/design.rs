@@ -2,6 +2,7 @@
 
 use super::Checker;
 use crate::files::FileError;
+use crate::limits::{MOST_EXPERIMENTS, MOST_NAMED};
 use crate::plan::Plan;
 use crate::scenario::file::{DesignTable, PlanTable};
 use crate::scenario::{Design, Loads, PlanFile};
@@ -16,6 +17,13 @@ impl Checker<'_> {
     ) -> Result<Design, FileError> {
         let key = "design.experiments";
         let fewest = u32::try_from(parameters.div_ceil(3)).unwrap_or(u32::MAX);
+        if table.experiments > MOST_EXPERIMENTS {
+            let problem = format!(
+                "found {}; at most {MOST_EXPERIMENTS} are allowed",
+                table.experiments
+            );
+            return Err(self.wrong(key, problem));
+        }
         if table.experiments < fewest {
             let problem = format!(
                 "found {}; at least {fewest} are needed, since each gives three numbers and {parameters} compliances are unknown",
@@ -63,6 +71,7 @@ impl Checker<'_> {
         tables: &[PlanTable],
         joints: usize,
     ) -> Result<Vec<PlanFile>, FileError> {
+        self.at_most("plan", tables.len(), MOST_NAMED)?;
         let mut plans: Vec<PlanFile> = Vec::new();
         for (index, table) in tables.iter().enumerate() {
             if plans.iter().any(|plan| plan.name == table.name) {

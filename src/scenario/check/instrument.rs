@@ -3,6 +3,7 @@
 use super::Checker;
 use crate::files::FileError;
 use crate::mujoco::Model;
+use crate::plausible::{DEVIATION, ROTATION_DEVIATION};
 use crate::scenario::Instrument;
 use crate::scenario::file::{InstrumentTable, RegionTable};
 
@@ -13,7 +14,7 @@ impl Checker<'_> {
         region: &RegionTable,
         model: &Model,
     ) -> Result<Instrument, FileError> {
-        let sigma_m = self.positive("instrument.sigma_mm", table.sigma_mm)? * 1e-3;
+        let sigma_m = self.number("instrument.sigma_mm", table.sigma_mm, &DEVIATION)? * 1e-3;
         let key = "instrument.tracker_site";
         let tracker_site = table
             .tracker_site
@@ -31,7 +32,9 @@ impl Checker<'_> {
             sigma_m: sigma_m * table.sigma_of.deflection_factor(),
             rotation_sigma_rad: table
                 .rotation_sigma_mrad
-                .map(|value| self.positive("instrument.rotation_sigma_mrad", value))
+                .map(|value| {
+                    self.number("instrument.rotation_sigma_mrad", value, &ROTATION_DEVIATION)
+                })
                 .transpose()?
                 .map(|value| value * 1e-3),
             tracker_site,

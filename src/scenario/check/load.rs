@@ -4,6 +4,8 @@ use nalgebra::Vector3;
 
 use super::Checker;
 use crate::files::FileError;
+use crate::limits::MOST_LISTED;
+use crate::plausible::{DIRECTION, FORCE, FORCE_LIMIT, LEAST_FORCE, TORQUE, faint_load};
 use crate::robot::Load;
 use crate::scenario::Loads;
 use crate::scenario::file::{LoadKind, WrenchTable};
@@ -12,7 +14,7 @@ impl Checker<'_> {
     pub(super) fn loads(&self, kind: &LoadKind) -> Result<Loads, FileError> {
         Ok(match kind {
             LoadKind::Fixed { force_n, torque_nm } => {
-                Loads::Fixed(self.acting_load("load", *force_n, *torque_nm)?)
+                Loads::Fixed(self.load("load", force_n, torque_nm.as_deref())?)
             }
             LoadKind::Direction {
                 direction,
@@ -20,14 +22,11 @@ impl Checker<'_> {
                 force_max_n,
             } => {
                 let key = "load.direction";
-                for value in direction {
-                    self.finite(key, *value)?;
-                }
-                let direction = Vector3::from(*direction)
-                    .try_normalize(0.0)
+                let direction = Vector3::from(self.numbers(key, direction, &DIRECTION)?)
+                    .try_normalize(f64::MIN_POSITIVE)
                     .ok_or_else(|| self.wrong(key, "found 0, 0, 0; a direction is needed"))?;
-                let low = self.not_negative("load.force_min_n", *force_min_n)?;
-                let high = self.positive("load.force_max_n", *force_max_n)?;
+                let low = self.number("load.force_min_n", *force_min_n, &LEAST_FORCE)?;
+                let high = self.number("load.force_max_n", *force_max_n, &FORCE_LIMIT)?;
                 if low > high {
                     let problem =
                         format!("found {low}; at most load.force_max_n = {high} is allowed");
@@ -39,15 +38,16 @@ impl Checker<'_> {
                 }
             }
             LoadKind::Any { force_max_n } => Loads::Any {
-                force_max_n: self.positive("load.force_max_n", *force_max_n)?,
+                force_max_n: self.number("load.force_max_n", *force_max_n, &FORCE_LIMIT)?,
             },
             LoadKind::List { wrenches } => {
                 if wrenches.is_empty() {
                     return Err(self.wrong("load.wrenches", "is empty"));
                 }
+                self.at_most("load.wrenches", wrenches.len(), MOST_LISTED)?;
                 let load = |(index, wrench): (usize, &WrenchTable)| {
                     let key = format!("load.wrenches[{index}]");
-                    self.acting_load(&key, wrench.force_n, wrench.torque_nm)
+                    self.load(&key, &wrench.force_n, wrench.torque_nm.as_deref())
                 };
                 Loads::List(
                     wrenches
@@ -60,29 +60,28 @@ impl Checker<'_> {
         })
     }
 
+    /// A force and a torque, of which one must act.
     pub(super) fn load(
         &self,
         key: &str,
-        force: [f64; 3],
-        torque: [f64; 3],
+        force_n: &[f64],
+        torque_nm: Option<&[f64]>,
     ) -> Result<Load, FileError> {
-        for value in force {
-            self.finite(&format!("{key}.force_n"), value)?;
-        }
-        for value in torque {
-            self.finite(&format!("{key}.torque_nm"), value)?;
-        }
-        Ok(Load {
-            force_n: force.into(),
-            torque_nm: torque.into(),
-        })
-    }
-
-    fn acting_load(&self, key: &str, force: [f64; 3], torque: [f64; 3]) -> Result<Load, FileError> {
-        let load = self.load(key, force, torque)?;
+        let torque_nm = torque_nm.unwrap_or(&[0.0; 3]);
+        let load = Load {
+            force_n: Vector3::from(self.numbers(&format!("{key}.force_n"), force_n, &FORCE)?),
+            torque_nm: Vector3::from(self.numbers(
+                &format!("{key}.torque_nm"),
+                torque_nm,
+                &TORQUE,
+            )?),
+        };
         if load == Load::NONE {
             return Err(self.wrong(key, "found a load of zero, which deflects nothing"));
         }
-        Ok(load)
+        match faint_load(&load) {
+            Some(problem) => Err(self.wrong(key, problem)),
+            None => Ok(load),
+        }
     }
 }

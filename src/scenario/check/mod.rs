@@ -5,6 +5,7 @@ mod gate;
 mod inputs;
 mod instrument;
 mod load;
+mod name;
 mod number;
 mod obstacle;
 mod region;
@@ -21,6 +22,7 @@ use super::{Robot, Scenario};
 use crate::files::{FileError, read_text};
 use crate::mujoco::ModelError;
 use crate::plan::Plan;
+use crate::text::wrong_name;
 
 impl Scenario {
     /// Reads and checks a scenario file.
@@ -44,6 +46,10 @@ struct Checker<'a> {
 impl Checker<'_> {
     fn scenario(&self, text: &str) -> Result<Scenario, FileError> {
         let file = self.parse(text)?;
+        let table = toml::from_str(text)
+            .map_err(|error| FileError::new(self.path, error.message().to_owned()))?;
+        self.check_names(&table)?;
+
         let obstacles = self.obstacles(&file)?;
         let model = self.model("robot.model", &file.robot.model, &obstacles)?;
         let chain = self.serial_chain("robot.model", &model)?;
@@ -86,12 +92,9 @@ impl Checker<'_> {
         let study = self.study(&file.study, &context)?;
         Ok(Scenario {
             path: self.path.to_owned(),
-            name: self.path.file_stem().map_or_else(
-                || "scenario".into(),
-                |stem| stem.to_string_lossy().into_owned(),
-            ),
+            name: self.name()?,
             description: file.description,
-            sha256: self.inputs.borrow().sha256(&self.question(text)?),
+            sha256: self.inputs.borrow().sha256(&self.question(table)?),
             seed: file.seed,
             instrument,
             method: file.identification.method,
@@ -109,6 +112,19 @@ impl Checker<'_> {
             machining_tool,
             parameters,
         })
+    }
+
+    /// The scenario's name, which results and their folder bear: the file's, without ending.
+    fn name(&self) -> Result<String, FileError> {
+        let stem = self.path.file_stem().unwrap_or("scenario".as_ref());
+        let name = stem.to_string_lossy().into_owned();
+        match wrong_name(&name) {
+            Some(problem) => {
+                let wrong = FileError::new(self.path, format!("as the file's name, {problem}"));
+                Err(wrong.hint("results and their folder are named after the scenario's file"))
+            }
+            None => Ok(name),
+        }
     }
 
     fn parse(&self, text: &str) -> Result<File, FileError> {
@@ -139,9 +155,7 @@ impl Checker<'_> {
     }
 
     /// All that results depend on. A tolerance, a comment or an order of keys is no such thing.
-    fn question(&self, text: &str) -> Result<String, FileError> {
-        let mut table: toml::Table = toml::from_str(text)
-            .map_err(|error| FileError::new(self.path, error.message().to_owned()))?;
+    fn question(&self, mut table: toml::Table) -> Result<String, FileError> {
         table.remove("gate");
         serde_json::to_string(&table).map_err(|error| FileError::new(self.path, error.to_string()))
     }

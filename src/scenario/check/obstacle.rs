@@ -4,19 +4,18 @@ use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
 use super::Checker;
 use crate::files::FileError;
+use crate::limits::MOST_OBSTACLES;
 use crate::mujoco::{Obstacle, Shape};
+use crate::plausible::{ANGLE, POSITION, SIZE};
 use crate::scenario::file::{File, ObstacleKind, ObstacleTable};
 
 impl Checker<'_> {
     pub(super) fn obstacles(&self, file: &File) -> Result<Vec<Obstacle>, FileError> {
+        self.at_most("obstacle", file.obstacle.len(), MOST_OBSTACLES)?;
         let mut obstacles: Vec<Obstacle> = Vec::new();
         for (index, table) in file.obstacle.iter().enumerate() {
             let key = format!("obstacle[{index}]");
             let name = &table.name;
-            if name.is_empty() || name.contains(char::is_control) {
-                let problem = format!("found {name:?}; a name of one line is allowed");
-                return Err(self.wrong(&format!("{key}.name"), problem));
-            }
             if obstacles.iter().any(|known| known.name == *name) {
                 let problem = format!("found {name:?} twice");
                 return Err(self.wrong(&format!("{key}.name"), problem));
@@ -44,10 +43,14 @@ impl Checker<'_> {
             let problem = format!("a {} has no such size", kind.name());
             self.wrong(&format!("{key}.{name}"), problem)
         };
+        let missing = |name: &str| {
+            let problem = format!("is missing; a {} needs it", kind.name());
+            self.wrong(&format!("{key}.{name}"), problem)
+        };
         let number = |name: &str, value: Option<f64>| {
             let key = format!("{key}.{name}");
-            let problem = || self.wrong(&key, format!("is missing; a {} needs it", kind.name()));
-            Ok(self.positive(&key, value.ok_or_else(problem)?)? * 1e-3)
+            let value = value.ok_or_else(|| missing(name))?;
+            Ok(self.number(&key, value, &SIZE)? * 1e-3)
         };
         if kind == ObstacleKind::Box {
             if table.radius_mm.is_some() {
@@ -64,11 +67,9 @@ impl Checker<'_> {
         let half_length = || Ok(number("length_mm", table.length_mm)? / 2.0);
         Ok(match kind {
             ObstacleKind::Box => {
-                let mut half = Vector3::zeros();
-                for (index, half) in half.iter_mut().enumerate() {
-                    *half = number("size_mm", table.size_mm.map(|size| size[index]))? / 2.0;
-                }
-                Shape::Box(half)
+                let size = (table.size_mm.as_deref()).ok_or_else(|| missing("size_mm"))?;
+                let size = self.numbers(&format!("{key}.size_mm"), size, &SIZE)?;
+                Shape::Box(Vector3::from(size) * 1e-3 / 2.0)
             }
             ObstacleKind::Sphere => Shape::Sphere(radius()?),
             ObstacleKind::Cylinder => Shape::Cylinder(radius()?, half_length()?),
@@ -77,17 +78,13 @@ impl Checker<'_> {
     }
 
     fn place(&self, key: &str, table: &ObstacleTable) -> Result<Isometry3<f64>, FileError> {
-        for (name, values) in [
-            ("position_mm", table.position_mm),
-            ("rpy_deg", table.rpy_deg),
-        ] {
-            for value in values {
-                self.finite(&format!("{key}.{name}"), value)?;
-            }
-        }
-        let [roll, pitch, yaw] = table.rpy_deg.map(f64::to_radians);
+        let position_mm: [f64; 3] =
+            self.numbers(&format!("{key}.position_mm"), &table.position_mm, &POSITION)?;
+        let rpy_deg = table.rpy_deg.as_deref().unwrap_or(&[0.0; 3]);
+        let rpy_deg: [f64; 3] = self.numbers(&format!("{key}.rpy_deg"), rpy_deg, &ANGLE)?;
+        let [roll, pitch, yaw] = rpy_deg.map(f64::to_radians);
         Ok(Isometry3::from_parts(
-            Translation3::from(Vector3::from(table.position_mm) * 1e-3),
+            Translation3::from(Vector3::from(position_mm) * 1e-3),
             UnitQuaternion::from_euler_angles(roll, pitch, yaw),
         ))
     }

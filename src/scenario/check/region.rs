@@ -5,6 +5,8 @@ use nalgebra::DVector;
 use super::Checker;
 use super::robot::names_of;
 use crate::files::FileError;
+use crate::limits::MOST_LISTED;
+use crate::plausible::{ANGLE, ANGLE_LIMIT, ANGLE_WIDTH, CLEARANCE, POSITION, TORQUE_LIMIT};
 use crate::robot::SerialChain;
 use crate::scenario::file::{ForbiddenTable, RegionTable};
 use crate::scenario::{Forbidden, Region};
@@ -31,11 +33,9 @@ impl Checker<'_> {
                     )
                 })?;
             let [low, high] = chain.joints[index].range_rad.map(f64::to_degrees);
-            let [from, to] = *range;
-            if !(from.is_finite() && to.is_finite() && from <= to)
-                || from < low - 1e-9
-                || to > high + 1e-9
-            {
+            let range: [f64; 2] = self.numbers(&key, range, &ANGLE)?;
+            let [from, to] = range;
+            if from > to || from < low - 1e-9 || to > high + 1e-9 {
                 let problem = format!(
                     "found {from} to {to}; a range within {low:.4} to {high:.4} is allowed"
                 );
@@ -48,10 +48,8 @@ impl Checker<'_> {
             .as_deref()
             .map(|values| {
                 let key = "region.joint_torque_max_nm";
-                self.one_per_joint(key, values, chain.len())?
-                    .iter()
-                    .map(|&value| self.positive(key, value))
-                    .collect::<Result<Vec<_>, _>>()
+                self.one_per_joint(key, values, chain.len(), &TORQUE_LIMIT)
+                    .map(<[f64]>::to_vec)
             })
             .transpose()?;
         Ok(Region {
@@ -66,13 +64,13 @@ impl Checker<'_> {
             )?,
             tool_elevation_max_rad: table
                 .tool_elevation_max_deg
-                .map(|value| self.not_negative("region.tool_elevation_max_deg", value))
+                .map(|value| self.number("region.tool_elevation_max_deg", value, &ANGLE_LIMIT))
                 .transpose()?
                 .map(f64::to_radians),
             joint_torque_max_nm,
             collision_clearance_m: table
                 .collision_clearance_mm
-                .map(|value| self.not_negative("region.collision_clearance_mm", value))
+                .map(|value| self.number("region.collision_clearance_mm", value, &CLEARANCE))
                 .transpose()?
                 .map(|value| value * 1e-3),
             line_of_sight: table.line_of_sight,
@@ -88,7 +86,9 @@ impl Checker<'_> {
     ) -> Result<[Option<f64>; 2], FileError> {
         let keys = ["min", "max"].map(|end| format!("{key}_{end}_mm"));
         for (key, value) in keys.iter().zip([low, high]) {
-            value.map(|value| self.finite(key, value)).transpose()?;
+            value
+                .map(|value| self.number(key, value, &POSITION))
+                .transpose()?;
         }
         if let (Some(low), Some(high)) = (low, high)
             && low > high
@@ -104,15 +104,17 @@ impl Checker<'_> {
         tables: &[ForbiddenTable],
         joints: usize,
     ) -> Result<Vec<Forbidden>, FileError> {
+        self.at_most("region.forbidden", tables.len(), MOST_LISTED)?;
         let forbidden = |(index, table): (usize, &ForbiddenTable)| {
             let key = format!("region.forbidden[{index}]");
             let q_key = format!("{key}.q_deg");
             let q_deg = self
-                .one_per_joint(&q_key, &table.q_deg, joints)?
+                .one_per_joint(&q_key, &table.q_deg, joints, &ANGLE)?
                 .iter()
-                .map(|&angle| self.finite(&q_key, angle).map(f64::to_radians))
-                .collect::<Result<Vec<_>, _>>()?;
-            let within = self.positive(&format!("{key}.within_deg"), table.within_deg)?;
+                .map(|angle| angle.to_radians())
+                .collect();
+            let within_key = format!("{key}.within_deg");
+            let within = self.number(&within_key, table.within_deg, &ANGLE_WIDTH)?;
             Ok(Forbidden {
                 configuration_rad: DVector::from_vec(q_deg),
                 within_rad: within.to_radians(),

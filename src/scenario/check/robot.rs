@@ -4,7 +4,9 @@ use std::path::Path;
 
 use super::Checker;
 use crate::files::{FileError, read_text};
+use crate::limits::MOST_JOINTS;
 use crate::mujoco::{Model, ModelError, Obstacle, sources};
+use crate::plausible::{ANGLE, COMPLIANCE, GRAVITY, Kind, MASS, POSITION};
 use crate::robot::{SerialChain, Tool};
 use crate::scenario::Robot;
 use crate::scenario::file::File;
@@ -28,12 +30,41 @@ impl Checker<'_> {
         Ok(model)
     }
 
+    /// The arm, with plausible numbers.
     pub(super) fn serial_chain(&self, key: &str, model: &Model) -> Result<SerialChain, FileError> {
-        SerialChain::from_model(model).map_err(|error| self.model_error(key, &error))
+        let chain =
+            SerialChain::from_model(model).map_err(|error| self.model_error(key, &error))?;
+        self.at_most(key, chain.len(), MOST_JOINTS)?;
+        let path = model.path().display();
+        let check = |whose: &str, what: &str, kind: &Kind, values: &[f64]| {
+            values.iter().try_for_each(|&value| {
+                let wrong = |problem| self.wrong(key, format!("{path}: {whose}{what}: {problem}"));
+                kind.check(value).map(drop).map_err(wrong)
+            })
+        };
+        check("", "gravity", &GRAVITY, chain.gravity_m_s2.as_slice())?;
+        for joint in &chain.joints {
+            let whose = format!("joint {:?}: ", joint.name);
+            let place_mm = joint.previous_from_link.translation.vector * 1e3;
+            let centre_mm = joint.centre_of_mass_m * 1e3;
+            let range_deg = joint.range_rad.map(f64::to_degrees);
+            check(&whose, "its place", &POSITION, place_mm.as_slice())?;
+            check(&whose, "mass that it moves", &MASS, &[joint.mass_kg])?;
+            check(&whose, "centre of mass", &POSITION, centre_mm.as_slice())?;
+            check(&whose, "range", &ANGLE, &range_deg)?;
+            let compliance = joint.model_compliance_rad_per_nm;
+            check(&whose, "compliance", &COMPLIANCE, compliance.as_slice())?;
+        }
+        Ok(chain)
     }
 
     pub(super) fn tool(&self, key: &str, model: &Model, site: &str) -> Result<Tool, FileError> {
-        SerialChain::tool(model, site).map_err(|error| self.model_error(key, &error))
+        let tool = SerialChain::tool(model, site).map_err(|error| self.model_error(key, &error))?;
+        let place_mm = tool.link_from_tool.translation.vector * 1e3;
+        for &value in &place_mm {
+            self.number(key, value, &POSITION)?;
+        }
+        Ok(tool)
     }
 
     pub(super) fn compliances(
@@ -44,10 +75,8 @@ impl Checker<'_> {
     ) -> Result<Vec<f64>, FileError> {
         match given {
             Some(values) => self
-                .one_per_joint(key, values, chain.len())?
-                .iter()
-                .map(|&value| self.not_negative(key, value))
-                .collect(),
+                .one_per_joint(key, values, chain.len(), &COMPLIANCE)
+                .map(<[f64]>::to_vec),
             None => chain
                 .joints
                 .iter()

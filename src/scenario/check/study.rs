@@ -2,18 +2,14 @@
 
 use super::Checker;
 use crate::files::FileError;
+use crate::limits::{MOST_CONDITIONS, MOST_EXPERIMENTS, MOST_STUDIED, MOST_TRIALS};
 use crate::plan::Criterion;
+use crate::plausible::{DEVIATION, FACTOR, SPREAD};
 use crate::scenario::file::{Spread, StudyPlanTable, StudyTable, SweepTable};
 use crate::scenario::{Conditions, Design, PlanFile, SigmaOf, Study, StudyPlan, StudySource};
 
-/// The statistics are exact up to so many runs.
-const MOST_TRIALS: u64 = 1_000_000_000_000;
 /// Without the key `trials`.
 const DEFAULT_TRIALS: u64 = 10_000;
-/// With this, compliances are within a factor of 7 in 95 % of the runs.
-const LARGEST_SPREAD: f64 = 1.0;
-/// A sweep has at most so many combinations.
-const MOST_CONDITIONS: usize = 1000;
 
 /// What the rest of the scenario says that the study depends on.
 pub(super) struct Context<'a> {
@@ -41,7 +37,9 @@ impl Checker<'_> {
             experiments: table.experiments.unwrap_or(context.design.experiments),
             load_scale: 1.0,
         };
-        self.enough("study.experiments", base.experiments, context.parameters)?;
+        if table.experiments.is_some() {
+            self.enough("study.experiments", base.experiments, context.parameters)?;
+        }
         let conditions = self.conditions(&table.sweep, base, context)?;
         let plans = match &table.plan {
             None => self.default_plans(&conditions, context)?,
@@ -49,7 +47,10 @@ impl Checker<'_> {
                 let problem = "is empty; leave the key out for the default plans";
                 return Err(self.wrong("study.plan", problem));
             }
-            Some(tables) => self.study_plans(tables, &conditions, context)?,
+            Some(tables) => {
+                self.at_most("study.plan", tables.len(), MOST_STUDIED / conditions.len())?;
+                self.study_plans(tables, &conditions, context)?
+            }
         };
         Ok(Study {
             trials,
@@ -62,22 +63,15 @@ impl Checker<'_> {
 
     fn spread(&self, spread: &Spread, joints: usize) -> Result<Vec<f64>, FileError> {
         let key = "study.compliance_spread";
-        let values = match spread {
-            Spread::All(value) => vec![*value; joints],
-            Spread::Each(values) => self.one_per_joint(key, values, joints)?.to_vec(),
-        };
-        match values
-            .iter()
-            .find(|value| !(0.0..=LARGEST_SPREAD).contains(*value))
-        {
-            None => Ok(values),
-            Some(value) => {
-                let problem = format!("found {value}; 0 to {LARGEST_SPREAD} are allowed");
-                Err(self
-                    .wrong(key, problem)
-                    .hint("0.1 lets the compliances vary by about 10 %"))
-            }
+        match spread {
+            Spread::All(value) => self
+                .number(key, *value, &SPREAD)
+                .map(|value| vec![value; joints]),
+            Spread::Each(values) => self
+                .one_per_joint(key, values, joints, &SPREAD)
+                .map(<[f64]>::to_vec),
         }
+        .map_err(|error| error.hint("0.1 lets the compliances vary by about 10 %"))
     }
 
     /// The base conditions with all combinations of what is swept.
@@ -93,6 +87,13 @@ impl Checker<'_> {
             "study.sweep.load_scale",
         );
         let mut conditions = vec![base];
+        let counts = [
+            table.experiments.as_ref().map_or(1, Vec::len),
+            table.load_scale.as_ref().map_or(1, Vec::len),
+            table.sigma_mm.as_ref().map_or(1, Vec::len),
+        ];
+        let combinations = counts.into_iter().fold(1, usize::saturating_mul);
+        self.at_most("study.sweep", combinations, MOST_CONDITIONS)?;
         if let Some(counts) = &table.experiments {
             self.some_and_different(experiments_key, counts)?;
             for &count in counts {
@@ -106,7 +107,7 @@ impl Checker<'_> {
         if let Some(factors) = &table.load_scale {
             self.some_and_different(load_key, factors)?;
             for &factor in factors {
-                self.positive(load_key, factor)?;
+                self.number(load_key, factor, &FACTOR)?;
             }
             conditions = combine(&conditions, factors, |base, &load_scale| Conditions {
                 load_scale,
@@ -116,19 +117,12 @@ impl Checker<'_> {
         if let Some(sigmas) = &table.sigma_mm {
             self.some_and_different(sigma_key, sigmas)?;
             for &sigma in sigmas {
-                self.positive(sigma_key, sigma)?;
+                self.number(sigma_key, sigma, &DEVIATION)?;
             }
             conditions = combine(&conditions, sigmas, |base, &sigma_mm| Conditions {
                 sigma_m: sigma_mm * 1e-3 * context.sigma_of.deflection_factor(),
                 ..base
             });
-        }
-        if conditions.len() > MOST_CONDITIONS {
-            let problem = format!(
-                "found {} combinations; at most {MOST_CONDITIONS} are allowed",
-                conditions.len()
-            );
-            return Err(self.wrong("study.sweep", problem));
         }
         Ok(conditions)
     }
@@ -151,10 +145,10 @@ impl Checker<'_> {
 
     fn enough(&self, key: &str, experiments: u32, parameters: usize) -> Result<(), FileError> {
         let fewest = u32::try_from(parameters.div_ceil(3)).unwrap_or(u32::MAX);
-        if (fewest..=10_000).contains(&experiments) {
+        if (fewest..=MOST_EXPERIMENTS).contains(&experiments) {
             return Ok(());
         }
-        let problem = format!("found {experiments}; {fewest} to 10000 are allowed");
+        let problem = format!("found {experiments}; {fewest} to {MOST_EXPERIMENTS} are allowed");
         Err(self.wrong(key, problem))
     }
 
@@ -203,9 +197,6 @@ impl Checker<'_> {
         for (index, table) in tables.iter().enumerate() {
             let key = format!("study.plan[{index}]");
             let (name, source) = self.study_source(&key, table, conditions, context)?;
-            if name.trim().is_empty() {
-                return Err(self.wrong(&format!("{key}.name"), "is empty"));
-            }
             if plans.iter().any(|plan| plan.name == *name) {
                 let problem = format!("found {name:?} twice");
                 return Err(self.wrong(&format!("{key}.name"), problem));

@@ -4,7 +4,9 @@ use nalgebra::DVector;
 
 use super::Checker;
 use crate::files::FileError;
-use crate::robot::SerialChain;
+use crate::limits::MOST_NAMED;
+use crate::plausible::{ANGLE, WEIGHT};
+use crate::robot::{Load, SerialChain};
 use crate::scenario::TestPose;
 use crate::scenario::file::TestPoseTable;
 
@@ -17,13 +19,13 @@ impl Checker<'_> {
         if tables.is_empty() {
             return Err(self.wrong("test_pose", "is empty; at least one test pose is needed"));
         }
+        self.at_most("test_pose", tables.len(), MOST_NAMED)?;
         let mut poses = Vec::new();
         for (index, table) in tables.iter().enumerate() {
             let key = format!("test_pose[{index}]");
             let q_key = format!("{key}.q_deg");
-            let q_deg = self.one_per_joint(&q_key, &table.q_deg, chain.len())?;
+            let q_deg = self.one_per_joint(&q_key, &table.q_deg, chain.len(), &ANGLE)?;
             for (value, joint) in q_deg.iter().zip(&chain.joints) {
-                self.finite(&q_key, *value)?;
                 let [low, high] = joint.range_rad.map(f64::to_degrees);
                 if *value < low - 1e-9 || *value > high + 1e-9 {
                     let problem = format!(
@@ -43,8 +45,8 @@ impl Checker<'_> {
                     q_deg.len(),
                     q_deg.iter().map(|angle| angle.to_radians()),
                 ),
-                load: self.load(&key, table.force_n, table.torque_nm)?,
-                weight: self.positive(&format!("{key}.weight"), weight)?,
+                load: self.test_load(&key, table)?,
+                weight: self.number(&format!("{key}.weight"), weight, &WEIGHT)?,
             });
         }
         let total: f64 = poses.iter().map(|pose| pose.weight).sum();
@@ -52,5 +54,16 @@ impl Checker<'_> {
             pose.weight /= total;
         }
         Ok(poses)
+    }
+
+    /// Without a load there is nothing to compensate.
+    fn test_load(&self, key: &str, table: &TestPoseTable) -> Result<Load, FileError> {
+        self.load(key, &table.force_n, table.torque_nm.as_deref())
+            .map_err(|error| match error.place.as_deref() {
+                Some(place) if place == key => {
+                    error.hint("give the forces of the process that the robot must withstand there")
+                }
+                _ => error,
+            })
     }
 }

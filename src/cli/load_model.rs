@@ -1,0 +1,43 @@
+//! `load-model`: only loads a model, in a process that may break down.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use elastocal::files::FileError;
+use elastocal::mujoco::{Model, State, limit_process, rehearse_with};
+
+/// Its name on the command line.
+const NAME: &str = "load-model";
+
+/// Arguments of `load-model`.
+#[derive(Debug, Args)]
+pub struct LoadModel {
+    model: PathBuf,
+}
+
+impl LoadModel {
+    pub fn execute(&self) -> anyhow::Result<Vec<String>> {
+        limit_process();
+        let model = Model::load(&self.model).map_err(|error| {
+            let problem = error.to_string();
+            let about_model = format!("{}: ", self.model.display());
+            let problem = problem.strip_prefix(&about_model).unwrap_or(&problem);
+            let wrong = FileError::new(&self.model, problem);
+            match error.hint() {
+                Some(hint) => wrong.hint(hint),
+                None => wrong,
+            }
+        })?;
+        let mut state = State::new(&model);
+        state.move_to(&[]);
+        state.nearest_contact(0.0);
+        Ok(Vec::new())
+    }
+}
+
+/// Has every model loaded by such a process first.
+pub fn rehearse_models() {
+    if let Ok(program) = std::env::current_exe() {
+        rehearse_with(program, NAME);
+    }
+}

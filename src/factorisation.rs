@@ -1,0 +1,55 @@
+//! Eigenvalues and singular values of matrices that may hold anything: nalgebra iterates for ever, or
+//! panics, on what is not finite or has squares that are not.
+
+use nalgebra::allocator::Allocator;
+use nalgebra::{DMatrix, DefaultAllocator, DimDiff, DimSub, Dyn, OMatrix, SVD, SymmetricEigen, U1};
+
+/// Larger and smaller numbers have squares that are no numbers, or none.
+const LARGEST: f64 = 1e150;
+/// Some ten sweeps are usual for each row.
+const MAXIMUM_SWEEPS: usize = 100_000;
+
+/// Whether all numbers are finite, and their squares, too.
+fn is_tame<'a>(mut values: impl Iterator<Item = &'a f64>) -> bool {
+    values.all(|value| value.abs() <= LARGEST)
+}
+
+/// The eigenvalues and eigenvectors of a symmetric matrix; `None` for numbers that have none.
+#[must_use]
+pub fn finite_eigen<D: DimSub<U1>>(matrix: &OMatrix<f64, D, D>) -> Option<SymmetricEigen<f64, D>>
+where
+    DefaultAllocator: Allocator<D, D> + Allocator<D> + Allocator<DimDiff<D, U1>>,
+{
+    if !is_tame(matrix.iter()) {
+        return None;
+    }
+    SymmetricEigen::try_new(matrix.clone_owned(), f64::EPSILON, MAXIMUM_SWEEPS)
+}
+
+/// The singular values with both factors; `None` for numbers that have none.
+#[must_use]
+pub fn finite_svd(matrix: DMatrix<f64>) -> Option<SVD<f64, Dyn, Dyn>> {
+    if !is_tame(matrix.iter()) {
+        return None;
+    }
+    // nalgebra's own tolerance.
+    SVD::try_new(matrix, true, true, 5.0 * f64::EPSILON, MAXIMUM_SWEEPS)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_not_finite_has_no_eigenvalues() {
+        for value in [f64::NAN, f64::INFINITY, -1e308] {
+            let mut matrix = DMatrix::identity(5, 5);
+            matrix[(2, 3)] = value;
+            matrix[(3, 2)] = value;
+            assert!(finite_eigen(&matrix).is_none());
+            assert!(finite_svd(matrix).is_none());
+        }
+        let tiny = DMatrix::from_element(5, 5, 1e-308);
+        assert!(finite_eigen(&tiny).is_some() && finite_svd(tiny).is_some());
+    }
+}

@@ -1,0 +1,105 @@
+//! Whether a matrix that was read can be a covariance.
+
+use nalgebra::DMatrix;
+
+use crate::factorisation::finite_eigen;
+use crate::plausible::{VARIANCE, shown};
+
+/// Rounding in what wrote the matrix may leave it so far from symmetric and semidefinite, as a share of
+/// the variances.
+const ROUNDING: f64 = 1e-9;
+
+/// The covariance of n compliances ((rad/(N m))^2) from its rows.
+///
+/// # Errors
+/// Where and why it is none: it is not square, a variance is negative, or it is not symmetric and
+/// positive semidefinite.
+pub fn covariance_of(rows: &[Vec<f64>]) -> Result<DMatrix<f64>, (String, String)> {
+    let size = rows.len();
+    if let Some((row, found)) = (rows.iter().enumerate()).find(|(_, row)| row.len() != size) {
+        let problem = format!("found {} numbers; {size} are allowed", found.len());
+        return Err((format!("[{row}]"), problem));
+    }
+    let matrix = DMatrix::from_fn(size, size, |row, column| rows[row][column]);
+    for index in 0..size {
+        (VARIANCE.check(matrix[(index, index)]))
+            .map_err(|problem| (format!("[{index}][{index}]"), problem))?;
+    }
+    let deviation = matrix.diagonal().map(f64::sqrt);
+    // Scaled to a diagonal of ones, so that compliances of any size compare.
+    let mut correlation = DMatrix::identity(size, size);
+    for row in 0..size {
+        for column in 0..size {
+            let largest = deviation[row] * deviation[column];
+            let (value, other) = (matrix[(row, column)], matrix[(column, row)]);
+            let place = || format!("[{row}][{column}]");
+            let is_small = value.abs() <= largest * (1.0 + ROUNDING);
+            if !is_small {
+                let problem = format!(
+                    "found {}; with these variances at most {} is allowed",
+                    shown(value),
+                    shown(largest)
+                );
+                return Err((place(), problem));
+            }
+            if (value - other).abs() > largest * ROUNDING {
+                let problem = format!(
+                    "found {}, and {} at [{column}][{row}]; a covariance is symmetric",
+                    shown(value),
+                    shown(other)
+                );
+                return Err((place(), problem));
+            }
+            if largest > 0.0 && row != column {
+                correlation[(row, column)] = value / largest;
+            }
+        }
+    }
+    let eigen = finite_eigen(&correlation);
+    let smallest = eigen.map_or(f64::NAN, |eigen| eigen.eigenvalues.min());
+    if size == 0 || smallest >= -ROUNDING * size as f64 {
+        return Ok(matrix);
+    }
+    let problem = format!(
+        "found the eigenvalue {} of the correlations; a covariance has none below zero",
+        shown(smallest)
+    );
+    Err((String::new(), problem))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn problem(rows: &[[f64; 2]]) -> Option<String> {
+        let rows: Vec<Vec<f64>> = rows.iter().map(|row| row.to_vec()).collect();
+        let (place, problem) = covariance_of(&rows).err()?;
+        Some(format!("{place}: {problem}"))
+    }
+
+    #[test]
+    fn what_a_covariance_can_be() {
+        for good in [
+            [[0.0, 0.0], [0.0, 0.0]],
+            [[1e-16, 0.0], [0.0, 0.0]],
+            [[1e-16, -1e-15], [-1e-15, 1e-14]],
+        ] {
+            assert_eq!(problem(&good), None);
+        }
+        for (bad, says) in [
+            ([[-1e-16, 0.0], [0.0, 0.0]], "[0][0]: found -1e-16"),
+            ([[1e-16, 0.0], [0.0, f64::NAN]], "[1][1]: found NaN"),
+            ([[1e-16, 0.0], [0.0, 1e300]], "[1][1]: found 1e300"),
+            ([[1e-16, 2e-16], [2e-16, 1e-16]], "[0][1]: found 2e-16"),
+            ([[1e-16, 0.0], [1e-17, 1e-16]], "symmetric"),
+        ] {
+            let found = problem(&bad).expect("is none");
+            assert!(found.contains(says), "{found}");
+        }
+        // Each pair is possible, but not all three at once.
+        let mut rows = vec![vec![-0.9; 3]; 3];
+        (0..3).for_each(|index| rows[index][index] = 1.0);
+        let (_, problem) = covariance_of(&rows).expect_err("is none");
+        assert!(problem.contains("eigenvalue -0.8"), "{problem}");
+    }
+}

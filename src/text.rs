@@ -1,0 +1,71 @@
+//! Text that comes from elsewhere: names, paths, and what files say.
+
+use std::borrow::Cow;
+
+/// Names are at most this long (bytes).
+const LONGEST_NAME: usize = 200;
+
+/// Whether a character moves the cursor, rings, starts a terminal's command or turns the direction of
+/// writing, rather than being seen.
+#[must_use]
+pub fn is_unseen(character: char) -> bool {
+    character.is_control()
+        || matches!(character, '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}' | '\u{feff}')
+}
+
+/// Text for a terminal: lines stay, and everything else that is not seen is escaped.
+#[must_use]
+pub fn plain(text: &str) -> Cow<'_, str> {
+    let is_foreign = |each: char| is_unseen(each) && each != '\n';
+    if text.contains(is_foreign) {
+        let escaped = text.chars().map(|each| match each {
+            each if is_foreign(each) => each.escape_default().to_string(),
+            each => each.to_string(),
+        });
+        Cow::Owned(escaped.collect())
+    } else {
+        Cow::Borrowed(text)
+    }
+}
+
+/// What is wrong with a name, which people read and other files and programs take over.
+#[must_use]
+pub fn wrong_name(name: &str) -> Option<String> {
+    if name.trim().is_empty() || name.contains(is_unseen) {
+        Some(format!("found {name:?}; a name of one line is allowed"))
+    } else if name.len() > LONGEST_NAME {
+        Some(format!(
+            "found a name of {} bytes; {LONGEST_NAME} are allowed",
+            name.len()
+        ))
+    } else {
+        None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_not_seen_is_escaped() {
+        assert_eq!(plain("r\u{e9}sum\u{e9}\n2"), "r\u{e9}sum\u{e9}\n2");
+        assert_eq!(plain("a\u{1b}[2J\r\0\u{9b}"), "a\\u{1b}[2J\\r\\u{0}\\u{9b}");
+    }
+
+    #[test]
+    fn names_have_one_line() {
+        assert_eq!(wrong_name("Achse 1 (\u{f6}stlich)"), None);
+        for name in [
+            "",
+            " ",
+            "a\nb",
+            "a\0",
+            "\u{1b}[31m",
+            "a\u{202e}b",
+            &"x".repeat(201),
+        ] {
+            assert!(wrong_name(name).is_some(), "{name:?}");
+        }
+    }
+}
