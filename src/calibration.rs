@@ -1,7 +1,7 @@
 //! The whole loop once: measure a plan on the virtual robot, identify, compensate, and see on the
 //! virtual robot what distance is left.
 
-use nalgebra::{DMatrix, DVector, Vector3};
+use nalgebra::{DVector, Vector3};
 use thiserror::Error;
 
 use crate::compensation::{compensate, predicted_error, test_pose_matrix};
@@ -9,6 +9,7 @@ use crate::identification::{Identification, IdentificationError, Sigma, identify
 use crate::measurement::Measurement;
 use crate::mujoco::ModelError;
 use crate::plan::Plan;
+use crate::posterior::{NotDetermined, Posterior};
 use crate::robot::{EquilibriumError, Load};
 use crate::scenario::{Method, Scenario, TestPose};
 use crate::testbed::{MeasurementError, VirtualRobot};
@@ -44,9 +45,9 @@ pub struct CompensatedPose {
     pub weight: f64,
     /// The joint angles to command (rad).
     pub commanded_rad: DVector<f64>,
-    /// The predicted rms distance `rho_0` (m), eq. 20 with the covariance of this identification;
-    /// `None` where a compliance on which the pose depends was not identified.
-    pub predicted_m: Option<f64>,
+    /// The predicted rms distance `rho_0` (m), eq. 20 with the covariance of this identification; or the
+    /// compliances on which the pose depends and that were not determined.
+    pub predicted_m: Result<f64, NotDetermined>,
     /// What was seen on the virtual robot.
     pub seen: SeenPose,
 }
@@ -89,7 +90,7 @@ pub fn calibrate(
     let poses = compensate_poses(
         scenario,
         &identification.compliance_rad_per_nm,
-        &identification.covariance,
+        &identification.posterior,
         scenario.method,
     )?;
     Ok(Calibration {
@@ -118,16 +119,15 @@ pub fn identify_as_planned(
     )
 }
 
-/// Compensates every test pose with the identified compliances of all joints (rad/(N m)), whose
-/// parameters have the given covariance, and sees on the virtual robot what
-/// distance is left.
+/// Compensates every test pose with the identified compliances of all joints (rad/(N m)), of which
+/// `posterior` says how well they are known, and sees on the virtual robot what distance is left.
 ///
 /// # Errors
 /// See [`CalibrationError`].
 pub fn compensate_poses(
     scenario: &Scenario,
     compliance_rad_per_nm: &[f64],
-    covariance: &DMatrix<f64>,
+    posterior: &Posterior,
     method: Method,
 ) -> Result<Vec<CompensatedPose>, CalibrationError> {
     let mut robot = VirtualRobot::new(&scenario.true_robot, &scenario.machining_tool.name)?;
@@ -146,8 +146,7 @@ pub fn compensate_poses(
             Ok(CompensatedPose {
                 name: pose.name.clone(),
                 weight: pose.weight,
-                predicted_m: determines(covariance, &matrix)
-                    .then(|| predicted_error(&matrix, covariance)),
+                predicted_m: predicted_error(&matrix, posterior),
                 seen: see(&mut robot, pose, &commanded_rad).map_err(at_pose)?,
                 commanded_rad,
             })
@@ -155,13 +154,35 @@ pub fn compensate_poses(
         .collect()
 }
 
-/// Whether every compliance on which the test pose depends was identified: the others have no
-/// variance.
-fn determines(covariance: &DMatrix<f64>, test_pose_matrix: &DMatrix<f64>) -> bool {
-    let needed = 1e-9 * test_pose_matrix.amax();
-    (0..covariance.ncols()).all(|index| {
-        covariance[(index, index)] > 0.0 || test_pose_matrix.column(index).amax() <= needed
-    })
+/// What does not hold for commanded test poses: angles beyond the joints' limits, and compliances that
+/// are needed and were not determined.
+#[must_use]
+pub fn pose_conditions(scenario: &Scenario, poses: &[CompensatedPose]) -> Vec<String> {
+    let mut conditions = Vec::new();
+    for pose in poses {
+        for (joint, &angle) in (scenario.nominal.chain.joints.iter()).zip(&pose.commanded_rad) {
+            let [low, high] = joint.range_rad;
+            if !(low..=high).contains(&angle) {
+                conditions.push(format!(
+                    "test pose {:?}: {} would be commanded to {:.4} deg; its limits are {:.4} to {:.4} deg",
+                    pose.name,
+                    joint.name,
+                    angle.to_degrees(),
+                    low.to_degrees(),
+                    high.to_degrees()
+                ));
+            }
+        }
+        if let Err(missing) = &pose.predicted_m {
+            conditions.push(format!(
+                "test pose {:?} depends on compliances that are not determined ({}): what is not keeps its \
+                 nominal value, and no accuracy can be promised",
+                pose.name,
+                missing.parameters.join(", ")
+            ));
+        }
+    }
+    conditions
 }
 
 /// Commands the virtual robot at a test pose under the task load, without and with compensation.

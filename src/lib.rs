@@ -81,7 +81,7 @@
 //! | dp | `deflection_m` | m; loaded minus unloaded |
 //! | sigma | `sigma_m`: of each coordinate of a deflection | m |
 //! | sum A^T A | `information` | m^2 (N m/rad)^2; relative units in the search |
-//! | cov(k) | `covariance` | (rad/(N m))^2 |
+//! | cov(k) | [`posterior::Posterior::covariance`] | (rad/(N m))^2 |
 //! | rho_0 | `rho0_m`, `predicted_m` | m |
 //! | m | `experiments`: measurements, repeats counted | |
 //!

@@ -103,11 +103,11 @@ fn plan(scenario: &'static Scenario, experiments: u32) -> Value {
         "gradient": gradient,
         "linear": {
             "compliance_rad_per_nm": linear.compliance_rad_per_nm,
-            "covariance": rows(&linear.covariance),
+            "covariance": rows(&linear.posterior.covariance),
         },
         "nonlinear": {
             "compliance_rad_per_nm": nonlinear.compliance_rad_per_nm,
-            "covariance": rows(&nonlinear.covariance),
+            "covariance": rows(&nonlinear.posterior.covariance),
             "kinematics_calls": kinematics_calls(scenario, &measured, nonlinear.iterations),
         },
     })

@@ -1,19 +1,17 @@
 //! `compensate`: the joint angles to command at the test poses.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
-use elastocal::calibration::compensate_poses;
-use elastocal::files::FileError;
-use elastocal::identification::covariance_of;
+use elastocal::calibration::{compensate_poses, pose_conditions};
 use elastocal::measurement::Origin;
-use elastocal::plausible::ELASTIC_COMPLIANCE;
-use elastocal::record::messages::{IdentificationMessage, ProvenanceMessage, TestPoseMessage};
+use elastocal::record::messages::{ProvenanceMessage, TestPoseMessage};
 use elastocal::record::schema::read_results;
-use elastocal::scenario::{Method, Scenario};
+use elastocal::scenario::Method;
 use elastocal::wording::shell_word;
 use serde_json::{Value, json};
 
+use super::identified::read_identified;
 use super::table::{number, table};
 use super::{Common, Report, named_by_file, results, without_effect};
 
@@ -40,10 +38,13 @@ impl Compensate {
         let file = shell_word(&self.identified.to_string_lossy());
         let usage = format!("elastocal compensate SCENARIO --identified {file}");
         let scenario = (self.common).load_for(&self.identified, origin.as_ref(), &usage)?;
-        let (compliance, covariance) = read_identified(&self.identified, &text, hint, &scenario)?;
+        let identified = read_identified(&self.identified, &text, hint, &scenario)?;
         let method = self.method.unwrap_or(scenario.method);
         self.common.say("compensating on the virtual robot");
-        let poses = compensate_poses(&scenario, &compliance, &covariance, method)?;
+        let (compliance, posterior) = (&identified.compliance_rad_per_nm, &identified.posterior);
+        let poses = compensate_poses(&scenario, compliance, posterior, method)?;
+        let mut conditions = identified.conditions;
+        conditions.extend(pose_conditions(&scenario, &poses));
         let messages: Vec<TestPoseMessage> = poses.iter().map(Into::into).collect();
         let rows: Vec<Vec<String>> = messages
             .iter()
@@ -84,7 +85,7 @@ impl Compensate {
                 ],
                 &rows,
             ),
-            conditions: Vec::new(),
+            conditions,
         })
     }
 }
@@ -97,62 +98,4 @@ fn origin(json: &Value) -> Option<Origin> {
         scenario: scenario.into(),
         scenario_sha256: hash.to_owned(),
     })
-}
-
-/// The compliances of all joints, nominal where none was identified, and the covariance of the
-/// parameters.
-fn read_identified(
-    path: &Path,
-    text: &str,
-    hint: &str,
-    scenario: &Scenario,
-) -> Result<(Vec<f64>, nalgebra::DMatrix<f64>), FileError> {
-    let reader = &mut serde_json::Deserializer::from_str(text);
-    let message: IdentificationMessage =
-        serde_path_to_error::deserialize(reader).map_err(|error| {
-            let wrong = FileError::new(path, error.inner().to_string()).hint(hint);
-            match error.path().to_string().as_str() {
-                "." => wrong,
-                key => wrong.at(key),
-            }
-        })?;
-    let expected = scenario.parameter_names();
-    if message.parameters != expected {
-        let problem = format!(
-            "found {}; the scenario's parameters are {}",
-            message.parameters.join(", "),
-            expected.join(", ")
-        );
-        return Err(FileError::new(path, problem).at("parameters"));
-    }
-    let size = expected.len();
-    let wrong_size = |key: &str, found: usize| {
-        let problem = format!("found {found} values; the scenario has {size} parameters");
-        FileError::new(path, problem).at(key)
-    };
-    if message.compliance_rad_per_nm.len() != size {
-        let found = message.compliance_rad_per_nm.len();
-        return Err(wrong_size("compliance_rad_per_nm", found));
-    }
-    let covariance = &message.covariance_rad2_per_n2m2;
-    if covariance.len() != size {
-        return Err(wrong_size("covariance_rad2_per_n2m2", covariance.len()));
-    }
-    let covariance = covariance_of(covariance).map_err(|(place, problem)| {
-        FileError::new(path, problem).at(format!("covariance_rad2_per_n2m2{place}"))
-    })?;
-    let mut compliance = scenario.nominal.compliance_rad_per_nm.clone();
-    let identified = scenario
-        .parameters
-        .iter()
-        .zip(&message.compliance_rad_per_nm);
-    for (index, (&joint, value)) in identified.enumerate() {
-        let Some(value) = *value else { continue };
-        compliance[joint] = ELASTIC_COMPLIANCE.check(value).map_err(|problem| {
-            FileError::new(path, format!("{}: {problem}", expected[index]))
-                .at(format!("compliance_rad_per_nm[{index}]"))
-                .hint("measure again with loads that bend this joint, or take it out of robot.parameters")
-        })?;
-    }
-    Ok((compliance, covariance))
 }

@@ -8,7 +8,7 @@ use elastocal::files::output::write_whole;
 use elastocal::identification::diagnoses::{Diagnosis, diagnoses};
 use elastocal::identification::{Case, Identification, IdentificationError, Sigma, residuals};
 use elastocal::measurement::{Origin, read_measurements};
-use elastocal::record::messages::{IdentificationMessage, ProvenanceMessage};
+use elastocal::record::messages::{FingerprintMessage, IdentificationMessage, ProvenanceMessage};
 use elastocal::record::residuals::ResidualsMessage;
 use elastocal::scenario::Method;
 use elastocal::wording::{counted, shell_word};
@@ -59,7 +59,7 @@ impl Identify {
             counted(measurements.len() as u64, "measurement")
         ));
         let sigma = if self.sigma_from_residuals {
-            Sigma::FromResiduals
+            Sigma::FromResiduals(scenario.instrument.sigma_m)
         } else {
             Sigma::Known(scenario.instrument.sigma_m)
         };
@@ -75,16 +75,21 @@ impl Identify {
             .map_err(|error| explained(&self.measurements, &error, &diagnoses(&case, None)))?;
         let residuals = residuals(&case, &identification)?;
         let diagnoses = diagnoses(&case, Some(&identification));
-        let message = IdentificationMessage::from(&identification);
+        let mut message = IdentificationMessage::from(&identification);
+        message.conditions.extend(diagnoses.iter().map(likely));
+        let rests_on = json!({
+            "sigma_from_residuals": self.sigma_from_residuals,
+            "identified_with": FingerprintMessage::from(scenario.fingerprint()),
+            "scenario_file": scenario.path,
+        });
         let mut json = results(
             "identify",
             &ProvenanceMessage::new(&scenario).with_input("measurements", &self.measurements)?,
-            json!({ "sigma_from_residuals": self.sigma_from_residuals }),
+            rests_on,
         );
         merge(&mut json, serde_json::to_value(&message)?);
         let more = ResidualsMessage::new(&residuals, &diagnoses);
         merge(&mut json, serde_json::to_value(&more)?);
-        merge(&mut json, json!({ "scenario_file": scenario.path }));
         let mut text = describe(&identification);
         if measurements.iter().any(|each| each.sigma_m.is_some()) {
             text += "  (sigma is the rms of those that the measurements bring)\n";
@@ -101,7 +106,7 @@ impl Identify {
             json,
             text,
             conditions: (loads_outside.into_iter())
-                .chain(conditions(&identification))
+                .chain(identification.conditions())
                 .chain(diagnoses.iter().map(likely))
                 .collect(),
         })
@@ -126,36 +131,6 @@ fn explained(file: &Path, error: &IdentificationError, diagnoses: &[Diagnosis]) 
         }
         _ => wrong,
     }
-}
-
-/// What is wrong with an identification, by name.
-pub fn conditions(identification: &Identification) -> Vec<String> {
-    let mut conditions: Vec<String> = identification
-        .unidentifiable()
-        .iter()
-        .map(|joint| format!("the measurements do not determine the compliance of {joint}"))
-        .collect();
-    for parameter in &identification.parameters {
-        if parameter
-            .estimate
-            .is_some_and(|estimate| estimate.value < 0.0)
-        {
-            conditions.push(format!(
-                "the estimated compliance of {} is negative: too few measurements, or a wrong model",
-                parameter.name
-            ));
-        }
-    }
-    if let Some(probability) = identification.consistency
-        && probability < 1e-4
-    {
-        conditions.push(format!(
-            "the residuals are too large for sigma = {:.4} mm (probability {probability:.1e}): the \
-             model or sigma is wrong",
-            identification.sigma_m * 1e3
-        ));
-    }
-    conditions
 }
 
 /// An identification for a person.

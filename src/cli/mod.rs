@@ -8,6 +8,7 @@ mod check;
 mod compare;
 mod compensate;
 mod evaluate;
+mod identified;
 mod identify;
 pub mod interruption;
 mod load_model;

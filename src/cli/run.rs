@@ -3,11 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use elastocal::calibration::{Calibration, calibrate};
+use elastocal::calibration::{Calibration, calibrate, pose_conditions};
 use elastocal::files::make_folder;
 use elastocal::files::output::write_whole;
 use elastocal::measurement::write_measurements_under;
-use elastocal::plan::search::{Bound, Watch, median_random_rho0, random_plan};
+use elastocal::plan::search::{Bound, SearchError, Watch, median_random_rho0, random_plan};
 use elastocal::plan::{Assessment, Criterion, Plan, read_plan, write_plan};
 use elastocal::record::evidence::EvidenceMessage;
 use elastocal::record::messages::{AssessmentMessage, CalibrationMessage, ProvenanceMessage};
@@ -58,6 +58,15 @@ struct Entry {
     assessment: Assessment,
     /// The plan's name and its calibration.
     calibration: (String, Calibration),
+    is_random: bool,
+}
+
+/// A plan that was to be compared and could not be measured, identified or compensated.
+struct Failed {
+    name: String,
+    /// What it promised, where there is a plan.
+    assessment: Option<Assessment>,
+    problem: String,
 }
 
 /// The records of a plan's calibration and of what it promised.
@@ -101,11 +110,17 @@ impl Run {
         )?;
         let bound = Bound::new(&scenario, &designed.approximate);
 
-        let plans = plans_to_compare(&scenario, designed.exact.plan)?;
+        let (plans, random) = plans_to_compare(&scenario, designed.exact.plan)?;
         common.say("measuring, identifying and compensating in MuJoCo");
-        let mut entries = Vec::new();
-        for (name, plan) in &plans {
-            entries.push(entry(&scenario, name.clone(), plan, &bound)?);
+        let (entries, failed) = calibrate_all(&scenario, plans, random, &bound)?;
+        for each in &failed {
+            warn(
+                &format!(
+                    "the plan {:?} cannot be compared: {}",
+                    each.name, each.problem
+                ),
+                None,
+            );
         }
         let records: Vec<Messages> = (entries.iter())
             .map(|entry| entry.messages(&scenario))
@@ -115,32 +130,48 @@ impl Run {
             "comparing with {RANDOM_PLANS} random plans, other criteria and other numbers of measurements, writing {}",
             folder.display()
         ));
-        let random_rho0_m = median_random_rho0(&scenario, experiments, RANDOM_PLANS)?;
+        let random_rho0_m = median_random_rho0(&scenario, experiments, RANDOM_PLANS)
+            .inspect_err(|problem| {
+                warn(&format!("no random plans to compare with: {problem}"), None);
+            })
+            .ok()
+            .filter(|median| median.is_finite());
         let watch = Watch {
             stop: &NEVER,
             progress: &|_, _, _| {},
         };
         // The study draws random plans of its own.
-        let fixed = &plans[..plans.len() - 1];
-        let evidence = gather(&scenario, &designed.approximate, fixed, watch)?;
+        let fixed: Vec<(String, Plan)> = (entries.iter())
+            .filter(|entry| !entry.is_random)
+            .map(
+                |Entry {
+                     calibration: (name, made),
+                     ..
+                 }| (name.clone(), made.plan.clone()),
+            )
+            .collect();
+        let evidence = gather(&scenario, &designed.approximate, &fixed, watch)?;
         let evidence = EvidenceMessage::new(&scenario, &bound, &evidence);
 
-        let mut json = everything(&scenario, &records, designed.elapsed_s)?;
+        let mut json = everything(&scenario, &records, &failed, designed.elapsed_s)?;
         merge(
             &mut json,
-            json!({ "random_plans": RANDOM_PLANS, "random_median_rho0_mm": random_rho0_m * 1e3 }),
+            json!({ "random_plans": RANDOM_PLANS, "random_median_rho0_mm": random_rho0_m.map(|value| value * 1e3) }),
         );
         merge(&mut json, serde_json::to_value(&evidence)?);
-        let mut conditions = identify::conditions(&entries[0].calibration.1.identification);
-        conditions.extend(
-            (plans.iter()).filter_map(|(name, plan)| loads_outside(&scenario, plan, Some(name))),
-        );
+        let main = &entries[0].calibration.1;
+        let mut conditions = main.identification.conditions();
+        conditions.extend(pose_conditions(&scenario, &main.poses));
+        conditions.extend((entries.iter()).filter_map(|entry| {
+            let (name, made) = &entry.calibration;
+            loads_outside(&scenario, &made.plan, Some(name))
+        }));
         let stills = stills::sheet(&scenario, &entries[0].calibration.1.plan);
         let page = run_page(&RunRecord {
             scenario: &scenario,
             plans: &records,
             evidence: &evidence,
-            random: (RANDOM_PLANS, random_rho0_m * 1e3),
+            random: (RANDOM_PLANS, random_rho0_m.map(|value| value * 1e3)),
             conditions: &conditions,
             command: &command_line(),
             stills: &stills,
@@ -161,8 +192,10 @@ impl Run {
     }
 }
 
-/// The designed plan, those of the scenario with as many measurements, and a random one.
-fn plans_to_compare(scenario: &Scenario, optimal: Plan) -> anyhow::Result<Vec<(String, Plan)>> {
+/// The designed plan and those of the scenario with as many measurements; and a random one.
+type Compared = (Vec<(String, Plan)>, Result<Plan, SearchError>);
+
+fn plans_to_compare(scenario: &Scenario, optimal: Plan) -> anyhow::Result<Compared> {
     let experiments = optimal.measurements();
     let mut plans = vec![("optimal".to_owned(), optimal)];
     for file in &scenario.plans {
@@ -171,21 +204,55 @@ fn plans_to_compare(scenario: &Scenario, optimal: Plan) -> anyhow::Result<Vec<(S
             plans.push((file.name.clone(), plan));
         }
     }
-    let random = random_plan(scenario, experiments, 0)?;
-    plans.push(("random".to_owned(), random));
-    Ok(plans)
+    Ok((plans, random_plan(scenario, experiments, 0)))
 }
 
-fn entry(scenario: &Scenario, name: String, plan: &Plan, bound: &Bound) -> anyhow::Result<Entry> {
-    Ok(Entry {
-        assessment: Assessment::new(scenario, plan, Some(bound)),
+/// Calibrates with every plan. The first must succeed; another that fails is compared no further.
+fn calibrate_all(
+    scenario: &Scenario,
+    plans: Vec<(String, Plan)>,
+    random: Result<Plan, SearchError>,
+    bound: &Bound,
+) -> anyhow::Result<(Vec<Entry>, Vec<Failed>)> {
+    let (mut entries, mut failed) = (Vec::new(), Vec::new());
+    let random = (
+        "random".to_owned(),
+        random.map_err(|error| error.to_string()),
+    );
+    let known = plans.len();
+    let plans = plans.into_iter().map(|(name, plan)| (name, Ok(plan)));
+    for (index, (name, plan)) in plans.chain([random]).enumerate() {
+        let assessment = |plan: &Plan| Assessment::new(scenario, plan, Some(bound));
         // Every plan is measured with the same noise.
-        calibration: (name, calibrate(scenario, plan, 0)?),
-    })
+        match plan.as_ref().map(|plan| calibrate(scenario, plan, 0)) {
+            Ok(Ok(calibration)) => entries.push(Entry {
+                assessment: assessment(&calibration.plan),
+                calibration: (name, calibration),
+                is_random: index == known,
+            }),
+            Ok(Err(error)) if entries.is_empty() => return Err(error.into()),
+            Ok(Err(error)) => failed.push(Failed {
+                name,
+                assessment: plan.as_ref().ok().map(assessment),
+                problem: error.to_string(),
+            }),
+            Err(problem) => failed.push(Failed {
+                name,
+                assessment: None,
+                problem: problem.clone(),
+            }),
+        }
+    }
+    Ok((entries, failed))
 }
 
 /// The JSON of the run: the main plan's keys by stage, then every plan.
-fn everything(scenario: &Scenario, plans: &[Messages], elapsed_s: f64) -> anyhow::Result<Value> {
+fn everything(
+    scenario: &Scenario,
+    plans: &[Messages],
+    failed: &[Failed],
+    elapsed_s: f64,
+) -> anyhow::Result<Value> {
     let (main, assessment) = &plans[0];
     let json = json!({
         "gate": scenario.gate,
@@ -204,6 +271,16 @@ fn everything(scenario: &Scenario, plans: &[Messages], elapsed_s: f64) -> anyhow
         let mut plan = serde_json::to_value(calibration)?;
         merge(&mut plan, json!({ "assessment": assessment }));
         all.push(plan);
+    }
+    for each in failed {
+        let Some(assessment) = &each.assessment else {
+            continue;
+        };
+        let assessment = AssessmentMessage::new(scenario, assessment);
+        let (name, problem) = (&each.name, &each.problem);
+        all.push(
+            json!({ "name": name, "assessment": assessment, "test_poses": [], "problem": problem }),
+        );
     }
     merge(&mut json, json!({ "plans": all }));
     Ok(json)
@@ -253,7 +330,7 @@ fn show(target: &Target, recording: &Recording, written: &mut Written) -> anyhow
 }
 
 /// What it means, for a person.
-fn summary(folder: &Path, entries: &[Entry], random_rho0_m: f64) -> String {
+fn summary(folder: &Path, entries: &[Entry], random_rho0_m: Option<f64>) -> String {
     let main = &entries[0];
     let mut text = identify::describe(&main.calibration.1.identification);
     text.push('\n');
@@ -305,7 +382,7 @@ fn summary(folder: &Path, entries: &[Entry], random_rho0_m: f64) -> String {
         );
     }
     text += ".\n";
-    if let Some(optimal) = main.assessment.rho0_m {
+    if let (Some(optimal), Some(random_rho0_m)) = (main.assessment.rho0_m, random_rho0_m) {
         let times = (random_rho0_m / optimal).powi(2);
         text += &format!(
             "A random plan of as many promises {:.1} um (the median of {RANDOM_PLANS}): it would need \

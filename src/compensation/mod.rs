@@ -2,6 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use crate::posterior::{NotDetermined, Posterior};
 use crate::robot::{
     EquilibriumError, EquilibriumSolver, KinematicState, Kinematics, Load, ObservationMatrix,
     SerialChain, Tool,
@@ -61,12 +62,14 @@ pub fn test_pose_matrix(
     DMatrix::from_column_slice(3, parameters.len(), matrix.as_slice())
 }
 
-/// The predicted rms distance `rho_0` that compensation leaves at a test pose (eq. 20), for a
-/// covariance of the compliances (eq. 13); same length unit as the covariance and matrix give (m).
-#[must_use]
-pub fn predicted_error(test_pose_matrix: &DMatrix<f64>, covariance: &DMatrix<f64>) -> f64 {
-    (test_pose_matrix * covariance * test_pose_matrix.transpose())
-        .trace()
-        .max(0.0)
-        .sqrt()
+/// The predicted rms distance `rho_0` (m) that compensation leaves at a test pose (eq. 20), from what is
+/// known of the compliances (rad/(N m)).
+///
+/// # Errors
+/// The test pose depends on compliances that are not determined.
+pub fn predicted_error(
+    test_pose_matrix: &DMatrix<f64>,
+    posterior: &Posterior,
+) -> Result<f64, NotDetermined> {
+    posterior.variance_of(test_pose_matrix).map(f64::sqrt)
 }

@@ -1,18 +1,21 @@
 //! Identification of joint compliances from measured deflections, eqs. 5 to 13.
 //!
 //! [`identify`] sees the nominal robot and measurements, never the true one. It names what cannot
-//! be identified instead of inverting a singular matrix, and identifies the rest.
+//! be identified instead of inverting a singular matrix, keeps its nominal value, and identifies the rest.
 
 mod case;
+mod conditions;
 mod covariance;
 pub mod diagnoses;
 mod error;
 mod estimate;
+mod fit;
 mod gauss_newton;
 mod observations;
 mod residuals;
 
 pub use case::Case;
+pub use conditions::IMPLAUSIBLE;
 pub use covariance::covariance_of;
 pub use error::IdentificationError;
 pub use estimate::{Estimate, Identification, ParameterEstimate, Sigma, identify};

@@ -5,7 +5,7 @@ use statrs::distribution::{ChiSquared, ContinuousCDF, FisherSnedecor};
 
 use super::Case;
 use super::error::IdentificationError;
-use super::estimate::{Identification, Sigma, typical};
+use super::estimate::{Identification, Sigma};
 use super::observations::Equations;
 use crate::least_squares::LeastSquares;
 use crate::scenario::Method;
@@ -72,18 +72,15 @@ pub fn residuals(
         Method::Linear => observations.linear(compliance),
         Method::Nonlinear => observations.nonlinear(compliance)?,
     };
-    let fit = LeastSquares::solve(
-        &matrix,
-        &right_hand_side,
-        &typical(case.nominal, case.parameters),
-    );
+    let estimable = &identification.posterior.estimable;
+    let fit = LeastSquares::solve(&matrix, &right_hand_side, estimable);
     // What a combination of compliances does that are not determined one by one is fitted, too.
     let whitened = right_hand_side - &matrix * &fit.solution;
     let judge = match case.sigma {
         Sigma::Known(_) => Judge::KnownVariance,
-        Sigma::FromResiduals => Judge::Residuals {
+        Sigma::FromResiduals(_) => Judge::Residuals {
             sum_of_squares: whitened.norm_squared(),
-            freedom: whitened.len() - fit.rank,
+            freedom: whitened.len() - estimable.rank(),
         },
     };
     let mut row = 0;

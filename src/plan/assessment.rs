@@ -5,7 +5,9 @@ use nalgebra::{DMatrix, DVector};
 use super::search::{Bound, NoBound, Problem};
 use super::{Criterion, ExperimentModel, Feasibility, Plan, Violation};
 use crate::compensation::{predicted_error, test_pose_matrix};
+use crate::estimable::Estimable;
 use crate::least_squares::LeastSquares;
+use crate::posterior::Posterior;
 use crate::scenario::Scenario;
 
 /// A plan judged against a scenario.
@@ -19,7 +21,8 @@ pub struct Assessment {
     /// The standard error of each compliance (rad/(N m)), eq. 13; `None` where the plan does not
     /// determine it.
     pub standard_errors: Vec<Option<f64>>,
-    /// The value of each criterion of Table 1, see [`Criterion`]; `None` for a singular plan.
+    /// The value of each criterion of Table 1, see [`Criterion`]; `None` where they need a compliance
+    /// that the plan does not determine: those of Table 1 need all.
     pub criteria: Vec<(Criterion, Option<f64>)>,
     /// No plan of the bound's class with as many measurements has a smaller `rho_0` (m), or why there is
     /// no bound for this plan; `None` where no bound was given.
@@ -32,25 +35,22 @@ impl Assessment {
     /// Judges a plan, beside the bound of the scenario's plans where it is given.
     #[must_use]
     pub fn new(scenario: &Scenario, plan: &Plan, bound: Option<&Bound>) -> Self {
-        // One is about what matters at the test poses, the other ones about all compliances.
-        let test_pose = Problem::new(scenario, Criterion::TestPose);
         let all = Problem::new(scenario, Criterion::A);
-        let informations = [&test_pose, &all].map(|problem| problem.information(plan));
+        let information = all.information(plan);
+        let posterior = posterior(scenario, plan);
+        let rho0_m = predicted(scenario, &posterior);
         let value = |criterion| match criterion {
-            Criterion::TestPose => test_pose.cost().value(&informations[0]),
-            other => all.cost_of(other).value(&informations[1]),
-        };
-        let least_squares = solve(scenario, plan);
-        let sigma_m = scenario.instrument.sigma_m;
-        let errors = |index: usize| {
-            least_squares.determined[index]
-                .then(|| least_squares.covariance[(index, index)].sqrt() * sigma_m)
+            Criterion::TestPose => rho0_m,
+            _ if !posterior.estimable.is_complete() => None,
+            other => all.cost_of(other).value(&information),
         };
         let experiments = plan.measurements();
         Self {
             experiments,
-            rho0_m: predicted(scenario, &least_squares),
-            standard_errors: (0..scenario.parameters.len()).map(errors).collect(),
+            rho0_m,
+            standard_errors: (0..scenario.parameters.len())
+                .map(|index| posterior.standard_error(index))
+                .collect(),
             criteria: Criterion::ALL
                 .iter()
                 .map(|&criterion| (criterion, value(criterion)))
@@ -87,40 +87,38 @@ impl Assessment {
     }
 }
 
-/// The least-squares problem of the plan for sigma = 1.
-fn solve(scenario: &Scenario, plan: &Plan) -> LeastSquares {
+/// What is known of the compliances after the plan, whatever is read.
+#[must_use]
+pub fn posterior(scenario: &Scenario, plan: &Plan) -> Posterior {
     let model = ExperimentModel::new(scenario);
-    let parameters = scenario.parameters.len();
+    let parameters = &scenario.parameters;
     // A plan without experiments tells as much as one that tells nothing.
-    let mut matrix = DMatrix::zeros(3 * plan.experiments.len().max(1), parameters);
+    let mut matrix = DMatrix::zeros(3 * plan.experiments.len().max(1), parameters.len());
     for (index, experiment) in plan.experiments.iter().enumerate() {
         let block = model.observation_matrix(experiment) * f64::from(experiment.repeats).sqrt();
         matrix.rows_mut(3 * index, 3).copy_from(&block);
     }
-    let typical: Vec<f64> = scenario
-        .parameters
-        .iter()
-        .map(|&joint| scenario.nominal.compliance_rad_per_nm[joint])
-        .collect();
-    LeastSquares::solve(&matrix, &DVector::zeros(matrix.nrows()), &typical)
+    let sigma_m = scenario.instrument.sigma_m;
+    let typical = scenario.nominal.typical_rad_per_nm(parameters);
+    let estimable = Estimable::of_equations(&(&matrix / sigma_m), &typical);
+    let nothing_read = DVector::zeros(matrix.nrows());
+    let least_squares = LeastSquares::solve(&matrix, &nothing_read, &estimable);
+    Posterior {
+        names: scenario.parameter_names(),
+        mean: (parameters.iter())
+            .map(|&joint| scenario.nominal.compliance_rad_per_nm[joint])
+            .collect(),
+        covariance: least_squares.covariance * sigma_m.powi(2),
+        estimable,
+    }
 }
 
-fn predicted(scenario: &Scenario, least_squares: &LeastSquares) -> Option<f64> {
-    let covariance = &least_squares.covariance * scenario.instrument.sigma_m.powi(2);
+fn predicted(scenario: &Scenario, posterior: &Posterior) -> Option<f64> {
+    let (chain, tool) = (&scenario.nominal.chain, &scenario.machining_tool);
     let mut sum = 0.0;
     for pose in &scenario.test_poses {
-        let matrix = test_pose_matrix(
-            &scenario.nominal.chain,
-            &scenario.machining_tool,
-            pose,
-            &scenario.parameters,
-        );
-        let largest = matrix.amax();
-        let needs = |index: usize| matrix.column(index).amax() > 1e-9 * largest;
-        if (0..matrix.ncols()).any(|index| needs(index) && !least_squares.determined[index]) {
-            return None;
-        }
-        sum += pose.weight * predicted_error(&matrix, &covariance).powi(2);
+        let matrix = test_pose_matrix(chain, tool, pose, &scenario.parameters);
+        sum += pose.weight * predicted_error(&matrix, posterior).ok()?.powi(2);
     }
     Some(sum.sqrt())
 }

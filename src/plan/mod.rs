@@ -12,7 +12,7 @@ pub mod search;
 
 pub use crate::experiment::{Experiment, Plan};
 pub use accuracy::{ExperimentModel, test_pose_weights};
-pub use assessment::Assessment;
+pub use assessment::{Assessment, posterior};
 pub use criterion::{Criterion, CriterionFunction};
 pub use factorisation::LANES;
 pub use feasibility::{Feasibility, Violation};

@@ -38,6 +38,9 @@ pub struct CriterionPlanMessage {
     pub rho0_mm: Option<f64>,
     /// How many searches ended in a plan as good for these criteria.
     pub searches_agreeing: Option<usize>,
+    /// Why there is no plan, where there is none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub problem: Option<String>,
     /// The plan.
     pub plan: Vec<ExperimentMessage>,
 }
@@ -99,6 +102,7 @@ impl From<&CriterionPlan> for CriterionPlanMessage {
                 .collect(),
             rho0_mm: best.rho0_m.map(|value| value * 1e3),
             searches_agreeing: best.agreeing,
+            problem: best.problem.clone(),
             plan: plan_messages(&best.plan),
         }
     }

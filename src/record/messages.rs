@@ -16,7 +16,7 @@ use crate::identification::Identification;
 use crate::measurement::Measurement;
 use crate::plan::{Assessment, Criterion, Experiment, Plan};
 use crate::robot::Load;
-use crate::scenario::{Method, Scenario};
+use crate::scenario::{Fingerprint, Method, Scenario};
 use crate::{COMMIT, VERSION, platform, units};
 
 /// What a JSON file holds and in which form, so that another version can tell.
@@ -165,7 +165,18 @@ pub struct IdentificationMessage {
     pub compliance_std_rad_per_nm: Vec<Option<f64>>,
     /// Their 95 % intervals (rad/(N m)).
     pub compliance_ci95_rad_per_nm: Vec<Option<[f64; 2]>>,
-    /// Their covariance (rad^2/(N m)^2); zero for those that are not determined.
+    /// The values that compensation applies (rad/(N m)): the estimates; where only combinations are
+    /// determined, values that give these and are nominal in all other directions; else nominal values.
+    #[serde(default)]
+    pub compliance_applied_rad_per_nm: Vec<f64>,
+    /// What is not determined: orthonormal combinations of the compliances, each divided by its typical
+    /// size.
+    #[serde(default)]
+    pub undetermined_directions: Vec<Vec<f64>>,
+    /// The typical sizes of the compliances (rad/(N m)).
+    #[serde(default)]
+    pub compliance_typical_rad_per_nm: Vec<f64>,
+    /// Their covariance (rad^2/(N m)^2), of what is determined; zero for those of which nothing is.
     pub covariance_rad2_per_n2m2: Vec<Vec<f64>>,
     /// The standard deviation of a deflection's coordinate that the uncertainties rest on (mm).
     pub sigma_mm: f64,
@@ -173,6 +184,12 @@ pub struct IdentificationMessage {
     pub residual_sigma_mm: Option<f64>,
     /// The probability of residuals at least this large if model and sigma are right.
     pub consistency: Option<f64>,
+    /// The probability of residuals at least this small if model and sigma are right.
+    #[serde(default)]
+    pub consistency_lower: Option<f64>,
+    /// The conditions that did not hold, besides what is not determined.
+    #[serde(default)]
+    pub conditions: Vec<String>,
     /// The number of independent combinations of compliances that the measurements determine.
     pub rank: usize,
     /// The condition number of the observation matrix with columns scaled to length one; null
@@ -201,7 +218,13 @@ impl From<&Identification> for IdentificationMessage {
             compliance_ci95_rad_per_nm: estimates()
                 .map(|estimate| Some(estimate?.interval95))
                 .collect(),
+            compliance_applied_rad_per_nm: identification.posterior.mean.clone(),
+            undetermined_directions: (identification.posterior.estimable.hidden().column_iter())
+                .map(|column| column.iter().copied().collect())
+                .collect(),
+            compliance_typical_rad_per_nm: identification.posterior.estimable.typical().to_vec(),
             covariance_rad2_per_n2m2: identification
+                .posterior
                 .covariance
                 .row_iter()
                 .map(|row| row.iter().copied().collect())
@@ -209,10 +232,31 @@ impl From<&Identification> for IdentificationMessage {
             sigma_mm: identification.sigma_m * 1e3,
             residual_sigma_mm: identification.residual_sigma_m.map(|sigma| sigma * 1e3),
             consistency: identification.consistency,
+            consistency_lower: identification.consistency_lower,
+            conditions: identification.doubts(),
             rank: identification.rank,
             condition: Some(identification.condition).filter(|value| value.is_finite()),
             iterations: identification.iterations,
             residuals_mm: residuals_mm(&identification.residuals_m),
+        }
+    }
+}
+
+/// What an identification rests on, so that it is not taken for another robot's.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct FingerprintMessage {
+    /// SHA-256 of the robot's kinematics: its joints' names, axes and places.
+    pub robot_sha256: String,
+    /// SHA-256 of all that is believed: the kinematics, masses, gravity, compliances and which of them are
+    /// identified, the calibration tool, and the instrument's standard deviations.
+    pub belief_sha256: String,
+}
+
+impl From<Fingerprint> for FingerprintMessage {
+    fn from(fingerprint: Fingerprint) -> Self {
+        Self {
+            robot_sha256: fingerprint.robot_sha256,
+            belief_sha256: fingerprint.belief_sha256,
         }
     }
 }
@@ -326,7 +370,7 @@ impl From<&CompensatedPose> for TestPoseMessage {
             q_commanded_deg: degrees(pose.commanded_rad.as_slice()),
             uncompensated_mm: pose.seen.uncompensated_m.norm() * 1e3,
             residual_mm: pose.seen.residual_m.norm() * 1e3,
-            rho0_mm: pose.predicted_m.map(|value| value * 1e3),
+            rho0_mm: pose.predicted_m.as_ref().ok().map(|value| value * 1e3),
             uncompensated_xyz_mm: thousandfold(&pose.seen.uncompensated_m),
             residual_xyz_mm: thousandfold(&pose.seen.residual_m),
         }

@@ -46,7 +46,8 @@ pub struct StudyPlanMessage {
     pub z: Option<f64>,
     /// The mean of the normalised estimation error squared.
     pub nees: Option<f64>,
-    /// What is expected for it: the number of compliances.
+    /// What is expected for it: the number of compliances, or of their combinations, that are determined
+    /// (the mean, rounded, where it differs from run to run).
     pub nees_expected: usize,
     /// Its deviation in standard deviations.
     pub nees_z: Option<f64>,
@@ -109,12 +110,18 @@ impl StudyPlanMessage {
             histogram: HistogramMessage::new(tally, conditions.sigma_m),
             z: of(&|each| each.z),
             nees: of(&|each| each.nees),
-            nees_expected: parameters,
+            nees_expected: expected(tally).unwrap_or(parameters),
             nees_z: of(&|each| each.nees_z),
             mean_ratio_to_random: ratio.map(|ratio| ratio.value),
             mean_ratio_to_random_ci95: ratio.map(|ratio| ratio.interval95()),
         }
     }
+}
+
+/// The mean number of determined combinations, rounded.
+fn expected(tally: &Tally) -> Option<usize> {
+    let twice = tally.freedom.saturating_mul(2).saturating_add(tally.runs);
+    usize::try_from(twice.checked_div(2 * tally.runs)?).ok()
 }
 
 /// A CSV table with one row for each plan.

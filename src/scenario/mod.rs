@@ -6,6 +6,7 @@
 
 mod check;
 mod file;
+mod fingerprint;
 mod gate;
 
 use std::path::PathBuf;
@@ -18,6 +19,7 @@ use crate::robot::{Load, SerialChain, Tool};
 
 pub use crate::experiment::Loads;
 pub use file::{Level, LoadKind, Method, SigmaOf};
+pub use fingerprint::Fingerprint;
 pub use gate::{Direction, Gate, Quantity, Tolerance};
 
 /// A robot: its model, and its joints' compliances.
@@ -29,6 +31,29 @@ pub struct Robot {
     pub chain: SerialChain,
     /// The compliance of every joint (rad/(N m)).
     pub compliance_rad_per_nm: Vec<f64>,
+}
+
+/// A compliance below this share of the largest says "as good as rigid", and is no measure of what the
+/// joint's could be.
+const RIGID: f64 = 1e-3;
+/// A compliance (rad/(N m)) that stands in where all are zero: that of a small servo, since too large a
+/// size only makes the decision on what is determined more generous.
+const COMPLIANT: f64 = 1e-2;
+
+impl Robot {
+    /// The typical sizes of the compliances of some joints (rad/(N m)), which make them comparable: their
+    /// values; for a joint that is held to be rigid, or nearly so, the largest of all.
+    #[must_use]
+    pub fn typical_rad_per_nm(&self, joints: &[usize]) -> Vec<f64> {
+        let all = &self.compliance_rad_per_nm;
+        let largest = all.iter().copied().fold(0.0, f64::max);
+        let instead = if largest > 0.0 { largest } else { COMPLIANT };
+        let typical = |&joint: &usize| match all[joint] {
+            value if value > RIGID * largest => value,
+            _ => instead,
+        };
+        joints.iter().map(typical).collect()
+    }
 }
 
 /// How deflections are measured.

@@ -77,7 +77,7 @@ pub fn gather(
     let Some((_, designed)) = plans.first() else {
         return Err(StudyError::NoPlan.into());
     };
-    // The linear model makes runs only of plans that determine every compliance.
+    // The linear model makes runs only of plans that determine what the test poses need.
     let model = Model::new(scenario);
     let determined = plans.iter().filter(|(_, plan)| model.plan(plan).is_ok());
     let mut entries: Vec<Entry> = determined
@@ -95,7 +95,7 @@ pub fn gather(
     Ok(Evidence {
         trials: TRIALS,
         distances: distances(scenario, designed.measurements(), &entries, TRIALS)?,
-        criteria: compare_criteria(scenario, approximate, designed, watch)?,
+        criteria: compare_criteria(scenario, approximate, designed, watch),
         accuracy: accuracy(scenario, approximate, designed, watch)?,
     })
 }
@@ -119,7 +119,6 @@ pub fn distances(
         Summary::new(
             tally,
             scenario.instrument.sigma_m,
-            scenario.parameters.len(),
             reference.and_then(|other| tallies.get(other)),
         )
     };

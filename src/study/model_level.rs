@@ -17,6 +17,9 @@
 //! `rho_0^2` = sigma^2 trace(S) (eq. 20) and the variance 2 sigma^4 trace(S^2). Several test poses
 //! are stacked, each times the root of its weight.
 //!
+//! Where a plan does not determine all compliances, A and A_0 are those of what it does determine, in
+//! r < p coordinates; a plan that leaves undetermined what a test pose needs makes no runs.
+//!
 //! A joint that is not identified is taken to have its nominal compliance. Where the virtual robot's
 //! is another by u, with the observation matrices A' and `A_0`' of these joints, A' u adds to sigma
 //! eps, and -`A_0`' u to d: the mean square then has the square of the bias c = (B A' / sigma - `A_0`') u
@@ -27,6 +30,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::tally::{Batch, Failure};
 use crate::compensation::test_pose_matrix;
+use crate::estimable::Estimable;
 use crate::plan::{ExperimentModel, Plan};
 use crate::random::normal::LANES;
 use crate::scenario::Scenario;
@@ -45,6 +49,8 @@ pub struct Model<'a> {
     experiments: ExperimentModel<'a>,
     /// A_0 of all test poses, each times the root of its weight, stacked.
     test_poses: DMatrix<f64>,
+    /// The typical sizes of the compliances (rad/(N m)).
+    typical_rad_per_nm: Vec<f64>,
     /// The joints that are not identified and whose true compliance is not the nominal one.
     unknown: Vec<usize>,
     /// Their columns `A_0`'.
@@ -59,6 +65,7 @@ impl<'a> Model<'a> {
         Self {
             experiments: ExperimentModel::new(scenario),
             test_poses: test_poses(scenario, &scenario.parameters),
+            typical_rad_per_nm: scenario.nominal.typical_rad_per_nm(&scenario.parameters),
             test_poses_unknown: test_poses(scenario, &unknown),
             unknown,
         }
@@ -82,22 +89,20 @@ impl<'a> Model<'a> {
     /// Prepares a plan.
     ///
     /// # Errors
-    /// The plan does not determine all compliances.
+    /// The plan does not determine what the test poses need.
     pub fn plan(&self, plan: &Plan) -> Result<PlanModel, Failure> {
-        let size = self.test_poses.ncols();
-        let information = self.experiments.information(plan);
+        let all = self.experiments.information(plan);
+        let part = self.determined_part(&all);
+        let (information, test_poses) = match &part {
+            None => (all, self.test_poses.clone()),
+            Some((_, basis)) => (basis.tr_mul(&all) * basis, &self.test_poses * basis),
+        };
+        let size = information.nrows();
         let factor = information
-            .clone()
             .cholesky()
-            .filter(|_| size <= MOST)
+            .filter(|_| (1..=MOST).contains(&size))
             .ok_or(Failure::Undetermined)?
             .unpack();
-        // Squared pivots are what remains of a compliance's information when the others before it
-        // are unknown.
-        let is_known = |i: usize| factor[(i, i)].powi(2) > 1e-12 * information[(i, i)];
-        if !(0..size).all(is_known) {
-            return Err(Failure::Undetermined);
-        }
         // Rows beyond p are zero: they fill up threes.
         let padded = size.next_multiple_of(3);
         let mut whitener = vec![ThreeRows::new(); padded / 3];
@@ -107,7 +112,11 @@ impl<'a> Model<'a> {
         };
         let mut biases = DMatrix::zeros(size, self.unknown.len());
         for experiment in &plan.experiments {
-            let mut columns = self.experiments.observation_matrix(experiment).transpose();
+            let observed = self.experiments.observation_matrix(experiment);
+            let mut columns = match &part {
+                None => observed.transpose(),
+                Some((_, basis)) => (observed * basis).transpose(),
+            };
             if !factor.solve_lower_triangular_mut(&mut columns) {
                 return Err(Failure::Undetermined);
             }
@@ -128,7 +137,7 @@ impl<'a> Model<'a> {
                 }
             }
         }
-        let mut errors = self.test_poses.transpose();
+        let mut errors = test_poses.transpose();
         if !factor.solve_lower_triangular_mut(&mut errors) {
             return Err(Failure::Undetermined);
         }
@@ -139,6 +148,11 @@ impl<'a> Model<'a> {
             ));
         }
         let covariance = errors.tr_mul(&errors);
+        if let Some((estimable, _)) = &part
+            && !self.determines_test_poses(estimable, &covariance)
+        {
+            return Err(Failure::Undetermined);
+        }
         let transposed = errors.transpose().resize_horizontally(padded, 0.0);
         let compensation = (0..errors.ncols() / 3)
             .map(|pose| {
@@ -150,10 +164,39 @@ impl<'a> Model<'a> {
         Ok(PlanModel {
             whitener,
             compensation,
+            freedom: size,
             expected: covariance.trace(),
             variance: 2.0 * covariance.norm_squared(),
             bias: errors.tr_mul(&biases) - &self.test_poses_unknown,
             errors,
+        })
+    }
+
+    /// What a plan determines, and its basis in rad/(N m), where that is not everything.
+    fn determined_part(&self, information: &DMatrix<f64>) -> Option<(Estimable, DMatrix<f64>)> {
+        let sigma_m = self.experiments.sigma_m;
+        let typical = &self.typical_rad_per_nm;
+        let relative = DMatrix::from_fn(typical.len(), typical.len(), |row, column| {
+            information[(row, column)] * (typical[row] / sigma_m) * (typical[column] / sigma_m)
+        });
+        if Estimable::surely_all(&relative) {
+            return None;
+        }
+        let estimable = Estimable::new(&relative, typical);
+        if estimable.is_complete() {
+            return None;
+        }
+        let basis = estimable.basis_in_units();
+        Some((estimable, basis))
+    }
+
+    /// Whether that is what each test pose needs; `covariance` is that of all their errors, in sigma^2.
+    fn determines_test_poses(&self, estimable: &Estimable, covariance: &DMatrix<f64>) -> bool {
+        (0..covariance.nrows()).step_by(3).all(|first| {
+            let variance = covariance.view((first, first), (3, 3)).trace();
+            let error_m = variance.sqrt() * self.experiments.sigma_m;
+            let rows = self.test_poses.rows(first, 3).into_owned();
+            estimable.missing(&rows, error_m).is_empty()
         })
     }
 }
@@ -193,6 +236,8 @@ pub struct PlanModel {
     whitener: Vec<ThreeRows>,
     /// `A_0` L^-T beside -`A_0`', three rows for each test pose.
     compensation: Vec<ThreeRows>,
+    /// The number r of combinations of compliances that the plan determines.
+    freedom: usize,
     /// trace(S), the predicted mean square.
     pub expected: f64,
     /// 2 trace(S^2), its variance from run to run.
@@ -214,6 +259,7 @@ impl PlanModel {
             nees,
             expected: [self.expected; LANES],
             variance: [self.variance; LANES],
+            freedom: [self.freedom; LANES],
             failed: [None; LANES],
         };
         if !unknown.is_empty() {

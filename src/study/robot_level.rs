@@ -1,11 +1,11 @@
 //! A run of the whole loop on the virtual robot: measure in MuJoCo, identify, compensate, command
 //! the robot in MuJoCo again, and see what distance is left.
 
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 
 use super::tally::Failure;
 use crate::calibration::{identify_as_planned, see};
-use crate::compensation::compensate;
+use crate::compensation::{compensate, test_pose_matrix};
 use crate::mujoco::ModelError;
 use crate::plan::Plan;
 use crate::random::normal::LANES;
@@ -19,6 +19,8 @@ pub struct RobotRuns<'a> {
     measuring: VirtualRobot,
     machining: VirtualRobot,
     true_rad_per_nm: Vec<f64>,
+    /// A_0 of each test pose.
+    test_poses: Vec<DMatrix<f64>>,
 }
 
 impl<'a> RobotRuns<'a> {
@@ -33,6 +35,12 @@ impl<'a> RobotRuns<'a> {
             measuring: VirtualRobot::new(robot, &scenario.calibration_tool.name)?,
             machining: VirtualRobot::new(robot, &scenario.machining_tool.name)?,
             true_rad_per_nm: robot.compliance_rad_per_nm.clone(),
+            test_poses: (scenario.test_poses.iter())
+                .map(|pose| {
+                    let (chain, tool) = (&scenario.nominal.chain, &scenario.machining_tool);
+                    test_pose_matrix(chain, tool, pose, &scenario.parameters)
+                })
+                .collect(),
         })
     }
 
@@ -46,7 +54,8 @@ impl<'a> RobotRuns<'a> {
     }
 
     /// One run with the normals of a lane: the squared distance in sigma^2, weighted over the test
-    /// poses, and the normalised estimation error squared.
+    /// poses, and the normalised estimation error squared of what the measurements determine. The rest
+    /// keeps its nominal value, which the test poses must not need.
     ///
     /// # Errors
     /// Why the run failed.
@@ -72,13 +81,12 @@ impl<'a> RobotRuns<'a> {
                 .iter()
                 .map(|&joint| estimated[joint] - self.true_rad_per_nm[joint]),
         );
-        let factor = identification
-            .covariance
-            .clone()
-            .cholesky()
-            .filter(|_| identification.unidentifiable().is_empty())
-            .ok_or(Failure::Undetermined)?;
-        let nees = error.dot(&factor.solve(&error));
+        let posterior = &identification.posterior;
+        let is_determined = |pose: &DMatrix<f64>| posterior.variance_of(pose).is_ok();
+        if !posterior.estimable.is_complete() && !self.test_poses.iter().all(is_determined) {
+            return Err(Failure::Undetermined);
+        }
+        let nees = (posterior.normalised_square(&error)).ok_or(Failure::Undetermined)?;
         let mut square_m2 = 0.0;
         for pose in &scenario.test_poses {
             let (chain, tool) = (&scenario.nominal.chain, &scenario.machining_tool);

@@ -264,6 +264,7 @@ impl<'a> Runner<'a> {
         batch.nees[lane] = all.nees[lane];
         batch.expected[lane] = all.expected[lane];
         batch.variance[lane] = all.variance[lane];
+        batch.freedom[lane] = all.freedom[lane];
         robot_run(workspace, setting, &plan, batch, lane);
         Ok(())
     }

@@ -39,9 +39,11 @@ pub struct Summary {
     /// The observed minus the predicted mean square, in the standard deviations that the linear
     /// model predicts for it.
     pub z: f64,
-    /// The mean of the normalised estimation error squared; p is expected.
+    /// The mean of the normalised estimation error squared.
     pub nees: f64,
-    /// Its deviation from p in standard deviations of a chi-square mean.
+    /// What is expected for it: the number of combinations of compliances that are determined, in the mean.
+    pub nees_expected: f64,
+    /// Its deviation from that in standard deviations of a chi-square mean.
     pub nees_z: f64,
     /// The mean distance over that of the reference plan.
     pub ratio_to_random: Option<Measured>,
@@ -51,15 +53,9 @@ pub struct Summary {
 pub const QUANTILES: [f64; 4] = [0.05, 0.5, 0.95, 0.99];
 
 impl Summary {
-    /// Sums up a tally whose distances are in units of `sigma_m`, with p compliances; `None` if all
-    /// runs failed. `reference` is the tally of the plan that this one is compared with.
+    /// Sums up a tally whose distances are in units of `sigma_m`; `None` if all runs failed. `reference` is the tally of the plan that this one is compared with.
     #[must_use]
-    pub fn new(
-        tally: &Tally,
-        sigma_m: f64,
-        parameters: usize,
-        reference: Option<&Tally>,
-    ) -> Option<Self> {
+    pub fn new(tally: &Tally, sigma_m: f64, reference: Option<&Tally>) -> Option<Self> {
         if tally.runs == 0 {
             return None;
         }
@@ -68,7 +64,7 @@ impl Summary {
         let mean_square = mean(Sum::Square);
         let rms = mean_square.sqrt();
         let square_error = standard_error(mean_square, mean(Sum::Fourth), runs);
-        let freedom = count_to_f64(parameters as u64);
+        let freedom = count_to_f64(tally.freedom) / runs;
         let nees = mean(Sum::Nees);
         let quantile = |share| tally.quantile(share).unwrap_or(f64::NAN) * sigma_m;
         Some(Self {
@@ -86,6 +82,7 @@ impl Summary {
             z: (tally.sum(Sum::Square) - tally.sum(Sum::Expected))
                 / tally.sum(Sum::Variance).sqrt(),
             nees,
+            nees_expected: freedom,
             nees_z: (nees - freedom) / (2.0 * freedom / runs).sqrt(),
             ratio_to_random: reference.and_then(|reference| ratio(tally, reference)),
         })
@@ -141,12 +138,13 @@ mod tests {
                 nees: square,
                 expected: [3.0; LANES],
                 variance: [6.0; LANES],
+                freedom: [3; LANES],
                 ..Batch::default()
             };
             tally.add(&mut block, &batch, Some(&batch), LANES);
         }
         tally.close(&mut block);
-        let summary = Summary::new(&tally, 2.0, 3, Some(&tally)).expect("there are runs");
+        let summary = Summary::new(&tally, 2.0, Some(&tally)).expect("there are runs");
         let mean = 2.0 * (8.0 / std::f64::consts::PI).sqrt();
         assert!((summary.mean_m.value - mean).abs() < 4.0 * summary.mean_m.standard_error);
         let error = 2.0 * ((3.0 - 8.0 / std::f64::consts::PI) / 400_000.0).sqrt();

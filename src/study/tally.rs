@@ -12,7 +12,7 @@ use crate::random::normal::LANES;
 pub enum Failure {
     /// No random feasible plan was found.
     NoPlan,
-    /// The measurements do not determine all compliances.
+    /// The measurements do not determine what the test poses need.
     Undetermined,
     /// An experiment has no stable equilibrium on the virtual robot.
     Measurement,
@@ -40,7 +40,9 @@ impl Failure {
     pub const fn text(self) -> &'static str {
         match self {
             Self::NoPlan => "no random feasible plan was found",
-            Self::Undetermined => "the measurements do not determine all compliances",
+            Self::Undetermined => {
+                "the measurements do not determine the compliances that the test poses need"
+            }
             Self::Measurement => "an experiment has no stable equilibrium",
             Self::Identification => "the identification failed",
             Self::TestPose => "a test pose has no stable equilibrium",
@@ -102,6 +104,8 @@ pub struct Batch {
     pub expected: [f64; LANES],
     /// The variance that it predicts for that.
     pub variance: [f64; LANES],
+    /// The number of combinations of compliances that are determined: what is expected for `nees`.
+    pub freedom: [usize; LANES],
     /// Which runs failed.
     pub failed: [Option<Failure>; LANES],
 }
@@ -143,6 +147,8 @@ pub struct BlockSums([[f64; LANES]; SUMS]);
 pub struct Tally {
     /// Runs that did not fail.
     pub runs: u64,
+    /// The number of combinations of compliances that were determined, summed over these runs.
+    pub freedom: u64,
     /// Runs in which neither this plan nor the reference plan failed.
     pub pairs: u64,
     /// Failed runs by reason, see [`Failure::ALL`].
@@ -157,6 +163,7 @@ impl Default for Tally {
     fn default() -> Self {
         Self {
             runs: 0,
+            freedom: 0,
             pairs: 0,
             failed: [0; Failure::ALL.len()],
             sums: [0; SUMS],
@@ -196,6 +203,7 @@ impl Tally {
                 continue;
             }
             self.runs += 1;
+            self.freedom += batch.freedom[lane] as u64;
             self.pairs +=
                 u64::from(reference.is_some_and(|reference| reference.failed[lane].is_none()));
             self.bins[bin_of(distance)] += 1;
@@ -213,6 +221,7 @@ impl Tally {
     /// Adds another tally: exact, and in any order.
     pub fn merge(&mut self, other: &Self) {
         self.runs += other.runs;
+        self.freedom += other.freedom;
         self.pairs += other.pairs;
         for (mine, theirs) in self.failed.iter_mut().zip(&other.failed) {
             *mine += theirs;

@@ -209,6 +209,9 @@ struct Kind {
 #[serde(deny_unknown_fields)]
 struct StoredTally {
     runs: u64,
+    /// All compliances in every run, where an earlier version left it out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    freedom: Option<u64>,
     pairs: u64,
     failed: Vec<u64>,
     /// Fixed-point integers.
@@ -371,6 +374,7 @@ pub fn join<P: AsRef<Path>>(paths: &[P]) -> Result<Option<(Header, Vec<Tally>)>,
 fn store(tally: &Tally) -> StoredTally {
     StoredTally {
         runs: tally.runs,
+        freedom: Some(tally.freedom),
         pairs: tally.pairs,
         failed: tally.failed.to_vec(),
         sums: tally.sums.iter().map(ToString::to_string).collect(),
@@ -408,9 +412,10 @@ impl Stored {
             let problem = format!("found {found}; there are {plans} plans");
             return Err(("tallies".to_owned(), problem));
         }
+        let parameters = header.parameters.len();
         let tallies: Vec<Tally> = (self.tallies.iter().enumerate())
             .map(|(index, stored)| {
-                restore(stored)
+                restore(stored, parameters)
                     .map_err(|(key, problem)| (format!("tallies[{index}].{key}"), problem))
             })
             .collect::<Result<_, _>>()?;
@@ -430,7 +435,7 @@ impl Stored {
     }
 }
 
-fn restore(stored: &StoredTally) -> Result<Tally, (&'static str, String)> {
+fn restore(stored: &StoredTally, parameters: usize) -> Result<Tally, (&'static str, String)> {
     let (found, reasons) = (stored.failed.len(), Failure::ALL.len());
     let failed = (stored.failed.as_slice().try_into()).map_err(|_| {
         (
@@ -456,6 +461,7 @@ fn restore(stored: &StoredTally) -> Result<Tally, (&'static str, String)> {
     }
     Ok(Tally {
         runs: stored.runs,
+        freedom: (stored.freedom).unwrap_or(stored.runs.saturating_mul(parameters as u64)),
         pairs: stored.pairs,
         failed,
         sums,

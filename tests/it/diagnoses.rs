@@ -348,7 +348,7 @@ fn the_distance_is_what_leaving_out_gains() {
                 let without = case.with(&others).identify().expect("identified");
                 let variance = match sigma {
                     Sigma::Known(sigma) => sigma * sigma,
-                    Sigma::FromResiduals => of_all / spare as f64,
+                    Sigma::FromResiduals(_) => of_all / spare as f64,
                 };
                 let gain = (of_all - squares(&without.residuals_m)) / variance;
                 let square = each.distance.powi(2);
@@ -362,7 +362,7 @@ fn the_distance_is_what_leaving_out_gains() {
     }
 }
 
-const ESTIMATED: Sigma = Sigma::FromResiduals;
+const ESTIMATED: Sigma = Sigma::FromResiduals(3e-5);
 
 /// Over many runs, distances are those of the chi-squared distribution with their own degrees of freedom.
 #[test]

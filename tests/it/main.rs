@@ -6,6 +6,8 @@
 //! - `recovery`: known compliances come back, and hand-computed small cases.
 //! - `uncertainty`: the promised uncertainties are seen over many seeded runs.
 //! - `identifiability`: what measurements cannot tell is named.
+//! - `determined`: every command names the same compliances as not determined.
+//! - `compensation_trust`: what `compensate` makes of files that it should not trust.
 //! - `command_line`: the commands, seen from outside the process.
 //! - `gate`: comparing results against tolerances, seen from outside the process.
 //! - `gate_refusals`: results and tolerances that cannot be compared.
@@ -44,7 +46,9 @@ mod bounds;
 mod broken_streams;
 mod browser;
 mod command_line;
+mod compensation_trust;
 mod csv_dialects;
+mod determined;
 mod diagnoses;
 mod force_sizes;
 mod gate;

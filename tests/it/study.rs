@@ -48,7 +48,7 @@ fn a_million_runs_keep_the_promise_of_every_plan() {
     // The design page's values for m measurements, by the rule of repeated plans.
     let known = [(2, 8.17), (3, 6.59), (4, 5.45), (6, 4.53), (12, 3.20)];
     for ((tally, entry), (size, rho0)) in tallies.iter().zip(&entries).zip(known) {
-        let summary = Summary::new(tally, 3e-5, 5, None).expect("runs");
+        let summary = Summary::new(tally, 3e-5, None).expect("runs");
         assert_eq!(summary.runs, 1_000_000);
         assert!(summary.z.abs() < 3.3, "{}: {}", entry.name, summary.z);
         assert!(summary.nees_z.abs() < 3.3, "{}: {summary:?}", entry.name);
@@ -193,7 +193,7 @@ fn the_virtual_robot_keeps_the_promise_of_the_model() {
     let robot = &run(&scenario, Level::Robot, &entries, trials)[0];
     let model = &run(&scenario, Level::Model, &entries, trials)[0];
     assert_eq!((robot.runs, robot.failures()), (trials, 0));
-    let summary = Summary::new(robot, 3e-5, 5, None).expect("runs");
+    let summary = Summary::new(robot, 3e-5, None).expect("runs");
     assert!(summary.z.abs() < 3.3, "{summary:?}");
     assert!(summary.nees_z.abs() < 3.3, "{summary:?}");
     // The same noise: much closer than statistics ask for.
@@ -216,7 +216,7 @@ fn true_compliances_may_vary() {
     assert_eq!(run(&scenario, Level::Model, &entries, 2000), fixed);
     let robot = &run(&scenario, Level::Robot, &entries, 2000)[0];
     assert_eq!(robot.failures(), 0);
-    let summary = Summary::new(robot, 3e-5, 5, None).expect("runs");
+    let summary = Summary::new(robot, 3e-5, None).expect("runs");
     assert!(
         summary.z.abs() < 3.3 && summary.nees_z.abs() < 3.3,
         "{summary:?}"
@@ -247,7 +247,7 @@ fn true_compliances_may_vary() {
             "{level:?}: {seen}"
         );
         assert!((predicted / (noise + bias_square) - 1.0).abs() < tolerance);
-        let summary = Summary::new(tally, 3e-5, 5, None).expect("runs");
+        let summary = Summary::new(tally, 3e-5, None).expect("runs");
         // At the robot's level eq. 15's second order counts too.
         assert!(
             level == Level::Robot || summary.z.abs() < 3.3,

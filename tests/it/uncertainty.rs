@@ -9,7 +9,7 @@ use elastocal::calibration::see;
 use elastocal::compensation::{compensate, predicted_error, test_pose_matrix};
 use elastocal::identification::{Identification, Sigma};
 use elastocal::measurement::Measurement;
-use elastocal::plan::ExperimentModel;
+use elastocal::plan::{ExperimentModel, posterior};
 use elastocal::random::generator;
 use elastocal::scenario::{Method, Scenario};
 use elastocal::testbed::VirtualRobot;
@@ -80,11 +80,11 @@ fn intervals_of_95_percent_cover_the_truth_in_95_percent() {
         (&linear_truth(&scenario), known, Method::Linear),
         (
             &linear_truth(&scenario),
-            Sigma::FromResiduals,
+            Sigma::FromResiduals(3e-5),
             Method::Linear,
         ),
         (&simulated, known, Method::Nonlinear),
-        (&simulated, Sigma::FromResiduals, Method::Nonlinear),
+        (&simulated, Sigma::FromResiduals(3e-5), Method::Nonlinear),
     ] {
         let mut covered = [0; 5];
         for run in runs(&scenario, measurements, sigma, method) {
@@ -111,14 +111,10 @@ fn compensation_is_as_good_as_predicted() {
     let scenario = scenario("klimchik2012");
     let pose = &scenario.test_poses[0];
     let (chain, tool) = (&scenario.nominal.chain, &scenario.machining_tool);
-    let model = ExperimentModel::new(&scenario);
-    let covariance = model
-        .information(&table4(3))
-        .try_inverse()
-        .expect("regular");
-    let covariance = covariance * scenario.instrument.sigma_m.powi(2);
+    let promised = posterior(&scenario, &table4(3));
+    let covariance = &promised.covariance;
     let matrix = test_pose_matrix(chain, tool, pose, &scenario.parameters);
-    let rho0 = predicted_error(&matrix, &covariance);
+    let rho0 = predicted_error(&matrix, &promised).expect("determined");
     let at_pose = &matrix * covariance * matrix.transpose();
     let deviation = (2.0 * (&at_pose * &at_pose).trace() / f64::from(RUNS)).sqrt();
 

@@ -115,7 +115,7 @@ pub fn plan_messages(header: &Header, tallies: &[Tally]) -> anyhow::Result<Vec<S
         let conditions = plan.conditions().context("the conditions are damaged")?;
         let reference = plan.reference.and_then(|other| tallies.get(other));
         let reference = reference.filter(|&other| !std::ptr::eq(other, tally));
-        let summary = Summary::new(tally, conditions.sigma_m, parameters, reference);
+        let summary = Summary::new(tally, conditions.sigma_m, reference);
         let (name, summary) = (&plan.name, summary.as_ref());
         Ok(StudyPlanMessage::new(
             name,

@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::Case;
-use crate::identification::estimate::{Sigma, typical};
+use crate::identification::estimate::Sigma;
 use crate::identification::observations::Equations;
 use crate::measurement::Measurement;
 
@@ -37,7 +37,7 @@ impl Evidence {
         // What maps the file's numbers to those that are read turns densities into densities.
         let map = 2.0 * (log_sigma(case, read) - log_stretch(file, read));
         Self {
-            value: marginal.minimum(matches!(case.sigma, Sigma::FromResiduals)) + map,
+            value: marginal.minimum(matches!(case.sigma, Sigma::FromResiduals(_))) + map,
             misfit: marginal.square(1.0),
             scale,
         }
@@ -48,7 +48,7 @@ impl Evidence {
 fn relative_equations(case: &Case<'_>, measurements: &[Measurement]) -> Equations {
     let observations = case.with(measurements).observations();
     let mut equations = observations.linear(&case.nominal.compliance_rad_per_nm);
-    let nominal = typical(case.nominal, case.parameters);
+    let nominal = case.nominal.typical_rad_per_nm(case.parameters);
     for (mut column, nominal) in equations.matrix.column_iter_mut().zip(&nominal) {
         column *= *nominal;
     }
@@ -68,7 +68,7 @@ pub fn most_probable(case: &Case<'_>, measurements: &[Measurement]) -> Option<Ve
     let deviation = (matrix.tr_mul(&matrix) + precision)
         .cholesky()?
         .solve(&deviation);
-    let nominal = typical(case.nominal, case.parameters);
+    let nominal = case.nominal.typical_rad_per_nm(case.parameters);
     let mut compliance = case.nominal.compliance_rad_per_nm.clone();
     for (index, &joint) in case.parameters.iter().enumerate() {
         compliance[joint] = nominal[index] * (1.0 + deviation[index]);

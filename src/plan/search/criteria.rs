@@ -2,7 +2,7 @@
 
 use super::approximate::ApproximateDesign;
 use super::exact::{Watch, exact_design};
-use super::problem::{Problem, SearchError};
+use super::problem::Problem;
 use crate::plan::{Assessment, Criterion, Plan};
 use crate::scenario::Scenario;
 
@@ -32,25 +32,26 @@ pub struct CriterionPlan {
     /// How many searches ended in a plan as good for these criteria; criteria that are not smooth
     /// have many optima. `None` for the plan that was given.
     pub agreeing: Option<usize>,
+    /// Why there is no plan; it is empty then.
+    pub problem: Option<String>,
 }
 
 /// Designs a plan for every criterion of Table 1, of as many measurements and configurations as
 /// `for_test_poses` has, the plan that is best at the test poses. `approximate` is the scenario's
-/// approximate design for them. Criteria without a plan are left out.
-///
-/// # Errors
-/// No experiment is feasible.
+/// approximate design for them. Where there is no plan for a criterion, its entry says why.
+#[must_use]
 pub fn compare_criteria(
     scenario: &Scenario,
     approximate: &ApproximateDesign,
     for_test_poses: &Plan,
     watch: Watch<'_>,
-) -> Result<Vec<CriterionPlan>, SearchError> {
+) -> Vec<CriterionPlan> {
     let judged = |criteria: &[Criterion], plan: Plan, agreeing: Option<usize>| CriterionPlan {
         criteria: criteria.to_vec(),
         rho0_m: Assessment::new(scenario, &plan, None).rho0_m,
         plan,
         agreeing,
+        problem: None,
     };
     let experiments = for_test_poses.measurements();
     let configurations = u32::try_from(for_test_poses.experiments.len()).unwrap_or(experiments);
@@ -67,9 +68,14 @@ pub fn compare_criteria(
             watch,
         ) {
             Ok(design) => plans.push(judged(criteria, design.plan, Some(design.agreeing))),
-            Err(SearchError::Singular { .. }) => {}
-            Err(error) => return Err(error),
+            Err(error) => plans.push(CriterionPlan {
+                criteria: criteria.to_vec(),
+                plan: Plan::default(),
+                rho0_m: None,
+                agreeing: None,
+                problem: Some(error.to_string()),
+            }),
         }
     }
-    Ok(plans)
+    plans
 }

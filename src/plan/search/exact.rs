@@ -160,16 +160,20 @@ pub(super) fn exact_design_from(
     let best = polished
         .iter()
         .min_by(|one, other| one.cost.total_cmp(&other.cost))
-        .ok_or(singular)?;
+        .ok_or_else(|| singular.clone())?;
     let found = best
         .points
         .iter()
         .zip(&best.repeats)
         .map(|(point, &repeats)| point.experiment(repeats));
+    let plan = Plan {
+        experiments: mandatory.experiments.iter().cloned().chain(found).collect(),
+    };
+    if !problem.is_determined_by(&plan) {
+        return Err(singular);
+    }
     Ok(ExactDesign {
-        plan: Plan {
-            experiments: mandatory.experiments.iter().cloned().chain(found).collect(),
-        },
+        plan,
         cost: best.cost,
         searches: independent.len(),
         agreeing: agreeing(&independent, &polished),

@@ -1,24 +1,26 @@
 //! Which joints a planning problem is about, seen at random configurations.
 
-use nalgebra::Matrix3xX;
+use nalgebra::{DMatrix, Matrix3xX};
 use rand::RngExt;
 
 use super::observation::Observer;
-use super::point::LoadChoice;
+use super::point::{LoadChoice, add_information};
 use crate::plan::SmoothBound;
 use crate::random::generator;
 use crate::robot::Load;
 
-/// Which of the observer's parameters do not show at random configurations under any load.
-pub(super) fn unexcited_parameters(
+/// The information of random configurations, each under every load, in the problem's relative units: what
+/// it does not determine, no plan does.
+pub(super) fn random_information(
     mut observer: Observer<'_>,
     ranges: &[(f64, f64)],
     loads: &LoadChoice,
-) -> Vec<usize> {
+) -> DMatrix<f64> {
     const CONFIGURATIONS: u64 = 40;
     let loads = loads.samples();
-    let mut matrix = Matrix3xX::zeros(observer.parameters());
-    let mut shown = vec![0.0_f64; observer.parameters()];
+    let size = observer.parameters();
+    let mut matrix = Matrix3xX::zeros(size);
+    let mut information = DMatrix::zeros(size, size);
     let mut random = generator(0, 2);
     for _ in 0..CONFIGURATIONS {
         let draw = |&(low, high): &(f64, f64)| low + (high - low) * random.random::<f64>();
@@ -26,15 +28,10 @@ pub(super) fn unexcited_parameters(
         observer.move_to(&q);
         for load in &loads {
             observer.observe(load, &mut matrix);
-            for (shown, column) in shown.iter_mut().zip(matrix.column_iter()) {
-                *shown = shown.max(column.norm());
-            }
+            add_information(&mut information, &matrix, 1.0);
         }
     }
-    let largest = shown.iter().copied().fold(0.0, f64::max);
-    (0..shown.len())
-        .filter(|&index| shown[index] <= 1e-9 * largest)
-        .collect()
+    information
 }
 
 /// The joints whose angle changes neither what any experiment tells nor the smooth bounds, found by

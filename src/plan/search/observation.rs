@@ -1,6 +1,6 @@
 //! The observation matrix of one experiment with its derivatives, without allocation.
 
-use nalgebra::{Matrix3, Matrix3xX, Vector3};
+use nalgebra::{DMatrix, Matrix3, Matrix3xX, Vector3};
 
 use crate::plan::ExperimentModel;
 use crate::robot::{KinematicState, Kinematics, Load};
@@ -16,6 +16,8 @@ pub struct Observer<'a> {
     order: Vec<usize>,
     /// Typical compliance over sigma, one for each parameter.
     scale: Vec<f64>,
+    /// Where the parameters are combinations of the joints' relative compliances: these, as columns.
+    basis: Option<DMatrix<f64>>,
     /// The arm's geometry at the last configuration.
     pub state: KinematicState,
     /// Column n of the Jacobian's position rows for each parameter.
@@ -27,12 +29,14 @@ pub struct Observer<'a> {
 
 impl<'a> Observer<'a> {
     /// An observer for a model; `parameters` are joints among the model's, `typical_rad_per_nm` their
-    /// typical compliances.
+    /// typical compliances. With a `basis`, the parameters are the coordinates in it of the relative
+    /// compliances.
     #[must_use]
     pub fn new(
         model: ExperimentModel<'a>,
         parameters: &[usize],
         typical_rad_per_nm: &[f64],
+        basis: Option<&DMatrix<f64>>,
     ) -> Self {
         let count = parameters.len();
         let mut order: Vec<usize> = (0..count).collect();
@@ -44,6 +48,7 @@ impl<'a> Observer<'a> {
                 .iter()
                 .map(|compliance| compliance / model.sigma_m)
                 .collect(),
+            basis: basis.cloned(),
             state: KinematicState::new(model.chain.len()),
             column: vec![Vector3::zeros(); count],
             adjoint: vec![Vector3::zeros(); count],
@@ -55,7 +60,7 @@ impl<'a> Observer<'a> {
     /// The number p of parameters.
     #[must_use]
     pub fn parameters(&self) -> usize {
-        self.scale.len()
+        (self.basis.as_ref()).map_or(self.scale.len(), DMatrix::ncols)
     }
 
     /// The acceleration of gravity (m/s^2).
@@ -77,6 +82,17 @@ impl<'a> Observer<'a> {
 
     /// Writes the scaled observation matrix, 3 x p, at the last configuration.
     pub fn observe(&self, load: &Load, matrix: &mut Matrix3xX<f64>) {
+        match &self.basis {
+            None => self.observe_joints(load, matrix),
+            Some(basis) => {
+                let mut joints = Matrix3xX::zeros(self.scale.len());
+                self.observe_joints(load, &mut joints);
+                joints.mul_to(basis, matrix);
+            }
+        }
+    }
+
+    fn observe_joints(&self, load: &Load, matrix: &mut Matrix3xX<f64>) {
         for (index, &joint) in self.parameters.iter().enumerate() {
             let torque = self.state.load_torque(joint, load);
             matrix.set_column(index, &(self.column[index] * (torque * self.scale[index])));
@@ -90,6 +106,15 @@ impl<'a> Observer<'a> {
     /// and `dJ_n/dq_j` = `z_j` x `J_n` (j <= n) or `z_n` x `J_j` (j > n), the sum over n becomes
     /// `z_j` . sum_{n >= j} (`J_n` x `v_n` + (`B_n` . `J_n`) `z_n` x T) + `J_j` . sum_{n < j} (`v_n` x `z_n`).
     pub fn pull_back(&mut self, load: &Load, factor: &Matrix3xX<f64>, gradient: &mut [f64]) {
+        if let Some(basis) = &self.basis {
+            let of_joints = factor * basis.transpose();
+            self.pull_back_joints(load, &of_joints, gradient);
+        } else {
+            self.pull_back_joints(load, factor, gradient);
+        }
+    }
+
+    fn pull_back_joints(&mut self, load: &Load, factor: &Matrix3xX<f64>, gradient: &mut [f64]) {
         let parameters = &self.parameters;
         for (index, &joint) in parameters.iter().enumerate() {
             let b = factor.column(index) * self.scale[index];
@@ -120,7 +145,14 @@ impl<'a> Observer<'a> {
     /// force F at the last configuration gives in the directions G (p x p, symmetric), for loads
     /// without torque. Its largest eigenvector is the best direction of the force.
     #[must_use]
-    pub fn force_form(&self, directions: &nalgebra::DMatrix<f64>) -> Matrix3<f64> {
+    pub fn force_form(&self, directions: &DMatrix<f64>) -> Matrix3<f64> {
+        match &self.basis {
+            None => self.force_form_of_joints(directions),
+            Some(basis) => self.force_form_of_joints(&(basis * directions * basis.transpose())),
+        }
+    }
+
+    fn force_form_of_joints(&self, directions: &DMatrix<f64>) -> Matrix3<f64> {
         let mut form = Matrix3::zeros();
         for (one, j_one) in self.column.iter().enumerate() {
             for (other, j_other) in self.column.iter().enumerate() {
@@ -137,6 +169,13 @@ impl<'a> Observer<'a> {
     /// The derivative of sum(B * A) with respect to the force F.
     #[must_use]
     pub fn force_gradient(&self, factor: &Matrix3xX<f64>) -> Vector3<f64> {
+        match &self.basis {
+            None => self.force_gradient_of_joints(factor),
+            Some(basis) => self.force_gradient_of_joints(&(factor * basis.transpose())),
+        }
+    }
+
+    fn force_gradient_of_joints(&self, factor: &Matrix3xX<f64>) -> Vector3<f64> {
         self.column
             .iter()
             .enumerate()

@@ -3,10 +3,11 @@
 use nalgebra::{DMatrix, Matrix3xX};
 use thiserror::Error;
 
-use super::joints::{indifferent_joints, unexcited_parameters};
+use super::joints::{indifferent_joints, random_information};
 use super::observation::Observer;
 use super::point::{LoadChoice, add_information};
 use crate::compensation::test_pose_matrix;
+use crate::estimable::Estimable;
 use crate::plan::{
     Criterion, CriterionFunction, ExperimentModel, Plan, SmoothBound, bounds_of, widened,
 };
@@ -29,6 +30,15 @@ pub enum SearchError {
         joints.join(", ")
     )]
     NotExcited {
+        /// The joints.
+        joints: Vec<String>,
+    },
+    /// What is asked for depends on compliances of which feasible experiments show combinations only.
+    #[error(
+        "no feasible experiments tell the compliances of {} apart: they show in combinations only",
+        joints.join(", ")
+    )]
+    Inseparable {
         /// The joints.
         joints: Vec<String>,
     },
@@ -83,41 +93,27 @@ pub struct Problem<'a> {
     pub(super) indifferent: Vec<usize>,
     /// The joints whose compliances the plan is to determine.
     parameters: Vec<usize>,
-    /// Those of them that no experiment shows.
-    unexcited: Vec<usize>,
+    /// Where only combinations of these show in any experiment: a basis of what does, in relative units;
+    /// the plan is then about its coordinates.
+    basis: Option<DMatrix<f64>>,
+    /// Why no plan can be what is asked for.
+    impossible: Option<SearchError>,
     typical_rad_per_nm: Vec<f64>,
+    /// C^T in relative units, in coordinates of the basis where there is one.
     test_poses: DMatrix<f64>,
 }
 
 impl<'a> Problem<'a> {
-    /// The planning problem of a scenario for a criterion. For the test pose, a compliance that no
-    /// load shows and that does not matter there is left out; every other criterion is about all
-    /// compliances.
+    /// The planning problem of a scenario for a criterion. For the test pose, compliances or combinations
+    /// that no experiment shows and that do not matter there are left out; every other criterion is about
+    /// all compliances.
     #[must_use]
     pub fn new(scenario: &'a Scenario, criterion: Criterion) -> Self {
         let mut problem = Self::of_parameters(scenario, criterion, &scenario.parameters);
-        let unexcited = unexcited_parameters(problem.observer(), &problem.ranges, &problem.loads);
-        problem.unexcited = (unexcited.into_iter())
-            .map(|index| scenario.parameters[index])
-            .collect();
-        if criterion == Criterion::TestPose {
-            let matters = |&index: &usize| {
-                problem.test_poses.row(index).amax() > 1e-9 * problem.test_poses.amax()
-            };
-            let kept: Vec<usize> = (0..scenario.parameters.len())
-                .filter(|index| {
-                    !problem.unexcited.contains(&scenario.parameters[*index]) || matters(index)
-                })
-                .map(|index| scenario.parameters[index])
-                .collect();
-            if !kept.is_empty() && kept.len() < scenario.parameters.len() {
-                let unexcited = problem.unexcited;
-                problem = Self::of_parameters(scenario, criterion, &kept);
-                problem.unexcited = unexcited
-                    .into_iter()
-                    .filter(|joint| kept.contains(joint))
-                    .collect();
-            }
+        let information = random_information(problem.observer(), &problem.ranges, &problem.loads);
+        let shown = Estimable::new(&information, &vec![1.0; problem.parameters()]);
+        if !shown.is_complete() {
+            problem = problem.within(&shown, &information);
         }
         problem.indifferent = indifferent_joints(
             problem.observer(),
@@ -128,8 +124,50 @@ impl<'a> Problem<'a> {
         problem
     }
 
+    /// The problem within what experiments show, if that is enough.
+    fn within(mut self, shown: &Estimable, information: &DMatrix<f64>) -> Self {
+        let basis = shown.basis();
+        let size = self.parameters();
+        let silent: Vec<bool> = (0..size)
+            .map(|index| basis.row(index).iter().all(|value| *value == 0.0))
+            .collect();
+        let missing: Vec<usize> = if self.criterion == Criterion::TestPose {
+            let rows = self.test_poses.transpose();
+            let inverse = (basis.tr_mul(information) * basis).try_inverse();
+            let within = &rows * basis;
+            let variance = inverse.map(|inverse| (&within * inverse * within.transpose()).trace());
+            shown.missing(&rows, variance.unwrap_or(0.0).max(0.0).sqrt())
+        } else {
+            let unit = |index| DMatrix::from_fn(1, size, |_, at| f64::from(u8::from(at == index)));
+            let needs = |&index: &usize| !shown.missing(&unit(index), 0.0).is_empty();
+            (0..size).filter(needs).collect()
+        };
+        let name = |&index: &usize| {
+            let joint = self.parameters[index];
+            self.scenario.nominal.chain.joints[joint].name.clone()
+        };
+        let (alone, together): (Vec<usize>, Vec<usize>) =
+            missing.iter().partition(|&&index| silent[index]);
+        if !alone.is_empty() {
+            let joints = alone.iter().map(name).collect();
+            self.impossible = Some(SearchError::NotExcited { joints });
+        } else if !together.is_empty() {
+            let joints = together.iter().map(name).collect();
+            self.impossible = Some(SearchError::Inseparable { joints });
+        } else if basis.ncols() > 0 {
+            let kept: Vec<usize> = (0..size).filter(|&index| !silent[index]).collect();
+            if kept.len() == basis.ncols() {
+                let kept: Vec<usize> = kept.iter().map(|&index| self.parameters[index]).collect();
+                return Self::of_parameters(self.scenario, self.criterion, &kept);
+            }
+            self.test_poses = basis.tr_mul(&self.test_poses);
+            self.basis = Some(basis.clone());
+        }
+        self
+    }
+
     fn of_parameters(scenario: &'a Scenario, criterion: Criterion, parameters: &[usize]) -> Self {
-        let typical_rad_per_nm = typical(scenario, parameters);
+        let typical_rad_per_nm = scenario.nominal.typical_rad_per_nm(parameters);
         Self {
             indifferent: Vec::new(),
             bounds: bounds_of(&scenario.region),
@@ -137,7 +175,8 @@ impl<'a> Problem<'a> {
             loads: LoadChoice::new(&scenario.loads),
             test_poses: scaled_test_poses(scenario, parameters, &typical_rad_per_nm),
             parameters: parameters.to_vec(),
-            unexcited: Vec::new(),
+            basis: None,
+            impossible: None,
             typical_rad_per_nm,
             criterion,
             effort: Effort::default(),
@@ -172,28 +211,34 @@ impl<'a> Problem<'a> {
         })
     }
 
-    /// Every compliance must show in some experiment.
+    /// What is asked for must show in some experiments.
     ///
     /// # Errors
-    /// Those that do not are named.
+    /// The compliances that do not are named.
     pub(super) fn check_excited(&self) -> Result<(), SearchError> {
-        if self.unexcited.is_empty() {
-            return Ok(());
-        }
-        let names = self.scenario.parameter_names();
-        let named = self.scenario.parameters.iter().zip(names);
-        Err(SearchError::NotExcited {
-            joints: named
-                .filter(|(joint, _)| self.unexcited.contains(joint))
-                .map(|(_, name)| name)
-                .collect(),
-        })
+        self.impossible.clone().map_or(Ok(()), Err)
     }
 
-    /// The number p of compliances.
+    /// Whether a plan determines what the criterion asks for.
+    pub(super) fn is_determined_by(&self, plan: &Plan) -> bool {
+        let information = self.information(plan);
+        if Estimable::surely_all(&information) {
+            return true;
+        }
+        let estimable = Estimable::new(&information, &vec![1.0; self.parameters()]);
+        match self.criterion {
+            Criterion::TestPose => {
+                let rho0_m = self.cost().value(&information).unwrap_or(0.0);
+                (estimable.missing(&self.test_poses.transpose(), rho0_m)).is_empty()
+            }
+            _ => estimable.is_complete(),
+        }
+    }
+
+    /// The number p of compliances, or of their combinations.
     #[must_use]
     pub fn parameters(&self) -> usize {
-        self.typical_rad_per_nm.len()
+        (self.basis.as_ref()).map_or(self.typical_rad_per_nm.len(), DMatrix::ncols)
     }
 
     /// An observer of this problem's experiments.
@@ -203,6 +248,7 @@ impl<'a> Problem<'a> {
             ExperimentModel::new(self.scenario),
             &self.parameters,
             &self.typical_rad_per_nm,
+            self.basis.as_ref(),
         )
     }
 
@@ -232,38 +278,11 @@ impl<'a> Problem<'a> {
         }
         information
     }
-
-    /// From a scaled covariance to standard errors (rad/(N m)).
-    #[must_use]
-    pub fn standard_errors(&self, covariance: &DMatrix<f64>) -> Vec<f64> {
-        self.typical_rad_per_nm
-            .iter()
-            .enumerate()
-            .map(|(index, typical)| covariance[(index, index)].max(0.0).sqrt() * typical)
-            .collect()
-    }
 }
 
 fn ranges_of(region: &Region) -> Vec<(f64, f64)> {
     let ranges = region.joint_range_rad.iter();
     ranges.map(|&[low, high]| (low, high)).collect()
-}
-
-/// Nominal compliances of the parameters; the largest one stands in for a joint held to be rigid.
-fn typical(scenario: &Scenario, parameters: &[usize]) -> Vec<f64> {
-    let nominal = &scenario.nominal.compliance_rad_per_nm;
-    let largest = nominal.iter().copied().fold(0.0, f64::max);
-    let fallback = if largest > 0.0 { largest } else { 1e-6 };
-    parameters
-        .iter()
-        .map(|&joint| {
-            if nominal[joint] > 0.0 {
-                nominal[joint]
-            } else {
-                fallback
-            }
-        })
-        .collect()
 }
 
 /// C^T (p x 3 poses): the test poses' matrices in relative units, times the roots of the weights.

@@ -122,6 +122,7 @@ pub fn criteria_figure(plans: &[CriterionPlanMessage]) -> Result<String, PlotErr
             let more = percent(Some(rho0 / best - 1.0), 0);
             format!("{} (+{more})", micrometres(Some(rho0)))
         }
+        (None, _) if plan.problem.is_some() => "no plan".to_owned(),
         (rho0, _) => micrometres(rho0),
     };
     let notes: Vec<String> = plans.iter().enumerate().map(note).collect();

@@ -37,8 +37,8 @@ pub struct RunRecord<'a> {
     pub plans: &'a [(CalibrationMessage, AssessmentMessage)],
     /// What the designed plan is shown beside.
     pub evidence: &'a EvidenceMessage,
-    /// The number of random plans, and the median of their `rho0_mm`.
-    pub random: (u64, f64),
+    /// The number of random plans, and the median of their `rho0_mm` where there is one.
+    pub random: (u64, Option<f64>),
     /// The named conditions that did not hold.
     pub conditions: &'a [String],
     /// The command that made the report.

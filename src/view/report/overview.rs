@@ -100,14 +100,17 @@ fn proof_card(run: &RunRecord<'_>, assessment: &AssessmentMessage) -> String {
 
 fn random_card(run: &RunRecord<'_>, assessment: &AssessmentMessage) -> String {
     let (count, median_mm) = run.random;
-    let times = assessment.rho0_mm.map(|rho0| median_mm / rho0);
+    let times = assessment
+        .rho0_mm
+        .zip(median_mm)
+        .map(|(rho0, median)| median / rho0);
     card(
         "",
         "Against a random plan",
         &format!("{} times as accurate", number(times, 1)),
         &format!(
             "The median of {count} random plans promises {}. It would take {} times as many measurements to get as far.",
-            micrometres(Some(median_mm)),
+            micrometres(median_mm),
             number(times.map(|times| times * times), 1)
         ),
     )

@@ -1,0 +1,292 @@
+//! What `compensate` trusts: files of another robot are refused, and what speaks against a file is said.
+
+use serde_json::{Value, json};
+
+use crate::support::{Outcome, Workplace, scenario_text, table4};
+
+/// The paper's scenario, and what was identified under it.
+fn identified() -> Workplace {
+    let workplace = Workplace::new();
+    workplace.write("s.toml", scenario_text("klimchik2012"));
+    elastocal::plan::write_plan(&workplace.path("p.csv"), 6, &table4(4)).expect("can be written");
+    workplace
+        .run("measure s.toml --plan p.csv --measurements-out m.csv")
+        .ends_with(0);
+    workplace
+        .run("identify s.toml --measurements m.csv --identified-out i.json")
+        .ends_with(0);
+    workplace
+}
+
+fn compensate(workplace: &Workplace, code: i32) -> Outcome {
+    workplace
+        .run("compensate s.toml --identified i.json --quiet --json")
+        .ends_with(code)
+}
+
+/// Changes the identified file.
+fn edit(workplace: &Workplace, change: impl FnOnce(&mut Value)) {
+    let mut json: Value = serde_json::from_str(&workplace.read("i.json")).expect("JSON");
+    change(&mut json);
+    workplace.write("i.json", json.to_string());
+}
+
+fn replace(workplace: &Workplace, from: &str, to: &str) {
+    let text = workplace.read("s.toml");
+    assert!(text.contains(from), "{from}");
+    workplace.write("s.toml", text.replace(from, to));
+}
+
+#[test]
+fn what_differs_harmlessly_does_not_matter() {
+    let workplace = identified();
+    let first = compensate(&workplace, 0);
+    assert_eq!(first.stderr, "");
+    // A new description, another seed, another plan; another job for the same robot.
+    replace(&workplace, "seed = 1", "seed = 2");
+    replace(
+        &workplace,
+        "description = \"The problem",
+        "description = \"Problem",
+    );
+    replace(&workplace, "experiments = 3", "experiments = 5");
+    assert_eq!(
+        compensate(&workplace, 0).json()["q_commanded_deg"],
+        first.json()["q_commanded_deg"]
+    );
+    replace(
+        &workplace,
+        "force_n = [0, 280, -180]",
+        "force_n = [0, 100, -180]",
+    );
+    assert_ne!(
+        compensate(&workplace, 0).json()["q_commanded_deg"],
+        first.json()["q_commanded_deg"]
+    );
+}
+
+#[test]
+fn another_robots_file_is_refused() {
+    let workplace = identified();
+    let model =
+        std::fs::read_to_string(crate::support::project("models/kr270.xml")).expect("is there");
+    let longer = model.replace(
+        "<body name=\"link_3\" pos=\"1.250 0 0\"",
+        "<body name=\"link_3\" pos=\"1.300 0 0\"",
+    );
+    assert_ne!(model, longer, "the third link's place is written otherwise");
+    workplace.write("kr270.xml", longer);
+    replace(
+        &workplace,
+        &crate::support::project("models").to_string_lossy(),
+        ".",
+    );
+    let outcome = compensate(&workplace, 1);
+    assert!(
+        outcome
+            .stderr
+            .contains("i.json: identified_with.robot_sha256: was identified with another robot"),
+        "{outcome:#?}"
+    );
+    assert!(
+        outcome.stderr.contains("hint: ") && outcome.stderr.contains("--identified-out i.json")
+    );
+    assert_eq!(outcome.stdout, "");
+}
+
+#[test]
+fn what_it_was_identified_under_must_still_be_believed() {
+    for (from, to) in [
+        ("sigma_mm = 0.03", "sigma_mm = 0.05"),
+        (
+            "calibration_site = \"calibration_tcp\"",
+            "calibration_site = \"machining_tcp\"",
+        ),
+        (
+            "[instrument]",
+            "compliance_rad_per_nm = [1e-6, 1e-6, 1e-6, 1e-6, 1e-6, 1e-6]\n[instrument]",
+        ),
+    ] {
+        let workplace = identified();
+        replace(&workplace, from, to);
+        let outcome = compensate(&workplace, 3);
+        assert!(
+            outcome
+                .stderr
+                .contains("i.json was identified under another scenario"),
+            "{outcome:#?}"
+        );
+        assert!(outcome.stderr.contains(
+            "renew it with `elastocal identify s.toml --measurements FILE --identified-out i.json`"
+        ));
+    }
+}
+
+#[test]
+fn files_of_earlier_versions_are_read_and_said_to_be_old() {
+    let workplace = identified();
+    let new = compensate(&workplace, 0).json();
+    edit(&workplace, |json| {
+        let keys = json.as_object_mut().expect("an object");
+        for key in [
+            "identified_with",
+            "compliance_applied_rad_per_nm",
+            "compliance_typical_rad_per_nm",
+            "undetermined_directions",
+            "conditions",
+            "consistency_lower",
+        ] {
+            keys.remove(key).expect(key);
+        }
+    });
+    let outcome = compensate(&workplace, 3);
+    assert!(
+        outcome
+            .stderr
+            .contains("i.json does not say what it was identified with"),
+        "{outcome:#?}"
+    );
+    let old = outcome.json();
+    assert_eq!(old["q_commanded_deg"], new["q_commanded_deg"]);
+    assert_eq!(old["rho0_mm"], new["rho0_mm"]);
+    // Without an estimate nothing can be promised where that joint matters.
+    edit(&workplace, |json| {
+        json["compliance_rad_per_nm"][1] = Value::Null;
+    });
+    let outcome = compensate(&workplace, 3);
+    assert!(
+        outcome.stderr.contains("not determined (joint_3)") && outcome.json()["rho0_mm"].is_null()
+    );
+}
+
+#[test]
+fn doubts_of_the_identification_are_repeated() {
+    let workplace = identified();
+    // Ten times as exact as it is.
+    replace(&workplace, "sigma_mm = 0.03", "sigma_mm = 0.003");
+    let identify = "identify s.toml --measurements m.csv --identified-out i.json";
+    let identify = workplace.run(identify).ends_with(3);
+    assert!(identify.stderr.contains("the residuals are too large"));
+    let outcome = compensate(&workplace, 3);
+    let condition = "condition: the identification in i.json: the residuals are too large";
+    assert!(outcome.stderr.contains(condition), "{outcome:#?}");
+}
+
+#[test]
+fn a_negative_compliance_is_no_reason_to_be_content() {
+    let workplace = identified();
+    edit(&workplace, |json| {
+        json["compliance_rad_per_nm"][1] = json!(-1e-7);
+    });
+    let outcome = compensate(&workplace, 3);
+    assert!(
+        outcome
+            .stderr
+            .contains("condition: the compliance of joint_3 is negative"),
+        "{outcome:#?}"
+    );
+}
+
+#[test]
+fn a_damaged_subspace_is_an_error() {
+    for (directions, problem) in [
+        (json!([[1, 0]]), "found 2 values"),
+        (json!([[1, 1, 0, 0, 0]]), "not orthonormal"),
+        (json!([[1, 0, 0, 0, 0], [1, 0, 0, 0, 0]]), "not orthonormal"),
+    ] {
+        let workplace = identified();
+        edit(&workplace, |json| {
+            json["undetermined_directions"] = directions;
+        });
+        let outcome = compensate(&workplace, 1);
+        let place = "i.json: undetermined_directions: ";
+        assert!(
+            outcome.stderr.contains(place) && outcome.stderr.contains(problem),
+            "{outcome:#?}"
+        );
+    }
+}
+
+/// The deflection there is 0.05 deg in joint 5, and the pose 0.01 deg from its limit.
+#[test]
+fn angles_beyond_the_limits_are_named() {
+    let workplace = identified();
+    let at_limit = "q_deg = [0, -56.9, 89.3, 45.1, 124.999, 57.2]";
+    replace(
+        &workplace,
+        "q_deg = [0, -56.9, 89.3, 45.1, 76, 57.2]",
+        at_limit,
+    );
+    for force in ["force_n = [2000, 0, 0]", "force_n = [-2000, 0, 0]"] {
+        let text = workplace.read("s.toml");
+        let start = text.find("force_n = [").expect("is there");
+        let end = start + text[start..].find('\n').expect("a line");
+        workplace.write("s.toml", text[..start].to_owned() + force + &text[end..]);
+        let outcome = workplace.run("compensate s.toml --identified i.json --quiet --json");
+        let angle = outcome.json()["q_commanded_deg"][4]
+            .as_f64()
+            .expect("a number");
+        let condition = "condition: test pose \"milling\": joint_5 would be commanded to 125.";
+        assert_eq!(
+            outcome.code,
+            Some(if angle > 125.0 { 3 } else { 0 }),
+            "{outcome:#?}"
+        );
+        assert_eq!(outcome.stderr.contains(condition), angle > 125.0);
+        assert_eq!(
+            outcome
+                .stderr
+                .contains("its limits are -125.0000 to 125.0000 deg"),
+            angle > 125.0
+        );
+    }
+}
+
+/// Metres in the columns of millimetres: everything fits, too well.
+#[test]
+fn residuals_can_be_too_small() {
+    let workplace = identified();
+    let text = workplace.read("m.csv");
+    let mut lines = text.lines();
+    let header = lines.next().expect("a header");
+    let deflections: Vec<usize> = (header.split(',').enumerate())
+        .filter(|(_, name)| ["dx_mm", "dy_mm", "dz_mm"].contains(name))
+        .map(|(index, _)| index)
+        .collect();
+    assert_eq!(deflections.len(), 3);
+    let mut in_metres = header.to_owned() + "\n";
+    for line in lines {
+        let scaled = line.split(',').enumerate().map(|(index, field)| {
+            let number: f64 = field.parse().expect("a number");
+            if deflections.contains(&index) {
+                (number * 1e-3).to_string()
+            } else {
+                field.to_owned()
+            }
+        });
+        in_metres += &(scaled.collect::<Vec<_>>().join(",") + "\n");
+    }
+    workplace.write("m.csv", in_metres);
+    for method in ["linear", "nonlinear"] {
+        let identify = format!(
+            "identify s.toml --measurements m.csv --method {method} --identified-out i.json --json --quiet"
+        );
+        let outcome = workplace.run(&identify).ends_with(3);
+        assert!(
+            outcome
+                .stderr
+                .contains("the residuals are too small for sigma = 0.0300 mm"),
+            "{outcome:#?}"
+        );
+        let json = outcome.json();
+        let probability = |key: &str| json[key].as_f64().expect("a number");
+        assert!(probability("consistency_lower") < 1e-4);
+        let sum = probability("consistency") + probability("consistency_lower");
+        assert!((sum - 1.0).abs() < 1e-12, "{sum}");
+        assert!(
+            compensate(&workplace, 3)
+                .stderr
+                .contains("the residuals are too small")
+        );
+    }
+}
