@@ -21,15 +21,6 @@ pub struct LeastSquares {
 }
 
 impl LeastSquares {
-    /// What numbers without a factorisation tell.
-    fn of_nothing(unknowns: usize) -> Self {
-        Self {
-            solution: DVector::zeros(unknowns),
-            covariance: DMatrix::zeros(unknowns, unknowns),
-            condition: f64::INFINITY,
-        }
-    }
-
     /// Solves within the directions that are determined, by the singular value decomposition of the
     /// matrix with its columns scaled to length one.
     #[must_use]
@@ -54,13 +45,6 @@ impl LeastSquares {
         let unknowns = matrix.ncols();
         let mut solution = DVector::zeros(unknowns);
         let mut covariance = DMatrix::zeros(unknowns, unknowns);
-        if unknowns == 0 {
-            return Self {
-                solution,
-                covariance,
-                condition: 1.0,
-            };
-        }
         let inverse = |length: f64| if length > 0.0 { length.recip() } else { 0.0 };
         let scale: Vec<f64> = (matrix.column_iter())
             .map(|column| inverse(column.norm()))
@@ -69,8 +53,13 @@ impl LeastSquares {
         for (mut column, factor) in scaled.column_iter_mut().zip(&scale) {
             column *= *factor;
         }
-        let Some(svd) = finite_svd(scaled) else {
-            return Self::of_nothing(unknowns);
+        // No unknowns, or numbers without a factorisation: these tell nothing.
+        let Some(svd) = finite_svd(scaled).filter(|_| unknowns > 0) else {
+            return Self {
+                solution,
+                covariance,
+                condition: f64::INFINITY,
+            };
         };
         let (Some(u), Some(v_t)) = (&svd.u, &svd.v_t) else {
             unreachable!("both factors were asked for");

@@ -11,7 +11,7 @@ use elastocal::scenario::Method;
 use elastocal::wording::shell_word;
 use serde_json::{Value, json};
 
-use super::identified::read_identified;
+use super::identified::{WANTED, read_identified};
 use super::table::{number, table};
 use super::{Common, Report, named_by_file, results, without_effect};
 
@@ -32,13 +32,12 @@ pub struct Compensate {
 
 impl Compensate {
     pub fn execute(&self) -> anyhow::Result<Report> {
-        let hint = "the file must be one that `elastocal identify --identified-out` wrote";
-        let (text, json) = read_results(&self.identified, &["identify", "run"], hint)?;
+        let (text, json) = read_results(&self.identified, &["identify", "run"], WANTED)?;
         let origin = origin(&json);
         let file = shell_word(&self.identified.to_string_lossy());
         let usage = format!("elastocal compensate SCENARIO --identified {file}");
         let scenario = (self.common).load_for(&self.identified, origin.as_ref(), &usage)?;
-        let identified = read_identified(&self.identified, &text, hint, &scenario)?;
+        let identified = read_identified(&self.identified, &text, &scenario)?;
         let method = self.method.unwrap_or(scenario.method);
         self.common.say("compensating on the virtual robot");
         let (compliance, posterior) = (&identified.compliance_rad_per_nm, &identified.posterior);

@@ -13,6 +13,9 @@ use nalgebra::DMatrix;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 
+/// Which file is wanted.
+pub const WANTED: &str = "the file must be one that `elastocal identify --identified-out` wrote";
+
 /// What an identification gives to compensate with.
 pub struct Identified {
     /// The compliance of every joint (rad/(N m)).
@@ -33,11 +36,10 @@ struct IdentifiedWith {
 pub fn read_identified(
     path: &Path,
     text: &str,
-    hint: &str,
     scenario: &Scenario,
 ) -> Result<Identified, FileError> {
-    let message: IdentificationMessage = parse(path, text, hint)?;
-    let with: IdentifiedWith = parse(path, text, hint)?;
+    let message: IdentificationMessage = parse(path, text)?;
+    let with: IdentifiedWith = parse(path, text)?;
     let expected = scenario.parameter_names();
     if message.parameters != expected {
         let problem = format!(
@@ -56,6 +58,13 @@ pub fn read_identified(
     for (&joint, value) in scenario.parameters.iter().zip(&posterior.mean) {
         compliance_rad_per_nm[joint] = *value;
     }
+    for (name, value) in expected.iter().zip(&posterior.mean) {
+        let negative = format!("the compliance of {name} is negative");
+        let is_said = |condition: &String| condition.contains(&negative[4..]);
+        if *value < 0.0 && !conditions.iter().any(is_said) {
+            conditions.push(negative);
+        }
+    }
     Ok(Identified {
         compliance_rad_per_nm,
         posterior,
@@ -63,10 +72,10 @@ pub fn read_identified(
     })
 }
 
-fn parse<T: DeserializeOwned>(path: &Path, text: &str, hint: &str) -> Result<T, FileError> {
+fn parse<T: DeserializeOwned>(path: &Path, text: &str) -> Result<T, FileError> {
     let reader = &mut serde_json::Deserializer::from_str(text);
     serde_path_to_error::deserialize(reader).map_err(|error| {
-        let wrong = FileError::new(path, error.inner().to_string()).hint(hint);
+        let wrong = FileError::new(path, error.inner().to_string()).hint(WANTED);
         match error.path().to_string().as_str() {
             "." => wrong,
             key => wrong.at(key),

@@ -77,16 +77,14 @@ impl Identify {
         let diagnoses = diagnoses(&case, Some(&identification));
         let mut message = IdentificationMessage::from(&identification);
         message.conditions.extend(diagnoses.iter().map(likely));
-        let rests_on = json!({
+        let keys = json!({
             "sigma_from_residuals": self.sigma_from_residuals,
             "identified_with": FingerprintMessage::from(scenario.fingerprint()),
             "scenario_file": scenario.path,
         });
-        let mut json = results(
-            "identify",
-            &ProvenanceMessage::new(&scenario).with_input("measurements", &self.measurements)?,
-            rests_on,
-        );
+        let provenance =
+            ProvenanceMessage::new(&scenario).with_input("measurements", &self.measurements)?;
+        let mut json = results("identify", &provenance, keys);
         merge(&mut json, serde_json::to_value(&message)?);
         let more = ResidualsMessage::new(&residuals, &diagnoses);
         merge(&mut json, serde_json::to_value(&more)?);

@@ -112,6 +112,8 @@ impl Run {
 
         let (plans, random) = plans_to_compare(&scenario, designed.exact.plan)?;
         common.say("measuring, identifying and compensating in MuJoCo");
+        let outside = |(name, plan): &(String, Plan)| loads_outside(&scenario, plan, Some(name));
+        let loads_outside: Vec<String> = plans.iter().filter_map(outside).collect();
         let (entries, failed) = calibrate_all(&scenario, plans, random, &bound)?;
         for each in &failed {
             warn(
@@ -162,10 +164,7 @@ impl Run {
         let main = &entries[0].calibration.1;
         let mut conditions = main.identification.conditions();
         conditions.extend(pose_conditions(&scenario, &main.poses));
-        conditions.extend((entries.iter()).filter_map(|entry| {
-            let (name, made) = &entry.calibration;
-            loads_outside(&scenario, &made.plan, Some(name))
-        }));
+        conditions.extend(loads_outside);
         let stills = stills::sheet(&scenario, &entries[0].calibration.1.plan);
         let page = run_page(&RunRecord {
             scenario: &scenario,

@@ -412,10 +412,9 @@ impl Stored {
             let problem = format!("found {found}; there are {plans} plans");
             return Err(("tallies".to_owned(), problem));
         }
-        let parameters = header.parameters.len();
         let tallies: Vec<Tally> = (self.tallies.iter().enumerate())
             .map(|(index, stored)| {
-                restore(stored, parameters)
+                restore(stored, header.parameters.len())
                     .map_err(|(key, problem)| (format!("tallies[{index}].{key}"), problem))
             })
             .collect::<Result<_, _>>()?;
@@ -446,6 +445,12 @@ fn restore(stored: &StoredTally, parameters: usize) -> Result<Tally, (&'static s
     let sums: Option<Vec<i128>> = stored.sums.iter().map(|text| text.parse().ok()).collect();
     let sums = (sums.and_then(|sums| sums.try_into().ok()))
         .ok_or_else(|| ("sums", format!("{SUMS} whole numbers as text are allowed")))?;
+    let most = stored.runs.saturating_mul(parameters as u64);
+    let freedom = stored.freedom.unwrap_or(most);
+    if freedom > most {
+        let problem = format!("found {freedom}; 0 to {most} are allowed");
+        return Err(("freedom", problem));
+    }
     let mut bins = vec![0; BINS];
     for &(index, count) in &stored.histogram {
         match bins.get_mut(index) {
@@ -461,7 +466,7 @@ fn restore(stored: &StoredTally, parameters: usize) -> Result<Tally, (&'static s
     }
     Ok(Tally {
         runs: stored.runs,
-        freedom: (stored.freedom).unwrap_or(stored.runs.saturating_mul(parameters as u64)),
+        freedom,
         pairs: stored.pairs,
         failed,
         sums,
