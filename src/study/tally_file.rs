@@ -424,6 +424,9 @@ impl Stored {
             tally
                 .check(runs, reference)
                 .map_err(|(key, problem)| (format!("tallies[{index}].{key}"), problem))?;
+            // Each run determines so many compliances at most.
+            let most = tally.runs.saturating_mul(header.parameters.len() as u64);
+            is_within(&format!("tallies[{index}].freedom"), tally.freedom, 0, most)?;
         }
         Ok(TallyFile {
             header,
@@ -447,10 +450,6 @@ fn restore(stored: &StoredTally, parameters: usize) -> Result<Tally, (&'static s
         .ok_or_else(|| ("sums", format!("{SUMS} whole numbers as text are allowed")))?;
     let most = stored.runs.saturating_mul(parameters as u64);
     let freedom = stored.freedom.unwrap_or(most);
-    if freedom > most {
-        let problem = format!("found {freedom}; 0 to {most} are allowed");
-        return Err(("freedom", problem));
-    }
     let mut bins = vec![0; BINS];
     for &(index, count) in &stored.histogram {
         match bins.get_mut(index) {
