@@ -26,10 +26,11 @@ where
     SymmetricEigen::try_new(matrix.clone_owned(), f64::EPSILON, MAXIMUM_SWEEPS)
 }
 
-/// The singular values with both factors; `None` for numbers that have none.
+/// The singular values with both factors; `None` for numbers that have none, and where there are no
+/// numbers.
 #[must_use]
 pub fn finite_svd(matrix: DMatrix<f64>) -> Option<SVD<f64, Dyn, Dyn>> {
-    if !is_tame(matrix.iter()) {
+    if matrix.is_empty() || !is_tame(matrix.iter()) {
         return None;
     }
     // nalgebra's own tolerance.

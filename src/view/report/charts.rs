@@ -178,10 +178,10 @@ fn shortened(name: &str) -> String {
 /// Room for the longest of some texts.
 fn width_of(texts: &[String]) -> u32 {
     let longest = texts.iter().map(|text| text.chars().count()).max();
-    // The mean width of a letter at this size, with something to spare.
+    // The mean width of a letter at this size in a wide font, with something to spare.
     u32::try_from(longest.unwrap_or(0))
         .unwrap_or(u32::MAX)
-        .saturating_mul(25)
+        .saturating_mul(33)
         / 2
 }
 
