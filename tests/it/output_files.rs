@@ -107,11 +107,12 @@ fn a_fifo_is_written_into() {
         let fifo = workplace.path("fifo");
         let reader = std::thread::spawn(move || std::fs::read(fifo).expect("can be read"));
         workplace.run(&arguments).ends_with(0);
+        // Nobody would ever write to a FIFO that was replaced.
+        let found = workplace.path("fifo").metadata().expect("is there");
+        assert!(found.file_type().is_fifo(), "{arguments}");
         let read = reader.join().expect("the reader ends");
         assert_eq!(read.len() as u64, bytes, "{arguments}");
     }
-    let found = workplace.path("fifo").metadata().expect("is there");
-    assert!(found.file_type().is_fifo());
 }
 
 #[test]
@@ -143,6 +144,8 @@ fn a_socket_is_written_into() {
         text
     });
     workplace.run(&format!("{IDENTIFY} socket")).ends_with(0);
+    let found = workplace.path("socket").metadata().expect("is there");
+    assert!(found.file_type().is_socket());
     assert_eq!(
         reader.join().expect("the reader ends"),
         workplace.read("i.json")
