@@ -7,8 +7,8 @@ use clap::Args;
 use elastocal::plan::{Feasibility, read_plan};
 use elastocal::platform::platform;
 use elastocal::record::messages::{ProvenanceMessage, SchemaMessage};
-use elastocal::record::understanding::UnderstandingMessage;
-use elastocal::understanding::{Understanding, UnderstoodPose};
+use elastocal::record::understanding::{UnderstandingMessage, UnknownsMessage};
+use elastocal::understanding::{Understanding, UnderstoodPose, unknowns};
 use nalgebra::Vector3;
 use serde_json::{Value, json};
 
@@ -24,6 +24,10 @@ pub struct Check {
     /// A plan to check against the scenario.
     #[arg(long, value_name = "FILE")]
     plan: Option<PathBuf>,
+    /// Tell which parameters of the robot could be identified from deflections, positions and poses, and
+    /// which cannot be told apart.
+    #[arg(long)]
+    parameters: bool,
 }
 
 impl Check {
@@ -62,7 +66,14 @@ impl Check {
         } else {
             format!("{}\n", problems.join("\n"))
         };
-        let text = if is_about_a_plan {
+        let told_apart: Vec<UnknownsMessage> = if self.parameters {
+            unknowns(&scenario).iter().map(Into::into).collect()
+        } else {
+            Vec::new()
+        };
+        let text = if self.parameters {
+            told_apart.iter().map(describe_unknowns).collect::<String>() + &verdict
+        } else if is_about_a_plan {
             verdict
         } else {
             describe(&understanding) + &verdict
@@ -80,6 +91,9 @@ impl Check {
         let mut json = results("check", &provenance, json);
         let understood = UnderstandingMessage::new(&understanding);
         merge(&mut json, serde_json::to_value(understood)?);
+        if self.parameters {
+            merge(&mut json, json!({ "identifiable": told_apart }));
+        }
         Ok(Report {
             json,
             text,
@@ -174,4 +188,22 @@ fn describe_pose(understanding: &Understanding, pose: &UnderstoodPose) -> String
         place(pose.calibration_tool_m),
         place(pose.machining_tool_m),
     )
+}
+
+/// A minimal set of parameters, and what is redundant beside it.
+fn describe_unknowns(unknowns: &UnknownsMessage) -> String {
+    let mut text = format!(
+        "From a {} of the calibration tool, {} of {} parameters can be identified together:\n",
+        unknowns.reading,
+        unknowns.minimal_set.len(),
+        unknowns.parameters
+    );
+    for line in unknowns.minimal_set.chunks(8) {
+        text += &format!("  {}\n", line.join(", "));
+    }
+    text += "These can be left out:\n";
+    for each in &unknowns.redundant {
+        text += &format!("  {}: {}\n", each.parameter, each.reason);
+    }
+    text + "\n"
 }

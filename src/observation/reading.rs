@@ -39,6 +39,17 @@ impl ReadingKind {
         }
     }
 
+    /// Its name: what is read.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Deflection => "deflection",
+            Self::DeflectionAndRotation => "deflection and rotation",
+            Self::Position => "position",
+            Self::Pose => "pose",
+        }
+    }
+
     /// Whether it compares the loaded with the unloaded arm.
     #[must_use]
     pub const fn is_deflection(self) -> bool {

@@ -12,7 +12,7 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector, Isometry3, SymmetricEigen, Vector3};
 
-use super::words::{reduced, sentences};
+use super::words::{SPARSE, reduced, sentences};
 use super::{Axis, Belief, ParameterKind, ParameterSet};
 use crate::estimable::Estimable;
 
@@ -109,7 +109,7 @@ fn held(
     let parts = DMatrix::from_diagonal(&information.diagonal().add_scalar(NOTHING));
     // One by one first, in combinations of few parameters: one that is seen must not tinge others. Then
     // what is not seen at all of those that are.
-    let (hidden, seen): (Vec<_>, Vec<_>) = reduced(set, &candidates)
+    let (hidden, seen): (Vec<_>, Vec<_>) = reduced(set, &candidates, SPARSE)
         .into_iter()
         .map(|(_, direction)| direction)
         .partition(|direction| {

@@ -10,6 +10,9 @@ const ROUNDING: f64 = 1e-6;
 /// In a weak direction, parameters with less than this share of the largest are not named.
 const MINOR: f64 = 0.3;
 
+/// In a structural direction, every parameter counts that is not left by rounding.
+pub(super) const SPARSE: f64 = 1e-4;
+
 /// Names each of the directions (p x f each, in typical sizes), structural and weak ones.
 pub(super) fn sentences(
     belief: &Belief,
@@ -17,7 +20,7 @@ pub(super) fn sentences(
     structural: &DMatrix<f64>,
     weak: &DMatrix<f64>,
 ) -> Vec<Freedom> {
-    let structural = reduced(set, structural);
+    let structural = reduced(set, structural, SPARSE);
     let mut weak = weak.clone();
     for (pivot, direction) in &structural {
         for mut other in weak.column_iter_mut() {
@@ -25,7 +28,7 @@ pub(super) fn sentences(
             other.axpy(-factor, direction, 1.0);
         }
     }
-    let weak = reduced(set, &weak);
+    let weak = reduced(set, &weak, MINOR);
     let name = |(pivot, direction): &(usize, DVector<f64>), is_structural| {
         describe(belief, set, *pivot, direction, is_structural)
     };
@@ -49,8 +52,12 @@ fn keep(kind: ParameterKind) -> usize {
 }
 
 /// Combinations of the directions with few parameters each: reduced to echelon form, with the parameter
-/// that is left out first as pivot. In typical sizes.
-pub(super) fn reduced(set: &ParameterSet, directions: &DMatrix<f64>) -> Vec<(usize, DVector<f64>)> {
+/// that is left out first as pivot, among those with at least some share of the largest. In typical sizes.
+pub(super) fn reduced(
+    set: &ParameterSet,
+    directions: &DMatrix<f64>,
+    least_share: f64,
+) -> Vec<(usize, DVector<f64>)> {
     let mut rows: Vec<DVector<f64>> = directions
         .column_iter()
         .map(nalgebra::Matrix::into_owned)
@@ -65,7 +72,9 @@ pub(super) fn reduced(set: &ParameterSet, directions: &DMatrix<f64>) -> Vec<(usi
             let group = keep(set.parameters()[index].kind);
             for (row, direction) in rows.iter().enumerate() {
                 let share = direction[index].abs() / direction.amax();
-                if share > 1e-4 && (group < best.0 || (group == best.0 && share > best.1 + 1e-9)) {
+                if share > least_share
+                    && (group < best.0 || (group == best.0 && share > best.1 + 1e-9))
+                {
                     best = (group, share, index, row);
                 }
             }

@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 use serde::Serialize;
 
-use crate::understanding::{Bent, Understanding};
+use crate::understanding::{Bent, Understanding, Unknowns};
 
 /// What `check` understood of a scenario.
 #[derive(Debug, Clone, Serialize)]
@@ -103,4 +103,45 @@ impl UnderstandingMessage {
 
 fn millimetres(position_m: Vector3<f64>) -> [f64; 3] {
     (position_m * 1e3).into()
+}
+
+/// What one kind of reading at the calibration tool can tell of a robot, if all of it were unknown.
+#[derive(Debug, Clone, Serialize)]
+pub struct UnknownsMessage {
+    /// `deflection`, `position` or `pose`.
+    pub reading: String,
+    /// The number of parameters that were asked about.
+    pub parameters: usize,
+    /// A largest set of them that can be determined together.
+    pub minimal_set: Vec<String>,
+    /// The others.
+    pub redundant: Vec<RedundantMessage>,
+}
+
+/// A parameter that can be left out without loss.
+#[derive(Debug, Clone, Serialize)]
+pub struct RedundantMessage {
+    /// The parameter.
+    pub parameter: String,
+    /// Whether that follows from the robot's structure, and not from what is read.
+    pub structural: bool,
+    /// Why.
+    pub reason: String,
+}
+
+impl From<&Unknowns> for UnknownsMessage {
+    fn from(unknowns: &Unknowns) -> Self {
+        Self {
+            reading: unknowns.reading.name().to_owned(),
+            parameters: unknowns.names.len(),
+            minimal_set: unknowns.minimal().into_iter().map(str::to_owned).collect(),
+            redundant: (unknowns.freedoms.iter())
+                .map(|each| RedundantMessage {
+                    parameter: unknowns.names[each.redundant].clone(),
+                    structural: each.is_structural,
+                    reason: each.sentence.clone(),
+                })
+                .collect(),
+        }
+    }
 }

@@ -4,11 +4,14 @@
 //! at the virtual robot's compliances, too.
 
 mod plausibility;
+mod unknowns;
 
 use nalgebra::Vector3;
 
 use crate::robot::{EquilibriumError, EquilibriumSolver, Load, SerialChain, Tool};
 use crate::scenario::{Scenario, TestPose};
+
+pub use unknowns::{Unknowns, unknowns};
 
 /// What a scenario was understood to say.
 #[derive(Debug, Clone, PartialEq)]

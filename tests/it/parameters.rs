@@ -143,3 +143,52 @@ fn every_frame_moves_the_tool_as_mujoco_says() {
         }
     }
 }
+
+/// `check --parameters`: every parameter is in the minimal set or redundant with a reason, and the better
+/// the readings, the more is told apart.
+#[test]
+fn check_names_a_minimal_set() {
+    let place = Workplace::new();
+    let scenario = crate::support::project("scenarios/klimchik2012.toml");
+    let arguments = format!("check {} --parameters --json --quiet", scenario.display());
+    let results = place.run(&arguments).ends_with(0).json();
+    let mut counts = Vec::new();
+    for (reading, each) in ["deflection", "position", "pose"]
+        .iter()
+        .zip(results["identifiable"].as_array().expect("an array"))
+    {
+        assert_eq!(each["reading"], *reading);
+        let minimal = each["minimal_set"].as_array().expect("an array");
+        let redundant = each["redundant"].as_array().expect("an array");
+        assert_eq!(each["parameters"], 61);
+        assert_eq!(minimal.len() + redundant.len(), 61);
+        let reason = |parameter: &str| {
+            let found = redundant.iter().find(|each| each["parameter"] == parameter);
+            found.map_or("", |each| each["reason"].as_str().expect("a text"))
+        };
+        assert_eq!(
+            reason("joint_1.zero"),
+            "the zero of joint_1 and the base's rotation about z cannot be told apart: their difference is determined"
+        );
+        // A weight turns with nothing: axis 1 stands upright.
+        if *reading == "pose" {
+            assert_eq!(
+                reason("joint_1.compliance"),
+                "the compliance of joint_1 does not show in these readings"
+            );
+        }
+        if *reading == "position" {
+            assert!(reason("tool.rx").ends_with("does not show in these readings"));
+        }
+        counts.push(minimal.len());
+    }
+    assert!(counts.is_sorted(), "{counts:?}");
+    let text = place
+        .run(&arguments.replace(" --json", ""))
+        .ends_with(0)
+        .stdout;
+    assert!(
+        text.contains("38 of 61 parameters can be identified together"),
+        "{text}"
+    );
+}
