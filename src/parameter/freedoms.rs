@@ -71,7 +71,7 @@ impl Freedoms {
         directions
             .columns_mut(structural.ncols(), weak.ncols())
             .copy_from(&weak);
-        let named = sentences(belief, set, &structural, &weak);
+        let named = sentences(belief, set, &structural, &weak, information);
         Self { directions, named }
     }
 

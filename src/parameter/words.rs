@@ -7,19 +7,26 @@ use super::{Belief, ParameterKind, ParameterSet};
 
 /// Coefficients below this share of a direction's largest are left by rounding.
 const ROUNDING: f64 = 1e-6;
-/// In a weak direction, parameters with less than this share of the largest are not named.
+/// In a weak direction, parameters whose effect on the readings is less than this share of the largest are
+/// not named.
 const MINOR: f64 = 0.3;
+/// A typical size with less effect than this does not show (standard deviations of all readings together).
+const UNSEEN: f64 = 0.01;
 
 /// In a structural direction, every parameter counts that is not left by rounding.
 pub(super) const SPARSE: f64 = 1e-4;
 
-/// Names each of the directions (p x f each, in typical sizes), structural and weak ones.
+/// Names each of the directions (p x f each, in typical sizes), structural and weak ones. Who has a part in
+/// a weak one is judged by the effect on readings of some information (p x p): a part that is small in
+/// typical sizes can be all that takes another's effect back.
 pub(super) fn sentences(
     belief: &Belief,
     set: &ParameterSet,
     structural: &DMatrix<f64>,
     weak: &DMatrix<f64>,
+    information: &DMatrix<f64>,
 ) -> Vec<Freedom> {
+    let effects = information.diagonal().map(|square| square.max(0.0).sqrt());
     let structural = reduced(set, structural, SPARSE);
     let mut weak = weak.clone();
     for (pivot, direction) in &structural {
@@ -29,13 +36,11 @@ pub(super) fn sentences(
         }
     }
     let weak = reduced(set, &weak, MINOR);
-    let name = |(pivot, direction): &(usize, DVector<f64>), is_structural| {
-        describe(belief, set, *pivot, direction, is_structural)
-    };
-    let structural = structural.iter().map(|each| name(each, true));
-    structural
-        .chain(weak.iter().map(|each| name(each, false)))
-        .collect()
+    let structural = (structural.iter())
+        .map(|(pivot, direction)| describe(belief, set, *pivot, direction, None));
+    let weak = (weak.iter())
+        .map(|(pivot, direction)| describe(belief, set, *pivot, direction, Some(&effects)));
+    structural.chain(weak).collect()
 }
 
 /// Which parameter of a direction one leaves out first.
@@ -115,17 +120,23 @@ fn describe(
     set: &ParameterSet,
     pivot: usize,
     relative: &DVector<f64>,
-    is_structural: bool,
+    effects: Option<&DVector<f64>>,
 ) -> Freedom {
+    let is_structural = effects.is_none();
     let direction = in_units(set, relative) / set.parameters()[pivot].scale;
-    let least = if is_structural {
-        0.0
-    } else {
-        MINOR * relative.amax()
+    let others: Vec<usize> = match effects {
+        None => (0..set.len())
+            .filter(|&index| index != pivot && relative[index] != 0.0)
+            .collect(),
+        Some(effects) if effects[pivot] < UNSEEN => Vec::new(),
+        Some(effects) => {
+            let effect = relative.component_mul(effects).abs();
+            let least = MINOR * effect.max();
+            (0..set.len())
+                .filter(|&index| index != pivot && effect[index] >= least)
+                .collect()
+        }
     };
-    let others: Vec<usize> = (0..set.len())
-        .filter(|&index| index != pivot && relative[index] != 0.0 && relative[index].abs() >= least)
-        .collect();
     let words = |index: usize| set.parameters()[index].kind.words(belief);
     let sentence = match others.as_slice() {
         [] if is_structural => format!("{} cannot show in any reading", words(pivot)),
