@@ -1,6 +1,6 @@
 //! What a plan promises: the information matrix, and the accuracy that follows from it.
 
-use nalgebra::{DMatrix, Matrix3xX};
+use nalgebra::DMatrix;
 
 use super::{Experiment, Plan};
 use crate::compensation::test_pose_matrix;
@@ -18,6 +18,8 @@ pub struct ExperimentModel<'a> {
     pub parameters: &'a [usize],
     /// The standard deviation of a deflection's coordinates (m).
     pub sigma_m: f64,
+    /// The standard deviation of a rotation's coordinates (rad), where rotations are measured.
+    pub rotation_sigma_rad: Option<f64>,
 }
 
 impl<'a> ExperimentModel<'a> {
@@ -29,16 +31,36 @@ impl<'a> ExperimentModel<'a> {
             tool: &scenario.calibration_tool,
             parameters: &scenario.parameters,
             sigma_m: scenario.instrument.sigma_m,
+            rotation_sigma_rad: scenario.instrument.rotation_sigma_rad,
         }
     }
 
-    /// The observation matrix A^(p) of an experiment (eqs. 4, 7), 3 x p, at the commanded angles.
+    /// The number of rows of an experiment's observation matrix: 3, or 6 where rotations are measured.
     #[must_use]
-    pub fn observation_matrix(&self, experiment: &Experiment) -> Matrix3xX<f64> {
+    pub const fn rows(&self) -> usize {
+        if self.rotation_sigma_rad.is_some() {
+            6
+        } else {
+            3
+        }
+    }
+
+    /// The observation matrix A^(p) of an experiment (eqs. 4, 7), 3 x p, at the commanded angles. Where
+    /// rotations are measured A^(phi) stands below it, in the units of A^(p): times `sigma_m` over the
+    /// standard deviation of rotations.
+    #[must_use]
+    pub fn observation_matrix(&self, experiment: &Experiment) -> DMatrix<f64> {
         let mut arm = self.chain.at(self.tool);
         let mut state = KinematicState::new(self.chain.len());
         arm.update(experiment.configuration_rad.as_slice(), &mut state);
-        ObservationMatrix::new(&state, &experiment.load, self.parameters).position
+        let observed = ObservationMatrix::new(&state, &experiment.load, self.parameters);
+        let mut rows = DMatrix::zeros(self.rows(), self.parameters.len());
+        rows.rows_mut(0, 3).copy_from(&observed.position);
+        if let Some(sigma_rad) = self.rotation_sigma_rad {
+            let rotation = observed.rotation * (self.sigma_m / sigma_rad);
+            rows.rows_mut(3, 3).copy_from(&rotation);
+        }
+        rows
     }
 
     /// The information matrix of a plan for sigma = 1: the sum of A^T A, p x p, in m^2 (N m/rad)^2.

@@ -93,10 +93,11 @@ pub fn posterior(scenario: &Scenario, plan: &Plan) -> Posterior {
     let model = ExperimentModel::new(scenario);
     let parameters = &scenario.parameters;
     // A plan without experiments tells as much as one that tells nothing.
-    let mut matrix = DMatrix::zeros(3 * plan.experiments.len().max(1), parameters.len());
+    let rows = model.rows();
+    let mut matrix = DMatrix::zeros(rows * plan.experiments.len().max(1), parameters.len());
     for (index, experiment) in plan.experiments.iter().enumerate() {
         let block = model.observation_matrix(experiment) * f64::from(experiment.repeats).sqrt();
-        matrix.rows_mut(3 * index, 3).copy_from(&block);
+        matrix.rows_mut(rows * index, rows).copy_from(&block);
     }
     let sigma_m = scenario.instrument.sigma_m;
     let typical = scenario.nominal.typical_rad_per_nm(parameters);

@@ -111,6 +111,8 @@ impl<'a> Model<'a> {
             ..self.experiments.clone()
         };
         let mut biases = DMatrix::zeros(size, self.unknown.len());
+        // The noise of all deflections comes before that of all rotations.
+        let mut of_rotations = vec![ThreeRows::new(); padded / 3];
         for experiment in &plan.experiments {
             let observed = self.experiments.observation_matrix(experiment);
             let mut columns = match &part {
@@ -122,20 +124,18 @@ impl<'a> Model<'a> {
             }
             biases +=
                 &columns * unknown.observation_matrix(experiment) * f64::from(experiment.repeats);
+            let columns = columns.resize_vertically(padded, 0.0);
             for _ in 0..experiment.repeats {
-                for axis in 0..3 {
-                    for (group, rows) in whitener.iter_mut().enumerate() {
-                        rows.push(std::array::from_fn(|row| {
-                            let row = 3 * group + row;
-                            if row < size {
-                                columns[(row, axis)]
-                            } else {
-                                0.0
-                            }
-                        }));
-                    }
+                for (group, rows) in whitener.iter_mut().enumerate() {
+                    rows.extend(threes(&columns, 3 * group).take(3));
+                }
+                for (group, rows) in of_rotations.iter_mut().enumerate() {
+                    rows.extend(threes(&columns, 3 * group).skip(3));
                 }
             }
+        }
+        for (rows, more) in whitener.iter_mut().zip(&of_rotations) {
+            rows.extend(more);
         }
         let mut errors = test_poses.transpose();
         if !factor.solve_lower_triangular_mut(&mut errors) {
@@ -249,7 +249,8 @@ pub struct PlanModel {
 }
 
 impl PlanModel {
-    /// Several runs at once, from their standard normals (3M numbers of each; more are left alone)
+    /// Several runs at once, from their standard normals (3M numbers of each, 6M where rotations are
+    /// measured; more are left alone)
     /// and what [`Model::unknown`] gives.
     #[must_use]
     pub fn run(&self, normals: &[[f64; LANES]], unknown: &[[f64; LANES]]) -> Batch {

@@ -18,6 +18,7 @@
 //! - `parameters`: derivatives by any parameter beside MuJoCo's Jacobians.
 //! - `properties`: what holds whatever the numbers are; derivatives against differences.
 //! - `bad_input`: wrong inputs, seen from outside the process.
+//! - `measured_rotations`: planning, studies and identification use measured rotations alike.
 //! - `model_features`: what models can say beside the chain: honoured or refused by name.
 //! - `model_messages`: models that cannot serve, and what to do about them.
 //! - `understanding`: what `check` says that it understood, and likely mistakes.
@@ -60,6 +61,7 @@ mod judges;
 mod known_optima;
 mod limits;
 mod load_sets;
+mod measured_rotations;
 mod model_features;
 mod model_messages;
 mod obstacles;

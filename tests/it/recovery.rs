@@ -122,7 +122,7 @@ fn files_carry_the_true_compliances() {
     }
 }
 
-/// A^(p) of all measurements (eq. 7), stacked.
+/// A^(p) of all measurements (eq. 7), stacked, of an instrument that measures no rotations.
 fn stacked(scenario: &Scenario, plan: &Plan) -> DMatrix<f64> {
     let model = ExperimentModel::new(scenario);
     let blocks: Vec<_> = plan

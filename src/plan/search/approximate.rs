@@ -20,6 +20,7 @@ use nalgebra::{DMatrix, Matrix3, Matrix3xX, Vector3};
 use rayon::prelude::*;
 
 use super::local::{LocalSearch, Precision};
+use super::observation::times;
 use super::point::{Point, information_in};
 use super::pool::Pool;
 use super::problem::{Problem, SearchError};
@@ -263,7 +264,9 @@ fn printed_derivative(local: &LocalSearch<'_>, point: &Point, directions: &DMatr
         .collect();
     let largest = |first: usize| {
         let form = Matrix3::from_fn(|row, column| {
-            let product = &shown[first + row] * directions;
+            let shown_there = &shown[first + row];
+            let mut product = shown_there.clone();
+            times(shown_there, directions, &mut product);
             product.dot(&shown[first + column])
         });
         form.symmetric_eigenvalues().max().max(0.0).sqrt()

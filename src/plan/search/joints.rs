@@ -1,6 +1,6 @@
 //! Which joints a planning problem is about, seen at random configurations.
 
-use nalgebra::{DMatrix, Matrix3xX};
+use nalgebra::DMatrix;
 use rand::RngExt;
 
 use super::observation::Observer;
@@ -19,7 +19,7 @@ pub(super) fn random_information(
     const CONFIGURATIONS: u64 = 40;
     let loads = loads.samples();
     let size = observer.parameters();
-    let mut matrix = Matrix3xX::zeros(size);
+    let mut matrix = observer.matrix();
     let mut information = DMatrix::zeros(size, size);
     let mut random = generator(0, 2);
     for _ in 0..CONFIGURATIONS {
@@ -49,13 +49,17 @@ pub(super) fn indifferent_joints(
     }
     let loads = loads.samples();
     let gravity = observer.gravity();
-    let mut matrix = Matrix3xX::zeros(observer.parameters());
+    let size = observer.parameters();
+    let mut matrix = observer.matrix();
     let mut told = |q: &[f64], load: &Load| {
         observer.move_to(q);
         observer.observe(load, &mut matrix);
         let margin = |bound: &SmoothBound| bound.margin(&observer.state, load, &gravity);
         let mut told: Vec<f64> = bounds.iter().map(margin).collect();
-        told.extend(matrix.tr_mul(&matrix).iter());
+        for first in (0..matrix.ncols()).step_by(size) {
+            let rows = matrix.columns(first, size);
+            told.extend(rows.tr_mul(&rows).iter());
+        }
         told
     };
     let mut random = generator(0, 1);

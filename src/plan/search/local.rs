@@ -54,7 +54,6 @@ pub(super) struct LocalSearch<'a> {
     is_size_free: bool,
     is_force_bounded: bool,
     gravity: Vector3<f64>,
-    parameters: usize,
 }
 
 /// What of the load is varied along with the joint angles, by variables of size one.
@@ -129,7 +128,6 @@ impl<'a> LocalSearch<'a> {
         let observer = problem.observer();
         Self {
             gravity: observer.gravity(),
-            parameters: observer.parameters(),
             observer: RefCell::new(Seat {
                 observer,
                 at: Vec::new(),
@@ -153,14 +151,15 @@ impl<'a> LocalSearch<'a> {
 
     /// The point at joint angles `q` under a load.
     pub fn point(&self, q: &[f64], load: &Load) -> Point {
-        let mut matrix = Matrix3xX::zeros(self.parameters);
         let mut seat = self.observer.borrow_mut();
+        let mut matrix = seat.observer.matrix();
         seat.move_to(q);
         seat.observer.observe(load, &mut matrix);
         Point {
             q: q.to_vec(),
             load: *load,
             matrix,
+            blocks: seat.observer.blocks(),
         }
     }
 
@@ -293,10 +292,8 @@ impl<'a> LocalSearch<'a> {
         precision: Precision,
         load_at: &dyn Fn(&Observer<'_>) -> Load,
     ) -> Option<(Point, f64)> {
-        let matrix = RefCell::new((
-            Matrix3xX::zeros(self.parameters),
-            Matrix3xX::zeros(self.parameters),
-        ));
+        let empty = self.observer.borrow().observer.matrix();
+        let matrix = RefCell::new((empty.clone(), empty));
         let start_value = {
             let mut seat = self.observer.borrow_mut();
             seat.move_to(q);

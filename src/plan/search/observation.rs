@@ -5,8 +5,11 @@ use nalgebra::{DMatrix, Matrix3, Matrix3xX, Vector3};
 use crate::plan::ExperimentModel;
 use crate::robot::{KinematicState, Kinematics, Load};
 
-/// Computes A^(p) of experiments, in units that make it dimensionless: compliances relative to
-/// typical ones, deflections relative to sigma.
+/// Computes A^(p) of experiments, and where rotations are measured A^(phi) beside it, in units that make
+/// them dimensionless: compliances relative to typical ones, deflections and rotations relative to sigma.
+///
+/// A matrix has three rows and p columns; where rotations are measured p more, so that the rows of A^(phi)
+/// stand beside those of A^(p). What is called [`blocks`](Self::blocks) are these one or two parts.
 #[derive(Debug, Clone)]
 pub struct Observer<'a> {
     model: ExperimentModel<'a>,
@@ -16,6 +19,8 @@ pub struct Observer<'a> {
     order: Vec<usize>,
     /// Typical compliance over sigma, one for each parameter.
     scale: Vec<f64>,
+    /// The same over the sigma of rotations, where they are measured.
+    rotation_scale: Option<Vec<f64>>,
     /// Where the parameters are combinations of the joints' relative compliances: these, as columns.
     basis: Option<DMatrix<f64>>,
     /// The arm's geometry at the last configuration.
@@ -39,15 +44,14 @@ impl<'a> Observer<'a> {
         basis: Option<&DMatrix<f64>>,
     ) -> Self {
         let count = parameters.len();
+        let over = |sigma: f64| typical_rad_per_nm.iter().map(|k| k / sigma).collect();
         let mut order: Vec<usize> = (0..count).collect();
         order.sort_by_key(|&index| parameters[index]);
         Self {
             order,
             parameters: parameters.to_vec(),
-            scale: typical_rad_per_nm
-                .iter()
-                .map(|compliance| compliance / model.sigma_m)
-                .collect(),
+            scale: over(model.sigma_m),
+            rotation_scale: model.rotation_sigma_rad.map(over),
             basis: basis.cloned(),
             state: KinematicState::new(model.chain.len()),
             column: vec![Vector3::zeros(); count],
@@ -61,6 +65,18 @@ impl<'a> Observer<'a> {
     #[must_use]
     pub fn parameters(&self) -> usize {
         (self.basis.as_ref()).map_or(self.scale.len(), DMatrix::ncols)
+    }
+
+    /// 1, or 2 where rotations are measured.
+    #[must_use]
+    pub const fn blocks(&self) -> usize {
+        if self.rotation_scale.is_some() { 2 } else { 1 }
+    }
+
+    /// A matrix to write to.
+    #[must_use]
+    pub fn matrix(&self) -> Matrix3xX<f64> {
+        Matrix3xX::zeros(self.blocks() * self.parameters())
     }
 
     /// The acceleration of gravity (m/s^2).
@@ -80,14 +96,14 @@ impl<'a> Observer<'a> {
         }
     }
 
-    /// Writes the scaled observation matrix, 3 x p, at the last configuration.
+    /// Writes the scaled observation matrix, 3 x p a block, at the last configuration.
     pub fn observe(&self, load: &Load, matrix: &mut Matrix3xX<f64>) {
         match &self.basis {
             None => self.observe_joints(load, matrix),
             Some(basis) => {
-                let mut joints = Matrix3xX::zeros(self.scale.len());
+                let mut joints = Matrix3xX::zeros(self.blocks() * self.scale.len());
                 self.observe_joints(load, &mut joints);
-                joints.mul_to(basis, matrix);
+                times(&joints, basis, matrix);
             }
         }
     }
@@ -96,6 +112,10 @@ impl<'a> Observer<'a> {
         for (index, &joint) in self.parameters.iter().enumerate() {
             let torque = self.state.load_torque(joint, load);
             matrix.set_column(index, &(self.column[index] * (torque * self.scale[index])));
+            if let Some(scale) = &self.rotation_scale {
+                let axis = self.state.rotation_column(joint);
+                matrix.set_column(scale.len() + index, &(axis * (torque * scale[index])));
+            }
         }
     }
 
@@ -105,9 +125,12 @@ impl<'a> Observer<'a> {
     /// Column n of A is `J_n` (`J_n` . F + `z_n` . T). With `v_n` = (`J_n` . F + `z_n` . T) `B_n` + (`B_n` . `J_n`) F
     /// and `dJ_n/dq_j` = `z_j` x `J_n` (j <= n) or `z_n` x `J_j` (j > n), the sum over n becomes
     /// `z_j` . sum_{n >= j} (`J_n` x `v_n` + (`B_n` . `J_n`) `z_n` x T) + `J_j` . sum_{n < j} (`v_n` x `z_n`).
+    /// Where rotations are measured, with their part `C_n` of B, (`C_n` . `z_n`) F adds to `v_n`, and
+    /// `z_n` x ((`J_n` . F + `z_n` . T) `C_n` + (`C_n` . `z_n`) T) to the first sum.
     pub fn pull_back(&mut self, load: &Load, factor: &Matrix3xX<f64>, gradient: &mut [f64]) {
         if let Some(basis) = &self.basis {
-            let of_joints = factor * basis.transpose();
+            let mut of_joints = Matrix3xX::zeros(self.blocks() * self.scale.len());
+            times(factor, &basis.transpose(), &mut of_joints);
             self.pull_back_joints(load, &of_joints, gradient);
         } else {
             self.pull_back_joints(load, factor, gradient);
@@ -124,6 +147,14 @@ impl<'a> Observer<'a> {
             let axis = self.state.rotation_column(joint);
             self.adjoint[index] = column.cross(&v) + axis.cross(&load.torque_nm) * along;
             self.twist[index] = v.cross(&axis);
+            if let Some(scale) = &self.rotation_scale {
+                let c = factor.column(scale.len() + index) * scale[index];
+                let along = c.dot(&axis);
+                let v = load.force_n * along;
+                let of_axis = c * self.state.load_torque(joint, load) + load.torque_nm * along;
+                self.adjoint[index] += column.cross(&v) + axis.cross(&of_axis);
+                self.twist[index] += v.cross(&axis);
+            }
         }
         let mut index = 0;
         let mut outer: Vector3<f64> = self.adjoint.iter().sum();
@@ -154,12 +185,19 @@ impl<'a> Observer<'a> {
 
     fn force_form_of_joints(&self, directions: &DMatrix<f64>) -> Matrix3<f64> {
         let mut form = Matrix3::zeros();
+        let axis = |index: usize| self.state.rotation_column(self.parameters[index]);
         for (one, j_one) in self.column.iter().enumerate() {
             for (other, j_other) in self.column.iter().enumerate() {
-                let weight = directions[(one, other)]
+                let mut weight = directions[(one, other)]
                     * self.scale[one]
                     * self.scale[other]
                     * j_one.dot(j_other);
+                if let Some(scale) = &self.rotation_scale {
+                    weight += directions[(one, other)]
+                        * scale[one]
+                        * scale[other]
+                        * axis(one).dot(&axis(other));
+                }
                 form += j_one * j_other.transpose() * weight;
             }
         }
@@ -171,7 +209,11 @@ impl<'a> Observer<'a> {
     pub fn force_gradient(&self, factor: &Matrix3xX<f64>) -> Vector3<f64> {
         match &self.basis {
             None => self.force_gradient_of_joints(factor),
-            Some(basis) => self.force_gradient_of_joints(&(factor * basis.transpose())),
+            Some(basis) => {
+                let mut of_joints = Matrix3xX::zeros(self.blocks() * self.scale.len());
+                times(factor, &basis.transpose(), &mut of_joints);
+                self.force_gradient_of_joints(&of_joints)
+            }
         }
     }
 
@@ -179,7 +221,23 @@ impl<'a> Observer<'a> {
         self.column
             .iter()
             .enumerate()
-            .map(|(index, column)| column * (factor.column(index).dot(column) * self.scale[index]))
+            .map(|(index, column)| {
+                let mut weight = factor.column(index).dot(column) * self.scale[index];
+                if let Some(scale) = &self.rotation_scale {
+                    let axis = self.state.rotation_column(self.parameters[index]);
+                    weight += factor.column(scale.len() + index).dot(&axis) * scale[index];
+                }
+                column * weight
+            })
             .sum()
+    }
+}
+
+/// Writes every block of a matrix times another matrix.
+pub(super) fn times(matrix: &Matrix3xX<f64>, other: &DMatrix<f64>, product: &mut Matrix3xX<f64>) {
+    let (from, to) = other.shape();
+    for block in 0..matrix.ncols() / from {
+        let rows = matrix.columns(block * from, from);
+        rows.mul_to(other, &mut product.columns_mut(block * to, to));
     }
 }

@@ -1,6 +1,6 @@
 //! What is searched: the scenario's planning problem in relative units.
 
-use nalgebra::{DMatrix, Matrix3xX};
+use nalgebra::DMatrix;
 use thiserror::Error;
 
 use super::joints::{indifferent_joints, random_information};
@@ -269,7 +269,7 @@ impl<'a> Problem<'a> {
     pub fn information(&self, plan: &Plan) -> DMatrix<f64> {
         let mut observer = self.observer();
         let size = self.parameters();
-        let mut matrix = Matrix3xX::zeros(size);
+        let mut matrix = observer.matrix();
         let mut information = DMatrix::zeros(size, size);
         for experiment in &plan.experiments {
             observer.move_to(experiment.configuration_rad.as_slice());

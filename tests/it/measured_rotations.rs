@@ -1,0 +1,83 @@
+//! An instrument that measures rotations: planning, study and identification use them alike.
+
+use serde_json::Value;
+
+use crate::support::{Workplace, numbers, project, scenario_text};
+
+/// Rotations as good as the deflections are 0.15 m from the joints.
+const SIGMA: &str = "rotation_sigma_mrad = 0.2\ntracker_site";
+
+fn workplace(name: &str) -> Workplace {
+    let place = Workplace::new();
+    let text = scenario_text(name);
+    assert!(text.contains("tracker_site"));
+    place.write("without.toml", &text);
+    place.write("with.toml", text.replace("tracker_site", SIGMA));
+    let linear = "[identification]\nmethod = \"linear\"\n\n[instrument]";
+    place.write(
+        "linear.toml",
+        text.replace("tracker_site", SIGMA)
+            .replace("[instrument]", linear),
+    );
+    place
+}
+
+fn evaluated(place: &Workplace, scenario: &str, plan: &str) -> Value {
+    let arguments = format!("evaluate {scenario} --plan {plan} --json");
+    place.run(&arguments).json()
+}
+
+fn rho0_um(results: &Value) -> f64 {
+    results["rho0_mm"].as_f64().expect("determined") * 1e3
+}
+
+/// What `evaluate` promises of a plan is what `identify` says after its measurements.
+#[test]
+fn standard_errors_are_those_of_identification() {
+    let place = workplace("kr270_all_joints");
+    let plan = project("scenarios/plans/kr270_all_joints.csv");
+    let plan = plan.display().to_string();
+    place
+        .run(&format!(
+            "measure linear.toml --plan {plan} --measurements-out m.csv"
+        ))
+        .ends_with(0);
+    let identified = place
+        .run("identify linear.toml --measurements m.csv --json")
+        .json();
+    let promised = evaluated(&place, "linear.toml", &plan);
+    let key = "compliance_std_rad_per_nm";
+    let (promised, identified) = (numbers(&promised[key]), numbers(&identified[key]));
+    assert_eq!(promised.len(), 6);
+    for (promised, identified) in promised.iter().zip(&identified) {
+        assert!(
+            (promised / identified - 1.0).abs() < 1e-9,
+            "{promised} against {identified}"
+        );
+    }
+}
+
+/// A plan made for rotations is better with them than one that was made without, no plan beats the bound,
+/// and runs of the study spread as promised.
+#[test]
+fn plans_use_rotations() {
+    let place = workplace("kr270_all_joints");
+    for each in ["with", "without"] {
+        let arguments = format!("plan {each}.toml --experiments 4 --plan-out {each}.csv --quiet");
+        place.run(&arguments).ends_with(0);
+    }
+    let with = evaluated(&place, "with.toml", "with.csv");
+    let best = rho0_um(&with);
+    let same_plan = rho0_um(&evaluated(&place, "without.toml", "with.csv"));
+    let other_plan = rho0_um(&evaluated(&place, "with.toml", "without.csv"));
+    assert!(best < same_plan, "{best} against {same_plan}");
+    assert!(best < other_plan, "{best} against {other_plan}");
+    let efficiency = with["efficiency"].as_f64().expect("of the class");
+    assert!((0.5..=1.0).contains(&efficiency), "{efficiency}");
+    let study = "study with.toml --level model --trials 20000 --json --quiet";
+    let study = place.run(study).json();
+    for plan in study["plans"].as_array().expect("plans") {
+        let z = plan["z"].as_f64().expect("a number");
+        assert!(z.abs() < 5.0, "{}: {z}", plan["name"]);
+    }
+}
