@@ -62,10 +62,12 @@ impl Compensate {
             })
             .collect();
         let first = &messages[0];
+        let provenance =
+            ProvenanceMessage::new(&scenario).with_input("identified", &self.identified)?;
         Ok(Report {
             json: results(
                 "compensate",
-                &ProvenanceMessage::new(&scenario),
+                &provenance,
                 json!({
                     "q_commanded_deg": first.q_commanded_deg,
                     "uncompensated_mm": first.uncompensated_mm,

@@ -1,12 +1,14 @@
 //! Experiments: a configuration and a load, plans of them, and the loads that are allowed.
 
 mod load_set;
+mod mandatory;
 
 use nalgebra::DVector;
 
 use crate::robot::Load;
 
 pub use load_set::{Loads, in_words, is_printed_as, printed_tolerance};
+pub use mandatory::{NotMandatory, PRINTED_RAD};
 
 /// One configuration and load of a plan.
 #[derive(Debug, Clone, PartialEq)]

@@ -20,8 +20,8 @@ pub(super) const COLLISION: &str = "collision clearance";
 /// One thing that makes an experiment impossible.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Violation {
-    /// The experiment's number in the plan, from 1.
-    pub experiment: usize,
+    /// The experiment's number in the plan, from 1; none where the plan as a whole is impossible.
+    pub experiment: Option<usize>,
     /// What is wrong: "tool height", "`joint_3`", "collision of floor and `link_6`" ...
     pub what: String,
     /// The value found, in `unit`; NaN where it is no single number.
@@ -36,7 +36,7 @@ pub struct Violation {
 
 impl Violation {
     /// What is wrong in words, without a number.
-    fn in_words(experiment: usize, what: &str, words: String) -> Self {
+    fn in_words(experiment: Option<usize>, what: &str, words: String) -> Self {
         Self {
             experiment,
             what: what.to_owned(),
@@ -68,12 +68,15 @@ impl std::fmt::Display for Violation {
             unit,
             words,
         } = self;
+        if let Some(experiment) = experiment {
+            write!(formatter, "experiment {experiment}: ")?;
+        }
         if let Some(words) = words {
-            return write!(formatter, "experiment {experiment}: {words}");
+            return formatter.write_str(words);
         }
         write!(
             formatter,
-            "experiment {experiment}: {what} is {found:.3} {unit}; the bound is {bound:.3} {unit}"
+            "{what} is {found:.3} {unit}; the bound is {bound:.3} {unit}"
         )
     }
 }
@@ -109,25 +112,28 @@ impl<'a> Feasibility<'a> {
 
     /// Every violation of a plan.
     pub fn violations(&mut self, plan: &Plan) -> Vec<Violation> {
-        plan.experiments
-            .iter()
-            .enumerate()
-            .flat_map(|(index, experiment)| self.violations_of(index + 1, experiment))
-            .collect()
+        let mandatory = &self.scenario.design.mandatory;
+        let missing = plan.beside_mandatory(mandatory).err();
+        let missing = missing
+            .map(|missing| Violation::in_words(None, "mandatory experiment", missing.to_string()));
+        let each = plan.experiments.iter().enumerate();
+        let of_experiments =
+            each.flat_map(|(index, experiment)| self.violations_of(index + 1, experiment));
+        missing.into_iter().chain(of_experiments).collect()
     }
 
     /// Every violation of one experiment, whose number in the plan is given.
     pub fn violations_of(&mut self, number: usize, experiment: &Experiment) -> Vec<Violation> {
         let words = self.scenario.loads.outside(&experiment.load);
         let mut violations: Vec<_> = words
-            .map(|words| Violation::in_words(number, "load", words))
+            .map(|words| Violation::in_words(Some(number), "load", words))
             .into_iter()
             .collect();
         violations.extend(self.violated_ranges(number, experiment));
         let q = experiment.configuration_rad.as_slice();
         violations.extend(self.violated_bounds(number, q, &experiment.load));
         violations.extend(self.forbidden(q).map(|(index, found, bound)| Violation {
-            experiment: number,
+            experiment: Some(number),
             what: format!("largest joint distance from forbidden configuration {index}"),
             found: found.to_degrees(),
             bound: bound.to_degrees(),
@@ -140,7 +146,7 @@ impl<'a> Feasibility<'a> {
                     Ok(found) => violations.extend(found),
                     Err(error) => {
                         let error = error.to_string();
-                        violations.push(Violation::in_words(number, &error, error.clone()));
+                        violations.push(Violation::in_words(Some(number), &error, error.clone()));
                     }
                 }
             }
@@ -224,7 +230,7 @@ impl<'a> Feasibility<'a> {
                     return None;
                 };
                 Some(Violation {
-                    experiment: number,
+                    experiment: Some(number),
                     what: joint.name.clone(),
                     found: angle.to_degrees(),
                     bound: bound.to_degrees(),
@@ -252,7 +258,7 @@ impl<'a> Feasibility<'a> {
             .map(|bound| {
                 let (what, found, bound, unit) = bound.describe(&self.state, load, &gravity);
                 Violation {
-                    experiment: number,
+                    experiment: Some(number),
                     what,
                     found,
                     bound,
@@ -288,7 +294,7 @@ impl<'a> Feasibility<'a> {
         if let Some(clearance) = region.collision_clearance_m {
             let contact = simulation.nearest_contact(clearance);
             violations.extend(contact.map(|contact| Violation {
-                experiment: number,
+                experiment: Some(number),
                 what: format!(
                     "distance of {} and {}",
                     contact.between[0], contact.between[1]
@@ -303,7 +309,7 @@ impl<'a> Feasibility<'a> {
             let reflector = self.solver.state().tool_position;
             let hidden = hidden_by(simulation, tracker, &reflector);
             violations.extend(hidden.map(|(name, free_m, length_m)| Violation {
-                experiment: number,
+                experiment: Some(number),
                 what: format!("free line of sight from the reflector (blocked by {name})"),
                 found: free_m * 1e3,
                 bound: length_m * 1e3,

@@ -3,6 +3,7 @@
 
 use nalgebra::Vector3;
 
+use crate::experiment::PRINTED_RAD;
 use crate::robot::{KinematicState, Load};
 use crate::scenario::Region;
 
@@ -30,7 +31,7 @@ pub enum SmoothBound {
 /// Plans are printed with one decimal, so that an experiment on a bound may be a little outside. The
 /// class of plans that a lower bound speaks about reaches this far beyond the region: in joint ranges
 /// and in the tool's elevation (rad) ...
-pub const WIDENED_RAD: f64 = 0.1_f64.to_radians();
+pub const WIDENED_RAD: f64 = PRINTED_RAD;
 /// ... in the tool's height and distance from axis 1 (m) ...
 pub const WIDENED_M: f64 = 1e-3;
 /// ... and in torques, as a share: a load that leans by 0.1 deg has so much of itself to one side.

@@ -290,8 +290,8 @@ pub struct AssessmentMessage {
 /// One bound that an experiment of a plan does not keep, or a load that is not allowed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ViolationMessage {
-    /// The experiment's number, from 1.
-    pub experiment: usize,
+    /// The experiment's number, from 1; null where the plan as a whole is impossible.
+    pub experiment: Option<usize>,
     /// What is wrong.
     pub what: String,
     /// The value found; null where it is no single number, as for a load.

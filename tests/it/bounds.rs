@@ -1,12 +1,12 @@
 //! The class of plans that a bound speaks about: no plan of it is better, and others get none.
 
-use elastocal::experiment::Loads;
+use elastocal::experiment::{Loads, NotMandatory};
 use elastocal::plan::search::{
     Basis, Bound, NoBound, Problem, RandomPlans, approximate_design, random_plan,
 };
 use elastocal::plan::{
-    Assessment, Criterion, Experiment, Plan, SmoothBound, WIDENED_M, WIDENED_RAD, bounds_of,
-    widened,
+    Assessment, Criterion, Experiment, Feasibility, Plan, SmoothBound, WIDENED_M, WIDENED_RAD,
+    bounds_of, widened,
 };
 use elastocal::random::generator;
 use elastocal::robot::Load;
@@ -175,12 +175,12 @@ fn a_bound_speaks_about_plans_with_the_mandatory_experiments() {
     let reason = bound
         .of_plan(&table4(12))
         .expect_err("it lacks the mandatory one");
-    let expected = NoBound::NotMandatory {
+    let expected = NotMandatory {
         experiment: 1,
         found: 0,
         needed: 3,
     };
-    assert_eq!(reason, expected);
+    assert_eq!(reason, NoBound::NotMandatory(expected));
     assert_eq!(efficiency(&scenario, &bound, &table4(12)), None);
 
     let problem = Problem::new(&scenario, Criterion::TestPose);
@@ -195,12 +195,17 @@ fn a_bound_speaks_about_plans_with_the_mandatory_experiments() {
     assert!(found <= 1.0, "{found}");
     // The mandatory ones count as often as they must be measured; more often they are free ones.
     printed.experiments[0].repeats = 2;
-    let expected = NoBound::NotMandatory {
+    let expected = NotMandatory {
         experiment: 1,
         found: 2,
         needed: 3,
     };
-    assert_eq!(bound.of_plan(&printed), Err(expected));
+    assert_eq!(
+        bound.of_plan(&printed),
+        Err(NoBound::NotMandatory(expected))
+    );
+    let violations = Feasibility::new(&scenario).violations(&printed);
+    assert_eq!(violations[0].words, Some(expected.to_string()));
     // Split into two lines they are the same.
     let mut split = best.plan.clone();
     split.experiments[0].repeats = 2;
@@ -248,6 +253,13 @@ fn results_say_why_there_is_no_bound() {
     assert!(
         said.contains(&format!("no bound and no efficiency: {reason}")),
         "{said}"
+    );
+    let command = format!("check cell.toml --plan {}", plan.display());
+    let outcome = workplace.run(&command).ends_with(3);
+    let missing = "mandatory experiment 1 is measured 0 times in the plan; 1 is needed";
+    assert!(
+        (outcome.stdout.clone() + &outcome.stderr).contains(missing),
+        "{outcome:?}"
     );
     let budget = workplace
         .run("budget cell.toml --up-to 2 --json --quiet")

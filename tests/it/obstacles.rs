@@ -99,7 +99,7 @@ fn an_obstacle_hides_the_reflector_from_the_tracker() {
         let scenario = load(&with_obstacle(&workplace, &table));
         let found = violations(&scenario);
         let hidden = |each: &&Violation| {
-            each.experiment == 1
+            each.experiment == Some(1)
                 && each.what.contains("line of sight")
                 && each.what.contains("screen")
         };

@@ -112,3 +112,37 @@ fn a_replay_has_a_schema() {
         .json();
     assert_eq!(json["schema"]["name"], "elastocal.replay");
 }
+
+/// Results carry the hash of every file that was given beside the scenario.
+#[test]
+fn results_name_what_they_were_computed_from() {
+    let place = Workplace::new();
+    place.write("s.toml", scenario_text("klimchik2012"));
+    let plan = std::fs::read(project("scenarios/plans/klimchik2012_m12.csv")).expect("a plan");
+    place.write("p.csv", plan);
+    for (command, name, file) in [
+        ("evaluate s.toml --plan p.csv", "plan", "p.csv"),
+        ("check s.toml --plan p.csv", "plan", "p.csv"),
+        (
+            "measure s.toml --plan p.csv --measurements-out m.csv",
+            "plan",
+            "p.csv",
+        ),
+        (
+            "identify s.toml --measurements m.csv --identified-out i.json",
+            "measurements",
+            "m.csv",
+        ),
+        (
+            "compensate s.toml --identified i.json",
+            "identified",
+            "i.json",
+        ),
+    ] {
+        let json = place.run(&format!("{command} --json --quiet")).json();
+        let found = &json["provenance"]["inputs_sha256"][name];
+        let sum = place.shell(&format!("sha256sum {file}")).stdout;
+        let expected = sum.split(' ').next().expect("a hash");
+        assert_eq!(found.as_str(), Some(expected), "{command}");
+    }
+}

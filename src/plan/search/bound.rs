@@ -4,8 +4,8 @@ use thiserror::Error;
 
 use super::approximate::{ApproximateDesign, Certificate, approximate_design};
 use super::problem::{Problem, SearchError};
-use crate::experiment::{Experiment, Plan, is_printed_as};
-use crate::plan::{Criterion, Feasibility, WIDENED_RAD, widened};
+use crate::experiment::{Experiment, NotMandatory, Plan};
+use crate::plan::{Criterion, Feasibility, widened};
 use crate::scenario::Scenario;
 
 /// A lower bound of `rho_0` for every plan of a class, by the number m of measurements.
@@ -13,7 +13,7 @@ use crate::scenario::Scenario;
 /// The class is that of plans
 /// - under loads of the scenario, or such as are printed alike ([`crate::experiment::Loads`]);
 /// - with all mandatory experiments of the scenario, each at least as often as there (angles within
-///   [`WIDENED_RAD`], loads printed alike);
+///   [`PRINTED_RAD`](crate::experiment::PRINTED_RAD), loads printed alike);
 /// - whose other experiments keep the smooth bounds of the region (joint ranges, the tool's height,
 ///   radius and elevation, torques), widened as [`widened`] says.
 ///
@@ -50,18 +50,8 @@ pub enum NoBound {
         mandatory: u32,
     },
     /// The plan lacks a mandatory experiment.
-    #[error(
-        "the bound speaks about plans with the mandatory experiments; the plan measures number {experiment} of \
-         them {found} times, not {needed}"
-    )]
-    NotMandatory {
-        /// The number of the mandatory experiment, from 1.
-        experiment: usize,
-        /// How often it is measured.
-        found: u32,
-        /// How often it must be.
-        needed: u32,
-    },
+    #[error("the bound speaks about plans with the mandatory experiments; {0}")]
+    NotMandatory(NotMandatory),
     /// The plan has another load, or leaves the widened region.
     #[error("the bound does not speak about such a plan: {0}")]
     Outside(String),
@@ -119,7 +109,10 @@ impl Bound {
     /// The plan is not of the class, or there is no bound.
     pub fn of_plan(&self, plan: &Plan) -> Result<f64, NoBound> {
         let bound = self.of_size(plan.measurements())?;
-        let free = self.without_mandatory(plan)?;
+        let mandatory = &self.class.design.mandatory;
+        let free = plan
+            .beside_mandatory(mandatory)
+            .map_err(NoBound::NotMandatory)?;
         let mut feasibility = Feasibility::new(&self.class);
         for (index, experiment) in plan.experiments.iter().enumerate() {
             if free[index] == 0 {
@@ -141,37 +134,5 @@ impl Bound {
             }
         }
         Ok(bound)
-    }
-
-    /// How often the plan measures each of its experiments beside the mandatory ones.
-    fn without_mandatory(&self, plan: &Plan) -> Result<Vec<u32>, NoBound> {
-        let mut free: Vec<u32> = plan.experiments.iter().map(|each| each.repeats).collect();
-        let mandatory = &self.class.design.mandatory.experiments;
-        for (number, wanted) in mandatory.iter().enumerate() {
-            let apart = |each: &Experiment| {
-                let angles = &each.configuration_rad - &wanted.configuration_rad;
-                let printed_alike = is_printed_as(&each.load, &wanted.load);
-                let near = angles.amax();
-                (printed_alike && near <= WIDENED_RAD).then_some(near)
-            };
-            let mut same: Vec<(usize, f64)> = (plan.experiments.iter().enumerate())
-                .filter_map(|(index, each)| Some((index, apart(each)?)))
-                .collect();
-            same.sort_by(|one, other| one.1.total_cmp(&other.1));
-            let mut needed = wanted.repeats;
-            for (index, _) in same {
-                let taken = needed.min(free[index]);
-                free[index] -= taken;
-                needed -= taken;
-            }
-            if needed > 0 {
-                return Err(NoBound::NotMandatory {
-                    experiment: number + 1,
-                    found: wanted.repeats - needed,
-                    needed: wanted.repeats,
-                });
-            }
-        }
-        Ok(free)
     }
 }
