@@ -65,3 +65,33 @@ pub fn shell_word(word: &str) -> String {
 pub fn dash() -> String {
     "\u{2013}".to_owned()
 }
+
+/// A name of at most so many characters: what is too long loses its middle, since names differ most at
+/// their ends.
+#[must_use]
+pub fn shortened(name: &str, most: usize) -> String {
+    let count = name.chars().count();
+    if count <= most {
+        return name.to_owned();
+    }
+    let last = most / 2;
+    let first = most.saturating_sub(last + 1);
+    let start = name.chars().take(first);
+    let end = name.chars().skip(count - last);
+    start.chain(['\u{2026}']).chain(end).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::shortened;
+
+    #[test]
+    fn long_names_keep_both_ends() {
+        assert_eq!(shortened("joint_1", 7), "joint_1");
+        assert_eq!(shortened("the_first_joint_1", 8), "the\u{2026}nt_1");
+        assert_eq!(
+            shortened("\u{fc}\u{fc}\u{fc}\u{fc}", 3),
+            "\u{fc}\u{2026}\u{fc}"
+        );
+    }
+}

@@ -1,7 +1,16 @@
 //! Plain text tables.
 
-/// A table with aligned columns; the first is left-aligned, the others right-aligned.
+use elastocal::wording::shortened;
+
+/// Names of rows have at most so many characters.
+const LONGEST_NAME: usize = 40;
+
+/// A table with aligned columns; the first, of names, is left-aligned, the others right-aligned.
 pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
+    let mut rows = rows.to_vec();
+    for name in rows.iter_mut().filter_map(|row| row.first_mut()) {
+        *name = shortened(name, LONGEST_NAME);
+    }
     let width = |column: usize| {
         rows.iter()
             .map(|row| row[column].chars().count())
@@ -25,7 +34,7 @@ pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
         format!("  {}\n", cells.join("  ").trim_end())
     };
     let mut text = line(&mut header.iter().copied());
-    for row in rows {
+    for row in &rows {
         text += &line(&mut row.iter().map(String::as_str));
     }
     text

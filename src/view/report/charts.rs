@@ -7,6 +7,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use crate::view::markup::escaped;
 use crate::view::plots::PlotError;
+use crate::wording::shortened;
 
 /// The width of a figure that takes half a page (in units of the drawing).
 pub const HALF: u32 = 960;
@@ -123,7 +124,9 @@ impl Rows<'_> {
         area: &'a Area<'b>,
         label: &dyn Fn(&f64) -> String,
     ) -> Result<Chart<'a, 'b>, PlotError> {
-        let names: Vec<String> = self.names.iter().map(|name| shortened(name)).collect();
+        let names: Vec<String> = (self.names.iter())
+            .map(|name| shortened(name, LONGEST_NAME))
+            .collect();
         let count = names.len();
         let middles: Vec<f64> = (0..count).map(|row| self.middle(row)).collect();
         let mut chart = ChartBuilder::on(area)
@@ -164,15 +167,6 @@ impl Rows<'_> {
         }
         Ok(chart)
     }
-}
-
-/// A name that is not too long.
-fn shortened(name: &str) -> String {
-    if name.chars().count() <= LONGEST_NAME {
-        return name.to_owned();
-    }
-    let start: String = name.chars().take(LONGEST_NAME - 1).collect();
-    start + "\u{2026}"
 }
 
 /// Room for the longest of some texts.
