@@ -8,7 +8,7 @@ use elastocal::plan::{Feasibility, read_plan};
 use elastocal::platform::platform;
 use elastocal::record::messages::{ProvenanceMessage, SchemaMessage};
 use elastocal::record::understanding::{UnderstandingMessage, UnknownsMessage};
-use elastocal::understanding::{Understanding, UnderstoodPose, unknowns};
+use elastocal::understanding::{Understanding, UnderstoodPose, UnderstoodTruth, unknowns};
 use nalgebra::Vector3;
 use serde_json::{Value, json};
 
@@ -155,7 +155,25 @@ fn describe(understanding: &Understanding) -> String {
     for pose in &understanding.poses {
         text += &describe_pose(understanding, pose);
     }
+    if let Some(truth) = &understanding.truth {
+        text += &describe_truth(truth);
+    }
     text + "\n"
+}
+
+/// A virtual robot that is more than a chain.
+fn describe_truth(truth: &UnderstoodTruth) -> String {
+    let mut text = format!(
+        "The virtual robot is more than the belief's chain ({}); it rests where MuJoCo's acceleration vanishes.\n",
+        truth.reason
+    );
+    for each in &truth.beyond_belief {
+        text += &format!("It obeys what a belief would refuse: {each}.\n");
+    }
+    for each in &truth.gives_way {
+        text += &format!("Its {} gives way by {}.\n", each.element, each.words());
+    }
+    text
 }
 
 fn describe_pose(understanding: &Understanding, pose: &UnderstoodPose) -> String {

@@ -3,6 +3,7 @@
 //! This is the only module that talks to `mujoco-rs`. [`Model`] is what a file says, immutable and
 //! shared between threads; [`State`] is one thread's simulation of it.
 
+mod balance;
 mod foreign;
 mod messages;
 mod model;
@@ -13,6 +14,7 @@ mod sources;
 mod state;
 mod statics;
 
+pub use balance::GivingWay;
 pub use messages::print_warnings;
 pub use model::{Geometry, Model, ModelError, Shape};
 pub use obstacle::Obstacle;

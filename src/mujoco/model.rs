@@ -251,20 +251,29 @@ impl Model {
         }
     }
 
-    /// The same model with other joint compliances (rad/(N m)), one for each joint.
+    /// The same model in which some joints have other compliances (rad/(N m)); their commands mean the
+    /// same. A compliance of zero changes nothing.
     ///
     /// # Errors
     /// [`ModelError::Statics`] for a joint that no position actuator holds.
-    pub fn with_joint_compliance(&self, compliance: &[f64]) -> Result<Self, ModelError> {
+    pub fn with_joint_compliance(
+        &self,
+        joints: &[usize],
+        compliance: &[f64],
+    ) -> Result<Self, ModelError> {
         let mut model = (*self.inner).clone();
-        for (joint, value) in compliance.iter().enumerate() {
-            let mut servos = Servo::of(&self.inner, joint);
-            let servo = servos.next().ok_or_else(|| self.not_held(joint))?;
+        for (&joint, value) in joints.iter().zip(compliance) {
+            let servo = self.position(joint).ok_or_else(|| self.not_held(joint))?;
+            if *value == 0.0 {
+                continue;
+            }
             let gain = value.recip() / (servo.gear * servo.gear);
+            let command = self.inner.actuator_gainprm()[servo.actuator][0];
+            let spring = -self.inner.actuator_biasprm()[servo.actuator][1];
             // SAFETY: gains and biases are plain numbers; no index or size depends on them.
             #[expect(unsafe_code, reason = "the wrapper has no safe setter")]
             unsafe {
-                model.actuator_gainprm_mut()[servo.actuator][0] = gain;
+                model.actuator_gainprm_mut()[servo.actuator][0] = gain * (command / spring);
                 model.actuator_biasprm_mut()[servo.actuator][1] = -gain;
             }
         }
@@ -272,6 +281,11 @@ impl Model {
             inner: Arc::new(model),
             path: self.path.clone(),
         })
+    }
+
+    /// The position actuator that holds a joint.
+    fn position(&self, joint: usize) -> Option<Servo> {
+        Servo::of(&self.inner, joint).find(|servo| servo.is_position(&self.inner))
     }
 
     /// The time step of simulations (s).
@@ -392,9 +406,9 @@ impl Model {
     /// holds it at the commanded angle; `None` if there is no actuator.
     #[must_use]
     pub fn joint_compliance(&self, joint: usize) -> Option<f64> {
-        let servo = Servo::of(&self.inner, joint).next()?;
-        let gain = self.inner.actuator_gainprm()[servo.actuator][0];
-        Some((gain * servo.gear * servo.gear).recip())
+        let servo = self.position(joint)?;
+        let spring = -self.inner.actuator_biasprm()[servo.actuator][1];
+        Some((spring * servo.gear * servo.gear).recip())
     }
 
     /// The joint's name, or `joint <id>`.
@@ -407,6 +421,16 @@ impl Model {
     #[must_use]
     pub fn body_name(&self, body: usize) -> String {
         self.name(MjtObjBase::mjOBJ_BODY, "body", body)
+    }
+
+    /// The identifier of a joint.
+    ///
+    /// # Errors
+    /// There is no such joint.
+    pub fn joint(&self, name: &str) -> Result<usize, ModelError> {
+        (0..self.joints())
+            .find(|&joint| self.joint_name(joint) == name)
+            .ok_or_else(|| self.unknown("joint", MjtObjBase::mjOBJ_JOINT, name, self.joints()))
     }
 
     /// The identifier of a site.

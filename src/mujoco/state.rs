@@ -5,7 +5,6 @@ use std::collections::BTreeSet;
 use mujoco_rs::prelude::MjData;
 use nalgebra::{Isometry3, Matrix3, Quaternion, Rotation3, Translation3, UnitQuaternion, Vector3};
 
-use super::statics::Servo;
 use super::{Model, ModelError};
 
 /// Two geometries nearer to each other than their margins allow.
@@ -19,8 +18,8 @@ pub struct Contact {
 
 /// One thread's simulation: joint coordinates and all that follows from them.
 pub struct State {
-    model: Model,
-    data: MjData<std::sync::Arc<mujoco_rs::prelude::MjModel>>,
+    pub(super) model: Model,
+    pub(super) data: MjData<std::sync::Arc<mujoco_rs::prelude::MjModel>>,
 }
 
 impl std::fmt::Debug for State {
@@ -131,21 +130,6 @@ impl State {
             None,
         );
         hit.map(|geometry| (geometry, distance))
-    }
-
-    /// Sets the commanded joint angles of a time simulation (rad).
-    pub fn command(&mut self, commanded: &[f64]) {
-        for (joint, &angle) in commanded.iter().enumerate() {
-            for servo in Servo::of(&self.model.inner, joint) {
-                self.data.ctrl_mut()[servo.control] = servo.gear * angle;
-            }
-        }
-    }
-
-    /// Puts the simulation at rest at the joint coordinates `q` (rad).
-    pub fn rest_at(&mut self, q: &[f64]) {
-        self.data.reset();
-        self.data.qpos_mut()[..q.len()].copy_from_slice(q);
     }
 
     /// One time step under a force (N) and torque (N m) in the world frame at a site, which follow

@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 use serde::Serialize;
 
-use crate::understanding::{Bent, Understanding, Unknowns};
+use crate::understanding::{Bent, Understanding, UnderstoodTruth, Unknowns};
 
 /// What `check` understood of a scenario.
 #[derive(Debug, Clone, Serialize)]
@@ -12,6 +12,9 @@ pub struct UnderstandingMessage {
     pub robot: RobotMessage,
     /// The robot at each test pose.
     pub test_poses: Vec<PoseMessage>,
+    /// The virtual robot, where its model is more than a chain.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub true_robot: Option<TrueRobotMessage>,
     /// What is likely to be a mistake.
     pub warnings: Vec<String>,
 }
@@ -25,6 +28,45 @@ pub struct RobotMessage {
     pub reach_mm: f64,
     /// The size of gravity's acceleration (m/s^2).
     pub gravity_m_s2: f64,
+}
+
+/// A virtual robot that is more than a chain.
+#[derive(Debug, Clone, Serialize)]
+pub struct TrueRobotMessage {
+    /// Why its model is no belief.
+    pub reason: String,
+    /// What it obeys and a belief would refuse.
+    pub beyond_belief: Vec<String>,
+    /// How far its equality constraints give way.
+    pub gives_way: Vec<GivingWayMessage>,
+}
+
+/// An equality constraint that gives way.
+#[derive(Debug, Clone, Serialize)]
+pub struct GivingWayMessage {
+    /// The element of the model.
+    pub element: String,
+    /// How far (mm), where it ties places.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub distance_mm: Option<f64>,
+    /// How far (deg), where it ties angles.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub angle_deg: Option<f64>,
+}
+
+impl TrueRobotMessage {
+    fn new(truth: &UnderstoodTruth) -> Self {
+        let gives_way = truth.gives_way.iter().map(|each| GivingWayMessage {
+            element: each.element.clone(),
+            distance_mm: (!each.is_angle).then_some(each.distance * 1e3),
+            angle_deg: each.is_angle.then_some(each.distance.to_degrees()),
+        });
+        Self {
+            reason: truth.reason.clone(),
+            beyond_belief: truth.beyond_belief.clone(),
+            gives_way: gives_way.collect(),
+        }
+    }
 }
 
 /// A joint.
@@ -96,6 +138,7 @@ impl UnderstandingMessage {
                 gravity_m_s2: understanding.gravity_m_s2,
             },
             test_poses: poses.collect(),
+            true_robot: understanding.truth.as_ref().map(TrueRobotMessage::new),
             warnings: understanding.warnings.clone(),
         }
     }

@@ -36,6 +36,25 @@ pub enum EquilibriumError {
         /// The number of iterations.
         iterations: usize,
     },
+    /// Nothing holds a joint of a model, neither an actuator nor a spring nor its weight.
+    #[error("no static equilibrium: nothing holds joint {joint:?}")]
+    NotHeld {
+        /// The joint's name.
+        joint: String,
+    },
+    /// A model with more than a chain of elastic joints does not come to rest.
+    #[error(
+        "no static equilibrium: joint {joint:?} is still out of balance after {iterations} iterations"
+    )]
+    NotAtRest {
+        /// The name of the joint with the largest force left over.
+        joint: String,
+        /// The number of iterations.
+        iterations: usize,
+    },
+    /// MuJoCo cannot calculate the forces.
+    #[error("no static equilibrium: {0}")]
+    NoForces(String),
     /// The equilibrium that was found is unstable: the load overcomes the joints' stiffness.
     #[error("the static equilibrium is unstable: the load outweighs the joints' stiffness")]
     Unstable,

@@ -11,6 +11,7 @@ mod elastostatics;
 mod equilibrium;
 mod kinematic_state;
 mod mjcf;
+mod true_robot;
 
 pub use chain::{Joint, SerialChain, Tool};
 pub use elastostatics::{ObservationMatrix, cartesian_stiffness};
@@ -18,3 +19,4 @@ pub use equilibrium::{
     CONVERGED_RAD, Equilibrium, EquilibriumError, EquilibriumSolver, MAXIMUM_ITERATIONS,
 };
 pub use kinematic_state::{KinematicState, Kinematics, Load, rotation_vector};
+pub use true_robot::TrueRobot;

@@ -15,7 +15,7 @@ use nalgebra::DVector;
 
 use crate::mujoco::Model;
 use crate::plan::{Criterion, Plan};
-use crate::robot::{Load, SerialChain, Tool};
+use crate::robot::{Load, SerialChain, Tool, TrueRobot};
 
 pub use crate::experiment::Loads;
 pub use file::{Level, LoadKind, Method, SigmaOf};
@@ -41,6 +41,13 @@ const RIGID: f64 = 1e-3;
 const COMPLIANT: f64 = 1e-2;
 
 impl Robot {
+    /// The virtual robot that is just what is believed.
+    #[must_use]
+    pub fn as_believed(&self) -> TrueRobot {
+        let compliance = self.compliance_rad_per_nm.clone();
+        TrueRobot::of_chain(self.model.clone(), self.chain.clone(), compliance)
+    }
+
     /// The typical sizes of the compliances of some joints (rad/(N m)), which make them comparable: their
     /// values; for a joint that is held to be rigid, or nearly so, the largest of all.
     #[must_use]
@@ -219,7 +226,7 @@ pub struct Scenario {
     /// What the planner and the identification believe.
     pub nominal: Robot,
     /// The virtual robot, which only the testbed sees.
-    pub true_robot: Robot,
+    pub true_robot: TrueRobot,
     /// The tool that carries the reflector and the weight.
     pub calibration_tool: Tool,
     /// The tool that machines.

@@ -3,7 +3,10 @@
 //! [`VirtualRobot`] is the only owner of the true compliances; what leaves this module towards
 //! identification are [`Measurement`](crate::measurement::Measurement)s.
 
+mod any_model;
+mod arm;
 mod instrument;
+mod rest;
 mod settle;
 mod virtual_robot;
 

@@ -1,15 +1,16 @@
-//! The robot in MuJoCo: static equilibria from MuJoCo's position stage, without linearisation.
+//! The robot in MuJoCo: static equilibria without linearisation. A plain chain's follow from MuJoCo's
+//! position stage and the joints' elastic law, any other model's from MuJoCo's forward dynamics.
 
 use nalgebra::{DVector, Matrix3, Vector3};
 use thiserror::Error;
 
-use crate::mujoco::{ModelError, State};
+use super::any_model::MujocoRest;
+use super::arm::MujocoArm;
+use crate::mujoco::{GivingWay, ModelError, State};
 use crate::plan::Experiment;
 use crate::robot::{
-    Equilibrium, EquilibriumError, EquilibriumSolver, KinematicState, Kinematics, Load,
-    rotation_vector,
+    Equilibrium, EquilibriumError, EquilibriumSolver, Load, TrueRobot, rotation_vector,
 };
-use crate::scenario::Robot;
 
 /// The tool's motion from the unloaded to the loaded equilibrium, in the world frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -37,9 +38,17 @@ pub struct MeasurementError {
 /// A compliant robot in MuJoCo with one tool mounted.
 #[derive(Debug)]
 pub struct VirtualRobot {
-    arm: MujocoArm,
+    body: Body,
     compliance_rad_per_nm: Vec<f64>,
-    solver: EquilibriumSolver,
+}
+
+/// How its equilibria are found.
+#[derive(Debug)]
+enum Body {
+    /// A plain chain: by the elastic law of its joints.
+    Chain(MujocoArm, EquilibriumSolver),
+    /// Any model: where MuJoCo's acceleration vanishes.
+    Any(MujocoRest),
 }
 
 impl VirtualRobot {
@@ -47,30 +56,43 @@ impl VirtualRobot {
     ///
     /// # Errors
     /// The model has no such site.
-    pub fn new(robot: &Robot, site: &str) -> Result<Self, ModelError> {
-        let site = robot.model.site(site)?;
-        let joints = robot.chain.len();
-        let (tool_body, _) = robot.model.site_body(site);
+    pub fn new(robot: &TrueRobot, site: &str) -> Result<Self, ModelError> {
+        let site_id = robot.model.site(site)?;
+        let body = match &robot.chain {
+            Ok(chain) => Body::Chain(
+                MujocoArm::new(robot, site_id),
+                EquilibriumSolver::new(chain.len()),
+            ),
+            Err(_) => return Self::of_any_model(robot, site),
+        };
         Ok(Self {
-            arm: MujocoArm {
-                bodies: (0..robot.model.bodies())
-                    .flat_map(|body| robot.model.joints_of(body).map(move |_| body))
-                    .collect(),
-                // Joint j has identifier j: the chain's reader has seen that all joints are in series.
-                tool_joints: robot.model.joints_that_move(tool_body),
-                gravity_m_s2: robot.model.gravity(),
-                state: State::new(&robot.model.with_weighing_masses()),
-                site,
-            },
+            body,
             compliance_rad_per_nm: robot.compliance_rad_per_nm.clone(),
-            solver: EquilibriumSolver::new(joints),
+        })
+    }
+
+    /// The same robot, whose rest is sought where MuJoCo's acceleration vanishes even where the elastic law
+    /// of a plain chain would do.
+    ///
+    /// # Errors
+    /// The model has no such site.
+    pub fn of_any_model(robot: &TrueRobot, site: &str) -> Result<Self, ModelError> {
+        Ok(Self {
+            body: Body::Any(MujocoRest::new(robot, site)?),
+            compliance_rad_per_nm: robot.compliance_rad_per_nm.clone(),
         })
     }
 
     /// Replaces the joints' compliances (rad/(N m)).
     pub fn set_compliance(&mut self, compliance_rad_per_nm: &[f64]) {
+        if self.compliance_rad_per_nm == compliance_rad_per_nm {
+            return;
+        }
         self.compliance_rad_per_nm
             .copy_from_slice(compliance_rad_per_nm);
+        if let Body::Any(rest) = &mut self.body {
+            rest.set_compliance(compliance_rad_per_nm);
+        }
     }
 
     /// The static equilibrium at the commanded angles (rad) under a load: position (m) and axes of
@@ -83,26 +105,54 @@ impl VirtualRobot {
         commanded_rad: &DVector<f64>,
         load: &Load,
     ) -> Result<(Vector3<f64>, Matrix3<f64>, Equilibrium), EquilibriumError> {
-        let equilibrium = self.solver.solve(
-            &mut self.arm,
-            &self.compliance_rad_per_nm,
-            commanded_rad.as_slice(),
-            load,
-        )?;
-        let state = self.solver.state();
-        Ok((state.tool_position, state.tool_rotation, equilibrium))
+        match &mut self.body {
+            Body::Chain(arm, solver) => {
+                let compliance = &self.compliance_rad_per_nm;
+                let equilibrium = solver.solve(arm, compliance, commanded_rad.as_slice(), load)?;
+                let state = solver.state();
+                Ok((state.tool_position, state.tool_rotation, equilibrium))
+            }
+            Body::Any(rest) => {
+                let equilibrium = rest.rest(commanded_rad.as_slice(), load)?;
+                let (position, rotation) = rest.tool();
+                Ok((position, rotation, equilibrium))
+            }
+        }
     }
 
-    /// The joint angles at the last equilibrium (rad).
+    /// The angles of the belief's joints at the last equilibrium (rad).
     #[must_use]
-    pub fn joint_angles(&self) -> &[f64] {
-        self.solver.q()
+    pub fn joint_angles(&self) -> Vec<f64> {
+        match &self.body {
+            Body::Chain(_, solver) => solver.q().to_vec(),
+            Body::Any(rest) => rest.joint_angles(),
+        }
+    }
+
+    /// MuJoCo's coordinates of all joints at the last equilibrium (rad, m).
+    #[must_use]
+    pub fn coordinates(&self) -> &[f64] {
+        match &self.body {
+            Body::Chain(_, solver) => solver.q(),
+            Body::Any(_) => self.simulation().coordinates().0,
+        }
     }
 
     /// MuJoCo's simulation as it stands at the last equilibrium.
     #[must_use]
     pub fn simulation(&self) -> &State {
-        &self.arm.state
+        match &self.body {
+            Body::Chain(arm, _) => arm.state(),
+            Body::Any(rest) => rest.state(),
+        }
+    }
+
+    /// How far the model's equality constraints give way at the last equilibrium, found under this load.
+    pub fn giving_way(&mut self, load: &Load) -> Vec<GivingWay> {
+        match &mut self.body {
+            Body::Chain(..) => Vec::new(),
+            Body::Any(rest) => rest.giving_way(load),
+        }
     }
 
     /// The tool's displacement from the unloaded to the loaded equilibrium: the virtual measurement
@@ -130,36 +180,5 @@ impl VirtualRobot {
             rotation_rad: rotation_vector(&(loaded_axes * unloaded_axes.transpose())),
             iterations: [first.iterations, second.iterations],
         })
-    }
-}
-
-/// The kinematics of the robot as MuJoCo computes them.
-#[derive(Debug)]
-struct MujocoArm {
-    state: State,
-    site: usize,
-    /// The body that each joint moves.
-    bodies: Vec<usize>,
-    tool_joints: usize,
-    gravity_m_s2: Vector3<f64>,
-}
-
-impl Kinematics for MujocoArm {
-    fn joints(&self) -> usize {
-        self.bodies.len()
-    }
-
-    fn gravity_m_s2(&self) -> Vector3<f64> {
-        self.gravity_m_s2
-    }
-
-    fn update(&mut self, q: &[f64], state: &mut KinematicState) {
-        self.state.move_to(q);
-        for (joint, &body) in self.bodies.iter().enumerate() {
-            (state.anchor[joint], state.axis[joint]) = self.state.joint(joint);
-            (state.distal_mass[joint], state.distal_centre[joint]) = self.state.subtree(body);
-        }
-        state.tool_joints = self.tool_joints;
-        (state.tool_position, state.tool_rotation) = self.state.site(self.site);
     }
 }

@@ -1,9 +1,10 @@
 //! The robot as the program understands a scenario, and what is implausible about it.
 //!
 //! Everything here is what the planner believes (the nominal robot), except that the warnings look
-//! at the virtual robot's compliances, too.
+//! at the virtual robot, too, and that a virtual robot that is more than a chain is told of.
 
 mod plausibility;
+mod truth;
 mod unknowns;
 
 use nalgebra::Vector3;
@@ -11,6 +12,7 @@ use nalgebra::Vector3;
 use crate::robot::{EquilibriumError, EquilibriumSolver, Load, SerialChain, Tool};
 use crate::scenario::{Scenario, TestPose};
 
+pub use truth::UnderstoodTruth;
 pub use unknowns::{Unknowns, unknowns};
 
 /// What a scenario was understood to say.
@@ -24,6 +26,8 @@ pub struct Understanding {
     pub gravity_m_s2: f64,
     /// The robot at each test pose.
     pub poses: Vec<UnderstoodPose>,
+    /// The virtual robot, where it is more than a chain.
+    pub truth: Option<UnderstoodTruth>,
     /// What is allowed and nevertheless likely to be a mistake, with what it may come from.
     pub warnings: Vec<String>,
 }
@@ -84,9 +88,16 @@ impl Understanding {
             poses: (scenario.test_poses.iter())
                 .map(|pose| understood_pose(scenario, pose))
                 .collect(),
+            truth: UnderstoodTruth::new(scenario),
             warnings: Vec::new(),
         };
         understanding.warnings = plausibility::warnings(scenario, &understanding);
+        let of_truth = understanding
+            .truth
+            .iter()
+            .flat_map(UnderstoodTruth::warnings);
+        let of_truth: Vec<String> = of_truth.collect();
+        understanding.warnings.extend(of_truth);
         understanding
     }
 }

@@ -5,7 +5,7 @@
 use std::f64::consts::TAU;
 
 use super::{Understanding, UnderstoodJoint, UnderstoodPose};
-use crate::scenario::{Robot, Scenario};
+use crate::scenario::Scenario;
 
 /// A robot that sags or bends by more than this at its tool (m) ...
 const BENT_M: f64 = 0.05;
@@ -37,11 +37,16 @@ pub(super) fn warnings(scenario: &Scenario, understood: &Understanding) -> Vec<S
     warnings.extend(lengths(understood));
     warnings.extend(masses(understood));
     warnings.extend(ranges(scenario));
-    let soft = compliances("robot", &scenario.nominal);
+    let (nominal, truth) = (&scenario.nominal, &scenario.true_robot);
+    let names: Vec<String> = (understood.joints.iter())
+        .map(|joint| joint.name.clone())
+        .collect();
+    let soft = compliances("robot", &names, &nominal.compliance_rad_per_nm);
     let is_soft = soft.is_some();
     warnings.extend(soft);
-    if scenario.true_robot.compliance_rad_per_nm != scenario.nominal.compliance_rad_per_nm {
-        warnings.extend(compliances("true_robot", &scenario.true_robot));
+    if truth.compliance_rad_per_nm != nominal.compliance_rad_per_nm {
+        let given = &truth.compliance_rad_per_nm;
+        warnings.extend(compliances("true_robot", &truth.joint_names(), given));
     }
     for (index, pose) in understood.poses.iter().enumerate() {
         warnings.extend(radians_for_degrees(scenario, index));
@@ -108,11 +113,11 @@ fn ranges(scenario: &Scenario) -> Option<String> {
 }
 
 /// The first compliance that is none.
-fn compliances(table: &str, robot: &Robot) -> Option<String> {
-    let joint = (robot.compliance_rad_per_nm.iter())
+fn compliances(table: &str, names: &[String], compliance_rad_per_nm: &[f64]) -> Option<String> {
+    let joint = (compliance_rad_per_nm.iter())
         .position(|&compliance| compliance > COMPLIANCE_RAD_PER_NM)?;
-    let compliance = robot.compliance_rad_per_nm[joint];
-    let name = &robot.chain.joints[joint].name;
+    let compliance = compliance_rad_per_nm[joint];
+    let name = &names[joint];
     let stiffness = compliance.recip();
     Some(if compliance > 1.0 {
         format!(

@@ -237,7 +237,7 @@ fn nothing_to_identify_from() {
 fn without_residuals_there_is_no_consistency() {
     let mut scenario = differing("klimchik2012");
     scenario.parameters = vec![1, 2, 3];
-    scenario.nominal = scenario.true_robot.clone();
+    scenario.nominal.compliance_rad_per_nm = scenario.true_robot.compliance_rad_per_nm.clone();
     let measurements = noise_free(&scenario, &table4(3));
     let found = identified(
         &scenario,

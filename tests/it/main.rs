@@ -28,6 +28,7 @@
 //! - `implausible_input`: inputs that are well formed and cannot be.
 //! - `limits`: sizes, and files without an end.
 //! - `tallies`: tallies that cannot be.
+//! - `true_models`: virtual robots that are more than a chain, beside MuJoCo's simulation in time.
 //! - `known_optima`: arms of three joints, for which the best plan can be derived by hand.
 //! - `search`: the search for plans and its certificate, on the KR-270.
 //! - `bounds`: the class of plans that a bound speaks about.
@@ -57,6 +58,7 @@ mod gate_refusals;
 mod identifiability;
 mod implausible_input;
 mod interruptions;
+mod judge;
 mod judges;
 mod known_optima;
 mod limits;
@@ -73,14 +75,17 @@ mod planning;
 mod properties;
 mod provenance;
 mod published;
+mod random_models;
 mod recordings;
 mod recovery;
 mod report;
 mod reproduction;
+mod robots;
 mod search;
 mod streams;
 mod study;
 mod support;
 mod tallies;
+mod true_models;
 mod uncertainty;
 mod understanding;

@@ -156,7 +156,8 @@ fn found(scenario: &Scenario) -> [[Vector3<f64>; 2]; 2] {
     let q = DVector::from_iterator(3, COMMANDED_DEG.map(f64::to_radians));
     let [x, y, z] = LOAD_N;
     let loads = [Load::NONE, Load::force(x, y, z)];
-    let mut virtual_robot = VirtualRobot::new(robot, "tool").expect("the site exists");
+    let mut virtual_robot =
+        VirtualRobot::new(&robot.as_believed(), "tool").expect("the site exists");
     let mut solver = EquilibriumSolver::new(3);
     let virtually = loads.map(|load| virtual_robot.rest(&q, &load).expect("stable").0);
     let analytically = loads.map(|load| {

@@ -127,8 +127,8 @@ fn obstacles_are_drawn_where_they_stand_in_both_robots_laboratories() {
          [true_robot]\ncompliance_rad_per_nm = [0.3e-6, 0.3e-6, 0.4e-6, 3e-6, 3.3e-6, 2.3e-6]\n",
     );
     let scenario = load(&path);
-    for robot in [&scenario.nominal, &scenario.true_robot] {
-        let mut state = elastocal::mujoco::State::new(&robot.model);
+    for model in [&scenario.nominal.model, &scenario.true_robot.model] {
+        let mut state = elastocal::mujoco::State::new(model);
         state.move_to(&[0.0; 6]);
         for (name, shape, place) in [
             (
@@ -138,7 +138,7 @@ fn obstacles_are_drawn_where_they_stand_in_both_robots_laboratories() {
             ),
             ("drum", Shape::Cylinder(0.3, 0.45), [-2.0, 2.0, 0.45]),
         ] {
-            let scenery = robot.model.scenery();
+            let scenery = model.scenery();
             let found = scenery
                 .iter()
                 .find(|each| each.name == name)

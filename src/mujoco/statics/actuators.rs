@@ -84,14 +84,30 @@ pub(crate) fn not_held(model: &MjModel, joint: usize) -> Refusal {
     Refusal::new(joint_element(model, joint), problem, hint)
 }
 
-/// The actuator's force must be that of a spring between commanded and actual angle: kp (u - length).
-#[expect(
-    clippy::float_cmp,
-    reason = "a position actuator has the same number twice"
-)]
-pub(super) fn law(model: &MjModel) -> Option<Refusal> {
-    const HINT: &str =
-        "write <position joint=\"...\" kp=\"...\"/>, kp being the joint's stiffness in N m/rad";
+/// What to write instead of another actuator.
+const HINT: &str =
+    "write <position joint=\"...\" kp=\"...\"/>, kp being the joint's stiffness in N m/rad";
+
+/// A joint of the virtual robot that is to be commanded.
+pub(crate) fn not_commanded(model: &MjModel, joint: usize) -> Refusal {
+    let refusal = not_held(model, joint);
+    let mut position = Servo::of(model, joint).filter(|servo| servo.is_position(model));
+    match (position.next(), position.next()) {
+        (Some(one), Some(other)) => Refusal::new(
+            actuator_element(model, other.actuator),
+            format!(
+                "commands {} beside {}; one position actuator may command a joint",
+                joint_element(model, joint),
+                actuator_element(model, one.actuator)
+            ),
+            "leave the one whose kp is the joint's stiffness, and remove the other",
+        ),
+        _ => refusal,
+    }
+}
+
+/// An actuator with a state of its own rests where its history says.
+pub(super) fn state(model: &MjModel) -> Option<Refusal> {
     acting(model).find_map(|id| {
         let refused = |problem: String| {
             Some(Refusal::new(actuator_element(model, id), problem, HINT))
@@ -106,6 +122,20 @@ pub(super) fn law(model: &MjModel) -> Option<Refusal> {
         if model.actuator_plugin()[id] >= 0 {
             return refused("is a plugin; its force is not known".to_owned());
         }
+        None
+    })
+}
+
+/// The actuator's force must be that of a spring between commanded and actual angle: kp (u - length).
+#[expect(
+    clippy::float_cmp,
+    reason = "a position actuator has the same number twice"
+)]
+pub(super) fn law(model: &MjModel) -> Option<Refusal> {
+    acting(model).find_map(|id| {
+        let refused = |problem: String| {
+            Some(Refusal::new(actuator_element(model, id), problem, HINT))
+        };
         let gain = model.actuator_gainprm()[id];
         let bias = model.actuator_biasprm()[id];
         if model.actuator_gaintype()[id] != MjtGain::mjGAIN_FIXED

@@ -1,6 +1,6 @@
 //! Springs, friction, constraints, wind and what else pulls at an arm beside its actuators.
 
-use mujoco_rs::prelude::MjModel;
+use mujoco_rs::prelude::{MjModel, MjtJoint};
 use mujoco_rs::wrappers::mj_model::{MjtDisableBit, MjtEnableBit, MjtEq, MjtObjBase};
 
 use super::{Refusal, disabled, element};
@@ -102,24 +102,46 @@ pub(super) fn tendon_friction(model: &MjModel) -> Option<Refusal> {
     })
 }
 
+/// The equality constraints that act.
+pub(super) fn acting_equalities(model: &MjModel) -> impl Iterator<Item = usize> + use<> {
+    let acts = constrains(model, MjtDisableBit::mjDSBL_EQUALITY);
+    let active: Vec<bool> = model.eq_active0().to_vec();
+    (0..active.len()).filter(move |&equality| acts && active[equality])
+}
+
+/// An equality constraint as a person finds it in the file.
+pub(super) fn equality_element(model: &MjModel, equality: usize) -> String {
+    let kind = match model.eq_type()[equality] {
+        MjtEq::mjEQ_CONNECT => "connect",
+        MjtEq::mjEQ_WELD => "weld",
+        MjtEq::mjEQ_JOINT => "joint",
+        MjtEq::mjEQ_TENDON => "tendon",
+        _ => "constraint",
+    };
+    let tag = format!("equality/{kind}");
+    element(model, MjtObjBase::mjOBJ_EQUALITY, &tag, equality)
+}
+
+/// Whether the residual of an equality constraint is an angle (true) or a length (false).
+pub(super) fn couples_angles(model: &MjModel, equality: usize) -> Option<bool> {
+    match model.eq_type()[equality] {
+        MjtEq::mjEQ_CONNECT | MjtEq::mjEQ_WELD | MjtEq::mjEQ_TENDON => Some(false),
+        MjtEq::mjEQ_JOINT => {
+            let joint = model.eq_obj1id()[equality].unsigned_abs() as usize;
+            Some(model.jnt_type()[joint] == MjtJoint::mjJNT_HINGE)
+        }
+        _ => None,
+    }
+}
+
 /// Joints that are coupled, bodies that are tied to each other.
 pub(super) fn equalities(model: &MjModel) -> Option<Refusal> {
-    let equality = model.eq_active0().iter().position(|&active| active)?;
-    constrains(model, MjtDisableBit::mjDSBL_EQUALITY).then(|| {
-        let kind = match model.eq_type()[equality] {
-            MjtEq::mjEQ_CONNECT => "connect",
-            MjtEq::mjEQ_WELD => "weld",
-            MjtEq::mjEQ_JOINT => "joint",
-            MjtEq::mjEQ_TENDON => "tendon",
-            _ => "constraint",
-        };
-        let tag = format!("equality/{kind}");
-        Refusal::new(
-            element(model, MjtObjBase::mjOBJ_EQUALITY, &tag, equality),
-            "ties joints or bodies to each other; the statics know a free serial chain only",
-            "remove it, or give it active=\"false\"",
-        )
-    })
+    let equality = acting_equalities(model).next()?;
+    Some(Refusal::new(
+        equality_element(model, equality),
+        "ties joints or bodies to each other; the statics know a free serial chain only",
+        "remove it, or give it active=\"false\"",
+    ))
 }
 
 /// A body whose weight is compensated by more than itself, or less than nothing.

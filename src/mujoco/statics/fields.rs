@@ -6,7 +6,7 @@
 use mujoco_rs::mujoco_c::{mjModel_, mjOption_};
 use mujoco_rs::wrappers::mj_model::{MjtDisableBit, MjtEnableBit};
 
-use super::Treatment::{self, Honoured, Refused, SwitchedOff, WithoutInfluence};
+use super::Treatment::{self, Honoured, InTruth, Refused, SwitchedOff, WithoutInfluence};
 use super::{actuators, elements};
 
 /// Makes a table of groups. The pattern in it is the proof that the table is whole: the compiler
@@ -22,10 +22,10 @@ macro_rules! classify {
 
 classify! { MODEL of mjModel_;
     // Springs in joints.
-    Refused(elements::joint_springs) =>
+    InTruth(elements::joint_springs) =>
         jnt_stiffness jnt_stiffnesspoly qpos_spring;
     // Springs in tendons, and the paths of tendons.
-    Refused(elements::tendon_springs) =>
+    InTruth(elements::tendon_springs) =>
         ntendon nwrap nJten tendon_stiffness tendon_stiffnesspoly tendon_lengthspring tendon_adr tendon_num
         tendon_length0 wrap_type wrap_objid wrap_prm ten_J_rownnz ten_J_rowadr ten_J_colind;
     // Tendons that become taut.
@@ -38,10 +38,10 @@ classify! { MODEL of mjModel_;
     Refused(elements::tendon_friction) =>
         tendon_frictionloss tendon_solref_fri tendon_solimp_fri;
     // Equality constraints.
-    Refused(elements::equalities) =>
+    InTruth(elements::equalities) =>
         neq nemax eq_type eq_obj1id eq_obj2id eq_objtype eq_active0 eq_solref eq_solimp eq_data;
     // Weight that is compensated; a part of a body's own weight is honoured.
-    Refused(elements::buoyancy) =>
+    InTruth(elements::buoyancy) =>
         ngravcomp flg_gravcomp body_gravcomp jnt_actgravcomp;
     // Deformable bodies.
     Refused(elements::flexes) =>
@@ -63,23 +63,25 @@ classify! { MODEL of mjModel_;
         nplugin npluginattr npluginstate body_plugin plugin plugin_stateadr plugin_statenum plugin_attr
         plugin_attradr;
     // What actuators act on.
-    Refused(actuators::transmission) =>
+    InTruth(actuators::transmission) =>
         nactuator nu nout actuator_trntype actuator_ctrlnum actuator_ctrlspec actuator_outnum
         actuator_cranklength tendon_actfrclimited tendon_actfrcrange;
     // Which joint an actuator holds.
-    Refused(actuators::one_for_each_joint) =>
+    InTruth(actuators::one_for_each_joint) =>
         actuator_trnid actuator_group;
+    // Actuators whose force depends on what was before.
+    Refused(actuators::state) =>
+        na nhistory actuator_dyntype actuator_dynprm actuator_actadr actuator_actnum actuator_actlimited
+        actuator_actrange actuator_actearly actuator_history actuator_historyadr actuator_delay actuator_plugin;
     // The force of an actuator; a spring's is honoured, and so is the gear.
-    Refused(actuators::law) =>
-        na nhistory actuator_dyntype actuator_gaintype actuator_biastype actuator_dynprm actuator_gainprm
-        actuator_biasprm actuator_actadr actuator_actnum actuator_actlimited actuator_actrange actuator_actearly
-        actuator_history actuator_historyadr actuator_delay actuator_plugin actuator_gear actuator_ctrladr
+    InTruth(actuators::law) =>
+        actuator_gaintype actuator_biastype actuator_gainprm actuator_biasprm actuator_gear actuator_ctrladr
         actuator_outadr;
     // Forces that are cut off.
-    Refused(actuators::force_limits) =>
+    InTruth(actuators::force_limits) =>
         actuator_forcelimited actuator_forcerange jnt_actfrclimited jnt_actfrcrange;
     // Commands that are clamped inside the joint's range, which is honoured.
-    Refused(actuators::command_limits) =>
+    InTruth(actuators::command_limits) =>
         actuator_ctrllimited actuator_ctrlrange jnt_range;
     // The chain and its masses.
     Honoured =>
@@ -167,7 +169,7 @@ classify! { OPTION of mjOption_;
     Honoured =>
         gravity;
     // Wind, where there is a medium.
-    Refused(elements::wind) =>
+    InTruth(elements::wind) =>
         wind density viscosity;
     // Flags that switch forces off, see below.
     Refused(actuators::actuation_off) =>

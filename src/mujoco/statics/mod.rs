@@ -2,8 +2,9 @@
 //!
 //! The belief about the robot is a chain of joints, each an elastic element between its commanded
 //! and its actual angle, under gravity and a load. MuJoCo can say much more. [`fields`] puts every
-//! field of MuJoCo's model into one of four classes; for those that are refused, a check tells
-//! whether the value that a model gives can move the arm at all, and the element that gives it.
+//! field of MuJoCo's model into one of five classes; for those that are refused, a check tells
+//! whether the value that a model gives can move the arm at all, and the element that gives it. The
+//! virtual robot obeys more than the belief does.
 
 mod actuators;
 mod elements;
@@ -27,6 +28,9 @@ enum Treatment {
     SwitchedOff,
     /// It moves no arm at rest.
     WithoutInfluence,
+    /// The virtual robot obeys it, since it rests where MuJoCo's own acceleration vanishes; a belief in
+    /// which it can move the arm's rest is refused.
+    InTruth(fn(&MjModel) -> Option<Refusal>),
     /// A model in which it can move the arm's rest is refused.
     Refused(fn(&MjModel) -> Option<Refusal>),
 }
@@ -53,19 +57,74 @@ impl Refusal {
 }
 
 impl Model {
-    /// Refuses a model in which something moves the arm's rest that the statics do not know.
+    /// Refuses a model of a belief in which something moves the arm's rest that its statics do not know.
     ///
     /// # Errors
     /// [`ModelError::Statics`] with the first such element.
     pub fn check_statics(&self) -> Result<(), ModelError> {
-        let refusal = fields::OPTION
-            .iter()
-            .chain(fields::MODEL)
-            .find_map(|treatment| match treatment {
-                Treatment::Refused(check) => check(&self.inner),
-                _ => None,
-            });
+        let refusal = treatments().find_map(|treatment| match treatment {
+            Treatment::InTruth(check) | Treatment::Refused(check) => check(&self.inner),
+            _ => None,
+        });
         refusal.map_or(Ok(()), |refusal| Err(self.refused(refusal)))
+    }
+
+    /// Refuses a model of a virtual robot in which something moves its rest that no static equilibrium
+    /// tells: forces with a state of their own, dry friction, deformable bodies.
+    ///
+    /// # Errors
+    /// [`ModelError::Statics`] with the first such element.
+    pub fn check_rest(&self) -> Result<(), ModelError> {
+        let refusal = treatments().find_map(|treatment| match treatment {
+            Treatment::Refused(check) => check(&self.inner),
+            _ => None,
+        });
+        refusal.map_or(Ok(()), |refusal| Err(self.refused(refusal)))
+    }
+
+    /// What the virtual robot obeys of this model and a belief would refuse: an element of each kind, in
+    /// words.
+    #[must_use]
+    pub fn beyond_belief(&self) -> Vec<String> {
+        treatments()
+            .filter_map(|treatment| match treatment {
+                Treatment::InTruth(check) => check(&self.inner),
+                _ => None,
+            })
+            .map(|refusal| format!("{}: {}", refusal.element, refusal.problem))
+            .collect()
+    }
+
+    /// The equality constraints that act.
+    pub(super) fn equalities(&self) -> impl Iterator<Item = usize> + use<> {
+        elements::acting_equalities(&self.inner)
+    }
+
+    /// Whether the model has equality constraints that act.
+    #[must_use]
+    pub fn has_equalities(&self) -> bool {
+        self.equalities().next().is_some()
+    }
+
+    /// An equality constraint as a person finds it in the file.
+    pub(super) fn equality_element(&self, equality: usize) -> String {
+        elements::equality_element(&self.inner, equality)
+    }
+
+    /// Whether an equality constraint ties angles to each other; none where its residual is neither an
+    /// angle nor a length.
+    pub(super) fn couples_angles(&self, equality: usize) -> Option<bool> {
+        elements::couples_angles(&self.inner, equality)
+    }
+
+    /// The error for a joint of a virtual robot that is to be commanded and that is not held by one
+    /// position actuator.
+    pub(crate) fn check_commanded(&self, joint: usize) -> Result<(), ModelError> {
+        let position = Servo::of(&self.inner, joint).filter(|servo| servo.is_position(&self.inner));
+        match position.count() {
+            1 => Ok(()),
+            _ => Err(self.refused(actuators::not_commanded(&self.inner, joint))),
+        }
     }
 
     /// The error for a joint that no actuator holds.
@@ -81,6 +140,11 @@ impl Model {
             hint: refusal.hint,
         }
     }
+}
+
+/// What becomes of every field.
+fn treatments() -> impl Iterator<Item = &'static Treatment> {
+    fields::OPTION.iter().chain(fields::MODEL)
 }
 
 /// Whether `<option><flag .../>` disables what the bit stands for.

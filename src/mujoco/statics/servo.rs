@@ -1,7 +1,7 @@
 //! The position actuator that holds a joint: the elastic element of the belief.
 
 use mujoco_rs::prelude::MjModel;
-use mujoco_rs::wrappers::mj_model::MjtTrn;
+use mujoco_rs::wrappers::mj_model::{MjtBias, MjtGain, MjtTrn};
 
 /// A position actuator that holds a joint. With the gear g and the gain kp its torque on the joint
 /// is g kp (u - g q) = g^2 kp (u / g - q): the commanded angle is u / g, and the stiffness g^2 kp.
@@ -25,6 +25,14 @@ impl Servo {
                     && usize::try_from(model.actuator_trnid()[actuator][0]) == Ok(joint)
             })
             .map(|actuator| Self::new(model, actuator))
+    }
+
+    /// Whether its force grows against a deviation from its control, and with the control.
+    pub fn is_position(&self, model: &MjModel) -> bool {
+        model.actuator_gaintype()[self.actuator] == MjtGain::mjGAIN_FIXED
+            && model.actuator_biastype()[self.actuator] == MjtBias::mjBIAS_AFFINE
+            && model.actuator_gainprm()[self.actuator][0] > 0.0
+            && model.actuator_biasprm()[self.actuator][1] < 0.0
     }
 
     pub fn new(model: &MjModel, actuator: usize) -> Self {

@@ -7,7 +7,7 @@ use crate::files::{FileError, read_text};
 use crate::limits::MOST_JOINTS;
 use crate::mujoco::{Model, ModelError, Obstacle, sources};
 use crate::plausible::{ANGLE, COMPLIANCE, GRAVITY, Kind, MASS, POSITION};
-use crate::robot::{SerialChain, Tool};
+use crate::robot::{SerialChain, Tool, TrueRobot};
 use crate::scenario::Robot;
 use crate::scenario::file::File;
 
@@ -132,44 +132,66 @@ impl Checker<'_> {
         file: &File,
         nominal: &Robot,
         obstacles: &[Obstacle],
-    ) -> Result<Robot, FileError> {
+    ) -> Result<TrueRobot, FileError> {
         let table = file.true_robot.as_ref();
-        let Some(table) = table else {
-            return Ok(nominal.clone());
-        };
-        let mut robot = match &table.model {
-            None => nominal.clone(),
+        let (model, given) = table.map_or((None, None), |table| {
+            (table.model.as_ref(), table.compliance_rad_per_nm.as_deref())
+        });
+        let mut robot = match model {
+            None => nominal.as_believed(),
             Some(path) => {
                 let key = "true_robot.model";
                 let model = self.model(key, path, obstacles)?;
-                let chain = self.serial_chain(key, &model)?;
-                if chain.len() != nominal.chain.len() {
-                    let problem = format!(
-                        "found {} joints; the nominal robot has {}",
-                        chain.len(),
-                        nominal.chain.len()
-                    );
-                    return Err(self.wrong(key, problem));
+                let wrong = |error: &ModelError| self.model_error(key, error);
+                for site in [&file.robot.calibration_site, &file.robot.machining_site] {
+                    model.site(site).map_err(|error| wrong(&error))?;
                 }
-                self.tool(key, &model, &file.robot.calibration_site)?;
-                self.tool(key, &model, &file.robot.machining_site)?;
-                Robot {
-                    compliance_rad_per_nm: self.compliances(
-                        "true_robot.compliance_rad_per_nm",
-                        &chain,
-                        table.compliance_rad_per_nm.as_deref(),
-                    )?,
-                    chain,
-                    model,
-                }
+                self.true_model(key, model, nominal, given)?
             }
         };
-        if let Some(given) = &table.compliance_rad_per_nm {
-            robot.compliance_rad_per_nm = self.compliances(
-                "true_robot.compliance_rad_per_nm",
-                &robot.chain,
-                Some(given),
-            )?;
+        if given.is_some() {
+            robot.compliance_rad_per_nm =
+                self.compliances("true_robot.compliance_rad_per_nm", &nominal.chain, given)?;
+        }
+        Ok(robot)
+    }
+
+    /// A model of its own for the virtual robot: a plain chain of as many joints as the belief's, or
+    /// anything that has the belief's joints by their names and that MuJoCo brings to rest.
+    fn true_model(
+        &self,
+        key: &str,
+        model: Model,
+        nominal: &Robot,
+        given: Option<&[f64]>,
+    ) -> Result<TrueRobot, FileError> {
+        let reason = match SerialChain::from_model(&model) {
+            Ok(chain) if chain.len() == nominal.chain.len() => {
+                let chain = self.serial_chain(key, &model)?;
+                let compliance =
+                    self.compliances("true_robot.compliance_rad_per_nm", &chain, given)?;
+                return Ok(TrueRobot::of_chain(model, chain, compliance));
+            }
+            Ok(chain) => format!(
+                "it has {} joints; the belief has {}",
+                chain.len(),
+                nominal.chain.len()
+            ),
+            Err(error) => error.to_string(),
+        };
+        let names: Vec<String> = (nominal.chain.joints.iter())
+            .map(|joint| joint.name.clone())
+            .collect();
+        let robot = TrueRobot::of_model(model, &names, reason);
+        let robot = robot.map_err(|error| match error {
+            ModelError::Unknown { .. } => self.wrong(key, error.to_string()).hint(
+                "the virtual robot may have more joints than the belief, but needs each of the belief's by its name",
+            ),
+            error => self.model_error(key, &error),
+        })?;
+        for &value in &robot.compliance_rad_per_nm {
+            let wrong = |problem| self.wrong(key, problem);
+            COMPLIANCE.check(value).map_err(wrong)?;
         }
         Ok(robot)
     }

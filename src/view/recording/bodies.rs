@@ -35,7 +35,7 @@ pub(super) fn bodies(scenario: &Scenario) -> Result<(Vec<Body>, Vec<Body>), Cali
         _ => None,
     };
     let mut state = State::new(model);
-    state.move_to(&vec![0.0; model.joints()]);
+    state.update_kinematics();
     let scenery = model.scenery();
     let (mut surroundings, mut links) = (Vec::new(), Vec::new());
     for id in 0..model.bodies() {

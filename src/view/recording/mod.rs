@@ -121,6 +121,9 @@ pub enum StepKind {
 pub struct Stance {
     /// The joint angles (rad).
     pub q_rad: Vec<f64>,
+    /// MuJoCo's coordinates of all joints (rad, m); more than the angles where the virtual robot is more
+    /// than a chain.
+    pub coordinates: Vec<f64>,
     /// The pose of each of [`Recording::links`] in the world frame.
     pub world_from_link: Vec<Isometry3<f64>>,
     /// The tool's position (m).
@@ -215,9 +218,7 @@ impl Recording {
         Ok(Self {
             provenance: ProvenanceMessage::new(scenario),
             description: scenario.description.clone(),
-            joints: (scenario.true_robot.chain.joints.iter())
-                .map(|joint| joint.name.clone())
-                .collect(),
+            joints: scenario.true_robot.joint_names(),
             surroundings,
             links,
             tracker_m: scenario

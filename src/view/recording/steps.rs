@@ -31,10 +31,11 @@ impl Stage {
         self.state.site(site).0
     }
 
-    fn stance(&mut self, q_rad: &[f64], site: usize) -> Stance {
-        self.state.move_to(q_rad);
+    fn stance(&mut self, q_rad: Vec<f64>, coordinates: &[f64], site: usize) -> Stance {
+        self.state.move_to(coordinates);
         Stance {
-            q_rad: q_rad.to_vec(),
+            q_rad,
+            coordinates: coordinates.to_vec(),
             world_from_link: (self.links.iter())
                 .map(|&body| self.state.body_pose(body))
                 .collect(),
@@ -51,7 +52,7 @@ impl Stage {
         load: &Load,
     ) -> Result<Stance, EquilibriumError> {
         robot.rest(commanded_rad, load)?;
-        Ok(self.stance(robot.joint_angles(), site))
+        Ok(self.stance(robot.joint_angles(), robot.coordinates(), site))
     }
 }
 
@@ -159,15 +160,16 @@ pub(super) fn enlarge(
         .fold(0.0, f64::max);
     let factor = round_factor(DRAWN_DEFLECTION_M / largest);
     for step in &mut steps {
-        let q: Vec<_> = step
-            .unloaded
-            .q_rad
-            .iter()
-            .zip(&step.loaded.q_rad)
-            .map(|(unloaded, loaded)| unloaded + factor * (loaded - unloaded))
-            .collect();
+        let (from, to) = (&step.unloaded, &step.loaded);
+        let enlarged = |from: &[f64], to: &[f64]| -> Vec<f64> {
+            let each = from.iter().zip(to);
+            each.map(|(unloaded, loaded)| unloaded + factor * (loaded - unloaded))
+                .collect()
+        };
+        let q_rad = enlarged(&from.q_rad, &to.q_rad);
+        let coordinates = enlarged(&from.coordinates, &to.coordinates);
         step.enlargement = factor;
-        step.enlarged = stage.stance(&q, site);
+        step.enlarged = stage.stance(q_rad, &coordinates, site);
     }
     Ok(())
 }

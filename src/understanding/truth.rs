@@ -1,0 +1,78 @@
+//! What the virtual robot obeys and the belief does not know, and how far its equalities give way.
+
+use crate::mujoco::GivingWay;
+use crate::robot::Load;
+use crate::scenario::Scenario;
+use crate::testbed::VirtualRobot;
+
+/// A loop or a coupling that gives way by more than this spoils measurements (m, rad).
+const GIVES_WAY: f64 = 1e-4;
+
+/// A virtual robot that is more than a chain.
+#[derive(Debug, Clone, PartialEq)]
+pub struct UnderstoodTruth {
+    /// Why its model is no belief.
+    pub reason: String,
+    /// What it obeys and a belief would refuse: an element of each kind, in words.
+    pub beyond_belief: Vec<String>,
+    /// How far its equality constraints give way at most: at the test poses without a load and under the
+    /// task load.
+    pub gives_way: Vec<GivingWay>,
+    /// The test poses at which it does not rest, with the reason.
+    pub restless: Vec<(String, String)>,
+}
+
+impl UnderstoodTruth {
+    /// What is to be known of a scenario's virtual robot; none where it is a plain chain.
+    pub(super) fn new(scenario: &Scenario) -> Option<Self> {
+        let robot = &scenario.true_robot;
+        let reason = robot.chain.as_ref().err()?.clone();
+        let mut truth = Self {
+            reason,
+            beyond_belief: robot.model.beyond_belief(),
+            gives_way: Vec::new(),
+            restless: Vec::new(),
+        };
+        let mut virtual_robot = VirtualRobot::new(robot, &scenario.machining_tool.name).ok()?;
+        for pose in &scenario.test_poses {
+            for load in [&Load::NONE, &pose.load] {
+                match virtual_robot.rest(&pose.configuration_rad, load) {
+                    Ok(_) => truth.gather(virtual_robot.giving_way(load)),
+                    Err(error) => {
+                        truth.restless.push((pose.name.clone(), error.to_string()));
+                        break;
+                    }
+                }
+            }
+        }
+        Some(truth)
+    }
+
+    /// Keeps the largest distances.
+    fn gather(&mut self, found: Vec<GivingWay>) {
+        for each in found {
+            let known = (self.gives_way.iter_mut()).find(|known| known.element == each.element);
+            match known {
+                Some(known) => known.distance = known.distance.max(each.distance),
+                None => self.gives_way.push(each),
+            }
+        }
+    }
+
+    /// What is likely to be a mistake.
+    pub(super) fn warnings(&self) -> Vec<String> {
+        let restless = self.restless.iter().map(|(pose, reason)| {
+            format!("the virtual robot does not rest at the test pose {pose:?}: {reason}")
+        });
+        let soft = (self.gives_way.iter())
+            .filter(|each| each.distance > GIVES_WAY)
+            .map(|each| {
+                format!(
+                    "true_robot: {} gives way by {}: MuJoCo's constraints are soft; solref=\"0.002 1\" (at least two time steps) solimp=\"0.999 0.9999 0.001\" make it stiffer",
+                    each.element,
+                    each.words()
+                )
+            });
+        restless.chain(soft).collect()
+    }
+}
