@@ -11,8 +11,8 @@ use crate::mujoco::ModelError;
 use crate::plan::Plan;
 use crate::posterior::{NotDetermined, Posterior};
 use crate::robot::{EquilibriumError, Load};
-use crate::scenario::{Method, Scenario, TestPose};
-use crate::testbed::{MeasurementError, VirtualRobot};
+use crate::task::{Belief, Method, Task, TestPose};
+use crate::testbed::{MeasurementError, Truth, VirtualRobot};
 
 /// Why the loop could not be closed.
 #[derive(Debug, Error)]
@@ -74,24 +74,27 @@ pub struct Calibration {
     pub poses: Vec<CompensatedPose>,
 }
 
-/// Measures, identifies and compensates with the noise of run `run` under the scenario's seed: the
-/// same as that run of a study on the virtual robot.
+/// Measures, identifies and compensates with the noise of run `run` under a seed: the same as that run of a
+/// study on the virtual robot.
 ///
 /// # Errors
 /// See [`CalibrationError`].
 pub fn calibrate(
-    scenario: &Scenario,
+    task: &Task,
+    truth: &Truth,
     plan: &Plan,
+    seed: u64,
     run: u64,
 ) -> Result<Calibration, CalibrationError> {
-    let mut robot = VirtualRobot::new(&scenario.true_robot, &scenario.calibration_tool.name)?;
-    let measurements = robot.measure(plan, &scenario.instrument, scenario.seed, run)?;
-    let identification = identify_as_planned(scenario, &measurements)?;
+    let mut robot = VirtualRobot::new(&truth.robot, &task.belief.calibration_tool.name)?;
+    let measurements = robot.measure(plan, &task.belief.instrument, seed, run)?;
+    let identification = identify_as_planned(&task.belief, &measurements)?;
     let poses = compensate_poses(
-        scenario,
+        task,
+        truth,
         &identification.compliance_rad_per_nm,
         &identification.posterior,
-        scenario.method,
+        task.belief.method,
     )?;
     Ok(Calibration {
         plan: plan.clone(),
@@ -101,21 +104,21 @@ pub fn calibrate(
     })
 }
 
-/// Identifies the scenario's parameters by its method, with its sigma.
+/// Identifies the parameters of a belief by its method, with its sigma.
 ///
 /// # Errors
 /// Nothing can be identified.
 pub fn identify_as_planned(
-    scenario: &Scenario,
+    belief: &Belief,
     measurements: &[Measurement],
 ) -> Result<Identification, IdentificationError> {
     identify(
-        &scenario.nominal,
-        &scenario.calibration_tool,
-        &scenario.parameters,
+        &belief.nominal,
+        &belief.calibration_tool,
+        &belief.parameters,
         measurements,
-        Sigma::Known(scenario.instrument.sigma_m),
-        scenario.method,
+        Sigma::Known(belief.instrument.sigma_m),
+        belief.method,
     )
 }
 
@@ -125,15 +128,16 @@ pub fn identify_as_planned(
 /// # Errors
 /// See [`CalibrationError`].
 pub fn compensate_poses(
-    scenario: &Scenario,
+    task: &Task,
+    truth: &Truth,
     compliance_rad_per_nm: &[f64],
     posterior: &Posterior,
     method: Method,
 ) -> Result<Vec<CompensatedPose>, CalibrationError> {
-    let mut robot = VirtualRobot::new(&scenario.true_robot, &scenario.machining_tool.name)?;
-    let (chain, tool) = (&scenario.nominal.chain, &scenario.machining_tool);
-    scenario
-        .test_poses
+    let belief = &task.belief;
+    let mut robot = VirtualRobot::new(&truth.robot, &belief.machining_tool.name)?;
+    let (chain, tool) = (&belief.nominal.chain, &belief.machining_tool);
+    task.test_poses
         .iter()
         .map(|pose| {
             let at_pose = |source| CalibrationError::TestPose {
@@ -142,7 +146,7 @@ pub fn compensate_poses(
             };
             let commanded_rad =
                 compensate(chain, tool, compliance_rad_per_nm, pose, method).map_err(at_pose)?;
-            let matrix = test_pose_matrix(chain, tool, pose, &scenario.parameters);
+            let matrix = test_pose_matrix(belief, pose, &belief.parameters);
             Ok(CompensatedPose {
                 name: pose.name.clone(),
                 weight: pose.weight,
@@ -157,10 +161,10 @@ pub fn compensate_poses(
 /// What does not hold for commanded test poses: angles beyond the joints' limits, and compliances that
 /// are needed and were not determined.
 #[must_use]
-pub fn pose_conditions(scenario: &Scenario, poses: &[CompensatedPose]) -> Vec<String> {
+pub fn pose_conditions(belief: &Belief, poses: &[CompensatedPose]) -> Vec<String> {
     let mut conditions = Vec::new();
     for pose in poses {
-        for (joint, &angle) in (scenario.nominal.chain.joints.iter()).zip(&pose.commanded_rad) {
+        for (joint, &angle) in (belief.nominal.chain.joints.iter()).zip(&pose.commanded_rad) {
             let [low, high] = joint.range_rad;
             if !(low..=high).contains(&angle) {
                 conditions.push(format!(

@@ -30,35 +30,40 @@
 //!
 //! # How the data flows
 //!
-//! Each module uses only what stands above it.
+//! Each module uses only those that stand before it.
 //!
-//! - [`source`], [`files`], [`diagnostics`], [`csv`], [`text`], [`plausible`], [`limits`], [`units`],
-//!   [`wording`], [`random`], [`platform`], [`factorisation`]: what every stage needs.
+//! - [`limits`], [`text`], [`platform`], [`source`], [`diagnostics`], [`files`], [`units`], [`plausible`],
+//!   [`csv`], [`wording`], [`random`], [`factorisation`]: what every stage needs.
 //! - [`estimable`]: what measurements determine, one decision for every stage; [`least_squares`] within
 //!   it; [`posterior`]: what is known afterwards, and the variance of anything that follows from it.
 //! - [`mujoco`]: MJCF models in MuJoCo; the only user of the simulator's bindings.
 //! - [`robot`]: the serial chain read from the model; Jacobians, elastostatics, static equilibrium.
 //! - [`parameter`]: what may be unknown about a robot, priors, and what cannot be told apart.
 //! - [`observation`]: readings, predicted with derivatives by any parameters.
-//! - [`experiment`]: plans of experiments, and the set of loads that they may use.
-//! - [`scenario`]: one TOML file becomes a checked [`Scenario`](scenario::Scenario), in SI units.
-//! - [`understanding`]: the robot as a scenario was understood, and what is implausible about it.
+//! - [`experiment`]: plans of experiments, their files, and the set of loads that they may use.
+//! - [`task`]: what planner and identification believe, what must be accurate, and which experiments may
+//!   be made.
 //! - [`measurement`]: measured deflections, the laboratory's or the virtual robot's.
-//! - [`testbed`]: the virtual robot in MuJoCo, its instrument, and its dynamics as judge.
+//! - [`testbed`]: the truth: the virtual robot in MuJoCo, its instrument, and its dynamics as judge.
 //! - [`identification`]: compliances with their uncertainty, and what cannot be identified.
 //! - [`compensation`]: the joint angles to command at a test pose.
-//! - [`plan`]: plans of experiments, what they promise, whether they are possible, and
-//!   [`plan::search`] for the best one with its certificate.
+//! - [`plan`]: what plans promise, whether they are possible, and [`plan::search`] for the best one with
+//!   its certificate.
 //! - [`calibration`]: the whole loop once.
 //! - [`study`]: Monte Carlo.
-//! - [`record`]: results as JSON records.
+//! - [`gate`]: how much worse results may get.
+//! - [`scenario`]: one TOML file becomes a checked [`Scenario`](scenario::Scenario), in SI units: the task,
+//!   the truth, a study, a gate. Only what follows knows all of them.
+//! - [`understanding`]: the robot as a scenario was understood, and what is implausible about it.
+//! - [`record`]: results as JSON records, and tallies of studies as files.
 //! - [`paper`]: the published numbers, and the same by this program.
-//! - [`comparison`]: two results files against tolerances.
+//! - [`comparison`]: two results files against the gate.
 //! - [`view`]: recordings, pages and pictures of records; computes nothing.
 //!
 //! # Invariants
 //!
-//! - Identification and planning see the nominal robot and measurements, never the true robot.
+//! - Identification and planning see a [`Belief`](task::Belief) and measurements, never the
+//!   [`Truth`](testbed::Truth).
 //! - One MJCF file is the only source of a robot's geometry and masses.
 //! - Nothing in a model that can move the robot's rest is left out without a word: it is honoured, or
 //!   refused by name.
@@ -96,14 +101,15 @@
 //! use elastocal::scenario::Scenario;
 //!
 //! let scenario = Scenario::load("scenarios/klimchik2012.toml".as_ref())?;
-//! let mut problem = Problem::new(&scenario, Criterion::TestPose);
+//! let (task, truth, seed) = (&scenario.task, &scenario.truth, scenario.seed);
+//! let mut problem = Problem::new(task, Criterion::TestPose);
 //! problem.effort.searches = 8; // a quick search
-//! let approximate = approximate_design(&problem, scenario.seed)?;
+//! let approximate = approximate_design(&problem, seed)?;
 //! let watch = Watch { stop: &AtomicBool::new(false), progress: &|_, _, _| {} };
-//! let best = exact_design(&problem, &approximate, 4, 4, scenario.seed, watch)?;
-//! let calibration = calibrate(&scenario, &best.plan, 0)?;
+//! let best = exact_design(&problem, &approximate, 4, 4, seed, watch)?;
+//! let calibration = calibrate(task, truth, &best.plan, seed, 0)?;
 //! let pose = &calibration.poses[0];
-//! let no_plan_is_below_m = Bound::new(&scenario, &approximate).of_plan(&best.plan)?;
+//! let no_plan_is_below_m = Bound::new(task, &approximate).of_plan(&best.plan)?;
 //! assert!(best.cost.sqrt() >= no_plan_is_below_m);
 //! assert!(pose.seen.residual_m.norm() < 0.05 * pose.seen.uncompensated_m.norm());
 //! # Ok::<(), Box<dyn std::error::Error>>(())
@@ -119,6 +125,7 @@ pub mod estimable;
 pub mod experiment;
 pub mod factorisation;
 pub mod files;
+pub mod gate;
 pub mod identification;
 pub mod least_squares;
 pub mod limits;
@@ -137,6 +144,7 @@ pub mod robot;
 pub mod scenario;
 pub mod source;
 pub mod study;
+pub mod task;
 pub mod testbed;
 pub mod text;
 pub mod understanding;

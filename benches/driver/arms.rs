@@ -16,7 +16,8 @@ pub fn serial_arm(joints: u32) -> &'static Scenario {
 
 /// Six random measurements of such an arm.
 pub fn plan(joints: u32) -> Plan {
-    random_plan(serial_arm(joints), 6, 0).expect("feasible")
+    let arm = serial_arm(joints);
+    random_plan(&arm.task, 6, arm.seed, 0).expect("feasible")
 }
 
 fn model(joints: u32) -> String {

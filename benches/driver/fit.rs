@@ -5,7 +5,7 @@ use elastocal::observation::{
     Form, Observation, ObservationModel, PlannedReading, Reading, ReadingKind, Setup, Whitener,
     planned_information,
 };
-use elastocal::parameter::{Axis, Belief, Freedoms, ParameterKind, ParameterSet, Payload};
+use elastocal::parameter::{Axis, ElasticArm, Freedoms, ParameterKind, ParameterSet, Payload};
 use elastocal::random::generator;
 use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
@@ -19,19 +19,19 @@ const SIGMA_RAD: f64 = 1e-5;
 
 /// The belief, its unknowns, and what was read.
 pub struct Fit {
-    pub belief: Belief,
+    pub belief: ElasticArm,
     pub set: ParameterSet,
     pub observations: Vec<Observation>,
 }
 
 impl Fit {
     pub fn new(scenario: &Scenario) -> Self {
-        let robot = &scenario.nominal;
+        let robot = &scenario.task.belief.nominal;
         let tools = vec![
-            scenario.calibration_tool.clone(),
-            scenario.machining_tool.clone(),
+            scenario.task.belief.calibration_tool.clone(),
+            scenario.task.belief.machining_tool.clone(),
         ];
-        let mut belief = Belief::new(
+        let mut belief = ElasticArm::new(
             robot.chain.clone(),
             robot.compliance_rad_per_nm.clone(),
             tools,
@@ -125,8 +125,8 @@ fn setups(scenario: &Scenario) -> Vec<Setup> {
     (0..POSES)
         .map(|index| Setup {
             commanded_rad: DVector::from_iterator(
-                scenario.joints(),
-                (scenario.region.joint_range_rad.iter())
+                scenario.task.belief.joints(),
+                (scenario.task.region.joint_range_rad.iter())
                     .map(|[low, high]| random.random_range(*low..=*high)),
             ),
             load: Load::force(
@@ -144,7 +144,7 @@ fn whitener() -> Whitener {
 }
 
 /// Frames, compliances and the payload, without those that are redundant.
-fn minimal(belief: &Belief, setups: &[Setup]) -> ParameterSet {
+fn minimal(belief: &ElasticArm, setups: &[Setup]) -> ParameterSet {
     let mut kinds = Vec::new();
     for axis in Axis::ALL {
         kinds.push(ParameterKind::BasePosition { axis });

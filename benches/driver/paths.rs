@@ -10,9 +10,10 @@ use elastocal::plan::search::{Problem, Watch, approximate_design, exact_design, 
 use elastocal::plan::{Criterion, Plan, read_plan};
 use elastocal::random::normal::{LANES, Stream, fill_normals};
 use elastocal::robot::{KinematicState, Kinematics, Load};
-use elastocal::scenario::{Level, Method, Scenario};
+use elastocal::scenario::Scenario;
 use elastocal::study::runner::{Runner, block_runs};
-use elastocal::study::{Entry, EntryKind, Setting, repeated};
+use elastocal::study::{Conditions, Entry, EntryKind, Level, Setting, repeated};
+use elastocal::task::Method;
 use elastocal::testbed::{VirtualRobot, settle};
 use elastocal::view::mcap_file::write_mcap;
 use elastocal::view::recording::Recording;
@@ -113,10 +114,10 @@ pub fn plan_of(experiments: u32) -> Plan {
 /// the identification then needs as many iterations however many there are.
 pub fn measurements(scenario: &Scenario, experiments: u32) -> Vec<Measurement> {
     let size = size_of_part(experiments);
-    let site = &scenario.calibration_tool.name;
-    let once = VirtualRobot::new(&scenario.true_robot, site)
+    let site = &scenario.task.belief.calibration_tool.name;
+    let once = VirtualRobot::new(&scenario.truth.robot, site)
         .expect("the site exists")
-        .measure(&plan_of(size), &scenario.instrument, 1, 0)
+        .measure(&plan_of(size), &scenario.task.belief.instrument, 1, 0)
         .expect("stable");
     vec![once; (experiments / size) as usize].concat()
 }
@@ -126,7 +127,7 @@ pub fn value_and_gradient(
     scenario: &'static Scenario,
     plan: &Plan,
 ) -> impl FnMut() -> (f64, Vec<f64>) + use<> {
-    let problem = Problem::new(scenario, Criterion::TestPose);
+    let problem = Problem::new(&scenario.task, Criterion::TestPose);
     let experiments = plan.experiments.clone();
     let mut observer = problem.observer();
     let mut cost = problem.cost();
@@ -135,7 +136,7 @@ pub fn value_and_gradient(
     let mut directions = DMatrix::zeros(size, size);
     let mut matrix = Matrix3xX::zeros(size);
     let mut factor = Matrix3xX::zeros(size);
-    let joints = scenario.joints();
+    let joints = scenario.task.belief.joints();
     move || {
         let mut gradient = vec![0.0; joints * experiments.len()];
         information.fill(0.0);
@@ -161,7 +162,7 @@ fn objective(scenario: &'static Scenario, plan: &Plan) -> HotPath {
 
 /// A search to a certified plan with less effort than the program's, on one thread.
 fn search() -> HotPath {
-    let mut problem = Problem::new(paper(), Criterion::TestPose);
+    let mut problem = Problem::new(&paper().task, Criterion::TestPose);
     problem.effort.probes = 4;
     problem.effort.certificate_probes = 20;
     problem.effort.searches = 4;
@@ -182,8 +183,8 @@ fn search() -> HotPath {
 /// The static equilibrium of the first experiment in MuJoCo.
 fn equilibrium(scenario: &'static Scenario, plan: &Plan) -> HotPath {
     let experiment = plan.experiments[0].clone();
-    let site = &scenario.calibration_tool.name;
-    let mut robot = VirtualRobot::new(&scenario.true_robot, site).expect("the site exists");
+    let site = &scenario.task.belief.calibration_tool.name;
+    let mut robot = VirtualRobot::new(&scenario.truth.robot, site).expect("the site exists");
     over_and_over(move || {
         robot
             .rest(&experiment.configuration_rad, &experiment.load)
@@ -195,8 +196,8 @@ fn equilibrium(scenario: &'static Scenario, plan: &Plan) -> HotPath {
 fn measurement() -> HotPath {
     let scenario = paper();
     let experiment = plan_of(3).experiments[0].clone();
-    let site = &scenario.calibration_tool.name;
-    let mut robot = VirtualRobot::new(&scenario.true_robot, site).expect("the site exists");
+    let site = &scenario.task.belief.calibration_tool.name;
+    let mut robot = VirtualRobot::new(&scenario.truth.robot, site).expect("the site exists");
     over_and_over(move || robot.displacement(1, &experiment).expect("stable"))
 }
 
@@ -204,11 +205,11 @@ fn measurement() -> HotPath {
 fn settling() -> HotPath {
     let scenario = paper();
     let experiment = plan_of(3).experiments[0].clone();
-    let site = &scenario.calibration_tool.name;
+    let site = &scenario.task.belief.calibration_tool.name;
     over_and_over(move || {
         [Load::NONE, experiment.load].map(|load| {
             let q = &experiment.configuration_rad;
-            settle(&scenario.true_robot, site, q, &load).expect("settles")
+            settle(&scenario.truth.robot, site, q, &load).expect("settles")
         })
     })
 }
@@ -218,11 +219,11 @@ fn identification(method: Method, experiments: u32) -> HotPath {
     let measurements = measurements(scenario, experiments);
     over_and_over(move || {
         identify(
-            &scenario.nominal,
-            &scenario.calibration_tool,
-            &scenario.parameters,
+            &scenario.task.belief.nominal,
+            &scenario.task.belief.calibration_tool,
+            &scenario.task.belief.parameters,
             &measurements,
-            Sigma::Known(scenario.instrument.sigma_m),
+            Sigma::Known(scenario.task.belief.instrument.sigma_m),
             method,
         )
         .expect("identifiable")
@@ -244,8 +245,11 @@ fn study(level: Level, experiments: u32, on_threads: u32) -> HotPath {
         setting: 0,
         kind: EntryKind::Fixed(plan),
     }]));
-    let settings = Box::leak(Box::new([Setting::plain(paper(), experiments)]));
-    let runner = Runner::new(settings, level, entries).expect("a valid study");
+    let paper = paper();
+    let conditions = Conditions::plain(&paper.task, experiments);
+    let setting = Setting::new(&paper.task, &paper.truth, conditions);
+    let settings = Box::leak(Box::new([setting]));
+    let runner = Runner::new(settings, paper.seed, level, entries).expect("a valid study");
     let pool = threads(on_threads);
     Box::new(move |blocks| {
         let trials = blocks * block_runs(level);
@@ -270,10 +274,14 @@ pub fn recording() -> Recording {
     let scenario = paper();
     let plans = [
         ("klimchik2012_m3", plan_of(3)),
-        ("random", random_plan(scenario, 3, 0).expect("feasible")),
+        (
+            "random",
+            random_plan(&scenario.task, 3, scenario.seed, 0).expect("feasible"),
+        ),
     ];
     let calibrations = plans.map(|(name, plan)| {
-        let calibration = calibrate(scenario, &plan, 0).expect("a calibration");
+        let calibration = calibrate(&scenario.task, &scenario.truth, &plan, scenario.seed, 0)
+            .expect("a calibration");
         (name.to_owned(), calibration)
     });
     Recording::new(scenario, &calibrations).expect("a recording")
@@ -309,8 +317,13 @@ fn bytes(count: u32) -> HotPath {
 /// The geometry of the analytic chain, which each step of a non-linear identification needs.
 fn kinematics() -> HotPath {
     let scenario = paper();
-    let mut arm = scenario.nominal.chain.at(&scenario.calibration_tool);
-    let mut state = KinematicState::new(scenario.joints());
+    let mut arm = scenario
+        .task
+        .belief
+        .nominal
+        .chain
+        .at(&scenario.task.belief.calibration_tool);
+    let mut state = KinematicState::new(scenario.task.belief.joints());
     let q = plan_of(3).experiments[0].configuration_rad.clone();
     Box::new(move |times| {
         for _ in 0..times {
@@ -322,7 +335,7 @@ fn kinematics() -> HotPath {
 
 /// MuJoCo's position stage, which each step of a static equilibrium needs.
 fn position_stage() -> HotPath {
-    let mut state = elastocal::mujoco::State::new(&paper().true_robot.model);
+    let mut state = elastocal::mujoco::State::new(&paper().truth.robot.model);
     let q = plan_of(3).experiments[0].configuration_rad.clone();
     Box::new(move |times| {
         for _ in 0..times {

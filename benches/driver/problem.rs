@@ -7,9 +7,10 @@ use elastocal::plan::search::{Problem, random_plan};
 use elastocal::plan::{Criterion, Plan};
 use elastocal::random::normal::{LANES, Stream, fill_normals};
 use elastocal::robot::{EquilibriumSolver, Load, Tool};
-use elastocal::scenario::{Method, Scenario};
+use elastocal::scenario::Scenario;
 use elastocal::study::model_level::Model;
 use elastocal::study::robot_level::RobotRuns;
+use elastocal::task::Method;
 use elastocal::testbed::VirtualRobot;
 use elastocal::view::mcap_file::write_mcap;
 use elastocal::view::rerun_file::write_rerun;
@@ -26,23 +27,23 @@ const POOL: u32 = 200;
 /// All that the peers need.
 pub fn problem() -> Value {
     let scenario = paper();
-    let pose = &scenario.test_poses[0];
+    let pose = &scenario.task.test_poses[0];
     json!({
         "flops_per_unit": FLOPS,
-        "sigma_m": scenario.instrument.sigma_m,
-        "parameters": scenario.parameters,
-        "compliance_rad_per_nm": scenario.nominal.compliance_rad_per_nm,
+        "sigma_m": scenario.task.belief.instrument.sigma_m,
+        "parameters": scenario.task.belief.parameters,
+        "compliance_rad_per_nm": scenario.task.belief.nominal.compliance_rad_per_nm,
         "model": "models/kr270.xml",
-        "gravity_m_s2": scenario.nominal.chain.gravity_m_s2.as_slice(),
-        "joints": scenario.nominal.chain.joints.iter().map(|joint| json!({
+        "gravity_m_s2": scenario.task.belief.nominal.chain.gravity_m_s2.as_slice(),
+        "joints": scenario.task.belief.nominal.chain.joints.iter().map(|joint| json!({
             "name": joint.name,
             "previous_from_link": isometry(&joint.previous_from_link),
             "axis": joint.axis.as_slice(),
             "mass_kg": joint.mass_kg,
             "centre_of_mass_m": joint.centre_of_mass_m.as_slice(),
         })).collect::<Vec<_>>(),
-        "calibration_tool": tool(&scenario.calibration_tool),
-        "machining_tool": tool(&scenario.machining_tool),
+        "calibration_tool": tool(&scenario.task.belief.calibration_tool),
+        "machining_tool": tool(&scenario.task.belief.machining_tool),
         "test_pose": {
             "q_rad": pose.configuration_rad.as_slice(),
             "wrench": pose.load.wrench().as_slice(),
@@ -84,11 +85,11 @@ fn plan(scenario: &'static Scenario, experiments: u32) -> Value {
     let measured = measurements(scenario, experiments);
     let identified = |method| {
         identify(
-            &scenario.nominal,
-            &scenario.calibration_tool,
-            &scenario.parameters,
+            &scenario.task.belief.nominal,
+            &scenario.task.belief.calibration_tool,
+            &scenario.task.belief.parameters,
             &measured,
-            Sigma::Known(scenario.instrument.sigma_m),
+            Sigma::Known(scenario.task.belief.instrument.sigma_m),
             method,
         )
         .expect("identifiable")
@@ -115,13 +116,18 @@ fn plan(scenario: &'static Scenario, experiments: u32) -> Value {
 
 /// How often a non-linear identification asks for the arm's geometry, as far as its last step tells.
 fn kinematics_calls(scenario: &Scenario, measured: &[Measurement], iterations: usize) -> usize {
-    let mut arm = scenario.nominal.chain.at(&scenario.calibration_tool);
-    let mut solver = EquilibriumSolver::new(scenario.joints());
+    let mut arm = scenario
+        .task
+        .belief
+        .nominal
+        .chain
+        .at(&scenario.task.belief.calibration_tool);
+    let mut solver = EquilibriumSolver::new(scenario.task.belief.joints());
     let mut calls = 0;
     for each in measured {
         for load in [Load::NONE, each.load] {
             let q = each.configuration_rad.as_slice();
-            let compliance = &scenario.nominal.compliance_rad_per_nm;
+            let compliance = &scenario.task.belief.nominal.compliance_rad_per_nm;
             let found = solver.solve(&mut arm, compliance, q, &load);
             calls += found.expect("stable").iterations;
         }
@@ -133,13 +139,13 @@ fn kinematics_calls(scenario: &Scenario, measured: &[Measurement], iterations: u
 fn study(scenario: &Scenario) -> Value {
     let mut normals = vec![[0.0; LANES]; 36];
     fill_normals(Stream::Noise, scenario.seed, 0, &mut normals);
-    let model = Model::new(scenario);
+    let model = Model::new(&scenario.task, &scenario.truth);
     let batch = model
         .plan(&plan_of(12))
         .expect("determined")
         .run(&normals, &[]);
     let plan = plan_of(3);
-    let mut robot = RobotRuns::new(scenario).expect("the tools exist");
+    let mut robot = RobotRuns::new(&scenario.task, &scenario.truth).expect("the tools exist");
     let runs: Vec<(f64, f64)> = (0..LANES)
         .map(|lane| robot.run(&plan, &normals, lane).expect("a run"))
         .collect();
@@ -159,7 +165,7 @@ fn equilibrium(scenario: &Scenario) -> Value {
     let mut calls_of_run = 0;
     let mut rest = |tool: &Tool, q: &DVector<f64>, load: &Load| {
         let mut robot =
-            VirtualRobot::new(&scenario.true_robot, &tool.name).expect("the site exists");
+            VirtualRobot::new(&scenario.truth.robot, &tool.name).expect("the site exists");
         let (position, _, equilibrium) = robot.rest(q, load).expect("stable");
         // The geometry is asked for once more at the end.
         let calls = equilibrium.iterations;
@@ -170,11 +176,15 @@ fn equilibrium(scenario: &Scenario) -> Value {
         .experiments
         .iter()
         .flat_map(|each| [Load::NONE, each.load].map(|load| (each.configuration_rad.clone(), load)))
-        .map(|(q, load)| rest(&scenario.calibration_tool, &q, &load))
+        .map(|(q, load)| rest(&scenario.task.belief.calibration_tool, &q, &load))
         .collect();
-    let pose = &scenario.test_poses[0];
+    let pose = &scenario.task.test_poses[0];
     for load in [Load::NONE, pose.load, pose.load] {
-        rest(&scenario.machining_tool, &pose.configuration_rad, &load);
+        rest(
+            &scenario.task.belief.machining_tool,
+            &pose.configuration_rad,
+            &load,
+        );
     }
     json!({
         "tool_m": [found[0].0, found[1].0],
@@ -186,8 +196,8 @@ fn equilibrium(scenario: &Scenario) -> Value {
 /// Random feasible experiments with their observation matrices, and the test pose's, in units of
 /// typical compliances and of sigma: `rho_0` is in metres.
 fn pool(scenario: &Scenario) -> Value {
-    let drawn: Plan = random_plan(scenario, POOL, 0).expect("feasible");
-    let problem = Problem::new(scenario, Criterion::TestPose);
+    let drawn: Plan = random_plan(&scenario.task, POOL, scenario.seed, 0).expect("feasible");
+    let problem = Problem::new(&scenario.task, Criterion::TestPose);
     let mut observer = problem.observer();
     let mut matrix = Matrix3xX::zeros(problem.parameters());
     let matrices: Vec<Vec<Vec<f64>>> = drawn

@@ -54,17 +54,23 @@ impl Budget {
             stop,
             progress: &|_, _, _| {},
         };
-        let points = budget(&scenario, self.up_to, watch, &|done, all| {
-            bar.set_length(all as u64);
-            bar.set_position(done as u64);
-        })?;
+        let points = budget(
+            &scenario.task,
+            self.up_to,
+            scenario.seed,
+            watch,
+            &|done, all| {
+                bar.set_length(all as u64);
+                bar.set_position(done as u64);
+            },
+        )?;
         let is_cut_short = watch.stop.load(Ordering::Relaxed);
         bar.finish_and_clear();
         anyhow::ensure!(
             !points.is_empty(),
             "no plan of up to {} determines {}; give a larger --up-to",
             counted(self.up_to.into(), "measurement"),
-            counted(scenario.parameters.len() as u64, "compliance")
+            counted(scenario.task.belief.parameters.len() as u64, "compliance")
         );
         let mut conditions = Vec::new();
         if is_cut_short {

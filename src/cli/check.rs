@@ -36,7 +36,7 @@ impl Check {
         let checked = self.common.load().and_then(|scenario| {
             let plan = self.plan.as_deref();
             let plan = plan
-                .map(|path| read_plan(path, scenario.joints()))
+                .map(|path| read_plan(path, scenario.task.belief.joints()))
                 .transpose()?;
             Ok((scenario, plan))
         });
@@ -56,7 +56,7 @@ impl Check {
         }
         let is_about_a_plan = plan.is_some();
         let problems: Vec<String> = plan
-            .map(|plan| Feasibility::new(&scenario).violations(&plan))
+            .map(|plan| Feasibility::new(&scenario.task).violations(&plan))
             .unwrap_or_default()
             .iter()
             .map(ToString::to_string)
@@ -67,7 +67,10 @@ impl Check {
             format!("{}\n", problems.join("\n"))
         };
         let told_apart: Vec<UnknownsMessage> = if self.parameters {
-            unknowns(&scenario).iter().map(Into::into).collect()
+            unknowns(&scenario.task, scenario.seed)
+                .iter()
+                .map(Into::into)
+                .collect()
         } else {
             Vec::new()
         };

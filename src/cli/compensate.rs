@@ -7,7 +7,7 @@ use elastocal::calibration::{compensate_poses, pose_conditions};
 use elastocal::measurement::Origin;
 use elastocal::record::messages::{ProvenanceMessage, TestPoseMessage};
 use elastocal::record::schema::read_results;
-use elastocal::scenario::Method;
+use elastocal::task::Method;
 use elastocal::wording::shell_word;
 use serde_json::{Value, json};
 
@@ -38,12 +38,18 @@ impl Compensate {
         let usage = format!("elastocal compensate SCENARIO --identified {file}");
         let scenario = (self.common).load_for(&self.identified, origin.as_ref(), &usage)?;
         let identified = read_identified(&self.identified, &text, &scenario)?;
-        let method = self.method.unwrap_or(scenario.method);
+        let method = self.method.unwrap_or(scenario.task.belief.method);
         self.common.say("compensating on the virtual robot");
         let (compliance, posterior) = (&identified.compliance_rad_per_nm, &identified.posterior);
-        let poses = compensate_poses(&scenario, compliance, posterior, method)?;
+        let poses = compensate_poses(
+            &scenario.task,
+            &scenario.truth,
+            compliance,
+            posterior,
+            method,
+        )?;
         let mut conditions = identified.conditions;
-        conditions.extend(pose_conditions(&scenario, &poses));
+        conditions.extend(pose_conditions(&scenario.task.belief, &poses));
         let messages: Vec<TestPoseMessage> = poses.iter().map(Into::into).collect();
         let rows: Vec<Vec<String>> = messages
             .iter()

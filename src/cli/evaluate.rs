@@ -27,11 +27,11 @@ pub struct Evaluate {
 impl Evaluate {
     pub fn execute(&self) -> anyhow::Result<Report> {
         let scenario = self.common.load()?;
-        let plan = read_plan(&self.plan, scenario.joints())?;
+        let plan = read_plan(&self.plan, scenario.task.belief.joints())?;
         self.common.say("searching the bound that no plan can beat");
         // Without a bound, the rest still holds.
-        let bound = Bound::search(&scenario);
-        let assessment = Assessment::new(&scenario, &plan, Some(&bound));
+        let bound = Bound::search(&scenario.task, scenario.seed);
+        let assessment = Assessment::new(&scenario.task, &plan, Some(&bound));
         let message = AssessmentMessage::new(&scenario, &assessment);
         let provenance = ProvenanceMessage::new(&scenario).with_input("plan", &self.plan)?;
         let mut json = results("evaluate", &provenance, json!({ "gate": scenario.gate }));
@@ -46,7 +46,7 @@ impl Evaluate {
 
 /// The conditions that a plan does not meet.
 pub fn conditions(scenario: &Scenario, assessment: &Assessment) -> Vec<String> {
-    let names = scenario.parameter_names();
+    let names = scenario.task.belief.parameter_names();
     let mut conditions: Vec<String> = assessment
         .undetermined()
         .into_iter()
@@ -66,7 +66,7 @@ pub fn conditions(scenario: &Scenario, assessment: &Assessment) -> Vec<String> {
 /// What is wrong with the loads of a plan, which has a name where there are several plans.
 pub fn loads_outside(scenario: &Scenario, plan: &Plan, name: Option<&str>) -> Option<String> {
     let loads = plan.experiments.iter().map(|each| &each.load);
-    let words = scenario.loads.outside_all("experiment", loads)?;
+    let words = scenario.task.loads.outside_all("experiment", loads)?;
     Some(match name {
         Some(name) => format!("plan {name:?}: {words}"),
         None => words,
@@ -97,6 +97,8 @@ pub fn describe(scenario: &Scenario, assessment: &Assessment) -> String {
     }
     text.push('\n');
     let rows: Vec<Vec<String>> = scenario
+        .task
+        .belief
         .parameter_names()
         .into_iter()
         .zip(&assessment.standard_errors)

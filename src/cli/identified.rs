@@ -40,7 +40,7 @@ pub fn read_identified(
 ) -> Result<Identified, FileError> {
     let message: IdentificationMessage = parse(path, text)?;
     let with: IdentifiedWith = parse(path, text)?;
-    let expected = scenario.parameter_names();
+    let expected = scenario.task.belief.parameter_names();
     if message.parameters != expected {
         let problem = format!(
             "found {}; the scenario's parameters are {}",
@@ -54,8 +54,8 @@ pub fn read_identified(
     let doubts = (message.conditions.iter())
         .map(|condition| format!("the identification in {}: {condition}", path.display()));
     conditions.extend(doubts);
-    let mut compliance_rad_per_nm = scenario.nominal.compliance_rad_per_nm.clone();
-    for (&joint, value) in scenario.parameters.iter().zip(&posterior.mean) {
+    let mut compliance_rad_per_nm = scenario.task.belief.nominal.compliance_rad_per_nm.clone();
+    for (&joint, value) in scenario.task.belief.parameters.iter().zip(&posterior.mean) {
         compliance_rad_per_nm[joint] = *value;
     }
     for (name, value) in expected.iter().zip(&posterior.mean) {
@@ -100,7 +100,7 @@ fn trust(
             path.display()
         )]);
     };
-    let expected = FingerprintMessage::from(scenario.fingerprint());
+    let expected = FingerprintMessage::from(scenario.task.belief.fingerprint());
     if found.robot_sha256 != expected.robot_sha256 {
         let problem = "was identified with another robot: its joints' names, axes or places are not those \
                        of the scenario's model";
@@ -126,7 +126,7 @@ fn posterior(
     scenario: &Scenario,
     message: &IdentificationMessage,
 ) -> Result<Posterior, FileError> {
-    let names = scenario.parameter_names();
+    let names = scenario.task.belief.parameter_names();
     let size = names.len();
     let check = |key: &str, found: usize, is_right: bool| {
         let problem = format!("found {found} values; the scenario has {size} parameters");
@@ -160,7 +160,11 @@ fn posterior(
     let is_right = given.is_empty() || given.len() == size;
     check("compliance_typical_rad_per_nm", given.len(), is_right)?;
     let typical = if given.is_empty() {
-        scenario.nominal.typical_rad_per_nm(&scenario.parameters)
+        scenario
+            .task
+            .belief
+            .nominal
+            .typical_rad_per_nm(&scenario.task.belief.parameters)
     } else {
         given.clone()
     };
@@ -192,13 +196,20 @@ fn posterior(
         return Err(FileError::new(path, problem).at("undetermined_directions"));
     }
     let value = |(index, &joint): (usize, &usize)| {
-        let nominal = scenario.nominal.compliance_rad_per_nm[joint];
+        let nominal = scenario.task.belief.nominal.compliance_rad_per_nm[joint];
         let applied = applied.get(index).copied().unwrap_or(nominal);
         estimates[index].unwrap_or(applied)
     };
     let posterior = Posterior {
         names,
-        mean: scenario.parameters.iter().enumerate().map(value).collect(),
+        mean: scenario
+            .task
+            .belief
+            .parameters
+            .iter()
+            .enumerate()
+            .map(value)
+            .collect(),
         covariance,
         estimable: Estimable::with_hidden(&typical, hidden),
     };

@@ -10,7 +10,7 @@ use elastocal::identification::{Case, Identification, IdentificationError, Sigma
 use elastocal::measurement::{Origin, read_measurements};
 use elastocal::record::messages::{FingerprintMessage, IdentificationMessage, ProvenanceMessage};
 use elastocal::record::residuals::ResidualsMessage;
-use elastocal::scenario::Method;
+use elastocal::task::Method;
 use elastocal::wording::{counted, shell_word};
 use serde_json::json;
 
@@ -45,28 +45,28 @@ impl Identify {
         let file = shell_word(&self.measurements.to_string_lossy());
         let usage = format!("elastocal identify SCENARIO --measurements {file}");
         let scenario = (self.common).load_for(&self.measurements, origin.as_ref(), &usage)?;
-        let measurements = read_measurements(&self.measurements, scenario.joints())?;
+        let measurements = read_measurements(&self.measurements, scenario.task.belief.joints())?;
         let outputs = [("--identified-out", self.identified_out.as_deref())];
         let mut roles = inputs(&scenario);
         roles.reads("the measurements", &self.measurements);
         check_outputs(&mut roles, &outputs)?;
         let loads = measurements.iter().map(|each| &each.load);
-        let loads_outside = scenario.loads.outside_all("measurement", loads);
-        let method = self.method.unwrap_or(scenario.method);
+        let loads_outside = scenario.task.loads.outside_all("measurement", loads);
+        let method = self.method.unwrap_or(scenario.task.belief.method);
         self.common.say(&format!(
             "identifying {} from {}",
-            scenario.parameter_names().join(", "),
+            scenario.task.belief.parameter_names().join(", "),
             counted(measurements.len() as u64, "measurement")
         ));
         let sigma = if self.sigma_from_residuals {
-            Sigma::FromResiduals(scenario.instrument.sigma_m)
+            Sigma::FromResiduals(scenario.task.belief.instrument.sigma_m)
         } else {
-            Sigma::Known(scenario.instrument.sigma_m)
+            Sigma::Known(scenario.task.belief.instrument.sigma_m)
         };
         let case = Case {
-            nominal: &scenario.nominal,
-            tool: &scenario.calibration_tool,
-            parameters: &scenario.parameters,
+            nominal: &scenario.task.belief.nominal,
+            tool: &scenario.task.belief.calibration_tool,
+            parameters: &scenario.task.belief.parameters,
             measurements: &measurements,
             sigma,
             method,
@@ -79,7 +79,7 @@ impl Identify {
         message.conditions.extend(diagnoses.iter().map(likely));
         let keys = json!({
             "sigma_from_residuals": self.sigma_from_residuals,
-            "identified_with": FingerprintMessage::from(scenario.fingerprint()),
+            "identified_with": FingerprintMessage::from(scenario.task.belief.fingerprint()),
             "scenario_file": scenario.path,
         });
         let provenance =

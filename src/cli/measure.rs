@@ -35,21 +35,21 @@ pub struct Measure {
 impl Measure {
     pub fn execute(&self) -> anyhow::Result<Report> {
         let scenario = self.common.load()?;
-        let plan = read_plan(&self.plan, scenario.joints())?;
+        let plan = read_plan(&self.plan, scenario.task.belief.joints())?;
         let outputs = [("--measurements-out", self.measurements_out.as_deref())];
         let mut roles = inputs(&scenario);
         check_outputs(roles.reads("the plan", &self.plan), &outputs)?;
         self.common.say(&format!(
             "measuring {} on the virtual robot {}",
             counted(plan.measurements().into(), "experiment"),
-            scenario.true_robot.model.path().display()
+            scenario.truth.robot.model.path().display()
         ));
-        let site = &scenario.calibration_tool.name;
-        let mut robot = VirtualRobot::new(&scenario.true_robot, site)?;
+        let site = &scenario.task.belief.calibration_tool.name;
+        let mut robot = VirtualRobot::new(&scenario.truth.robot, site)?;
         let measurements = if self.noise_free {
-            robot.measure_noise_free(&plan, &scenario.instrument)
+            robot.measure_noise_free(&plan, &scenario.task.belief.instrument)
         } else {
-            robot.measure(&plan, &scenario.instrument, scenario.seed, 0)
+            robot.measure(&plan, &scenario.task.belief.instrument, scenario.seed, 0)
         };
         let measurements =
             measurements.map_err(|error| FileError::new(&self.plan, error.to_string()))?;
@@ -72,7 +72,12 @@ impl Measure {
             &rows,
         );
         if let Some(path) = &self.measurements_out {
-            write_measurements_under(&scenario, path, &measurements)?;
+            write_measurements_under(
+                &scenario.origin(),
+                path,
+                scenario.task.belief.joints(),
+                &measurements,
+            )?;
             text += &format!("wrote {}\n", path.display());
         }
         let messages: Vec<MeasurementMessage> = measurements.iter().map(Into::into).collect();

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use elastocal::files::make_folder;
 use elastocal::files::roles::Roles;
-use elastocal::study::tally_file::join;
+use elastocal::record::tally_file::join;
 
 use super::Report;
 use super::study::results::{FILES, Results, write};

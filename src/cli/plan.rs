@@ -12,7 +12,7 @@ use elastocal::plan::search::{
 };
 use elastocal::plan::{Assessment, Criterion, write_plan};
 use elastocal::record::messages::{AssessmentMessage, ProvenanceMessage, plan_messages};
-use elastocal::scenario::Scenario;
+use elastocal::task::Task;
 use elastocal::view::stills;
 use elastocal::wording::counted;
 use serde_json::json;
@@ -55,20 +55,46 @@ pub struct Designed {
     pub is_cut_short: bool,
 }
 
+/// Which plan is wanted.
+#[derive(Debug, Clone, Copy)]
+pub struct Wanted {
+    /// What makes it good.
+    pub criterion: Criterion,
+    /// The number m of measurements.
+    pub experiments: u32,
+    /// The number of different configurations; as many as measurements if not given.
+    pub configurations: Option<u32>,
+}
+
+impl Wanted {
+    /// What a task wants: a plan for its test poses.
+    pub const fn by(task: &Task) -> Self {
+        Self {
+            criterion: Criterion::TestPose,
+            experiments: task.design.experiments,
+            configurations: task.design.configurations,
+        }
+    }
+}
+
 /// Designs a plan with a progress bar, as long as it is not asked to stop.
 pub fn design(
     common: &Common,
-    scenario: &Scenario,
-    criterion: Criterion,
-    experiments: u32,
-    configurations: Option<u32>,
+    task: &Task,
+    seed: u64,
+    wanted: Wanted,
     stop: &AtomicBool,
 ) -> anyhow::Result<Designed> {
+    let Wanted {
+        criterion,
+        experiments,
+        configurations,
+    } = wanted;
     let start = Instant::now();
-    let problem = Problem::new(scenario, criterion);
-    let bound_problem = Problem::new(scenario, Criterion::TestPose);
-    let approximate = approximate_design(&bound_problem, scenario.seed)?;
-    let bound = Bound::new(scenario, &approximate).of_size(experiments);
+    let problem = Problem::new(task, criterion);
+    let bound_problem = Problem::new(task, Criterion::TestPose);
+    let approximate = approximate_design(&bound_problem, seed)?;
+    let bound = Bound::new(task, &approximate).of_size(experiments);
     let bound = bound.map_or_else(
         |_| String::new(),
         |bound_m| format!(", bound {:.4} um", bound_m * 1e6),
@@ -91,7 +117,7 @@ pub fn design(
         &approximate,
         experiments,
         configurations,
-        scenario.seed,
+        seed,
         watch,
     )?;
     bar.finish_and_clear();
@@ -112,11 +138,11 @@ impl PlanCommand {
         ];
         check_outputs(&mut inputs(&scenario), &outputs)?;
         if let Some(experiments) = self.experiments {
-            scenario.design.experiments = experiments;
-            scenario.design.configurations = None;
+            scenario.task.design.experiments = experiments;
+            scenario.task.design.configurations = None;
         }
-        let experiments = scenario.design.experiments;
-        let configurations = self.configurations.or(scenario.design.configurations);
+        let experiments = scenario.task.design.experiments;
+        let configurations = self.configurations.or(scenario.task.design.configurations);
         let stop = ask_search();
         self.common.say(&format!(
             "designing a plan of {}{} for the criterion {}",
@@ -129,16 +155,19 @@ impl PlanCommand {
         ));
         let designed = design(
             &self.common,
-            &scenario,
-            self.criterion,
-            experiments,
-            configurations,
+            &scenario.task,
+            scenario.seed,
+            Wanted {
+                criterion: self.criterion,
+                experiments,
+                configurations,
+            },
             stop,
         )?;
         let certificate = &designed.approximate.certificate;
         let plan = &designed.exact.plan;
-        let bound = Bound::new(&scenario, &designed.approximate);
-        let assessment = Assessment::new(&scenario, plan, Some(&bound));
+        let bound = Bound::new(&scenario.task, &designed.approximate);
+        let assessment = Assessment::new(&scenario.task, plan, Some(&bound));
         let mut text = describe(&scenario, &assessment);
         text += &format!(
             "\nThe bound rests on the largest directional derivative found by {} local searches, of \
@@ -151,7 +180,7 @@ impl PlanCommand {
             designed.elapsed_s
         );
         if let Some(path) = &self.plan_out {
-            write_plan(path, scenario.joints(), plan)?;
+            write_plan(path, scenario.task.belief.joints(), plan)?;
             text += &format!("wrote {}\n", path.display());
         }
         if let Some(path) = &self.stills_out {

@@ -10,8 +10,8 @@ use elastocal::plan::Plan;
 use elastocal::plan::search::random_plan;
 use elastocal::record::messages::{CalibrationMessage, ProvenanceMessage};
 use elastocal::scenario::Scenario;
-use elastocal::study::truth::Truth;
-use elastocal::study::{Entry, EntryKind, Setting};
+use elastocal::study::true_compliances::TrueCompliances;
+use elastocal::study::{Conditions, Entry, EntryKind, Setting};
 use elastocal::view::mcap_file::write_mcap;
 use elastocal::view::recording::Recording;
 use elastocal::view::rerun_file::write_rerun;
@@ -44,11 +44,16 @@ impl Replay {
         make_folder(&folder)?;
         // The first conditions of a sweep stand for all.
         scenario.study.conditions.truncate(1);
-        let settings = Setting::all(&scenario);
+        let settings = scenario.settings();
         let entries = entries(common, &scenario, &settings)?;
-        let mut scenario = settings[0].scenario.clone();
-        let truth = Truth::new(&scenario).draw(self.run).to_vec();
-        for (mine, lanes) in (scenario.true_robot.compliance_rad_per_nm.iter_mut()).zip(&truth) {
+        let Setting {
+            conditions, task, ..
+        } = settings[0].clone();
+        scenario.task = task;
+        let truth = TrueCompliances::new(&scenario.truth, scenario.seed)
+            .draw(self.run)
+            .to_vec();
+        for (mine, lanes) in (scenario.truth.robot.compliance_rad_per_nm.iter_mut()).zip(&truth) {
             *mine = lanes[0];
         }
         common.say(&format!(
@@ -58,8 +63,17 @@ impl Replay {
         ));
         let calibrations = (entries.iter())
             .map(|entry| {
-                let plan = self.plan(&scenario, &settings[0], entry)?;
-                Ok((entry.name.clone(), calibrate(&scenario, &plan, self.run)?))
+                let plan = self.plan(&scenario, conditions, entry)?;
+                Ok((
+                    entry.name.clone(),
+                    calibrate(
+                        &scenario.task,
+                        &scenario.truth,
+                        &plan,
+                        scenario.seed,
+                        self.run,
+                    )?,
+                ))
             })
             .collect::<anyhow::Result<Vec<_>>>()?;
         let messages: Vec<_> = (calibrations.iter())
@@ -82,12 +96,20 @@ impl Replay {
     }
 
     /// What an entry measures in the run.
-    fn plan(&self, scenario: &Scenario, setting: &Setting, entry: &Entry) -> anyhow::Result<Plan> {
+    fn plan(
+        &self,
+        scenario: &Scenario,
+        conditions: Conditions,
+        entry: &Entry,
+    ) -> anyhow::Result<Plan> {
         Ok(match &entry.kind {
             EntryKind::Fixed(plan) | EntryKind::Random(plan) => plan.clone(),
-            EntryKind::RandomEach => {
-                random_plan(scenario, setting.conditions.experiments, self.run)?
-            }
+            EntryKind::RandomEach => random_plan(
+                &scenario.task,
+                conditions.experiments,
+                scenario.seed,
+                self.run,
+            )?,
         })
     }
 }
@@ -95,7 +117,7 @@ impl Replay {
 /// The distance that each plan leaves at each test pose.
 fn describe(scenario: &Scenario, calibrations: &[(String, Calibration)], path: &Path) -> String {
     let mut header = vec!["plan".to_owned()];
-    header.extend((scenario.test_poses.iter()).map(|pose| format!("{} [um]", pose.name)));
+    header.extend((scenario.task.test_poses.iter()).map(|pose| format!("{} [um]", pose.name)));
     let header: Vec<&str> = header.iter().map(String::as_str).collect();
     let row = |(name, calibration): &(String, Calibration)| {
         let distance = |pose: &elastocal::calibration::CompensatedPose| {

@@ -8,7 +8,7 @@ use elastocal::files::make_folder;
 use elastocal::files::output::write_whole;
 use elastocal::measurement::write_measurements_under;
 use elastocal::plan::search::{Bound, SearchError, Watch, median_random_rho0, random_plan};
-use elastocal::plan::{Assessment, Criterion, Plan, read_plan, write_plan};
+use elastocal::plan::{Assessment, Plan, read_plan, write_plan};
 use elastocal::record::evidence::EvidenceMessage;
 use elastocal::record::messages::{AssessmentMessage, CalibrationMessage, ProvenanceMessage};
 use elastocal::scenario::Scenario;
@@ -23,7 +23,7 @@ use serde_json::{Value, json};
 
 use super::evaluate::loads_outside;
 use super::interruption::NEVER;
-use super::plan::design;
+use super::plan::{Wanted, design};
 use super::stream::{TARGETS, Target, warn};
 use super::table::{number, table};
 use super::written::Written;
@@ -93,22 +93,19 @@ impl Run {
         check_outputs(&mut roles, &[("--rerun", file.map(PathBuf::as_path))])?;
         make_folder(&folder)?;
 
-        let experiments = scenario.design.experiments;
+        let experiments = scenario.task.design.experiments;
         common.say(&format!(
             "designing a plan of {}",
             counted(experiments.into(), "measurement")
         ));
-        let criterion = Criterion::TestPose;
-        let configurations = scenario.design.configurations;
         let designed = design(
             common,
-            &scenario,
-            criterion,
-            experiments,
-            configurations,
+            &scenario.task,
+            scenario.seed,
+            Wanted::by(&scenario.task),
             &NEVER,
         )?;
-        let bound = Bound::new(&scenario, &designed.approximate);
+        let bound = Bound::new(&scenario.task, &designed.approximate);
 
         let (plans, random) = plans_to_compare(&scenario, designed.exact.plan)?;
         common.say("measuring, identifying and compensating in MuJoCo");
@@ -132,12 +129,7 @@ impl Run {
             "comparing with {RANDOM_PLANS} random plans, other criteria and other numbers of measurements, writing {}",
             folder.display()
         ));
-        let random_rho0_m = median_random_rho0(&scenario, experiments, RANDOM_PLANS)
-            .inspect_err(|problem| {
-                warn(&format!("no random plans to compare with: {problem}"), None);
-            })
-            .ok()
-            .filter(|median| median.is_finite());
+        let random_rho0_m = promised_by_random(&scenario, experiments);
         let watch = Watch {
             stop: &NEVER,
             progress: &|_, _, _| {},
@@ -152,7 +144,14 @@ impl Run {
                  }| (name.clone(), made.plan.clone()),
             )
             .collect();
-        let evidence = gather(&scenario, &designed.approximate, &fixed, watch)?;
+        let evidence = gather(
+            &scenario.task,
+            &scenario.truth,
+            &designed.approximate,
+            &fixed,
+            scenario.seed,
+            watch,
+        )?;
         let evidence = EvidenceMessage::new(&scenario, &bound, &evidence);
 
         let mut json = everything(&scenario, &records, &failed, designed.elapsed_s)?;
@@ -163,7 +162,7 @@ impl Run {
         merge(&mut json, serde_json::to_value(&evidence)?);
         let main = &entries[0].calibration.1;
         let mut conditions = main.identification.conditions();
-        conditions.extend(pose_conditions(&scenario, &main.poses));
+        conditions.extend(pose_conditions(&scenario.task.belief, &main.poses));
         conditions.extend(loads_outside);
         let stills = stills::sheet(&scenario, &entries[0].calibration.1.plan);
         let page = run_page(&RunRecord {
@@ -191,6 +190,16 @@ impl Run {
     }
 }
 
+/// The median of what random plans of so many measurements promise (m), if there is one.
+fn promised_by_random(scenario: &Scenario, experiments: u32) -> Option<f64> {
+    median_random_rho0(&scenario.task, experiments, RANDOM_PLANS, scenario.seed)
+        .inspect_err(|problem| {
+            warn(&format!("no random plans to compare with: {problem}"), None);
+        })
+        .ok()
+        .filter(|median| median.is_finite())
+}
+
 /// The designed plan and those of the scenario with as many measurements; and a random one.
 type Compared = (Vec<(String, Plan)>, Result<Plan, SearchError>);
 
@@ -198,12 +207,15 @@ fn plans_to_compare(scenario: &Scenario, optimal: Plan) -> anyhow::Result<Compar
     let experiments = optimal.measurements();
     let mut plans = vec![("optimal".to_owned(), optimal)];
     for file in &scenario.plans {
-        let plan = read_plan(&file.path, scenario.joints())?;
+        let plan = read_plan(&file.path, scenario.task.belief.joints())?;
         if plan.measurements() == experiments {
             plans.push((file.name.clone(), plan));
         }
     }
-    Ok((plans, random_plan(scenario, experiments, 0)))
+    Ok((
+        plans,
+        random_plan(&scenario.task, experiments, scenario.seed, 0),
+    ))
 }
 
 /// Calibrates with every plan. The first must succeed; another that fails is compared no further.
@@ -221,9 +233,12 @@ fn calibrate_all(
     let known = plans.len();
     let plans = plans.into_iter().map(|(name, plan)| (name, Ok(plan)));
     for (index, (name, plan)) in plans.chain([random]).enumerate() {
-        let assessment = |plan: &Plan| Assessment::new(scenario, plan, Some(bound));
+        let assessment = |plan: &Plan| Assessment::new(&scenario.task, plan, Some(bound));
         // Every plan is measured with the same noise.
-        match plan.as_ref().map(|plan| calibrate(scenario, plan, 0)) {
+        match plan
+            .as_ref()
+            .map(|plan| calibrate(&scenario.task, &scenario.truth, plan, scenario.seed, 0))
+        {
             Ok(Ok(calibration)) => entries.push(Entry {
                 assessment: assessment(&calibration.plan),
                 calibration: (name, calibration),
@@ -298,11 +313,16 @@ fn write_all(
         .map(|entry| entry.calibration.clone())
         .collect();
     let recording = Recording::new(scenario, &calibrations)?;
-    let (joints, main) = (scenario.joints(), &entries[0].calibration.1);
+    let (joints, main) = (scenario.task.belief.joints(), &entries[0].calibration.1);
     let files = FILES.map(|name| folder.join(name));
     let [plan, measurements, results, mcap, rerun, svg, html] = &files;
     written.note(plan, write_plan(plan, joints, &main.plan));
-    let rows = write_measurements_under(scenario, measurements, &main.measurements);
+    let rows = write_measurements_under(
+        &scenario.origin(),
+        measurements,
+        scenario.task.belief.joints(),
+        &main.measurements,
+    );
     written.note(measurements, rows);
     for (file, text) in [results, svg, html].into_iter().zip(texts) {
         written.note(file, write_whole(file, text.as_bytes()));

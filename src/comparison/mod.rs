@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::files::FileError;
-use crate::scenario::{Direction, Gate, Quantity, Tolerance};
+use crate::gate::{Direction, Gate, Quantity, Tolerance};
 use results::{Key, ResultsFile};
 
 /// In what results can differ that makes them answers to different questions.

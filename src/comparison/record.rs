@@ -4,8 +4,8 @@ use serde_json::{Value, json};
 
 use crate::comparison::results::{Key, ResultsFile};
 use crate::comparison::{Change, Comparison};
+use crate::gate::{Direction, Quantity};
 use crate::record::messages::SchemaMessage;
-use crate::scenario::{Direction, Quantity};
 
 /// The columns of [`rows`].
 pub const COLUMNS: [&str; 7] = [

@@ -7,7 +7,7 @@ use crate::robot::{
     EquilibriumError, EquilibriumSolver, KinematicState, Kinematics, Load, ObservationMatrix,
     SerialChain, Tool,
 };
-use crate::scenario::{Method, TestPose};
+use crate::task::{Belief, Method, TestPose};
 
 /// The joint angles to command (rad) so that the loaded tool stands where the unloaded tool stands
 /// at the test pose's own configuration `q_0`.
@@ -49,15 +49,11 @@ pub fn compensate(
     ))
 }
 
-/// The observation matrix of a test pose, `A_0^(p)` (eq. 23), 3 x p.
+/// The observation matrix of a test pose for the compliances of some joints, `A_0^(p)` (eq. 23), 3 x p.
 #[must_use]
-pub fn test_pose_matrix(
-    chain: &SerialChain,
-    tool: &Tool,
-    pose: &TestPose,
-    parameters: &[usize],
-) -> DMatrix<f64> {
-    let state = chain.at(tool).state(pose.configuration_rad.as_slice());
+pub fn test_pose_matrix(belief: &Belief, pose: &TestPose, parameters: &[usize]) -> DMatrix<f64> {
+    let arm = belief.nominal.chain.at(&belief.machining_tool);
+    let state = arm.state(pose.configuration_rad.as_slice());
     let matrix = ObservationMatrix::new(&state, &pose.load, parameters).position;
     DMatrix::from_column_slice(3, parameters.len(), matrix.as_slice())
 }

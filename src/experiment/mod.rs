@@ -1,5 +1,6 @@
 //! Experiments: a configuration and a load, plans of them, and the loads that are allowed.
 
+mod file;
 mod load_set;
 mod mandatory;
 
@@ -7,6 +8,9 @@ use nalgebra::DVector;
 
 use crate::robot::Load;
 
+pub use file::{
+    configuration_and_load, experiment_columns, experiment_fields, read_plan, write_plan,
+};
 pub use load_set::{Loads, in_words, is_printed_as, printed_tolerance};
 pub use mandatory::{NotMandatory, PRINTED_RAD};
 

@@ -4,8 +4,8 @@ use super::error::IdentificationError;
 use super::estimate::{Identification, Sigma, identify};
 use super::observations::Observations;
 use crate::measurement::Measurement;
-use crate::robot::Tool;
-use crate::scenario::{Method, Robot};
+use crate::robot::{Robot, Tool};
+use crate::task::Method;
 
 /// The arguments of [`identify`].
 #[derive(Debug, Clone, Copy)]

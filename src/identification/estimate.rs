@@ -8,8 +8,8 @@ use super::fit::{Fit, fit_linear, fit_nonlinear};
 use super::observations::Observations;
 use crate::measurement::Measurement;
 use crate::posterior::Posterior;
-use crate::robot::Tool;
-use crate::scenario::{Method, Robot};
+use crate::robot::{Robot, Tool};
+use crate::task::Method;
 
 /// Which standard deviation of deflections the uncertainties rest on.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -6,7 +6,7 @@ use super::error::IdentificationError;
 use super::observations::{Equations, Observations};
 use crate::estimable::Estimable;
 use crate::least_squares::LeastSquares;
-use crate::scenario::Robot;
+use crate::robot::Robot;
 
 /// The non-linear estimate is found when no compliance would change by more than this share of
 /// its typical size.

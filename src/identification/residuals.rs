@@ -8,7 +8,7 @@ use super::error::IdentificationError;
 use super::estimate::{Identification, Sigma};
 use super::observations::Equations;
 use crate::least_squares::LeastSquares;
-use crate::scenario::Method;
+use crate::task::Method;
 
 /// A residual whose variance is a smaller share of its measurement's says nothing: the fit goes
 /// through that measurement (leverage one), and rounding is what is left.

@@ -6,11 +6,10 @@ use nalgebra::Vector3;
 
 use super::{Measurement, Origin, RotationMeasurement};
 use crate::csv::{Row, Table};
+use crate::experiment::{configuration_and_load, experiment_columns, experiment_fields};
 use crate::files::FileError;
 use crate::files::output::write_whole;
-use crate::plan::{configuration_and_load, experiment_columns, experiment_fields};
 use crate::plausible::{DEVIATION, Kind, ROTATION_DEVIATION, faint_load, shown};
-use crate::scenario::Scenario;
 use crate::units::thousandths;
 
 const DEFLECTION: [&str; 3] = ["dx_mm", "dy_mm", "dz_mm"];
@@ -38,7 +37,7 @@ pub fn read_measurements(path: &Path, joints: usize) -> Result<Vec<Measurement>,
         .rows()
         .map(|row| {
             let (configuration_rad, load) = configuration_and_load(&row, joints);
-            if let Some(problem) = faint_load(&load) {
+            if let Some(problem) = faint_load(&load.wrench()) {
                 return Err(row.wrong(problem));
             }
             Ok(Measurement {
@@ -88,17 +87,18 @@ fn deviations(row: &Row<'_>, columns: [&str; 3], kind: &Kind) -> Result<Vector3<
     }
 }
 
-/// Writes measurements that were made under a scenario, which comments name.
+/// Writes measurements of an arm of n joints that were made under a scenario, which comments name.
 ///
 /// # Errors
 /// As [`write_measurements`].
 pub fn write_measurements_under(
-    scenario: &Scenario,
+    origin: &Origin,
     path: &Path,
+    joints: usize,
     measurements: &[Measurement],
 ) -> Result<(), FileError> {
-    let text = text_of(path, scenario.joints(), measurements)?;
-    write_whole(path, (Origin::of(scenario).comments() + &text).as_bytes())
+    let text = text_of(path, joints, measurements)?;
+    write_whole(path, (origin.comments() + &text).as_bytes())
 }
 
 /// Writes measurements of an arm of n joints.

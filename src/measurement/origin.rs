@@ -4,7 +4,6 @@ use std::path::{Path, PathBuf};
 
 use crate::csv::comments;
 use crate::files::FileError;
-use crate::scenario::Scenario;
 
 const FILE: &str = "scenario: ";
 const HASH: &str = "scenario_sha256: ";
@@ -14,20 +13,11 @@ const HASH: &str = "scenario_sha256: ";
 pub struct Origin {
     /// The scenario file, as it was called then.
     pub scenario: PathBuf,
-    /// [`Scenario::sha256`] of then.
+    /// The SHA-256 that the scenario had then.
     pub scenario_sha256: String,
 }
 
 impl Origin {
-    /// The origin of what is made under a scenario.
-    #[must_use]
-    pub fn of(scenario: &Scenario) -> Self {
-        Self {
-            scenario: scenario.path.clone(),
-            scenario_sha256: scenario.sha256.clone(),
-        }
-    }
-
     /// What the comments of a measurement file say; `None` where they name no scenario, as those of a
     /// laboratory.
     ///

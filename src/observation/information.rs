@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::model::{Form, ObservationModel};
 use super::reading::{Observation, PlannedReading};
-use crate::parameter::{Belief, ParameterSet};
+use crate::parameter::{ElasticArm, ParameterSet};
 use crate::robot::EquilibriumError;
 
 /// Readings whose sums are made in one piece: the pieces, and so the bits, do not depend on threads.
@@ -72,7 +72,7 @@ fn dot(one: &[f64; 6], other: &[f64; 6]) -> f64 {
 /// The arm has no equilibrium for an observation, whose place in the list is given.
 pub fn normal_equations(
     set: &ParameterSet,
-    nominal: &Belief,
+    nominal: &ElasticArm,
     values: &DVector<f64>,
     observations: &[Observation],
 ) -> Result<NormalEquations, (usize, EquilibriumError)> {
@@ -106,7 +106,7 @@ pub fn normal_equations(
 #[must_use]
 pub fn planned_information(
     set: &ParameterSet,
-    nominal: &Belief,
+    nominal: &ElasticArm,
     values: &DVector<f64>,
     readings: &[PlannedReading],
 ) -> DMatrix<f64> {

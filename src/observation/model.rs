@@ -5,7 +5,7 @@ use nalgebra::{Matrix3, Matrix6xX, Rotation3, Vector3};
 use super::reading::{Prediction, ReadingKind, Setup};
 use super::rotation::{exponential, inverse_left_jacobian};
 use super::sweep::{Pose, Sweep};
-use crate::parameter::{Belief, ParameterKind, ParameterSet};
+use crate::parameter::{ElasticArm, ParameterKind, ParameterSet};
 use crate::robot::{
     EquilibriumError, EquilibriumSolver, KinematicState, Kinematics, Load, SerialChain,
 };
@@ -25,7 +25,7 @@ pub enum Form {
 #[derive(Debug, Clone)]
 pub struct ObservationModel<'a> {
     set: &'a ParameterSet,
-    belief: Belief,
+    belief: ElasticArm,
     chain: SerialChain,
     solver: EquilibriumSolver,
     state: KinematicState,
@@ -40,7 +40,7 @@ pub struct ObservationModel<'a> {
 impl<'a> ObservationModel<'a> {
     /// The model of a nominal belief in which the parameters have these values (p).
     #[must_use]
-    pub fn new(set: &'a ParameterSet, nominal: &Belief, values: &[f64]) -> Self {
+    pub fn new(set: &'a ParameterSet, nominal: &ElasticArm, values: &[f64]) -> Self {
         let belief = set.apply(nominal, values);
         let joints = belief.chain.len();
         let base = &belief.instrument_from_base;
@@ -61,7 +61,7 @@ impl<'a> ObservationModel<'a> {
 
     /// The belief with the parameters' values.
     #[must_use]
-    pub fn belief(&self) -> &Belief {
+    pub fn belief(&self) -> &ElasticArm {
         &self.belief
     }
 

@@ -16,7 +16,7 @@
 use nalgebra::{DMatrix, Isometry3, Matrix3, Matrix6x3, Matrix6xX, Rotation3, Vector3, Vector6};
 
 use super::rotation::left_jacobian;
-use crate::parameter::{Belief, ParameterKind, ParameterSet};
+use crate::parameter::{ElasticArm, ParameterKind, ParameterSet};
 use crate::robot::{KinematicState, Load, SerialChain};
 
 /// The directions of a frame's displacement and rotation parameters.
@@ -61,7 +61,7 @@ pub(super) struct Sweep {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Pose<'a> {
     pub set: &'a ParameterSet,
-    pub belief: &'a Belief,
+    pub belief: &'a ElasticArm,
     /// The chain with the payload.
     pub chain: &'a SerialChain,
     pub state: &'a KinematicState,
@@ -107,7 +107,7 @@ impl Twist {
 
 impl Sweep {
     /// Room for an arm, with the frames' axes at values of the parameters.
-    pub fn new(set: &ParameterSet, nominal: &Belief, values: &[f64]) -> Self {
+    pub fn new(set: &ParameterSet, nominal: &ElasticArm, values: &[f64]) -> Self {
         let joints = nominal.chain.len();
         let at = set.displacements(nominal, values);
         let links = nominal.chain.joints.iter().zip(&at.links);

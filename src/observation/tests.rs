@@ -5,7 +5,7 @@ use nalgebra::{Matrix6xX, Vector3, Vector6};
 use super::rotation::inverse_left_jacobian;
 use super::{Form, ObservationModel, Prediction, ReadingKind, Setup};
 use crate::parameter::arms::{Numbers, random, ur10};
-use crate::parameter::{Belief, Parameter, ParameterKind, ParameterSet};
+use crate::parameter::{ElasticArm, Parameter, ParameterKind, ParameterSet};
 use crate::robot::{
     EquilibriumSolver, KinematicState, Kinematics, Load, ObservationMatrix, rotation_vector,
 };
@@ -17,7 +17,7 @@ const KINDS: [ReadingKind; 4] = [
     ReadingKind::Pose,
 ];
 
-fn setup(numbers: &mut Numbers, belief: &Belief, target: usize, force_n: f64) -> Setup {
+fn setup(numbers: &mut Numbers, belief: &ElasticArm, target: usize, force_n: f64) -> Setup {
     Setup {
         commanded_rad: numbers.configuration(&belief.chain),
         load: Load {
@@ -42,7 +42,7 @@ fn difference(one: &Prediction, other: &Prediction, kind: ReadingKind) -> Vector
 }
 
 /// A tenth of a metre, of a radian or of itself.
-fn step_size(parameter: &Parameter, belief: &Belief) -> f64 {
+fn step_size(parameter: &Parameter, belief: &ElasticArm) -> f64 {
     match parameter.unit() {
         "rad/(N m)" => parameter.kind.typical_size(belief, false),
         _ => 0.1,
@@ -51,7 +51,7 @@ fn step_size(parameter: &Parameter, belief: &Belief) -> f64 {
 
 /// Largest differences between derivatives and central differences, relative to each parameter's
 /// effect.
-fn worst_of_arm(numbers: &mut Numbers, belief: &Belief, form: Form, softness: f64) -> f64 {
+fn worst_of_arm(numbers: &mut Numbers, belief: &ElasticArm, form: Form, softness: f64) -> f64 {
     let mut belief = belief.clone();
     for compliance in &mut belief.compliance_rad_per_nm {
         *compliance *= softness;
@@ -203,7 +203,7 @@ fn an_instrument_elsewhere_sees_the_same_arm() {
     let set = ParameterSet::new(&belief, []).expect("nothing unknown");
     let setup = setup(&mut numbers, &belief, 0, 100.0);
     let mut nothing = Matrix6xX::zeros(0);
-    let mut see = |belief: &Belief, kind| {
+    let mut see = |belief: &ElasticArm, kind| {
         ObservationModel::new(&set, belief, &[])
             .predict(Form::AtRest, &setup, kind, &mut nothing)
             .expect("stable")

@@ -30,9 +30,9 @@ pub fn designs(
     watch: Watch<'_>,
     progress: &dyn Fn(usize, usize),
 ) -> Result<Vec<Design>, ReproductionError> {
-    let problem = Problem::new(scenario, Criterion::TestPose);
+    let problem = Problem::new(&scenario.task, Criterion::TestPose);
     let approximate = approximate_design(&problem, scenario.seed)?;
-    let bound = Bound::new(scenario, &approximate);
+    let bound = Bound::new(&scenario.task, &approximate);
     let mut designs = Vec::new();
     for (index, &(experiments, configurations, _)) in TABLE_6.iter().enumerate() {
         progress(index, TABLE_6.len());

@@ -17,7 +17,7 @@ use crate::plan::search::{SearchError, Watch};
 use crate::plan::{Plan, read_plan};
 use crate::scenario::Scenario;
 use crate::study::evidence::{Distances, distances};
-use crate::study::{Entry, EntryKind, StudyError, repeated};
+use crate::study::{Conditions, Entry, EntryKind, Setting, StudyError, repeated};
 use published::{FIGURE_7, FIGURE_7_RANDOM};
 
 pub use designs::{Design, designs};
@@ -89,9 +89,9 @@ pub fn reproduce(
     progress: &dyn Fn(usize, usize),
 ) -> Result<Reproduction, ReproductionError> {
     let table_4 = table_4(scenario)?;
-    let equation_23 = equation_23(scenario)?;
-    let table_5 = standard_errors(scenario, &table_4);
-    let table_6 = accuracies(scenario, &table_4);
+    let equation_23 = equation_23(&scenario.task)?;
+    let table_5 = standard_errors(&scenario.task, &table_4);
+    let table_6 = accuracies(&scenario.task, &table_4);
     let designs = designs(scenario, watch, progress)?;
     let figure_7 = figure_7(scenario, &table_4, &designs, trials)?;
     Ok(Reproduction {
@@ -113,7 +113,7 @@ fn table_4(scenario: &Scenario) -> Result<Vec<Plan>, ReproductionError> {
         let file = file.ok_or_else(|| {
             ReproductionError::OtherProblem(format!("it brings no plan named {name:?} (Table 4)"))
         })?;
-        let plan = read_plan(&file.path, scenario.joints())?;
+        let plan = read_plan(&file.path, scenario.task.belief.joints())?;
         if plan.measurements() == experiments {
             return Ok(plan);
         }
@@ -173,7 +173,9 @@ fn figure_7(
             );
         }
     }
-    let distances = distances(scenario, FIGURE_7_EXPERIMENTS, &entries, trials)?;
+    let conditions = Conditions::plain(&scenario.task, FIGURE_7_EXPERIMENTS);
+    let setting = Setting::new(&scenario.task, &scenario.truth, conditions);
+    let distances = distances(&setting, scenario.seed, &entries, trials)?;
     let all = about.into_iter().zip(distances);
     Ok(all
         .map(|((description, printed_um), distances)| MeanDistance {

@@ -120,7 +120,7 @@ impl ReproductionMessage {
     #[must_use]
     pub fn new(scenario: &Scenario, reproduction: &Reproduction) -> Self {
         let failures = reproduction.failures();
-        let mut feasibility = Feasibility::new(scenario);
+        let mut feasibility = Feasibility::new(&scenario.task);
         let random = (reproduction.figure_7.first()).and_then(|random| random.printed_m);
         let table6 = reproduction.table_6.iter().zip(&reproduction.designs);
         Self {

@@ -6,8 +6,8 @@ use super::ReproductionError;
 use crate::compensation::test_pose_matrix;
 use crate::paper::published::{EQUATION_23, HALF_A_PLACE, TABLE_5, TABLE_6};
 use crate::plan::{Assessment, Plan};
-use crate::scenario::{Scenario, TestPose};
 use crate::study::repeated;
+use crate::task::{Task, TestPose};
 
 /// The standard errors of Table 5 agree within this share: they are printed with three digits.
 pub const TABLE_5_TOLERANCE: f64 = 0.005;
@@ -102,26 +102,23 @@ impl Accuracy {
 /// The test pose's matrix beside eq. 23.
 ///
 /// # Errors
-/// The scenario has other test poses or parameters.
-pub fn equation_23(scenario: &Scenario) -> Result<Vec<Vec<Number>>, ReproductionError> {
+/// The task has other test poses or parameters.
+pub fn equation_23(task: &Task) -> Result<Vec<Vec<Number>>, ReproductionError> {
     let other = |found: usize, what: &str, expected: usize| {
         let text = format!("it has {found} {what}; the paper's has {expected}");
         ReproductionError::OtherProblem(text)
     };
-    let parameters = scenario.parameters.len();
+    let parameters = task.belief.parameters.len();
     if parameters != EQUATION_23[0].len() {
         return Err(other(parameters, "unknown compliances", 5));
     }
-    let [pose] = scenario.test_poses.as_slice() else {
-        return Err(other(scenario.test_poses.len(), "test poses", 1));
+    let [pose] = task.test_poses.as_slice() else {
+        return Err(other(task.test_poses.len(), "test poses", 1));
     };
-    let matrix_at = |pose: &TestPose| {
-        let (chain, tool) = (&scenario.nominal.chain, &scenario.machining_tool);
-        test_pose_matrix(chain, tool, pose, &scenario.parameters)
-    };
+    let matrix_at = |pose: &TestPose| test_pose_matrix(&task.belief, pose, &task.belief.parameters);
     let matrix = matrix_at(pose);
     let mut allowed: DMatrix<f64> = matrix.map(|_| HALF_A_PLACE);
-    for joint in 0..scenario.joints() {
+    for joint in 0..task.belief.joints() {
         let mut turned = pose.clone();
         turned.configuration_rad[joint] += HALF_A_PLACE.to_radians();
         allowed += (matrix_at(&turned) - &matrix).abs();
@@ -144,10 +141,10 @@ pub fn equation_23(scenario: &Scenario) -> Result<Vec<Vec<Number>>, Reproduction
 
 /// Table 5 from the plans of Table 4.
 #[must_use]
-pub fn standard_errors(scenario: &Scenario, table_4: &[Plan]) -> Vec<StandardErrors> {
+pub fn standard_errors(task: &Task, table_4: &[Plan]) -> Vec<StandardErrors> {
     let rows = TABLE_5.iter().zip(table_4);
     rows.map(|((experiments, printed), plan)| {
-        let found = Assessment::new(scenario, plan, None).standard_errors;
+        let found = Assessment::new(task, plan, None).standard_errors;
         StandardErrors {
             experiments: *experiments,
             printed: printed.iter().map(|value| value * 1e-9).collect(),
@@ -159,12 +156,12 @@ pub fn standard_errors(scenario: &Scenario, table_4: &[Plan]) -> Vec<StandardErr
 
 /// Table 6 from the plans of Table 4 and eq. 20.
 #[must_use]
-pub fn accuracies(scenario: &Scenario, table_4: &[Plan]) -> Vec<Accuracy> {
+pub fn accuracies(task: &Task, table_4: &[Plan]) -> Vec<Accuracy> {
     let row = |&(experiments, configurations, printed): &(u32, u32, f64)| {
         let plan = (table_4.iter()).find(|plan| plan.measurements() == configurations);
         let found = plan
             .and_then(|plan| repeated(plan, experiments))
-            .and_then(|plan| Assessment::new(scenario, &plan, None).rho0_m);
+            .and_then(|plan| Assessment::new(task, &plan, None).rho0_m);
         let of_once =
             (TABLE_6.iter()).find(|(m, c, _)| (*m, *c) == (configurations, configurations));
         let times = f64::from(configurations) / f64::from(experiments);

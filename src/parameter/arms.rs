@@ -4,7 +4,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 use nalgebra::{DVector, Isometry3, Translation3, Unit, UnitQuaternion, Vector3};
 
-use super::{Belief, ParameterKind, Payload};
+use super::{ElasticArm, ParameterKind, Payload};
 use crate::robot::{Joint, SerialChain, Tool};
 
 /// A small generator (`SplitMix64`) of reproducible numbers.
@@ -69,7 +69,7 @@ const GRAVITY: Vector3<f64> = Vector3::new(0.0, 0.0, -9.81);
 
 /// A UR10 after its published Denavit-Hartenberg parameters and masses: joints 2, 3 and 4 are
 /// parallel.
-pub(crate) fn ur10() -> Belief {
+pub(crate) fn ur10() -> ElasticArm {
     let turn = [FRAC_PI_2, 0.0, 0.0];
     let frames = [
         frame([0.0; 3], [0.0; 3]),
@@ -101,11 +101,11 @@ pub(crate) fn ur10() -> Belief {
         link_from_tool: frame([0.05, 0.03, 0.19], [0.0, 0.3, 0.0]),
     };
     let compliance = vec![1.5e-5, 2.0e-5, 3.0e-5, 8.0e-5, 9.0e-5, 1.2e-4];
-    Belief::new(chain, compliance, vec![tool])
+    ElasticArm::new(chain, compliance, vec![tool])
 }
 
 /// A heavy arm in the manner of a KR-270, axes along x, y and z of frames that are parallel at zero.
-pub(crate) fn heavy() -> Belief {
+pub(crate) fn heavy() -> ElasticArm {
     let parts = [
         ([0.0, 0.0, 0.0], [0.0, 0.0, -1.0], 367.0, [0.1, 0.0, 0.5]),
         ([0.35, 0.0, 0.75], [0.0, 1.0, 0.0], 232.0, [0.6, 0.0, 0.0]),
@@ -129,11 +129,11 @@ pub(crate) fn heavy() -> Belief {
         link_from_tool: frame([0.6115, 0.0, -0.46], [0.0; 3]),
     };
     let compliance = vec![0.26e-6, 0.302e-6, 0.406e-6, 3.002e-6, 3.303e-6, 2.365e-6];
-    Belief::new(chain, compliance, vec![tool])
+    ElasticArm::new(chain, compliance, vec![tool])
 }
 
 /// Any arm: frames, axes, masses, a payload, a second tool on some link, a base somewhere.
-pub(crate) fn random(numbers: &mut Numbers, joints: usize) -> Belief {
+pub(crate) fn random(numbers: &mut Numbers, joints: usize) -> ElasticArm {
     let links = (0..joints)
         .map(|index| {
             let axis = numbers.vector(1.0).normalize();
@@ -154,7 +154,7 @@ pub(crate) fn random(numbers: &mut Numbers, joints: usize) -> Belief {
         })
         .to_vec();
     let compliance = (0..joints).map(|_| numbers.between(0.0, 5e-6)).collect();
-    let mut belief = Belief::new(chain, compliance, tools);
+    let mut belief = ElasticArm::new(chain, compliance, tools);
     belief.instrument_from_base = Isometry3::new(numbers.vector(2.0), numbers.vector(1.5));
     belief.zero_rad = (0..joints).map(|_| numbers.between(-0.05, 0.05)).collect();
     belief.load_scale = numbers.between(0.8, 1.2);
@@ -167,7 +167,7 @@ pub(crate) fn random(numbers: &mut Numbers, joints: usize) -> Belief {
 }
 
 /// The frames of all links, of the tools and of the base.
-pub(crate) fn geometry(belief: &Belief) -> Vec<ParameterKind> {
+pub(crate) fn geometry(belief: &ElasticArm) -> Vec<ParameterKind> {
     let is_frame = |kind: &ParameterKind| {
         kind.is_mounted()
             || matches!(

@@ -13,7 +13,7 @@
 use nalgebra::{Cholesky, DMatrix, DVector, Isometry3, SymmetricEigen, Vector3};
 
 use super::words::{SPARSE, reduced, sentences};
-use super::{Axis, Belief, ParameterKind, ParameterSet};
+use super::{Axis, ElasticArm, ParameterKind, ParameterSet};
 use crate::estimable::Estimable;
 
 /// A structural direction that is seen with less than this share of its parts' information is not told
@@ -51,7 +51,7 @@ pub struct Freedoms {
 impl Freedoms {
     /// What information from readings (p x p, in units of typical sizes) and the set's prior leave.
     #[must_use]
-    pub fn new(belief: &Belief, set: &ParameterSet, information: &DMatrix<f64>) -> Self {
+    pub fn new(belief: &ElasticArm, set: &ParameterSet, information: &DMatrix<f64>) -> Self {
         let size = set.len();
         let prior = relative_precision(set);
         let structural = held(
@@ -143,7 +143,7 @@ fn held(
 /// Directions, in units of typical sizes, that a robot's structure does not let anybody tell apart, or
 /// hardly: an orthonormal basis, p x g, of all combinations within the set.
 #[must_use]
-pub fn structural_directions(belief: &Belief, set: &ParameterSet) -> DMatrix<f64> {
+pub fn structural_directions(belief: &ElasticArm, set: &ParameterSet) -> DMatrix<f64> {
     let generators = generators(belief, set);
     let size = |kind: ParameterKind| kind.typical_size(belief, false);
     let mut outside: Vec<ParameterKind> = (generators.iter().flatten())
@@ -169,7 +169,7 @@ pub fn structural_directions(belief: &Belief, set: &ParameterSet) -> DMatrix<f64
 type Generator = Vec<(ParameterKind, f64)>;
 
 /// The directions among all parameters that a robot could have, in the parameters' units.
-fn generators(belief: &Belief, set: &ParameterSet) -> Vec<Generator> {
+fn generators(belief: &ElasticArm, set: &ParameterSet) -> Vec<Generator> {
     let mut all = Vec::new();
     let joints = &belief.chain.joints;
     for (index, joint) in joints.iter().enumerate() {
@@ -244,7 +244,7 @@ fn link(link: usize, velocity: &Vector3<f64>, omega: &Vector3<f64>) -> Generator
 
 /// A small motion of a link, in its frame, taken back by the next link's frame and by all tools on it.
 fn taken_back(
-    belief: &Belief,
+    belief: &ElasticArm,
     index: usize,
     velocity: &Vector3<f64>,
     omega: &Vector3<f64>,

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use super::Belief;
+use super::ElasticArm;
 
 /// An axis of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -32,7 +32,7 @@ impl fmt::Display for Axis {
     }
 }
 
-/// What a parameter is of a [`Belief`]. Joints, links and tools count from 0; link i is what joint i
+/// What a parameter is of a [`ElasticArm`]. Joints, links and tools count from 0; link i is what joint i
 /// moves.
 ///
 /// Frames are unknown by a displacement d and a rotation vector r along the axes of the nominal frame:
@@ -130,7 +130,7 @@ impl ParameterKind {
 
     /// Everything that a belief could have as unknowns, base first.
     #[must_use]
-    pub fn all_of(belief: &Belief) -> Vec<Self> {
+    pub fn all_of(belief: &ElasticArm) -> Vec<Self> {
         let joints = belief.chain.len();
         let mut kinds = Vec::new();
         let mut frame = |position: &dyn Fn(Axis) -> Self, rotation: &dyn Fn(Axis) -> Self| {
@@ -162,7 +162,7 @@ impl ParameterKind {
 
     /// Its unique name, such as `joint_3.compliance`, `link_3.x`, `tool.ry`, `base.z`.
     #[must_use]
-    pub fn name(self, belief: &Belief) -> String {
+    pub fn name(self, belief: &ElasticArm) -> String {
         let tool = |index: usize| match index {
             0 => "tool".to_owned(),
             index => format!("tool_{}", index + 1),
@@ -187,7 +187,7 @@ impl ParameterKind {
     /// a robot's geometry, which is manufactured, 1 mrad for its zeros, more for what users mount and set
     /// up. The largest nominal compliance stands in for a joint held to be rigid.
     #[must_use]
-    pub fn typical_size(self, belief: &Belief, has_prior: bool) -> f64 {
+    pub fn typical_size(self, belief: &ElasticArm, has_prior: bool) -> f64 {
         match self {
             Self::JointCompliance { joint } if !has_prior => {
                 let nominal = &belief.compliance_rad_per_nm;
@@ -224,7 +224,7 @@ impl ParameterKind {
 
     /// What it is, in words.
     #[must_use]
-    pub fn words(self, belief: &Belief) -> String {
+    pub fn words(self, belief: &ElasticArm) -> String {
         let joint = |index: usize| &belief.chain.joints[index].name;
         let tool = |index: usize| match index {
             0 => "the tool".to_owned(),
@@ -295,7 +295,7 @@ impl Parameter {
     /// The quantity itself, in SI units, for a value of the parameter: itself, or the nominal
     /// quantity times its exponential.
     #[must_use]
-    pub fn quantity(&self, nominal: &Belief, value: f64) -> f64 {
+    pub fn quantity(&self, nominal: &ElasticArm, value: f64) -> f64 {
         if !self.is_logarithmic {
             return value;
         }

@@ -1,6 +1,6 @@
 //! What may be unknown about a robot: parameters, sets of them, and what cannot be told apart.
 //!
-//! A [`Belief`] is what planner and identification believe of an arm: its chain, compliances, joint
+//! A [`ElasticArm`] is what planner and identification believe of an arm: its chain, compliances, joint
 //! zeros, tools, payload, load and the instrument's frame. A [`ParameterSet`] lists what of it is
 //! unknown, with a typical size and, where there is one, a prior for each; a vector of values makes a
 //! nominal belief into another one. [`Freedoms`] are the directions of that vector that readings
@@ -12,13 +12,13 @@
 
 #[cfg(test)]
 pub(crate) mod arms;
-mod belief;
+mod elastic_arm;
 mod freedoms;
 mod kind;
 mod set;
 mod words;
 
-pub use belief::{Belief, Payload};
+pub use elastic_arm::{ElasticArm, Payload};
 pub(crate) use freedoms::relative_precision;
 pub use freedoms::{Freedom, Freedoms, structural_directions};
 pub use kind::{Axis, Parameter, ParameterKind};

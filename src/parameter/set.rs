@@ -3,7 +3,7 @@
 use nalgebra::{Cholesky, DMatrix, DVector, Isometry3, Translation3, UnitQuaternion, Vector3};
 use thiserror::Error;
 
-use super::{Belief, Parameter, ParameterKind};
+use super::{ElasticArm, Parameter, ParameterKind};
 
 /// Why a set of parameters makes no sense for a robot.
 #[derive(Debug, Error, Clone, PartialEq, Eq)]
@@ -51,7 +51,7 @@ impl ParameterSet {
     /// # Errors
     /// See [`ParameterError`].
     pub fn new(
-        belief: &Belief,
+        belief: &ElasticArm,
         unknowns: impl IntoIterator<Item = (ParameterKind, Option<f64>)>,
     ) -> Result<Self, ParameterError> {
         let mut parameters: Vec<Parameter> = Vec::new();
@@ -103,7 +103,7 @@ impl ParameterSet {
     ///
     /// # Errors
     /// See [`ParameterError`].
-    pub fn compliances(belief: &Belief, joints: &[usize]) -> Result<Self, ParameterError> {
+    pub fn compliances(belief: &ElasticArm, joints: &[usize]) -> Result<Self, ParameterError> {
         let unknown = |&joint| (ParameterKind::JointCompliance { joint }, None);
         Self::new(belief, joints.iter().map(unknown))
     }
@@ -219,7 +219,7 @@ impl ParameterSet {
     /// The belief in which the parameters have these values (p, each in its unit), and all else is
     /// nominal.
     #[must_use]
-    pub fn apply(&self, nominal: &Belief, values: &[f64]) -> Belief {
+    pub fn apply(&self, nominal: &ElasticArm, values: &[f64]) -> ElasticArm {
         let mut belief = nominal.clone();
         for (parameter, &value) in self.parameters.iter().zip(values) {
             let quantity = parameter.quantity(nominal, value);
@@ -259,7 +259,7 @@ impl ParameterSet {
     }
 
     /// How the frames of links, tools and base differ from the nominal ones at these values.
-    pub(crate) fn displacements(&self, nominal: &Belief, values: &[f64]) -> Displacements {
+    pub(crate) fn displacements(&self, nominal: &ElasticArm, values: &[f64]) -> Displacements {
         let mut all = Displacements {
             links: vec![Displacement::default(); nominal.chain.len()],
             tools: vec![Displacement::default(); nominal.tools.len()],
@@ -319,7 +319,7 @@ impl Displacement {
     }
 }
 
-fn check(belief: &Belief, kind: ParameterKind) -> Result<(), ParameterError> {
+fn check(belief: &ElasticArm, kind: ParameterKind) -> Result<(), ParameterError> {
     let (joints, tools) = (belief.chain.len(), belief.tools.len());
     let missing = |what| Err(ParameterError::Missing(what, joints, tools));
     match kind {

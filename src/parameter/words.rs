@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::freedoms::{Freedom, in_units};
-use super::{Belief, ParameterKind, ParameterSet};
+use super::{ElasticArm, ParameterKind, ParameterSet};
 
 /// Coefficients below this share of a direction's largest are left by rounding.
 const ROUNDING: f64 = 1e-6;
@@ -20,7 +20,7 @@ pub(super) const SPARSE: f64 = 1e-4;
 /// a weak one is judged by the effect on readings of some information (p x p): a part that is small in
 /// typical sizes can be all that takes another's effect back.
 pub(super) fn sentences(
-    belief: &Belief,
+    belief: &ElasticArm,
     set: &ParameterSet,
     structural: &DMatrix<f64>,
     weak: &DMatrix<f64>,
@@ -116,7 +116,7 @@ fn clean(direction: &mut DVector<f64>) {
 }
 
 fn describe(
-    belief: &Belief,
+    belief: &ElasticArm,
     set: &ParameterSet,
     pivot: usize,
     relative: &DVector<f64>,

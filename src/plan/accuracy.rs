@@ -3,9 +3,8 @@
 use nalgebra::DMatrix;
 
 use super::{Experiment, Plan};
-use crate::compensation::test_pose_matrix;
 use crate::robot::{KinematicState, Kinematics, ObservationMatrix, SerialChain, Tool};
-use crate::scenario::Scenario;
+use crate::task::Belief;
 
 /// The planner's model of an experiment: the nominal robot with the calibration tool.
 #[derive(Debug, Clone)]
@@ -23,15 +22,15 @@ pub struct ExperimentModel<'a> {
 }
 
 impl<'a> ExperimentModel<'a> {
-    /// The model that a scenario's planner believes in.
+    /// The model that a planner believes in.
     #[must_use]
-    pub fn new(scenario: &'a Scenario) -> Self {
+    pub fn new(belief: &'a Belief) -> Self {
         Self {
-            chain: &scenario.nominal.chain,
-            tool: &scenario.calibration_tool,
-            parameters: &scenario.parameters,
-            sigma_m: scenario.instrument.sigma_m,
-            rotation_sigma_rad: scenario.instrument.rotation_sigma_rad,
+            chain: &belief.nominal.chain,
+            tool: &belief.calibration_tool,
+            parameters: &belief.parameters,
+            sigma_m: belief.instrument.sigma_m,
+            rotation_sigma_rad: belief.instrument.rotation_sigma_rad,
         }
     }
 
@@ -74,24 +73,4 @@ impl<'a> ExperimentModel<'a> {
         }
         information
     }
-}
-
-/// The weight matrix of the test poses: the weighted sum of `A_0^T` `A_0`, p x p, so that
-/// `rho_0^2` = sigma^2 trace(weights * information^-1) (eq. 20).
-#[must_use]
-pub fn test_pose_weights(scenario: &Scenario) -> DMatrix<f64> {
-    let size = scenario.parameters.len();
-    scenario
-        .test_poses
-        .iter()
-        .map(|pose| {
-            let matrix = test_pose_matrix(
-                &scenario.nominal.chain,
-                &scenario.machining_tool,
-                pose,
-                &scenario.parameters,
-            );
-            pose.weight * matrix.tr_mul(&matrix)
-        })
-        .fold(DMatrix::zeros(size, size), |sum, each| sum + each)
 }

@@ -8,9 +8,9 @@ use crate::compensation::{predicted_error, test_pose_matrix};
 use crate::estimable::Estimable;
 use crate::least_squares::LeastSquares;
 use crate::posterior::Posterior;
-use crate::scenario::Scenario;
+use crate::task::{Belief, Task};
 
-/// A plan judged against a scenario.
+/// A plan judged against a task.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Assessment {
     /// The number m of measurements.
@@ -32,13 +32,13 @@ pub struct Assessment {
 }
 
 impl Assessment {
-    /// Judges a plan, beside the bound of the scenario's plans where it is given.
+    /// Judges a plan, beside the bound of the task's plans where it is given.
     #[must_use]
-    pub fn new(scenario: &Scenario, plan: &Plan, bound: Option<&Bound>) -> Self {
-        let all = Problem::new(scenario, Criterion::A);
+    pub fn new(task: &Task, plan: &Plan, bound: Option<&Bound>) -> Self {
+        let all = Problem::new(task, Criterion::A);
         let information = all.information(plan);
-        let posterior = posterior(scenario, plan);
-        let rho0_m = predicted(scenario, &posterior);
+        let posterior = posterior(&task.belief, plan);
+        let rho0_m = predicted(task, &posterior);
         let value = |criterion| match criterion {
             Criterion::TestPose => rho0_m,
             _ if !posterior.estimable.is_complete() => None,
@@ -48,7 +48,7 @@ impl Assessment {
         Self {
             experiments,
             rho0_m,
-            standard_errors: (0..scenario.parameters.len())
+            standard_errors: (0..task.belief.parameters.len())
                 .map(|index| posterior.standard_error(index))
                 .collect(),
             criteria: Criterion::ALL
@@ -56,7 +56,7 @@ impl Assessment {
                 .map(|&criterion| (criterion, value(criterion)))
                 .collect(),
             lower_bound_m: bound.map(|bound| bound.of_plan(plan)),
-            violations: Feasibility::new(scenario).violations(plan),
+            violations: Feasibility::new(task).violations(plan),
         }
     }
 
@@ -89,9 +89,9 @@ impl Assessment {
 
 /// What is known of the compliances after the plan, whatever is read.
 #[must_use]
-pub fn posterior(scenario: &Scenario, plan: &Plan) -> Posterior {
-    let model = ExperimentModel::new(scenario);
-    let parameters = &scenario.parameters;
+pub fn posterior(belief: &Belief, plan: &Plan) -> Posterior {
+    let model = ExperimentModel::new(belief);
+    let parameters = &belief.parameters;
     // A plan without experiments tells as much as one that tells nothing.
     let rows = model.rows();
     let mut matrix = DMatrix::zeros(rows * plan.experiments.len().max(1), parameters.len());
@@ -99,26 +99,25 @@ pub fn posterior(scenario: &Scenario, plan: &Plan) -> Posterior {
         let block = model.observation_matrix(experiment) * f64::from(experiment.repeats).sqrt();
         matrix.rows_mut(rows * index, rows).copy_from(&block);
     }
-    let sigma_m = scenario.instrument.sigma_m;
-    let typical = scenario.nominal.typical_rad_per_nm(parameters);
+    let sigma_m = belief.instrument.sigma_m;
+    let typical = belief.nominal.typical_rad_per_nm(parameters);
     let estimable = Estimable::of_equations(&(&matrix / sigma_m), &typical);
     let nothing_read = DVector::zeros(matrix.nrows());
     let least_squares = LeastSquares::solve(&matrix, &nothing_read, &estimable);
     Posterior {
-        names: scenario.parameter_names(),
+        names: belief.parameter_names(),
         mean: (parameters.iter())
-            .map(|&joint| scenario.nominal.compliance_rad_per_nm[joint])
+            .map(|&joint| belief.nominal.compliance_rad_per_nm[joint])
             .collect(),
         covariance: least_squares.covariance * sigma_m.powi(2),
         estimable,
     }
 }
 
-fn predicted(scenario: &Scenario, posterior: &Posterior) -> Option<f64> {
-    let (chain, tool) = (&scenario.nominal.chain, &scenario.machining_tool);
+fn predicted(task: &Task, posterior: &Posterior) -> Option<f64> {
     let mut sum = 0.0;
-    for pose in &scenario.test_poses {
-        let matrix = test_pose_matrix(chain, tool, pose, &scenario.parameters);
+    for pose in &task.test_poses {
+        let matrix = test_pose_matrix(&task.belief, pose, &task.belief.parameters);
         sum += pose.weight * predicted_error(&matrix, posterior).ok()?.powi(2);
     }
     Some(sum.sqrt())

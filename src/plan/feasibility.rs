@@ -9,7 +9,7 @@ use super::region::{SmoothBound, bounds_of};
 use super::{Experiment, Plan};
 use crate::mujoco::State;
 use crate::robot::{EquilibriumError, EquilibriumSolver, KinematicState, Kinematics, Load};
-use crate::scenario::Scenario;
+use crate::task::{Belief, Task};
 
 /// Bounds may be missed by this much (m, sine, or share of a torque) through rounding alone.
 const ROUNDING: f64 = 1e-9;
@@ -81,10 +81,10 @@ impl std::fmt::Display for Violation {
     }
 }
 
-/// Judges experiments against a scenario's region.
+/// Judges experiments against a task's region.
 #[derive(Debug)]
 pub struct Feasibility<'a> {
-    scenario: &'a Scenario,
+    task: &'a Task,
     bounds: Vec<SmoothBound>,
     state: KinematicState,
     solver: EquilibriumSolver,
@@ -92,27 +92,27 @@ pub struct Feasibility<'a> {
 }
 
 impl<'a> Feasibility<'a> {
-    /// A judge for a scenario's region.
+    /// A judge for a task's region.
     #[must_use]
-    pub fn new(scenario: &'a Scenario) -> Self {
-        let region = &scenario.region;
+    pub fn new(task: &'a Task) -> Self {
+        let region = &task.region;
         let simulation =
             (region.collision_clearance_m.is_some() || region.line_of_sight).then(|| {
                 let clearance = region.collision_clearance_m.unwrap_or(0.0);
-                State::new(&scenario.nominal.model.with_clearance(clearance))
+                State::new(&task.belief.nominal.model.with_clearance(clearance))
             });
         Self {
             bounds: bounds_of(region),
-            state: KinematicState::new(scenario.joints()),
-            solver: EquilibriumSolver::new(scenario.joints()),
-            scenario,
+            state: KinematicState::new(task.belief.joints()),
+            solver: EquilibriumSolver::new(task.belief.joints()),
+            task,
             simulation,
         }
     }
 
     /// Every violation of a plan.
     pub fn violations(&mut self, plan: &Plan) -> Vec<Violation> {
-        let mandatory = &self.scenario.design.mandatory;
+        let mandatory = &self.task.design.mandatory;
         let missing = plan.beside_mandatory(mandatory).err();
         let missing = missing
             .map(|missing| Violation::in_words(None, "mandatory experiment", missing.to_string()));
@@ -124,7 +124,7 @@ impl<'a> Feasibility<'a> {
 
     /// Every violation of one experiment, whose number in the plan is given.
     pub fn violations_of(&mut self, number: usize, experiment: &Experiment) -> Vec<Violation> {
-        let words = self.scenario.loads.outside(&experiment.load);
+        let words = self.task.loads.outside(&experiment.load);
         let mut violations: Vec<_> = words
             .map(|words| Violation::in_words(Some(number), "load", words))
             .into_iter()
@@ -170,17 +170,16 @@ impl<'a> Feasibility<'a> {
 
     /// The pairs of geometries that come too near to each other in an experiment, unloaded or loaded.
     pub(super) fn colliding_pairs(&mut self, experiment: &Experiment) -> BTreeSet<[String; 2]> {
-        let (Some(simulation), Some(clearance)) = (
-            &mut self.simulation,
-            self.scenario.region.collision_clearance_m,
-        ) else {
+        let (Some(simulation), Some(clearance)) =
+            (&mut self.simulation, self.task.region.collision_clearance_m)
+        else {
             return BTreeSet::new();
         };
-        let Scenario {
+        let Belief {
             nominal,
             calibration_tool,
             ..
-        } = self.scenario;
+        } = &self.task.belief;
         let q = experiment.configuration_rad.as_slice();
         let mut pairs = BTreeSet::new();
         for load in [Load::NONE, experiment.load] {
@@ -197,7 +196,7 @@ impl<'a> Feasibility<'a> {
     /// The forbidden configuration (from 1) that is too near, the largest difference of a joint and
     /// its bound (rad).
     fn forbidden(&self, q: &[f64]) -> Option<(usize, f64, f64)> {
-        self.scenario
+        self.task
             .region
             .forbidden
             .iter()
@@ -214,8 +213,8 @@ impl<'a> Feasibility<'a> {
     }
 
     fn violated_ranges(&self, number: usize, experiment: &Experiment) -> Vec<Violation> {
-        let ranges = &self.scenario.region.joint_range_rad;
-        let joints = &self.scenario.nominal.chain.joints;
+        let ranges = &self.task.region.joint_range_rad;
+        let joints = &self.task.belief.nominal.chain.joints;
         experiment
             .configuration_rad
             .iter()
@@ -242,11 +241,11 @@ impl<'a> Feasibility<'a> {
     }
 
     fn violated_bounds(&mut self, number: usize, q: &[f64], load: &Load) -> Vec<Violation> {
-        let Scenario {
+        let Belief {
             nominal,
             calibration_tool,
             ..
-        } = self.scenario;
+        } = &self.task.belief;
         let gravity = nominal.chain.gravity_m_s2;
         nominal
             .chain
@@ -279,13 +278,13 @@ impl<'a> Feasibility<'a> {
         let Some(simulation) = &mut self.simulation else {
             return Ok(Vec::new());
         };
-        let Scenario {
+        let region = &self.task.region;
+        let Belief {
             nominal,
             calibration_tool,
-            region,
             instrument,
             ..
-        } = self.scenario;
+        } = &self.task.belief;
         let mut arm = nominal.chain.at(calibration_tool);
         self.solver
             .solve(&mut arm, &nominal.compliance_rad_per_nm, q, load)?;

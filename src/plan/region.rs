@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 
 use crate::experiment::PRINTED_RAD;
 use crate::robot::{KinematicState, Load};
-use crate::scenario::Region;
+use crate::task::Region;
 
 /// One bound of the feasible region.
 #[derive(Debug, Clone, Copy, PartialEq)]

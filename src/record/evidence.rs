@@ -7,7 +7,7 @@ use super::messages::{ExperimentMessage, plan_messages};
 use super::study::StudyPlanMessage;
 use crate::plan::search::{Basis, Bound, BudgetPoint, CriterionPlan};
 use crate::scenario::Scenario;
-use crate::study::Setting;
+use crate::study::Conditions;
 use crate::study::evidence::{Distances, Evidence};
 
 /// What a designed plan is shown beside, and what its bound rests on.
@@ -87,8 +87,8 @@ impl EvidenceMessage {
 pub fn distances_message(scenario: &Scenario, distances: &Distances) -> StudyPlanMessage {
     StudyPlanMessage::new(
         &distances.name,
-        &Setting::plain(scenario, distances.experiments).conditions,
-        scenario.parameters.len(),
+        &Conditions::plain(&scenario.task, distances.experiments),
+        scenario.task.belief.parameters.len(),
         &distances.tally,
         distances.summary.as_ref(),
     )

@@ -16,7 +16,8 @@ use crate::identification::Identification;
 use crate::measurement::Measurement;
 use crate::plan::{Assessment, Criterion, Experiment, Plan};
 use crate::robot::Load;
-use crate::scenario::{Fingerprint, Method, Scenario};
+use crate::scenario::Scenario;
+use crate::task::{Fingerprint, Method};
 use crate::{COMMIT, VERSION, platform, units};
 
 /// What a JSON file holds and in which form, so that another version can tell.
@@ -318,7 +319,7 @@ impl AssessmentMessage {
         };
         Self {
             experiments: assessment.experiments,
-            parameters: scenario.parameter_names(),
+            parameters: scenario.task.belief.parameter_names(),
             rho0_mm: assessment.rho0_m.map(|value| value * 1e3),
             compliance_std_rad_per_nm: assessment.standard_errors.clone(),
             criteria: assessment.criteria.iter().map(millimetres).collect(),

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::scenario::Conditions;
+use crate::study::Conditions;
 use crate::study::summary::Summary;
 use crate::study::tally::{Failure, Tally};
 

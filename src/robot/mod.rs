@@ -7,6 +7,7 @@
 //! the two can judge each other.
 
 mod chain;
+mod elastic;
 mod elastostatics;
 mod equilibrium;
 mod kinematic_state;
@@ -14,6 +15,7 @@ mod mjcf;
 mod true_robot;
 
 pub use chain::{Joint, SerialChain, Tool};
+pub use elastic::Robot;
 pub use elastostatics::{ObservationMatrix, cartesian_stiffness};
 pub use equilibrium::{
     CONVERGED_RAD, Equilibrium, EquilibriumError, EquilibriumSolver, MAXIMUM_ITERATIONS,

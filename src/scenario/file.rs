@@ -7,8 +7,10 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use super::Gate;
+use crate::gate::Gate;
 use crate::plan::Criterion;
+use crate::study::Level;
+use crate::task::Method;
 
 /// The whole file.
 #[derive(Debug, Deserialize)]
@@ -82,17 +84,6 @@ pub(super) struct InstrumentTable {
     pub sigma_of: SigmaOf,
     pub rotation_sigma_mrad: Option<f64>,
     pub tracker_site: Option<String>,
-}
-
-/// How compliances are identified and deflections compensated.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, Serialize, clap::ValueEnum)]
-#[serde(rename_all = "snake_case")]
-pub enum Method {
-    /// Linear least squares (eq. 9) and linear compensation (eq. 15).
-    Linear,
-    /// Through the static equilibrium of the nominal model: no linearisation.
-    #[default]
-    Nonlinear,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -227,17 +218,6 @@ pub(super) struct DesignTable {
 pub(super) struct PlanTable {
     pub name: String,
     pub file: PathBuf,
-}
-
-/// What the runs of a study are made of.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, Serialize, clap::ValueEnum)]
-#[serde(rename_all = "snake_case")]
-pub enum Level {
-    /// The linear model of the paper: noise, eq. 9 and eq. 15 as matrices.
-    #[default]
-    Model,
-    /// The virtual robot in MuJoCo: measured, identified, compensated and seen again.
-    Robot,
 }
 
 #[derive(Debug, Default, Deserialize)]

@@ -7,13 +7,14 @@ use super::model_level::Model;
 use super::runner::{Runner, references};
 use super::summary::Summary;
 use super::tally::Tally;
-use super::{Entry, EntryKind, Setting, StudyError};
+use super::{Conditions, Entry, EntryKind, Level, Setting, StudyError};
 use crate::plan::search::{
     ApproximateDesign, Bound, BudgetPoint, CriterionPlan, Problem, SearchError, Watch,
     compare_criteria, exact_design,
 };
 use crate::plan::{Assessment, Criterion, Plan};
-use crate::scenario::{Level, Scenario};
+use crate::task::Task;
+use crate::testbed::Truth;
 
 /// The number of runs.
 const TRIALS: u64 = 10_000;
@@ -63,22 +64,24 @@ pub struct Evidence {
     pub accuracy: Vec<BudgetPoint>,
 }
 
-/// Gathers the evidence for the first of `plans`, which all have as many measurements.
-/// `approximate` is the scenario's approximate design for the test poses.
+/// Gathers the evidence for the first of `plans`, which all have as many measurements, under a seed.
+/// `approximate` is the task's approximate design for the test poses.
 ///
 /// # Errors
 /// See [`EvidenceError`].
 pub fn gather(
-    scenario: &Scenario,
+    task: &Task,
+    truth: &Truth,
     approximate: &ApproximateDesign,
     plans: &[(String, Plan)],
+    seed: u64,
     watch: Watch<'_>,
 ) -> Result<Evidence, EvidenceError> {
     let Some((_, designed)) = plans.first() else {
         return Err(StudyError::NoPlan.into());
     };
     // The linear model makes runs only of plans that determine what the test poses need.
-    let model = Model::new(scenario);
+    let model = Model::new(task, truth);
     let determined = plans.iter().filter(|(_, plan)| model.plan(plan).is_ok());
     let mut entries: Vec<Entry> = determined
         .map(|(name, plan)| Entry {
@@ -92,33 +95,34 @@ pub fn gather(
         setting: 0,
         kind: EntryKind::RandomEach,
     });
+    let conditions = Conditions::plain(task, designed.measurements());
+    let setting = Setting::new(task, truth, conditions);
     Ok(Evidence {
         trials: TRIALS,
-        distances: distances(scenario, designed.measurements(), &entries, TRIALS)?,
-        criteria: compare_criteria(scenario, approximate, designed, watch),
-        accuracy: accuracy(scenario, approximate, designed, watch)?,
+        distances: distances(&setting, seed, &entries, TRIALS)?,
+        criteria: compare_criteria(task, approximate, designed, seed, watch),
+        accuracy: accuracy(task, approximate, designed, seed, watch)?,
     })
 }
 
-/// So many runs of each entry.
+/// So many runs of each entry in one setting, under a seed.
 ///
 /// # Errors
 /// The study cannot be made.
 pub fn distances(
-    scenario: &Scenario,
-    experiments: u32,
+    setting: &Setting<'_>,
+    seed: u64,
     entries: &[Entry],
     trials: u64,
 ) -> Result<Vec<Distances>, StudyError> {
-    let settings = [Setting::plain(scenario, experiments)];
-    let runner = Runner::new(&settings, Level::Model, entries)?;
+    let runner = Runner::new(std::slice::from_ref(setting), seed, Level::Model, entries)?;
     let tallies = runner.run(trials, 0..runner.blocks(trials), 1, &|_| ())?;
     let references = references(entries);
     let sum_up = |(index, tally): (usize, &Tally)| {
         let reference = references[index].filter(|&other| other != index);
         Summary::new(
             tally,
-            scenario.instrument.sigma_m,
+            setting.conditions.sigma_m,
             reference.and_then(|other| tallies.get(other)),
         )
     };
@@ -128,7 +132,7 @@ pub fn distances(
     Ok(all
         .map(|((name, tally), summary)| Distances {
             name,
-            experiments,
+            experiments: setting.conditions.experiments,
             tally,
             summary,
         })
@@ -138,14 +142,15 @@ pub fn distances(
 /// The best accuracy for fewer and for more measurements, each in a configuration of its own, and
 /// that of the designed plan.
 fn accuracy(
-    scenario: &Scenario,
+    task: &Task,
     approximate: &ApproximateDesign,
     designed: &Plan,
+    seed: u64,
     watch: Watch<'_>,
 ) -> Result<Vec<BudgetPoint>, SearchError> {
-    let mut problem = Problem::new(scenario, Criterion::TestPose);
+    let mut problem = Problem::new(task, Criterion::TestPose);
     problem.effort.searches = SEARCHES;
-    let bound = Bound::new(scenario, approximate);
+    let bound = Bound::new(task, approximate);
     let own = designed.measurements();
     let size = |plan: &Plan| u32::try_from(plan.experiments.len()).unwrap_or(u32::MAX);
     let point = |plan: &Plan, cost: f64| BudgetPoint {
@@ -154,21 +159,21 @@ fn accuracy(
         rho0_m: cost.sqrt(),
         lower_bound_m: bound.of_size(plan.measurements()).ok(),
     };
-    let fewest = (problem.parameters().div_ceil(3)).max(size(&scenario.design.mandatory) as usize);
+    let fewest = (problem.parameters().div_ceil(3)).max(size(&task.design.mandatory) as usize);
     let largest = (own * WIDEST).max(ALWAYS);
     let mut points = Vec::new();
     for m in SIZES {
         if m == own || (m as usize) < fewest || m > largest {
             continue;
         }
-        match exact_design(&problem, approximate, m, m, scenario.seed, watch) {
+        match exact_design(&problem, approximate, m, m, seed, watch) {
             Ok(design) => points.push(point(&design.plan, design.cost)),
             // So few measurements do not determine the compliances: more may.
             Err(SearchError::Singular { .. }) => {}
             Err(error) => return Err(error),
         }
     }
-    let own_assessment = Assessment::new(scenario, designed, None);
+    let own_assessment = Assessment::new(task, designed, None);
     if let Some(rho0_m) = own_assessment.rho0_m {
         points.push(point(designed, rho0_m * rho0_m));
     }

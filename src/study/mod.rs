@@ -1,30 +1,33 @@
 //! Monte Carlo studies: how good are plans over many runs?
 //!
-//! - [`truth`]: the virtual robot's compliances in a run.
+//! - `settings`: what a study is made of.
+//! - [`true_compliances`]: the virtual robot's compliances in a run.
 //! - [`model_level`]: a run of the paper's linear model, a few small products of matrices.
 //! - [`robot_level`]: a run of the whole loop on the virtual robot in MuJoCo.
 //! - [`tally`]: what is kept of the runs; exact, so that threads and order change no bit.
 //! - [`runner`]: blocks of runs on all threads.
 //! - [`summary`]: means, intervals, quantiles and checks from a tally.
-//! - [`tally_file`]: tallies of parts of a study, to join or to go on from.
 //! - [`evidence`]: what a designed plan is shown beside: rivals, other sizes, many runs.
 
 pub mod evidence;
 pub mod model_level;
 pub mod robot_level;
 pub mod runner;
+mod settings;
 pub mod summary;
 pub mod tally;
-mod tally_check;
-pub mod tally_file;
-pub mod truth;
+pub(crate) mod tally_check;
+pub mod true_compliances;
 
 use thiserror::Error;
 
 use crate::mujoco::ModelError;
 use crate::plan::Plan;
-use crate::scenario::{Conditions, Scenario};
+use crate::task::Task;
+use crate::testbed::Truth;
 use tally::Failure;
+
+pub use settings::{Conditions, Level, StudyPlan, StudySettings, StudySource};
 
 /// A plan that takes part in a study.
 #[derive(Debug, Clone, PartialEq)]
@@ -37,38 +40,26 @@ pub struct Entry {
     pub kind: EntryKind,
 }
 
-/// A scenario under the conditions of a part of the study.
+/// The task under the conditions of a part of the study, and the virtual robot.
 #[derive(Debug, Clone)]
-pub struct Setting {
+pub struct Setting<'a> {
     /// The conditions.
     pub conditions: Conditions,
-    /// The scenario under these.
-    pub scenario: Scenario,
+    /// The task under these.
+    pub task: Task,
+    /// The virtual robot.
+    pub truth: &'a Truth,
 }
 
-impl Setting {
-    /// The scenario as it is, with so many measurements in each run.
+impl<'a> Setting<'a> {
+    /// A task under some conditions.
     #[must_use]
-    pub fn plain(scenario: &Scenario, experiments: u32) -> Self {
-        let conditions = Conditions {
-            sigma_m: scenario.instrument.sigma_m,
-            experiments,
-            load_scale: 1.0,
-        };
+    pub fn new(task: &Task, truth: &'a Truth, conditions: Conditions) -> Self {
         Self {
             conditions,
-            scenario: scenario.clone(),
+            task: conditions.of(task),
+            truth,
         }
-    }
-
-    /// The settings of a scenario's study, one for all its conditions.
-    #[must_use]
-    pub fn all(scenario: &Scenario) -> Vec<Self> {
-        let setting = |&conditions: &Conditions| Self {
-            conditions,
-            scenario: scenario.under(&conditions),
-        };
-        scenario.study.conditions.iter().map(setting).collect()
     }
 }
 

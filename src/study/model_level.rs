@@ -33,7 +33,8 @@ use crate::compensation::test_pose_matrix;
 use crate::estimable::Estimable;
 use crate::plan::{ExperimentModel, Plan};
 use crate::random::normal::LANES;
-use crate::scenario::Scenario;
+use crate::task::{Belief, Task};
+use crate::testbed::Truth;
 
 /// The most compliances that a run can have.
 const MOST: usize = 48;
@@ -58,15 +59,16 @@ pub struct Model<'a> {
 }
 
 impl<'a> Model<'a> {
-    /// The linear model of a scenario.
+    /// The linear model of a task and a virtual robot.
     #[must_use]
-    pub fn new(scenario: &'a Scenario) -> Self {
-        let unknown = unknown_joints(scenario);
+    pub fn new(task: &'a Task, truth: &Truth) -> Self {
+        let belief = &task.belief;
+        let unknown = unknown_joints(belief, truth);
         Self {
-            experiments: ExperimentModel::new(scenario),
-            test_poses: test_poses(scenario, &scenario.parameters),
-            typical_rad_per_nm: scenario.nominal.typical_rad_per_nm(&scenario.parameters),
-            test_poses_unknown: test_poses(scenario, &unknown),
+            experiments: ExperimentModel::new(belief),
+            test_poses: test_poses(task, &belief.parameters),
+            typical_rad_per_nm: belief.nominal.typical_rad_per_nm(&belief.parameters),
+            test_poses_unknown: test_poses(task, &unknown),
             unknown,
         }
     }
@@ -74,14 +76,10 @@ impl<'a> Model<'a> {
     /// By how much the compliances of the joints that are not identified differ from the nominal
     /// ones (per sigma), where they do.
     #[must_use]
-    pub fn unknown(
-        &self,
-        scenario: &Scenario,
-        true_rad_per_nm: &[[f64; LANES]],
-    ) -> Vec<[f64; LANES]> {
-        let nominal = &scenario.nominal.compliance_rad_per_nm;
+    pub fn unknown(&self, belief: &Belief, true_rad_per_nm: &[[f64; LANES]]) -> Vec<[f64; LANES]> {
+        let nominal = &belief.nominal.compliance_rad_per_nm;
         let difference = |&joint: &usize| {
-            true_rad_per_nm[joint].map(|k| (k - nominal[joint]) / scenario.instrument.sigma_m)
+            true_rad_per_nm[joint].map(|k| (k - nominal[joint]) / belief.instrument.sigma_m)
         };
         self.unknown.iter().map(difference).collect()
     }
@@ -207,25 +205,24 @@ fn threes(matrix: &DMatrix<f64>, first: usize) -> impl Iterator<Item = [f64; 3]>
 }
 
 /// A_0 of all test poses for the given joints, each times the root of its weight, stacked.
-fn test_poses(scenario: &Scenario, joints: &[usize]) -> DMatrix<f64> {
-    let mut stacked = DMatrix::zeros(3 * scenario.test_poses.len(), joints.len());
-    for (index, pose) in scenario.test_poses.iter().enumerate() {
-        let (chain, tool) = (&scenario.nominal.chain, &scenario.machining_tool);
-        let matrix = test_pose_matrix(chain, tool, pose, joints) * pose.weight.sqrt();
+fn test_poses(task: &Task, joints: &[usize]) -> DMatrix<f64> {
+    let mut stacked = DMatrix::zeros(3 * task.test_poses.len(), joints.len());
+    for (index, pose) in task.test_poses.iter().enumerate() {
+        let matrix = test_pose_matrix(&task.belief, pose, joints) * pose.weight.sqrt();
         stacked.rows_mut(3 * index, 3).copy_from(&matrix);
     }
     stacked
 }
 
 #[expect(clippy::float_cmp, reason = "the same number is meant")]
-fn unknown_joints(scenario: &Scenario) -> Vec<usize> {
-    let (nominal, truth) = (&scenario.nominal, &scenario.true_robot);
+fn unknown_joints(belief: &Belief, truth: &Truth) -> Vec<usize> {
+    let (nominal, robot) = (&belief.nominal, &truth.robot);
     let differs = |joint: &usize| {
-        nominal.compliance_rad_per_nm[*joint] != truth.compliance_rad_per_nm[*joint]
-            || scenario.study.compliance_spread[*joint] > 0.0
+        nominal.compliance_rad_per_nm[*joint] != robot.compliance_rad_per_nm[*joint]
+            || truth.compliance_spread[*joint] > 0.0
     };
-    (0..scenario.joints())
-        .filter(|joint| !scenario.parameters.contains(joint) && differs(joint))
+    (0..belief.joints())
+        .filter(|joint| !belief.parameters.contains(joint) && differs(joint))
         .collect()
 }
 

@@ -9,13 +9,13 @@ use crate::compensation::{compensate, test_pose_matrix};
 use crate::mujoco::ModelError;
 use crate::plan::Plan;
 use crate::random::normal::LANES;
-use crate::scenario::Scenario;
-use crate::testbed::{VirtualRobot, add_noise};
+use crate::task::Task;
+use crate::testbed::{Truth, VirtualRobot, add_noise};
 
 /// What one thread needs for runs.
 #[derive(Debug)]
 pub struct RobotRuns<'a> {
-    scenario: &'a Scenario,
+    task: &'a Task,
     measuring: VirtualRobot,
     machining: VirtualRobot,
     true_rad_per_nm: Vec<f64>,
@@ -24,22 +24,20 @@ pub struct RobotRuns<'a> {
 }
 
 impl<'a> RobotRuns<'a> {
-    /// The virtual robot with each of the scenario's tools.
+    /// The virtual robot with each of the task's tools.
     ///
     /// # Errors
     /// The true robot's model lacks a tool.
-    pub fn new(scenario: &'a Scenario) -> Result<Self, ModelError> {
-        let robot = &scenario.true_robot;
+    pub fn new(task: &'a Task, truth: &Truth) -> Result<Self, ModelError> {
+        let robot = &truth.robot;
+        let belief = &task.belief;
         Ok(Self {
-            scenario,
-            measuring: VirtualRobot::new(robot, &scenario.calibration_tool.name)?,
-            machining: VirtualRobot::new(robot, &scenario.machining_tool.name)?,
+            task,
+            measuring: VirtualRobot::new(robot, &belief.calibration_tool.name)?,
+            machining: VirtualRobot::new(robot, &belief.machining_tool.name)?,
             true_rad_per_nm: robot.compliance_rad_per_nm.clone(),
-            test_poses: (scenario.test_poses.iter())
-                .map(|pose| {
-                    let (chain, tool) = (&scenario.nominal.chain, &scenario.machining_tool);
-                    test_pose_matrix(chain, tool, pose, &scenario.parameters)
-                })
+            test_poses: (task.test_poses.iter())
+                .map(|pose| test_pose_matrix(belief, pose, &belief.parameters))
                 .collect(),
         })
     }
@@ -65,18 +63,18 @@ impl<'a> RobotRuns<'a> {
         normals: &[[f64; LANES]],
         lane: usize,
     ) -> Result<(f64, f64), Failure> {
-        let scenario = self.scenario;
+        let belief = &self.task.belief;
         let mut measurements = self
             .measuring
-            .measure_noise_free(plan, &scenario.instrument)
+            .measure_noise_free(plan, &belief.instrument)
             .map_err(|_| Failure::Measurement)?;
-        add_noise(&mut measurements, &scenario.instrument, normals, lane);
+        add_noise(&mut measurements, &belief.instrument, normals, lane);
         let identification =
-            identify_as_planned(scenario, &measurements).map_err(|_| Failure::Identification)?;
+            identify_as_planned(belief, &measurements).map_err(|_| Failure::Identification)?;
         let estimated = &identification.compliance_rad_per_nm;
         let error = DVector::from_iterator(
-            scenario.parameters.len(),
-            scenario
+            belief.parameters.len(),
+            belief
                 .parameters
                 .iter()
                 .map(|&joint| estimated[joint] - self.true_rad_per_nm[joint]),
@@ -88,13 +86,13 @@ impl<'a> RobotRuns<'a> {
         }
         let nees = (posterior.normalised_square(&error)).ok_or(Failure::Undetermined)?;
         let mut square_m2 = 0.0;
-        for pose in &scenario.test_poses {
-            let (chain, tool) = (&scenario.nominal.chain, &scenario.machining_tool);
-            let seen = compensate(chain, tool, estimated, pose, scenario.method)
+        for pose in &self.task.test_poses {
+            let (chain, tool) = (&belief.nominal.chain, &belief.machining_tool);
+            let seen = compensate(chain, tool, estimated, pose, belief.method)
                 .and_then(|commanded| see(&mut self.machining, pose, &commanded))
                 .map_err(|_| Failure::TestPose)?;
             square_m2 += pose.weight * seen.residual_m.norm_squared();
         }
-        Ok((square_m2 / scenario.instrument.sigma_m.powi(2), nees))
+        Ok((square_m2 / belief.instrument.sigma_m.powi(2), nees))
     }
 }

@@ -8,12 +8,11 @@ use rayon::prelude::*;
 use super::model_level::{Model, PlanModel};
 use super::robot_level::RobotRuns;
 use super::tally::{Batch, BlockSums, Failure, Tally};
-use super::truth::Truth;
-use super::{Entry, EntryKind, Setting, StudyError};
+use super::true_compliances::TrueCompliances;
+use super::{Entry, EntryKind, Level, Setting, StudyError};
 use crate::plan::search::{Problem, RandomPlans};
 use crate::plan::{Criterion, Plan};
 use crate::random::normal::{LANES, Stream, fill_normals};
-use crate::scenario::Level;
 use crate::testbed::numbers;
 
 /// A study made ready to run.
@@ -33,7 +32,7 @@ pub struct Runner<'a> {
 /// What the plans under the same conditions have in common.
 #[derive(Debug)]
 struct Part<'a> {
-    setting: &'a Setting,
+    setting: &'a Setting<'a>,
     problem: Problem<'a>,
     model: Model<'a>,
 }
@@ -41,7 +40,7 @@ struct Part<'a> {
 /// What one thread needs.
 struct Workspace<'a> {
     normals: Vec<[f64; LANES]>,
-    truth: Truth<'a>,
+    truth: TrueCompliances<'a>,
     /// One for each setting.
     parts: Vec<PartWorkspace<'a>>,
     batches: Vec<Batch>,
@@ -57,13 +56,14 @@ struct PartWorkspace<'a> {
 }
 
 impl<'a> Runner<'a> {
-    /// Prepares the plans of a study, which have as many measurements as the conditions of their
+    /// Prepares the plans of a study under a seed, which have as many measurements as the conditions of their
     /// settings say.
     ///
     /// # Errors
     /// A plan cannot work in any run, or there is none.
     pub fn new(
-        settings: &'a [Setting],
+        settings: &'a [Setting<'a>],
+        seed: u64,
         level: Level,
         entries: &'a [Entry],
     ) -> Result<Self, StudyError> {
@@ -73,8 +73,8 @@ impl<'a> Runner<'a> {
         let parts: Vec<Part<'_>> = (settings.iter())
             .map(|setting| Part {
                 setting,
-                problem: Problem::new(&setting.scenario, Criterion::TestPose),
-                model: Model::new(&setting.scenario),
+                problem: Problem::new(&setting.task, Criterion::TestPose),
+                model: Model::new(&setting.task, setting.truth),
             })
             .collect();
         let plans = (entries.iter())
@@ -82,10 +82,10 @@ impl<'a> Runner<'a> {
             .collect::<Result<_, _>>()?;
         if level == Level::Robot {
             // What is wrong with the model shows before the work.
-            RobotRuns::new(&first.scenario)?;
+            RobotRuns::new(&first.task, first.truth)?;
         }
         Ok(Self {
-            seed: first.scenario.seed,
+            seed,
             level,
             entries,
             parts,
@@ -151,10 +151,12 @@ impl<'a> Runner<'a> {
         let parts = (self.parts.iter())
             .map(|part| {
                 Ok(PartWorkspace {
-                    random: RandomPlans::new(&part.problem),
+                    random: RandomPlans::new(&part.problem, self.seed),
                     robot: match self.level {
                         Level::Model => None,
-                        Level::Robot => Some(RobotRuns::new(&part.setting.scenario)?),
+                        Level::Robot => {
+                            Some(RobotRuns::new(&part.setting.task, part.setting.truth)?)
+                        }
                     },
                     unknown: Vec::new(),
                 })
@@ -163,12 +165,12 @@ impl<'a> Runner<'a> {
         let numbers = (self.parts.iter())
             .map(|part| {
                 let measurements = part.setting.conditions.experiments as usize;
-                numbers(&part.setting.scenario.instrument, measurements)
+                numbers(&part.setting.task.belief.instrument, measurements)
             })
             .max();
         let mut workspace = Workspace {
             normals: vec![[0.0; LANES]; numbers.unwrap_or(0)],
-            truth: Truth::new(&self.parts[0].setting.scenario),
+            truth: TrueCompliances::new(self.parts[0].setting.truth, self.seed),
             parts,
             batches: vec![Batch::default(); self.entries.len()],
             sums: vec![BlockSums::default(); self.entries.len()],
@@ -215,7 +217,7 @@ impl<'a> Runner<'a> {
     fn draw_truth(&self, workspace: &mut Workspace<'_>, first: u64) {
         let truth = workspace.truth.draw(first);
         for (part, mine) in self.parts.iter().zip(&mut workspace.parts) {
-            mine.unknown = part.model.unknown(&part.setting.scenario, truth);
+            mine.unknown = part.model.unknown(&part.setting.task.belief, truth);
         }
     }
 

@@ -3,10 +3,10 @@
 use nalgebra::Vector3;
 
 use super::virtual_robot::{MeasurementError, VirtualRobot};
+use crate::experiment::Plan;
 use crate::measurement::{Measurement, RotationMeasurement};
-use crate::plan::Plan;
 use crate::random::normal::{LANES, Stream, fill_normals};
-use crate::scenario::Instrument;
+use crate::task::Instrument;
 
 impl VirtualRobot {
     /// Measures every experiment of a plan as often as it says, with the noise of run `run` under

@@ -8,8 +8,10 @@ mod arm;
 mod instrument;
 mod rest;
 mod settle;
+mod truth;
 mod virtual_robot;
 
 pub use instrument::{add_noise, numbers};
 pub use settle::{SettleError, Settled, settle};
+pub use truth::Truth;
 pub use virtual_robot::{Displacement, MeasurementError, VirtualRobot};

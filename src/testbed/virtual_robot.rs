@@ -6,8 +6,8 @@ use thiserror::Error;
 
 use super::any_model::MujocoRest;
 use super::arm::MujocoArm;
+use crate::experiment::Experiment;
 use crate::mujoco::{GivingWay, ModelError, State};
-use crate::plan::Experiment;
 use crate::robot::{
     Equilibrium, EquilibriumError, EquilibriumSolver, Load, TrueRobot, rotation_vector,
 };

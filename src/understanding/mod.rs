@@ -10,7 +10,8 @@ mod unknowns;
 use nalgebra::Vector3;
 
 use crate::robot::{EquilibriumError, EquilibriumSolver, Load, SerialChain, Tool};
-use crate::scenario::{Scenario, TestPose};
+use crate::scenario::Scenario;
+use crate::task::TestPose;
 
 pub use truth::UnderstoodTruth;
 pub use unknowns::{Unknowns, unknowns};
@@ -77,15 +78,18 @@ impl Understanding {
     /// What a scenario says of its robot.
     #[must_use]
     pub fn new(scenario: &Scenario) -> Self {
-        let chain = &scenario.nominal.chain;
+        let chain = &scenario.task.belief.nominal.chain;
         let mut understanding = Self {
             joints: joints(scenario),
-            reach_m: [&scenario.calibration_tool, &scenario.machining_tool]
-                .map(|tool| reach_m(chain, tool))
-                .into_iter()
-                .fold(0.0, f64::max),
+            reach_m: [
+                &scenario.task.belief.calibration_tool,
+                &scenario.task.belief.machining_tool,
+            ]
+            .map(|tool| reach_m(chain, tool))
+            .into_iter()
+            .fold(0.0, f64::max),
             gravity_m_s2: chain.gravity_m_s2.norm(),
-            poses: (scenario.test_poses.iter())
+            poses: (scenario.task.test_poses.iter())
                 .map(|pose| understood_pose(scenario, pose))
                 .collect(),
             truth: UnderstoodTruth::new(scenario),
@@ -103,7 +107,7 @@ impl Understanding {
 }
 
 fn joints(scenario: &Scenario) -> Vec<UnderstoodJoint> {
-    let robot = &scenario.nominal;
+    let robot = &scenario.task.belief.nominal;
     let mut moving = vec![0.0; robot.chain.len()];
     // Bodies come in the order of the tree, and joints are numbered along the series.
     for body in 0..robot.model.bodies() {
@@ -115,9 +119,9 @@ fn joints(scenario: &Scenario) -> Vec<UnderstoodJoint> {
     (robot.chain.joints.iter().enumerate())
         .map(|(index, joint)| UnderstoodJoint {
             name: joint.name.clone(),
-            range_rad: scenario.region.joint_range_rad[index],
+            range_rad: scenario.task.region.joint_range_rad[index],
             compliance_rad_per_nm: robot.compliance_rad_per_nm[index],
-            is_parameter: scenario.parameters.contains(&index),
+            is_parameter: scenario.task.belief.parameters.contains(&index),
             moving_mass_kg: moving[index],
         })
         .collect()
@@ -134,20 +138,20 @@ fn reach_m(chain: &SerialChain, tool: &Tool) -> f64 {
 
 fn understood_pose(scenario: &Scenario, pose: &TestPose) -> UnderstoodPose {
     let q = pose.configuration_rad.as_slice();
-    let chain = &scenario.nominal.chain;
+    let chain = &scenario.task.belief.nominal.chain;
     let place = |tool: &Tool| chain.at(tool).state(q).tool_position;
     UnderstoodPose {
         name: pose.name.clone(),
-        calibration_tool_m: place(&scenario.calibration_tool),
-        machining_tool_m: place(&scenario.machining_tool),
+        calibration_tool_m: place(&scenario.task.belief.calibration_tool),
+        machining_tool_m: place(&scenario.task.belief.machining_tool),
         bent: bent(scenario, pose),
     }
 }
 
 fn bent(scenario: &Scenario, pose: &TestPose) -> Result<Bent, EquilibriumError> {
-    let robot = &scenario.nominal;
+    let robot = &scenario.task.belief.nominal;
     let commanded = pose.configuration_rad.as_slice();
-    let mut arm = robot.chain.at(&scenario.machining_tool);
+    let mut arm = robot.chain.at(&scenario.task.belief.machining_tool);
     let mut solver = EquilibriumSolver::new(commanded.len());
     let mut rest = |load: &Load| {
         solver.solve(&mut arm, &robot.compliance_rad_per_nm, commanded, load)?;

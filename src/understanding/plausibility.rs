@@ -37,7 +37,7 @@ pub(super) fn warnings(scenario: &Scenario, understood: &Understanding) -> Vec<S
     warnings.extend(lengths(understood));
     warnings.extend(masses(understood));
     warnings.extend(ranges(scenario));
-    let (nominal, truth) = (&scenario.nominal, &scenario.true_robot);
+    let (nominal, truth) = (&scenario.task.belief.nominal, &scenario.truth.robot);
     let names: Vec<String> = (understood.joints.iter())
         .map(|joint| joint.name.clone())
         .collect();
@@ -54,7 +54,7 @@ pub(super) fn warnings(scenario: &Scenario, understood: &Understanding) -> Vec<S
         if !is_soft {
             warnings.extend(bent(&understood.joints, pose));
         }
-        let loaded = scenario.test_poses[index].load.wrench().norm() > 0.0;
+        let loaded = scenario.task.test_poses[index].load.wrench().norm() > 0.0;
         if loaded {
             warnings.extend(rigid(pose));
         }
@@ -88,7 +88,7 @@ fn masses(understood: &Understanding) -> Option<String> {
 }
 
 fn ranges(scenario: &Scenario) -> Option<String> {
-    let joints = &scenario.nominal.chain.joints;
+    let joints = &scenario.task.belief.nominal.chain.joints;
     let far = |range: &[f64; 2]| range[0].abs().max(range[1].abs());
     if let Some(joint) = joints
         .iter()
@@ -132,8 +132,8 @@ fn compliances(table: &str, names: &[String], compliance_rad_per_nm: &[f64]) -> 
 
 /// A test pose in degrees whose numbers are all small, of joints that turn far.
 fn radians_for_degrees(scenario: &Scenario, index: usize) -> Option<String> {
-    let pose = &scenario.test_poses[index];
-    let joints = &scenario.nominal.chain.joints;
+    let pose = &scenario.task.test_poses[index];
+    let joints = &scenario.task.belief.nominal.chain.joints;
     let q_deg = pose.configuration_rad.map(f64::to_degrees);
     let written = |angle: f64| (angle - angle.round()).abs() > 1e-9;
     let small =
@@ -197,17 +197,17 @@ fn rigid(pose: &UnderstoodPose) -> Option<String> {
 
 fn instrument(scenario: &Scenario) -> Vec<String> {
     let mut warnings = Vec::new();
-    let sigma_m = scenario.instrument.sigma_m;
+    let sigma_m = scenario.task.belief.instrument.sigma_m;
     if sigma_m > SIGMA_M {
         warnings.push(format!(
             "the instrument's noise is {} mm: is it in micrometres?",
             sigma_m * 1e3
         ));
     }
-    let Some(site) = scenario.instrument.tracker_site else {
+    let Some(site) = scenario.task.belief.instrument.tracker_site else {
         return warnings;
     };
-    let model = &scenario.nominal.model;
+    let model = &scenario.task.belief.nominal.model;
     let (body, _) = model.site_body(site);
     if model.joints_that_move(body) > 0 {
         warnings.push(format!(
@@ -217,10 +217,10 @@ fn instrument(scenario: &Scenario) -> Vec<String> {
         return warnings;
     }
     let mut simulation = crate::mujoco::State::new(model);
-    for pose in &scenario.test_poses {
+    for pose in &scenario.task.test_poses {
         simulation.move_to(pose.configuration_rad.as_slice());
         let (tracker, _) = simulation.site(site);
-        let near = (scenario.nominal.chain.joints.iter().enumerate())
+        let near = (scenario.task.belief.nominal.chain.joints.iter().enumerate())
             .map(|(index, joint)| ((simulation.joint(index).0 - tracker).norm(), joint))
             .min_by(|one, other| one.0.total_cmp(&other.0))
             .filter(|(distance, _)| *distance < TRACKER_M);

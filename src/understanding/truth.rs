@@ -25,7 +25,7 @@ pub struct UnderstoodTruth {
 impl UnderstoodTruth {
     /// What is to be known of a scenario's virtual robot; none where it is a plain chain.
     pub(super) fn new(scenario: &Scenario) -> Option<Self> {
-        let robot = &scenario.true_robot;
+        let robot = &scenario.truth.robot;
         let reason = robot.chain.as_ref().err()?.clone();
         let mut truth = Self {
             reason,
@@ -33,8 +33,9 @@ impl UnderstoodTruth {
             gives_way: Vec::new(),
             restless: Vec::new(),
         };
-        let mut virtual_robot = VirtualRobot::new(robot, &scenario.machining_tool.name).ok()?;
-        for pose in &scenario.test_poses {
+        let mut virtual_robot =
+            VirtualRobot::new(robot, &scenario.task.belief.machining_tool.name).ok()?;
+        for pose in &scenario.task.test_poses {
             for load in [&Load::NONE, &pose.load] {
                 match virtual_robot.rest(&pose.configuration_rad, load) {
                     Ok(_) => truth.gather(virtual_robot.giving_way(load)),

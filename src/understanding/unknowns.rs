@@ -5,11 +5,12 @@ use nalgebra::{DVector, Vector3};
 use rand::RngExt;
 use rand_distr::{Distribution, UnitSphere};
 
+use crate::experiment::Loads;
 use crate::observation::{PlannedReading, ReadingKind, Setup, Whitener, planned_information};
-use crate::parameter::{Belief, Freedom, Freedoms, ParameterKind, ParameterSet};
+use crate::parameter::{ElasticArm, Freedom, Freedoms, ParameterKind, ParameterSet};
 use crate::random::generator;
 use crate::robot::Load;
-use crate::scenario::{Loads, Scenario};
+use crate::task::Task;
 
 /// Random setups that stand for all that a scenario allows; far more than are needed.
 const SETUPS: usize = 300;
@@ -44,21 +45,21 @@ impl Unknowns {
 }
 
 /// For deflections, positions and poses, at random configurations in the joints' ranges under loads of
-/// the scenario.
+/// the task, drawn under a seed.
 #[must_use]
-pub fn unknowns(scenario: &Scenario) -> Vec<Unknowns> {
-    let robot = &scenario.nominal;
-    let belief = Belief::new(
+pub fn unknowns(task: &Task, seed: u64) -> Vec<Unknowns> {
+    let robot = &task.belief.nominal;
+    let belief = ElasticArm::new(
         robot.chain.clone(),
         robot.compliance_rad_per_nm.clone(),
-        vec![scenario.calibration_tool.clone()],
+        vec![task.belief.calibration_tool.clone()],
     );
     let kinds = ParameterKind::all_of(&belief);
     let Ok(set) = ParameterSet::new(&belief, kinds.into_iter().map(|kind| (kind, None))) else {
         return Vec::new();
     };
-    let setups = setups(scenario);
-    let instrument = &scenario.instrument;
+    let setups = setups(task, seed);
+    let instrument = &task.belief.instrument;
     let rotation = instrument.rotation_sigma_rad.unwrap_or(ROTATION_SIGMA_RAD);
     let whitener = Whitener::independent(
         Vector3::repeat(instrument.sigma_m),
@@ -91,16 +92,16 @@ pub fn unknowns(scenario: &Scenario) -> Vec<Unknowns> {
     .into()
 }
 
-fn setups(scenario: &Scenario) -> Vec<Setup> {
-    let mut random = generator(scenario.seed, STREAM);
+fn setups(task: &Task, seed: u64) -> Vec<Setup> {
+    let mut random = generator(seed, STREAM);
     (0..SETUPS)
         .map(|_| Setup {
             commanded_rad: DVector::from_iterator(
-                scenario.joints(),
-                (scenario.region.joint_range_rad.iter())
+                task.belief.joints(),
+                (task.region.joint_range_rad.iter())
                     .map(|[low, high]| low + (high - low) * random.random::<f64>()),
             ),
-            load: match &scenario.loads {
+            load: match &task.loads {
                 Loads::Fixed(load) => *load,
                 Loads::Direction { direction, force_n } => {
                     let share: f64 = random.random();

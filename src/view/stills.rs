@@ -94,7 +94,7 @@ pub fn sheet(scenario: &Scenario, plan: &Plan) -> String {
 
 /// The robot in every configuration.
 fn scenes(scenario: &Scenario, plan: &Plan) -> Vec<Scene> {
-    let robot = &scenario.nominal;
+    let robot = &scenario.task.belief.nominal;
     let shown: Vec<(Geometry, Mesh)> = (robot.model.scenery().into_iter())
         .filter(|each| each.group <= LAST_SHOWN_GROUP && each.shape != Shape::Plane)
         .map(|each| {
@@ -131,7 +131,7 @@ fn scenes(scenario: &Scenario, plan: &Plan) -> Vec<Scene> {
                 surfaces,
                 arrow_end: tool + experiment.load.force_n * (ARROW_M / largest_n),
                 tool,
-                tracker: (scenario.instrument.tracker_site)
+                tracker: (scenario.task.belief.instrument.tracker_site)
                     .map(|site| Point3::from(state.site(site).0)),
             }
         })
@@ -139,7 +139,12 @@ fn scenes(scenario: &Scenario, plan: &Plan) -> Vec<Scene> {
 }
 
 fn tool_at(chain: &SerialChain, scenario: &Scenario, q: &[f64]) -> Point3<f64> {
-    Point3::from(chain.at(&scenario.calibration_tool).state(q).tool_position)
+    Point3::from(
+        chain
+            .at(&scenario.task.belief.calibration_tool)
+            .state(q)
+            .tool_position,
+    )
 }
 
 fn is_moved(model: &Model, geometry: &Geometry) -> bool {
@@ -351,7 +356,8 @@ mod tests {
     fn sheet_of(name: &str, plan: &str) -> String {
         let path = project(&format!("scenarios/{name}.toml"));
         let scenario = Scenario::load(&path).expect("the scenario is valid");
-        let plan = read_plan(&project(plan), scenario.joints()).expect("the plan is valid");
+        let plan =
+            read_plan(&project(plan), scenario.task.belief.joints()).expect("the plan is valid");
         sheet(&scenario, &plan)
     }
 
@@ -450,7 +456,7 @@ mod tests {
         let path = project("scenarios/planar_3r.toml");
         let scenario = Scenario::load(&path).expect("the scenario is valid");
         let experiment = Experiment {
-            configuration_rad: scenario.test_poses[0].configuration_rad.clone(),
+            configuration_rad: scenario.task.test_poses[0].configuration_rad.clone(),
             load: Load::NONE,
             repeats: 4,
         };

@@ -3,9 +3,9 @@
 
 use super::recording::Recording;
 use crate::record::study::StudyPlanMessage;
-use crate::scenario::Level;
+use crate::record::tally_file::Header;
+use crate::study::Level;
 use crate::study::runner::block_runs;
-use crate::study::tally_file::Header;
 
 /// A study, before its runs.
 #[derive(Debug, Clone)]

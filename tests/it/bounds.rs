@@ -10,7 +10,8 @@ use elastocal::plan::{
 };
 use elastocal::random::generator;
 use elastocal::robot::Load;
-use elastocal::scenario::{Forbidden, Region, Scenario};
+use elastocal::scenario::Scenario;
+use elastocal::task::{Design, Forbidden, Region, Task};
 use nalgebra::{DVector, Vector3};
 use rand::{Rng, RngExt};
 
@@ -27,7 +28,7 @@ const SHIPPED: [&str; 6] = [
 ];
 
 fn efficiency(scenario: &Scenario, bound: &Bound, plan: &Plan) -> Option<f64> {
-    let assessment = Assessment::new(scenario, plan, Some(bound));
+    let assessment = Assessment::new(&scenario.task, plan, Some(bound));
     let is_there = assessment.bound_m().is_some();
     assert_ne!(is_there, assessment.no_bound().is_some());
     if !is_there {
@@ -39,7 +40,7 @@ fn efficiency(scenario: &Scenario, bound: &Bound, plan: &Plan) -> Option<f64> {
 /// The same scenario on the bounds of the class.
 fn on_its_bounds(scenario: &Scenario) -> Scenario {
     let mut class = scenario.clone();
-    class.region = widened(&scenario.region);
+    class.task.region = widened(&scenario.task.region);
     class
 }
 
@@ -69,12 +70,12 @@ fn as_printed(experiment: &Experiment, random: &mut impl Rng) -> Experiment {
 fn no_plan_is_better_than_its_bound() {
     for name in SHIPPED {
         let scenario = scenario(name);
-        let bound = Bound::search(&scenario);
+        let bound = Bound::search(&scenario.task, scenario.seed);
         let class = on_its_bounds(&scenario);
         let mut plans = Vec::new();
         for scenario in [&scenario, &class] {
-            let problem = Problem::new(scenario, Criterion::TestPose);
-            let mut random_plans = RandomPlans::new(&problem);
+            let problem = Problem::new(&scenario.task, Criterion::TestPose);
+            let mut random_plans = RandomPlans::new(&problem, scenario.seed);
             let draw = |run| random_plans.draw(4, run).expect("there is a plan");
             plans.extend((0..20).map(draw));
             let design = approximate_design(&problem, 1).expect("there is a design");
@@ -115,7 +116,7 @@ fn no_plan_is_better_than_its_bound() {
 #[test]
 fn plans_as_they_are_printed_keep_their_efficiency() {
     let scenario = scenario("klimchik2012");
-    let bound = Bound::search(&scenario);
+    let bound = Bound::search(&scenario.task, scenario.seed);
     for (experiments, least) in [(2, 0.83), (3, 0.84), (4, 0.88), (6, 0.86), (12, 0.86)] {
         let found = efficiency(&scenario, &bound, &table4(experiments));
         assert!(
@@ -146,12 +147,12 @@ fn plans_as_they_are_printed_keep_their_efficiency() {
 fn what_the_laboratory_forbids_excludes_no_plan() {
     let mut scenario = scenario("kr270");
     let plan = table4(12);
-    scenario.region.forbidden = vec![Forbidden {
+    scenario.task.region.forbidden = vec![Forbidden {
         configuration_rad: plan.experiments[0].configuration_rad.clone(),
         within_rad: 0.1,
     }];
-    let bound = Bound::search(&scenario);
-    let assessment = Assessment::new(&scenario, &plan, Some(&bound));
+    let bound = Bound::search(&scenario.task, scenario.seed);
+    let assessment = Assessment::new(&scenario.task, &plan, Some(&bound));
     assert!(!assessment.violations.is_empty());
     assert!(assessment.efficiency().is_some());
 }
@@ -163,15 +164,18 @@ fn a_bound_speaks_about_plans_with_the_mandatory_experiments() {
     // One that tells little, measured more often than is good.
     mandatory.experiments.truncate(1);
     mandatory.experiments[0].repeats = 3;
-    scenario.design.mandatory = mandatory.clone();
-    let bound = Bound::search(&scenario);
-    let without = Bound::search(&Scenario {
-        design: elastocal::scenario::Design {
-            mandatory: Plan::default(),
-            ..scenario.design.clone()
+    scenario.task.design.mandatory = mandatory.clone();
+    let bound = Bound::search(&scenario.task, scenario.seed);
+    let without = Bound::search(
+        &Task {
+            design: Design {
+                mandatory: Plan::default(),
+                ..scenario.task.design.clone()
+            },
+            ..scenario.task.clone()
         },
-        ..scenario.clone()
-    });
+        scenario.seed,
+    );
     let reason = bound
         .of_plan(&table4(12))
         .expect_err("it lacks the mandatory one");
@@ -183,7 +187,7 @@ fn a_bound_speaks_about_plans_with_the_mandatory_experiments() {
     assert_eq!(reason, NoBound::NotMandatory(expected));
     assert_eq!(efficiency(&scenario, &bound, &table4(12)), None);
 
-    let problem = Problem::new(&scenario, Criterion::TestPose);
+    let problem = Problem::new(&scenario.task, Criterion::TestPose);
     let (_, best) = designed(&problem, 6, 6, 1).expect("there is a plan");
     let found = efficiency(&scenario, &bound, &best.plan).expect("it has the mandatory one");
     assert!(found > 0.8 && found <= 1.0, "{found}");
@@ -204,7 +208,7 @@ fn a_bound_speaks_about_plans_with_the_mandatory_experiments() {
         bound.of_plan(&printed),
         Err(NoBound::NotMandatory(expected))
     );
-    let violations = Feasibility::new(&scenario).violations(&printed);
+    let violations = Feasibility::new(&scenario.task).violations(&printed);
     assert_eq!(violations[0].words, Some(expected.to_string()));
     // Split into two lines they are the same.
     let mut split = best.plan.clone();
@@ -273,7 +277,7 @@ fn results_say_why_there_is_no_bound() {
 #[test]
 fn the_bound_holds_for_forces_of_every_size() {
     let mut scenario = scenario("spatial_3r");
-    scenario.region.joint_torque_max_nm = Some(vec![150.0, 250.0, 90.0]);
+    scenario.task.region.joint_torque_max_nm = Some(vec![150.0, 250.0, 90.0]);
     let down = Vector3::new(0.3, -0.5, -1.0).normalize();
     for loads in [
         Loads::Any { force_max_n: 400.0 },
@@ -282,22 +286,22 @@ fn the_bound_holds_for_forces_of_every_size() {
             force_n: [20.0, 400.0],
         },
     ] {
-        scenario.loads = loads;
-        let problem = Problem::new(&scenario, Criterion::TestPose);
+        scenario.task.loads = loads;
+        let problem = Problem::new(&scenario.task, Criterion::TestPose);
         let design = approximate_design(&problem, 1).expect("there is a design");
         let largest = design.certificate.largest_derivative;
         assert!(largest <= design.certificate.cost * 1.03, "{largest}");
         let mut random = generator(11, 0);
-        let mut feasibility = elastocal::plan::Feasibility::new(&scenario);
+        let mut feasibility = elastocal::plan::Feasibility::new(&scenario.task);
         let mut observer = problem.observer();
         let mut matrix = nalgebra::Matrix3xX::zeros(3);
         let (mut inside, mut most) = (0, 0.0_f64);
         for _ in 0..200_000 {
-            let q: Vec<f64> = (scenario.region.joint_range_rad.iter())
+            let q: Vec<f64> = (scenario.task.region.joint_range_rad.iter())
                 .map(|[low, high]| low + (high - low) * random.random::<f64>())
                 .collect();
             let share = random.random::<f64>();
-            let load = random_load(&scenario.loads, &mut random).scaled(share);
+            let load = random_load(&scenario.task.loads, &mut random).scaled(share);
             let experiment = Experiment {
                 configuration_rad: DVector::from_column_slice(&q),
                 load,
@@ -313,17 +317,17 @@ fn the_bound_holds_for_forces_of_every_size() {
         }
         println!(
             "{:?}: {inside} inside, most {}",
-            scenario.loads,
+            scenario.task.loads,
             most / largest
         );
         assert!(inside > 1000 && most <= largest && most > 0.5 * largest);
-        let bound = Bound::new(&scenario, &design);
+        let bound = Bound::new(&scenario.task, &design);
         assert!(matches!(bound.basis(), Basis::Searches(_)));
         for m in [2, 5] {
             let (_, best) = designed(&problem, m, m, 1).expect("there is a plan");
             let found = efficiency(&scenario, &bound, &best.plan).expect("in the class");
             assert!(found > 0.6 && found <= 1.0, "{m}: {found}");
-            let random = random_plan(&scenario, m, 0).expect("there is one");
+            let random = random_plan(&scenario.task, m, scenario.seed, 0).expect("there is one");
             let found = efficiency(&scenario, &bound, &random).expect("in the class");
             assert!(found <= 1.0, "{m}: {found}");
         }
@@ -333,7 +337,7 @@ fn the_bound_holds_for_forces_of_every_size() {
 /// Nothing rises more than upright, however the bound on that is widened.
 #[test]
 fn an_elevation_of_a_right_angle_is_no_bound() {
-    let mut region = scenario("klimchik2012").region;
+    let mut region = scenario("klimchik2012").task.region;
     let elevations = |region: &Region| {
         let bounds = bounds_of(region).into_iter();
         bounds

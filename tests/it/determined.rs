@@ -7,10 +7,11 @@ use elastocal::identification::{Sigma, identify};
 use elastocal::plan::search::{Problem, SearchError, Watch, approximate_design, exact_design};
 use elastocal::plan::{Assessment, Criterion, Experiment, Plan, posterior};
 use elastocal::robot::Load;
-use elastocal::scenario::{Level, Method, Scenario};
+use elastocal::scenario::Scenario;
 use elastocal::study::runner::Runner;
 use elastocal::study::summary::Summary;
-use elastocal::study::{Entry, EntryKind, Setting};
+use elastocal::study::{Entry, EntryKind, Level};
+use elastocal::task::Method;
 use nalgebra::{DMatrix, dvector};
 use serde_json::Value;
 use std::sync::atomic::AtomicBool;
@@ -286,9 +287,10 @@ fn the_number_is_that_of_the_problem_without_the_undetermined_joint() {
     reflector_on_axis_6(&workplace);
     let with = load(&workplace);
     let mut without = with.clone();
-    without.parameters.pop();
+    without.task.belief.parameters.pop();
     let plan = crate::support::table4(4);
-    let [one, other] = [&with, &without].map(|scenario| Assessment::new(scenario, &plan, None));
+    let [one, other] =
+        [&with, &without].map(|scenario| Assessment::new(&scenario.task, &plan, None));
     let (one, other) = (
         one.rho0_m.expect("determined"),
         other.rho0_m.expect("determined"),
@@ -315,7 +317,7 @@ fn a_determined_sum_is_as_good_as_one_joint() {
     let single = load(&workplace);
 
     let best = |scenario: &Scenario| {
-        let mut problem = Problem::new(scenario, Criterion::TestPose);
+        let mut problem = Problem::new(&scenario.task, Criterion::TestPose);
         problem.effort.searches = 16;
         let bound = approximate_design(&problem, 1).expect("feasible");
         let watch = Watch {
@@ -332,24 +334,27 @@ fn a_determined_sum_is_as_good_as_one_joint() {
         "{of_twins}, {of_single}"
     );
 
-    let shown = calibrate(&twins, &plan, 0).expect("works");
+    let shown = calibrate(&twins.task, &twins.truth, &plan, twins.seed, 0).expect("works");
     assert_eq!(shown.identification.unidentifiable(), ["first", "second"]);
     let sum: f64 = shown.identification.compliance_rad_per_nm[..2].iter().sum();
-    let error =
-        (posterior(&twins, &plan).variance_of(&DMatrix::from_row_slice(1, 3, &[1.0, 1.0, 0.0])))
-            .expect("the sum is determined")
-            .sqrt();
+    let error = (posterior(&twins.task.belief, &plan).variance_of(&DMatrix::from_row_slice(
+        1,
+        3,
+        &[1.0, 1.0, 0.0],
+    )))
+    .expect("the sum is determined")
+    .sqrt();
     assert!((sum - 4e-6).abs() < 5.0 * error, "{sum} +- {error}");
     let promised = shown.poses[0].predicted_m.clone().expect("determined");
     assert!((promised / of_twins - 1.0).abs() < 0.05);
     assert!(shown.poses[0].seen.residual_m.norm() < 5.0 * promised);
-    let wanted = Problem::new(&twins, Criterion::D);
+    let wanted = Problem::new(&twins.task, Criterion::D);
     let watch = Watch {
         stop: &AtomicBool::new(false),
         progress: &|_, _, _| {},
     };
     let bound =
-        approximate_design(&Problem::new(&twins, Criterion::TestPose), 1).expect("feasible");
+        approximate_design(&Problem::new(&twins.task, Criterion::TestPose), 1).expect("feasible");
     let joints = vec!["first".to_owned(), "second".to_owned()];
     assert_eq!(
         exact_design(&wanted, &bound, 3, 3, 1, watch),
@@ -376,9 +381,10 @@ fn a_direction_that_hardly_shows_does_not_run_away() {
         );
         let scenario = load(&workplace);
         let plan = crate::support::table4(4);
-        let promised = Assessment::new(&scenario, &plan, None);
+        let promised = Assessment::new(&scenario.task, &plan, None);
         for run in 0..3 {
-            let shown = calibrate(&scenario, &plan, run).expect("the fit ends");
+            let shown = calibrate(&scenario.task, &scenario.truth, &plan, scenario.seed, run)
+                .expect("the fit ends");
             let found: Vec<bool> = (shown.identification.parameters.iter())
                 .map(|parameter| parameter.estimate.is_some())
                 .collect();
@@ -391,7 +397,7 @@ fn a_direction_that_hardly_shows_does_not_run_away() {
             if found[4] {
                 continue;
             }
-            let nominal = scenario.nominal.compliance_rad_per_nm[5];
+            let nominal = scenario.task.belief.nominal.compliance_rad_per_nm[5];
             assert_eq!(
                 shown.identification.compliance_rad_per_nm[5].to_bits(),
                 nominal.to_bits()
@@ -413,18 +419,18 @@ fn a_nominal_compliance_of_zero_is_a_fine_start() {
         workplace.write("s.toml", scenario_text("klimchik2012"));
         let mut scenario = load(&workplace);
         for joint in joints {
-            scenario.nominal.compliance_rad_per_nm[joint] = nominal;
+            scenario.task.belief.nominal.compliance_rad_per_nm[joint] = nominal;
         }
         let plan = crate::support::table4(4);
-        let assessment = Assessment::new(&scenario, &plan, None);
+        let assessment = Assessment::new(&scenario.task, &plan, None);
         assert_eq!(assessment.undetermined(), [0; 0], "{nominal}");
         assert!(assessment.criteria.iter().all(|(_, value)| value.is_some()));
-        let shown = calibrate(&scenario, &plan, 0)
+        let shown = calibrate(&scenario.task, &scenario.truth, &plan, scenario.seed, 0)
             .expect("works")
             .identification;
         for parameter in &shown.parameters {
             let found = parameter.estimate.expect("determined");
-            let truth = scenario.true_robot.compliance_rad_per_nm[parameter.joint];
+            let truth = scenario.truth.robot.compliance_rad_per_nm[parameter.joint];
             assert!(
                 (found.value - truth).abs() < 5.0 * found.standard_error,
                 "{parameter:?}"
@@ -440,14 +446,14 @@ fn the_expected_error_counts_what_is_determined() {
     reflector_on_axis_6(&workplace);
     let mut scenario = load(&workplace);
     scenario.study.conditions[0].experiments = 4;
-    let settings = Setting::all(&scenario);
+    let settings = scenario.settings();
     let entries = [Entry {
         name: "random".into(),
         setting: 0,
         kind: EntryKind::RandomEach,
     }];
     for (level, trials) in [(Level::Model, 4096), (Level::Robot, 256)] {
-        let runner = Runner::new(&settings, level, &entries).expect("works");
+        let runner = Runner::new(&settings, scenario.seed, level, &entries).expect("works");
         let tally = runner
             .run(trials, 0..runner.blocks(trials), 1, &|_| ())
             .expect("works")
@@ -472,14 +478,14 @@ fn plan_and_measurements_agree_on_the_directions() {
     let plan = Plan {
         experiments: vec![experiment],
     };
-    let planned = posterior(&scenario, &plan).estimable;
+    let planned = posterior(&scenario.task.belief, &plan).estimable;
     let measurements = crate::recovery::noise_free(&scenario, &plan);
     for sigma in [Sigma::Known(3e-5), Sigma::FromResiduals(3e-5)] {
         for method in [Method::Linear, Method::Nonlinear] {
             let found = identify(
-                &scenario.nominal,
-                &scenario.calibration_tool,
-                &scenario.parameters,
+                &scenario.task.belief.nominal,
+                &scenario.task.belief.calibration_tool,
+                &scenario.task.belief.parameters,
                 &measurements,
                 sigma,
                 method,

@@ -6,7 +6,8 @@ use elastocal::identification::{Case, Sigma, residuals};
 use elastocal::measurement::{Measurement, write_measurements};
 use elastocal::plan::{Experiment, Plan};
 use elastocal::robot::Load;
-use elastocal::scenario::{Method, Scenario};
+use elastocal::scenario::Scenario;
+use elastocal::task::Method;
 use elastocal::testbed::VirtualRobot;
 use nalgebra::{DVector, Matrix3, Rotation3, Unit, Vector3};
 
@@ -20,7 +21,7 @@ fn varied(scenario: &Scenario, experiments: usize, force_n: f64) -> Plan {
         ((index + 1) as f64 * (2.0 + salt as f64).sqrt() * 1.618_034).fract()
     };
     let experiment = |index: usize| {
-        let joints = scenario.nominal.chain.joints.iter().enumerate();
+        let joints = scenario.task.belief.nominal.chain.joints.iter().enumerate();
         let angles = joints.map(|(joint, each)| {
             let [from, to] = each.range_rad;
             from + (to - from) * (0.1 + 0.8 * share(index, 3 * joint))
@@ -28,7 +29,7 @@ fn varied(scenario: &Scenario, experiments: usize, force_n: f64) -> Plan {
         let direction = Vector3::from_fn(|axis, _| share(index, 20 + 7 * axis) - 0.5).normalize();
         let force = direction * force_n;
         Experiment {
-            configuration_rad: DVector::from_iterator(scenario.joints(), angles),
+            configuration_rad: DVector::from_iterator(scenario.task.belief.joints(), angles),
             load: Load::force(force.x, force.y, force.z),
             repeats: 1,
         }
@@ -50,19 +51,22 @@ fn arms() -> [(Scenario, Plan); 2] {
 }
 
 fn measured(scenario: &Scenario, plan: &Plan, run: u64) -> Vec<Measurement> {
-    VirtualRobot::new(&scenario.true_robot, &scenario.calibration_tool.name)
-        .expect("the site exists")
-        .measure(plan, &scenario.instrument, 5, run)
-        .expect("stable")
+    VirtualRobot::new(
+        &scenario.truth.robot,
+        &scenario.task.belief.calibration_tool.name,
+    )
+    .expect("the site exists")
+    .measure(plan, &scenario.task.belief.instrument, 5, run)
+    .expect("stable")
 }
 
 fn case<'a>(scenario: &'a Scenario, measurements: &'a [Measurement]) -> Case<'a> {
     Case {
-        nominal: &scenario.nominal,
-        tool: &scenario.calibration_tool,
-        parameters: &scenario.parameters,
+        nominal: &scenario.task.belief.nominal,
+        tool: &scenario.task.belief.calibration_tool,
+        parameters: &scenario.task.belief.parameters,
         measurements,
-        sigma: Sigma::Known(scenario.instrument.sigma_m),
+        sigma: Sigma::Known(scenario.task.belief.instrument.sigma_m),
         method: Method::Nonlinear,
     }
 }
@@ -83,7 +87,12 @@ fn turned_frame() -> Matrix3<f64> {
 const QUARTER: Matrix3<f64> = Matrix3::new(0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0);
 
 fn tool_axes(scenario: &Scenario, each: &Measurement) -> Matrix3<f64> {
-    let arm = scenario.nominal.chain.at(&scenario.calibration_tool);
+    let arm = scenario
+        .task
+        .belief
+        .nominal
+        .chain
+        .at(&scenario.task.belief.calibration_tool);
     arm.state(each.configuration_rad.as_slice()).tool_rotation
 }
 
@@ -319,7 +328,7 @@ fn other_troubles_are_no_such_mistakes() {
             each.deflection_m += (each.deflection_m - before.deflection_m) * 4.0;
         }
         let mut soft = scenario.clone();
-        for value in &mut soft.true_robot.compliance_rad_per_nm {
+        for value in &mut soft.truth.robot.compliance_rad_per_nm {
             *value *= 2.0;
         }
         let soft = measured(&soft, &plan, 8);
@@ -333,7 +342,10 @@ fn other_troubles_are_no_such_mistakes() {
 #[test]
 fn the_distance_is_what_leaving_out_gains() {
     for (scenario, plan) in arms() {
-        for sigma in [Sigma::Known(scenario.instrument.sigma_m), ESTIMATED] {
+        for sigma in [
+            Sigma::Known(scenario.task.belief.instrument.sigma_m),
+            ESTIMATED,
+        ] {
             let measurements = measured(&scenario, &plan, 9);
             let mut case = case(&scenario, &measurements);
             (case.sigma, case.method) = (sigma, Method::Linear);
@@ -341,7 +353,7 @@ fn the_distance_is_what_leaving_out_gains() {
             let squares = |residuals_m: &[f64]| residuals_m.iter().map(|r| r * r).sum::<f64>();
             let of_all = squares(&found.residuals_m);
             let residuals = residuals(&case, &found).expect("there are");
-            let spare = 3 * measurements.len() - scenario.parameters.len();
+            let spare = 3 * measurements.len() - scenario.task.belief.parameters.len();
             for (index, each) in residuals.measurements.iter().enumerate() {
                 let mut others = measurements.clone();
                 others.remove(index);
@@ -412,7 +424,7 @@ fn a_wrong_reading_is_found() {
 #[test]
 fn without_spare_measurements_there_is_no_suspect() {
     let (mut scenario, plan) = arms()[0].clone();
-    scenario.parameters = vec![1, 2, 3];
+    scenario.task.belief.parameters = vec![1, 2, 3];
     let measurements = &measured(&scenario, &plan, 11)[..1];
     let case = case(&scenario, measurements);
     let residuals = residuals(&case, &case.identify().expect("identified")).expect("there are");

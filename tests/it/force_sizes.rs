@@ -1,11 +1,12 @@
 //! The size of a force is a variable of the design, like the angles: arms whose joints bear only so much
 //! torque, with optima derived by hand.
 
+use elastocal::experiment::Loads;
 use elastocal::plan::search::{Bound, Problem};
 use elastocal::plan::{Assessment, Criterion, Plan, bounds_of};
 use elastocal::random::generator;
 use elastocal::robot::Load;
-use elastocal::scenario::{Loads, Scenario};
+use elastocal::scenario::Scenario;
 use nalgebra::{DMatrix, Matrix3xX, Vector3};
 use rand::RngExt;
 
@@ -25,10 +26,10 @@ const FORCE_N: f64 = 1000.0;
 fn arm(loads: Loads) -> Scenario {
     let mut scenario = scenario("planar_3r");
     let turn = 20.0_f64.to_radians();
-    scenario.parameters = vec![0];
-    scenario.region.joint_range_rad = vec![[-turn, turn], [0.0; 2], [0.0; 2]];
-    scenario.region.joint_torque_max_nm = Some(vec![TORQUE_NM, 1e4, 1e4]);
-    scenario.loads = loads;
+    scenario.task.belief.parameters = vec![0];
+    scenario.task.region.joint_range_rad = vec![[-turn, turn], [0.0; 2], [0.0; 2]];
+    scenario.task.region.joint_torque_max_nm = Some(vec![TORQUE_NM, 1e4, 1e4]);
+    scenario.task.loads = loads;
     scenario
 }
 
@@ -40,11 +41,11 @@ fn down(low: f64) -> Loads {
 }
 
 fn promise(scenario: &Scenario, experiments: u32) -> (Plan, f64, f64) {
-    let problem = Problem::new(scenario, Criterion::TestPose);
+    let problem = Problem::new(&scenario.task, Criterion::TestPose);
     let (approximate, exact) =
         designed(&problem, experiments, experiments, 1).expect("there is a plan");
-    let bound = Bound::new(scenario, &approximate);
-    let assessment = Assessment::new(scenario, &exact.plan, Some(&bound));
+    let bound = Bound::new(&scenario.task, &approximate);
+    let assessment = Assessment::new(&scenario.task, &exact.plan, Some(&bound));
     assert_eq!(assessment.violations, []);
     let efficiency = assessment.efficiency().expect("a bound");
     assert!(efficiency <= 1.0, "{efficiency}");
@@ -58,9 +59,8 @@ fn promise(scenario: &Scenario, experiments: u32) -> (Plan, f64, f64) {
 /// `rho_0` for a torque of the load about joint 1: sigma |a| / (sqrt(m) L tau).
 fn expected(scenario: &Scenario, torque_nm: f64, experiments: u32) -> f64 {
     let column = elastocal::compensation::test_pose_matrix(
-        &scenario.nominal.chain,
-        &scenario.machining_tool,
-        &scenario.test_poses[0],
+        &scenario.task.belief,
+        &scenario.task.test_poses[0],
         &[0],
     )
     .norm();
@@ -107,7 +107,12 @@ fn any_force_works_against_the_weight() {
         let (plan, rho0, efficiency) = promise(&scenario, experiments);
         assert_close("rho0", rho0, expected(&scenario, torque, experiments), 1e-5);
         assert!(efficiency > 0.98, "{efficiency}");
-        let arm = scenario.nominal.chain.at(&scenario.calibration_tool);
+        let arm = scenario
+            .task
+            .belief
+            .nominal
+            .chain
+            .at(&scenario.task.belief.calibration_tool);
         for each in &plan.experiments {
             let state = arm.state(each.configuration_rad.as_slice());
             let found = state.load_torque(0, &each.load);
@@ -128,7 +133,7 @@ fn the_smallest_force_is_honoured() {
             .all(|each| each.load.force_n.norm() >= 100.0)
     );
     let problem = arm(down(110.0));
-    let problem = Problem::new(&problem, Criterion::TestPose);
+    let problem = Problem::new(&problem.task, Criterion::TestPose);
     let error = designed(&problem, 2, 2, 1)
         .expect_err("the joint does not bear it")
         .to_string();
@@ -144,11 +149,11 @@ fn the_smallest_force_is_honoured() {
 fn without_torque_bounds_the_largest_force_is_best() {
     let mut scenario = scenario("planar_3r");
     let best = |scenario: &Scenario| {
-        let problem = Problem::new(scenario, Criterion::TestPose);
+        let problem = Problem::new(&scenario.task, Criterion::TestPose);
         designed(&problem, 3, 3, 1).expect("there is a plan").1
     };
     let with_fixed = best(&scenario);
-    scenario.loads = Loads::Direction {
+    scenario.task.loads = Loads::Direction {
         direction: -Vector3::z(),
         force_n: [10.0, 200.0],
     };
@@ -163,17 +168,17 @@ fn without_torque_bounds_the_largest_force_is_best() {
 #[test]
 fn balance_may_ask_for_a_smaller_force() {
     let mut scenario = scenario("spatial_3r");
-    scenario.loads = Loads::Direction {
+    scenario.task.loads = Loads::Direction {
         direction: Vector3::new(0.2, 0.1, -1.0).normalize(),
         force_n: [1.0, 400.0],
     };
     let cost = |scenario: &Scenario| {
-        let mut problem = Problem::new(scenario, Criterion::O2);
+        let mut problem = Problem::new(&scenario.task, Criterion::O2);
         problem.effort.searches = 24;
         designed(&problem, 2, 2, 1).expect("there is a plan").1.cost
     };
     let free = cost(&scenario);
-    let Loads::Direction { force_n, .. } = &mut scenario.loads else {
+    let Loads::Direction { force_n, .. } = &mut scenario.task.loads else {
         panic!("it has a direction");
     };
     force_n[0] = 400.0;
@@ -185,9 +190,9 @@ fn balance_may_ask_for_a_smaller_force() {
 #[test]
 fn derivatives_by_the_size_are_those_of_differences() {
     let mut scenario = scenario("spatial_3r");
-    scenario.region.joint_torque_max_nm = Some(vec![300.0, 400.0, 200.0]);
-    scenario.region.tool_elevation_max_rad = Some(0.5);
-    let problem = Problem::new(&scenario, Criterion::TestPose);
+    scenario.task.region.joint_torque_max_nm = Some(vec![300.0, 400.0, 200.0]);
+    scenario.task.region.tool_elevation_max_rad = Some(0.5);
+    let problem = Problem::new(&scenario.task, Criterion::TestPose);
     let mut observer = problem.observer();
     let gravity = observer.gravity();
     let directions = DMatrix::from_fn(3, 3, |row, column| if row == column { 2.0 } else { 0.5 });
@@ -210,7 +215,7 @@ fn derivatives_by_the_size_are_those_of_differences() {
         let slope = observer.force_gradient(&factor).dot(&direction);
         let difference = (information(size + step).0 - information(size - step).0) / (2.0 * step);
         assert_close("information", slope, difference, 1e-7);
-        for bound in bounds_of(&scenario.region) {
+        for bound in bounds_of(&scenario.task.region) {
             let margin = |size: f64| bound.margin(&observer.state, &load(size), &gravity);
             let difference = (margin(size + step) - margin(size - step)) / (2.0 * step);
             let slope = (bound.force_derivative(&observer.state))
@@ -257,8 +262,8 @@ fn a_weak_robot_gets_a_lighter_weight() {
 #[test]
 fn the_order_of_parameters_does_not_matter() {
     let mut scenario = scenario("spatial_3r");
-    scenario.parameters = vec![2, 0, 1];
-    let problem = Problem::new(&scenario, Criterion::TestPose);
+    scenario.task.belief.parameters = vec![2, 0, 1];
+    let problem = Problem::new(&scenario.task, Criterion::TestPose);
     let mut observer = problem.observer();
     let load = Load::force(100.0, -200.0, 300.0);
     let weights = Matrix3xX::from_fn(3, |row, column| 1.0 + row as f64 - 0.7 * column as f64);

@@ -5,7 +5,8 @@ use elastocal::measurement::Measurement;
 use elastocal::plan::{Experiment, Plan};
 use elastocal::record::messages::IdentificationMessage;
 use elastocal::robot::Load;
-use elastocal::scenario::{Method, Scenario};
+use elastocal::scenario::Scenario;
+use elastocal::task::Method;
 use nalgebra::dvector;
 use serde_json::Value;
 
@@ -15,7 +16,7 @@ use crate::support::{Workplace, scenario, scenario_text, table4};
 const METHODS: [Method; 2] = [Method::Linear, Method::Nonlinear];
 
 fn known(scenario: &Scenario) -> Sigma {
-    Sigma::Known(scenario.instrument.sigma_m)
+    Sigma::Known(scenario.task.belief.instrument.sigma_m)
 }
 
 /// A vertical load turns no vertical axis.
@@ -27,7 +28,7 @@ fn joint_1_does_not_show_under_a_vertical_load() {
         let found = identified(&scenario, &measurements, known(&scenario), method);
         assert_eq!(found.unidentifiable(), ["joint_1"], "{method:?}");
         assert_eq!(found.rank, 5);
-        let nominal = scenario.nominal.compliance_rad_per_nm[0];
+        let nominal = scenario.task.belief.nominal.compliance_rad_per_nm[0];
         assert_eq!(found.compliance_rad_per_nm[0].to_bits(), nominal.to_bits());
         assert!(
             found
@@ -40,7 +41,7 @@ fn joint_1_does_not_show_under_a_vertical_load() {
         // The linear estimate is biased, see `recovery`.
         let tolerance = if method == Method::Linear { 0.05 } else { 1e-8 };
         for parameter in &found.parameters[1..] {
-            let truth = scenario.true_robot.compliance_rad_per_nm[parameter.joint];
+            let truth = scenario.truth.robot.compliance_rad_per_nm[parameter.joint];
             let estimate = parameter.estimate.expect("determined").value;
             assert!((estimate / truth - 1.0).abs() < tolerance, "{parameter:?}");
         }
@@ -199,7 +200,10 @@ fn a_determined_sum_is_no_residual() {
 #[test]
 fn nothing_to_identify_from() {
     let scenario = scenario("klimchik2012");
-    let (nominal, tool) = (&scenario.nominal, &scenario.calibration_tool);
+    let (nominal, tool) = (
+        &scenario.task.belief.nominal,
+        &scenario.task.belief.calibration_tool,
+    );
     let mut unloaded = noise_free(&scenario, &table4(3));
     for each in &mut unloaded {
         each.load = Load::NONE;
@@ -236,8 +240,9 @@ fn nothing_to_identify_from() {
 #[test]
 fn without_residuals_there_is_no_consistency() {
     let mut scenario = differing("klimchik2012");
-    scenario.parameters = vec![1, 2, 3];
-    scenario.nominal.compliance_rad_per_nm = scenario.true_robot.compliance_rad_per_nm.clone();
+    scenario.task.belief.parameters = vec![1, 2, 3];
+    scenario.task.belief.nominal.compliance_rad_per_nm =
+        scenario.truth.robot.compliance_rad_per_nm.clone();
     let measurements = noise_free(&scenario, &table4(3));
     let found = identified(
         &scenario,

@@ -251,12 +251,13 @@ fn mutated_scenarios() {
             };
             accepted += 1;
             let sizes = scenario
+                .task
                 .test_poses
                 .iter()
                 .map(|pose| pose.load.wrench().amax());
             assert!(sizes.into_iter().all(|size| (1e-6..=1e8).contains(&size)));
-            assert!((1e-12..=20.0).contains(&scenario.instrument.sigma_m));
-            let ranges = scenario.region.joint_range_rad.iter().flatten();
+            assert!((1e-12..=20.0).contains(&scenario.task.belief.instrument.sigma_m));
+            let ranges = scenario.task.region.joint_range_rad.iter().flatten();
             assert!(ranges.into_iter().all(|angle| angle.abs() < 1e4));
         }
     }

@@ -16,8 +16,9 @@ fn random_configurations(scenario: &Scenario, count: usize) -> Vec<DVector<f64>>
     (0..count)
         .map(|_| {
             DVector::from_iterator(
-                scenario.joints(),
+                scenario.task.belief.joints(),
                 scenario
+                    .task
                     .region
                     .joint_range_rad
                     .iter()
@@ -30,14 +31,29 @@ fn random_configurations(scenario: &Scenario, count: usize) -> Vec<DVector<f64>>
 #[test]
 fn the_chain_is_mujocos() {
     let scenario = scenario("kr270");
-    let mut state = State::new(&scenario.nominal.model);
-    for tool in [&scenario.calibration_tool, &scenario.machining_tool] {
-        let site = scenario.nominal.model.site(&tool.name).expect("there is");
+    let mut state = State::new(&scenario.task.belief.nominal.model);
+    for tool in [
+        &scenario.task.belief.calibration_tool,
+        &scenario.task.belief.machining_tool,
+    ] {
+        let site = scenario
+            .task
+            .belief
+            .nominal
+            .model
+            .site(&tool.name)
+            .expect("there is");
         for q in random_configurations(&scenario, 1000) {
             state.move_to(q.as_slice());
             let (position, axes) = state.site(site);
             let (rows_position, rows_rotation) = state.site_jacobian(site);
-            let ours = scenario.nominal.chain.at(tool).state(q.as_slice());
+            let ours = scenario
+                .task
+                .belief
+                .nominal
+                .chain
+                .at(tool)
+                .state(q.as_slice());
             assert!((ours.tool_position - position).amax() < 1e-10);
             assert!((ours.tool_rotation - axes).amax() < 1e-10);
             let jacobian = ours.jacobian();
@@ -51,12 +67,14 @@ fn the_chain_is_mujocos() {
 #[test]
 fn both_find_the_same_equilibrium() {
     let scenario = scenario("kr270");
-    let robot = &scenario.nominal;
-    let mut virtual_robot =
-        VirtualRobot::new(&robot.as_believed(), &scenario.calibration_tool.name)
-            .expect("the site exists");
-    let mut arm = robot.chain.at(&scenario.calibration_tool);
-    let mut solver = EquilibriumSolver::new(scenario.joints());
+    let robot = &scenario.task.belief.nominal;
+    let mut virtual_robot = VirtualRobot::new(
+        &robot.as_believed(),
+        &scenario.task.belief.calibration_tool.name,
+    )
+    .expect("the site exists");
+    let mut arm = robot.chain.at(&scenario.task.belief.calibration_tool);
+    let mut solver = EquilibriumSolver::new(scenario.task.belief.joints());
     let load = Load::from_wrench([300.0, -800.0, -2500.0, 100.0, -50.0, 200.0]);
     for q in random_configurations(&scenario, 100) {
         solver
@@ -71,8 +89,8 @@ fn both_find_the_same_equilibrium() {
 #[test]
 fn time_simulation_comes_to_rest_in_the_equilibrium() {
     let scenario = scenario("klimchik2012");
-    let robot = &scenario.true_robot;
-    let site = &scenario.calibration_tool.name;
+    let robot = &scenario.truth.robot;
+    let site = &scenario.task.belief.calibration_tool.name;
     let mut virtual_robot = VirtualRobot::new(robot, site).expect("the site exists");
     for Experiment {
         configuration_rad,

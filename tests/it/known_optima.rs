@@ -6,10 +6,11 @@
 //! An experiment shows `k_j` through column j of its observation matrix, `J_j` (`J_j` . F).
 
 use elastocal::compensation::test_pose_matrix;
+use elastocal::experiment::Loads;
 use elastocal::plan::search::{ExactDesign, Problem, SearchError, approximate_design};
 use elastocal::plan::{Criterion, Experiment};
 use elastocal::robot::{KinematicState, Load};
-use elastocal::scenario::{Loads, Scenario};
+use elastocal::scenario::Scenario;
 
 use crate::planning::{assert_close, best_rho0, designed, largest_derivative};
 use crate::support::scenario;
@@ -25,28 +26,32 @@ const SIGMA_M: f64 = 0.03e-3;
 /// A shipped scenario with fewer unknown compliances.
 fn scenario_of(name: &str, parameters: &[usize]) -> Scenario {
     let mut scenario = scenario(name);
-    scenario.parameters = parameters.to_vec();
+    scenario.task.belief.parameters = parameters.to_vec();
     scenario
 }
 
 /// The lengths of the columns of the test pose's matrix (N m^2).
 fn test_pose_columns(scenario: &Scenario) -> Vec<f64> {
     let matrix = test_pose_matrix(
-        &scenario.nominal.chain,
-        &scenario.machining_tool,
-        &scenario.test_poses[0],
-        &scenario.parameters,
+        &scenario.task.belief,
+        &scenario.task.test_poses[0],
+        &scenario.task.belief.parameters,
     );
     matrix.column_iter().map(|column| column.norm()).collect()
 }
 
 fn state_of(scenario: &Scenario, experiment: &Experiment) -> KinematicState {
-    let arm = scenario.nominal.chain.at(&scenario.calibration_tool);
+    let arm = scenario
+        .task
+        .belief
+        .nominal
+        .chain
+        .at(&scenario.task.belief.calibration_tool);
     arm.state(experiment.configuration_rad.as_slice())
 }
 
 fn best(scenario: &Scenario, criterion: Criterion, experiments: u32) -> ExactDesign {
-    let problem = Problem::new(scenario, criterion);
+    let problem = Problem::new(&scenario.task, criterion);
     let found = designed(&problem, experiments, experiments, 1);
     found.expect("there is a plan").1
 }
@@ -87,7 +92,7 @@ fn one_compliance_is_seen_best_by_the_stretched_arm() {
         let moved = state.position_column(joint);
         assert_close("the stretched arm", moved.norm(), length, 1e-6);
         assert_close("at right angles", moved.z.abs(), length, 1e-6);
-        assert_optimal(&Problem::new(&scenario, Criterion::TestPose));
+        assert_optimal(&Problem::new(&scenario.task, Criterion::TestPose));
     }
     // In space, under a force that may have any direction, about the vertical axis and the shoulder.
     for joint in 0..2 {
@@ -114,7 +119,7 @@ fn the_d_optimal_elbow_of_two_equal_links_is_65_degrees() {
     let c = (1.0 + 33.0_f64.sqrt()) / 8.0;
     let s = (1.0 - c * c).sqrt();
     let root = PLANAR_N.powi(2) * 2.0 * length.powi(4) * s * c * c * (1.0 + c);
-    let compliance = &scenario.nominal.compliance_rad_per_nm;
+    let compliance = &scenario.task.belief.nominal.compliance_rad_per_nm;
     let expected = root * compliance[1] * compliance[2] / SIGMA_M.powi(2);
     assert_close("determinant", found.cost.recip(), expected, 1e-6);
 
@@ -126,7 +131,7 @@ fn the_d_optimal_elbow_of_two_equal_links_is_65_degrees() {
     assert!((cosine(1) - cosine(2)).abs() < 1e-3);
 
     // Two different measurements beat this one taken twice: the cost per measurement falls by 29 %.
-    let problem = Problem::new(&scenario, Criterion::D);
+    let problem = Problem::new(&scenario.task, Criterion::D);
     assert_optimal(&problem);
     assert!(2.0 * best(&scenario, Criterion::D, 2).cost < 0.71 * found.cost);
 }
@@ -144,7 +149,7 @@ fn the_d_optimal_elbow_of_two_equal_links_is_65_degrees() {
 #[test]
 fn separate_compliances_share_the_measurements_as_roots_of_their_cost() {
     let mut scenario = scenario_of("spatial_3r", &[0, 1]);
-    scenario.loads = Loads::List(vec![
+    scenario.task.loads = Loads::List(vec![
         Load::force(0.0, 0.0, -SPATIAL_N),
         Load::force(0.0, SPATIAL_N, 0.0),
     ]);
@@ -154,7 +159,7 @@ fn separate_compliances_share_the_measurements_as_roots_of_their_cost() {
         SIGMA_M * ((columns[0].powi(2) / one + columns[1].powi(2) / other) / information).sqrt()
     };
 
-    let problem = Problem::new(&scenario, Criterion::TestPose);
+    let problem = Problem::new(&scenario.task, Criterion::TestPose);
     assert_optimal(&problem);
     let design = approximate_design(&problem, 1).expect("there is a design");
     let total: f64 = columns.iter().sum();
@@ -195,7 +200,7 @@ fn a_free_force_splits_one_measurement_by_every_criterion() {
     let total: f64 = test_pose_columns(&scenario).iter().sum();
     for experiments in [1_u32, 2] {
         let measurements = f64::from(experiments);
-        let s: Vec<f64> = scenario.nominal.compliance_rad_per_nm[..2]
+        let s: Vec<f64> = scenario.task.belief.nominal.compliance_rad_per_nm[..2]
             .iter()
             .map(|k| k.powi(2) * measurements * information / SIGMA_M.powi(2))
             .collect();
@@ -214,7 +219,7 @@ fn a_free_force_splits_one_measurement_by_every_criterion() {
                 Criterion::O5 => sum(-1.0 / 3.0).powf(1.5),
             };
             let found = best(&scenario, criterion, experiments);
-            let problem = Problem::new(&scenario, criterion);
+            let problem = Problem::new(&scenario.task, criterion);
             let value = problem
                 .cost_of(criterion)
                 .value(&problem.information(&found.plan))
@@ -233,7 +238,7 @@ fn no_experiment_beats_the_designs_for_all_three_joints() {
     for name in ["planar_3r", "spatial_3r"] {
         let scenario = scenario(name);
         for criterion in [Criterion::TestPose, Criterion::A, Criterion::D] {
-            assert_optimal(&Problem::new(&scenario, criterion));
+            assert_optimal(&Problem::new(&scenario.task, criterion));
         }
     }
 }
@@ -243,7 +248,7 @@ fn no_experiment_beats_the_designs_for_all_three_joints() {
 fn one_measurement_in_a_plane_cannot_determine_three_compliances() {
     let scenario = scenario("planar_3r");
     for criterion in Criterion::ALL {
-        let found = designed(&Problem::new(&scenario, criterion), 1, 1, 1);
+        let found = designed(&Problem::new(&scenario.task, criterion), 1, 1, 1);
         let expected = SearchError::Singular {
             experiments: 1,
             parameters: 3,

@@ -3,7 +3,7 @@
 use elastocal::experiment::Loads;
 use elastocal::plan::{Assessment, Plan};
 use elastocal::robot::Load;
-use elastocal::scenario::Conditions;
+use elastocal::study::Conditions;
 use nalgebra::Vector3;
 
 use crate::support::{Workplace, scenario, scenario_text, table4};
@@ -173,13 +173,13 @@ fn loads_may_be_off_by_their_printing() {
 #[test]
 fn a_scale_of_loads_scales_mandatory_experiments() {
     let mut scenario = scenario("klimchik2012");
-    scenario.design.mandatory = table4(2);
+    scenario.task.design.mandatory = table4(2);
     let conditions = Conditions {
         sigma_m: 1e-4,
         experiments: 3,
         load_scale: 0.5,
     };
-    let scaled = scenario.under(&conditions);
+    let scaled = conditions.of(&scenario.task);
     for experiment in &scaled.design.mandatory.experiments {
         assert_eq!(experiment.load, Load::force(0.0, 0.0, -1250.0));
         assert!(scaled.loads.contains(&experiment.load));
@@ -188,7 +188,7 @@ fn a_scale_of_loads_scales_mandatory_experiments() {
 
 #[test]
 fn a_plan_without_experiments_promises_nothing() {
-    let assessment = Assessment::new(&scenario("klimchik2012"), &Plan::default(), None);
+    let assessment = Assessment::new(&scenario("klimchik2012").task, &Plan::default(), None);
     assert_eq!((assessment.experiments, assessment.rho0_m), (0, None));
     assert!(assessment.standard_errors.iter().all(Option::is_none));
     assert!(assessment.criteria.iter().all(|(_, value)| value.is_none()));
@@ -198,9 +198,9 @@ fn a_plan_without_experiments_promises_nothing() {
 #[test]
 fn a_load_that_cannot_be_applied_is_an_error() {
     let scenario = scenario("klimchik2012");
-    let mut state = elastocal::mujoco::State::new(&scenario.nominal.model);
+    let mut state = elastocal::mujoco::State::new(&scenario.task.belief.nominal.model);
     let down = Vector3::new(0.0, 0.0, -1.0);
-    let nowhere = scenario.nominal.model.bodies();
+    let nowhere = scenario.task.belief.nominal.model.bodies();
     let error = state.generalised_force(&[0.0; 3], nowhere, &down, &down);
     let text = error.expect_err("there is no such body").to_string();
     assert!(

@@ -40,6 +40,7 @@
 //! - `reproduction`: the paper's numbers beside the program's, by the program.
 //! - `report`: pages to look at, and a browser that looks at them.
 //! - `study`: Monte Carlo studies keep what was predicted, to the bit whatever the threads.
+//! - `rooms`: modules use only those that stand before them.
 
 #![expect(clippy::expect_used, reason = "a test that cannot go on fails")]
 
@@ -81,6 +82,7 @@ mod recovery;
 mod report;
 mod reproduction;
 mod robots;
+mod rooms;
 mod search;
 mod streams;
 mod study;

@@ -152,7 +152,7 @@ fn judge(path: &Path, gears: [f64; 3]) -> [Vector3<f64>; 2] {
 
 /// The same by the virtual robot and by the analytic chain.
 fn found(scenario: &Scenario) -> [[Vector3<f64>; 2]; 2] {
-    let robot = &scenario.nominal;
+    let robot = &scenario.task.belief.nominal;
     let q = DVector::from_iterator(3, COMMANDED_DEG.map(f64::to_radians));
     let [x, y, z] = LOAD_N;
     let loads = [Load::NONE, Load::force(x, y, z)];
@@ -161,7 +161,7 @@ fn found(scenario: &Scenario) -> [[Vector3<f64>; 2]; 2] {
     let mut solver = EquilibriumSolver::new(3);
     let virtually = loads.map(|load| virtual_robot.rest(&q, &load).expect("stable").0);
     let analytically = loads.map(|load| {
-        let mut arm = robot.chain.at(&scenario.calibration_tool);
+        let mut arm = robot.chain.at(&scenario.task.belief.calibration_tool);
         solver
             .solve(&mut arm, &robot.compliance_rad_per_nm, q.as_slice(), &load)
             .expect("stable");
@@ -355,7 +355,7 @@ fn a_joint_without_a_range_has_that_of_its_commands() {
     let mut limited = servo("gear=\"-2\" ctrlrange=\"-1 3\"");
     limited.joint = String::new();
     let scenario = load(&workplace, &limited.mjcf()).expect("valid");
-    let range = scenario.nominal.chain.joints[1].range_rad;
+    let range = scenario.task.belief.nominal.chain.joints[1].range_rad;
     assert_eq!(range.map(f64::to_bits), [-1.5, 0.5].map(f64::to_bits));
 }
 
@@ -365,7 +365,7 @@ fn a_measurement_of_a_geared_arm_is_mujocos() {
     let workplace = Workplace::new();
     let geared = servo("gear=\"3\"");
     let scenario = load(&workplace, &geared.mjcf()).expect("valid");
-    let compliance = scenario.true_robot.compliance_rad_per_nm[1];
+    let compliance = scenario.truth.robot.compliance_rad_per_nm[1];
     assert!((compliance * 360_000.0 - 1.0).abs() < 1e-12);
     let [x, y, z] = LOAD_N;
     let experiment = Experiment {
@@ -373,7 +373,7 @@ fn a_measurement_of_a_geared_arm_is_mujocos() {
         load: Load::force(x, y, z),
         repeats: 1,
     };
-    let mut robot = VirtualRobot::new(&scenario.true_robot, "tool").expect("the site exists");
+    let mut robot = VirtualRobot::new(&scenario.truth.robot, "tool").expect("the site exists");
     let seen = robot
         .displacement(1, &experiment)
         .expect("stable")

@@ -132,7 +132,7 @@ fn pairs_that_collide_everywhere_are_named_with_their_share() {
     let text = scenario_text("kr270").replace("[design]", &format!("{ball}[design]"));
     workplace.write("my.toml", text);
     let scenario = Scenario::load(&workplace.path("my.toml")).expect("valid");
-    let error = random_plan(&scenario, 1, 0)
+    let error = random_plan(&scenario.task, 1, scenario.seed, 0)
         .expect_err("all collides")
         .to_string();
     println!("{error}");

@@ -28,22 +28,27 @@ fn load(path: &Path) -> Scenario {
 
 /// Where the reflector is (mm).
 fn reflector_mm(scenario: &Scenario, experiment: &Experiment) -> Vector3<f64> {
-    let arm = scenario.nominal.chain.at(&scenario.calibration_tool);
+    let arm = scenario
+        .task
+        .belief
+        .nominal
+        .chain
+        .at(&scenario.task.belief.calibration_tool);
     let state = arm.state(experiment.configuration_rad.as_slice());
     state.tool_position * 1e3
 }
 
 fn violations(scenario: &Scenario) -> Vec<Violation> {
-    Assessment::new(scenario, &table4(3), None).violations
+    Assessment::new(&scenario.task, &table4(3), None).violations
 }
 
 #[test]
 fn an_obstacle_at_the_tool_is_reported_and_avoided() {
     let free = scenario("kr270");
-    let mut problem = Problem::new(&free, Criterion::TestPose);
+    let mut problem = Problem::new(&free.task, Criterion::TestPose);
     problem.effort.searches = 8;
     let plan = designed(&problem, 3, 3, 1).expect("there is a plan").1.plan;
-    assert_eq!(Assessment::new(&free, &plan, None).violations, []);
+    assert_eq!(Assessment::new(&free.task, &plan, None).violations, []);
 
     let workplace = Workplace::new();
     let [x, y, z] = reflector_mm(&free, &plan.experiments[1]).into();
@@ -68,10 +73,10 @@ fn an_obstacle_at_the_tool_is_reported_and_avoided() {
     assert!(problems.contains("crane hook"), "{problems}");
     assert!(problems.contains("the bound is 20.000 mm"), "{problems}");
 
-    let mut problem = Problem::new(&scenario, Criterion::TestPose);
+    let mut problem = Problem::new(&scenario.task, Criterion::TestPose);
     problem.effort.searches = 8;
     let plan = designed(&problem, 3, 3, 1).expect("there is a plan").1.plan;
-    assert_eq!(Assessment::new(&scenario, &plan, None).violations, []);
+    assert_eq!(Assessment::new(&scenario.task, &plan, None).violations, []);
 }
 
 #[test]
@@ -83,8 +88,13 @@ fn an_obstacle_hides_the_reflector_from_the_tracker() {
             .iter()
             .any(|each| each.what.contains("line of sight"))
     );
-    let tracker = free.instrument.tracker_site.expect("there is a tracker");
-    let mut state = elastocal::mujoco::State::new(&free.nominal.model);
+    let tracker = free
+        .task
+        .belief
+        .instrument
+        .tracker_site
+        .expect("there is a tracker");
+    let mut state = elastocal::mujoco::State::new(&free.task.belief.nominal.model);
     state.move_to(&[0.0; 6]);
     let (tracker, _) = state.site(tracker);
     let reflector = reflector_mm(&free, &table4(3).experiments[0]);
@@ -127,7 +137,10 @@ fn obstacles_are_drawn_where_they_stand_in_both_robots_laboratories() {
          [true_robot]\ncompliance_rad_per_nm = [0.3e-6, 0.3e-6, 0.4e-6, 3e-6, 3.3e-6, 2.3e-6]\n",
     );
     let scenario = load(&path);
-    for model in [&scenario.nominal.model, &scenario.true_robot.model] {
+    for model in [
+        &scenario.task.belief.nominal.model,
+        &scenario.truth.robot.model,
+    ] {
         let mut state = elastocal::mujoco::State::new(model);
         state.move_to(&[0.0; 6]);
         for (name, shape, place) in [

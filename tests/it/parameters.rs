@@ -5,7 +5,7 @@
 
 use elastocal::mujoco::{Model, State};
 use elastocal::observation::{Form, ObservationModel, ReadingKind, Setup};
-use elastocal::parameter::{Axis, Belief, ParameterKind, ParameterSet};
+use elastocal::parameter::{Axis, ElasticArm, ParameterKind, ParameterSet};
 use elastocal::random::generator;
 use elastocal::robot::{Load, SerialChain};
 use nalgebra::{DVector, Matrix3xX, Matrix6xX};
@@ -85,7 +85,7 @@ fn every_frame_moves_the_tool_as_mujoco_says() {
         let loose = Model::load(&place.path("loose.xml")).expect("a model");
         let chain = SerialChain::from_model(&model).expect("serial");
         let tool = SerialChain::tool(&model, "tool").expect("a tool");
-        let belief = Belief::new(chain, vec![0.0; joints], vec![tool]);
+        let belief = ElasticArm::new(chain, vec![0.0; joints], vec![tool]);
 
         // In the order of the loose arm's joints.
         let frame = |position: &dyn Fn(Axis) -> ParameterKind,

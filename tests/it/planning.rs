@@ -3,13 +3,14 @@
 use std::f64::consts::TAU;
 use std::sync::atomic::AtomicBool;
 
+use elastocal::experiment::Loads;
 use elastocal::plan::search::{
     ApproximateDesign, ExactDesign, Problem, SearchError, Watch, approximate_design, exact_design,
 };
 use elastocal::plan::{Criterion, SmoothBound, bounds_of};
 use elastocal::random::generator;
 use elastocal::robot::Load;
-use elastocal::scenario::{Loads, Scenario};
+use elastocal::scenario::Scenario;
 use nalgebra::{DMatrix, Matrix3xX};
 use rand::{Rng, RngExt};
 
@@ -20,7 +21,7 @@ pub fn designed(
     configurations: u32,
     seed: u64,
 ) -> Result<(ApproximateDesign, ExactDesign), SearchError> {
-    let mut for_rho0 = Problem::new(problem.scenario, Criterion::TestPose);
+    let mut for_rho0 = Problem::new(problem.task, Criterion::TestPose);
     for_rho0.effort = problem.effort;
     let approximate = approximate_design(&for_rho0, seed)?;
     let exact = exact(problem, &approximate, experiments, configurations, seed)?;
@@ -52,7 +53,7 @@ pub fn exact(
 
 /// `rho_0` of the best plan of m measurements (m).
 pub fn best_rho0(scenario: &Scenario, experiments: u32, seed: u64) -> f64 {
-    let problem = Problem::new(scenario, Criterion::TestPose);
+    let problem = Problem::new(&scenario.task, Criterion::TestPose);
     let found = designed(&problem, experiments, experiments, seed);
     found.expect("there is a plan").1.cost.sqrt()
 }
@@ -82,9 +83,9 @@ fn largest_of(
     samples: usize,
     thread: u64,
 ) -> f64 {
-    let scenario = problem.scenario;
-    let ranges = &scenario.region.joint_range_rad;
-    let bounds = bounds_of(&scenario.region);
+    let task = problem.task;
+    let ranges = &task.region.joint_range_rad;
+    let bounds = bounds_of(&task.region);
     let mut random = generator(20_240_229, thread);
     let mut observer = problem.observer();
     let gravity = observer.gravity();
@@ -97,7 +98,7 @@ fn largest_of(
         for (angle, [low, high]) in q.iter_mut().zip(ranges) {
             *angle = low + (high - low) * random.random::<f64>();
         }
-        let load = random_load(&scenario.loads, &mut random);
+        let load = random_load(&task.loads, &mut random);
         observer.move_to(&q);
         let inside = |bound: &SmoothBound| bound.margin(&observer.state, &load, &gravity) >= 0.0;
         if bounds.iter().all(inside) {

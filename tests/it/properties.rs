@@ -27,7 +27,7 @@ const LOAD: Load = Load {
 fn configurations(scenario: &Scenario, count: usize) -> Vec<DVector<f64>> {
     let mut random = generator(5, 0);
     let mut angle = |joint: usize| {
-        let [low, high] = scenario.nominal.chain.joints[joint].range_rad;
+        let [low, high] = scenario.task.belief.nominal.chain.joints[joint].range_rad;
         random.random_range(low..=high)
     };
     (0..count)
@@ -37,9 +37,11 @@ fn configurations(scenario: &Scenario, count: usize) -> Vec<DVector<f64>> {
 
 fn at_calibration_tool(scenario: &Scenario, q: &DVector<f64>) -> KinematicState {
     scenario
+        .task
+        .belief
         .nominal
         .chain
-        .at(&scenario.calibration_tool)
+        .at(&scenario.task.belief.calibration_tool)
         .state(q.as_slice())
 }
 
@@ -48,8 +50,11 @@ fn at_calibration_tool(scenario: &Scenario, q: &DVector<f64>) -> KinematicState 
 #[test]
 fn turning_base_and_load_turns_the_deflection() {
     let scenario = scenario("kr270_all_joints");
-    let mut robot = VirtualRobot::new(&scenario.true_robot, &scenario.calibration_tool.name)
-        .expect("the site exists");
+    let mut robot = VirtualRobot::new(
+        &scenario.truth.robot,
+        &scenario.task.belief.calibration_tool.name,
+    )
+    .expect("the site exists");
     let mut deflection = |q: &DVector<f64>, load: &Load| {
         let (unloaded, _, _) = robot.rest(q, &Load::NONE).expect("stable");
         robot.rest(q, load).expect("stable").0 - unloaded
@@ -73,7 +78,8 @@ fn turning_base_and_load_turns_the_deflection() {
 fn linear_deflections_superpose() {
     let scenario = scenario("kr270");
     let joints: Vec<_> = (0..6).collect();
-    let compliance = DVector::from_column_slice(&scenario.nominal.compliance_rad_per_nm);
+    let compliance =
+        DVector::from_column_slice(&scenario.task.belief.nominal.compliance_rad_per_nm);
     let other = Load::from_wrench([10.0, 900.0, -300.0, -40.0, 500.0, 60.0]);
     for q in configurations(&scenario, 50) {
         let state = at_calibration_tool(&scenario, &q);
@@ -92,7 +98,7 @@ fn linear_deflections_superpose() {
 #[test]
 fn information_of_repeats_is_a_sum() {
     let scenario = scenario("kr270_all_joints");
-    let model = ExperimentModel::new(&scenario);
+    let model = ExperimentModel::new(&scenario.task.belief);
     let mut repeated = plan("kr270_all_joints");
     let mut sum = DMatrix::zeros(6, 6);
     for (experiment, repeats) in repeated.experiments.iter_mut().zip([3, 1, 5, 2]) {
@@ -124,7 +130,7 @@ fn information_of_repeats_is_a_sum() {
 fn rho0_scales_with_sigma_and_repeats() {
     let mut scenario = scenario("klimchik2012");
     let rho0 = |scenario: &Scenario, plan: &Plan| {
-        let assessment = Assessment::new(scenario, plan, None);
+        let assessment = Assessment::new(&scenario.task, plan, None);
         let errors = assessment
             .standard_errors
             .iter()
@@ -149,7 +155,7 @@ fn rho0_scales_with_sigma_and_repeats() {
         }
     };
     close(rho0(&scenario, &plan), (3.0_f64 / 12.0).sqrt());
-    scenario.instrument.sigma_m *= 7.0;
+    scenario.task.belief.instrument.sigma_m *= 7.0;
     close(rho0(&scenario, &table4(3)), 7.0);
 }
 
@@ -166,7 +172,7 @@ fn moved(q: &DVector<f64>, joint: usize, by: f64) -> DVector<f64> {
 #[test]
 fn derivatives_are_those_of_differences() {
     let scenario = scenario("kr270");
-    let gravity = scenario.nominal.chain.gravity_m_s2;
+    let gravity = scenario.task.belief.nominal.chain.gravity_m_s2;
     let torque = |state: &KinematicState| {
         DVector::from_fn(6, |joint, _| {
             state.load_torque(joint, &LOAD) + state.gravity_torque(joint, &gravity)
@@ -194,8 +200,13 @@ fn derivatives_are_those_of_differences() {
 #[test]
 fn equilibria_move_with_compliances_as_the_sensitivity_says() {
     let scenario = scenario("kr270");
-    let nominal = &scenario.nominal.compliance_rad_per_nm;
-    let mut arm = scenario.nominal.chain.at(&scenario.calibration_tool);
+    let nominal = &scenario.task.belief.nominal.compliance_rad_per_nm;
+    let mut arm = scenario
+        .task
+        .belief
+        .nominal
+        .chain
+        .at(&scenario.task.belief.calibration_tool);
     let mut solver = EquilibriumSolver::new(6);
     for q in configurations(&scenario, 20) {
         let mut rest = |compliance: &[f64]| {
@@ -234,8 +245,8 @@ fn equilibria_move_with_compliances_as_the_sensitivity_says() {
 #[test]
 fn cartesian_stiffness_takes_deflections_to_loads() {
     let scenario = scenario("kr270");
-    let compliance = &scenario.nominal.compliance_rad_per_nm;
-    let pose = &scenario.test_poses[0].configuration_rad;
+    let compliance = &scenario.task.belief.nominal.compliance_rad_per_nm;
+    let pose = &scenario.task.test_poses[0].configuration_rad;
     let state = at_calibration_tool(&scenario, pose);
     let stiffness = cartesian_stiffness(&state, compliance).expect("regular");
     let jacobian = state.jacobian();
@@ -308,8 +319,15 @@ fn an_unstable_equilibrium_is_named() {
 #[test]
 fn an_arm_that_gives_way_is_named() {
     let scenario = scenario("kr270");
-    let mut arm = scenario.nominal.chain.at(&scenario.calibration_tool);
+    let mut arm = scenario
+        .task
+        .belief
+        .nominal
+        .chain
+        .at(&scenario.task.belief.calibration_tool);
     let limp: Vec<_> = scenario
+        .task
+        .belief
         .nominal
         .compliance_rad_per_nm
         .iter()

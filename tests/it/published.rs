@@ -3,7 +3,7 @@
 use elastocal::compensation::test_pose_matrix;
 use elastocal::paper::published::{EQUATION_23, TABLE_5};
 use elastocal::plan::ExperimentModel;
-use elastocal::scenario::TestPose;
+use elastocal::task::TestPose;
 
 use crate::support::{scenario, table4};
 
@@ -15,17 +15,16 @@ fn the_test_pose_is_equation_23() {
     let scenario = scenario("klimchik2012");
     let matrix_at = |pose: &TestPose| {
         test_pose_matrix(
-            &scenario.nominal.chain,
-            &scenario.machining_tool,
+            &scenario.task.belief,
             pose,
-            &scenario.parameters,
+            &scenario.task.belief.parameters,
         )
     };
-    let pose = &scenario.test_poses[0];
+    let pose = &scenario.task.test_poses[0];
     let matrix = matrix_at(pose);
     let half_a_unit = 0.05_f64;
     let mut allowed = matrix.map(|_| half_a_unit);
-    for joint in 0..scenario.joints() {
+    for joint in 0..scenario.task.belief.joints() {
         let mut turned = pose.clone();
         turned.configuration_rad[joint] += half_a_unit.to_radians();
         allowed += (matrix_at(&turned) - &matrix).abs();
@@ -45,7 +44,7 @@ fn the_test_pose_is_equation_23() {
 #[test]
 fn the_plans_of_table_4_give_all_of_table_5() {
     let scenario = scenario("klimchik2012");
-    let model = ExperimentModel::new(&scenario);
+    let model = ExperimentModel::new(&scenario.task.belief);
     for (experiments, printed) in TABLE_5 {
         let information = model.information(&table4(experiments));
         let covariance = information.try_inverse().expect("regular") * model.sigma_m.powi(2);

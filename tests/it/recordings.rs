@@ -24,7 +24,8 @@ fn recorded(scenario: &Scenario, plans: &[(&str, Plan)]) -> Recording {
     let calibrations: Vec<(String, Calibration)> = plans
         .iter()
         .map(|(name, plan)| {
-            let calibration = calibrate(scenario, plan, 0).expect("everything can be measured");
+            let calibration = calibrate(&scenario.task, &scenario.truth, plan, scenario.seed, 0)
+                .expect("everything can be measured");
             ((*name).to_owned(), calibration)
         })
         .collect();
@@ -253,8 +254,8 @@ fn mcap_frames_are_where_mujoco_puts_the_tool() {
     let path = folder.path().join("run.mcap");
     write_mcap(&path, &recorded(&scenario, &[("plan", plan.clone())])).expect("it can be written");
     let messages = read_mcap(&std::fs::read(&path).expect("it is there"));
-    let robot = &scenario.true_robot;
-    let tool = &scenario.calibration_tool.name;
+    let robot = &scenario.truth.robot;
+    let tool = &scenario.task.belief.calibration_tool.name;
     let mut virtual_robot = VirtualRobot::new(robot, tool).expect("the site exists");
     let (body, body_from_tool) = robot
         .model

@@ -6,7 +6,8 @@ use elastocal::identification::{Identification, Sigma, identify};
 use elastocal::measurement::Measurement;
 use elastocal::plan::{ExperimentModel, Plan};
 use elastocal::robot::{Load, ObservationMatrix};
-use elastocal::scenario::{Method, Scenario};
+use elastocal::scenario::Scenario;
+use elastocal::task::Method;
 use elastocal::testbed::VirtualRobot;
 use nalgebra::{DMatrix, DVector, Vector3};
 
@@ -16,17 +17,20 @@ use crate::support::{Workplace, plan, scenario, scenario_text, table4};
 pub fn differing(name: &str) -> Scenario {
     let mut scenario = scenario(name);
     let factors = [1.2, 0.8].into_iter().cycle();
-    for (value, factor) in (scenario.true_robot.compliance_rad_per_nm.iter_mut()).zip(factors) {
+    for (value, factor) in (scenario.truth.robot.compliance_rad_per_nm.iter_mut()).zip(factors) {
         *value *= factor;
     }
     scenario
 }
 
 pub fn noise_free(scenario: &Scenario, plan: &Plan) -> Vec<Measurement> {
-    VirtualRobot::new(&scenario.true_robot, &scenario.calibration_tool.name)
-        .expect("the site exists")
-        .measure_noise_free(plan, &scenario.instrument)
-        .expect("stable")
+    VirtualRobot::new(
+        &scenario.truth.robot,
+        &scenario.task.belief.calibration_tool.name,
+    )
+    .expect("the site exists")
+    .measure_noise_free(plan, &scenario.task.belief.instrument)
+    .expect("stable")
 }
 
 pub fn identified(
@@ -35,11 +39,14 @@ pub fn identified(
     sigma: Sigma,
     method: Method,
 ) -> Identification {
-    let (nominal, tool) = (&scenario.nominal, &scenario.calibration_tool);
+    let (nominal, tool) = (
+        &scenario.task.belief.nominal,
+        &scenario.task.belief.calibration_tool,
+    );
     identify(
         nominal,
         tool,
-        &scenario.parameters,
+        &scenario.task.belief.parameters,
         measurements,
         sigma,
         method,
@@ -48,13 +55,13 @@ pub fn identified(
 }
 
 fn known(scenario: &Scenario) -> Sigma {
-    Sigma::Known(scenario.instrument.sigma_m)
+    Sigma::Known(scenario.task.belief.instrument.sigma_m)
 }
 
 /// The largest relative difference between estimates and truth.
 fn relative_error(scenario: &Scenario, identification: &Identification) -> f64 {
     let error = |parameter: &elastocal::identification::ParameterEstimate| {
-        let truth = scenario.true_robot.compliance_rad_per_nm[parameter.joint];
+        let truth = scenario.truth.robot.compliance_rad_per_nm[parameter.joint];
         let estimate = parameter.estimate.expect("determined");
         (estimate.value / truth - 1.0).abs()
     };
@@ -71,7 +78,7 @@ fn nonlinear_identification_finds_the_true_compliances() {
     ] {
         for rotation_sigma_rad in [None, Some(1e-4)] {
             let mut scenario = differing(name);
-            scenario.instrument.rotation_sigma_rad = rotation_sigma_rad;
+            scenario.task.belief.instrument.rotation_sigma_rad = rotation_sigma_rad;
             let measurements = noise_free(&scenario, &plan);
             let found = identified(
                 &scenario,
@@ -124,14 +131,14 @@ fn files_carry_the_true_compliances() {
 
 /// A^(p) of all measurements (eq. 7), stacked, of an instrument that measures no rotations.
 fn stacked(scenario: &Scenario, plan: &Plan) -> DMatrix<f64> {
-    let model = ExperimentModel::new(scenario);
+    let model = ExperimentModel::new(&scenario.task.belief);
     let blocks: Vec<_> = plan
         .repeated()
         .map(|each| model.observation_matrix(each))
         .collect();
     DMatrix::from_fn(
         3 * blocks.len(),
-        scenario.parameters.len(),
+        scenario.task.belief.parameters.len(),
         |row, column| blocks[row / 3][(row % 3, column)],
     )
 }
@@ -145,13 +152,18 @@ fn linear_identification_is_biased_by_what_linearisation_misses() {
     let truth = DVector::from_iterator(
         5,
         scenario
+            .task
+            .belief
             .parameters
             .iter()
-            .map(|&joint| scenario.true_robot.compliance_rad_per_nm[joint]),
+            .map(|&joint| scenario.truth.robot.compliance_rad_per_nm[joint]),
     );
-    let (chain, tool) = (&scenario.nominal.chain, &scenario.machining_tool);
-    let pose = &scenario.test_poses[0];
-    let at_test_pose = test_pose_matrix(chain, tool, pose, &scenario.parameters);
+    let pose = &scenario.task.test_poses[0];
+    let at_test_pose = test_pose_matrix(
+        &scenario.task.belief,
+        pose,
+        &scenario.task.belief.parameters,
+    );
     let mut largest_missed = 0.0_f64;
     for experiments in [2, 3, 4, 6, 12] {
         let plan = table4(experiments);
@@ -194,14 +206,17 @@ fn linear_identification_is_biased_by_what_linearisation_misses() {
 fn compensation_with_true_compliances() {
     for name in ["klimchik2012", "kr270"] {
         let scenario = differing(name);
-        let mut robot = VirtualRobot::new(&scenario.true_robot, &scenario.machining_tool.name)
-            .expect("the site exists");
-        let pose = &scenario.test_poses[0];
+        let mut robot = VirtualRobot::new(
+            &scenario.truth.robot,
+            &scenario.task.belief.machining_tool.name,
+        )
+        .expect("the site exists");
+        let pose = &scenario.task.test_poses[0];
         let mut left = |method| {
             let commanded = compensate(
-                &scenario.nominal.chain,
-                &scenario.machining_tool,
-                &scenario.true_robot.compliance_rad_per_nm,
+                &scenario.task.belief.nominal.chain,
+                &scenario.task.belief.machining_tool,
+                &scenario.truth.robot.compliance_rad_per_nm,
                 pose,
                 method,
             );
@@ -222,13 +237,18 @@ fn compensation_with_true_compliances() {
 fn an_uncertain_measurement_hardly_counts() {
     let scenario = scenario("klimchik2012_joint1");
     let experiment = &plan("kr270_joint1").experiments[0];
-    let state = (scenario.nominal.chain.at(&scenario.calibration_tool))
-        .state(experiment.configuration_rad.as_slice());
+    let state = (scenario
+        .task
+        .belief
+        .nominal
+        .chain
+        .at(&scenario.task.belief.calibration_tool))
+    .state(experiment.configuration_rad.as_slice());
     let column = ObservationMatrix::new(&state, &experiment.load, &[0]).position;
     let column = Vector3::from_column_slice(column.as_slice());
     // What the other joints do is known.
     let others = ObservationMatrix::new(&state, &experiment.load, &[1, 2, 3, 4, 5]).position
-        * DVector::from_column_slice(&scenario.nominal.compliance_rad_per_nm[1..]);
+        * DVector::from_column_slice(&scenario.task.belief.nominal.compliance_rad_per_nm[1..]);
     assert!(others.norm() > 1e-4);
     let measurement = |deflection_m: Vector3<f64>, sigma_m: f64| Measurement {
         configuration_rad: experiment.configuration_rad.clone(),
@@ -273,15 +293,18 @@ fn an_uncertain_measurement_hardly_counts() {
 #[test]
 fn residuals_tell_sigma() {
     let mut scenario = scenario("klimchik2012");
-    scenario.instrument.sigma_m = 0.07e-3;
+    scenario.task.belief.instrument.sigma_m = 0.07e-3;
     let mut plan = table4(12);
     for experiment in &mut plan.experiments {
         experiment.repeats = 20;
     }
-    let measurements = VirtualRobot::new(&scenario.true_robot, &scenario.calibration_tool.name)
-        .expect("the site exists")
-        .measure(&plan, &scenario.instrument, 11, 0)
-        .expect("stable");
+    let measurements = VirtualRobot::new(
+        &scenario.truth.robot,
+        &scenario.task.belief.calibration_tool.name,
+    )
+    .expect("the site exists")
+    .measure(&plan, &scenario.task.belief.instrument, 11, 0)
+    .expect("stable");
     let found = identified(
         &scenario,
         &measurements,

@@ -10,9 +10,9 @@ fn tables() -> Reproduction {
     let scenario = scenario("klimchik2012");
     let table_4 = [2, 3, 4, 6, 12].map(table4).to_vec();
     Reproduction {
-        equation_23: equation_23(&scenario).expect("the paper's problem"),
-        table_5: standard_errors(&scenario, &table_4),
-        table_6: accuracies(&scenario, &table_4),
+        equation_23: equation_23(&scenario.task).expect("the paper's problem"),
+        table_5: standard_errors(&scenario.task, &table_4),
+        table_6: accuracies(&scenario.task, &table_4),
         table_4,
         designs: Vec::new(),
         figure_7: Vec::new(),
@@ -50,9 +50,9 @@ fn what_should_agree_agrees_and_the_rest_is_as_known() {
 #[test]
 fn disagreement_is_named() {
     let mut scenario = scenario("klimchik2012");
-    scenario.test_poses[0].configuration_rad[4] += 0.02;
+    scenario.task.test_poses[0].configuration_rad[4] += 0.02;
     let mut reproduction = tables();
-    reproduction.equation_23 = equation_23(&scenario).expect("the paper's problem");
+    reproduction.equation_23 = equation_23(&scenario.task).expect("the paper's problem");
     reproduction.table_5[1].found[4] *= 1.006;
     reproduction.table_6[2].printed_m += 2e-9;
     let failures = reproduction.failures();

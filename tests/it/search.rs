@@ -3,6 +3,7 @@
 
 use std::sync::LazyLock;
 
+use elastocal::experiment::Loads;
 use elastocal::plan::search::{
     ApproximateDesign, Bound, Effort, Observer, Problem, SearchError, approximate_design,
     random_plan,
@@ -10,7 +11,8 @@ use elastocal::plan::search::{
 use elastocal::plan::{Assessment, Criterion, Experiment, Plan};
 use elastocal::random::generator;
 use elastocal::robot::Load;
-use elastocal::scenario::{Forbidden, Loads, Scenario};
+use elastocal::scenario::Scenario;
+use elastocal::task::Forbidden;
 use nalgebra::DMatrix;
 
 use crate::planning::{assert_close, best_rho0, designed, exact, largest_derivative, random_load};
@@ -52,12 +54,16 @@ impl Assessed {
         [experiments, configurations]: [u32; 2],
         seed: u64,
     ) -> Self {
-        let problem = Problem::new(scenario, Criterion::TestPose);
+        let problem = Problem::new(&scenario.task, Criterion::TestPose);
         let plan = exact(&problem, approximate, experiments, configurations, seed)
             .expect("there is a plan")
             .plan;
         Self {
-            assessment: Assessment::new(scenario, &plan, Some(&Bound::new(scenario, approximate))),
+            assessment: Assessment::new(
+                &scenario.task,
+                &plan,
+                Some(&Bound::new(&scenario.task, approximate)),
+            ),
             plan,
             experiments,
         }
@@ -69,7 +75,7 @@ impl Assessed {
 }
 
 fn approximate(scenario: &Scenario, seed: u64) -> ApproximateDesign {
-    let problem = Problem::new(scenario, Criterion::TestPose);
+    let problem = Problem::new(&scenario.task, Criterion::TestPose);
     approximate_design(&problem, seed).expect("there is a design")
 }
 
@@ -82,13 +88,13 @@ fn plans_of_table_4(scenario: &Scenario, seed: u64) -> Vec<Assessed> {
 }
 
 fn quick(scenario: &Scenario, criterion: Criterion, experiments: u32) -> Result<Plan, SearchError> {
-    let mut problem = Problem::new(scenario, criterion);
+    let mut problem = Problem::new(&scenario.task, criterion);
     problem.effort = QUICK;
     designed(&problem, experiments, experiments, 1).map(|(_, exact)| exact.plan)
 }
 
 fn quick_rho0_um(scenario: &Scenario, plan: &Plan) -> f64 {
-    let assessment = Assessment::new(scenario, plan, None);
+    let assessment = Assessment::new(&scenario.task, plan, None);
     assert_eq!(assessment.violations, []);
     assessment.rho0_m.expect("the plan is regular") * 1e6
 }
@@ -139,11 +145,12 @@ fn gradients_are_those_of_central_differences() {
         ("kr270_all_joints", [300.0, -200.0, 100.0], Some(2e-5)),
     ] {
         let mut scenario = scenario(name);
-        scenario.instrument.rotation_sigma_rad = rotation_sigma_rad;
-        let problem = Problem::new(&scenario, Criterion::TestPose);
+        scenario.task.belief.instrument.rotation_sigma_rad = rotation_sigma_rad;
+        let problem = Problem::new(&scenario.task, Criterion::TestPose);
         let mut observer = problem.observer();
         for run in 0..5 {
-            let mut plan = random_plan(&scenario, 4, run).expect("there is one");
+            let mut plan =
+                random_plan(&scenario.task, 4, scenario.seed, run).expect("there is one");
             let first = plan.experiments.remove(0);
             let rest = problem.information(&plan);
             let q = first.configuration_rad.as_slice();
@@ -196,7 +203,7 @@ fn gradients_are_those_of_central_differences() {
 fn no_configuration_of_a_fresh_million_beats_the_certificate() {
     for name in ["klimchik2012", "kr270"] {
         let scenario = scenario(name);
-        let problem = Problem::new(&scenario, Criterion::TestPose);
+        let problem = Problem::new(&scenario.task, Criterion::TestPose);
         let design = approximate(&scenario, 1);
         let largest = design.certificate.largest_derivative;
         assert!(design.certificate.largest_inside <= design.certificate.cost * 1.0002);
@@ -276,7 +283,7 @@ fn plans_beat_those_of_table_4_and_come_near_the_bound() {
     let scenario = scenario("klimchik2012");
     for found in PLANS.iter().flatten() {
         let m = found.experiments;
-        let paper = Assessment::new(&scenario, &table4(m), None);
+        let paper = Assessment::new(&scenario.task, &table4(m), None);
         let paper_um = paper.rho0_m.expect("the plan is regular") * 1e6;
         let printed = TABLE_4_UM.iter().find(|(each, _)| *each == m);
         let (_, expected) = printed.expect("it is in the table");
@@ -347,7 +354,7 @@ fn twelve_measurements_in_few_configurations_lose_little() {
 #[test]
 fn a_free_force_beats_the_vertical_one_in_its_best_direction() {
     let mut free = scenario("klimchik2012");
-    free.loads = Loads::Any {
+    free.task.loads = Loads::Any {
         force_max_n: 2500.0,
     };
     let plan = quick(&free, Criterion::TestPose, 3).expect("there is a plan");
@@ -359,7 +366,7 @@ fn a_free_force_beats_the_vertical_one_in_its_best_direction() {
         assert_close("force", experiment.load.force_n.norm(), 2500.0, 1e-12);
     }
 
-    let problem = Problem::new(&free, Criterion::TestPose);
+    let problem = Problem::new(&free.task, Criterion::TestPose);
     let design = approximate(&free, 1);
     let mut observer = problem.observer();
     let mut random = generator(5, 0);
@@ -374,7 +381,7 @@ fn a_free_force_beats_the_vertical_one_in_its_best_direction() {
         // ... its largest eigenvalue is its maximum over all directions of the force ...
         let most = form.symmetric_eigenvalues().max() * 2500.0_f64.powi(2);
         for _ in 0..2000 {
-            let other = information(&random_load(&free.loads, &mut random));
+            let other = information(&random_load(&free.task.loads, &mut random));
             assert!(other <= most * (1.0 + 1e-9), "{other} above {most}");
         }
         // ... which the search's force attains, and the certificate covers.
@@ -386,7 +393,7 @@ fn a_free_force_beats_the_vertical_one_in_its_best_direction() {
 #[test]
 fn a_list_of_loads_shows_all_six_compliances() {
     let scenario = scenario("kr270_all_joints");
-    let Loads::List(loads) = &scenario.loads else {
+    let Loads::List(loads) = &scenario.task.loads else {
         panic!("the scenario has a list of loads");
     };
     let plan = quick(&scenario, Criterion::TestPose, 4).expect("there is a plan");
@@ -395,12 +402,12 @@ fn a_list_of_loads_shows_all_six_compliances() {
             .iter()
             .all(|each| loads.contains(&each.load))
     );
-    let assessment = Assessment::new(&scenario, &plan, None);
+    let assessment = Assessment::new(&scenario.task, &plan, None);
     assert_eq!(assessment.violations, []);
     assert!(assessment.undetermined().is_empty());
     // One load of the list alone does not do: the weight leaves axis 1 without torque.
     let mut vertical = scenario.clone();
-    vertical.loads = Loads::List(loads[..1].to_vec());
+    vertical.task.loads = Loads::List(loads[..1].to_vec());
     let error = quick(&vertical, Criterion::TestPose, 4).expect_err("axis 1 does not show");
     assert!(error.to_string().contains("joint_1"), "{error}");
 }
@@ -411,7 +418,7 @@ fn mandatory_experiments_are_in_the_plan_and_in_its_bound() {
     let mut mandatory = table4(3);
     mandatory.experiments.truncate(1);
     mandatory.experiments[0].repeats = 2;
-    scenario.design.mandatory = mandatory.clone();
+    scenario.task.design.mandatory = mandatory.clone();
     let found = Assessed::new(&scenario, &approximate(&scenario, 1), [5, 5], 1);
     assert_eq!(found.plan.experiments[0], mandatory.experiments[0]);
     assert_eq!(found.plan.measurements(), 5);
@@ -420,7 +427,7 @@ fn mandatory_experiments_are_in_the_plan_and_in_its_bound() {
     let efficiency = found.assessment.efficiency().expect("there is a bound");
     assert!(efficiency > 0.9 && efficiency <= 1.0, "{efficiency}");
     // Worse than a free choice of five, better than of three.
-    scenario.design.mandatory = Plan::default();
+    scenario.task.design.mandatory = Plan::default();
     let rho0 = |experiments: u32| best_rho0(&scenario, experiments, 1) * 1e6;
     assert!(found.rho0_um() > rho0(5) && found.rho0_um() < rho0(3));
 }
@@ -434,8 +441,8 @@ fn forbidden_configurations_are_avoided() {
         configuration_rad: experiment.configuration_rad.clone(),
         within_rad: 0.4,
     };
-    scenario.region.forbidden = free.plan.experiments.iter().map(forbid).collect();
-    let before = Assessment::new(&scenario, &free.plan, None);
+    scenario.task.region.forbidden = free.plan.experiments.iter().map(forbid).collect();
+    let before = Assessment::new(&scenario.task, &free.plan, None);
     assert_eq!(before.violations.len(), 3);
     let plan = quick(&scenario, Criterion::TestPose, 3).expect("there is a plan");
     // This asserts that there is no violation.
@@ -447,20 +454,20 @@ fn forbidden_configurations_are_avoided() {
 #[test]
 fn an_empty_region_names_its_constraints_with_shares() {
     let mut scenario = scenario("klimchik2012");
-    scenario.region.tool_height_m = [Some(5.0), None];
+    scenario.task.region.tool_height_m = [Some(5.0), None];
     let error = quick(&scenario, Criterion::TestPose, 3).expect_err("nothing is so high");
     let text = error.to_string();
     println!("{text}");
     assert!(text.contains("tool height rejects 100.0 %"), "{text}");
     assert!(text.contains("tool elevation rejects"), "{text}");
     assert!(matches!(error, SearchError::EmptyRegion { .. }));
-    assert!(random_plan(&scenario, 3, 1).is_err());
+    assert!(random_plan(&scenario.task, 3, scenario.seed, 1).is_err());
 }
 
 #[test]
 fn a_compliance_that_no_load_excites_is_named() {
     let mut scenario = scenario("klimchik2012");
-    scenario.parameters.insert(0, 0);
+    scenario.task.belief.parameters.insert(0, 0);
     let error = quick(&scenario, Criterion::TestPose, 3).expect_err("axis 1 does not show");
     let joints = vec!["joint_1".to_owned()];
     assert_eq!(error, SearchError::NotExcited { joints });
@@ -470,12 +477,12 @@ fn a_compliance_that_no_load_excites_is_named() {
 #[test]
 fn a_compliance_that_neither_shows_nor_matters_is_left_out() {
     let mut without = scenario("klimchik2012");
-    without.test_poses[0].load.force_n.y = 0.0;
+    without.task.test_poses[0].load.force_n.y = 0.0;
     let mut with = without.clone();
-    with.parameters.insert(0, 0);
+    with.task.belief.parameters.insert(0, 0);
     let [one, other] = [&without, &with].map(|scenario| {
         let plan = quick(scenario, Criterion::TestPose, 3).expect("there is a plan");
-        (Assessment::new(scenario, &plan, None), plan)
+        (Assessment::new(&scenario.task, &plan, None), plan)
     });
     assert_eq!(one.1, other.1);
     assert_eq!(other.0.undetermined(), [0]);
@@ -510,7 +517,7 @@ fn too_few_measurements_are_an_error() {
 #[test]
 fn every_criterion_has_its_plan() {
     let scenario = scenario("klimchik2012");
-    let problem = Problem::new(&scenario, Criterion::TestPose);
+    let problem = Problem::new(&scenario.task, Criterion::TestPose);
     let informations: Vec<_> = Criterion::ALL
         .iter()
         .map(|&criterion| {

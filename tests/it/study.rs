@@ -2,13 +2,14 @@
 
 use elastocal::calibration::calibrate;
 use elastocal::random::normal::{LANES, Stream, fill_normals};
-use elastocal::scenario::{Level, Method, Scenario};
+use elastocal::scenario::Scenario;
 use elastocal::study::model_level::Model;
 use elastocal::study::robot_level::RobotRuns;
 use elastocal::study::runner::Runner;
 use elastocal::study::summary::Summary;
 use elastocal::study::tally::{Sum, Tally};
-use elastocal::study::{Entry, EntryKind, Setting, StudyError, repeated};
+use elastocal::study::{Entry, EntryKind, Level, Setting, StudyError, repeated};
+use elastocal::task::Method;
 use serde_json::Value;
 
 use crate::support::{Workplace, numbers, scenario, scenario_text, table4};
@@ -24,16 +25,16 @@ fn paper_plans(sizes: &[u32], experiments: u32) -> Vec<Entry> {
 }
 
 /// The scenario with so many measurements in each run.
-fn setting(scenario: &Scenario, experiments: u32) -> Vec<Setting> {
-    let mut scenario = scenario.clone();
-    scenario.study.conditions[0].experiments = experiments;
-    Setting::all(&scenario)
+fn setting(scenario: &Scenario, experiments: u32) -> [Setting<'_>; 1] {
+    let mut conditions = scenario.study.conditions[0];
+    conditions.experiments = experiments;
+    [Setting::new(&scenario.task, &scenario.truth, conditions)]
 }
 
 fn run(scenario: &Scenario, level: Level, entries: &[Entry], trials: u64) -> Vec<Tally> {
     let experiments = entries[0].kind.plan().expect("fixed").measurements();
     let settings = setting(scenario, experiments);
-    let runner = Runner::new(&settings, level, entries).expect("works");
+    let runner = Runner::new(&settings, scenario.seed, level, entries).expect("works");
     let blocks = runner.blocks(trials);
     runner.run(trials, 0..blocks, 1, &|_| ()).expect("works")
 }
@@ -72,7 +73,7 @@ fn neither_threads_nor_order_change_a_bit() {
     });
     let trials = 10_001;
     let settings = setting(&scenario, 12);
-    let runner = Runner::new(&settings, Level::Model, &entries).expect("works");
+    let runner = Runner::new(&settings, scenario.seed, Level::Model, &entries).expect("works");
     let part = |start, step| {
         runner
             .run(trials, start..runner.blocks(trials), step, &|_| ())
@@ -105,7 +106,9 @@ fn neither_threads_nor_order_change_a_bit() {
 fn a_run_can_be_replayed_by_itself() {
     let scenario = scenario("klimchik2012");
     let plan = table4(3);
-    let model = Model::new(&scenario).plan(&plan).expect("determined");
+    let model = Model::new(&scenario.task, &scenario.truth)
+        .plan(&plan)
+        .expect("determined");
     let draw = |first| {
         let mut normals = [[0.0; LANES]; 9];
         fill_normals(Stream::Noise, scenario.seed, first, &mut normals);
@@ -117,7 +120,7 @@ fn a_run_can_be_replayed_by_itself() {
     assert_eq!(one.square[0].to_bits(), other.square[1].to_bits());
     assert_eq!(one.nees[0].to_bits(), other.nees[1].to_bits());
 
-    let experiments = elastocal::plan::ExperimentModel::new(&scenario);
+    let experiments = elastocal::plan::ExperimentModel::new(&scenario.task.belief);
     let mut observed = nalgebra::DMatrix::zeros(9, 5);
     for (index, experiment) in plan.repeated().enumerate() {
         let matrix = experiments.observation_matrix(experiment);
@@ -128,24 +131,26 @@ fn a_run_can_be_replayed_by_itself() {
     let inverse = information.clone().try_inverse().expect("regular");
     let error = inverse * observed.tr_mul(&noise);
     let test_pose = elastocal::compensation::test_pose_matrix(
-        &scenario.nominal.chain,
-        &scenario.machining_tool,
-        &scenario.test_poses[0],
-        &scenario.parameters,
+        &scenario.task.belief,
+        &scenario.task.test_poses[0],
+        &scenario.task.belief.parameters,
     );
     let square = (test_pose * &error).norm_squared();
     assert!((one.square[0] / square - 1.0).abs() < 1e-8, "{square}");
     let nees = error.dot(&(&information * &error));
     assert!((one.nees[0] / nees - 1.0).abs() < 1e-8, "{nees}");
 
-    let mut robot = RobotRuns::new(&scenario).expect("works");
+    let mut robot = RobotRuns::new(&scenario.task, &scenario.truth).expect("works");
     let first = robot.run(&plan, &alone, 0).expect("works");
     robot.run(&plan, &alone, 1).expect("works");
     assert_eq!(robot.run(&plan, &among, 1), Ok(first));
     // And it is what a single calibration shows.
-    let shown = calibrate(&scenario, &plan, 777).expect("works");
+    let shown =
+        calibrate(&scenario.task, &scenario.truth, &plan, scenario.seed, 777).expect("works");
     let square = shown.poses[0].seen.residual_m.norm_squared();
-    assert!((square / (first.0 * scenario.instrument.sigma_m.powi(2)) - 1.0).abs() < 1e-9);
+    assert!(
+        (square / (first.0 * scenario.task.belief.instrument.sigma_m.powi(2)) - 1.0).abs() < 1e-9
+    );
 }
 
 /// A study of one run shows what the replay of this run shows, true compliances and random plans
@@ -187,7 +192,7 @@ fn a_replay_is_the_run_of_the_study() {
 #[test]
 fn the_virtual_robot_keeps_the_promise_of_the_model() {
     let scenario = scenario("klimchik2012");
-    assert_eq!(scenario.method, Method::Nonlinear);
+    assert_eq!(scenario.task.belief.method, Method::Nonlinear);
     let entries = paper_plans(&[3], 3);
     let trials = 1500;
     let robot = &run(&scenario, Level::Robot, &entries, trials)[0];
@@ -209,9 +214,9 @@ fn true_compliances_may_vary() {
     let mut scenario = scenario("klimchik2012");
     let entries = paper_plans(&[3], 3);
     let fixed = run(&scenario, Level::Model, &entries, 2000);
-    let identified = scenario.parameters.clone();
+    let identified = scenario.task.belief.parameters.clone();
     for &joint in &identified {
-        scenario.study.compliance_spread[joint] = 0.2;
+        scenario.truth.compliance_spread[joint] = 0.2;
     }
     assert_eq!(run(&scenario, Level::Model, &entries, 2000), fixed);
     let robot = &run(&scenario, Level::Robot, &entries, 2000)[0];
@@ -225,15 +230,14 @@ fn true_compliances_may_vary() {
 
     // Joint 1 is not identified: a vertical load does not bend it, but the task load does.
     let spread: f64 = 0.1;
-    scenario.study.compliance_spread[0] = spread;
-    let nominal = scenario.nominal.compliance_rad_per_nm[0];
-    scenario.true_robot.compliance_rad_per_nm[0] = 1.1 * nominal;
+    scenario.truth.compliance_spread[0] = spread;
+    let nominal = scenario.task.belief.nominal.compliance_rad_per_nm[0];
+    scenario.truth.robot.compliance_rad_per_nm[0] = 1.1 * nominal;
     let (mean, mean_square) = ((spread * spread / 2.0).exp(), (2.0 * spread * spread).exp());
     let square = nominal.powi(2) * (1.21 * mean_square - 2.2 * mean + 1.0);
     let column = elastocal::compensation::test_pose_matrix(
-        &scenario.nominal.chain,
-        &scenario.machining_tool,
-        &scenario.test_poses[0],
+        &scenario.task.belief,
+        &scenario.task.test_poses[0],
         &[0],
     );
     let bias_square = column.norm_squared() * square / (3e-5_f64).powi(2);
@@ -264,7 +268,8 @@ fn run_fixed_robot(entries: &[Entry]) -> Tally {
 fn what_cannot_be_studied_is_named() {
     let scenario = scenario("klimchik2012");
     let settings = setting(&scenario, 12);
-    let new = |entries: &[Entry]| Runner::new(&settings, Level::Model, entries).map(drop);
+    let new =
+        |entries: &[Entry]| Runner::new(&settings, scenario.seed, Level::Model, entries).map(drop);
     assert!(matches!(new(&[]), Err(StudyError::NoPlan)));
     let wrong = new(&paper_plans(&[3], 6)).expect_err("six measurements");
     assert!(
@@ -577,11 +582,11 @@ fn shards_and_resumption_change_no_bit() {
 /// What was done before an interruption counts, and the rest is done.
 #[test]
 fn an_interrupted_study_goes_on() {
-    use elastocal::study::tally_file::{Header, TallyFile};
+    use elastocal::record::tally_file::{Header, TallyFile};
     let scenario = scenario("klimchik2012");
     let entries = paper_plans(&[3], 12);
     let settings = setting(&scenario, 12);
-    let runner = Runner::new(&settings, Level::Model, &entries).expect("works");
+    let runner = Runner::new(&settings, scenario.seed, Level::Model, &entries).expect("works");
     let trials = 10_000;
     let header = Header::new(&scenario, &settings, Level::Model, trials, 1, &entries);
     let folder = tempfile::tempdir().expect("a folder");

@@ -14,8 +14,8 @@ use crate::support::{Workplace, scenario, table4};
 #[test]
 fn a_chain_rests_where_any_model_would() {
     let scenario = scenario("klimchik2012");
-    let robot = &scenario.true_robot;
-    let site = &scenario.calibration_tool.name;
+    let robot = &scenario.truth.robot;
+    let site = &scenario.task.belief.calibration_tool.name;
     let mut chain = VirtualRobot::new(robot, site).expect("the site exists");
     let mut any = VirtualRobot::of_any_model(robot, site).expect("the site exists");
     for experiment in &table4(12).experiments {

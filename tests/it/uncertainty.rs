@@ -11,7 +11,8 @@ use elastocal::identification::{Identification, Sigma};
 use elastocal::measurement::Measurement;
 use elastocal::plan::{ExperimentModel, posterior};
 use elastocal::random::generator;
-use elastocal::scenario::{Method, Scenario};
+use elastocal::scenario::Scenario;
+use elastocal::task::Method;
 use elastocal::testbed::VirtualRobot;
 use nalgebra::{DVector, Vector3};
 use rand_distr::{Distribution, StandardNormal};
@@ -45,7 +46,7 @@ fn runs(
         let mut noisy = measurements.to_vec();
         for each in &mut noisy {
             let noise: Vector3<f64> = Vector3::from_fn(|_, _| StandardNormal.sample(&mut noise));
-            each.deflection_m += noise * scenario.instrument.sigma_m;
+            each.deflection_m += noise * scenario.task.belief.instrument.sigma_m;
         }
         identified(scenario, &noisy, sigma, method)
     };
@@ -54,12 +55,14 @@ fn runs(
 
 /// Measurements of a robot for which eq. 2 holds exactly.
 fn linear_truth(scenario: &Scenario) -> Vec<Measurement> {
-    let model = ExperimentModel::new(scenario);
+    let model = ExperimentModel::new(&scenario.task.belief);
     let compliance = scenario
+        .task
+        .belief
         .parameters
         .iter()
-        .map(|&joint| scenario.true_robot.compliance_rad_per_nm[joint]);
-    let compliance = DVector::from_iterator(scenario.parameters.len(), compliance);
+        .map(|&joint| scenario.truth.robot.compliance_rad_per_nm[joint]);
+    let compliance = DVector::from_iterator(scenario.task.belief.parameters.len(), compliance);
     let plan = table4(3);
     let mut measurements = noise_free(scenario, &plan);
     for (each, experiment) in measurements.iter_mut().zip(plan.repeated()) {
@@ -74,7 +77,7 @@ fn linear_truth(scenario: &Scenario) -> Vec<Measurement> {
 #[test]
 fn intervals_of_95_percent_cover_the_truth_in_95_percent() {
     let scenario = scenario("klimchik2012");
-    let known = Sigma::Known(scenario.instrument.sigma_m);
+    let known = Sigma::Known(scenario.task.belief.instrument.sigma_m);
     let simulated = noise_free(&scenario, &table4(3));
     for (measurements, sigma, method) in [
         (&linear_truth(&scenario), known, Method::Linear),
@@ -89,7 +92,7 @@ fn intervals_of_95_percent_cover_the_truth_in_95_percent() {
         let mut covered = [0; 5];
         for run in runs(&scenario, measurements, sigma, method) {
             for (count, parameter) in covered.iter_mut().zip(&run.parameters) {
-                let truth = scenario.true_robot.compliance_rad_per_nm[parameter.joint];
+                let truth = scenario.truth.robot.compliance_rad_per_nm[parameter.joint];
                 let [low, high] = parameter.estimate.expect("determined").interval95;
                 *count += u32::from((low..=high).contains(&truth));
             }
@@ -109,18 +112,25 @@ fn intervals_of_95_percent_cover_the_truth_in_95_percent() {
 #[test]
 fn compensation_is_as_good_as_predicted() {
     let scenario = scenario("klimchik2012");
-    let pose = &scenario.test_poses[0];
-    let (chain, tool) = (&scenario.nominal.chain, &scenario.machining_tool);
-    let promised = posterior(&scenario, &table4(3));
+    let pose = &scenario.task.test_poses[0];
+    let (chain, tool) = (
+        &scenario.task.belief.nominal.chain,
+        &scenario.task.belief.machining_tool,
+    );
+    let promised = posterior(&scenario.task.belief, &table4(3));
     let covariance = &promised.covariance;
-    let matrix = test_pose_matrix(chain, tool, pose, &scenario.parameters);
+    let matrix = test_pose_matrix(
+        &scenario.task.belief,
+        pose,
+        &scenario.task.belief.parameters,
+    );
     let rho0 = predicted_error(&matrix, &promised).expect("determined");
     let at_pose = &matrix * covariance * matrix.transpose();
     let deviation = (2.0 * (&at_pose * &at_pose).trace() / f64::from(RUNS)).sqrt();
 
-    let mut robot = VirtualRobot::new(&scenario.true_robot, &tool.name).expect("there is");
+    let mut robot = VirtualRobot::new(&scenario.truth.robot, &tool.name).expect("there is");
     let measurements = noise_free(&scenario, &table4(3));
-    let known = Sigma::Known(scenario.instrument.sigma_m);
+    let known = Sigma::Known(scenario.task.belief.instrument.sigma_m);
     let mut sum = 0.0;
     for run in runs(&scenario, &measurements, known, Method::Nonlinear) {
         let compliance = &run.compliance_rad_per_nm;
@@ -142,7 +152,7 @@ fn compensation_is_as_good_as_predicted() {
 fn consistency_is_uniform() {
     let scenario = scenario("klimchik2012");
     let measurements = noise_free(&scenario, &table4(3));
-    let known = Sigma::Known(scenario.instrument.sigma_m);
+    let known = Sigma::Known(scenario.task.belief.instrument.sigma_m);
     let runs = runs(&scenario, &measurements, known, Method::Nonlinear);
     for level in [0.05, 0.25, 0.5, 0.75, 0.95] {
         let below = |run: &&Identification| run.consistency.expect("residuals are left") < level;

@@ -3,19 +3,20 @@
 use anyhow::Context;
 use elastocal::plan::Plan;
 use elastocal::plan::search::random_plan;
-use elastocal::scenario::{Conditions, Scenario, StudyPlan, StudySource};
+use elastocal::scenario::Scenario;
+use elastocal::study::{Conditions, StudyPlan, StudySource};
 use elastocal::study::{Entry, EntryKind, Setting, repeated};
 use elastocal::wording::counted;
 
 use crate::cli::Common;
 use crate::cli::interruption::NEVER;
-use crate::cli::plan::design;
+use crate::cli::plan::{Wanted, design};
 
 /// The plans of a study, under all conditions for which whole repetitions make up the measurements.
 pub fn entries(
     common: &Common,
     scenario: &Scenario,
-    settings: &[Setting],
+    settings: &[Setting<'_>],
 ) -> anyhow::Result<Vec<Entry>> {
     let mut entries: Vec<Entry> = Vec::new();
     for (index, setting) in settings.iter().enumerate() {
@@ -35,7 +36,7 @@ pub fn entries(
             });
             let kind = match known {
                 Some(entry) => entry.kind.clone(),
-                None => entry_kind(common, setting, plan)?,
+                None => entry_kind(common, scenario.seed, setting, plan)?,
             };
             entries.push(Entry {
                 name: plan.name.clone(),
@@ -48,8 +49,13 @@ pub fn entries(
 }
 
 /// Reads, designs or draws a plan, and repeats it as a whole.
-fn entry_kind(common: &Common, setting: &Setting, plan: &StudyPlan) -> anyhow::Result<EntryKind> {
-    let (scenario, conditions) = (&setting.scenario, &setting.conditions);
+fn entry_kind(
+    common: &Common,
+    seed: u64,
+    setting: &Setting<'_>,
+    plan: &StudyPlan,
+) -> anyhow::Result<EntryKind> {
+    let (task, conditions) = (&setting.task, &setting.conditions);
     let whole = |plan: &Plan| {
         let found = plan.measurements();
         repeated(plan, conditions.experiments).with_context(|| {
@@ -78,15 +84,20 @@ fn entry_kind(common: &Common, setting: &Setting, plan: &StudyPlan) -> anyhow::R
             ));
             let designed = design(
                 common,
-                scenario,
-                *criterion,
-                experiments,
-                *configurations,
+                task,
+                seed,
+                Wanted {
+                    criterion: *criterion,
+                    experiments,
+                    configurations: *configurations,
+                },
                 &NEVER,
             )?;
             EntryKind::Fixed(whole(&designed.exact.plan)?)
         }
-        StudySource::Random => EntryKind::Random(random_plan(scenario, conditions.experiments, 0)?),
+        StudySource::Random => {
+            EntryKind::Random(random_plan(task, conditions.experiments, seed, 0)?)
+        }
         StudySource::RandomEach => EntryKind::RandomEach,
     })
 }

@@ -12,10 +12,11 @@ use elastocal::diagnostics::say;
 use elastocal::files::{FileError, make_folder};
 use elastocal::limits::{MOST_SHARDS, MOST_TRIALS};
 use elastocal::record::messages::SchemaMessage;
-use elastocal::scenario::{Level, Scenario, StudyPlan, StudySource};
+use elastocal::record::tally_file::{Header, TallyFile};
+use elastocal::scenario::Scenario;
+use elastocal::study::StudyError;
 use elastocal::study::runner::Runner;
-use elastocal::study::tally_file::{Header, TallyFile};
-use elastocal::study::{Setting, StudyError};
+use elastocal::study::{Level, StudyPlan, StudySource};
 use elastocal::view::study_recording::next_snapshot;
 use indicatif::ProgressStyle;
 use serde_json::json;
@@ -97,9 +98,9 @@ impl StudyCommand {
         let level = self.level.unwrap_or(scenario.study.level);
         let (shard, shards) = self.shard.unwrap_or((1, 1));
 
-        let settings = Setting::all(&scenario);
+        let settings = scenario.settings();
         let entries = entries(common, &scenario, &settings)?;
-        let runner = Runner::new(&settings, level, &entries)?.stopped_by(ask_work());
+        let runner = Runner::new(&settings, scenario.seed, level, &entries)?.stopped_by(ask_work());
         let header = Header::new(&scenario, &settings, level, trials, shards, &entries);
         let mut part = match &self.resume {
             Some(path) => TallyFile::resume(path, header, shard)?,
@@ -113,6 +114,7 @@ impl StudyCommand {
         let target = self.rerun.as_ref();
         let mut observer = if self.shard.is_none() || target.is_some() {
             Some(StudyObserver::new(
+                &scenario,
                 &settings,
                 &part.header,
                 &entries,

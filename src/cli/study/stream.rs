@@ -4,9 +4,10 @@ use std::path::Path;
 
 use elastocal::calibration::calibrate;
 use elastocal::plan::search::random_plan;
+use elastocal::record::tally_file::Header;
+use elastocal::scenario::Scenario;
 use elastocal::study::runner::Runner;
 use elastocal::study::tally::Tally;
-use elastocal::study::tally_file::Header;
 use elastocal::study::{Entry, Setting};
 use elastocal::view::mcap_file::study::write_study_mcap;
 use elastocal::view::recording::Recording;
@@ -31,7 +32,8 @@ pub struct StudyObserver {
 impl StudyObserver {
     /// Calibrates once with each plan, to be shown, and opens the viewer.
     pub fn new(
-        settings: &[Setting],
+        scenario: &Scenario,
+        settings: &[Setting<'_>],
         header: &Header,
         entries: &[Entry],
         target: Option<&Target>,
@@ -40,21 +42,22 @@ impl StudyObserver {
         for (entry, label) in entries.iter().zip(header.labels()) {
             let Setting {
                 conditions,
-                scenario,
+                task,
+                truth,
             } = &settings[entry.setting];
             let plan = match entry.kind.plan() {
                 Some(plan) => plan.clone(),
                 // The plan of run 0 stands for all.
-                None => random_plan(scenario, conditions.experiments, 0)?,
+                None => random_plan(task, conditions.experiments, scenario.seed, 0)?,
             };
             // A plan that fails on the virtual robot is not shown, and may do by the linear model.
-            if let Ok(calibration) = calibrate(scenario, &plan, 0) {
+            if let Ok(calibration) = calibrate(task, truth, &plan, scenario.seed, 0) {
                 calibrations.push((label, calibration));
             }
         }
         let study = StudyRecording {
             header: header.clone(),
-            arms: Recording::new(&settings[0].scenario, &calibrations)?,
+            arms: Recording::new(scenario, &calibrations)?,
         };
         let mut observer = Self {
             study,

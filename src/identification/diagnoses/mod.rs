@@ -28,7 +28,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::{Case, Identification};
 use crate::measurement::Measurement;
-use crate::scenario::Robot;
+use crate::robot::Robot;
 use evidence::Evidence;
 use hypotheses::{Hypothesis, hypotheses};
 

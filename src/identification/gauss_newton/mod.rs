@@ -16,7 +16,7 @@ use crate::estimable::Estimable;
 use crate::observation::{
     NormalEquations, Observation, PlannedReading, normal_equations, planned_information,
 };
-use crate::parameter::{Belief, Freedoms, ParameterSet, relative_precision};
+use crate::parameter::{ElasticArm, Freedoms, ParameterSet, relative_precision};
 use crate::posterior::Posterior;
 use crate::robot::EquilibriumError;
 
@@ -60,7 +60,7 @@ pub enum FitError {
 #[derive(Debug, Clone, PartialEq)]
 pub struct ParameterFit {
     /// The belief with the fitted values.
-    pub belief: Belief,
+    pub belief: ElasticArm,
     /// Values, covariance, and what is determined; in the parameters' units.
     pub posterior: Posterior,
     /// What is not.
@@ -86,7 +86,7 @@ impl ParameterFit {
 /// # Errors
 /// See [`FitError`].
 pub fn fit_parameters(
-    nominal: &Belief,
+    nominal: &ElasticArm,
     set: &ParameterSet,
     observations: &[Observation],
 ) -> Result<ParameterFit, FitError> {
@@ -134,7 +134,7 @@ pub fn fit_parameters(
 
 /// What the observations and the set's prior determine.
 fn determined(
-    nominal: &Belief,
+    nominal: &ElasticArm,
     set: &ParameterSet,
     observations: &[Observation],
 ) -> (Freedoms, Estimable) {
@@ -147,7 +147,7 @@ fn determined(
 
 /// The prior's mean (p) with frames of the base and of the tools that fit best when all else is as it is
 /// believed to be.
-fn frames(nominal: &Belief, set: &ParameterSet, observations: &[Observation]) -> DVector<f64> {
+fn frames(nominal: &ElasticArm, set: &ParameterSet, observations: &[Observation]) -> DVector<f64> {
     let mut start = set.prior().mean.clone();
     let is_frame: Vec<usize> = (0..set.len())
         .filter(|&index| set.parameters()[index].kind.is_mounted())
@@ -181,7 +181,7 @@ fn frames(nominal: &Belief, set: &ParameterSet, observations: &[Observation]) ->
 }
 
 struct Problem<'a> {
-    nominal: &'a Belief,
+    nominal: &'a ElasticArm,
     set: &'a ParameterSet,
     observations: &'a [Observation],
     prior: nalgebra::DMatrix<f64>,

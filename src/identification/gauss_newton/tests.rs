@@ -13,7 +13,7 @@ use crate::robot::Load;
 const SIGMA_M: f64 = 2e-5;
 const SIGMA_RAD: f64 = 2e-5;
 
-fn setups(numbers: &mut Numbers, belief: &Belief, count: usize, force_n: f64) -> Vec<Setup> {
+fn setups(numbers: &mut Numbers, belief: &ElasticArm, count: usize, force_n: f64) -> Vec<Setup> {
     (0..count)
         .map(|index| Setup {
             commanded_rad: numbers.configuration(&belief.chain),
@@ -27,7 +27,7 @@ fn whitener() -> Whitener {
     Whitener::independent(Vector3::repeat(SIGMA_M), Vector3::repeat(SIGMA_RAD))
 }
 
-fn freedoms(belief: &Belief, set: &ParameterSet, kind: ReadingKind, force_n: f64) -> Freedoms {
+fn freedoms(belief: &ElasticArm, set: &ParameterSet, kind: ReadingKind, force_n: f64) -> Freedoms {
     let planned: Vec<PlannedReading> = setups(&mut Numbers(5), belief, 400, force_n)
         .into_iter()
         .map(|setup| PlannedReading {
@@ -40,12 +40,12 @@ fn freedoms(belief: &Belief, set: &ParameterSet, kind: ReadingKind, force_n: f64
     Freedoms::new(belief, set, &information)
 }
 
-fn unknown(belief: &Belief, kinds: &[ParameterKind]) -> ParameterSet {
+fn unknown(belief: &ElasticArm, kinds: &[ParameterKind]) -> ParameterSet {
     ParameterSet::new(belief, kinds.iter().map(|&kind| (kind, None))).expect("a set")
 }
 
 /// Some of these parameters, without those that are redundant for poses.
-fn minimal(belief: &Belief, kinds: &[ParameterKind], force_n: f64) -> ParameterSet {
+fn minimal(belief: &ElasticArm, kinds: &[ParameterKind], force_n: f64) -> ParameterSet {
     let all = unknown(belief, kinds);
     let redundant = freedoms(belief, &all, ReadingKind::Pose, force_n).redundant();
     let kept: Vec<ParameterKind> = (0..kinds.len())
@@ -61,7 +61,7 @@ fn minimal(belief: &Belief, kinds: &[ParameterKind], force_n: f64) -> ParameterS
 /// Readings of an arm with these values of the parameters.
 fn observe(
     numbers: &mut Numbers,
-    nominal: &Belief,
+    nominal: &ElasticArm,
     set: &ParameterSet,
     truth: &DVector<f64>,
     setups: &[Setup],
@@ -102,7 +102,7 @@ fn changed(numbers: &mut Numbers, set: &ParameterSet, sizes: f64) -> DVector<f64
 }
 
 /// A UR10 with a payload and a second reflector: geometry, five compliances, payload.
-fn forty_five() -> (Belief, ParameterSet) {
+fn forty_five() -> (ElasticArm, ParameterSet) {
     let mut belief = ur10();
     let mut second = belief.tools[0].clone();
     second.link_from_tool.translation.vector = Vector3::new(-0.06, 0.02, 0.15);

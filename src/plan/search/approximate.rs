@@ -232,7 +232,7 @@ fn certify(
 /// The number of mandatory measurements, and the largest sum of derivatives of experiments that are
 /// printed as these.
 fn mandatory(problem: &Problem<'_>, directions: &DMatrix<f64>) -> (u32, f64) {
-    let plan = &problem.scenario.design.mandatory;
+    let plan = &problem.task.design.mandatory;
     let derivative = |experiment: &Experiment| {
         let (q, load) = (experiment.configuration_rad.as_slice(), &experiment.load);
         let local = LocalSearch::new(problem).near(q, load, WIDENED_RAD);

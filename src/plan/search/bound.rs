@@ -6,13 +6,13 @@ use super::approximate::{ApproximateDesign, Certificate, approximate_design};
 use super::problem::{Problem, SearchError};
 use crate::experiment::{Experiment, NotMandatory, Plan};
 use crate::plan::{Criterion, Feasibility, widened};
-use crate::scenario::Scenario;
+use crate::task::Task;
 
 /// A lower bound of `rho_0` for every plan of a class, by the number m of measurements.
 ///
 /// The class is that of plans
-/// - under loads of the scenario, or such as are printed alike ([`crate::experiment::Loads`]);
-/// - with all mandatory experiments of the scenario, each at least as often as there (angles within
+/// - under loads of the task, or such as are printed alike ([`crate::experiment::Loads`]);
+/// - with all mandatory experiments of the task, each at least as often as there (angles within
 ///   [`PRINTED_RAD`](crate::experiment::PRINTED_RAD), loads printed alike);
 /// - whose other experiments keep the smooth bounds of the region (joint ranges, the tool's height,
 ///   radius and elevation, torques), widened as [`widened`] says.
@@ -21,8 +21,8 @@ use crate::scenario::Scenario;
 /// bound, and the reason is told.
 #[derive(Debug, Clone)]
 pub struct Bound {
-    /// The scenario with the region of the class.
-    class: Scenario,
+    /// The task with the region of the class.
+    class: Task,
     basis: Basis,
 }
 
@@ -58,26 +58,26 @@ pub enum NoBound {
 }
 
 impl Bound {
-    /// The bound that the approximate design for a scenario's test poses gives.
+    /// The bound that the approximate design for a task's test poses gives.
     #[must_use]
-    pub fn new(scenario: &Scenario, approximate: &ApproximateDesign) -> Self {
-        Self::resting_on(scenario, Basis::Searches(approximate.certificate))
+    pub fn new(task: &Task, approximate: &ApproximateDesign) -> Self {
+        Self::resting_on(task, Basis::Searches(approximate.certificate))
     }
 
-    /// Searches the bound of a scenario's plans; what was not found is told where it is asked for.
+    /// Searches the bound of a task's plans under a seed; what was not found is told where it is asked for.
     #[must_use]
-    pub fn search(scenario: &Scenario) -> Self {
-        let problem = Problem::new(scenario, Criterion::TestPose);
-        let basis = match approximate_design(&problem, scenario.seed) {
+    pub fn search(task: &Task, seed: u64) -> Self {
+        let problem = Problem::new(task, Criterion::TestPose);
+        let basis = match approximate_design(&problem, seed) {
             Ok(approximate) => Basis::Searches(approximate.certificate),
             Err(error) => Basis::Nothing(error),
         };
-        Self::resting_on(scenario, basis)
+        Self::resting_on(task, basis)
     }
 
-    fn resting_on(scenario: &Scenario, basis: Basis) -> Self {
-        let mut class = scenario.clone();
-        class.region = widened(&scenario.region);
+    fn resting_on(task: &Task, basis: Basis) -> Self {
+        let mut class = task.clone();
+        class.region = widened(&task.region);
         Self { class, basis }
     }
 

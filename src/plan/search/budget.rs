@@ -9,7 +9,7 @@ use super::bound::Bound;
 use super::exact::{Watch, exact_design_from};
 use super::problem::{Problem, SearchError};
 use crate::plan::{Criterion, Plan};
-use crate::scenario::Scenario;
+use crate::task::Task;
 
 /// Searches: fewer than for a single plan, since there are many.
 const SEARCHES: usize = 48;
@@ -36,15 +36,16 @@ pub struct BudgetPoint {
 /// # Errors
 /// No feasible experiment is found, or none that shows the compliances.
 pub fn budget(
-    scenario: &Scenario,
+    task: &Task,
     largest: u32,
+    seed: u64,
     watch: Watch<'_>,
     progress: &dyn Fn(usize, usize),
 ) -> Result<Vec<BudgetPoint>, SearchError> {
-    let mut problem = Problem::new(scenario, Criterion::TestPose);
+    let mut problem = Problem::new(task, Criterion::TestPose);
     problem.effort.searches = SEARCHES;
-    let approximate = approximate_design(&problem, scenario.seed)?;
-    let bound = Bound::new(scenario, &approximate);
+    let approximate = approximate_design(&problem, seed)?;
+    let bound = Bound::new(task, &approximate);
     let fewest = u32::try_from(problem.parameters().div_ceil(3)).unwrap_or(u32::MAX);
     let sizes: Vec<(u32, u32)> = (fewest..=largest)
         .flat_map(|m| {
@@ -73,7 +74,7 @@ pub fn budget(
             &problem,
             &approximate,
             [experiments, configurations],
-            scenario.seed,
+            seed,
             watch,
             &known,
         ) {

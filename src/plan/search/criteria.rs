@@ -4,7 +4,7 @@ use super::approximate::ApproximateDesign;
 use super::exact::{Watch, exact_design};
 use super::problem::Problem;
 use crate::plan::{Assessment, Criterion, Plan};
-use crate::scenario::Scenario;
+use crate::task::Task;
 
 /// Searches for each criterion: fewer than for a plan that will be measured.
 const SEARCHES: usize = 24;
@@ -37,18 +37,19 @@ pub struct CriterionPlan {
 }
 
 /// Designs a plan for every criterion of Table 1, of as many measurements and configurations as
-/// `for_test_poses` has, the plan that is best at the test poses. `approximate` is the scenario's
+/// `for_test_poses` has, the plan that is best at the test poses. `approximate` is the task's
 /// approximate design for them. Where there is no plan for a criterion, its entry says why.
 #[must_use]
 pub fn compare_criteria(
-    scenario: &Scenario,
+    task: &Task,
     approximate: &ApproximateDesign,
     for_test_poses: &Plan,
+    seed: u64,
     watch: Watch<'_>,
 ) -> Vec<CriterionPlan> {
     let judged = |criteria: &[Criterion], plan: Plan, agreeing: Option<usize>| CriterionPlan {
         criteria: criteria.to_vec(),
-        rho0_m: Assessment::new(scenario, &plan, None).rho0_m,
+        rho0_m: Assessment::new(task, &plan, None).rho0_m,
         plan,
         agreeing,
         problem: None,
@@ -57,14 +58,14 @@ pub fn compare_criteria(
     let configurations = u32::try_from(for_test_poses.experiments.len()).unwrap_or(experiments);
     let mut plans = vec![judged(&[Criterion::TestPose], for_test_poses.clone(), None)];
     for criteria in RIVALS {
-        let mut problem = Problem::new(scenario, criteria[0]);
+        let mut problem = Problem::new(task, criteria[0]);
         problem.effort.searches = SEARCHES;
         match exact_design(
             &problem,
             approximate,
             experiments,
             configurations,
-            scenario.seed,
+            seed,
             watch,
         ) {
             Ok(design) => plans.push(judged(criteria, design.plan, Some(design.agreeing))),

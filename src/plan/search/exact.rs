@@ -51,7 +51,7 @@ pub struct Watch<'a> {
 }
 
 /// Searches the best plan of `experiments` measurements in `configurations` different
-/// configurations, the mandatory ones of the scenario among them, from many starts.
+/// configurations, the mandatory ones of the task among them, from many starts.
 ///
 /// The result is a function of the problem and the seed alone, unless it is stopped.
 ///
@@ -86,7 +86,7 @@ pub(super) fn exact_design_from(
     known: &[Plan],
 ) -> Result<ExactDesign, SearchError> {
     problem.check_excited()?;
-    let mandatory = &problem.scenario.design.mandatory;
+    let mandatory = &problem.task.design.mandatory;
     let singular = SearchError::Singular {
         experiments,
         parameters: problem.parameters(),
@@ -192,7 +192,7 @@ const fn fewest_searches(configurations: u32) -> usize {
 
 /// Plans of earlier searches.
 fn known_plans(problem: &Problem<'_>, known: &[Plan]) -> Vec<Found> {
-    let mandatory = problem.scenario.design.mandatory.experiments.len();
+    let mandatory = problem.task.design.mandatory.experiments.len();
     known
         .par_iter()
         .map(|plan| {

@@ -1,4 +1,4 @@
-//! What is searched: the scenario's planning problem in relative units.
+//! What is searched: the planning problem in relative units.
 
 use nalgebra::DMatrix;
 use thiserror::Error;
@@ -11,7 +11,7 @@ use crate::estimable::Estimable;
 use crate::plan::{
     Criterion, CriterionFunction, ExperimentModel, Plan, SmoothBound, bounds_of, widened,
 };
-use crate::scenario::{Region, Scenario};
+use crate::task::{Region, Task};
 
 /// Why there is no plan.
 #[derive(Debug, Error, Clone, PartialEq)]
@@ -79,8 +79,8 @@ impl Default for Effort {
 /// A planning problem: the region, the loads, the criterion and the model, in relative units.
 #[derive(Debug, Clone)]
 pub struct Problem<'a> {
-    /// The scenario.
-    pub scenario: &'a Scenario,
+    /// What is planned for.
+    pub task: &'a Task,
     /// What makes a plan good.
     pub criterion: Criterion,
     /// How much work the search does.
@@ -104,12 +104,12 @@ pub struct Problem<'a> {
 }
 
 impl<'a> Problem<'a> {
-    /// The planning problem of a scenario for a criterion. For the test pose, compliances or combinations
+    /// The planning problem of a task for a criterion. For the test pose, compliances or combinations
     /// that no experiment shows and that do not matter there are left out; every other criterion is about
     /// all compliances.
     #[must_use]
-    pub fn new(scenario: &'a Scenario, criterion: Criterion) -> Self {
-        let mut problem = Self::of_parameters(scenario, criterion, &scenario.parameters);
+    pub fn new(task: &'a Task, criterion: Criterion) -> Self {
+        let mut problem = Self::of_parameters(task, criterion, &task.belief.parameters);
         let information = random_information(problem.observer(), &problem.ranges, &problem.loads);
         let shown = Estimable::new(&information, &vec![1.0; problem.parameters()]);
         if !shown.is_complete() {
@@ -144,7 +144,7 @@ impl<'a> Problem<'a> {
         };
         let name = |&index: &usize| {
             let joint = self.parameters[index];
-            self.scenario.nominal.chain.joints[joint].name.clone()
+            self.task.belief.nominal.chain.joints[joint].name.clone()
         };
         let (alone, together): (Vec<usize>, Vec<usize>) =
             missing.iter().partition(|&&index| silent[index]);
@@ -158,7 +158,7 @@ impl<'a> Problem<'a> {
             let kept: Vec<usize> = (0..size).filter(|&index| !silent[index]).collect();
             if kept.len() == basis.ncols() {
                 let kept: Vec<usize> = kept.iter().map(|&index| self.parameters[index]).collect();
-                return Self::of_parameters(self.scenario, self.criterion, &kept);
+                return Self::of_parameters(self.task, self.criterion, &kept);
             }
             self.test_poses = basis.tr_mul(&self.test_poses);
             self.basis = Some(basis.clone());
@@ -166,27 +166,27 @@ impl<'a> Problem<'a> {
         self
     }
 
-    fn of_parameters(scenario: &'a Scenario, criterion: Criterion, parameters: &[usize]) -> Self {
-        let typical_rad_per_nm = scenario.nominal.typical_rad_per_nm(parameters);
+    fn of_parameters(task: &'a Task, criterion: Criterion, parameters: &[usize]) -> Self {
+        let typical_rad_per_nm = task.belief.nominal.typical_rad_per_nm(parameters);
         Self {
             indifferent: Vec::new(),
-            bounds: bounds_of(&scenario.region),
-            ranges: ranges_of(&scenario.region),
-            loads: LoadChoice::new(&scenario.loads),
-            test_poses: scaled_test_poses(scenario, parameters, &typical_rad_per_nm),
+            bounds: bounds_of(&task.region),
+            ranges: ranges_of(&task.region),
+            loads: LoadChoice::new(&task.loads),
+            test_poses: scaled_test_poses(task, parameters, &typical_rad_per_nm),
             parameters: parameters.to_vec(),
             basis: None,
             impossible: None,
             typical_rad_per_nm,
             criterion,
             effort: Effort::default(),
-            scenario,
+            task,
         }
     }
 
     /// The same problem over the smooth bounds of a class of plans: those of the region, widened.
     pub(super) fn widened(&self) -> Self {
-        let region = widened(&self.scenario.region);
+        let region = widened(&self.task.region);
         Self {
             bounds: bounds_of(&region),
             ranges: ranges_of(&region),
@@ -245,7 +245,7 @@ impl<'a> Problem<'a> {
     #[must_use]
     pub fn observer(&self) -> Observer<'a> {
         Observer::new(
-            ExperimentModel::new(self.scenario),
+            ExperimentModel::new(&self.task.belief),
             &self.parameters,
             &self.typical_rad_per_nm,
             self.basis.as_ref(),
@@ -286,15 +286,10 @@ fn ranges_of(region: &Region) -> Vec<(f64, f64)> {
 }
 
 /// C^T (p x 3 poses): the test poses' matrices in relative units, times the roots of the weights.
-fn scaled_test_poses(scenario: &Scenario, parameters: &[usize], typical: &[f64]) -> DMatrix<f64> {
-    let mut stacked = DMatrix::zeros(typical.len(), 3 * scenario.test_poses.len());
-    for (index, pose) in scenario.test_poses.iter().enumerate() {
-        let matrix = test_pose_matrix(
-            &scenario.nominal.chain,
-            &scenario.machining_tool,
-            pose,
-            parameters,
-        );
+fn scaled_test_poses(task: &Task, parameters: &[usize], typical: &[f64]) -> DMatrix<f64> {
+    let mut stacked = DMatrix::zeros(typical.len(), 3 * task.test_poses.len());
+    for (index, pose) in task.test_poses.iter().enumerate() {
+        let matrix = test_pose_matrix(&task.belief, pose, parameters);
         for row in 0..3 {
             for (parameter, scale) in typical.iter().enumerate() {
                 stacked[(parameter, 3 * index + row)] =

@@ -53,7 +53,7 @@ impl<'a> Refinement<'a> {
             problem,
             local: LocalSearch::new(problem),
             sampler: Sampler::new(problem),
-            mandatory: problem.information(&problem.scenario.design.mandatory),
+            mandatory: problem.information(&problem.task.design.mandatory),
             work: RefCell::new(Work {
                 cost: problem.cost(),
                 information: DMatrix::zeros(size, size),

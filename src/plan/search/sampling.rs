@@ -14,7 +14,7 @@ use crate::plan::feasibility::COLLISION;
 use crate::plan::{Criterion, Experiment, Feasibility, Plan};
 use crate::random::generator;
 use crate::robot::Load;
-use crate::scenario::Scenario;
+use crate::task::Task;
 
 /// Random experiments that are tried before the region is held to be empty.
 const ATTEMPTS: usize = 20_000;
@@ -39,7 +39,7 @@ impl<'a> Sampler<'a> {
     pub fn new(problem: &'a Problem<'a>) -> Self {
         Self {
             local: LocalSearch::new(problem),
-            feasibility: Feasibility::new(problem.scenario),
+            feasibility: Feasibility::new(problem.task),
             problem,
         }
     }
@@ -173,12 +173,12 @@ pub struct RandomPlans<'a> {
 }
 
 impl<'a> RandomPlans<'a> {
-    /// Random plans of a problem, under its scenario's seed.
+    /// Random plans of a problem, under a seed.
     #[must_use]
-    pub fn new(problem: &'a Problem<'a>) -> Self {
+    pub fn new(problem: &'a Problem<'a>, seed: u64) -> Self {
         Self {
             sampler: Sampler::new(problem),
-            seed: problem.scenario.seed,
+            seed,
         }
     }
 
@@ -191,14 +191,19 @@ impl<'a> RandomPlans<'a> {
     }
 }
 
-/// A random feasible plan, number `run` under the scenario's seed: what a laboratory without a plan
+/// A random feasible plan, number `run` under a seed: what a laboratory without a plan
 /// would measure.
 ///
 /// # Errors
 /// No feasible experiment is found.
-pub fn random_plan(scenario: &Scenario, experiments: u32, run: u64) -> Result<Plan, SearchError> {
-    let problem = Problem::new(scenario, Criterion::TestPose);
-    draw_plan(&mut Sampler::new(&problem), experiments, scenario.seed, run)
+pub fn random_plan(
+    task: &Task,
+    experiments: u32,
+    seed: u64,
+    run: u64,
+) -> Result<Plan, SearchError> {
+    let problem = Problem::new(task, Criterion::TestPose);
+    draw_plan(&mut Sampler::new(&problem), experiments, seed, run)
 }
 
 /// The median of the accuracies `rho_0` (m) that so many random plans promise, drawn on all threads.
@@ -206,17 +211,18 @@ pub fn random_plan(scenario: &Scenario, experiments: u32, run: u64) -> Result<Pl
 /// # Errors
 /// No feasible experiment is found.
 pub fn median_random_rho0(
-    scenario: &Scenario,
+    task: &Task,
     experiments: u32,
     plans: u64,
+    seed: u64,
 ) -> Result<f64, SearchError> {
-    let problem = Problem::new(scenario, Criterion::TestPose);
+    let problem = Problem::new(task, Criterion::TestPose);
     let mut promised = (0..plans)
         .into_par_iter()
         .map_init(
             || (Sampler::new(&problem), problem.cost()),
             |(sampler, cost), run| {
-                let plan = draw_plan(sampler, experiments, scenario.seed, run)?;
+                let plan = draw_plan(sampler, experiments, seed, run)?;
                 let rho0 = cost.value(&problem.information(&plan));
                 Ok(rho0.unwrap_or(f64::INFINITY))
             },

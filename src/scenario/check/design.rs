@@ -1,11 +1,13 @@
 //! The table `[design]` and the plans of `[[plan]]`.
 
 use super::Checker;
+use crate::experiment::Loads;
+use crate::experiment::Plan;
 use crate::files::FileError;
 use crate::limits::{MOST_EXPERIMENTS, MOST_NAMED};
-use crate::plan::Plan;
+use crate::scenario::PlanFile;
 use crate::scenario::file::{DesignTable, PlanTable};
-use crate::scenario::{Design, Loads, PlanFile};
+use crate::task::Design;
 
 impl Checker<'_> {
     pub(super) fn design(

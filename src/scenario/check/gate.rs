@@ -2,7 +2,7 @@
 
 use super::{Checker, hint_for};
 use crate::files::FileError;
-use crate::scenario::Gate;
+use crate::gate::Gate;
 
 impl Checker<'_> {
     pub(super) fn gate(&self, gate: Gate) -> Result<Gate, FileError> {

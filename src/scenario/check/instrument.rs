@@ -4,8 +4,8 @@ use super::Checker;
 use crate::files::FileError;
 use crate::mujoco::Model;
 use crate::plausible::{DEVIATION, ROTATION_DEVIATION};
-use crate::scenario::Instrument;
 use crate::scenario::file::{InstrumentTable, RegionTable};
+use crate::task::Instrument;
 
 impl Checker<'_> {
     pub(super) fn instrument(

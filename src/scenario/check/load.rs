@@ -3,11 +3,11 @@
 use nalgebra::Vector3;
 
 use super::Checker;
+use crate::experiment::Loads;
 use crate::files::FileError;
 use crate::limits::MOST_LISTED;
 use crate::plausible::{DIRECTION, FORCE, FORCE_LIMIT, LEAST_FORCE, TORQUE, faint_load};
 use crate::robot::Load;
-use crate::scenario::Loads;
 use crate::scenario::file::{LoadKind, WrenchTable};
 
 impl Checker<'_> {
@@ -79,7 +79,7 @@ impl Checker<'_> {
         if load == Load::NONE {
             return Err(self.wrong(key, "found a load of zero, which deflects nothing"));
         }
-        match faint_load(&load) {
+        match faint_load(&load.wrench()) {
             Some(problem) => Err(self.wrong(key, problem)),
             None => Ok(load),
         }

@@ -17,11 +17,14 @@ use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 
 use self::inputs::Inputs;
+use super::Scenario;
 use super::file::File;
-use super::{Robot, Scenario};
+use crate::experiment::{Plan, read_plan};
 use crate::files::{FileError, read_text};
 use crate::mujoco::ModelError;
-use crate::plan::Plan;
+use crate::robot::Robot;
+use crate::task::{Belief, Task};
+use crate::testbed::Truth;
 use crate::text::wrong_name;
 
 impl Scenario {
@@ -90,27 +93,35 @@ impl Checker<'_> {
             joints,
         };
         let study = self.study(&file.study, &context)?;
+        let truth = Truth {
+            robot: true_robot,
+            compliance_spread: self.spread(&file.study.compliance_spread, joints)?,
+        };
         Ok(Scenario {
             path: self.path.to_owned(),
             name: self.name()?,
             description: file.description,
             sha256: self.inputs.borrow().sha256(&self.question(table)?),
             seed: file.seed,
-            instrument,
-            method: file.identification.method,
-            test_poses,
-            loads,
-            region: self.region(&file.region, &nominal.chain)?,
-            design,
+            task: Task {
+                test_poses,
+                loads,
+                region: self.region(&file.region, &nominal.chain)?,
+                design,
+                belief: Belief {
+                    nominal,
+                    calibration_tool,
+                    machining_tool,
+                    parameters,
+                    instrument,
+                    method: file.identification.method,
+                },
+            },
+            truth,
             plans,
             study,
             gate: self.gate(file.gate)?,
             files: self.inputs.borrow().files(),
-            nominal,
-            true_robot,
-            calibration_tool,
-            machining_tool,
-            parameters,
         })
     }
 
@@ -184,7 +195,7 @@ impl Checker<'_> {
     }
 
     fn plan(&self, key: &str, path: &Path, joints: usize) -> Result<Plan, FileError> {
-        let plan = crate::plan::read_plan(path, joints);
+        let plan = read_plan(path, joints);
         let plan = plan.map_err(|error| self.named_file(key, error))?;
         self.inputs.borrow_mut().add(path)?;
         Ok(plan)

@@ -9,7 +9,7 @@ use crate::limits::MOST_LISTED;
 use crate::plausible::{ANGLE, ANGLE_LIMIT, ANGLE_WIDTH, CLEARANCE, POSITION, TORQUE_LIMIT};
 use crate::robot::SerialChain;
 use crate::scenario::file::{ForbiddenTable, RegionTable};
-use crate::scenario::{Forbidden, Region};
+use crate::task::{Forbidden, Region};
 
 impl Checker<'_> {
     pub(super) fn region(

@@ -7,8 +7,7 @@ use crate::files::{FileError, read_text};
 use crate::limits::MOST_JOINTS;
 use crate::mujoco::{Model, ModelError, Obstacle, sources};
 use crate::plausible::{ANGLE, COMPLIANCE, GRAVITY, Kind, MASS, POSITION};
-use crate::robot::{SerialChain, Tool, TrueRobot};
-use crate::scenario::Robot;
+use crate::robot::{Robot, SerialChain, Tool, TrueRobot};
 use crate::scenario::file::File;
 
 impl Checker<'_> {

@@ -5,8 +5,10 @@ use crate::files::FileError;
 use crate::limits::{MOST_CONDITIONS, MOST_EXPERIMENTS, MOST_STUDIED, MOST_TRIALS};
 use crate::plan::Criterion;
 use crate::plausible::{DEVIATION, FACTOR, SPREAD};
-use crate::scenario::file::{Spread, StudyPlanTable, StudyTable, SweepTable};
-use crate::scenario::{Conditions, Design, PlanFile, SigmaOf, Study, StudyPlan, StudySource};
+use crate::scenario::PlanFile;
+use crate::scenario::file::{SigmaOf, Spread, StudyPlanTable, StudyTable, SweepTable};
+use crate::study::{Conditions, StudyPlan, StudySettings, StudySource};
+use crate::task::Design;
 
 /// Without the key `trials`.
 const DEFAULT_TRIALS: u64 = 10_000;
@@ -26,7 +28,7 @@ impl Checker<'_> {
         &self,
         table: &StudyTable,
         context: &Context<'_>,
-    ) -> Result<Study, FileError> {
+    ) -> Result<StudySettings, FileError> {
         let trials = table.trials.unwrap_or(DEFAULT_TRIALS);
         if !(1..=MOST_TRIALS).contains(&trials) {
             let problem = format!("found {trials}; 1 to {MOST_TRIALS} are allowed");
@@ -52,16 +54,15 @@ impl Checker<'_> {
                 self.study_plans(tables, &conditions, context)?
             }
         };
-        Ok(Study {
+        Ok(StudySettings {
             trials,
             level: table.level,
-            compliance_spread: self.spread(&table.compliance_spread, context.joints)?,
             conditions,
             plans,
         })
     }
 
-    fn spread(&self, spread: &Spread, joints: usize) -> Result<Vec<f64>, FileError> {
+    pub(super) fn spread(&self, spread: &Spread, joints: usize) -> Result<Vec<f64>, FileError> {
         let key = "study.compliance_spread";
         match spread {
             Spread::All(value) => self

@@ -7,8 +7,8 @@ use crate::files::FileError;
 use crate::limits::MOST_NAMED;
 use crate::plausible::{ANGLE, WEIGHT};
 use crate::robot::{Load, SerialChain};
-use crate::scenario::TestPose;
 use crate::scenario::file::TestPoseTable;
+use crate::task::TestPose;
 
 impl Checker<'_> {
     pub(super) fn test_poses(

@@ -9,7 +9,7 @@ use serde::Serialize;
 use super::{NANOSECONDS, channel, write_file};
 use crate::files::FileError;
 use crate::record::study::StudyPlanMessage;
-use crate::scenario::Level;
+use crate::study::Level;
 use crate::view::study_recording::{Snapshot, StudyRecording};
 
 /// What the runs so far say.

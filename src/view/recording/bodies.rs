@@ -17,7 +17,7 @@ const FLOOR_RGBA: [f32; 4] = [0.60, 0.62, 0.65, 1.0];
 
 /// The bodies that stand still and those that the joints move, with their surfaces.
 pub(super) fn bodies(scenario: &Scenario) -> Result<(Vec<Body>, Vec<Body>), CalibrationError> {
-    let model = &scenario.true_robot.model;
+    let model = &scenario.truth.robot.model;
     let tool_body = |tool| -> Result<usize, CalibrationError> {
         Ok(model.site_body(model.site(tool_name(scenario, tool))?).0)
     };

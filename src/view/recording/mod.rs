@@ -202,7 +202,7 @@ impl Recording {
         calibrations: &[(String, Calibration)],
     ) -> Result<Self, CalibrationError> {
         let (surroundings, links) = bodies(scenario)?;
-        let mut stage = Stage::new(&scenario.true_robot.model, &links);
+        let mut stage = Stage::new(&scenario.truth.robot.model, &links);
         let mut recorded = Vec::new();
         for (name, calibration) in calibrations {
             let mut steps = experiment_steps(scenario, calibration, &mut stage)?;
@@ -218,10 +218,12 @@ impl Recording {
         Ok(Self {
             provenance: ProvenanceMessage::new(scenario),
             description: scenario.description.clone(),
-            joints: scenario.true_robot.joint_names(),
+            joints: scenario.truth.robot.joint_names(),
             surroundings,
             links,
             tracker_m: scenario
+                .task
+                .belief
                 .instrument
                 .tracker_site
                 .map(|site| stage.place(site)),
@@ -257,7 +259,7 @@ impl Recording {
 
 fn tool_name(scenario: &Scenario, tool: MountedTool) -> &str {
     match tool {
-        MountedTool::Calibration => &scenario.calibration_tool.name,
-        MountedTool::Machining => &scenario.machining_tool.name,
+        MountedTool::Calibration => &scenario.task.belief.calibration_tool.name,
+        MountedTool::Machining => &scenario.task.belief.machining_tool.name,
     }
 }

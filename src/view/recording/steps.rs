@@ -6,7 +6,8 @@ use super::{Body, MountedTool, RecordedCalibration, Stance, Step, StepKind, tool
 use crate::calibration::{Calibration, CalibrationError};
 use crate::mujoco::{Model, State};
 use crate::robot::{EquilibriumError, Load};
-use crate::scenario::{Scenario, TestPose};
+use crate::scenario::Scenario;
+use crate::task::TestPose;
 use crate::testbed::{MeasurementError, VirtualRobot};
 
 /// The largest deflection of experiments, and that of test poses, is drawn about this long (m).
@@ -61,9 +62,9 @@ pub(super) fn experiment_steps(
     calibration: &Calibration,
     stage: &mut Stage,
 ) -> Result<Vec<Step>, CalibrationError> {
-    let tool = &scenario.calibration_tool.name;
-    let site = scenario.true_robot.model.site(tool)?;
-    let mut robot = VirtualRobot::new(&scenario.true_robot, tool)?;
+    let tool = &scenario.task.belief.calibration_tool.name;
+    let site = scenario.truth.robot.model.site(tool)?;
+    let mut robot = VirtualRobot::new(&scenario.truth.robot, tool)?;
     let mut first = 0;
     let mut steps = Vec::new();
     for (number, experiment) in (1..).zip(&calibration.plan.experiments) {
@@ -102,11 +103,11 @@ pub(super) fn test_pose_steps(
     calibration: &Calibration,
     stage: &mut Stage,
 ) -> Result<Vec<Step>, CalibrationError> {
-    let tool = &scenario.machining_tool.name;
-    let site = scenario.true_robot.model.site(tool)?;
-    let mut robot = VirtualRobot::new(&scenario.true_robot, tool)?;
+    let tool = &scenario.task.belief.machining_tool.name;
+    let site = scenario.truth.robot.model.site(tool)?;
+    let mut robot = VirtualRobot::new(&scenario.truth.robot, tool)?;
     let mut steps = Vec::new();
-    let poses = scenario.test_poses.iter().zip(&calibration.poses);
+    let poses = scenario.task.test_poses.iter().zip(&calibration.poses);
     for (index, (pose, compensated_pose)) in poses.enumerate() {
         let TestPose {
             configuration_rad,
@@ -148,7 +149,7 @@ pub(super) fn enlarge(
     calibrations: &mut [RecordedCalibration],
     stage: &mut Stage,
 ) -> Result<(), CalibrationError> {
-    let site = scenario.true_robot.model.site(tool_name(scenario, tool))?;
+    let site = scenario.truth.robot.model.site(tool_name(scenario, tool))?;
     let mut steps: Vec<_> = calibrations
         .iter_mut()
         .flat_map(|calibration| &mut calibration.steps)

@@ -175,7 +175,7 @@ const CRITERIA_LEGEND: &str = "<details><summary>What the criteria ask for</summ
 
 /// The stills, and the plan as a table.
 fn configurations(run: &RunRecord<'_>, calibration: &CalibrationMessage) -> String {
-    let joints = run.scenario.joints();
+    let joints = run.scenario.task.belief.joints();
     let mut header = vec!["experiment".to_owned()];
     header.extend((1..=joints).map(|joint| format!("q{joint} [deg]")));
     header.extend([
@@ -212,8 +212,8 @@ fn configurations(run: &RunRecord<'_>, calibration: &CalibrationMessage) -> Stri
 fn compliances(run: &RunRecord<'_>, calibration: &CalibrationMessage) -> Result<String, PlotError> {
     let identification = &calibration.identification;
     let truth = |index: usize| {
-        let joint = run.scenario.parameters.get(index)?;
-        (run.scenario.true_robot.compliance_rad_per_nm)
+        let joint = run.scenario.task.belief.parameters.get(index)?;
+        (run.scenario.truth.robot.compliance_rad_per_nm)
             .get(*joint)
             .copied()
     };

@@ -17,7 +17,7 @@ pub struct Payload {
 
 /// An elastic arm with its tools, its payload and the instrument that looks at it.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Belief {
+pub struct ElasticArm {
     /// The chain, without the payload; its world is the robot's base.
     pub chain: SerialChain,
     /// The compliance of every joint (rad/(N m)).
@@ -34,7 +34,7 @@ pub struct Belief {
     pub load_scale: f64,
 }
 
-impl Belief {
+impl ElasticArm {
     /// An arm without payload whose zeros, base and loads are as they are said to be.
     #[must_use]
     pub fn new(chain: SerialChain, compliance_rad_per_nm: Vec<f64>, tools: Vec<Tool>) -> Self {

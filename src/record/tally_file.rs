@@ -9,14 +9,15 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 
-use super::tally::{BINS, Failure, SUMS, Tally};
-use super::{Entry, Setting, runner};
+use super::messages::ProvenanceMessage;
+use super::schema::check_version;
 use crate::files::output::write_whole;
 use crate::files::{FileError, hexadecimal, is_plain_name, read_text};
+use crate::gate::Gate;
 use crate::plan::Plan;
-use crate::record::messages::ProvenanceMessage;
-use crate::record::schema::check_version;
-use crate::scenario::{Conditions, Gate, Level, Scenario};
+use crate::scenario::Scenario;
+use crate::study::tally::{BINS, Failure, SUMS, Tally};
+use crate::study::{Conditions, Entry, Level, Setting, runner};
 
 /// What a study's numbers depend on; tallies of different headers do not add.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -72,7 +73,7 @@ impl Header {
     #[must_use]
     pub fn new(
         scenario: &Scenario,
-        settings: &[Setting],
+        settings: &[Setting<'_>],
         level: Level,
         trials: u64,
         shards: u64,
@@ -93,7 +94,7 @@ impl Header {
             provenance: ProvenanceMessage::new(scenario),
             trials,
             level,
-            parameters: scenario.parameter_names(),
+            parameters: scenario.task.belief.parameter_names(),
             plans: (entries.iter().zip(runner::references(entries)))
                 .map(plan)
                 .collect(),

@@ -51,7 +51,7 @@ pub struct Tolerance {
 /// A tolerance as it is written. Each quantity has one key for the absolute tolerance.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct ToleranceTable {
+struct ToleranceTable {
     #[serde(skip_serializing_if = "Option::is_none")]
     relative: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -57,7 +57,7 @@ pub fn read_plan(path: &Path, joints: usize) -> Result<Plan, FileError> {
             if load == Load::NONE {
                 return Err(row.wrong("found a load of zero, which deflects nothing"));
             }
-            if let Some(problem) = faint_load(&load) {
+            if let Some(problem) = faint_load(&load.wrench()) {
                 return Err(row.wrong(problem));
             }
             #[expect(

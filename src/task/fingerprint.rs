@@ -2,7 +2,7 @@
 
 use sha2::{Digest, Sha256};
 
-use super::Scenario;
+use super::Belief;
 use crate::files::hexadecimal;
 use crate::robot::{SerialChain, Tool};
 
@@ -17,8 +17,8 @@ pub struct Fingerprint {
     pub belief_sha256: String,
 }
 
-impl Scenario {
-    /// What an identification under this scenario rests on.
+impl Belief {
+    /// What an identification with this belief rests on.
     #[must_use]
     pub fn fingerprint(&self) -> Fingerprint {
         let chain = &self.nominal.chain;

@@ -1,32 +1,30 @@
 //! The virtual robot's compliances in a run: those of the true robot, or log-normal about them.
 //!
-//! In run r, joint j has the compliance `k_j` exp(`s_j` z), with the scenario's spread `s_j` and a
+//! In run r, joint j has the compliance `k_j` exp(`s_j` z), with its spread `s_j` and a
 //! standard normal z that is a function of (seed, r, j).
 
 use crate::random::normal::{LANES, Stream, fill_normals};
-use crate::scenario::Scenario;
+use crate::testbed::Truth;
 
 /// Draws true compliances, [`LANES`] runs at a time.
 #[derive(Debug)]
-pub struct Truth<'a> {
-    scenario: &'a Scenario,
+pub struct TrueCompliances<'a> {
+    truth: &'a Truth,
+    seed: u64,
     varies: bool,
     normals: Vec<[f64; LANES]>,
     compliance_rad_per_nm: Vec<[f64; LANES]>,
 }
 
-impl<'a> Truth<'a> {
-    /// The true compliances of a scenario's study.
+impl<'a> TrueCompliances<'a> {
+    /// The compliances of a virtual robot's runs under a seed.
     #[must_use]
-    pub fn new(scenario: &'a Scenario) -> Self {
-        let known = &scenario.true_robot.compliance_rad_per_nm;
+    pub fn new(truth: &'a Truth, seed: u64) -> Self {
+        let known = &truth.robot.compliance_rad_per_nm;
         Self {
-            scenario,
-            varies: scenario
-                .study
-                .compliance_spread
-                .iter()
-                .any(|spread| *spread > 0.0),
+            truth,
+            seed,
+            varies: truth.compliance_spread.iter().any(|spread| *spread > 0.0),
             normals: vec![[0.0; LANES]; known.len()],
             compliance_rad_per_nm: known.iter().map(|&value| [value; LANES]).collect(),
         }
@@ -47,15 +45,9 @@ impl<'a> Truth<'a> {
     /// The compliance of every joint (rad/(N m)) in [`LANES`] consecutive runs from `first_run`.
     pub fn draw(&mut self, first_run: u64) -> &[[f64; LANES]] {
         if self.varies {
-            let scenario = self.scenario;
-            fill_normals(
-                Stream::Compliances,
-                scenario.seed,
-                first_run,
-                &mut self.normals,
-            );
-            let known = &scenario.true_robot.compliance_rad_per_nm;
-            let spreads = &scenario.study.compliance_spread;
+            fill_normals(Stream::Compliances, self.seed, first_run, &mut self.normals);
+            let known = &self.truth.robot.compliance_rad_per_nm;
+            let spreads = &self.truth.compliance_spread;
             for (joint, lanes) in self.compliance_rad_per_nm.iter_mut().enumerate() {
                 *lanes = self.normals[joint].map(|z| known[joint] * (spreads[joint] * z).exp());
             }

@@ -1,0 +1,106 @@
+//! Whether there can be a study with the header of a tally file.
+
+use super::tally_file::{Header, PlanHeader};
+use crate::limits::{MOST_EXPERIMENTS, MOST_JOINTS, MOST_SHARDS, MOST_STUDIED, MOST_TRIALS};
+use crate::plausible::{DEVIATION, FACTOR};
+use crate::study::runner::block_runs;
+use crate::study::tally_check::{Problem, within, wrong};
+use crate::text::{is_unseen, wrong_name};
+
+impl Header {
+    /// Whether there can be such a study.
+    ///
+    /// # Errors
+    /// The key, and what is wrong there.
+    pub fn check(&self) -> Result<(), Problem> {
+        within("study.trials", self.trials, [1, MOST_TRIALS])?;
+        within("study.shards", self.shards, [1, MOST_SHARDS])?;
+        within("study.plans", self.plans.len(), [1, MOST_STUDIED])?;
+        within("study.parameters", self.parameters.len(), [1, MOST_JOINTS])?;
+        let provenance = &self.provenance;
+        for (key, text) in [
+            ("version", &provenance.version),
+            ("commit", &provenance.commit),
+            ("scenario_sha256", &provenance.scenario_sha256),
+            ("platform", &provenance.platform),
+        ] {
+            if text.contains(is_unseen) {
+                return wrong(format!("study.{key}"), format!("found {text:?}"));
+            }
+        }
+        let names = [("study.scenario".to_owned(), &provenance.scenario)];
+        let joints = self.parameters.iter().enumerate();
+        let joints = joints.map(|(index, name)| (format!("study.parameters[{index}]"), name));
+        let plans = self.plans.iter().enumerate();
+        let plans = plans.map(|(index, plan)| (format!("study.plans[{index}].name"), &plan.name));
+        for (key, name) in names.into_iter().chain(joints).chain(plans) {
+            if let Some(problem) = wrong_name(name) {
+                return wrong(key, problem);
+            }
+        }
+        for (index, plan) in self.plans.iter().enumerate() {
+            self.check_plan(plan)
+                .map_err(|(key, problem)| (format!("study.plans[{index}].{key}"), problem))?;
+        }
+        self.gate
+            .check()
+            .map_err(|(key, problem)| (format!("study.gate.{key}"), problem))
+    }
+
+    fn check_plan(&self, plan: &PlanHeader) -> Result<(), Problem> {
+        within("experiments", plan.experiments, [1, MOST_EXPERIMENTS])?;
+        for (key, text, kind, unit) in [
+            ("sigma_m", &plan.sigma_m, &DEVIATION, 1e3),
+            ("load_scale", &plan.load_scale, &FACTOR, 1.0),
+        ] {
+            let number: Option<f64> = text.parse().ok();
+            // A deflection's deviation is up to 1.5 times a position's.
+            let is_plausible =
+                |value: f64| kind.allows(value * unit) || kind.allows(value * unit / 1.5);
+            if !number.is_some_and(is_plausible) {
+                let allowed = kind.allowed();
+                return wrong(
+                    key,
+                    format!("found {text:?}; {allowed} as text, in SI units"),
+                );
+            }
+        }
+        if plan
+            .sha256
+            .as_ref()
+            .is_some_and(|hash| hash.contains(is_unseen))
+        {
+            return wrong("sha256", "is none");
+        }
+        let Some(reference) = plan.reference else {
+            return Ok(());
+        };
+        match self.plans.get(reference) {
+            None => {
+                let last = self.plans.len() - 1;
+                wrong(
+                    "reference",
+                    format!("found {reference}; 0 to {last} are allowed"),
+                )
+            }
+            Some(other) if other.conditions() != plan.conditions() => wrong(
+                "reference",
+                format!("found {reference}, a plan under other conditions"),
+            ),
+            Some(_) => Ok(()),
+        }
+    }
+
+    /// The runs in the first blocks of a shard.
+    #[must_use]
+    pub fn runs_of(&self, shard: u64, blocks_done: u64) -> u64 {
+        let size = block_runs(self.level);
+        let last = shard - 1 + blocks_done.saturating_sub(1) * self.shards;
+        // The study's last block may be smaller.
+        let beyond = ((last + 1) * size).saturating_sub(self.trials);
+        match blocks_done {
+            0 => 0,
+            _ => blocks_done * size - beyond,
+        }
+    }
+}

@@ -1,0 +1,107 @@
+//! What a study is made of: its runs, the conditions, and the plans that it compares.
+
+use serde::{Deserialize, Serialize};
+
+use crate::plan::{Criterion, Plan};
+use crate::task::Task;
+
+/// What the runs of a study are made of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, Serialize, clap::ValueEnum)]
+#[serde(rename_all = "snake_case")]
+pub enum Level {
+    /// The linear model of the paper: noise, eq. 9 and eq. 15 as matrices.
+    #[default]
+    Model,
+    /// The virtual robot in MuJoCo: measured, identified, compensated and seen again.
+    Robot,
+}
+
+/// Which plans a Monte Carlo study compares, and over how many runs.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StudySettings {
+    /// The number of runs.
+    pub trials: u64,
+    /// What the runs are made of.
+    pub level: Level,
+    /// The conditions that every plan is studied under.
+    pub conditions: Vec<Conditions>,
+    /// The plans.
+    pub plans: Vec<StudyPlan>,
+}
+
+/// Conditions of a study, which a sweep varies.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Conditions {
+    /// The standard deviation of each coordinate of a deflection (m).
+    pub sigma_m: f64,
+    /// The number M of measurements that every plan is repeated to.
+    pub experiments: u32,
+    /// All calibration loads are so many times what the scenario and its plans say.
+    pub load_scale: f64,
+}
+
+impl Conditions {
+    /// Those of a task as it is, with so many measurements in each run.
+    #[must_use]
+    pub const fn plain(task: &Task, experiments: u32) -> Self {
+        Self {
+            sigma_m: task.belief.instrument.sigma_m,
+            experiments,
+            load_scale: 1.0,
+        }
+    }
+
+    /// The task under these conditions.
+    #[must_use]
+    pub fn of(&self, task: &Task) -> Task {
+        let mut task = task.clone();
+        task.belief.instrument.sigma_m = self.sigma_m;
+        task.loads = task.loads.scaled(self.load_scale);
+        for experiment in &mut task.design.mandatory.experiments {
+            experiment.load = experiment.load.scaled(self.load_scale);
+        }
+        task
+    }
+}
+
+/// A plan of a study.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StudyPlan {
+    /// Its name.
+    pub name: String,
+    /// Where it comes from.
+    pub source: StudySource,
+}
+
+/// Where a plan of a study comes from.
+#[derive(Debug, Clone, PartialEq)]
+pub enum StudySource {
+    /// A plan file, repeated as a whole.
+    File(Plan),
+    /// The best plan of m measurements, repeated as a whole.
+    Optimal {
+        /// What makes it good.
+        criterion: Criterion,
+        /// The number of different configurations, where it is bounded.
+        configurations: Option<u32>,
+        /// The number m of measurements that are designed; as many as are made if not given.
+        experiments: Option<u32>,
+    },
+    /// One random feasible plan for all runs.
+    Random,
+    /// A fresh random feasible plan in every run.
+    RandomEach,
+}
+
+impl StudySource {
+    /// Whether whole repetitions of the plan make up so many measurements.
+    #[must_use]
+    pub fn fits(&self, experiments: u32) -> bool {
+        let once = match self {
+            Self::File(plan) => plan.measurements(),
+            Self::Optimal { experiments, .. } => experiments.unwrap_or(1),
+            Self::Random | Self::RandomEach => 1,
+        };
+        once > 0 && experiments.is_multiple_of(once)
+    }
+}

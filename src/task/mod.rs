@@ -1,0 +1,54 @@
+//! The planning task: what is believed of the robot, what must be accurate, and which experiments may be
+//! made. The true robot is no part of it.
+
+mod belief;
+mod fingerprint;
+mod region;
+
+use nalgebra::DVector;
+
+use crate::experiment::{Loads, Plan};
+use crate::robot::Load;
+
+pub use belief::{Belief, Instrument, Method};
+pub use fingerprint::Fingerprint;
+pub use region::{Forbidden, Region};
+
+/// A test pose (D3): where the robot must machine.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TestPose {
+    /// Its name.
+    pub name: String,
+    /// The configuration `q_0` (rad).
+    pub configuration_rad: DVector<f64>,
+    /// The task load `W_0`, in the world frame at the machining tool.
+    pub load: Load,
+    /// Its weight among the test poses; the weights sum to one.
+    pub weight: f64,
+}
+
+/// How large a plan is to be, and what it must contain.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Design {
+    /// The number m of measurements.
+    pub experiments: u32,
+    /// The number of different configurations, where it is bounded.
+    pub configurations: Option<u32>,
+    /// Experiments that every plan must contain; they count among its measurements.
+    pub mandatory: Plan,
+}
+
+/// What a plan is designed for.
+#[derive(Debug, Clone)]
+pub struct Task {
+    /// What planner and identification believe.
+    pub belief: Belief,
+    /// Where the robot must machine.
+    pub test_poses: Vec<TestPose>,
+    /// The loads that a plan may use.
+    pub loads: Loads,
+    /// Where experiments are possible.
+    pub region: Region,
+    /// How large a plan is to be, and what it must contain.
+    pub design: Design,
+}

@@ -1,0 +1,33 @@
+//! Where experiments are possible.
+
+use nalgebra::DVector;
+
+/// Where experiments are possible.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Region {
+    /// The commanded angle of each joint lies in this range (rad).
+    pub joint_range_rad: Vec<[f64; 2]>,
+    /// Lower and upper bound of the calibration tool's height above the floor, `p_z` of Table 3 (m).
+    pub tool_height_m: [Option<f64>; 2],
+    /// Lower and upper bound of the calibration tool's distance from axis 1, r of Table 3 (m).
+    pub tool_radius_m: [Option<f64>; 2],
+    /// Upper bound of the elevation of the tool's z axis over the horizontal, phi of Table 3 (rad).
+    pub tool_elevation_max_rad: Option<f64>,
+    /// Upper bounds of the joint torques under load and gravity (N m).
+    pub joint_torque_max_nm: Option<Vec<f64>>,
+    /// Robot, tool and surroundings stay this far apart (m), unloaded and loaded.
+    pub collision_clearance_m: Option<f64>,
+    /// Whether the tracker must see the reflector at the calibration tool.
+    pub line_of_sight: bool,
+    /// Configurations to keep away from.
+    pub forbidden: Vec<Forbidden>,
+}
+
+/// A configuration to keep away from.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Forbidden {
+    /// The configuration (rad).
+    pub configuration_rad: DVector<f64>,
+    /// Some joint must differ by more than this (rad).
+    pub within_rad: f64,
+}

@@ -1,0 +1,163 @@
+//! The rooms of the library: each uses only those that stand before it in the list of `src/lib.rs`.
+
+use std::path::{Path, PathBuf};
+
+use crate::support::project;
+
+/// The modules in the order in which the documentation lists them.
+fn listed() -> Vec<String> {
+    let text = std::fs::read_to_string(project("src/lib.rs")).expect("it is there");
+    let list = text
+        .split("# How the data flows")
+        .nth(1)
+        .and_then(|rest| rest.split("//! # ").next())
+        .expect("the list is there");
+    let mut names: Vec<String> = Vec::new();
+    for piece in list.split("[`").skip(1) {
+        let name = piece.split('`').next().expect("it has an end");
+        let is_module = name
+            .chars()
+            .all(|letter| letter.is_lowercase() || letter == '_');
+        if is_module && !names.iter().any(|known| known == name) {
+            names.push(name.to_owned());
+        }
+    }
+    names
+}
+
+/// The modules that there are.
+fn declared() -> Vec<String> {
+    let text = std::fs::read_to_string(project("src/lib.rs")).expect("it is there");
+    let names = text.lines().filter_map(|line| {
+        let name = line
+            .strip_prefix("pub mod ")
+            .or(line.strip_prefix("mod "))?;
+        Some(name.trim_end_matches(';').to_owned())
+    });
+    names.collect()
+}
+
+/// The source files of a module, tests of its own apart.
+fn sources(module: &str) -> Vec<PathBuf> {
+    fn collect(folder: &Path, files: &mut Vec<PathBuf>) {
+        for entry in std::fs::read_dir(folder).expect("a folder").flatten() {
+            let path = entry.path();
+            if path.is_dir() {
+                collect(&path, files);
+            } else if path.file_name().is_some_and(|name| name != "tests.rs") {
+                files.push(path);
+            }
+        }
+    }
+    let file = project(&format!("src/{module}.rs"));
+    if file.exists() {
+        return vec![file];
+    }
+    let mut files = Vec::new();
+    collect(&project(&format!("src/{module}")), &mut files);
+    files
+}
+
+/// The modules of the crate that a text of code names after `crate::`, with the lines' numbers. Comments
+/// and the tests at the end of a file are left out.
+fn used(text: &str) -> Vec<(usize, String)> {
+    let code = text.split("#[cfg(test)]\nmod tests {").next();
+    let code: Vec<&str> = code
+        .unwrap_or_default()
+        .lines()
+        .map(|line| line.split("//").next().unwrap_or_default())
+        .collect();
+    let code = code.join("\n");
+    let mut uses = Vec::new();
+    for (start, path) in code.match_indices("crate::") {
+        let line = code[..start].lines().count();
+        let rest = &code[start + path.len()..];
+        let names: Vec<&str> = match rest.strip_prefix('{') {
+            Some(group) => top_level(group),
+            None => vec![rest],
+        };
+        for name in names {
+            let is_part = |letter: char| letter.is_alphanumeric() || letter == '_';
+            let name = name.trim_start().split(|letter| !is_part(letter)).next();
+            uses.extend(name.map(|name| (line, name.to_owned())));
+        }
+    }
+    uses
+}
+
+/// The parts of a group of imports, whose closing brace may lie in the text.
+fn top_level(group: &str) -> Vec<&str> {
+    let (mut depth, mut start, mut parts) = (0, 0, Vec::new());
+    for (index, letter) in group.char_indices() {
+        match letter {
+            '{' => depth += 1,
+            '}' if depth == 0 => {
+                parts.push(&group[start..index]);
+                break;
+            }
+            '}' => depth -= 1,
+            ',' if depth == 0 => {
+                parts.push(&group[start..index]);
+                start = index + 1;
+            }
+            _ => {}
+        }
+    }
+    parts
+}
+
+/// What a module may not use, where it uses it.
+fn upward(order: &[String], module: &str, text: &str) -> Vec<String> {
+    let place = |name: &str| order.iter().position(|other| other == name);
+    let own = place(module);
+    let is_upward = |(_, name): &(usize, String)| place(name).is_some_and(|at| Some(at) > own);
+    let found = used(text).into_iter().filter(is_upward);
+    found
+        .map(|(line, name)| format!("{module} uses {name}, line {line}"))
+        .collect()
+}
+
+#[test]
+fn every_module_is_listed_once() {
+    let mut listed = listed();
+    listed.sort_unstable();
+    let mut declared = declared();
+    declared.sort_unstable();
+    assert_eq!(listed, declared);
+}
+
+#[test]
+fn modules_use_only_those_before_them() {
+    let order = listed();
+    let mut wrong = Vec::new();
+    for module in &order {
+        for file in sources(module) {
+            let text = std::fs::read_to_string(&file).expect("it is there");
+            let found = upward(&order, module, &text).into_iter();
+            wrong.extend(found.map(|what| format!("{}: {what}", file.display())));
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+#[test]
+fn what_looks_upward_is_found() {
+    let order = ["low", "high"].map(str::to_owned);
+    for upward_use in [
+        "use crate::high::Thing;",
+        "fn f() { crate::high::thing() }",
+        "use crate::{\n    low::{a, b},\n    high,\n};",
+        "#[cfg(test)]\nmod tests;\nuse crate::high;",
+    ] {
+        assert_eq!(upward(&order, "low", upward_use).len(), 1, "{upward_use}");
+        assert!(upward(&order, "high", upward_use).is_empty());
+    }
+    for other in [
+        "/// As [`crate::high::Thing`].",
+        "use crate::low::Thing; // not crate::high",
+        "use super::high::Thing;",
+        "#[cfg(test)]\nmod tests {\n    use crate::high::Thing;",
+    ] {
+        assert!(upward(&order, "low", other).is_empty(), "{other}");
+    }
+}
