@@ -26,6 +26,7 @@
 //! - `diagnoses`: likely mistakes in measurements, and the measurement that fits least.
 //! - `origins`: files say under which scenario they were made; help says what has an effect.
 //! - `implausible_input`: inputs that are well formed and cannot be.
+//! - `mutations`: a hundred thousand broken inputs, and every one that ever failed.
 //! - `limits`: sizes, and files without an end.
 //! - `tallies`: tallies that cannot be.
 //! - `true_models`: virtual robots that are more than a chain, beside MuJoCo's simulation in time.
@@ -67,6 +68,7 @@ mod load_sets;
 mod measured_rotations;
 mod model_features;
 mod model_messages;
+mod mutations;
 mod obstacles;
 mod old_files;
 mod origins;
