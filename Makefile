@@ -2,7 +2,7 @@
 
 CARGO ?= cargo
 
-.PHONY: help demo reproduce test build gate baseline bench instructions instructions-baseline scaling lint fmt clippy doc clean setup
+.PHONY: help demo reproduce test build gate baseline bench instructions instructions-baseline scaling fuzz lint fmt clippy doc clean setup
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/make \1\t\2/p' Makefile | expand -t 28
@@ -44,6 +44,9 @@ instructions-baseline: setup ## make today's counts the baseline of that
 scaling: setup ## cost against measurements, joints, runs and threads, to out/scaling.svg and .json
 	@tools/install-valgrind
 	benches/scaling.py
+
+fuzz: setup ## broken inputs of every reader, until one fails (or for FUZZ_S seconds)
+	@tools/fuzz
 
 lint: fmt clippy doc ## check formatting, lints and documentation
 

@@ -18,8 +18,8 @@ use elastocal::files::FileError;
 use elastocal::measurement::read_measurements;
 use elastocal::plan::read_plan;
 use elastocal::random::generator;
+use elastocal::record::tally_file::TallyFile;
 use elastocal::scenario::Scenario;
-use elastocal::study::tally_file::TallyFile;
 use rayon::prelude::*;
 use serde_json::Value;
 
@@ -85,12 +85,12 @@ fn readers() -> Vec<Reader> {
                 let scenario = Scenario::load(path)?;
                 Ok(format!(
                     "{:?} {:?} {:?} {:?} {:?} {:?}",
-                    scenario.test_poses,
-                    scenario.loads,
-                    scenario.region,
-                    scenario.instrument,
+                    scenario.task.test_poses,
+                    scenario.task.loads,
+                    scenario.task.region,
+                    scenario.task.belief.instrument,
                     scenario.study,
-                    scenario.nominal.compliance_rad_per_nm
+                    scenario.task.belief.nominal.compliance_rad_per_nm
                 ))
             },
             is_well_formed: |text| text.parse::<toml::Table>().is_ok(),
