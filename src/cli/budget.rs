@@ -5,7 +5,9 @@ use std::sync::atomic::Ordering;
 
 use clap::Args;
 use elastocal::files::output::write_whole;
-use elastocal::plan::search::{BudgetPoint, Watch, budget, cheapest, repeated_configurations};
+use elastocal::plan::search::{
+    BudgetPoint, Watch, budget_and_proof, cheapest, repeated_configurations,
+};
 use elastocal::plausible::ACCURACY;
 use elastocal::record::messages::ProvenanceMessage;
 use elastocal::view::plots::budget_plot;
@@ -14,6 +16,7 @@ use serde_json::{Value, json};
 
 use super::interruption::ask_search;
 use super::progress::bar;
+use super::proof::{ProofArgs, proof_json};
 use super::table::{number, table};
 use super::{Common, Report, check_outputs, inputs, results, without_effect};
 
@@ -23,6 +26,8 @@ use super::{Common, Report, check_outputs, inputs, results, without_effect};
 pub struct Budget {
     #[command(flatten)]
     pub common: Common,
+    #[command(flatten)]
+    proof: ProofArgs,
     /// The largest number of measurements.
     #[arg(long, value_name = "M", default_value_t = 12, value_parser = clap::value_parser!(u32).range(1..=100))]
     up_to: u32,
@@ -42,7 +47,10 @@ fn accuracy(text: &str) -> Result<f64, String> {
 impl Budget {
     pub fn execute(&self) -> anyhow::Result<Report> {
         let scenario = self.common.load()?;
-        let outputs = [("--plot-out", self.plot_out.as_deref())];
+        let outputs = [
+            ("--plot-out", self.plot_out.as_deref()),
+            ("--proof-out", self.proof.out()),
+        ];
         check_outputs(&mut inputs(&scenario), &outputs)?;
         let stop = ask_search();
         self.common.say(&format!(
@@ -54,16 +62,19 @@ impl Budget {
             stop,
             progress: &|_, _, _| {},
         };
-        let points = budget(
-            &scenario.task,
-            self.up_to,
-            scenario.seed,
-            watch,
-            &|done, all| {
-                bar.set_length(all as u64);
-                bar.set_position(done as u64);
-            },
-        )?;
+        let (points, bound) = self.proof.with_effort(&self.common, stop, |proof| {
+            budget_and_proof(
+                &scenario.task,
+                self.up_to,
+                scenario.seed,
+                proof,
+                watch,
+                &|done, all| {
+                    bar.set_length(all as u64);
+                    bar.set_position(done as u64);
+                },
+            )
+        })?;
         let is_cut_short = watch.stop.load(Ordering::Relaxed);
         bar.finish_and_clear();
         anyhow::ensure!(
@@ -86,6 +97,7 @@ impl Budget {
         };
         let needed = cheapest(&points, self.accuracy_um * 1e-6);
         let mut text = describe(&points);
+        text += &self.proof.tell(&bound)?;
         match needed {
             Some(point) => {
                 text += &format!(
@@ -113,6 +125,7 @@ impl Budget {
                 json!({
                     "accuracy_um": self.accuracy_um,
                     "needed": needed.as_ref().map(record),
+                    "proof": proof_json(&bound),
                     "budget": points.iter().map(record).collect::<Vec<_>>(),
                 }),
             ),
@@ -127,7 +140,9 @@ fn record(point: &BudgetPoint) -> Value {
         "experiments": point.experiments,
         "configurations": point.configurations,
         "rho0_mm": point.rho0_m * 1e3,
-        "lower_bound_rho0_mm": point.lower_bound_m.map(|bound_m| bound_m * 1e3),
+        "lower_bound_rho0_mm": point.lower_bound_m().map(|bound_m| bound_m * 1e3),
+        "bound_kind": point.bound.map(|bound| bound.kind.name()),
+        "proved_lower_bound_rho0_mm": point.bound.and_then(|bound| Some(bound.proof?.least_m * 1e3)),
     })
 }
 
@@ -156,7 +171,7 @@ fn describe(points: &[BudgetPoint]) -> String {
         }));
         row.push(format!("{:.3}", all_different.rho0_m * 1e6));
         row.push(number(
-            all_different.lower_bound_m.map(|bound_m| bound_m * 1e6),
+            all_different.lower_bound_m().map(|bound_m| bound_m * 1e6),
             3,
         ));
         rows.push(row);

@@ -10,8 +10,10 @@ use elastocal::scenario::Scenario;
 use elastocal::wording::counted;
 use serde_json::json;
 
+use super::interruption::NEVER;
+use super::proof::ProofArgs;
 use super::table::{number, table};
-use super::{Common, Report, merge, results, without_effect};
+use super::{Common, Report, check_outputs, inputs, merge, results, without_effect};
 
 /// Arguments of `evaluate`.
 #[derive(Debug, Args)]
@@ -19,6 +21,8 @@ use super::{Common, Report, merge, results, without_effect};
 pub struct Evaluate {
     #[command(flatten)]
     pub common: Common,
+    #[command(flatten)]
+    proof: ProofArgs,
     /// The plan to assess.
     #[arg(long, value_name = "FILE")]
     plan: PathBuf,
@@ -27,10 +31,15 @@ pub struct Evaluate {
 impl Evaluate {
     pub fn execute(&self) -> anyhow::Result<Report> {
         let scenario = self.common.load()?;
+        let mut roles = inputs(&scenario);
+        let outputs = [("--proof-out", self.proof.out())];
+        check_outputs(roles.reads("the plan", &self.plan), &outputs)?;
         let plan = read_plan(&self.plan, scenario.task.belief.joints())?;
         self.common.say("searching the bound that no plan can beat");
         // Without a bound, the rest still holds.
-        let bound = Bound::search(&scenario.task, scenario.seed);
+        let bound = self.proof.with_effort(&self.common, &NEVER, |proof| {
+            Bound::search_and_prove(&scenario.task, scenario.seed, proof)
+        });
         let assessment = Assessment::new(&scenario.task, &plan, Some(&bound));
         let message = AssessmentMessage::new(&scenario, &assessment);
         let provenance = ProvenanceMessage::new(&scenario).with_input("plan", &self.plan)?;
@@ -38,7 +47,7 @@ impl Evaluate {
         merge(&mut json, serde_json::to_value(&message)?);
         Ok(Report {
             json,
-            text: describe(&scenario, &assessment),
+            text: describe(&scenario, &assessment) + &self.proof.tell(&bound)?,
             conditions: conditions(&scenario, &assessment),
         })
     }
@@ -92,6 +101,12 @@ pub fn describe(scenario: &Scenario, assessment: &Assessment) -> String {
         );
     }
     text.push('\n');
+    if let Some(proof) = assessment.bound().and_then(|bound| bound.proof) {
+        text += &format!(
+            "proved: no plan of as many is below {:.3} um\n",
+            proof.least_m * 1e6
+        );
+    }
     if let Some(reason) = assessment.no_bound() {
         text += &format!("no bound and no efficiency: {reason}\n");
     }

@@ -16,6 +16,7 @@ mod measure;
 mod merge;
 mod plan;
 mod progress;
+mod proof;
 mod replay;
 mod reproduce;
 mod residuals;

@@ -8,7 +8,8 @@ use clap::Args;
 use elastocal::files::output::write_whole;
 use elastocal::limits::MOST_EXPERIMENTS;
 use elastocal::plan::search::{
-    ApproximateDesign, Bound, ExactDesign, Problem, Watch, approximate_design, exact_design,
+    ApproximateDesign, Bound, BoundKind, ExactDesign, Problem, Watch, approximate_design,
+    exact_design,
 };
 use elastocal::plan::{Assessment, Criterion, write_plan};
 use elastocal::record::messages::{AssessmentMessage, ProvenanceMessage, plan_messages};
@@ -20,6 +21,7 @@ use serde_json::json;
 use super::evaluate::{conditions, describe};
 use super::interruption::ask_search;
 use super::progress::bar;
+use super::proof::ProofArgs;
 use super::{Common, Report, check_outputs, inputs, merge, results, without_effect};
 
 /// Arguments of `plan`.
@@ -28,6 +30,8 @@ use super::{Common, Report, check_outputs, inputs, merge, results, without_effec
 pub struct PlanCommand {
     #[command(flatten)]
     pub common: Common,
+    #[command(flatten)]
+    proof: ProofArgs,
     /// The number m of measurements; the scenario's if not given.
     #[arg(long, value_name = "M", value_parser = clap::value_parser!(u32).range(1..=i64::from(MOST_EXPERIMENTS)))]
     experiments: Option<u32>,
@@ -49,6 +53,7 @@ pub struct PlanCommand {
 #[derive(Debug)]
 pub struct Designed {
     pub approximate: ApproximateDesign,
+    pub bound: Bound,
     pub exact: ExactDesign,
     pub elapsed_s: f64,
     /// Whether the search was cut short.
@@ -83,6 +88,7 @@ pub fn design(
     task: &Task,
     seed: u64,
     wanted: Wanted,
+    proof: &ProofArgs,
     stop: &AtomicBool,
 ) -> anyhow::Result<Designed> {
     let Wanted {
@@ -94,17 +100,19 @@ pub fn design(
     let problem = Problem::new(task, criterion);
     let bound_problem = Problem::new(task, Criterion::TestPose);
     let approximate = approximate_design(&bound_problem, seed)?;
-    let bound = Bound::new(task, &approximate).of_size(experiments);
-    let bound = bound.map_or_else(
+    let bound = proof.with_effort(common, stop, |proof| {
+        Bound::new(task, &approximate).prove(&approximate, proof)
+    });
+    let least = bound.of_size(experiments).map_or_else(
         |_| String::new(),
-        |bound_m| format!(", bound {:.4} um", bound_m * 1e6),
+        |bound| format!(", bound {:.4} um", bound.least_m * 1e6),
     );
     let bar = bar(common.quiet, "searching the plan");
     let progress = |done: usize, all: usize, cost: f64| {
         bar.set_length(all as u64);
         bar.set_position(done as u64);
         if criterion == Criterion::TestPose {
-            bar.set_message(format!("best {:.4} um{bound}", cost.sqrt() * 1e6));
+            bar.set_message(format!("best {:.4} um{least}", cost.sqrt() * 1e6));
         }
     };
     let watch = Watch {
@@ -123,6 +131,7 @@ pub fn design(
     bar.finish_and_clear();
     Ok(Designed {
         approximate,
+        bound,
         exact,
         elapsed_s: start.elapsed().as_secs_f64(),
         is_cut_short: stop.load(Ordering::Relaxed),
@@ -135,6 +144,7 @@ impl PlanCommand {
         let outputs = [
             ("--plan-out", self.plan_out.as_deref()),
             ("--stills-out", self.stills_out.as_deref()),
+            ("--proof-out", self.proof.out()),
         ];
         check_outputs(&mut inputs(&scenario), &outputs)?;
         if let Some(experiments) = self.experiments {
@@ -162,17 +172,21 @@ impl PlanCommand {
                 experiments,
                 configurations,
             },
+            &self.proof,
             stop,
         )?;
         let certificate = &designed.approximate.certificate;
         let plan = &designed.exact.plan;
-        let bound = Bound::new(&scenario.task, &designed.approximate);
-        let assessment = Assessment::new(&scenario.task, plan, Some(&bound));
+        let assessment = Assessment::new(&scenario.task, plan, Some(&designed.bound));
         let mut text = describe(&scenario, &assessment);
+        let rests = match assessment.bound().map(|bound| bound.kind) {
+            Some(BoundKind::Proved) => "The largest directional derivative was",
+            _ => "The bound rests on the largest directional derivative",
+        };
         text += &format!(
-            "\nThe bound rests on the largest directional derivative found by {} local searches, of \
-             which {} ended within 0.1 % of it.\nOf {} independent searches for the plan, {} ended \
-             within 0.1 % of it. It took {:.2} s.\n",
+            "\n{}{rests} found by {} local searches, of which {} ended within 0.1 % of it.\nOf {} independent \
+             searches for the plan, {} ended within 0.1 % of it. It took {:.2} s.\n",
+            self.proof.tell(&designed.bound)?,
             certificate.searches,
             certificate.agreeing,
             designed.exact.searches,

@@ -24,6 +24,7 @@ use serde_json::{Value, json};
 use super::evaluate::loads_outside;
 use super::interruption::NEVER;
 use super::plan::{Wanted, design};
+use super::proof::ProofArgs;
 use super::stream::{TARGETS, Target, warn};
 use super::table::{number, table};
 use super::written::Written;
@@ -34,6 +35,8 @@ use super::{Common, Report, check_outputs, command_line, identify, inputs, merge
 pub struct Run {
     #[command(flatten)]
     pub common: Common,
+    #[command(flatten)]
+    proof: ProofArgs,
     /// Show the recording in a rerun viewer too: start one, connect to one, or write a file.
     #[arg(long, value_name = TARGETS)]
     rerun: Option<Target>,
@@ -83,35 +86,41 @@ impl Entry {
 }
 
 impl Run {
+    /// The folder of the results, once nothing is in the way of any file.
+    fn make_folder(&self, scenario: &Scenario) -> anyhow::Result<PathBuf> {
+        let folder = self.common.folder(scenario);
+        let file = self.rerun.as_ref().and_then(Target::file);
+        let mut roles = inputs(scenario);
+        roles.writes_to(&folder, &FILES);
+        let outputs = [
+            ("--rerun", file.map(PathBuf::as_path)),
+            ("--proof-out", self.proof.out()),
+        ];
+        check_outputs(&mut roles, &outputs)?;
+        make_folder(&folder)?;
+        Ok(folder)
+    }
+
     pub fn execute(&self) -> anyhow::Result<Report> {
         let common = &self.common;
         let scenario = common.load()?;
-        let folder = common.folder(&scenario);
-        let file = self.rerun.as_ref().and_then(Target::file);
-        let mut roles = inputs(&scenario);
-        roles.writes_to(&folder, &FILES);
-        check_outputs(&mut roles, &[("--rerun", file.map(PathBuf::as_path))])?;
-        make_folder(&folder)?;
+        let folder = self.make_folder(&scenario)?;
 
         let experiments = scenario.task.design.experiments;
         common.say(&format!(
             "designing a plan of {}",
             counted(experiments.into(), "measurement")
         ));
-        let designed = design(
-            common,
-            &scenario.task,
-            scenario.seed,
-            Wanted::by(&scenario.task),
-            &NEVER,
-        )?;
-        let bound = Bound::new(&scenario.task, &designed.approximate);
+        let wanted = Wanted::by(&scenario.task);
+        let (task, seed) = (&scenario.task, scenario.seed);
+        let designed = design(common, task, seed, wanted, &self.proof, &NEVER)?;
+        let bound = &designed.bound;
 
         let (plans, random) = plans_to_compare(&scenario, designed.exact.plan)?;
         common.say("measuring, identifying and compensating in MuJoCo");
         let outside = |(name, plan): &(String, Plan)| loads_outside(&scenario, plan, Some(name));
         let loads_outside: Vec<String> = plans.iter().filter_map(outside).collect();
-        let (entries, failed) = calibrate_all(&scenario, plans, random, &bound)?;
+        let (entries, failed) = calibrate_all(&scenario, plans, random, bound)?;
         for each in &failed {
             warn(
                 &format!(
@@ -147,12 +156,12 @@ impl Run {
         let evidence = gather(
             &scenario.task,
             &scenario.truth,
-            &designed.approximate,
+            (&designed.approximate, &designed.bound),
             &fixed,
             scenario.seed,
             watch,
         )?;
-        let evidence = EvidenceMessage::new(&scenario, &bound, &evidence);
+        let evidence = EvidenceMessage::new(&scenario, bound, &evidence);
 
         let mut json = everything(&scenario, &records, &failed, designed.elapsed_s)?;
         merge(
@@ -183,7 +192,7 @@ impl Run {
         }
         conditions.extend(written.conditions());
         Ok(Report {
-            text: summary(&folder, &entries, random_rho0_m),
+            text: summary(&folder, &entries, random_rho0_m) + &self.proof.tell(bound)?,
             conditions,
             json,
         })

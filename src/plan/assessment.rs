@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::search::{Bound, NoBound, Problem};
+use super::search::{Bound, NoBound, PlanBound, Problem};
 use super::{Criterion, ExperimentModel, Feasibility, Plan, Violation};
 use crate::compensation::{predicted_error, test_pose_matrix};
 use crate::estimable::Estimable;
@@ -26,7 +26,7 @@ pub struct Assessment {
     pub criteria: Vec<(Criterion, Option<f64>)>,
     /// No plan of the bound's class with as many measurements has a smaller `rho_0` (m), or why there is
     /// no bound for this plan; `None` where no bound was given.
-    pub lower_bound_m: Option<Result<f64, NoBound>>,
+    pub lower_bound_m: Option<Result<PlanBound, NoBound>>,
     /// What makes the plan impossible.
     pub violations: Vec<Violation>,
 }
@@ -63,7 +63,13 @@ impl Assessment {
     /// The lower bound (m), if there is one for this plan.
     #[must_use]
     pub fn bound_m(&self) -> Option<f64> {
-        self.lower_bound_m.as_ref()?.as_ref().ok().copied()
+        Some(self.bound()?.least_m)
+    }
+
+    /// The same with what it rests on.
+    #[must_use]
+    pub fn bound(&self) -> Option<&PlanBound> {
+        self.lower_bound_m.as_ref()?.as_ref().ok()
     }
 
     /// Why there is no bound for this plan, where one was asked for.

@@ -63,7 +63,7 @@ impl EvidenceMessage {
     #[must_use]
     pub fn new(scenario: &Scenario, bound: &Bound, evidence: &Evidence) -> Self {
         let largest = (evidence.accuracy.iter()).map(|point| point.experiments);
-        let bound_mm = |m| bound.of_size(m).ok().map(|bound_m| bound_m * 1e3);
+        let bound_mm = |m| bound.of_size(m).ok().map(|bound| bound.least_m * 1e3);
         let (searches, agreeing) = match bound.basis() {
             Basis::Searches(certificate) => (certificate.searches, certificate.agreeing),
             Basis::Nothing(_) => (0, 0),
@@ -114,7 +114,7 @@ impl From<&BudgetPoint> for AccuracyMessage {
             experiments: point.experiments,
             configurations: point.configurations,
             rho0_mm: point.rho0_m * 1e3,
-            lower_bound_rho0_mm: point.lower_bound_m.map(|bound_m| bound_m * 1e3),
+            lower_bound_rho0_mm: point.lower_bound_m().map(|bound_m| bound_m * 1e3),
         }
     }
 }

@@ -14,6 +14,7 @@ use crate::calibration::{Calibration, CompensatedPose};
 use crate::files::{FileError, hexadecimal, sha256_of};
 use crate::identification::Identification;
 use crate::measurement::Measurement;
+use crate::plan::search::PlanProof;
 use crate::plan::{Assessment, Criterion, Experiment, Plan};
 use crate::robot::Load;
 use crate::scenario::Scenario;
@@ -279,6 +280,16 @@ pub struct AssessmentMessage {
     /// No plan of the class that the bound speaks about has a smaller `rho0_mm` for as many
     /// measurements; null for a plan outside of it.
     pub lower_bound_rho0_mm: Option<f64>,
+    /// What that rests on: "proved", or "evidence" of many searches; null where there is no bound.
+    #[serde(default)]
+    pub bound_kind: Option<String>,
+    /// No plan of the class has a smaller `rho0_mm` for as many measurements: what is proved; null where nothing
+    /// is.
+    #[serde(default)]
+    pub proved_lower_bound_rho0_mm: Option<f64>,
+    /// How near the proof is; null where there is none.
+    #[serde(default)]
+    pub proof: Option<ProofMessage>,
     /// `lower_bound_rho0_mm` over `rho0_mm`.
     pub efficiency: Option<f64>,
     /// Why there is no bound for the plan; null where there is one.
@@ -286,6 +297,15 @@ pub struct AssessmentMessage {
     pub no_bound_reason: Option<String>,
     /// What makes the plan impossible.
     pub violations: Vec<ViolationMessage>,
+}
+
+/// How near a proof of a bound is.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct ProofMessage {
+    /// How far the proved bound of the largest directional derivative is above the largest found, as a share.
+    pub gap: f64,
+    /// The number of boxes that the proof took.
+    pub boxes: u64,
 }
 
 /// One bound that an experiment of a plan does not keep, or a load that is not allowed.
@@ -317,6 +337,7 @@ impl AssessmentMessage {
             };
             (criterion.name().to_owned(), value.map(|value| value * unit))
         };
+        let proof = assessment.bound().and_then(|bound| bound.proof);
         Self {
             experiments: assessment.experiments,
             parameters: scenario.task.belief.parameter_names(),
@@ -324,6 +345,9 @@ impl AssessmentMessage {
             compliance_std_rad_per_nm: assessment.standard_errors.clone(),
             criteria: assessment.criteria.iter().map(millimetres).collect(),
             lower_bound_rho0_mm: assessment.bound_m().map(|value| value * 1e3),
+            bound_kind: (assessment.bound()).map(|bound| bound.kind.name().to_owned()),
+            proved_lower_bound_rho0_mm: proof.map(|proof| proof.least_m * 1e3),
+            proof: proof.map(|PlanProof { gap, boxes, .. }| ProofMessage { gap, boxes }),
             efficiency: assessment.efficiency(),
             no_bound_reason: assessment.no_bound().map(ToString::to_string),
             violations: assessment

@@ -65,14 +65,14 @@ pub struct Evidence {
 }
 
 /// Gathers the evidence for the first of `plans`, which all have as many measurements, under a seed.
-/// `approximate` is the task's approximate design for the test poses.
+/// `approximate` is the task's approximate design for the test poses, `bound` what follows from it.
 ///
 /// # Errors
 /// See [`EvidenceError`].
 pub fn gather(
     task: &Task,
     truth: &Truth,
-    approximate: &ApproximateDesign,
+    (approximate, bound): (&ApproximateDesign, &Bound),
     plans: &[(String, Plan)],
     seed: u64,
     watch: Watch<'_>,
@@ -101,7 +101,7 @@ pub fn gather(
         trials: TRIALS,
         distances: distances(&setting, seed, &entries, TRIALS)?,
         criteria: compare_criteria(task, approximate, designed, seed, watch),
-        accuracy: accuracy(task, approximate, designed, seed, watch)?,
+        accuracy: accuracy(task, (approximate, bound), designed, seed, watch)?,
     })
 }
 
@@ -143,21 +143,20 @@ pub fn distances(
 /// that of the designed plan.
 fn accuracy(
     task: &Task,
-    approximate: &ApproximateDesign,
+    (approximate, bound): (&ApproximateDesign, &Bound),
     designed: &Plan,
     seed: u64,
     watch: Watch<'_>,
 ) -> Result<Vec<BudgetPoint>, SearchError> {
     let mut problem = Problem::new(task, Criterion::TestPose);
     problem.effort.searches = SEARCHES;
-    let bound = Bound::new(task, approximate);
     let own = designed.measurements();
     let size = |plan: &Plan| u32::try_from(plan.experiments.len()).unwrap_or(u32::MAX);
     let point = |plan: &Plan, cost: f64| BudgetPoint {
         experiments: plan.measurements(),
         configurations: size(plan),
         rho0_m: cost.sqrt(),
-        lower_bound_m: bound.of_size(plan.measurements()).ok(),
+        bound: bound.of_size(plan.measurements()).ok(),
     };
     let fewest = (problem.parameters().div_ceil(3)).max(size(&task.design.mandatory) as usize);
     let largest = (own * WIDEST).max(ALWAYS);

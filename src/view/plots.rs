@@ -84,7 +84,7 @@ pub fn budget_plot(title: &str, points: &[BudgetPoint]) -> Result<String, PlotEr
         }
         let mut bound: Vec<(u32, f64)> = points
             .iter()
-            .filter_map(|point| Some((point.experiments, point.lower_bound_m? * 1e6)))
+            .filter_map(|point| Some((point.experiments, point.lower_bound_m()? * 1e6)))
             .collect();
         bound.dedup();
         chart

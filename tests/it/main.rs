@@ -33,6 +33,7 @@
 //! - `known_optima`: arms of three joints, for which the best plan can be derived by hand.
 //! - `search`: the search for plans and its certificate, on the KR-270.
 //! - `bounds`: the class of plans that a bound speaks about.
+//! - `proofs`: the bound that is proved, and its proof checked by another program.
 //! - `force_sizes`: the size of a force is a variable of the design; optima derived by hand.
 //! - `provenance`: what results depend on is in their hash.
 //! - `load_sets`: one load set decides for plans, measurements and mandatory experiments.
@@ -75,6 +76,7 @@ mod origins;
 mod output_files;
 mod parameters;
 mod planning;
+mod proofs;
 mod properties;
 mod provenance;
 mod published;

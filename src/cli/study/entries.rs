@@ -11,6 +11,7 @@ use elastocal::wording::counted;
 use crate::cli::Common;
 use crate::cli::interruption::NEVER;
 use crate::cli::plan::{Wanted, design};
+use crate::cli::proof::ProofArgs;
 
 /// The plans of a study, under all conditions for which whole repetitions make up the measurements.
 pub fn entries(
@@ -91,6 +92,7 @@ fn entry_kind(
                     experiments,
                     configurations: *configurations,
                 },
+                &ProofArgs::NONE,
                 &NEVER,
             )?;
             EntryKind::Fixed(whole(&designed.exact.plan)?)

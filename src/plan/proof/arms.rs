@@ -73,6 +73,7 @@ fn heavy_arm() -> Question {
             vec![0.3, 0.2, 4.0, -2.0, 5.0],
             vec![-1.0, 1.0, 1.0, 2.0, -1.0],
         ],
+        rotation_scale_m: 0.0,
         region: Region {
             height_m: [Some(0.8), None],
             radius_m: [Some(0.6), Some(2.5)],
@@ -119,6 +120,7 @@ fn random_arm(random: &mut Random, loads: Loads, torques: bool) -> Question {
         },
         parameters: vec![0, 1, 2],
         rows: (0..3).map(|_| random.vector().to_vec()).collect(),
+        rotation_scale_m: if random.below(2) == 0 { 0.0 } else { 0.3 },
         region: Region {
             height_m: [Some(-0.5), Some(1.0)],
             radius_m: [Some(0.2), Some(1.5)],
@@ -209,24 +211,25 @@ fn experiment(question: &Question, q: &[f64], load: &[f64; 6]) -> (f64, Vec<f64>
         let mut form = Matrix3::zeros();
         for row in &question.rows {
             let mut w = Matrix3::zeros();
+            let mut v = Matrix3::zeros();
             for (factor, &joint) in row.iter().zip(&question.parameters) {
                 w += lever(joint) * lever(joint).transpose() * *factor;
+                v += axes[joint] * lever(joint).transpose() * (*factor * question.rotation_scale_m);
             }
-            form += w * w;
+            form += w * w + v.transpose() * v;
         }
         form.symmetric_eigenvalues().max() * size * size
     } else {
-        let moved = |row: &Vec<f64>| {
-            let terms = row.iter().zip(&question.parameters);
-            terms
-                .map(|(factor, &joint)| lever(joint) * (turned_by(joint) * factor))
-                .sum::<Vector3<f64>>()
+        let told = |row: &Vec<f64>| {
+            let (mut moved, mut turned) = (Vector3::zeros(), Vector3::zeros());
+            for (factor, &joint) in row.iter().zip(&question.parameters) {
+                let torque = turned_by(joint) * factor;
+                moved += lever(joint) * torque;
+                turned += axes[joint] * (torque * question.rotation_scale_m);
+            }
+            moved.norm_squared() + turned.norm_squared()
         };
-        question
-            .rows
-            .iter()
-            .map(|row| moved(row).norm_squared())
-            .sum()
+        question.rows.iter().map(told).sum()
     };
     let region = &question.region;
     let radius = lever(0).norm();
@@ -448,6 +451,7 @@ fn a_planar_arm_is_proved_to_its_known_maximum() -> Result<(), NoProof> {
         arm: arm.clone(),
         parameters,
         rows,
+        rotation_scale_m: 0.0,
         region: Region::default(),
         loads: Loads::OneOf(vec![[0.0, 0.0, -100.0, 0.0, 0.0, 0.0]]),
     };

@@ -1,5 +1,7 @@
 //! From a bound of the derivative to one of `rho_0`, with every rounding.
 
+use serde::Serialize;
+
 use super::chain::Chain;
 use super::constant::{Constant, vector};
 use super::domain::{Domain, Load};
@@ -10,7 +12,7 @@ use super::taylor::{LANES, Model, Workspace};
 use super::vectors::{Angle, NOWHERE, constant_in, cross, difference, dot};
 
 /// What must be accurate: a tool at a configuration under a load.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Target {
     /// The arm with that tool.
     pub arm: Arm,

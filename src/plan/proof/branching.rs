@@ -8,9 +8,12 @@ use super::enclosure::{Cell, DEEPEST, Task};
 use super::judgement::{Judgement, judge};
 use super::question::{Loads, Question};
 use super::taylor::{LANES, Workspace};
+use super::tree::{ProofObject, Record};
 
 /// How far above the largest derivative found the threshold is, one after another.
 const GAPS: [f64; 6] = [0.3, 0.1, 0.03, 0.01, 0.003, 0.001];
+/// A proof that has no first result after this share of its boxes is given up: it would not come near.
+const FIRST_SHARE: u64 = 3;
 /// Boxes that a thread takes at a time, and how many it looks at before it gives back what is left. Results
 /// depend on them, but on nothing that changes from run to run.
 const TAKEN: usize = 16;
@@ -62,6 +65,9 @@ pub enum NoProof {
     /// Too many variables, or too large angles.
     #[error("the proof takes at most 8 variables, of at most 60 rad")]
     TooLarge,
+    /// There is no B.
+    #[error("the information of the approximate design is singular")]
+    Singular,
     /// The first rung was not reached.
     #[error("the proof ended before its first result")]
     Unfinished,
@@ -82,6 +88,8 @@ struct Share {
     kept: Vec<Open>,
     looks: u64,
     found: f64,
+    /// What is known of each box, where asked for.
+    known: Vec<(usize, Cell, Judgement)>,
 }
 
 /// Bounds the largest derivative over all experiments of a question, of which one is known.
@@ -89,6 +97,31 @@ struct Share {
 /// # Errors
 /// The question is too large, or nothing was proved in time.
 pub fn prove(question: &Question, found: f64, effort: Effort<'_>) -> Result<Proved, NoProof> {
+    climb(question, found, effort, None).map(|(proved, _)| proved)
+}
+
+/// The same, with the proof as an object that can be checked.
+///
+/// # Errors
+/// As for [`prove`].
+pub fn prove_and_record(
+    question: &Question,
+    found: f64,
+    effort: Effort<'_>,
+) -> Result<(Proved, ProofObject), NoProof> {
+    let mut record = Record::default();
+    let (proved, tasks) = climb(question, found, effort, Some(&mut record))?;
+    let object = record.object(question, &tasks, proved.largest);
+    Ok((proved, object.ok_or(NoProof::Unfinished)?))
+}
+
+/// Climbs rung by rung, and records what is known of every box where asked for.
+fn climb<'a>(
+    question: &'a Question,
+    found: f64,
+    effort: Effort<'_>,
+    mut record: Option<&mut Record>,
+) -> Result<(Proved, Vec<Task<'a>>), NoProof> {
     let mut tasks = tasks(question).ok_or(NoProof::TooLarge)?;
     for task in &mut tasks {
         choose_middle(task, found);
@@ -106,25 +139,28 @@ pub fn prove(question: &Question, found: f64, effort: Effort<'_>) -> Result<Prov
         .filter(|gap| *gap > effort.gap)
         .chain([effort.gap]);
     for gap in gaps {
-        let (open, closed) = kept
-            .into_iter()
-            .partition(|each| each.largest > found * (1.0 + gap));
+        let (open, closed) = kept.into_iter().partition(|each| {
+            each.largest > found * (1.0 + gap) && each.cell.depth[each.halve] < DEEPEST
+        });
         kept = closed;
         let open: Vec<Open> = open;
         for each in &open {
             push_halves(&tasks, each, &mut stack);
         }
         while !stack.is_empty() {
-            if boxes >= effort.boxes || (effort.stop)() {
-                return proved.ok_or(NoProof::Unfinished);
+            let most = effort.boxes / if proved.is_none() { FIRST_SHARE } else { 1 };
+            if boxes >= most || (effort.stop)() {
+                let proved = proved.ok_or(NoProof::Unfinished)?;
+                return Ok((proved, tasks));
             }
             let thresholds = [found * (1.0 + effort.gap), found * (1.0 + gap)];
             let taken = stack.split_off(stack.len().saturating_sub(TAKEN * SHARES));
+            let records = record.is_some();
             let shares: Vec<Share> = taken
                 .par_chunks(taken.len().div_ceil(SHARES))
                 .map_init(
                     || Workspaces::new(&tasks),
-                    |workspaces, taken| share(&tasks, workspaces, taken, thresholds),
+                    |workspaces, taken| share(&tasks, workspaces, taken, thresholds, records),
                 )
                 .collect();
             for share in shares {
@@ -132,6 +168,11 @@ pub fn prove(question: &Question, found: f64, effort: Effort<'_>) -> Result<Prov
                 kept.extend(share.kept);
                 boxes += share.looks;
                 found = found.max(share.found);
+                if let Some(record) = record.as_deref_mut() {
+                    for (task, cell, judgement) in share.known {
+                        record.insert(task, &cell, judgement);
+                    }
+                }
             }
             (effort.progress)(proved.map(|proved: Proved| proved.gap()), boxes);
         }
@@ -142,7 +183,8 @@ pub fn prove(question: &Question, found: f64, effort: Effort<'_>) -> Result<Prov
             boxes,
         });
     }
-    proved.ok_or(NoProof::Unfinished)
+    let proved = proved.ok_or(NoProof::Unfinished)?;
+    Ok((proved, tasks))
 }
 
 /// What is asked, load by load; a load and its opposite tell the same.
@@ -202,12 +244,14 @@ fn share(
     workspaces: &mut Workspaces,
     taken: &[(usize, Cell)],
     [forget, keep]: [f64; 2],
+    records: bool,
 ) -> Share {
     let mut share = Share {
         left: taken.to_vec(),
         kept: Vec::new(),
         looks: 0,
         found: 0.0,
+        known: Vec::new(),
     };
     let mut looks = 0;
     while looks < LOOKS {
@@ -230,17 +274,12 @@ fn share(
             forget,
         );
         looks += used;
-        for (
-            cell,
-            Judgement {
-                largest,
-                at_centre,
-                halve,
-                ..
-            },
-        ) in cells.into_iter().zip(judgements)
-        {
-            share.found = share.found.max(at_centre);
+        for (cell, judgement) in cells.into_iter().zip(judgements) {
+            let Judgement { largest, halve, .. } = judgement;
+            share.found = share.found.max(judgement.at_centre);
+            if records {
+                share.known.push((index, cell, judgement));
+            }
             let open = Open {
                 task: index,
                 cell,

@@ -7,7 +7,7 @@ use super::geometry::Geometry;
 use super::question::Question;
 use super::rounding::{UNIT, Waves, sin_cos};
 use super::taylor::{LANES, Lanes, Model, Sign, VARIABLES, Vector, Workspace};
-use super::vectors::{Angle, constant_in, cross, difference, dot, exact};
+use super::vectors::{Angle, NOWHERE, constant_in, cross, difference, dot, exact};
 
 /// How often a variable can be halved.
 pub(super) const DEEPEST: u8 = 30;
@@ -165,7 +165,7 @@ impl<'a> Task<'a> {
             Some(load) => {
                 Derivative::Plain(self.plain(workspace, &geometry, &levers, load, &mut spread))
             }
-            None => Derivative::Largest(self.form(workspace, &levers, &mut spread)),
+            None => Derivative::Largest(self.form(workspace, &geometry.axis, &levers, &mut spread)),
         };
         let mut margins = Vec::new();
         self.add_geometric_margins(workspace, &geometry, &levers, &mut margins);
@@ -223,7 +223,8 @@ impl<'a> Task<'a> {
         })
     }
 
-    /// d = sum over rows of |sum over n of `b_n` `tau_n` `J_n`|^2.
+    /// d = sum over rows of |sum over n of `b_n` `tau_n` `J_n`|^2, and of s^2 |sum over n of `b_n` `tau_n` `z_n`|^2
+    /// where rotations are measured.
     fn plain(
         &self,
         workspace: &mut Workspace,
@@ -232,26 +233,39 @@ impl<'a> Task<'a> {
         [force, torque]: &[Vector; 2],
         spread: &mut [Lanes; VARIABLES],
     ) -> Model {
-        let columns: Vec<Vector> = (self.question.parameters.iter())
-            .map(|&joint| {
-                let Some(lever) = levers.get(joint) else {
-                    return [Model::ZERO; 3];
-                };
-                let pairs = [(lever, force), (&geometry.axis[joint], torque)];
-                let moment = dot(workspace, &pairs);
-                lever.map(|part| workspace.sum().product(Sign::Plus, part, moment).end())
-            })
-            .collect();
+        let scale = self.question.rotation_scale_m;
+        let mut columns = [Vec::new(), Vec::new()];
+        for &joint in &self.question.parameters {
+            let Some(lever) = levers.get(joint) else {
+                for each in &mut columns {
+                    each.push(NOWHERE);
+                }
+                continue;
+            };
+            let axis = &geometry.axis[joint];
+            let moment = dot(workspace, &[(lever, force), (axis, torque)]);
+            let mut times = |part| workspace.sum().product(Sign::Plus, part, moment).end();
+            columns[0].push(lever.map(&mut times));
+            if scale > 0.0 {
+                columns[1].push(axis.map(&mut times));
+            }
+        }
         let mut moved = Vec::new();
         for row in &self.question.rows {
-            for axis in 0..3 {
-                let mut sum = workspace.sum();
-                for (factor, column) in row.iter().zip(&columns) {
-                    sum = sum.add(*factor, column[axis]);
+            for (columns, scale) in columns.iter().zip([None, Some(scale)]) {
+                for axis in 0..3 {
+                    let mut sum = workspace.sum();
+                    for (factor, column) in row.iter().zip(columns) {
+                        let (factor, error) = match scale {
+                            None => (*factor, 0.0),
+                            Some(scale) => (factor * scale, UNIT * (factor * scale).abs()),
+                        };
+                        sum = sum.add_constant(factor, error, column[axis]);
+                    }
+                    let part = sum.end();
+                    workspace.add_spread(part, spread);
+                    moved.push(part);
                 }
-                let part = sum.end();
-                workspace.add_spread(part, spread);
-                moved.push(part);
             }
         }
         let mut sum = workspace.sum();
@@ -262,10 +276,11 @@ impl<'a> Task<'a> {
     }
 
     /// The form Q with d = F^T Q F: the sum over rows of the squares of W = sum over n of `b_n` `J_n` `J_n^T`, times
-    /// the square of the force.
+    /// the square of the force; where rotations are measured that of V^T V, too, V = s times the sum of `b_n` `z_n` `J_n^T`.
     fn form(
         &self,
         workspace: &mut Workspace,
+        axes: &[Vector],
         levers: &[Vector],
         spread: &mut [Lanes; VARIABLES],
     ) -> [Model; 6] {
@@ -302,6 +317,10 @@ impl<'a> Task<'a> {
                 workspace.add_spread(*entry, spread);
             }
         }
+        let turned = self.turned_rows(workspace, axes, levers, size);
+        for entry in turned.iter().flatten().flatten() {
+            workspace.add_spread(*entry, spread);
+        }
         ENTRIES.map(|[i, j]| {
             let mut sum = workspace.sum();
             for row in &rows {
@@ -309,8 +328,48 @@ impl<'a> Task<'a> {
                     sum = sum.product(Sign::Plus, row[place(i, k)], row[place(k, j)]);
                 }
             }
+            for row in turned.iter().flatten() {
+                sum = sum.product(Sign::Plus, row[i], row[j]);
+            }
             sum.end()
         })
+    }
+
+    /// The rows of V for each row of B, times the force; none where rotations are not measured.
+    fn turned_rows(
+        &self,
+        workspace: &mut Workspace,
+        axes: &[Vector],
+        levers: &[Vector],
+        size: f64,
+    ) -> Vec<[Vector; 3]> {
+        let scale = self.question.rotation_scale_m;
+        if scale == 0.0 {
+            return Vec::new();
+        }
+        let parameters = &self.question.parameters;
+        let dyads: Vec<[Vector; 3]> = (parameters.iter())
+            .map(|&joint| match levers.get(joint) {
+                Some(lever) => axes[joint].map(|turn| {
+                    lever.map(|part| workspace.sum().product(Sign::Plus, turn, part).end())
+                }),
+                None => [NOWHERE; 3],
+            })
+            .collect();
+        (self.question.rows.iter())
+            .map(|row| {
+                std::array::from_fn(|k| {
+                    std::array::from_fn(|i| {
+                        let mut sum = workspace.sum();
+                        for (factor, dyad) in row.iter().zip(&dyads) {
+                            let factor = factor * size * scale;
+                            sum = sum.add_constant(factor, 3.0 * UNIT * factor.abs(), dyad[k][i]);
+                        }
+                        sum.end()
+                    })
+                })
+            })
+            .collect()
     }
 
     fn add_geometric_margins(

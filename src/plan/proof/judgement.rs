@@ -124,6 +124,7 @@ fn add_margins(
         let mut kinks: Vec<f64> = (0..variables)
             .map(|j| -sum.slope(j) / margin.slope(j))
             .filter(|kink| kink.is_finite() && *kink > 0.0)
+            .map(short)
             .collect();
         kinks.sort_by(f64::total_cmp);
         let mut best = None;
@@ -142,6 +143,11 @@ fn add_margins(
             judgement.multipliers.push((index, multiplier));
         }
     }
+}
+
+/// A multiplier is written down in six hexadecimal digits: twelve bits behind the point.
+fn short(multiplier: f64) -> f64 {
+    f64::from_bits(multiplier.to_bits() >> 40 << 40)
 }
 
 /// The variable to halve: that which adds most to the bound; of the remainder as much as it changes the deflections.

@@ -12,7 +12,8 @@
 //! d(x) = trace(B A(x)^T A(x) B^T) / sigma^2 = sum over rows r of |sum over n of b_rn tau_n J_n|^2 / sigma^2
 //! ```
 //!
-//! with A's columns `tau_n J_n`, `J_n` = `z_n` x (p - `o_n`), `tau_n` = `J_n` . F + `z_n` . T. The best B is C M^-1 of the
+//! with A's columns `tau_n J_n`, `J_n` = `z_n` x (p - `o_n`), `tau_n` = `J_n` . F + `z_n` . T; where rotations are measured,
+//! s `tau_n z_n` stand below them, s = sigma over that of rotations. The best B is C M^-1 of the
 //! approximate design. B need not be that, nor precise, and nothing is inverted here: its entries are taken as the doubles that
 //! they are. What must be proved is one number, an upper bound of max d over the region.
 //!
@@ -36,6 +37,7 @@
 //! - `geometry`: where everything is over a box, told in a frame in the middle of the chain; `enclosure`: d and the margins;
 //!   `form`: d for a force of any direction.
 //! - `polynomial`, `judgement`: the largest value over a box, with multipliers; [`branching`](prove): all boxes.
+//! - `tree`: the proof as an object that can be checked by others.
 //! - [`bound`](Ingredients): from max d to `rho_0`.
 
 #[cfg(test)]
@@ -55,8 +57,10 @@ mod rounding;
 mod taylor;
 #[cfg(test)]
 mod tests;
+mod tree;
 mod vectors;
 
 pub use bound::{Ingredients, Target};
-pub use branching::{Effort, NoProof, Proved, prove};
+pub use branching::{Effort, NoProof, Proved, prove, prove_and_record};
 pub use question::{Arm, Joint, Loads, Question, Region};
+pub use tree::{ProofObject, ProofPart};

@@ -1,7 +1,9 @@
 //! What is to be proved, in plain numbers, which are taken as the doubles that they are.
 
+use serde::Serialize;
+
 /// A hinge joint and the link that it moves.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Joint {
     /// Where the link's frame stands in that of the link before (m).
     pub offset_m: [f64; 3],
@@ -18,7 +20,7 @@ pub struct Joint {
 }
 
 /// A serial arm of hinge joints with a tool.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Arm {
     /// The joints from the base to the flange.
     pub joints: Vec<Joint>,
@@ -33,7 +35,7 @@ pub struct Arm {
 }
 
 /// Where experiments are possible, beside the joint ranges.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct Region {
     /// Lower and upper bound of the tool's height (m).
     pub height_m: [Option<f64>; 2],
@@ -46,7 +48,8 @@ pub struct Region {
 }
 
 /// The loads that an experiment may have.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Loads {
     /// One of these wrenches, force (N) and torque (N m) in the world frame.
     OneOf(Vec<[f64; 6]>),
@@ -57,8 +60,9 @@ pub enum Loads {
 }
 
 /// The largest of d(x) = sum over rows r of |sum over parameters n of `b_rn` `tau_n`(x) `J_n`(x)|^2 over all
-/// experiments x is to be bounded.
-#[derive(Debug, Clone, PartialEq)]
+/// experiments x is to be bounded; where rotations are measured with s^2 |sum over n of `b_rn` `tau_n`(x) `z_n`(x)|^2 beside
+/// each, s the standard deviation of deflections over that of rotations.
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Question {
     /// The arm.
     pub arm: Arm,
@@ -66,8 +70,40 @@ pub struct Question {
     pub parameters: Vec<usize>,
     /// The rows of B: one number for each parameter.
     pub rows: Vec<Vec<f64>>,
+    /// s (m/rad); 0 where rotations are not measured.
+    pub rotation_scale_m: f64,
     /// Where experiments are possible.
     pub region: Region,
     /// Their loads.
     pub loads: Loads,
+}
+
+impl Question {
+    /// A bound of the root of d under any load of at most 1 N and 1 N m, by the lengths of the links.
+    #[must_use]
+    pub fn root_of_unit_load(&self) -> f64 {
+        let length = |vector: &[f64; 3]| vector.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let joints = &self.arm.joints[..self.arm.tool_joints];
+        let mut reach = length(&self.arm.tool_offset_m);
+        let mut reaches = vec![0.0; self.arm.joints.len()];
+        for (joint, place) in joints.iter().zip(&mut reaches).rev() {
+            *place = reach;
+            reach += length(&joint.offset_m);
+        }
+        let row = |row: &Vec<f64>| {
+            let terms = row.iter().zip(&self.parameters);
+            let term = |(factor, &joint): (&f64, &usize)| {
+                let size = factor.abs() * (reaches[joint] + 1.0);
+                [size * reaches[joint], size * self.rotation_scale_m]
+            };
+            let sums = terms
+                .map(term)
+                .fold([0.0; 2], |sums: [f64; 2], [moved, turned]| {
+                    [sums[0] + moved, sums[1] + turned]
+                });
+            sums[0].powi(2) + sums[1].powi(2)
+        };
+        // Fewer than 1000 roundings of numbers that are not negative.
+        self.rows.iter().map(row).sum::<f64>().sqrt() * (1.0 + 1e-12)
+    }
 }

@@ -4,8 +4,11 @@ use thiserror::Error;
 
 use super::approximate::{ApproximateDesign, Certificate, approximate_design};
 use super::problem::{Problem, SearchError};
+use super::proved::ProvedBound;
 use crate::experiment::{Experiment, NotMandatory, Plan};
+use crate::plan::proof::{Effort, NoProof};
 use crate::plan::{Criterion, Feasibility, widened};
+use crate::task::Region;
 use crate::task::Task;
 
 /// A lower bound of `rho_0` for every plan of a class, by the number m of measurements.
@@ -23,7 +26,52 @@ use crate::task::Task;
 pub struct Bound {
     /// The task with the region of the class.
     class: Task,
+    /// The task's own.
+    region: Region,
     basis: Basis,
+    proof: Option<Result<ProvedBound, NoProof>>,
+}
+
+/// What a bound for so many measurements rests on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum BoundKind {
+    /// A proof.
+    Proved,
+    /// The largest directional derivative that many local searches found: strong evidence, no proof.
+    Evidence,
+}
+
+impl BoundKind {
+    /// The name in files.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Proved => "proved",
+            Self::Evidence => "evidence",
+        }
+    }
+}
+
+/// The bound for so many measurements.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PlanBound {
+    /// No plan of the class has a smaller `rho_0` (m).
+    pub least_m: f64,
+    /// What that rests on.
+    pub kind: BoundKind,
+    /// What is proved, nearer or less near.
+    pub proof: Option<PlanProof>,
+}
+
+/// What is proved for so many measurements.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PlanProof {
+    /// No plan of the class has a smaller `rho_0` (m).
+    pub least_m: f64,
+    /// How far the bound of the largest derivative is above the largest derivative found, as a share.
+    pub gap: f64,
+    /// The number of boxes that it took.
+    pub boxes: u64,
 }
 
 /// What a bound rests on.
@@ -67,18 +115,55 @@ impl Bound {
     /// Searches the bound of a task's plans under a seed; what was not found is told where it is asked for.
     #[must_use]
     pub fn search(task: &Task, seed: u64) -> Self {
+        Self::search_and_prove(task, seed, None)
+    }
+
+    /// The same, proved as far as an effort goes, where one is given, and recorded if wanted.
+    #[must_use]
+    pub fn search_and_prove(task: &Task, seed: u64, proof: Option<(Effort<'_>, bool)>) -> Self {
         let problem = Problem::new(task, Criterion::TestPose);
-        let basis = match approximate_design(&problem, seed) {
-            Ok(approximate) => Basis::Searches(approximate.certificate),
-            Err(error) => Basis::Nothing(error),
+        match approximate_design(&problem, seed) {
+            Ok(approximate) => Self::new(task, &approximate).prove(&approximate, proof),
+            Err(error) => Self::resting_on(task, Basis::Nothing(error)),
+        }
+    }
+
+    /// Proves the bound of the same approximate design as far as an effort goes, where one is given, and
+    /// records the proof if wanted.
+    #[must_use]
+    pub fn prove(
+        mut self,
+        approximate: &ApproximateDesign,
+        proof: Option<(Effort<'_>, bool)>,
+    ) -> Self {
+        let Some((effort, records)) = proof else {
+            return self;
         };
-        Self::resting_on(task, basis)
+        // The class's own region is wider: the proof widens that of the task by itself.
+        let task = Task {
+            region: self.region.clone(),
+            ..self.class.clone()
+        };
+        let problem = Problem::new(&task, Criterion::TestPose);
+        self.proof = Some(ProvedBound::new(&problem, approximate, effort, records));
+        self
+    }
+
+    /// The proof, or why there is none, where one was asked for.
+    #[must_use]
+    pub const fn proof(&self) -> Option<&Result<ProvedBound, NoProof>> {
+        self.proof.as_ref()
     }
 
     fn resting_on(task: &Task, basis: Basis) -> Self {
         let mut class = task.clone();
         class.region = widened(&task.region);
-        Self { class, basis }
+        Self {
+            class,
+            basis,
+            region: task.region.clone(),
+            proof: None,
+        }
     }
 
     /// What the bound rests on.
@@ -91,23 +176,40 @@ impl Bound {
     ///
     /// # Errors
     /// The class has no such plan, or there is no bound.
-    pub fn of_size(&self, measurements: u32) -> Result<f64, NoBound> {
-        let certificate = match &self.basis {
-            Basis::Searches(certificate) => certificate,
+    pub fn of_size(&self, measurements: u32) -> Result<PlanBound, NoBound> {
+        let mut certificate = match &self.basis {
+            Basis::Searches(certificate) => *certificate,
             Basis::Nothing(error) => return Err(NoBound::NotFound(error.clone())),
         };
         let too_few = NoBound::TooFew {
             mandatory: certificate.mandatory.0,
         };
+        let proof = self.proof.as_ref().and_then(|proof| proof.as_ref().ok());
+        if let Some(proof) = proof {
+            // The proof may come across more than the searches.
+            certificate.largest_derivative = certificate.largest_derivative.max(proof.found());
+        }
         let cost = certificate.lower_bound(measurements).ok_or(too_few)?;
-        Ok(cost.sqrt())
+        let proved = proof.and_then(|proof| {
+            Some(PlanProof {
+                least_m: proof.of_size(measurements)?,
+                gap: proof.gap(),
+                boxes: proof.boxes(),
+            })
+        });
+        let tight = proved.filter(|_| proof.is_some_and(ProvedBound::is_tight));
+        Ok(PlanBound {
+            least_m: tight.map_or(cost.sqrt(), |tight| tight.least_m),
+            kind: tight.map_or(BoundKind::Evidence, |_| BoundKind::Proved),
+            proof: proved,
+        })
     }
 
     /// The bound for a plan: no plan of the class with as many measurements has a smaller `rho_0` (m).
     ///
     /// # Errors
     /// The plan is not of the class, or there is no bound.
-    pub fn of_plan(&self, plan: &Plan) -> Result<f64, NoBound> {
+    pub fn of_plan(&self, plan: &Plan) -> Result<PlanBound, NoBound> {
         let bound = self.of_size(plan.measurements())?;
         let mandatory = &self.class.design.mandatory;
         let free = plan

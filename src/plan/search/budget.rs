@@ -5,9 +5,10 @@ use std::collections::BTreeSet;
 use std::sync::atomic::Ordering;
 
 use super::approximate::approximate_design;
-use super::bound::Bound;
+use super::bound::{Bound, PlanBound};
 use super::exact::{Watch, exact_design_from};
 use super::problem::{Problem, SearchError};
+use crate::plan::proof::Effort;
 use crate::plan::{Criterion, Plan};
 use crate::task::Task;
 
@@ -26,7 +27,7 @@ pub struct BudgetPoint {
     /// The predicted rms distance at the test poses (m).
     pub rho0_m: f64,
     /// No plan of m measurements has a smaller one (m), as [`Bound`] says; `None` where it says nothing.
-    pub lower_bound_m: Option<f64>,
+    pub bound: Option<PlanBound>,
 }
 
 /// Searches the best plans of up to `largest` measurements, in 2, 3 and 4 configurations (as far as
@@ -42,10 +43,26 @@ pub fn budget(
     watch: Watch<'_>,
     progress: &dyn Fn(usize, usize),
 ) -> Result<Vec<BudgetPoint>, SearchError> {
+    budget_and_proof(task, largest, seed, None, watch, progress).map(|(points, _)| points)
+}
+
+/// The same with its bound, which is proved as far as an effort goes, where one is given (and
+/// recorded, if wanted).
+///
+/// # Errors
+/// As for [`budget`].
+pub fn budget_and_proof(
+    task: &Task,
+    largest: u32,
+    seed: u64,
+    proof: Option<(Effort<'_>, bool)>,
+    watch: Watch<'_>,
+    progress: &dyn Fn(usize, usize),
+) -> Result<(Vec<BudgetPoint>, Bound), SearchError> {
     let mut problem = Problem::new(task, Criterion::TestPose);
     problem.effort.searches = SEARCHES;
     let approximate = approximate_design(&problem, seed)?;
-    let bound = Bound::new(task, &approximate);
+    let bound = Bound::new(task, &approximate).prove(&approximate, proof);
     let fewest = u32::try_from(problem.parameters().div_ceil(3)).unwrap_or(u32::MAX);
     let sizes: Vec<(u32, u32)> = (fewest..=largest)
         .flat_map(|m| {
@@ -83,7 +100,7 @@ pub fn budget(
                     experiments,
                     configurations,
                     rho0_m: design.cost.sqrt(),
-                    lower_bound_m: bound.of_size(experiments).ok(),
+                    bound: bound.of_size(experiments).ok(),
                 });
                 plans.push(((experiments, configurations), design.plan));
             }
@@ -92,7 +109,15 @@ pub fn budget(
             Err(error) => return Err(error),
         }
     }
-    Ok(points)
+    Ok((points, bound))
+}
+
+impl BudgetPoint {
+    /// The lower bound (m), where there is one.
+    #[must_use]
+    pub fn lower_bound_m(&self) -> Option<f64> {
+        Some(self.bound?.least_m)
+    }
 }
 
 /// The same plan with one more repeat of its last experiment; the search moves it where it is best.

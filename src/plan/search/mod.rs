@@ -7,6 +7,7 @@
 //! - `approximate`: the design with continuous weights, whose largest directional derivative bounds
 //!   every plan from below.
 //! - `bound`: that bound, the class of plans that it speaks about, and why there is none for others.
+//! - `proved`: its proof.
 //! - `budget`: the best accuracy against the number of measurements.
 //! - `criteria`: the best plans for the criteria of Table 1, judged at the test poses.
 //! - `pool`: random experiments that are cheap to look through.
@@ -26,14 +27,16 @@ mod observation;
 mod point;
 mod pool;
 mod problem;
+mod proved;
 mod refinement;
 mod sampling;
 
 pub use approximate::{ApproximateDesign, Certificate, approximate_design};
-pub use bound::{Basis, Bound, NoBound};
-pub use budget::{BudgetPoint, budget, cheapest, repeated_configurations};
+pub use bound::{Basis, Bound, BoundKind, NoBound, PlanBound, PlanProof};
+pub use budget::{BudgetPoint, budget, budget_and_proof, cheapest, repeated_configurations};
 pub use criteria::{CriterionPlan, compare_criteria};
 pub use exact::{ExactDesign, Watch, exact_design};
 pub use observation::Observer;
 pub use problem::{Effort, Problem, SearchError};
+pub use proved::{ProofEffort, ProofFile, ProvedBound, TIGHT};
 pub use sampling::{RandomPlans, median_random_rho0, random_plan};

@@ -3,6 +3,7 @@
 use nalgebra::DMatrix;
 use thiserror::Error;
 
+use super::approximate::ApproximateDesign;
 use super::joints::{indifferent_joints, random_information};
 use super::observation::Observer;
 use super::point::{LoadChoice, add_information};
@@ -217,6 +218,38 @@ impl<'a> Problem<'a> {
     /// The compliances that do not are named.
     pub(super) fn check_excited(&self) -> Result<(), SearchError> {
         self.impossible.clone().map_or(Ok(()), Err)
+    }
+
+    /// The joints whose compliances the plan is to determine, p of them.
+    pub(super) fn joints(&self) -> &[usize] {
+        &self.parameters
+    }
+
+    /// B = C M^-1 for the information M of an approximate design, row by row, for the joints' `tau_n` `J_n` as they are
+    /// (per N m^2); `None` where M is singular.
+    pub(super) fn rows_of(&self, approximate: &ApproximateDesign) -> Option<Vec<Vec<f64>>> {
+        let size = self.parameters();
+        let mut information = DMatrix::zeros(size, size);
+        for (point, weight) in approximate.support.iter().zip(&approximate.weights) {
+            add_information(&mut information, &point.matrix, *weight);
+        }
+        let solved = information.cholesky()?.solve(&self.test_poses);
+        // From coordinates of the basis to compliances: B is then that of the combinations that show.
+        let solved = match &self.basis {
+            Some(basis) => basis * solved,
+            None => solved,
+        };
+        let sigma_m = self.task.belief.instrument.sigma_m;
+        let row = |column: nalgebra::DVectorView<'_, f64>| {
+            let values = column.iter().zip(&self.typical_rad_per_nm);
+            values
+                .map(|(value, typical)| value * typical / sigma_m)
+                .collect()
+        };
+        let rows: Vec<Vec<f64>> = solved.column_iter().map(row).collect();
+        (rows.iter().flatten())
+            .all(|value| value.is_finite())
+            .then_some(rows)
     }
 
     /// Whether a plan determines what the criterion asks for.

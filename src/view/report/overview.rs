@@ -80,7 +80,19 @@ fn proof_card(run: &RunRecord<'_>, assessment: &AssessmentMessage) -> String {
         );
     };
     let better = percent(Some((1.0 - efficiency).max(0.0)), 1);
-    let tone = if agreeing as f64 >= MANY * searches as f64 {
+    let proved =
+        (assessment.proof.as_ref()).filter(|_| assessment.bound_kind.as_deref() == Some("proved"));
+    let basis = match proved {
+        Some(proof) => format!(
+            "That is proved, by branch and bound over {} boxes of configurations.",
+            proof.boxes
+        ),
+        None => format!(
+            "The bound rests on {searches} local searches for a more telling experiment; {agreeing} ended in the same \
+             best one. Strong evidence, no proof."
+        ),
+    };
+    let tone = if proved.is_some() || agreeing as f64 >= MANY * searches as f64 {
         "good"
     } else {
         ""
@@ -90,8 +102,7 @@ fn proof_card(run: &RunRecord<'_>, assessment: &AssessmentMessage) -> String {
         "Is it the best?",
         &format!("at most {better} can be gained"),
         &format!(
-            "No plan of as many measurements can be below {}: efficiency {}. The bound rests on {searches} local \
-             searches for a more telling experiment; {agreeing} ended in the same best one. Strong evidence, no proof.",
+            "No plan of as many measurements can be below {}: efficiency {}. {basis}",
             micrometres(Some(bound)),
             percent(Some(efficiency), 1),
         ),

@@ -1,0 +1,323 @@
+//! The bound of an approximate design, proved: the largest derivative over the class of plans is bounded by
+//! [`crate::plan::proof`] instead of being searched.
+
+use std::time::Duration;
+
+use serde::Serialize;
+
+use crate::experiment::{Experiment, Loads, printed_tolerance};
+use crate::plan::proof::{
+    self, Arm, Effort, Ingredients, Joint, NoProof, ProofObject, Proved, Question, Target, prove,
+    prove_and_record,
+};
+use crate::plan::{WIDENED_RAD, widened};
+use crate::robot::{Load, SerialChain, Tool};
+use crate::task::Task;
+
+use super::approximate::ApproximateDesign;
+use super::point::information_in;
+use super::problem::Problem;
+
+/// A proof replaces what searches found where its gap is at most this.
+pub const TIGHT: f64 = 1e-3;
+/// How near, and after how many boxes, the derivative about a mandatory experiment is bounded.
+const MANDATORY: (f64, u64) = (1e-3, 200_000);
+
+/// A proof that no plan of a class has a smaller `rho_0` than a number for its number of measurements.
+///
+/// The class is that of [`super::Bound`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct ProvedBound {
+    targets: Vec<Target>,
+    parameters: Vec<usize>,
+    rows: Vec<Vec<f64>>,
+    sigma_m: f64,
+    largest: Proved,
+    /// The number of mandatory measurements, and a bound of the sum of their derivatives.
+    mandatory: (u32, f64),
+    /// By how much loads may be off through printing (N, N m).
+    printed: f64,
+    object: Option<ProofObject>,
+}
+
+/// A proof with all that it takes to check it.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ProofFile {
+    /// The bound of the largest derivative under the loads of the question.
+    pub proof: ProofObject,
+    /// By how much loads may differ from these in force (N) and torque (N m), each.
+    pub printed: f64,
+    /// What must be accurate.
+    pub targets: Vec<Target>,
+    /// The standard deviation of each coordinate of a deflection (m).
+    pub sigma_m: f64,
+    /// The number of mandatory measurements, and a bound of the sum of their derivatives.
+    pub mandatory: (u32, f64),
+    /// For numbers m of measurements, what no plan's `rho_0` is below (m).
+    pub bounds: Vec<(u32, f64)>,
+}
+
+/// How far a proof goes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ProofEffort {
+    /// The gap at which it ends.
+    pub gap: f64,
+    /// The number of boxes after which it ends.
+    pub boxes: u64,
+    /// The time after which it ends; then results depend on the clock.
+    pub time: Option<Duration>,
+}
+
+impl Default for ProofEffort {
+    /// A second at most.
+    fn default() -> Self {
+        Self {
+            gap: TIGHT,
+            boxes: 150_000,
+            time: None,
+        }
+    }
+}
+
+impl ProvedBound {
+    /// Proves the bound that an approximate design for the test poses gives.
+    ///
+    /// # Errors
+    /// Nothing was proved in time, or cannot be.
+    pub fn new(
+        problem: &Problem<'_>,
+        approximate: &ApproximateDesign,
+        effort: Effort<'_>,
+        records: bool,
+    ) -> Result<Self, NoProof> {
+        let task = problem.task;
+        let rows = problem.rows_of(approximate).ok_or(NoProof::Singular)?;
+        let question = question(problem, rows);
+        let found = approximate.certificate.largest_derivative;
+        let printed = (problem.loads.samples().iter())
+            .map(printed_tolerance)
+            .fold(0.0, f64::max);
+        let (largest, object) = prove_printed(&question, found, printed, effort, records)?;
+        let mandatory = mandatory(problem, approximate, &question)?;
+        Ok(Self {
+            targets: targets(task),
+            parameters: question.parameters,
+            rows: question.rows,
+            sigma_m: task.belief.instrument.sigma_m,
+            largest,
+            mandatory,
+            printed,
+            object,
+        })
+    }
+
+    /// No plan of the class with so many measurements has a smaller `rho_0` (m); `None` where the mandatory
+    /// ones are more.
+    #[must_use]
+    pub fn of_size(&self, measurements: u32) -> Option<f64> {
+        let (count, derivatives) = self.mandatory;
+        let free = f64::from(measurements.checked_sub(count)?);
+        // Rounded up: two products and a sum.
+        let most = (derivatives + self.largest.largest * free) * (1.0 + 1e-15);
+        let ingredients = Ingredients {
+            targets: &self.targets,
+            parameters: &self.parameters,
+            rows: &self.rows,
+            sigma_m: self.sigma_m,
+        };
+        (most > 0.0).then(|| ingredients.least_rho0_m(most))?
+    }
+
+    /// How far the bound of the largest derivative is above the largest derivative found, as a share.
+    #[must_use]
+    pub fn gap(&self) -> f64 {
+        self.largest.gap()
+    }
+
+    /// The largest derivative that searches or the proof came across.
+    #[must_use]
+    pub const fn found(&self) -> f64 {
+        self.largest.found
+    }
+
+    /// The number of boxes that it took.
+    #[must_use]
+    pub const fn boxes(&self) -> u64 {
+        self.largest.boxes
+    }
+
+    /// The proof for those who want to check it, where it was recorded.
+    #[must_use]
+    pub fn file(&self) -> Option<ProofFile> {
+        let bound = |m: u32| Some((m, self.of_size(m)?));
+        Some(ProofFile {
+            proof: self.object.clone()?,
+            printed: self.printed,
+            targets: self.targets.clone(),
+            sigma_m: self.sigma_m,
+            mandatory: self.mandatory,
+            bounds: (1..=12).filter_map(bound).collect(),
+        })
+    }
+
+    /// Whether it is as near as what searches find.
+    #[must_use]
+    pub fn is_tight(&self) -> bool {
+        self.gap() <= TIGHT * (1.0 + 1e-6)
+    }
+}
+
+/// Bounds the largest derivative under the loads of a question and those that differ from them by no more
+/// than `printed` in force (N) and torque (N m). The root of the derivative is a norm of the load, so that it is at
+/// most the sum of those of both.
+fn prove_printed(
+    question: &Question,
+    found: f64,
+    printed: f64,
+    effort: Effort<'_>,
+    records: bool,
+) -> Result<(Proved, Option<ProofObject>), NoProof> {
+    let more = printed * question.root_of_unit_load() * (1.0 + f64::EPSILON);
+    let without = |derivative: f64| {
+        (derivative.sqrt() - more)
+            .max(0.5 * derivative.sqrt())
+            .powi(2)
+    };
+    let known = without(found);
+    let gap = (without(found * (1.0 + effort.gap)) / known - 1.0).max(0.5 * effort.gap);
+    let effort = Effort { gap, ..effort };
+    let (proved, object) = if records {
+        let (proved, object) = prove_and_record(question, known, effort)?;
+        (proved, Some(object))
+    } else {
+        (prove(question, known, effort)?, None)
+    };
+    let proved = Proved {
+        largest: (proved.largest.sqrt() + more).powi(2) * (1.0 + 8.0 * f64::EPSILON),
+        found: proved.found.max(found),
+        boxes: proved.boxes,
+    };
+    Ok((proved, object))
+}
+
+fn question(problem: &Problem<'_>, rows: Vec<Vec<f64>>) -> Question {
+    let task = problem.task;
+    let region = widened(&task.region);
+    let [low, high] = region.tool_radius_m;
+    let upright = std::f64::consts::FRAC_PI_2;
+    Question {
+        arm: arm(
+            &task.belief.nominal.chain,
+            &task.belief.calibration_tool,
+            &region.joint_range_rad,
+        ),
+        parameters: problem.joints().to_vec(),
+        rows,
+        // Rounded up: more can only be told.
+        rotation_scale_m: (task.belief.instrument.rotation_sigma_rad).map_or(0.0, |sigma_rad| {
+            task.belief.instrument.sigma_m / sigma_rad * (1.0 + f64::EPSILON)
+        }),
+        region: proof::Region {
+            height_m: region.tool_height_m,
+            radius_m: [low.filter(|low| *low > 0.0), high],
+            elevation_sine: (region.tool_elevation_max_rad)
+                .filter(|angle| *angle < upright)
+                .map(|angle| angle.sin() * (1.0 + 4.0 * f64::EPSILON)),
+            torque_nm: region.joint_torque_max_nm,
+        },
+        loads: match &task.loads {
+            Loads::Fixed(load) => proof::Loads::OneOf(vec![wrench(load)]),
+            Loads::List(loads) => proof::Loads::OneOf(loads.iter().map(wrench).collect()),
+            Loads::Direction { direction, force_n } => {
+                let [x, y, z] = (direction * force_n[1]).into();
+                let share = force_n[0] / force_n[1] * (1.0 - f64::EPSILON);
+                proof::Loads::UpTo([x, y, z, 0.0, 0.0, 0.0], share.max(0.0))
+            }
+            Loads::Any { force_max_n } => proof::Loads::AnyForce(*force_max_n),
+        },
+    }
+}
+
+/// The number of mandatory measurements, and a bound of the sum of the derivatives of experiments within
+/// [`WIDENED_RAD`] of them.
+fn mandatory(
+    problem: &Problem<'_>,
+    approximate: &ApproximateDesign,
+    question: &Question,
+) -> Result<(u32, f64), NoProof> {
+    let plan = &problem.task.design.mandatory;
+    let mut sum = 0.0;
+    for experiment in &plan.experiments {
+        let mut near = question.clone();
+        let angles = experiment.configuration_rad.iter();
+        for (joint, angle) in near.arm.joints.iter_mut().zip(angles) {
+            joint.range_rad = [angle - WIDENED_RAD, angle + WIDENED_RAD];
+        }
+        near.region = proof::Region::default();
+        near.loads = proof::Loads::OneOf(vec![wrench(&experiment.load)]);
+        let (gap, boxes) = MANDATORY;
+        let effort = Effort {
+            gap,
+            boxes,
+            stop: &|| false,
+            progress: &|_, _| {},
+        };
+        // What tells next to nothing needs no near bound.
+        let least = 1e-6 * approximate.certificate.largest_derivative;
+        let found = derivative(problem, approximate, experiment).max(least);
+        let printed = printed_tolerance(&experiment.load);
+        let (Proved { largest, .. }, _) = prove_printed(&near, found, printed, effort, false)?;
+        sum = (sum + f64::from(experiment.repeats) * largest) * (1.0 + 1e-15);
+    }
+    Ok((plan.measurements(), sum))
+}
+
+fn derivative(
+    problem: &Problem<'_>,
+    approximate: &ApproximateDesign,
+    experiment: &Experiment,
+) -> f64 {
+    let mut observer = problem.observer();
+    let mut matrix = observer.matrix();
+    observer.move_to(experiment.configuration_rad.as_slice());
+    observer.observe(&experiment.load, &mut matrix);
+    information_in(&matrix, &approximate.directions)
+}
+
+fn targets(task: &Task) -> Vec<Target> {
+    let chain = &task.belief.nominal.chain;
+    let ranges: Vec<[f64; 2]> = chain.joints.iter().map(|joint| joint.range_rad).collect();
+    let arm = arm(chain, &task.belief.machining_tool, &ranges);
+    (task.test_poses.iter())
+        .map(|pose| Target {
+            arm: arm.clone(),
+            configuration_rad: pose.configuration_rad.iter().copied().collect(),
+            wrench: wrench(&pose.load),
+            weight: pose.weight,
+        })
+        .collect()
+}
+
+fn wrench(load: &Load) -> [f64; 6] {
+    load.wrench().into()
+}
+
+fn arm(chain: &SerialChain, tool: &Tool, ranges_rad: &[[f64; 2]]) -> Arm {
+    let joints = chain.joints.iter().zip(ranges_rad);
+    Arm {
+        joints: joints
+            .map(|(joint, &range_rad)| Joint {
+                offset_m: joint.previous_from_link.translation.vector.into(),
+                rotation: joint.previous_from_link.rotation.coords.into(),
+                axis: joint.axis.into_inner().into(),
+                range_rad,
+                mass_kg: joint.mass_kg,
+                centre_of_mass_m: joint.centre_of_mass_m.into(),
+            })
+            .collect(),
+        tool_joints: tool.joints,
+        tool_offset_m: tool.link_from_tool.translation.vector.into(),
+        tool_rotation: tool.link_from_tool.rotation.coords.into(),
+        gravity_m_s2: chain.gravity_m_s2.into(),
+    }
+}

@@ -1,0 +1,188 @@
+//! The bound that is proved, from the library and the command line; its proof, checked by another program.
+
+use std::process::Command;
+
+use elastocal::plan::proof::Effort;
+use elastocal::plan::search::{Bound, BoundKind};
+use serde_json::{Value, json};
+
+use crate::support::{Workplace, project, scenario, table4};
+
+fn effort(gap: f64, boxes: u64) -> Effort<'static> {
+    Effort {
+        gap,
+        boxes,
+        stop: &|| false,
+        progress: &|_, _| {},
+    }
+}
+
+#[test]
+fn the_papers_problem_is_proved_to_a_thousandth() {
+    let scenario = scenario("klimchik2012");
+    let searched = Bound::search(&scenario.task, scenario.seed);
+    let proved = Bound::search_and_prove(
+        &scenario.task,
+        scenario.seed,
+        Some((effort(1e-3, 150_000), false)),
+    );
+    let proof = proved.proof().expect("it was asked for");
+    let proof = proof.as_ref().expect("it is proved");
+    assert!(proof.gap() <= 1e-3 * (1.0 + 1e-6) && proof.boxes() < 150_000);
+    for m in [2, 3, 4, 6, 12] {
+        let plain = searched.of_size(m).expect("there is a bound");
+        let bound = proved.of_size(m).expect("there is a bound");
+        assert_eq!(plain.kind, BoundKind::Evidence);
+        assert_eq!(bound.kind, BoundKind::Proved);
+        // rho0 goes with the root of the derivative.
+        let ratio = bound.least_m / plain.least_m;
+        assert!((1.0 - 0.6e-3..=1.0 + 1e-9).contains(&ratio), "{ratio}");
+        assert_eq!(bound.proof.map(|proof| proof.least_m), Some(bound.least_m));
+        let plan = proved.of_plan(&table4(m)).ok();
+        assert!(plan.is_none_or(|plan| plan == bound));
+    }
+}
+
+#[test]
+fn a_wide_gap_is_told_beside_the_evidence() {
+    let place = Workplace::new();
+    let scenario = project("scenarios/klimchik2012.toml");
+    let plan = project("scenarios/plans/klimchik2012_m3.csv");
+    let evaluate = |options: &str| {
+        let arguments = format!(
+            "evaluate {} --plan {} --json --quiet {options}",
+            scenario.display(),
+            plan.display()
+        );
+        serde_json::from_str::<Value>(&place.run(&arguments).stdout).expect("it prints JSON")
+    };
+    let without = evaluate("--no-proof");
+    assert_eq!(without["bound_kind"], "evidence");
+    assert_eq!(without["proof"], Value::Null);
+    assert_eq!(without["proved_lower_bound_rho0_mm"], Value::Null);
+    let with = evaluate("--prove 30%");
+    assert_eq!(with["bound_kind"], "evidence");
+    assert_eq!(with["lower_bound_rho0_mm"], without["lower_bound_rho0_mm"]);
+    let number = |value: &Value| value.as_f64().expect("a number");
+    assert!(number(&with["proof"]["gap"]) <= 0.3001);
+    let ratio = number(&with["proved_lower_bound_rho0_mm"]) / number(&with["lower_bound_rho0_mm"]);
+    assert!((0.87..1.0).contains(&ratio), "{ratio}");
+}
+
+#[test]
+fn options_of_the_proof_are_understood_or_refused() {
+    let place = Workplace::new();
+    for (options, wanted) in [
+        ("--prove nothing", "a share"),
+        ("--prove 0", "a share"),
+        ("--prove-time soon", "a time"),
+        ("--prove-time 0s", "a time"),
+        ("--no-proof --prove 1%", "cannot be used with"),
+        ("--no-proof --proof-out proof.json", "cannot be used with"),
+    ] {
+        let outcome = place.run(&format!("plan {options}"));
+        assert_eq!(outcome.code, Some(2), "{options}");
+        assert!(
+            outcome.stderr.contains(wanted),
+            "{options}: {}",
+            outcome.stderr
+        );
+    }
+}
+
+/// Python, if it has `NumPy`.
+fn python() -> Option<String> {
+    let python = std::env::var("PYTHON").unwrap_or_else(|_| "python3".to_owned());
+    let has_numpy = Command::new(&python).args(["-c", "import numpy"]).output();
+    has_numpy
+        .is_ok_and(|output| output.status.success())
+        .then_some(python)
+}
+
+#[test]
+fn another_program_checks_the_proof_and_refuses_what_was_tampered_with() {
+    let Some(python) = python() else {
+        eprintln!("skipped: no Python with NumPy (pip install numpy, or PYTHON=...)");
+        return;
+    };
+    let place = Workplace::new();
+    let scenario = project("scenarios/spatial_3r.toml");
+    let arguments = format!(
+        "plan {} --experiments 3 --prove 30% --proof-out proof.json --quiet",
+        scenario.display()
+    );
+    let outcome = place.run(&arguments);
+    assert!(
+        outcome.stdout.contains("wrote proof.json"),
+        "{}",
+        outcome.stderr
+    );
+    let check = |name: &str| {
+        let output = Command::new(&python)
+            .arg(project("tools/check_proof.py"))
+            .arg(place.path(name))
+            .output()
+            .expect("Python starts");
+        let text = String::from_utf8_lossy(&output.stdout).into_owned();
+        (output.status.code(), text)
+    };
+    let (code, text) = check("proof.json");
+    assert_eq!(code, Some(0), "{text}");
+    assert!(text.contains("the proof holds"), "{text}");
+    let whole: Value = serde_json::from_str(&place.read("proof.json")).expect("it is JSON");
+    let tampered: [(&str, Edit); 10] = [
+        ("a smaller largest derivative", &|file| {
+            scale(&mut file["proof"]["largest"], 0.7);
+        }),
+        ("a cut tree", &|file| {
+            edit_tree(file, |tree| tree.truncate(tree.len() / 2));
+        }),
+        ("a longer tree", &|file| {
+            edit_tree(file, |tree| tree.push('.'));
+        }),
+        ("one box for all", &|file| {
+            edit_tree(file, |tree| ".".clone_into(tree));
+        }),
+        ("a variable that there is not", &|file| {
+            edit_tree(file, |tree| tree.replace_range(0..1, "7"));
+        }),
+        ("a smaller region", &|file| {
+            scale(&mut file["proof"]["parts"][0]["ranges"][0][1], 0.5);
+        }),
+        ("a joint left out", &|file| {
+            file["proof"]["parts"][0]["variables"][1] = Value::Null;
+        }),
+        ("a load left out", &|file| {
+            file["proof"]["parts"] = json!([]);
+        }),
+        ("a larger bound", &|file| {
+            scale(&mut file["bounds"][3][1], 1.001);
+        }),
+        ("a larger force", &|file| {
+            scale(&mut file["proof"]["question"]["loads"]["any_force"], 1.5);
+        }),
+    ];
+    for (what, tamper) in tampered {
+        let mut file = whole.clone();
+        tamper(&mut file);
+        assert_ne!(file, whole, "{what}");
+        place.write("tampered.json", file.to_string());
+        let (code, text) = check("tampered.json");
+        assert_eq!(code, Some(1), "{what}: {text}");
+        assert!(text.contains("refused"), "{what}: {text}");
+    }
+}
+
+/// Something that is done to a proof.
+type Edit<'a> = &'a dyn Fn(&mut Value);
+
+fn scale(value: &mut Value, factor: f64) {
+    *value = json!(value.as_f64().expect("a number") * factor);
+}
+
+fn edit_tree(file: &mut Value, edit: impl FnOnce(&mut String)) {
+    let tree = &mut file["proof"]["parts"][0]["tree"];
+    let mut text = tree.as_str().expect("a tree").to_owned();
+    edit(&mut text);
+    *tree = json!(text);
+}

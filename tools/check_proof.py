@@ -1,0 +1,791 @@
+#!/usr/bin/env python3
+"""Checks a proof that `elastocal ... --proof-out FILE` wrote.
+
+    python3 tools/check_proof.py FILE
+
+It needs NumPy, and shares no code with the prover: its own reading of the arm, its own Taylor models,
+vectorised over boxes, in the frame of the base or whichever frame the file names.
+
+What is checked
+  1. The variables and ranges that the file names cover the whole region, but for what exact symmetries
+     repeat (see `check_domain`).
+  2. The tree of halvings covers that box, and in every box that is done with, either one of the region's
+     margins is negative everywhere, or d + sum of lambda g <= T with the file's multipliers lambda >= 0.
+     A box whose own bound here is a little above is halved further, but the proof must be in the file: all in
+     all there may be PATIENCE times as many boxes.
+  3. The bounds of rho_0 follow from T.
+
+Rounding. Every operation adds ROUNDING times a bound of all that it adds up to the remainder; no operation has more
+than 200 roundings of 1.2e-16 each on the way of one term, and ROUNDING is 1e-13. Sine and cosine are NumPy's, taken
+to be within 1e-14, Bessel's functions are summed up here. Underflow adds less than TINY.
+
+Exit codes: 0 the proof holds; 1 it does not, with the reason; 2 it cannot be checked here.
+"""
+
+import json
+import math
+import sys
+
+try:
+    import numpy as np
+except ImportError:
+    print("check_proof: NumPy is needed (pip install numpy)", file=sys.stderr)
+    sys.exit(2)
+
+ROUNDING = 1e-13
+TRIGONOMETRY = 1e-14
+TINY = 1e-280
+BATCH = 2048
+PATIENCE = 10
+
+
+class Refused(Exception):
+    """The proof does not hold."""
+
+
+class Unknown(Exception):
+    """The proof is of a kind that this checker does not know."""
+
+
+# --- Taylor models: c + g.x + sum_{i<j} h_ij x_i x_j + sum_i h_ii T2(x_i), within r, over -1 <= x <= 1
+
+
+class Model:
+    """Models of one quantity over many boxes: c (N), g (N, n), h (N, n, n) symmetric, r (N)."""
+
+    def __init__(self, c, g, h, r):
+        self.c, self.g, self.h, self.r = c, g, h, r
+        self.linear = np.abs(g).sum(1)
+        rows = np.abs(h).sum(2)
+        own = np.abs(np.einsum("nii->ni", h))
+        # Each x_i x_j stands twice in h.
+        self.bend = (rows.sum(1) + own.sum(1)) / 2
+        self.unfolded = self.bend[:, None] * (1 + ROUNDING) - rows / 2
+
+    def size(self):
+        return np.abs(self.c) + self.linear + self.bend
+
+    def scaled(self, factor, error=0.0):
+        factor = np.asarray(factor, float)
+        size = self.size()
+        wide = np.abs(factor)
+        column = factor[..., None] if factor.ndim else factor
+        deep = factor[..., None, None] if factor.ndim else factor
+        r = wide * self.r + error * (size + self.r) + ROUNDING * wide * size + TINY
+        return Model(self.c * factor, self.g * column, self.h * deep, r * (1 + ROUNDING))
+
+    def __neg__(self):
+        return Model(-self.c, -self.g, -self.h, self.r)
+
+    def __add__(self, other):
+        if other is None:
+            return self
+        r = self.r + other.r + ROUNDING * (self.size() + other.size())
+        return Model(self.c + other.c, self.g + other.g, self.h + other.h, r * (1 + ROUNDING))
+
+    def __sub__(self, other):
+        return self + (-other)
+
+    def shifted(self, value, error=0.0):
+        r = self.r + error + ROUNDING * (self.size() + abs(value))
+        return Model(self.c + value, self.g, self.h, r * (1 + ROUNDING))
+
+    def __mul__(self, other):
+        a, b = self, other
+        outer = a.g[:, :, None] * b.g[:, None, :]
+        cross = outer + outer.transpose(0, 2, 1)
+        squares = np.einsum("nii->ni", outer)
+        h = a.c[:, None, None] * b.h + b.c[:, None, None] * a.h + cross
+        # x^2 = (1 + T2)/2: the diagonal of `cross` is twice what is wanted as T2's factor 1/2.
+        index = np.arange(h.shape[1])
+        h[:, index, index] += squares / 2 - 2 * squares
+        c = a.c * b.c + squares.sum(1) / 2
+        # x T2(x) and x (x y) leave half of themselves linear.
+        g = a.c[:, None] * b.g + b.c[:, None] * a.g
+        g = g + (np.einsum("ni,nij->nj", a.g, b.h) + np.einsum("ni,nij->nj", b.g, a.h)) / 2
+        third = (np.abs(a.g) * b.unfolded).sum(1) + (np.abs(b.g) * a.unfolded).sum(1)
+        a_size, b_size = a.size(), b.size()
+        r = third + a.bend * b.bend + a.r * (b_size + b.r) + a_size * b.r
+        r = (r + ROUNDING * a_size * b_size + TINY) * (1 + ROUNDING)
+        return Model(c, g, h, r)
+
+    def largest(self):
+        """A bound of the largest value over each box."""
+        index = np.arange(self.g.shape[1])
+        own = self.h[:, index, index]
+        bend = (np.abs(self.h).sum(2) - np.abs(own)) / 2
+        square = 2 * own + bend
+        slope = np.abs(self.g)
+        corner = slope + square
+        with np.errstate(divide="ignore", invalid="ignore"):
+            vertex = slope * slope / (-4 * square)
+        inside = (square < 0) & (slope < -2 * square)
+        top = np.where(inside, vertex, corner) - own
+        bound = self.c + self.r + top.sum(1)
+        bound = bound + ROUNDING * (self.size() + self.bend + self.r) * 4 + TINY
+        return np.where(np.isfinite(bound), bound, np.inf)
+
+
+def constant(value, boxes, error=0.0):
+    count, n = boxes.centre.shape
+    c = np.broadcast_to(np.asarray(value, float), (count,)).copy()
+    r = np.broadcast_to(np.asarray(error, float), (count,)).copy()
+    return Model(c, np.zeros((count, n)), np.zeros((count, n, n)), r)
+
+
+class Boxes:
+    def __init__(self, centre, half):
+        self.centre, self.half = centre, half
+
+    def coordinate(self, j):
+        model = constant(self.centre[:, j], self)
+        g = model.g.copy()
+        g[:, j] = self.half[:, j]
+        return Model(model.c, g, model.h, model.r)
+
+    def sine_cosine(self, j):
+        """Jacobi-Anger: cos(hx) = J0 - 2 J2 T2 + ..., sin(hx) = 2 J1 x - ...; |J_n(h)| <= (h/2)^n / n!."""
+        centre, half = self.centre[:, j], self.half[:, j]
+        wide = half > 2.0
+        z = np.where(wide, 0.0, half) / 2
+        j0, j1, j2 = (bessel(n, z) for n in range(3))
+        even = z**4 / 12 / (1 - z * z / 30) + 1e-14
+        odd = z**3 / 3 / (1 - z * z / 20) + 1e-14
+        j0, j1, j2 = (np.where(wide, 0.0, value) for value in (j0, j1, j2))
+        even, odd = (np.where(wide, 1.0, value) for value in (even, odd))
+        s, c = np.sin(centre), np.cos(centre)
+
+        def wave(first, second):
+            model = constant(first * j0, self)
+            g, h = model.g.copy(), model.h.copy()
+            g[:, j] = second * 2 * j1
+            h[:, j, j] = -2 * first * j2
+            r = np.abs(first) * even + np.abs(second) * odd + 8 * TRIGONOMETRY
+            return Model(model.c, g, h, r)
+
+        return wave(s, c), wave(c, -s)
+
+
+def bessel(n, z):
+    term = z**n / math.factorial(n)
+    total = term.copy()
+    for k in range(1, 14):
+        term = term * -(z * z) / (k * (k + n))
+        total = total + term
+    return total
+
+
+# --- vectors: lists of three models, or None for nought
+
+
+def add(one, other):
+    return other if one is None else one if other is None else one + other
+
+
+def times(one, other):
+    return None if one is None or other is None else one * other
+
+
+def scale(factor, model):
+    return None if model is None or factor == 0.0 else model.scaled(factor)
+
+
+def cross(a, b):
+    pairs = [(1, 2), (2, 0), (0, 1)]
+    return [add(times(a[i], b[j]), negative(times(a[j], b[i]))) for i, j in pairs]
+
+
+def negative(model):
+    return None if model is None else -model
+
+
+def dot(a, b):
+    total = None
+    for one, other in zip(a, b):
+        total = add(total, times(one, other))
+    return total
+
+
+def minus(a, b):
+    return [add(one, negative(other)) for one, other in zip(a, b)]
+
+
+def plus(a, b):
+    return [add(one, other) for one, other in zip(a, b)]
+
+
+def in_frame(frame, vector):
+    """A constant vector (numbers) or models in a frame of three columns."""
+    total = [None, None, None]
+    for column, part in zip(frame, vector):
+        if part is None or (isinstance(part, float) and part == 0.0):
+            continue
+        if isinstance(part, float):
+            total = plus(total, [scale(part, row) for row in column])
+        else:
+            total = plus(total, [times(row, part) for row in column])
+    return total
+
+
+def turned(frame, axis, sine, cosine, back=False):
+    one, other = (axis + 1) % 3, (axis + 2) % 3
+    if back:
+        sine = -sine
+    result = list(frame)
+    result[one] = plus([times(x, cosine) for x in frame[one]], [times(x, sine) for x in frame[other]])
+    result[other] = minus([times(x, cosine) for x in frame[other]], [times(x, sine) for x in frame[one]])
+    return result
+
+
+# --- the arm
+
+
+class Arm:
+    """Links whose frames are parallel at zero angle, with joints about coordinate axes."""
+
+    def __init__(self, arm):
+        self.offset, self.axis, self.sign, self.range = [], [], [], []
+        for joint in arm["joints"]:
+            if [abs(x) > 0 for x in joint["rotation"]] != [False, False, False, True]:
+                raise Unknown("a link's frame is turned; this checker knows parallel frames only")
+            along = [k for k in range(3) if joint["axis"][k] != 0.0]
+            if len(along) != 1:
+                raise Unknown("a joint's axis is no coordinate axis")
+            self.offset.append([float(x) for x in joint["offset_m"]])
+            self.axis.append(along[0])
+            self.sign.append(1.0 if joint["axis"][along[0]] > 0 else -1.0)
+            self.range.append([float(x) for x in joint["range_rad"]])
+        if [abs(x) > 0 for x in arm["tool_rotation"]] != [False, False, False, True]:
+            raise Unknown("the tool's frame is turned")
+        self.tool_joints = arm["tool_joints"]
+        self.tool = [float(x) for x in arm["tool_offset_m"]]
+        self.tool_axis = [0.0, 0.0, 1.0]
+
+    def starts_run(self, joint):
+        return joint == 0 or self.axis[joint] != self.axis[joint - 1]
+
+
+TWO_PI = 2 * math.pi * (1 + 1e-15)
+
+
+def check_domain(question, arm, part):
+    """The file's ranges hold every angle that matters. Left out may be
+    - the first joint's angle, about a vertical axis, if the load is vertical or of any direction;
+    - the last joint's angle, if it moves neither the tool nor its z axis where that is limited;
+    - full turns;
+    - one of the two ways in which a wrist (axes a b a through a line along a) reaches a pose: the middle angle's sign;
+    - one of two mirror images, where the arm lies in a plane and the load in it or across it: one reversed angle's sign.
+    """
+    variables, ranges = part["variables"], part["ranges"]
+    region, wrench = question["region"], part["wrench"]
+    count = arm.tool_joints
+    if region["torque_nm"] is not None or part["share"] is not None:
+        raise Unknown("torque limits")
+    if len(variables) != count:
+        raise Refused("the file names variables for other joints")
+    upright = region["elevation_sine"] is not None
+
+    def is_still(joint):
+        vertical = wrench is None or all(wrench[k] == 0.0 for k in (0, 1, 3, 4))
+        if joint == 0 and arm.axis[0] == 2 and vertical:
+            return True
+        if joint != count - 1:
+            return False
+        vectors = [arm.tool] + ([arm.tool_axis] if upright else [])
+        return all(v[k] == 0.0 for v in vectors for k in range(3) if k != arm.axis[joint])
+
+    signed = []
+    for joint in range(count):
+        low, high = arm.range[joint]
+        signed.append((low, high) if arm.sign[joint] > 0 else (-high, -low))
+    free = [high - low >= TWO_PI for low, high in signed]
+    needed, differences, seen = {}, {}, 0
+    for joint in range(count):
+        variable = variables[joint]
+        before = None if arm.starts_run(joint) else variables[joint - 1]
+        if is_still(joint) and variable == before:
+            continue
+        if variable != seen:
+            raise Refused(f"joint {joint + 1} has no variable of its own")
+        seen += 1
+        low, high = signed[joint]
+        if free[joint]:
+            needed[variable] = (-TWO_PI / 2, TWO_PI / 2)
+        elif before is None:
+            needed[variable] = (low, high)
+        else:
+            first = ranges[before]
+            # Limits may only be left out: they help the prover.
+            needed[variable] = (min(first[0], needed[before][0]) + low - 1e-12, max(first[1], needed[before][1]) + high + 1e-12)
+            differences[(variable, before)] = (low, high)
+    if seen != len(ranges):
+        raise Refused("there are variables that stand for nothing")
+    for later, earlier, limits in part["differences"]:
+        if tuple(limits) != differences.get((later, earlier)):
+            raise Refused("a limit of two angles' difference is not that of the arm")
+    halved = []
+    for variable, (low, high) in enumerate(ranges):
+        least, most = needed[variable]
+        if low == 0.0 and least < 0.0 and high >= most:
+            halved.append(variable)
+        elif not (low <= least and high >= most):
+            raise Refused(f"variable {variable} does not cover its joint's range")
+    joint_of = {}
+    for joint in range(count):
+        if variables[joint] is not None:
+            joint_of.setdefault(variables[joint], joint)
+
+    def symmetric(joint):
+        return variables[joint] is None or free[joint] or signed[joint][0] == -signed[joint][1]
+
+    def is_wrist(k):
+        if k < 0 or k + 2 >= count:
+            return False
+        a, b, c = arm.axis[k : k + 3]
+        along = all(arm.offset[j][i] == 0.0 for j in (k + 1, k + 2) for i in range(3) if i != a)
+        return a == c != b and along and free[k] and free[k + 2] and symmetric(k + 1) and variables[k] is not None and variables[k + 2] is not None
+
+    def is_mirror(across, variable):
+        flat = all(v[across] == 0.0 for v in arm.offset[:count] + [arm.tool, arm.tool_axis])
+        if wrench is None:
+            loads = True
+        else:
+            force, torque = wrench[:3], wrench[3:]
+            other = [k for k in range(3) if k != across]
+            loads = (all(force[k] == 0.0 for k in other) and torque[across] == 0.0) or (
+                force[across] == 0.0 and all(torque[k] == 0.0 for k in other)
+            )
+        reversed_joints = [j for j in range(count) if arm.axis[j] != across]
+        return flat and loads and all(map(symmetric, reversed_joints)) and joint_of[variable] in reversed_joints
+
+    wrists = [v for v in halved if is_wrist(joint_of[v] - 1)]
+    if len(halved) > 2:
+        raise Refused("more is left out than symmetries repeat")
+    for order in ([], halved[:1], halved[1:2]):
+        # At most one by the wrist, which the mirror must not reverse, and one by a mirror.
+        rest = [v for v in halved if v not in order]
+        if any(v not in wrists for v in order) or len(rest) > 1:
+            continue
+        mirrors = [
+            across
+            for across in (0, 1)
+            if all(is_mirror(across, v) for v in rest) and all(arm.axis[joint_of[v]] == across for v in order)
+        ]
+        if not rest or mirrors:
+            return
+    raise Refused("a range is halved that no symmetry repeats")
+
+
+def enclose(question, arm, part, boxes):
+    """Models of d (or of the form whose largest eigenvalue it is) and of the margins."""
+    count, middle = arm.tool_joints, part["middle"]
+    variables = part["variables"]
+    waves = [boxes.sine_cosine(v) for v in range(len(part["ranges"]))]
+    angle = [None if v is None else waves[v] for v in variables]
+    one = constant(1.0, boxes)
+    home = [[one if k == row else None for row in range(3)] for k in range(3)]
+    axes, anchors = [None] * count, [None] * count
+    tool = tool_axis = None
+    frame, origin, run = home, [None] * 3, home
+    if middle == count:
+        tool, tool_axis = in_frame(frame, arm.tool), in_frame(frame, arm.tool_axis)
+    for joint in range(middle, count):
+        origin = plus(origin, in_frame(frame, arm.offset[joint]))
+        if arm.starts_run(joint) or joint == middle:
+            run = frame
+        anchors[joint] = origin
+        axes[joint] = [scale(arm.sign[joint], x) for x in run[arm.axis[joint]]]
+        if angle[joint] is not None:
+            frame = turned(run, arm.axis[joint], *angle[joint])
+        if joint + 1 == count:
+            tool, tool_axis = plus(origin, in_frame(frame, arm.tool)), in_frame(frame, arm.tool_axis)
+    frame, origin, end = home, [None] * 3, middle
+    while end > 0:
+        first = end - 1
+        while not arm.starts_run(first):
+            first -= 1
+        axis = arm.axis[first]
+        run = frame if angle[end - 1] is None else turned(frame, axis, *angle[end - 1], back=True)
+        for joint in range(end - 1, first - 1, -1):
+            anchors[joint] = origin
+            axes[joint] = [scale(arm.sign[joint], x) for x in run[axis]]
+            here = run
+            if joint > first and angle[joint - 1] is not None:
+                here = turned(run, axis, *angle[joint - 1])
+            origin = minus(origin, in_frame(here, arm.offset[joint]))
+        frame, end = run, first
+    up = frame[2]
+    levers = [cross(axes[j], minus(tool, anchors[j])) for j in range(count)]
+    margins = []
+    region = question["region"]
+    low, high = region["height_m"]
+    if low is not None or high is not None:
+        height = dot(up, minus(tool, origin))
+        margins += [height.shifted(-low)] if low is not None else []
+        margins += [(-height).shifted(high)] if high is not None else []
+    low, high = region["radius_m"]
+    if low is not None or high is not None:
+        squared = dot(levers[0], levers[0])
+        margins += [squared.shifted(-low * low)] if low is not None else []
+        margins += [(-squared).shifted(high * high)] if high is not None else []
+    if region["elevation_sine"] is not None:
+        rise = dot(up, tool_axis)
+        sine = region["elevation_sine"]
+        margins += [rise.shifted(sine), (-rise).shifted(sine)]
+    for later, earlier, (low, high) in part["differences"]:
+        difference = boxes.coordinate(later) - boxes.coordinate(earlier)
+        margins += [difference.shifted(-low), (-difference).shifted(high)]
+    rows, parameters = question["rows"], question["parameters"]
+    spread = np.zeros(boxes.centre.shape)
+    if part["wrench"] is None:
+        return form(question, axes, levers, boxes), margins
+    force = in_frame(frame, [float(x) for x in part["wrench"][:3]])
+    torque = in_frame(frame, [float(x) for x in part["wrench"][3:]])
+    turns = question["rotation_scale_m"]
+    columns = [[], []]
+    for joint in parameters:
+        if joint >= count:
+            columns[0].append([None] * 3)
+            columns[1].append([None] * 3)
+            continue
+        moment = add(dot(levers[joint], force), dot(axes[joint], torque))
+        columns[0].append([times(x, moment) for x in levers[joint]])
+        columns[1].append([times(x, moment) for x in axes[joint]])
+    d = None
+    for row in rows:
+        for kind, weight in zip(columns, (1.0, turns)):
+            for k in range(3) if weight else ():
+                w = None
+                for factor, column in zip(row, kind):
+                    if column[k] is not None:
+                        w = add(w, column[k].scaled(factor * weight, 2e-16 * abs(factor * weight)))
+                if w is not None:
+                    d = add(d, w * w)
+    return d if d is not None else constant(0.0, boxes), margins
+
+
+def form(question, axes, levers, boxes):
+    """The entries of Q with d = F^T Q F: the sum over rows of W^T W, W = sum b J J^T, times the force squared, and
+    with s z in place of the first J where rotations are measured."""
+    size, turns = question["loads"]["any_force"], question["rotation_scale_m"]
+    q = [[None] * 3 for _ in range(3)]
+    for vectors, weight in ((levers, size), (axes, size * turns)):
+        if not weight:
+            continue
+        dyads = {
+            joint: [[times(vectors[joint][i], levers[joint][j]) for j in range(3)] for i in range(3)]
+            for joint in question["parameters"]
+            if joint < len(levers)
+        }
+        for row in question["rows"]:
+            w = [[None] * 3 for _ in range(3)]
+            for factor, joint in zip(row, question["parameters"]):
+                for i in range(3) if joint in dyads else ():
+                    for j in range(3):
+                        part = dyads[joint][i][j]
+                        if part is not None:
+                            w[i][j] = add(w[i][j], part.scaled(factor * weight, 4e-16 * abs(factor * weight)))
+            for i in range(3):
+                for j in range(3):
+                    q[i][j] = add(q[i][j], dot([w[k][i] for k in range(3)], [w[k][j] for k in range(3)]))
+    nought = constant(0.0, boxes)
+    return [[entry if entry is not None else nought for entry in line] for line in q]
+
+
+def largest_eigenvalue(q, threshold):
+    """A scalar model whose largest value bounds the largest eigenvalue of Q, if that is above the threshold."""
+    count = len(q[0][0].c)
+    index = np.arange(q[0][0].g.shape[1])
+    centre = np.zeros((count, 3, 3))
+    for i in range(3):
+        for j in range(3):
+            m = q[min(i, j)][max(i, j)]
+            centre[:, i, j] = m.c - m.h[:, index, index].sum(1)
+    good = np.isfinite(centre).all((1, 2))
+    _, vectors = np.linalg.eigh(np.where(good[:, None, None], centre, 0.0))
+    u = vectors[:, :, ::-1]
+    off = np.abs(np.einsum("nki,nkj->nij", u, u) - np.eye(3)).max((1, 2)) + 1e-15
+    good &= off < 1e-13
+    bound = sum((q[i][j].size() + q[i][j].r) for i in range(3) for j in range(3))
+    turned_q = {}
+    for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)):
+        total = None
+        for k in range(3):
+            for l in range(3):
+                total = add(total, q[min(k, l)][max(k, l)].scaled(u[:, k, i] * u[:, l, j], 2e-16))
+        total.r = total.r + 8e-13 * bound
+        turned_q[i, j] = total
+    size = {key: m.size() + m.r for key, m in turned_q.items()}
+    least = threshold * (1 - 1e-12) - (np.maximum(size[1, 1], size[2, 2]) + size[1, 2]) * (1 + ROUNDING)
+    good &= least > 0
+    inverse = np.where(good, (1 + ROUNDING) / np.where(least > 0, least, 1.0), 0.0)
+    squares = turned_q[0, 1] * turned_q[0, 1] + turned_q[0, 2] * turned_q[0, 2]
+    model = turned_q[0, 0] + squares.scaled(inverse)
+    model.r = np.where(good, model.r, np.inf)
+    return model
+
+
+# --- the tree
+
+
+def leaves(part):
+    """The boxes that are done with: centre, half-widths, margin that is negative (or -1), multipliers."""
+    ranges = part["ranges"]
+    n = len(ranges)
+    text = part["tree"]
+    digits = "0123456789abcdef"
+    centre = [low + (high - low) / 2 for low, high in ranges]
+    half = [(high - low) / 2 for low, high in ranges]
+    for (low, high), c, h in zip(ranges, centre, half):
+        # All on the grid of the prover: halving rounds nothing.
+        for value in (low, high):
+            if not abs(value) < 64 or value * 2**20 != math.floor(value * 2**20):
+                raise Refused("a range is not on the grid")
+    stack = [(tuple(centre), tuple(half))]
+    place = 0
+
+    def digit(base=16):
+        nonlocal place
+        if place >= len(text) or text[place] not in digits[:base]:
+            raise Refused("the tree is cut off or spoilt")
+        place += 1
+        return digits.index(text[place - 1])
+
+    while stack:
+        c, h = stack.pop()
+        if place >= len(text):
+            raise Refused("the tree is cut off")
+        kind = text[place]
+        if kind == ".":
+            place += 1
+            yield c, h, -1, []
+        elif kind == "x":
+            place += 1
+            yield c, h, 16 * digit() + digit(), []
+        elif kind == "m":
+            place += 1
+            multipliers = []
+            for _ in range(digit()):
+                margin = 16 * digit() + digit()
+                bits = 0
+                for _ in range(6):
+                    bits = 16 * bits + digit()
+                value = np.array([bits << 40], np.uint64).view(np.float64)[0]
+                if not (value >= 0 and np.isfinite(value)):
+                    raise Refused("a multiplier is negative")
+                multipliers.append((margin, float(value)))
+            yield c, h, -1, multipliers
+        else:
+            j = digit()
+            if j >= n:
+                raise Refused("a variable is halved that there is not")
+            width = list(h)
+            width[j] /= 2
+            for side in (1, -1):
+                where = list(c)
+                where[j] += side * width[j]
+                if width[j] < 2**-31 or abs(where[j] - c[j]) != width[j]:
+                    raise Refused("a box is too small")
+                stack.append((tuple(where), tuple(width)))
+    if place != len(text):
+        raise Refused("the tree goes on behind its end")
+
+
+def check_batch(question, arm, part, batch, threshold):
+    """Which boxes of a batch do not hold as they are, with the variable to halve."""
+    boxes = Boxes(np.array([b[0] for b in batch]), np.array([b[1] for b in batch]))
+    d, margins = enclose(question, arm, part, boxes)
+    total = largest_eigenvalue(d, threshold) if isinstance(d, list) else d
+    excluded = np.array([b[2] for b in batch])
+    weights = np.zeros((len(margins), len(batch)))
+    for index, (_, _, margin, multipliers) in enumerate(batch):
+        if margin >= len(margins):
+            raise Refused("a margin is named that there is not")
+        for k, value in multipliers:
+            if k >= len(margins):
+                raise Refused("a margin is named that there is not")
+            weights[k, index] += value
+    for k, margin in enumerate(margins):
+        if weights[k].any():
+            total = total + margin.scaled(weights[k])
+    holds = total.largest() <= threshold
+    for k, margin in enumerate(margins):
+        named = excluded == k
+        if named.any():
+            holds |= named & (margin.largest() < 0)
+    share = np.abs(total.g) + np.abs(total.h).sum(2) + boxes.half * (np.abs(total.r) / boxes.half.sum(1))[:, None]
+    share = np.where(np.isfinite(share), share, 0.0)
+    for k, margin in enumerate(margins):
+        named = excluded == k
+        share[named] = (np.abs(margin.g) + np.abs(margin.h).sum(2))[named] + 1e-9 * boxes.half[named]
+    return np.flatnonzero(~holds), np.argmax(share, 1)
+
+
+def check_part(question, arm, part, threshold):
+    check_domain(question, arm, part)
+    if not 0 <= part["middle"] <= arm.tool_joints:
+        raise Refused("there is no such middle")
+    if part["middle"] < arm.tool_joints and not arm.starts_run(part["middle"]):
+        raise Unknown("the middle stands inside a run")
+    todo, looks, given = [], 0, 0
+    source = leaves(part)
+    exhausted = False
+    while todo or not exhausted:
+        while len(todo) < BATCH and not exhausted:
+            box = next(source, None)
+            if box is None:
+                exhausted = True
+            else:
+                todo.append(box)
+                given += 1
+        batch, todo = todo[-BATCH:], todo[:-BATCH]
+        if not batch:
+            break
+        looks += len(batch)
+        if looks > PATIENCE * given + 100:
+            raise Refused("a box does not hold, however small it is cut")
+        open_boxes, halves = check_batch(question, arm, part, batch, threshold)
+        for index in open_boxes:
+            c, h, margin, multipliers = batch[index]
+            j = halves[index]
+            width = list(h)
+            width[j] /= 2
+            if width[j] < 1e-7:
+                raise Refused(f"a box about {list(c)} does not hold")
+            for side in (1, -1):
+                where = list(c)
+                where[j] += side * width[j]
+                todo.append((tuple(where), tuple(width), margin, multipliers))
+    return given, looks
+
+
+# --- the bound of rho_0
+
+
+def target_columns(target, parameters):
+    arm = Arm(target["arm"])
+    boxes = Boxes(np.zeros((1, 1)), np.zeros((1, 1)))
+    frame = np.eye(3)
+    origin = np.zeros(3)
+    axes, anchors = [], []
+    tool = None
+    for joint in range(len(arm.axis)):
+        origin = origin + frame @ np.array(arm.offset[joint])
+        a = np.zeros(3)
+        a[arm.axis[joint]] = arm.sign[joint]
+        axes.append(frame @ a)
+        anchors.append(origin)
+        angle = arm.sign[joint] * target["configuration_rad"][joint]
+        s, c = math.sin(angle), math.cos(angle)
+        one, other = (arm.axis[joint] + 1) % 3, (arm.axis[joint] + 2) % 3
+        turn = np.eye(3)
+        turn[one, one] = turn[other, other] = c
+        turn[other, one], turn[one, other] = s, -s
+        frame = frame @ turn
+        if joint + 1 == arm.tool_joints:
+            tool = origin + frame @ np.array(arm.tool)
+    force, torque = np.array(target["wrench"][:3]), np.array(target["wrench"][3:])
+    columns = []
+    for joint in parameters:
+        if joint >= arm.tool_joints:
+            columns.append(np.zeros(3))
+            continue
+        lever = np.cross(axes[joint], tool - anchors[joint])
+        columns.append(lever * (lever @ force + axes[joint] @ torque))
+    return columns
+
+
+def check_bounds(file):
+    question = file["proof"]["question"]
+    rows, parameters = question["rows"], question["parameters"]
+    trace, size, index = 0.0, 0.0, 0
+    for target in file["targets"]:
+        columns = target_columns(target, parameters)
+        for k in range(3):
+            for factor, column in zip(rows[index], columns):
+                value = factor * column[k] * math.sqrt(target["weight"])
+                trace += value
+                size += abs(factor) * float(np.abs(column).sum()) * math.sqrt(target["weight"])
+            index += 1
+    # Fewer than 1000 roundings of terms within `size`.
+    trace = abs(trace) - 2e-13 * size
+    arm = question["arm"]
+    length = lambda v: math.sqrt(sum(x * x for x in v))
+    reach, reaches = length(arm["tool_offset_m"]), [0.0] * len(arm["joints"])
+    for joint in reversed(range(arm["tool_joints"])):
+        reaches[joint] = reach
+        reach += length(arm["joints"][joint]["offset_m"])
+    turns = question["rotation_scale_m"]
+    unit = 0.0
+    for row in rows:
+        parts = [(abs(b) * (reaches[n] + 1), reaches[n]) for b, n in zip(row, parameters)]
+        unit += sum(size * r for size, r in parts) ** 2 + (sum(size for size, _ in parts) * turns) ** 2
+    unit = math.sqrt(unit)
+    loads = question["loads"]
+    if "one_of" in loads:
+        strongest = max(length(w[:3]) + length(w[3:]) for w in loads["one_of"])
+    else:
+        strongest = loads["any_force"]
+    printed = min(0.05 * math.sqrt(3), 1e-3 * strongest)
+    if file["printed"] < printed * (1 - 1e-9):
+        raise Refused("loads that are printed alike are left out")
+    most = (math.sqrt(file["proof"]["largest"]) + file["printed"] * unit) ** 2
+    count, derivatives = file["mandatory"]
+    if count > 0:
+        print("the mandatory experiments' share of the bounds is taken as the file has it")
+    for m, rho0 in file["bounds"]:
+        total = derivatives + (m - count) * most
+        bound = file["sigma_m"] * max(trace, 0.0) / math.sqrt(total)
+        if m < count or rho0 > bound * (1 + 1e-9):
+            raise Refused(f"the bound for {m} measurements does not follow")
+
+
+def check(path):
+    with open(path, encoding="utf-8") as source:
+        file = json.load(source)
+    proof = file["proof"]
+    question, threshold = proof["question"], proof["largest"]
+    arm = Arm(question["arm"])
+    if not (math.isfinite(threshold) and threshold > 0):
+        raise Refused("the threshold is no number")
+    loads = question["loads"]
+    parts = proof["parts"]
+    if "one_of" in loads:
+        proved = [part["wrench"] for part in parts]
+        for wrench in loads["one_of"]:
+            if wrench not in proved and [-x for x in wrench] not in proved:
+                raise Refused(f"there is no proof for the load {wrench}")
+    elif "any_force" in loads:
+        if [part["wrench"] for part in parts] != [None]:
+            raise Refused("there is no proof for forces of any direction")
+    else:
+        raise Unknown("loads of one direction")
+    for part in parts:
+        given, looks = check_part(question, arm, part, threshold)
+        print(f"{given} boxes hold ({looks} looks)")
+    check_bounds(file)
+    for m, rho0 in file["bounds"]:
+        print(f"no plan of {m} measurements has rho0 below {rho0 * 1e6:.4f} um")
+
+
+def main():
+    if len(sys.argv) != 2:
+        print(__doc__.split("\n\n")[1], file=sys.stderr)
+        return 2
+    try:
+        check(sys.argv[1])
+    except Refused as error:
+        print(f"refused: {error}")
+        return 1
+    except Unknown as error:
+        print(f"cannot be checked here: {error}")
+        return 2
+    except (KeyError, TypeError, IndexError, ValueError, OSError) as error:
+        print(f"refused: the file is no proof ({type(error).__name__}: {error})")
+        return 1
+    print("the proof holds")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
