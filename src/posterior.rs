@@ -62,14 +62,6 @@ impl Posterior {
         self.variance_of(&row).ok().map(f64::sqrt)
     }
 
-    /// The parameters that are not determined by themselves, as indices.
-    #[must_use]
-    pub fn undetermined(&self) -> Vec<usize> {
-        (0..self.names.len())
-            .filter(|&index| self.standard_error(index).is_none())
-            .collect()
-    }
-
     /// The normalised error squared of `error` (p), of which only what is determined counts: chi-square
     /// with [`Estimable::rank`] degrees of freedom if the covariance is right. `None` where the
     /// covariance is none.

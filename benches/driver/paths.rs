@@ -8,7 +8,8 @@ use elastocal::identification::{Sigma, identify};
 use elastocal::measurement::Measurement;
 use elastocal::plan::search::{Problem, Watch, approximate_design, exact_design, random_plan};
 use elastocal::plan::{Criterion, Plan, read_plan};
-use elastocal::random::normal::{LANES, Stream, fill_normals};
+use elastocal::random::normal::{LANES, fill_normals};
+use elastocal::random::streams::Stream;
 use elastocal::robot::{KinematicState, Kinematics, Load};
 use elastocal::scenario::Scenario;
 use elastocal::study::runner::{Runner, block_runs};
@@ -129,7 +130,7 @@ pub fn value_and_gradient(
 ) -> impl FnMut() -> (f64, Vec<f64>) + use<> {
     let problem = Problem::new(&scenario.task, Criterion::TestPose);
     let experiments = plan.experiments.clone();
-    let mut observer = problem.observer();
+    let mut evaluator = problem.evaluator();
     let mut cost = problem.cost();
     let size = problem.parameters();
     let mut information = DMatrix::zeros(size, size);
@@ -141,16 +142,16 @@ pub fn value_and_gradient(
         let mut gradient = vec![0.0; joints * experiments.len()];
         information.fill(0.0);
         for experiment in &experiments {
-            observer.move_to(experiment.configuration_rad.as_slice());
-            observer.observe(&experiment.load, &mut matrix);
+            evaluator.move_to(experiment.configuration_rad.as_slice());
+            evaluator.observe(&experiment.load, &mut matrix);
             information.gemm_tr(1.0, &matrix, &matrix, 1.0);
         }
         let value = cost.cost(&information, &mut directions);
         for (experiment, gradient) in experiments.iter().zip(gradient.chunks_exact_mut(joints)) {
-            observer.move_to(experiment.configuration_rad.as_slice());
-            observer.observe(&experiment.load, &mut matrix);
+            evaluator.move_to(experiment.configuration_rad.as_slice());
+            evaluator.observe(&experiment.load, &mut matrix);
             factor.gemm(-2.0, &matrix, &directions, 0.0);
-            observer.pull_back(&experiment.load, &factor, gradient);
+            evaluator.pull_back(&experiment.load, &factor, gradient);
         }
         (value, gradient)
     }

@@ -5,10 +5,11 @@ use elastocal::identification::{Sigma, identify};
 use elastocal::measurement::Measurement;
 use elastocal::plan::search::{Problem, random_plan};
 use elastocal::plan::{Criterion, Plan};
-use elastocal::random::normal::{LANES, Stream, fill_normals};
+use elastocal::random::normal::{LANES, fill_normals};
+use elastocal::random::streams::Stream;
 use elastocal::robot::{EquilibriumSolver, Load, Tool};
 use elastocal::scenario::Scenario;
-use elastocal::study::model_level::Model;
+use elastocal::study::model_level::LinearModel;
 use elastocal::study::robot_level::RobotRuns;
 use elastocal::task::Method;
 use elastocal::testbed::VirtualRobot;
@@ -139,7 +140,7 @@ fn kinematics_calls(scenario: &Scenario, measured: &[Measurement], iterations: u
 fn study(scenario: &Scenario) -> Value {
     let mut normals = vec![[0.0; LANES]; 36];
     fill_normals(Stream::Noise, scenario.seed, 0, &mut normals);
-    let model = Model::new(&scenario.task, &scenario.truth);
+    let model = LinearModel::new(&scenario.task, &scenario.truth);
     let batch = model
         .plan(&plan_of(12))
         .expect("determined")
@@ -198,14 +199,14 @@ fn equilibrium(scenario: &Scenario) -> Value {
 fn pool(scenario: &Scenario) -> Value {
     let drawn: Plan = random_plan(&scenario.task, POOL, scenario.seed, 0).expect("feasible");
     let problem = Problem::new(&scenario.task, Criterion::TestPose);
-    let mut observer = problem.observer();
+    let mut evaluator = problem.evaluator();
     let mut matrix = Matrix3xX::zeros(problem.parameters());
     let matrices: Vec<Vec<Vec<f64>>> = drawn
         .experiments
         .iter()
         .map(|each| {
-            observer.move_to(each.configuration_rad.as_slice());
-            observer.observe(&each.load, &mut matrix);
+            evaluator.move_to(each.configuration_rad.as_slice());
+            evaluator.observe(&each.load, &mut matrix);
             rows(&DMatrix::from_column_slice(
                 3,
                 matrix.ncols(),

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use elastocal::comparison::record::{COLUMNS, comparison_json, markdown, notes, rows, verdict};
 use elastocal::comparison::results::ResultsFile;
-use elastocal::comparison::{Comparison, Rules, Setting, compare};
+use elastocal::comparison::{Aspect, Comparison, Rules, compare};
 use elastocal::files::output::write_whole;
 use elastocal::files::roles::Roles;
 
@@ -21,7 +21,7 @@ pub struct Compare {
     new: PathBuf,
     /// Compare although these differ.
     #[arg(long, value_name = "SETTINGS", value_enum, value_delimiter = ',')]
-    allow_different: Vec<Setting>,
+    allow_different: Vec<Aspect>,
     /// On the same platform, allow no change at all.
     #[arg(long)]
     exact: bool,

@@ -25,7 +25,7 @@ use super::evaluate::loads_outside;
 use super::interruption::NEVER;
 use super::plan::{Wanted, design};
 use super::proof::ProofArgs;
-use super::stream::{TARGETS, Target, warn};
+use super::stream::{TARGETS, ViewerTarget, warn};
 use super::table::{number, table};
 use super::written::Written;
 use super::{Common, Report, check_outputs, command_line, identify, inputs, merge, results};
@@ -39,7 +39,7 @@ pub struct Run {
     proof: ProofArgs,
     /// Show the recording in a rerun viewer too: start one, connect to one, or write a file.
     #[arg(long, value_name = TARGETS)]
-    rerun: Option<Target>,
+    rerun: Option<ViewerTarget>,
 }
 
 /// So many random plans stand for what a laboratory without a plan would do.
@@ -89,7 +89,7 @@ impl Run {
     /// The folder of the results, once nothing is in the way of any file.
     fn make_folder(&self, scenario: &Scenario) -> anyhow::Result<PathBuf> {
         let folder = self.common.folder(scenario);
-        let file = self.rerun.as_ref().and_then(Target::file);
+        let file = self.rerun.as_ref().and_then(ViewerTarget::file);
         let mut roles = inputs(scenario);
         roles.writes_to(&folder, &FILES);
         let outputs = [
@@ -342,7 +342,7 @@ fn write_all(
 }
 
 /// Shows what run.rrd holds.
-fn show(target: &Target, recording: &Recording, written: &mut Written) -> anyhow::Result<()> {
+fn show(target: &ViewerTarget, recording: &Recording, written: &mut Written) -> anyhow::Result<()> {
     if let Some(path) = target.file() {
         written.note(path, write_rerun(path, recording));
     }

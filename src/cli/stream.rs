@@ -11,7 +11,7 @@ use super::view::find_viewer;
 
 /// Where results are shown or written, besides the usual files.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Target {
+pub enum ViewerTarget {
     /// A viewer on this machine, started if none is there.
     Spawn,
     /// A viewer that is there.
@@ -23,7 +23,7 @@ pub enum Target {
 /// The names of the targets, for the help.
 pub const TARGETS: &str = "spawn|connect[=URL]|save=FILE";
 
-impl std::str::FromStr for Target {
+impl std::str::FromStr for ViewerTarget {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
@@ -41,7 +41,7 @@ impl std::str::FromStr for Target {
     }
 }
 
-impl Target {
+impl ViewerTarget {
     /// The file to write, if it is one.
     pub fn file(&self) -> Option<&PathBuf> {
         match self {

@@ -19,7 +19,7 @@ use results::{Key, ResultsFile};
 /// In what results can differ that makes them answers to different questions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "snake_case")]
-pub enum Setting {
+pub enum Aspect {
     /// The command, or the version of its results.
     Schema,
     /// The scenario file or its models.
@@ -44,7 +44,7 @@ pub enum Setting {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Difference {
     /// What differs.
-    pub setting: Setting,
+    pub aspect: Aspect,
     /// What it is in the one.
     pub base: String,
     /// What it is in the other.
@@ -87,12 +87,12 @@ pub struct Rules<'a> {
     /// The tolerances.
     pub gate: &'a Gate,
     /// Differences that are put up with.
-    pub allowed: &'a [Setting],
+    pub allowed: &'a [Aspect],
     /// On the same platform, any change is too much.
     pub exact: bool,
 }
 
-impl Setting {
+impl Aspect {
     const ALL: [Self; 9] = [
         Self::Schema,
         Self::Scenario,
@@ -167,7 +167,7 @@ pub fn compare(
 ) -> Result<Comparison, FileError> {
     let differences = differences(base, new);
     let refused: Vec<&Difference> = (differences.iter())
-        .filter(|difference| !rules.allowed.contains(&difference.setting))
+        .filter(|difference| !rules.allowed.contains(&difference.aspect))
         .collect();
     if !refused.is_empty() {
         return Err(refusal(base, new, &refused));
@@ -195,7 +195,7 @@ pub fn compare(
     }
     let only_new = (new.numbers.iter()).filter(|(key, _)| value_in(base, key).is_none());
     not_compared.extend(only_new.map(|(key, _)| key.clone()));
-    let scenario_may_differ = rules.allowed.contains(&Setting::Scenario);
+    let scenario_may_differ = rules.allowed.contains(&Aspect::Scenario);
     let missing = (not_compared.iter())
         .find(|key| base.plans.contains(&key.plan) && new.plans.contains(&key.plan));
     if let (Some(key), false) = (missing, scenario_may_differ || schema_differs(&differences)) {
@@ -229,28 +229,28 @@ fn sorted(names: &[String]) -> Vec<&String> {
 }
 
 fn schema_differs(differences: &[Difference]) -> bool {
-    (differences.iter()).any(|difference| difference.setting == Setting::Schema)
+    (differences.iter()).any(|difference| difference.aspect == Aspect::Schema)
 }
 
 fn differences(base: &ResultsFile, new: &ResultsFile) -> Vec<Difference> {
-    let differs = |setting: &Setting| !setting.is_same(base, new);
-    let difference = |setting: Setting| {
-        let say = |file| setting.of(file).unwrap_or_else(|| "none".to_owned());
+    let differs = |aspect: &Aspect| !aspect.is_same(base, new);
+    let difference = |aspect: Aspect| {
+        let say = |file| aspect.of(file).unwrap_or_else(|| "none".to_owned());
         Difference {
-            setting,
+            aspect,
             base: say(base),
             new: say(new),
         }
     };
-    let all = Setting::ALL.into_iter();
+    let all = Aspect::ALL.into_iter();
     all.filter(differs).map(difference).collect()
 }
 
 fn refusal(base: &ResultsFile, new: &ResultsFile, refused: &[&Difference]) -> FileError {
     let named: Vec<String> = (refused.iter())
-        .map(|each| format!("{} ({}, not {})", each.setting.name(), each.new, each.base))
+        .map(|each| format!("{} ({}, not {})", each.aspect.name(), each.new, each.base))
         .collect();
-    let names: Vec<&str> = refused.iter().map(|each| each.setting.name()).collect();
+    let names: Vec<&str> = refused.iter().map(|each| each.aspect.name()).collect();
     let problem = format!(
         "differs from {} in {}",
         base.path.display(),

@@ -26,7 +26,7 @@ pub fn comparison_json(base: &ResultsFile, new: &ResultsFile, comparison: &Compa
         quantities.into_iter().map(Quantity::name).collect()
     };
     let differences = (comparison.differences.iter())
-        .map(|each| json!({ "setting": each.setting, "base": each.base, "new": each.new }));
+        .map(|each| json!({ "setting": each.aspect, "base": each.base, "new": each.new }));
     json!({
         "schema": SchemaMessage::new("compare"),
         "ok": comparison.ok(),
@@ -150,7 +150,7 @@ pub fn notes(base: &ResultsFile, new: &ResultsFile, comparison: &Comparison) -> 
     for difference in &comparison.differences {
         notes.push(format!(
             "They differ in {}, as allowed: {} in the base, {} in the new.",
-            difference.setting.name(),
+            difference.aspect.name(),
             difference.base,
             difference.new
         ));

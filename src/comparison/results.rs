@@ -67,40 +67,40 @@ struct Promise {
 }
 
 #[derive(Deserialize)]
-struct Designed {
+struct DesignedResults {
     criterion: String,
     configurations: Option<u32>,
 }
 
 #[derive(Deserialize)]
-struct Run {
+struct RunResults {
     experiments: u32,
-    plans: Vec<RunPlan>,
+    plans: Vec<RunPlanResults>,
 }
 
 #[derive(Deserialize)]
-struct RunPlan {
+struct RunPlanResults {
     name: String,
     assessment: Promise,
-    test_poses: Vec<TestPose>,
+    test_poses: Vec<PoseResults>,
 }
 
 #[derive(Deserialize)]
-struct TestPose {
+struct PoseResults {
     name: String,
     #[serde(deserialize_with = "there")]
     residual_mm: Option<f64>,
 }
 
 #[derive(Deserialize)]
-struct Study {
+struct StudyResults {
     trials: u64,
     level: String,
-    plans: Vec<StudyPlan>,
+    plans: Vec<StudyPlanResults>,
 }
 
 #[derive(Deserialize)]
-struct StudyPlan {
+struct StudyPlanResults {
     name: String,
     experiments: u32,
     sigma_mm: f64,
@@ -142,7 +142,7 @@ impl ResultsFile {
             "elastocal.run" => file.run(typed(path, &json)?)?,
             "elastocal.study" => file.study(typed(path, &json)?),
             "elastocal.plan" => {
-                let designed: Designed = typed(path, &json)?;
+                let designed: DesignedResults = typed(path, &json)?;
                 file.settings.push(("criterion", designed.criterion.into()));
                 let configurations = designed.configurations;
                 file.settings
@@ -154,7 +154,7 @@ impl ResultsFile {
         Ok(file)
     }
 
-    fn run(&mut self, run: Run) -> Result<(), FileError> {
+    fn run(&mut self, run: RunResults) -> Result<(), FileError> {
         self.settings.push(("experiments", run.experiments.into()));
         for (index, plan) in run.plans.into_iter().enumerate() {
             let name = self.add_plan(&plan.name);
@@ -171,7 +171,7 @@ impl ResultsFile {
         Ok(())
     }
 
-    fn study(&mut self, study: Study) {
+    fn study(&mut self, study: StudyResults) {
         let mut experiments: Vec<u32> = study.plans.iter().map(|plan| plan.experiments).collect();
         experiments.dedup();
         self.settings.extend([

@@ -100,16 +100,16 @@ impl Delimiter {
 }
 
 /// A number with its line, as it is written.
-type Written = (usize, String);
+type Place = (usize, String);
 
 /// Reads the numbers of a file, all with one decimal sign.
 #[derive(Debug)]
 pub struct Decimals<'a> {
     path: &'a Path,
     delimiter: Delimiter,
-    point: Option<Written>,
+    point: Option<Place>,
     /// The first number with a comma.
-    comma: Option<Written>,
+    comma: Option<Place>,
     /// Whether some comma cannot be a thousands separator.
     is_decimal: bool,
 }

@@ -141,12 +141,6 @@ pub struct Row<'a> {
 }
 
 impl Row<'_> {
-    /// The row's line in the file, from 1.
-    #[must_use]
-    pub const fn line(&self) -> usize {
-        self.line
-    }
-
     /// The value in a column that the table has; NaN where it has none.
     #[must_use]
     pub fn get(&self, column: &str) -> f64 {

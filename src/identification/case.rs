@@ -1,8 +1,8 @@
 //! What an identification is made from.
 
+use super::equations::EquationSource;
 use super::error::IdentificationError;
 use super::estimate::{Identification, Sigma, identify};
-use super::observations::Observations;
 use crate::measurement::Measurement;
 use crate::robot::{Robot, Tool};
 use crate::task::Method;
@@ -44,8 +44,8 @@ impl<'a> Case<'a> {
         identify(nominal, tool, parameters, measurements, sigma, method)
     }
 
-    pub(super) const fn observations(&self) -> Observations<'a> {
-        Observations {
+    pub(super) const fn equation_source(&self) -> EquationSource<'a> {
+        EquationSource {
             chain: &self.nominal.chain,
             tool: self.tool,
             parameters: self.parameters,

@@ -3,9 +3,9 @@
 use nalgebra::DVector;
 use statrs::distribution::{ChiSquared, ContinuousCDF, Normal, StudentsT};
 
+use super::equations::EquationSource;
 use super::error::IdentificationError;
 use super::fit::{Fit, fit_linear, fit_nonlinear};
-use super::observations::Observations;
 use crate::measurement::Measurement;
 use crate::posterior::Posterior;
 use crate::robot::{Robot, Tool};
@@ -116,7 +116,7 @@ pub fn identify(
     if measurements.is_empty() {
         return Err(IdentificationError::NoMeasurements);
     }
-    let observations = Observations {
+    let source = EquationSource {
         chain: &nominal.chain,
         tool,
         parameters,
@@ -124,14 +124,14 @@ pub fn identify(
         sigma_m: sigma.weight_m(),
     };
     let fit = match method {
-        Method::Linear => fit_linear(&observations, nominal),
-        Method::Nonlinear => fit_nonlinear(&observations, nominal)?,
+        Method::Linear => fit_linear(&source, nominal),
+        Method::Nonlinear => fit_nonlinear(&source, nominal)?,
     };
-    report(&observations, fit, sigma, method, nominal)
+    report(&source, fit, sigma, method, nominal)
 }
 
 fn report(
-    observations: &Observations<'_>,
+    source: &EquationSource<'_>,
     fit: Fit,
     sigma: Sigma,
     method: Method,
@@ -144,7 +144,7 @@ fn report(
     let equations = fit.whitened_residuals.len();
     let spare = equations.saturating_sub(rank);
     let freedom = spare as f64;
-    let sigma_m = observations.typical_sigma_m();
+    let sigma_m = source.typical_sigma_m();
     let sum_of_squares = fit.whitened_residuals.norm_squared();
     let ratio = (spare > 0).then(|| (sum_of_squares / freedom).sqrt());
     let (factor, quantile) = match sigma {
@@ -154,7 +154,7 @@ fn report(
             two_sided_student(freedom),
         ),
     };
-    let joints = observations.parameters;
+    let joints = source.parameters;
     let posterior = Posterior {
         names: (joints.iter())
             .map(|&joint| nominal.chain.joints[joint].name.clone())
@@ -194,7 +194,7 @@ fn report(
         residual_sigma_m: ratio.map(|ratio| ratio * sigma_m),
         consistency: chi_square.map(|chi| chi.sf(sum_of_squares)),
         consistency_lower: chi_square.map(|chi| chi.cdf(sum_of_squares)),
-        residuals_m: residuals_m(observations, &fit.whitened_residuals),
+        residuals_m: residuals_m(source, &fit.whitened_residuals),
         rank,
         condition: fit.least_squares.condition,
         iterations: fit.iterations,
@@ -202,13 +202,13 @@ fn report(
 }
 
 /// Takes the weights off the residuals of deflections.
-fn residuals_m(observations: &Observations<'_>, whitened: &DVector<f64>) -> Vec<f64> {
+fn residuals_m(source: &EquationSource<'_>, whitened: &DVector<f64>) -> Vec<f64> {
     let mut rows = whitened.iter();
     let mut residuals = Vec::new();
-    for each in observations.measurements {
+    for each in source.measurements {
         let sigma = each
             .sigma_m
-            .unwrap_or(nalgebra::Vector3::repeat(observations.sigma_m));
+            .unwrap_or(nalgebra::Vector3::repeat(source.sigma_m));
         residuals.extend(rows.by_ref().take(3).zip(sigma.iter()).map(|(r, s)| r * s));
         if each.rotation.is_some() {
             rows.by_ref().take(3).for_each(drop);

@@ -2,8 +2,8 @@
 
 use nalgebra::DVector;
 
+use super::equations::{EquationSource, Equations};
 use super::error::IdentificationError;
-use super::observations::{Equations, Observations};
 use crate::estimable::Estimable;
 use crate::least_squares::LeastSquares;
 use crate::robot::Robot;
@@ -31,12 +31,12 @@ pub(super) struct Fit {
 
 /// What the measurements determine follows from their linear equations at the commanded angles, as it
 /// does for the planner: it does not depend on what was read, and does not change on the way of a fit.
-pub(super) fn fit_linear(observations: &Observations<'_>, nominal: &Robot) -> Fit {
+pub(super) fn fit_linear(source: &EquationSource<'_>, nominal: &Robot) -> Fit {
     let Equations {
         matrix,
         right_hand_side,
-    } = observations.linear(&nominal.compliance_rad_per_nm);
-    let parameters = observations.parameters;
+    } = source.linear(&nominal.compliance_rad_per_nm);
+    let parameters = source.parameters;
     let estimable = Estimable::of_equations(&matrix, &nominal.typical_rad_per_nm(parameters));
     let mut compliance = nominal.compliance_rad_per_nm.clone();
     let (least_squares, whitened_residuals) = if estimable.is_complete() {
@@ -68,19 +68,19 @@ pub(super) fn fit_linear(observations: &Observations<'_>, nominal: &Robot) -> Fi
 /// with that. Directions that the measurements do not determine keep the nominal value. A step that
 /// leads where there is no equilibrium, or a long one that raises the residuals, is halved.
 pub(super) fn fit_nonlinear(
-    observations: &Observations<'_>,
+    source: &EquationSource<'_>,
     nominal: &Robot,
 ) -> Result<Fit, IdentificationError> {
     let Fit {
         mut compliance,
         estimable,
         ..
-    } = fit_linear(observations, nominal);
-    let mut equations = observations.nonlinear(&compliance).or_else(|error| {
+    } = fit_linear(source, nominal);
+    let mut equations = source.nonlinear(&compliance).or_else(|error| {
         compliance.clone_from(&nominal.compliance_rad_per_nm);
-        observations.nonlinear(&compliance).map_err(|_| error)
+        source.nonlinear(&compliance).map_err(|_| error)
     })?;
-    let parameters = observations.parameters;
+    let parameters = source.parameters;
     let mut change = f64::INFINITY;
     for iterations in 1..=MAXIMUM_ITERATIONS {
         let least_squares =
@@ -102,7 +102,7 @@ pub(super) fn fit_nonlinear(
         equations = loop {
             let mut next = compliance.clone();
             add(&mut next, parameters, &least_squares.solution, share);
-            let found = observations.nonlinear(&next);
+            let found = source.nonlinear(&next);
             let rises = |found: &Equations| found.right_hand_side.norm_squared() > before;
             let is_worse = found.as_ref().map_or(true, rises);
             if halvings == HALVINGS || !is_worse || (found.is_ok() && share * change < LONG) {

@@ -7,11 +7,11 @@ mod case;
 mod conditions;
 mod covariance;
 pub mod diagnoses;
+mod equations;
 mod error;
 mod estimate;
 mod fit;
 mod gauss_newton;
-mod observations;
 mod residuals;
 
 pub use case::Case;

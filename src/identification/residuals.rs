@@ -4,9 +4,9 @@ use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use statrs::distribution::{ChiSquared, ContinuousCDF, FisherSnedecor};
 
 use super::Case;
+use super::equations::Equations;
 use super::error::IdentificationError;
 use super::estimate::{Identification, Sigma};
-use super::observations::Equations;
 use crate::least_squares::LeastSquares;
 use crate::task::Method;
 
@@ -63,14 +63,14 @@ pub fn residuals(
     case: &Case<'_>,
     identification: &Identification,
 ) -> Result<Residuals, IdentificationError> {
-    let observations = case.observations();
+    let source = case.equation_source();
     let compliance = &identification.compliance_rad_per_nm;
     let Equations {
         matrix,
         right_hand_side,
     } = match case.method {
-        Method::Linear => observations.linear(compliance),
-        Method::Nonlinear => observations.nonlinear(compliance)?,
+        Method::Linear => source.linear(compliance),
+        Method::Nonlinear => source.nonlinear(compliance)?,
     };
     let estimable = &identification.posterior.estimable;
     let fit = LeastSquares::solve(&matrix, &right_hand_side, estimable);

@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Matrix6xX, Rotation3, Vector3};
 
 use super::reading::{Prediction, ReadingKind, Setup};
 use super::rotation::{exponential, inverse_left_jacobian};
-use super::sweep::{Pose, Sweep};
+use super::sweep::{Sweep, SweepPose};
 use crate::parameter::{ElasticArm, ParameterKind, ParameterSet};
 use crate::robot::{
     EquilibriumError, EquilibriumSolver, KinematicState, Kinematics, Load, SerialChain,
@@ -146,7 +146,7 @@ impl<'a> ObservationModel<'a> {
             turned += self.state.rotation_column(joint) * angle;
         }
         self.sweep.respond_rigidly(&self.state);
-        let pose = Pose {
+        let pose = SweepPose {
             set: self.set,
             belief: &self.belief,
             chain: &self.chain,
@@ -184,7 +184,7 @@ impl<'a> ObservationModel<'a> {
         self.solver
             .solve(&mut arm, compliance, &self.commanded_rad, load)?;
         self.solver.response(compliance, &mut self.sweep.response);
-        let pose = Pose {
+        let pose = SweepPose {
             set: self.set,
             belief: &self.belief,
             chain: &self.chain,

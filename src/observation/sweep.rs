@@ -59,7 +59,7 @@ pub(super) struct Sweep {
 
 /// What a sweep is made of.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Pose<'a> {
+pub(super) struct SweepPose<'a> {
     pub set: &'a ParameterSet,
     pub belief: &'a ElasticArm,
     /// The chain with the payload.
@@ -143,7 +143,7 @@ impl Sweep {
     /// Writes the derivatives (6 x p, in the robot's base frame) of the target's position and of its
     /// orientation as an angular velocity; without rigid motion, of the deflection and its rotation
     /// vector. Parameters of the base are left out. Does not allocate.
-    pub fn derivatives(&mut self, pose: &Pose<'_>, derivatives: &mut Matrix6xX<f64>) {
+    pub fn derivatives(&mut self, pose: &SweepPose<'_>, derivatives: &mut Matrix6xX<f64>) {
         self.orient(pose);
         self.sum(pose);
         for (index, parameter) in pose.set.parameters().iter().enumerate() {
@@ -219,7 +219,7 @@ impl Sweep {
         (&self.base.displacement, &self.base.rotation)
     }
 
-    fn orient(&mut self, pose: &Pose<'_>) {
+    fn orient(&mut self, pose: &SweepPose<'_>) {
         let mut rotation = Matrix3::identity();
         for (index, (joint, &angle)) in pose.chain.joints.iter().zip(pose.q).enumerate() {
             self.before[index] = rotation;
@@ -234,7 +234,7 @@ impl Sweep {
         Vector6::from_fn(|row, _| self.response[(joint, row)])
     }
 
-    fn sum(&mut self, pose: &Pose<'_>) {
+    fn sum(&mut self, pose: &SweepPose<'_>) {
         let (state, joints) = (pose.state, pose.torque.len());
         let compliance = &pose.belief.compliance_rad_per_nm;
         for (joint, &compliance) in compliance.iter().enumerate() {
@@ -255,7 +255,7 @@ impl Sweep {
     }
 
     /// A twist of all from joint m on.
-    fn beyond(&self, pose: &Pose<'_>, m: usize, twist: &Twist) -> Vector6<f64> {
+    fn beyond(&self, pose: &SweepPose<'_>, m: usize, twist: &Twist) -> Vector6<f64> {
         let state = pose.state;
         let carried = twist.at(&state.distal_centre[m]) * state.distal_mass[m];
         let mut moment = carried.cross(pose.gravity_m_s2);
@@ -268,7 +268,7 @@ impl Sweep {
         column + self.inner[m] * moment
     }
 
-    fn of_tool(&self, pose: &Pose<'_>, twist: &Twist) -> Vector6<f64> {
+    fn of_tool(&self, pose: &SweepPose<'_>, twist: &Twist) -> Vector6<f64> {
         let m = pose.state.tool_joints;
         let moved = twist.at(&pose.state.tool_position);
         self.rigidly(pose, m, &moved, &twist.omega)
@@ -278,7 +278,7 @@ impl Sweep {
     /// The target's own motion, and that of its Jacobian where the deflection is J delta.
     fn rigidly(
         &self,
-        pose: &Pose<'_>,
+        pose: &SweepPose<'_>,
         m: usize,
         moved: &Vector3<f64>,
         omega: &Vector3<f64>,
@@ -304,7 +304,7 @@ impl Sweep {
         Vector6::new(px, py, pz, rx, ry, rz)
     }
 
-    fn of_payload_mass(&self, pose: &Pose<'_>) -> Vector6<f64> {
+    fn of_payload_mass(&self, pose: &SweepPose<'_>) -> Vector6<f64> {
         let mut column = Vector6::zeros();
         if let Some(payload) = &pose.belief.payload {
             let centre = pose.state.anchor[payload.link]

@@ -8,7 +8,7 @@ use crate::scenario::Scenario;
 
 /// The best plan that was found for so many measurements in so many configurations.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Design {
+pub struct DesignedPlan {
     /// The number of measurements.
     pub experiments: u32,
     /// The number of different configurations.
@@ -29,7 +29,7 @@ pub fn designs(
     scenario: &Scenario,
     watch: Watch<'_>,
     progress: &dyn Fn(usize, usize),
-) -> Result<Vec<Design>, ReproductionError> {
+) -> Result<Vec<DesignedPlan>, ReproductionError> {
     let problem = Problem::new(&scenario.task, Criterion::TestPose);
     let approximate = approximate_design(&problem, scenario.seed)?;
     let bound = Bound::new(&scenario.task, &approximate);
@@ -44,7 +44,7 @@ pub fn designs(
             scenario.seed,
             watch,
         )?;
-        designs.push(Design {
+        designs.push(DesignedPlan {
             experiments,
             configurations,
             plan: exact.plan,

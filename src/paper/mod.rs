@@ -20,7 +20,7 @@ use crate::study::evidence::{Distances, distances};
 use crate::study::{Conditions, Entry, EntryKind, Setting, StudyError, repeated};
 use published::{FIGURE_7, FIGURE_7_RANDOM};
 
-pub use designs::{Design, designs};
+pub use designs::{DesignedPlan, designs};
 pub use tables::{
     Accuracy, Agreement, Number, StandardErrors, TABLE_5_TOLERANCE, accuracies, equation_23,
     standard_errors,
@@ -69,7 +69,7 @@ pub struct Reproduction {
     /// Table 6.
     pub table_6: Vec<Accuracy>,
     /// What this program designs for each row of Table 6.
-    pub designs: Vec<Design>,
+    pub designs: Vec<DesignedPlan>,
     /// Fig. 7: random plans, the paper's, this program's.
     pub figure_7: Vec<MeanDistance>,
     /// The number of runs of each plan.
@@ -129,7 +129,7 @@ fn table_4(scenario: &Scenario) -> Result<Vec<Plan>, ReproductionError> {
 fn figure_7(
     scenario: &Scenario,
     table_4: &[Plan],
-    designs: &[Design],
+    designs: &[DesignedPlan],
     trials: u64,
 ) -> Result<Vec<MeanDistance>, ReproductionError> {
     let mut entries = vec![Entry {

@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::paper::{
-    Accuracy, Agreement, Design, MeanDistance, Number, Reproduction, StandardErrors,
+    Accuracy, Agreement, DesignedPlan, MeanDistance, Number, Reproduction, StandardErrors,
 };
 use crate::plan::Feasibility;
 use crate::record::evidence::distances_message;
@@ -174,7 +174,7 @@ impl From<&StandardErrors> for StandardErrorsMessage {
 }
 
 impl TableSixMessage {
-    fn new(accuracy: &Accuracy, design: &Design) -> Self {
+    fn new(accuracy: &Accuracy, design: &DesignedPlan) -> Self {
         Self {
             experiments: accuracy.experiments,
             configurations: accuracy.configurations,

@@ -261,9 +261,9 @@ impl ParameterSet {
     /// How the frames of links, tools and base differ from the nominal ones at these values.
     pub(crate) fn displacements(&self, nominal: &ElasticArm, values: &[f64]) -> Displacements {
         let mut all = Displacements {
-            links: vec![Displacement::default(); nominal.chain.len()],
-            tools: vec![Displacement::default(); nominal.tools.len()],
-            base: Displacement::default(),
+            links: vec![FrameChange::default(); nominal.chain.len()],
+            tools: vec![FrameChange::default(); nominal.tools.len()],
+            base: FrameChange::default(),
         };
         for (parameter, &value) in self.parameters.iter().zip(values) {
             let (frame, axis) = match parameter.kind {
@@ -295,19 +295,19 @@ impl ParameterSet {
 /// See [`ParameterSet::displacements`].
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Displacements {
-    pub links: Vec<Displacement>,
-    pub tools: Vec<Displacement>,
-    pub base: Displacement,
+    pub links: Vec<FrameChange>,
+    pub tools: Vec<FrameChange>,
+    pub base: FrameChange,
 }
 
 /// How a frame differs from its nominal one, along its own axes.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(crate) struct Displacement {
+pub(crate) struct FrameChange {
     pub position_m: Vector3<f64>,
     pub rotation_rad: Vector3<f64>,
 }
 
-impl Displacement {
+impl FrameChange {
     /// Leaves the bits of a frame as they are where nothing is different.
     fn apply(&self, frame: &mut Isometry3<f64>) {
         if *self != Self::default() {

@@ -135,12 +135,6 @@ impl CriterionFunction {
         }
     }
 
-    /// Which criterion it is.
-    #[must_use]
-    pub const fn criterion(&self) -> Criterion {
-        self.criterion
-    }
-
     /// The cost of an information matrix, to be minimised, and minus its derivative, into
     /// `directions`: the information in these directions is worth most. The cost is infinite for a
     /// singular matrix.

@@ -3,16 +3,18 @@
 //!
 //! - [`generator`]: any random numbers, such as those of searches and random plans.
 //! - [`normal`]: the noise of measurements, many runs at a time.
+//! - [`streams`]: which numbers are for what.
 
 pub mod normal;
+pub mod streams;
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-/// The generator of run `run` under `seed`: one of 2^64 independent streams of the seed's cipher.
+/// The generator of a stream under `seed`: one of 2^64 independent streams of the seed's cipher.
 #[must_use]
-pub fn generator(seed: u64, run: u64) -> ChaCha8Rng {
+pub fn generator(seed: u64, stream: u64) -> ChaCha8Rng {
     let mut generator = ChaCha8Rng::seed_from_u64(seed);
-    generator.set_stream(run);
+    generator.set_stream(stream);
     generator
 }

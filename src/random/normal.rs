@@ -9,6 +9,8 @@
 
 use multiversion::multiversion;
 
+use super::streams::Stream;
+
 /// Runs that are drawn at a time.
 pub const LANES: usize = 8;
 
@@ -24,15 +26,6 @@ type Words = [[u64; LANES]; 4];
 type Block = [[f64; LANES]; 4];
 /// Blocks that go through the passes together: they stay in the first-level cache.
 const BLOCKS: usize = 16;
-
-/// What random numbers are for; each use has numbers of its own.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Stream {
-    /// The noise of the measurements.
-    Noise = 0,
-    /// The virtual robot's compliances.
-    Compliances = 1,
-}
 
 /// Fills `normals` with standard normal numbers of [`LANES`] consecutive runs from `first_run`:
 /// number i of run `first_run` + j is `normals[i][j]`.

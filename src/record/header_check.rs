@@ -4,7 +4,7 @@ use super::tally_file::{Header, PlanHeader};
 use crate::limits::{MOST_EXPERIMENTS, MOST_JOINTS, MOST_SHARDS, MOST_STUDIED, MOST_TRIALS};
 use crate::plausible::{DEVIATION, FACTOR};
 use crate::study::runner::block_runs;
-use crate::study::tally_check::{Problem, within, wrong};
+use crate::study::tally_check::{Wrong, within, wrong};
 use crate::text::{is_unseen, wrong_name};
 
 impl Header {
@@ -12,7 +12,7 @@ impl Header {
     ///
     /// # Errors
     /// The key, and what is wrong there.
-    pub fn check(&self) -> Result<(), Problem> {
+    pub fn check(&self) -> Result<(), Wrong> {
         within("study.trials", self.trials, [1, MOST_TRIALS])?;
         within("study.shards", self.shards, [1, MOST_SHARDS])?;
         within("study.plans", self.plans.len(), [1, MOST_STUDIED])?;
@@ -47,7 +47,7 @@ impl Header {
             .map_err(|(key, problem)| (format!("study.gate.{key}"), problem))
     }
 
-    fn check_plan(&self, plan: &PlanHeader) -> Result<(), Problem> {
+    fn check_plan(&self, plan: &PlanHeader) -> Result<(), Wrong> {
         within("experiments", plan.experiments, [1, MOST_EXPERIMENTS])?;
         for (key, text, kind, unit) in [
             ("sigma_m", &plan.sigma_m, &DEVIATION, 1e3),

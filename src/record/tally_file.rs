@@ -202,7 +202,7 @@ struct Stored {
 
 /// What tallies of all versions say.
 #[derive(Deserialize)]
-struct Kind {
+struct Version {
     elastocal_tally: Value,
 }
 
@@ -270,7 +270,7 @@ impl TallyFile {
             )
         };
         // Another version may have other keys.
-        let Kind { elastocal_tally } = serde_json::from_str(&text).map_err(no_tally)?;
+        let Version { elastocal_tally } = serde_json::from_str(&text).map_err(no_tally)?;
         let readable = FORMAT.into()..=FORMAT.into();
         let key = "elastocal_tally";
         check_version(path, key, &elastocal_tally, readable, "elastocal study")?;

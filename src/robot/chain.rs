@@ -82,10 +82,6 @@ impl ChainAtTool<'_> {
 }
 
 impl Kinematics for ChainAtTool<'_> {
-    fn joints(&self) -> usize {
-        self.chain.len()
-    }
-
     fn gravity_m_s2(&self) -> Vector3<f64> {
         self.chain.gravity_m_s2
     }

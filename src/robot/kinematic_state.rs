@@ -71,8 +71,6 @@ pub fn rotation_vector(rotation: &Matrix3<f64>) -> Vector3<f64> {
 
 /// Something that can tell the arm's geometry at any joint angles.
 pub trait Kinematics {
-    /// The number of joints n.
-    fn joints(&self) -> usize;
     /// The acceleration of gravity in the world frame (m/s^2).
     fn gravity_m_s2(&self) -> Vector3<f64>;
     /// Writes the geometry at the joint angles `q` (n values, rad); does not allocate.

@@ -3,7 +3,7 @@
 
 use thiserror::Error;
 
-use super::model_level::Model;
+use super::model_level::LinearModel;
 use super::runner::{Runner, references};
 use super::summary::Summary;
 use super::tally::Tally;
@@ -81,7 +81,7 @@ pub fn gather(
         return Err(StudyError::NoPlan.into());
     };
     // The linear model makes runs only of plans that determine what the test poses need.
-    let model = Model::new(task, truth);
+    let model = LinearModel::new(task, truth);
     let determined = plans.iter().filter(|(_, plan)| model.plan(plan).is_ok());
     let mut entries: Vec<Entry> = determined
         .map(|(name, plan)| Entry {

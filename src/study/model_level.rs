@@ -46,7 +46,7 @@ type ThreeRows = Vec<[f64; 3]>;
 
 /// What all plans of a study have in common.
 #[derive(Debug, Clone)]
-pub struct Model<'a> {
+pub struct LinearModel<'a> {
     experiments: ExperimentModel<'a>,
     /// A_0 of all test poses, each times the root of its weight, stacked.
     test_poses: DMatrix<f64>,
@@ -58,7 +58,7 @@ pub struct Model<'a> {
     test_poses_unknown: DMatrix<f64>,
 }
 
-impl<'a> Model<'a> {
+impl<'a> LinearModel<'a> {
     /// The linear model of a task and a virtual robot.
     #[must_use]
     pub fn new(task: &'a Task, truth: &Truth) -> Self {
@@ -248,7 +248,7 @@ pub struct PlanModel {
 impl PlanModel {
     /// Several runs at once, from their standard normals (3M numbers of each, 6M where rotations are
     /// measured; more are left alone)
-    /// and what [`Model::unknown`] gives.
+    /// and what [`LinearModel::unknown`] gives.
     #[must_use]
     pub fn run(&self, normals: &[[f64; LANES]], unknown: &[[f64; LANES]]) -> Batch {
         let (square, nees) = run(&self.whitener, &self.compensation, normals, unknown);

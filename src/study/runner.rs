@@ -5,14 +5,15 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use rayon::prelude::*;
 
-use super::model_level::{Model, PlanModel};
+use super::model_level::{LinearModel, PlanModel};
 use super::robot_level::RobotRuns;
 use super::tally::{Batch, BlockSums, Failure, Tally};
 use super::true_compliances::TrueCompliances;
 use super::{Entry, EntryKind, Level, Setting, StudyError};
 use crate::plan::search::{Problem, RandomPlans};
 use crate::plan::{Criterion, Plan};
-use crate::random::normal::{LANES, Stream, fill_normals};
+use crate::random::normal::{LANES, fill_normals};
+use crate::random::streams::Stream;
 use crate::testbed::numbers;
 
 /// A study made ready to run.
@@ -34,7 +35,7 @@ pub struct Runner<'a> {
 struct Part<'a> {
     setting: &'a Setting<'a>,
     problem: Problem<'a>,
-    model: Model<'a>,
+    model: LinearModel<'a>,
 }
 
 /// What one thread needs.
@@ -51,7 +52,7 @@ struct Workspace<'a> {
 struct PartWorkspace<'a> {
     random: RandomPlans<'a>,
     robot: Option<RobotRuns<'a>>,
-    /// See [`Model::unknown`].
+    /// See [`LinearModel::unknown`].
     unknown: Vec<[f64; LANES]>,
 }
 
@@ -74,7 +75,7 @@ impl<'a> Runner<'a> {
             .map(|setting| Part {
                 setting,
                 problem: Problem::new(&setting.task, Criterion::TestPose),
-                model: Model::new(&setting.task, setting.truth),
+                model: LinearModel::new(&setting.task, setting.truth),
             })
             .collect();
         let plans = (entries.iter())

@@ -111,15 +111,6 @@ pub struct Batch {
 }
 
 impl Batch {
-    /// Runs that all failed.
-    #[must_use]
-    pub fn all_failed(failure: Failure) -> Self {
-        Self {
-            failed: [Some(failure); LANES],
-            ..Self::default()
-        }
-    }
-
     /// Turns absurd distances into failures, and makes failed runs and those from `runs` on zero, so
     /// that they add nothing to any sum.
     pub fn clean(&mut self, runs: usize) {

@@ -10,9 +10,9 @@ use crate::plausible::shown;
 const ROUNDING: f64 = 1e-9;
 
 /// A key of the file and what is wrong there.
-pub(crate) type Problem = (String, String);
+pub(crate) type Wrong = (String, String);
 
-pub(crate) fn wrong<T>(key: impl Into<String>, problem: impl Into<String>) -> Result<T, Problem> {
+pub(crate) fn wrong<T>(key: impl Into<String>, problem: impl Into<String>) -> Result<T, Wrong> {
     Err((key.into(), problem.into()))
 }
 
@@ -21,7 +21,7 @@ pub(crate) fn within<T: PartialOrd + std::fmt::Display + Copy>(
     key: &str,
     found: T,
     [low, high]: [T; 2],
-) -> Result<(), Problem> {
+) -> Result<(), Wrong> {
     if found < low || found > high {
         return wrong(key, format!("found {found}; {low} to {high} are allowed"));
     }
@@ -33,7 +33,7 @@ impl Tally {
     ///
     /// # Errors
     /// The key, and what is wrong there.
-    pub fn check(&self, runs: u64, reference: Option<&Self>) -> Result<(), Problem> {
+    pub fn check(&self, runs: u64, reference: Option<&Self>) -> Result<(), Wrong> {
         let failures = self
             .failed
             .iter()
@@ -57,7 +57,7 @@ impl Tally {
         self.check_sums(reference)
     }
 
-    fn check_sums(&self, reference: Option<&Self>) -> Result<(), Problem> {
+    fn check_sums(&self, reference: Option<&Self>) -> Result<(), Wrong> {
         let runs = count_to_f64(self.runs);
         let key = |sum: Sum| format!("sums[{}]", sum as usize);
         for (index, &sum) in self.sums.iter().enumerate() {

@@ -3,7 +3,8 @@
 //! In run r, joint j has the compliance `k_j` exp(`s_j` z), with its spread `s_j` and a
 //! standard normal z that is a function of (seed, r, j).
 
-use crate::random::normal::{LANES, Stream, fill_normals};
+use crate::random::normal::{LANES, fill_normals};
+use crate::random::streams::Stream;
 use crate::testbed::Truth;
 
 /// Draws true compliances, [`LANES`] runs at a time.

@@ -38,10 +38,6 @@ impl MujocoArm {
 }
 
 impl Kinematics for MujocoArm {
-    fn joints(&self) -> usize {
-        self.bodies.len()
-    }
-
     fn gravity_m_s2(&self) -> Vector3<f64> {
         self.gravity_m_s2
     }

@@ -5,7 +5,8 @@ use nalgebra::Vector3;
 use super::virtual_robot::{MeasurementError, VirtualRobot};
 use crate::experiment::Plan;
 use crate::measurement::{Measurement, RotationMeasurement};
-use crate::random::normal::{LANES, Stream, fill_normals};
+use crate::random::normal::{LANES, fill_normals};
+use crate::random::streams::Stream;
 use crate::task::Instrument;
 
 impl VirtualRobot {

@@ -9,13 +9,12 @@ use crate::experiment::Loads;
 use crate::observation::{PlannedReading, ReadingKind, Setup, Whitener, planned_information};
 use crate::parameter::{ElasticArm, Freedom, Freedoms, ParameterKind, ParameterSet};
 use crate::random::generator;
+use crate::random::streams::UNKNOWNS;
 use crate::robot::Load;
 use crate::task::Task;
 
 /// Random setups that stand for all that a scenario allows; far more than are needed.
 const SETUPS: usize = 300;
-/// The stream of random numbers that they are drawn from.
-const STREAM: u64 = 1 << 62;
 /// The standard deviation of rotations (rad) where the instrument has none.
 const ROTATION_SIGMA_RAD: f64 = 1e-4;
 
@@ -93,7 +92,7 @@ pub fn unknowns(task: &Task, seed: u64) -> Vec<Unknowns> {
 }
 
 fn setups(task: &Task, seed: u64) -> Vec<Setup> {
-    let mut random = generator(seed, STREAM);
+    let mut random = generator(seed, UNKNOWNS);
     (0..SETUPS)
         .map(|_| Setup {
             commanded_rad: DVector::from_iterator(

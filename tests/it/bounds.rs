@@ -293,7 +293,7 @@ fn the_bound_holds_for_forces_of_every_size() {
         assert!(largest <= design.certificate.cost * 1.03, "{largest}");
         let mut random = generator(11, 0);
         let mut feasibility = elastocal::plan::Feasibility::new(&scenario.task);
-        let mut observer = problem.observer();
+        let mut evaluator = problem.evaluator();
         let mut matrix = nalgebra::Matrix3xX::zeros(3);
         let (mut inside, mut most) = (0, 0.0_f64);
         for _ in 0..200_000 {
@@ -311,8 +311,8 @@ fn the_bound_holds_for_forces_of_every_size() {
                 continue;
             }
             inside += 1;
-            observer.move_to(&q);
-            observer.observe(&load, &mut matrix);
+            evaluator.move_to(&q);
+            evaluator.observe(&load, &mut matrix);
             most = most.max((&matrix * &design.directions).dot(&matrix));
         }
         println!(

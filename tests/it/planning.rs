@@ -87,8 +87,8 @@ fn largest_of(
     let ranges = &task.region.joint_range_rad;
     let bounds = bounds_of(&task.region);
     let mut random = generator(20_240_229, thread);
-    let mut observer = problem.observer();
-    let gravity = observer.gravity();
+    let mut evaluator = problem.evaluator();
+    let gravity = evaluator.gravity();
     let mut matrix = Matrix3xX::zeros(problem.parameters());
     let mut seen = Matrix3xX::zeros(problem.parameters());
     let mut q = vec![0.0; ranges.len()];
@@ -99,10 +99,10 @@ fn largest_of(
             *angle = low + (high - low) * random.random::<f64>();
         }
         let load = random_load(&task.loads, &mut random);
-        observer.move_to(&q);
-        let inside = |bound: &SmoothBound| bound.margin(&observer.state, &load, &gravity) >= 0.0;
+        evaluator.move_to(&q);
+        let inside = |bound: &SmoothBound| bound.margin(&evaluator.state, &load, &gravity) >= 0.0;
         if bounds.iter().all(inside) {
-            observer.observe(&load, &mut matrix);
+            evaluator.observe(&load, &mut matrix);
             seen.gemm(1.0, &matrix, directions, 0.0);
             largest = largest.max(seen.dot(&matrix));
             count += 1;

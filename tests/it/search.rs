@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 
 use elastocal::experiment::Loads;
 use elastocal::plan::search::{
-    ApproximateDesign, Bound, Effort, Observer, Problem, SearchError, approximate_design,
+    ApproximateDesign, Bound, Effort, MatrixEvaluator, Problem, SearchError, approximate_design,
     random_plan,
 };
 use elastocal::plan::{Assessment, Criterion, Experiment, Plan};
@@ -104,17 +104,17 @@ fn quick_rho0_um(scenario: &Scenario, plan: &Plan) -> f64 {
 fn cost_and_gradient(
     problem: &Problem<'_>,
     criterion: Criterion,
-    observer: &mut Observer<'_>,
+    evaluator: &mut MatrixEvaluator<'_>,
     rest: &DMatrix<f64>,
     q: &[f64],
     load: &Load,
 ) -> (f64, Vec<f64>) {
-    let mut matrix = observer.matrix();
+    let mut matrix = evaluator.matrix();
     let size = problem.parameters();
-    observer.move_to(q);
-    observer.observe(load, &mut matrix);
+    evaluator.move_to(q);
+    evaluator.observe(load, &mut matrix);
     let mut information = rest.clone();
-    for block in 0..observer.blocks() {
+    for block in 0..evaluator.blocks() {
         let rows = matrix.columns(block * size, size);
         information += rows.tr_mul(&rows);
     }
@@ -123,15 +123,15 @@ fn cost_and_gradient(
         .cost_of(criterion)
         .cost(&information, &mut directions);
     // d cost = -trace(G dM) = -2 trace(G A^T dA).
-    let mut factor = observer.matrix();
-    for block in 0..observer.blocks() {
+    let mut factor = evaluator.matrix();
+    for block in 0..evaluator.blocks() {
         let rows = matrix.columns(block * size, size);
         let mut factor = factor.columns_mut(block * size, size);
         factor.gemm(-2.0, &rows, &directions, 0.0);
     }
     let mut gradient = vec![0.0; q.len()];
-    observer.pull_back(load, &factor, &mut gradient);
-    gradient.extend(observer.force_gradient(&factor).iter());
+    evaluator.pull_back(load, &factor, &mut gradient);
+    gradient.extend(evaluator.force_gradient(&factor).iter());
     (cost, gradient)
 }
 
@@ -147,7 +147,7 @@ fn gradients_are_those_of_central_differences() {
         let mut scenario = scenario(name);
         scenario.task.belief.instrument.rotation_sigma_rad = rotation_sigma_rad;
         let problem = Problem::new(&scenario.task, Criterion::TestPose);
-        let mut observer = problem.observer();
+        let mut evaluator = problem.evaluator();
         for run in 0..5 {
             let mut plan =
                 random_plan(&scenario.task, 4, scenario.seed, run).expect("there is one");
@@ -165,7 +165,7 @@ fn gradients_are_those_of_central_differences() {
             };
             for criterion in Criterion::ALL {
                 let mut at = |q: &[f64], load: &Load| {
-                    cost_and_gradient(&problem, criterion, &mut observer, &rest, q, load)
+                    cost_and_gradient(&problem, criterion, &mut evaluator, &rest, q, load)
                 };
                 let (cost, gradient) = at(q, &load);
                 let size = gradient
@@ -368,11 +368,11 @@ fn a_free_force_beats_the_vertical_one_in_its_best_direction() {
 
     let problem = Problem::new(&free.task, Criterion::TestPose);
     let design = approximate(&free, 1);
-    let mut observer = problem.observer();
+    let mut evaluator = problem.evaluator();
     let mut random = generator(5, 0);
     for point in &design.support {
-        observer.move_to(&point.q);
-        let form = observer.force_form(&design.directions);
+        evaluator.move_to(&point.q);
+        let form = evaluator.force_form(&design.directions);
         let information = |load: &Load| load.force_n.dot(&(form * load.force_n));
         // The quadratic form is trace(A G A^T) ...
         let here = information(&point.load);

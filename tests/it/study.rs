@@ -1,9 +1,10 @@
 //! Monte Carlo studies: exact tallies, runs that keep what was predicted, wrong inputs.
 
 use elastocal::calibration::calibrate;
-use elastocal::random::normal::{LANES, Stream, fill_normals};
+use elastocal::random::normal::{LANES, fill_normals};
+use elastocal::random::streams::Stream;
 use elastocal::scenario::Scenario;
-use elastocal::study::model_level::Model;
+use elastocal::study::model_level::LinearModel;
 use elastocal::study::robot_level::RobotRuns;
 use elastocal::study::runner::Runner;
 use elastocal::study::summary::Summary;
@@ -106,7 +107,7 @@ fn neither_threads_nor_order_change_a_bit() {
 fn a_run_can_be_replayed_by_itself() {
     let scenario = scenario("klimchik2012");
     let plan = table4(3);
-    let model = Model::new(&scenario.task, &scenario.truth)
+    let model = LinearModel::new(&scenario.task, &scenario.truth)
         .plan(&plan)
         .expect("determined");
     let draw = |first| {

@@ -27,7 +27,7 @@ use self::stream::StudyObserver;
 use super::evaluate::loads_outside;
 use super::interruption::{Interrupted, ask_work, keeps};
 use super::progress::bar;
-use super::stream::{TARGETS, Target};
+use super::stream::{TARGETS, ViewerTarget};
 use super::written::Written;
 use super::{Common, Report, check_outputs, inputs, merge};
 
@@ -53,7 +53,7 @@ pub struct StudyCommand {
     resume: Option<PathBuf>,
     /// Show the study in a rerun viewer while it runs: start one, connect to one, or write a file.
     #[arg(long, value_name = TARGETS)]
-    rerun: Option<Target>,
+    rerun: Option<ViewerTarget>,
 }
 
 fn parse_shard(text: &str) -> Result<(u64, u64), String> {
@@ -78,7 +78,7 @@ impl StudyCommand {
         let common = &self.common;
         let scenario = common.load()?;
         let folder = common.folder(&scenario);
-        let file = self.rerun.as_ref().and_then(Target::file);
+        let file = self.rerun.as_ref().and_then(ViewerTarget::file);
         let outputs = [
             ("--tally-out", self.tally_out.as_deref()),
             ("--resume", self.resume.as_deref()),

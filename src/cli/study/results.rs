@@ -9,7 +9,7 @@ use elastocal::record::tally_file::{Header, PlanHeader};
 use elastocal::study::Level;
 use elastocal::study::summary::Summary;
 use elastocal::study::tally::Tally;
-use elastocal::view::report::{StudyRecord, study_page};
+use elastocal::view::report::{StudyPageRecord, study_page};
 use elastocal::wording::inverse_interval;
 use serde_json::{Value, json};
 
@@ -94,7 +94,7 @@ impl Results {
         {
             return Ok(None);
         }
-        let page = study_page(&StudyRecord {
+        let page = study_page(&StudyPageRecord {
             provenance: &self.header.provenance,
             trials: self.header.trials,
             experiments: first.experiments,

@@ -16,7 +16,7 @@ use elastocal::view::rerun_file::viewer::{Messages, Viewer};
 use elastocal::view::study_recording::{Snapshot, StudyRecording};
 
 use super::results::plan_messages;
-use crate::cli::stream::{Target, warn};
+use crate::cli::stream::{ViewerTarget, warn};
 use crate::cli::written::Written;
 
 /// The recordings of a study.
@@ -36,7 +36,7 @@ impl StudyObserver {
         settings: &[Setting<'_>],
         header: &Header,
         entries: &[Entry],
-        target: Option<&Target>,
+        target: Option<&ViewerTarget>,
     ) -> anyhow::Result<Self> {
         let mut calibrations = Vec::new();
         for (entry, label) in entries.iter().zip(header.labels()) {
@@ -64,7 +64,7 @@ impl StudyObserver {
             snapshots: Vec::new(),
             live: None,
         };
-        if let Some(viewer) = target.and_then(Target::open) {
+        if let Some(viewer) = target.and_then(ViewerTarget::open) {
             let (stream, messages) =
                 StudyStream::new(&observer.study).map_err(anyhow::Error::msg)?;
             observer.live = Some((viewer, stream));
@@ -116,14 +116,19 @@ impl StudyObserver {
     }
 
     /// Writes study.mcap and study.rrd to the folder, if one is given, and the file of the target.
-    pub fn finish(self, folder: Option<&Path>, target: Option<&Target>, written: &mut Written) {
+    pub fn finish(
+        self,
+        folder: Option<&Path>,
+        target: Option<&ViewerTarget>,
+        written: &mut Written,
+    ) {
         let (study, snapshots) = (&self.study, &self.snapshots);
         if let Some(folder) = folder {
             let [mcap, rerun] = FILES.map(|name| folder.join(name));
             written.note(&mcap, write_study_mcap(&mcap, study, snapshots));
             written.note(&rerun, write_study_rerun(&rerun, study, snapshots));
         }
-        if let Some(path) = target.and_then(Target::file) {
+        if let Some(path) = target.and_then(ViewerTarget::file) {
             written.note(path, write_study_rerun(path, study, snapshots));
         }
         if let Some((viewer, _)) = self.live

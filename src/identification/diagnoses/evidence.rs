@@ -3,8 +3,8 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::Case;
+use crate::identification::equations::Equations;
 use crate::identification::estimate::Sigma;
-use crate::identification::observations::Equations;
 use crate::measurement::Measurement;
 
 /// The standard deviation of a compliance about its nominal value, as a share of that.
@@ -14,7 +14,7 @@ const STEP: f64 = 0.05;
 
 /// What speaks for a reading of measurements.
 #[derive(Debug, Clone, Copy)]
-pub struct Evidence {
+pub struct ReadingEvidence {
     /// Minus twice the logarithm of the probability density of the numbers in the file.
     pub value: f64,
     /// The weighted sum of squares that is left with the most probable compliances, those of the
@@ -24,7 +24,7 @@ pub struct Evidence {
     pub scale: f64,
 }
 
-impl Evidence {
+impl ReadingEvidence {
     /// The evidence for reading the measurements of a file as `read`.
     pub fn new(case: &Case<'_>, file: &[Measurement], read: &[Measurement]) -> Self {
         let Equations {
@@ -46,8 +46,8 @@ impl Evidence {
 
 /// Whitened equations whose unknowns are the compliances as multiples of the nominal ones.
 fn relative_equations(case: &Case<'_>, measurements: &[Measurement]) -> Equations {
-    let observations = case.with(measurements).observations();
-    let mut equations = observations.linear(&case.nominal.compliance_rad_per_nm);
+    let source = case.with(measurements).equation_source();
+    let mut equations = source.linear(&case.nominal.compliance_rad_per_nm);
     let nominal = case.nominal.typical_rad_per_nm(case.parameters);
     for (mut column, nominal) in equations.matrix.column_iter_mut().zip(&nominal) {
         column *= *nominal;

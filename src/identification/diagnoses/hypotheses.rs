@@ -2,7 +2,7 @@
 
 use nalgebra::{DVector, Matrix3, Vector3};
 
-use super::evidence::{Evidence, most_probable};
+use super::evidence::{ReadingEvidence, most_probable};
 use super::{Case, Mistake, turned};
 use crate::measurement::Measurement;
 use crate::robot::{Load, ObservationMatrix};
@@ -223,7 +223,7 @@ fn rotation(case: &Case<'_>, measurements: &[Measurement]) -> Option<Hypothesis>
     };
     let misfit = |matrix: &Matrix3<f64>| {
         let read = hypothesis(*matrix).apply(case, measurements);
-        Evidence::new(case, measurements, &read).misfit
+        ReadingEvidence::new(case, measurements, &read).misfit
     };
     let refined = |start: Matrix3<f64>| {
         let mut matrix = start;

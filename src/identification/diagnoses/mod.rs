@@ -29,7 +29,7 @@ use nalgebra::{Matrix3, Vector3};
 use super::{Case, Identification};
 use crate::measurement::Measurement;
 use crate::robot::Robot;
-use evidence::Evidence;
+use evidence::ReadingEvidence;
 use hypotheses::{Hypothesis, hypotheses};
 
 /// The evidence that a mistake needs, as twice the natural logarithm of a ratio of a million.
@@ -155,12 +155,12 @@ pub fn likely_mistakes(case: &Case<'_>) -> Vec<Diagnosis> {
 /// The likeliest mistake and those that are as good, if one is decisively better than none, with
 /// their gain of evidence.
 fn best(case: &Case<'_>, measurements: &[Measurement]) -> Vec<(Hypothesis, f64)> {
-    let as_it_is = Evidence::new(case, measurements, measurements);
+    let as_it_is = ReadingEvidence::new(case, measurements, measurements);
     let mut decisive: Vec<(Hypothesis, f64)> = hypotheses(case, measurements)
         .into_iter()
         .filter_map(|hypothesis| {
             let corrected = hypothesis.apply(case, measurements);
-            let evidence = Evidence::new(case, measurements, &corrected);
+            let evidence = ReadingEvidence::new(case, measurements, &corrected);
             let gain = as_it_is.value - evidence.value - hypothesis.price;
             let explains = match hypothesis.mistake {
                 Mistake::SignsReversed => evidence.scale > 0.0,

@@ -98,7 +98,7 @@ pub fn fit_parameters(
     if estimable.rank() == 0 {
         return Err(FitError::NothingObserved);
     }
-    let problem = Problem {
+    let problem = FitProblem {
         nominal,
         set,
         observations,
@@ -163,7 +163,7 @@ fn frames(nominal: &ElasticArm, set: &ParameterSet, observations: &[Observation]
     belief.instrument_from_base = nominal.instrument_from_base;
     let (_, estimable) = determined(&belief, &frames, observations);
     if estimable.rank() > 0 {
-        let problem = Problem {
+        let problem = FitProblem {
             nominal: &belief,
             set: &frames,
             observations,
@@ -180,7 +180,7 @@ fn frames(nominal: &ElasticArm, set: &ParameterSet, observations: &[Observation]
     start
 }
 
-struct Problem<'a> {
+struct FitProblem<'a> {
     nominal: &'a ElasticArm,
     set: &'a ParameterSet,
     observations: &'a [Observation],
@@ -200,7 +200,7 @@ struct Solved {
     steps: f64,
 }
 
-impl Problem<'_> {
+impl FitProblem<'_> {
     fn solve(&self, start: DVector<f64>) -> Result<(DVector<f64>, Solved, usize), FitError> {
         let mut values = start;
         let mut now = self.at(&values)?;

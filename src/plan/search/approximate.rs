@@ -28,6 +28,7 @@ use super::sampling::Sampler;
 use crate::experiment::{Experiment, printed_tolerance};
 use crate::plan::WIDENED_RAD;
 use crate::random::generator;
+use crate::random::streams::FIRST_SUPPORT;
 use crate::robot::Load;
 
 /// Rounds of adding experiments and weighting them.
@@ -286,7 +287,7 @@ fn agreeing(ends: &[(Point, f64)]) -> usize {
 /// Random feasible experiments, each under the load that tells most of all compliances alike.
 fn initial_support(problem: &Problem<'_>, seed: u64) -> Result<Vec<Point>, SearchError> {
     let mut sampler = Sampler::new(problem);
-    let mut random = generator(seed, u64::MAX);
+    let mut random = generator(seed, FIRST_SUPPORT);
     let local = LocalSearch::new(problem);
     (0..40)
         .map(|_| {

@@ -11,7 +11,7 @@ use super::point::Point;
 use super::problem::{Problem, SearchError};
 use super::refinement::{Found, Refinement};
 use crate::plan::Plan;
-use crate::random::generator;
+use crate::random::{generator, streams};
 
 /// Searches that know nothing of one another, between two looks at whether enough are done.
 const INDEPENDENT: usize = 8;
@@ -104,7 +104,7 @@ pub(super) fn exact_design_from(
         if index > 0 && watch.stop.load(Ordering::Relaxed) {
             return None;
         }
-        let mut random = generator(seed, (1 << 48) + index as u64);
+        let mut random = generator(seed, streams::search(index as u64));
         let given = given.unwrap_or(if index.is_multiple_of(2) {
             &approximate.candidates
         } else {

@@ -3,31 +3,32 @@
 use nalgebra::DMatrix;
 use rand::RngExt;
 
-use super::observation::Observer;
+use super::observation::MatrixEvaluator;
 use super::point::{LoadChoice, add_information};
 use crate::plan::SmoothBound;
 use crate::random::generator;
+use crate::random::streams::{FIXED_SEED, INDIFFERENT_JOINTS, SHOWN};
 use crate::robot::Load;
 
 /// The information of random configurations, each under every load, in the problem's relative units: what
 /// it does not determine, no plan does.
 pub(super) fn random_information(
-    mut observer: Observer<'_>,
+    mut evaluator: MatrixEvaluator<'_>,
     ranges: &[(f64, f64)],
     loads: &LoadChoice,
 ) -> DMatrix<f64> {
     const CONFIGURATIONS: u64 = 40;
     let loads = loads.samples();
-    let size = observer.parameters();
-    let mut matrix = observer.matrix();
+    let size = evaluator.parameters();
+    let mut matrix = evaluator.matrix();
     let mut information = DMatrix::zeros(size, size);
-    let mut random = generator(0, 2);
+    let mut random = generator(FIXED_SEED, SHOWN);
     for _ in 0..CONFIGURATIONS {
         let draw = |&(low, high): &(f64, f64)| low + (high - low) * random.random::<f64>();
         let q: Vec<f64> = ranges.iter().map(draw).collect();
-        observer.move_to(&q);
+        evaluator.move_to(&q);
         for load in &loads {
-            observer.observe(load, &mut matrix);
+            evaluator.observe(load, &mut matrix);
             add_information(&mut information, &matrix, 1.0);
         }
     }
@@ -37,7 +38,7 @@ pub(super) fn random_information(
 /// The joints whose angle changes neither what any experiment tells nor the smooth bounds, found by
 /// turning each.
 pub(super) fn indifferent_joints(
-    mut observer: Observer<'_>,
+    mut evaluator: MatrixEvaluator<'_>,
     ranges: &[(f64, f64)],
     loads: &LoadChoice,
     bounds: &[SmoothBound],
@@ -48,13 +49,13 @@ pub(super) fn indifferent_joints(
         return Vec::new();
     }
     let loads = loads.samples();
-    let gravity = observer.gravity();
-    let size = observer.parameters();
-    let mut matrix = observer.matrix();
+    let gravity = evaluator.gravity();
+    let size = evaluator.parameters();
+    let mut matrix = evaluator.matrix();
     let mut told = |q: &[f64], load: &Load| {
-        observer.move_to(q);
-        observer.observe(load, &mut matrix);
-        let margin = |bound: &SmoothBound| bound.margin(&observer.state, load, &gravity);
+        evaluator.move_to(q);
+        evaluator.observe(load, &mut matrix);
+        let margin = |bound: &SmoothBound| bound.margin(&evaluator.state, load, &gravity);
         let mut told: Vec<f64> = bounds.iter().map(margin).collect();
         for first in (0..matrix.ncols()).step_by(size) {
             let rows = matrix.columns(first, size);
@@ -62,7 +63,7 @@ pub(super) fn indifferent_joints(
         }
         told
     };
-    let mut random = generator(0, 1);
+    let mut random = generator(FIXED_SEED, INDIFFERENT_JOINTS);
     let mut draw = |joint: usize| {
         let (low, high) = ranges[joint];
         low + (high - low) * random.random::<f64>()

@@ -5,7 +5,7 @@ use std::cell::RefCell;
 use nalgebra::{DMatrix, Matrix3xX, Vector3};
 use slsqp::{Func, StopTols, minimize};
 
-use super::observation::Observer;
+use super::observation::MatrixEvaluator;
 use super::point::{LoadChoice, Point, force, in_directions, information_in};
 use super::problem::Problem;
 use crate::factorisation::finite_eigen;
@@ -47,7 +47,7 @@ impl Precision {
 /// Local searches over one experiment; one for each thread.
 #[derive(Debug, Clone)]
 pub(super) struct LocalSearch<'a> {
-    observer: RefCell<Seat<'a>>,
+    evaluator: RefCell<Seat<'a>>,
     bounds: Vec<SmoothBound>,
     ranges: Vec<(f64, f64)>,
     loads: LoadChoice,
@@ -105,18 +105,18 @@ impl FreeLoad {
     }
 }
 
-/// An observer that remembers where it stands, since the objective and every constraint are asked
+/// An evaluator that remembers where it stands, since the objective and every constraint are asked
 /// at the same configuration in turn.
 #[derive(Debug, Clone)]
 struct Seat<'a> {
-    observer: Observer<'a>,
+    evaluator: MatrixEvaluator<'a>,
     at: Vec<f64>,
 }
 
 impl Seat<'_> {
     fn move_to(&mut self, q: &[f64]) {
         if self.at != q {
-            self.observer.move_to(q);
+            self.evaluator.move_to(q);
             self.at.clear();
             self.at.extend_from_slice(q);
         }
@@ -125,11 +125,11 @@ impl Seat<'_> {
 
 impl<'a> LocalSearch<'a> {
     pub fn new(problem: &Problem<'a>) -> Self {
-        let observer = problem.observer();
+        let evaluator = problem.evaluator();
         Self {
-            gravity: observer.gravity(),
-            observer: RefCell::new(Seat {
-                observer,
+            gravity: evaluator.gravity(),
+            evaluator: RefCell::new(Seat {
+                evaluator,
                 at: Vec::new(),
             }),
             is_size_free: problem.is_size_free(),
@@ -151,15 +151,15 @@ impl<'a> LocalSearch<'a> {
 
     /// The point at joint angles `q` under a load.
     pub fn point(&self, q: &[f64], load: &Load) -> Point {
-        let mut seat = self.observer.borrow_mut();
-        let mut matrix = seat.observer.matrix();
+        let mut seat = self.evaluator.borrow_mut();
+        let mut matrix = seat.evaluator.matrix();
         seat.move_to(q);
-        seat.observer.observe(load, &mut matrix);
+        seat.evaluator.observe(load, &mut matrix);
         Point {
             q: q.to_vec(),
             load: *load,
             matrix,
-            blocks: seat.observer.blocks(),
+            blocks: seat.evaluator.blocks(),
         }
     }
 
@@ -171,9 +171,9 @@ impl<'a> LocalSearch<'a> {
 
     /// Whether a point lies within the smooth bounds.
     pub fn is_inside(&self, q: &[f64], load: &Load) -> bool {
-        let mut seat = self.observer.borrow_mut();
+        let mut seat = self.evaluator.borrow_mut();
         seat.move_to(q);
-        let state = &seat.observer.state;
+        let state = &seat.evaluator.state;
         self.bounds
             .iter()
             .all(|bound| bound.margin(state, load, &self.gravity) >= INSET - SLACK)
@@ -187,9 +187,9 @@ impl<'a> LocalSearch<'a> {
         direction: &Vector3<f64>,
         [low, high]: [f64; 2],
     ) -> Option<f64> {
-        let mut seat = self.observer.borrow_mut();
+        let mut seat = self.evaluator.borrow_mut();
         seat.move_to(q);
-        let state = &seat.observer.state;
+        let state = &seat.evaluator.state;
         let (mut least, mut most) = (low, high);
         for bound in &self.bounds {
             let Some(slope) = bound.force_derivative(state) else {
@@ -242,8 +242,8 @@ impl<'a> LocalSearch<'a> {
             }
             LoadChoice::Ball(size) if !self.is_force_bounded => {
                 let size = *size;
-                self.climb(q, directions, precision, &|observer| {
-                    force(&best_direction(observer, directions), size)
+                self.climb(q, directions, precision, &|evaluator| {
+                    force(&best_direction(evaluator, directions), size)
                 })
             }
             LoadChoice::Size(direction, sizes) => {
@@ -252,9 +252,9 @@ impl<'a> LocalSearch<'a> {
             }
             LoadChoice::Ball(size) => {
                 let best = {
-                    let mut seat = self.observer.borrow_mut();
+                    let mut seat = self.evaluator.borrow_mut();
                     seat.move_to(q);
-                    best_direction(&seat.observer, directions)
+                    best_direction(&seat.evaluator, directions)
                 };
                 // Opposite forces tell the same, but gravity helps one of them.
                 let starts = [best, -best].map(|direction| {
@@ -290,16 +290,16 @@ impl<'a> LocalSearch<'a> {
         q: &[f64],
         directions: &DMatrix<f64>,
         precision: Precision,
-        load_at: &dyn Fn(&Observer<'_>) -> Load,
+        load_at: &dyn Fn(&MatrixEvaluator<'_>) -> Load,
     ) -> Option<(Point, f64)> {
-        let empty = self.observer.borrow().observer.matrix();
+        let empty = self.evaluator.borrow().evaluator.matrix();
         let matrix = RefCell::new((empty.clone(), empty));
         let start_value = {
-            let mut seat = self.observer.borrow_mut();
+            let mut seat = self.evaluator.borrow_mut();
             seat.move_to(q);
-            let load = load_at(&seat.observer);
+            let load = load_at(&seat.evaluator);
             let (matrix, _) = &mut *matrix.borrow_mut();
-            seat.observer.observe(&load, matrix);
+            seat.evaluator.observe(&load, matrix);
             information_in(matrix, directions)
         };
         let unit = if start_value > 0.0 {
@@ -308,24 +308,24 @@ impl<'a> LocalSearch<'a> {
             1.0
         };
         let objective = |q: &[f64], gradient: Option<&mut [f64]>, (): &mut ()| {
-            let mut seat = self.observer.borrow_mut();
+            let mut seat = self.evaluator.borrow_mut();
             seat.move_to(q);
-            let load = load_at(&seat.observer);
+            let load = load_at(&seat.evaluator);
             let (matrix, factor) = &mut *matrix.borrow_mut();
-            seat.observer.observe(&load, matrix);
+            seat.evaluator.observe(&load, matrix);
             if let Some(gradient) = gradient {
                 in_directions(factor, -2.0 * unit, matrix, directions);
                 gradient.fill(0.0);
-                seat.observer.pull_back(&load, factor, gradient);
+                seat.evaluator.pull_back(&load, factor, gradient);
             }
             -unit * information_in(matrix, directions)
         };
-        let load_here = |seat: &Seat<'_>| load_at(&seat.observer);
+        let load_here = |seat: &Seat<'_>| load_at(&seat.evaluator);
         let q = self.minimise(q, &objective, &load_here, precision)?;
         let load = {
-            let mut seat = self.observer.borrow_mut();
+            let mut seat = self.evaluator.borrow_mut();
             seat.move_to(&q);
-            load_at(&seat.observer)
+            load_at(&seat.evaluator)
         };
         if !self.is_inside(&q, &load) {
             return None;
@@ -388,19 +388,19 @@ impl<'a> LocalSearch<'a> {
             return None;
         }
         let objective = |x: &[f64], gradient: Option<&mut [f64]>, (): &mut ()| {
-            let mut seat = self.observer.borrow_mut();
+            let mut seat = self.evaluator.borrow_mut();
             seat.move_to(&x[..joints]);
             let load = load_of(x);
             let (matrix, factor) = &mut *matrices.borrow_mut();
-            seat.observer.observe(&load, matrix);
+            seat.evaluator.observe(&load, matrix);
             let value = cost(matrix, factor);
             if let Some(gradient) = gradient {
                 gradient.fill(0.0);
                 *factor *= unit;
-                seat.observer
+                seat.evaluator
                     .pull_back(&load, factor, &mut gradient[..joints]);
                 if gradient.len() > joints {
-                    let slope = seat.observer.force_gradient(factor);
+                    let slope = seat.evaluator.force_gradient(factor);
                     free.pull_back(&slope, &mut gradient[joints..]);
                 }
             }
@@ -431,7 +431,7 @@ impl<'a> LocalSearch<'a> {
     ) -> Option<Vec<f64>> {
         let constraint = |bound: SmoothBound| {
             move |q: &[f64], gradient: Option<&mut [f64]>, (): &mut ()| {
-                let mut seat = self.observer.borrow_mut();
+                let mut seat = self.evaluator.borrow_mut();
                 seat.move_to(q);
                 let load = load_here(&seat);
                 self.constraint(&seat, bound, &load, gradient)
@@ -454,13 +454,13 @@ impl<'a> LocalSearch<'a> {
         let joints = self.ranges.len();
         let constraint = |bound: SmoothBound| {
             move |x: &[f64], gradient: Option<&mut [f64]>, (): &mut ()| {
-                let mut seat = self.observer.borrow_mut();
+                let mut seat = self.evaluator.borrow_mut();
                 seat.move_to(&x[..joints]);
                 let load = load_of(x);
                 let gradient = gradient.map(|gradient| {
                     let (of_joints, of_load) = gradient.split_at_mut(joints);
                     of_load.fill(0.0);
-                    if let Some(slope) = bound.force_derivative(&seat.observer.state) {
+                    if let Some(slope) = bound.force_derivative(&seat.evaluator.state) {
                         free.pull_back(&-slope, of_load);
                     }
                     of_joints
@@ -495,7 +495,7 @@ impl<'a> LocalSearch<'a> {
         load: &Load,
         gradient: Option<&mut [f64]>,
     ) -> f64 {
-        let state = &seat.observer.state;
+        let state = &seat.evaluator.state;
         if let Some(gradient) = gradient {
             for (joint, slope) in gradient.iter_mut().enumerate() {
                 *slope = -bound.derivative(state, load, &self.gravity, joint);
@@ -541,8 +541,8 @@ fn clamp(x: &mut [f64], ranges: &[(f64, f64)]) {
 
 /// The direction of the force that gives most information: trace(A G A^T) = F^T Q F, so it points
 /// along the largest eigenvector of Q.
-fn best_direction(observer: &Observer<'_>, directions: &DMatrix<f64>) -> Vector3<f64> {
-    let direction = match finite_eigen(&observer.force_form(directions)) {
+fn best_direction(evaluator: &MatrixEvaluator<'_>, directions: &DMatrix<f64>) -> Vector3<f64> {
+    let direction = match finite_eigen(&evaluator.force_form(directions)) {
         Some(eigen) => eigen
             .eigenvectors
             .column(eigen.eigenvalues.imax())

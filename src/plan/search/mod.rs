@@ -1,6 +1,6 @@
 //! The search for a plan (eqs. 21, 22) and the certificate of how good it can be.
 //!
-//! - [`observation`](Observer): the observation matrix and its derivatives.
+//! - [`observation`](MatrixEvaluator): the observation matrix and its derivatives.
 //! - `problem`, `point`, `joints`: what is searched, an experiment of it, and the joints that matter.
 //! - `local`: the best configuration near a given one, by sequential quadratic programming.
 //! - `sampling`: random feasible experiments.
@@ -36,7 +36,7 @@ pub use bound::{Basis, Bound, BoundKind, NoBound, PlanBound, PlanProof};
 pub use budget::{BudgetPoint, budget, budget_and_proof, cheapest, repeated_configurations};
 pub use criteria::{CriterionPlan, compare_criteria};
 pub use exact::{ExactDesign, Watch, exact_design};
-pub use observation::Observer;
+pub use observation::MatrixEvaluator;
 pub use problem::{Effort, Problem, SearchError};
 pub use proved::{ProofEffort, ProofFile, ProvedBound, TIGHT};
 pub use sampling::{RandomPlans, median_random_rho0, random_plan};

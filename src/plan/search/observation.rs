@@ -11,7 +11,7 @@ use crate::robot::{KinematicState, Kinematics, Load};
 /// A matrix has three rows and p columns; where rotations are measured p more, so that the rows of A^(phi)
 /// stand beside those of A^(p). What is called [`blocks`](Self::blocks) are these one or two parts.
 #[derive(Debug, Clone)]
-pub struct Observer<'a> {
+pub struct MatrixEvaluator<'a> {
     model: ExperimentModel<'a>,
     /// The joints whose compliances are the parameters.
     parameters: Vec<usize>,
@@ -32,8 +32,8 @@ pub struct Observer<'a> {
     twist: Vec<Vector3<f64>>,
 }
 
-impl<'a> Observer<'a> {
-    /// An observer for a model; `parameters` are joints among the model's, `typical_rad_per_nm` their
+impl<'a> MatrixEvaluator<'a> {
+    /// An evaluator for a model; `parameters` are joints among the model's, `typical_rad_per_nm` their
     /// typical compliances. With a `basis`, the parameters are the coordinates in it of the relative
     /// compliances.
     #[must_use]

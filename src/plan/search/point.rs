@@ -57,7 +57,7 @@ pub struct Point {
     pub q: Vec<f64>,
     /// The load.
     pub load: Load,
-    /// The scaled observation matrix, 3 x p a block, see [`super::observation::Observer`].
+    /// The scaled observation matrix, 3 x p a block, see [`super::observation::MatrixEvaluator`].
     pub matrix: Matrix3xX<f64>,
     /// The number of its blocks.
     pub blocks: usize,

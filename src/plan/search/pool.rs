@@ -8,7 +8,7 @@ use super::point::Point;
 use super::problem::Problem;
 use super::sampling::Sampler;
 use crate::plan::{CriterionFunction, LANES};
-use crate::random::generator;
+use crate::random::{generator, streams};
 
 /// Experiments with the information that they give.
 #[derive(Debug, Clone, PartialEq)]
@@ -23,13 +23,15 @@ pub(super) struct Pool {
 
 impl Pool {
     /// So many random experiments within the smooth bounds, fewer if they are hard to find, drawn on
-    /// all threads. `stream` numbers the random numbers.
-    pub fn draw(problem: &Problem<'_>, size: usize, seed: u64, stream: u64) -> Self {
+    /// all threads. Each `number` has pools of its own, from 1.
+    pub fn draw(problem: &Problem<'_>, size: usize, seed: u64, number: u64) -> Self {
         let points: Vec<Point> = (0..size as u64)
             .into_par_iter()
             .map_init(
                 || Sampler::new(problem),
-                |sampler, index| sampler.draw_inside(&mut generator(seed, (stream << 32) + index)),
+                |sampler, index| {
+                    sampler.draw_inside(&mut generator(seed, streams::pool(number, index)))
+                },
             )
             .flatten()
             .collect();

@@ -5,7 +5,7 @@ use thiserror::Error;
 
 use super::approximate::ApproximateDesign;
 use super::joints::{indifferent_joints, random_information};
-use super::observation::Observer;
+use super::observation::MatrixEvaluator;
 use super::point::{LoadChoice, add_information};
 use crate::compensation::test_pose_matrix;
 use crate::estimable::Estimable;
@@ -111,13 +111,13 @@ impl<'a> Problem<'a> {
     #[must_use]
     pub fn new(task: &'a Task, criterion: Criterion) -> Self {
         let mut problem = Self::of_parameters(task, criterion, &task.belief.parameters);
-        let information = random_information(problem.observer(), &problem.ranges, &problem.loads);
+        let information = random_information(problem.evaluator(), &problem.ranges, &problem.loads);
         let shown = Estimable::new(&information, &vec![1.0; problem.parameters()]);
         if !shown.is_complete() {
             problem = problem.within(&shown, &information);
         }
         problem.indifferent = indifferent_joints(
-            problem.observer(),
+            problem.evaluator(),
             &problem.ranges,
             &problem.loads,
             &problem.bounds,
@@ -274,10 +274,10 @@ impl<'a> Problem<'a> {
         (self.basis.as_ref()).map_or(self.typical_rad_per_nm.len(), DMatrix::ncols)
     }
 
-    /// An observer of this problem's experiments.
+    /// An evaluator of this problem's experiments.
     #[must_use]
-    pub fn observer(&self) -> Observer<'a> {
-        Observer::new(
+    pub fn evaluator(&self) -> MatrixEvaluator<'a> {
+        MatrixEvaluator::new(
             ExperimentModel::new(&self.task.belief),
             &self.parameters,
             &self.typical_rad_per_nm,
@@ -300,13 +300,13 @@ impl<'a> Problem<'a> {
     /// The scaled information matrix of a plan.
     #[must_use]
     pub fn information(&self, plan: &Plan) -> DMatrix<f64> {
-        let mut observer = self.observer();
+        let mut evaluator = self.evaluator();
         let size = self.parameters();
-        let mut matrix = observer.matrix();
+        let mut matrix = evaluator.matrix();
         let mut information = DMatrix::zeros(size, size);
         for experiment in &plan.experiments {
-            observer.move_to(experiment.configuration_rad.as_slice());
-            observer.observe(&experiment.load, &mut matrix);
+            evaluator.move_to(experiment.configuration_rad.as_slice());
+            evaluator.observe(&experiment.load, &mut matrix);
             add_information(&mut information, &matrix, f64::from(experiment.repeats));
         }
         information

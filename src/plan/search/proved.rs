@@ -277,10 +277,10 @@ fn derivative(
     approximate: &ApproximateDesign,
     experiment: &Experiment,
 ) -> f64 {
-    let mut observer = problem.observer();
-    let mut matrix = observer.matrix();
-    observer.move_to(experiment.configuration_rad.as_slice());
-    observer.observe(&experiment.load, &mut matrix);
+    let mut evaluator = problem.evaluator();
+    let mut matrix = evaluator.matrix();
+    evaluator.move_to(experiment.configuration_rad.as_slice());
+    evaluator.observe(&experiment.load, &mut matrix);
     information_in(&matrix, &approximate.directions)
 }
 

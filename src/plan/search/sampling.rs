@@ -12,14 +12,12 @@ use super::point::{LoadChoice, Point, force};
 use super::problem::{Problem, SearchError};
 use crate::plan::feasibility::COLLISION;
 use crate::plan::{Criterion, Experiment, Feasibility, Plan};
-use crate::random::generator;
+use crate::random::{generator, streams};
 use crate::robot::Load;
 use crate::task::Task;
 
 /// Random experiments that are tried before the region is held to be empty.
 const ATTEMPTS: usize = 20_000;
-/// The stream of random numbers that random plans are drawn from.
-const RANDOM_PLAN: u64 = 1 << 63;
 
 /// So many colliding pairs are named where nothing is feasible.
 const PAIRS: usize = 5;
@@ -65,7 +63,7 @@ impl<'a> Sampler<'a> {
         if free.is_empty() {
             return None;
         }
-        let mut random = generator(0, 0);
+        let mut random = generator(streams::FIXED_SEED, streams::VARIANTS);
         (0..VARIANTS).find_map(|_| {
             let mut q = point.q.clone();
             for &joint in free {
@@ -90,7 +88,7 @@ impl<'a> Sampler<'a> {
     /// and the pairs of geometries that collide most often.
     pub fn explain_empty(&mut self, seed: u64) -> SearchError {
         const SAMPLES: usize = 2000;
-        let mut random = generator(seed, u64::MAX - 1);
+        let mut random = generator(seed, streams::EMPTY_REGION);
         let mut rejected = BTreeMap::<String, usize>::new();
         let mut colliding = BTreeMap::<[String; 2], usize>::new();
         for _ in 0..SAMPLES {
@@ -238,7 +236,7 @@ fn draw_plan(
     seed: u64,
     run: u64,
 ) -> Result<Plan, SearchError> {
-    let mut random = generator(seed, RANDOM_PLAN + run);
+    let mut random = generator(seed, streams::random_plan(run));
     let experiments = (0..experiments)
         .map(|_| {
             let (q, load) = sampler

@@ -32,14 +32,14 @@ pub const GRID: RGBColor = RGBColor(222, 227, 232);
 pub type Area<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
 /// An axis whose ticks were chosen.
 #[derive(Debug, Clone)]
-pub struct Axis {
+pub struct ChartAxis {
     /// From where to where.
     pub range: std::ops::Range<f64>,
     /// Where its ticks are.
     pub ticks: Vec<f64>,
 }
 
-impl Ranged for Axis {
+impl Ranged for ChartAxis {
     type FormatOption = DefaultFormatting;
     type ValueType = f64;
 
@@ -63,7 +63,7 @@ impl Ranged for Axis {
 }
 
 /// A chart with two of them.
-pub type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<Axis, Axis>>;
+pub type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<ChartAxis, ChartAxis>>;
 
 /// An SVG drawing with a name, which takes the width that it is given.
 pub fn drawing(
@@ -101,7 +101,7 @@ pub struct Rows<'n> {
     /// The width of the drawing.
     pub width: u32,
     /// The axis along x.
-    pub axis: Axis,
+    pub axis: ChartAxis,
     /// What it shows, with the unit.
     pub title: String,
 }
@@ -136,7 +136,7 @@ impl Rows<'_> {
             .y_label_area_size(26 + width_of(&names))
             .build_cartesian_2d(
                 self.axis.clone(),
-                Axis {
+                ChartAxis {
                     range: 0.0..count as f64,
                     ticks: middles,
                 },

@@ -2,7 +2,7 @@
 
 use plotters::prelude::*;
 
-use super::charts::{Axis, Chart, INK, Rows, WHOLE, drawing, log_ticks, short};
+use super::charts::{Chart, ChartAxis, INK, Rows, WHOLE, drawing, log_ticks, short};
 use crate::record::study::StudyPlanMessage;
 use crate::view::markup::{figure, table};
 use crate::view::plots::{COLOURS, PlotError};
@@ -74,7 +74,7 @@ pub fn distances_figure(lines: &[Line<'_>], caption: &str) -> Result<String, Plo
         names: &names,
         notes: &notes,
         width: WHOLE,
-        axis: Axis {
+        axis: ChartAxis {
             ticks: log_ticks(range.start, range.end),
             range,
         },
@@ -106,7 +106,7 @@ pub fn distances_figure(lines: &[Line<'_>], caption: &str) -> Result<String, Plo
 /// Draws a plan's hill with its foot at a height; `highest` is the highest share of any plan.
 fn draw_line(
     chart: &mut Chart<'_, '_>,
-    axis: &Axis,
+    axis: &ChartAxis,
     foot: f64,
     line: &Line<'_>,
     highest: f64,

@@ -2,7 +2,7 @@
 
 use plotters::prelude::*;
 
-use super::charts::{Axis, GRID, HALF, INK, Rows, SOFT, drawing, short, text, ticks};
+use super::charts::{ChartAxis, GRID, HALF, INK, Rows, SOFT, drawing, short, text, ticks};
 use crate::record::evidence::{AccuracyMessage, CriterionPlanMessage};
 use crate::view::plots::{COLOURS, PlotError};
 use crate::wording::{micrometres, percent};
@@ -51,11 +51,11 @@ pub fn accuracy_figure(
                 .x_label_area_size(78)
                 .y_label_area_size(104)
                 .build_cartesian_2d(
-                    Axis {
+                    ChartAxis {
                         range: x.clone(),
                         ticks: whole_ticks(x.start, x.end),
                     },
-                    Axis {
+                    ChartAxis {
                         range: 0.0..top,
                         ticks: ticks(0.0, top, 5),
                     },
@@ -132,7 +132,7 @@ pub fn criteria_figure(plans: &[CriterionPlanMessage]) -> Result<String, PlotErr
         names: &names,
         notes: &notes,
         width: HALF,
-        axis: Axis {
+        axis: ChartAxis {
             range: 0.0..high,
             ticks: ticks(0.0, high, 4),
         },
@@ -166,7 +166,7 @@ pub fn criteria_names(plan: &CriterionPlanMessage) -> String {
 }
 
 /// A compliance with its 95 % interval, relative to the truth.
-pub struct Estimate {
+pub struct RelativeEstimate {
     /// The joint.
     pub name: String,
     /// The estimate less the truth, over the truth, and the ends of its interval.
@@ -174,7 +174,7 @@ pub struct Estimate {
 }
 
 /// The identified compliances against the truth.
-pub fn compliances_figure(estimates: &[Estimate]) -> Result<String, PlotError> {
+pub fn compliances_figure(estimates: &[RelativeEstimate]) -> Result<String, PlotError> {
     let names: Vec<String> = estimates.iter().map(|each| each.name.clone()).collect();
     let notes: Vec<String> = (estimates.iter())
         .map(|each| match each.error {
@@ -194,7 +194,7 @@ pub fn compliances_figure(estimates: &[Estimate]) -> Result<String, PlotError> {
         names: &names,
         notes: &notes,
         width: HALF,
-        axis: Axis {
+        axis: ChartAxis {
             range: -high..high,
             ticks: ticks(-high, high, 6),
         },
@@ -238,11 +238,11 @@ pub fn residuals_figure(standardised: &[[f64; 3]]) -> Result<String, PlotError> 
             .x_label_area_size(78)
             .y_label_area_size(104)
             .build_cartesian_2d(
-                Axis {
+                ChartAxis {
                     range: x.clone(),
                     ticks: whole_ticks(x.start, x.end),
                 },
-                Axis {
+                ChartAxis {
                     range: -high..high,
                     ticks: ticks(-high, high, 6),
                 },

@@ -21,12 +21,12 @@ use crate::scenario::Scenario;
 use crate::wording::{dash, micrometres, number, percent};
 use distances::{Line, Role, distances_figure, distances_table};
 use figures::{
-    Estimate, accuracy_figure, compliances_figure, criteria_figure, criteria_names,
+    RelativeEstimate, accuracy_figure, compliances_figure, criteria_figure, criteria_names,
     residuals_figure,
 };
 
 pub use reproduction::reproduction_page;
-pub use study::{StudyRecord, study_page};
+pub use study::{StudyPageRecord, study_page};
 
 /// What the report of a run is made of.
 #[derive(Debug, Clone, Copy)]
@@ -246,7 +246,7 @@ fn compliances(run: &RunRecord<'_>, calibration: &CalibrationMessage) -> Result<
             micro(truth),
         ]);
         let name = name.clone();
-        estimates.push(Estimate { name, error });
+        estimates.push(RelativeEstimate { name, error });
     }
     let svg = compliances_figure(&estimates)?;
     let caption = "From this run's noisy measurements of the virtual robot, whose compliances are known. In 95 % of \

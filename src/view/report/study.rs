@@ -10,7 +10,7 @@ use crate::wording::{counted, micrometres, number};
 
 /// What the page of a study is made of.
 #[derive(Debug, Clone, Copy)]
-pub struct StudyRecord<'a> {
+pub struct StudyPageRecord<'a> {
     /// Where the study comes from.
     pub provenance: &'a ProvenanceMessage,
     /// The number of runs of each plan.
@@ -44,7 +44,7 @@ fn best<'a>(
 ///
 /// # Errors
 /// A figure cannot be drawn.
-pub fn study_page(study: &StudyRecord<'_>) -> Result<String, PlotError> {
+pub fn study_page(study: &StudyPageRecord<'_>) -> Result<String, PlotError> {
     let best = best(study.plans, study.reference);
     let line = |runs| Line::new(runs, role(runs, best, study.reference));
     let lines: Vec<Line<'_>> = study.plans.iter().map(line).collect();
@@ -84,7 +84,7 @@ fn role(runs: &StudyPlanMessage, best: Option<&StudyPlanMessage>, reference: Opt
 }
 
 /// The best plan, how much better than random it is, and whether the prediction holds.
-fn cards(study: &StudyRecord<'_>) -> String {
+fn cards(study: &StudyPageRecord<'_>) -> String {
     let mut cards = String::new();
     if let Some(best) = best(study.plans, study.reference) {
         let interval = best.mean_ci95_mm.map_or_else(String::new, |[low, high]| {

@@ -26,13 +26,13 @@ pub(super) struct Eye {
 }
 
 /// A part of the window.
-pub(super) enum Area {
+pub(super) enum ViewArea {
     /// Areas side by side, with their shares of the width.
-    Row(Vec<(f32, Area)>),
+    Row(Vec<(f32, ViewArea)>),
     /// Areas below one another, with their shares of the height.
-    Column(Vec<(f32, Area)>),
+    Column(Vec<(f32, ViewArea)>),
     /// Areas of which one is seen at a time.
-    Tabs(Vec<Area>),
+    Tabs(Vec<ViewArea>),
     /// A view of a kind with its name and the entities that it shows, one a line.
     View(&'static str, String, String),
 }
@@ -56,7 +56,7 @@ pub(super) struct Clock {
 }
 
 /// Writes the blueprint into its store.
-pub(super) fn lay_out(store: &mut Store, root: &Area, eye: &Eye, clock: &Clock) {
+pub(super) fn lay_out(store: &mut Store, root: &ViewArea, eye: &Eye, clock: &Clock) {
     let mut layout = Layout {
         store,
         eye,
@@ -93,19 +93,19 @@ impl Layout<'_> {
     }
 
     /// Adds an area with all that is in it; gives its path in the blueprint and its identifier.
-    fn add(&mut self, area: &Area) -> (String, [u8; 16]) {
+    fn add(&mut self, area: &ViewArea) -> (String, [u8; 16]) {
         self.count += 1;
         let mut id = [0; 16];
         // The viewer wants identifiers to look random (version 4).
         (id[0], id[6], id[8]) = (self.count, 0x40, 0x80);
         let text = format!("{:02x}000000-0000-4000-8000-000000000000", self.count);
         let path = match area {
-            Area::View(class, name, content) => {
+            ViewArea::View(class, name, content) => {
                 let path = format!("view/{text}");
                 self.add_view(&path, class, name, content);
                 path
             }
-            Area::Row(areas) => {
+            ViewArea::Row(areas) => {
                 let path = format!("container/{text}");
                 let content = self.add_all(areas.iter().map(|(_, area)| area));
                 let container = ContainerBlueprint::new(ContainerKind::Horizontal)
@@ -114,7 +114,7 @@ impl Layout<'_> {
                 self.log(&path, &container);
                 path
             }
-            Area::Column(areas) => {
+            ViewArea::Column(areas) => {
                 let path = format!("container/{text}");
                 let content = self.add_all(areas.iter().map(|(_, area)| area));
                 let container = ContainerBlueprint::new(ContainerKind::Vertical)
@@ -123,7 +123,7 @@ impl Layout<'_> {
                 self.log(&path, &container);
                 path
             }
-            Area::Tabs(areas) => {
+            ViewArea::Tabs(areas) => {
                 let path = format!("container/{text}");
                 let content = self.add_all(areas);
                 let first = content[0].clone();
@@ -137,7 +137,10 @@ impl Layout<'_> {
         (path, id)
     }
 
-    fn add_all<'a>(&mut self, areas: impl IntoIterator<Item = &'a Area>) -> Vec<IncludedContent> {
+    fn add_all<'a>(
+        &mut self,
+        areas: impl IntoIterator<Item = &'a ViewArea>,
+    ) -> Vec<IncludedContent> {
         areas
             .into_iter()
             .map(|area| IncludedContent(self.add(area).0.as_str().into()))

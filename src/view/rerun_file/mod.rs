@@ -19,7 +19,7 @@ use sha2::{Digest, Sha256};
 use super::recording::{Recording, StepKind};
 use crate::files::FileError;
 use crate::files::output::write_whole;
-use blueprint::{Area, CURVES, Clock, SPACE, TEXT};
+use blueprint::{CURVES, Clock, SPACE, TEXT, ViewArea};
 use store::Store;
 
 const APPLICATION: &str = "elastocal";
@@ -75,7 +75,7 @@ fn write_messages(path: &Path, messages: Result<Vec<LogMsg>, String>) -> Result<
 /// content: the viewer takes two with the same number for parts of one recording.
 fn open(
     content: &str,
-    layout: &Area,
+    layout: &ViewArea,
     recording: &Recording,
     clock: &Clock,
 ) -> Result<(Vec<LogMsg>, Store), String> {
@@ -94,24 +94,25 @@ fn open(
     Ok((store::show_by(blueprint)?, store))
 }
 
-fn layout() -> Area {
-    let view = |class, name: &str, content: &str| Area::View(class, name.into(), content.into());
-    Area::Row(vec![
+fn layout() -> ViewArea {
+    let view =
+        |class, name: &str, content: &str| ViewArea::View(class, name.into(), content.into());
+    ViewArea::Row(vec![
         (2.2, view(SPACE, "robot", "world/**")),
         (
             1.0,
-            Area::Column(vec![
+            ViewArea::Column(vec![
                 (1.0, view(TEXT, "step", "text/step")),
                 (
                     1.3,
-                    Area::Tabs(vec![
+                    ViewArea::Tabs(vec![
                         view(TEXT, "results", "text/results"),
                         view(TEXT, "all plans", "text/overview"),
                     ]),
                 ),
                 (
                     0.8,
-                    Area::Tabs(vec![
+                    ViewArea::Tabs(vec![
                         view(CURVES, "residuals [mm]", "measurements/residual_mm/**"),
                         view(CURVES, "deflections [mm]", "measurements/deflection_mm/**"),
                     ]),

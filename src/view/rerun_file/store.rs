@@ -22,13 +22,13 @@ pub(super) struct Store {
     rows: u128,
     is_open: bool,
     /// The rows that were not taken yet, by entity and timelines.
-    entities: BTreeMap<(EntityPath, Vec<&'static str>), Vec<Row>>,
+    entities: BTreeMap<(EntityPath, Vec<&'static str>), Vec<StoreRow>>,
 }
 
 /// A place on each of some timelines.
 pub(super) type Now<'a> = &'a [(&'static str, i64)];
 
-struct Row {
+struct StoreRow {
     id: RowId,
     time: TimePoint,
     components: Vec<rerun::SerializedComponentBatch>,
@@ -68,7 +68,7 @@ impl Store {
         self.entities
             .entry((path.into(), when.iter().map(|(name, _)| *name).collect()))
             .or_default()
-            .push(Row {
+            .push(StoreRow {
                 id: RowId::from_u128(self.rows),
                 time,
                 components: what.as_serialized_batches(),

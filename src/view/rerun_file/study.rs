@@ -9,7 +9,7 @@ use rerun::blueprint::components::PlayState;
 use rerun::log::LogMsg;
 use rerun::{BarChart, EntityPath, Scalars, SeriesLines, TextDocument, entity_path};
 
-use super::blueprint::{Area, BARS, CURVES, Clock, SPACE, TEXT};
+use super::blueprint::{BARS, CURVES, Clock, SPACE, TEXT, ViewArea};
 use super::store::Store;
 use super::{STEP, open, scene, study_text, text, write_messages};
 use crate::files::FileError;
@@ -151,29 +151,30 @@ impl StudyStream {
     }
 }
 
-fn layout(study: &StudyRecording) -> Area {
-    let view = |class, name: &str, content: &str| Area::View(class, name.into(), content.into());
-    let left = Area::Column(vec![
+fn layout(study: &StudyRecording) -> ViewArea {
+    let view =
+        |class, name: &str, content: &str| ViewArea::View(class, name.into(), content.into());
+    let left = ViewArea::Column(vec![
         (2.2, view(SPACE, "robot", "world/**")),
         (
             1.0,
-            Area::Tabs(vec![
+            ViewArea::Tabs(vec![
                 view(TEXT, "about this study", "text/about"),
                 view(TEXT, "step", "text/step"),
             ]),
         ),
     ]);
     let means = "mean distance over the number of runs, with 95 % bands [µm]";
-    let right = Area::Column(vec![
+    let right = ViewArea::Column(vec![
         (1.1, view(CURVES, means, "means_um/**")),
-        (1.1, Area::Tabs(distributions(study))),
+        (1.1, ViewArea::Tabs(distributions(study))),
         (1.0, view(TEXT, "results so far", "text/table")),
     ]);
-    Area::Row(vec![(1.25, left), (1.0, right)])
+    ViewArea::Row(vec![(1.25, left), (1.0, right)])
 }
 
 /// Each plan's distribution with that of the plan that it is compared with, the last plan's first.
-fn distributions(study: &StudyRecording) -> Vec<Area> {
+fn distributions(study: &StudyRecording) -> Vec<ViewArea> {
     let header = &study.header;
     let labels = header.labels();
     let view = |(index, plan): (usize, &String)| {
@@ -188,7 +189,7 @@ fn distributions(study: &StudyRecording) -> Vec<Area> {
             Some(reference) => format!("{plan}, {reference}: % of runs per µm"),
             None => format!("{plan}: % of runs per µm"),
         };
-        Area::View(BARS, name, shown.join("\n"))
+        ViewArea::View(BARS, name, shown.join("\n"))
     };
     let others = |(index, _): &(usize, &String)| {
         labels.len() == 1 || header.plans[*index].reference != Some(*index)

@@ -11,7 +11,7 @@ use crate::robot::{
 
 /// What the equations are built from.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Observations<'a> {
+pub(super) struct EquationSource<'a> {
     pub chain: &'a SerialChain,
     pub tool: &'a Tool,
     pub parameters: &'a [usize],
@@ -27,7 +27,7 @@ pub(super) struct Equations {
     pub right_hand_side: DVector<f64>,
 }
 
-impl Observations<'_> {
+impl EquationSource<'_> {
     fn rows(&self) -> usize {
         let rows = |each: &Measurement| if each.rotation.is_some() { 6 } else { 3 };
         self.measurements.iter().map(rows).sum()

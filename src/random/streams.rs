@@ -1,0 +1,48 @@
+//! What random numbers are for: one registry, so that no two uses have the same numbers.
+//!
+//! [`Stream`] is for [`fill_normals`](super::normal::fill_normals); all others are streams of
+//! [`generator`](super::generator).
+
+/// What normal numbers are for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stream {
+    /// The noise of the measurements.
+    Noise = 0,
+    /// The virtual robot's compliances.
+    Compliances = 1,
+}
+
+/// Experiment `index` of a pool of random experiments; pools count from 1.
+#[must_use]
+pub const fn pool(pool: u64, index: u64) -> u64 {
+    (pool << 32) + index
+}
+
+/// Search number `index` for a plan.
+#[must_use]
+pub const fn search(index: u64) -> u64 {
+    (1 << 48) + index
+}
+
+/// Setups that tell which parameters could be identified.
+pub const UNKNOWNS: u64 = 1 << 62;
+
+/// The random plan of run `run`.
+#[must_use]
+pub const fn random_plan(run: u64) -> u64 {
+    (1 << 63) + run
+}
+
+/// Experiments that tell why no experiment is feasible.
+pub const EMPTY_REGION: u64 = u64::MAX - 1;
+/// The first experiments of an approximate design.
+pub const FIRST_SUPPORT: u64 = u64::MAX;
+
+/// The seed of random numbers that serve a decision, which shall not depend on the scenario's seed.
+pub const FIXED_SEED: u64 = 0;
+/// Under [`FIXED_SEED`]: variants of an experiment in joints that do not matter.
+pub const VARIANTS: u64 = 0;
+/// Under [`FIXED_SEED`]: configurations that tell which joints do not matter.
+pub const INDIFFERENT_JOINTS: u64 = 1;
+/// Under [`FIXED_SEED`]: configurations that tell what experiments show at all.
+pub const SHOWN: u64 = 2;
