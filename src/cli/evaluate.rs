@@ -38,7 +38,8 @@ impl Evaluate {
         self.common.say("searching the bound that no plan can beat");
         // Without a bound, the rest still holds.
         let bound = self.proof.with_effort(&self.common, &NEVER, |proof| {
-            Bound::search_and_prove(&scenario.task, scenario.seed, proof)
+            let sizes = [plan.measurements()];
+            Bound::search_and_prove(&scenario.task, scenario.seed, &sizes, proof)
         });
         let assessment = Assessment::new(&scenario.task, &plan, Some(&bound));
         let message = AssessmentMessage::new(&scenario, &assessment);

@@ -101,7 +101,7 @@ pub fn design(
     let bound_problem = Problem::new(task, Criterion::TestPose);
     let approximate = approximate_design(&bound_problem, seed)?;
     let bound = proof.with_effort(common, stop, |proof| {
-        Bound::new(task, &approximate).prove(&approximate, proof)
+        Bound::new(task, &approximate).prove(&approximate, seed, &[experiments], proof)
     });
     let least = bound.of_size(experiments).map_or_else(
         |_| String::new(),

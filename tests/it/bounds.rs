@@ -1,6 +1,7 @@
 //! The class of plans that a bound speaks about: no plan of it is better, and others get none.
 
 use elastocal::experiment::{Loads, NotMandatory};
+use elastocal::plan::proof::Effort;
 use elastocal::plan::search::{
     Basis, Bound, NoBound, Problem, RandomPlans, approximate_design, random_plan,
 };
@@ -191,6 +192,20 @@ fn a_bound_speaks_about_plans_with_the_mandatory_experiments() {
     let (_, best) = designed(&problem, 6, 6, 1).expect("there is a plan");
     let found = efficiency(&scenario, &bound, &best.plan).expect("it has the mandatory one");
     assert!(found > 0.8 && found <= 1.0, "{found}");
+    // The design beside the mandatory ones, for as many measurements, gives the bound that is near, proved or not.
+    let effort = Effort {
+        gap: 0.1,
+        boxes: 300_000,
+        stop: &|| false,
+        progress: &|_, _| {},
+    };
+    let near = Bound::search_and_prove(&scenario.task, scenario.seed, &[6], Some((effort, false)));
+    let found = efficiency(&scenario, &near, &best.plan).expect("it has the mandatory one");
+    assert!(found > 0.99 && found <= 1.0, "{found}");
+    let proof = near.of_size(6).expect("a bound").proof.expect("a proof");
+    let found = proof.least_m / best.cost.sqrt();
+    assert!(found > 0.94 && found < 0.99, "{found}");
+    assert_eq!(near.of_size(7), bound.of_size(7));
     let mut printed = best.plan.clone();
     let first = &mut printed.experiments[0];
     first.configuration_rad[2] += 0.9 * WIDENED_RAD;

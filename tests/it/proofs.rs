@@ -24,6 +24,7 @@ fn the_papers_problem_is_proved_to_a_thousandth() {
     let proved = Bound::search_and_prove(
         &scenario.task,
         scenario.seed,
+        &[],
         Some((effort(1e-3, 150_000), false)),
     );
     let proof = proved.proof().expect("it was asked for");

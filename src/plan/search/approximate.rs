@@ -60,7 +60,8 @@ pub struct Certificate {
     /// The largest directional derivative found for any experiment of the class of plans: in the
     /// widened region, under a load of the set or one that is printed as such.
     pub largest_derivative: f64,
-    /// The largest found in the region itself: the cost, where the approximate design is optimal.
+    /// The largest found in the region itself: the cost, where the approximate design is optimal (less what
+    /// mandatory experiments beside it have of it).
     pub largest_inside: f64,
     /// The number of local searches for it, from random starts.
     pub searches: usize,
@@ -114,7 +115,8 @@ pub fn approximate_design(
     let mut weighing = Weighing::new(problem);
     let mut gap = 1.0;
     for _ in 0..ROUNDS {
-        let cost = weighing.optimise(&support, &mut weights, 0.1 * gap);
+        weighing.optimise(&support, &mut weights, 0.1 * gap);
+        let cost = weighing.mean;
         prune(&mut support, &mut weights);
         let ranked = pool.by_derivative(&weighing.directions);
         let mut found: Vec<(Point, f64)> = ranked
@@ -138,7 +140,8 @@ pub fn approximate_design(
         }
     }
     let cost = weighing.optimise(&support, &mut weights, 0.1 * TOLERANCE);
-    let (certificate, ends) = certify(problem, seed, &support, cost, &weighing.directions);
+    let costs = [cost, weighing.mean];
+    let (certificate, ends) = certify(problem, seed, &support, costs, &weighing.directions);
     let mut candidates = support.clone();
     for (point, _) in ends {
         if !candidates.iter().any(|known| is_same(known, &point)) {
@@ -187,7 +190,7 @@ fn certify(
     problem: &Problem<'_>,
     seed: u64,
     support: &[Point],
-    cost: f64,
+    [cost, mean]: [f64; 2],
     directions: &DMatrix<f64>,
 ) -> (Certificate, Vec<(Point, f64)>) {
     let mut ends: Vec<(Point, f64)> = Vec::new();
@@ -218,12 +221,12 @@ fn certify(
     let largest_derivative = polished
         .iter()
         .map(|(point, _)| printed_derivative(&local, point, directions))
-        .fold(cost, f64::max);
+        .fold(mean, f64::max);
     let certificate = Certificate {
         mandatory: mandatory(problem, directions),
         cost,
         largest_derivative,
-        largest_inside: ends.first().map_or(cost, |(_, value)| value.max(cost)),
+        largest_inside: ends.first().map_or(mean, |(_, value)| value.max(mean)),
         searches,
         agreeing: agreeing(&ends),
     };
@@ -337,8 +340,12 @@ fn prune(support: &mut Vec<Point>, weights: &mut Vec<f64>) {
 /// Finds the best weights on given experiments.
 struct Weighing {
     cost: crate::plan::CriterionFunction,
+    /// What is told beside the experiments.
+    beside: Option<DMatrix<f64>>,
     information: DMatrix<f64>,
     directions: DMatrix<f64>,
+    /// The mean derivative of the experiments: the cost, where nothing is told beside them.
+    mean: f64,
 }
 
 impl Weighing {
@@ -346,6 +353,8 @@ impl Weighing {
         let size = problem.parameters();
         Self {
             cost: problem.cost(),
+            beside: problem.beside.clone(),
+            mean: 0.0,
             information: DMatrix::zeros(size, size),
             directions: DMatrix::zeros(size, size),
         }
@@ -357,16 +366,16 @@ impl Weighing {
     fn optimise(&mut self, support: &[Point], weights: &mut [f64], tolerance: f64) -> f64 {
         let blocks: Vec<DMatrix<f64>> = support.iter().map(Point::information).collect();
         let [mut before, mut once, mut twice] = [(); 3].map(|()| weights.to_vec());
-        let is_best = |cost: f64, largest: f64| largest <= cost * (1.0 + tolerance);
+        let is_best = |mean: f64, largest: f64| largest <= mean * (1.0 + tolerance);
         for _ in 0..WEIGHT_CYCLES {
             before.copy_from_slice(weights);
             let (cost, largest) = self.step(&blocks, weights);
-            if !cost.is_finite() || is_best(cost, largest) {
+            if !cost.is_finite() || is_best(self.mean, largest) {
                 return cost;
             }
             once.copy_from_slice(weights);
             let (cost, largest) = self.step(&blocks, weights);
-            if is_best(cost, largest) {
+            if is_best(self.mean, largest) {
                 return cost;
             }
             twice.copy_from_slice(weights);
@@ -374,7 +383,7 @@ impl Weighing {
             let (far, largest) = self.step(&blocks, weights);
             if far.is_nan() || far > cost {
                 weights.copy_from_slice(&twice);
-            } else if is_best(far, largest) {
+            } else if is_best(self.mean, largest) {
                 return far;
             }
         }
@@ -384,7 +393,10 @@ impl Weighing {
     /// A step: each weight grows with the root of its derivative (Fellman; Yu 2010 shows that the cost
     /// never rises). Returns the cost before it, and the largest derivative.
     fn step(&mut self, blocks: &[DMatrix<f64>], weights: &mut [f64]) -> (f64, f64) {
-        self.information.fill(0.0);
+        match &self.beside {
+            Some(beside) => self.information.copy_from(beside),
+            None => self.information.fill(0.0),
+        }
         for (block, weight) in blocks.iter().zip(weights.iter()) {
             let sums = self.information.as_mut_slice().iter_mut();
             for (sum, value) in sums.zip(block.as_slice()) {
@@ -392,16 +404,19 @@ impl Weighing {
             }
         }
         let cost = self.cost.cost(&self.information, &mut self.directions);
-        let mut largest = 0.0_f64;
+        let (mut largest, mut mean) = (0.0_f64, 0.0);
         if cost.is_finite() {
             for (block, weight) in blocks.iter().zip(weights.iter_mut()) {
                 let pairs = block.as_slice().iter().zip(self.directions.as_slice());
                 let derivative: f64 = pairs.map(|(one, other)| one * other).sum();
                 largest = largest.max(derivative);
+                mean += *weight * derivative;
                 *weight *= derivative.max(0.0).sqrt();
             }
             normalise(weights);
         }
+        // Where nothing is told beside the experiments, the mean is the cost but for rounding.
+        self.mean = if self.beside.is_some() { mean } else { cost };
         (cost, largest)
     }
 }

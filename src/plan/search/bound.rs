@@ -1,5 +1,7 @@
 //! Bounds that no plan of a class can beat.
 
+use std::collections::BTreeMap;
+
 use thiserror::Error;
 
 use super::approximate::{ApproximateDesign, Certificate, approximate_design};
@@ -29,6 +31,16 @@ pub struct Bound {
     /// The task's own.
     region: Region,
     basis: Basis,
+    proof: Option<Result<ProvedBound, NoProof>>,
+    /// Where there are mandatory experiments, what holds for numbers of measurements that were asked for: the
+    /// best design beside them depends on how many are free.
+    sizes: BTreeMap<u32, OfSize>,
+}
+
+/// What holds for one number of measurements.
+#[derive(Debug, Clone)]
+struct OfSize {
+    certificate: Certificate,
     proof: Option<Result<ProvedBound, NoProof>>,
 }
 
@@ -115,44 +127,73 @@ impl Bound {
     /// Searches the bound of a task's plans under a seed; what was not found is told where it is asked for.
     #[must_use]
     pub fn search(task: &Task, seed: u64) -> Self {
-        Self::search_and_prove(task, seed, None)
+        Self::search_and_prove(task, seed, &[], None)
     }
 
-    /// The same, proved as far as an effort goes, where one is given, and recorded if wanted.
+    /// The same for plans of so many measurements, proved as far as an effort goes, where one is given, and
+    /// recorded if wanted.
     #[must_use]
-    pub fn search_and_prove(task: &Task, seed: u64, proof: Option<(Effort<'_>, bool)>) -> Self {
+    pub fn search_and_prove(
+        task: &Task,
+        seed: u64,
+        sizes: &[u32],
+        proof: Option<(Effort<'_>, bool)>,
+    ) -> Self {
         let problem = Problem::new(task, Criterion::TestPose);
         match approximate_design(&problem, seed) {
-            Ok(approximate) => Self::new(task, &approximate).prove(&approximate, proof),
+            Ok(approximate) => {
+                Self::new(task, &approximate).prove(&approximate, seed, sizes, proof)
+            }
             Err(error) => Self::resting_on(task, Basis::Nothing(error)),
         }
     }
 
     /// Proves the bound of the same approximate design as far as an effort goes, where one is given, and
-    /// records the proof if wanted.
+    /// records the proof if wanted. Where there are mandatory experiments, that is done for the approximate design
+    /// beside them for each of these numbers of measurements.
     #[must_use]
     pub fn prove(
         mut self,
         approximate: &ApproximateDesign,
+        seed: u64,
+        sizes: &[u32],
         proof: Option<(Effort<'_>, bool)>,
     ) -> Self {
-        let Some((effort, records)) = proof else {
-            return self;
-        };
         // The class's own region is wider: the proof widens that of the task by itself.
         let task = Task {
             region: self.region.clone(),
             ..self.class.clone()
         };
         let problem = Problem::new(&task, Criterion::TestPose);
-        self.proof = Some(ProvedBound::new(&problem, approximate, effort, records));
+        let proved = |problem: &Problem<'_>, approximate: &ApproximateDesign| {
+            let (effort, records) = proof?;
+            Some(ProvedBound::new(problem, approximate, effort, records))
+        };
+        for &size in sizes {
+            let Some(problem) = problem.beside_mandatory(size) else {
+                continue;
+            };
+            // Without a design of its own, the general one still holds.
+            if let Ok(approximate) = approximate_design(&problem, seed) {
+                let certificate = approximate.certificate;
+                let proof = proved(&problem, &approximate);
+                self.sizes.insert(size, OfSize { certificate, proof });
+            }
+        }
+        if self.sizes.is_empty() {
+            self.proof = proved(&problem, approximate);
+        }
         self
     }
 
-    /// The proof, or why there is none, where one was asked for.
+    /// The proof, or why there is none, where one was asked for; if there are several, that for the largest number of
+    /// measurements.
     #[must_use]
-    pub const fn proof(&self) -> Option<&Result<ProvedBound, NoProof>> {
-        self.proof.as_ref()
+    pub fn proof(&self) -> Option<&Result<ProvedBound, NoProof>> {
+        let largest = self.sizes.last_key_value();
+        largest
+            .map_or(&self.proof, |(_, size)| &size.proof)
+            .as_ref()
     }
 
     fn resting_on(task: &Task, basis: Basis) -> Self {
@@ -163,6 +204,7 @@ impl Bound {
             basis,
             region: task.region.clone(),
             proof: None,
+            sizes: BTreeMap::new(),
         }
     }
 
@@ -184,7 +226,11 @@ impl Bound {
         let too_few = NoBound::TooFew {
             mandatory: certificate.mandatory.0,
         };
-        let proof = self.proof.as_ref().and_then(|proof| proof.as_ref().ok());
+        let mut proof = &self.proof;
+        if let Some(size) = self.sizes.get(&measurements) {
+            (certificate, proof) = (size.certificate, &size.proof);
+        }
+        let proof = proof.as_ref().and_then(|proof| proof.as_ref().ok());
         if let Some(proof) = proof {
             // The proof may come across more than the searches.
             certificate.largest_derivative = certificate.largest_derivative.max(proof.found());

@@ -100,6 +100,8 @@ pub struct Problem<'a> {
     /// Why no plan can be what is asked for.
     impossible: Option<SearchError>,
     typical_rad_per_nm: Vec<f64>,
+    /// What mandatory experiments tell, shared out among the free ones; it stands beside an approximate design.
+    pub(super) beside: Option<DMatrix<f64>>,
     /// C^T in relative units, in coordinates of the basis where there is one.
     test_poses: DMatrix<f64>,
 }
@@ -178,6 +180,7 @@ impl<'a> Problem<'a> {
             parameters: parameters.to_vec(),
             basis: None,
             impossible: None,
+            beside: None,
             typical_rad_per_nm,
             criterion,
             effort: Effort::default(),
@@ -193,6 +196,20 @@ impl<'a> Problem<'a> {
             ranges: ranges_of(&region),
             ..self.clone()
         }
+    }
+
+    /// The same problem beside the mandatory experiments, for plans of so many measurements; `None` where there are none,
+    /// or more.
+    pub(super) fn beside_mandatory(&self, measurements: u32) -> Option<Self> {
+        let mandatory = &self.task.design.mandatory;
+        let count = mandatory.measurements();
+        let free = measurements.checked_sub(count).filter(|_| count > 0)?;
+        // Without any that are free, those there are tell next to nothing.
+        let free = f64::from(free).max(1e-3);
+        Some(Self {
+            beside: Some(self.information(mandatory) / free),
+            ..self.clone()
+        })
     }
 
     /// Whether the size of a force is to be searched. Otherwise the largest is best: information grows
@@ -229,7 +246,7 @@ impl<'a> Problem<'a> {
     /// (per N m^2); `None` where M is singular.
     pub(super) fn rows_of(&self, approximate: &ApproximateDesign) -> Option<Vec<Vec<f64>>> {
         let size = self.parameters();
-        let mut information = DMatrix::zeros(size, size);
+        let mut information = (self.beside.clone()).unwrap_or_else(|| DMatrix::zeros(size, size));
         for (point, weight) in approximate.support.iter().zip(&approximate.weights) {
             add_information(&mut information, &point.matrix, *weight);
         }

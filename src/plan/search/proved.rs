@@ -73,7 +73,7 @@ impl Default for ProofEffort {
     fn default() -> Self {
         Self {
             gap: TIGHT,
-            boxes: 150_000,
+            boxes: 300_000,
             time: None,
         }
     }
