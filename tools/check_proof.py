@@ -261,8 +261,17 @@ class Arm:
         self.tool = [float(x) for x in arm["tool_offset_m"]]
         self.tool_axis = [0.0, 0.0, 1.0]
 
+    def set_runs(self, starts):
+        """Joints in a run have parallel axes; variables are the sums of their angles."""
+        if len(starts) != self.tool_joints or not all(isinstance(each, bool) for each in starts):
+            raise Refused("the file names runs of other joints")
+        for joint, start in enumerate(starts):
+            if not start and (joint == 0 or self.axis[joint] != self.axis[joint - 1]):
+                raise Refused("joints that are not parallel make up a run")
+        self.runs = starts
+
     def starts_run(self, joint):
-        return joint == 0 or self.axis[joint] != self.axis[joint - 1]
+        return self.runs[joint]
 
 
 TWO_PI = 2 * math.pi * (1 + 1e-15)
@@ -622,6 +631,7 @@ def check_batch(question, arm, part, batch, threshold):
 
 
 def check_part(question, arm, part, threshold):
+    arm.set_runs(part["starts_run"])
     check_domain(question, arm, part)
     if not 0 <= part["middle"] <= arm.tool_joints:
         raise Refused("there is no such middle")

@@ -2,6 +2,7 @@
 
 use std::process::Command;
 
+use elastocal::experiment::Loads;
 use elastocal::plan::proof::Effort;
 use elastocal::plan::search::{Bound, BoundKind};
 use serde_json::{Value, json};
@@ -42,6 +43,22 @@ fn the_papers_problem_is_proved_to_a_thousandth() {
         let plan = proved.of_plan(&table4(m)).ok();
         assert!(plan.is_none_or(|plan| plan == bound));
     }
+}
+
+/// The angle of the first joint that moves does not matter to the derivative then, and must not take boxes.
+#[test]
+fn a_force_of_any_direction_takes_few_boxes() {
+    let mut scenario = scenario("klimchik2012");
+    scenario.task.loads = Loads::Any {
+        force_max_n: 2500.0,
+    };
+    let effort = Some((effort(0.1, 240_000), false));
+    let proved = Bound::search_and_prove(&scenario.task, scenario.seed, &[], effort);
+    let bound = proved.of_size(3).expect("a bound");
+    let proof = bound.proof.expect("a proof");
+    assert!(proof.boxes < 100_000, "{}", proof.boxes);
+    let ratio = proof.least_m / bound.least_m;
+    assert!((0.95..1.0).contains(&ratio), "{ratio}");
 }
 
 #[test]

@@ -217,8 +217,19 @@ pub(super) fn tasks(question: &Question) -> Option<Vec<Task<'_>>> {
     loads
         .into_iter()
         .map(|load| {
-            let domain = Domain::new(question, &chain, load)?;
-            Some(Task::new(question, chain.clone(), domain))
+            let mut chain = chain.clone();
+            let mut domain = Domain::new(question, &chain, load.clone())?;
+            // Under a force of any direction, turning all of the arm about its first joint that moves changes nothing but
+            // the margins: its angle must not be in the variables of the joints behind.
+            let first = domain.variable.iter().position(Option::is_some);
+            let next = first.and_then(|first| chain.links.get_mut(first + 1));
+            if let (Load::Any(_), Some(next)) = (&load, next)
+                && !next.starts_run
+            {
+                next.starts_run = true;
+                domain = Domain::new(question, &chain, load)?;
+            }
+            Some(Task::new(question, chain, domain))
         })
         .collect()
 }

@@ -86,7 +86,6 @@ impl<'a> Task<'a> {
             .collect()
     }
 
-    #[cfg(test)]
     pub fn link(&self, joint: usize) -> Option<&super::chain::Link> {
         self.chain.links.get(joint)
     }

@@ -28,6 +28,8 @@ pub struct ProofPart {
     pub wrench: Option<[f64; 6]>,
     /// The joint before which the frame stands in which the prover told everything.
     pub middle: usize,
+    /// Whether a run of joints with parallel axes begins with each joint.
+    pub starts_run: Vec<bool>,
     /// The variable that stands for the angle of each joint, summed up over the joints of its run.
     pub variables: Vec<Option<usize>>,
     /// The variable that is the load's share of its largest.
@@ -90,6 +92,9 @@ impl Record {
                     Load::Any(_) => None,
                 },
                 middle: task.middle,
+                starts_run: (0..domain.variable.len())
+                    .map(|joint| task.link(joint).is_none_or(|link| link.starts_run))
+                    .collect(),
                 variables: domain.variable.clone(),
                 share: domain.share,
                 ranges: (domain.ranges.iter())
