@@ -5,7 +5,7 @@ use nalgebra::{DVector, Vector3};
 use thiserror::Error;
 
 use crate::compensation::{compensate, predicted_error, test_pose_matrix};
-use crate::identification::{Identification, IdentificationError, Sigma, identify};
+use crate::identification::{Case, Identification, IdentificationError, Sigma};
 use crate::measurement::Measurement;
 use crate::mujoco::ModelError;
 use crate::plan::Plan;
@@ -112,14 +112,16 @@ pub fn identify_as_planned(
     belief: &Belief,
     measurements: &[Measurement],
 ) -> Result<Identification, IdentificationError> {
-    identify(
-        &belief.nominal,
-        &belief.calibration_tool,
-        &belief.parameters,
+    let case = Case {
+        nominal: &belief.nominal,
+        tool: &belief.calibration_tool,
+        parameters: &belief.parameters,
+        prior: belief.prior.as_ref(),
         measurements,
-        Sigma::Known(belief.instrument.sigma_m),
-        belief.method,
-    )
+        sigma: Sigma::Known(belief.instrument.sigma_m),
+        method: belief.method,
+    };
+    case.identify()
 }
 
 /// Compensates every test pose with the identified compliances of all joints (rad/(N m)), of which

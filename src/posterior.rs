@@ -62,6 +62,20 @@ impl Posterior {
         self.variance_of(&row).ok().map(f64::sqrt)
     }
 
+    /// The inverse of the covariance within what is determined, and zero in what is not (p x p). `None`
+    /// where the covariance is singular there.
+    #[must_use]
+    pub fn precision(&self) -> Option<DMatrix<f64>> {
+        // In the coordinates of the basis, where the covariance is regular.
+        let mut from = self.estimable.basis().clone();
+        for (mut row, typical) in from.row_iter_mut().zip(self.estimable.typical()) {
+            row /= *typical;
+        }
+        let covariance = from.tr_mul(&self.covariance) * &from;
+        let inverse = covariance.cholesky()?.inverse();
+        Some(&from * inverse * from.transpose())
+    }
+
     /// The normalised error squared of `error` (p), of which only what is determined counts: chi-square
     /// with [`Estimable::rank`] degrees of freedom if the covariance is right. `None` where the
     /// covariance is none.

@@ -741,10 +741,15 @@ def check_bounds(file):
         raise Refused("loads that are printed alike are left out")
     most = (math.sqrt(file["proof"]["largest"]) + file["printed"] * unit) ** 2
     count, derivatives = file["mandatory"]
+    prior = file.get("prior", 0.0)
+    if prior < 0:
+        raise Refused("what is known before cannot tell less than nothing")
+    if prior > 0:
+        print("the share of what is known before is taken as the file has it")
     if count > 0:
         print("the mandatory experiments' share of the bounds is taken as the file has it")
     for m, rho0 in file["bounds"]:
-        total = derivatives + (m - count) * most
+        total = prior + derivatives + (m - count) * most
         bound = file["sigma_m"] * max(trace, 0.0) / math.sqrt(total)
         if m < count or rho0 > bound * (1 + 1e-9):
             raise Refused(f"the bound for {m} measurements does not follow")

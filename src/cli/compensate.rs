@@ -4,14 +4,13 @@ use std::path::PathBuf;
 
 use clap::Args;
 use elastocal::calibration::{compensate_poses, pose_conditions};
-use elastocal::measurement::Origin;
+use elastocal::identification::StoredIdentification;
 use elastocal::record::messages::{ProvenanceMessage, TestPoseMessage};
-use elastocal::record::schema::read_results;
 use elastocal::task::Method;
 use elastocal::wording::shell_word;
-use serde_json::{Value, json};
+use serde_json::json;
 
-use super::identified::{WANTED, read_identified};
+use super::identified::read_identified;
 use super::table::{number, table};
 use super::{Common, Report, named_by_file, results, without_effect};
 
@@ -32,12 +31,11 @@ pub struct Compensate {
 
 impl Compensate {
     pub fn execute(&self) -> anyhow::Result<Report> {
-        let (text, json) = read_results(&self.identified, &["identify", "run"], WANTED)?;
-        let origin = origin(&json);
+        let origin = StoredIdentification::origin(&self.identified)?;
         let file = shell_word(&self.identified.to_string_lossy());
         let usage = format!("elastocal compensate SCENARIO --identified {file}");
         let scenario = (self.common).load_for(&self.identified, origin.as_ref(), &usage)?;
-        let identified = read_identified(&self.identified, &text, &scenario)?;
+        let identified = read_identified(&self.identified, &scenario)?;
         let method = self.method.unwrap_or(scenario.task.belief.method);
         self.common.say("compensating on the virtual robot");
         let (compliance, posterior) = (&identified.compliance_rad_per_nm, &identified.posterior);
@@ -95,14 +93,4 @@ impl Compensate {
             conditions,
         })
     }
-}
-
-/// Under which scenario it was identified, as the file says.
-fn origin(json: &Value) -> Option<Origin> {
-    let scenario = json["scenario_file"].as_str();
-    let hash = json["provenance"]["scenario_sha256"].as_str();
-    scenario.zip(hash).map(|(scenario, hash)| Origin {
-        scenario: scenario.into(),
-        scenario_sha256: hash.to_owned(),
-    })
 }

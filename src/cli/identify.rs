@@ -58,6 +58,13 @@ impl Identify {
             scenario.task.belief.parameter_names().join(", "),
             counted(measurements.len() as u64, "measurement")
         ));
+        if self.sigma_from_residuals && scenario.task.belief.prior.is_some() {
+            let problem = "with what is known before, sigma has to be known, too";
+            let wrong = FileError::new(&scenario.path, problem).at("robot.prior");
+            return Err(wrong
+                .hint("leave out --sigma-from-residuals, or the key")
+                .into());
+        }
         let sigma = if self.sigma_from_residuals {
             Sigma::FromResiduals(scenario.task.belief.instrument.sigma_m)
         } else {
@@ -67,6 +74,7 @@ impl Identify {
             nominal: &scenario.task.belief.nominal,
             tool: &scenario.task.belief.calibration_tool,
             parameters: &scenario.task.belief.parameters,
+            prior: scenario.task.belief.prior.as_ref(),
             measurements: &measurements,
             sigma,
             method,

@@ -8,9 +8,9 @@ use serde::{Deserialize, Deserializer};
 use serde_json::Value;
 
 use crate::files::FileError;
+use crate::files::schema::read_results;
 use crate::gate::{Gate, Quantity};
 use crate::record::messages::{ProvenanceMessage, SchemaMessage};
-use crate::record::schema::read_results;
 
 /// The name of a plan that results give none.
 pub const ONLY_PLAN: &str = "plan";

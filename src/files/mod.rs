@@ -2,12 +2,14 @@
 //!
 //! - [`output`]: the only way in which results get into files.
 //! - [`roles`]: what a command reads and what it writes; no output overwrites an input.
+//! - [`schema`]: which JSON files of its own this program reads.
 //! - `destination`: where an output goes: links, devices, a file's mode.
 //! - `temporary`: unfinished files, and how none is left when the program is ended.
 
 mod destination;
 pub mod output;
 pub mod roles;
+pub mod schema;
 mod temporary;
 
 use std::path::{Component, Path, PathBuf};

@@ -2,12 +2,13 @@
 
 use super::equations::EquationSource;
 use super::error::IdentificationError;
-use super::estimate::{Identification, Sigma, identify};
+use super::estimate::{Identification, Sigma, identify_case};
 use crate::measurement::Measurement;
+use crate::parameter::Prior;
 use crate::robot::{Robot, Tool};
 use crate::task::Method;
 
-/// The arguments of [`identify`].
+/// The arguments of [`identify`](super::identify), and what is known before.
 #[derive(Debug, Clone, Copy)]
 pub struct Case<'a> {
     /// The nominal robot.
@@ -16,6 +17,8 @@ pub struct Case<'a> {
     pub tool: &'a Tool,
     /// The identified joints.
     pub parameters: &'a [usize],
+    /// What is known of their compliances before.
+    pub prior: Option<&'a Prior>,
     /// The measurements.
     pub measurements: &'a [Measurement],
     /// The standard deviation of deflections.
@@ -34,14 +37,12 @@ impl<'a> Case<'a> {
         }
     }
 
-    /// See [`identify`].
+    /// Identifies what is unknown.
     ///
     /// # Errors
-    /// See [`identify`].
+    /// Nothing can be identified.
     pub fn identify(&self) -> Result<Identification, IdentificationError> {
-        let (nominal, tool, parameters) = (self.nominal, self.tool, self.parameters);
-        let (measurements, sigma, method) = (self.measurements, self.sigma, self.method);
-        identify(nominal, tool, parameters, measurements, sigma, method)
+        identify_case(self)
     }
 
     pub(super) const fn equation_source(&self) -> EquationSource<'a> {
@@ -51,6 +52,10 @@ impl<'a> Case<'a> {
             parameters: self.parameters,
             measurements: self.measurements,
             sigma_m: self.sigma.weight_m(),
+            prior: match self.prior {
+                Some(prior) => Some((prior, self.nominal)),
+                None => None,
+            },
         }
     }
 }

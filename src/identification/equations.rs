@@ -4,9 +4,10 @@ use nalgebra::{DMatrix, DVector, Matrix3xX, Vector3};
 
 use super::error::IdentificationError;
 use crate::measurement::Measurement;
+use crate::parameter::Prior;
 use crate::robot::{
-    EquilibriumSolver, KinematicState, Kinematics, Load, ObservationMatrix, SerialChain, Tool,
-    rotation_vector,
+    EquilibriumSolver, KinematicState, Kinematics, Load, ObservationMatrix, Robot, SerialChain,
+    Tool, rotation_vector,
 };
 
 /// What the equations are built from.
@@ -18,6 +19,8 @@ pub(super) struct EquationSource<'a> {
     pub measurements: &'a [Measurement],
     /// The standard deviation of deflections that bring none of their own (m).
     pub sigma_m: f64,
+    /// What is known before; it stands below the measurements.
+    pub prior: Option<(&'a Prior, &'a Robot)>,
 }
 
 /// Whitened equations: `matrix` times (k minus the linearisation point) = `right_hand_side`.
@@ -62,6 +65,7 @@ impl EquationSource<'_> {
                 );
             }
         }
+        self.push_prior(&mut writer, None);
         writer.equations
     }
 
@@ -107,7 +111,23 @@ impl EquationSource<'_> {
                 );
             }
         }
+        self.push_prior(&mut writer, Some(compliance));
         Ok(writer.equations)
+    }
+
+    /// Adds what is known before: of the compliances, or of their change from those of all joints.
+    fn push_prior(&self, writer: &mut Writer, from: Option<&[f64]>) {
+        let Some((prior, nominal)) = self.prior else {
+            return;
+        };
+        let rows = prior.rows(&nominal.typical_rad_per_nm(self.parameters));
+        let mut mean = prior.mean.clone();
+        if let Some(compliance) = from {
+            for (mean, &joint) in mean.iter_mut().zip(self.parameters) {
+                *mean -= compliance[joint];
+            }
+        }
+        writer.extend(&rows, &(&rows * mean));
     }
 
     /// The standard deviation of a deflection's coordinate (m): the rms of them where measurements
@@ -152,5 +172,23 @@ impl Writer {
             self.equations.right_hand_side[self.row] = value[axis] * weight;
             self.row += 1;
         }
+    }
+
+    fn extend(&mut self, matrix: &DMatrix<f64>, right_hand_side: &DVector<f64>) {
+        let Equations {
+            matrix: all,
+            right_hand_side: right,
+        } = &mut self.equations;
+        *all = all
+            .clone()
+            .resize_vertically(self.row + matrix.nrows(), 0.0);
+        *right = right
+            .clone()
+            .resize_vertically(self.row + matrix.nrows(), 0.0);
+        all.rows_mut(self.row, matrix.nrows()).copy_from(matrix);
+        right
+            .rows_mut(self.row, matrix.nrows())
+            .copy_from(right_hand_side);
+        self.row += matrix.nrows();
     }
 }

@@ -3,6 +3,7 @@
 use nalgebra::DVector;
 use statrs::distribution::{ChiSquared, ContinuousCDF, Normal, StudentsT};
 
+use super::case::Case;
 use super::equations::EquationSource;
 use super::error::IdentificationError;
 use super::fit::{Fit, fit_linear, fit_nonlinear};
@@ -101,7 +102,7 @@ impl Identification {
 
 /// Identifies the compliances of the joints in `parameters` of the nominal robot from measurements
 /// at `tool`: by eq. 9 (eq. 6 where rotations are measured too) with weights, or through the static
-/// equilibrium of the nominal model.
+/// equilibrium of the nominal model. For what is known before, see [`Case`].
 ///
 /// # Errors
 /// Nothing can be identified; a single compliance that cannot is not an error but has no estimate.
@@ -113,21 +114,29 @@ pub fn identify(
     sigma: Sigma,
     method: Method,
 ) -> Result<Identification, IdentificationError> {
-    if measurements.is_empty() {
-        return Err(IdentificationError::NoMeasurements);
-    }
-    let source = EquationSource {
-        chain: &nominal.chain,
+    let case = Case {
+        nominal,
         tool,
         parameters,
+        prior: None,
         measurements,
-        sigma_m: sigma.weight_m(),
+        sigma,
+        method,
     };
-    let fit = match method {
-        Method::Linear => fit_linear(&source, nominal),
-        Method::Nonlinear => fit_nonlinear(&source, nominal)?,
+    case.identify()
+}
+
+/// See [`identify`].
+pub(super) fn identify_case(case: &Case<'_>) -> Result<Identification, IdentificationError> {
+    if case.measurements.is_empty() {
+        return Err(IdentificationError::NoMeasurements);
+    }
+    let source = case.equation_source();
+    let fit = match case.method {
+        Method::Linear => fit_linear(&source, case.nominal),
+        Method::Nonlinear => fit_nonlinear(&source, case.nominal)?,
     };
-    report(&source, fit, sigma, method, nominal)
+    report(&source, fit, case.sigma, case.method, case.nominal)
 }
 
 fn report(

@@ -13,6 +13,7 @@ mod estimate;
 mod fit;
 mod gauss_newton;
 mod residuals;
+mod stored;
 
 pub use case::Case;
 pub use conditions::IMPLAUSIBLE;
@@ -21,3 +22,4 @@ pub use error::IdentificationError;
 pub use estimate::{Estimate, Identification, ParameterEstimate, Sigma, identify};
 pub use gauss_newton::{FitError, ParameterFit, fit_parameters};
 pub use residuals::{MeasurementResidual, Residuals, Suspect, residuals};
+pub use stored::{StoredFingerprint, StoredIdentification};

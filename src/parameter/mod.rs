@@ -15,6 +15,7 @@ pub(crate) mod arms;
 mod elastic_arm;
 mod freedoms;
 mod kind;
+mod prior;
 mod set;
 mod words;
 
@@ -22,4 +23,5 @@ pub use elastic_arm::{ElasticArm, Payload};
 pub(crate) use freedoms::relative_precision;
 pub use freedoms::{Freedom, Freedoms, structural_directions};
 pub use kind::{Axis, Parameter, ParameterKind};
-pub use set::{ParameterError, ParameterSet, Prior};
+pub use prior::Prior;
+pub use set::{ParameterError, ParameterSet};

@@ -3,6 +3,7 @@
 use nalgebra::{Cholesky, DMatrix, DVector, Isometry3, Translation3, UnitQuaternion, Vector3};
 use thiserror::Error;
 
+use super::prior::Prior;
 use super::{ElasticArm, Parameter, ParameterKind};
 
 /// Why a set of parameters makes no sense for a robot.
@@ -26,15 +27,6 @@ pub enum ParameterError {
     /// A covariance that is none.
     #[error("the prior's covariance is not positive definite")]
     Covariance,
-}
-
-/// What is known of all parameters before any reading: a normal distribution of their values.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Prior {
-    /// The mean (p).
-    pub mean: DVector<f64>,
-    /// The inverse of the covariance (p x p); zero rows where nothing is known.
-    pub precision: DMatrix<f64>,
 }
 
 /// An ordered set of unknowns of a robot with unique names.

@@ -100,12 +100,15 @@ pub fn posterior(belief: &Belief, plan: &Plan) -> Posterior {
     let parameters = &belief.parameters;
     // A plan without experiments tells as much as one that tells nothing.
     let rows = model.rows();
-    let mut matrix = DMatrix::zeros(rows * plan.experiments.len().max(1), parameters.len());
+    let before = belief.prior_rows();
+    let known = rows * plan.experiments.len().max(1);
+    let mut matrix = DMatrix::zeros(known + before.nrows(), parameters.len());
     for (index, experiment) in plan.experiments.iter().enumerate() {
         let block = model.observation_matrix(experiment) * f64::from(experiment.repeats).sqrt();
         matrix.rows_mut(rows * index, rows).copy_from(&block);
     }
     let sigma_m = belief.instrument.sigma_m;
+    (matrix.rows_mut(known, before.nrows())).copy_from(&(before * sigma_m));
     let typical = belief.nominal.typical_rad_per_nm(parameters);
     let estimable = Estimable::of_equations(&(&matrix / sigma_m), &typical);
     let nothing_read = DVector::zeros(matrix.nrows());

@@ -11,6 +11,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::calibration::{Calibration, CompensatedPose};
+use crate::files::schema::RESULTS_VERSION;
 use crate::files::{FileError, hexadecimal, sha256_of};
 use crate::identification::Identification;
 use crate::measurement::Measurement;
@@ -29,9 +30,6 @@ pub struct SchemaMessage {
     /// The version of the form, the same for all results.
     pub version: u32,
 }
-
-/// The version of the results that this program writes.
-pub const RESULTS_VERSION: u32 = 1;
 
 impl SchemaMessage {
     /// The schema of what a command of this program prints.

@@ -3,7 +3,6 @@
 //! - [`messages`]: a calibration, what a plan promises, and where results come from; `--json`,
 //!   results.json and the MCAP file share them.
 //! - [`residuals`]: what `identify` says of residuals and likely mistakes.
-//! - [`schema`]: which of these files this program reads again.
 //! - [`study`]: a Monte Carlo study.
 //! - [`tally_file`]: tallies of parts of a study, to join or to go on from.
 //! - [`understanding`]: a robot as it was understood.
@@ -13,7 +12,6 @@ pub mod evidence;
 mod header_check;
 pub mod messages;
 pub mod residuals;
-pub mod schema;
 pub mod study;
 pub mod tally_file;
 pub mod understanding;

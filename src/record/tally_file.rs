@@ -10,8 +10,8 @@ use serde_json::Value;
 use sha2::{Digest, Sha256};
 
 use super::messages::ProvenanceMessage;
-use super::schema::check_version;
 use crate::files::output::write_whole;
+use crate::files::schema::check_version;
 use crate::files::{FileError, hexadecimal, is_plain_name, read_text};
 use crate::gate::Gate;
 use crate::plan::Plan;

@@ -48,6 +48,7 @@ pub(super) struct RobotTable {
     pub machining_site: String,
     pub parameters: Vec<String>,
     pub compliance_rad_per_nm: Option<Vec<f64>>,
+    pub prior: Option<PathBuf>,
 }
 
 #[derive(Debug, Deserialize)]

@@ -49,6 +49,8 @@ pub struct Scenario {
     pub plans: Vec<PlanFile>,
     /// Which plans a Monte Carlo study compares.
     pub study: StudySettings,
+    /// What speaks against trusting what the scenario builds on.
+    pub doubts: Vec<String>,
     /// How much worse results may get.
     pub gate: Gate,
 }

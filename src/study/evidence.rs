@@ -158,7 +158,7 @@ fn accuracy(
         rho0_m: cost.sqrt(),
         bound: bound.of_size(plan.measurements()).ok(),
     };
-    let fewest = (problem.parameters().div_ceil(3)).max(size(&task.design.mandatory) as usize);
+    let fewest = (problem.to_find().div_ceil(3).max(1)).max(size(&task.design.mandatory) as usize);
     let largest = (own * WIDEST).max(ALWAYS);
     let mut points = Vec::new();
     for m in SIZES {

@@ -31,6 +31,7 @@ use nalgebra::{DMatrix, DVector};
 use super::tally::{Batch, Failure};
 use crate::compensation::test_pose_matrix;
 use crate::estimable::Estimable;
+use crate::factorisation::finite_eigen;
 use crate::plan::{ExperimentModel, Plan};
 use crate::random::normal::LANES;
 use crate::task::{Belief, Task};
@@ -52,8 +53,13 @@ pub struct LinearModel<'a> {
     test_poses: DMatrix<f64>,
     /// The typical sizes of the compliances (rad/(N m)).
     typical_rad_per_nm: Vec<f64>,
+    /// The precision of what is known of the compliances before, times sigma^2.
+    prior: Option<DMatrix<f64>>,
     /// The joints that are not identified and whose true compliance is not the nominal one.
     unknown: Vec<usize>,
+    /// The parameters of which something is known before, which the virtual robot may not agree with, as
+    /// indices among the parameters, and their joints.
+    tied: Vec<(usize, usize)>,
     /// Their columns `A_0`'.
     test_poses_unknown: DMatrix<f64>,
 }
@@ -70,18 +76,24 @@ impl<'a> LinearModel<'a> {
             typical_rad_per_nm: belief.nominal.typical_rad_per_nm(&belief.parameters),
             test_poses_unknown: test_poses(task, &unknown),
             unknown,
+            prior: belief
+                .prior
+                .as_ref()
+                .map(|prior| &prior.precision * belief.instrument.sigma_m.powi(2)),
+            tied: tied_joints(belief, truth),
         }
     }
 
-    /// By how much the compliances of the joints that are not identified differ from the nominal
-    /// ones (per sigma), where they do.
+    /// By how much the compliances of the joints that are not identified, and of those of which something
+    /// is known before, differ from the nominal ones (per sigma), where they do.
     #[must_use]
     pub fn unknown(&self, belief: &Belief, true_rad_per_nm: &[[f64; LANES]]) -> Vec<[f64; LANES]> {
         let nominal = &belief.nominal.compliance_rad_per_nm;
         let difference = |&joint: &usize| {
             true_rad_per_nm[joint].map(|k| (k - nominal[joint]) / belief.instrument.sigma_m)
         };
-        self.unknown.iter().map(difference).collect()
+        let tied = self.tied.iter().map(|(_, joint)| joint);
+        self.unknown.iter().chain(tied).map(difference).collect()
     }
 
     /// Prepares a plan.
@@ -89,7 +101,11 @@ impl<'a> LinearModel<'a> {
     /// # Errors
     /// The plan does not determine what the test poses need.
     pub fn plan(&self, plan: &Plan) -> Result<PlanModel, Failure> {
-        let all = self.experiments.information(plan);
+        let observed = self.experiments.information(plan);
+        let all = match &self.prior {
+            Some(prior) => &observed + prior,
+            None => observed.clone(),
+        };
         let part = self.determined_part(&all);
         let (information, test_poses) = match &part {
             None => (all, self.test_poses.clone()),
@@ -108,7 +124,7 @@ impl<'a> LinearModel<'a> {
             parameters: &self.unknown,
             ..self.experiments.clone()
         };
-        let mut biases = DMatrix::zeros(size, self.unknown.len());
+        let mut biases = DMatrix::zeros(size, self.unknown.len() + self.tied.len());
         // The noise of all deflections comes before that of all rotations.
         let mut of_rotations = vec![ThreeRows::new(); padded / 3];
         for experiment in &plan.experiments {
@@ -120,8 +136,9 @@ impl<'a> LinearModel<'a> {
             if !factor.solve_lower_triangular_mut(&mut columns) {
                 return Err(Failure::Undetermined);
             }
-            biases +=
-                &columns * unknown.observation_matrix(experiment) * f64::from(experiment.repeats);
+            let seen = &columns * unknown.observation_matrix(experiment);
+            let mut biases = biases.columns_mut(0, self.unknown.len());
+            biases += seen * f64::from(experiment.repeats);
             let columns = columns.resize_vertically(padded, 0.0);
             for _ in 0..experiment.repeats {
                 for (group, rows) in whitener.iter_mut().enumerate() {
@@ -135,6 +152,11 @@ impl<'a> LinearModel<'a> {
         for (rows, more) in whitener.iter_mut().zip(&of_rotations) {
             rows.extend(more);
         }
+        let mut drawn = within(part.as_ref(), &self.drawn_to_nominal());
+        if !factor.solve_lower_triangular_mut(&mut drawn) {
+            return Err(Failure::Undetermined);
+        }
+        (biases.columns_mut(self.unknown.len(), self.tied.len())).copy_from(&drawn);
         let mut errors = test_poses.transpose();
         if !factor.solve_lower_triangular_mut(&mut errors) {
             return Err(Failure::Undetermined);
@@ -151,23 +173,43 @@ impl<'a> LinearModel<'a> {
         {
             return Err(Failure::Undetermined);
         }
+        let mut test_poses_unknown = -&self.test_poses_unknown;
+        test_poses_unknown = test_poses_unknown.resize_horizontally(biases.ncols(), 0.0);
         let transposed = errors.transpose().resize_horizontally(padded, 0.0);
         let compensation = (0..errors.ncols() / 3)
             .map(|pose| {
                 threes(&transposed, 3 * pose)
-                    .chain(threes(&-&self.test_poses_unknown, 3 * pose))
+                    .chain(threes(&test_poses_unknown, 3 * pose))
                     .collect()
             })
             .collect();
+        let bias = errors.tr_mul(&biases) + test_poses_unknown;
+        // What the noise alone leaves, where the true compliances are given.
+        let (covariance, errors) = if self.prior.is_some() {
+            let observed = within(part.as_ref(), &within(part.as_ref(), &observed).transpose());
+            let noise = noise_errors(&factor, &observed, &errors).ok_or(Failure::Undetermined)?;
+            (noise.tr_mul(&noise), noise)
+        } else {
+            (covariance, errors)
+        };
         Ok(PlanModel {
             whitener,
             compensation,
             freedom: size,
             expected: covariance.trace(),
             variance: 2.0 * covariance.norm_squared(),
-            bias: errors.tr_mul(&biases) - &self.test_poses_unknown,
+            bias,
             errors,
         })
+    }
+
+    /// What is known before draws towards the nominal values: a column for each that it knows of.
+    fn drawn_to_nominal(&self) -> DMatrix<f64> {
+        let tied: Vec<usize> = self.tied.iter().map(|(parameter, _)| *parameter).collect();
+        match &self.prior {
+            Some(prior) => -prior.select_columns(&tied),
+            None => DMatrix::zeros(self.typical_rad_per_nm.len(), 0),
+        }
     }
 
     /// What a plan determines, and its basis in rad/(N m), where that is not everything.
@@ -199,6 +241,14 @@ impl<'a> LinearModel<'a> {
     }
 }
 
+/// Columns of parameters in coordinates of what is determined.
+fn within(part: Option<&(Estimable, DMatrix<f64>)>, columns: &DMatrix<f64>) -> DMatrix<f64> {
+    match part {
+        None => columns.clone(),
+        Some((_, basis)) => basis.tr_mul(columns),
+    }
+}
+
 /// Three rows of a matrix from `first`, column by column.
 fn threes(matrix: &DMatrix<f64>, first: usize) -> impl Iterator<Item = [f64; 3]> {
     (matrix.column_iter()).map(move |column| std::array::from_fn(|row| column[first + row]))
@@ -224,6 +274,51 @@ fn unknown_joints(belief: &Belief, truth: &Truth) -> Vec<usize> {
     (0..belief.joints())
         .filter(|joint| !belief.parameters.contains(joint) && differs(joint))
         .collect()
+}
+
+/// The parameters of which something is known before, where the virtual robot's compliances may be others.
+#[expect(clippy::float_cmp, reason = "the same number is meant")]
+fn tied_joints(belief: &Belief, truth: &Truth) -> Vec<(usize, usize)> {
+    let Some(prior) = &belief.prior else {
+        return Vec::new();
+    };
+    let (nominal, robot) = (&belief.nominal, &truth.robot);
+    let differs = |joint: usize| {
+        nominal.compliance_rad_per_nm[joint] != robot.compliance_rad_per_nm[joint]
+            || truth.compliance_spread[joint] > 0.0
+            || truth
+                .drawn
+                .as_ref()
+                .is_some_and(|drawn| drawn.joints.contains(&joint))
+    };
+    let joints = belief.parameters.iter().copied().enumerate();
+    let is_known = |index: usize| prior.precision[(index, index)] > 0.0;
+    joints
+        .filter(|&(index, joint)| is_known(index) && differs(joint))
+        .collect()
+}
+
+/// With z = L^-1 A^T eps no longer of unit covariance but of N = L^-1 A^T A L^-T: the root of N times the
+/// errors.
+fn noise_errors(
+    factor: &DMatrix<f64>,
+    observed: &DMatrix<f64>,
+    errors: &DMatrix<f64>,
+) -> Option<DMatrix<f64>> {
+    let mut half = observed.clone();
+    if !factor.solve_lower_triangular_mut(&mut half) {
+        return None;
+    }
+    let mut noise = half.transpose();
+    if !factor.solve_lower_triangular_mut(&mut noise) {
+        return None;
+    }
+    let eigen = finite_eigen(&((&noise + noise.transpose()) * 0.5))?;
+    let mut root = eigen.eigenvectors.transpose();
+    for (mut row, value) in root.row_iter_mut().zip(&eigen.eigenvalues) {
+        row *= value.max(0.0).sqrt();
+    }
+    Some(root * errors)
 }
 
 /// A plan made ready for runs; distances are in sigma.

@@ -1,7 +1,8 @@
 //! The virtual robot's compliances in a run: those of the true robot, or log-normal about them.
 //!
 //! In run r, joint j has the compliance `k_j` exp(`s_j` z), with its spread `s_j` and a
-//! standard normal z that is a function of (seed, r, j).
+//! standard normal z that is a function of (seed, r, j). Those that a belief knows something of are drawn from
+//! that instead.
 
 use crate::random::normal::{LANES, fill_normals};
 use crate::random::streams::Stream;
@@ -22,11 +23,13 @@ impl<'a> TrueCompliances<'a> {
     #[must_use]
     pub fn new(truth: &'a Truth, seed: u64) -> Self {
         let known = &truth.robot.compliance_rad_per_nm;
+        let drawn = (truth.drawn.as_ref()).map_or(0, |drawn| drawn.spread.ncols());
         Self {
             truth,
             seed,
-            varies: truth.compliance_spread.iter().any(|spread| *spread > 0.0),
-            normals: vec![[0.0; LANES]; known.len()],
+            varies: truth.drawn.is_some()
+                || truth.compliance_spread.iter().any(|spread| *spread > 0.0),
+            normals: vec![[0.0; LANES]; known.len() + drawn],
             compliance_rad_per_nm: known.iter().map(|&value| [value; LANES]).collect(),
         }
     }
@@ -51,6 +54,18 @@ impl<'a> TrueCompliances<'a> {
             let spreads = &self.truth.compliance_spread;
             for (joint, lanes) in self.compliance_rad_per_nm.iter_mut().enumerate() {
                 *lanes = self.normals[joint].map(|z| known[joint] * (spreads[joint] * z).exp());
+            }
+        }
+        if let Some(drawn) = &self.truth.drawn {
+            let own = &self.normals[self.truth.robot.compliance_rad_per_nm.len()..];
+            for (row, &joint) in drawn.joints.iter().enumerate() {
+                let mut lanes = [drawn.mean_rad_per_nm[row]; LANES];
+                for (column, normals) in own.iter().enumerate() {
+                    for (value, z) in lanes.iter_mut().zip(normals) {
+                        *value += drawn.spread[(row, column)] * z;
+                    }
+                }
+                self.compliance_rad_per_nm[joint] = lanes;
             }
         }
         &self.compliance_rad_per_nm

@@ -1,7 +1,9 @@
 //! What planner and identification believe.
 
+use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 
+use crate::parameter::Prior;
 use crate::robot::{Robot, Tool};
 
 /// How deflections are measured.
@@ -36,8 +38,10 @@ pub struct Belief {
     pub calibration_tool: Tool,
     /// The tool that machines.
     pub machining_tool: Tool,
-    /// The joints whose compliances are identified, as indices.
+    /// The joints whose compliances are identified, as indices in ascending order.
     pub parameters: Vec<usize>,
+    /// What an earlier identification told of these compliances (rad/(N m)); its means are the nominal ones.
+    pub prior: Option<Prior>,
     /// How deflections are measured.
     pub instrument: Instrument,
     /// The method of identification and compensation.
@@ -49,6 +53,26 @@ impl Belief {
     #[must_use]
     pub fn joints(&self) -> usize {
         self.nominal.chain.len()
+    }
+
+    /// The precision of what is known of the compliances before any measurement, in units of typical sizes,
+    /// p x p.
+    #[must_use]
+    pub fn prior_information(&self) -> DMatrix<f64> {
+        let typical = self.nominal.typical_rad_per_nm(&self.parameters);
+        match &self.prior {
+            Some(prior) => prior.relative(&typical),
+            None => DMatrix::zeros(typical.len(), typical.len()),
+        }
+    }
+
+    /// The same as whitened equations, r x p (1/(rad/(N m))); without a prior there are none.
+    #[must_use]
+    pub fn prior_rows(&self) -> DMatrix<f64> {
+        match &self.prior {
+            Some(prior) => prior.rows(&self.nominal.typical_rad_per_nm(&self.parameters)),
+            None => DMatrix::zeros(0, self.parameters.len()),
+        }
     }
 
     /// The names of the identified joints.

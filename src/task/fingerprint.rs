@@ -22,10 +22,7 @@ impl Belief {
     #[must_use]
     pub fn fingerprint(&self) -> Fingerprint {
         let chain = &self.nominal.chain;
-        let mut robot = Hash::default();
-        robot.kinematics(chain);
-        let robot_sha256 = robot.finish();
-
+        let robot_sha256 = robot_sha256(chain);
         let mut belief = Hash::default();
         belief.text(&robot_sha256);
         belief.rounded(chain.gravity_m_s2.iter().copied());
@@ -38,6 +35,9 @@ impl Belief {
             belief.text(&name);
         }
         belief.tool(&self.calibration_tool);
+        if let Some(prior) = &self.prior {
+            belief.numbers(prior.precision.iter().copied());
+        }
         let rotation = self.instrument.rotation_sigma_rad;
         belief.numbers([self.instrument.sigma_m].into_iter().chain(rotation));
         Fingerprint {
@@ -45,6 +45,14 @@ impl Belief {
             belief_sha256: belief.finish(),
         }
     }
+}
+
+/// SHA-256, in hexadecimal, of a robot's kinematics: its joints' names, axes and places.
+#[must_use]
+pub fn robot_sha256(chain: &SerialChain) -> String {
+    let mut robot = Hash::default();
+    robot.kinematics(chain);
+    robot.finish()
 }
 
 #[derive(Default)]

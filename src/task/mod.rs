@@ -11,7 +11,7 @@ use crate::experiment::{Loads, Plan};
 use crate::robot::Load;
 
 pub use belief::{Belief, Instrument, Method};
-pub use fingerprint::Fingerprint;
+pub use fingerprint::{Fingerprint, robot_sha256};
 pub use region::{Forbidden, Region};
 
 /// A test pose (D3): where the robot must machine.

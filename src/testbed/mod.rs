@@ -13,5 +13,5 @@ mod virtual_robot;
 
 pub use instrument::{add_noise, numbers};
 pub use settle::{SettleError, Settled, settle};
-pub use truth::Truth;
+pub use truth::{DrawnCompliances, Truth};
 pub use virtual_robot::{Displacement, MeasurementError, VirtualRobot};

@@ -1,5 +1,7 @@
 //! What only the testbed sees.
 
+use nalgebra::DMatrix;
+
 use crate::robot::TrueRobot;
 
 /// The virtual robot, and how it varies.
@@ -10,4 +12,18 @@ pub struct Truth {
     /// Its compliances vary from run to run of a study about those of the robot, log-normally: the standard
     /// deviation of each joint's logarithm.
     pub compliance_spread: Vec<f64>,
+    /// Compliances that every run of a study draws anew from what the belief knows of them, so that this
+    /// knowledge is as good as it says.
+    pub drawn: Option<DrawnCompliances>,
+}
+
+/// Compliances with a normal distribution.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DrawnCompliances {
+    /// The joints.
+    pub joints: Vec<usize>,
+    /// Their means (rad/(N m)).
+    pub mean_rad_per_nm: Vec<f64>,
+    /// L: mean + L z for independent standard normals z.
+    pub spread: DMatrix<f64>,
 }

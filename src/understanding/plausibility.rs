@@ -33,7 +33,7 @@ const SIGMA_M: f64 = 1e-3;
 
 /// What is implausible about a scenario, in whole sentences.
 pub(super) fn warnings(scenario: &Scenario, understood: &Understanding) -> Vec<String> {
-    let mut warnings = Vec::new();
+    let mut warnings = scenario.doubts.clone();
     warnings.extend(lengths(understood));
     warnings.extend(masses(understood));
     warnings.extend(ranges(scenario));

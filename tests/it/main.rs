@@ -16,6 +16,7 @@
 //! - `broken_streams`: stdout and stderr that nobody reads or that are full.
 //! - `old_files`: the program's own files of other versions, and names in them.
 //! - `parameters`: derivatives by any parameter beside MuJoCo's Jacobians.
+//! - `priors`: an earlier identification as what is known before.
 //! - `properties`: what holds whatever the numbers are; derivatives against differences.
 //! - `bad_input`: wrong inputs, seen from outside the process.
 //! - `measured_rotations`: planning, studies and identification use measured rotations alike.
@@ -76,6 +77,7 @@ mod origins;
 mod output_files;
 mod parameters;
 mod planning;
+mod priors;
 mod proofs;
 mod properties;
 mod provenance;

@@ -46,7 +46,12 @@ impl ReadingEvidence {
 
 /// Whitened equations whose unknowns are the compliances as multiples of the nominal ones.
 fn relative_equations(case: &Case<'_>, measurements: &[Measurement]) -> Equations {
-    let source = case.with(measurements).equation_source();
+    // What is known before is wider here.
+    let case = Case {
+        prior: None,
+        ..case.with(measurements)
+    };
+    let source = case.equation_source();
     let mut equations = source.linear(&case.nominal.compliance_rad_per_nm);
     let nominal = case.nominal.typical_rad_per_nm(case.parameters);
     for (mut column, nominal) in equations.matrix.column_iter_mut().zip(&nominal) {

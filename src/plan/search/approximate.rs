@@ -10,7 +10,17 @@
 //!
 //! where the maximum runs over all experiments that a plan may have. A plan of m experiments is a
 //! distribution with weights that are multiples of 1/m, so its `rho_0`^2 is at least phi^2 / (m max d).
-//! Mandatory experiments have their own derivatives in place of max d, which may be smaller or larger.
+//!
+//! Where something is known before the free experiments, M0 of an earlier identification (its precision)
+//! and of mandatory experiments, the distribution is that of f = m - m0 free ones beside it, M = M0 / f +
+//! sum w A^T A. With B = C M^-1, for any M0 and m, by the inequality of Cauchy and Schwarz,
+//!
+//! ```text
+//! rho_0^2 >= trace(C B^T)^2 / (trace(B M0 B^T) + (m - m0) max d(x)),    d(x) = trace(A B^T B A^T)
+//! ```
+//!
+//! where mandatory experiments have their own derivatives, which may be smaller or larger than max d. That is
+//! tightest for the m that the design was made for; without M0 it is the same for all.
 //!
 //! The maximum is searched over the class of plans that [`Bound`](super::Bound) speaks about: where the
 //! smooth bounds of the region hold, widened by what printing with one decimal may move, whether or
@@ -70,6 +80,8 @@ pub struct Certificate {
     /// The number of mandatory measurements, and the largest sum of directional derivatives of
     /// experiments that are printed as these.
     pub mandatory: (u32, f64),
+    /// trace(B P B^T) for the precision P of what is known before any measurement.
+    pub prior: f64,
 }
 
 impl Certificate {
@@ -79,7 +91,7 @@ impl Certificate {
     pub fn lower_bound(&self, experiments: u32) -> Option<f64> {
         let (count, derivatives) = self.mandatory;
         let free = f64::from(experiments.checked_sub(count)?);
-        let most = derivatives + self.largest_derivative * free;
+        let most = self.prior + derivatives + self.largest_derivative * free;
         (most > 0.0).then(|| self.cost * self.cost / most)
     }
 }
@@ -224,6 +236,7 @@ fn certify(
         .fold(mean, f64::max);
     let certificate = Certificate {
         mandatory: mandatory(problem, directions),
+        prior: directions.dot(problem.prior()),
         cost,
         largest_derivative,
         largest_inside: ends.first().map_or(mean, |(_, value)| value.max(mean)),

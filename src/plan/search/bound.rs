@@ -32,7 +32,7 @@ pub struct Bound {
     region: Region,
     basis: Basis,
     proof: Option<Result<ProvedBound, NoProof>>,
-    /// Where there are mandatory experiments, what holds for numbers of measurements that were asked for: the
+    /// Where something is known before or is mandatory, what holds for numbers of measurements that were asked for: the
     /// best design beside them depends on how many are free.
     sizes: BTreeMap<u32, OfSize>,
 }
@@ -149,7 +149,7 @@ impl Bound {
     }
 
     /// Proves the bound of the same approximate design as far as an effort goes, where one is given, and
-    /// records the proof if wanted. Where there are mandatory experiments, that is done for the approximate design
+    /// records the proof if wanted. Where something is known before or is mandatory, that is done for the approximate design
     /// beside them for each of these numbers of measurements.
     #[must_use]
     pub fn prove(
@@ -170,7 +170,7 @@ impl Bound {
             Some(ProvedBound::new(problem, approximate, effort, records))
         };
         for &size in sizes {
-            let Some(problem) = problem.beside_mandatory(size) else {
+            let Some(problem) = problem.beside_known(size) else {
                 continue;
             };
             // Without a design of its own, the general one still holds.

@@ -62,7 +62,7 @@ pub fn budget_and_proof(
     let mut problem = Problem::new(task, Criterion::TestPose);
     problem.effort.searches = SEARCHES;
     let approximate = approximate_design(&problem, seed)?;
-    let fewest = u32::try_from(problem.parameters().div_ceil(3)).unwrap_or(u32::MAX);
+    let fewest = u32::try_from(problem.to_find().div_ceil(3).max(1)).unwrap_or(u32::MAX);
     let all: Vec<u32> = (fewest..=largest).collect();
     let bound = Bound::new(task, &approximate).prove(&approximate, seed, &all, proof);
     let sizes: Vec<(u32, u32)> = (fewest..=largest)

@@ -100,10 +100,13 @@ pub struct Problem<'a> {
     /// Why no plan can be what is asked for.
     impossible: Option<SearchError>,
     typical_rad_per_nm: Vec<f64>,
-    /// What mandatory experiments tell, shared out among the free ones; it stands beside an approximate design.
+    /// What is known before, and what mandatory experiments tell, shared out among the free ones; it stands
+    /// beside an approximate design.
     pub(super) beside: Option<DMatrix<f64>>,
     /// C^T in relative units, in coordinates of the basis where there is one.
     test_poses: DMatrix<f64>,
+    /// What is known before any measurement, p x p, in the same units and coordinates.
+    prior: DMatrix<f64>,
 }
 
 impl<'a> Problem<'a> {
@@ -113,10 +116,16 @@ impl<'a> Problem<'a> {
     #[must_use]
     pub fn new(task: &'a Task, criterion: Criterion) -> Self {
         let mut problem = Self::of_parameters(task, criterion, &task.belief.parameters);
-        let information = random_information(problem.evaluator(), &problem.ranges, &problem.loads);
+        let information = random_information(problem.evaluator(), &problem.ranges, &problem.loads)
+            + &problem.prior;
         let shown = Estimable::new(&information, &vec![1.0; problem.parameters()]);
         if !shown.is_complete() {
             problem = problem.within(&shown, &information);
+        }
+        if problem.is_informed() {
+            // What nothing else shows is known from before in every design.
+            let share = f64::from(task.design.experiments.max(1));
+            problem.beside = Some(&problem.prior / share);
         }
         problem.indifferent = indifferent_joints(
             problem.evaluator(),
@@ -164,6 +173,7 @@ impl<'a> Problem<'a> {
                 return Self::of_parameters(self.task, self.criterion, &kept);
             }
             self.test_poses = basis.tr_mul(&self.test_poses);
+            self.prior = basis.tr_mul(&self.prior) * basis;
             self.basis = Some(basis.clone());
         }
         self
@@ -181,6 +191,7 @@ impl<'a> Problem<'a> {
             basis: None,
             impossible: None,
             beside: None,
+            prior: prior_information(task, parameters),
             typical_rad_per_nm,
             criterion,
             effort: Effort::default(),
@@ -198,18 +209,24 @@ impl<'a> Problem<'a> {
         }
     }
 
-    /// The same problem beside the mandatory experiments, for plans of so many measurements; `None` where there are none,
-    /// or more.
-    pub(super) fn beside_mandatory(&self, measurements: u32) -> Option<Self> {
+    /// The same problem beside what is known before and the mandatory experiments, for plans of so many
+    /// measurements; `None` where there is neither, or where the mandatory ones are more.
+    pub(super) fn beside_known(&self, measurements: u32) -> Option<Self> {
         let mandatory = &self.task.design.mandatory;
         let count = mandatory.measurements();
-        let free = measurements.checked_sub(count).filter(|_| count > 0)?;
+        let is_informed = count > 0 || self.is_informed();
+        let free = measurements.checked_sub(count).filter(|_| is_informed)?;
         // Without any that are free, those there are tell next to nothing.
         let free = f64::from(free).max(1e-3);
         Some(Self {
             beside: Some(self.information(mandatory) / free),
             ..self.clone()
         })
+    }
+
+    /// Whether something is known before any measurement.
+    fn is_informed(&self) -> bool {
+        self.prior.amax() > 0.0
     }
 
     /// Whether the size of a force is to be searched. Otherwise the largest is best: information grows
@@ -269,6 +286,22 @@ impl<'a> Problem<'a> {
             .then_some(rows)
     }
 
+    /// The number of compliances, or of their combinations, of which nothing is known before.
+    #[must_use]
+    pub fn to_find(&self) -> usize {
+        let size = self.parameters();
+        if self.is_informed() {
+            size - Estimable::new(&self.prior, &vec![1.0; size]).rank()
+        } else {
+            size
+        }
+    }
+
+    /// What is known before any measurement, p x p.
+    pub(super) const fn prior(&self) -> &DMatrix<f64> {
+        &self.prior
+    }
+
     /// Whether a plan determines what the criterion asks for.
     pub(super) fn is_determined_by(&self, plan: &Plan) -> bool {
         let information = self.information(plan);
@@ -314,13 +347,12 @@ impl<'a> Problem<'a> {
         CriterionFunction::new(criterion, self.test_poses.clone())
     }
 
-    /// The scaled information matrix of a plan.
+    /// The scaled information matrix of a plan, with what is known before it.
     #[must_use]
     pub fn information(&self, plan: &Plan) -> DMatrix<f64> {
         let mut evaluator = self.evaluator();
-        let size = self.parameters();
         let mut matrix = evaluator.matrix();
-        let mut information = DMatrix::zeros(size, size);
+        let mut information = self.prior.clone();
         for experiment in &plan.experiments {
             evaluator.move_to(experiment.configuration_rad.as_slice());
             evaluator.observe(&experiment.load, &mut matrix);
@@ -328,6 +360,14 @@ impl<'a> Problem<'a> {
         }
         information
     }
+}
+
+/// What is known of some of the identified compliances before any measurement, in relative units.
+fn prior_information(task: &Task, parameters: &[usize]) -> DMatrix<f64> {
+    let all = task.belief.prior_information();
+    let place = |joint: &usize| task.belief.parameters.iter().position(|each| each == joint);
+    let places: Vec<usize> = parameters.iter().filter_map(place).collect();
+    all.select_rows(&places).select_columns(&places)
 }
 
 fn ranges_of(region: &Region) -> Vec<(f64, f64)> {

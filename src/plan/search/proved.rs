@@ -35,6 +35,8 @@ pub struct ProvedBound {
     largest: Proved,
     /// The number of mandatory measurements, and a bound of the sum of their derivatives.
     mandatory: (u32, f64),
+    /// A bound of trace(B P B^T) for the precision P of what is known before any measurement.
+    prior: f64,
     /// By how much loads may be off through printing (N, N m).
     printed: f64,
     object: Option<ProofObject>,
@@ -53,6 +55,8 @@ pub struct ProofFile {
     pub sigma_m: f64,
     /// The number of mandatory measurements, and a bound of the sum of their derivatives.
     pub mandatory: (u32, f64),
+    /// A bound of trace(B P B^T) for the precision P of what is known before any measurement.
+    pub prior: f64,
     /// For numbers m of measurements, what no plan's `rho_0` is below (m).
     pub bounds: Vec<(u32, f64)>,
 }
@@ -100,6 +104,7 @@ impl ProvedBound {
         let (largest, object) = prove_printed(&question, found, printed, effort, records)?;
         let mandatory = mandatory(problem, approximate, &question)?;
         Ok(Self {
+            prior: prior(task, &question),
             targets: targets(task),
             parameters: question.parameters,
             rows: question.rows,
@@ -117,8 +122,8 @@ impl ProvedBound {
     pub fn of_size(&self, measurements: u32) -> Option<f64> {
         let (count, derivatives) = self.mandatory;
         let free = f64::from(measurements.checked_sub(count)?);
-        // Rounded up: two products and a sum.
-        let most = (derivatives + self.largest.largest * free) * (1.0 + 1e-15);
+        // Rounded up: a product and two sums.
+        let most = (self.prior + derivatives + self.largest.largest * free) * (1.0 + 1e-15);
         let ingredients = Ingredients {
             targets: &self.targets,
             parameters: &self.parameters,
@@ -156,6 +161,7 @@ impl ProvedBound {
             targets: self.targets.clone(),
             sigma_m: self.sigma_m,
             mandatory: self.mandatory,
+            prior: self.prior,
             bounds: (1..=12).filter_map(bound).collect(),
         })
     }
@@ -270,6 +276,31 @@ fn mandatory(
         sum = (sum + f64::from(experiment.repeats) * largest) * (1.0 + 1e-15);
     }
     Ok((plan.measurements(), sum))
+}
+
+/// A bound of trace(B P B^T), with the rows of B times sigma as those of a question are: the sum of its
+/// terms, and what rounding them all can hide.
+fn prior(task: &Task, question: &Question) -> f64 {
+    let belief = &task.belief;
+    let Some(known) = &belief.prior else {
+        return 0.0;
+    };
+    let places: Vec<usize> = (question.parameters.iter())
+        .filter_map(|joint| belief.parameters.iter().position(|each| each == joint))
+        .collect();
+    let sigma_m = belief.instrument.sigma_m;
+    let (mut sum, mut size) = (0.0, 0.0);
+    for row in &question.rows {
+        for (one, &first) in row.iter().zip(&places) {
+            for (other, &second) in row.iter().zip(&places) {
+                let term = (one * sigma_m) * (other * sigma_m) * known.precision[(first, second)];
+                sum += term;
+                size += term.abs();
+            }
+        }
+    }
+    let terms = (question.rows.len() * places.len().pow(2) + 8) as f64;
+    sum + size * terms * 4.0 * f64::EPSILON
 }
 
 fn derivative(

@@ -18,7 +18,7 @@ impl Checker<'_> {
         loads: &Loads,
     ) -> Result<Design, FileError> {
         let key = "design.experiments";
-        let fewest = u32::try_from(parameters.div_ceil(3)).unwrap_or(u32::MAX);
+        let fewest = u32::try_from(parameters.div_ceil(3).max(1)).unwrap_or(u32::MAX);
         if table.experiments > MOST_EXPERIMENTS {
             let problem = format!(
                 "found {}; at most {MOST_EXPERIMENTS} are allowed",

@@ -8,6 +8,7 @@ mod load;
 mod name;
 mod number;
 mod obstacle;
+mod prior;
 mod region;
 mod robot;
 mod study;
@@ -56,7 +57,7 @@ impl Checker<'_> {
         let obstacles = self.obstacles(&file)?;
         let model = self.model("robot.model", &file.robot.model, &obstacles)?;
         let chain = self.serial_chain("robot.model", &model)?;
-        let nominal = Robot {
+        let mut nominal = Robot {
             compliance_rad_per_nm: self.compliances(
                 "robot.compliance_rad_per_nm",
                 &chain,
@@ -75,13 +76,15 @@ impl Checker<'_> {
             &nominal.model,
             &file.robot.machining_site,
         )?;
-        let parameters = self.parameters(&nominal.chain, &file.robot.parameters)?;
+        let mut parameters = self.parameters(&nominal.chain, &file.robot.parameters)?;
         let true_robot = self.true_robot(&file, &nominal, &obstacles)?;
+        let before = self.prior(file.robot.prior.as_ref(), &mut nominal, &mut parameters)?;
+        let to_find = parameters.len() - before.known;
 
         let joints = nominal.chain.len();
         let test_poses = self.test_poses(&file.test_pose, &nominal.chain)?;
         let loads = self.loads(&file.load)?;
-        let design = self.design(&file.design, parameters.len(), joints, &loads)?;
+        let design = self.design(&file.design, to_find, joints, &loads)?;
         let plans = self.plans(&file.plan, joints)?;
         let instrument = self.instrument(&file.instrument, &file.region, &nominal.model)?;
         let context = study::Context {
@@ -89,13 +92,15 @@ impl Checker<'_> {
             sigma_of: file.instrument.sigma_of,
             design: &design,
             plans: &plans,
-            parameters: parameters.len(),
+            parameters: to_find,
             joints,
         };
         let study = self.study(&file.study, &context)?;
         let truth = Truth {
             robot: true_robot,
             compliance_spread: self.spread(&file.study.compliance_spread, joints)?,
+            // A true robot that is told is as it is told.
+            drawn: before.drawn.filter(|_| file.true_robot.is_none()),
         };
         Ok(Scenario {
             path: self.path.to_owned(),
@@ -109,6 +114,7 @@ impl Checker<'_> {
                 region: self.region(&file.region, &nominal.chain)?,
                 design,
                 belief: Belief {
+                    prior: before.prior,
                     nominal,
                     calibration_tool,
                     machining_tool,
@@ -120,6 +126,7 @@ impl Checker<'_> {
             truth,
             plans,
             study,
+            doubts: before.doubts,
             gate: self.gate(file.gate)?,
             files: self.inputs.borrow().files(),
         })

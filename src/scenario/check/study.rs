@@ -145,7 +145,7 @@ impl Checker<'_> {
     }
 
     fn enough(&self, key: &str, experiments: u32, parameters: usize) -> Result<(), FileError> {
-        let fewest = u32::try_from(parameters.div_ceil(3)).unwrap_or(u32::MAX);
+        let fewest = u32::try_from(parameters.div_ceil(3).max(1)).unwrap_or(u32::MAX);
         if (fewest..=MOST_EXPERIMENTS).contains(&experiments) {
             return Ok(());
         }

@@ -5,9 +5,10 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use super::messages::RESULTS_VERSION;
-use crate::files::{FileError, read_text};
+use super::{FileError, read_text};
 
+/// The version of the form of results that this program writes.
+pub const RESULTS_VERSION: u32 = 1;
 /// The versions of results that this program reads.
 const READABLE: RangeInclusive<u64> = 1..=RESULTS_VERSION as u64;
 

@@ -1,0 +1,232 @@
+//! What was identified, read from the file that tells of it.
+
+use std::path::Path;
+
+use nalgebra::DMatrix;
+use serde::Deserialize;
+
+use super::covariance_of;
+use crate::estimable::Estimable;
+use crate::files::FileError;
+use crate::files::schema::read_results;
+use crate::measurement::Origin;
+use crate::plausible::ELASTIC_COMPLIANCE;
+use crate::posterior::Posterior;
+use crate::robot::Robot;
+
+/// Which file is wanted.
+const WANTED: &str = "the file must be one that `elastocal identify --identified-out` wrote";
+
+/// An identification as its file tells it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StoredIdentification {
+    /// The identified joints, as indices of the robot that it is read for.
+    pub joints: Vec<usize>,
+    /// What is known of their compliances.
+    pub posterior: Posterior,
+    /// The conditions that did not hold when it was made.
+    pub conditions: Vec<String>,
+    /// SHA-256 of the kinematics, and of all that was believed, when it was made; files of earlier
+    /// versions do not say.
+    pub identified_with: Option<StoredFingerprint>,
+}
+
+/// See [`Fingerprint`](crate::task::Fingerprint).
+#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
+pub struct StoredFingerprint {
+    /// Of the kinematics.
+    pub robot_sha256: String,
+    /// Of all that was believed.
+    pub belief_sha256: String,
+}
+
+/// The keys that are read.
+#[derive(Deserialize)]
+struct Stored {
+    parameters: Vec<String>,
+    compliance_rad_per_nm: Vec<Option<f64>>,
+    #[serde(default)]
+    compliance_applied_rad_per_nm: Vec<f64>,
+    #[serde(default)]
+    undetermined_directions: Vec<Vec<f64>>,
+    #[serde(default)]
+    compliance_typical_rad_per_nm: Vec<f64>,
+    covariance_rad2_per_n2m2: Vec<Vec<f64>>,
+    #[serde(default)]
+    conditions: Vec<String>,
+    identified_with: Option<StoredFingerprint>,
+    scenario_file: Option<String>,
+    provenance: Option<StoredProvenance>,
+}
+
+#[derive(Deserialize)]
+struct StoredProvenance {
+    scenario_sha256: Option<String>,
+}
+
+impl StoredIdentification {
+    /// Under which scenario it was made, as the file says.
+    ///
+    /// # Errors
+    /// The file is no identification.
+    pub fn origin(path: &Path) -> Result<Option<Origin>, FileError> {
+        let stored = read(path)?;
+        let hash = stored.provenance.and_then(|each| each.scenario_sha256);
+        Ok(
+            (stored.scenario_file.zip(hash)).map(|(scenario, hash)| Origin {
+                scenario: scenario.into(),
+                scenario_sha256: hash,
+            }),
+        )
+    }
+
+    /// Reads what `identify --identified-out` or `run` wrote, for a robot with the same joints' names.
+    ///
+    /// # Errors
+    /// What is wrong with it, with its key.
+    pub fn read(path: &Path, robot: &Robot) -> Result<Self, FileError> {
+        let stored = read(path)?;
+        let joints = joints_of(path, &stored.parameters, robot)?;
+        Ok(Self {
+            posterior: posterior(path, &stored, &joints, robot)?,
+            joints,
+            conditions: stored.conditions,
+            identified_with: stored.identified_with,
+        })
+    }
+}
+
+fn read(path: &Path) -> Result<Stored, FileError> {
+    let (text, _) = read_results(path, &["identify", "run"], WANTED)?;
+    let reader = &mut serde_json::Deserializer::from_str(&text);
+    serde_path_to_error::deserialize(reader).map_err(|error| {
+        let wrong = FileError::new(path, error.inner().to_string()).hint(WANTED);
+        match error.path().to_string().as_str() {
+            "." => wrong,
+            key => wrong.at(key),
+        }
+    })
+}
+
+fn joints_of(path: &Path, names: &[String], robot: &Robot) -> Result<Vec<usize>, FileError> {
+    let mut joints = Vec::new();
+    for name in names {
+        let place = robot
+            .chain
+            .joints
+            .iter()
+            .position(|joint| joint.name == *name);
+        let problem = match place {
+            Some(joint) if !joints.contains(&joint) => {
+                joints.push(joint);
+                continue;
+            }
+            Some(_) => format!("found {name:?} twice"),
+            None => {
+                let known: Vec<&str> = robot.chain.joints.iter().map(|each| &*each.name).collect();
+                format!(
+                    "found {name:?}; the robot's joints are: {}",
+                    known.join(", ")
+                )
+            }
+        };
+        return Err(FileError::new(path, problem).at("parameters"));
+    }
+    Ok(joints)
+}
+
+/// What is known of the parameters.
+fn posterior(
+    path: &Path,
+    stored: &Stored,
+    joints: &[usize],
+    robot: &Robot,
+) -> Result<Posterior, FileError> {
+    let names = &stored.parameters;
+    let size = names.len();
+    let check = |key: &str, found: usize, is_right: bool| {
+        let problem = format!("found {found} values; there are {size} parameters");
+        let wrong = || FileError::new(path, problem).at(key);
+        is_right.then_some(()).ok_or_else(wrong)
+    };
+    let estimates = &stored.compliance_rad_per_nm;
+    let is_right = estimates.len() == size;
+    check("compliance_rad_per_nm", estimates.len(), is_right)?;
+    for (index, value) in estimates.iter().enumerate() {
+        let Some(value) = *value else { continue };
+        ELASTIC_COMPLIANCE.check(value).map_err(|problem| {
+            FileError::new(path, format!("{}: {problem}", names[index]))
+                .at(format!("compliance_rad_per_nm[{index}]"))
+                .hint("measure again with loads that bend this joint, or take it out of robot.parameters")
+        })?;
+    }
+    let rows = &stored.covariance_rad2_per_n2m2;
+    check("covariance_rad2_per_n2m2", rows.len(), rows.len() == size)?;
+    let covariance = covariance_of(rows).map_err(|(place, problem)| {
+        FileError::new(path, problem).at(format!("covariance_rad2_per_n2m2{place}"))
+    })?;
+    // Files of earlier versions have none of these: there, what has no estimate is nominal.
+    let applied = &stored.compliance_applied_rad_per_nm;
+    let is_right = applied.is_empty() || applied.len() == size;
+    check("compliance_applied_rad_per_nm", applied.len(), is_right)?;
+    let given = &stored.compliance_typical_rad_per_nm;
+    let is_right = given.is_empty() || given.len() == size;
+    check("compliance_typical_rad_per_nm", given.len(), is_right)?;
+    let typical = if given.is_empty() {
+        robot.typical_rad_per_nm(joints)
+    } else {
+        given.clone()
+    };
+    if let Some(found) = (typical.iter()).find(|value| value.is_nan() || **value <= 0.0) {
+        let problem = format!("found {found}; positive numbers are allowed");
+        return Err(FileError::new(path, problem).at("compliance_typical_rad_per_nm"));
+    }
+    let hidden = hidden(path, stored, size)?;
+    let value = |(index, &joint): (usize, &usize)| {
+        let nominal = robot.compliance_rad_per_nm[joint];
+        let applied = applied.get(index).copied().unwrap_or(nominal);
+        estimates[index].unwrap_or(applied)
+    };
+    let posterior = Posterior {
+        names: names.clone(),
+        mean: joints.iter().enumerate().map(value).collect(),
+        covariance,
+        estimable: Estimable::with_hidden(&typical, hidden),
+    };
+    let is_known = |index: usize| posterior.standard_error(index).is_some();
+    if let Some(index) = (0..size).find(|&index| estimates[index].is_some() != is_known(index)) {
+        let problem = "is a number where undetermined_directions say that there is none, or the other \
+                       way round: the file is damaged";
+        let place = format!("compliance_rad_per_nm[{index}]");
+        return Err(FileError::new(path, problem).at(place));
+    }
+    Ok(posterior)
+}
+
+/// What is not determined, p x (p - r).
+fn hidden(path: &Path, stored: &Stored, size: usize) -> Result<DMatrix<f64>, FileError> {
+    let directions = &stored.undetermined_directions;
+    let wrong = |problem: String| FileError::new(path, problem).at("undetermined_directions");
+    if let Some(found) = directions.iter().find(|direction| direction.len() != size) {
+        let problem = format!("found {} values; there are {size} parameters", found.len());
+        return Err(wrong(problem));
+    }
+    let hidden = if stored.compliance_applied_rad_per_nm.is_empty() {
+        let estimates = &stored.compliance_rad_per_nm;
+        let missing: Vec<usize> = (0..size)
+            .filter(|&each| estimates[each].is_none())
+            .collect();
+        DMatrix::identity(size, size).select_columns(&missing)
+    } else {
+        DMatrix::from_fn(size, directions.len(), |row, column| {
+            directions[column][row]
+        })
+    };
+    let gram = hidden.tr_mul(&hidden);
+    let off = (&gram - DMatrix::identity(gram.nrows(), gram.ncols())).amax();
+    if off.is_nan() || off > 1e-9 {
+        let problem = "these are not orthonormal: the file is damaged";
+        return Err(wrong(problem.to_owned()));
+    }
+    Ok(hidden)
+}

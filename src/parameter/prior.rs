@@ -1,0 +1,139 @@
+//! What is known of parameters before any reading.
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::factorisation::finite_eigen;
+use crate::posterior::Posterior;
+
+/// Eigenvalues below this share of the largest are rounding.
+const ROUNDING: f64 = 1e-12;
+
+/// What is known of all parameters before any reading: a normal distribution of their values.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Prior {
+    /// The mean (p).
+    pub mean: DVector<f64>,
+    /// The inverse of the covariance (p x p); zero rows where nothing is known.
+    pub precision: DMatrix<f64>,
+}
+
+impl Prior {
+    /// What an earlier identification tells of `count` parameters, of which its own are those at
+    /// `places`; the others have the means of `nominal`. What it did not determine it does not tell.
+    /// `None` where its covariance is singular within what it determined.
+    #[must_use]
+    pub fn of_posterior(posterior: &Posterior, places: &[usize], nominal: &[f64]) -> Option<Self> {
+        let own = posterior.precision()?;
+        let count = nominal.len();
+        let mut mean = DVector::from_column_slice(nominal);
+        let mut precision = DMatrix::zeros(count, count);
+        for (row, &place) in places.iter().enumerate() {
+            mean[place] = posterior.mean[row];
+            for (column, &other) in places.iter().enumerate() {
+                precision[(place, other)] = own[(row, column)];
+            }
+        }
+        Some(Self { mean, precision })
+    }
+
+    /// The precision in units of typical sizes (p), p x p.
+    #[must_use]
+    pub fn relative(&self, typical: &[f64]) -> DMatrix<f64> {
+        DMatrix::from_fn(typical.len(), typical.len(), |row, column| {
+            self.precision[(row, column)] * typical[row] * typical[column]
+        })
+    }
+
+    /// The same as whitened equations, r x p: rows of unit variance that parameters times them equal those
+    /// of the mean. `typical` sizes (p) keep units apart.
+    #[must_use]
+    pub fn rows(&self, typical: &[f64]) -> DMatrix<f64> {
+        let Some(eigen) = finite_eigen(&self.relative(typical)) else {
+            return DMatrix::zeros(0, typical.len());
+        };
+        let least = ROUNDING * eigen.eigenvalues.max();
+        let known: Vec<usize> = (0..typical.len())
+            .filter(|&index| eigen.eigenvalues[index] > least)
+            .collect();
+        DMatrix::from_fn(known.len(), typical.len(), |row, column| {
+            let vector = eigen.eigenvectors[(column, known[row])];
+            eigen.eigenvalues[known[row]].sqrt() * vector / typical[column]
+        })
+    }
+
+    /// The mean, and a matrix L (p x r) so that mean + L z is distributed as what is known, for r
+    /// independent standard normals z; what is not known has its mean.
+    #[must_use]
+    pub fn spread(&self, typical: &[f64]) -> DMatrix<f64> {
+        let Some(eigen) = finite_eigen(&self.relative(typical)) else {
+            return DMatrix::zeros(typical.len(), 0);
+        };
+        let least = ROUNDING * eigen.eigenvalues.max();
+        let known: Vec<usize> = (0..typical.len())
+            .filter(|&index| eigen.eigenvalues[index] > least)
+            .collect();
+        DMatrix::from_fn(typical.len(), known.len(), |row, column| {
+            let vector = eigen.eigenvectors[(row, known[column])];
+            typical[row] * vector / eigen.eigenvalues[known[column]].sqrt()
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::estimable::Estimable;
+    use nalgebra::dmatrix;
+
+    /// A covariance comes back from the precision, from rows and from the spread, whatever the units.
+    #[test]
+    fn an_identification_is_a_prior() {
+        let covariance = dmatrix![4e-18, 1e-17; 1e-17, 9e-16];
+        let typical = [1e-7, 2e-6];
+        let information = covariance.clone().try_inverse().expect("regular");
+        let relative = DMatrix::from_fn(2, 2, |row, column| {
+            information[(row, column)] * typical[row] * typical[column]
+        });
+        let posterior = Posterior {
+            names: vec!["a".to_owned(), "b".to_owned()],
+            mean: vec![1.5e-7, 2.5e-6],
+            covariance: covariance.clone(),
+            estimable: Estimable::new(&relative, &typical),
+        };
+        let prior = Prior::of_posterior(&posterior, &[2, 0], &[0.0, 7.0, 0.0]).expect("regular");
+        assert_eq!(prior.mean, DVector::from_vec(vec![2.5e-6, 7.0, 1.5e-7]));
+        let sizes = [2e-6, 1.0, 1e-7];
+        let rows = prior.rows(&sizes);
+        assert_eq!(rows.nrows(), 2);
+        let again = rows.tr_mul(&rows);
+        for (found, expected) in again.iter().zip(&prior.precision) {
+            assert!((found - expected).abs() < 1e-9 * information.amax());
+        }
+        let spread = prior.spread(&sizes);
+        let found = &spread * spread.transpose();
+        let expected = dmatrix![9e-16, 0.0, 1e-17; 0.0, 0.0, 0.0; 1e-17, 0.0, 4e-18];
+        for row in 0..3 {
+            for column in 0..3 {
+                let size = sizes[row] * sizes[column];
+                let error = found[(row, column)] - expected[(row, column)];
+                assert!(error.abs() < 1e-12 * size, "{found}");
+            }
+        }
+    }
+
+    /// Only a combination was determined: nothing is told of the other.
+    #[test]
+    fn what_was_not_determined_is_not_told() {
+        let rows = dmatrix![3.0, 3.0];
+        let posterior = Posterior {
+            names: vec!["a".to_owned(), "b".to_owned()],
+            mean: vec![1.0, 1.0],
+            covariance: dmatrix![1.0 / 36.0, 1.0 / 36.0; 1.0 / 36.0, 1.0 / 36.0],
+            estimable: Estimable::of_equations(&rows, &[1.0, 1.0]),
+        };
+        let prior = Prior::of_posterior(&posterior, &[0, 1], &[1.0, 1.0]).expect("a prior");
+        let expected = rows.tr_mul(&rows);
+        assert!((&prior.precision - expected).amax() < 1e-9, "{prior:?}");
+        assert_eq!(prior.rows(&[1.0, 1.0]).nrows(), 1);
+    }
+}

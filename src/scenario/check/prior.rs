@@ -1,0 +1,95 @@
+//! The key `robot.prior`: an earlier identification is what is known before.
+
+use std::path::PathBuf;
+
+use super::Checker;
+use crate::files::FileError;
+use crate::identification::StoredIdentification;
+use crate::parameter::Prior;
+use crate::robot::Robot;
+use crate::task::robot_sha256;
+use crate::testbed::DrawnCompliances;
+
+/// What a scenario knows from an earlier identification.
+#[derive(Debug, Default)]
+pub(super) struct Before {
+    /// What is known of the parameters.
+    pub prior: Option<Prior>,
+    /// What a study draws the virtual robot's compliances from.
+    pub drawn: Option<DrawnCompliances>,
+    /// How many of the parameters something is known of.
+    pub known: usize,
+    /// What speaks against trusting it.
+    pub doubts: Vec<String>,
+}
+
+impl Checker<'_> {
+    /// Reads the earlier identification: its joints are unknown in this scenario, too, and their nominal
+    /// compliances are its estimates.
+    pub(super) fn prior(
+        &self,
+        file: Option<&PathBuf>,
+        nominal: &mut Robot,
+        parameters: &mut Vec<usize>,
+    ) -> Result<Before, FileError> {
+        let key = "robot.prior";
+        let Some(file) = file else {
+            return Ok(Before::default());
+        };
+        let path = self.resolve(file);
+        let stored = StoredIdentification::read(&path, nominal)?;
+        self.inputs.borrow_mut().add(&path)?;
+        let mut doubts: Vec<String> = (stored.conditions.iter())
+            .map(|condition| format!("the identification in {}: {condition}", path.display()))
+            .collect();
+        match &stored.identified_with {
+            Some(with) if with.robot_sha256 != robot_sha256(&nominal.chain) => {
+                let problem = "was identified with another robot: its joints' names, axes or places are not \
+                               those of the scenario's model";
+                return Err(FileError::new(&path, problem).at("identified_with.robot_sha256"));
+            }
+            Some(_) => {}
+            None => doubts.push(format!(
+                "{} does not say what it was identified with, as files of earlier versions do not",
+                path.display()
+            )),
+        }
+        let (joints, posterior) = (stored.joints, stored.posterior);
+        for (&joint, &mean) in joints.iter().zip(&posterior.mean) {
+            if mean <= 0.0 {
+                let name = &nominal.chain.joints[joint].name;
+                let problem =
+                    format!("the compliance of {name} is {mean:e}; a positive one is needed");
+                return Err(FileError::new(&path, problem).at("compliance_rad_per_nm"));
+            }
+            nominal.compliance_rad_per_nm[joint] = mean;
+            if !parameters.contains(&joint) {
+                parameters.push(joint);
+            }
+        }
+        parameters.sort_unstable();
+        let place = |joint: &usize| parameters.iter().position(|each| each == joint);
+        let places: Vec<usize> = joints.iter().filter_map(place).collect();
+        let means: Vec<f64> = (parameters.iter())
+            .map(|&joint| nominal.compliance_rad_per_nm[joint])
+            .collect();
+        let prior = Prior::of_posterior(&posterior, &places, &means).ok_or_else(|| {
+            let problem = "the covariance is singular: it says that something is known exactly";
+            FileError::new(&path, problem).at("covariance_rad2_per_n2m2")
+        })?;
+        let spread = prior.spread(&nominal.typical_rad_per_nm(parameters));
+        if spread.ncols() == 0 {
+            return Err(self.wrong(key, format!("{} determined nothing", path.display())));
+        }
+        Ok(Before {
+            drawn: Some(DrawnCompliances {
+                joints: parameters.clone(),
+                mean_rad_per_nm: means,
+                spread: spread.clone(),
+            }),
+            known: spread.ncols(),
+            prior: Some(prior),
+            doubts,
+        })
+    }
+}
