@@ -2,7 +2,7 @@
 
 CARGO ?= cargo
 
-.PHONY: help demo reproduce test build gate baseline bench instructions instructions-baseline scaling fuzz lint fmt clippy doc clean setup
+.PHONY: help demo reproduce test without-views build gate baseline bench instructions instructions-baseline scaling fuzz lint fmt clippy doc clean setup
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/make \1\t\2/p' Makefile | expand -t 28
@@ -19,6 +19,9 @@ test: setup ## run all tests
 
 build: setup ## build the program: target/release/elastocal
 	$(CARGO) build --release --locked
+
+without-views: setup ## check that all builds without recordings, pages and pictures, and test what it then says
+	$(CARGO) test --release --locked --no-default-features --target-dir target/without-views --test it -- without_views rooms
 
 gate: build ## compare results with those stored in scenarios/baselines: the same bits on the same platform
 	tools/baseline target/gate

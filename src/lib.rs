@@ -58,7 +58,8 @@
 //! - [`record`]: results as JSON records, and tallies of studies as files.
 //! - [`paper`]: the published numbers, and the same by this program.
 //! - [`comparison`]: two results files against the gate.
-//! - [`view`]: recordings, pages and pictures of records; computes nothing.
+//! - [`view`]: recordings, pages and pictures of records; computes nothing. It is there with the feature
+//!   `view`, which is on by default.
 //!
 //! # Invariants
 //!
@@ -149,6 +150,7 @@ pub mod testbed;
 pub mod text;
 pub mod understanding;
 pub mod units;
+#[cfg(feature = "view")]
 pub mod view;
 pub mod wording;
 

@@ -4,13 +4,11 @@ use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 
 use clap::Args;
-use elastocal::files::output::write_whole;
 use elastocal::plan::search::{
     BudgetPoint, Watch, budget_and_proof, cheapest, repeated_configurations,
 };
 use elastocal::plausible::ACCURACY;
 use elastocal::record::messages::ProvenanceMessage;
-use elastocal::view::plots::budget_plot;
 use elastocal::wording::counted;
 use serde_json::{Value, json};
 
@@ -18,6 +16,7 @@ use super::interruption::ask_search;
 use super::progress::bar;
 use super::proof::{ProofArgs, proof_json};
 use super::table::{number, table};
+use super::views;
 use super::{Common, Report, check_outputs, inputs, results, without_effect};
 
 /// Arguments of `budget`.
@@ -51,6 +50,7 @@ impl Budget {
             ("--plot-out", self.plot_out.as_deref()),
             ("--proof-out", self.proof.out()),
         ];
+        views::needed_by("--plot-out", self.plot_out.as_ref())?;
         check_outputs(&mut inputs(&scenario), &outputs)?;
         let stop = ask_search();
         self.common.say(&format!(
@@ -115,7 +115,7 @@ impl Budget {
         }
         if let Some(path) = &self.plot_out {
             let title = format!("{}: accuracy against measurements", scenario.name);
-            write_whole(path, budget_plot(&title, &points)?.as_bytes())?;
+            views::write_budget_plot(path, &title, &points)?;
             text += &format!("wrote {}\n", path.display());
         }
         Ok(Report {

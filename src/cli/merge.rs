@@ -9,6 +9,7 @@ use elastocal::record::tally_file::join;
 
 use super::Report;
 use super::study::results::{FILES, Results, write};
+use super::views::STUDY_PAGE;
 use super::written::Written;
 
 /// Arguments of `merge`.
@@ -37,7 +38,8 @@ impl Merge {
         for file in &self.files {
             roles.reads("a tally", file);
         }
-        roles.writes_to(&folder, &FILES).check()?;
+        roles.writes_to(&folder, &FILES);
+        roles.writes_to(&folder, STUDY_PAGE).check()?;
         make_folder(&folder)?;
         let results = Results::new(&header, &tallies, None)?;
         let mut written = Written::default();

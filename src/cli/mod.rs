@@ -21,10 +21,10 @@ mod replay;
 mod reproduce;
 mod residuals;
 mod run;
-mod stream;
 mod study;
 mod table;
 mod view;
+mod views;
 mod written;
 
 use std::io::Write;
@@ -40,7 +40,6 @@ use elastocal::measurement::Origin;
 use elastocal::record::messages::{ProvenanceMessage, SchemaMessage};
 use elastocal::scenario::Scenario;
 use elastocal::text::plain;
-use elastocal::wording::shell_word;
 use serde_json::{Value, json};
 
 /// A virtual calibration testbed for the joint stiffness of industrial robots.
@@ -272,8 +271,11 @@ impl Common {
         Ok(scenario)
     }
 
-    /// The folder for the results of a scenario.
+    /// The folder for the results of a scenario, which a build without views says it shows none of.
     fn folder(&self, scenario: &Scenario) -> PathBuf {
+        if let Some(missing) = views::MISSING {
+            self.say(missing);
+        }
         self.out.join(&scenario.name)
     }
 
@@ -326,16 +328,6 @@ fn merge(into: &mut Value, from: Value) {
     if let (Value::Object(into), Value::Object(from)) = (into, from) {
         into.extend(from);
     }
-}
-
-/// The command that was given, as a shell takes it.
-fn command_line() -> String {
-    let given = std::env::args_os().skip(1);
-    let words = given.map(|each| shell_word(&each.to_string_lossy()));
-    let words: Vec<String> = std::iter::once("elastocal".to_owned())
-        .chain(words)
-        .collect();
-    words.join(" ")
 }
 
 fn print(text: &str) -> anyhow::Result<()> {

@@ -5,7 +5,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use clap::Args;
-use elastocal::files::output::write_whole;
 use elastocal::limits::MOST_EXPERIMENTS;
 use elastocal::plan::search::{
     ApproximateDesign, Bound, BoundKind, ExactDesign, Problem, Watch, approximate_design,
@@ -14,7 +13,6 @@ use elastocal::plan::search::{
 use elastocal::plan::{Assessment, Criterion, write_plan};
 use elastocal::record::messages::{AssessmentMessage, ProvenanceMessage, plan_messages};
 use elastocal::task::Task;
-use elastocal::view::stills;
 use elastocal::wording::counted;
 use serde_json::json;
 
@@ -22,6 +20,7 @@ use super::evaluate::{conditions, describe};
 use super::interruption::ask_search;
 use super::progress::bar;
 use super::proof::ProofArgs;
+use super::views;
 use super::{Common, Report, check_outputs, inputs, merge, results, without_effect};
 
 /// Arguments of `plan`.
@@ -146,6 +145,7 @@ impl PlanCommand {
             ("--stills-out", self.stills_out.as_deref()),
             ("--proof-out", self.proof.out()),
         ];
+        views::needed_by("--stills-out", self.stills_out.as_ref())?;
         check_outputs(&mut inputs(&scenario), &outputs)?;
         if let Some(experiments) = self.experiments {
             scenario.task.design.experiments = experiments;
@@ -198,7 +198,7 @@ impl PlanCommand {
             text += &format!("wrote {}\n", path.display());
         }
         if let Some(path) = &self.stills_out {
-            write_whole(path, stills::sheet(&scenario, plan).as_bytes())?;
+            views::write_stills(path, &scenario, plan)?;
             text += &format!("wrote {}\n", path.display());
         }
         let json = json!({

@@ -1,7 +1,5 @@
 //! `replay`: one run of the study on the virtual robot, recorded.
 
-use std::path::Path;
-
 use clap::Args;
 use elastocal::calibration::{Calibration, calibrate};
 use elastocal::files::make_folder;
@@ -12,13 +10,11 @@ use elastocal::record::messages::{CalibrationMessage, ProvenanceMessage};
 use elastocal::scenario::Scenario;
 use elastocal::study::true_compliances::TrueCompliances;
 use elastocal::study::{Conditions, Entry, EntryKind, Setting};
-use elastocal::view::mcap_file::write_mcap;
-use elastocal::view::recording::Recording;
-use elastocal::view::rerun_file::write_rerun;
 use serde_json::json;
 
 use super::study::entries::entries;
 use super::table::table;
+use super::views::{REPLAY_ENDINGS, ReplayViews};
 use super::written::Written;
 use super::{Common, Report, inputs, results};
 
@@ -37,9 +33,12 @@ impl Replay {
         let common = &self.common;
         let mut scenario = common.load()?;
         let folder = common.folder(&scenario);
-        let files = ["json", "mcap", "rrd"].map(|ending| format!("replay_{}.{ending}", self.run));
+        let record = format!("replay_{}.json", self.run);
         let mut roles = inputs(&scenario);
-        roles.writes_to(&folder, &files.each_ref().map(String::as_str));
+        roles.writes_to(&folder, &[&record]);
+        for ending in REPLAY_ENDINGS {
+            roles.writes_to(&folder, &[&format!("replay_{}.{ending}", self.run)]);
+        }
         roles.check()?;
         make_folder(&folder)?;
         // The first conditions of a sweep stand for all.
@@ -82,15 +81,14 @@ impl Replay {
         let keys = json!({ "run": self.run, "plans": messages });
         let json = results("replay", &ProvenanceMessage::new(&scenario), keys);
         let text = serde_json::to_string_pretty(&json)? + "\n";
-        let recording = Recording::new(&scenario, &calibrations)?;
+        let views = ReplayViews::new(&scenario, &calibrations)?;
         let mut written = Written::default();
-        let [record, mcap, rerun] = files.map(|name| folder.join(name));
+        let record = folder.join(record);
         written.note(&record, write_whole(&record, text.as_bytes()));
-        written.note(&mcap, write_mcap(&mcap, &recording));
-        written.note(&rerun, write_rerun(&rerun, &recording));
+        let where_it_is = views.write(&record, &mut written);
         Ok(Report {
             json,
-            text: describe(&scenario, &calibrations, &rerun),
+            text: describe(&scenario, &calibrations) + &where_it_is,
             conditions: written.conditions(),
         })
     }
@@ -115,7 +113,7 @@ impl Replay {
 }
 
 /// The distance that each plan leaves at each test pose.
-fn describe(scenario: &Scenario, calibrations: &[(String, Calibration)], path: &Path) -> String {
+fn describe(scenario: &Scenario, calibrations: &[(String, Calibration)]) -> String {
     let mut header = vec!["plan".to_owned()];
     header.extend((scenario.task.test_poses.iter()).map(|pose| format!("{} [um]", pose.name)));
     let header: Vec<&str> = header.iter().map(String::as_str).collect();
@@ -128,5 +126,5 @@ fn describe(scenario: &Scenario, calibrations: &[(String, Calibration)], path: &
         row
     };
     let rows: Vec<_> = calibrations.iter().map(row).collect();
-    table(&header, &rows) + &format!("recorded in {}, .mcap and .json\n", path.display())
+    table(&header, &rows)
 }

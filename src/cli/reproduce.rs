@@ -1,7 +1,5 @@
 //! `reproduce`: the paper's numbers beside this program's.
 
-use std::path::PathBuf;
-
 use clap::Args;
 use elastocal::files::make_folder;
 use elastocal::files::output::write_whole;
@@ -9,14 +7,14 @@ use elastocal::paper::record::ReproductionMessage;
 use elastocal::paper::reproduce;
 use elastocal::plan::search::Watch;
 use elastocal::record::messages::ProvenanceMessage;
-use elastocal::view::report::reproduction_page;
 use serde_json::json;
 
 use super::interruption::NEVER;
 use super::progress::bar;
 use super::table::{number, table};
+use super::views::{REPRODUCTION_PAGE, reproduction_page};
 use super::written::Written;
-use super::{Common, Report, command_line, inputs, merge, results};
+use super::{Common, Report, inputs, merge, results};
 
 /// Arguments of `reproduce`.
 #[derive(Debug, Args)]
@@ -29,8 +27,8 @@ pub struct Reproduce {
     trials: Option<u64>,
 }
 
-/// The files of the results.
-const FILES: [&str; 2] = ["reproduction.html", "reproduction.json"];
+/// The file of the results.
+const FILE: &str = "reproduction.json";
 
 impl Reproduce {
     pub fn execute(&self) -> anyhow::Result<Report> {
@@ -38,7 +36,8 @@ impl Reproduce {
         let scenario = common.load()?;
         let folder = common.folder(&scenario);
         let mut roles = inputs(&scenario);
-        roles.writes_to(&folder, &FILES).check()?;
+        roles.writes_to(&folder, REPRODUCTION_PAGE);
+        roles.writes_to(&folder, &[FILE]).check()?;
         make_folder(&folder)?;
         let trials = self.trials.unwrap_or(scenario.study.trials);
         common.say("designing a plan for each number of Table 6");
@@ -56,12 +55,15 @@ impl Reproduce {
         let provenance = ProvenanceMessage::new(&scenario);
         let mut json = results("reproduce", &provenance, json!({}));
         merge(&mut json, serde_json::to_value(&message)?);
-        let page = reproduction_page(&message, &provenance, &command_line())?;
-        let files: [PathBuf; 2] = FILES.map(|name| folder.join(name));
+        let page = reproduction_page(&message, &provenance)?;
         let record = serde_json::to_string_pretty(&json)? + "\n";
         let mut written = Written::default();
-        written.note(&files[0], write_whole(&files[0], page.as_bytes()));
-        written.note(&files[1], write_whole(&files[1], record.as_bytes()));
+        if let (Some(page), Some(name)) = (page, REPRODUCTION_PAGE.first()) {
+            let file = folder.join(name);
+            written.note(&file, write_whole(&file, page.as_bytes()));
+        }
+        let file = folder.join(FILE);
+        written.note(&file, write_whole(&file, record.as_bytes()));
         let mut conditions = message.failures.clone();
         conditions.extend(written.conditions());
         Ok(Report {

@@ -13,11 +13,6 @@ use elastocal::record::evidence::EvidenceMessage;
 use elastocal::record::messages::{AssessmentMessage, CalibrationMessage, ProvenanceMessage};
 use elastocal::scenario::Scenario;
 use elastocal::study::evidence::gather;
-use elastocal::view::mcap_file::write_mcap;
-use elastocal::view::recording::Recording;
-use elastocal::view::report::{RunRecord, run_page};
-use elastocal::view::rerun_file::{messages, write_rerun};
-use elastocal::view::stills;
 use elastocal::wording::counted;
 use serde_json::{Value, json};
 
@@ -25,10 +20,10 @@ use super::evaluate::loads_outside;
 use super::interruption::NEVER;
 use super::plan::{Wanted, design};
 use super::proof::ProofArgs;
-use super::stream::{TARGETS, ViewerTarget, warn};
 use super::table::{number, table};
-use super::written::Written;
-use super::{Common, Report, check_outputs, command_line, identify, inputs, merge, results};
+use super::views::{PlanRecords, RUN_FILES, RunShown, RunViews, TARGETS, ViewerTarget};
+use super::written::{Written, warn};
+use super::{Common, Report, check_outputs, identify, inputs, merge, results};
 
 /// Arguments of `run`.
 #[derive(Debug, Args)]
@@ -46,15 +41,7 @@ pub struct Run {
 const RANDOM_PLANS: u64 = 99;
 
 /// The files of the results.
-const FILES: [&str; 7] = [
-    "plan.csv",
-    "measurements.csv",
-    "results.json",
-    "run.mcap",
-    "run.rrd",
-    "stills.svg",
-    "report.html",
-];
+const FILES: [&str; 3] = ["plan.csv", "measurements.csv", "results.json"];
 
 /// A plan that took part, with what it promised and what came of it.
 struct Entry {
@@ -72,11 +59,8 @@ struct Failed {
     problem: String,
 }
 
-/// The records of a plan's calibration and of what it promised.
-type Messages = (CalibrationMessage, AssessmentMessage);
-
 impl Entry {
-    fn messages(&self, scenario: &Scenario) -> Messages {
+    fn records(&self, scenario: &Scenario) -> PlanRecords {
         let (name, calibration) = &self.calibration;
         (
             CalibrationMessage::new(name, calibration),
@@ -92,6 +76,7 @@ impl Run {
         let file = self.rerun.as_ref().and_then(ViewerTarget::file);
         let mut roles = inputs(scenario);
         roles.writes_to(&folder, &FILES);
+        roles.writes_to(&folder, RUN_FILES);
         let outputs = [
             ("--rerun", file.map(PathBuf::as_path)),
             ("--proof-out", self.proof.out()),
@@ -130,8 +115,8 @@ impl Run {
                 None,
             );
         }
-        let records: Vec<Messages> = (entries.iter())
-            .map(|entry| entry.messages(&scenario))
+        let records: Vec<PlanRecords> = (entries.iter())
+            .map(|entry| entry.records(&scenario))
             .collect();
 
         common.say(&format!(
@@ -173,23 +158,21 @@ impl Run {
         let mut conditions = main.identification.conditions();
         conditions.extend(pose_conditions(&scenario.task.belief, &main.poses));
         conditions.extend(loads_outside);
-        let stills = stills::sheet(&scenario, &entries[0].calibration.1.plan);
-        let page = run_page(&RunRecord {
+        let calibrations: Vec<_> = (entries.iter())
+            .map(|entry| entry.calibration.clone())
+            .collect();
+        let views = RunViews::new(&RunShown {
             scenario: &scenario,
-            plans: &records,
+            calibrations: &calibrations,
+            records: &records,
             evidence: &evidence,
             random: (RANDOM_PLANS, random_rho0_m.map(|value| value * 1e3)),
             conditions: &conditions,
-            command: &command_line(),
-            stills: &stills,
         })?;
-        let text = serde_json::to_string_pretty(&json)? + "\n";
         let mut written = Written::default();
-        let texts = [text, stills, page];
-        let recording = write_all(&scenario, &folder, &entries, &texts, &mut written)?;
-        if let Some(target) = &self.rerun {
-            show(target, &recording, &mut written)?;
-        }
+        let text = serde_json::to_string_pretty(&json)? + "\n";
+        write_all(&scenario, &folder, main, &text, &mut written);
+        views.write(&folder, self.rerun.as_ref(), &mut written)?;
         conditions.extend(written.conditions());
         Ok(Report {
             text: summary(&folder, &entries, random_rho0_m) + &self.proof.tell(bound)?,
@@ -272,7 +255,7 @@ fn calibrate_all(
 /// The JSON of the run: the main plan's keys by stage, then every plan.
 fn everything(
     scenario: &Scenario,
-    plans: &[Messages],
+    plans: &[PlanRecords],
     failed: &[Failed],
     elapsed_s: f64,
 ) -> anyhow::Result<Value> {
@@ -309,52 +292,21 @@ fn everything(
     Ok(json)
 }
 
-/// Writes the results: what the entries hold, and the texts of results.json, stills.svg and
-/// report.html.
+/// Writes the designed plan, its measurements, and the text of results.json.
 fn write_all(
     scenario: &Scenario,
     folder: &Path,
-    entries: &[Entry],
-    texts: &[String; 3],
+    main: &Calibration,
+    text: &str,
     written: &mut Written,
-) -> anyhow::Result<Recording> {
-    let calibrations: Vec<_> = (entries.iter())
-        .map(|entry| entry.calibration.clone())
-        .collect();
-    let recording = Recording::new(scenario, &calibrations)?;
-    let (joints, main) = (scenario.task.belief.joints(), &entries[0].calibration.1);
-    let files = FILES.map(|name| folder.join(name));
-    let [plan, measurements, results, mcap, rerun, svg, html] = &files;
-    written.note(plan, write_plan(plan, joints, &main.plan));
-    let rows = write_measurements_under(
-        &scenario.origin(),
-        measurements,
-        scenario.task.belief.joints(),
-        &main.measurements,
-    );
-    written.note(measurements, rows);
-    for (file, text) in [results, svg, html].into_iter().zip(texts) {
-        written.note(file, write_whole(file, text.as_bytes()));
-    }
-    written.note(mcap, write_mcap(mcap, &recording));
-    written.note(rerun, write_rerun(rerun, &recording));
-    Ok(recording)
-}
-
-/// Shows what run.rrd holds.
-fn show(target: &ViewerTarget, recording: &Recording, written: &mut Written) -> anyhow::Result<()> {
-    if let Some(path) = target.file() {
-        written.note(path, write_rerun(path, recording));
-    }
-    if let Some(mut viewer) = target.open() {
-        let problem = viewer
-            .send(messages(recording).map_err(anyhow::Error::msg)?)
-            .or_else(|| viewer.finish());
-        if let Some(problem) = problem {
-            warn(&problem, None);
-        }
-    }
-    Ok(())
+) {
+    let joints = scenario.task.belief.joints();
+    let [plan, measurements, results] = FILES.map(|name| folder.join(name));
+    written.note(&plan, write_plan(&plan, joints, &main.plan));
+    let origin = scenario.origin();
+    let rows = write_measurements_under(&origin, &measurements, joints, &main.measurements);
+    written.note(&measurements, rows);
+    written.note(&results, write_whole(&results, text.as_bytes()));
 }
 
 /// What it means, for a person.

@@ -13,6 +13,14 @@ pub struct Written {
     problems: Vec<String>,
 }
 
+/// Says what is wrong with something that the results do not depend on.
+pub fn warn(problem: &str, hint: Option<&str>) {
+    say(&format!("warning: {problem}; going on without it"));
+    if let Some(hint) = hint {
+        say(&format!("hint: {hint}"));
+    }
+}
+
 impl Written {
     /// Notes that a file was written, or warns that it was not.
     pub fn note(&mut self, path: &Path, written: Result<(), FileError>) {
@@ -28,10 +36,7 @@ impl Written {
         let Err(error) = written else { return };
         let problem = error.to_string();
         if !self.problems.contains(&problem) {
-            say(&format!("warning: {problem}; going on without it"));
-            if let Some(hint) = &error.hint {
-                say(&format!("hint: {hint}"));
-            }
+            warn(&problem, error.hint.as_deref());
             self.problems.push(problem);
         }
     }

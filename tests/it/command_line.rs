@@ -457,6 +457,7 @@ fn a_reader_may_stop_reading() {
     );
 }
 
+#[cfg(feature = "view")]
 #[test]
 fn budget_says_how_many_measurements_are_needed() {
     let place = Workplace::new();

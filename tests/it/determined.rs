@@ -523,6 +523,7 @@ fn a_comparison_that_fails_does_not_undo_the_run() {
             .expect("a text")
             .contains("equilibrium")
     );
+    #[cfg(feature = "view")]
     assert!(workplace.path("out/s/report.html").exists());
     workplace
         .run("compare out/s/results.json out/s/results.json")

@@ -134,6 +134,7 @@ impl Started {
 }
 
 /// An interrupted study keeps what is done, says so, writes no results, and goes on to the same bits.
+#[cfg(feature = "view")]
 #[test]
 fn an_interrupted_study_goes_on_to_the_same_bits() {
     let workplace = Workplace::new();
@@ -182,6 +183,7 @@ fn an_interrupted_study_goes_on_to_the_same_bits() {
 }
 
 /// The files of a workplace where a study ran through, and another one was interrupted.
+#[cfg(feature = "view")]
 fn expected_files(more: &[&str]) -> Vec<String> {
     let through = [
         "",
@@ -254,6 +256,7 @@ fn other_commands_end_at_once() {
 }
 
 /// `plan` and `budget` make something of what they have.
+#[cfg(feature = "view")]
 #[test]
 fn an_interrupted_search_keeps_its_best_plan() {
     let workplace = Workplace::new();
@@ -345,6 +348,7 @@ fn a_full_disk_costs_no_result() {
 }
 
 /// `run` says which files of its results are there and which are not, and prints its result.
+#[cfg(feature = "view")]
 #[test]
 fn a_run_on_a_full_disk_says_what_is_there() {
     let workplace = Workplace::new();

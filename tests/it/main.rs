@@ -44,12 +44,14 @@
 //! - `report`: pages to look at, and a browser that looks at them.
 //! - `study`: Monte Carlo studies keep what was predicted, to the bit whatever the threads.
 //! - `rooms`: modules use only those that stand before them.
+//! - `without_views`: what a build without the feature `view` says; only there.
 
 #![expect(clippy::expect_used, reason = "a test that cannot go on fails")]
 
 mod bad_input;
 mod bounds;
 mod broken_streams;
+#[cfg(feature = "view")]
 mod browser;
 mod command_line;
 mod compensation_trust;
@@ -83,13 +85,16 @@ mod properties;
 mod provenance;
 mod published;
 mod random_models;
+#[cfg(feature = "view")]
 mod recordings;
 mod recovery;
+#[cfg(feature = "view")]
 mod report;
 mod reproduction;
 mod robots;
 mod rooms;
 mod search;
+#[cfg(feature = "view")]
 mod streams;
 mod study;
 mod support;
@@ -97,3 +102,5 @@ mod tallies;
 mod true_models;
 mod uncertainty;
 mod understanding;
+#[cfg(not(feature = "view"))]
+mod without_views;

@@ -156,6 +156,7 @@ fn a_run_can_be_replayed_by_itself() {
 
 /// A study of one run shows what the replay of this run shows, true compliances and random plans
 /// included.
+#[cfg(feature = "view")]
 #[test]
 fn a_replay_is_the_run_of_the_study() {
     let workplace = Workplace::new();

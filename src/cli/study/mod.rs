@@ -2,7 +2,6 @@
 
 pub mod entries;
 pub mod results;
-mod stream;
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -17,17 +16,15 @@ use elastocal::scenario::Scenario;
 use elastocal::study::StudyError;
 use elastocal::study::runner::Runner;
 use elastocal::study::{Level, StudyPlan, StudySource};
-use elastocal::view::study_recording::next_snapshot;
 use indicatif::ProgressStyle;
 use serde_json::json;
 
 use self::entries::entries;
 use self::results::{Results, Timing, describe, describe_level, write};
-use self::stream::StudyObserver;
 use super::evaluate::loads_outside;
 use super::interruption::{Interrupted, ask_work, keeps};
 use super::progress::bar;
-use super::stream::{TARGETS, ViewerTarget};
+use super::views::{self, StudyObserver, TARGETS, ViewerTarget};
 use super::written::Written;
 use super::{Common, Report, check_outputs, inputs, merge};
 
@@ -87,7 +84,8 @@ impl StudyCommand {
         let mut roles = inputs(&scenario);
         if self.shard.is_none() {
             roles.writes_to(&folder, &results::FILES);
-            roles.writes_to(&folder, &stream::FILES);
+            roles.writes_to(&folder, views::STUDY_PAGE);
+            roles.writes_to(&folder, views::STUDY_FILES);
         }
         check_outputs(&mut roles, &outputs)?;
         if self.shard.is_none() {
@@ -113,13 +111,7 @@ impl StudyCommand {
         ));
         let target = self.rerun.as_ref();
         let mut observer = if self.shard.is_none() || target.is_some() {
-            Some(StudyObserver::new(
-                &scenario,
-                &settings,
-                &part.header,
-                &entries,
-                target,
-            )?)
+            StudyObserver::new(&scenario, &settings, &part.header, &entries, target)?
         } else {
             None
         };
@@ -196,8 +188,8 @@ impl StudyCommand {
         };
         let mut saved: Option<Instant> = None;
         while part.blocks_done < all {
-            let snapshot = match observer {
-                Some(_) => next_snapshot(part.blocks_done).min(all),
+            let snapshot = match &observer {
+                Some(observer) => observer.next_snapshot(part.blocks_done).min(all),
                 None => all,
             };
             let count = round.min(snapshot - part.blocks_done);

@@ -9,13 +9,13 @@ use elastocal::record::tally_file::{Header, PlanHeader};
 use elastocal::study::Level;
 use elastocal::study::summary::Summary;
 use elastocal::study::tally::Tally;
-use elastocal::view::report::{StudyPageRecord, study_page};
 use elastocal::wording::inverse_interval;
 use serde_json::{Value, json};
 
 use crate::cli::table::{number, table};
+use crate::cli::views::{STUDY_PAGE, StudyShown, study_page};
 use crate::cli::written::Written;
-use crate::cli::{Report, command_line, merge, results};
+use crate::cli::{Report, merge, results};
 
 /// How long how many runs took.
 #[derive(Debug, Clone, Copy)]
@@ -94,17 +94,12 @@ impl Results {
         {
             return Ok(None);
         }
-        let page = study_page(&StudyPageRecord {
-            provenance: &self.header.provenance,
-            trials: self.header.trials,
-            experiments: first.experiments,
+        study_page(&StudyShown {
+            header: &self.header,
             level: describe_level(self.header.level),
-            reference: first.reference.map(|index| &*plans[index].name),
             plans: &self.messages,
             conditions: &self.conditions(),
-            command: &command_line(),
-        })?;
-        Ok(Some(page))
+        })
     }
 }
 
@@ -128,17 +123,18 @@ pub fn plan_messages(header: &Header, tallies: &[Tally]) -> anyhow::Result<Vec<S
     header.plans.iter().zip(tallies).map(message).collect()
 }
 
-/// The files of the results.
-pub const FILES: [&str; 3] = ["study.json", "study.csv", "study.html"];
+/// The files of the results, the page apart.
+pub const FILES: [&str; 2] = ["study.json", "study.csv"];
 
 /// Writes study.json, study.csv and, for one set of conditions, study.html.
 pub fn write(folder: &Path, results: &Results, written: &mut Written) -> anyhow::Result<()> {
     let text = serde_json::to_string_pretty(&results.json)? + "\n";
-    let [json, csv, html] = FILES.map(|name| folder.join(name));
+    let [json, csv] = FILES.map(|name| folder.join(name));
     written.note(&json, write_whole(&json, text.as_bytes()));
     let table = study_csv(&results.messages);
     written.note(&csv, write_whole(&csv, table.as_bytes()));
-    if let Some(page) = results.page()? {
+    if let (Some(page), Some(name)) = (results.page()?, STUDY_PAGE.first()) {
+        let html = folder.join(name);
         written.note(&html, write_whole(&html, page.as_bytes()));
     }
     Ok(())

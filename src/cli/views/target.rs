@@ -4,10 +4,10 @@ use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 
-use elastocal::diagnostics::say;
 use elastocal::view::rerun_file::viewer::{Address, DEFAULT_PORT, DEFAULT_URL, Viewer};
 
-use super::view::find_viewer;
+use crate::cli::view::find_viewer;
+use crate::cli::written::warn;
 
 /// Where results are shown or written, besides the usual files.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -19,9 +19,6 @@ pub enum ViewerTarget {
     /// A file.
     Save(PathBuf),
 }
-
-/// The names of the targets, for the help.
-pub const TARGETS: &str = "spawn|connect[=URL]|save=FILE";
 
 impl std::str::FromStr for ViewerTarget {
     type Err = String;
@@ -66,14 +63,6 @@ impl ViewerTarget {
         opened
             .inspect_err(|(problem, hint)| warn(problem, Some(hint)))
             .ok()
-    }
-}
-
-/// Says what is wrong with a stream; the results do not depend on it.
-pub fn warn(problem: &str, hint: Option<&str>) {
-    say(&format!("warning: {problem}; going on without it"));
-    if let Some(hint) = hint {
-        say(&format!("hint: {hint}"));
     }
 }
 

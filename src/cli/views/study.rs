@@ -13,14 +13,11 @@ use elastocal::view::mcap_file::study::write_study_mcap;
 use elastocal::view::recording::Recording;
 use elastocal::view::rerun_file::study::{StudyStream, write_study_rerun};
 use elastocal::view::rerun_file::viewer::{Messages, Viewer};
-use elastocal::view::study_recording::{Snapshot, StudyRecording};
+use elastocal::view::study_recording::{Snapshot, StudyRecording, next_snapshot};
 
-use super::results::plan_messages;
-use crate::cli::stream::{ViewerTarget, warn};
-use crate::cli::written::Written;
-
-/// The recordings of a study.
-pub const FILES: [&str; 2] = ["study.mcap", "study.rrd"];
+use super::target::ViewerTarget;
+use crate::cli::study::results::plan_messages;
+use crate::cli::written::{Written, warn};
 
 /// What is recorded of a study, and the viewer that it is streamed to.
 pub struct StudyObserver {
@@ -37,7 +34,7 @@ impl StudyObserver {
         header: &Header,
         entries: &[Entry],
         target: Option<&ViewerTarget>,
-    ) -> anyhow::Result<Self> {
+    ) -> anyhow::Result<Option<Self>> {
         let mut calibrations = Vec::new();
         for (entry, label) in entries.iter().zip(header.labels()) {
             let Setting {
@@ -70,7 +67,13 @@ impl StudyObserver {
             observer.live = Some((viewer, stream));
             observer.send(messages);
         }
-        Ok(observer)
+        Ok(Some(observer))
+    }
+
+    /// After how many blocks the next snapshot is taken.
+    #[expect(clippy::unused_self, reason = "without the feature nobody asks")]
+    pub fn next_snapshot(&self, done: u64) -> u64 {
+        next_snapshot(done)
     }
 
     /// Sends messages to the viewer; that it is gone is said once.
@@ -124,7 +127,7 @@ impl StudyObserver {
     ) {
         let (study, snapshots) = (&self.study, &self.snapshots);
         if let Some(folder) = folder {
-            let [mcap, rerun] = FILES.map(|name| folder.join(name));
+            let [mcap, rerun] = ["study.mcap", "study.rrd"].map(|name| folder.join(name));
             written.note(&mcap, write_study_mcap(&mcap, study, snapshots));
             written.note(&rerun, write_study_rerun(&rerun, study, snapshots));
         }
