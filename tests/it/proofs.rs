@@ -61,6 +61,19 @@ fn a_force_of_any_direction_takes_few_boxes() {
     assert!((0.95..1.0).contains(&ratio), "{ratio}");
 }
 
+/// Small arms are proved at once, whether or not the first joints are parameters.
+#[test]
+fn small_arms_are_proved_at_once() {
+    for (name, gap) in [("planar_3r", 5e-3), ("spatial_3r", 3e-3)] {
+        let scenario = scenario(name);
+        let effort = Some((effort(1e-3, 40_000), false));
+        let proved = Bound::search_and_prove(&scenario.task, scenario.seed, &[], effort);
+        let proof = proved.of_size(3).expect("a bound").proof.expect("a proof");
+        // By how much printed loads may be off is bounded roughly.
+        assert!(proof.gap < gap && proof.boxes < 10_000, "{name}: {proof:?}");
+    }
+}
+
 #[test]
 fn a_wide_gap_is_told_beside_the_evidence() {
     let place = Workplace::new();

@@ -177,6 +177,10 @@ fn climb<'a>(
             (effort.progress)(proved.map(|proved: Proved| proved.gap()), boxes);
         }
         let largest = kept.iter().map(|each| each.largest).fold(0.0, f64::max);
+        if largest.is_infinite() {
+            // Some boxes cannot be halved any further, and nothing is known of them.
+            break;
+        }
         proved = Some(Proved {
             largest: largest.max(found * (1.0 + effort.gap)),
             found,
@@ -220,8 +224,9 @@ pub(super) fn tasks(question: &Question) -> Option<Vec<Task<'_>>> {
             let mut chain = chain.clone();
             let mut domain = Domain::new(question, &chain, load.clone())?;
             // Under a force of any direction, turning all of the arm about its first joint that moves changes nothing but
-            // the margins: its angle must not be in the variables of the joints behind.
-            let first = domain.variable.iter().position(Option::is_some);
+            // the margins (and what joints before it show): its angle must not be in the variables of the joints behind.
+            let first = (domain.variable.iter().position(Option::is_some))
+                .filter(|first| question.parameters.iter().all(|joint| joint >= first));
             let next = first.and_then(|first| chain.links.get_mut(first + 1));
             if let (Load::Any(_), Some(next)) = (&load, next)
                 && !next.starts_run

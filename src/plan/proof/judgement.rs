@@ -79,11 +79,12 @@ fn judge_one(
         return judgement;
     }
     let mut sum = polynomial(turned.model);
+    let at_centre = match &turned.at_centre {
+        Some(at_centre) => at_centre[lane],
+        None => sum.least_at_centre(),
+    };
     if margins.iter().all(|margin| margin.least_at_centre() >= 0.0) {
-        judgement.at_centre = match &turned.at_centre {
-            Some(at_centre) => at_centre[lane],
-            None => sum.least_at_centre(),
-        };
+        judgement.at_centre = at_centre;
     }
     let bound = |sum: &Polynomial| {
         let largest = sum.largest();
@@ -103,8 +104,30 @@ fn judge_one(
             }
         }
     }
-    judgement.halve = choose(task, &sum, &enclosure.spread, (cell, lane));
+    let is_to_be_left_out = at_centre > threshold && judgement.multipliers.is_empty();
+    let outside = (margins.iter())
+        .filter(|margin| is_to_be_left_out && margin.middle() < 0.0)
+        .min_by(|one, other| {
+            let least = |margin: &Polynomial| margin.largest() / -margin.middle();
+            least(one).total_cmp(&least(other))
+        });
+    judgement.halve = match outside {
+        Some(margin) => choose_for_margin(task, margin, cell),
+        None => choose(task, &sum, &enclosure.spread, (cell, lane)),
+    };
     judgement
+}
+
+/// The variable to halve of a box whose derivative is too large and that lies outside of a limit: that which this margin
+/// depends on most. The derivative may not depend on it at all.
+fn choose_for_margin(task: &Task<'_>, margin: &Polynomial, cell: &Cell) -> usize {
+    let shares = margin.shares();
+    let width = |variable: usize| task.half_width(cell, variable);
+    let total: f64 = (0..task.variables()).map(width).sum();
+    let share = |variable: usize| shares[variable] + margin.remainder * width(variable) / total;
+    (0..task.variables())
+        .max_by(|&one, &other| share(one).total_cmp(&share(other)))
+        .unwrap_or(0)
 }
 
 /// Adds each margin so many times as lowers the bound most, by the linear parts: there the bound

@@ -69,6 +69,14 @@ impl Polynomial {
         sum + (64.0 * UNIT * size + UNDERFLOW) * UP
     }
 
+    /// The value at the box's centre, roughly.
+    pub fn middle(&self) -> f64 {
+        let own: f64 = (0..self.variables)
+            .map(|j| self.coefficients[second(j, j)])
+            .sum();
+        self.coefficients[0] - own
+    }
+
     /// A bound of the value at the box's centre from below.
     pub fn least_at_centre(&self) -> f64 {
         let mut sum = self.coefficients[0] - self.remainder;
