@@ -2,7 +2,7 @@
 
 CARGO ?= cargo
 
-.PHONY: help demo reproduce test without-views build gate baseline bench instructions instructions-baseline scaling fuzz lint fmt clippy doc clean setup
+.PHONY: help demo enclosures reproduce test without-views build gate baseline bench instructions instructions-baseline scaling fuzz lint fmt clippy doc clean setup
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/make \1\t\2/p' Makefile | expand -t 28
@@ -33,6 +33,9 @@ baseline: build ## store new results in scenarios/baselines, to commit where the
 
 bench: build ## time the hot paths beside other programs, a few minutes (options in ARGS, such as --quick)
 	benches/peers/run $(ARGS)
+
+enclosures: setup ## hold the proof's boxes against a million experiments, a minute
+	ENCLOSURES=8 $(CARGO) test --release --locked --lib boxes_enclose_the_experiments_of_arms
 
 instructions: setup ## count the hot paths' instructions: against the baseline, and how they grow
 	@tools/install-valgrind

@@ -32,7 +32,7 @@ PEERS = [
     ("write_rerun", "rows", "rrd", "rerun's Python SDK"),
 ]
 PARALLEL = "Monte Carlo, model level, 2 threads"
-PACKAGES = ["numpy", "scipy", "mujoco", "mcap", "rerun-sdk", "figaroh"]
+PACKAGES = ["numpy", "scipy", "mujoco", "mcap", "rerun-sdk", "figaroh", "pyscipopt"]
 
 
 def skipping(name: str, peer: str, make) -> list[Result]:
@@ -132,9 +132,9 @@ def main() -> None:
     parser.add_argument("--only", default="", metavar="TEXT", help="only rows whose name has this in it")
     parser.add_argument("--json", type=Path, default=Path("out/bench.json"))
     arguments = parser.parse_args()
-    effort = {"slice_s": 0.15, "repetitions": 9, "seeds": 3, "limit_s": 15.0}
+    effort = {"slice_s": 0.15, "repetitions": 9, "seeds": 3, "limit_s": 15.0, "proof_s": 60.0}
     if arguments.quick:
-        effort = {"slice_s": 0.03, "repetitions": 3, "seeds": 1, "limit_s": 5.0}
+        effort = {"slice_s": 0.03, "repetitions": 3, "seeds": 1, "limit_s": 5.0, "proof_s": 10.0}
 
     begun, about = time.perf_counter(), machine()
     driver = Driver()
@@ -155,6 +155,7 @@ def main() -> None:
     searches = [
         ("search to a certified plan", "SciPy SLSQP", "beside_scipy", (effort["limit_s"], effort["seeds"])),
         ("selection from a pool", "FIGAROH", "beside_figaroh", (problem, effort["seeds"])),
+        ("proof of the bound", "SCIP", "beside_scip", (effort["proof_s"],)),
     ]
     for name, peer, function, given in searches:
         if arguments.only not in name:

@@ -1,4 +1,5 @@
-"""The search for a certified plan, as a whole process, beside SciPy's multi-start search and FIGAROH's selections."""
+"""The search for a certified plan, as a whole process, beside SciPy's multi-start search and FIGAROH's selections; and the
+proof of the bound beside SCIP."""
 
 import math
 import tempfile
@@ -51,3 +52,10 @@ def beside_figaroh(problem: dict, seeds: int) -> list[Result]:
             result.skipped = str(error)
         results.append(result)
     return results
+
+
+def beside_scip(limit_s: float) -> list[Result]:
+    """See prove_scip.py for what SCIP is given."""
+    import prove_scip
+
+    return prove_scip.beside_scip(limit_s)
