@@ -4,8 +4,10 @@ use num_bigint::BigInt;
 use num_rational::BigRational;
 use num_traits::{Signed, Zero};
 
+use super::bound::{Ingredients, Target};
 use super::constant::{Constant, IDENTITY, rotation_of, towards, turned, vector};
 use super::polynomial::Polynomial;
+use super::question::{Arm, Joint};
 use super::rounding::{SIN_COS_ERROR, Waves, sin_cos};
 use super::taylor::{LANES, Lanes, Model, Sign, Workspace, linear, second};
 
@@ -370,5 +372,47 @@ fn constant_rotations_enclose_the_exact_ones() {
             let off = (&c[i] * &d[j] - &c[j] * &d[i]).abs();
             assert!(off <= &error * whole(2));
         }
+    }
+}
+
+/// One joint at zero angle, whose matrix is known exactly, and rows of B whose parts of the trace cancel but for a
+/// millionth: the bound is below the exact one, and near.
+#[test]
+fn the_bound_of_rho0_is_below_the_exact_one() {
+    let mut random = Random(17);
+    for _ in 0..200 {
+        let [x, y, force] = random.vector();
+        let target = Target {
+            arm: Arm {
+                joints: vec![Joint {
+                    offset_m: [0.0; 3],
+                    rotation: [0.0, 0.0, 0.0, 1.0],
+                    axis: [0.0, 0.0, 1.0],
+                    range_rad: [-1.0, 1.0],
+                    mass_kg: 0.0,
+                    centre_of_mass_m: [0.0; 3],
+                }],
+                tool_joints: 1,
+                tool_offset_m: [x, y, 0.0],
+                tool_rotation: [0.0, 0.0, 0.0, 1.0],
+                gravity_m_s2: [0.0; 3],
+            },
+            configuration_rad: vec![0.0],
+            wrench: [0.0, force, 0.0, 0.0, 0.0, 0.0],
+            weight: 1.0,
+        };
+        // The lever is (-y, x, 0), its moment x times the force.
+        let rows = [vec![x], vec![y * (1.0 + 1e-6 * random.number())], vec![1.0]];
+        let moment = exact(x) * exact(force);
+        let trace = (exact(rows[1][0]) * exact(x) - exact(rows[0][0]) * exact(y)) * &moment;
+        let ingredients = Ingredients {
+            targets: &[target],
+            parameters: &[0],
+            rows: &rows,
+            sigma_m: 1.0,
+        };
+        let bound = exact(ingredients.least_rho0_m(1.0).unwrap_or(f64::NAN));
+        assert!(bound <= trace.abs());
+        assert!(trace.abs() - bound <= exact(1e-12));
     }
 }
