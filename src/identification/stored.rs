@@ -13,6 +13,7 @@ use crate::measurement::Origin;
 use crate::plausible::ELASTIC_COMPLIANCE;
 use crate::posterior::Posterior;
 use crate::robot::Robot;
+use crate::task::Method;
 
 /// Which file is wanted.
 const WANTED: &str = "the file must be one that `elastocal identify --identified-out` wrote";
@@ -43,6 +44,8 @@ pub struct StoredFingerprint {
 /// The keys that are read.
 #[derive(Deserialize)]
 struct Stored {
+    #[expect(dead_code, reason = "must be one of those there are")]
+    method: Method,
     parameters: Vec<String>,
     compliance_rad_per_nm: Vec<Option<f64>>,
     #[serde(default)]
@@ -52,6 +55,8 @@ struct Stored {
     #[serde(default)]
     compliance_typical_rad_per_nm: Vec<f64>,
     covariance_rad2_per_n2m2: Vec<Vec<f64>>,
+    #[expect(dead_code, reason = "must be a number")]
+    rank: usize,
     #[serde(default)]
     conditions: Vec<String>,
     identified_with: Option<StoredFingerprint>,

@@ -117,13 +117,22 @@ pub struct CriterionFunction {
     side_by_side: Vec<[f64; LANES]>,
 }
 
+/// A matrix R (p x r) or, where r > p, a smaller one with the same R R^T: many test poses cost no more than a
+/// few.
+fn no_wider_than_high(right: DMatrix<f64>) -> DMatrix<f64> {
+    if right.ncols() <= right.nrows() {
+        return right;
+    }
+    right.transpose().qr().r().transpose()
+}
+
 impl CriterionFunction {
     /// The criterion for test poses given by C^T (p x r), in relative units.
     #[must_use]
     pub fn new(criterion: Criterion, test_poses: DMatrix<f64>) -> Self {
         let size = test_poses.nrows();
         let right = match criterion {
-            Criterion::TestPose => test_poses,
+            Criterion::TestPose => no_wider_than_high(test_poses),
             _ => DMatrix::identity(size, size),
         };
         Self {

@@ -167,9 +167,8 @@ impl<'a> LinearModel<'a> {
                 3 * group,
             ));
         }
-        let covariance = errors.tr_mul(&errors);
         if let Some((estimable, _)) = &part
-            && !self.determines_test_poses(estimable, &covariance)
+            && !self.determines_test_poses(estimable, &errors)
         {
             return Err(Failure::Undetermined);
         }
@@ -185,13 +184,13 @@ impl<'a> LinearModel<'a> {
             .collect();
         let bias = errors.tr_mul(&biases) + test_poses_unknown;
         // What the noise alone leaves, where the true compliances are given.
-        let (covariance, errors) = if self.prior.is_some() {
+        let errors = if self.prior.is_some() {
             let observed = within(part.as_ref(), &within(part.as_ref(), &observed).transpose());
-            let noise = noise_errors(&factor, &observed, &errors).ok_or(Failure::Undetermined)?;
-            (noise.tr_mul(&noise), noise)
+            noise_errors(&factor, &observed, &errors).ok_or(Failure::Undetermined)?
         } else {
-            (covariance, errors)
+            errors
         };
+        let covariance = smaller_square(&errors);
         Ok(PlanModel {
             whitener,
             compensation,
@@ -230,14 +229,23 @@ impl<'a> LinearModel<'a> {
         Some((estimable, basis))
     }
 
-    /// Whether that is what each test pose needs; `covariance` is that of all their errors, in sigma^2.
-    fn determines_test_poses(&self, estimable: &Estimable, covariance: &DMatrix<f64>) -> bool {
-        (0..covariance.nrows()).step_by(3).all(|first| {
-            let variance = covariance.view((first, first), (3, 3)).trace();
+    /// Whether that is what each test pose needs; `errors` are L^-1 `A_0^T` of all of them.
+    fn determines_test_poses(&self, estimable: &Estimable, errors: &DMatrix<f64>) -> bool {
+        (0..errors.ncols()).step_by(3).all(|first| {
+            let variance = errors.columns(first, 3).norm_squared();
             let error_m = variance.sqrt() * self.experiments.sigma_m;
             let rows = self.test_poses.rows(first, 3).into_owned();
             estimable.missing(&rows, error_m).is_empty()
         })
+    }
+}
+
+/// E^T E or E E^T, whichever is smaller: their traces and norms are the same.
+fn smaller_square(errors: &DMatrix<f64>) -> DMatrix<f64> {
+    if errors.ncols() > errors.nrows() {
+        errors * errors.transpose()
+    } else {
+        errors.tr_mul(errors)
     }
 }
 

@@ -14,6 +14,10 @@ use crate::task::Task;
 
 /// Searches: fewer than for a single plan, since there are many.
 const SEARCHES: usize = 48;
+/// Beyond so many measurements one more changes a plan little,
+const MANY: u32 = 12;
+/// and fewer searches are enough beside what is known from one measurement less.
+const SEARCHES_OF_MANY: usize = 8;
 /// Few configurations are tried up to this number, and then as many as measurements.
 const FEW: u32 = 4;
 
@@ -78,6 +82,9 @@ pub fn budget_and_proof(
             break;
         }
         progress(index, sizes.len());
+        if experiments > MANY {
+            problem.effort.searches = SEARCHES_OF_MANY;
+        }
         let known: Vec<Plan> = plans
             .iter()
             .filter_map(|((m, c), plan)| {
