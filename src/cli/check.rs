@@ -8,7 +8,9 @@ use elastocal::plan::{Feasibility, read_plan};
 use elastocal::platform::platform;
 use elastocal::record::messages::{ProvenanceMessage, SchemaMessage};
 use elastocal::record::understanding::{UnderstandingMessage, UnknownsMessage};
-use elastocal::understanding::{Understanding, UnderstoodPose, UnderstoodTruth, unknowns};
+use elastocal::understanding::{
+    Understanding, UnderstoodJoint, UnderstoodPose, UnderstoodTruth, unknowns,
+};
 use nalgebra::Vector3;
 use serde_json::{Value, json};
 
@@ -36,7 +38,7 @@ impl Check {
         let checked = self.common.load().and_then(|scenario| {
             let plan = self.plan.as_deref();
             let plan = plan
-                .map(|path| read_plan(path, scenario.task.belief.joints()))
+                .map(|path| read_plan(path, scenario.task.belief.commands()))
                 .transpose()?;
             Ok((scenario, plan))
         });
@@ -129,11 +131,10 @@ fn describe(understanding: &Understanding) -> String {
     ];
     let rows: Vec<Vec<String>> = (understanding.joints.iter())
         .map(|joint| {
-            let [low, high] = joint.range_rad.map(f64::to_degrees);
             let stiffness = joint.compliance_rad_per_nm.recip();
             vec![
                 joint.name.clone(),
-                format!("{low:.1} to {high:.1}"),
+                range(joint),
                 if stiffness.is_finite() {
                     format!("{stiffness:.3e}")
                 } else {
@@ -141,10 +142,11 @@ fn describe(understanding: &Understanding) -> String {
                 },
                 format!("{:.3e}", joint.compliance_rad_per_nm),
                 format!("{:.1}", joint.moving_mass_kg),
-                if joint.is_parameter {
-                    "identified".to_owned()
-                } else {
-                    String::new()
+                match (joint.drive.passive_at, joint.is_parameter) {
+                    (Some(_), true) => "passive, identified".to_owned(),
+                    (Some(_), false) => "passive".to_owned(),
+                    (None, true) => "identified".to_owned(),
+                    (None, false) => String::new(),
                 },
             ]
         })
@@ -155,6 +157,22 @@ fn describe(understanding: &Understanding) -> String {
         understanding.reach_m * 1e3,
         understanding.gravity_m_s2
     );
+    for (name, value, unit) in &understanding.locked {
+        text += &format!("The joint {name} is locked at {value} {unit}.\n");
+    }
+    for spring in &understanding.springs {
+        let [low, high] = spring.rest_m.map(|length| length * 1e3);
+        let rest = if low < high {
+            format!("{low:.2} to {high:.2}")
+        } else {
+            format!("{low:.2}")
+        };
+        text += &format!(
+            "The spring {} has {:.4} N/mm and is relaxed at {rest} mm.\n",
+            spring.name,
+            spring.stiffness_n_per_m * 1e-3
+        );
+    }
     for pose in &understanding.poses {
         text += &describe_pose(understanding, pose);
     }
@@ -162,6 +180,23 @@ fn describe(understanding: &Understanding) -> String {
         text += &describe_truth(truth);
     }
     text + "\n"
+}
+
+/// The range of what a joint is commanded, or where a passive one is relaxed.
+fn range(joint: &UnderstoodJoint) -> String {
+    let shown = |value: f64| {
+        if joint.drive.slides {
+            value * 1e3
+        } else {
+            value.to_degrees()
+        }
+    };
+    let unit = if joint.drive.slides { " mm" } else { "" };
+    if let Some(rest) = joint.drive.passive_at {
+        return format!("{:.3}{unit}", shown(rest));
+    }
+    let [low, high] = joint.range_rad.map(shown);
+    format!("{low:.1} to {high:.1}{unit}")
 }
 
 /// A virtual robot that is more than a chain.

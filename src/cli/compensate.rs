@@ -48,7 +48,10 @@ impl Compensate {
         )?;
         let mut conditions = identified.conditions;
         conditions.extend(pose_conditions(&scenario.task.belief, &poses));
-        let messages: Vec<TestPoseMessage> = poses.iter().map(Into::into).collect();
+        let commands = scenario.task.belief.commands();
+        let messages: Vec<TestPoseMessage> = (poses.iter())
+            .map(|each| TestPoseMessage::new(&commands, each))
+            .collect();
         let rows: Vec<Vec<String>> = messages
             .iter()
             .map(|pose| {

@@ -34,7 +34,7 @@ impl Evaluate {
         let mut roles = inputs(&scenario);
         let outputs = [("--proof-out", self.proof.out())];
         check_outputs(roles.reads("the plan", &self.plan), &outputs)?;
-        let plan = read_plan(&self.plan, scenario.task.belief.joints())?;
+        let plan = read_plan(&self.plan, scenario.task.belief.commands())?;
         self.common.say("searching the bound that no plan can beat");
         // Without a bound, the rest still holds.
         let bound = self.proof.with_effort(&self.common, &NEVER, |proof| {

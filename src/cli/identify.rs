@@ -45,7 +45,7 @@ impl Identify {
         let file = shell_word(&self.measurements.to_string_lossy());
         let usage = format!("elastocal identify SCENARIO --measurements {file}");
         let scenario = (self.common).load_for(&self.measurements, origin.as_ref(), &usage)?;
-        let measurements = read_measurements(&self.measurements, scenario.task.belief.joints())?;
+        let measurements = read_measurements(&self.measurements, scenario.task.belief.commands())?;
         let outputs = [("--identified-out", self.identified_out.as_deref())];
         let mut roles = inputs(&scenario);
         roles.reads("the measurements", &self.measurements);

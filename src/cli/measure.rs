@@ -35,7 +35,7 @@ pub struct Measure {
 impl Measure {
     pub fn execute(&self) -> anyhow::Result<Report> {
         let scenario = self.common.load()?;
-        let plan = read_plan(&self.plan, scenario.task.belief.joints())?;
+        let plan = read_plan(&self.plan, scenario.task.belief.commands())?;
         let outputs = [("--measurements-out", self.measurements_out.as_deref())];
         let mut roles = inputs(&scenario);
         check_outputs(roles.reads("the plan", &self.plan), &outputs)?;
@@ -75,12 +75,15 @@ impl Measure {
             write_measurements_under(
                 &scenario.origin(),
                 path,
-                scenario.task.belief.joints(),
+                scenario.task.belief.commands(),
                 &measurements,
             )?;
             text += &format!("wrote {}\n", path.display());
         }
-        let messages: Vec<MeasurementMessage> = measurements.iter().map(Into::into).collect();
+        let commands = scenario.task.belief.commands();
+        let messages: Vec<MeasurementMessage> = (measurements.iter())
+            .map(|each| MeasurementMessage::new(&commands, each))
+            .collect();
         Ok(Report {
             json: results(
                 "measure",

@@ -194,7 +194,7 @@ impl PlanCommand {
             designed.elapsed_s
         );
         if let Some(path) = &self.plan_out {
-            write_plan(path, scenario.task.belief.joints(), plan)?;
+            write_plan(path, scenario.task.belief.commands(), plan)?;
             text += &format!("wrote {}\n", path.display());
         }
         if let Some(path) = &self.stills_out {
@@ -203,7 +203,7 @@ impl PlanCommand {
         }
         let json = json!({
             "gate": scenario.gate,
-            "plan": plan_messages(plan),
+            "plan": plan_messages(&scenario.task.belief.commands(), plan),
             "criterion": self.criterion.name(),
             "configurations": configurations.unwrap_or(experiments).min(experiments),
             "elapsed_s": designed.elapsed_s,

@@ -75,8 +75,9 @@ impl Replay {
                 ))
             })
             .collect::<anyhow::Result<Vec<_>>>()?;
+        let commands = scenario.task.belief.commands();
         let messages: Vec<_> = (calibrations.iter())
-            .map(|(name, calibration)| CalibrationMessage::new(name, calibration))
+            .map(|(name, calibration)| CalibrationMessage::new(&commands, name, calibration))
             .collect();
         let keys = json!({ "run": self.run, "plans": messages });
         let json = results("replay", &ProvenanceMessage::new(&scenario), keys);

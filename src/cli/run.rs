@@ -63,7 +63,7 @@ impl Entry {
     fn records(&self, scenario: &Scenario) -> PlanRecords {
         let (name, calibration) = &self.calibration;
         (
-            CalibrationMessage::new(name, calibration),
+            CalibrationMessage::new(&scenario.task.belief.commands(), name, calibration),
             AssessmentMessage::new(scenario, &self.assessment),
         )
     }
@@ -199,7 +199,7 @@ fn plans_to_compare(scenario: &Scenario, optimal: Plan) -> anyhow::Result<Compar
     let experiments = optimal.measurements();
     let mut plans = vec![("optimal".to_owned(), optimal)];
     for file in &scenario.plans {
-        let plan = read_plan(&file.path, scenario.task.belief.joints())?;
+        let plan = read_plan(&file.path, scenario.task.belief.commands())?;
         if plan.measurements() == experiments {
             plans.push((file.name.clone(), plan));
         }
@@ -300,11 +300,11 @@ fn write_all(
     text: &str,
     written: &mut Written,
 ) {
-    let joints = scenario.task.belief.joints();
+    let commands = scenario.task.belief.commands();
     let [plan, measurements, results] = FILES.map(|name| folder.join(name));
-    written.note(&plan, write_plan(&plan, joints, &main.plan));
+    written.note(&plan, write_plan(&plan, commands.clone(), &main.plan));
     let origin = scenario.origin();
-    let rows = write_measurements_under(&origin, &measurements, joints, &main.measurements);
+    let rows = write_measurements_under(&origin, &measurements, commands, &main.measurements);
     written.note(&measurements, rows);
     written.note(&results, write_whole(&results, text.as_bytes()));
 }

@@ -1,5 +1,7 @@
 //! Compensation of the deflection at a test pose: eqs. 14 and 15, and their non-linear form.
 
+mod passive;
+
 use nalgebra::{DMatrix, DVector};
 
 use crate::posterior::{NotDetermined, Posterior};
@@ -16,7 +18,8 @@ use crate::task::{Belief, Method, TestPose};
 /// second form needs no inverse and holds for any number of joints. Non-linear: the torque is taken
 /// at the unloaded equilibrium `q_u` of `q_0` under gravity. The loaded equilibrium of
 /// q = `q_0` - k `J(q_u)^T` W is then `q_u` itself, so that the compensation is exact for true
-/// compliances, in position and orientation.
+/// compliances, in position and orientation. Joints that are passive cannot be commanded: the others make up
+/// for them, in position and orientation where six are commanded.
 ///
 /// # Errors
 /// The unloaded robot has no equilibrium at the test pose.
@@ -29,11 +32,18 @@ pub fn compensate(
 ) -> Result<DVector<f64>, EquilibriumError> {
     let mut arm = chain.at(tool);
     let q0 = &pose.configuration_rad;
+    let has_passive_joints = chain.commanded().count() < chain.len();
     let state = match method {
         Method::Linear => {
             let mut state = KinematicState::new(chain.len());
             arm.update(q0.as_slice(), &mut state);
+            if has_passive_joints {
+                return Ok(passive::linear(chain, &state, compliance_rad_per_nm, pose));
+            }
             state
+        }
+        Method::Nonlinear if has_passive_joints => {
+            return passive::nonlinear(chain, tool, compliance_rad_per_nm, pose);
         }
         Method::Nonlinear => {
             let mut solver = EquilibriumSolver::new(chain.len());

@@ -10,38 +10,35 @@ use crate::files::FileError;
 use crate::files::output::write_whole;
 use crate::limits::MOST_MEASUREMENTS;
 use crate::plausible::faint_load;
-use crate::robot::Load;
-use crate::units::degrees;
+use crate::robot::{Commands, Load};
 
-/// The columns that name a configuration and a load, for an arm of n joints.
+/// The columns that name a configuration and a load.
 #[must_use]
-pub fn experiment_columns(joints: usize) -> Vec<String> {
-    (1..=joints)
-        .map(|joint| format!("q{joint}_deg"))
+pub fn experiment_columns(commands: &Commands) -> Vec<String> {
+    (commands.columns().into_iter())
         .chain(["fx_n", "fy_n", "fz_n", "tx_nm", "ty_nm", "tz_nm"].map(str::to_owned))
         .collect()
 }
 
-/// The configuration (rad) and load of a row with [`experiment_columns`].
+/// The configuration (rad, m) and load of a row with [`experiment_columns`].
 #[must_use]
-pub fn configuration_and_load(row: &Row<'_>, joints: usize) -> (DVector<f64>, Load) {
-    let configuration = DVector::from_iterator(
-        joints,
-        (1..=joints).map(|joint| row.get(&format!("q{joint}_deg")).to_radians()),
-    );
+pub fn configuration_and_load(row: &Row<'_>, commands: &Commands) -> (DVector<f64>, Load) {
+    let written = commands.columns();
+    let written: Vec<f64> = written.iter().map(|column| row.get(column)).collect();
     let load = Load {
         force_n: row.vector(["fx_n", "fy_n", "fz_n"]),
         torque_nm: row.vector(["tx_nm", "ty_nm", "tz_nm"]),
     };
-    (configuration, load)
+    (commands.configuration(&written), load)
 }
 
-/// Reads a plan for an arm of n joints.
+/// Reads a plan for an arm, which may be given by its number of joints.
 ///
 /// # Errors
 /// See [`Table::read`]; `repeats` must be a whole number from 1, and no load zero.
-pub fn read_plan(path: &Path, joints: usize) -> Result<Plan, FileError> {
-    let mut columns = experiment_columns(joints);
+pub fn read_plan(path: &Path, commands: impl Into<Commands>) -> Result<Plan, FileError> {
+    let commands = commands.into();
+    let mut columns = experiment_columns(&commands);
     columns.push("repeats".to_owned());
     let table = Table::read(path, &columns, &[])?;
     let experiments = table
@@ -53,7 +50,7 @@ pub fn read_plan(path: &Path, joints: usize) -> Result<Plan, FileError> {
                     "repeats: found {repeats}; a whole number from 1 to {MOST_MEASUREMENTS} is allowed"
                 )));
             }
-            let (configuration_rad, load) = configuration_and_load(&row, joints);
+            let (configuration_rad, load) = configuration_and_load(&row, &commands);
             if load == Load::NONE {
                 return Err(row.wrong("found a load of zero, which deflects nothing"));
             }
@@ -87,23 +84,30 @@ pub fn read_plan(path: &Path, joints: usize) -> Result<Plan, FileError> {
 
 /// The fields of a configuration and a load, in the order of [`experiment_columns`].
 #[must_use]
-pub fn experiment_fields(configuration_rad: &DVector<f64>, load: &Load) -> Vec<String> {
-    configuration_rad
-        .iter()
-        .map(|&angle| degrees(angle))
+pub fn experiment_fields(
+    commands: &Commands,
+    configuration_rad: &DVector<f64>,
+    load: &Load,
+) -> Vec<String> {
+    (commands.numbers(configuration_rad.as_slice()).into_iter())
         .chain(load.wrench().iter().copied())
         .map(|value| value.to_string())
         .collect()
 }
 
-/// Writes a plan for an arm of n joints.
+/// Writes a plan for an arm, which may be given by its number of joints.
 ///
 /// # Errors
 /// The file cannot be written.
-pub fn write_plan(path: &Path, joints: usize, plan: &Plan) -> Result<(), FileError> {
-    let mut text = experiment_columns(joints).join(",") + ",repeats\n";
+pub fn write_plan(
+    path: &Path,
+    commands: impl Into<Commands>,
+    plan: &Plan,
+) -> Result<(), FileError> {
+    let commands = commands.into();
+    let mut text = experiment_columns(&commands).join(",") + ",repeats\n";
     for each in &plan.experiments {
-        text += &experiment_fields(&each.configuration_rad, &each.load).join(",");
+        text += &experiment_fields(&commands, &each.configuration_rad, &each.load).join(",");
         text += &format!(",{}\n", each.repeats);
     }
     write_whole(path, text.as_bytes())

@@ -10,6 +10,7 @@ use crate::experiment::{configuration_and_load, experiment_columns, experiment_f
 use crate::files::FileError;
 use crate::files::output::write_whole;
 use crate::plausible::{DEVIATION, Kind, ROTATION_DEVIATION, faint_load, shown};
+use crate::robot::Commands;
 use crate::units::thousandths;
 
 const DEFLECTION: [&str; 3] = ["dx_mm", "dy_mm", "dz_mm"];
@@ -17,13 +18,17 @@ const DEFLECTION_SIGMA: [&str; 3] = ["sx_mm", "sy_mm", "sz_mm"];
 const ROTATION: [&str; 3] = ["rx_mrad", "ry_mrad", "rz_mrad"];
 const ROTATION_SIGMA: [&str; 3] = ["srx_mrad", "sry_mrad", "srz_mrad"];
 
-/// Reads measurements of an arm of n joints.
+/// Reads measurements of an arm, which may be given by its number of joints.
 ///
 /// # Errors
 /// See [`Table::read`]; a standard deviation must be positive, and the columns of a group
 /// (`sx_mm,sy_mm,sz_mm`; `rx_mrad,ry_mrad,rz_mrad,srx_mrad,sry_mrad,srz_mrad`) come together.
-pub fn read_measurements(path: &Path, joints: usize) -> Result<Vec<Measurement>, FileError> {
-    let mut required = experiment_columns(joints);
+pub fn read_measurements(
+    path: &Path,
+    commands: impl Into<Commands>,
+) -> Result<Vec<Measurement>, FileError> {
+    let commands = commands.into();
+    let mut required = experiment_columns(&commands);
     required.extend(DEFLECTION.map(str::to_owned));
     let optional: Vec<_> = [DEFLECTION_SIGMA, ROTATION, ROTATION_SIGMA]
         .concat()
@@ -36,7 +41,7 @@ pub fn read_measurements(path: &Path, joints: usize) -> Result<Vec<Measurement>,
     table
         .rows()
         .map(|row| {
-            let (configuration_rad, load) = configuration_and_load(&row, joints);
+            let (configuration_rad, load) = configuration_and_load(&row, &commands);
             if let Some(problem) = faint_load(&load.wrench()) {
                 return Err(row.wrong(problem));
             }
@@ -94,27 +99,34 @@ fn deviations(row: &Row<'_>, columns: [&str; 3], kind: &Kind) -> Result<Vector3<
 pub fn write_measurements_under(
     origin: &Origin,
     path: &Path,
-    joints: usize,
+    commands: impl Into<Commands>,
     measurements: &[Measurement],
 ) -> Result<(), FileError> {
-    let text = text_of(path, joints, measurements)?;
+    let text = text_of(path, &commands.into(), measurements)?;
     write_whole(path, (origin.comments() + &text).as_bytes())
 }
 
-/// Writes measurements of an arm of n joints.
+/// Writes measurements of an arm, which may be given by its number of joints.
 ///
 /// # Errors
 /// The file cannot be written; or some measurements have standard deviations or rotations and some
 /// have none, which the columns of a file cannot say.
 pub fn write_measurements(
     path: &Path,
-    joints: usize,
+    commands: impl Into<Commands>,
     measurements: &[Measurement],
 ) -> Result<(), FileError> {
-    write_whole(path, text_of(path, joints, measurements)?.as_bytes())
+    write_whole(
+        path,
+        text_of(path, &commands.into(), measurements)?.as_bytes(),
+    )
 }
 
-fn text_of(path: &Path, joints: usize, measurements: &[Measurement]) -> Result<String, FileError> {
+fn text_of(
+    path: &Path,
+    commands: &Commands,
+    measurements: &[Measurement],
+) -> Result<String, FileError> {
     let has = |what, is_there: fn(&Measurement) -> bool| match measurements
         .iter()
         .filter(|each| is_there(each))
@@ -130,7 +142,7 @@ fn text_of(path: &Path, joints: usize, measurements: &[Measurement]) -> Result<S
     };
     let has_sigma = has("standard deviations", |each| each.sigma_m.is_some())?;
     let has_rotation = has("rotations", |each| each.rotation.is_some())?;
-    let mut columns = experiment_columns(joints);
+    let mut columns = experiment_columns(commands);
     columns.extend(DEFLECTION.map(str::to_owned));
     if has_sigma {
         columns.extend(DEFLECTION_SIGMA.map(str::to_owned));
@@ -141,7 +153,7 @@ fn text_of(path: &Path, joints: usize, measurements: &[Measurement]) -> Result<S
     }
     let mut text = columns.join(",") + "\n";
     for each in measurements {
-        let mut fields = experiment_fields(&each.configuration_rad, &each.load);
+        let mut fields = experiment_fields(commands, &each.configuration_rad, &each.load);
         let mut push = |vector: &Vector3<f64>| {
             fields.extend(vector.iter().map(|&value| thousandths(value).to_string()));
         };

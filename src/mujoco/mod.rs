@@ -5,8 +5,10 @@
 
 mod balance;
 mod foreign;
+mod locked;
 mod messages;
 mod model;
+mod mounted;
 mod obstacle;
 mod rehearsal;
 mod scan;
@@ -17,6 +19,7 @@ mod statics;
 pub use balance::GivingWay;
 pub use messages::print_warnings;
 pub use model::{Geometry, Model, ModelError, Shape};
+pub use mounted::{Additions, MountedPayload, MountedTool, frame};
 pub use obstacle::Obstacle;
 pub use rehearsal::{limit_process, rehearse_with};
 pub use sources::sources;

@@ -87,8 +87,8 @@ pub enum ModelError {
         /// MuJoCo's own words.
         message: String,
     },
-    /// The model is not a serial arm of hinge joints.
-    #[error("{path}: not a serial arm of hinge joints: {reason}")]
+    /// The model is not a serial arm of hinges and slides.
+    #[error("{path}: not a serial arm of hinges and slides: {reason}")]
     NotSerial {
         /// The model file.
         path: PathBuf,
@@ -160,6 +160,8 @@ pub struct Geometry {
 pub struct Model {
     pub(super) inner: Arc<MjModel>,
     pub(super) path: PathBuf,
+    /// Joints that a scenario locks, each with its coordinate (rad or m).
+    pub(super) locked: Arc<Vec<(usize, f64)>>,
 }
 
 impl Model {
@@ -194,7 +196,16 @@ impl Model {
         Ok(Self {
             inner: Arc::new(inner),
             path: path.to_owned(),
+            locked: Arc::default(),
         })
+    }
+
+    /// The same model in which other numbers stand.
+    pub(super) fn changed(&self, model: MjModel) -> Self {
+        Self {
+            inner: Arc::new(model),
+            ..self.clone()
+        }
     }
 
     /// The file that the model was read from.
@@ -209,10 +220,7 @@ impl Model {
         let mut model = (*self.inner).clone();
         model.opt_mut().disableflags |=
             MjtDisableBit::mjDSBL_CONTACT as i32 | MjtDisableBit::mjDSBL_LIMIT as i32;
-        Self {
-            inner: Arc::new(model),
-            path: self.path.clone(),
-        }
+        self.changed(model)
     }
 
     /// The same model in which each body has the mass that weighs on the arm: without the share that
@@ -233,10 +241,7 @@ impl Model {
         for body in (1..masses.len()).rev() {
             subtrees[self.parent(body)] += subtrees[body];
         }
-        Self {
-            inner: Arc::new(model),
-            path: self.path.clone(),
-        }
+        self.changed(model)
     }
 
     /// The same model in which geometries that collide come into contact at this distance (m).
@@ -245,10 +250,7 @@ impl Model {
         let mut model = (*self.inner).clone();
         model.geom_margin_mut().fill(clearance_m);
         model.body_margin_mut().fill(clearance_m);
-        Self {
-            inner: Arc::new(model),
-            path: self.path.clone(),
-        }
+        self.changed(model)
     }
 
     /// The same model in which some joints have other compliances (rad/(N m)); their commands mean the
@@ -263,10 +265,15 @@ impl Model {
     ) -> Result<Self, ModelError> {
         let mut model = (*self.inner).clone();
         for (&joint, value) in joints.iter().zip(compliance) {
-            let servo = self.position(joint).ok_or_else(|| self.not_held(joint))?;
             if *value == 0.0 {
                 continue;
             }
+            let Some(servo) = self.position(joint) else {
+                self.joint_spring(joint)
+                    .ok_or_else(|| self.not_held(joint))?;
+                model.jnt_stiffness_mut()[joint] = value.recip();
+                continue;
+            };
             let gain = value.recip() / (servo.gear * servo.gear);
             let command = self.inner.actuator_gainprm()[servo.actuator][0];
             let spring = -self.inner.actuator_biasprm()[servo.actuator][1];
@@ -277,10 +284,7 @@ impl Model {
                 model.actuator_biasprm_mut()[servo.actuator][1] = -gain;
             }
         }
-        Ok(Self {
-            inner: Arc::new(model),
-            path: self.path.clone(),
-        })
+        Ok(self.changed(model))
     }
 
     /// The position actuator that holds a joint.
@@ -348,18 +352,31 @@ impl Model {
         first..first + count
     }
 
-    /// How many joints, from the base, move a body of a serial arm.
+    /// Whether the joint slides along its axis.
+    #[must_use]
+    pub fn is_slide(&self, joint: usize) -> bool {
+        self.inner.jnt_type()[joint] == MjtJoint::mjJNT_SLIDE
+    }
+
+    /// How many joints that are not locked, from the base, move a body of a serial arm.
     #[must_use]
     pub fn joints_that_move(&self, mut body: usize) -> usize {
-        loop {
-            if let Some(joint) = self.joints_of(body).last() {
-                return joint + 1;
-            }
-            if body == 0 {
-                return 0;
-            }
+        let mut count = 0;
+        while body != 0 {
+            let joints = self.joints_of(body);
+            count += joints
+                .filter(|&joint| self.locked_at(joint).is_none())
+                .count();
             body = self.parent(body);
         }
+        count
+    }
+
+    /// The sites that springs of tendons go through, one spring after the other.
+    #[must_use]
+    pub fn spring_sites(&self) -> Vec<usize> {
+        let springs = self.tendon_springs().into_iter();
+        springs.flat_map(|spring| spring.sites).collect()
     }
 
     /// The number of joints.
@@ -402,13 +419,43 @@ impl Model {
         self.inner.qpos0()[joint]
     }
 
-    /// The compliance of a joint (rad/(N m)): one over the stiffness of the position actuator that
-    /// holds it at the commanded angle; `None` if there is no actuator.
+    /// The compliance of a joint (rad/(N m), m/N): one over the stiffness of the position actuator that
+    /// holds it at its command or, where it is passive, of its spring; `None` if there is neither.
     #[must_use]
     pub fn joint_compliance(&self, joint: usize) -> Option<f64> {
-        let servo = self.position(joint)?;
-        let spring = -self.inner.actuator_biasprm()[servo.actuator][1];
-        Some((spring * servo.gear * servo.gear).recip())
+        match self.position(joint) {
+            Some(servo) => {
+                let spring = -self.inner.actuator_biasprm()[servo.actuator][1];
+                Some((spring * servo.gear * servo.gear).recip())
+            }
+            None => self
+                .joint_spring(joint)
+                .map(|[stiffness, _]| stiffness.recip()),
+        }
+    }
+
+    /// Whether a position actuator holds the joint.
+    #[must_use]
+    pub fn is_actuated(&self, joint: usize) -> bool {
+        self.position(joint).is_some()
+    }
+
+    /// The linear stiffness of the spring in a joint (N m/rad, N/m) and where it is relaxed (rad, m), if
+    /// there is one that acts.
+    #[must_use]
+    pub fn joint_spring(&self, joint: usize) -> Option<[f64; 2]> {
+        let stiffness = self.inner.jnt_stiffness()[joint];
+        let acts = stiffness != 0.0 && !disabled(&self.inner, MjtDisableBit::mjDSBL_SPRING);
+        let coordinate = self.coordinate_of_joint(joint);
+        acts.then(|| [stiffness, self.inner.qpos_spring()[coordinate]])
+    }
+
+    /// The constant force on a joint (N m, N) of the actuator that holds it.
+    #[must_use]
+    pub fn joint_offset(&self, joint: usize) -> f64 {
+        self.position(joint).map_or(0.0, |servo| {
+            servo.gear * self.inner.actuator_biasprm()[servo.actuator][0]
+        })
     }
 
     /// The joint's name, or `joint <id>`.

@@ -9,7 +9,7 @@ use nalgebra::Isometry3;
 
 use super::messages::refusal;
 use super::model::{prepare, refused};
-use super::{Model, ModelError, Shape};
+use super::{Additions, Model, ModelError, Shape};
 use crate::text::wrong_name;
 
 /// The colour of obstacles: red, green, blue and opacity.
@@ -27,21 +27,25 @@ pub struct Obstacle {
 }
 
 impl Model {
-    /// Compiles the MJCF file with obstacles that stand still and collide with all that collides.
+    /// Compiles the MJCF file with what a scenario adds: obstacles, which stand still and collide with all
+    /// that collides, tools and payloads.
     ///
     /// # Errors
-    /// The file cannot be read, or MuJoCo refuses it with the obstacles, as where the model has a
+    /// The file cannot be read, or MuJoCo refuses it with the additions, as where the model has a
     /// body or a geometry of the same name.
-    pub fn load_with(path: &Path, obstacles: &[Obstacle]) -> Result<Self, ModelError> {
-        if obstacles.is_empty() {
+    pub fn load_with(path: &Path, additions: &Additions) -> Result<Self, ModelError> {
+        if additions.is_empty() {
             return Self::load(path);
         }
         let refused = |message: String| refused(path, message);
         prepare(path)?;
         let mut spec =
             MjSpec::from_xml(path).map_err(|error| refused(refusal(path, &error.to_string())))?;
-        for obstacle in obstacles {
+        for obstacle in &additions.obstacles {
             add(&mut spec, obstacle).map_err(refused)?;
+        }
+        if !additions.tools.is_empty() || !additions.payloads.is_empty() {
+            Self::load(path)?.mount(&mut spec, additions)?;
         }
         let inner = spec.compile().map_err(|error| refused(error.to_string()))?;
         Self::new(inner, path)

@@ -20,6 +20,8 @@ pub struct Contact {
 pub struct State {
     pub(super) model: Model,
     pub(super) data: MjData<std::sync::Arc<mujoco_rs::prelude::MjModel>>,
+    /// Where the joints that are not locked have their (first) coordinate.
+    coordinates: Vec<usize>,
 }
 
 impl std::fmt::Debug for State {
@@ -32,13 +34,17 @@ impl std::fmt::Debug for State {
 }
 
 impl State {
-    /// A new simulation at the model's zero configuration.
+    /// A new simulation that stands as the file draws it, but for locked joints.
     #[must_use]
     pub fn new(model: &Model) -> Self {
-        Self {
+        let free = (0..model.joints()).filter(|&joint| model.locked_at(joint).is_none());
+        let mut state = Self {
             data: MjData::new(model.inner.clone()),
+            coordinates: free.map(|joint| model.coordinate_of_joint(joint)).collect(),
             model: model.clone(),
-        }
+        };
+        state.set_coordinates(&model.start_coordinates());
+        state
     }
 
     /// The model that is simulated.
@@ -47,10 +53,13 @@ impl State {
         &self.model
     }
 
-    /// Runs MuJoCo's kinematics at the joint coordinates `q` (rad): poses of bodies, geometries and
+    /// Runs MuJoCo's kinematics at the coordinates `q` of the joints that are not locked (rad, m): poses of bodies, geometries and
     /// sites, joint axes and centres of mass; no collisions.
     pub fn move_to(&mut self, q: &[f64]) {
-        self.data.qpos_mut()[..q.len()].copy_from_slice(q);
+        let all = self.data.qpos_mut();
+        for (&coordinate, &value) in self.coordinates.iter().zip(q) {
+            all[coordinate] = value;
+        }
         self.data.kinematics();
         self.data.com_pos();
     }
@@ -149,6 +158,13 @@ impl State {
         let applied = self.generalised_force(&point, body, force, torque)?;
         self.data.qfrc_applied_mut().copy_from_slice(&applied);
         self.data.step2();
+        // What is locked stands still.
+        for &(joint, value) in self.model.locked.iter() {
+            let coordinate = self.model.coordinate_of_joint(joint);
+            let degree = self.model.degree_of_joint(joint);
+            self.data.qpos_mut()[coordinate] = value;
+            self.data.qvel_mut()[degree] = 0.0;
+        }
         Ok(())
     }
 

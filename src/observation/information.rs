@@ -102,7 +102,8 @@ pub fn normal_equations(
 }
 
 /// The information of planned readings (p x p, in units of typical sizes) at values of the parameters,
-/// to first order in compliance.
+/// to first order in compliance. Springs do not show in that: with them, it is that at rest, where there is
+/// one.
 #[must_use]
 pub fn planned_information(
     set: &ParameterSet,
@@ -112,6 +113,7 @@ pub fn planned_information(
 ) -> DMatrix<f64> {
     let first = ObservationModel::new(set, nominal, values.as_slice());
     let scales = set.scales();
+    let has_springs = !nominal.chain.elements.springs.is_empty();
     let blocks: Vec<NormalEquations> = readings
         .par_chunks(BLOCK)
         .map(|readings| {
@@ -119,7 +121,11 @@ pub fn planned_information(
             let mut rows = Matrix6xX::zeros(set.len());
             let mut sums = NormalEquations::zeros(set.len());
             for each in readings {
-                model.predict_first_order(&each.setup, each.kind, &mut rows);
+                let at_rest = has_springs
+                    && (model.predict(Form::AtRest, &each.setup, each.kind, &mut rows)).is_ok();
+                if !at_rest {
+                    model.predict_first_order(&each.setup, each.kind, &mut rows);
+                }
                 let mut residual = Vector6::zeros();
                 each.whitener.whiten(each.kind, &mut residual, &mut rows);
                 in_sizes(&mut rows, &scales);

@@ -17,7 +17,7 @@ use nalgebra::{DMatrix, Isometry3, Matrix3, Matrix6x3, Matrix6xX, Rotation3, Vec
 
 use super::rotation::left_jacobian;
 use crate::parameter::{ElasticArm, ParameterKind, ParameterSet};
-use crate::robot::{KinematicState, Load, SerialChain};
+use crate::robot::{KinematicState, Load, Motion, SerialChain};
 
 /// The directions of a frame's displacement and rotation parameters.
 #[derive(Debug, Clone, Copy)]
@@ -157,8 +157,32 @@ impl Sweep {
                     self.response_to(joint) * (pose.torque[joint] * factor)
                 }
                 ParameterKind::JointZero { joint } => {
-                    let twist = Twist::rotation(pose.state.axis[joint], &pose.state.anchor[joint]);
-                    self.beyond(pose, joint, &twist)
+                    let (axis, anchor) = (pose.state.axis[joint], &pose.state.anchor[joint]);
+                    let twist = if pose.state.slides[joint] {
+                        Twist::translation(axis)
+                    } else {
+                        Twist::rotation(axis, anchor)
+                    };
+                    self.beyond(pose, joint, &twist) + self.of_joint_springs(pose, joint)
+                }
+                ParameterKind::SpringStiffness { spring } => {
+                    let nominal = &pose.chain.elements.springs[spring];
+                    let (tension, stiffness) = Self::tension(pose, spring);
+                    let stretched = if stiffness == 0.0 {
+                        0.0
+                    } else {
+                        tension / stiffness
+                    };
+                    let factor = if parameter.is_logarithmic {
+                        nominal.stiffness_n_per_m
+                    } else {
+                        1.0
+                    };
+                    self.of_tension(pose, spring, stretched * factor)
+                }
+                ParameterKind::SpringRest { spring } => {
+                    let (_, stiffness) = Self::tension(pose, spring);
+                    self.of_tension(pose, spring, -stiffness)
                 }
                 ParameterKind::LinkPosition { link, axis } => {
                     let direction =
@@ -223,8 +247,10 @@ impl Sweep {
         let mut rotation = Matrix3::identity();
         for (index, (joint, &angle)) in pose.chain.joints.iter().zip(pose.q).enumerate() {
             self.before[index] = rotation;
-            rotation *= Rotation3::from(joint.previous_from_link.rotation).into_inner()
-                * Rotation3::from_axis_angle(&joint.axis, angle).into_inner();
+            rotation *= Rotation3::from(joint.previous_from_link.rotation).into_inner();
+            if !joint.drive.slides {
+                rotation *= Rotation3::from_axis_angle(&joint.axis, angle).into_inner();
+            }
         }
         self.before[pose.q.len()] = rotation;
     }
@@ -239,7 +265,7 @@ impl Sweep {
         let compliance = &pose.belief.compliance_rad_per_nm;
         for (joint, &compliance) in compliance.iter().enumerate() {
             let moved = self.response_to(joint) * compliance;
-            self.inner[joint + 1] = self.inner[joint] + moved * state.axis[joint].transpose();
+            self.inner[joint + 1] = self.inner[joint] + moved * state.turning(joint).transpose();
             self.bent_before[joint + 1] = self.bent_before[joint]
                 + state.rotation_column(joint) * (compliance * pose.torque[joint]);
         }
@@ -254,6 +280,62 @@ impl Sweep {
         }
     }
 
+    /// The tension of a spring (N) and its stiffness (N/m) there; nothing to first order in compliance.
+    fn tension(pose: &SweepPose<'_>, spring: usize) -> (f64, f64) {
+        if pose.is_first_order {
+            return (0.0, 0.0);
+        }
+        let elements = &pose.chain.elements;
+        elements.springs[spring].tension(elements.length_m(spring, pose.state))
+    }
+
+    /// What more tension of a spring (N) moves.
+    fn of_tension(&self, pose: &SweepPose<'_>, spring: usize, tension: f64) -> Vector6<f64> {
+        let mut column = Vector6::zeros();
+        if tension != 0.0 {
+            for joint in 0..pose.torque.len() {
+                let torque = tension * pose.chain.elements.pull(spring, pose.state, joint);
+                let compliance = pose.belief.compliance_rad_per_nm[joint];
+                column += self.response_to(joint) * (torque * compliance);
+            }
+        }
+        column
+    }
+
+    /// What the springs beside a joint's own change where it is moved.
+    fn of_joint_springs(&self, pose: &SweepPose<'_>, joint: usize) -> Vector6<f64> {
+        if pose.is_first_order {
+            return Vector6::zeros();
+        }
+        let springs = pose.chain.elements.joint_springs.iter();
+        let stiffness: f64 = springs
+            .filter(|spring| spring.joint == joint)
+            .map(|spring| spring.stiffness)
+            .sum();
+        let compliance = pose.belief.compliance_rad_per_nm[joint];
+        self.response_to(joint) * (-stiffness * compliance)
+    }
+
+    /// What a twist of all from joint m on changes by the places of springs that it moves.
+    fn of_places(&self, pose: &SweepPose<'_>, m: usize, twist: &Twist) -> Vector6<f64> {
+        let mut column = Vector6::zeros();
+        if pose.is_first_order || pose.chain.elements.springs.is_empty() {
+            return column;
+        }
+        let motion = Motion {
+            joints: m,
+            velocity: twist.velocity,
+            omega: twist.omega,
+        };
+        let mut change = vec![0.0; pose.torque.len()];
+        (pose.chain.elements).add_change(pose.state, &motion, &mut change);
+        for (joint, torque) in change.iter().enumerate() {
+            let compliance = pose.belief.compliance_rad_per_nm[joint];
+            column += self.response_to(joint) * (torque * compliance);
+        }
+        column
+    }
+
     /// A twist of all from joint m on.
     fn beyond(&self, pose: &SweepPose<'_>, m: usize, twist: &Twist) -> Vector6<f64> {
         let state = pose.state;
@@ -265,7 +347,7 @@ impl Sweep {
             moment += moved.cross(&pose.load.force_n);
             column += self.rigidly(pose, m, &moved, &twist.omega);
         }
-        column + self.inner[m] * moment
+        column + self.inner[m] * moment + self.of_places(pose, m, twist)
     }
 
     fn of_tool(&self, pose: &SweepPose<'_>, twist: &Twist) -> Vector6<f64> {
@@ -307,11 +389,15 @@ impl Sweep {
     fn of_payload_mass(&self, pose: &SweepPose<'_>) -> Vector6<f64> {
         let mut column = Vector6::zeros();
         if let Some(payload) = &pose.belief.payload {
-            let centre = pose.state.anchor[payload.link]
-                + self.before[payload.link + 1] * payload.centre_of_mass_m;
+            let link = payload.link;
+            let mut origin = pose.state.anchor[link];
+            if pose.state.slides[link] {
+                origin += pose.state.axis[link] * pose.q[link];
+            }
+            let centre = origin + self.before[payload.link + 1] * payload.centre_of_mass_m;
             for joint in 0..=payload.link {
-                let lever = centre - pose.state.anchor[joint];
-                let torque = pose.state.axis[joint].dot(&lever.cross(pose.gravity_m_s2));
+                let moved = pose.state.moves(joint, payload.link + 1, &centre);
+                let torque = moved.dot(pose.gravity_m_s2);
                 let compliance = pose.belief.compliance_rad_per_nm[joint];
                 column += self.response_to(joint) * (torque * compliance * payload.mass_kg);
             }

@@ -4,7 +4,7 @@ use nalgebra::{Matrix6xX, Vector3, Vector6};
 
 use super::rotation::inverse_left_jacobian;
 use super::{Form, ObservationModel, Prediction, ReadingKind, Setup};
-use crate::parameter::arms::{Numbers, random, ur10};
+use crate::parameter::arms::{Numbers, random, random_elastic, ur10};
 use crate::parameter::{ElasticArm, Parameter, ParameterKind, ParameterSet};
 use crate::robot::{
     EquilibriumSolver, KinematicState, Kinematics, Load, ObservationMatrix, rotation_vector,
@@ -44,7 +44,7 @@ fn difference(one: &Prediction, other: &Prediction, kind: ReadingKind) -> Vector
 /// A tenth of a metre, of a radian or of itself.
 fn step_size(parameter: &Parameter, belief: &ElasticArm) -> f64 {
     match parameter.unit() {
-        "rad/(N m)" => parameter.kind.typical_size(belief, false),
+        "rad/(N m)" | "N/m" => parameter.kind.typical_size(belief, false),
         _ => 0.1,
     }
 }
@@ -112,6 +112,21 @@ fn worst_of_arm(numbers: &mut Numbers, belief: &ElasticArm, form: Form, softness
         }
     }
     worst
+}
+
+/// The same with joints that slide, passive joints and springs.
+#[test]
+fn derivatives_of_elastic_arms_are_those_of_predictions() {
+    let mut numbers = Numbers(11);
+    for joints in [1, 2, 4, 7] {
+        for _ in 0..2 {
+            let belief = random_elastic(&mut numbers, joints);
+            let worst = worst_of_arm(&mut numbers, &belief, Form::AtRest, 1.0);
+            assert!(worst < 1e-5, "{joints} joints: {worst:.1e}");
+            let worst = worst_of_arm(&mut numbers, &belief, Form::FirstOrder, 1e-4);
+            assert!(worst < 1e-5, "{joints} joints, first order: {worst:.1e}");
+        }
+    }
 }
 
 #[test]

@@ -113,7 +113,7 @@ fn table_4(scenario: &Scenario) -> Result<Vec<Plan>, ReproductionError> {
         let file = file.ok_or_else(|| {
             ReproductionError::OtherProblem(format!("it brings no plan named {name:?} (Table 4)"))
         })?;
-        let plan = read_plan(&file.path, scenario.task.belief.joints())?;
+        let plan = read_plan(&file.path, scenario.task.belief.commands())?;
         if plan.measurements() == experiments {
             return Ok(plan);
         }

@@ -10,6 +10,7 @@ use crate::plan::Feasibility;
 use crate::record::evidence::distances_message;
 use crate::record::messages::{ExperimentMessage, plan_messages};
 use crate::record::study::StudyPlanMessage;
+use crate::robot::Commands;
 use crate::scenario::Scenario;
 
 /// The paper's numbers beside this program's.
@@ -121,6 +122,7 @@ impl ReproductionMessage {
     pub fn new(scenario: &Scenario, reproduction: &Reproduction) -> Self {
         let failures = reproduction.failures();
         let mut feasibility = Feasibility::new(&scenario.task);
+        let commands = scenario.task.belief.commands();
         let random = (reproduction.figure_7.first()).and_then(|random| random.printed_m);
         let table6 = reproduction.table_6.iter().zip(&reproduction.designs);
         Self {
@@ -132,7 +134,7 @@ impl ReproductionMessage {
             table4: (reproduction.table_4.iter())
                 .map(|plan| PlanMessage {
                     experiments: plan.measurements(),
-                    plan: plan_messages(plan),
+                    plan: plan_messages(&commands, plan),
                     violations: (feasibility.violations(plan).iter())
                         .map(ToString::to_string)
                         .collect(),
@@ -140,7 +142,7 @@ impl ReproductionMessage {
                 .collect(),
             table5: reproduction.table_5.iter().map(Into::into).collect(),
             table6: table6
-                .map(|(accuracy, design)| TableSixMessage::new(accuracy, design))
+                .map(|(accuracy, design)| TableSixMessage::new(&commands, accuracy, design))
                 .collect(),
             fig7: (reproduction.figure_7.iter())
                 .map(|each| FigureSevenMessage::new(scenario, each, random))
@@ -174,7 +176,7 @@ impl From<&StandardErrors> for StandardErrorsMessage {
 }
 
 impl TableSixMessage {
-    fn new(accuracy: &Accuracy, design: &DesignedPlan) -> Self {
+    fn new(commands: &Commands, accuracy: &Accuracy, design: &DesignedPlan) -> Self {
         Self {
             experiments: accuracy.experiments,
             configurations: accuracy.configurations,
@@ -185,7 +187,7 @@ impl TableSixMessage {
             keeps_the_rule: accuracy.keeps_the_rule(),
             own_rho0_mm: design.rho0_m * 1e3,
             lower_bound_rho0_mm: design.lower_bound_m.map(|bound| bound * 1e3),
-            own_plan: plan_messages(&design.plan),
+            own_plan: plan_messages(commands, &design.plan),
         }
     }
 }

@@ -5,7 +5,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use nalgebra::{DVector, Isometry3, Translation3, Unit, UnitQuaternion, Vector3};
 
 use super::{ElasticArm, ParameterKind, Payload};
-use crate::robot::{Joint, SerialChain, Tool};
+use crate::robot::{Drive, Elements, Joint, JointSpring, Offset, Place, SerialChain, Spring, Tool};
 
 /// A small generator (`SplitMix64`) of reproducible numbers.
 pub(crate) struct Numbers(pub u64);
@@ -62,6 +62,7 @@ fn joint(
         mass_kg,
         centre_of_mass_m: centre.into(),
         model_compliance_rad_per_nm: None,
+        drive: Drive::default(),
     }
 }
 
@@ -94,6 +95,7 @@ pub(crate) fn ur10() -> ElasticArm {
     let chain = SerialChain {
         joints,
         gravity_m_s2: GRAVITY,
+        elements: Elements::default(),
     };
     let tool = Tool {
         name: "reflector".to_owned(),
@@ -122,6 +124,7 @@ pub(crate) fn heavy() -> ElasticArm {
     let chain = SerialChain {
         joints,
         gravity_m_s2: GRAVITY,
+        elements: Elements::default(),
     };
     let tool = Tool {
         name: "reflector".to_owned(),
@@ -145,6 +148,7 @@ pub(crate) fn random(numbers: &mut Numbers, joints: usize) -> ElasticArm {
     let chain = SerialChain {
         joints: links,
         gravity_m_s2: numbers.vector(9.81),
+        elements: Elements::default(),
     };
     let tools = [joints, 1 + joints / 2]
         .map(|carried| Tool {
@@ -163,6 +167,44 @@ pub(crate) fn random(numbers: &mut Numbers, joints: usize) -> ElasticArm {
         mass_kg: numbers.between(1.0, 40.0),
         centre_of_mass_m: numbers.vector(0.3),
     });
+    belief
+}
+
+/// The same with joints that slide, passive joints, springs in joints and between places, and constant
+/// forces of actuators.
+pub(crate) fn random_elastic(numbers: &mut Numbers, joints: usize) -> ElasticArm {
+    let mut belief = random(numbers, joints);
+    for (index, joint) in belief.chain.joints.iter_mut().enumerate() {
+        joint.drive.slides = numbers.uniform() < 0.3;
+        joint.drive.passive_at = (numbers.uniform() < 0.3).then(|| numbers.between(-0.1, 0.1));
+        if numbers.uniform() < 0.3 {
+            belief.chain.elements.offsets.push(Offset {
+                joint: index,
+                force: numbers.between(-300.0, 300.0),
+            });
+        }
+        if numbers.uniform() < 0.3 {
+            belief.chain.elements.joint_springs.push(JointSpring {
+                joint: index,
+                stiffness: numbers.between(0.0, 5e3),
+                rest: numbers.between(-0.5, 0.5),
+            });
+        }
+    }
+    for index in 0..2 {
+        let mut place = |joints: usize| Place {
+            joints,
+            position_m: numbers.vector(0.5),
+        };
+        let path = vec![place(0), place(joints / 2), place(joints)];
+        let low = numbers.between(0.0, 0.3);
+        belief.chain.elements.springs.push(Spring {
+            name: format!("spring_{index}"),
+            stiffness_n_per_m: numbers.between(500.0, 5e3),
+            rest_m: [low, low + 0.05 * f64::from(index)],
+            path,
+        });
+    }
     belief
 }
 

@@ -50,6 +50,17 @@ pub enum ParameterKind {
         /// The joint.
         joint: usize,
     },
+    /// The stiffness of a spring between places of the arm (N/m); with a prior, the logarithm of its ratio to
+    /// the nominal one.
+    SpringStiffness {
+        /// The spring.
+        spring: usize,
+    },
+    /// The length at which a spring is relaxed, the shortest where it has a dead band (m).
+    SpringRest {
+        /// The spring.
+        spring: usize,
+    },
     /// The position of a link's frame along one of its axes (m).
     LinkPosition {
         /// The link.
@@ -104,13 +115,15 @@ impl ParameterKind {
     #[must_use]
     pub const fn unit(self, is_logarithmic: bool) -> &'static str {
         match self {
-            Self::JointCompliance { .. } if is_logarithmic => "1",
+            Self::JointCompliance { .. } | Self::SpringStiffness { .. } if is_logarithmic => "1",
             Self::JointCompliance { .. } => "rad/(N m)",
+            Self::SpringStiffness { .. } => "N/m",
             Self::JointZero { .. }
             | Self::LinkRotation { .. }
             | Self::ToolRotation { .. }
             | Self::BaseRotation { .. } => "rad",
             Self::LinkPosition { .. }
+            | Self::SpringRest { .. }
             | Self::ToolPosition { .. }
             | Self::BasePosition { .. }
             | Self::PayloadCentre { .. } => "m",
@@ -122,7 +135,7 @@ impl ParameterKind {
     #[must_use]
     pub const fn is_logarithmic(self, has_prior: bool) -> bool {
         match self {
-            Self::JointCompliance { .. } => has_prior,
+            Self::JointCompliance { .. } | Self::SpringStiffness { .. } => has_prior,
             Self::PayloadMass | Self::LoadScale => true,
             _ => false,
         }
@@ -152,6 +165,12 @@ impl ParameterKind {
         }
         kinds.extend((0..joints).map(|joint| Self::JointZero { joint }));
         kinds.extend((0..joints).map(|joint| Self::JointCompliance { joint }));
+        for spring in 0..belief.chain.elements.springs.len() {
+            kinds.extend([
+                Self::SpringStiffness { spring },
+                Self::SpringRest { spring },
+            ]);
+        }
         if belief.payload.is_some_and(|payload| payload.mass_kg > 0.0) {
             kinds.push(Self::PayloadMass);
             kinds.extend(Axis::ALL.map(|axis| Self::PayloadCentre { axis }));
@@ -168,9 +187,12 @@ impl ParameterKind {
             index => format!("tool_{}", index + 1),
         };
         let joint = |index: usize| &belief.chain.joints[index].name;
+        let named = |spring: usize| &belief.chain.elements.springs[spring].name;
         match self {
             Self::JointCompliance { joint: index } => format!("{}.compliance", joint(index)),
             Self::JointZero { joint: index } => format!("{}.zero", joint(index)),
+            Self::SpringStiffness { spring } => format!("{}.stiffness", named(spring)),
+            Self::SpringRest { spring } => format!("{}.rest", named(spring)),
             Self::LinkPosition { link, axis } => format!("link_{}.{axis}", link + 1),
             Self::LinkRotation { link, axis } => format!("link_{}.r{axis}", link + 1),
             Self::ToolPosition { tool: index, axis } => format!("{}.{axis}", tool(index)),
@@ -198,10 +220,14 @@ impl ParameterKind {
                     (false, false) => 1e-6,
                 }
             }
-            Self::JointCompliance { .. } => 1.0,
+            Self::SpringStiffness { spring } if !has_prior => belief.chain.elements.springs[spring]
+                .stiffness_n_per_m
+                .abs(),
+            Self::JointCompliance { .. } | Self::SpringStiffness { .. } => 1.0,
             Self::LinkPosition { .. } | Self::LinkRotation { .. } => 3e-4,
             Self::JointZero { .. } | Self::ToolPosition { .. } => 1e-3,
             Self::ToolRotation { .. }
+            | Self::SpringRest { .. }
             | Self::BasePosition { .. }
             | Self::BaseRotation { .. }
             | Self::PayloadCentre { .. }
@@ -226,6 +252,7 @@ impl ParameterKind {
     #[must_use]
     pub fn words(self, belief: &ElasticArm) -> String {
         let joint = |index: usize| &belief.chain.joints[index].name;
+        let named = |spring: usize| &belief.chain.elements.springs[spring].name;
         let tool = |index: usize| match index {
             0 => "the tool".to_owned(),
             index => format!("tool {}", index + 1),
@@ -233,6 +260,8 @@ impl ParameterKind {
         match self {
             Self::JointCompliance { joint: index } => format!("the compliance of {}", joint(index)),
             Self::JointZero { joint: index } => format!("the zero of {}", joint(index)),
+            Self::SpringStiffness { spring } => format!("the stiffness of {}", named(spring)),
+            Self::SpringRest { spring } => format!("the rest length of {}", named(spring)),
             Self::LinkPosition { link, axis } => {
                 format!("link_{}'s position along {axis}", link + 1)
             }
@@ -284,7 +313,8 @@ impl Parameter {
         match self.kind {
             _ if self.is_logarithmic => 1.0,
             ParameterKind::JointCompliance { .. } => 3.0 * self.nominal.max(self.scale),
-            ParameterKind::PayloadCentre { .. } => 0.3,
+            ParameterKind::SpringStiffness { .. } => 3.0 * self.nominal.abs().max(self.scale),
+            ParameterKind::PayloadCentre { .. } | ParameterKind::SpringRest { .. } => 0.3,
             ParameterKind::LinkPosition { .. }
             | ParameterKind::ToolPosition { .. }
             | ParameterKind::BasePosition { .. } => f64::INFINITY,
@@ -301,6 +331,9 @@ impl Parameter {
         }
         let nominal = match self.kind {
             ParameterKind::JointCompliance { joint } => nominal.compliance_rad_per_nm[joint],
+            ParameterKind::SpringStiffness { spring } => {
+                nominal.chain.elements.springs[spring].stiffness_n_per_m
+            }
             ParameterKind::PayloadMass => (nominal.payload).map_or(0.0, |payload| payload.mass_kg),
             _ => nominal.load_scale,
         };

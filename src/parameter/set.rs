@@ -67,6 +67,12 @@ impl ParameterSet {
                 }
                 ParameterKind::JointCompliance { joint } => belief.compliance_rad_per_nm[joint],
                 ParameterKind::JointZero { joint } => belief.zero_rad[joint],
+                ParameterKind::SpringStiffness { spring } if !is_logarithmic => {
+                    belief.chain.elements.springs[spring].stiffness_n_per_m
+                }
+                ParameterKind::SpringRest { spring } => {
+                    belief.chain.elements.springs[spring].rest_m[0]
+                }
                 ParameterKind::PayloadCentre { axis } => {
                     (belief.payload).map_or(0.0, |payload| payload.centre_of_mass_m[axis.index()])
                 }
@@ -220,6 +226,13 @@ impl ParameterSet {
                     belief.compliance_rad_per_nm[joint] = quantity;
                 }
                 ParameterKind::JointZero { joint } => belief.zero_rad[joint] = quantity,
+                ParameterKind::SpringStiffness { spring } => {
+                    belief.chain.elements.springs[spring].stiffness_n_per_m = quantity;
+                }
+                ParameterKind::SpringRest { spring } => {
+                    let rest_m = &mut belief.chain.elements.springs[spring].rest_m;
+                    *rest_m = [quantity, quantity + (rest_m[1] - rest_m[0])];
+                }
                 ParameterKind::PayloadMass => {
                     if let Some(payload) = &mut belief.payload {
                         payload.mass_kg = quantity;
@@ -319,6 +332,11 @@ fn check(belief: &ElasticArm, kind: ParameterKind) -> Result<(), ParameterError>
             if joint >= joints =>
         {
             missing("the joint")
+        }
+        ParameterKind::SpringStiffness { spring } | ParameterKind::SpringRest { spring }
+            if spring >= belief.chain.elements.springs.len() =>
+        {
+            missing("the spring")
         }
         ParameterKind::LinkPosition { link, .. } | ParameterKind::LinkRotation { link, .. }
             if link >= joints =>

@@ -49,7 +49,9 @@ fn keep(kind: ParameterKind) -> usize {
         ParameterKind::LinkPosition { .. } | ParameterKind::LinkRotation { .. } => 0,
         ParameterKind::LoadScale => 1,
         ParameterKind::PayloadMass | ParameterKind::PayloadCentre { .. } => 2,
-        ParameterKind::JointZero { .. } => 3,
+        ParameterKind::JointZero { .. }
+        | ParameterKind::SpringStiffness { .. }
+        | ParameterKind::SpringRest { .. } => 3,
         ParameterKind::JointCompliance { .. } => 4,
         ParameterKind::ToolPosition { .. } | ParameterKind::ToolRotation { .. } => 5,
         ParameterKind::BasePosition { .. } | ParameterKind::BaseRotation { .. } => 6,

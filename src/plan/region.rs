@@ -203,8 +203,8 @@ impl SmoothBound {
 
 /// From axis 1 to the tool, at right angles to the axis.
 fn radius(state: &KinematicState) -> Vector3<f64> {
-    let axis = &state.axis[0];
-    let from_anchor = state.tool_position - state.anchor[0];
+    let axis = &state.axis[state.first_axis];
+    let from_anchor = state.tool_position - state.anchor[state.first_axis];
     from_anchor - axis * axis.dot(&from_anchor)
 }
 

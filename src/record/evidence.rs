@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::messages::{ExperimentMessage, plan_messages};
 use super::study::StudyPlanMessage;
 use crate::plan::search::{Basis, Bound, BudgetPoint, CriterionPlan};
+use crate::robot::Commands;
 use crate::scenario::Scenario;
 use crate::study::Conditions;
 use crate::study::evidence::{Distances, Evidence};
@@ -63,6 +64,7 @@ impl EvidenceMessage {
     #[must_use]
     pub fn new(scenario: &Scenario, bound: &Bound, evidence: &Evidence) -> Self {
         let largest = (evidence.accuracy.iter()).map(|point| point.experiments);
+        let commands = scenario.task.belief.commands();
         let bound_mm = |m| bound.of_size(m).ok().map(|bound| bound.least_m * 1e3);
         let (searches, agreeing) = match bound.basis() {
             Basis::Searches(certificate) => (certificate.searches, certificate.agreeing),
@@ -75,7 +77,9 @@ impl EvidenceMessage {
             study: (evidence.distances.iter())
                 .map(|each| distances_message(scenario, each))
                 .collect(),
-            criteria_compared: evidence.criteria.iter().map(Into::into).collect(),
+            criteria_compared: (evidence.criteria.iter())
+                .map(|best| CriterionPlanMessage::new(&commands, best))
+                .collect(),
             accuracy: evidence.accuracy.iter().map(Into::into).collect(),
             lower_bounds_rho0_mm: (1..=largest.max().unwrap_or(1)).map(bound_mm).collect(),
         }
@@ -94,8 +98,8 @@ pub fn distances_message(scenario: &Scenario, distances: &Distances) -> StudyPla
     )
 }
 
-impl From<&CriterionPlan> for CriterionPlanMessage {
-    fn from(best: &CriterionPlan) -> Self {
+impl CriterionPlanMessage {
+    fn new(commands: &Commands, best: &CriterionPlan) -> Self {
         Self {
             criteria: (best.criteria.iter())
                 .map(|each| each.name().to_owned())
@@ -103,7 +107,7 @@ impl From<&CriterionPlan> for CriterionPlanMessage {
             rho0_mm: best.rho0_m.map(|value| value * 1e3),
             searches_agreeing: best.agreeing,
             problem: best.problem.clone(),
-            plan: plan_messages(&best.plan),
+            plan: plan_messages(commands, &best.plan),
         }
     }
 }

@@ -17,7 +17,7 @@ use crate::identification::Identification;
 use crate::measurement::Measurement;
 use crate::plan::search::PlanProof;
 use crate::plan::{Assessment, Criterion, Experiment, Plan};
-use crate::robot::Load;
+use crate::robot::{Commands, Load};
 use crate::scenario::Scenario;
 use crate::task::{Fingerprint, Method};
 use crate::{COMMIT, VERSION, platform, units};
@@ -94,7 +94,7 @@ impl ProvenanceMessage {
 /// One configuration and load of a plan.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ExperimentMessage {
-    /// The commanded joint angles (deg).
+    /// The commanded joint angles (deg), and lengths (mm) of joints that slide.
     pub q_deg: Vec<f64>,
     /// Force (N) and torque (N m) in the world frame at the calibration tool.
     pub wrench: [f64; 6],
@@ -102,10 +102,12 @@ pub struct ExperimentMessage {
     pub repeats: u32,
 }
 
-impl From<&Experiment> for ExperimentMessage {
-    fn from(experiment: &Experiment) -> Self {
+impl ExperimentMessage {
+    /// The record of an experiment.
+    #[must_use]
+    pub fn new(commands: &Commands, experiment: &Experiment) -> Self {
         Self {
-            q_deg: degrees(experiment.configuration_rad.as_slice()),
+            q_deg: commands.numbers(experiment.configuration_rad.as_slice()),
             wrench: wrench(&experiment.load),
             repeats: experiment.repeats,
         }
@@ -114,14 +116,17 @@ impl From<&Experiment> for ExperimentMessage {
 
 /// The experiments of a plan in their order.
 #[must_use]
-pub fn plan_messages(plan: &Plan) -> Vec<ExperimentMessage> {
-    plan.experiments.iter().map(Into::into).collect()
+pub fn plan_messages(commands: &Commands, plan: &Plan) -> Vec<ExperimentMessage> {
+    let experiments = plan.experiments.iter();
+    experiments
+        .map(|experiment| ExperimentMessage::new(commands, experiment))
+        .collect()
 }
 
 /// One experiment's outcome.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct MeasurementMessage {
-    /// The commanded joint angles (deg).
+    /// The commanded joint angles (deg), and lengths (mm) of joints that slide.
     pub q_deg: Vec<f64>,
     /// Force (N) and torque (N m) in the world frame at the calibration tool.
     pub wrench: [f64; 6],
@@ -138,11 +143,13 @@ pub struct MeasurementMessage {
     pub rotation_std_mrad: Option<[f64; 3]>,
 }
 
-impl From<&Measurement> for MeasurementMessage {
-    fn from(measurement: &Measurement) -> Self {
+impl MeasurementMessage {
+    /// The record of a measurement.
+    #[must_use]
+    pub fn new(commands: &Commands, measurement: &Measurement) -> Self {
         let rotation = measurement.rotation.as_ref();
         Self {
-            q_deg: degrees(measurement.configuration_rad.as_slice()),
+            q_deg: commands.numbers(measurement.configuration_rad.as_slice()),
             wrench: wrench(&measurement.load),
             deflection_mm: thousandfold(&measurement.deflection_m),
             deflection_std_mm: measurement.sigma_m.as_ref().map(thousandfold),
@@ -371,7 +378,7 @@ pub struct TestPoseMessage {
     pub name: String,
     /// Its weight among the test poses.
     pub weight: f64,
-    /// The joint angles to command (deg).
+    /// The joint angles to command (deg), and lengths (mm) of joints that slide.
     pub q_commanded_deg: Vec<f64>,
     /// The loaded tool's distance from where it is wanted, without compensation (mm).
     pub uncompensated_mm: f64,
@@ -385,12 +392,14 @@ pub struct TestPoseMessage {
     pub residual_xyz_mm: [f64; 3],
 }
 
-impl From<&CompensatedPose> for TestPoseMessage {
-    fn from(pose: &CompensatedPose) -> Self {
+impl TestPoseMessage {
+    /// The record of a compensated test pose.
+    #[must_use]
+    pub fn new(commands: &Commands, pose: &CompensatedPose) -> Self {
         Self {
             name: pose.name.clone(),
             weight: pose.weight,
-            q_commanded_deg: degrees(pose.commanded_rad.as_slice()),
+            q_commanded_deg: commands.numbers(pose.commanded_rad.as_slice()),
             uncompensated_mm: pose.seen.uncompensated_m.norm() * 1e3,
             residual_mm: pose.seen.residual_m.norm() * 1e3,
             rho0_mm: pose.predicted_m.as_ref().ok().map(|value| value * 1e3),
@@ -418,24 +427,21 @@ pub struct CalibrationMessage {
 impl CalibrationMessage {
     /// The record of a calibration under the name of its plan.
     #[must_use]
-    pub fn new(name: &str, calibration: &Calibration) -> Self {
+    pub fn new(commands: &Commands, name: &str, calibration: &Calibration) -> Self {
+        let measurements = calibration.measurements.iter();
+        let poses = calibration.poses.iter();
         Self {
             name: name.to_owned(),
-            plan: plan_messages(&calibration.plan),
-            measurements: calibration.measurements.iter().map(Into::into).collect(),
+            plan: plan_messages(commands, &calibration.plan),
+            measurements: measurements
+                .map(|each| MeasurementMessage::new(commands, each))
+                .collect(),
             identification: (&calibration.identification).into(),
-            test_poses: calibration.poses.iter().map(Into::into).collect(),
+            test_poses: poses
+                .map(|each| TestPoseMessage::new(commands, each))
+                .collect(),
         }
     }
-}
-
-/// Angles in degrees.
-#[must_use]
-pub fn degrees(angles_rad: &[f64]) -> Vec<f64> {
-    angles_rad
-        .iter()
-        .map(|&angle| units::degrees(angle))
-        .collect()
 }
 
 /// A load as force (N), then torque (N m).

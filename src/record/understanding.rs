@@ -74,8 +74,14 @@ impl TrueRobotMessage {
 pub struct JointMessage {
     /// Its name.
     pub name: String,
-    /// The range of its commanded angle (deg).
+    /// The range of its commanded angle (deg), or length (mm) for one that slides.
     pub range_deg: [f64; 2],
+    /// Whether it slides; stiffness and compliance are then in N/m and m/N.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub slides: bool,
+    /// Whether it is passive: nothing commands it.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub passive: bool,
     /// Its stiffness (N m/rad); `null` where it is rigid.
     pub stiffness_nm_per_rad: Option<f64>,
     /// Its compliance (rad/(N m)).
@@ -111,7 +117,15 @@ impl UnderstandingMessage {
     pub fn new(understanding: &Understanding) -> Self {
         let joints = understanding.joints.iter().map(|joint| JointMessage {
             name: joint.name.clone(),
-            range_deg: joint.range_rad.map(f64::to_degrees),
+            range_deg: joint.range_rad.map(|value| {
+                if joint.drive.slides {
+                    value * 1e3
+                } else {
+                    value.to_degrees()
+                }
+            }),
+            slides: joint.drive.slides,
+            passive: joint.drive.passive_at.is_some(),
             stiffness_nm_per_rad: Some(joint.compliance_rad_per_nm.recip())
                 .filter(|stiffness| stiffness.is_finite()),
             compliance_rad_per_nm: joint.compliance_rad_per_nm,

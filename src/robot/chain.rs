@@ -2,9 +2,20 @@
 
 use nalgebra::{Isometry3, Rotation3, Unit, UnitQuaternion, Vector3};
 
+use super::elements::Elements;
 use super::kinematic_state::{KinematicState, Kinematics};
 
-/// One hinge joint and the rigid link that it moves.
+/// How a joint moves, and what holds it.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Drive {
+    /// Whether it slides along its axis instead of turning about it: its coordinate is then in metres,
+    /// its torque a force in newtons, and its compliance in m/N.
+    pub slides: bool,
+    /// Where the spring of a passive joint, which nothing commands, is relaxed (rad or m).
+    pub passive_at: Option<f64>,
+}
+
+/// One joint, hinge or slide, and the rigid link that it moves.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Joint {
     /// The joint's name in the model.
@@ -12,6 +23,8 @@ pub struct Joint {
     /// The link's frame in that of the previous link (the world for the first) at zero angle; its
     /// origin lies on the axis.
     pub previous_from_link: Isometry3<f64>,
+    /// How it moves, and what holds it.
+    pub drive: Drive,
     /// The axis in the link's frame, about which a positive angle turns right-handed.
     pub axis: Unit<Vector3<f64>>,
     /// Lower and upper limit (rad).
@@ -35,13 +48,15 @@ pub struct Tool {
     pub link_from_tool: Isometry3<f64>,
 }
 
-/// An arm of hinge joints in series.
+/// An arm of joints in series.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SerialChain {
     /// The joints from the base to the flange.
     pub joints: Vec<Joint>,
     /// The acceleration of gravity in the world frame (m/s^2).
     pub gravity_m_s2: Vector3<f64>,
+    /// Springs and constant forces beside the joints' own elasticity.
+    pub elements: Elements,
 }
 
 impl SerialChain {
@@ -55,6 +70,21 @@ impl SerialChain {
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.joints.is_empty()
+    }
+
+    /// The joints that are commanded, as indices.
+    pub fn commanded(&self) -> impl Iterator<Item = usize> {
+        let joints = self.joints.iter().enumerate();
+        joints
+            .filter(|(_, joint)| joint.drive.passive_at.is_none())
+            .map(|(index, _)| index)
+    }
+
+    /// Whether all joints are hinges that are commanded, and nothing else is elastic: the arm of the paper.
+    #[must_use]
+    pub fn is_plain(&self) -> bool {
+        self.elements.is_empty()
+            && (self.joints.iter()).all(|joint| joint.drive == Drive::default())
     }
 
     /// The chain as seen from one of its tools.
@@ -86,17 +116,48 @@ impl Kinematics for ChainAtTool<'_> {
         self.chain.gravity_m_s2
     }
 
+    fn is_plain(&self) -> bool {
+        self.chain.is_plain()
+    }
+
+    fn elements(&self) -> &Elements {
+        &self.chain.elements
+    }
+
     fn update(&mut self, q: &[f64], state: &mut KinematicState) {
         let mut world_from_link = Isometry3::identity();
+        let mut hinges = self
+            .chain
+            .joints
+            .iter()
+            .map(|joint| joint.drive == Drive::default());
+        state.first_axis = hinges.position(|is_commanded| is_commanded).unwrap_or(0);
+        let elements = &self.chain.elements;
+        if !elements.springs.is_empty() {
+            state.places.clear();
+            state
+                .places
+                .extend(elements.places().map(|place| place.position_m));
+        }
         let mut world_from_tool = self.tool.link_from_tool;
         for (index, (joint, &angle)) in self.chain.joints.iter().zip(q).enumerate() {
             world_from_link *= joint.previous_from_link;
             state.axis[index] = world_from_link.rotation * joint.axis.into_inner();
             state.anchor[index] = world_from_link.translation.vector;
-            world_from_link.rotation *= UnitQuaternion::from_axis_angle(&joint.axis, angle);
+            state.slides[index] = joint.drive.slides;
+            if joint.drive.slides {
+                world_from_link.translation.vector += state.axis[index] * angle;
+            } else {
+                world_from_link.rotation *= UnitQuaternion::from_axis_angle(&joint.axis, angle);
+            }
+            for (place, position) in elements.places().zip(&mut state.places) {
+                if place.joints == index + 1 {
+                    *position = (world_from_link * nalgebra::Point3::from(place.position_m)).coords;
+                }
+            }
             state.distal_mass[index] = joint.mass_kg;
-            state.distal_centre[index] =
-                world_from_link.rotation * joint.centre_of_mass_m + state.anchor[index];
+            state.distal_centre[index] = world_from_link.rotation * joint.centre_of_mass_m
+                + world_from_link.translation.vector;
             if index + 1 == self.tool.joints {
                 world_from_tool = world_from_link * self.tool.link_from_tool;
             }

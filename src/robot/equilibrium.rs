@@ -3,8 +3,10 @@
 //! Each joint is an elastic element in series with its commanded angle, so at rest
 //!
 //! ```text
-//! q = q_commanded + k * tau(q),   tau(q) = J(q)^T W + gravity's torques
+//! q = q_commanded + k * tau(q),   tau(q) = J(q)^T W + gravity's torques + those of springs
 //! ```
+//!
+//! A passive joint is no exception: what is commanded is where its spring is relaxed.
 //!
 //! Newton's method on this equation converges quadratically; its matrix I - k dtau/dq also tells
 //! whether the equilibrium is stable and how it moves with the compliances.
@@ -125,8 +127,13 @@ impl EquilibriumSolver {
                 break;
             }
             last_step_rad = self.step.amax();
-            // A step as small as this is not worth a new geometry: the last one is that of `q`.
+            // A step as small as this is not worth a new geometry: the last one is that of `q`. With soft
+            // springs or long ways to slide it is.
             if last_step_rad <= CONVERGED_RAD {
+                if !arm.is_plain() && last_step_rad > 0.0 {
+                    self.q += &self.step;
+                    self.evaluate(arm, load);
+                }
                 self.check_stability(compliance_rad_per_nm)?;
                 return Ok(Equilibrium {
                     iterations,
@@ -154,7 +161,7 @@ impl EquilibriumSolver {
 
     /// The arm's geometry at the last solution.
     #[must_use]
-    pub fn state(&self) -> &KinematicState {
+    pub const fn state(&self) -> &KinematicState {
         &self.state
     }
 
@@ -207,6 +214,11 @@ impl EquilibriumSolver {
         }
         self.state
             .torque_gradient(load, &gravity, &mut self.gradient);
+        let elements = arm.elements();
+        if !elements.is_empty() {
+            let torque = self.torque.as_mut_slice();
+            elements.add(self.q.as_slice(), &self.state, torque, &mut self.gradient);
+        }
     }
 
     /// The equilibrium is stable where the potential energy is convex: the symmetric part of

@@ -2,6 +2,8 @@
 
 use nalgebra::{DMatrix, Matrix3, Matrix6xX, Vector3, Vector6};
 
+use super::elements::Elements;
+
 /// A force (N) and a torque (N m) in the world frame, applied at a tool's origin; they keep their
 /// direction as the tool moves.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -73,6 +75,10 @@ pub fn rotation_vector(rotation: &Matrix3<f64>) -> Vector3<f64> {
 pub trait Kinematics {
     /// The acceleration of gravity in the world frame (m/s^2).
     fn gravity_m_s2(&self) -> Vector3<f64>;
+    /// Whether it is an arm of commanded hinges and nothing else.
+    fn is_plain(&self) -> bool;
+    /// What else pulls at the joints beside gravity, the load and their own elasticity.
+    fn elements(&self) -> &Elements;
     /// Writes the geometry at the joint angles `q` (n values, rad); does not allocate.
     fn update(&mut self, q: &[f64], state: &mut KinematicState);
 }
@@ -82,12 +88,19 @@ pub trait Kinematics {
 pub struct KinematicState {
     /// The axis of each joint (unit vectors).
     pub axis: Vec<Vector3<f64>>,
-    /// A point on the axis of each joint (m).
+    /// Whether each joint slides along its axis; else it turns about it.
+    pub slides: Vec<bool>,
+    /// A point on the axis of each joint (m); for one that slides, the origin of its frame before it has
+    /// slid.
     pub anchor: Vec<Vector3<f64>>,
     /// The mass that each joint carries (kg).
     pub distal_mass: Vec<f64>,
     /// The centre of the mass that each joint carries (m).
     pub distal_centre: Vec<Vector3<f64>>,
+    /// The places that springs go through (m), see [`Elements::places`].
+    pub places: Vec<Vector3<f64>>,
+    /// The first hinge that is commanded: axis 1 of the robot.
+    pub first_axis: usize,
     /// How many joints, from the base, move the tool.
     pub tool_joints: usize,
     /// The tool's origin (m).
@@ -102,6 +115,9 @@ impl KinematicState {
     pub fn new(joints: usize) -> Self {
         Self {
             axis: vec![Vector3::zeros(); joints],
+            slides: vec![false; joints],
+            places: Vec::new(),
+            first_axis: 0,
             anchor: vec![Vector3::zeros(); joints],
             distal_mass: vec![0.0; joints],
             distal_centre: vec![Vector3::zeros(); joints],
@@ -134,10 +150,12 @@ impl KinematicState {
     /// Column j of the Jacobian's position rows (m): the tool's velocity per unit rate of joint j.
     #[must_use]
     pub fn position_column(&self, joint: usize) -> Vector3<f64> {
-        if joint < self.tool_joints {
-            self.axis[joint].cross(&(self.tool_position - self.anchor[joint]))
-        } else {
+        if joint >= self.tool_joints {
             Vector3::zeros()
+        } else if self.slides[joint] {
+            self.axis[joint]
+        } else {
+            self.axis[joint].cross(&(self.tool_position - self.anchor[joint]))
         }
     }
 
@@ -145,9 +163,31 @@ impl KinematicState {
     #[must_use]
     pub fn rotation_column(&self, joint: usize) -> Vector3<f64> {
         if joint < self.tool_joints {
-            self.axis[joint]
+            self.turning(joint)
         } else {
             Vector3::zeros()
+        }
+    }
+
+    /// The angular velocity of all beyond joint j per unit rate: its axis, or none where it slides.
+    #[must_use]
+    pub fn turning(&self, joint: usize) -> Vector3<f64> {
+        if self.slides[joint] {
+            Vector3::zeros()
+        } else {
+            self.axis[joint]
+        }
+    }
+
+    /// The velocity per unit rate of joint j of a point that so many joints move (m).
+    #[must_use]
+    pub fn moves(&self, joint: usize, joints: usize, point: &Vector3<f64>) -> Vector3<f64> {
+        if joint >= joints {
+            Vector3::zeros()
+        } else if self.slides[joint] {
+            self.axis[joint]
+        } else {
+            self.axis[joint].cross(&(point - self.anchor[joint]))
         }
     }
 
@@ -184,7 +224,7 @@ impl KinematicState {
     ///
     /// A point that joints a <= b both move has d2 p / (`dq_a` `dq_b`) = `z_a` x (`z_b` x (p - `o_b`)), so
     /// forces give a symmetric matrix. A torque of fixed direction is not conservative: it adds
-    /// (`z_i` x `z_j`) . T for i < j only.
+    /// (`z_i` x `z_j`) . T for i < j only. A joint that slides turns nothing: `z_a` is then zero.
     #[must_use]
     pub fn torque_derivative(
         &self,
@@ -194,7 +234,7 @@ impl KinematicState {
         gravity_m_s2: &Vector3<f64>,
     ) -> f64 {
         let (inner, outer) = (joint.min(by), joint.max(by));
-        let axis = &self.axis[inner];
+        let axis = &self.turning(inner);
         let forces = axis.cross(&self.position_column(outer)).dot(&load.force_n)
             + axis.cross(&self.mass_column(outer)).dot(gravity_m_s2);
         if by < joint {
@@ -219,8 +259,9 @@ impl KinematicState {
             let forces = self.position_column(outer).cross(&load.force_n)
                 + self.mass_column(outer).cross(gravity_m_s2);
             let torque = self.rotation_column(outer).cross(&load.torque_nm);
-            gradient[(outer, outer)] = self.axis[outer].dot(&forces);
-            for (inner, axis) in self.axis[..outer].iter().enumerate() {
+            gradient[(outer, outer)] = self.turning(outer).dot(&forces);
+            for inner in 0..outer {
+                let axis = self.turning(inner);
                 let symmetric = axis.dot(&forces);
                 gradient[(inner, outer)] = symmetric;
                 gradient[(outer, inner)] = symmetric + axis.dot(&torque);
@@ -231,6 +272,9 @@ impl KinematicState {
     /// The first moment (kg m) by which joint j moves the mass that it carries.
     #[must_use]
     pub fn mass_column(&self, joint: usize) -> Vector3<f64> {
+        if self.slides[joint] {
+            return self.axis[joint] * self.distal_mass[joint];
+        }
         self.axis[joint].cross(&(self.distal_centre[joint] - self.anchor[joint]))
             * self.distal_mass[joint]
     }

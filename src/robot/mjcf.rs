@@ -2,7 +2,8 @@
 
 use nalgebra::{Isometry3, Unit, UnitQuaternion, Vector3};
 
-use super::chain::{Joint, SerialChain, Tool};
+use super::chain::{Drive, Joint, SerialChain, Tool};
+use super::elements::{Elements, JointSpring, Offset, Place, Spring};
 use crate::mujoco::{Model, ModelError};
 
 /// Where each body of the model is fixed: the number of joints between it and the world, and its
@@ -13,11 +14,13 @@ struct Mount {
 }
 
 impl SerialChain {
-    /// Reads the arm from a model: every joint must be a hinge and each must move the next.
+    /// Reads the arm from a model: every joint that is not locked must be a hinge or a slide, and each
+    /// must move the next.
     ///
     /// # Errors
-    /// [`ModelError::NotSerial`] if the joints are not hinges in one series, [`ModelError::Statics`] if
-    /// the model has an element that can move the arm's rest and that the chain does not know.
+    /// [`ModelError::NotSerial`] if the joints are not hinges and slides in one series,
+    /// [`ModelError::Statics`] if the model has an element that can move the arm's rest and that the chain
+    /// does not know.
     pub fn from_model(model: &Model) -> Result<Self, ModelError> {
         let mut joints = Vec::new();
         let mounts = mounts(model, &mut joints)?;
@@ -41,10 +44,15 @@ impl SerialChain {
                 joint.centre_of_mass_m = moment / joint.mass_kg;
             }
         }
-        Ok(Self {
+        let chain = Self {
             joints,
             gravity_m_s2: model.gravity(),
-        })
+            elements: elements(model, &mounts),
+        };
+        if chain.commanded().next().is_none() {
+            return Err(not_serial(model, "no joint is actuated".to_owned()));
+        }
+        Ok(chain)
     }
 
     /// Reads a tool frame: a site of the model.
@@ -84,26 +92,41 @@ fn mounts(model: &Model, joints: &mut Vec<Joint>) -> Result<Vec<Mount>, ModelErr
         };
         for joint in model.joints_of(body) {
             let name = model.joint_name(joint);
-            if !model.is_hinge(joint) {
-                return Err(not_serial(model, format!("joint {name:?} is not a hinge")));
+            let slides = model.is_slide(joint);
+            let (axis, anchor) = model.joint_axis_and_anchor(joint);
+            let axis = Unit::new_normalize(axis);
+            // MuJoCo's bodies stand as drawn where the coordinate equals the reference.
+            let reference = model.joint_reference(joint);
+            if let Some(locked) = model.locked_at(joint) {
+                mount.link_from_body *= displaced(slides, &axis, &anchor, locked - reference);
+                continue;
+            }
+            if !slides && !model.is_hinge(joint) {
+                let reason = format!("joint {name:?} is neither a hinge nor a slide");
+                return Err(not_serial(model, reason));
             }
             if mount.joints != joints.len() {
                 let reason = format!(
-                    "joint {name:?} branches off before {:?}",
+                    "joint {name:?} branches off before {:?}; a scenario locks side branches (robot.locked_deg, robot.locked_mm)",
                     joints.last().map_or("", |last| last.name.as_str())
                 );
                 return Err(not_serial(model, reason));
             }
-            let (axis, anchor) = model.joint_axis_and_anchor(joint);
-            let axis = Unit::new_normalize(axis);
-            // MuJoCo's bodies stand as drawn where the coordinate equals the reference.
-            let turn_back = UnitQuaternion::from_axis_angle(&axis, -model.joint_reference(joint));
-            let body_from_link = Isometry3::from_parts(anchor.into(), turn_back);
+            let body_from_link = if slides {
+                (anchor - axis.into_inner() * reference).into()
+            } else {
+                let turn_back = UnitQuaternion::from_axis_angle(&axis, -reference);
+                Isometry3::from_parts(anchor.into(), turn_back)
+            };
+            let passive_at = (!model.is_actuated(joint))
+                .then(|| model.joint_spring(joint).map(|[_, rest]| rest))
+                .flatten();
             joints.push(Joint {
                 name,
                 previous_from_link: mount.link_from_body * body_from_link,
                 axis,
-                range_rad: model.joint_range(joint),
+                drive: Drive { slides, passive_at },
+                range_rad: passive_at.map_or_else(|| model.joint_range(joint), |rest| [rest; 2]),
                 mass_kg: 0.0,
                 centre_of_mass_m: Vector3::zeros(),
                 model_compliance_rad_per_nm: model.joint_compliance(joint),
@@ -115,6 +138,61 @@ fn mounts(model: &Model, joints: &mut Vec<Joint>) -> Result<Vec<Mount>, ModelErr
         mounts.push(mount);
     }
     Ok(mounts)
+}
+
+/// How a joint displaces its body.
+fn displaced(
+    slides: bool,
+    axis: &Unit<Vector3<f64>>,
+    anchor: &Vector3<f64>,
+    by: f64,
+) -> Isometry3<f64> {
+    if slides {
+        return (axis.into_inner() * by).into();
+    }
+    let turn = UnitQuaternion::from_axis_angle(axis, by);
+    Isometry3::from_parts((anchor - turn * anchor).into(), turn)
+}
+
+/// What pulls at the joints beside their own elasticity.
+fn elements(model: &Model, mounts: &[Mount]) -> Elements {
+    let mut elements = Elements::default();
+    let moving = (0..model.joints()).filter(|&joint| model.locked_at(joint).is_none());
+    for (index, joint) in moving.enumerate() {
+        let force = model.joint_offset(joint);
+        if force != 0.0 {
+            elements.offsets.push(Offset {
+                joint: index,
+                force,
+            });
+        }
+        if let (true, Some([stiffness, rest])) =
+            (model.is_actuated(joint), model.joint_spring(joint))
+        {
+            elements.joint_springs.push(JointSpring {
+                joint: index,
+                stiffness,
+                rest,
+            });
+        }
+    }
+    for spring in model.tendon_springs() {
+        let places = spring.sites.iter().map(|&site| {
+            let (body, body_from_site) = model.site_body(site);
+            let mount = &mounts[body];
+            Place {
+                joints: mount.joints,
+                position_m: (mount.link_from_body * body_from_site).translation.vector,
+            }
+        });
+        elements.springs.push(Spring {
+            path: places.collect(),
+            name: spring.name,
+            stiffness_n_per_m: spring.stiffness_n_per_m,
+            rest_m: spring.rest_m,
+        });
+    }
+    elements
 }
 
 fn not_serial(model: &Model, reason: String) -> ModelError {

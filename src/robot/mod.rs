@@ -7,18 +7,22 @@
 //! the two can judge each other.
 
 mod chain;
+mod commands;
 mod elastic;
 mod elastostatics;
+mod elements;
 mod equilibrium;
 mod kinematic_state;
 mod mjcf;
 mod true_robot;
 
-pub use chain::{Joint, SerialChain, Tool};
+pub use chain::{Drive, Joint, SerialChain, Tool};
+pub use commands::Commands;
 pub use elastic::Robot;
 pub use elastostatics::{ObservationMatrix, cartesian_stiffness};
+pub use elements::{Elements, JointSpring, Motion, Offset, Place, Spring};
 pub use equilibrium::{
     CONVERGED_RAD, Equilibrium, EquilibriumError, EquilibriumSolver, MAXIMUM_ITERATIONS,
 };
 pub use kinematic_state::{KinematicState, Kinematics, Load, rotation_vector};
-pub use true_robot::TrueRobot;
+pub use true_robot::{KnownJoint, TrueRobot};

@@ -3,18 +3,28 @@
 use super::SerialChain;
 use crate::mujoco::{Model, ModelError};
 
-/// A robot as it is: MuJoCo's model, with the joints that the belief commands.
+/// A robot as it is: MuJoCo's model, with the joints that the belief knows.
 #[derive(Debug, Clone)]
 pub struct TrueRobot {
     /// The MJCF model.
     pub model: Model,
-    /// MuJoCo's identifiers of the belief's joints, in the belief's order.
-    pub joints: Vec<usize>,
-    /// The compliance of each of these (rad/(N m)).
+    /// MuJoCo's identifiers of the belief's joints, in the belief's order; none for a passive joint that
+    /// this robot does not have.
+    pub joints: Vec<Option<usize>>,
+    /// The compliance of each of these (rad/(N m), m/N); zero for one that it does not have.
     pub compliance_rad_per_nm: Vec<f64>,
-    /// The model as a serial chain of just these joints, where it is one and nothing else moves its rest;
-    /// else the first reason why it is not.
+    /// The model as a serial chain, where it is one of commanded joints that the belief knows and of passive
+    /// ones; else the first reason why it is not.
     pub chain: Result<SerialChain, String>,
+}
+
+/// A joint that the belief knows.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct KnownJoint {
+    /// Its name.
+    pub name: String,
+    /// Whether nothing commands it.
+    pub is_passive: bool,
 }
 
 impl TrueRobot {
@@ -22,45 +32,111 @@ impl TrueRobot {
     #[must_use]
     pub fn of_chain(model: Model, chain: SerialChain, compliance_rad_per_nm: Vec<f64>) -> Self {
         Self {
-            joints: (0..chain.len()).collect(),
+            joints: (0..model.joints())
+                .filter(|&joint| model.locked_at(joint).is_none())
+                .map(Some)
+                .collect(),
             chain: Ok(chain),
             compliance_rad_per_nm,
             model,
         }
     }
 
-    /// A virtual robot that may be more than a chain, with the named joints of the belief and the
-    /// compliances that its model gives them.
+    /// A virtual robot that may be more than a chain, with a belief's joints by their names and the
+    /// compliances that its model gives them. It may lack the belief's passive joints.
     ///
     /// # Errors
-    /// The model has something that no static equilibrium tells, lacks a joint, or does not hold one at
-    /// its command by one position actuator.
-    pub fn of_model(model: Model, joints: &[String], reason: String) -> Result<Self, ModelError> {
+    /// The model has something that no static equilibrium tells, lacks a joint that is commanded, or does
+    /// not hold one at its command by one position actuator.
+    pub fn of_model(
+        model: Model,
+        known: &[KnownJoint],
+        reason: String,
+    ) -> Result<Self, ModelError> {
+        Self::with_joints(model, known, Err(reason))
+    }
+
+    /// The same where a chain was read from the model. It is used if all that it commands is known.
+    ///
+    /// # Errors
+    /// As [`Self::of_model`].
+    pub fn of_other_chain(
+        model: Model,
+        known: &[KnownJoint],
+        chain: SerialChain,
+    ) -> Result<Self, ModelError> {
+        let commanded = chain.commanded().map(|joint| &chain.joints[joint].name);
+        let is_known = |name: &&String| {
+            known
+                .iter()
+                .any(|each| !each.is_passive && each.name == **name)
+        };
+        let unknown: Vec<&str> = commanded
+            .filter(|name| !is_known(name))
+            .map(String::as_str)
+            .collect();
+        let chain = if unknown.is_empty() {
+            Ok(chain)
+        } else {
+            Err(format!(
+                "it commands joints that the belief does not have: {}",
+                unknown.join(", ")
+            ))
+        };
+        Self::with_joints(model, known, chain)
+    }
+
+    fn with_joints(
+        model: Model,
+        known: &[KnownJoint],
+        chain: Result<SerialChain, String>,
+    ) -> Result<Self, ModelError> {
         model.check_rest()?;
-        let joints = (joints.iter())
-            .map(|name| {
-                let joint = model.joint(name)?;
+        let joints = (known.iter())
+            .map(|joint| {
+                if joint.is_passive {
+                    return Ok(model.joint(&joint.name).ok());
+                }
+                let joint = model.joint(&joint.name)?;
                 model.check_commanded(joint)?;
-                Ok(joint)
+                Ok(Some(joint))
             })
-            .collect::<Result<Vec<usize>, ModelError>>()?;
+            .collect::<Result<Vec<Option<usize>>, ModelError>>()?;
+        let compliance = |joint: &Option<usize>| {
+            joint
+                .and_then(|joint| model.joint_compliance(joint))
+                .unwrap_or(0.0)
+        };
         Ok(Self {
-            compliance_rad_per_nm: (joints.iter())
-                .filter_map(|&joint| model.joint_compliance(joint))
-                .collect(),
-            chain: Err(reason),
+            compliance_rad_per_nm: joints.iter().map(compliance).collect(),
+            chain,
             joints,
             model,
         })
     }
 
-    /// The names of the belief's joints in this model.
+    /// MuJoCo's identifiers of the chain's joints.
+    #[must_use]
+    pub fn chain_joints(&self) -> Vec<usize> {
+        let joints = 0..self.model.joints();
+        joints
+            .filter(|&joint| self.model.locked_at(joint).is_none())
+            .collect()
+    }
+
+    /// The joints that this robot has, with values that belong to the belief's joints.
+    #[must_use]
+    pub fn present(&self, values: &[f64]) -> (Vec<usize>, Vec<f64>) {
+        let pairs = self.joints.iter().zip(values);
+        pairs
+            .filter_map(|(joint, &value)| joint.map(|joint| (joint, value)))
+            .unzip()
+    }
+
+    /// The names of the belief's joints that this robot has.
     #[must_use]
     pub fn joint_names(&self) -> Vec<String> {
-        let names = self
-            .joints
-            .iter()
-            .map(|&joint| self.model.joint_name(joint));
-        names.collect()
+        let names = self.joints.iter().flatten();
+        names.map(|&joint| self.model.joint_name(joint)).collect()
     }
 }

@@ -49,6 +49,33 @@ pub(super) struct RobotTable {
     pub parameters: Vec<String>,
     pub compliance_rad_per_nm: Option<Vec<f64>>,
     pub prior: Option<PathBuf>,
+    #[serde(default)]
+    pub locked_deg: BTreeMap<String, f64>,
+    #[serde(default)]
+    pub locked_mm: BTreeMap<String, f64>,
+    #[serde(default)]
+    pub tool: Vec<ToolTable>,
+    #[serde(default)]
+    pub payload: Vec<PayloadTable>,
+}
+
+/// One of `[[robot.tool]]`.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ToolTable {
+    pub name: String,
+    pub on: String,
+    pub position_mm: Vec<f64>,
+    pub rpy_deg: Option<Vec<f64>>,
+}
+
+/// One of `[[robot.payload]]`.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct PayloadTable {
+    pub on: String,
+    pub mass_kg: f64,
+    pub centre_mm: Vec<f64>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -152,6 +179,8 @@ pub struct WrenchTable {
 pub(super) struct RegionTable {
     #[serde(default)]
     pub joint_range_deg: BTreeMap<String, Vec<f64>>,
+    #[serde(default)]
+    pub joint_range_mm: BTreeMap<String, Vec<f64>>,
     pub tool_height_min_mm: Option<f64>,
     pub tool_height_max_mm: Option<f64>,
     pub tool_radius_min_mm: Option<f64>,

@@ -4,7 +4,7 @@ use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 
 use crate::parameter::Prior;
-use crate::robot::{Robot, Tool};
+use crate::robot::{Commands, Robot, Tool};
 
 /// How deflections are measured.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -49,7 +49,13 @@ pub struct Belief {
 }
 
 impl Belief {
-    /// The number of joints.
+    /// How the robot is commanded: what plans and measurements have columns for.
+    #[must_use]
+    pub fn commands(&self) -> Commands {
+        Commands::from(&self.nominal.chain)
+    }
+
+    /// The number of joints, passive ones counted.
     #[must_use]
     pub fn joints(&self) -> usize {
         self.nominal.chain.len()

@@ -15,6 +15,8 @@ const DRIVEN_STEP: f64 = 0.1;
 pub(super) struct MujocoRest {
     /// The model without contacts and limits, with its own compliances.
     model: Model,
+    /// Which of the belief's joints it has, and MuJoCo's identifiers of these.
+    present: Vec<usize>,
     joints: Vec<usize>,
     /// Where each of the joints has its coordinate.
     coordinates: Vec<usize>,
@@ -30,14 +32,19 @@ pub(super) struct MujocoRest {
 impl MujocoRest {
     pub fn new(robot: &TrueRobot, site: &str) -> Result<Self, ModelError> {
         let model = robot.model.without_contacts_and_limits();
-        let coordinates = robot.joints.iter();
+        let known = robot.joints.iter().enumerate();
+        let (present, joints): (Vec<usize>, Vec<usize>) = known
+            .filter_map(|(index, joint)| joint.map(|joint| (index, joint)))
+            .unzip();
+        let coordinates = joints.iter();
         let coordinates = coordinates
             .map(|&joint| model.coordinate_of_joint(joint))
             .collect();
         let state = State::new(&model);
         let mut rest = Self {
             site: model.site(site)?,
-            joints: robot.joints.clone(),
+            present,
+            joints,
             solver: RestSolver::new(&state, &[]),
             rigid: Vec::new(),
             driven: None,
@@ -54,15 +61,21 @@ impl MujocoRest {
         let _ = self.become_compliant(compliance_rad_per_nm);
     }
 
+    /// What belongs to the joints that it has, of something that belongs to the belief's.
+    fn of_present(&self, values: &[f64]) -> Vec<f64> {
+        self.present.iter().map(|&index| values[index]).collect()
+    }
+
     fn become_compliant(&mut self, compliance_rad_per_nm: &[f64]) -> Result<(), ModelError> {
+        let compliance_rad_per_nm = self.of_present(compliance_rad_per_nm);
         let is_own = |(&joint, value): (&usize, &f64)| {
             (self.model.joint_compliance(joint)).map(f64::to_bits) == Some(value.to_bits())
         };
-        let mut values = self.joints.iter().zip(compliance_rad_per_nm);
+        let mut values = self.joints.iter().zip(&compliance_rad_per_nm);
         let model = if values.all(is_own) {
             self.model.clone()
         } else {
-            (self.model).with_joint_compliance(&self.joints, compliance_rad_per_nm)?
+            (self.model).with_joint_compliance(&self.joints, &compliance_rad_per_nm)?
         };
         self.state.replace_model(&model);
         self.driven = None;
@@ -71,6 +84,7 @@ impl MujocoRest {
             let held: Vec<usize> = (self.joints.iter().zip(&rigid))
                 .filter(|(_, rigid)| **rigid)
                 .map(|(&joint, _)| model.degree_of_joint(joint))
+                .chain((model.locked().iter()).map(|&(joint, _)| model.degree_of_joint(joint)))
                 .collect();
             self.solver = RestSolver::new(&self.state, &held);
             self.rigid = rigid;
@@ -84,6 +98,7 @@ impl MujocoRest {
         commanded: &[f64],
         load: &Load,
     ) -> Result<Equilibrium, EquilibriumError> {
+        let commanded = &self.of_present(commanded);
         let found = if self.model.has_equalities() {
             self.drive(commanded).and_then(|unloaded| {
                 if *load == Load::NONE {
@@ -92,7 +107,7 @@ impl MujocoRest {
                 self.solver.rest(&mut self.state, self.site, load)
             })
         } else {
-            let mut coordinates = self.model.reference_coordinates().to_vec();
+            let mut coordinates = self.model.start_coordinates();
             for (&coordinate, &value) in self.coordinates.iter().zip(commanded) {
                 coordinates[coordinate] = value;
             }
@@ -117,7 +132,7 @@ impl MujocoRest {
             self.state.set_coordinates(coordinates);
             return self.solver.rest(&mut self.state, self.site, &Load::NONE);
         }
-        let reference = self.model.reference_coordinates();
+        let reference = self.model.start_coordinates();
         let from: Vec<f64> = (self.coordinates.iter())
             .map(|&coordinate| reference[coordinate])
             .collect();
@@ -126,7 +141,7 @@ impl MujocoRest {
             .zip(commanded)
             .map(|(from, to)| (to - from).abs());
         let steps = (way.fold(0.0, f64::max) / DRIVEN_STEP).ceil().max(1.0);
-        self.state.set_coordinates(reference);
+        self.state.set_coordinates(&reference);
         let mut found = None;
         let mut step = 0.0;
         while step < steps {

@@ -3,31 +3,50 @@
 use nalgebra::Vector3;
 
 use crate::mujoco::State;
-use crate::robot::{KinematicState, Kinematics, TrueRobot};
+use crate::robot::{Elements, KinematicState, Kinematics, SerialChain, TrueRobot};
 
 /// The kinematics of the robot as MuJoCo computes them.
 #[derive(Debug)]
 pub(super) struct MujocoArm {
     state: State,
     site: usize,
+    /// MuJoCo's identifiers of the joints.
+    joints: Vec<usize>,
+    slides: Vec<bool>,
     /// The body that each joint moves.
     bodies: Vec<usize>,
     tool_joints: usize,
     gravity_m_s2: Vector3<f64>,
+    is_plain: bool,
+    elements: Elements,
+    /// The sites that springs go through, in the order of the elements' places.
+    places: Vec<usize>,
 }
 
 impl MujocoArm {
     /// A chain with a tool at a site.
-    pub fn new(robot: &TrueRobot, site: usize) -> Self {
-        let (tool_body, _) = robot.model.site_body(site);
+    pub fn new(robot: &TrueRobot, chain: &SerialChain, site: usize) -> Self {
+        let model = &robot.model;
+        let (tool_body, _) = model.site_body(site);
+        // The chain's reader has seen that all joints are in series.
+        let bodies = (0..model.bodies()).flat_map(|body| model.joints_of(body).map(move |_| body));
+        let body_of: Vec<usize> = bodies.collect();
+        let joints = robot.chain_joints();
+        let state = State::new(&model.with_weighing_masses());
         Self {
-            bodies: (0..robot.model.bodies())
-                .flat_map(|body| robot.model.joints_of(body).map(move |_| body))
+            bodies: joints.iter().map(|&joint| body_of[joint]).collect(),
+            tool_joints: model.joints_that_move(tool_body),
+            gravity_m_s2: model.gravity(),
+            slides: chain
+                .joints
+                .iter()
+                .map(|joint| joint.drive.slides)
                 .collect(),
-            // Joint j has identifier j: the chain's reader has seen that all joints are in series.
-            tool_joints: robot.model.joints_that_move(tool_body),
-            gravity_m_s2: robot.model.gravity(),
-            state: State::new(&robot.model.with_weighing_masses()),
+            joints,
+            is_plain: chain.is_plain(),
+            elements: chain.elements.clone(),
+            places: model.spring_sites(),
+            state,
             site,
         }
     }
@@ -42,11 +61,25 @@ impl Kinematics for MujocoArm {
         self.gravity_m_s2
     }
 
+    fn is_plain(&self) -> bool {
+        self.is_plain
+    }
+
+    fn elements(&self) -> &Elements {
+        &self.elements
+    }
+
     fn update(&mut self, q: &[f64], state: &mut KinematicState) {
         self.state.move_to(q);
-        for (joint, &body) in self.bodies.iter().enumerate() {
-            (state.anchor[joint], state.axis[joint]) = self.state.joint(joint);
-            (state.distal_mass[joint], state.distal_centre[joint]) = self.state.subtree(body);
+        for (index, (&joint, &body)) in self.joints.iter().zip(&self.bodies).enumerate() {
+            (state.anchor[index], state.axis[index]) = self.state.joint(joint);
+            (state.distal_mass[index], state.distal_centre[index]) = self.state.subtree(body);
+            state.slides[index] = self.slides[index];
+        }
+        if !self.places.is_empty() {
+            state.places.clear();
+            let places = self.places.iter().map(|&site| self.state.site(site).0);
+            state.places.extend(places);
         }
         state.tool_joints = self.tool_joints;
         (state.tool_position, state.tool_rotation) = self.state.site(self.site);

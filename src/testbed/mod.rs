@@ -5,6 +5,7 @@
 
 mod any_model;
 mod arm;
+mod chain;
 mod instrument;
 mod rest;
 mod settle;

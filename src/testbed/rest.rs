@@ -105,6 +105,8 @@ impl RestSolver {
                 continue;
             };
             if lambda == 0.0 && (size <= CONVERGED || size < ROUNDING && size >= last) {
+                self.displace(state, step.as_slice());
+                let left_over = self.imbalance(state, site, load)?;
                 return self.stable(state, site, load, &left_over, iterations, size);
             }
             if lambda == 0.0 && !is_fresh && size > SLOW * last {

@@ -60,22 +60,25 @@ pub fn settle(
     commanded_rad: &DVector<f64>,
     load: &Load,
 ) -> Result<Settled, SettleError> {
+    let (joints, compliance) = robot.present(&robot.compliance_rad_per_nm);
+    let (_, commanded) = robot.present(commanded_rad.as_slice());
     let model = robot
         .model
         .without_contacts_and_limits()
-        .with_joint_compliance(&robot.joints, &robot.compliance_rad_per_nm)?;
+        .with_joint_compliance(&joints, &compliance)?
+        .with_heavy_locked_joints();
     let site = model.site(site)?;
     let mut state = State::new(&model);
-    let mut start = model.reference_coordinates().to_vec();
+    let mut start = model.start_coordinates();
     let mut steps = 0_usize;
     if model.has_equalities() {
-        steps += drive(&mut state, robot, site, commanded_rad)?;
+        steps += drive(&mut state, &joints, site, &commanded)?;
     } else {
-        for (&joint, &value) in robot.joints.iter().zip(commanded_rad) {
+        for (&joint, &value) in joints.iter().zip(&commanded) {
             start[model.coordinate_of_joint(joint)] = value;
         }
         state.set_coordinates(&start);
-        state.command_joints(&robot.joints, commanded_rad.as_slice());
+        state.command_joints(&joints, &commanded);
     }
     let first = steps;
     let longest = (LONGEST_S / model.time_step_s()).ceil();
@@ -98,9 +101,9 @@ pub fn settle(
             let coordinates = q.to_vec();
             state.update_kinematics();
             let (tool_position_m, _) = state.site(site);
-            let joints = robot.joints.iter();
             return Ok(Settled {
                 q_rad: joints
+                    .iter()
                     .map(|&joint| coordinates[model.coordinate_of_joint(joint)])
                     .collect(),
                 tool_position_m,
@@ -121,26 +124,27 @@ pub fn settle(
 /// time steps.
 fn drive(
     state: &mut State,
-    robot: &TrueRobot,
+    joints: &[usize],
     site: usize,
-    commanded_rad: &DVector<f64>,
+    commanded: &[f64],
 ) -> Result<usize, ModelError> {
     let model = state.model().clone();
-    let reference = model.reference_coordinates();
-    let from: Vec<f64> = (robot.joints.iter())
+    let reference = model.start_coordinates();
+    state.set_coordinates(&reference);
+    let from: Vec<f64> = (joints.iter())
         .map(|&joint| reference[model.coordinate_of_joint(joint)])
         .collect();
-    let way = from.iter().zip(commanded_rad);
+    let way = from.iter().zip(commanded);
     let way = way.map(|(from, to)| (to - from).abs()).fold(0.0, f64::max);
     let steps = (way / DRIVEN_RAD_S / model.time_step_s()).ceil().max(1.0);
     let mut step = 0_usize;
     while (step as f64) < steps {
         step += 1;
         let share = step as f64 / steps;
-        let between: Vec<f64> = (from.iter().zip(commanded_rad))
+        let between: Vec<f64> = (from.iter().zip(commanded))
             .map(|(from, to)| from + share * (to - from))
             .collect();
-        state.command_joints(&robot.joints, &between);
+        state.command_joints(joints, &between);
         state.step_with_wrench(site, &Vector3::zeros(), &Vector3::zeros())?;
     }
     Ok(step)

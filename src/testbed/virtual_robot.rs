@@ -5,12 +5,10 @@ use nalgebra::{DVector, Matrix3, Vector3};
 use thiserror::Error;
 
 use super::any_model::MujocoRest;
-use super::arm::MujocoArm;
+use super::chain::ChainRest;
 use crate::experiment::Experiment;
 use crate::mujoco::{GivingWay, ModelError, State};
-use crate::robot::{
-    Equilibrium, EquilibriumError, EquilibriumSolver, Load, TrueRobot, rotation_vector,
-};
+use crate::robot::{Equilibrium, EquilibriumError, Load, TrueRobot, rotation_vector};
 
 /// The tool's motion from the unloaded to the loaded equilibrium, in the world frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -45,10 +43,10 @@ pub struct VirtualRobot {
 /// How its equilibria are found.
 #[derive(Debug)]
 enum Body {
-    /// A plain chain: by the elastic law of its joints.
-    Chain(MujocoArm, EquilibriumSolver),
+    /// A chain: by the elastic law of its joints.
+    Chain(Box<ChainRest>),
     /// Any model: where MuJoCo's acceleration vanishes.
-    Any(MujocoRest),
+    Any(Box<MujocoRest>),
 }
 
 impl VirtualRobot {
@@ -59,10 +57,7 @@ impl VirtualRobot {
     pub fn new(robot: &TrueRobot, site: &str) -> Result<Self, ModelError> {
         let site_id = robot.model.site(site)?;
         let body = match &robot.chain {
-            Ok(chain) => Body::Chain(
-                MujocoArm::new(robot, site_id),
-                EquilibriumSolver::new(chain.len()),
-            ),
+            Ok(chain) => Body::Chain(Box::new(ChainRest::new(robot, chain, site_id))),
             Err(_) => return Self::of_any_model(robot, site),
         };
         Ok(Self {
@@ -78,7 +73,7 @@ impl VirtualRobot {
     /// The model has no such site.
     pub fn of_any_model(robot: &TrueRobot, site: &str) -> Result<Self, ModelError> {
         Ok(Self {
-            body: Body::Any(MujocoRest::new(robot, site)?),
+            body: Body::Any(Box::new(MujocoRest::new(robot, site)?)),
             compliance_rad_per_nm: robot.compliance_rad_per_nm.clone(),
         })
     }
@@ -90,8 +85,9 @@ impl VirtualRobot {
         }
         self.compliance_rad_per_nm
             .copy_from_slice(compliance_rad_per_nm);
-        if let Body::Any(rest) = &mut self.body {
-            rest.set_compliance(compliance_rad_per_nm);
+        match &mut self.body {
+            Body::Chain(rest) => rest.set_compliance(compliance_rad_per_nm),
+            Body::Any(rest) => rest.set_compliance(compliance_rad_per_nm),
         }
     }
 
@@ -106,10 +102,9 @@ impl VirtualRobot {
         load: &Load,
     ) -> Result<(Vector3<f64>, Matrix3<f64>, Equilibrium), EquilibriumError> {
         match &mut self.body {
-            Body::Chain(arm, solver) => {
-                let compliance = &self.compliance_rad_per_nm;
-                let equilibrium = solver.solve(arm, compliance, commanded_rad.as_slice(), load)?;
-                let state = solver.state();
+            Body::Chain(rest) => {
+                let equilibrium = rest.rest(commanded_rad.as_slice(), load)?;
+                let state = rest.geometry();
                 Ok((state.tool_position, state.tool_rotation, equilibrium))
             }
             Body::Any(rest) => {
@@ -124,7 +119,7 @@ impl VirtualRobot {
     #[must_use]
     pub fn joint_angles(&self) -> Vec<f64> {
         match &self.body {
-            Body::Chain(_, solver) => solver.q().to_vec(),
+            Body::Chain(rest) => rest.joint_angles(),
             Body::Any(rest) => rest.joint_angles(),
         }
     }
@@ -133,7 +128,7 @@ impl VirtualRobot {
     #[must_use]
     pub fn coordinates(&self) -> &[f64] {
         match &self.body {
-            Body::Chain(_, solver) => solver.q(),
+            Body::Chain(rest) => rest.state().coordinates().0,
             Body::Any(_) => self.simulation().coordinates().0,
         }
     }
@@ -142,7 +137,7 @@ impl VirtualRobot {
     #[must_use]
     pub fn simulation(&self) -> &State {
         match &self.body {
-            Body::Chain(arm, _) => arm.state(),
+            Body::Chain(rest) => rest.state(),
             Body::Any(rest) => rest.state(),
         }
     }
@@ -150,7 +145,7 @@ impl VirtualRobot {
     /// How far the model's equality constraints give way at the last equilibrium, found under this load.
     pub fn giving_way(&mut self, load: &Load) -> Vec<GivingWay> {
         match &mut self.body {
-            Body::Chain(..) => Vec::new(),
+            Body::Chain(_) => Vec::new(),
             Body::Any(rest) => rest.giving_way(load),
         }
     }

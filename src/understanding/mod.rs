@@ -9,7 +9,7 @@ mod unknowns;
 
 use nalgebra::Vector3;
 
-use crate::robot::{EquilibriumError, EquilibriumSolver, Load, SerialChain, Tool};
+use crate::robot::{Drive, EquilibriumError, EquilibriumSolver, Load, SerialChain, Spring, Tool};
 use crate::scenario::Scenario;
 use crate::task::TestPose;
 
@@ -21,6 +21,10 @@ pub use unknowns::{Unknowns, unknowns};
 pub struct Understanding {
     /// The joints from the base to the flange.
     pub joints: Vec<UnderstoodJoint>,
+    /// The springs between places of the arm.
+    pub springs: Vec<Spring>,
+    /// The joints that the scenario locks, each with its coordinate (deg, mm) and unit.
+    pub locked: Vec<(String, f64, &'static str)>,
     /// The longest way from the first joint to a tool along the links (m).
     pub reach_m: f64,
     /// The size of gravity's acceleration (m/s^2).
@@ -38,7 +42,9 @@ pub struct Understanding {
 pub struct UnderstoodJoint {
     /// Its name.
     pub name: String,
-    /// The range of its commanded angle (rad), as the scenario's region narrows it.
+    /// How it moves, and what holds it.
+    pub drive: Drive,
+    /// The range of its commanded angle (rad, m), as the scenario's region narrows it.
     pub range_rad: [f64; 2],
     /// Its compliance (rad/(N m)).
     pub compliance_rad_per_nm: f64,
@@ -81,6 +87,8 @@ impl Understanding {
         let chain = &scenario.task.belief.nominal.chain;
         let mut understanding = Self {
             joints: joints(scenario),
+            springs: chain.elements.springs.clone(),
+            locked: locked(scenario),
             reach_m: [
                 &scenario.task.belief.calibration_tool,
                 &scenario.task.belief.machining_tool,
@@ -119,12 +127,26 @@ fn joints(scenario: &Scenario) -> Vec<UnderstoodJoint> {
     (robot.chain.joints.iter().enumerate())
         .map(|(index, joint)| UnderstoodJoint {
             name: joint.name.clone(),
+            drive: joint.drive,
             range_rad: scenario.task.region.joint_range_rad[index],
             compliance_rad_per_nm: robot.compliance_rad_per_nm[index],
             is_parameter: scenario.task.belief.parameters.contains(&index),
             moving_mass_kg: moving[index],
         })
         .collect()
+}
+
+fn locked(scenario: &Scenario) -> Vec<(String, f64, &'static str)> {
+    let model = &scenario.task.belief.nominal.model;
+    let locked = model.locked().iter().map(|&(joint, value)| {
+        let (shown, unit) = if model.is_slide(joint) {
+            (value * 1e3, "mm")
+        } else {
+            (value.to_degrees(), "deg")
+        };
+        (model.joint_name(joint), shown, unit)
+    });
+    locked.collect()
 }
 
 /// The way from the first joint to the tool along the links (m).

@@ -1,12 +1,46 @@
 //! What the virtual robot obeys and the belief does not know, and how far its equalities give way.
 
 use crate::mujoco::GivingWay;
-use crate::robot::Load;
+use crate::robot::{Load, SerialChain};
 use crate::scenario::Scenario;
 use crate::testbed::VirtualRobot;
 
 /// A loop or a coupling that gives way by more than this spoils measurements (m, rad).
 const GIVES_WAY: f64 = 1e-4;
+
+/// What a true chain has and the belief's has not, in words.
+fn differences(belief: &SerialChain, truth: &SerialChain) -> Option<String> {
+    let known = |name: &str| belief.joints.iter().any(|joint| joint.name == name);
+    let passive = truth.joints.iter();
+    let passive: Vec<&str> = passive
+        .filter(|joint| joint.drive.passive_at.is_some() && !known(&joint.name))
+        .map(|joint| joint.name.as_str())
+        .collect();
+    let springs = truth.elements.springs.iter();
+    let springs: Vec<&str> = springs
+        .filter(|spring| {
+            !(belief.elements.springs.iter()).any(|known| {
+                known.name == spring.name
+                    && known.stiffness_n_per_m.to_bits() == spring.stiffness_n_per_m.to_bits()
+                    && known.rest_m.map(f64::to_bits) == spring.rest_m.map(f64::to_bits)
+            })
+        })
+        .map(|spring| spring.name.as_str())
+        .collect();
+    let mut all = Vec::new();
+    if !passive.is_empty() {
+        all.push(format!("passive joints: {}", passive.join(", ")));
+    }
+    if !springs.is_empty() {
+        all.push(format!("springs: {}", springs.join(", ")));
+    }
+    if truth.elements.joint_springs != belief.elements.joint_springs
+        || truth.elements.offsets != belief.elements.offsets
+    {
+        all.push("springs or constant forces in joints".to_owned());
+    }
+    (!all.is_empty()).then(|| format!("it has what the belief has not: {}", all.join("; ")))
+}
 
 /// A virtual robot that is more than a chain.
 #[derive(Debug, Clone, PartialEq)]
@@ -26,7 +60,10 @@ impl UnderstoodTruth {
     /// What is to be known of a scenario's virtual robot; none where it is a plain chain.
     pub(super) fn new(scenario: &Scenario) -> Option<Self> {
         let robot = &scenario.truth.robot;
-        let reason = robot.chain.as_ref().err()?.clone();
+        let reason = match &robot.chain {
+            Err(reason) => reason.clone(),
+            Ok(chain) => differences(&scenario.task.belief.nominal.chain, chain)?,
+        };
         let mut truth = Self {
             reason,
             beyond_belief: robot.model.beyond_belief(),

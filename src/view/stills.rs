@@ -15,7 +15,7 @@ use super::mesh::Mesh;
 use crate::mujoco::{Geometry, Model, Shape, State};
 use crate::plan::{Experiment, Plan};
 use crate::record::messages::ProvenanceMessage;
-use crate::robot::SerialChain;
+use crate::robot::{Commands, SerialChain};
 use crate::scenario::Scenario;
 use crate::wording::counted;
 
@@ -84,7 +84,8 @@ pub fn sheet(scenario: &Scenario, plan: &Plan) -> String {
             svg,
             "<g class=\"still\" transform=\"translate({x:.1} {y:.1})\">"
         );
-        caption(&mut svg, index + 1, experiment, still_width);
+        let commands = scenario.task.belief.commands();
+        caption(&mut svg, &commands, index + 1, experiment, still_width);
         picture(&mut svg, &camera, scene);
         svg.push_str("</g>\n");
     }
@@ -226,10 +227,15 @@ fn heading(scenario: &Scenario, plan: &Plan) -> String {
 }
 
 /// The numbers over a still.
-fn caption(svg: &mut String, number: usize, experiment: &Experiment, width: f64) {
-    let q: Vec<_> = (experiment.configuration_rad.iter())
-        .map(|angle| short(angle.to_degrees()))
-        .collect();
+fn caption(
+    svg: &mut String,
+    commands: &Commands,
+    number: usize,
+    experiment: &Experiment,
+    width: f64,
+) {
+    let q = commands.shown(experiment.configuration_rad.as_slice());
+    let q: Vec<_> = q.into_iter().map(short).collect();
     let vector = |values: &Vector3<f64>| {
         let values: Vec<_> = values.iter().map(|&value| short(value)).collect();
         values.join(", ")
@@ -357,7 +363,7 @@ mod tests {
         let path = project(&format!("scenarios/{name}.toml"));
         let scenario = Scenario::load(&path).expect("the scenario is valid");
         let plan =
-            read_plan(&project(plan), scenario.task.belief.joints()).expect("the plan is valid");
+            read_plan(&project(plan), scenario.task.belief.commands()).expect("the plan is valid");
         sheet(&scenario, &plan)
     }
 

@@ -192,13 +192,13 @@ const MODEL_EDITS: &[(&str, &str, &[&str])] = &[
     (MODEL, "", &["robot.model", "empty file"]),
     (
         "name=\"two\"",
-        "name=\"two\" type=\"slide\"",
-        &["robot.model", "\"two\" is not a hinge"],
+        "name=\"two\" type=\"ball\"",
+        &["robot.model", "\"two\" is neither a hinge nor a slide"],
     ),
     (
         "<joint name=\"one\" axis=\"0 0 1\"/>",
         "<freejoint name=\"one\"/>",
-        &["robot.model", "\"one\" is not a hinge"],
+        &["robot.model", "\"one\" is neither a hinge nor a slide"],
     ),
     (
         "<site name=\"wall\" pos=\"0 0 0\"/>",

@@ -30,6 +30,8 @@
 //! - `mutations`: a hundred thousand broken inputs, and every one that ever failed.
 //! - `limits`: sizes, and files without an end.
 //! - `tallies`: tallies that cannot be.
+//! - `compensator`: the KR-270 with a gravity compensator and flexible parts; what a belief without them costs.
+//! - `elastic_beliefs`: beliefs with passive joints, slides, springs, locked branches, tools and payloads.
 //! - `true_models`: virtual robots that are more than a chain, beside MuJoCo's simulation in time.
 //! - `known_optima`: arms of three joints, for which the best plan can be derived by hand.
 //! - `search`: the search for plans and its certificate, on the KR-270.
@@ -55,9 +57,11 @@ mod broken_streams;
 mod browser;
 mod command_line;
 mod compensation_trust;
+mod compensator;
 mod csv_dialects;
 mod determined;
 mod diagnoses;
+mod elastic_beliefs;
 mod force_sizes;
 mod gate;
 mod gate_refusals;

@@ -239,6 +239,11 @@ fn what_is_honoured_rests_where_mujoco_comes_to_rest() {
         ("gear", servo("gear=\"3\""), 3.0),
         ("gear backwards", servo("gear=\"-0.5\""), -0.5),
         ("ref", joint("ref=\"0.4\""), 1.0),
+        ("a spring beside the actuator", joint("stiffness=\"5000\" springref=\"0.5\""), 1.0),
+        ("a spring between sites", arm(|arm| arm.tail = "<tendon><spatial stiffness=\"20000\" springlength=\"0.1\"><site site=\"anchor\"/><site site=\"elbow\"/></spatial></tendon>".into()), 1.0),
+        ("a slack one", arm(|arm| arm.tail = "<tendon><spatial stiffness=\"20000\" springlength=\"0.1 5\"><site site=\"anchor\"/><site site=\"elbow\"/></spatial></tendon>".into()), 1.0),
+        ("a pushing one", arm(|arm| arm.tail = "<tendon><spatial stiffness=\"2000\" springlength=\"2 5\"><site site=\"anchor\"/><site site=\"elbow\"/></spatial></tendon>".into()), 1.0),
+        ("a constant force", general("gainprm=\"40000\" biastype=\"affine\" biasprm=\"120 -40000 0\""), 1.0),
         ("joint in parent", arm(|arm| arm.actuator = "<position name=\"servo_2\" jointinparent=\"joint_2\" kp=\"40000\"/>".into()), 1.0),
         ("general", general("gainprm=\"40000\" biastype=\"affine\" biasprm=\"0 -40000 -20\""), 1.0),
         ("wide ctrlrange", servo("ctrlrange=\"-2 2\" ctrllimited=\"true\""), 1.0),
@@ -295,11 +300,11 @@ fn the_rest_is_refused_by_name() {
     let equality = |text: &str| tail(&format!("<equality>{text}</equality>"));
     #[rustfmt::skip]
     let features: &[(Arm, &[&str])] = &[
-        (joint("stiffness=\"5000\" springref=\"0.5\""), &["joint \"joint_2\"", "stiffness=\"5000\""]),
         (joint("stiffness=\"0 300\""), &["joint \"joint_2\"", "stiffness=\"0 300"]),
         (joint("frictionloss=\"20\""), &["joint \"joint_2\"", "frictionloss=\"20\""]),
         (joint("actuatorfrcrange=\"-50 50\""), &["joint \"joint_2\"", "actuatorfrcrange=\"-50 50\""]),
-        (spatial("stiffness=\"20000\" springlength=\"0.1\""), &["tendon \"cable\"", "stiffness=\"20000\""]),
+        (spatial("stiffness=\"20000 5\" springlength=\"0.1\""), &["tendon \"cable\"", "stiffness=\"20000 5", "not linear"]),
+        (arm(|arm| { arm.inside = "<geom name=\"drum\" size=\"0.02\" mass=\"0\"/>".into(); arm.tail = "<tendon><spatial name=\"cable\" stiffness=\"20000\"><site site=\"anchor\"/><geom geom=\"drum\"/><site site=\"elbow\"/></spatial></tendon>".into(); }), &["tendon \"cable\"", "straight from site to site"]),
         (spatial("range=\"0 0.2\" limited=\"true\""), &["tendon \"cable\"", "range=\"0 0.2\""]),
         (spatial("frictionloss=\"9\""), &["tendon \"cable\"", "frictionloss=\"9\""]),
         (tail("<tendon><fixed name=\"coupling\" stiffness=\"700\"><joint joint=\"joint_2\" coef=\"1\"/><joint joint=\"joint_3\" coef=\"-1\"/></fixed></tendon>"), &["tendon \"coupling\"", "stiffness=\"700\""]),
@@ -317,7 +322,6 @@ fn the_rest_is_refused_by_name() {
         (servo("timeconst=\"0.1\""), &["actuator \"servo_2\"", "a state of its own"]),
         (servo("ctrlrange=\"-0.2 0.2\""), &["actuator \"servo_2\"", "ctrlrange", "-0.2 to 0.2 rad", "joint \"joint_2\" is -2 to 2 rad"]),
         (servo("gear=\"4\" ctrlrange=\"-2 2\""), &["actuator \"servo_2\"", "ctrlrange", "-0.5 to 0.5 rad"]),
-        (general("gainprm=\"40000\" biastype=\"affine\" biasprm=\"120 -40000 0\""), &["actuator \"servo_2\"", "120"]),
         (general("gainprm=\"40000\" biastype=\"affine\" biasprm=\"0 -30000 0\""), &["actuator \"servo_2\"", "-30000"]),
         (general("gainprm=\"40000\" gaintype=\"affine\" biastype=\"affine\" biasprm=\"0 -40000 0\""), &["actuator \"servo_2\"", "no position actuator"]),
         (arm(|arm| arm.actuator = "<motor name=\"servo_2\" joint=\"joint_2\"/>".into()), &["actuator \"servo_2\"", "no position actuator"]),
@@ -329,8 +333,9 @@ fn the_rest_is_refused_by_name() {
         (flag("sleep=\"enable\""), &["option/flag", "sleep=\"enable\""]),
         (option("wind=\"10 0 0\" density=\"1.2\""), &["option", "wind=\"10 0 0\""]),
         (forearm("gravcomp=\"1.5\""), &["body \"forearm\"", "gravcomp=\"1.5\""]),
-        (arm(|arm| arm.inside = "<body name=\"finger\"><joint name=\"slide\" type=\"slide\"/><geom size=\"0.1\"/></body>".into()), &["\"slide\"", "not a hinge"]),
-        (arm(|arm| arm.inside = "<flexcomp name=\"rope\" type=\"grid\" count=\"3 1 1\" dim=\"1\" spacing=\"0.1 0.1 0.1\" radius=\"0.01\" mass=\"0.1\"/>".into()), &["joint 3", "not a hinge"]),
+        (arm(|arm| arm.inside = "<body name=\"finger\"><joint name=\"slide\" type=\"slide\"/><geom size=\"0.1\"/></body>".into()), &["\"slide\"", "no actuator"]),
+        (arm(|arm| arm.inside = "<body name=\"ball\"><joint name=\"ball\" type=\"ball\"/><geom size=\"0.1\"/></body>".into()), &["\"ball\"", "neither a hinge nor a slide"]),
+        (arm(|arm| arm.inside = "<flexcomp name=\"rope\" type=\"grid\" count=\"3 1 1\" dim=\"1\" spacing=\"0.1 0.1 0.1\" radius=\"0.01\" mass=\"0.1\"/>".into()), &["joint 6", "branches off", "robot.locked_deg"]),
         (arm(|arm| arm.inside = "<flexcomp name=\"rope\" type=\"grid\" count=\"3 1 1\" rigid=\"true\" dim=\"1\" spacing=\"0.1 0.1 0.1\" radius=\"0.01\" mass=\"0.1\"/>".into()), &["flex \"rope\"", "deformable"]),
     ];
     let mut wrong = Vec::new();

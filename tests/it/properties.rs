@@ -6,8 +6,8 @@ use elastocal::measurement::{
 use elastocal::plan::{Assessment, ExperimentModel, Plan, read_plan, write_plan};
 use elastocal::random::generator;
 use elastocal::robot::{
-    EquilibriumError, EquilibriumSolver, Joint, KinematicState, Load, ObservationMatrix,
-    SerialChain, Tool, cartesian_stiffness, rotation_vector,
+    Drive, Elements, EquilibriumError, EquilibriumSolver, Joint, KinematicState, Load,
+    ObservationMatrix, SerialChain, Tool, cartesian_stiffness, rotation_vector,
 };
 use elastocal::scenario::Scenario;
 use elastocal::testbed::VirtualRobot;
@@ -285,10 +285,12 @@ fn pendulum(mass_kg: f64, height_m: f64) -> (SerialChain, Tool) {
         mass_kg,
         centre_of_mass_m: Vector3::z() * height_m,
         model_compliance_rad_per_nm: None,
+        drive: Drive::default(),
     };
     let chain = SerialChain {
         joints: vec![joint],
         gravity_m_s2: Vector3::z() * -10.0,
+        elements: Elements::default(),
     };
     let tool = Tool {
         name: "top".into(),

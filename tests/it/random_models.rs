@@ -9,6 +9,16 @@ use rand::{Rng, RngExt};
 /// Random numbers by their ranges.
 struct Dice<R>(R);
 
+/// What a model may have.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum Features {
+    /// All that MuJoCo knows of statics.
+    All,
+    /// What a belief knows: hinges and slides, passive joints, linear springs in joints and along straight
+    /// tendons, constant forces of actuators.
+    Belief,
+}
+
 impl<R: Rng> Dice<R> {
     fn between(&mut self, low: f64, high: f64) -> f64 {
         self.0.random_range(low..=high)
@@ -46,9 +56,13 @@ fn element(stiffness: f64) -> [f64; 3] {
 
 #[expect(clippy::too_many_lines, reason = "a list of what there is")]
 /// A model at random: the file, the commanded joints, the commands and a force.
-pub fn random_model(seed: u64) -> (String, Vec<String>, Vec<f64>, Vector3<f64>) {
+pub fn random_model(
+    seed: u64,
+    features: Features,
+) -> (String, Vec<String>, Vec<f64>, Vector3<f64>) {
     let mut dice = Dice(generator(1300, seed));
     let joints = dice.0.random_range(2..=7_usize);
+    let all = features == Features::All;
     let mut names = Vec::new();
     let mut commanded = Vec::new();
     let mut actuators = String::new();
@@ -60,21 +74,22 @@ pub fn random_model(seed: u64) -> (String, Vec<String>, Vec<f64>, Vector3<f64>) 
         let stiffness = 10_f64.powf(dice.between(4.8, 6.2));
         let [kp, armature, damping] = element(stiffness);
         let gravcomp = if dice.one_in(5) {
-            dice.between(0.2, 1.2)
+            dice.between(0.2, if all { 1.2 } else { 1.0 })
         } else {
             0.0
         };
         // A passive joint before the commanded one, in a body of its own, since MuJoCo wants that of balls.
         if dice.one_in(3) {
             let [stiffness, armature, damping] = element(10_f64.powf(dice.between(4.8, 6.2)));
-            let kind = ["hinge", "slide", "ball"][dice.0.random_range(0..3)];
+            let kind = ["hinge", "slide", if all { "ball" } else { "hinge" }];
+            let kind = kind[dice.0.random_range(0..3)];
             let spring = if kind == "ball" {
                 String::new()
             } else {
                 let (axis, rest) = (dice.axis(), dice.between(-0.02, 0.02));
                 format!("axis=\"{axis}\" springref=\"{rest}\"")
             };
-            let poly = if dice.one_in(4) {
+            let poly = if dice.one_in(4) && all {
                 format!("{stiffness} {}", dice.between(-1e5, 1e5))
             } else {
                 stiffness.to_string()
@@ -135,7 +150,7 @@ pub fn random_model(seed: u64) -> (String, Vec<String>, Vec<f64>, Vector3<f64>) 
             -kp
         );
         // A side branch that nothing commands: a finger with a spring, or one that hangs.
-        if dice.one_in(4) {
+        if dice.one_in(4) && all {
             let [stiffness, armature, damping] = element(10_f64.powf(dice.between(3.5, 5.0)));
             let _ = write!(
                 bodies,
@@ -169,14 +184,14 @@ pub fn random_model(seed: u64) -> (String, Vec<String>, Vec<f64>, Vector3<f64>) 
             joints
         );
     }
-    if dice.one_in(4) {
+    if dice.one_in(4) && all {
         let _ = write!(
             tail,
             "<tendon><spatial name=\"wound\" stiffness=\"{}\" springlength=\"0.2\" damping=\"50\"><site site=\"anchor\"/><geom geom=\"drum\"/><site site=\"eye_1\"/></spatial></tendon>",
             dice.between(1e3, 2e4)
         );
     }
-    if dice.one_in(4) {
+    if dice.one_in(4) && all {
         let _ = write!(
             tail,
             "<tendon><fixed name=\"sum\" stiffness=\"{}\" springlength=\"0.1\" damping=\"20\"><joint joint=\"joint_1\" coef=\"1\"/><joint joint=\"joint_2\" coef=\"-0.7\"/></fixed></tendon>",
@@ -190,13 +205,13 @@ pub fn random_model(seed: u64) -> (String, Vec<String>, Vec<f64>, Vector3<f64>) 
             );
         }
     }
-    if dice.one_in(6) {
+    if dice.one_in(6) && all {
         let _ = write!(
             tail,
             "<equality><connect body1=\"link_{joints}\" body2=\"rod\" anchor=\"0.1 0 0\" solref=\"0.004 1\"/></equality>"
         );
     }
-    if dice.one_in(6) {
+    if dice.one_in(6) && all {
         let _ = write!(
             tail,
             "<equality><joint joint1=\"joint_1\" joint2=\"joint_2\" polycoef=\"0 {} 0 0 0\" solref=\"0.01 1\"/></equality>",
@@ -204,7 +219,7 @@ pub fn random_model(seed: u64) -> (String, Vec<String>, Vec<f64>, Vector3<f64>) 
         );
     }
     // What no static equilibrium tells.
-    if dice.one_in(12) {
+    if dice.one_in(12) && all {
         tail += "<actuator><position joint=\"joint_1\" kp=\"100\" timeconst=\"0.1\"/></actuator>";
     }
     let friction = if dice.one_in(12) {
@@ -218,6 +233,13 @@ pub fn random_model(seed: u64) -> (String, Vec<String>, Vec<f64>, Vector3<f64>) 
         "Euler"
     };
     let [stiffness, armature, damping] = element(1e4);
+    let rod = if all {
+        format!(
+            "<body name=\"rod\" pos=\"0.2 0 0\"><joint name=\"rod\" type=\"ball\" stiffness=\"{stiffness}\" armature=\"{armature}\" damping=\"{damping}\" {friction}/><geom size=\"0.05\" mass=\"1\" pos=\"0.2 0 0\"/></body>"
+        )
+    } else {
+        String::new()
+    };
     let payload = dice.between(0.0, 30.0);
     let mjcf = format!(
         r#"<mujoco model="seed {seed}">
@@ -229,7 +251,7 @@ pub fn random_model(seed: u64) -> (String, Vec<String>, Vec<f64>, Vector3<f64>) 
     {bodies}
     <body name="payload" pos="{}"><inertial pos="0 0 0" mass="{payload}" diaginertia="0.1 0.1 0.1"/></body>
     <site name="tool" pos="{}"/>
-    <body name="rod" pos="0.2 0 0"><joint name="rod" type="ball" stiffness="{stiffness}" armature="{armature}" damping="{damping}" {friction}/><geom size="0.05" mass="1" pos="0.2 0 0"/></body>
+    {rod}
     {ends}
   </worldbody>
   <actuator>{actuators}</actuator>

@@ -3,6 +3,7 @@
 use mujoco_rs::prelude::MjModel;
 use mujoco_rs::wrappers::mj_model::{MjtBias, MjtDisableBit, MjtDyn, MjtGain, MjtObjBase, MjtTrn};
 
+use super::super::Model;
 use super::servo::{acts_on_a_joint, is_enabled};
 use super::{Refusal, Servo, disabled, element};
 
@@ -23,7 +24,8 @@ fn acting(model: &MjModel) -> impl Iterator<Item = usize> {
 }
 
 /// What an actuator acts on must be a joint.
-pub(super) fn transmission(model: &MjModel) -> Option<Refusal> {
+pub(super) fn transmission(robot: &Model) -> Option<Refusal> {
+    let model = &*robot.inner;
     let id = acting(model).find(|&id| !acts_on_a_joint(model, id))?;
     let target = match model.actuator_trntype()[id] {
         MjtTrn::mjTRN_TENDON => "a tendon",
@@ -40,16 +42,21 @@ pub(super) fn transmission(model: &MjModel) -> Option<Refusal> {
     ))
 }
 
-/// Each joint must be held by one actuator. A model without any actuator is geometry and masses
+/// Each joint must be held by one actuator or, where it is passive, by a spring. A model without any actuator is geometry and masses
 /// alone: the scenario then says how the joints are held.
-pub(super) fn one_for_each_joint(model: &MjModel) -> Option<Refusal> {
+pub(super) fn one_for_each_joint(robot: &Model) -> Option<Refusal> {
+    let model = &*robot.inner;
     if model.actuator_trntype().is_empty() {
         return None;
     }
     (0..model.jnt_type().len()).find_map(|joint| {
+        if robot.locked_at(joint).is_some() {
+            return None;
+        }
         let servos: Vec<_> = Servo::of(model, joint).collect();
         match servos[..] {
             [_] => None,
+            [] if robot.joint_spring(joint).is_some() => None,
             [] => Some(not_held(model, joint)),
             [first, second, ..] => Some(Refusal::new(
                 actuator_element(model, second.actuator),
@@ -78,7 +85,7 @@ pub(crate) fn not_held(model: &MjModel, joint: usize) -> Refusal {
         None => "no actuator holds it at its commanded angle".to_owned(),
     };
     let hint = format!(
-        "give it one: <actuator><position joint={:?} kp=\"1e6\"/></actuator>, kp being its stiffness in N m/rad, which a scenario's compliance_rad_per_nm replaces",
+        "give it one, or a spring (stiffness) if it is passive, or lock it (robot.locked_deg, robot.locked_mm): <actuator><position joint={:?} kp=\"1e6\"/></actuator>, kp being its stiffness in N m/rad, which a scenario's compliance_rad_per_nm replaces",
         name.unwrap_or("...")
     );
     Refusal::new(joint_element(model, joint), problem, hint)
@@ -107,7 +114,8 @@ pub(crate) fn not_commanded(model: &MjModel, joint: usize) -> Refusal {
 }
 
 /// An actuator with a state of its own rests where its history says.
-pub(super) fn state(model: &MjModel) -> Option<Refusal> {
+pub(super) fn state(robot: &Model) -> Option<Refusal> {
+    let model = &*robot.inner;
     acting(model).find_map(|id| {
         let refused = |problem: String| {
             Some(Refusal::new(actuator_element(model, id), problem, HINT))
@@ -131,7 +139,8 @@ pub(super) fn state(model: &MjModel) -> Option<Refusal> {
     clippy::float_cmp,
     reason = "a position actuator has the same number twice"
 )]
-pub(super) fn law(model: &MjModel) -> Option<Refusal> {
+pub(super) fn law(robot: &Model) -> Option<Refusal> {
+    let model = &*robot.inner;
     acting(model).find_map(|id| {
         let refused = |problem: String| {
             Some(Refusal::new(actuator_element(model, id), problem, HINT))
@@ -148,12 +157,6 @@ pub(super) fn law(model: &MjModel) -> Option<Refusal> {
                 gain[0], bias[0], bias[1], bias[2]
             ));
         }
-        if bias[0] != 0.0 {
-            return refused(format!(
-                "has a constant force beside its spring (biasprm begins with {}); 0 is allowed",
-                bias[0]
-            ));
-        }
         let servo = Servo::new(model, id);
         (servo.gear == 0.0 || !servo.gear.is_finite()).then(|| {
             let problem = format!("has the gear {}; it holds nothing", servo.gear);
@@ -163,8 +166,9 @@ pub(super) fn law(model: &MjModel) -> Option<Refusal> {
 }
 
 /// A force that is cut off is no spring's.
-pub(super) fn force_limits(model: &MjModel) -> Option<Refusal> {
+pub(super) fn force_limits(robot: &Model) -> Option<Refusal> {
     const HINT: &str = "remove it, and bound the joint torques of plans with region.joint_torque_max_nm in the scenario";
+    let model = &*robot.inner;
     let actuator = acting(model).find(|&id| model.actuator_forcelimited()[id]);
     if let Some(id) = actuator {
         let [low, high] = model.actuator_forcerange()[id];
@@ -191,7 +195,8 @@ pub(super) fn force_limits(model: &MjModel) -> Option<Refusal> {
 }
 
 /// Where commands are clamped inside the joint's range, MuJoCo's arm does not go where it is sent.
-pub(super) fn command_limits(model: &MjModel) -> Option<Refusal> {
+pub(super) fn command_limits(robot: &Model) -> Option<Refusal> {
+    let model = &*robot.inner;
     (0..model.jnt_type().len()).find_map(|joint| {
         let [low, high] = model.jnt_range()[joint];
         let servo = Servo::of(model, joint).next()?;
@@ -227,7 +232,8 @@ pub(crate) fn command_range(model: &MjModel, servo: &Servo) -> Option<[f64; 2]> 
 }
 
 /// `<option><flag actuation="disable"/>` lets every joint go.
-pub(super) fn actuation_off(model: &MjModel) -> Option<Refusal> {
+pub(super) fn actuation_off(robot: &Model) -> Option<Refusal> {
+    let model = &*robot.inner;
     disabled(model, MjtDisableBit::mjDSBL_ACTUATION).then(|| {
         Refusal::new(
             "option/flag".to_owned(),

@@ -1,9 +1,10 @@
 //! Springs, friction, constraints, wind and what else pulls at an arm beside its actuators.
 
 use mujoco_rs::prelude::{MjModel, MjtJoint};
-use mujoco_rs::wrappers::mj_model::{MjtDisableBit, MjtEnableBit, MjtEq, MjtObjBase};
+use mujoco_rs::wrappers::mj_model::{MjtDisableBit, MjtEnableBit, MjtEq, MjtObjBase, MjtWrap};
 
-use super::{Refusal, disabled, element};
+use super::super::Model;
+use super::{Refusal, TendonSpring, disabled, element};
 
 /// What to do about most of them.
 const REMOVE: &str = "remove it; what the model leaves out, the virtual robot leaves out, too";
@@ -13,36 +14,75 @@ fn constrains(model: &MjModel, bit: MjtDisableBit) -> bool {
     !disabled(model, MjtDisableBit::mjDSBL_CONSTRAINT) && !disabled(model, bit)
 }
 
-/// A spring in a joint, beside its actuator.
-pub(super) fn joint_springs(model: &MjModel) -> Option<Refusal> {
+/// A spring in a joint whose force is not linear.
+pub(super) fn joint_springs(robot: &Model) -> Option<Refusal> {
+    let model = &*robot.inner;
     let (stiffness, higher) = (model.jnt_stiffness(), model.jnt_stiffnesspoly());
-    let joint = (0..stiffness.len()).find(|&joint| stiffens(stiffness[joint], &higher[joint]))?;
+    let joint = (0..stiffness.len()).find(|&joint| stiffens(0.0, &higher[joint]))?;
     let acts = !disabled(model, MjtDisableBit::mjDSBL_SPRING);
     acts.then(|| {
         let element = element(model, MjtObjBase::mjOBJ_JOINT, "joint", joint);
         let found = list(stiffness[joint], &higher[joint]);
         let problem = format!(
-            "stiffness=\"{found}\" is a spring beside the actuator, which the statics do not know"
+            "stiffness=\"{found}\" is a spring whose force is not linear; the statics know linear ones"
         );
-        Refusal::new(
-            element,
-            problem,
-            "remove it; the joint's stiffness is its actuator's kp",
-        )
+        Refusal::new(element, problem, "give it one stiffness")
     })
 }
 
-/// A spring in a tendon.
-pub(super) fn tendon_springs(model: &MjModel) -> Option<Refusal> {
-    let (stiffness, higher) = (model.tendon_stiffness(), model.tendon_stiffnesspoly());
-    let tendon =
-        (0..stiffness.len()).find(|&tendon| stiffens(stiffness[tendon], &higher[tendon]))?;
-    let acts = !disabled(model, MjtDisableBit::mjDSBL_SPRING);
-    acts.then(|| {
-        let found = list(stiffness[tendon], &higher[tendon]);
-        let problem = format!("stiffness=\"{found}\" is a spring, which the statics do not know");
-        Refusal::new(tendon_element(model, tendon), problem, REMOVE)
+/// A spring in a tendon that is not linear, or that does not run straight from site to site.
+pub(super) fn tendon_springs(robot: &Model) -> Option<Refusal> {
+    let model = &*robot.inner;
+    stiff_tendons(model).find_map(|tendon| {
+        let higher = &model.tendon_stiffnesspoly()[tendon];
+        let found = list(model.tendon_stiffness()[tendon], higher);
+        let what = if stiffens(0.0, higher) {
+            "whose force is not linear"
+        } else if sites_of(model, tendon).is_none() {
+            "that does not run straight from site to site"
+        } else {
+            return None;
+        };
+        let problem = format!(
+            "stiffness=\"{found}\" is a spring {what}; the statics know linear springs through sites"
+        );
+        Some(Refusal::new(tendon_element(model, tendon), problem, REMOVE))
     })
+}
+
+/// The tendons with springs that act.
+fn stiff_tendons(model: &MjModel) -> impl Iterator<Item = usize> + '_ {
+    let (stiffness, higher) = (model.tendon_stiffness(), model.tendon_stiffnesspoly());
+    let acts = !disabled(model, MjtDisableBit::mjDSBL_SPRING);
+    (0..stiffness.len()).filter(move |&tendon| acts && stiffens(stiffness[tendon], &higher[tendon]))
+}
+
+/// The sites that a tendon goes through; none where it has anything else on its way.
+fn sites_of(model: &MjModel, tendon: usize) -> Option<Vec<usize>> {
+    let first = model.tendon_adr()[tendon].unsigned_abs() as usize;
+    let count = model.tendon_num()[tendon].unsigned_abs() as usize;
+    (first..first + count)
+        .map(|each| {
+            (model.wrap_type()[each] == MjtWrap::mjWRAP_SITE)
+                .then(|| model.wrap_objid()[each].unsigned_abs() as usize)
+        })
+        .collect()
+}
+
+/// The springs that the chain knows.
+pub(super) fn springs_between_sites(robot: &Model) -> Vec<TendonSpring> {
+    let model = &*robot.inner;
+    stiff_tendons(model)
+        .filter_map(|tendon| {
+            let name = model.id_to_name(MjtObjBase::mjOBJ_TENDON, tendon);
+            Some(TendonSpring {
+                name: name.map_or_else(|| format!("tendon {tendon}"), str::to_owned),
+                stiffness_n_per_m: model.tendon_stiffness()[tendon],
+                rest_m: model.tendon_lengthspring()[tendon],
+                sites: sites_of(model, tendon)?,
+            })
+        })
+        .collect()
 }
 
 fn stiffens(linear: f64, higher: &[f64]) -> bool {
@@ -65,7 +105,8 @@ fn tendon_element(model: &MjModel, tendon: usize) -> String {
 }
 
 /// A tendon that can become taut.
-pub(super) fn tendon_limits(model: &MjModel) -> Option<Refusal> {
+pub(super) fn tendon_limits(robot: &Model) -> Option<Refusal> {
+    let model = &*robot.inner;
     let tendon = model.tendon_limited().iter().position(|&limited| limited)?;
     constrains(model, MjtDisableBit::mjDSBL_LIMIT).then(|| {
         let [low, high] = model.tendon_range()[tendon];
@@ -75,7 +116,8 @@ pub(super) fn tendon_limits(model: &MjModel) -> Option<Refusal> {
 }
 
 /// Dry friction lets an arm rest in many places.
-pub(super) fn joint_friction(model: &MjModel) -> Option<Refusal> {
+pub(super) fn joint_friction(robot: &Model) -> Option<Refusal> {
+    let model = &*robot.inner;
     let friction = model.dof_frictionloss();
     let dof = friction.iter().position(|&loss| loss != 0.0)?;
     constrains(model, MjtDisableBit::mjDSBL_FRICTIONLOSS).then(|| {
@@ -90,7 +132,8 @@ pub(super) fn joint_friction(model: &MjModel) -> Option<Refusal> {
 }
 
 /// The same of tendons.
-pub(super) fn tendon_friction(model: &MjModel) -> Option<Refusal> {
+pub(super) fn tendon_friction(robot: &Model) -> Option<Refusal> {
+    let model = &*robot.inner;
     let friction = model.tendon_frictionloss();
     let tendon = friction.iter().position(|&loss| loss != 0.0)?;
     constrains(model, MjtDisableBit::mjDSBL_FRICTIONLOSS).then(|| {
@@ -135,7 +178,8 @@ pub(super) fn couples_angles(model: &MjModel, equality: usize) -> Option<bool> {
 }
 
 /// Joints that are coupled, bodies that are tied to each other.
-pub(super) fn equalities(model: &MjModel) -> Option<Refusal> {
+pub(super) fn equalities(robot: &Model) -> Option<Refusal> {
+    let model = &*robot.inner;
     let equality = acting_equalities(model).next()?;
     Some(Refusal::new(
         equality_element(model, equality),
@@ -145,7 +189,8 @@ pub(super) fn equalities(model: &MjModel) -> Option<Refusal> {
 }
 
 /// A body whose weight is compensated by more than itself, or less than nothing.
-pub(super) fn buoyancy(model: &MjModel) -> Option<Refusal> {
+pub(super) fn buoyancy(robot: &Model) -> Option<Refusal> {
+    let model = &*robot.inner;
     let compensation = model.body_gravcomp();
     let body = (compensation.iter()).position(|share| !(0.0..=1.0).contains(share))?;
     let problem = format!("gravcomp=\"{}\"; 0 to 1 is allowed", compensation[body]);
@@ -157,7 +202,8 @@ pub(super) fn buoyancy(model: &MjModel) -> Option<Refusal> {
 }
 
 /// Wind pulls at a robot at rest, where there is a medium.
-pub(super) fn wind(model: &MjModel) -> Option<Refusal> {
+pub(super) fn wind(robot: &Model) -> Option<Refusal> {
+    let model = &*robot.inner;
     let option = model.opt();
     let blows = option.wind.iter().any(|&speed| speed != 0.0)
         && (option.density > 0.0 || option.viscosity > 0.0);
@@ -169,7 +215,8 @@ pub(super) fn wind(model: &MjModel) -> Option<Refusal> {
 }
 
 /// A simulation that may fall asleep before it rests.
-pub(super) fn sleep(model: &MjModel) -> Option<Refusal> {
+pub(super) fn sleep(robot: &Model) -> Option<Refusal> {
+    let model = &*robot.inner;
     (model.opt().enableflags & MjtEnableBit::mjENBL_SLEEP as i32 != 0).then(|| {
         Refusal::new(
             "option/flag".to_owned(),
@@ -180,7 +227,8 @@ pub(super) fn sleep(model: &MjModel) -> Option<Refusal> {
 }
 
 /// Bodies that bend by themselves.
-pub(super) fn flexes(model: &MjModel) -> Option<Refusal> {
+pub(super) fn flexes(robot: &Model) -> Option<Refusal> {
+    let model = &*robot.inner;
     (model.ffi().nflex > 0).then(|| {
         Refusal::new(
             element(model, MjtObjBase::mjOBJ_FLEX, "flex", 0),
@@ -191,7 +239,8 @@ pub(super) fn flexes(model: &MjModel) -> Option<Refusal> {
 }
 
 /// Plugins that pull at bodies.
-pub(super) fn plugins(model: &MjModel) -> Option<Refusal> {
+pub(super) fn plugins(robot: &Model) -> Option<Refusal> {
+    let model = &*robot.inner;
     let body = model.body_plugin().iter().position(|&plugin| plugin >= 0)?;
     Some(Refusal::new(
         element(model, MjtObjBase::mjOBJ_BODY, "body", body),

@@ -21,10 +21,10 @@ macro_rules! classify {
 }
 
 classify! { MODEL of mjModel_;
-    // Springs in joints.
+    // Springs in joints; linear ones are honoured.
     InTruth(elements::joint_springs) =>
         jnt_stiffness jnt_stiffnesspoly qpos_spring;
-    // Springs in tendons, and the paths of tendons.
+    // Springs in tendons, and the paths of tendons; linear ones straight through sites are honoured.
     InTruth(elements::tendon_springs) =>
         ntendon nwrap nJten tendon_stiffness tendon_stiffnesspoly tendon_lengthspring tendon_adr tendon_num
         tendon_length0 wrap_type wrap_objid wrap_prm ten_J_rownnz ten_J_rowadr ten_J_colind;

@@ -17,7 +17,7 @@ use mujoco_rs::wrappers::mj_model::{MjtDisableBit, MjtObjBase};
 use super::{Model, ModelError};
 
 pub(super) use actuators::command_range;
-pub(super) use servo::Servo;
+pub(super) use servo::{Servo, acts_on};
 
 /// What becomes of a group of fields of MuJoCo's model.
 #[derive(Debug, Clone, Copy)]
@@ -30,9 +30,9 @@ enum Treatment {
     WithoutInfluence,
     /// The virtual robot obeys it, since it rests where MuJoCo's own acceleration vanishes; a belief in
     /// which it can move the arm's rest is refused.
-    InTruth(fn(&MjModel) -> Option<Refusal>),
+    InTruth(fn(&Model) -> Option<Refusal>),
     /// A model in which it can move the arm's rest is refused.
-    Refused(fn(&MjModel) -> Option<Refusal>),
+    Refused(fn(&Model) -> Option<Refusal>),
 }
 
 /// An element of the model that the statics cannot honour.
@@ -44,6 +44,19 @@ struct Refusal {
     problem: String,
     /// What to do about it.
     hint: String,
+}
+
+/// A spring along a spatial tendon through sites.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct TendonSpring {
+    /// The tendon's name.
+    pub name: String,
+    /// Its stiffness (N/m).
+    pub stiffness_n_per_m: f64,
+    /// The range of lengths at which it is relaxed (m).
+    pub rest_m: [f64; 2],
+    /// The sites that it goes through.
+    pub sites: Vec<usize>,
 }
 
 impl Refusal {
@@ -63,7 +76,7 @@ impl Model {
     /// [`ModelError::Statics`] with the first such element.
     pub fn check_statics(&self) -> Result<(), ModelError> {
         let refusal = treatments().find_map(|treatment| match treatment {
-            Treatment::InTruth(check) | Treatment::Refused(check) => check(&self.inner),
+            Treatment::InTruth(check) | Treatment::Refused(check) => check(self),
             _ => None,
         });
         refusal.map_or(Ok(()), |refusal| Err(self.refused(refusal)))
@@ -76,7 +89,7 @@ impl Model {
     /// [`ModelError::Statics`] with the first such element.
     pub fn check_rest(&self) -> Result<(), ModelError> {
         let refusal = treatments().find_map(|treatment| match treatment {
-            Treatment::Refused(check) => check(&self.inner),
+            Treatment::Refused(check) => check(self),
             _ => None,
         });
         refusal.map_or(Ok(()), |refusal| Err(self.refused(refusal)))
@@ -88,7 +101,7 @@ impl Model {
     pub fn beyond_belief(&self) -> Vec<String> {
         treatments()
             .filter_map(|treatment| match treatment {
-                Treatment::InTruth(check) => check(&self.inner),
+                Treatment::InTruth(check) => check(self),
                 _ => None,
             })
             .map(|refusal| format!("{}: {}", refusal.element, refusal.problem))
@@ -125,6 +138,20 @@ impl Model {
             1 => Ok(()),
             _ => Err(self.refused(actuators::not_commanded(&self.inner, joint))),
         }
+    }
+
+    /// The error for a joint that cannot be locked.
+    pub(super) fn not_lockable(&self, joint: usize) -> ModelError {
+        self.refused(Refusal::new(
+            element(&self.inner, MjtObjBase::mjOBJ_JOINT, "joint", joint),
+            "is neither a hinge nor a slide and cannot be locked",
+            "remove it from the model",
+        ))
+    }
+
+    /// The springs of tendons, each with its name and what the chain needs to know of it.
+    pub(crate) fn tendon_springs(&self) -> Vec<TendonSpring> {
+        elements::springs_between_sites(self)
     }
 
     /// The error for a joint that no actuator holds.

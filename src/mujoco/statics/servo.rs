@@ -52,6 +52,12 @@ pub(super) fn is_enabled(model: &MjModel, actuator: usize) -> bool {
     !(0..=30).contains(&group) || model.opt().disableactuator & (1 << group) == 0
 }
 
+/// Whether an actuator drives this joint.
+pub(crate) fn acts_on(model: &MjModel, actuator: usize, joint: usize) -> bool {
+    acts_on_a_joint(model, actuator)
+        && usize::try_from(model.actuator_trnid()[actuator][0]) == Ok(joint)
+}
+
 /// Whether the actuator drives one joint, and no tendon, site or body.
 pub(super) fn acts_on_a_joint(model: &MjModel, actuator: usize) -> bool {
     matches!(

@@ -65,6 +65,9 @@ pub enum NoProof {
     /// Too many variables, or too large angles.
     #[error("the proof takes at most 8 variables, of at most 60 rad")]
     TooLarge,
+    /// The arm has joints that slide, passive joints or springs.
+    #[error("the proof knows arms of commanded hinges alone")]
+    NotPlain,
     /// There is no B.
     #[error("the information of the approximate design is singular")]
     Singular,

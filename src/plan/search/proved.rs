@@ -95,6 +95,9 @@ impl ProvedBound {
         records: bool,
     ) -> Result<Self, NoProof> {
         let task = problem.task;
+        if !task.belief.nominal.chain.is_plain() {
+            return Err(NoProof::NotPlain);
+        }
         let rows = problem.rows_of(approximate).ok_or(NoProof::Singular)?;
         let question = question(problem, rows);
         let found = approximate.certificate.largest_derivative;

@@ -5,6 +5,7 @@ use crate::experiment::Loads;
 use crate::experiment::Plan;
 use crate::files::FileError;
 use crate::limits::{MOST_EXPERIMENTS, MOST_NAMED};
+use crate::robot::Commands;
 use crate::scenario::PlanFile;
 use crate::scenario::file::{DesignTable, PlanTable};
 use crate::task::Design;
@@ -14,7 +15,7 @@ impl Checker<'_> {
         &self,
         table: &DesignTable,
         parameters: usize,
-        joints: usize,
+        commands: &Commands,
         loads: &Loads,
     ) -> Result<Design, FileError> {
         let key = "design.experiments";
@@ -43,7 +44,7 @@ impl Checker<'_> {
             return Err(self.wrong("design.configurations", problem));
         }
         let mandatory = match &table.mandatory {
-            Some(path) => self.plan("design.mandatory", &self.resolve(path), joints)?,
+            Some(path) => self.plan("design.mandatory", &self.resolve(path), commands)?,
             None => Plan::default(),
         };
         if mandatory.measurements() > table.experiments {
@@ -71,7 +72,7 @@ impl Checker<'_> {
     pub(super) fn plans(
         &self,
         tables: &[PlanTable],
-        joints: usize,
+        commands: &Commands,
     ) -> Result<Vec<PlanFile>, FileError> {
         self.at_most("plan", tables.len(), MOST_NAMED)?;
         let mut plans: Vec<PlanFile> = Vec::new();
@@ -81,7 +82,7 @@ impl Checker<'_> {
                 return Err(self.wrong(&format!("plan[{index}].name"), problem));
             }
             let path = self.resolve(&table.file);
-            self.plan(&format!("plan[{index}].file"), &path, joints)?;
+            self.plan(&format!("plan[{index}].file"), &path, commands)?;
             plans.push(PlanFile {
                 name: table.name.clone(),
                 path,

@@ -5,6 +5,7 @@ mod gate;
 mod inputs;
 mod instrument;
 mod load;
+mod mounted;
 mod name;
 mod number;
 mod obstacle;
@@ -22,8 +23,8 @@ use super::Scenario;
 use super::file::File;
 use crate::experiment::{Plan, read_plan};
 use crate::files::{FileError, read_text};
-use crate::mujoco::ModelError;
-use crate::robot::Robot;
+use crate::mujoco::{Additions, ModelError};
+use crate::robot::{Commands, Robot};
 use crate::task::{Belief, Task};
 use crate::testbed::Truth;
 use crate::text::wrong_name;
@@ -54,8 +55,14 @@ impl Checker<'_> {
             .map_err(|error| FileError::new(self.path, error.message().to_owned()))?;
         self.check_names(&table)?;
 
-        let obstacles = self.obstacles(&file)?;
-        let model = self.model("robot.model", &file.robot.model, &obstacles)?;
+        let additions = Additions {
+            obstacles: self.obstacles(&file)?,
+            tools: self.tools(&file.robot)?,
+            payloads: self.payloads(&file.robot)?,
+        };
+        let locked = self.locked(&file.robot)?;
+        let model = self.model("robot.model", &file.robot.model, &additions)?;
+        let model = self.lock(&model, &locked)?;
         let chain = self.serial_chain("robot.model", &model)?;
         let mut nominal = Robot {
             compliance_rad_per_nm: self.compliances(
@@ -77,15 +84,15 @@ impl Checker<'_> {
             &file.robot.machining_site,
         )?;
         let mut parameters = self.parameters(&nominal.chain, &file.robot.parameters)?;
-        let true_robot = self.true_robot(&file, &nominal, &obstacles)?;
+        let true_robot = self.true_robot(&file, &nominal, &additions, &locked)?;
         let before = self.prior(file.robot.prior.as_ref(), &mut nominal, &mut parameters)?;
         let to_find = parameters.len() - before.known;
 
-        let joints = nominal.chain.len();
+        let (joints, commands) = (nominal.chain.len(), Commands::from(&nominal.chain));
         let test_poses = self.test_poses(&file.test_pose, &nominal.chain)?;
         let loads = self.loads(&file.load)?;
-        let design = self.design(&file.design, to_find, joints, &loads)?;
-        let plans = self.plans(&file.plan, joints)?;
+        let design = self.design(&file.design, to_find, &commands, &loads)?;
+        let plans = self.plans(&file.plan, &commands)?;
         let instrument = self.instrument(&file.instrument, &file.region, &nominal.model)?;
         let context = study::Context {
             sigma_m: instrument.sigma_m,
@@ -93,7 +100,7 @@ impl Checker<'_> {
             design: &design,
             plans: &plans,
             parameters: to_find,
-            joints,
+            commands: &commands,
         };
         let study = self.study(&file.study, &context)?;
         let truth = Truth {
@@ -201,8 +208,8 @@ impl Checker<'_> {
         }
     }
 
-    fn plan(&self, key: &str, path: &Path, joints: usize) -> Result<Plan, FileError> {
-        let plan = read_plan(path, joints);
+    fn plan(&self, key: &str, path: &Path, commands: &Commands) -> Result<Plan, FileError> {
+        let plan = read_plan(path, commands.clone());
         let plan = plan.map_err(|error| self.named_file(key, error))?;
         self.inputs.borrow_mut().add(path)?;
         Ok(plan)

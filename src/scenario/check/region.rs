@@ -1,13 +1,11 @@
 //! The table `[region]`: where experiments are possible.
 
-use nalgebra::DVector;
-
 use super::Checker;
 use super::robot::names_of;
 use crate::files::FileError;
 use crate::limits::MOST_LISTED;
 use crate::plausible::{ANGLE, ANGLE_LIMIT, ANGLE_WIDTH, CLEARANCE, POSITION, TORQUE_LIMIT};
-use crate::robot::SerialChain;
+use crate::robot::{Commands, SerialChain};
 use crate::scenario::file::{ForbiddenTable, RegionTable};
 use crate::task::{Forbidden, Region};
 
@@ -19,8 +17,10 @@ impl Checker<'_> {
     ) -> Result<Region, FileError> {
         let mut joint_range_rad: Vec<_> =
             chain.joints.iter().map(|joint| joint.range_rad).collect();
-        for (name, range) in &table.joint_range_deg {
-            let key = format!("region.joint_range_deg.{name}");
+        let in_degrees = table.joint_range_deg.iter().map(|each| (each, "deg"));
+        let in_millimetres = table.joint_range_mm.iter().map(|each| (each, "mm"));
+        for ((name, range), unit) in in_degrees.chain(in_millimetres) {
+            let key = format!("region.joint_range_{unit}.{name}");
             let index = chain
                 .joints
                 .iter()
@@ -32,7 +32,27 @@ impl Checker<'_> {
                         format!("no such joint; the robot's joints are: {known}"),
                     )
                 })?;
-            let [low, high] = chain.joints[index].range_rad.map(f64::to_degrees);
+            let drive = chain.joints[index].drive;
+            if drive.passive_at.is_some() {
+                return Err(self.wrong(&key, "the joint is passive: nothing commands it"));
+            }
+            if drive.slides != (unit == "mm") {
+                let (problem, other) = if drive.slides {
+                    ("the joint slides", "joint_range_mm")
+                } else {
+                    ("the joint turns", "joint_range_deg")
+                };
+                let hint = format!("write region.{other}.{name}");
+                return Err(self.wrong(&key, problem).hint(hint));
+            }
+            let written = |value: f64| {
+                if drive.slides {
+                    value * 1e3
+                } else {
+                    value.to_degrees()
+                }
+            };
+            let [low, high] = chain.joints[index].range_rad.map(written);
             let range: [f64; 2] = self.numbers(&key, range, &ANGLE)?;
             let [from, to] = range;
             if from > to || from < low - 1e-9 || to > high + 1e-9 {
@@ -41,15 +61,26 @@ impl Checker<'_> {
                 );
                 return Err(self.wrong(&key, problem));
             }
-            joint_range_rad[index] = range.map(f64::to_radians);
+            joint_range_rad[index] = range.map(|value| {
+                if drive.slides {
+                    value * 1e-3
+                } else {
+                    value.to_radians()
+                }
+            });
         }
         let joint_torque_max_nm = table
             .joint_torque_max_nm
             .as_deref()
             .map(|values| {
                 let key = "region.joint_torque_max_nm";
-                self.one_per_joint(key, values, chain.len(), &TORQUE_LIMIT)
-                    .map(<[f64]>::to_vec)
+                let commanded: Vec<usize> = chain.commanded().collect();
+                let given = self.one_per_joint(key, values, commanded.len(), &TORQUE_LIMIT)?;
+                let mut all = vec![f64::INFINITY; chain.len()];
+                for (&joint, &value) in commanded.iter().zip(given) {
+                    all[joint] = value;
+                }
+                Ok(all)
             })
             .transpose()?;
         Ok(Region {
@@ -74,7 +105,7 @@ impl Checker<'_> {
                 .transpose()?
                 .map(|value| value * 1e-3),
             line_of_sight: table.line_of_sight,
-            forbidden: self.forbidden(&table.forbidden, chain.len())?,
+            forbidden: self.forbidden(&table.forbidden, &Commands::from(chain))?,
         })
     }
 
@@ -102,21 +133,17 @@ impl Checker<'_> {
     fn forbidden(
         &self,
         tables: &[ForbiddenTable],
-        joints: usize,
+        commands: &Commands,
     ) -> Result<Vec<Forbidden>, FileError> {
         self.at_most("region.forbidden", tables.len(), MOST_LISTED)?;
         let forbidden = |(index, table): (usize, &ForbiddenTable)| {
             let key = format!("region.forbidden[{index}]");
             let q_key = format!("{key}.q_deg");
-            let q_deg = self
-                .one_per_joint(&q_key, &table.q_deg, joints, &ANGLE)?
-                .iter()
-                .map(|angle| angle.to_radians())
-                .collect();
+            let q_deg = self.one_per_joint(&q_key, &table.q_deg, commands.len(), &ANGLE)?;
             let within_key = format!("{key}.within_deg");
             let within = self.number(&within_key, table.within_deg, &ANGLE_WIDTH)?;
             Ok(Forbidden {
-                configuration_rad: DVector::from_vec(q_deg),
+                configuration_rad: commands.configuration(q_deg),
                 within_rad: within.to_radians(),
             })
         };

@@ -5,9 +5,9 @@ use std::path::Path;
 use super::Checker;
 use crate::files::{FileError, read_text};
 use crate::limits::MOST_JOINTS;
-use crate::mujoco::{Model, ModelError, Obstacle, sources};
+use crate::mujoco::{Additions, Model, ModelError, sources};
 use crate::plausible::{ANGLE, COMPLIANCE, GRAVITY, Kind, MASS, POSITION};
-use crate::robot::{Robot, SerialChain, Tool, TrueRobot};
+use crate::robot::{Joint, KnownJoint, Robot, SerialChain, Tool, TrueRobot};
 use crate::scenario::file::File;
 
 impl Checker<'_> {
@@ -16,17 +16,50 @@ impl Checker<'_> {
         &self,
         key: &str,
         path: &Path,
-        obstacles: &[Obstacle],
+        additions: &Additions,
     ) -> Result<Model, FileError> {
         let path = self.resolve(path);
         // The same checks, and the same words, as for every other file.
         read_text(&path).map_err(|error| self.named_file(key, error))?;
         let wrong = |error: &ModelError| self.model_error(key, error);
-        let model = Model::load_with(&path, obstacles).map_err(|error| wrong(&error))?;
+        let model = Model::load_with(&path, additions).map_err(|error| wrong(&error))?;
         for file in sources(&path).map_err(|error| wrong(&error))? {
             self.inputs.borrow_mut().add(&file)?;
         }
         Ok(model)
+    }
+
+    /// The belief's model with its locked joints.
+    pub(super) fn lock(
+        &self,
+        model: &Model,
+        locked: &[(String, f64, String)],
+    ) -> Result<Model, FileError> {
+        for (name, _, key) in locked {
+            let joint = (model.joint(name)).map_err(|error| self.model_error(key, &error))?;
+            let is_length = key.starts_with("robot.locked_mm.");
+            let is_other = if is_length {
+                model.is_hinge(joint)
+            } else {
+                model.is_slide(joint)
+            };
+            if is_other {
+                let other = key.replace(
+                    if is_length { "locked_mm" } else { "locked_deg" },
+                    if is_length { "locked_deg" } else { "locked_mm" },
+                );
+                let problem = if is_length {
+                    "the joint turns"
+                } else {
+                    "the joint slides"
+                };
+                return Err(self.wrong(key, problem).hint(format!("write {other}")));
+            }
+        }
+        let pairs: Vec<(String, f64)> =
+            locked.iter().map(|each| (each.0.clone(), each.1)).collect();
+        let key = locked.first().map_or("robot.model", |each| &each.2);
+        (model.with_locked(&pairs)).map_err(|error| self.model_error(key, &error))
     }
 
     /// The arm, with plausible numbers.
@@ -46,7 +79,13 @@ impl Checker<'_> {
             let whose = format!("joint {:?}: ", joint.name);
             let place_mm = joint.previous_from_link.translation.vector * 1e3;
             let centre_mm = joint.centre_of_mass_m * 1e3;
-            let range_deg = joint.range_rad.map(f64::to_degrees);
+            let range_deg = joint.range_rad.map(|end| {
+                if joint.drive.slides {
+                    end * 1e3
+                } else {
+                    end.to_degrees()
+                }
+            });
             check(&whose, "its place", &POSITION, place_mm.as_slice())?;
             check(&whose, "mass that it moves", &MASS, &[joint.mass_kg])?;
             check(&whose, "centre of mass", &POSITION, centre_mm.as_slice())?;
@@ -73,9 +112,22 @@ impl Checker<'_> {
         given: Option<&[f64]>,
     ) -> Result<Vec<f64>, FileError> {
         match given {
-            Some(values) => self
-                .one_per_joint(key, values, chain.len(), &COMPLIANCE)
-                .map(<[f64]>::to_vec),
+            Some(values) => {
+                let commanded: Vec<usize> = chain.commanded().collect();
+                if values.len() == chain.len() {
+                    return self
+                        .one_per_joint(key, values, chain.len(), &COMPLIANCE)
+                        .map(<[f64]>::to_vec);
+                }
+                let given = self.one_per_joint(key, values, commanded.len(), &COMPLIANCE)?;
+                // Passive joints have what the model gives them.
+                let own = chain.joints.iter().map(|joint| joint.model_compliance_rad_per_nm);
+                let mut all: Vec<f64> = own.map(Option::unwrap_or_default).collect();
+                for (&joint, &value) in commanded.iter().zip(given) {
+                    all[joint] = value;
+                }
+                Ok(all)
+            }
             None => chain
                 .joints
                 .iter()
@@ -130,7 +182,8 @@ impl Checker<'_> {
         &self,
         file: &File,
         nominal: &Robot,
-        obstacles: &[Obstacle],
+        additions: &Additions,
+        locked: &[(String, f64, String)],
     ) -> Result<TrueRobot, FileError> {
         let table = file.true_robot.as_ref();
         let (model, given) = table.map_or((None, None), |table| {
@@ -140,7 +193,11 @@ impl Checker<'_> {
             None => nominal.as_believed(),
             Some(path) => {
                 let key = "true_robot.model";
-                let model = self.model(key, path, obstacles)?;
+                let model = self.model(key, path, additions)?;
+                // A truth may lack what the belief locks.
+                let here = locked.iter().filter(|each| model.joint(&each.0).is_ok());
+                let here: Vec<_> = here.cloned().collect();
+                let model = self.lock(&model, &here)?;
                 let wrong = |error: &ModelError| self.model_error(key, error);
                 for site in [&file.robot.calibration_site, &file.robot.machining_site] {
                     model.site(site).map_err(|error| wrong(&error))?;
@@ -164,24 +221,34 @@ impl Checker<'_> {
         nominal: &Robot,
         given: Option<&[f64]>,
     ) -> Result<TrueRobot, FileError> {
-        let reason = match SerialChain::from_model(&model) {
-            Ok(chain) if chain.len() == nominal.chain.len() => {
+        let chain = match SerialChain::from_model(&model) {
+            Ok(chain)
+                if chain.len() == nominal.chain.len()
+                    && chain
+                        .joints
+                        .iter()
+                        .zip(&nominal.chain.joints)
+                        .all(is_held_alike) =>
+            {
                 let chain = self.serial_chain(key, &model)?;
                 let compliance =
                     self.compliances("true_robot.compliance_rad_per_nm", &chain, given)?;
                 return Ok(TrueRobot::of_chain(model, chain, compliance));
             }
-            Ok(chain) => format!(
-                "it has {} joints; the belief has {}",
-                chain.len(),
-                nominal.chain.len()
-            ),
-            Err(error) => error.to_string(),
+            other => other,
         };
-        let names: Vec<String> = (nominal.chain.joints.iter())
-            .map(|joint| joint.name.clone())
-            .collect();
-        let robot = TrueRobot::of_model(model, &names, reason);
+        let joints = nominal.chain.joints.iter().map(|joint| KnownJoint {
+            name: joint.name.clone(),
+            is_passive: joint.drive.passive_at.is_some(),
+        });
+        let joints: Vec<KnownJoint> = joints.collect();
+        let robot = match chain {
+            Ok(_) => {
+                let chain = self.serial_chain(key, &model)?;
+                TrueRobot::of_other_chain(model, &joints, chain)
+            }
+            Err(reason) => TrueRobot::of_model(model, &joints, reason.to_string()),
+        };
         let robot = robot.map_err(|error| match error {
             ModelError::Unknown { .. } => self.wrong(key, error.to_string()).hint(
                 "the virtual robot may have more joints than the belief, but needs each of the belief's by its name",
@@ -194,6 +261,12 @@ impl Checker<'_> {
         }
         Ok(robot)
     }
+}
+
+/// Whether two joints move alike, and are both commanded or both passive.
+fn is_held_alike((one, other): (&Joint, &Joint)) -> bool {
+    one.drive.slides == other.drive.slides
+        && one.drive.passive_at.is_some() == other.drive.passive_at.is_some()
 }
 
 /// The joints' names, for messages.

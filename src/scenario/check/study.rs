@@ -5,6 +5,7 @@ use crate::files::FileError;
 use crate::limits::{MOST_CONDITIONS, MOST_EXPERIMENTS, MOST_STUDIED, MOST_TRIALS};
 use crate::plan::Criterion;
 use crate::plausible::{DEVIATION, FACTOR, SPREAD};
+use crate::robot::Commands;
 use crate::scenario::PlanFile;
 use crate::scenario::file::{SigmaOf, Spread, StudyPlanTable, StudyTable, SweepTable};
 use crate::study::{Conditions, StudyPlan, StudySettings, StudySource};
@@ -20,7 +21,7 @@ pub(super) struct Context<'a> {
     pub design: &'a Design,
     pub plans: &'a [PlanFile],
     pub parameters: usize,
-    pub joints: usize,
+    pub commands: &'a Commands,
 }
 
 impl Checker<'_> {
@@ -161,7 +162,7 @@ impl Checker<'_> {
     ) -> Result<Vec<StudyPlan>, FileError> {
         let mut plans = Vec::new();
         for (index, file) in context.plans.iter().enumerate() {
-            let plan = self.plan(&format!("plan[{index}].file"), &file.path, context.joints)?;
+            let plan = self.plan(&format!("plan[{index}].file"), &file.path, context.commands)?;
             if fits_any(plan.measurements(), conditions) {
                 plans.push(StudyPlan {
                     name: file.name.clone(),
@@ -228,7 +229,7 @@ impl Checker<'_> {
             StudyPlanTable::RandomEach { name } => (name, StudySource::RandomEach),
             StudyPlanTable::File { name, file } => {
                 let key = format!("{key}.file");
-                let plan = self.plan(&key, &self.resolve(file), context.joints)?;
+                let plan = self.plan(&key, &self.resolve(file), context.commands)?;
                 self.divides(&key, plan.measurements(), conditions)?;
                 (name, StudySource::File(plan))
             }

@@ -1,12 +1,10 @@
 //! The tables `[[test_pose]]`.
 
-use nalgebra::DVector;
-
 use super::Checker;
 use crate::files::FileError;
 use crate::limits::MOST_NAMED;
 use crate::plausible::{ANGLE, WEIGHT};
-use crate::robot::{Load, SerialChain};
+use crate::robot::{Commands, Load, SerialChain};
 use crate::scenario::file::TestPoseTable;
 use crate::task::TestPose;
 
@@ -24,9 +22,15 @@ impl Checker<'_> {
         for (index, table) in tables.iter().enumerate() {
             let key = format!("test_pose[{index}]");
             let q_key = format!("{key}.q_deg");
-            let q_deg = self.one_per_joint(&q_key, &table.q_deg, chain.len(), &ANGLE)?;
-            for (value, joint) in q_deg.iter().zip(&chain.joints) {
-                let [low, high] = joint.range_rad.map(f64::to_degrees);
+            let commands = Commands::from(chain);
+            let q_deg = self.one_per_joint(&q_key, &table.q_deg, commands.len(), &ANGLE)?;
+            let end = |end: usize| -> Vec<f64> {
+                let ends = chain.joints.iter().map(|joint| joint.range_rad[end]);
+                commands.shown(&ends.collect::<Vec<f64>>())
+            };
+            let ranges = end(0).into_iter().zip(end(1));
+            for ((value, joint), (low, high)) in q_deg.iter().zip(chain.commanded()).zip(ranges) {
+                let joint = &chain.joints[joint];
                 if *value < low - 1e-9 || *value > high + 1e-9 {
                     let problem = format!(
                         "found {value} for {}; its limits are {low:.4} to {high:.4}",
@@ -41,10 +45,7 @@ impl Checker<'_> {
                     .name
                     .clone()
                     .unwrap_or_else(|| format!("test pose {}", index + 1)),
-                configuration_rad: DVector::from_iterator(
-                    q_deg.len(),
-                    q_deg.iter().map(|angle| angle.to_radians()),
-                ),
+                configuration_rad: commands.configuration(q_deg),
                 load: self.test_load(&key, table)?,
                 weight: self.number(&format!("{key}.weight"), weight, &WEIGHT)?,
             });

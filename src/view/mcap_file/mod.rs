@@ -25,7 +25,7 @@ use crate::files::FileError;
 use crate::files::output::Output;
 use crate::record::messages::{
     ExperimentMessage, IdentificationMessage, MeasurementMessage, ProvenanceMessage,
-    TestPoseMessage, degrees, thousandfold,
+    TestPoseMessage, thousandfold,
 };
 use foxglove::{FrameTransforms, SceneUpdate, Time};
 
@@ -331,9 +331,9 @@ fn step_record<'a>(calibration: &'a RecordedCalibration, step: &Step) -> StepRec
     StepRecord {
         calibration: &calibration.record.name,
         title: calibration.title(step),
-        q_commanded_deg: degrees(step.commanded_rad.as_slice()),
-        q_unloaded_deg: degrees(&step.unloaded.q_rad),
-        q_loaded_deg: degrees(&step.loaded.q_rad),
+        q_commanded_deg: calibration.commands.numbers(step.commanded_rad.as_slice()),
+        q_unloaded_deg: calibration.commands.all_numbers(&step.unloaded.q_rad),
+        q_loaded_deg: calibration.commands.all_numbers(&step.loaded.q_rad),
         wrench: crate::record::messages::wrench(&step.load),
         displacement_mm: thousandfold(&step.displacement_m()),
         enlargement: step.enlargement,

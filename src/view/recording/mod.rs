@@ -11,7 +11,7 @@ use nalgebra::{DVector, Isometry3, Vector3};
 use super::mesh::Mesh;
 use crate::calibration::{Calibration, CalibrationError};
 use crate::record::messages::{CalibrationMessage, ProvenanceMessage};
-use crate::robot::Load;
+use crate::robot::{Commands, Load};
 use crate::scenario::Scenario;
 use bodies::bodies;
 use steps::{Stage, enlarge, experiment_steps, test_pose_steps};
@@ -74,6 +74,8 @@ pub enum MountedTool {
 pub struct RecordedCalibration {
     /// Plan, measurements and results under the name of the plan.
     pub record: CalibrationMessage,
+    /// How the robot is commanded.
+    pub commands: Commands,
     /// The experiments, repeats left out, then the test poses.
     pub steps: Vec<Step>,
 }
@@ -204,11 +206,13 @@ impl Recording {
         let (surroundings, links) = bodies(scenario)?;
         let mut stage = Stage::new(&scenario.truth.robot.model, &links);
         let mut recorded = Vec::new();
+        let commands = scenario.task.belief.commands();
         for (name, calibration) in calibrations {
             let mut steps = experiment_steps(scenario, calibration, &mut stage)?;
             steps.extend(test_pose_steps(scenario, calibration, &mut stage)?);
             recorded.push(RecordedCalibration {
-                record: CalibrationMessage::new(name, calibration),
+                record: CalibrationMessage::new(&commands, name, calibration),
+                commands: commands.clone(),
                 steps,
             });
         }

@@ -33,7 +33,8 @@ impl Stage {
     }
 
     fn stance(&mut self, q_rad: Vec<f64>, coordinates: &[f64], site: usize) -> Stance {
-        self.state.move_to(coordinates);
+        self.state.set_coordinates(coordinates);
+        self.state.update_kinematics();
         Stance {
             q_rad,
             coordinates: coordinates.to_vec(),

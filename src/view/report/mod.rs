@@ -175,9 +175,9 @@ const CRITERIA_LEGEND: &str = "<details><summary>What the criteria ask for</summ
 
 /// The stills, and the plan as a table.
 fn configurations(run: &RunRecord<'_>, calibration: &CalibrationMessage) -> String {
-    let joints = run.scenario.task.belief.joints();
     let mut header = vec!["experiment".to_owned()];
-    header.extend((1..=joints).map(|joint| format!("q{joint} [deg]")));
+    let columns = run.scenario.task.belief.commands().columns();
+    header.extend(columns.iter().map(|column| column.replace('_', " [") + "]"));
     header.extend([
         "force [N]".to_owned(),
         "torque [N m]".to_owned(),

@@ -46,12 +46,10 @@ pub(super) fn step(calibration: &RecordedCalibration, step: &Step) -> String {
             );
         }
     }
-    let joints = step
-        .commanded_rad
-        .iter()
-        .map(|angle| format!("{:.2}", angle.to_degrees()));
-    let joints: Vec<_> = joints.collect();
-    let _ = writeln!(text, "\nCommanded [deg]: {}", joints.join(", "));
+    let joints = calibration.commands.shown(step.commanded_rad.as_slice());
+    let joints: Vec<_> = joints.iter().map(|shown| format!("{shown:.2}")).collect();
+    let unit = calibration.commands.unit();
+    let _ = writeln!(text, "\nCommanded [{unit}]: {}", joints.join(", "));
     text
 }
 

@@ -1,0 +1,96 @@
+//! Compensation of arms with passive joints, which cannot be commanded: the other joints make up for them.
+
+use nalgebra::{DMatrix, DVector, Matrix6xX, Vector6};
+
+use crate::robot::{
+    EquilibriumError, EquilibriumSolver, KinematicState, Load, SerialChain, Tool, rotation_vector,
+};
+use crate::task::TestPose;
+
+/// Newton's method needs three or four steps.
+const MAXIMUM_ITERATIONS: usize = 30;
+/// The last step is no larger than this (rad, m).
+const CONVERGED: f64 = 1e-12;
+/// Directions that the tool cannot be moved in, relative to the easiest.
+const SINGULAR: f64 = 1e-9;
+
+/// What the commanded joints must do (rad, m) for a small motion of the tool: the smallest that does it,
+/// or that comes nearest. With fewer than six commanded joints the tool's position alone counts.
+fn commands_for(
+    jacobian: &Matrix6xX<f64>,
+    commanded: &[usize],
+    motion: &Vector6<f64>,
+) -> DVector<f64> {
+    let rows = if commanded.len() < 6 { 3 } else { 6 };
+    let matrix = DMatrix::from_fn(rows, commanded.len(), |row, column| {
+        jacobian[(row, commanded[column])]
+    });
+    let svd = matrix.svd(true, true);
+    let tolerance = SINGULAR * svd.singular_values.max();
+    let motion = DVector::from_iterator(rows, motion.iter().take(rows).copied());
+    svd.solve(&motion, tolerance)
+        .unwrap_or_else(|_| DVector::zeros(commanded.len()))
+}
+
+/// To first order in compliance: the commanded joints take back their own deflection, and what those of
+/// the passive joints move the tool by.
+pub(super) fn linear(
+    chain: &SerialChain,
+    state: &KinematicState,
+    compliance: &[f64],
+    pose: &TestPose,
+) -> DVector<f64> {
+    let commanded: Vec<usize> = chain.commanded().collect();
+    let jacobian = state.jacobian();
+    let mut command = pose.configuration_rad.clone();
+    let mut passive = Vector6::zeros();
+    for joint in 0..chain.len() {
+        let deflection = compliance[joint] * state.load_torque(joint, &pose.load);
+        if commanded.contains(&joint) {
+            command[joint] -= deflection;
+        } else {
+            passive += jacobian.column(joint) * deflection;
+        }
+    }
+    let more = commands_for(&jacobian, &commanded, &passive);
+    for (&joint, more) in commanded.iter().zip(&more) {
+        command[joint] -= more;
+    }
+    command
+}
+
+/// The commands with which the loaded tool rests where the unloaded one does at the pose's own.
+pub(super) fn nonlinear(
+    chain: &SerialChain,
+    tool: &Tool,
+    compliance: &[f64],
+    pose: &TestPose,
+) -> Result<DVector<f64>, EquilibriumError> {
+    let mut arm = chain.at(tool);
+    let mut solver = EquilibriumSolver::new(chain.len());
+    let q0 = pose.configuration_rad.as_slice();
+    solver.solve(&mut arm, compliance, q0, &Load::NONE)?;
+    let (wanted_m, wanted_axes) = (solver.state().tool_position, solver.state().tool_rotation);
+    let mut command = linear(chain, solver.state(), compliance, pose);
+    let commanded: Vec<usize> = chain.commanded().collect();
+    let mut response = DMatrix::zeros(chain.len(), 6);
+    for _ in 0..MAXIMUM_ITERATIONS {
+        solver.solve(&mut arm, compliance, command.as_slice(), &pose.load)?;
+        solver.response(compliance, &mut response);
+        let state = solver.state();
+        let apart_m = wanted_m - state.tool_position;
+        let turned = rotation_vector(&(wanted_axes * state.tool_rotation.transpose()));
+        let motion = Vector6::new(
+            apart_m.x, apart_m.y, apart_m.z, turned.x, turned.y, turned.z,
+        );
+        let jacobian = Matrix6xX::from_fn(chain.len(), |row, joint| response[(joint, row)]);
+        let step = commands_for(&jacobian, &commanded, &motion);
+        for (&joint, step) in commanded.iter().zip(&step) {
+            command[joint] += step;
+        }
+        if step.amax() <= CONVERGED {
+            break;
+        }
+    }
+    Ok(command)
+}

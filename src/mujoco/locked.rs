@@ -1,0 +1,89 @@
+//! Joints that a scenario locks: they do not move, and what holds or couples them no longer counts.
+
+use std::sync::Arc;
+
+use super::statics::acts_on;
+use super::{Model, ModelError};
+
+impl Model {
+    /// The same model with locked joints, by name, each at a coordinate (rad or m).
+    ///
+    /// # Errors
+    /// There is no such joint, or it is neither a hinge nor a slide.
+    pub fn with_locked(&self, joints: &[(String, f64)]) -> Result<Self, ModelError> {
+        if joints.is_empty() {
+            return Ok(self.clone());
+        }
+        let mut locked = Vec::new();
+        for (name, value) in joints {
+            let joint = self.joint(name)?;
+            if !self.is_hinge(joint) && !self.is_slide(joint) {
+                return Err(self.not_lockable(joint));
+            }
+            locked.push((joint, *value));
+        }
+        let mut model = (*self.inner).clone();
+        let held: Vec<usize> = (0..model.actuator_trntype().len())
+            .filter(|&actuator| {
+                (locked.iter()).any(|&(joint, _)| acts_on(&self.inner, actuator, joint))
+            })
+            .collect();
+        let idle = (0..=30)
+            .find(|group| !model.actuator_group().contains(group))
+            .unwrap_or(30);
+        for actuator in held {
+            model.actuator_group_mut()[actuator] = idle;
+            model.opt_mut().disableactuator |= 1 << idle;
+        }
+        for &(joint, _) in &locked {
+            let degree = self.degree_of_joint(joint);
+            model.jnt_stiffness_mut()[joint] = 0.0;
+            model.jnt_stiffnesspoly_mut()[joint] = [0.0; 2];
+            model.dof_frictionloss_mut()[degree] = 0.0;
+        }
+        Ok(Self {
+            inner: Arc::new(model),
+            locked: Arc::new(locked),
+            path: self.path.clone(),
+        })
+    }
+
+    /// The locked joints, each with its coordinate (rad or m).
+    #[must_use]
+    pub fn locked(&self) -> &[(usize, f64)] {
+        &self.locked
+    }
+
+    /// Where a joint is locked (rad or m).
+    #[must_use]
+    pub fn locked_at(&self, joint: usize) -> Option<f64> {
+        let found = self.locked.iter().find(|(locked, _)| *locked == joint);
+        found.map(|(_, value)| *value)
+    }
+
+    /// The coordinates at which the bodies stand as the file draws them, but for locked joints.
+    #[must_use]
+    pub fn start_coordinates(&self) -> Vec<f64> {
+        let mut coordinates = self.reference_coordinates().to_vec();
+        for &(joint, value) in self.locked.iter() {
+            coordinates[self.coordinate_of_joint(joint)] = value;
+        }
+        coordinates
+    }
+
+    /// The same model for simulations in time, in which locked joints are too heavy to move: put back at
+    /// each step, they stand still.
+    #[must_use]
+    pub fn with_heavy_locked_joints(&self) -> Self {
+        const HEAVY: f64 = 1e9;
+        if self.locked.is_empty() {
+            return self.clone();
+        }
+        let mut model = (*self.inner).clone();
+        for &(joint, _) in self.locked.iter() {
+            let degree = self.degree_of_joint(joint);
+            model.dof_armature_mut()[degree] = HEAVY;
+        }
+        self.changed(model)
+    }
+}

@@ -1,0 +1,123 @@
+//! What a scenario mounts on the robot: tools and payloads, added to a model when it is loaded.
+
+use mujoco_rs::prelude::MjSpec;
+use mujoco_rs::wrappers::mj_editing::SpecItem;
+use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
+
+use super::model::refused;
+use super::{Model, ModelError, Obstacle};
+use crate::text::wrong_name;
+
+/// A tool: a frame that becomes a site of the model.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MountedTool {
+    /// The name of the new site.
+    pub name: String,
+    /// The body or site that it is mounted on.
+    pub on: String,
+    /// Its frame in that of the body or site.
+    pub from_tool: Isometry3<f64>,
+}
+
+/// A mass that is fixed to a body.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MountedPayload {
+    /// The body or site that carries it.
+    pub on: String,
+    /// Its mass (kg).
+    pub mass_kg: f64,
+    /// Its centre in the frame of the body or site (m).
+    pub centre_m: Vector3<f64>,
+}
+
+/// All that a scenario adds to a model.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Additions {
+    /// What stands in the laboratory.
+    pub obstacles: Vec<Obstacle>,
+    /// Tools.
+    pub tools: Vec<MountedTool>,
+    /// Payloads.
+    pub payloads: Vec<MountedPayload>,
+}
+
+impl Additions {
+    /// Whether nothing is added.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.obstacles.is_empty() && self.tools.is_empty() && self.payloads.is_empty()
+    }
+}
+
+impl Model {
+    /// A body by its name, or that of a site, with the frame of what was named in the body's.
+    ///
+    /// # Errors
+    /// There is neither.
+    fn carrier(&self, name: &str) -> Result<(String, Isometry3<f64>), ModelError> {
+        let body = (1..self.bodies()).find(|&body| self.body_name(body) == name);
+        if let Some(body) = body {
+            return Ok((self.body_name(body), Isometry3::identity()));
+        }
+        let (body, body_from_site) = self.site_body(self.site(name).map_err(|error| {
+            let known: Vec<String> = (1..self.bodies())
+                .map(|body| self.body_name(body))
+                .collect();
+            refused(
+                self.path(),
+                format!(
+                    "{error}; nor a body of that name; bodies: {}",
+                    known.join(", ")
+                ),
+            )
+        })?);
+        Ok((self.body_name(body), body_from_site))
+    }
+
+    /// Adds tools and payloads to the file's elements; the model is what the file says alone.
+    pub(super) fn mount(&self, spec: &mut MjSpec, additions: &Additions) -> Result<(), ModelError> {
+        let failed = |message: String| refused(self.path(), message);
+        for tool in &additions.tools {
+            if let Some(problem) = wrong_name(&tool.name) {
+                return Err(failed(problem));
+            }
+            let (body, body_from) = self.carrier(&tool.on)?;
+            let frame = body_from * tool.from_tool;
+            let body = (spec.body_mut(&body))
+                .ok_or_else(|| failed(format!("the body {body:?} has no name in the file")))?;
+            let [x, y, z, w] = frame.rotation.coords.into();
+            let site = body.add_site();
+            site.set_name(&tool.name)
+                .map_err(|error| failed(format!("{}: {error}", tool.name)))?;
+            site.with_pos(frame.translation.vector.into())
+                .with_quat([w, x, y, z])
+                .with_group(4);
+        }
+        for payload in &additions.payloads {
+            let (body, body_from) = self.carrier(&payload.on)?;
+            let centre = body_from * Point3::from(payload.centre_m);
+            let body = (spec.body_mut(&body))
+                .ok_or_else(|| failed(format!("the body {body:?} has no name in the file")))?;
+            // A point is no body to MuJoCo: a decimetre's radius of gyration, which no rest sees.
+            let inertia = payload.mass_kg * 1e-2;
+            body.add_body()
+                .with_pos(centre.coords.into())
+                // Without its own, it would be the frame's position a second time.
+                .with_ipos([0.0; 3])
+                .with_iquat([1.0, 0.0, 0.0, 0.0])
+                .with_mass(payload.mass_kg)
+                .with_inertia([inertia; 3])
+                .with_explicitinertial(true);
+        }
+        Ok(())
+    }
+}
+
+/// A frame from a position (m) and roll, pitch and yaw (rad): about the fixed x, then y, then z axis.
+#[must_use]
+pub fn frame(position_m: Vector3<f64>, [roll, pitch, yaw]: [f64; 3]) -> Isometry3<f64> {
+    Isometry3::from_parts(
+        Translation3::from(position_m),
+        UnitQuaternion::from_euler_angles(roll, pitch, yaw),
+    )
+}
