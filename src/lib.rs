@@ -56,6 +56,7 @@
 //!   the truth, a study, a gate. Only what follows knows all of them.
 //! - [`understanding`]: the robot as a scenario was understood, and what is implausible about it.
 //! - [`record`]: results as JSON records, and tallies of studies as files.
+//! - [`workflow`]: the use cases, run, plan, study and identify, without a word to anybody.
 //! - [`paper`]: the published numbers, and the same by this program.
 //! - [`comparison`]: two results files against the gate.
 //! - [`view`]: recordings, pages and pictures of records; computes nothing. It is there with the feature
@@ -153,6 +154,7 @@ pub mod units;
 #[cfg(feature = "view")]
 pub mod view;
 pub mod wording;
+pub mod workflow;
 
 /// The version of elastocal.
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use elastocal::plan::search::Bound;
-use elastocal::plan::{Assessment, Plan, read_plan};
+use elastocal::plan::{Assessment, read_plan};
 use elastocal::record::messages::{AssessmentMessage, ProvenanceMessage};
 use elastocal::scenario::Scenario;
 use elastocal::wording::counted;
@@ -71,16 +71,6 @@ pub fn conditions(scenario: &Scenario, assessment: &Assessment) -> Vec<String> {
         conditions.push(violated(assessment.violations.len()));
     }
     conditions
-}
-
-/// What is wrong with the loads of a plan, which has a name where there are several plans.
-pub fn loads_outside(scenario: &Scenario, plan: &Plan, name: Option<&str>) -> Option<String> {
-    let loads = plan.experiments.iter().map(|each| &each.load);
-    let words = scenario.task.loads.outside_all("experiment", loads)?;
-    Some(match name {
-        Some(name) => format!("plan {name:?}: {words}"),
-        None => words,
-    })
 }
 
 /// The condition of a plan with violations.

@@ -5,18 +5,16 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use elastocal::files::FileError;
 use elastocal::files::output::write_whole;
-use elastocal::identification::diagnoses::{Diagnosis, diagnoses};
-use elastocal::identification::{Case, Identification, IdentificationError, Sigma, residuals};
+use elastocal::identification::{Identification, IdentificationError};
 use elastocal::measurement::{Origin, read_measurements};
-use elastocal::record::messages::{FingerprintMessage, IdentificationMessage, ProvenanceMessage};
-use elastocal::record::residuals::ResidualsMessage;
+use elastocal::record::messages::ProvenanceMessage;
 use elastocal::task::Method;
 use elastocal::wording::{counted, shell_word};
-use serde_json::json;
+use elastocal::workflow::identify::{NotIdentified, identify_measurements, likely};
 
 use super::residuals;
 use super::table::{number, table};
-use super::{Common, Report, check_outputs, inputs, merge, named_by_file, results, without_effect};
+use super::{Common, Report, check_outputs, inputs, named_by_file, without_effect};
 
 /// Arguments of `identify`.
 #[derive(Debug, Args)]
@@ -65,42 +63,19 @@ impl Identify {
                 .hint("leave out --sigma-from-residuals, or the key")
                 .into());
         }
-        let sigma = if self.sigma_from_residuals {
-            Sigma::FromResiduals(scenario.task.belief.instrument.sigma_m)
-        } else {
-            Sigma::Known(scenario.task.belief.instrument.sigma_m)
-        };
-        let case = Case {
-            nominal: &scenario.task.belief.nominal,
-            tool: &scenario.task.belief.calibration_tool,
-            parameters: &scenario.task.belief.parameters,
-            prior: scenario.task.belief.prior.as_ref(),
-            measurements: &measurements,
-            sigma,
-            method,
-        };
-        let identification = (case.identify())
-            .map_err(|error| explained(&self.measurements, &error, &diagnoses(&case, None)))?;
-        let residuals = residuals(&case, &identification)?;
-        let diagnoses = diagnoses(&case, Some(&identification));
-        let mut message = IdentificationMessage::from(&identification);
-        message.conditions.extend(diagnoses.iter().map(likely));
-        let keys = json!({
-            "sigma_from_residuals": self.sigma_from_residuals,
-            "identified_with": FingerprintMessage::from(scenario.task.belief.fingerprint()),
-            "scenario_file": scenario.path,
-        });
+        let belief = &scenario.task.belief;
+        let identified =
+            identify_measurements(belief, &measurements, method, self.sigma_from_residuals)
+                .map_err(|problem| explained(&self.measurements, &problem))?;
         let provenance =
             ProvenanceMessage::new(&scenario).with_input("measurements", &self.measurements)?;
-        let mut json = results("identify", &provenance, keys);
-        merge(&mut json, serde_json::to_value(&message)?);
-        let more = ResidualsMessage::new(&residuals, &diagnoses);
-        merge(&mut json, serde_json::to_value(&more)?);
-        let mut text = describe(&identification);
+        let json = identified.json(&scenario, &provenance, self.sigma_from_residuals)?;
+        let (identification, residuals) = (&identified.identification, &identified.residuals);
+        let mut text = describe(identification);
         if measurements.iter().any(|each| each.sigma_m.is_some()) {
             text += "  (sigma is the rms of those that the measurements bring)\n";
         }
-        text += &format!("\n{}", residuals::describe(&identification, &residuals));
+        text += &format!("\n{}", residuals::describe(identification, residuals));
         if let Some(path) = &self.identified_out {
             write_whole(
                 path,
@@ -112,18 +87,14 @@ impl Identify {
             json,
             text,
             conditions: (loads_outside.into_iter())
-                .chain(identification.conditions())
-                .chain(diagnoses.iter().map(likely))
+                .chain(identified.conditions())
                 .collect(),
         })
     }
 }
 
-fn likely(diagnosis: &Diagnosis) -> String {
-    format!("likely mistake: {}", diagnosis.text)
-}
-
-fn explained(file: &Path, error: &IdentificationError, diagnoses: &[Diagnosis]) -> FileError {
+fn explained(file: &Path, problem: &NotIdentified) -> FileError {
+    let NotIdentified { error, diagnoses } = problem;
     let wrong = FileError::new(file, error.to_string());
     if !diagnoses.is_empty() {
         let all: Vec<String> = diagnoses.iter().map(likely).collect();

@@ -11,7 +11,6 @@ use elastocal::testbed::VirtualRobot;
 use elastocal::wording::counted;
 use serde_json::json;
 
-use super::evaluate::loads_outside;
 use super::table::table;
 use super::{Common, Report, check_outputs, inputs, results, without_effect};
 
@@ -91,7 +90,7 @@ impl Measure {
                 json!({ "noise_free": self.noise_free, "measurements": messages }),
             ),
             text,
-            conditions: loads_outside(&scenario, &plan, None).into_iter().collect(),
+            conditions: (scenario.task.loads.outside_plan(&plan, None).into_iter()).collect(),
         })
     }
 }

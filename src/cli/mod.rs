@@ -37,10 +37,10 @@ use elastocal::files::FileError;
 use elastocal::files::output::check_writable;
 use elastocal::files::roles::Roles;
 use elastocal::measurement::Origin;
-use elastocal::record::messages::{ProvenanceMessage, SchemaMessage};
+use elastocal::record::json::{merge, results};
 use elastocal::scenario::Scenario;
 use elastocal::text::plain;
-use serde_json::{Value, json};
+use serde_json::Value;
 
 /// A virtual calibration testbed for the joint stiffness of industrial robots.
 #[derive(Debug, Parser)]
@@ -307,13 +307,6 @@ fn check_outputs(roles: &mut Roles, options: &[(&str, Option<&Path>)]) -> Result
     named().try_for_each(|(_, path)| check_writable(path))
 }
 
-/// The results of a command in JSON: what they are and where they come from, and the command's keys.
-fn results(command: &str, provenance: &ProvenanceMessage, keys: Value) -> Value {
-    let mut json = json!({ "schema": SchemaMessage::new(command), "provenance": provenance });
-    merge(&mut json, keys);
-    json
-}
-
 /// More threads than this for each core only cost time and memory.
 const THREADS_PER_CORE: usize = 4;
 
@@ -321,13 +314,6 @@ const THREADS_PER_CORE: usize = 4;
 fn useful(threads: u16) -> usize {
     let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     usize::from(threads).min(cores * THREADS_PER_CORE)
-}
-
-/// Adds the keys of one JSON object to another.
-fn merge(into: &mut Value, from: Value) {
-    if let (Value::Object(into), Value::Object(from)) = (into, from) {
-        into.extend(from);
-    }
 }
 
 fn print(text: &str) -> anyhow::Result<()> {

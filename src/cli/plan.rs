@@ -1,19 +1,16 @@
 //! `plan`: design a plan of experiments.
 
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Instant;
+use std::sync::atomic::AtomicBool;
 
 use clap::Args;
 use elastocal::limits::MOST_EXPERIMENTS;
-use elastocal::plan::search::{
-    ApproximateDesign, Bound, BoundKind, ExactDesign, Problem, Watch, approximate_design,
-    exact_design,
-};
+use elastocal::plan::search::{ApproximateDesign, Bound, BoundKind, SearchError};
 use elastocal::plan::{Assessment, Criterion, write_plan};
 use elastocal::record::messages::{AssessmentMessage, ProvenanceMessage, plan_messages};
 use elastocal::task::Task;
 use elastocal::wording::counted;
+use elastocal::workflow::design::{Designed, Onlooker, Wanted, design as design_of};
 use serde_json::json;
 
 use super::evaluate::{conditions, describe};
@@ -48,39 +45,6 @@ pub struct PlanCommand {
     stills_out: Option<PathBuf>,
 }
 
-/// A designed plan with what was found on the way.
-#[derive(Debug)]
-pub struct Designed {
-    pub approximate: ApproximateDesign,
-    pub bound: Bound,
-    pub exact: ExactDesign,
-    pub elapsed_s: f64,
-    /// Whether the search was cut short.
-    pub is_cut_short: bool,
-}
-
-/// Which plan is wanted.
-#[derive(Debug, Clone, Copy)]
-pub struct Wanted {
-    /// What makes it good.
-    pub criterion: Criterion,
-    /// The number m of measurements.
-    pub experiments: u32,
-    /// The number of different configurations; as many as measurements if not given.
-    pub configurations: Option<u32>,
-}
-
-impl Wanted {
-    /// What a task wants: a plan for its test poses.
-    pub const fn by(task: &Task) -> Self {
-        Self {
-            criterion: Criterion::TestPose,
-            experiments: task.design.experiments,
-            configurations: task.design.configurations,
-        }
-    }
-}
-
 /// Designs a plan with a progress bar, as long as it is not asked to stop.
 pub fn design(
     common: &Common,
@@ -89,52 +53,33 @@ pub fn design(
     wanted: Wanted,
     proof: &ProofArgs,
     stop: &AtomicBool,
-) -> anyhow::Result<Designed> {
-    let Wanted {
-        criterion,
-        experiments,
-        configurations,
-    } = wanted;
-    let start = Instant::now();
-    let problem = Problem::new(task, criterion);
-    let bound_problem = Problem::new(task, Criterion::TestPose);
-    let approximate = approximate_design(&bound_problem, seed)?;
-    let bound = proof.with_effort(common, stop, |proof| {
-        Bound::new(task, &approximate).prove(&approximate, seed, &[experiments], proof)
-    });
-    let least = bound.of_size(experiments).map_or_else(
-        |_| String::new(),
-        |bound| format!(", bound {:.4} um", bound.least_m * 1e6),
-    );
+) -> Result<Designed, SearchError> {
     let bar = bar(common.quiet, "searching the plan");
-    let progress = |done: usize, all: usize, cost: f64| {
+    let prove = |bound: Bound, approximate: &ApproximateDesign| {
+        let sizes = [wanted.experiments];
+        proof.with_effort(common, stop, |effort| {
+            bound.prove(approximate, seed, &sizes, effort)
+        })
+    };
+    let progress = |bound: &Bound, done: usize, all: usize, cost: f64| {
         bar.set_length(all as u64);
         bar.set_position(done as u64);
-        if criterion == Criterion::TestPose {
+        if wanted.criterion == Criterion::TestPose {
+            let least = bound.of_size(wanted.experiments).map_or_else(
+                |_| String::new(),
+                |bound| format!(", bound {:.4} um", bound.least_m * 1e6),
+            );
             bar.set_message(format!("best {:.4} um{least}", cost.sqrt() * 1e6));
         }
     };
-    let watch = Watch {
+    let onlooker = Onlooker {
         stop,
+        prove: &prove,
         progress: &progress,
     };
-    let configurations = configurations.unwrap_or(experiments);
-    let exact = exact_design(
-        &problem,
-        &approximate,
-        experiments,
-        configurations,
-        seed,
-        watch,
-    )?;
+    let designed = design_of(task, seed, wanted, onlooker)?;
     bar.finish_and_clear();
-    Ok(Designed {
-        approximate,
-        bound,
-        exact,
-        elapsed_s: start.elapsed().as_secs_f64(),
-        is_cut_short: stop.load(Ordering::Relaxed),
-    })
+    Ok(designed)
 }
 
 impl PlanCommand {

@@ -12,7 +12,7 @@ use elastocal::study::true_compliances::TrueCompliances;
 use elastocal::study::{Conditions, Entry, EntryKind, Setting};
 use serde_json::json;
 
-use super::study::entries::entries;
+use super::study::entries;
 use super::table::table;
 use super::views::{REPLAY_ENDINGS, ReplayViews};
 use super::written::Written;

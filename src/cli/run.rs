@@ -3,27 +3,23 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use elastocal::calibration::{Calibration, calibrate, pose_conditions};
+use elastocal::calibration::Calibration;
 use elastocal::files::make_folder;
 use elastocal::files::output::write_whole;
 use elastocal::measurement::write_measurements_under;
-use elastocal::plan::search::{Bound, SearchError, Watch, median_random_rho0, random_plan};
-use elastocal::plan::{Assessment, Plan, read_plan, write_plan};
-use elastocal::record::evidence::EvidenceMessage;
-use elastocal::record::messages::{AssessmentMessage, CalibrationMessage, ProvenanceMessage};
+use elastocal::plan::write_plan;
 use elastocal::scenario::Scenario;
-use elastocal::study::evidence::gather;
 use elastocal::wording::counted;
-use serde_json::{Value, json};
+use elastocal::workflow::design::Wanted;
+use elastocal::workflow::run::{FailedPlan, RANDOM_PLANS, RunError, RunStage, TriedPlan, run};
 
-use super::evaluate::loads_outside;
 use super::interruption::NEVER;
-use super::plan::{Wanted, design};
+use super::plan::design;
 use super::proof::ProofArgs;
 use super::table::{number, table};
-use super::views::{PlanRecords, RUN_FILES, RunShown, RunViews, TARGETS, ViewerTarget};
+use super::views::{RUN_FILES, RunShown, RunViews, TARGETS, ViewerTarget};
 use super::written::{Written, warn};
-use super::{Common, Report, check_outputs, identify, inputs, merge, results};
+use super::{Common, Report, check_outputs, identify, inputs};
 
 /// Arguments of `run`.
 #[derive(Debug, Args)]
@@ -37,37 +33,8 @@ pub struct Run {
     rerun: Option<ViewerTarget>,
 }
 
-/// So many random plans stand for what a laboratory without a plan would do.
-const RANDOM_PLANS: u64 = 99;
-
 /// The files of the results.
 const FILES: [&str; 3] = ["plan.csv", "measurements.csv", "results.json"];
-
-/// A plan that took part, with what it promised and what came of it.
-struct Entry {
-    assessment: Assessment,
-    /// The plan's name and its calibration.
-    calibration: (String, Calibration),
-    is_random: bool,
-}
-
-/// A plan that was to be compared and could not be measured, identified or compensated.
-struct Failed {
-    name: String,
-    /// What it promised, where there is a plan.
-    assessment: Option<Assessment>,
-    problem: String,
-}
-
-impl Entry {
-    fn records(&self, scenario: &Scenario) -> PlanRecords {
-        let (name, calibration) = &self.calibration;
-        (
-            CalibrationMessage::new(&scenario.task.belief.commands(), name, calibration),
-            AssessmentMessage::new(scenario, &self.assessment),
-        )
-    }
-}
 
 impl Run {
     /// The folder of the results, once nothing is in the way of any file.
@@ -99,197 +66,57 @@ impl Run {
         let wanted = Wanted::by(&scenario.task);
         let (task, seed) = (&scenario.task, scenario.seed);
         let designed = design(common, task, seed, wanted, &self.proof, &NEVER)?;
-        let bound = &designed.bound;
-
-        let (plans, random) = plans_to_compare(&scenario, designed.exact.plan)?;
-        common.say("measuring, identifying and compensating in MuJoCo");
-        let outside = |(name, plan): &(String, Plan)| loads_outside(&scenario, plan, Some(name));
-        let loads_outside: Vec<String> = plans.iter().filter_map(outside).collect();
-        let (entries, failed) = calibrate_all(&scenario, plans, random, bound)?;
-        for each in &failed {
-            warn(
-                &format!(
-                    "the plan {:?} cannot be compared: {}",
-                    each.name, each.problem
-                ),
-                None,
-            );
-        }
-        let records: Vec<PlanRecords> = (entries.iter())
-            .map(|entry| entry.records(&scenario))
+        let outcome = run(&scenario, &designed, &|stage| tell(common, &folder, stage));
+        let outcome = outcome.map_err(|error| match error {
+            // Its hint is told, too.
+            RunError::File(error) => error.into(),
+            other => anyhow::Error::from(other),
+        })?;
+        let json = outcome.json(&scenario, designed.elapsed_s)?;
+        let calibrations: Vec<_> = (outcome.tried.iter())
+            .map(|each| each.calibration.clone())
             .collect();
-
-        common.say(&format!(
-            "comparing with {RANDOM_PLANS} random plans, other criteria and other numbers of measurements, writing {}",
-            folder.display()
-        ));
-        let random_rho0_m = promised_by_random(&scenario, experiments);
-        let watch = Watch {
-            stop: &NEVER,
-            progress: &|_, _, _| {},
-        };
-        // The study draws random plans of its own.
-        let fixed: Vec<(String, Plan)> = (entries.iter())
-            .filter(|entry| !entry.is_random)
-            .map(
-                |Entry {
-                     calibration: (name, made),
-                     ..
-                 }| (name.clone(), made.plan.clone()),
-            )
-            .collect();
-        let evidence = gather(
-            &scenario.task,
-            &scenario.truth,
-            (&designed.approximate, &designed.bound),
-            &fixed,
-            scenario.seed,
-            watch,
-        )?;
-        let evidence = EvidenceMessage::new(&scenario, bound, &evidence);
-
-        let mut json = everything(&scenario, &records, &failed, designed.elapsed_s)?;
-        merge(
-            &mut json,
-            json!({ "random_plans": RANDOM_PLANS, "random_median_rho0_mm": random_rho0_m.map(|value| value * 1e3) }),
-        );
-        merge(&mut json, serde_json::to_value(&evidence)?);
-        let main = &entries[0].calibration.1;
-        let mut conditions = main.identification.conditions();
-        conditions.extend(pose_conditions(&scenario.task.belief, &main.poses));
-        conditions.extend(loads_outside);
-        let calibrations: Vec<_> = (entries.iter())
-            .map(|entry| entry.calibration.clone())
-            .collect();
+        let random_rho0_m = outcome.random_rho0_m;
         let views = RunViews::new(&RunShown {
             scenario: &scenario,
             calibrations: &calibrations,
-            records: &records,
-            evidence: &evidence,
+            records: &outcome.records,
+            evidence: &outcome.evidence,
             random: (RANDOM_PLANS, random_rho0_m.map(|value| value * 1e3)),
-            conditions: &conditions,
+            conditions: &outcome.conditions,
         })?;
+        let main = &outcome.tried[0].calibration.1;
         let mut written = Written::default();
         let text = serde_json::to_string_pretty(&json)? + "\n";
         write_all(&scenario, &folder, main, &text, &mut written);
         views.write(&folder, self.rerun.as_ref(), &mut written)?;
+        let text =
+            summary(&folder, &outcome.tried, random_rho0_m) + &self.proof.tell(&designed.bound)?;
+        let mut conditions = outcome.conditions;
         conditions.extend(written.conditions());
         Ok(Report {
-            text: summary(&folder, &entries, random_rho0_m) + &self.proof.tell(bound)?,
-            conditions,
             json,
+            text,
+            conditions,
         })
     }
 }
 
-/// The median of what random plans of so many measurements promise (m), if there is one.
-fn promised_by_random(scenario: &Scenario, experiments: u32) -> Option<f64> {
-    median_random_rho0(&scenario.task, experiments, RANDOM_PLANS, scenario.seed)
-        .inspect_err(|problem| {
+/// Says on stderr what is being done, and what goes wrong without an end.
+fn tell(common: &Common, folder: &Path, stage: &RunStage<'_>) {
+    match stage {
+        RunStage::Calibrating => common.say("measuring, identifying and compensating in MuJoCo"),
+        RunStage::Failed(FailedPlan { name, problem, .. }) => {
+            warn(&format!("the plan {name:?} cannot be compared: {problem}"), None);
+        }
+        RunStage::Comparing => common.say(&format!(
+            "comparing with {RANDOM_PLANS} random plans, other criteria and other numbers of measurements, writing {}",
+            folder.display()
+        )),
+        RunStage::NoRandomPlans(problem) => {
             warn(&format!("no random plans to compare with: {problem}"), None);
-        })
-        .ok()
-        .filter(|median| median.is_finite())
-}
-
-/// The designed plan and those of the scenario with as many measurements; and a random one.
-type Compared = (Vec<(String, Plan)>, Result<Plan, SearchError>);
-
-fn plans_to_compare(scenario: &Scenario, optimal: Plan) -> anyhow::Result<Compared> {
-    let experiments = optimal.measurements();
-    let mut plans = vec![("optimal".to_owned(), optimal)];
-    for file in &scenario.plans {
-        let plan = read_plan(&file.path, scenario.task.belief.commands())?;
-        if plan.measurements() == experiments {
-            plans.push((file.name.clone(), plan));
         }
     }
-    Ok((
-        plans,
-        random_plan(&scenario.task, experiments, scenario.seed, 0),
-    ))
-}
-
-/// Calibrates with every plan. The first must succeed; another that fails is compared no further.
-fn calibrate_all(
-    scenario: &Scenario,
-    plans: Vec<(String, Plan)>,
-    random: Result<Plan, SearchError>,
-    bound: &Bound,
-) -> anyhow::Result<(Vec<Entry>, Vec<Failed>)> {
-    let (mut entries, mut failed) = (Vec::new(), Vec::new());
-    let random = (
-        "random".to_owned(),
-        random.map_err(|error| error.to_string()),
-    );
-    let known = plans.len();
-    let plans = plans.into_iter().map(|(name, plan)| (name, Ok(plan)));
-    for (index, (name, plan)) in plans.chain([random]).enumerate() {
-        let assessment = |plan: &Plan| Assessment::new(&scenario.task, plan, Some(bound));
-        // Every plan is measured with the same noise.
-        match plan
-            .as_ref()
-            .map(|plan| calibrate(&scenario.task, &scenario.truth, plan, scenario.seed, 0))
-        {
-            Ok(Ok(calibration)) => entries.push(Entry {
-                assessment: assessment(&calibration.plan),
-                calibration: (name, calibration),
-                is_random: index == known,
-            }),
-            Ok(Err(error)) if entries.is_empty() => return Err(error.into()),
-            Ok(Err(error)) => failed.push(Failed {
-                name,
-                assessment: plan.as_ref().ok().map(assessment),
-                problem: error.to_string(),
-            }),
-            Err(problem) => failed.push(Failed {
-                name,
-                assessment: None,
-                problem: problem.clone(),
-            }),
-        }
-    }
-    Ok((entries, failed))
-}
-
-/// The JSON of the run: the main plan's keys by stage, then every plan.
-fn everything(
-    scenario: &Scenario,
-    plans: &[PlanRecords],
-    failed: &[Failed],
-    elapsed_s: f64,
-) -> anyhow::Result<Value> {
-    let (main, assessment) = &plans[0];
-    let json = json!({
-        "gate": scenario.gate,
-        "plan": main.plan,
-        "elapsed_s": elapsed_s,
-        "measurements": main.measurements,
-    });
-    let mut json = results("run", &ProvenanceMessage::new(scenario), json);
-    // The order matters where keys coincide: rho0_mm is what the plan promises, and the standard
-    // errors are those of the identification.
-    merge(&mut json, serde_json::to_value(&main.test_poses[0])?);
-    merge(&mut json, serde_json::to_value(assessment)?);
-    merge(&mut json, serde_json::to_value(&main.identification)?);
-    let mut all = Vec::new();
-    for (calibration, assessment) in plans {
-        let mut plan = serde_json::to_value(calibration)?;
-        merge(&mut plan, json!({ "assessment": assessment }));
-        all.push(plan);
-    }
-    for each in failed {
-        let Some(assessment) = &each.assessment else {
-            continue;
-        };
-        let assessment = AssessmentMessage::new(scenario, assessment);
-        let (name, problem) = (&each.name, &each.problem);
-        all.push(
-            json!({ "name": name, "assessment": assessment, "test_poses": [], "problem": problem }),
-        );
-    }
-    merge(&mut json, json!({ "plans": all }));
-    Ok(json)
 }
 
 /// Writes the designed plan, its measurements, and the text of results.json.
@@ -310,7 +137,7 @@ fn write_all(
 }
 
 /// What it means, for a person.
-fn summary(folder: &Path, entries: &[Entry], random_rho0_m: Option<f64>) -> String {
+fn summary(folder: &Path, entries: &[TriedPlan], random_rho0_m: Option<f64>) -> String {
     let main = &entries[0];
     let mut text = identify::describe(&main.calibration.1.identification);
     text.push('\n');

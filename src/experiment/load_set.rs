@@ -3,6 +3,7 @@
 
 use nalgebra::Vector3;
 
+use super::Plan;
 use crate::robot::Load;
 
 /// Plans are printed with one decimal. Each of the three components of a force (N) or of a torque (N m)
@@ -110,6 +111,17 @@ impl Loads {
             several => format!(
                 "the loads of {several} of {count} {noun}s are none of the scenario's: {first}"
             ),
+        })
+    }
+
+    /// In words, where loads of a plan are none of the set; the plan has a name where there are several.
+    #[must_use]
+    pub fn outside_plan(&self, plan: &Plan, name: Option<&str>) -> Option<String> {
+        let loads = plan.experiments.iter().map(|each| &each.load);
+        let words = self.outside_all("experiment", loads)?;
+        Some(match name {
+            Some(name) => format!("plan {name:?}: {words}"),
+            None => words,
         })
     }
 

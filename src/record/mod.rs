@@ -10,6 +10,7 @@
 
 pub mod evidence;
 mod header_check;
+pub mod json;
 pub mod messages;
 pub mod residuals;
 pub mod study;

@@ -1,6 +1,5 @@
 //! `study`: how good are the scenario's plans over many runs?
 
-pub mod entries;
 pub mod results;
 
 use std::path::{Path, PathBuf};
@@ -13,17 +12,20 @@ use elastocal::limits::{MOST_SHARDS, MOST_TRIALS};
 use elastocal::record::messages::SchemaMessage;
 use elastocal::record::tally_file::{Header, TallyFile};
 use elastocal::scenario::Scenario;
-use elastocal::study::StudyError;
 use elastocal::study::runner::Runner;
-use elastocal::study::{Level, StudyPlan, StudySource};
+use elastocal::study::{Entry, Level, Setting, StudyError};
+use elastocal::task::Task;
+use elastocal::wording::counted;
+use elastocal::workflow::design::Wanted;
+use elastocal::workflow::study::{self, EntryError, Timing, foreign_loads};
 use indicatif::ProgressStyle;
 use serde_json::json;
 
-use self::entries::entries;
-use self::results::{Results, Timing, describe, describe_level, write};
-use super::evaluate::loads_outside;
-use super::interruption::{Interrupted, ask_work, keeps};
+use self::results::{Results, describe, describe_level, write};
+use super::interruption::{Interrupted, NEVER, ask_work, keeps};
+use super::plan::design;
 use super::progress::bar;
+use super::proof::ProofArgs;
 use super::views::{self, StudyObserver, TARGETS, ViewerTarget};
 use super::written::Written;
 use super::{Common, Report, check_outputs, inputs, merge};
@@ -259,13 +261,27 @@ impl StudyCommand {
     }
 }
 
-/// What is wrong with the loads of plan files.
-fn foreign_loads(scenario: &Scenario) -> impl Iterator<Item = String> {
-    let wrong = |plan: &StudyPlan| match &plan.source {
-        StudySource::File(file) => loads_outside(scenario, file, Some(&plan.name)),
-        _ => None,
+/// The plans of a study, designed with a word and a progress bar.
+pub fn entries(
+    common: &Common,
+    scenario: &Scenario,
+    settings: &[Setting<'_>],
+) -> Result<Vec<Entry>, EntryError> {
+    let designer = |task: &Task, name: &str, wanted: Wanted| {
+        common.say(&format!(
+            "designing the plan {name:?} of {}",
+            counted(wanted.experiments.into(), "measurement")
+        ));
+        design(
+            common,
+            task,
+            scenario.seed,
+            wanted,
+            &ProofArgs::NONE,
+            &NEVER,
+        )
     };
-    scenario.study.plans.iter().filter_map(wrong)
+    study::entries(scenario, settings, &designer)
 }
 
 /// The runs that a tally holds.

@@ -2,27 +2,19 @@
 
 use std::path::Path;
 
-use anyhow::Context;
 use elastocal::files::output::write_whole;
 use elastocal::record::study::{StudyPlanMessage, study_csv};
-use elastocal::record::tally_file::{Header, PlanHeader};
+use elastocal::record::tally_file::Header;
 use elastocal::study::Level;
-use elastocal::study::summary::Summary;
 use elastocal::study::tally::Tally;
 use elastocal::wording::inverse_interval;
-use serde_json::{Value, json};
+use elastocal::workflow::study::{Timing, plan_messages, study_json};
+use serde_json::Value;
 
+use crate::cli::Report;
 use crate::cli::table::{number, table};
 use crate::cli::views::{STUDY_PAGE, StudyShown, study_page};
 use crate::cli::written::Written;
-use crate::cli::{Report, merge, results};
-
-/// How long how many runs took.
-#[derive(Debug, Clone, Copy)]
-pub struct Timing {
-    pub elapsed_s: f64,
-    pub runs: u64,
-}
 
 /// What a study comes to.
 #[derive(Debug)]
@@ -37,22 +29,7 @@ impl Results {
     /// Sums up the tallies of a study.
     pub fn new(header: &Header, tallies: &[Tally], timing: Option<Timing>) -> anyhow::Result<Self> {
         let messages = plan_messages(header, tallies)?;
-        let reference = header.plans.iter().find_map(|plan| plan.reference);
-        let mut json = json!({
-            "gate": header.gate,
-            "trials": header.trials,
-            "level": header.level,
-            "parameters": header.parameters,
-            "reference": reference.map(|index| &header.plans[index].name),
-            "plans": messages,
-        });
-        json = results("study", &header.provenance, json);
-        if let Some(timing) = timing {
-            #[expect(clippy::cast_precision_loss, reason = "far below 2^52 runs")]
-            let runs_per_s = timing.runs as f64 / timing.elapsed_s;
-            let timing = json!({ "elapsed_s": timing.elapsed_s, "runs_per_s": runs_per_s });
-            merge(&mut json, timing);
-        }
+        let json = study_json(header, &messages, timing);
         Ok(Self {
             header: header.clone(),
             messages,
@@ -101,26 +78,6 @@ impl Results {
             conditions: &self.conditions(),
         })
     }
-}
-
-/// What the tallies say of each plan.
-pub fn plan_messages(header: &Header, tallies: &[Tally]) -> anyhow::Result<Vec<StudyPlanMessage>> {
-    let parameters = header.parameters.len();
-    let message = |(plan, tally): (&PlanHeader, &Tally)| {
-        let conditions = plan.conditions().context("the conditions are damaged")?;
-        let reference = plan.reference.and_then(|other| tallies.get(other));
-        let reference = reference.filter(|&other| !std::ptr::eq(other, tally));
-        let summary = Summary::new(tally, conditions.sigma_m, reference);
-        let (name, summary) = (&plan.name, summary.as_ref());
-        Ok(StudyPlanMessage::new(
-            name,
-            &conditions,
-            parameters,
-            tally,
-            summary,
-        ))
-    };
-    header.plans.iter().zip(tallies).map(message).collect()
 }
 
 /// The files of the results, the page apart.

@@ -12,10 +12,10 @@ mod without;
 
 use elastocal::calibration::Calibration;
 use elastocal::record::evidence::EvidenceMessage;
-use elastocal::record::messages::{AssessmentMessage, CalibrationMessage};
 use elastocal::record::study::StudyPlanMessage;
 use elastocal::record::tally_file::Header;
 use elastocal::scenario::Scenario;
+use elastocal::workflow::run::PlanRecords;
 
 #[cfg(feature = "view")]
 pub use with::*;
@@ -24,9 +24,6 @@ pub use without::*;
 
 /// The names of the targets of `--rerun`, for the help.
 pub const TARGETS: &str = "spawn|connect[=URL]|save=FILE";
-
-/// The records of a plan's calibration and of what it promised.
-pub type PlanRecords = (CalibrationMessage, AssessmentMessage);
 
 /// What is shown of a run.
 #[derive(Debug, Clone, Copy)]

@@ -14,9 +14,9 @@ use elastocal::view::recording::Recording;
 use elastocal::view::rerun_file::study::{StudyStream, write_study_rerun};
 use elastocal::view::rerun_file::viewer::{Messages, Viewer};
 use elastocal::view::study_recording::{Snapshot, StudyRecording, next_snapshot};
+use elastocal::workflow::study::plan_messages;
 
 use super::target::ViewerTarget;
-use crate::cli::study::results::plan_messages;
 use crate::cli::written::{Written, warn};
 
 /// What is recorded of a study, and the viewer that it is streamed to.

@@ -1,0 +1,99 @@
+//! A plan is designed, and a bound is found that no plan can beat.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+use crate::plan::Criterion;
+use crate::plan::search::{
+    ApproximateDesign, Bound, ExactDesign, Problem, SearchError, Watch, approximate_design,
+    exact_design,
+};
+use crate::task::Task;
+
+/// Which plan is wanted.
+#[derive(Debug, Clone, Copy)]
+pub struct Wanted {
+    /// What makes it good.
+    pub criterion: Criterion,
+    /// The number m of measurements.
+    pub experiments: u32,
+    /// The number of different configurations; as many as measurements if not given.
+    pub configurations: Option<u32>,
+}
+
+impl Wanted {
+    /// What a task wants: a plan for its test poses.
+    #[must_use]
+    pub const fn by(task: &Task) -> Self {
+        Self {
+            criterion: Criterion::TestPose,
+            experiments: task.design.experiments,
+            configurations: task.design.configurations,
+        }
+    }
+}
+
+/// Who looks on while a plan is designed.
+#[derive(Clone, Copy)]
+pub struct Onlooker<'a> {
+    /// When set, searches that have not begun are left out.
+    pub stop: &'a AtomicBool,
+    /// Makes the bound as sure as it is wanted.
+    pub prove: &'a dyn Fn(Bound, &ApproximateDesign) -> Bound,
+    /// Hears of the bound, the searches done, all of them, and the lowest cost so far.
+    pub progress: &'a (dyn Fn(&Bound, usize, usize, f64) + Sync),
+}
+
+/// A designed plan with what was found on the way.
+#[derive(Debug)]
+pub struct Designed {
+    /// The approximate design for the test poses.
+    pub approximate: ApproximateDesign,
+    /// The bound that follows from it.
+    pub bound: Bound,
+    /// The plan.
+    pub exact: ExactDesign,
+    /// How long it took (s).
+    pub elapsed_s: f64,
+    /// Whether the search was cut short.
+    pub is_cut_short: bool,
+}
+
+/// Designs a plan under a seed, as long as it is not asked to stop.
+///
+/// # Errors
+/// There is no such plan.
+pub fn design(
+    task: &Task,
+    seed: u64,
+    wanted: Wanted,
+    onlooker: Onlooker<'_>,
+) -> Result<Designed, SearchError> {
+    let start = Instant::now();
+    let problem = Problem::new(task, wanted.criterion);
+    let bound_problem = Problem::new(task, Criterion::TestPose);
+    let approximate = approximate_design(&bound_problem, seed)?;
+    let bound = (onlooker.prove)(Bound::new(task, &approximate), &approximate);
+    let progress = |done: usize, all: usize, cost: f64| {
+        (onlooker.progress)(&bound, done, all, cost);
+    };
+    let watch = Watch {
+        stop: onlooker.stop,
+        progress: &progress,
+    };
+    let exact = exact_design(
+        &problem,
+        &approximate,
+        wanted.experiments,
+        wanted.configurations.unwrap_or(wanted.experiments),
+        seed,
+        watch,
+    )?;
+    Ok(Designed {
+        approximate,
+        exact,
+        elapsed_s: start.elapsed().as_secs_f64(),
+        is_cut_short: onlooker.stop.load(Ordering::Relaxed),
+        bound,
+    })
+}

@@ -1,0 +1,11 @@
+//! The use cases, as the command line has them: what is done in which order, without a word to anybody.
+//!
+//! - [`design`]: a plan with its bound.
+//! - [`run`]: the designed plan beside others, through the whole loop.
+//! - [`study`]: the plans of a study, and what its runs come to.
+//! - [`identify`]: compliances from measurements, with residuals and likely mistakes.
+
+pub mod design;
+pub mod identify;
+pub mod run;
+pub mod study;
