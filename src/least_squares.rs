@@ -13,7 +13,7 @@ const ROUNDING: f64 = 1e-12;
 pub struct LeastSquares {
     /// The unknowns x; zero in the directions that are not determined.
     pub solution: DVector<f64>,
-    /// The covariance of what is determined (eq. 13 with sigma = 1), p x p.
+    /// The covariance of what is determined, p x p: eq. 12, which for whitened rows is eq. 13 with sigma = 1.
     pub covariance: DMatrix<f64>,
     /// The largest over the smallest singular value of the matrix with columns scaled to length one,
     /// in coordinates of what is determined.

@@ -18,9 +18,10 @@
 //! dt  = A k,   A = [J_1 J_1^T W, ..., J_n J_n^T W]          the same, linear in k        (3, 4)
 //! dp  = A^(p) k                                             its position rows            (7, 8)
 //! k^  = (sum A^(p)T A^(p))^-1 sum A^(p)T dp                 identification               (9)
-//! cov(k^) = sigma^2 (sum A^(p)T A^(p))^-1                   its covariance               (13)
+//! k^  = k_0 + (sum A^(p)T A^(p))^-1 sum A^(p)T eps         its error                    (10, 11)
+//! cov(k^) = sigma^2 (sum A^(p)T A^(p))^-1                   its covariance               (12, 13)
 //! q   = q_0 - k_theta J_0^T W_0                             compensation                 (15)
-//! rho_0^2 = sigma^2 trace(A_0 (sum A^(p)T A^(p))^-1 A_0^T)  what it leaves, mean square  (20)
+//! rho_0^2 = sigma^2 trace(A_0 (sum A^(p)T A^(p))^-1 A_0^T)  what it leaves, mean square  (16 to 20)
 //! rho_0 -> min over {q_i, W_i}                              the plan                     (21, 22)
 //! ```
 //!

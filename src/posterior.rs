@@ -32,7 +32,7 @@ fn joined(names: &[String]) -> String {
 
 impl Posterior {
     /// The variance of C x, summed over the rows of C (r x p): trace(C cov C^T). For the matrix of a test
-    /// pose (m N m/rad) and compliances it is `rho_0`^2 (m^2), eq. 20.
+    /// pose (m N m/rad) and compliances it is `rho_0`^2 (m^2), eqs. 18 to 20.
     ///
     /// # Errors
     /// C x depends on what is not determined.

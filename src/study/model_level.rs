@@ -1,7 +1,8 @@
 //! A run of the paper's linear model: the noise of a run, multiplied by two matrices.
 //!
 //! With A the observation matrices of all measurements stacked (3M x p), sigma eps the noise and
-//! A_0 those of the test poses, eqs. 9 and 15 leave the errors
+//! A_0 those of the test poses, eqs. 9 and 15 leave, for measurements with such noise (eq. 10), the errors
+//! of eq. 11, whose means are zero (eq. 16)
 //!
 //! ```text
 //! dk = (A^T A)^-1 A^T sigma eps,      d = A_0 dk = B eps
@@ -14,7 +15,7 @@
 //! ```
 //!
 //! and with S = B B^T / sigma^2 = (A_0 L^-T)(A_0 L^-T)^T, the squared distance has the mean
-//! `rho_0^2` = sigma^2 trace(S) (eq. 20) and the variance 2 sigma^4 trace(S^2). Several test poses
+//! `rho_0^2` = sigma^2 trace(S) (eqs. 17 to 20) and the variance 2 sigma^4 trace(S^2). Several test poses
 //! are stacked, each times the root of its weight.
 //!
 //! Where a plan does not determine all compliances, A and A_0 are those of what it does determine, in

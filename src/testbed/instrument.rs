@@ -69,7 +69,7 @@ pub fn numbers(instrument: &Instrument, measurements: usize) -> usize {
     measurements * if rotations { 6 } else { 3 }
 }
 
-/// Adds the instrument's noise to measurements: independent and normal for every coordinate. The
+/// Adds the instrument's noise to measurements (eq. 10): independent and normal for every coordinate. The
 /// first numbers of a lane are those of the deflections, the next those of the rotations.
 pub fn add_noise(
     measurements: &mut [Measurement],
