@@ -20,6 +20,8 @@ use super::problem::Problem;
 
 /// A proof replaces what searches found where its gap is at most this.
 pub const TIGHT: f64 = 1e-3;
+/// More rows for each parameter than this are gathered into fewer.
+const MANY_ROWS: usize = 4;
 /// How near, and after how many boxes, the derivative about a mandatory experiment is bounded.
 const MANDATORY: (f64, u64) = (1e-3, 200_000);
 
@@ -99,7 +101,12 @@ impl ProvedBound {
             return Err(NoProof::NotPlain);
         }
         let rows = problem.rows_of(approximate).ok_or(NoProof::Singular)?;
-        let question = question(problem, rows);
+        // A proof that is to be checked shows B as it is.
+        let question = if records {
+            question(problem, rows.clone())
+        } else {
+            question(problem, gathered(&rows))
+        };
         let found = approximate.certificate.largest_derivative;
         let printed = (problem.loads.samples().iter())
             .map(printed_tolerance)
@@ -107,10 +114,10 @@ impl ProvedBound {
         let (largest, object) = prove_printed(&question, found, printed, effort, records)?;
         let mandatory = mandatory(problem, approximate, &question)?;
         Ok(Self {
-            prior: prior(task, &question),
+            prior: prior(task, &question.parameters, &rows),
             targets: targets(task),
             parameters: question.parameters,
-            rows: question.rows,
+            rows,
             sigma_m: task.belief.instrument.sigma_m,
             largest,
             mandatory,
@@ -281,19 +288,53 @@ fn mandatory(
     Ok((plan.measurements(), sum))
 }
 
+/// Where there are many more rows than parameters, as many rows as these that tell no less: the derivative is a
+/// quadratic form in what an experiment shows, and only its matrix S matters. With D^2 the diagonal of S, these
+/// are the columns of D L for L L^T = D^-1 S D^-1 + delta, where delta is more than what rounding leaves of
+/// S (a sum over the rows) and of the factorisation can take away.
+fn gathered(rows: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    let size = rows.first().map_or(0, Vec::len);
+    if rows.len() <= MANY_ROWS * size {
+        return rows.to_vec();
+    }
+    let sum = |one: usize, other: usize| rows.iter().map(|row| row[one] * row[other]).sum::<f64>();
+    let root: Vec<f64> = (0..size).map(|index| sum(index, index).sqrt()).collect();
+    let rounding = 8.0 * (size * (rows.len() + size + 16)) as f64 * f64::EPSILON;
+    let scaled = nalgebra::DMatrix::from_fn(size, size, |one, other| {
+        let scale = root[one] * root[other];
+        let value = if scale > 0.0 {
+            sum(one, other) / scale
+        } else {
+            0.0
+        };
+        value + if one == other { rounding } else { 0.0 }
+    });
+    let Some(factor) = scaled.cholesky() else {
+        return rows.to_vec();
+    };
+    let factor = factor.unpack();
+    (0..size)
+        .map(|column| {
+            (0..size)
+                .map(|row| root[row] * factor[(row, column)])
+                .collect()
+        })
+        .collect()
+}
+
 /// A bound of trace(B P B^T), with the rows of B times sigma as those of a question are: the sum of its
 /// terms, and what rounding them all can hide.
-fn prior(task: &Task, question: &Question) -> f64 {
+fn prior(task: &Task, parameters: &[usize], rows: &[Vec<f64>]) -> f64 {
     let belief = &task.belief;
     let Some(known) = &belief.prior else {
         return 0.0;
     };
-    let places: Vec<usize> = (question.parameters.iter())
+    let places: Vec<usize> = (parameters.iter())
         .filter_map(|joint| belief.parameters.iter().position(|each| each == joint))
         .collect();
     let sigma_m = belief.instrument.sigma_m;
     let (mut sum, mut size) = (0.0, 0.0);
-    for row in &question.rows {
+    for row in rows {
         for (one, &first) in row.iter().zip(&places) {
             for (other, &second) in row.iter().zip(&places) {
                 let term = (one * sigma_m) * (other * sigma_m) * known.precision[(first, second)];
@@ -302,7 +343,7 @@ fn prior(task: &Task, question: &Question) -> f64 {
             }
         }
     }
-    let terms = (question.rows.len() * places.len().pow(2) + 8) as f64;
+    let terms = (rows.len() * places.len().pow(2) + 8) as f64;
     sum + size * terms * 4.0 * f64::EPSILON
 }
 
@@ -353,5 +394,55 @@ fn arm(chain: &SerialChain, tool: &Tool, ranges_rad: &[[f64; 2]]) -> Arm {
         tool_offset_m: tool.link_from_tool.translation.vector.into(),
         tool_rotation: tool.link_from_tool.rotation.coords.into(),
         gravity_m_s2: chain.gravity_m_s2.into(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::gathered;
+    use crate::random::generator;
+    use rand::RngExt;
+
+    /// Fewer rows tell no less of anything, and hardly more, also where some depend on others.
+    #[test]
+    fn gathered_rows_tell_no_less() {
+        let mut random = generator(4, 0);
+        let mut number = || random.random::<f64>() - 0.5;
+        for dependent in [false, true] {
+            let rows: Vec<Vec<f64>> = (0..60)
+                .map(|_| {
+                    let mut row: Vec<f64> = (0..5)
+                        .map(|index| number() * 10_f64.powi(3 * index))
+                        .collect();
+                    if dependent {
+                        row[4] = 1e3 * row[2];
+                    }
+                    row
+                })
+                .collect();
+            let few = gathered(&rows);
+            assert_eq!(few.len(), 5);
+            let told = |rows: &[Vec<f64>], x: &[f64]| -> f64 {
+                let along = |row: &Vec<f64>| {
+                    row.iter()
+                        .zip(x)
+                        .map(|(one, other)| one * other)
+                        .sum::<f64>()
+                };
+                rows.iter().map(|row| along(row).powi(2)).sum()
+            };
+            for _ in 0..1000 {
+                let x: Vec<f64> = (0..5)
+                    .map(|index| number() * 10_f64.powi(-3 * index))
+                    .collect();
+                let (all, less) = (told(&rows, &x), told(&few, &x));
+                assert!(
+                    less >= all && less <= all * (1.0 + 1e-6),
+                    "{less} against {all}"
+                );
+            }
+        }
+        let three = vec![vec![1.0, 2.0, 3.0, 4.0]; 3];
+        assert_eq!(gathered(&three), three);
     }
 }
