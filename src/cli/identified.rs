@@ -3,9 +3,10 @@
 use std::path::Path;
 
 use elastocal::files::FileError;
-use elastocal::identification::{StoredFingerprint, StoredIdentification};
+use elastocal::identification::StoredIdentification;
 use elastocal::posterior::Posterior;
 use elastocal::scenario::Scenario;
+use elastocal::task::Fingerprint;
 
 /// What an identification gives to compensate with.
 pub struct Identified {
@@ -56,7 +57,7 @@ pub fn read_identified(path: &Path, scenario: &Scenario) -> Result<Identified, F
 fn trust(
     path: &Path,
     scenario: &Scenario,
-    found: Option<&StoredFingerprint>,
+    found: Option<&Fingerprint>,
 ) -> Result<Vec<String>, FileError> {
     let renew = format!(
         "renew it with `elastocal identify {} --measurements FILE --identified-out {}`",

@@ -22,4 +22,4 @@ pub use error::IdentificationError;
 pub use estimate::{Estimate, Identification, ParameterEstimate, Sigma, identify};
 pub use gauss_newton::{FitError, ParameterFit, fit_parameters};
 pub use residuals::{MeasurementResidual, Residuals, Suspect, residuals};
-pub use stored::{StoredFingerprint, StoredIdentification};
+pub use stored::StoredIdentification;

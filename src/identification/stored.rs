@@ -13,7 +13,7 @@ use crate::measurement::Origin;
 use crate::plausible::ELASTIC_COMPLIANCE;
 use crate::posterior::Posterior;
 use crate::robot::Robot;
-use crate::task::Method;
+use crate::task::{Fingerprint, Method};
 
 /// Which file is wanted.
 const WANTED: &str = "the file must be one that `elastocal identify --identified-out` wrote";
@@ -27,18 +27,8 @@ pub struct StoredIdentification {
     pub posterior: Posterior,
     /// The conditions that did not hold when it was made.
     pub conditions: Vec<String>,
-    /// SHA-256 of the kinematics, and of all that was believed, when it was made; files of earlier
-    /// versions do not say.
-    pub identified_with: Option<StoredFingerprint>,
-}
-
-/// See [`Fingerprint`](crate::task::Fingerprint).
-#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
-pub struct StoredFingerprint {
-    /// Of the kinematics.
-    pub robot_sha256: String,
-    /// Of all that was believed.
-    pub belief_sha256: String,
+    /// What it rests on; files of earlier versions do not say.
+    pub identified_with: Option<Fingerprint>,
 }
 
 /// The keys that are read.
@@ -59,7 +49,7 @@ struct Stored {
     rank: usize,
     #[serde(default)]
     conditions: Vec<String>,
-    identified_with: Option<StoredFingerprint>,
+    identified_with: Option<Fingerprint>,
     scenario_file: Option<String>,
     provenance: Option<StoredProvenance>,
 }

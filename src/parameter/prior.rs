@@ -44,37 +44,38 @@ impl Prior {
         })
     }
 
-    /// The same as whitened equations, r x p: rows of unit variance that parameters times them equal those
+    /// The orthogonal directions of which something is known, in units of typical sizes, with its precision.
+    fn known(&self, typical: &[f64]) -> Vec<(f64, DVector<f64>)> {
+        let Some(eigen) = finite_eigen(&self.relative(typical)) else {
+            return Vec::new();
+        };
+        let least = ROUNDING * eigen.eigenvalues.max();
+        let vectors = eigen.eigenvectors.column_iter();
+        (eigen.eigenvalues.iter().copied().zip(vectors))
+            .filter(|(precision, _)| *precision > least)
+            .map(|(precision, vector)| (precision, vector.into_owned()))
+            .collect()
+    }
+
+    /// The precision as whitened equations, r x p: rows of unit variance that parameters times them equal those
     /// of the mean. `typical` sizes (p) keep units apart.
     #[must_use]
     pub fn rows(&self, typical: &[f64]) -> DMatrix<f64> {
-        let Some(eigen) = finite_eigen(&self.relative(typical)) else {
-            return DMatrix::zeros(0, typical.len());
-        };
-        let least = ROUNDING * eigen.eigenvalues.max();
-        let known: Vec<usize> = (0..typical.len())
-            .filter(|&index| eigen.eigenvalues[index] > least)
-            .collect();
+        let known = self.known(typical);
         DMatrix::from_fn(known.len(), typical.len(), |row, column| {
-            let vector = eigen.eigenvectors[(column, known[row])];
-            eigen.eigenvalues[known[row]].sqrt() * vector / typical[column]
+            let (precision, vector) = &known[row];
+            precision.sqrt() * vector[column] / typical[column]
         })
     }
 
-    /// The mean, and a matrix L (p x r) so that mean + L z is distributed as what is known, for r
+    /// A matrix L (p x r) so that the mean + L z is distributed as what is known, for r
     /// independent standard normals z; what is not known has its mean.
     #[must_use]
     pub fn spread(&self, typical: &[f64]) -> DMatrix<f64> {
-        let Some(eigen) = finite_eigen(&self.relative(typical)) else {
-            return DMatrix::zeros(typical.len(), 0);
-        };
-        let least = ROUNDING * eigen.eigenvalues.max();
-        let known: Vec<usize> = (0..typical.len())
-            .filter(|&index| eigen.eigenvalues[index] > least)
-            .collect();
+        let known = self.known(typical);
         DMatrix::from_fn(typical.len(), known.len(), |row, column| {
-            let vector = eigen.eigenvectors[(row, known[column])];
-            typical[row] * vector / eigen.eigenvalues[known[column]].sqrt()
+            let (precision, vector) = &known[column];
+            typical[row] * vector[row] / precision.sqrt()
         })
     }
 }
