@@ -191,6 +191,9 @@ fn hidden_directions(information: &DMatrix<f64>) -> DMatrix<f64> {
 /// An orthonormal basis of what is orthogonal to orthonormal columns: unit vectors as far as they are.
 fn complement(hidden: &DMatrix<f64>) -> DMatrix<f64> {
     let size = hidden.nrows();
+    if hidden.ncols() == 0 {
+        return DMatrix::identity(size, size);
+    }
     let mut columns = Vec::new();
     let mut taken = hidden.clone();
     // The unit vector that is furthest from those taken comes first; among equals, the first.

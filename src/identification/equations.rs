@@ -167,8 +167,9 @@ impl Writer {
     fn push(&mut self, matrix: &Matrix3xX<f64>, value: Vector3<f64>, sigma: &Vector3<f64>) {
         for axis in 0..3 {
             let weight = sigma[axis].recip();
-            let row = matrix.row(axis) * weight;
-            self.equations.matrix.row_mut(self.row).copy_from(&row);
+            for column in 0..matrix.ncols() {
+                self.equations.matrix[(self.row, column)] = matrix[(axis, column)] * weight;
+            }
             self.equations.right_hand_side[self.row] = value[axis] * weight;
             self.row += 1;
         }

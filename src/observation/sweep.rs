@@ -265,7 +265,7 @@ impl Sweep {
         let compliance = &pose.belief.compliance_rad_per_nm;
         for (joint, &compliance) in compliance.iter().enumerate() {
             let moved = self.response_to(joint) * compliance;
-            self.inner[joint + 1] = self.inner[joint] + moved * state.turning(joint).transpose();
+            self.inner[joint + 1] = self.inner[joint] + moved * state.turning[joint].transpose();
             self.bent_before[joint + 1] = self.bent_before[joint]
                 + state.rotation_column(joint) * (compliance * pose.torque[joint]);
         }

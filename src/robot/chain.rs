@@ -1,6 +1,6 @@
 //! The serial kinematic chain with rigid links, independent of any simulator.
 
-use nalgebra::{Isometry3, Rotation3, Unit, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Point3, Rotation3, Unit, UnitQuaternion, Vector3};
 
 use super::elements::Elements;
 use super::kinematic_state::{KinematicState, Kinematics};
@@ -133,7 +133,8 @@ impl Kinematics for ChainAtTool<'_> {
             .map(|joint| joint.drive == Drive::default());
         state.first_axis = hinges.position(|is_commanded| is_commanded).unwrap_or(0);
         let elements = &self.chain.elements;
-        if !elements.springs.is_empty() {
+        let has_springs = !elements.springs.is_empty();
+        if has_springs {
             state.places.clear();
             state
                 .places
@@ -142,17 +143,19 @@ impl Kinematics for ChainAtTool<'_> {
         let mut world_from_tool = self.tool.link_from_tool;
         for (index, (joint, &angle)) in self.chain.joints.iter().zip(q).enumerate() {
             world_from_link *= joint.previous_from_link;
-            state.axis[index] = world_from_link.rotation * joint.axis.into_inner();
-            state.anchor[index] = world_from_link.translation.vector;
-            state.slides[index] = joint.drive.slides;
-            if joint.drive.slides {
-                world_from_link.translation.vector += state.axis[index] * angle;
+            let axis = world_from_link.rotation * joint.axis.into_inner();
+            let slides = joint.drive.slides;
+            state.place_joint(index, slides, axis, world_from_link.translation.vector);
+            if slides {
+                world_from_link.translation.vector += axis * angle;
             } else {
                 world_from_link.rotation *= UnitQuaternion::from_axis_angle(&joint.axis, angle);
             }
-            for (place, position) in elements.places().zip(&mut state.places) {
-                if place.joints == index + 1 {
-                    *position = (world_from_link * nalgebra::Point3::from(place.position_m)).coords;
+            if has_springs {
+                for (place, position) in elements.places().zip(&mut state.places) {
+                    if place.joints == index + 1 {
+                        *position = (world_from_link * Point3::from(place.position_m)).coords;
+                    }
                 }
             }
             state.distal_mass[index] = joint.mass_kg;
@@ -163,8 +166,10 @@ impl Kinematics for ChainAtTool<'_> {
             }
         }
         state.gather_distal_masses();
-        state.tool_joints = self.tool.joints;
-        state.tool_position = world_from_tool.translation.vector;
-        state.tool_rotation = Rotation3::from(world_from_tool.rotation).into_inner();
+        state.place_tool(
+            self.tool.joints,
+            world_from_tool.translation.vector,
+            Rotation3::from(world_from_tool.rotation).into_inner(),
+        );
     }
 }

@@ -158,7 +158,7 @@ impl Elements {
                         |at, p| state.moves(other, at, p),
                         |at, p| {
                             if joint < at {
-                                state.turning(other).cross(&state.moves(joint, at, p))
+                                state.turning[other].cross(&state.moves(joint, at, p))
                             } else {
                                 Vector3::zeros()
                             }
@@ -191,7 +191,7 @@ impl Elements {
                         if joint < motion.joints {
                             // The joint turns what the motion displaces.
                             if joint < at {
-                                state.turning(joint).cross(&motion.of(at, p))
+                                state.turning[joint].cross(&motion.of(at, p))
                             } else {
                                 Vector3::zeros()
                             }

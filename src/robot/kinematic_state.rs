@@ -90,6 +90,8 @@ pub struct KinematicState {
     pub axis: Vec<Vector3<f64>>,
     /// Whether each joint slides along its axis; else it turns about it.
     pub slides: Vec<bool>,
+    /// The angular velocity of all beyond each joint per unit rate: its axis, or none where it slides.
+    pub turning: Vec<Vector3<f64>>,
     /// A point on the axis of each joint (m); for one that slides, the origin of its frame before it has
     /// slid.
     pub anchor: Vec<Vector3<f64>>,
@@ -107,6 +109,8 @@ pub struct KinematicState {
     pub tool_position: Vector3<f64>,
     /// The tool's axes as columns.
     pub tool_rotation: Matrix3<f64>,
+    /// The Jacobian's position rows, a column for each joint: asked for many times, made once.
+    position_columns: Vec<Vector3<f64>>,
 }
 
 impl KinematicState {
@@ -116,6 +120,7 @@ impl KinematicState {
         Self {
             axis: vec![Vector3::zeros(); joints],
             slides: vec![false; joints],
+            turning: vec![Vector3::zeros(); joints],
             places: Vec::new(),
             first_axis: 0,
             anchor: vec![Vector3::zeros(); joints],
@@ -124,6 +129,47 @@ impl KinematicState {
             tool_joints: joints,
             tool_position: Vector3::zeros(),
             tool_rotation: Matrix3::identity(),
+            position_columns: vec![Vector3::zeros(); joints],
+        }
+    }
+
+    /// Writes a joint's axis, through its anchor (m), along which it slides or about which it turns.
+    #[inline]
+    pub(crate) fn place_joint(
+        &mut self,
+        joint: usize,
+        slides: bool,
+        axis: Vector3<f64>,
+        anchor: Vector3<f64>,
+    ) {
+        self.axis[joint] = axis;
+        self.anchor[joint] = anchor;
+        self.slides[joint] = slides;
+        self.turning[joint] = if slides { Vector3::zeros() } else { axis };
+    }
+
+    /// Writes where the tool is (m, its axes as columns) that so many joints move; the joints have their
+    /// places by then.
+    pub(crate) fn place_tool(
+        &mut self,
+        joints: usize,
+        position: Vector3<f64>,
+        rotation: Matrix3<f64>,
+    ) {
+        self.tool_joints = joints;
+        self.tool_position = position;
+        self.tool_rotation = rotation;
+        let axes = self.axis.iter().zip(&self.anchor).zip(&self.slides);
+        for (joint, (column, ((axis, anchor), &slides))) in
+            self.position_columns.iter_mut().zip(axes).enumerate()
+        {
+            *column = if joint >= joints {
+                Vector3::zeros()
+            } else if slides {
+                *axis
+            } else {
+                axis.cross(&(position - anchor))
+            };
         }
     }
 
@@ -150,32 +196,16 @@ impl KinematicState {
     /// Column j of the Jacobian's position rows (m): the tool's velocity per unit rate of joint j.
     #[must_use]
     pub fn position_column(&self, joint: usize) -> Vector3<f64> {
-        if joint >= self.tool_joints {
-            Vector3::zeros()
-        } else if self.slides[joint] {
-            self.axis[joint]
-        } else {
-            self.axis[joint].cross(&(self.tool_position - self.anchor[joint]))
-        }
+        self.position_columns[joint]
     }
 
     /// Column j of the Jacobian's rotation rows: the tool's angular velocity per unit rate.
     #[must_use]
     pub fn rotation_column(&self, joint: usize) -> Vector3<f64> {
         if joint < self.tool_joints {
-            self.turning(joint)
+            self.turning[joint]
         } else {
             Vector3::zeros()
-        }
-    }
-
-    /// The angular velocity of all beyond joint j per unit rate: its axis, or none where it slides.
-    #[must_use]
-    pub fn turning(&self, joint: usize) -> Vector3<f64> {
-        if self.slides[joint] {
-            Vector3::zeros()
-        } else {
-            self.axis[joint]
         }
     }
 
@@ -234,7 +264,7 @@ impl KinematicState {
         gravity_m_s2: &Vector3<f64>,
     ) -> f64 {
         let (inner, outer) = (joint.min(by), joint.max(by));
-        let axis = &self.turning(inner);
+        let axis = &self.turning[inner];
         let forces = axis.cross(&self.position_column(outer)).dot(&load.force_n)
             + axis.cross(&self.mass_column(outer)).dot(gravity_m_s2);
         if by < joint {
@@ -259,9 +289,8 @@ impl KinematicState {
             let forces = self.position_column(outer).cross(&load.force_n)
                 + self.mass_column(outer).cross(gravity_m_s2);
             let torque = self.rotation_column(outer).cross(&load.torque_nm);
-            gradient[(outer, outer)] = self.turning(outer).dot(&forces);
-            for inner in 0..outer {
-                let axis = self.turning(inner);
+            gradient[(outer, outer)] = self.turning[outer].dot(&forces);
+            for (inner, axis) in self.turning[..outer].iter().enumerate() {
                 let symmetric = axis.dot(&forces);
                 gradient[(inner, outer)] = symmetric;
                 gradient[(outer, inner)] = symmetric + axis.dot(&torque);

@@ -72,16 +72,16 @@ impl Kinematics for MujocoArm {
     fn update(&mut self, q: &[f64], state: &mut KinematicState) {
         self.state.move_to(q);
         for (index, (&joint, &body)) in self.joints.iter().zip(&self.bodies).enumerate() {
-            (state.anchor[index], state.axis[index]) = self.state.joint(joint);
+            let (anchor, axis) = self.state.joint(joint);
+            state.place_joint(index, self.slides[index], axis, anchor);
             (state.distal_mass[index], state.distal_centre[index]) = self.state.subtree(body);
-            state.slides[index] = self.slides[index];
         }
         if !self.places.is_empty() {
             state.places.clear();
             let places = self.places.iter().map(|&site| self.state.site(site).0);
             state.places.extend(places);
         }
-        state.tool_joints = self.tool_joints;
-        (state.tool_position, state.tool_rotation) = self.state.site(self.site);
+        let (position, rotation) = self.state.site(self.site);
+        state.place_tool(self.tool_joints, position, rotation);
     }
 }

@@ -25,8 +25,6 @@ pub struct MatrixEvaluator<'a> {
     basis: Option<DMatrix<f64>>,
     /// The arm's geometry at the last configuration.
     pub state: KinematicState,
-    /// Column n of the Jacobian's position rows for each parameter.
-    column: Vec<Vector3<f64>>,
     /// What multiplies the derivatives of the columns, one for each parameter.
     adjoint: Vec<Vector3<f64>>,
     twist: Vec<Vector3<f64>>,
@@ -54,7 +52,6 @@ impl<'a> MatrixEvaluator<'a> {
             rotation_scale: model.rotation_sigma_rad.map(over),
             basis: basis.cloned(),
             state: KinematicState::new(model.chain.len()),
-            column: vec![Vector3::zeros(); count],
             adjoint: vec![Vector3::zeros(); count],
             twist: vec![Vector3::zeros(); count],
             model,
@@ -91,9 +88,6 @@ impl<'a> MatrixEvaluator<'a> {
             .chain
             .at(self.model.tool)
             .update(q, &mut self.state);
-        for (column, &joint) in self.column.iter_mut().zip(&self.parameters) {
-            *column = self.state.position_column(joint);
-        }
     }
 
     /// Writes the scaled observation matrix, 3 x p a block, at the last configuration.
@@ -111,11 +105,16 @@ impl<'a> MatrixEvaluator<'a> {
     fn observe_joints(&self, load: &Load, matrix: &mut Matrix3xX<f64>) {
         for (index, &joint) in self.parameters.iter().enumerate() {
             let torque = self.state.load_torque(joint, load);
-            matrix.set_column(index, &(self.column[index] * (torque * self.scale[index])));
-            if let Some(scale) = &self.rotation_scale {
-                let axis = self.state.rotation_column(joint);
-                matrix.set_column(scale.len() + index, &(axis * (torque * scale[index])));
-            }
+            let column = self.state.position_column(joint);
+            matrix.set_column(index, &(column * (torque * self.scale[index])));
+        }
+        let Some(scale) = &self.rotation_scale else {
+            return;
+        };
+        for (index, &joint) in self.parameters.iter().enumerate() {
+            let torque = self.state.load_torque(joint, load);
+            let axis = self.state.rotation_column(joint);
+            matrix.set_column(scale.len() + index, &(axis * (torque * scale[index])));
         }
     }
 
@@ -141,13 +140,17 @@ impl<'a> MatrixEvaluator<'a> {
         let parameters = &self.parameters;
         for (index, &joint) in parameters.iter().enumerate() {
             let b = factor.column(index) * self.scale[index];
-            let column = &self.column[index];
-            let along = b.dot(column);
+            let column = self.state.position_column(joint);
+            let along = b.dot(&column);
             let v = b * self.state.load_torque(joint, load) + load.force_n * along;
             let axis = self.state.rotation_column(joint);
             self.adjoint[index] = column.cross(&v) + axis.cross(&load.torque_nm) * along;
             self.twist[index] = v.cross(&axis);
-            if let Some(scale) = &self.rotation_scale {
+        }
+        if let Some(scale) = &self.rotation_scale {
+            for (index, &joint) in parameters.iter().enumerate() {
+                let column = self.state.position_column(joint);
+                let axis = self.state.rotation_column(joint);
                 let c = factor.column(scale.len() + index) * scale[index];
                 let along = c.dot(&axis);
                 let v = load.force_n * along;
@@ -185,13 +188,17 @@ impl<'a> MatrixEvaluator<'a> {
 
     fn force_form_of_joints(&self, directions: &DMatrix<f64>) -> Matrix3<f64> {
         let mut form = Matrix3::zeros();
+        let columns = || {
+            (self.parameters.iter().enumerate())
+                .map(|(index, &joint)| (index, self.state.position_column(joint)))
+        };
         let axis = |index: usize| self.state.rotation_column(self.parameters[index]);
-        for (one, j_one) in self.column.iter().enumerate() {
-            for (other, j_other) in self.column.iter().enumerate() {
+        for (one, j_one) in columns() {
+            for (other, j_other) in columns() {
                 let mut weight = directions[(one, other)]
                     * self.scale[one]
                     * self.scale[other]
-                    * j_one.dot(j_other);
+                    * j_one.dot(&j_other);
                 if let Some(scale) = &self.rotation_scale {
                     weight += directions[(one, other)]
                         * scale[one]
@@ -218,13 +225,12 @@ impl<'a> MatrixEvaluator<'a> {
     }
 
     fn force_gradient_of_joints(&self, factor: &Matrix3xX<f64>) -> Vector3<f64> {
-        self.column
-            .iter()
-            .enumerate()
-            .map(|(index, column)| {
-                let mut weight = factor.column(index).dot(column) * self.scale[index];
+        (self.parameters.iter().enumerate())
+            .map(|(index, &joint)| {
+                let column = self.state.position_column(joint);
+                let mut weight = factor.column(index).dot(&column) * self.scale[index];
                 if let Some(scale) = &self.rotation_scale {
-                    let axis = self.state.rotation_column(self.parameters[index]);
+                    let axis = self.state.rotation_column(joint);
                     weight += factor.column(scale.len() + index).dot(&axis) * scale[index];
                 }
                 column * weight
