@@ -17,6 +17,7 @@ use super::progress::bar;
 use super::proof::{ProofArgs, proof_json};
 use super::table::{number, table};
 use super::views;
+use super::written::Written;
 use super::{Common, Report, check_outputs, inputs, results, without_effect};
 
 /// Arguments of `budget`.
@@ -97,7 +98,8 @@ impl Budget {
         };
         let needed = cheapest(&points, self.accuracy_um * 1e-6);
         let mut text = describe(&points);
-        text += &self.proof.tell(&bound)?;
+        let mut written = Written::default();
+        text += &self.proof.tell(&bound, &mut written)?;
         match needed {
             Some(point) => {
                 text += &format!(
@@ -115,9 +117,10 @@ impl Budget {
         }
         if let Some(path) = &self.plot_out {
             let title = format!("{}: accuracy against measurements", scenario.name);
-            views::write_budget_plot(path, &title, &points)?;
-            text += &format!("wrote {}\n", path.display());
+            let plot = views::write_budget_plot(path, &title, &points)?;
+            text += &written.told(path, plot);
         }
+        conditions.extend(written.conditions());
         Ok(Report {
             json: results(
                 "budget",

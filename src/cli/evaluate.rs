@@ -13,6 +13,7 @@ use serde_json::json;
 use super::interruption::NEVER;
 use super::proof::ProofArgs;
 use super::table::{number, table};
+use super::written::Written;
 use super::{Common, Report, check_outputs, inputs, merge, results, without_effect};
 
 /// Arguments of `evaluate`.
@@ -46,10 +47,14 @@ impl Evaluate {
         let provenance = ProvenanceMessage::new(&scenario).with_input("plan", &self.plan)?;
         let mut json = results("evaluate", &provenance, json!({ "gate": scenario.gate }));
         merge(&mut json, serde_json::to_value(&message)?);
+        let mut written = Written::default();
+        let text = describe(&scenario, &assessment) + &self.proof.tell(&bound, &mut written)?;
+        let mut conditions = conditions(&scenario, &assessment);
+        conditions.extend(written.conditions());
         Ok(Report {
             json,
-            text: describe(&scenario, &assessment) + &self.proof.tell(&bound)?,
-            conditions: conditions(&scenario, &assessment),
+            text,
+            conditions,
         })
     }
 }

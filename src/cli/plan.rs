@@ -18,6 +18,7 @@ use super::interruption::ask_search;
 use super::progress::bar;
 use super::proof::ProofArgs;
 use super::views;
+use super::written::Written;
 use super::{Common, Report, check_outputs, inputs, merge, results, without_effect};
 
 /// Arguments of `plan`.
@@ -128,10 +129,11 @@ impl PlanCommand {
             Some(BoundKind::Proved) => "The largest directional derivative was",
             _ => "The bound rests on the largest directional derivative",
         };
+        let mut written = Written::default();
         text += &format!(
             "\n{}{rests} found by {} local searches, of which {} ended within 0.1 % of it.\nOf {} independent \
              searches for the plan, {} ended within 0.1 % of it. It took {:.2} s.\n",
-            self.proof.tell(&designed.bound)?,
+            self.proof.tell(&designed.bound, &mut written)?,
             certificate.searches,
             certificate.agreeing,
             designed.exact.searches,
@@ -139,12 +141,12 @@ impl PlanCommand {
             designed.elapsed_s
         );
         if let Some(path) = &self.plan_out {
-            write_plan(path, scenario.task.belief.commands(), plan)?;
-            text += &format!("wrote {}\n", path.display());
+            let rows = write_plan(path, scenario.task.belief.commands(), plan);
+            text += &written.told(path, rows);
         }
         if let Some(path) = &self.stills_out {
-            views::write_stills(path, &scenario, plan)?;
-            text += &format!("wrote {}\n", path.display());
+            let stills = views::write_stills(path, &scenario, plan);
+            text += &written.told(path, stills);
         }
         let json = json!({
             "gate": scenario.gate,
@@ -164,6 +166,7 @@ impl PlanCommand {
         if designed.is_cut_short {
             conditions.push("the search was stopped: a better plan may exist".to_owned());
         }
+        conditions.extend(written.conditions());
         Ok(Report {
             json,
             text,

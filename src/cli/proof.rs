@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use clap::Args;
+use elastocal::files::FileError;
 use elastocal::files::output::write_whole;
 use elastocal::plan::proof::{Effort, NoProof};
 use elastocal::plan::search::{Bound, ProofEffort};
@@ -13,6 +14,7 @@ use serde_json::{Value, json};
 
 use super::Common;
 use super::progress::bar;
+use super::written::Written;
 
 /// How far the bound that no plan can beat is proved.
 #[derive(Debug, Args)]
@@ -56,15 +58,15 @@ impl ProofArgs {
     }
 
     /// What is proved, in words; writes the proof where that is wanted.
-    pub fn tell(&self, bound: &Bound) -> anyhow::Result<String> {
+    pub fn tell(&self, bound: &Bound, files: &mut Written) -> anyhow::Result<String> {
         let mut text = told(bound);
         if let Some(path) = &self.proof_out {
             let proof = bound.proof().and_then(|proof| proof.as_ref().ok()?.file());
-            let Some(proof) = proof else {
-                anyhow::bail!("{}: there is no proof to write; {text}", path.display());
+            let written = match proof {
+                Some(proof) => write_whole(path, &serde_json::to_vec(&proof)?),
+                None => Err(FileError::new(path, "there is no proof to write")),
             };
-            write_whole(path, &serde_json::to_vec(&proof)?)?;
-            text += &format!("wrote {}\n", path.display());
+            text += &files.told(path, written);
         }
         Ok(text)
     }

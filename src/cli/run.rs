@@ -90,8 +90,8 @@ impl Run {
         let text = serde_json::to_string_pretty(&json)? + "\n";
         write_all(&scenario, &folder, main, &text, &mut written);
         views.write(&folder, self.rerun.as_ref(), &mut written)?;
-        let text =
-            summary(&folder, &outcome.tried, random_rho0_m) + &self.proof.tell(&designed.bound)?;
+        let text = summary(&folder, &outcome.tried, random_rho0_m)
+            + &self.proof.tell(&designed.bound, &mut written)?;
         let mut conditions = outcome.conditions;
         conditions.extend(written.conditions());
         Ok(Report {

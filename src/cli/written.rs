@@ -41,6 +41,17 @@ impl Written {
         }
     }
 
+    /// Notes what became of a file, and says so if it is there.
+    pub fn told(&mut self, path: &Path, written: Result<(), FileError>) -> String {
+        let is_there = written.is_ok();
+        self.note(path, written);
+        if is_there {
+            format!("wrote {}\n", path.display())
+        } else {
+            String::new()
+        }
+    }
+
     /// What could not be written, and which files are there all the same.
     pub fn conditions(mut self) -> Vec<String> {
         let mut conditions = self.problems;

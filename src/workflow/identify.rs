@@ -99,7 +99,8 @@ impl Identified {
         let keys = json!({
             "sigma_from_residuals": sigma_from_residuals,
             "identified_with": FingerprintMessage::from(scenario.task.belief.fingerprint()),
-            "scenario_file": scenario.path,
+            // Null where it is no text, which JSON could not hold.
+            "scenario_file": scenario.path.to_str(),
         });
         let mut json = results("identify", provenance, keys);
         merge(&mut json, serde_json::to_value(&message)?);

@@ -13,6 +13,7 @@
 //! - `gate_refusals`: results and tolerances that cannot be compared.
 //! - `interruptions`: studies that are killed, disks that fill up.
 //! - `output_files`: where results go: devices, links, modes; no output overwrites an input.
+//! - `faults`: killed, interrupted, out of space, two at once, odd names, at random moments.
 //! - `broken_streams`: stdout and stderr that nobody reads or that are full.
 //! - `old_files`: the program's own files of other versions, and names in them.
 //! - `parameters`: derivatives by any parameter beside MuJoCo's Jacobians.
@@ -62,6 +63,7 @@ mod csv_dialects;
 mod determined;
 mod diagnoses;
 mod elastic_beliefs;
+mod faults;
 mod force_sizes;
 mod gate;
 mod gate_refusals;

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use elastocal::calibration::Calibration;
+use elastocal::files::FileError;
 use elastocal::files::output::write_whole;
 use elastocal::paper::record::ReproductionMessage;
 use elastocal::plan::Plan;
@@ -123,13 +124,17 @@ impl ReplayViews {
 }
 
 /// Draws the robot in each configuration of a plan.
-pub fn write_stills(path: &Path, scenario: &Scenario, plan: &Plan) -> anyhow::Result<()> {
-    Ok(write_whole(path, stills::sheet(scenario, plan).as_bytes())?)
+pub fn write_stills(path: &Path, scenario: &Scenario, plan: &Plan) -> Result<(), FileError> {
+    write_whole(path, stills::sheet(scenario, plan).as_bytes())
 }
 
 /// Plots accuracy against measurements.
-pub fn write_budget_plot(path: &Path, title: &str, points: &[BudgetPoint]) -> anyhow::Result<()> {
-    Ok(write_whole(path, budget_plot(title, points)?.as_bytes())?)
+pub fn write_budget_plot(
+    path: &Path,
+    title: &str,
+    points: &[BudgetPoint],
+) -> anyhow::Result<Result<(), FileError>> {
+    Ok(write_whole(path, budget_plot(title, points)?.as_bytes()))
 }
 
 /// The page of a study.

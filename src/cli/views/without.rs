@@ -38,13 +38,12 @@ const HINT: &str =
 pub const MISSING: Option<&str> = Some(NO_VIEWS);
 
 /// Whether an option can be used.
-pub fn needed_by(option: &str, path: Option<&PathBuf>) -> anyhow::Result<()> {
-    match path {
-        Some(path) => Err(FileError::new(path, format!("{option}: {NO_VIEWS}"))
-            .hint(HINT)
-            .into()),
-        None => Ok(()),
-    }
+pub fn needed_by(option: &str, path: Option<&PathBuf>) -> Result<(), FileError> {
+    path.map_or(Ok(()), |path| Err(lacking(option, path)))
+}
+
+fn lacking(option: &str, path: &Path) -> FileError {
+    FileError::new(path, format!("{option}: {NO_VIEWS}")).hint(HINT)
 }
 
 /// A viewer that cannot be asked for.
@@ -106,12 +105,16 @@ impl ReplayViews {
     }
 }
 
-pub fn write_stills(path: &Path, _: &Scenario, _: &Plan) -> anyhow::Result<()> {
-    needed_by("--stills-out", Some(&path.to_owned()))
+pub fn write_stills(path: &Path, _: &Scenario, _: &Plan) -> Result<(), FileError> {
+    Err(lacking("--stills-out", path))
 }
 
-pub fn write_budget_plot(path: &Path, _: &str, _: &[BudgetPoint]) -> anyhow::Result<()> {
-    needed_by("--plot-out", Some(&path.to_owned()))
+pub fn write_budget_plot(
+    path: &Path,
+    _: &str,
+    _: &[BudgetPoint],
+) -> anyhow::Result<Result<(), FileError>> {
+    Ok(Err(lacking("--plot-out", path)))
 }
 
 #[expect(clippy::unnecessary_wraps, reason = "as with the feature")]
