@@ -9,7 +9,7 @@ use elastocal::scenario::Scenario;
 use elastocal::task::Fingerprint;
 
 /// What an identification gives to compensate with.
-pub struct Identified {
+pub struct IdentifiedCompliances {
     /// The compliance of every joint (rad/(N m)).
     pub compliance_rad_per_nm: Vec<f64>,
     /// What is known of the parameters.
@@ -19,7 +19,10 @@ pub struct Identified {
 }
 
 /// Reads what `identify --identified-out` wrote, for the same robot.
-pub fn read_identified(path: &Path, scenario: &Scenario) -> Result<Identified, FileError> {
+pub fn read_identified(
+    path: &Path,
+    scenario: &Scenario,
+) -> Result<IdentifiedCompliances, FileError> {
     let belief = &scenario.task.belief;
     let stored = StoredIdentification::read(path, &belief.nominal)?;
     let (posterior, expected) = (stored.posterior, belief.parameter_names());
@@ -46,7 +49,7 @@ pub fn read_identified(path: &Path, scenario: &Scenario) -> Result<Identified, F
             conditions.push(negative);
         }
     }
-    Ok(Identified {
+    Ok(IdentifiedCompliances {
         compliance_rad_per_nm,
         posterior,
         conditions,

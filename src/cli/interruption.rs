@@ -23,12 +23,12 @@ static STOP: AtomicBool = AtomicBool::new(false);
 /// For work that is not asked: it is ended.
 pub static NEVER: AtomicBool = AtomicBool::new(false);
 
-static STATE: Mutex<State> = Mutex::new(State {
+static STATE: Mutex<Interruption> = Mutex::new(Interruption {
     asks: Asks::Nobody,
     kept: None,
 });
 
-struct State {
+struct Interruption {
     asks: Asks,
     /// What is kept, and how to go on.
     kept: Option<String>,
@@ -56,7 +56,7 @@ impl Display for Interrupted {
 
 impl std::error::Error for Interrupted {}
 
-fn state() -> MutexGuard<'static, State> {
+fn state() -> MutexGuard<'static, Interruption> {
     STATE.lock().unwrap_or_else(PoisonError::into_inner)
 }
 

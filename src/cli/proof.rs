@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use clap::Args;
 use elastocal::files::FileError;
 use elastocal::files::output::write_whole;
-use elastocal::plan::proof::{Effort, NoProof};
+use elastocal::plan::proof::{NoProof, ProofLimits};
 use elastocal::plan::search::{Bound, ProofEffort};
 use indicatif::ProgressStyle;
 use serde_json::{Value, json};
@@ -76,7 +76,7 @@ impl ProofArgs {
         &self,
         common: &Common,
         stop: &AtomicBool,
-        work: impl FnOnce(Option<(Effort<'_>, bool)>) -> T,
+        work: impl FnOnce(Option<(ProofLimits<'_>, bool)>) -> T,
     ) -> T {
         let Some(ProofEffort { gap, boxes, time }) = self.effort() else {
             return work(None);
@@ -94,7 +94,7 @@ impl ProofArgs {
             let near = gap.map_or_else(String::new, |gap| format!("within {}, ", percent(gap)));
             bar.set_message(format!("{near}{boxes} boxes"));
         };
-        let effort = Effort {
+        let effort = ProofLimits {
             gap,
             boxes,
             stop: &is_to_stop,

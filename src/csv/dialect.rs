@@ -100,16 +100,16 @@ impl Delimiter {
 }
 
 /// A number with its line, as it is written.
-type Place = (usize, String);
+type WrittenNumber = (usize, String);
 
 /// Reads the numbers of a file, all with one decimal sign.
 #[derive(Debug)]
 pub struct Decimals<'a> {
     path: &'a Path,
     delimiter: Delimiter,
-    point: Option<Place>,
+    point: Option<WrittenNumber>,
     /// The first number with a comma.
-    comma: Option<Place>,
+    comma: Option<WrittenNumber>,
     /// Whether some comma cannot be a thousands separator.
     is_decimal: bool,
 }

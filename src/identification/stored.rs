@@ -33,7 +33,7 @@ pub struct StoredIdentification {
 
 /// The keys that are read.
 #[derive(Deserialize)]
-struct Stored {
+struct IdentificationFile {
     #[expect(dead_code, reason = "must be one of those there are")]
     method: Method,
     parameters: Vec<String>,
@@ -91,7 +91,7 @@ impl StoredIdentification {
     }
 }
 
-fn read(path: &Path) -> Result<Stored, FileError> {
+fn read(path: &Path) -> Result<IdentificationFile, FileError> {
     let (text, _) = read_results(path, &["identify", "run"], WANTED)?;
     let reader = &mut serde_json::Deserializer::from_str(&text);
     serde_path_to_error::deserialize(reader).map_err(|error| {
@@ -133,7 +133,7 @@ fn joints_of(path: &Path, names: &[String], robot: &Robot) -> Result<Vec<usize>,
 /// What is known of the parameters.
 fn posterior(
     path: &Path,
-    stored: &Stored,
+    stored: &IdentificationFile,
     joints: &[usize],
     robot: &Robot,
 ) -> Result<Posterior, FileError> {
@@ -199,7 +199,11 @@ fn posterior(
 }
 
 /// What is not determined, p x (p - r).
-fn hidden(path: &Path, stored: &Stored, size: usize) -> Result<DMatrix<f64>, FileError> {
+fn hidden(
+    path: &Path,
+    stored: &IdentificationFile,
+    size: usize,
+) -> Result<DMatrix<f64>, FileError> {
     let directions = &stored.undetermined_directions;
     let wrong = |problem: String| FileError::new(path, problem).at("undetermined_directions");
     if let Some(found) = directions.iter().find(|direction| direction.len() != size) {

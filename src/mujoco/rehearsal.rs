@@ -19,7 +19,7 @@ const PROCESSOR_S: libc::rlim_t = 30;
 #[cfg(unix)]
 const MEMORY: libc::rlim_t = 4 << 30;
 
-static STAGE: Mutex<Stage> = Mutex::new(Stage {
+static STAGE: Mutex<Rehearsals> = Mutex::new(Rehearsals {
     program: None,
     rehearsed: Vec::new(),
 });
@@ -30,7 +30,7 @@ pub(super) struct Refusal {
     pub hint: Option<String>,
 }
 
-struct Stage {
+struct Rehearsals {
     program: Option<(PathBuf, &'static str)>,
     /// The models that are known to load.
     rehearsed: Vec<PathBuf>,
@@ -42,7 +42,7 @@ pub fn rehearse_with(program: PathBuf, command: &'static str) {
     stage(|stage| stage.program = Some((program, command)));
 }
 
-fn stage<T>(use_it: impl FnOnce(&mut Stage) -> T) -> T {
+fn stage<T>(use_it: impl FnOnce(&mut Rehearsals) -> T) -> T {
     use_it(&mut STAGE.lock().unwrap_or_else(PoisonError::into_inner))
 }
 

@@ -191,7 +191,7 @@ pub struct TallyFile {
 /// The file as it is written.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Stored {
+struct WrittenTallyFile {
     /// The version of this format.
     elastocal_tally: u32,
     study: Header,
@@ -246,7 +246,7 @@ impl TallyFile {
     /// # Errors
     /// It cannot be written.
     pub fn write(&self, path: &Path) -> Result<(), FileError> {
-        let stored = Stored {
+        let stored = WrittenTallyFile {
             elastocal_tally: FORMAT,
             study: self.header.clone(),
             shard: self.shard,
@@ -275,15 +275,16 @@ impl TallyFile {
         let key = "elastocal_tally";
         check_version(path, key, &elastocal_tally, readable, "elastocal study")?;
         let deserializer = &mut serde_json::Deserializer::from_str(&text);
-        let stored: Stored = serde_path_to_error::deserialize(deserializer).map_err(|error| {
-            let wrong = FileError::new(path, format!("is not a tally: {}", error.inner())).hint(
+        let stored: WrittenTallyFile =
+            serde_path_to_error::deserialize(deserializer).map_err(|error| {
+                let wrong = FileError::new(path, format!("is not a tally: {}", error.inner())).hint(
                 "the file must be one that `elastocal study` wrote with --tally-out or --resume",
             );
-            match error.path().to_string().as_str() {
-                "." => wrong,
-                key => wrong.at(key),
-            }
-        })?;
+                match error.path().to_string().as_str() {
+                    "." => wrong,
+                    key => wrong.at(key),
+                }
+            })?;
         let file = stored.restore().map_err(|(key, problem)| {
             FileError::new(path, problem)
                 .at(key)
@@ -385,7 +386,7 @@ fn store(tally: &Tally) -> StoredTally {
     }
 }
 
-impl Stored {
+impl WrittenTallyFile {
     /// What is written, if it can be.
     fn restore(self) -> Result<TallyFile, (String, String)> {
         if self.elastocal_tally != FORMAT {

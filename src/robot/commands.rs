@@ -7,7 +7,7 @@ use crate::units::{degrees, thousandths};
 
 /// What a joint's number in a configuration is.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Command {
+enum JointCommand {
     /// An angle, written in degrees.
     Angle,
     /// The length by which a joint slides, written in millimetres.
@@ -25,12 +25,12 @@ enum Command {
 /// a passive joint. A configuration inside the program has a coordinate for every joint (rad, m), that of
 /// a passive one being where its spring is relaxed.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Commands(Vec<Command>);
+pub struct Commands(Vec<JointCommand>);
 
 impl From<usize> for Commands {
     /// An arm of so many commanded hinges.
     fn from(joints: usize) -> Self {
-        Self(vec![Command::Angle; joints])
+        Self(vec![JointCommand::Angle; joints])
     }
 }
 
@@ -41,9 +41,9 @@ impl From<&SerialChain> for Commands {
                 .joints
                 .iter()
                 .map(|joint| match (joint.drive.passive_at, joint.drive.slides) {
-                    (Some(rest), slides) => Command::Passive { rest, slides },
-                    (None, true) => Command::Length,
-                    (None, false) => Command::Angle,
+                    (Some(rest), slides) => JointCommand::Passive { rest, slides },
+                    (None, true) => JointCommand::Length,
+                    (None, false) => JointCommand::Angle,
                 });
         Self(joints.collect())
     }
@@ -63,9 +63,9 @@ impl Commands {
     }
 
     /// The commanded joints with what they are commanded.
-    fn written(&self) -> impl Iterator<Item = (usize, Command)> {
+    fn written(&self) -> impl Iterator<Item = (usize, JointCommand)> {
         (self.0.iter().copied().enumerate())
-            .filter(|(_, command)| !matches!(command, Command::Passive { .. }))
+            .filter(|(_, command)| !matches!(command, JointCommand::Passive { .. }))
     }
 
     /// The names of the columns: `q1_deg`, or `q3_mm` for a joint that slides.
@@ -74,7 +74,7 @@ impl Commands {
         (1..)
             .zip(self.written())
             .map(|(number, (_, command))| match command {
-                Command::Length => format!("q{number}_mm"),
+                JointCommand::Length => format!("q{number}_mm"),
                 _ => format!("q{number}_deg"),
             })
             .collect()
@@ -83,7 +83,7 @@ impl Commands {
     /// The unit of shown numbers, for a heading.
     #[must_use]
     pub fn unit(&self) -> &'static str {
-        if self.0.contains(&Command::Length) {
+        if self.0.contains(&JointCommand::Length) {
             "deg, mm"
         } else {
             "deg"
@@ -96,9 +96,9 @@ impl Commands {
         let mut written = written.iter();
         let mut next = || written.next().copied().unwrap_or(f64::NAN);
         let joints = self.0.iter().map(|command| match command {
-            Command::Angle => next().to_radians(),
-            Command::Length => next() * 1e-3,
-            Command::Passive { rest, .. } => *rest,
+            JointCommand::Angle => next().to_radians(),
+            JointCommand::Length => next() * 1e-3,
+            JointCommand::Passive { rest, .. } => *rest,
         });
         DVector::from_iterator(self.0.len(), joints)
     }
@@ -108,7 +108,7 @@ impl Commands {
     pub fn numbers(&self, configuration: &[f64]) -> Vec<f64> {
         self.written()
             .map(|(joint, command)| match command {
-                Command::Length => thousandths(configuration[joint]),
+                JointCommand::Length => thousandths(configuration[joint]),
                 _ => degrees(configuration[joint]),
             })
             .collect()
@@ -119,7 +119,7 @@ impl Commands {
     pub fn shown(&self, configuration: &[f64]) -> Vec<f64> {
         self.written()
             .map(|(joint, command)| match command {
-                Command::Length => configuration[joint] * 1e3,
+                JointCommand::Length => configuration[joint] * 1e3,
                 _ => configuration[joint].to_degrees(),
             })
             .collect()
@@ -130,7 +130,9 @@ impl Commands {
     pub fn all_numbers(&self, coordinates: &[f64]) -> Vec<f64> {
         (self.0.iter().zip(coordinates))
             .map(|(command, &value)| match command {
-                Command::Length | Command::Passive { slides: true, .. } => thousandths(value),
+                JointCommand::Length | JointCommand::Passive { slides: true, .. } => {
+                    thousandths(value)
+                }
                 _ => degrees(value),
             })
             .collect()

@@ -39,7 +39,7 @@ struct Part<'a> {
 }
 
 /// What one thread needs.
-struct Workspace<'a> {
+struct ThreadWorkspace<'a> {
     normals: Vec<[f64; LANES]>,
     truth: TrueCompliances<'a>,
     /// One for each setting.
@@ -148,7 +148,7 @@ impl<'a> Runner<'a> {
             .try_reduce(|| vec![Tally::default(); self.entries.len()], merge)
     }
 
-    fn workspace(&self) -> Result<Workspace<'_>, StudyError> {
+    fn workspace(&self) -> Result<ThreadWorkspace<'_>, StudyError> {
         let parts = (self.parts.iter())
             .map(|part| {
                 Ok(PartWorkspace {
@@ -169,7 +169,7 @@ impl<'a> Runner<'a> {
                 numbers(&part.setting.task.belief.instrument, measurements)
             })
             .max();
-        let mut workspace = Workspace {
+        let mut workspace = ThreadWorkspace {
             normals: vec![[0.0; LANES]; numbers.unwrap_or(0)],
             truth: TrueCompliances::new(self.parts[0].setting.truth, self.seed),
             parts,
@@ -183,7 +183,7 @@ impl<'a> Runner<'a> {
     /// Consecutive runs in a fixed order, a batch at a time.
     fn block(
         &self,
-        workspace: &mut Workspace<'_>,
+        workspace: &mut ThreadWorkspace<'_>,
         first: u64,
         runs: u64,
     ) -> Result<Vec<Tally>, StudyError> {
@@ -215,7 +215,7 @@ impl<'a> Runner<'a> {
     }
 
     /// Draws the true compliances of some runs.
-    fn draw_truth(&self, workspace: &mut Workspace<'_>, first: u64) {
+    fn draw_truth(&self, workspace: &mut ThreadWorkspace<'_>, first: u64) {
         let truth = workspace.truth.draw(first);
         for (part, mine) in self.parts.iter().zip(&mut workspace.parts) {
             mine.unknown = part.model.unknown(&part.setting.task.belief, truth);
@@ -224,7 +224,7 @@ impl<'a> Runner<'a> {
 
     fn batch(
         &self,
-        workspace: &mut Workspace<'_>,
+        workspace: &mut ThreadWorkspace<'_>,
         index: usize,
         first: u64,
         count: usize,
@@ -249,7 +249,7 @@ impl<'a> Runner<'a> {
     /// A run with a random plan of its own.
     fn random_run(
         &self,
-        workspace: &mut Workspace<'_>,
+        workspace: &mut ThreadWorkspace<'_>,
         setting: usize,
         batch: &mut Batch,
         lane: usize,
@@ -295,7 +295,7 @@ fn prepare(part: &Part<'_>, entry: &Entry) -> Result<Option<PlanModel>, StudyErr
 
 /// At the robot's level, puts what is seen on the virtual robot in the place of the model's outcome.
 fn robot_run(
-    workspace: &mut Workspace<'_>,
+    workspace: &mut ThreadWorkspace<'_>,
     setting: usize,
     plan: &Plan,
     batch: &mut Batch,

@@ -36,13 +36,13 @@ pub struct MeasurementError {
 /// A compliant robot in MuJoCo with one tool mounted.
 #[derive(Debug)]
 pub struct VirtualRobot {
-    body: Body,
+    body: RestMethod,
     compliance_rad_per_nm: Vec<f64>,
 }
 
 /// How its equilibria are found.
 #[derive(Debug)]
-enum Body {
+enum RestMethod {
     /// A chain: by the elastic law of its joints.
     Chain(Box<ChainRest>),
     /// Any model: where MuJoCo's acceleration vanishes.
@@ -57,7 +57,7 @@ impl VirtualRobot {
     pub fn new(robot: &TrueRobot, site: &str) -> Result<Self, ModelError> {
         let site_id = robot.model.site(site)?;
         let body = match &robot.chain {
-            Ok(chain) => Body::Chain(Box::new(ChainRest::new(robot, chain, site_id))),
+            Ok(chain) => RestMethod::Chain(Box::new(ChainRest::new(robot, chain, site_id))),
             Err(_) => return Self::of_any_model(robot, site),
         };
         Ok(Self {
@@ -73,7 +73,7 @@ impl VirtualRobot {
     /// The model has no such site.
     pub fn of_any_model(robot: &TrueRobot, site: &str) -> Result<Self, ModelError> {
         Ok(Self {
-            body: Body::Any(Box::new(MujocoRest::new(robot, site)?)),
+            body: RestMethod::Any(Box::new(MujocoRest::new(robot, site)?)),
             compliance_rad_per_nm: robot.compliance_rad_per_nm.clone(),
         })
     }
@@ -86,8 +86,8 @@ impl VirtualRobot {
         self.compliance_rad_per_nm
             .copy_from_slice(compliance_rad_per_nm);
         match &mut self.body {
-            Body::Chain(rest) => rest.set_compliance(compliance_rad_per_nm),
-            Body::Any(rest) => rest.set_compliance(compliance_rad_per_nm),
+            RestMethod::Chain(rest) => rest.set_compliance(compliance_rad_per_nm),
+            RestMethod::Any(rest) => rest.set_compliance(compliance_rad_per_nm),
         }
     }
 
@@ -102,12 +102,12 @@ impl VirtualRobot {
         load: &Load,
     ) -> Result<(Vector3<f64>, Matrix3<f64>, Equilibrium), EquilibriumError> {
         match &mut self.body {
-            Body::Chain(rest) => {
+            RestMethod::Chain(rest) => {
                 let equilibrium = rest.rest(commanded_rad.as_slice(), load)?;
                 let state = rest.geometry();
                 Ok((state.tool_position, state.tool_rotation, equilibrium))
             }
-            Body::Any(rest) => {
+            RestMethod::Any(rest) => {
                 let equilibrium = rest.rest(commanded_rad.as_slice(), load)?;
                 let (position, rotation) = rest.tool();
                 Ok((position, rotation, equilibrium))
@@ -119,8 +119,8 @@ impl VirtualRobot {
     #[must_use]
     pub fn joint_angles(&self) -> Vec<f64> {
         match &self.body {
-            Body::Chain(rest) => rest.joint_angles(),
-            Body::Any(rest) => rest.joint_angles(),
+            RestMethod::Chain(rest) => rest.joint_angles(),
+            RestMethod::Any(rest) => rest.joint_angles(),
         }
     }
 
@@ -128,8 +128,8 @@ impl VirtualRobot {
     #[must_use]
     pub fn coordinates(&self) -> &[f64] {
         match &self.body {
-            Body::Chain(rest) => rest.state().coordinates().0,
-            Body::Any(_) => self.simulation().coordinates().0,
+            RestMethod::Chain(rest) => rest.state().coordinates().0,
+            RestMethod::Any(_) => self.simulation().coordinates().0,
         }
     }
 
@@ -137,16 +137,16 @@ impl VirtualRobot {
     #[must_use]
     pub fn simulation(&self) -> &State {
         match &self.body {
-            Body::Chain(rest) => rest.state(),
-            Body::Any(rest) => rest.state(),
+            RestMethod::Chain(rest) => rest.state(),
+            RestMethod::Any(rest) => rest.state(),
         }
     }
 
     /// How far the model's equality constraints give way at the last equilibrium, found under this load.
     pub fn giving_way(&mut self, load: &Load) -> Vec<GivingWay> {
         match &mut self.body {
-            Body::Chain(_) => Vec::new(),
-            Body::Any(rest) => rest.giving_way(load),
+            RestMethod::Chain(_) => Vec::new(),
+            RestMethod::Any(rest) => rest.giving_way(load),
         }
     }
 

@@ -1,7 +1,7 @@
 //! The class of plans that a bound speaks about: no plan of it is better, and others get none.
 
 use elastocal::experiment::{Loads, NotMandatory};
-use elastocal::plan::proof::Effort;
+use elastocal::plan::proof::ProofLimits;
 use elastocal::plan::search::{
     Basis, Bound, NoBound, Problem, RandomPlans, approximate_design, random_plan,
 };
@@ -193,7 +193,7 @@ fn a_bound_speaks_about_plans_with_the_mandatory_experiments() {
     let found = efficiency(&scenario, &bound, &best.plan).expect("it has the mandatory one");
     assert!(found > 0.8 && found <= 1.0, "{found}");
     // The design beside the mandatory ones, for as many measurements, gives the bound that is near, proved or not.
-    let effort = Effort {
+    let effort = ProofLimits {
         gap: 0.1,
         boxes: 300_000,
         stop: &|| false,

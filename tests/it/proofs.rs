@@ -3,14 +3,14 @@
 use std::process::Command;
 
 use elastocal::experiment::Loads;
-use elastocal::plan::proof::Effort;
+use elastocal::plan::proof::ProofLimits;
 use elastocal::plan::search::{Bound, BoundKind};
 use serde_json::{Value, json};
 
 use crate::support::{Workplace, project, scenario, table4};
 
-fn effort(gap: f64, boxes: u64) -> Effort<'static> {
-    Effort {
+fn effort(gap: f64, boxes: u64) -> ProofLimits<'static> {
+    ProofLimits {
         gap,
         boxes,
         stop: &|| false,

@@ -1,5 +1,7 @@
-//! The rooms of the library: each uses only those that stand before it in the list of `src/lib.rs`.
+//! The rooms of the library: each uses only those that stand before it in the list of `src/lib.rs`; a type's
+//! name means one thing in all of them.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use crate::support::project;
@@ -37,25 +39,41 @@ fn declared() -> Vec<String> {
     names.collect()
 }
 
-/// The source files of a module, tests of its own apart.
-fn sources(module: &str) -> Vec<PathBuf> {
-    fn collect(folder: &Path, files: &mut Vec<PathBuf>) {
-        for entry in std::fs::read_dir(folder).expect("a folder").flatten() {
-            let path = entry.path();
-            if path.is_dir() {
-                collect(&path, files);
-            } else if path.file_name().is_some_and(|name| name != "tests.rs") {
-                files.push(path);
-            }
+fn collect(folder: &Path, files: &mut Vec<PathBuf>) {
+    for entry in std::fs::read_dir(folder).expect("a folder").flatten() {
+        let path = entry.path();
+        if path.is_dir() {
+            collect(&path, files);
+        } else {
+            files.push(path);
         }
     }
+}
+
+/// The source files of a module, tests of its own apart.
+fn sources(module: &str) -> Vec<PathBuf> {
     let file = project(&format!("src/{module}.rs"));
     if file.exists() {
         return vec![file];
     }
     let mut files = Vec::new();
     collect(&project(&format!("src/{module}")), &mut files);
+    files.retain(|file| file.file_name().is_some_and(|name| name != "tests.rs"));
     files
+}
+
+/// The types that a text of code defines, those within functions and modules apart.
+fn defined(text: &str) -> Vec<&str> {
+    let of_line = |line| {
+        let mut words = str::split_whitespace(line).skip_while(|word| word.starts_with("pub"));
+        let kind = words.next()?;
+        let name = words.next()?;
+        let is_name = |letter: char| !letter.is_alphanumeric();
+        let is_type = ["struct", "enum", "union", "trait", "type"].contains(&kind);
+        is_type.then(|| name.split(is_name).next().unwrap_or_default())
+    };
+    let lines = text.lines().filter(|line| !line.starts_with(' '));
+    lines.filter_map(of_line).collect()
 }
 
 /// The modules of the crate that a text of code names after `crate::`, with the lines' numbers. Comments
@@ -138,6 +156,33 @@ fn modules_use_only_those_before_them() {
         }
     }
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+#[test]
+fn names_of_types_are_unique() {
+    let mut files = Vec::new();
+    collect(&project("src"), &mut files);
+    // What stands in for the views where they are left out has their names.
+    files.retain(|file| !file.ends_with("src/cli/views/without.rs"));
+    let mut places: BTreeMap<String, Vec<PathBuf>> = BTreeMap::new();
+    for file in files {
+        let text = std::fs::read_to_string(&file).expect("it is there");
+        for name in defined(&text) {
+            places
+                .entry(name.to_owned())
+                .or_default()
+                .push(file.clone());
+        }
+    }
+    assert!(places.len() > 300, "{}", places.len());
+    places.retain(|_, files| files.len() > 1);
+    assert!(places.is_empty(), "defined twice: {places:#?}");
+}
+
+#[test]
+fn definitions_are_found() {
+    let text = "pub struct One;\npub(super) enum Two<'a> {\n    Four,\n}\ntype Three = u8;\nfn f() {}\n    struct No;\n// struct No\nimpl Trait for One {}\n";
+    assert_eq!(defined(text), ["One", "Two", "Three"]);
 }
 
 #[test]

@@ -5,7 +5,7 @@ use mujoco_rs::wrappers::mj_model::{MjtBias, MjtDisableBit, MjtDyn, MjtGain, Mjt
 
 use super::super::Model;
 use super::servo::{acts_on_a_joint, is_enabled};
-use super::{Refusal, Servo, disabled, element};
+use super::{RefusedElement, Servo, disabled, element};
 
 /// Ranges of commands that differ by less are the same (rad).
 const SAME_RAD: f64 = 1e-9;
@@ -24,7 +24,7 @@ fn acting(model: &MjModel) -> impl Iterator<Item = usize> {
 }
 
 /// What an actuator acts on must be a joint.
-pub(super) fn transmission(robot: &Model) -> Option<Refusal> {
+pub(super) fn transmission(robot: &Model) -> Option<RefusedElement> {
     let model = &*robot.inner;
     let id = acting(model).find(|&id| !acts_on_a_joint(model, id))?;
     let target = match model.actuator_trntype()[id] {
@@ -35,7 +35,7 @@ pub(super) fn transmission(robot: &Model) -> Option<Refusal> {
         MjtTrn::mjTRN_SO3 => "an orientation",
         _ => "something else",
     };
-    Some(Refusal::new(
+    Some(RefusedElement::new(
         actuator_element(model, id),
         format!("acts on {target}; the statics know actuators of joints only"),
         "remove it, or disable its group with <option actuatorgroupdisable=\"...\"/>",
@@ -44,7 +44,7 @@ pub(super) fn transmission(robot: &Model) -> Option<Refusal> {
 
 /// Each joint must be held by one actuator or, where it is passive, by a spring. A model without any actuator is geometry and masses
 /// alone: the scenario then says how the joints are held.
-pub(super) fn one_for_each_joint(robot: &Model) -> Option<Refusal> {
+pub(super) fn one_for_each_joint(robot: &Model) -> Option<RefusedElement> {
     let model = &*robot.inner;
     if model.actuator_trntype().is_empty() {
         return None;
@@ -58,7 +58,7 @@ pub(super) fn one_for_each_joint(robot: &Model) -> Option<Refusal> {
             [_] => None,
             [] if robot.joint_spring(joint).is_some() => None,
             [] => Some(not_held(model, joint)),
-            [first, second, ..] => Some(Refusal::new(
+            [first, second, ..] => Some(RefusedElement::new(
                 actuator_element(model, second.actuator),
                 format!(
                     "acts on {} beside {}; one actuator may hold a joint",
@@ -72,7 +72,7 @@ pub(super) fn one_for_each_joint(robot: &Model) -> Option<Refusal> {
 }
 
 /// A joint without an actuator.
-pub(crate) fn not_held(model: &MjModel, joint: usize) -> Refusal {
+pub(crate) fn not_held(model: &MjModel, joint: usize) -> RefusedElement {
     let name = model.id_to_name(MjtObjBase::mjOBJ_JOINT, joint);
     let idle = (0..model.actuator_trntype().len()).find(|&id| {
         !is_enabled(model, id) && usize::try_from(model.actuator_trnid()[id][0]) == Ok(joint)
@@ -88,7 +88,7 @@ pub(crate) fn not_held(model: &MjModel, joint: usize) -> Refusal {
         "give it one, or a spring (stiffness) if it is passive, or lock it (robot.locked_deg, robot.locked_mm): <actuator><position joint={:?} kp=\"1e6\"/></actuator>, kp being its stiffness in N m/rad, which a scenario's compliance_rad_per_nm replaces",
         name.unwrap_or("...")
     );
-    Refusal::new(joint_element(model, joint), problem, hint)
+    RefusedElement::new(joint_element(model, joint), problem, hint)
 }
 
 /// What to write instead of another actuator.
@@ -96,11 +96,11 @@ const HINT: &str =
     "write <position joint=\"...\" kp=\"...\"/>, kp being the joint's stiffness in N m/rad";
 
 /// A joint of the virtual robot that is to be commanded.
-pub(crate) fn not_commanded(model: &MjModel, joint: usize) -> Refusal {
+pub(crate) fn not_commanded(model: &MjModel, joint: usize) -> RefusedElement {
     let refusal = not_held(model, joint);
     let mut position = Servo::of(model, joint).filter(|servo| servo.is_position(model));
     match (position.next(), position.next()) {
-        (Some(one), Some(other)) => Refusal::new(
+        (Some(one), Some(other)) => RefusedElement::new(
             actuator_element(model, other.actuator),
             format!(
                 "commands {} beside {}; one position actuator may command a joint",
@@ -114,11 +114,11 @@ pub(crate) fn not_commanded(model: &MjModel, joint: usize) -> Refusal {
 }
 
 /// An actuator with a state of its own rests where its history says.
-pub(super) fn state(robot: &Model) -> Option<Refusal> {
+pub(super) fn state(robot: &Model) -> Option<RefusedElement> {
     let model = &*robot.inner;
     acting(model).find_map(|id| {
         let refused = |problem: String| {
-            Some(Refusal::new(actuator_element(model, id), problem, HINT))
+            Some(RefusedElement::new(actuator_element(model, id), problem, HINT))
         };
         let dynamics = model.actuator_dyntype()[id];
         if dynamics != MjtDyn::mjDYN_NONE || model.actuator_actnum()[id] != 0 {
@@ -139,11 +139,11 @@ pub(super) fn state(robot: &Model) -> Option<Refusal> {
     clippy::float_cmp,
     reason = "a position actuator has the same number twice"
 )]
-pub(super) fn law(robot: &Model) -> Option<Refusal> {
+pub(super) fn law(robot: &Model) -> Option<RefusedElement> {
     let model = &*robot.inner;
     acting(model).find_map(|id| {
         let refused = |problem: String| {
-            Some(Refusal::new(actuator_element(model, id), problem, HINT))
+            Some(RefusedElement::new(actuator_element(model, id), problem, HINT))
         };
         let gain = model.actuator_gainprm()[id];
         let bias = model.actuator_biasprm()[id];
@@ -160,19 +160,19 @@ pub(super) fn law(robot: &Model) -> Option<Refusal> {
         let servo = Servo::new(model, id);
         (servo.gear == 0.0 || !servo.gear.is_finite()).then(|| {
             let problem = format!("has the gear {}; it holds nothing", servo.gear);
-            Refusal::new(actuator_element(model, id), problem, HINT)
+            RefusedElement::new(actuator_element(model, id), problem, HINT)
         })
     })
 }
 
 /// A force that is cut off is no spring's.
-pub(super) fn force_limits(robot: &Model) -> Option<Refusal> {
+pub(super) fn force_limits(robot: &Model) -> Option<RefusedElement> {
     const HINT: &str = "remove it, and bound the joint torques of plans with region.joint_torque_max_nm in the scenario";
     let model = &*robot.inner;
     let actuator = acting(model).find(|&id| model.actuator_forcelimited()[id]);
     if let Some(id) = actuator {
         let [low, high] = model.actuator_forcerange()[id];
-        return Some(Refusal::new(
+        return Some(RefusedElement::new(
             actuator_element(model, id),
             format!(
                 "forcerange=\"{low} {high}\" cuts its force off; an elastic joint has no such limit"
@@ -185,7 +185,7 @@ pub(super) fn force_limits(robot: &Model) -> Option<Refusal> {
         .iter()
         .position(|&limited| limited)?;
     let [low, high] = model.jnt_actfrcrange()[joint];
-    Some(Refusal::new(
+    Some(RefusedElement::new(
         joint_element(model, joint),
         format!(
             "actuatorfrcrange=\"{low} {high}\" (in a URDF: effort) cuts the actuator's force off; an elastic joint has no such limit"
@@ -195,7 +195,7 @@ pub(super) fn force_limits(robot: &Model) -> Option<Refusal> {
 }
 
 /// Where commands are clamped inside the joint's range, MuJoCo's arm does not go where it is sent.
-pub(super) fn command_limits(robot: &Model) -> Option<Refusal> {
+pub(super) fn command_limits(robot: &Model) -> Option<RefusedElement> {
     let model = &*robot.inner;
     (0..model.jnt_type().len()).find_map(|joint| {
         let [low, high] = model.jnt_range()[joint];
@@ -204,7 +204,7 @@ pub(super) fn command_limits(robot: &Model) -> Option<Refusal> {
         let ends = [low, high].map(|end| servo.gear * end);
         let narrower = low < high && (first > low + SAME_RAD || last < high - SAME_RAD);
         narrower.then(|| {
-            Refusal::new(
+            RefusedElement::new(
                 actuator_element(model, servo.actuator),
                 format!(
                     "ctrlrange clamps the commanded angle to {first} to {last} rad; the range of {} is {low} to {high} rad",
@@ -232,10 +232,10 @@ pub(crate) fn command_range(model: &MjModel, servo: &Servo) -> Option<[f64; 2]> 
 }
 
 /// `<option><flag actuation="disable"/>` lets every joint go.
-pub(super) fn actuation_off(robot: &Model) -> Option<Refusal> {
+pub(super) fn actuation_off(robot: &Model) -> Option<RefusedElement> {
     let model = &*robot.inner;
     disabled(model, MjtDisableBit::mjDSBL_ACTUATION).then(|| {
-        Refusal::new(
+        RefusedElement::new(
             "option/flag".to_owned(),
             "actuation=\"disable\" lets go of every joint",
             "remove the flag",

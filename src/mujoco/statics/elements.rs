@@ -4,7 +4,7 @@ use mujoco_rs::prelude::{MjModel, MjtJoint};
 use mujoco_rs::wrappers::mj_model::{MjtDisableBit, MjtEnableBit, MjtEq, MjtObjBase, MjtWrap};
 
 use super::super::Model;
-use super::{Refusal, TendonSpring, disabled, element};
+use super::{RefusedElement, TendonSpring, disabled, element};
 
 /// What to do about most of them.
 const REMOVE: &str = "remove it; what the model leaves out, the virtual robot leaves out, too";
@@ -15,7 +15,7 @@ fn constrains(model: &MjModel, bit: MjtDisableBit) -> bool {
 }
 
 /// A spring in a joint whose force is not linear.
-pub(super) fn joint_springs(robot: &Model) -> Option<Refusal> {
+pub(super) fn joint_springs(robot: &Model) -> Option<RefusedElement> {
     let model = &*robot.inner;
     let (stiffness, higher) = (model.jnt_stiffness(), model.jnt_stiffnesspoly());
     let joint = (0..stiffness.len()).find(|&joint| stiffens(0.0, &higher[joint]))?;
@@ -26,12 +26,12 @@ pub(super) fn joint_springs(robot: &Model) -> Option<Refusal> {
         let problem = format!(
             "stiffness=\"{found}\" is a spring whose force is not linear; the statics know linear ones"
         );
-        Refusal::new(element, problem, "give it one stiffness")
+        RefusedElement::new(element, problem, "give it one stiffness")
     })
 }
 
 /// A spring in a tendon that is not linear, or that does not run straight from site to site.
-pub(super) fn tendon_springs(robot: &Model) -> Option<Refusal> {
+pub(super) fn tendon_springs(robot: &Model) -> Option<RefusedElement> {
     let model = &*robot.inner;
     stiff_tendons(model).find_map(|tendon| {
         let higher = &model.tendon_stiffnesspoly()[tendon];
@@ -46,7 +46,7 @@ pub(super) fn tendon_springs(robot: &Model) -> Option<Refusal> {
         let problem = format!(
             "stiffness=\"{found}\" is a spring {what}; the statics know linear springs through sites"
         );
-        Some(Refusal::new(tendon_element(model, tendon), problem, REMOVE))
+        Some(RefusedElement::new(tendon_element(model, tendon), problem, REMOVE))
     })
 }
 
@@ -105,18 +105,18 @@ fn tendon_element(model: &MjModel, tendon: usize) -> String {
 }
 
 /// A tendon that can become taut.
-pub(super) fn tendon_limits(robot: &Model) -> Option<Refusal> {
+pub(super) fn tendon_limits(robot: &Model) -> Option<RefusedElement> {
     let model = &*robot.inner;
     let tendon = model.tendon_limited().iter().position(|&limited| limited)?;
     constrains(model, MjtDisableBit::mjDSBL_LIMIT).then(|| {
         let [low, high] = model.tendon_range()[tendon];
         let problem = format!("range=\"{low} {high}\" holds the arm where it becomes taut");
-        Refusal::new(tendon_element(model, tendon), problem, REMOVE)
+        RefusedElement::new(tendon_element(model, tendon), problem, REMOVE)
     })
 }
 
 /// Dry friction lets an arm rest in many places.
-pub(super) fn joint_friction(robot: &Model) -> Option<Refusal> {
+pub(super) fn joint_friction(robot: &Model) -> Option<RefusedElement> {
     let model = &*robot.inner;
     let friction = model.dof_frictionloss();
     let dof = friction.iter().position(|&loss| loss != 0.0)?;
@@ -127,12 +127,12 @@ pub(super) fn joint_friction(robot: &Model) -> Option<Refusal> {
             "frictionloss=\"{}\" lets it stick away from its equilibrium",
             friction[dof]
         );
-        Refusal::new(element, problem, "set it to 0; damping may stay")
+        RefusedElement::new(element, problem, "set it to 0; damping may stay")
     })
 }
 
 /// The same of tendons.
-pub(super) fn tendon_friction(robot: &Model) -> Option<Refusal> {
+pub(super) fn tendon_friction(robot: &Model) -> Option<RefusedElement> {
     let model = &*robot.inner;
     let friction = model.tendon_frictionloss();
     let tendon = friction.iter().position(|&loss| loss != 0.0)?;
@@ -141,7 +141,7 @@ pub(super) fn tendon_friction(robot: &Model) -> Option<Refusal> {
             "frictionloss=\"{}\" lets the arm stick away from its equilibrium",
             friction[tendon]
         );
-        Refusal::new(tendon_element(model, tendon), problem, REMOVE)
+        RefusedElement::new(tendon_element(model, tendon), problem, REMOVE)
     })
 }
 
@@ -178,10 +178,10 @@ pub(super) fn couples_angles(model: &MjModel, equality: usize) -> Option<bool> {
 }
 
 /// Joints that are coupled, bodies that are tied to each other.
-pub(super) fn equalities(robot: &Model) -> Option<Refusal> {
+pub(super) fn equalities(robot: &Model) -> Option<RefusedElement> {
     let model = &*robot.inner;
     let equality = acting_equalities(model).next()?;
-    Some(Refusal::new(
+    Some(RefusedElement::new(
         equality_element(model, equality),
         "ties joints or bodies to each other; the statics know a free serial chain only",
         "remove it, or give it active=\"false\"",
@@ -189,12 +189,12 @@ pub(super) fn equalities(robot: &Model) -> Option<Refusal> {
 }
 
 /// A body whose weight is compensated by more than itself, or less than nothing.
-pub(super) fn buoyancy(robot: &Model) -> Option<Refusal> {
+pub(super) fn buoyancy(robot: &Model) -> Option<RefusedElement> {
     let model = &*robot.inner;
     let compensation = model.body_gravcomp();
     let body = (compensation.iter()).position(|share| !(0.0..=1.0).contains(share))?;
     let problem = format!("gravcomp=\"{}\"; 0 to 1 is allowed", compensation[body]);
-    Some(Refusal::new(
+    Some(RefusedElement::new(
         element(model, MjtObjBase::mjOBJ_BODY, "body", body),
         problem,
         "a part of its own weight is all that can be taken off a body",
@@ -202,7 +202,7 @@ pub(super) fn buoyancy(robot: &Model) -> Option<Refusal> {
 }
 
 /// Wind pulls at a robot at rest, where there is a medium.
-pub(super) fn wind(robot: &Model) -> Option<Refusal> {
+pub(super) fn wind(robot: &Model) -> Option<RefusedElement> {
     let model = &*robot.inner;
     let option = model.opt();
     let blows = option.wind.iter().any(|&speed| speed != 0.0)
@@ -210,15 +210,15 @@ pub(super) fn wind(robot: &Model) -> Option<Refusal> {
     blows.then(|| {
         let [x, y, z] = option.wind;
         let problem = format!("wind=\"{x} {y} {z}\" with density or viscosity pulls at the robot");
-        Refusal::new("option".to_owned(), problem, "remove the wind")
+        RefusedElement::new("option".to_owned(), problem, "remove the wind")
     })
 }
 
 /// A simulation that may fall asleep before it rests.
-pub(super) fn sleep(robot: &Model) -> Option<Refusal> {
+pub(super) fn sleep(robot: &Model) -> Option<RefusedElement> {
     let model = &*robot.inner;
     (model.opt().enableflags & MjtEnableBit::mjENBL_SLEEP as i32 != 0).then(|| {
-        Refusal::new(
+        RefusedElement::new(
             "option/flag".to_owned(),
             "sleep=\"enable\" stops the robot before it has come to rest",
             "remove the flag",
@@ -227,10 +227,10 @@ pub(super) fn sleep(robot: &Model) -> Option<Refusal> {
 }
 
 /// Bodies that bend by themselves.
-pub(super) fn flexes(robot: &Model) -> Option<Refusal> {
+pub(super) fn flexes(robot: &Model) -> Option<RefusedElement> {
     let model = &*robot.inner;
     (model.ffi().nflex > 0).then(|| {
-        Refusal::new(
+        RefusedElement::new(
             element(model, MjtObjBase::mjOBJ_FLEX, "flex", 0),
             "is a deformable body; the statics know rigid links only",
             REMOVE,
@@ -239,10 +239,10 @@ pub(super) fn flexes(robot: &Model) -> Option<Refusal> {
 }
 
 /// Plugins that pull at bodies.
-pub(super) fn plugins(robot: &Model) -> Option<Refusal> {
+pub(super) fn plugins(robot: &Model) -> Option<RefusedElement> {
     let model = &*robot.inner;
     let body = model.body_plugin().iter().position(|&plugin| plugin >= 0)?;
-    Some(Refusal::new(
+    Some(RefusedElement::new(
         element(model, MjtObjBase::mjOBJ_BODY, "body", body),
         "has a plugin; its force is not known",
         REMOVE,

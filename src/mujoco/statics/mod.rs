@@ -30,14 +30,14 @@ enum Treatment {
     WithoutInfluence,
     /// The virtual robot obeys it, since it rests where MuJoCo's own acceleration vanishes; a belief in
     /// which it can move the arm's rest is refused.
-    InTruth(fn(&Model) -> Option<Refusal>),
+    InTruth(fn(&Model) -> Option<RefusedElement>),
     /// A model in which it can move the arm's rest is refused.
-    Refused(fn(&Model) -> Option<Refusal>),
+    Refused(fn(&Model) -> Option<RefusedElement>),
 }
 
 /// An element of the model that the statics cannot honour.
 #[derive(Debug)]
-struct Refusal {
+struct RefusedElement {
     /// The element as the file has it, such as `joint "joint_2"`.
     element: String,
     /// What it says and what that would do.
@@ -59,7 +59,7 @@ pub(crate) struct TendonSpring {
     pub sites: Vec<usize>,
 }
 
-impl Refusal {
+impl RefusedElement {
     fn new(element: String, problem: impl Into<String>, hint: impl Into<String>) -> Self {
         Self {
             element,
@@ -142,7 +142,7 @@ impl Model {
 
     /// The error for a joint that cannot be locked.
     pub(super) fn not_lockable(&self, joint: usize) -> ModelError {
-        self.refused(Refusal::new(
+        self.refused(RefusedElement::new(
             element(&self.inner, MjtObjBase::mjOBJ_JOINT, "joint", joint),
             "is neither a hinge nor a slide and cannot be locked",
             "remove it from the model",
@@ -159,7 +159,7 @@ impl Model {
         self.refused(actuators::not_held(&self.inner, joint))
     }
 
-    fn refused(&self, refusal: Refusal) -> ModelError {
+    fn refused(&self, refusal: RefusedElement) -> ModelError {
         ModelError::Statics {
             path: self.path.clone(),
             element: refusal.element,

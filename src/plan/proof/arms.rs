@@ -3,17 +3,17 @@
 use nalgebra::{Matrix3, Quaternion, Rotation3, Unit, UnitQuaternion, Vector3};
 
 use super::bound::{Ingredients, Target};
-use super::branching::{Effort, NoProof, Proved, prove, tasks};
-use super::enclosure::{Cell, Task};
+use super::branching::{NoProof, ProofLimits, Proved, prove, tasks};
+use super::enclosure::{Cell, ProofTask};
 use super::judgement::judge;
 use super::polynomial::Polynomial;
-use super::question::{Arm, Joint, Loads, Question, Region};
-use super::taylor::{LANES, Workspace};
+use super::question::{Arm, ProofJoint, ProofLoads, Question, SmoothRegion};
+use super::taylor::{LANES, ModelWorkspace};
 
-/// Random numbers between -1 and 1.
-struct Random(u64);
+/// RandomArms numbers between -1 and 1.
+struct RandomArms(u64);
 
-impl Random {
+impl RandomArms {
     fn number(&mut self) -> f64 {
         self.0 = self
             .0
@@ -34,8 +34,8 @@ impl Random {
 
 const UPRIGHT: [f64; 4] = [0.0, 0.0, 0.0, 1.0];
 
-fn joint(offset_m: [f64; 3], axis: [f64; 3], range_deg: [f64; 2]) -> Joint {
-    Joint {
+fn joint(offset_m: [f64; 3], axis: [f64; 3], range_deg: [f64; 2]) -> ProofJoint {
+    ProofJoint {
         offset_m,
         rotation: UPRIGHT,
         axis,
@@ -74,19 +74,19 @@ fn heavy_arm() -> Question {
             vec![-1.0, 1.0, 1.0, 2.0, -1.0],
         ],
         rotation_scale_m: 0.0,
-        region: Region {
+        region: SmoothRegion {
             height_m: [Some(0.8), None],
             radius_m: [Some(0.6), Some(2.5)],
             elevation_sine: Some(0.5),
             torque_nm: None,
         },
-        loads: Loads::OneOf(vec![[0.0, 0.0, -2.5, 0.0, 0.0, 0.0]]),
+        loads: ProofLoads::OneOf(vec![[0.0, 0.0, -2.5, 0.0, 0.0, 0.0]]),
     }
 }
 
 /// An arm of random joints in random frames, some of which are parallel.
-fn random_arm(random: &mut Random, loads: Loads, torques: bool) -> Question {
-    let joints: Vec<Joint> = (0..4)
+fn random_arm(random: &mut RandomArms, loads: ProofLoads, torques: bool) -> Question {
+    let joints: Vec<ProofJoint> = (0..4)
         .map(|_| {
             let axes = [
                 [0.0, 0.0, 1.0],
@@ -99,7 +99,7 @@ fn random_arm(random: &mut Random, loads: Loads, torques: bool) -> Question {
                 let [x, y, z] = random.vector();
                 [x, y, z, 1.0]
             }];
-            Joint {
+            ProofJoint {
                 offset_m: random.vector(),
                 rotation: turns[random.below(4)],
                 axis: axes[random.below(4)],
@@ -121,7 +121,7 @@ fn random_arm(random: &mut Random, loads: Loads, torques: bool) -> Question {
         parameters: vec![0, 1, 2],
         rows: (0..3).map(|_| random.vector().to_vec()).collect(),
         rotation_scale_m: if random.below(2) == 0 { 0.0 } else { 0.3 },
-        region: Region {
+        region: SmoothRegion {
             height_m: [Some(-0.5), Some(1.0)],
             radius_m: [Some(0.2), Some(1.5)],
             elevation_sine: Some(0.7),
@@ -132,7 +132,7 @@ fn random_arm(random: &mut Random, loads: Loads, torques: bool) -> Question {
 }
 
 /// The arm at one configuration, with plain matrices.
-struct Pose {
+struct PlainPose {
     axes: Vec<Vector3<f64>>,
     anchors: Vec<Vector3<f64>>,
     centres: Vec<Vector3<f64>>,
@@ -140,7 +140,7 @@ struct Pose {
     tool_axis: Vector3<f64>,
 }
 
-fn pose(arm: &Arm, q: &[f64]) -> Pose {
+fn pose(arm: &Arm, q: &[f64]) -> PlainPose {
     let turn = |[x, y, z, w]: [f64; 4]| {
         UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z)).to_rotation_matrix()
     };
@@ -161,7 +161,7 @@ fn pose(arm: &Arm, q: &[f64]) -> Pose {
             tool_axis = frame * turn(arm.tool_rotation) * Vector3::z();
         }
     }
-    Pose {
+    PlainPose {
         axes,
         anchors,
         centres,
@@ -184,7 +184,7 @@ fn column(question: &Question, q: &[f64], load: &[f64; 6], joint: usize) -> Vect
 /// One experiment with plain matrices: d (or the largest over all directions), and the margins.
 fn experiment(question: &Question, q: &[f64], load: &[f64; 6]) -> (f64, Vec<f64>) {
     let arm = &question.arm;
-    let Pose {
+    let PlainPose {
         axes,
         anchors,
         centres,
@@ -207,7 +207,7 @@ fn experiment(question: &Question, q: &[f64], load: &[f64; 6]) -> (f64, Vec<f64>
         };
         lever(joint).dot(&force) + own
     };
-    let d = if let Loads::AnyForce(size) = question.loads {
+    let d = if let ProofLoads::AnyForce(size) = question.loads {
         let mut form = Matrix3::zeros();
         for row in &question.rows {
             let mut w = Matrix3::zeros();
@@ -243,7 +243,7 @@ fn experiment(question: &Question, q: &[f64], load: &[f64; 6]) -> (f64, Vec<f64>
     }
     if let (Some(limits), false) = (
         &region.torque_nm,
-        matches!(question.loads, Loads::AnyForce(_)),
+        matches!(question.loads, ProofLoads::AnyForce(_)),
     ) {
         let gravity = Vector3::from(arm.gravity_m_s2);
         for joint in (0..arm.joints.len()).rev() {
@@ -264,10 +264,10 @@ fn experiment(question: &Question, q: &[f64], load: &[f64; 6]) -> (f64, Vec<f64>
 
 /// A random point of a box: the angles of all joints, the load, and the point's coordinates.
 fn point(
-    task: &Task<'_>,
+    task: &ProofTask<'_>,
     question: &Question,
     cell: &Cell,
-    random: &mut Random,
+    random: &mut RandomArms,
 ) -> (Vec<f64>, [f64; 6]) {
     let coordinate: Vec<f64> = (0..task.variables())
         .map(|variable| cell.centre[variable] + task.half_width(cell, variable) * random.number())
@@ -287,13 +287,13 @@ fn point(
     }
     let share = task.domain.share.map_or(1.0, |share| coordinate[share]);
     let load = match task.domain.load {
-        super::domain::Load::Wrench(wrench, _) => wrench.map(|part| part * share),
-        super::domain::Load::Any(_) => [0.0; 6],
+        super::domain::LoadCase::Wrench(wrench, _) => wrench.map(|part| part * share),
+        super::domain::LoadCase::Any(_) => [0.0; 6],
     };
     (q, load)
 }
 
-fn random_cell(task: &Task<'_>, random: &mut Random) -> Cell {
+fn random_cell(task: &ProofTask<'_>, random: &mut RandomArms) -> Cell {
     let mut cell = task.whole();
     for variable in 0..task.variables() {
         for _ in 0..random.below(9) {
@@ -305,9 +305,9 @@ fn random_cell(task: &Task<'_>, random: &mut Random) -> Cell {
 
 /// The bounds of a judgement, and the polynomials behind it, hold at random points.
 fn assert_enclosed(question: &Question, boxes: usize, seed: u64) {
-    let mut random = Random(seed);
+    let mut random = RandomArms(seed);
     for mut task in tasks(question).unwrap_or_default() {
-        let mut workspace = Workspace::new(task.variables());
+        let mut workspace = ModelWorkspace::new(task.variables());
         for middle in task.middles() {
             task.middle = middle;
             for _ in 0..boxes {
@@ -345,23 +345,23 @@ fn boxes_enclose_the_experiments_of_arms() {
     let times = times.and_then(|times| times.parse().ok()).unwrap_or(1);
     assert_enclosed(&heavy_arm(), 40 * times, 1);
     let mut question = heavy_arm();
-    question.loads = Loads::OneOf(vec![
+    question.loads = ProofLoads::OneOf(vec![
         [0.0, 2.5, 0.0, 0.0, 0.0, 0.0],
         [1.0, 0.5, 0.0, 0.0, 0.3, 1.0],
     ]);
     assert_enclosed(&question, 30 * times, 2);
-    question.loads = Loads::AnyForce(2.5);
+    question.loads = ProofLoads::AnyForce(2.5);
     assert_enclosed(&question, 30 * times, 3);
-    question.loads = Loads::UpTo([0.0, 1000.0, -2000.0, 0.0, 0.0, 0.0], 0.2);
+    question.loads = ProofLoads::UpTo([0.0, 1000.0, -2000.0, 0.0, 0.0, 0.0], 0.2);
     question.region.torque_nm = Some(vec![9000.0, 5000.0, 4000.0, 2000.0, 2000.0, 900.0]);
     assert_enclosed(&question, 30 * times, 4);
-    let mut random = Random(5);
+    let mut random = RandomArms(5);
     for round in 0..40 {
         let [x, y, z] = random.vector();
         let loads = [
-            Loads::OneOf(vec![[x, y, z, y, z, x]]),
-            Loads::AnyForce(1.5),
-            Loads::UpTo([20.0 * x, y, z, 0.0, 0.0, 1.0], 0.1),
+            ProofLoads::OneOf(vec![[x, y, z, y, z, x]]),
+            ProofLoads::AnyForce(1.5),
+            ProofLoads::UpTo([20.0 * x, y, z, 0.0, 0.0, 1.0], 0.1),
         ];
         let question = random_arm(&mut random, loads[round % 3].clone(), round % 2 == 0);
         assert_enclosed(&question, 6 * times, round as u64);
@@ -370,11 +370,11 @@ fn boxes_enclose_the_experiments_of_arms() {
 
 /// The largest d at random experiments, with the best of them.
 fn sampled(question: &Question, count: usize, seed: u64) -> Vec<(f64, Vec<f64>, [f64; 6])> {
-    let mut random = Random(seed);
+    let mut random = RandomArms(seed);
     let loads: Vec<[f64; 6]> = match &question.loads {
-        Loads::OneOf(loads) => loads.clone(),
-        Loads::UpTo(load, _) => vec![*load],
-        Loads::AnyForce(_) => vec![[0.0; 6]],
+        ProofLoads::OneOf(loads) => loads.clone(),
+        ProofLoads::UpTo(load, _) => vec![*load],
+        ProofLoads::AnyForce(_) => vec![[0.0; 6]],
     };
     let mut found = Vec::new();
     for _ in 0..count {
@@ -394,8 +394,8 @@ fn sampled(question: &Question, count: usize, seed: u64) -> Vec<(f64, Vec<f64>, 
     found
 }
 
-fn effort(gap: f64, boxes: u64) -> Effort<'static> {
-    Effort {
+fn effort(gap: f64, boxes: u64) -> ProofLimits<'static> {
+    ProofLimits {
         gap,
         boxes,
         stop: &|| false,
@@ -407,15 +407,15 @@ fn effort(gap: f64, boxes: u64) -> Effort<'static> {
 /// below its derivative: so nothing is proved from less than the largest derivative.
 #[test]
 fn nothing_is_proved_from_less_than_an_experiment_gives() {
-    let mut random = Random(7);
+    let mut random = RandomArms(7);
     let mut questions = vec![heavy_arm()];
     questions[0].arm.joints[1].range_rad = [-1.6, -1.2];
     questions[0].arm.joints[2].range_rad = [0.9, 1.3];
     for round in 0..12 {
         let [x, y, z] = random.vector();
         let loads = [
-            Loads::OneOf(vec![[0.0, 0.0, z, 0.0, 0.0, 0.0], [x, y, z, x, y, z]]),
-            Loads::AnyForce(1.0),
+            ProofLoads::OneOf(vec![[0.0, 0.0, z, 0.0, 0.0, 0.0], [x, y, z, x, y, z]]),
+            ProofLoads::AnyForce(1.0),
         ];
         questions.push(random_arm(
             &mut random,
@@ -455,8 +455,8 @@ fn a_planar_arm_is_proved_to_its_known_maximum() -> Result<(), NoProof> {
         parameters,
         rows,
         rotation_scale_m: 0.0,
-        region: Region::default(),
-        loads: Loads::OneOf(vec![[0.0, 0.0, -100.0, 0.0, 0.0, 0.0]]),
+        region: SmoothRegion::default(),
+        loads: ProofLoads::OneOf(vec![[0.0, 0.0, -100.0, 0.0, 0.0, 0.0]]),
     };
     let outer = (100.0_f64 * 0.25).powi(2);
     let proved = prove(
@@ -503,9 +503,9 @@ fn a_planar_arm_is_proved_to_its_known_maximum() -> Result<(), NoProof> {
 /// The matrix of a target is that of plain arithmetic, and the bound is rounded down.
 #[test]
 fn the_bound_is_that_of_plain_arithmetic_but_for_rounding() {
-    let mut random = Random(11);
+    let mut random = RandomArms(11);
     for _ in 0..40 {
-        let question = random_arm(&mut random, Loads::OneOf(vec![[0.0; 6]]), false);
+        let question = random_arm(&mut random, ProofLoads::OneOf(vec![[0.0; 6]]), false);
         let configuration_rad: Vec<f64> = (0..4).map(|_| 3.0 * random.number()).collect();
         let [force, torque] = [random.vector(), random.vector()];
         let wrench: [f64; 6] =

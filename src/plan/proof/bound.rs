@@ -4,11 +4,11 @@ use serde::Serialize;
 
 use super::chain::Chain;
 use super::constant::{Constant, vector};
-use super::domain::{Domain, Load};
-use super::geometry::Geometry;
+use super::domain::{Domain, LoadCase};
+use super::geometry::BoxGeometry;
 use super::question::Arm;
 use super::rounding::{LARGEST_ANGLE, UNIT, UP, Waves, sin_cos};
-use super::taylor::{LANES, Model, Workspace};
+use super::taylor::{LANES, ModelWorkspace, TaylorModel};
 use super::vectors::{Angle, NOWHERE, constant_in, cross, difference, dot};
 
 /// What must be accurate: a tool at a configuration under a load.
@@ -80,7 +80,7 @@ fn columns(target: &Target, parameters: &[usize]) -> Option<Vec<[Constant; 3]>> 
         return None;
     }
     // One point is a box of no width, in whatever variable.
-    let mut workspace = Workspace::new(1);
+    let mut workspace = ModelWorkspace::new(1);
     let angles: Vec<Angle> = chain
         .links
         .iter()
@@ -94,13 +94,13 @@ fn columns(target: &Target, parameters: &[usize]) -> Option<Vec<[Constant; 3]>> 
         })
         .collect();
     let domain = Domain {
-        load: Load::Wrench(target.wrench, None),
+        load: LoadCase::Wrench(target.wrench, None),
         variable: (0..count).map(Some).collect(),
         share: None,
         ranges: Vec::new(),
         differences: Vec::new(),
     };
-    let geometry = Geometry::new(&mut workspace, &chain, &domain, &angles, 0, false);
+    let geometry = BoxGeometry::new(&mut workspace, &chain, &domain, &angles, 0, false);
     let [fx, fy, fz, tx, ty, tz] = target.wrench;
     let [force, torque] = [[fx, fy, fz], [tx, ty, tz]].map(|each| {
         constant_in(
@@ -122,7 +122,7 @@ fn columns(target: &Target, parameters: &[usize]) -> Option<Vec<[Constant; 3]>> 
         lever.map(|part| {
             let product = workspace
                 .sum()
-                .product(super::taylor::Sign::Plus, part, moment)
+                .product(super::taylor::TermSign::Plus, part, moment)
                 .end();
             constant(&workspace, product)
         })
@@ -131,7 +131,7 @@ fn columns(target: &Target, parameters: &[usize]) -> Option<Vec<[Constant; 3]>> 
 }
 
 /// The value of a model over a box of no width, whose coefficients but the first are noughts.
-fn constant(workspace: &Workspace, model: Model) -> Constant {
+fn constant(workspace: &ModelWorkspace, model: TaylorModel) -> Constant {
     let others: f64 = workspace.coefficients(model)[1..]
         .iter()
         .map(|each| each[0].abs())

@@ -3,11 +3,11 @@
 use rayon::prelude::*;
 
 use super::chain::Chain;
-use super::domain::{Domain, Load};
-use super::enclosure::{Cell, DEEPEST, Task};
+use super::domain::{Domain, LoadCase};
+use super::enclosure::{Cell, DEEPEST, ProofTask};
 use super::judgement::{Judgement, judge};
-use super::question::{Loads, Question};
-use super::taylor::{LANES, Workspace};
+use super::question::{ProofLoads, Question};
+use super::taylor::{LANES, ModelWorkspace};
 use super::tree::{ProofObject, Record};
 
 /// How far above the largest derivative found the threshold is, one after another.
@@ -29,7 +29,7 @@ const TRIAL_GAP: f64 = 1.3;
 
 /// How far a proof shall go.
 #[derive(Clone, Copy)]
-pub struct Effort<'a> {
+pub struct ProofLimits<'a> {
     /// The gap at which it ends, as a share of the largest derivative found.
     pub gap: f64,
     /// The number of boxes after which it ends.
@@ -99,7 +99,7 @@ struct Share {
 ///
 /// # Errors
 /// The question is too large, or nothing was proved in time.
-pub fn prove(question: &Question, found: f64, effort: Effort<'_>) -> Result<Proved, NoProof> {
+pub fn prove(question: &Question, found: f64, effort: ProofLimits<'_>) -> Result<Proved, NoProof> {
     climb(question, found, effort, None).map(|(proved, _)| proved)
 }
 
@@ -110,7 +110,7 @@ pub fn prove(question: &Question, found: f64, effort: Effort<'_>) -> Result<Prov
 pub fn prove_and_record(
     question: &Question,
     found: f64,
-    effort: Effort<'_>,
+    effort: ProofLimits<'_>,
 ) -> Result<(Proved, ProofObject), NoProof> {
     let mut record = Record::default();
     let (proved, tasks) = climb(question, found, effort, Some(&mut record))?;
@@ -122,9 +122,9 @@ pub fn prove_and_record(
 fn climb<'a>(
     question: &'a Question,
     found: f64,
-    effort: Effort<'_>,
+    effort: ProofLimits<'_>,
     mut record: Option<&mut Record>,
-) -> Result<(Proved, Vec<Task<'a>>), NoProof> {
+) -> Result<(Proved, Vec<ProofTask<'a>>), NoProof> {
     let mut tasks = tasks(question).ok_or(NoProof::TooLarge)?;
     for task in &mut tasks {
         choose_middle(task, found);
@@ -195,13 +195,13 @@ fn climb<'a>(
 }
 
 /// What is asked, load by load; a load and its opposite tell the same.
-pub(super) fn tasks(question: &Question) -> Option<Vec<Task<'_>>> {
-    let loads: Vec<Load> = match &question.loads {
-        Loads::OneOf(wrenches) => {
-            let mut loads: Vec<Load> = Vec::new();
+pub(super) fn tasks(question: &Question) -> Option<Vec<ProofTask<'_>>> {
+    let loads: Vec<LoadCase> = match &question.loads {
+        ProofLoads::OneOf(wrenches) => {
+            let mut loads: Vec<LoadCase> = Vec::new();
             for wrench in wrenches {
-                let opposite = Load::Wrench(wrench.map(|part| -part), None);
-                let load = Load::Wrench(*wrench, None);
+                let opposite = LoadCase::Wrench(wrench.map(|part| -part), None);
+                let load = LoadCase::Wrench(*wrench, None);
                 let repeats = question.region.torque_nm.is_none() && loads.contains(&opposite);
                 if !repeats && !loads.contains(&load) {
                     loads.push(load);
@@ -209,11 +209,11 @@ pub(super) fn tasks(question: &Question) -> Option<Vec<Task<'_>>> {
             }
             loads
         }
-        Loads::UpTo(wrench, least) => {
+        ProofLoads::UpTo(wrench, least) => {
             let needs_share = question.region.torque_nm.is_some();
-            vec![Load::Wrench(*wrench, needs_share.then_some(*least))]
+            vec![LoadCase::Wrench(*wrench, needs_share.then_some(*least))]
         }
-        Loads::AnyForce(size) => vec![Load::Any(*size)],
+        ProofLoads::AnyForce(size) => vec![LoadCase::Any(*size)],
     };
     let joints = if question.region.torque_nm.is_some() {
         question.arm.joints.len()
@@ -231,26 +231,26 @@ pub(super) fn tasks(question: &Question) -> Option<Vec<Task<'_>>> {
             let first = (domain.variable.iter().position(Option::is_some))
                 .filter(|first| question.parameters.iter().all(|joint| joint >= first));
             let next = first.and_then(|first| chain.links.get_mut(first + 1));
-            if let (Load::Any(_), Some(next)) = (&load, next)
+            if let (LoadCase::Any(_), Some(next)) = (&load, next)
                 && !next.starts_run
             {
                 next.starts_run = true;
                 domain = Domain::new(question, &chain, load)?;
             }
-            Some(Task::new(question, chain, domain))
+            Some(ProofTask::new(question, chain, domain))
         })
         .collect()
 }
 
 /// Rooms of the tasks, which differ in their number of variables.
-struct Workspaces(Vec<Workspace>);
+struct Workspaces(Vec<ModelWorkspace>);
 
 impl Workspaces {
-    fn new(tasks: &[Task<'_>]) -> Self {
+    fn new(tasks: &[ProofTask<'_>]) -> Self {
         Self(
             tasks
                 .iter()
-                .map(|task| Workspace::new(task.variables()))
+                .map(|task| ModelWorkspace::new(task.variables()))
                 .collect(),
         )
     }
@@ -259,7 +259,7 @@ impl Workspaces {
 /// One thread's share: depth first. `thresholds` are where boxes may be forgotten, and where they need not be
 /// halved for now.
 fn share(
-    tasks: &[Task<'_>],
+    tasks: &[ProofTask<'_>],
     workspaces: &mut Workspaces,
     taken: &[(usize, Cell)],
     [forget, keep]: [f64; 2],
@@ -316,13 +316,13 @@ fn share(
     share
 }
 
-fn push_halves(tasks: &[Task<'_>], open: &Open, stack: &mut Vec<(usize, Cell)>) {
+fn push_halves(tasks: &[ProofTask<'_>], open: &Open, stack: &mut Vec<(usize, Cell)>) {
     let halves = tasks[open.task].halves(&open.cell, open.halve);
     stack.extend(halves.map(|half| (open.task, half)));
 }
 
 /// Tries where the frame stands best: where some parts of the region take fewest boxes.
-fn choose_middle(task: &mut Task<'_>, found: f64) {
+fn choose_middle(task: &mut ProofTask<'_>, found: f64) {
     let mut best = (usize::MAX, 0);
     for middle in task.middles() {
         task.middle = middle;
@@ -335,8 +335,8 @@ fn choose_middle(task: &mut Task<'_>, found: f64) {
 }
 
 /// The number of boxes, up to a limit, that some parts of the region take.
-fn trial(task: &Task<'_>, threshold: f64, limit: usize) -> usize {
-    let mut workspace = Workspace::new(task.variables());
+fn trial(task: &ProofTask<'_>, threshold: f64, limit: usize) -> usize {
+    let mut workspace = ModelWorkspace::new(task.variables());
     let mut looks = 0;
     for part in 0..TRIALS {
         // Halves are chosen by the digits of multiples of an odd number, which look random.

@@ -3,13 +3,13 @@
 use std::f64::consts::PI;
 
 use super::chain::Chain;
-use super::question::{Question, Region};
+use super::question::{Question, SmoothRegion};
 use super::rounding::LARGEST_ANGLE;
 use super::taylor::VARIABLES;
 
 /// One load.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) enum Load {
+pub(super) enum LoadCase {
     /// A wrench, or down to this share of it.
     Wrench([f64; 6], Option<f64>),
     /// A force of any direction and this size (N).
@@ -25,7 +25,7 @@ pub(super) struct Range {
 
 /// A limit of one joint's angle where the variables are sums: low <= later - earlier <= high.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Difference {
+pub(super) struct AngleDifference {
     pub later: usize,
     pub earlier: usize,
     pub low: f64,
@@ -35,14 +35,14 @@ pub(super) struct Difference {
 /// The variables of a question under one load.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Domain {
-    pub load: Load,
+    pub load: LoadCase,
     /// The variable of each joint that has one; the others stay at zero.
     pub variable: Vec<Option<usize>>,
     /// The variable that is the load's share of its largest.
     pub share: Option<usize>,
     /// The range of each variable: the box to begin with.
     pub ranges: Vec<Range>,
-    pub differences: Vec<Difference>,
+    pub differences: Vec<AngleDifference>,
 }
 
 /// A grid on which boxes can be halved thirty times without rounding.
@@ -52,7 +52,7 @@ const HALF_TURN: f64 = 3_294_200.0 / GRID;
 
 impl Domain {
     /// `None` where there are too many variables or too large angles.
-    pub fn new(question: &Question, chain: &Chain, load: Load) -> Option<Self> {
+    pub fn new(question: &Question, chain: &Chain, load: LoadCase) -> Option<Self> {
         let region = &question.region;
         let count = chain.links.len();
         let mut ranges_rad: Vec<[f64; 2]> = question
@@ -93,7 +93,7 @@ impl Domain {
                     high: HALF_TURN,
                 }
             } else if let Some(earlier) = earlier {
-                domain.differences.push(Difference {
+                domain.differences.push(AngleDifference {
                     later: variable,
                     earlier,
                     low,
@@ -108,7 +108,7 @@ impl Domain {
         if region.torque_nm.is_none() {
             domain.reduce(chain, &is_free, &ranges_rad);
         }
-        if let Load::Wrench(_, Some(share)) = domain.load {
+        if let LoadCase::Wrench(_, Some(share)) = domain.load {
             domain.share = Some(domain.ranges.len());
             domain.ranges.push(outward(share, 1.0));
         }
@@ -160,8 +160,8 @@ impl Domain {
 }
 
 /// Whether the mirror image of a load gives the deflections' mirror image, or its opposite.
-fn load_is_mirrored(load: &Load, across: usize) -> bool {
-    let Load::Wrench([fx, fy, fz, tx, ty, tz], _) = *load else {
+fn load_is_mirrored(load: &LoadCase, across: usize) -> bool {
+    let LoadCase::Wrench([fx, fy, fz, tx, ty, tz], _) = *load else {
         return true;
     };
     let (force, torque) = ([fx, fy, fz], [tx, ty, tz]);
@@ -173,14 +173,14 @@ fn load_is_mirrored(load: &Load, across: usize) -> bool {
 }
 
 /// The joints whose angle matters.
-fn moving_joints(question: &Question, chain: &Chain, load: &Load) -> Vec<bool> {
+fn moving_joints(question: &Question, chain: &Chain, load: &LoadCase) -> Vec<bool> {
     let region = &question.region;
     let count = chain.links.len();
     let mut moves = vec![true; count];
     let vertical = |vector: &[f64]| vector[0] == 0.0 && vector[1] == 0.0;
     let load_turns = match load {
-        Load::Wrench(wrench, _) => vertical(&wrench[..3]) && vertical(&wrench[3..]),
-        Load::Any(_) => true,
+        LoadCase::Wrench(wrench, _) => vertical(&wrench[..3]) && vertical(&wrench[3..]),
+        LoadCase::Any(_) => true,
     };
     let gravity_turns = region.torque_nm.is_none() || vertical(&question.arm.gravity_m_s2);
     if chain.is_upright() && load_turns && gravity_turns {
@@ -197,7 +197,7 @@ fn moving_joints(question: &Question, chain: &Chain, load: &Load) -> Vec<bool> {
     moves
 }
 
-pub(super) const fn needs_tool_axis(region: &Region) -> bool {
+pub(super) const fn needs_tool_axis(region: &SmoothRegion) -> bool {
     region.elevation_sine.is_some()
 }
 

@@ -2,11 +2,11 @@
 
 use super::chain::Chain;
 use super::constant::vector;
-use super::domain::{Domain, Load, needs_tool_axis};
-use super::geometry::Geometry;
+use super::domain::{Domain, LoadCase, needs_tool_axis};
+use super::geometry::BoxGeometry;
 use super::question::Question;
 use super::rounding::{UNIT, Waves, sin_cos};
-use super::taylor::{LANES, Lanes, Model, Sign, VARIABLES, Vector, Workspace};
+use super::taylor::{LANES, Lanes, ModelVector, ModelWorkspace, TaylorModel, TermSign, VARIABLES};
 use super::vectors::{Angle, NOWHERE, constant_in, cross, difference, dot, exact};
 
 /// How often a variable can be halved.
@@ -21,7 +21,7 @@ pub(super) struct Cell {
 
 /// What is asked under one load, ready to be looked at over boxes.
 #[derive(Debug, Clone)]
-pub(super) struct Task<'a> {
+pub(super) struct ProofTask<'a> {
     question: &'a Question,
     chain: Chain,
     pub domain: Domain,
@@ -35,9 +35,9 @@ pub(super) struct Task<'a> {
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Derivative {
     /// As it is.
-    Plain(Model),
+    Plain(TaylorModel),
     /// For a force of any direction, the largest eigenvalue of this form: its entries 11, 22, 33, 12, 13, 23.
-    Largest([Model; 6]),
+    Largest([TaylorModel; 6]),
 }
 
 /// What is known over [`LANES`] boxes.
@@ -45,12 +45,12 @@ pub(super) enum Derivative {
 pub(super) struct Enclosure {
     pub derivative: Derivative,
     /// Not negative where experiments are possible.
-    pub margins: Vec<Model>,
+    pub margins: Vec<TaylorModel>,
     /// How much each variable changes the deflections, roughly.
     pub spread: [Lanes; VARIABLES],
 }
 
-impl<'a> Task<'a> {
+impl<'a> ProofTask<'a> {
     pub fn new(question: &'a Question, chain: Chain, domain: Domain) -> Self {
         let widths = (domain.ranges.iter())
             .map(|range| {
@@ -131,7 +131,7 @@ impl<'a> Task<'a> {
     }
 
     /// Looks at boxes.
-    pub fn enclose(&self, workspace: &mut Workspace, cells: &[Cell; LANES]) -> Enclosure {
+    pub fn enclose(&self, workspace: &mut ModelWorkspace, cells: &[Cell; LANES]) -> Enclosure {
         workspace.clear();
         let question = self.question;
         let region = &question.region;
@@ -144,7 +144,7 @@ impl<'a> Task<'a> {
                 workspace.sin_cos(variable, &centre, &waves)
             })
             .collect();
-        let geometry = Geometry::new(
+        let geometry = BoxGeometry::new(
             workspace,
             &self.chain,
             &self.domain,
@@ -152,7 +152,7 @@ impl<'a> Task<'a> {
             self.middle,
             region.torque_nm.is_some(),
         );
-        let levers: Vec<Vector> = (0..self.chain.tool_joints)
+        let levers: Vec<ModelVector> = (0..self.chain.tool_joints)
             .map(|joint| {
                 let arm = difference(workspace, &geometry.tool, &geometry.anchor[joint]);
                 cross(workspace, &geometry.axis[joint], &arm)
@@ -189,10 +189,10 @@ impl<'a> Task<'a> {
 
     fn coordinate(
         &self,
-        workspace: &mut Workspace,
+        workspace: &mut ModelWorkspace,
         variable: usize,
         cells: &[Cell; LANES],
-    ) -> Model {
+    ) -> TaylorModel {
         let centre = cells.each_ref().map(|cell| cell.centre[variable]);
         let half = cells.each_ref().map(|cell| self.half_width(cell, variable));
         workspace.variable(variable, &centre, &half)
@@ -201,11 +201,11 @@ impl<'a> Task<'a> {
     /// Force and torque, unless the force has any direction.
     fn load(
         &self,
-        workspace: &mut Workspace,
-        geometry: &Geometry,
+        workspace: &mut ModelWorkspace,
+        geometry: &BoxGeometry,
         cells: &[Cell; LANES],
-    ) -> Option<[Vector; 2]> {
-        let Load::Wrench([fx, fy, fz, tx, ty, tz], _) = self.domain.load else {
+    ) -> Option<[ModelVector; 2]> {
+        let LoadCase::Wrench([fx, fy, fz, tx, ty, tz], _) = self.domain.load else {
             return None;
         };
         let none = exact(workspace, [0.0; 3]);
@@ -215,7 +215,7 @@ impl<'a> Task<'a> {
             Some(share) => {
                 let share = self.coordinate(workspace, share, cells);
                 load.map(|each| {
-                    each.map(|part| workspace.sum().product(Sign::Plus, part, share).end())
+                    each.map(|part| workspace.sum().product(TermSign::Plus, part, share).end())
                 })
             }
             None => load,
@@ -226,12 +226,12 @@ impl<'a> Task<'a> {
     /// where rotations are measured.
     fn plain(
         &self,
-        workspace: &mut Workspace,
-        geometry: &Geometry,
-        levers: &[Vector],
-        [force, torque]: &[Vector; 2],
+        workspace: &mut ModelWorkspace,
+        geometry: &BoxGeometry,
+        levers: &[ModelVector],
+        [force, torque]: &[ModelVector; 2],
         spread: &mut [Lanes; VARIABLES],
-    ) -> Model {
+    ) -> TaylorModel {
         let scale = self.question.rotation_scale_m;
         let mut columns = [Vec::new(), Vec::new()];
         for &joint in &self.question.parameters {
@@ -243,7 +243,7 @@ impl<'a> Task<'a> {
             };
             let axis = &geometry.axis[joint];
             let moment = dot(workspace, &[(lever, force), (axis, torque)]);
-            let mut times = |part| workspace.sum().product(Sign::Plus, part, moment).end();
+            let mut times = |part| workspace.sum().product(TermSign::Plus, part, moment).end();
             columns[0].push(lever.map(&mut times));
             if scale > 0.0 {
                 columns[1].push(axis.map(&mut times));
@@ -278,27 +278,27 @@ impl<'a> Task<'a> {
     /// the square of the force; where rotations are measured that of V^T V, too, V = s times the sum of `b_n` `z_n` `J_n^T`.
     fn form(
         &self,
-        workspace: &mut Workspace,
-        axes: &[Vector],
-        levers: &[Vector],
+        workspace: &mut ModelWorkspace,
+        axes: &[ModelVector],
+        levers: &[ModelVector],
         spread: &mut [Lanes; VARIABLES],
-    ) -> [Model; 6] {
+    ) -> [TaylorModel; 6] {
         const ENTRIES: [[usize; 2]; 6] = [[0, 0], [1, 1], [2, 2], [0, 1], [0, 2], [1, 2]];
-        let Load::Any(size) = self.domain.load else {
-            return [Model::ZERO; 6];
+        let LoadCase::Any(size) = self.domain.load else {
+            return [TaylorModel::ZERO; 6];
         };
-        let dyads: Vec<[Model; 6]> = (self.question.parameters.iter())
+        let dyads: Vec<[TaylorModel; 6]> = (self.question.parameters.iter())
             .map(|&joint| match levers.get(joint) {
                 Some(lever) => ENTRIES.map(|[i, j]| {
                     workspace
                         .sum()
-                        .product(Sign::Plus, lever[i], lever[j])
+                        .product(TermSign::Plus, lever[i], lever[j])
                         .end()
                 }),
-                None => [Model::ZERO; 6],
+                None => [TaylorModel::ZERO; 6],
             })
             .collect();
-        let rows: Vec<[Model; 6]> = (self.question.rows.iter())
+        let rows: Vec<[TaylorModel; 6]> = (self.question.rows.iter())
             .map(|row| {
                 std::array::from_fn(|entry| {
                     let mut sum = workspace.sum();
@@ -324,11 +324,11 @@ impl<'a> Task<'a> {
             let mut sum = workspace.sum();
             for row in &rows {
                 for k in 0..3 {
-                    sum = sum.product(Sign::Plus, row[place(i, k)], row[place(k, j)]);
+                    sum = sum.product(TermSign::Plus, row[place(i, k)], row[place(k, j)]);
                 }
             }
             for row in turned.iter().flatten() {
-                sum = sum.product(Sign::Plus, row[i], row[j]);
+                sum = sum.product(TermSign::Plus, row[i], row[j]);
             }
             sum.end()
         })
@@ -337,20 +337,20 @@ impl<'a> Task<'a> {
     /// The rows of V for each row of B, times the force; none where rotations are not measured.
     fn turned_rows(
         &self,
-        workspace: &mut Workspace,
-        axes: &[Vector],
-        levers: &[Vector],
+        workspace: &mut ModelWorkspace,
+        axes: &[ModelVector],
+        levers: &[ModelVector],
         size: f64,
-    ) -> Vec<[Vector; 3]> {
+    ) -> Vec<[ModelVector; 3]> {
         let scale = self.question.rotation_scale_m;
         if scale == 0.0 {
             return Vec::new();
         }
         let parameters = &self.question.parameters;
-        let dyads: Vec<[Vector; 3]> = (parameters.iter())
+        let dyads: Vec<[ModelVector; 3]> = (parameters.iter())
             .map(|&joint| match levers.get(joint) {
                 Some(lever) => axes[joint].map(|turn| {
-                    lever.map(|part| workspace.sum().product(Sign::Plus, turn, part).end())
+                    lever.map(|part| workspace.sum().product(TermSign::Plus, turn, part).end())
                 }),
                 None => [NOWHERE; 3],
             })
@@ -373,18 +373,19 @@ impl<'a> Task<'a> {
 
     fn add_geometric_margins(
         &self,
-        workspace: &mut Workspace,
-        geometry: &Geometry,
-        levers: &[Vector],
-        margins: &mut Vec<Model>,
+        workspace: &mut ModelWorkspace,
+        geometry: &BoxGeometry,
+        levers: &[ModelVector],
+        margins: &mut Vec<TaylorModel>,
     ) {
         let region = &self.question.region;
         let up = geometry.world[2];
         let one = workspace.constant(1.0, 0.0);
-        let mut add = |workspace: &mut Workspace, value: Model, sign: f64, plus: f64, off: f64| {
-            let sum = workspace.sum().add(sign, value);
-            margins.push(sum.add_constant(plus, off, one).end());
-        };
+        let mut add =
+            |workspace: &mut ModelWorkspace, value: TaylorModel, sign: f64, plus: f64, off: f64| {
+                let sum = workspace.sum().add(sign, value);
+                margins.push(sum.add_constant(plus, off, one).end());
+            };
         if region.height_m.iter().any(Option::is_some) {
             let arm = difference(workspace, &geometry.tool, &geometry.base);
             let height = dot(workspace, &[(&up, &arm)]);
@@ -422,14 +423,14 @@ impl<'a> Task<'a> {
     /// |`J_j` . F + `z_j` . T + `z_j` . (moment of gravity)| <= limit.
     fn add_torque_margins(
         &self,
-        workspace: &mut Workspace,
-        geometry: &Geometry,
-        levers: &[Vector],
-        [force, torque]: &[Vector; 2],
+        workspace: &mut ModelWorkspace,
+        geometry: &BoxGeometry,
+        levers: &[ModelVector],
+        [force, torque]: &[ModelVector; 2],
         limits: &[f64],
-        margins: &mut Vec<Model>,
+        margins: &mut Vec<TaylorModel>,
     ) {
-        let nothing = [Model::ZERO; 3];
+        let nothing = [TaylorModel::ZERO; 3];
         let gravity = vector(self.question.arm.gravity_m_s2);
         let gravity = constant_in(workspace, &geometry.world, &gravity, &nothing, 1.0);
         let one = workspace.constant(1.0, 0.0);
@@ -442,7 +443,7 @@ impl<'a> Task<'a> {
             });
             let mass: f64 = self.chain.links[joint..].iter().map(|each| each.mass).sum();
             let count = self.chain.links.len() as f64;
-            let arm: Vector = std::array::from_fn(|row| {
+            let arm: ModelVector = std::array::from_fn(|row| {
                 let sum = workspace.sum().add(1.0, moment[row]);
                 sum.add_constant(-mass, count * UNIT * mass, geometry.anchor[joint][row])
                     .end()

@@ -7,12 +7,12 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::rounding::{UNIT, UP};
-use super::taylor::{LANES, Lanes, Model, Workspace};
+use super::taylor::{LANES, Lanes, ModelWorkspace, TaylorModel};
 
 /// A scalar whose largest value bounds the derivative.
 #[derive(Debug, Clone)]
 pub(super) struct Turned {
-    pub model: Model,
+    pub model: TaylorModel,
     /// Whether it does.
     pub is_valid: [bool; LANES],
     /// The derivative at the centre from below, where it does not follow from the model.
@@ -29,7 +29,11 @@ const fn place(i: usize, j: usize) -> usize {
 }
 
 /// Turns a form (entries 11, 22, 33, 12, 13, 23), and adds what the rest of it can add to the first entry.
-pub(super) fn turned_form(workspace: &mut Workspace, form: &[Model; 6], threshold: f64) -> Turned {
+pub(super) fn turned_form(
+    workspace: &mut ModelWorkspace,
+    form: &[TaylorModel; 6],
+    threshold: f64,
+) -> Turned {
     let mut vectors = [[[0.0; LANES]; 3]; 3];
     let mut at_centre = [f64::NEG_INFINITY; LANES];
     let mut is_valid = [false; LANES];
@@ -97,7 +101,7 @@ pub(super) fn turned_form(workspace: &mut Workspace, form: &[Model; 6], threshol
 }
 
 /// The value of a model at the centre.
-fn centre(workspace: &Workspace, model: Model, lane: usize) -> f64 {
+fn centre(workspace: &ModelWorkspace, model: TaylorModel, lane: usize) -> f64 {
     let coefficients = workspace.coefficients(model);
     let mut value = coefficients[0][lane];
     for j in 0.. {

@@ -4,30 +4,30 @@
 use super::chain::Chain;
 use super::constant::transposed;
 use super::domain::Domain;
-use super::taylor::{Model, Sign, Vector, Workspace};
+use super::taylor::{ModelVector, ModelWorkspace, TaylorModel, TermSign};
 use super::vectors::{
     Angle, Frame, NOWHERE, constant_in, parallel, rotated, turned_constant, turned_frame, vector_in,
 };
 
 /// Where everything is, in the frame of the link before joint `middle`.
 #[derive(Debug, Clone)]
-pub(super) struct Geometry {
+pub(super) struct BoxGeometry {
     /// The world's axes.
     pub world: Frame,
     /// The world's origin.
-    pub base: Vector,
+    pub base: ModelVector,
     /// The axis of each joint, and a point on it.
-    pub axis: Vec<Vector>,
-    pub anchor: Vec<Vector>,
+    pub axis: Vec<ModelVector>,
+    pub anchor: Vec<ModelVector>,
     /// The centre of each link's mass, where asked for.
-    pub centre: Vec<Vector>,
-    pub tool: Vector,
-    pub tool_axis: Vector,
+    pub centre: Vec<ModelVector>,
+    pub tool: ModelVector,
+    pub tool_axis: ModelVector,
 }
 
-impl Geometry {
+impl BoxGeometry {
     pub fn new(
-        workspace: &mut Workspace,
+        workspace: &mut ModelWorkspace,
         chain: &Chain,
         domain: &Domain,
         angles: &[Angle],
@@ -56,10 +56,10 @@ impl Geometry {
 
     fn take_tool(
         &mut self,
-        workspace: &mut Workspace,
+        workspace: &mut ModelWorkspace,
         chain: &Chain,
         frame: &Frame,
-        origin: &Vector,
+        origin: &ModelVector,
     ) {
         self.tool = constant_in(workspace, frame, &chain.tool, origin, 1.0);
         self.tool_axis = constant_in(workspace, frame, &chain.tool_axis, &NOWHERE, 1.0);
@@ -68,7 +68,7 @@ impl Geometry {
     /// From the middle to the tool.
     fn outward(
         &mut self,
-        workspace: &mut Workspace,
+        workspace: &mut ModelWorkspace,
         chain: &Chain,
         angle: &dyn Fn(usize) -> Option<Angle>,
         middle: usize,
@@ -88,7 +88,7 @@ impl Geometry {
             self.anchor[joint] = origin;
             self.axis[joint] = signed(workspace, &run[link.axis], link.sign);
             if let Some(angle) = angle(joint) {
-                frame = turned_frame(workspace, &run, link.axis, angle, Sign::Plus);
+                frame = turned_frame(workspace, &run, link.axis, angle, TermSign::Plus);
             }
             if needs_masses {
                 let centre = &link.centre_of_mass;
@@ -103,7 +103,7 @@ impl Geometry {
     /// From the middle to the base, run by run.
     fn inward(
         &mut self,
-        workspace: &mut Workspace,
+        workspace: &mut ModelWorkspace,
         chain: &Chain,
         angle: &dyn Fn(usize) -> Option<Angle>,
         middle: usize,
@@ -116,7 +116,7 @@ impl Geometry {
             let first = chain.run_start(end - 1);
             let axis = chain.links[end - 1].axis;
             let run = match angle(end - 1) {
-                Some(angle) => turned_frame(workspace, &frame, axis, angle, Sign::Minus),
+                Some(angle) => turned_frame(workspace, &frame, axis, angle, TermSign::Minus),
                 None => frame,
             };
             for joint in (first..end).rev() {
@@ -131,7 +131,7 @@ impl Geometry {
                         }
                         Some(angle) => {
                             let centre = turned_constant(workspace, axis, angle, centre);
-                            vector_in(workspace, &run, &centre, &origin, Sign::Plus)
+                            vector_in(workspace, &run, &centre, &origin, TermSign::Plus)
                         }
                         None => constant_in(workspace, &run, centre, &origin, 1.0),
                     };
@@ -141,7 +141,7 @@ impl Geometry {
                     origin = match angle(joint - 1) {
                         Some(angle) => {
                             let offset = turned_constant(workspace, axis, angle, &link.offset);
-                            vector_in(workspace, &run, &offset, &origin, Sign::Minus)
+                            vector_in(workspace, &run, &offset, &origin, TermSign::Minus)
                         }
                         None => constant_in(workspace, &run, &link.offset, &origin, -1.0),
                     };
@@ -160,10 +160,10 @@ impl Geometry {
     }
 }
 
-fn signed(workspace: &mut Workspace, vector: &Vector, sign: f64) -> Vector {
+fn signed(workspace: &mut ModelWorkspace, vector: &ModelVector, sign: f64) -> ModelVector {
     if sign > 0.0 {
         *vector
     } else {
-        vector.map(|each: Model| workspace.sum().add(sign, each).end())
+        vector.map(|each: TaylorModel| workspace.sum().add(sign, each).end())
     }
 }

@@ -1,9 +1,9 @@
 //! What a box's enclosure says: no experiment in it, no derivative above the threshold, or how to halve it.
 
-use super::enclosure::{Cell, Derivative, Enclosure, Task};
+use super::enclosure::{Cell, Derivative, Enclosure, ProofTask};
 use super::form::{Turned, turned_form};
 use super::polynomial::Polynomial;
-use super::taylor::{LANES, Lanes, Workspace};
+use super::taylor::{LANES, Lanes, ModelWorkspace};
 
 /// What is known of a box.
 #[derive(Debug, Clone, PartialEq)]
@@ -28,8 +28,8 @@ const REMAINDER_WEIGHT: f64 = 1.5;
 
 /// Judges boxes; those whose largest derivative is not above the threshold need no more thought.
 pub(super) fn judge(
-    task: &Task<'_>,
-    workspace: &mut Workspace,
+    task: &ProofTask<'_>,
+    workspace: &mut ModelWorkspace,
     cells: &[Cell; LANES],
     used: usize,
     threshold: f64,
@@ -58,8 +58,8 @@ pub(super) fn judge(
 }
 
 fn judge_one(
-    task: &Task<'_>,
-    workspace: &Workspace,
+    task: &ProofTask<'_>,
+    workspace: &ModelWorkspace,
     enclosure: &Enclosure,
     turned: &Turned,
     (cell, lane): (&Cell, usize),
@@ -120,7 +120,7 @@ fn judge_one(
 
 /// The variable to halve of a box whose derivative is too large and that lies outside of a limit: that which this margin
 /// depends on most. The derivative may not depend on it at all.
-fn choose_for_margin(task: &Task<'_>, margin: &Polynomial, cell: &Cell) -> usize {
+fn choose_for_margin(task: &ProofTask<'_>, margin: &Polynomial, cell: &Cell) -> usize {
     let shares = margin.shares();
     let width = |variable: usize| task.half_width(cell, variable);
     let total: f64 = (0..task.variables()).map(width).sum();
@@ -175,7 +175,7 @@ fn short(multiplier: f64) -> f64 {
 
 /// The variable to halve: that which adds most to the bound; of the remainder as much as it changes the deflections.
 fn choose(
-    task: &Task<'_>,
+    task: &ProofTask<'_>,
     sum: &Polynomial,
     spread: &[Lanes],
     (cell, lane): (&Cell, usize),

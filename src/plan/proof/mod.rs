@@ -61,6 +61,6 @@ mod tree;
 mod vectors;
 
 pub use bound::{Ingredients, Target};
-pub use branching::{Effort, NoProof, Proved, prove, prove_and_record};
-pub use question::{Arm, Joint, Loads, Question, Region};
+pub use branching::{NoProof, ProofLimits, Proved, prove, prove_and_record};
+pub use question::{Arm, ProofJoint, ProofLoads, Question, SmoothRegion};
 pub use tree::{ProofObject, ProofPart};

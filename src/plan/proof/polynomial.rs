@@ -1,7 +1,7 @@
 //! One box's Taylor model, and its largest value.
 
 use super::rounding::{UNDERFLOW, UNIT, UP};
-use super::taylor::{COEFFICIENTS, Model, VARIABLES, Workspace, linear, second};
+use super::taylor::{COEFFICIENTS, ModelWorkspace, TaylorModel, VARIABLES, linear, second};
 
 /// A polynomial in 1, `x_j`, T2(`x_j`), `x_i x_j` with a remainder.
 #[derive(Debug, Clone, Copy)]
@@ -12,7 +12,12 @@ pub(super) struct Polynomial {
 }
 
 impl Polynomial {
-    pub fn new(workspace: &Workspace, model: Model, lane: usize, variables: usize) -> Self {
+    pub fn new(
+        workspace: &ModelWorkspace,
+        model: TaylorModel,
+        lane: usize,
+        variables: usize,
+    ) -> Self {
         let mut coefficients = [0.0; COEFFICIENTS];
         for (to, from) in coefficients.iter_mut().zip(workspace.coefficients(model)) {
             *to = from[lane];

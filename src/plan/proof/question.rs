@@ -4,7 +4,7 @@ use serde::Serialize;
 
 /// A hinge joint and the link that it moves.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Joint {
+pub struct ProofJoint {
     /// Where the link's frame stands in that of the link before (m).
     pub offset_m: [f64; 3],
     /// How it stands there at zero angle: a quaternion (x, y, z, w) of any length.
@@ -23,7 +23,7 @@ pub struct Joint {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Arm {
     /// The joints from the base to the flange.
-    pub joints: Vec<Joint>,
+    pub joints: Vec<ProofJoint>,
     /// How many joints, from the base, move the tool.
     pub tool_joints: usize,
     /// Where the tool is in the frame of the link that carries it (m).
@@ -36,7 +36,7 @@ pub struct Arm {
 
 /// Where experiments are possible, beside the joint ranges.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
-pub struct Region {
+pub struct SmoothRegion {
     /// Lower and upper bound of the tool's height (m).
     pub height_m: [Option<f64>; 2],
     /// Lower and upper bound of the tool's distance from the first axis (m).
@@ -50,7 +50,7 @@ pub struct Region {
 /// The loads that an experiment may have.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Loads {
+pub enum ProofLoads {
     /// One of these wrenches, force (N) and torque (N m) in the world frame.
     OneOf(Vec<[f64; 6]>),
     /// This wrench, or a smaller one down to this share of it.
@@ -73,9 +73,9 @@ pub struct Question {
     /// s (m/rad); 0 where rotations are not measured.
     pub rotation_scale_m: f64,
     /// Where experiments are possible.
-    pub region: Region,
+    pub region: SmoothRegion,
     /// Their loads.
-    pub loads: Loads,
+    pub loads: ProofLoads,
 }
 
 impl Question {

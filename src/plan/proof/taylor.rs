@@ -36,16 +36,16 @@ pub(super) const fn second(i: usize, j: usize) -> usize {
     linear(j) + 1 + i
 }
 
-/// One model of a [`Workspace`].
+/// One model of a [`ModelWorkspace`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Model {
+pub(super) struct TaylorModel {
     index: usize,
     /// The variables that it depends on: first..last.
     first: usize,
     last: usize,
 }
 
-impl Model {
+impl TaylorModel {
     /// Nought.
     pub const ZERO: Self = Self {
         index: 0,
@@ -55,15 +55,15 @@ impl Model {
 }
 
 /// Three models.
-pub(super) type Vector = [Model; 3];
+pub(super) type ModelVector = [TaylorModel; 3];
 
 /// Where the numbers of one model stand, for n variables.
 #[derive(Debug, Clone, Copy)]
-struct Layout {
+struct ModelLayout {
     variables: usize,
 }
 
-impl Layout {
+impl ModelLayout {
     const fn remainder(self) -> usize {
         linear(self.variables)
     }
@@ -86,16 +86,16 @@ impl Layout {
 
 /// Room for the models of one evaluation.
 #[derive(Debug, Clone)]
-pub(super) struct Workspace {
-    layout: Layout,
+pub(super) struct ModelWorkspace {
+    layout: ModelLayout,
     numbers: Vec<Lanes>,
     used: usize,
 }
 
-impl Workspace {
+impl ModelWorkspace {
     /// Room for models of so many variables.
     pub fn new(variables: usize) -> Self {
-        let layout = Layout { variables };
+        let layout = ModelLayout { variables };
         Self {
             layout,
             numbers: vec![ZERO; layout.length()],
@@ -109,24 +109,24 @@ impl Workspace {
     }
 
     /// The numbers of a model, coefficients first.
-    pub fn coefficients(&self, model: Model) -> &[Lanes] {
+    pub fn coefficients(&self, model: TaylorModel) -> &[Lanes] {
         &self.all(model)[..self.layout.remainder()]
     }
 
     /// A model's remainder.
-    pub fn remainder(&self, model: Model) -> &Lanes {
+    pub fn remainder(&self, model: TaylorModel) -> &Lanes {
         &self.all(model)[self.layout.remainder()]
     }
 
     /// Takes a model for exactly its polynomial.
     #[cfg(test)]
-    pub fn forget_remainder(&mut self, model: Model) {
+    pub fn forget_remainder(&mut self, model: TaylorModel) {
         let place = model.index * self.layout.length() + self.layout.remainder();
         self.numbers[place] = ZERO;
     }
 
     /// Bounds of |f|.
-    pub fn bound(&self, model: Model) -> Lanes {
+    pub fn bound(&self, model: TaylorModel) -> Lanes {
         let numbers = self.all(model);
         let sizes = &numbers[self.layout.sizes()..][..3];
         let remainder = &numbers[self.layout.remainder()];
@@ -136,7 +136,7 @@ impl Workspace {
     }
 
     /// By how much a model changes with one of its variables, roughly.
-    pub fn add_spread(&self, model: Model, spread: &mut [Lanes; VARIABLES]) {
+    pub fn add_spread(&self, model: TaylorModel, spread: &mut [Lanes; VARIABLES]) {
         let numbers = self.all(model);
         let second = &numbers[self.layout.sizes() + 2];
         for variable in model.first..model.last {
@@ -149,15 +149,15 @@ impl Workspace {
     }
 
     /// A constant that is known to within an error.
-    pub fn constant(&mut self, value: f64, error: f64) -> Model {
+    pub fn constant(&mut self, value: f64, error: f64) -> TaylorModel {
         if value == 0.0 && error == 0.0 {
-            return Model::ZERO;
+            return TaylorModel::ZERO;
         }
         self.constants(&[value; LANES], &[error; LANES])
     }
 
     /// A constant of its own in each lane.
-    pub fn constants(&mut self, values: &Lanes, errors: &Lanes) -> Model {
+    pub fn constants(&mut self, values: &Lanes, errors: &Lanes) -> TaylorModel {
         let layout = self.layout;
         let (_, top) = self.begin();
         top[0] = *values;
@@ -166,7 +166,7 @@ impl Workspace {
     }
 
     /// A coordinate of the box: exactly centre + half-width times `x_j`.
-    pub fn variable(&mut self, j: usize, centre: &Lanes, half_width: &Lanes) -> Model {
+    pub fn variable(&mut self, j: usize, centre: &Lanes, half_width: &Lanes) -> TaylorModel {
         let (_, top) = self.begin();
         top[0] = *centre;
         top[linear(j)] = *half_width;
@@ -180,7 +180,7 @@ impl Workspace {
         j: usize,
         centre: &[(f64, f64); LANES],
         waves: &[Waves; LANES],
-    ) -> [Model; 2] {
+    ) -> [TaylorModel; 2] {
         // All factors are within 1 but for 1e-15: sine and cosine of the centre come in with three
         // coefficients, and each of these products is rounded once.
         const ROUNDING: f64 = 4.0 * SIN_COS_ERROR + 8.0 * UNIT;
@@ -208,9 +208,9 @@ impl Workspace {
     }
 
     /// Begins a sum of products.
-    pub fn sum(&mut self) -> Sum<'_> {
+    pub fn sum(&mut self) -> ModelSum<'_> {
         self.begin();
-        Sum {
+        ModelSum {
             workspace: self,
             first: 0,
             last: 0,
@@ -218,7 +218,7 @@ impl Workspace {
         }
     }
 
-    fn all(&self, model: Model) -> &[Lanes] {
+    fn all(&self, model: TaylorModel) -> &[Lanes] {
         let length = self.layout.length();
         &self.numbers[model.index * length..][..length]
     }
@@ -241,12 +241,12 @@ impl Workspace {
     }
 
     /// Keeps the model that was begun.
-    fn push(&mut self, first: usize, last: usize) -> Model {
+    fn push(&mut self, first: usize, last: usize) -> TaylorModel {
         let layout = self.layout;
         let (_, top) = self.top();
         measure(layout, top, [first, last]);
         self.used += 1;
-        Model {
+        TaylorModel {
             index: self.used - 1,
             first,
             last,
@@ -255,22 +255,22 @@ impl Workspace {
 }
 
 /// A sum of products of models, which is rounded as a whole.
-pub(super) struct Sum<'a> {
-    workspace: &'a mut Workspace,
+pub(super) struct ModelSum<'a> {
+    workspace: &'a mut ModelWorkspace,
     first: usize,
     last: usize,
     /// The number of roundings on the way of any one term into the sum, at most.
     roundings: u32,
 }
 
-impl Sum<'_> {
+impl ModelSum<'_> {
     /// Adds so many times a model.
-    pub fn add(self, factor: f64, model: Model) -> Self {
+    pub fn add(self, factor: f64, model: TaylorModel) -> Self {
         self.add_constant(factor, 0.0, model)
     }
 
     /// Adds a model times a constant that is known to within an error.
-    pub fn add_constant(self, factor: f64, error: f64, model: Model) -> Self {
+    pub fn add_constant(self, factor: f64, error: f64, model: TaylorModel) -> Self {
         if factor == 0.0 && error == 0.0 {
             return self;
         }
@@ -278,8 +278,8 @@ impl Sum<'_> {
     }
 
     /// Adds a model times a constant of its own in each lane, known to within an error.
-    pub fn add_lanes(mut self, factor: &Lanes, error: f64, model: Model) -> Self {
-        if model == Model::ZERO {
+    pub fn add_lanes(mut self, factor: &Lanes, error: f64, model: TaylorModel) -> Self {
+        if model == TaylorModel::ZERO {
             return self;
         }
         self.widen(model);
@@ -292,8 +292,8 @@ impl Sum<'_> {
     }
 
     /// Adds (or subtracts) the product of two models.
-    pub fn product(mut self, sign: Sign, one: Model, other: Model) -> Self {
-        if one == Model::ZERO || other == Model::ZERO {
+    pub fn product(mut self, sign: TermSign, one: TaylorModel, other: TaylorModel) -> Self {
+        if one == TaylorModel::ZERO || other == TaylorModel::ZERO {
             return self;
         }
         self.widen(one);
@@ -302,10 +302,11 @@ impl Sum<'_> {
         self.roundings += 20;
         let layout = self.workspace.layout;
         let (known, top) = self.workspace.top();
-        let numbers = |model: Model| &known[model.index * layout.length()..][..layout.length()];
+        let numbers =
+            |model: TaylorModel| &known[model.index * layout.length()..][..layout.length()];
         let sign = match sign {
-            Sign::Plus => 1.0,
-            Sign::Minus => -1.0,
+            TermSign::Plus => 1.0,
+            TermSign::Minus => -1.0,
         };
         add_product(
             layout,
@@ -318,8 +319,8 @@ impl Sum<'_> {
     }
 
     /// Adds the square of a model.
-    pub fn square(mut self, model: Model) -> Self {
-        if model == Model::ZERO {
+    pub fn square(mut self, model: TaylorModel) -> Self {
+        if model == TaylorModel::ZERO {
             return self;
         }
         self.widen(model);
@@ -332,9 +333,9 @@ impl Sum<'_> {
     }
 
     /// The sum as a model.
-    pub fn end(self) -> Model {
+    pub fn end(self) -> TaylorModel {
         if self.roundings == 0 {
-            return Model::ZERO;
+            return TaylorModel::ZERO;
         }
         let layout = self.workspace.layout;
         let (_, top) = self.workspace.top();
@@ -347,7 +348,7 @@ impl Sum<'_> {
         self.workspace.push(self.first, self.last)
     }
 
-    fn widen(&mut self, model: Model) {
+    fn widen(&mut self, model: TaylorModel) {
         if self.first == self.last {
             (self.first, self.last) = (model.first, model.last);
         } else if model.first < model.last {
@@ -359,19 +360,19 @@ impl Sum<'_> {
 
 /// Whether a product is added or subtracted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Sign {
+pub(super) enum TermSign {
     Plus,
     Minus,
 }
 
-const fn range(model: Model) -> [usize; 2] {
+const fn range(model: TaylorModel) -> [usize; 2] {
     [model.first, model.last]
 }
 
 /// Bounds the parts of a model: |constant|, the linear part, the part of second order, and, for each variable, the
 /// latter less half of its terms.
 #[multiversion(targets("x86_64+avx512f+avx512dq+avx512vl", "x86_64+avx2", "aarch64+neon"))]
-fn measure(layout: Layout, model: &mut [Lanes], [first, last]: [usize; 2]) {
+fn measure(layout: ModelLayout, model: &mut [Lanes], [first, last]: [usize; 2]) {
     let (coefficients, rest) = model.split_at_mut(layout.remainder());
     let (mut slope, mut bend) = (ZERO, ZERO);
     let mut rows = [ZERO; VARIABLES];
@@ -414,7 +415,7 @@ fn measure(layout: Layout, model: &mut [Lanes], [first, last]: [usize; 2]) {
 
 #[multiversion(targets("x86_64+avx512f+avx512dq+avx512vl", "x86_64+avx2", "aarch64+neon"))]
 fn add_scaled(
-    layout: Layout,
+    layout: ModelLayout,
     sum: &mut [Lanes],
     (factor, error): (&Lanes, f64),
     model: &[Lanes],
@@ -442,7 +443,7 @@ fn add_scaled(
 
 #[multiversion(targets("x86_64+avx512f+avx512dq+avx512vl", "x86_64+avx2", "aarch64+neon"))]
 fn add_product(
-    layout: Layout,
+    layout: ModelLayout,
     sum: &mut [Lanes],
     sign: f64,
     (one, one_range): (&[Lanes], [usize; 2]),
@@ -496,7 +497,11 @@ fn add_product(
 }
 
 #[multiversion(targets("x86_64+avx512f+avx512dq+avx512vl", "x86_64+avx2", "aarch64+neon"))]
-fn add_square(layout: Layout, sum: &mut [Lanes], (model, [first, last]): (&[Lanes], [usize; 2])) {
+fn add_square(
+    layout: ModelLayout,
+    sum: &mut [Lanes],
+    (model, [first, last]): (&[Lanes], [usize; 2]),
+) {
     let mut constant = ZERO;
     for lane in 0..LANES {
         constant[lane] = model[0][lane] * model[0][lane];
@@ -581,7 +586,7 @@ fn fold(
 /// Adds a bound of what [`fold`] leaves out.
 #[inline(always)]
 fn add_unfolded(
-    layout: Layout,
+    layout: ModelLayout,
     third: &mut Lanes,
     (one, [first, last]): (&[Lanes], [usize; 2]),
     (other, [other_first, other_last]): (&[Lanes], [usize; 2]),

@@ -7,9 +7,9 @@ use num_traits::{Signed, Zero};
 use super::bound::{Ingredients, Target};
 use super::constant::{Constant, IDENTITY, rotation_of, towards, turned, vector};
 use super::polynomial::Polynomial;
-use super::question::{Arm, Joint};
+use super::question::{Arm, ProofJoint};
 use super::rounding::{SIN_COS_ERROR, Waves, sin_cos};
-use super::taylor::{LANES, Lanes, Model, Sign, Workspace, linear, second};
+use super::taylor::{LANES, Lanes, ModelWorkspace, TaylorModel, TermSign, linear, second};
 
 /// Random numbers, as many as wanted.
 struct Random(u64);
@@ -57,7 +57,12 @@ fn value(coefficients: &dyn Fn(usize) -> f64, x: &[BigRational]) -> BigRational 
 
 /// A model of random coefficients of second order, as large as its scale each, without a remainder, over
 /// `first..last`.
-fn model(workspace: &mut Workspace, random: &mut Random, scales: [f64; 3], n: usize) -> Model {
+fn model(
+    workspace: &mut ModelWorkspace,
+    random: &mut Random,
+    scales: [f64; 3],
+    n: usize,
+) -> TaylorModel {
     let mut terms = Vec::new();
     let constant: Lanes = std::array::from_fn(|_| scales[0] * random.number());
     terms.push(workspace.constants(&constant, &[0.0; LANES]));
@@ -69,7 +74,7 @@ fn model(workspace: &mut Workspace, random: &mut Random, scales: [f64; 3], n: us
         for i in 0..=j {
             let half: Lanes = std::array::from_fn(|_| scales[2] * random.number());
             let other = workspace.variable(i, &[0.0; LANES], &half);
-            sum.push(workspace.sum().product(Sign::Plus, one, other).end());
+            sum.push(workspace.sum().product(TermSign::Plus, one, other).end());
         }
     }
     terms.extend(sum);
@@ -97,8 +102,8 @@ fn points(random: &mut Random, n: usize) -> Vec<Vec<BigRational>> {
 }
 
 fn assert_inside(
-    workspace: &Workspace,
-    model: Model,
+    workspace: &ModelWorkspace,
+    model: TaylorModel,
     lane: usize,
     x: &[BigRational],
     truth: &BigRational,
@@ -128,17 +133,17 @@ fn products_squares_and_sums_enclose_the_truth() {
     for round in 0..60 {
         let n = 1 + round % 4;
         let (one_scales, other_scales) = SCALES[round % SCALES.len()];
-        let mut workspace = Workspace::new(n);
+        let mut workspace = ModelWorkspace::new(n);
         let one = model(&mut workspace, &mut random, one_scales, n);
         let other = model(&mut workspace, &mut random, other_scales, n);
         let factor = random.number();
-        let product = workspace.sum().product(Sign::Plus, one, other).end();
-        let minus = workspace.sum().product(Sign::Minus, one, other).end();
+        let product = workspace.sum().product(TermSign::Plus, one, other).end();
+        let minus = workspace.sum().product(TermSign::Minus, one, other).end();
         let square = workspace.sum().square(one).end();
         let sum = workspace.sum().add(factor, one).add(1.0, other).end();
         let several = workspace
             .sum()
-            .product(Sign::Plus, one, other)
+            .product(TermSign::Plus, one, other)
             .square(other)
             .add(factor, one)
             .end();
@@ -168,7 +173,7 @@ fn remainders_and_errors_of_constants_are_passed_on() {
     let mut random = Random(2);
     for round in 0..40 {
         let n = 2;
-        let mut workspace = Workspace::new(n);
+        let mut workspace = ModelWorkspace::new(n);
         let (scales, _) = SCALES[round % SCALES.len()];
         let one = model(&mut workspace, &mut random, scales, n);
         let other = model(&mut workspace, &mut random, scales, n);
@@ -177,7 +182,7 @@ fn remainders_and_errors_of_constants_are_passed_on() {
         // Their remainder is the width: the truth may be anywhere within.
         let [one, other] =
             [one, other].map(|each| workspace.sum().add(1.0, each).add(1.0, loose).end());
-        let product = workspace.sum().product(Sign::Plus, one, other).end();
+        let product = workspace.sum().product(TermSign::Plus, one, other).end();
         let square = workspace.sum().square(one).end();
         let factor = random.number();
         let scaled = workspace.sum().add_constant(factor, width, one).end();
@@ -267,7 +272,7 @@ fn waves_enclose_sine_and_cosine() {
                 waves
             };
             let centre = 4.0 * random.number();
-            let mut workspace = Workspace::new(1);
+            let mut workspace = ModelWorkspace::new(1);
             let models = workspace.sin_cos(0, &[sin_cos(centre); LANES], &[waves; LANES]);
             let angle = exact(centre) + exact(width) * exact(x);
             for (model, truth) in models.into_iter().zip(waves_of(&angle)) {
@@ -282,7 +287,7 @@ fn polynomials_are_bounded_over_the_box_and_at_its_centre() {
     let mut random = Random(5);
     for round in 0..200 {
         let n = 1 + round % 5;
-        let mut workspace = Workspace::new(n);
+        let mut workspace = ModelWorkspace::new(n);
         // Without a second part the largest value is in a corner, and only rounding is between.
         let scales = if round % 2 == 0 {
             [1.0, 1.0, 0.0]
@@ -384,7 +389,7 @@ fn the_bound_of_rho0_is_below_the_exact_one() {
         let [x, y, force] = random.vector();
         let target = Target {
             arm: Arm {
-                joints: vec![Joint {
+                joints: vec![ProofJoint {
                     offset_m: [0.0; 3],
                     rotation: [0.0, 0.0, 0.0, 1.0],
                     axis: [0.0, 0.0, 1.0],

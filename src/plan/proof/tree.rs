@@ -4,8 +4,8 @@ use std::collections::HashMap;
 
 use serde::Serialize;
 
-use super::domain::{Difference, Load, Range};
-use super::enclosure::{Cell, Task};
+use super::domain::{AngleDifference, LoadCase, Range};
+use super::enclosure::{Cell, ProofTask};
 use super::judgement::Judgement;
 use super::question::Question;
 use super::taylor::VARIABLES;
@@ -46,9 +46,9 @@ pub struct ProofPart {
 
 /// What is known of every box.
 #[derive(Debug, Default)]
-pub(super) struct Record(HashMap<Key, Known>);
+pub(super) struct Record(HashMap<CellKey, Known>);
 
-type Key = (usize, [u64; VARIABLES], [u8; VARIABLES]);
+type CellKey = (usize, [u64; VARIABLES], [u8; VARIABLES]);
 
 #[derive(Debug)]
 struct Known {
@@ -57,7 +57,7 @@ struct Known {
     halve: usize,
 }
 
-fn key(task: usize, cell: &Cell) -> Key {
+fn key(task: usize, cell: &Cell) -> CellKey {
     (task, cell.centre.map(f64::to_bits), cell.depth)
 }
 
@@ -81,15 +81,15 @@ impl Record {
     pub fn object(
         &self,
         question: &Question,
-        tasks: &[Task<'_>],
+        tasks: &[ProofTask<'_>],
         largest: f64,
     ) -> Option<ProofObject> {
-        let part = |(index, task): (usize, &Task<'_>)| {
+        let part = |(index, task): (usize, &ProofTask<'_>)| {
             let domain = &task.domain;
             Some(ProofPart {
                 wrench: match domain.load {
-                    Load::Wrench(wrench, _) => Some(wrench),
-                    Load::Any(_) => None,
+                    LoadCase::Wrench(wrench, _) => Some(wrench),
+                    LoadCase::Any(_) => None,
                 },
                 middle: task.middle,
                 starts_run: (0..domain.variable.len())
@@ -102,7 +102,7 @@ impl Record {
                     .collect(),
                 differences: (domain.differences.iter())
                     .map(
-                        |&Difference {
+                        |&AngleDifference {
                              later,
                              earlier,
                              low,
@@ -120,7 +120,7 @@ impl Record {
         })
     }
 
-    fn tree(&self, index: usize, task: &Task<'_>, largest: f64) -> Option<String> {
+    fn tree(&self, index: usize, task: &ProofTask<'_>, largest: f64) -> Option<String> {
         let mut text = String::new();
         let mut stack = vec![task.whole()];
         while let Some(cell) = stack.pop() {

@@ -1,21 +1,21 @@
 //! Vectors and frames of Taylor models.
 
 use super::constant::{Constant, Rotation};
-use super::taylor::{Model, Sign, Vector, Workspace};
+use super::taylor::{ModelVector, ModelWorkspace, TaylorModel, TermSign};
 
 /// The columns of a rotation matrix.
-pub(super) type Frame = [Vector; 3];
+pub(super) type Frame = [ModelVector; 3];
 
-pub(super) const NOWHERE: Vector = [Model::ZERO; 3];
+pub(super) const NOWHERE: ModelVector = [TaylorModel::ZERO; 3];
 
 /// Sine and cosine of an angle.
-pub(super) type Angle = [Model; 2];
+pub(super) type Angle = [TaylorModel; 2];
 
-pub(super) fn exact(workspace: &mut Workspace, values: [f64; 3]) -> Vector {
+pub(super) fn exact(workspace: &mut ModelWorkspace, values: [f64; 3]) -> ModelVector {
     values.map(|value| workspace.constant(value, 0.0))
 }
 
-pub(super) fn parallel(workspace: &mut Workspace) -> Frame {
+pub(super) fn parallel(workspace: &mut ModelWorkspace) -> Frame {
     [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(|column| exact(workspace, column))
 }
 
@@ -26,12 +26,12 @@ pub(super) const fn turned_axes(axis: usize) -> [usize; 2] {
 
 /// A vector that is constant in a frame, added to (or subtracted from) another.
 pub(super) fn constant_in(
-    workspace: &mut Workspace,
+    workspace: &mut ModelWorkspace,
     frame: &Frame,
     vector: &[Constant; 3],
-    plus: &Vector,
+    plus: &ModelVector,
     sign: f64,
-) -> Vector {
+) -> ModelVector {
     std::array::from_fn(|row| {
         let mut sum = workspace.sum().add(1.0, plus[row]);
         for (column, each) in frame.iter().zip(vector) {
@@ -43,12 +43,12 @@ pub(super) fn constant_in(
 
 /// A vector in a frame, added to (or subtracted from) another.
 pub(super) fn vector_in(
-    workspace: &mut Workspace,
+    workspace: &mut ModelWorkspace,
     frame: &Frame,
-    vector: &Vector,
-    plus: &Vector,
-    sign: Sign,
-) -> Vector {
+    vector: &ModelVector,
+    plus: &ModelVector,
+    sign: TermSign,
+) -> ModelVector {
     std::array::from_fn(|row| {
         let mut sum = workspace.sum().add(1.0, plus[row]);
         for (column, each) in frame.iter().zip(vector) {
@@ -60,11 +60,11 @@ pub(super) fn vector_in(
 
 /// A constant vector, turned about a coordinate axis.
 pub(super) fn turned_constant(
-    workspace: &mut Workspace,
+    workspace: &mut ModelWorkspace,
     axis: usize,
     [sine, cosine]: Angle,
     vector: &[Constant; 3],
-) -> Vector {
+) -> ModelVector {
     let [one, other] = turned_axes(axis);
     let (a, b) = (vector[one], vector[other]);
     let mut turned = NOWHERE;
@@ -82,39 +82,45 @@ pub(super) fn turned_constant(
     turned
 }
 
-/// A frame turned about one of its axes (`Sign::Plus`) or back (`Sign::Minus`).
+/// A frame turned about one of its axes (`TermSign::Plus`) or back (`TermSign::Minus`).
 pub(super) fn turned_frame(
-    workspace: &mut Workspace,
+    workspace: &mut ModelWorkspace,
     frame: &Frame,
     axis: usize,
     [sine, cosine]: Angle,
-    sign: Sign,
+    sign: TermSign,
 ) -> Frame {
     let [one, other] = turned_axes(axis);
     let back = match sign {
-        Sign::Plus => Sign::Minus,
-        Sign::Minus => Sign::Plus,
+        TermSign::Plus => TermSign::Minus,
+        TermSign::Minus => TermSign::Plus,
     };
     let mut turned = *frame;
     turned[one] = std::array::from_fn(|row| {
-        let sum = workspace.sum().product(Sign::Plus, frame[one][row], cosine);
+        let sum = workspace
+            .sum()
+            .product(TermSign::Plus, frame[one][row], cosine);
         sum.product(sign, frame[other][row], sine).end()
     });
     turned[other] = std::array::from_fn(|row| {
         let sum = workspace
             .sum()
-            .product(Sign::Plus, frame[other][row], cosine);
+            .product(TermSign::Plus, frame[other][row], cosine);
         sum.product(back, frame[one][row], sine).end()
     });
     turned
 }
 
 /// A frame times a constant rotation.
-pub(super) fn rotated(workspace: &mut Workspace, frame: &Frame, rotation: &Rotation) -> Frame {
+pub(super) fn rotated(workspace: &mut ModelWorkspace, frame: &Frame, rotation: &Rotation) -> Frame {
     rotation.map(|column| constant_in(workspace, frame, &column, &NOWHERE, 1.0))
 }
 
-pub(super) fn difference(workspace: &mut Workspace, one: &Vector, other: &Vector) -> Vector {
+pub(super) fn difference(
+    workspace: &mut ModelWorkspace,
+    one: &ModelVector,
+    other: &ModelVector,
+) -> ModelVector {
     std::array::from_fn(|row| {
         workspace
             .sum()
@@ -124,23 +130,30 @@ pub(super) fn difference(workspace: &mut Workspace, one: &Vector, other: &Vector
     })
 }
 
-pub(super) fn cross(workspace: &mut Workspace, one: &Vector, other: &Vector) -> Vector {
+pub(super) fn cross(
+    workspace: &mut ModelWorkspace,
+    one: &ModelVector,
+    other: &ModelVector,
+) -> ModelVector {
     std::array::from_fn(|row| {
         let [i, j] = turned_axes(row);
         workspace
             .sum()
-            .product(Sign::Plus, one[i], other[j])
-            .product(Sign::Minus, one[j], other[i])
+            .product(TermSign::Plus, one[i], other[j])
+            .product(TermSign::Minus, one[j], other[i])
             .end()
     })
 }
 
 /// The sum of the products of two vectors each.
-pub(super) fn dot(workspace: &mut Workspace, pairs: &[(&Vector, &Vector)]) -> Model {
+pub(super) fn dot(
+    workspace: &mut ModelWorkspace,
+    pairs: &[(&ModelVector, &ModelVector)],
+) -> TaylorModel {
     let mut sum = workspace.sum();
     for (one, other) in pairs {
         for (one, other) in one.iter().zip(*other) {
-            sum = sum.product(Sign::Plus, *one, *other);
+            sum = sum.product(TermSign::Plus, *one, *other);
         }
     }
     sum.end()

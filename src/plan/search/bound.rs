@@ -8,7 +8,7 @@ use super::approximate::{ApproximateDesign, Certificate, approximate_design};
 use super::problem::{Problem, SearchError};
 use super::proved::ProvedBound;
 use crate::experiment::{Experiment, NotMandatory, Plan};
-use crate::plan::proof::{Effort, NoProof};
+use crate::plan::proof::{NoProof, ProofLimits};
 use crate::plan::{Criterion, Feasibility, widened};
 use crate::task::Region;
 use crate::task::Task;
@@ -137,7 +137,7 @@ impl Bound {
         task: &Task,
         seed: u64,
         sizes: &[u32],
-        proof: Option<(Effort<'_>, bool)>,
+        proof: Option<(ProofLimits<'_>, bool)>,
     ) -> Self {
         let problem = Problem::new(task, Criterion::TestPose);
         match approximate_design(&problem, seed) {
@@ -157,7 +157,7 @@ impl Bound {
         approximate: &ApproximateDesign,
         seed: u64,
         sizes: &[u32],
-        proof: Option<(Effort<'_>, bool)>,
+        proof: Option<(ProofLimits<'_>, bool)>,
     ) -> Self {
         // The class's own region is wider: the proof widens that of the task by itself.
         let task = Task {

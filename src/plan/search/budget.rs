@@ -8,7 +8,7 @@ use super::approximate::approximate_design;
 use super::bound::{Bound, PlanBound};
 use super::exact::{Watch, exact_design_from};
 use super::problem::{Problem, SearchError};
-use crate::plan::proof::Effort;
+use crate::plan::proof::ProofLimits;
 use crate::plan::{Criterion, Plan};
 use crate::task::Task;
 
@@ -59,7 +59,7 @@ pub fn budget_and_proof(
     task: &Task,
     largest: u32,
     seed: u64,
-    proof: Option<(Effort<'_>, bool)>,
+    proof: Option<(ProofLimits<'_>, bool)>,
     watch: Watch<'_>,
     progress: &dyn Fn(usize, usize),
 ) -> Result<(Vec<BudgetPoint>, Bound), SearchError> {

@@ -7,8 +7,8 @@ use serde::Serialize;
 
 use crate::experiment::{Experiment, Loads, printed_tolerance};
 use crate::plan::proof::{
-    self, Arm, Effort, Ingredients, Joint, NoProof, ProofObject, Proved, Question, Target, prove,
-    prove_and_record,
+    Arm, Ingredients, NoProof, ProofJoint, ProofLimits, ProofLoads, ProofObject, Proved, Question,
+    SmoothRegion, Target, prove, prove_and_record,
 };
 use crate::plan::{WIDENED_RAD, widened};
 use crate::robot::{Load, SerialChain, Tool};
@@ -93,7 +93,7 @@ impl ProvedBound {
     pub fn new(
         problem: &Problem<'_>,
         approximate: &ApproximateDesign,
-        effort: Effort<'_>,
+        effort: ProofLimits<'_>,
         records: bool,
     ) -> Result<Self, NoProof> {
         let task = problem.task;
@@ -190,7 +190,7 @@ fn prove_printed(
     question: &Question,
     found: f64,
     printed: f64,
-    effort: Effort<'_>,
+    effort: ProofLimits<'_>,
     records: bool,
 ) -> Result<(Proved, Option<ProofObject>), NoProof> {
     let more = printed * question.root_of_unit_load() * (1.0 + f64::EPSILON);
@@ -201,7 +201,7 @@ fn prove_printed(
     };
     let known = without(found);
     let gap = (without(found * (1.0 + effort.gap)) / known - 1.0).max(0.5 * effort.gap);
-    let effort = Effort { gap, ..effort };
+    let effort = ProofLimits { gap, ..effort };
     let (proved, object) = if records {
         let (proved, object) = prove_and_record(question, known, effort)?;
         (proved, Some(object))
@@ -233,7 +233,7 @@ fn question(problem: &Problem<'_>, rows: Vec<Vec<f64>>) -> Question {
         rotation_scale_m: (task.belief.instrument.rotation_sigma_rad).map_or(0.0, |sigma_rad| {
             task.belief.instrument.sigma_m / sigma_rad * (1.0 + f64::EPSILON)
         }),
-        region: proof::Region {
+        region: SmoothRegion {
             height_m: region.tool_height_m,
             radius_m: [low.filter(|low| *low > 0.0), high],
             elevation_sine: (region.tool_elevation_max_rad)
@@ -242,14 +242,14 @@ fn question(problem: &Problem<'_>, rows: Vec<Vec<f64>>) -> Question {
             torque_nm: region.joint_torque_max_nm,
         },
         loads: match &task.loads {
-            Loads::Fixed(load) => proof::Loads::OneOf(vec![wrench(load)]),
-            Loads::List(loads) => proof::Loads::OneOf(loads.iter().map(wrench).collect()),
+            Loads::Fixed(load) => ProofLoads::OneOf(vec![wrench(load)]),
+            Loads::List(loads) => ProofLoads::OneOf(loads.iter().map(wrench).collect()),
             Loads::Direction { direction, force_n } => {
                 let [x, y, z] = (direction * force_n[1]).into();
                 let share = force_n[0] / force_n[1] * (1.0 - f64::EPSILON);
-                proof::Loads::UpTo([x, y, z, 0.0, 0.0, 0.0], share.max(0.0))
+                ProofLoads::UpTo([x, y, z, 0.0, 0.0, 0.0], share.max(0.0))
             }
-            Loads::Any { force_max_n } => proof::Loads::AnyForce(*force_max_n),
+            Loads::Any { force_max_n } => ProofLoads::AnyForce(*force_max_n),
         },
     }
 }
@@ -269,10 +269,10 @@ fn mandatory(
         for (joint, angle) in near.arm.joints.iter_mut().zip(angles) {
             joint.range_rad = [angle - WIDENED_RAD, angle + WIDENED_RAD];
         }
-        near.region = proof::Region::default();
-        near.loads = proof::Loads::OneOf(vec![wrench(&experiment.load)]);
+        near.region = SmoothRegion::default();
+        near.loads = ProofLoads::OneOf(vec![wrench(&experiment.load)]);
         let (gap, boxes) = MANDATORY;
-        let effort = Effort {
+        let effort = ProofLimits {
             gap,
             boxes,
             stop: &|| false,
@@ -381,7 +381,7 @@ fn arm(chain: &SerialChain, tool: &Tool, ranges_rad: &[[f64; 2]]) -> Arm {
     let joints = chain.joints.iter().zip(ranges_rad);
     Arm {
         joints: joints
-            .map(|(joint, &range_rad)| Joint {
+            .map(|(joint, &range_rad)| ProofJoint {
                 offset_m: joint.previous_from_link.translation.vector.into(),
                 rotation: joint.previous_from_link.rotation.coords.into(),
                 axis: joint.axis.into_inner().into(),

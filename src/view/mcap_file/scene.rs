@@ -6,7 +6,7 @@ use super::foxglove::{
     ArrowPrimitive, FrameTransform, FrameTransforms, LinePrimitive, SceneEntity,
     SceneEntityDeletion, SceneUpdate, TextPrimitive, Time, TriangleListPrimitive,
 };
-use crate::view::recording::{Body, MountedTool, RecordedCalibration, Recording, Step};
+use crate::view::recording::{Body, RecordedCalibration, Recording, ShownTool, Step};
 
 /// The root of all frames: the robot's base, z up.
 const WORLD: &str = "world";
@@ -59,7 +59,7 @@ pub(super) fn scenery(recording: &Recording, now: Time) -> SceneUpdate {
 }
 
 /// Takes the tool that was at work off the arms and puts the other one on.
-pub(super) fn change_tool(recording: &Recording, tool: MountedTool, now: Time) -> SceneUpdate {
+pub(super) fn change_tool(recording: &Recording, tool: ShownTool, now: Time) -> SceneUpdate {
     let mut update = SceneUpdate::default();
     for body in &recording.links {
         if body.only_with == Some(tool) {
@@ -105,7 +105,7 @@ pub(super) fn annotations(
     if let Some(tracker_m) = &recording.tracker_m {
         let mut entity = SceneEntity::new(now, WORLD, "tracker_line");
         // Only the calibration tool has a reflector.
-        if step.tool() == MountedTool::Calibration {
+        if step.tool() == ShownTool::Calibration {
             let line = LinePrimitive::between(tracker_m, &step.unloaded.tool_m, 0.01, TRACKER_RGBA);
             entity.lines = vec![line];
         }

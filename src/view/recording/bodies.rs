@@ -2,7 +2,7 @@
 
 use nalgebra::Isometry3;
 
-use super::{Body, MountedTool, Surface, tool_name};
+use super::{Body, ShownTool, Surface, tool_name};
 use crate::calibration::CalibrationError;
 use crate::mujoco::{Geometry, Model, Shape, State};
 use crate::scenario::Scenario;
@@ -21,16 +21,16 @@ pub(super) fn bodies(scenario: &Scenario) -> Result<(Vec<Body>, Vec<Body>), Cali
     let tool_body = |tool| -> Result<usize, CalibrationError> {
         Ok(model.site_body(model.site(tool_name(scenario, tool))?).0)
     };
-    let calibration = tool_body(MountedTool::Calibration)?;
-    let machining = tool_body(MountedTool::Machining)?;
+    let calibration = tool_body(ShownTool::Calibration)?;
+    let machining = tool_body(ShownTool::Machining)?;
     // A tool is unmounted only where it is a body of its own.
     let only_with = |body| match body {
         _ if calibration == machining => None,
         body if body == calibration && !carries(model, body, machining) => {
-            Some(MountedTool::Calibration)
+            Some(ShownTool::Calibration)
         }
         body if body == machining && !carries(model, body, calibration) => {
-            Some(MountedTool::Machining)
+            Some(ShownTool::Machining)
         }
         _ => None,
     };

@@ -46,7 +46,7 @@ pub struct Body {
     /// Its index in the model.
     pub id: usize,
     /// The tool that it belongs to, if it is drawn only while that tool is mounted.
-    pub only_with: Option<MountedTool>,
+    pub only_with: Option<ShownTool>,
     /// Its surfaces.
     pub surfaces: Vec<Surface>,
 }
@@ -62,7 +62,7 @@ pub struct Surface {
 
 /// The tool that the robot carries.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum MountedTool {
+pub enum ShownTool {
     /// The calibration tool, in experiments.
     Calibration,
     /// The machining tool, in test poses.
@@ -135,10 +135,10 @@ pub struct Stance {
 impl Step {
     /// The tool that is mounted.
     #[must_use]
-    pub fn tool(&self) -> MountedTool {
+    pub fn tool(&self) -> ShownTool {
         match self.kind {
-            StepKind::Experiment { .. } => MountedTool::Calibration,
-            StepKind::TestPose { .. } => MountedTool::Machining,
+            StepKind::Experiment { .. } => ShownTool::Calibration,
+            StepKind::TestPose { .. } => ShownTool::Machining,
         }
     }
 
@@ -216,7 +216,7 @@ impl Recording {
                 steps,
             });
         }
-        for tool in [MountedTool::Calibration, MountedTool::Machining] {
+        for tool in [ShownTool::Calibration, ShownTool::Machining] {
             enlarge(scenario, tool, &mut recorded, &mut stage)?;
         }
         Ok(Self {
@@ -261,9 +261,9 @@ impl Recording {
     }
 }
 
-fn tool_name(scenario: &Scenario, tool: MountedTool) -> &str {
+fn tool_name(scenario: &Scenario, tool: ShownTool) -> &str {
     match tool {
-        MountedTool::Calibration => &scenario.task.belief.calibration_tool.name,
-        MountedTool::Machining => &scenario.task.belief.machining_tool.name,
+        ShownTool::Calibration => &scenario.task.belief.calibration_tool.name,
+        ShownTool::Machining => &scenario.task.belief.machining_tool.name,
     }
 }

@@ -2,7 +2,7 @@
 
 use nalgebra::{DVector, Vector3};
 
-use super::{Body, MountedTool, RecordedCalibration, Stance, Step, StepKind, tool_name};
+use super::{Body, RecordedCalibration, ShownTool, Stance, Step, StepKind, tool_name};
 use crate::calibration::{Calibration, CalibrationError};
 use crate::mujoco::{Model, State};
 use crate::robot::{EquilibriumError, Load};
@@ -146,7 +146,7 @@ pub(super) fn test_pose_steps(
 /// Gives all steps with the same tool the same enlargement, so that they can be compared.
 pub(super) fn enlarge(
     scenario: &Scenario,
-    tool: MountedTool,
+    tool: ShownTool,
     calibrations: &mut [RecordedCalibration],
     stage: &mut Stage,
 ) -> Result<(), CalibrationError> {

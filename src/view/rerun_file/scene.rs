@@ -8,7 +8,7 @@ use rerun::{
 
 use super::blueprint::Eye;
 use super::store::{Now, Store};
-use crate::view::recording::{Body, MountedTool, Recording, Step};
+use crate::view::recording::{Body, Recording, ShownTool, Step};
 
 /// How far labels are from what they name (m).
 const LABEL_AWAY_M: f64 = 0.3;
@@ -72,7 +72,7 @@ pub(super) fn log_step(
     store: &mut Store,
     recording: &Recording,
     step: &Step,
-    mounted: &mut Option<MountedTool>,
+    mounted: &mut Option<ShownTool>,
     now: Now<'_>,
 ) {
     let tool = step.tool();
@@ -92,7 +92,7 @@ fn link_path(arm: &str, body: &Body) -> EntityPath {
 }
 
 /// Takes the tool that was at work off the arm and puts the other one on.
-fn log_tools(store: &mut Store, recording: &Recording, tool: MountedTool, now: Now<'_>) {
+fn log_tools(store: &mut Store, recording: &Recording, tool: ShownTool, now: Now<'_>) {
     for body in &recording.links {
         if body.only_with == Some(tool) {
             store.log(link_path("robot", body), now, &coloured_mesh(body));
@@ -153,7 +153,7 @@ fn log_arrows(store: &mut Store, recording: &Recording, step: &Step, now: Now<'_
 
 /// The tracker's line to the reflector, which only the calibration tool has.
 fn log_line_of_sight(store: &mut Store, tracker_m: &Vector3<f64>, step: &Step, now: Now<'_>) {
-    if step.tool() == MountedTool::Calibration {
+    if step.tool() == ShownTool::Calibration {
         let line = LineStrips3D::new([[single(tracker_m), single(&step.unloaded.tool_m)]])
             .with_radii([0.006])
             .with_colors([TRACKER_RGB]);

@@ -14,7 +14,7 @@ use super::store::Store;
 use super::{STEP, open, scene, study_text, text, write_messages};
 use crate::files::FileError;
 use crate::record::study::HistogramMessage;
-use crate::view::recording::MountedTool;
+use crate::view::recording::ShownTool;
 use crate::view::study_recording::{Snapshot, StudyRecording};
 
 /// The timeline of the number of runs so far.
@@ -63,7 +63,7 @@ pub fn write_study_rerun(
 pub struct StudyStream {
     store: Store,
     snapshots: usize,
-    mounted: Option<MountedTool>,
+    mounted: Option<ShownTool>,
 }
 
 impl StudyStream {
