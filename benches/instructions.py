@@ -18,6 +18,7 @@ REPETITIONS = {
     "search": 1,
     "equilibrium": 500,
     "measurement": 300,
+    "measurement_flexible": 150,
     "identify_linear_3": 500,
     "identify_linear_12": 300,
     "identify_nonlinear_3": 30,

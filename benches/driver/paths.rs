@@ -29,12 +29,13 @@ pub type HotPath = Box<dyn FnMut(u64)>;
 
 /// The paths that `cargo bench` times. A number behind a name is that of measurements, or of joints
 /// or threads where the name says so.
-pub const NAMES: [&str; 20] = [
+pub const NAMES: [&str; 21] = [
     "objective_3",
     "objective_12",
     "search",
     "equilibrium",
     "measurement",
+    "measurement_flexible",
     "settle",
     "identify_linear_3",
     "identify_linear_12",
@@ -66,7 +67,8 @@ pub fn hot_path(name: &str) -> HotPath {
         "search" => search(),
         "equilibrium" => equilibrium(paper(), &plan_of(3)),
         "equilibrium_joints" => equilibrium(arms::serial_arm(size), &arms::plan(size)),
-        "measurement" => measurement(),
+        "measurement" => measurement(paper()),
+        "measurement_flexible" => measurement(flexible()),
         "settle" => settling(),
         "identify_linear" => identification(Method::Linear, size),
         "identify_nonlinear" => identification(Method::Nonlinear, size),
@@ -78,7 +80,8 @@ pub fn hot_path(name: &str) -> HotPath {
         "mcap" => recording_file("run.mcap"),
         "rrd" => recording_file("run.rrd"),
         "kinematics" => kinematics(),
-        "position_stage" => position_stage(),
+        "position_stage" => position_stage(paper()),
+        "position_stage_flexible" => position_stage(flexible()),
         "flops" => Box::new(limits::multiply_add),
         "write" => bytes(size),
         _ => panic!("there is no path {name:?}"),
@@ -87,8 +90,17 @@ pub fn hot_path(name: &str) -> HotPath {
 
 /// The paper's problem; lives as long as the program.
 pub fn paper() -> &'static Scenario {
-    let path = "scenarios/klimchik2012.toml".as_ref();
-    Box::leak(Box::new(Scenario::load(path).expect("a valid scenario")))
+    lasting("scenarios/klimchik2012.toml")
+}
+
+/// A robot with a gravity compensator and three passive joints.
+pub fn flexible() -> &'static Scenario {
+    lasting("scenarios/kr270_flexible.toml")
+}
+
+fn lasting(path: &str) -> &'static Scenario {
+    let scenario = Scenario::load(path.as_ref()).expect("a valid scenario");
+    Box::leak(Box::new(scenario))
 }
 
 /// The size of the largest plan of the paper's Table 4 that makes up so many experiments.
@@ -194,8 +206,7 @@ fn equilibrium(scenario: &'static Scenario, plan: &Plan) -> HotPath {
 }
 
 /// A virtual measurement: an unloaded and a loaded equilibrium.
-fn measurement() -> HotPath {
-    let scenario = paper();
+fn measurement(scenario: &'static Scenario) -> HotPath {
     let experiment = plan_of(3).experiments[0].clone();
     let site = &scenario.task.belief.calibration_tool.name;
     let mut robot = VirtualRobot::new(&scenario.truth.robot, site).expect("the site exists");
@@ -335,9 +346,15 @@ fn kinematics() -> HotPath {
 }
 
 /// MuJoCo's position stage, which each step of a static equilibrium needs.
-fn position_stage() -> HotPath {
-    let mut state = elastocal::mujoco::State::new(&paper().truth.robot.model);
-    let q = plan_of(3).experiments[0].configuration_rad.clone();
+fn position_stage(scenario: &Scenario) -> HotPath {
+    let mut state = elastocal::mujoco::State::new(&scenario.truth.robot.model);
+    let site = &scenario.task.belief.calibration_tool.name;
+    let mut robot = VirtualRobot::new(&scenario.truth.robot, site).expect("the site exists");
+    let experiment = &plan_of(3).experiments[0];
+    robot
+        .rest(&experiment.configuration_rad, &experiment.load)
+        .expect("stable");
+    let q = robot.coordinates().to_vec();
     Box::new(move |times| {
         for _ in 0..times {
             state.move_to(black_box(q.as_slice()));

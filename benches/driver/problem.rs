@@ -20,7 +20,7 @@ use serde_json::{Value, json};
 
 use super::fit::Fit;
 use super::limits::FLOPS;
-use super::paths::{measurements, paper, plan_of, recording, value_and_gradient};
+use super::paths::{flexible, measurements, paper, plan_of, recording, value_and_gradient};
 
 /// Experiments that selections choose from.
 const POOL: u32 = 200;
@@ -52,6 +52,7 @@ pub fn problem() -> Value {
         "plans": { "3": plan(scenario, 3), "12": plan(scenario, 12) },
         "study": study(scenario),
         "equilibrium": equilibrium(scenario),
+        "flexible": flexible_measurement(),
         "pool": pool(scenario),
         "recordings": recordings(),
         "fit": Fit::new(scenario).record(),
@@ -191,6 +192,25 @@ fn equilibrium(scenario: &Scenario) -> Value {
         "tool_m": [found[0].0, found[1].0],
         "position_stages": [found[0].1, found[1].1],
         "position_stages_of_run": calls_of_run,
+    })
+}
+
+/// Where the robot with a compensator and passive joints rests in the first experiment of the plan of three,
+/// without and with load.
+fn flexible_measurement() -> Value {
+    let robot = &flexible().truth.robot;
+    let site = &flexible().task.belief.calibration_tool.name;
+    let mut body = VirtualRobot::new(robot, site).expect("the site exists");
+    let experiment = &plan_of(3).experiments[0];
+    let [unloaded, loaded] = [Load::NONE, experiment.load].map(|load| {
+        let found = body.rest(&experiment.configuration_rad, &load);
+        let (position, _, equilibrium) = found.expect("stable");
+        (position.as_slice().to_vec(), equilibrium.iterations)
+    });
+    json!({
+        "model": "models/kr270_flexible.xml",
+        "tool_m": [unloaded.0, loaded.0],
+        "position_stages": unloaded.1 + loaded.1,
     })
 }
 

@@ -32,6 +32,7 @@ PEERS = [
     ("write_rerun", "rows", "rrd", "rerun's Python SDK"),
 ]
 PARALLEL = "Monte Carlo, model level, 2 threads"
+FIT = "fit of 45 parameters to 1000 poses"
 PACKAGES = ["numpy", "scipy", "mujoco", "mcap", "rerun-sdk", "figaroh", "pyscipopt"]
 
 
@@ -146,10 +147,10 @@ def main() -> None:
             results += skipping(name, peer, make)
     if arguments.only in PARALLEL:
         results.append(parallel(driver, effort))
-    if arguments.only in "fit":
-        print("fit", file=sys.stderr)
-        make = lambda: importlib.import_module("fit_scipy").fit(driver, problem, effort["seeds"])
-        results += skipping("fit of 45 parameters", "SciPy", make)
+    if arguments.only in FIT:
+        print(f"{FIT}: SciPy", file=sys.stderr)
+        make = lambda: [importlib.import_module("fit_scipy").fit(FIT, driver, problem, effort["seeds"])]
+        results += skipping(FIT, "SciPy", make)
     driver.close()
     print("searches", file=sys.stderr)
     searches = [

@@ -9,15 +9,16 @@ REST_RAD_S = 1e-11
 
 
 class Robot:
-    """The compliant robot with a tool, without contacts and joint limits."""
+    """The compliant robot with a tool, without contacts and joint limits; it may have passive joints, too."""
 
-    def __init__(self, problem: dict, tool: str):
+    def __init__(self, problem: dict, tool: str, model: str | None = None):
         self.compliance = np.array(problem["compliance_rad_per_nm"])
-        self.model = mujoco.MjModel.from_xml_path(problem["model"])
+        self.model = mujoco.MjModel.from_xml_path(model or problem["model"])
         self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
         self.model.actuator_gainprm[:, 0] = 1 / self.compliance
         self.model.actuator_biasprm[:, 1] = -1 / self.compliance
         self.data = mujoco.MjData(self.model)
+        self.actuated = self.model.jnt_qposadr[self.model.actuator_trnid[:, 0]]
         self.site = self.model.site(problem[tool]["site"]).id
         self.body = self.model.site_bodyid[self.site]
         self.jacobian = np.zeros((3, self.model.nv))
@@ -27,7 +28,7 @@ class Robot:
         """The tool's position (m) when the simulation has come to rest."""
         model, data, torque = self.model, self.data, np.zeros(3)
         mujoco.mj_resetData(model, data)
-        data.qpos[:] = data.ctrl[:] = commanded
+        data.qpos[self.actuated] = data.ctrl[:] = commanded
         point, applied, speeds = data.site_xpos[self.site], data.qfrc_applied, data.qvel
         steps = 0
         while steps <= 10 or np.abs(speeds).max() >= REST_RAD_S:
@@ -71,4 +72,10 @@ def rows(problem: dict) -> list[Row]:
         peer = f"MuJoCo's Python, {peer}"
         result.append(Row("static equilibrium", "equilibrium", peer, loaded))
         result.append(Row("virtual measurement", "measurement", peer, both))
+    flexible = Robot(problem, "calibration_tool", problem["flexible"]["model"])
+    for load, expected in zip(loads, problem["flexible"]["tool_m"]):
+        check("stepping until rest", flexible.settle(q, load), expected, 1e-9)
+    both = repeat(lambda: [flexible.settle(q, load) for load in loads])
+    name = "virtual measurement, compensator and 3 passive joints"
+    result.append(Row(name, "measurement_flexible", "MuJoCo's Python, stepping until rest", both))
     return result

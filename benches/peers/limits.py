@@ -12,6 +12,7 @@ def limits(problem: dict) -> dict[str, tuple[str, str, float]]:
     result = {
         "equilibrium": (position_stage, "position_stage", stages[1]),
         "measurement": (position_stage, "position_stage", sum(stages)),
+        "measurement_flexible": (position_stage, "position_stage_flexible", problem["flexible"]["position_stages"]),
         "study_model": ("normal numbers", "normals", 1),
         "study_robot": (position_stage, "position_stage", robot),
     }
