@@ -64,6 +64,7 @@ pub fn compensate(
 pub fn test_pose_matrix(belief: &Belief, pose: &TestPose, parameters: &[usize]) -> DMatrix<f64> {
     let arm = belief.nominal.chain.at(&belief.machining_tool);
     let state = arm.state(pose.configuration_rad.as_slice());
+    let state = state.braced(&belief.nominal.compliance_rad_per_nm);
     let matrix = ObservationMatrix::new(&state, &pose.load, parameters).position;
     DMatrix::from_column_slice(3, parameters.len(), matrix.as_slice())
 }

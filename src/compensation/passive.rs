@@ -33,7 +33,8 @@ fn commands_for(
 }
 
 /// To first order in compliance: the commanded joints take back their own deflection, and what those of
-/// the passive joints move the tool by.
+/// the passive joints move the tool by. Springs beside the joints' own give way to a command as they do to a
+/// load, so that their part in the deflections needs no other commands.
 pub(super) fn linear(
     chain: &SerialChain,
     state: &KinematicState,
@@ -41,7 +42,7 @@ pub(super) fn linear(
     pose: &TestPose,
 ) -> DVector<f64> {
     let commanded: Vec<usize> = chain.commanded().collect();
-    let jacobian = state.jacobian();
+    let jacobian = state.clone().braced(compliance).jacobian();
     let mut command = pose.configuration_rad.clone();
     let mut passive = Vector6::zeros();
     for joint in 0..chain.len() {

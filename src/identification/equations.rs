@@ -38,7 +38,7 @@ impl EquationSource<'_> {
 
     /// Eq. 3 or 7 for each measurement, at the commanded configuration. `compliance` are those of
     /// all joints; the parts of the joints that are not identified go to the right-hand side, and
-    /// the equations are for k itself.
+    /// the equations are for k itself. Where springs brace the arm, they hold near these compliances.
     pub fn linear(&self, compliance: &[f64]) -> Equations {
         let mut arm = self.chain.at(self.tool);
         let mut state = KinematicState::new(self.chain.len());
@@ -50,17 +50,18 @@ impl EquationSource<'_> {
         let mut writer = Writer::new(self.rows(), self.parameters.len());
         for each in self.measurements {
             arm.update(each.configuration_rad.as_slice(), &mut state);
+            let [moved, turned] = state.brace_under(compliance, &each.load);
             let observed = ObservationMatrix::new(&state, &each.load, self.parameters);
             let rest = ObservationMatrix::new(&state, &each.load, &others);
             writer.push(
                 &observed.position,
-                each.deflection_m - &rest.position * &known,
+                each.deflection_m - moved - &rest.position * &known,
                 &self.sigma(each),
             );
             if let Some(rotation) = &each.rotation {
                 writer.push(
                     &observed.rotation,
-                    rotation.vector_rad - &rest.rotation * &known,
+                    rotation.vector_rad - turned - &rest.rotation * &known,
                     &rotation.sigma_rad,
                 );
             }

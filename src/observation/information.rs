@@ -113,7 +113,7 @@ pub fn planned_information(
 ) -> DMatrix<f64> {
     let first = ObservationModel::new(set, nominal, values.as_slice());
     let scales = set.scales();
-    let has_springs = !nominal.chain.elements.springs.is_empty();
+    let has_springs = nominal.chain.elements.has_springs();
     let blocks: Vec<NormalEquations> = readings
         .par_chunks(BLOCK)
         .map(|readings| {

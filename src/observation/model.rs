@@ -14,7 +14,8 @@ use crate::robot::{
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Form {
     /// To first order in compliance, with torques and Jacobian at the commanded angles: eqs. 3 to 8.
-    /// A deflection is then J k J^T W, and gravity has no part in it.
+    /// A deflection is then J k J^T W, and neither gravity nor springs beside the joints' own have a part
+    /// in it.
     FirstOrder,
     /// Through the static equilibrium under gravity, payload and load.
     AtRest,

@@ -3,7 +3,7 @@
 use nalgebra::DMatrix;
 
 use super::{Experiment, Plan};
-use crate::robot::{KinematicState, Kinematics, ObservationMatrix, SerialChain, Tool};
+use crate::robot::{ObservationMatrix, SerialChain, Tool};
 use crate::task::Belief;
 
 /// The planner's model of an experiment: the nominal robot with the calibration tool.
@@ -11,6 +11,8 @@ use crate::task::Belief;
 pub struct ExperimentModel<'a> {
     /// The nominal chain.
     pub chain: &'a SerialChain,
+    /// The nominal compliances of all joints (rad/(N m)).
+    pub compliance_rad_per_nm: &'a [f64],
     /// The calibration tool.
     pub tool: &'a Tool,
     /// The identified joints.
@@ -27,6 +29,7 @@ impl<'a> ExperimentModel<'a> {
     pub fn new(belief: &'a Belief) -> Self {
         Self {
             chain: &belief.nominal.chain,
+            compliance_rad_per_nm: &belief.nominal.compliance_rad_per_nm,
             tool: &belief.calibration_tool,
             parameters: &belief.parameters,
             sigma_m: belief.instrument.sigma_m,
@@ -44,14 +47,15 @@ impl<'a> ExperimentModel<'a> {
         }
     }
 
-    /// The observation matrix A^(p) of an experiment (eqs. 4, 7), 3 x p, at the commanded angles. Where
+    /// The observation matrix A^(p) of an experiment (eqs. 4, 7), 3 x p, at the commanded angles, with the
+    /// springs beside the joints' own at work. Where
     /// rotations are measured A^(phi) stands below it, in the units of A^(p): times `sigma_m` over the
     /// standard deviation of rotations.
     #[must_use]
     pub fn observation_matrix(&self, experiment: &Experiment) -> DMatrix<f64> {
-        let mut arm = self.chain.at(self.tool);
-        let mut state = KinematicState::new(self.chain.len());
-        arm.update(experiment.configuration_rad.as_slice(), &mut state);
+        let arm = self.chain.at(self.tool);
+        let state = arm.state(experiment.configuration_rad.as_slice());
+        let state = state.braced(self.compliance_rad_per_nm);
         let observed = ObservationMatrix::new(&state, &experiment.load, self.parameters);
         let mut rows = DMatrix::zeros(self.rows(), self.parameters.len());
         rows.rows_mut(0, 3).copy_from(&observed.position);

@@ -22,7 +22,7 @@ pub enum SmoothBound {
     ElevationMax(f64),
     /// The tool's z axis falls at most this much below the horizontal (sine of the angle).
     ElevationMin(f64),
-    /// The torque about a joint is at most this (N m).
+    /// The torque of load, gravity and springs about a joint is at most this (N m).
     TorqueMax(usize, f64),
     /// The torque about a joint is at least minus this (N m).
     TorqueMin(usize, f64),
@@ -131,10 +131,10 @@ impl SmoothBound {
             Self::ElevationMax(_) => -z_axis_rises(),
             Self::ElevationMin(_) => z_axis_rises(),
             Self::TorqueMax(joint, bound) => {
-                -state.torque_derivative(joint, by, load, gravity) / bound
+                -torque_derivative(state, joint, by, load, gravity) / bound
             }
             Self::TorqueMin(joint, bound) => {
-                state.torque_derivative(joint, by, load, gravity) / bound
+                torque_derivative(state, joint, by, load, gravity) / bound
             }
         }
     }
@@ -209,5 +209,17 @@ fn radius(state: &KinematicState) -> Vector3<f64> {
 }
 
 fn torque(state: &KinematicState, joint: usize, load: &Load, gravity: &Vector3<f64>) -> f64 {
-    state.load_torque(joint, load) + state.gravity_torque(joint, gravity)
+    let (of_springs, _) = state.torque_of_springs(joint, joint);
+    state.load_torque(joint, load) + state.gravity_torque(joint, gravity) + of_springs
+}
+
+fn torque_derivative(
+    state: &KinematicState,
+    joint: usize,
+    by: usize,
+    load: &Load,
+    gravity: &Vector3<f64>,
+) -> f64 {
+    let (_, of_springs) = state.torque_of_springs(joint, by);
+    state.torque_derivative(joint, by, load, gravity) + of_springs
 }

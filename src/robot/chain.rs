@@ -171,5 +171,6 @@ impl Kinematics for ChainAtTool<'_> {
             world_from_tool.translation.vector,
             Rotation3::from(world_from_tool.rotation).into_inner(),
         );
+        state.feel(elements, q);
     }
 }

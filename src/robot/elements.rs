@@ -10,6 +10,8 @@
 //!
 //! where E' = c (L - L_0), and zero in a dead band of lengths.
 
+use std::ops::Range;
+
 use nalgebra::{DMatrix, Vector3};
 
 use super::KinematicState;
@@ -57,6 +59,12 @@ pub struct Spring {
 }
 
 impl Spring {
+    /// The joints that change its length: not those that move none of its places, or all of them.
+    pub(crate) fn joints(&self) -> Range<usize> {
+        let places = || self.path.iter().map(|place| place.joints);
+        places().min().unwrap_or(0)..places().max().unwrap_or(0)
+    }
+
     /// Its tension (N, negative where it pushes) and its stiffness at a length.
     #[must_use]
     pub fn tension(&self, length_m: f64) -> (f64, f64) {
@@ -121,35 +129,35 @@ impl Elements {
         })
     }
 
-    /// Adds the elements' torques (N m, N) to others, and their derivatives with respect to the joints
-    /// (row: torque, column: joint).
-    pub fn add(
+    /// Whether there are springs beside the joints' own.
+    #[must_use]
+    pub fn has_springs(&self) -> bool {
+        !self.joint_springs.is_empty() || !self.springs.is_empty()
+    }
+
+    /// Adds the springs' torques (N m, N) to others, and their stiffness (row: torque, column: joint), the
+    /// negative derivative, to another.
+    pub fn exert(
         &self,
         q: &[f64],
         state: &KinematicState,
         torque: &mut [f64],
-        gradient: &mut DMatrix<f64>,
+        stiffness: &mut DMatrix<f64>,
     ) {
-        for offset in &self.offsets {
-            torque[offset.joint] += offset.force;
-        }
         for spring in &self.joint_springs {
             torque[spring.joint] -= spring.stiffness * (q[spring.joint] - spring.rest);
-            gradient[(spring.joint, spring.joint)] -= spring.stiffness;
+            stiffness[(spring.joint, spring.joint)] += spring.stiffness;
         }
         for (spring, places) in self.paths(state) {
-            let length_m = length(places);
-            let (tension, stiffness) = spring.tension(length_m);
-            if tension == 0.0 && stiffness == 0.0 {
+            let (tension, along) = spring.tension(length(places));
+            if tension == 0.0 && along == 0.0 {
                 continue;
             }
-            for joint in 0..q.len() {
+            let first = spring.joints().start;
+            for joint in spring.joints() {
                 let longer = lengthening(spring, places, |at, p| state.moves(joint, at, p));
                 torque[joint] -= tension * longer;
-                if longer == 0.0 && tension == 0.0 {
-                    continue;
-                }
-                for other in 0..=joint {
+                for other in first..=joint {
                     let by = lengthening(spring, places, |at, p| state.moves(other, at, p));
                     let bend = bending(
                         spring,
@@ -164,14 +172,22 @@ impl Elements {
                             }
                         },
                     );
-                    let change = stiffness * longer * by + tension * bend;
-                    gradient[(joint, other)] -= change;
+                    let change = along * longer * by + tension * bend;
+                    stiffness[(joint, other)] += change;
                     if other != joint {
-                        gradient[(other, joint)] -= change;
+                        stiffness[(other, joint)] += change;
                     }
                 }
             }
         }
+    }
+
+    /// The joints that change the stiffness of springs.
+    pub(crate) fn joints_of_springs(&self) -> Range<usize> {
+        let joints = self.springs.iter().map(Spring::joints);
+        joints
+            .reduce(|one, other| one.start.min(other.start)..one.end.max(other.end))
+            .unwrap_or(0..0)
     }
 
     /// Adds the change of the springs' torques by a motion of all that is beyond some joints.
@@ -180,7 +196,7 @@ impl Elements {
             let (tension, stiffness) = spring.tension(length(places));
             let moved = |at: usize, p: &Vector3<f64>| motion.of(at, p);
             let by = lengthening(spring, places, moved);
-            for (joint, change) in change.iter_mut().enumerate() {
+            for joint in spring.joints() {
                 let longer = lengthening(spring, places, |at, p| state.moves(joint, at, p));
                 let bend = bending(
                     spring,
@@ -201,7 +217,7 @@ impl Elements {
                         }
                     },
                 );
-                *change -= stiffness * longer * by + tension * bend;
+                change[joint] -= stiffness * longer * by + tension * bend;
             }
         }
     }

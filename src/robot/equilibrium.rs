@@ -214,10 +214,14 @@ impl EquilibriumSolver {
         }
         self.state
             .torque_gradient(load, &gravity, &mut self.gradient);
-        let elements = arm.elements();
-        if !elements.is_empty() {
-            let torque = self.torque.as_mut_slice();
-            elements.add(self.q.as_slice(), &self.state, torque, &mut self.gradient);
+        if !self.state.spring_torque.is_empty() {
+            for (torque, of_springs) in self.torque.iter_mut().zip(&self.state.spring_torque) {
+                *torque += of_springs;
+            }
+            self.gradient -= &self.state.spring_stiffness;
+        }
+        for offset in &arm.elements().offsets {
+            self.torque[offset.joint] += offset.force;
         }
     }
 

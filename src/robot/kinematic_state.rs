@@ -109,8 +109,14 @@ pub struct KinematicState {
     pub tool_position: Vector3<f64>,
     /// The tool's axes as columns.
     pub tool_rotation: Matrix3<f64>,
-    /// The Jacobian's position rows, a column for each joint: asked for many times, made once.
-    position_columns: Vec<Vector3<f64>>,
+    /// The torques (N m, N) that springs beside the joints' own exert on the joints; empty where there are
+    /// none.
+    pub spring_torque: Vec<f64>,
+    /// How these fall with each joint's coordinate (row: torque, column: joint), a symmetric matrix.
+    pub spring_stiffness: DMatrix<f64>,
+    /// The Jacobian's columns for each joint: asked for many times, made once.
+    pub(super) position_columns: Vec<Vector3<f64>>,
+    pub(super) rotation_columns: Vec<Vector3<f64>>,
 }
 
 impl KinematicState {
@@ -129,7 +135,10 @@ impl KinematicState {
             tool_joints: joints,
             tool_position: Vector3::zeros(),
             tool_rotation: Matrix3::identity(),
+            spring_torque: Vec::new(),
+            spring_stiffness: DMatrix::zeros(0, 0),
             position_columns: vec![Vector3::zeros(); joints],
+            rotation_columns: vec![Vector3::zeros(); joints],
         }
     }
 
@@ -159,16 +168,15 @@ impl KinematicState {
         self.tool_joints = joints;
         self.tool_position = position;
         self.tool_rotation = rotation;
+        let columns = (self.position_columns.iter_mut()).zip(&mut self.rotation_columns);
         let axes = self.axis.iter().zip(&self.anchor).zip(&self.slides);
-        for (joint, (column, ((axis, anchor), &slides))) in
-            self.position_columns.iter_mut().zip(axes).enumerate()
-        {
-            *column = if joint >= joints {
-                Vector3::zeros()
+        for (joint, ((moved, turned), ((axis, anchor), &slides))) in columns.zip(axes).enumerate() {
+            (*moved, *turned) = if joint >= joints {
+                (Vector3::zeros(), Vector3::zeros())
             } else if slides {
-                *axis
+                (*axis, Vector3::zeros())
             } else {
-                axis.cross(&(position - anchor))
+                (axis.cross(&(position - anchor)), *axis)
             };
         }
     }
@@ -202,11 +210,7 @@ impl KinematicState {
     /// Column j of the Jacobian's rotation rows: the tool's angular velocity per unit rate.
     #[must_use]
     pub fn rotation_column(&self, joint: usize) -> Vector3<f64> {
-        if joint < self.tool_joints {
-            self.turning[joint]
-        } else {
-            Vector3::zeros()
-        }
+        self.rotation_columns[joint]
     }
 
     /// The velocity per unit rate of joint j of a point that so many joints move (m).

@@ -6,6 +6,7 @@
 //! the static equilibrium. The virtual robot yields the same [`KinematicState`] from MuJoCo, so that
 //! the two can judge each other.
 
+mod bracing;
 mod chain;
 mod commands;
 mod elastic;

@@ -83,5 +83,6 @@ impl Kinematics for MujocoArm {
         }
         let (position, rotation) = self.state.site(self.site);
         state.place_tool(self.tool_joints, position, rotation);
+        state.feel(&self.elements, q);
     }
 }

@@ -14,6 +14,7 @@
 //! - `interruptions`: studies that are killed, disks that fill up.
 //! - `output_files`: where results go: devices, links, modes; no output overwrites an input.
 //! - `faults`: killed, interrupted, out of space, two at once, odd names, at random moments.
+//! - `braced_arms`: springs beside the joints' own in planning and torque bounds.
 //! - `broken_streams`: stdout and stderr that nobody reads or that are full.
 //! - `old_files`: the program's own files of other versions, and names in them.
 //! - `parameters`: derivatives by any parameter beside MuJoCo's Jacobians.
@@ -53,6 +54,7 @@
 
 mod bad_input;
 mod bounds;
+mod braced_arms;
 mod broken_streams;
 #[cfg(feature = "view")]
 mod browser;

@@ -264,9 +264,10 @@ fn nearest_rotation(
     let arm = case.nominal.chain.at(case.tool);
     let mut correlation = Matrix3::zeros();
     for each in file {
-        let state = arm.state(each.configuration_rad.as_slice());
+        let mut state = arm.state(each.configuration_rad.as_slice());
+        let [left, _] = state.brace_under(compliance.as_slice(), &each.load);
         let predicted = ObservationMatrix::new(&state, &each.load, &all).position * &compliance;
-        let predicted = Vector3::new(predicted[0], predicted[1], predicted[2]);
+        let predicted = Vector3::new(predicted[0], predicted[1], predicted[2]) + left;
         let sigma = (each.sigma_m).map_or(case.sigma.weight_m(), |sigma| sigma.norm());
         correlation += predicted * each.deflection_m.transpose() / (sigma * sigma);
     }

@@ -17,6 +17,7 @@
 
 mod approximate;
 mod bound;
+mod braced;
 mod budget;
 mod criteria;
 mod exact;

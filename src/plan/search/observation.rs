@@ -2,6 +2,7 @@
 
 use nalgebra::{DMatrix, Matrix3, Matrix3xX, Vector3};
 
+use super::braced::{BracedArm, ColumnWorth};
 use crate::plan::ExperimentModel;
 use crate::robot::{KinematicState, Kinematics, Load};
 
@@ -25,6 +26,8 @@ pub struct MatrixEvaluator<'a> {
     basis: Option<DMatrix<f64>>,
     /// The arm's geometry at the last configuration.
     pub state: KinematicState,
+    /// The same where springs beside the joints' own brace the arm.
+    braced: Option<Box<BracedArm>>,
     /// What multiplies the derivatives of the columns, one for each parameter.
     adjoint: Vec<Vector3<f64>>,
     twist: Vec<Vector3<f64>>,
@@ -52,6 +55,7 @@ impl<'a> MatrixEvaluator<'a> {
             rotation_scale: model.rotation_sigma_rad.map(over),
             basis: basis.cloned(),
             state: KinematicState::new(model.chain.len()),
+            braced: None,
             adjoint: vec![Vector3::zeros(); count],
             twist: vec![Vector3::zeros(); count],
             model,
@@ -88,6 +92,14 @@ impl<'a> MatrixEvaluator<'a> {
             .chain
             .at(self.model.tool)
             .update(q, &mut self.state);
+        if self.model.chain.elements.has_springs() {
+            self.braced = BracedArm::new(&self.model, &self.state, q).map(Box::new);
+        }
+    }
+
+    /// The state whose Jacobian tells what the tool is moved by.
+    fn seen(&self) -> &KinematicState {
+        (self.braced.as_ref()).map_or(&self.state, |braced| &braced.state)
     }
 
     /// Writes the scaled observation matrix, 3 x p a block, at the last configuration.
@@ -103,17 +115,18 @@ impl<'a> MatrixEvaluator<'a> {
     }
 
     fn observe_joints(&self, load: &Load, matrix: &mut Matrix3xX<f64>) {
+        let state = self.seen();
         for (index, &joint) in self.parameters.iter().enumerate() {
-            let torque = self.state.load_torque(joint, load);
-            let column = self.state.position_column(joint);
+            let torque = state.load_torque(joint, load);
+            let column = state.position_column(joint);
             matrix.set_column(index, &(column * (torque * self.scale[index])));
         }
         let Some(scale) = &self.rotation_scale else {
             return;
         };
         for (index, &joint) in self.parameters.iter().enumerate() {
-            let torque = self.state.load_torque(joint, load);
-            let axis = self.state.rotation_column(joint);
+            let torque = state.load_torque(joint, load);
+            let axis = state.rotation_column(joint);
             matrix.set_column(scale.len() + index, &(axis * (torque * scale[index])));
         }
     }
@@ -137,6 +150,11 @@ impl<'a> MatrixEvaluator<'a> {
     }
 
     fn pull_back_joints(&mut self, load: &Load, factor: &Matrix3xX<f64>, gradient: &mut [f64]) {
+        if let Some(braced) = &self.braced {
+            let worth = self.worth_of_columns(&braced.state, load, factor);
+            braced.pull_back(&self.model, &self.state, &worth, gradient);
+            return;
+        }
         let parameters = &self.parameters;
         for (index, &joint) in parameters.iter().enumerate() {
             let b = factor.column(index) * self.scale[index];
@@ -175,6 +193,33 @@ impl<'a> MatrixEvaluator<'a> {
         }
     }
 
+    /// What a change of each parameter's column of a Jacobian is worth in sum(B * A): `v_n`, and what stands
+    /// beside `z_n` in the first sum.
+    fn worth_of_columns(
+        &self,
+        state: &KinematicState,
+        load: &Load,
+        factor: &Matrix3xX<f64>,
+    ) -> Vec<ColumnWorth> {
+        let worth = |(index, &joint): (usize, &usize)| {
+            let torque = state.load_torque(joint, load);
+            let b = factor.column(index) * self.scale[index];
+            let mut along = b.dot(&state.position_column(joint));
+            let mut rotation = Vector3::zeros();
+            if let Some(scale) = &self.rotation_scale {
+                let c = factor.column(scale.len() + index) * scale[index];
+                along += c.dot(&state.rotation_column(joint));
+                rotation = c * torque;
+            }
+            ColumnWorth {
+                joint,
+                position: b * torque + load.force_n * along,
+                rotation: rotation + load.torque_nm * along,
+            }
+        };
+        self.parameters.iter().enumerate().map(worth).collect()
+    }
+
     /// The matrix Q (3 x 3) with sum(B * A) for B = A G equal to F^T Q F: the information that a
     /// force F at the last configuration gives in the directions G (p x p, symmetric), for loads
     /// without torque. Its largest eigenvector is the best direction of the force.
@@ -187,12 +232,13 @@ impl<'a> MatrixEvaluator<'a> {
     }
 
     fn force_form_of_joints(&self, directions: &DMatrix<f64>) -> Matrix3<f64> {
+        let state = self.seen();
         let mut form = Matrix3::zeros();
         let columns = || {
             (self.parameters.iter().enumerate())
-                .map(|(index, &joint)| (index, self.state.position_column(joint)))
+                .map(|(index, &joint)| (index, state.position_column(joint)))
         };
-        let axis = |index: usize| self.state.rotation_column(self.parameters[index]);
+        let axis = |index: usize| state.rotation_column(self.parameters[index]);
         for (one, j_one) in columns() {
             for (other, j_other) in columns() {
                 let mut weight = directions[(one, other)]
@@ -225,12 +271,13 @@ impl<'a> MatrixEvaluator<'a> {
     }
 
     fn force_gradient_of_joints(&self, factor: &Matrix3xX<f64>) -> Vector3<f64> {
+        let state = self.seen();
         (self.parameters.iter().enumerate())
             .map(|(index, &joint)| {
-                let column = self.state.position_column(joint);
+                let column = state.position_column(joint);
                 let mut weight = factor.column(index).dot(&column) * self.scale[index];
                 if let Some(scale) = &self.rotation_scale {
-                    let axis = self.state.rotation_column(joint);
+                    let axis = state.rotation_column(joint);
                     weight += factor.column(scale.len() + index).dot(&axis) * scale[index];
                 }
                 column * weight
