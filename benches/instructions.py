@@ -66,6 +66,12 @@ def check() -> int:
 
 def baseline() -> int:
     here, counts = where(), Counter().all(REPETITIONS)
+    if BASELINE.exists():
+        print("What changes; name it in the commit:")
+        stored = json.loads(BASELINE.read_text())
+        if stored["platform"] != here:
+            print(f"  the platform, from {stored['platform']} to {here}")
+        judge(stored["instructions"], counts)
     record = {"platform": here, "instructions": {path: round(count) for path, count in counts.items()}}
     BASELINE.write_text(json.dumps(record, indent=2) + "\n")
     print(f"wrote {BASELINE}")

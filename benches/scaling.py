@@ -7,8 +7,12 @@ All but threads are instruction counts, so the growth can be judged on a busy ma
 import json
 import math
 import os
+import re
 import statistics
+import subprocess
 import sys
+import tempfile
+from pathlib import Path
 
 from counting import ROOT, Counter, Missing, where
 from peers.driver import Driver
@@ -99,6 +103,71 @@ def threads() -> dict[int, float]:
     return {count: statistics.median(values) for count, values in rates.items()}
 
 
+# Commands that are larger than usual, and the CPU time (s) that each may take, on a machine with other work
+# to do; two cores do it in half of that.
+LARGE = [
+    ("budget up to 60 measurements", "budget scenarios/klimchik2012.toml --up-to 60 --no-proof", 25.0),
+    ("plan of 20 experiments, 30 joints", "plan {arm} --no-proof", 40.0),
+    ("run with 200 test poses", "run {poses} --no-proof", 12.0),
+]
+
+
+def large() -> list[dict]:
+    """The CPU time of each large command."""
+    program, rows = ROOT / "target/release/elastocal", []
+    subprocess.run([os.environ.get("CARGO", "cargo"), "build", "--release", "--locked", "--quiet"], cwd=ROOT, check=True)
+    with tempfile.TemporaryDirectory() as folder:
+        files = {"arm": large_arm(Path(folder), 30), "poses": many_poses(Path(folder), 200)}
+        for name, arguments, bound in LARGE:
+            command = [program, *arguments.format(**files).split(), "--quiet", "--out", folder]
+            before = os.times()
+            subprocess.run(command, cwd=ROOT, stdout=subprocess.DEVNULL, check=True)
+            after = os.times()
+            seconds = after.children_user - before.children_user
+            rows.append({"name": name, "cpu_s": seconds, "bound_s": bound})
+            print(f"| {name} | {seconds:.1f} s | {bound:.0f} s |", flush=True)
+    return rows
+
+
+def many_poses(folder: Path, count: int) -> Path:
+    """The default scenario with so many test poses around its own."""
+    text = (ROOT / "scenarios/kr270.toml").read_text().replace("../models", str(ROOT / "models"))
+    text = text.replace("plans/", f"{ROOT / 'scenarios/plans'}/")
+    table = re.search(r"\[\[test_pose\]\](?:\n(?!\[).*)*", text)[0]
+    poses = [re.sub(r'name = ".*"', f'name = "pose {index}"', table) for index in range(count)]
+    for index, pose in enumerate(poses):
+        angles = [float(angle) for angle in re.search(r"q_deg = \[(.*)\]", pose)[1].split(",")]
+        moved = [angle + 5 * math.sin(index * (joint + 1)) for joint, angle in enumerate(angles)]
+        poses[index] = re.sub(r"q_deg = \[.*\]", f"q_deg = {moved}", pose)
+    (folder / "poses.toml").write_text(text.replace(table, "\n".join(poses)))
+    return folder / "poses.toml"
+
+
+def large_arm(folder: Path, joints: int) -> Path:
+    """A serial arm of so many hinges, whose axes point along z, y, y, x, y, x, and so on again."""
+    axes = ["0 0 1", "0 1 0", "0 1 0", "1 0 0", "0 1 0", "1 0 0"]
+    names = [f"joint_{number}" for number in range(1, joints + 1)]
+    bodies = "".join(
+        '<body pos="0 0 0.3"><inertial pos="0 0 0.15" mass="5" diaginertia="0.1 0.1 0.1"/>'
+        f'<joint name="{name}" axis="{axes[index % 6]}" range="-2 2"/>'
+        for index, name in enumerate(names)
+    )
+    actuators = "".join(f'<position joint="{name}" kp="300000"/>' for name in names)
+    (folder / "arm.xml").write_text(
+        '<mujoco><compiler angle="radian"/><default><joint limited="false"/></default><worldbody>'
+        f'{bodies}<site name="tool" pos="0.2 0.1 0.3"/>{"</body>" * joints}</worldbody>'
+        f"<actuator>{actuators}</actuator></mujoco>"
+    )
+    angles = [(8 * number) % 90 for number in range(1, joints + 1)]
+    (folder / "arm.toml").write_text(
+        '[robot]\nmodel = "arm.xml"\ncalibration_site = "tool"\nmachining_site = "tool"\n'
+        f'parameters = {json.dumps(names)}\n[instrument]\nsigma_mm = 0.03\nsigma_of = "deflection"\n'
+        f"[[test_pose]]\nq_deg = {angles}\nforce_n = [100, 200, -150]\n"
+        '[load]\nkind = "any"\nforce_max_n = 400\n[region]\n[design]\nexperiments = 20\n'
+    )
+    return folder / "arm.toml"
+
+
 def main() -> int:
     test()
     try:
@@ -111,6 +180,11 @@ def main() -> int:
     broken = [row["name"] for row in rows if not holds(row["instructions"], row["growth"])]
     for name in broken:
         print(f"error: {name} does not grow as it should", file=sys.stderr)
+    print("\n| large | CPU time | at most |\n|---|---|---|")
+    slow = [row for row in large() if row["cpu_s"] > row["bound_s"]]
+    for row in slow:
+        print(f"error: {row['name']} takes {row['cpu_s']:.1f} s of CPU", file=sys.stderr)
+    broken += slow
     if "--check" not in sys.argv:
         rates = threads()
         print("\nMonte Carlo, model level, runs per second by threads, on this machine as busy as it is:")

@@ -25,6 +25,9 @@ pub struct Compare {
     /// On the same platform, allow no change at all.
     #[arg(long)]
     exact: bool,
+    /// On the same platform, allow so small a share of each number to change, as "1e-9" for rounding.
+    #[arg(long, value_name = "SHARE", value_parser = share, conflicts_with = "exact")]
+    within: Option<f64>,
     /// Where to write a summary in Markdown.
     #[arg(long, value_name = "FILE")]
     markdown: Option<PathBuf>,
@@ -47,7 +50,7 @@ impl Compare {
         let rules = Rules {
             gate: &new.gate,
             allowed: &self.allow_different,
-            exact: self.exact,
+            within: if self.exact { Some(0.0) } else { self.within },
         };
         let comparison = compare(&base, &new, rules)?;
         if let Some(path) = &self.markdown {
@@ -59,6 +62,13 @@ impl Compare {
             conditions: condition(&comparison).into_iter().collect(),
         })
     }
+}
+
+fn share(text: &str) -> Result<f64, String> {
+    let share = text.parse().ok();
+    share
+        .filter(|share| (0.0..1.0).contains(share))
+        .ok_or_else(|| "a share from 0 to 1 is wanted, as in \"1e-9\"".to_owned())
 }
 
 fn condition(comparison: &Comparison) -> Option<String> {

@@ -88,8 +88,8 @@ pub struct Rules<'a> {
     pub gate: &'a Gate,
     /// Differences that are put up with.
     pub allowed: &'a [Aspect],
-    /// On the same platform, any change is too much.
-    pub exact: bool,
+    /// On the same platform, only this share of a number may change, either way; zero for not a bit.
+    pub within: Option<f64>,
 }
 
 impl Aspect {
@@ -172,7 +172,8 @@ pub fn compare(
     if !refused.is_empty() {
         return Err(refusal(base, new, &refused));
     }
-    let bits = rules.exact && base.provenance.platform == new.provenance.platform;
+    let is_same_platform = base.provenance.platform == new.provenance.platform;
+    let within = rules.within.filter(|_| is_same_platform).map(nearly);
     let value_in = |file: &ResultsFile, key: &Key| {
         (file.numbers.iter())
             .find(|(other, _)| other == key)
@@ -183,11 +184,7 @@ pub fn compare(
     for (key, before) in &base.numbers {
         match value_in(new, key) {
             Some(now) => {
-                let tolerance = if bits {
-                    EXACT
-                } else {
-                    rules.gate.tolerance(key.quantity)
-                };
+                let tolerance = within.unwrap_or_else(|| rules.gate.tolerance(key.quantity));
                 changes.push(judge(key.clone(), *before, now, tolerance));
             }
             None => not_compared.push(key.clone()),
@@ -215,12 +212,14 @@ pub fn compare(
     })
 }
 
-/// Not a bit may change.
-const EXACT: Tolerance = Tolerance {
-    relative: 0.0,
-    absolute: 0.0,
-    direction: Direction::Both,
-};
+/// So small a share may change, either way.
+const fn nearly(share: f64) -> Tolerance {
+    Tolerance {
+        relative: share,
+        absolute: 0.0,
+        direction: Direction::Both,
+    }
+}
 
 fn sorted(names: &[String]) -> Vec<&String> {
     let mut names: Vec<_> = names.iter().collect();

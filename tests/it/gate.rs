@@ -266,6 +266,14 @@ fn exactness_is_for_the_same_platform() {
         compare(&base, &new, "--exact --json --quiet"),
         &["rho0 optimal -"],
     );
+    // Rounding is less than a billionth, and 1 % is more.
+    assert_broken(compare(&base, &new, "--within 1e-9 --json --quiet"), &[]);
+    let better = scaled(&base, pointer, 0.995);
+    assert_broken(compare(&base, &better, "--json --quiet"), &[]);
+    assert_broken(
+        compare(&base, &better, "--within 1e-9 --json --quiet"),
+        &["rho0 optimal -"],
+    );
     new["provenance"]["platform"] = json!("pdp11 unix");
     assert_broken(compare(&base, &new, "--exact --json --quiet"), &[]);
     let outcome = compare(&base, &new, "--exact").ends_with(0);

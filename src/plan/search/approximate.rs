@@ -59,6 +59,8 @@ const WEIGHT_CYCLES: usize = 1000;
 const BATCH: usize = 64;
 /// So many random local searches that end in the largest derivative are enough.
 const ENOUGH: usize = 50;
+/// However much work a search is, there are so many.
+const FEWEST: usize = 4 * BATCH;
 /// How many of the best different ends of random local searches are searched on to full precision.
 const POLISHED: usize = 8;
 
@@ -207,7 +209,8 @@ fn certify(
 ) -> (Certificate, Vec<(Point, f64)>) {
     let mut ends: Vec<(Point, f64)> = Vec::new();
     let mut searches = 0;
-    while searches < problem.effort.certificate_probes {
+    let most = (problem.effort.certificate_probes).min(problem.affordable(1).max(FEWEST));
+    while searches < most {
         let starts = Pool::draw(problem, BATCH, seed, 2 + searches as u64);
         let starts: Vec<&Point> = starts.points().iter().collect();
         ends.extend(climbs(problem, &starts, directions, Precision::ROUGH));

@@ -97,7 +97,8 @@ pub(super) fn exact_design_from(
     let searches = if free == 0 {
         1
     } else {
-        problem.effort.searches
+        let affordable = problem.affordable(configurations as usize);
+        (problem.effort.searches).min(affordable.max(INDEPENDENT + RECOMBINED))
     };
     let seen = Mutex::new((0, f64::INFINITY));
     let search = |refinement: &mut Refinement<'_>, index: usize, given: Option<&[Point]>| {

@@ -66,6 +66,10 @@ pub struct Effort {
     pub searches: usize,
 }
 
+/// The work of searches, in units of their variables' cube: enough for all searches of arms with up to nine
+/// variables and plans of some thirty experiments.
+const WORK: usize = 6_000_000;
+
 impl Default for Effort {
     fn default() -> Self {
         Self {
@@ -234,6 +238,18 @@ impl<'a> Problem<'a> {
     /// better for more of every information.
     pub(super) fn is_size_free(&self) -> bool {
         !self.criterion.is_monotone() || self.is_force_bounded()
+    }
+
+    /// How many searches over so many experiments at once there is time for. One takes work that grows as
+    /// their number times the cube of the variables of each: joint angles, and what of the force is free.
+    pub(super) fn affordable(&self, experiments: usize) -> usize {
+        let of_load = match self.loads {
+            LoadChoice::OneOf(_) => 0,
+            LoadChoice::Size(..) => 1,
+            LoadChoice::Ball(_) => 3,
+        };
+        let variables = self.ranges.len() + of_load;
+        WORK / (experiments.max(1) * variables.pow(3)).max(1)
     }
 
     /// Whether bounds of the region depend on the load.
