@@ -50,6 +50,8 @@
 //! - [`compensation`]: the joint angles to command at a test pose.
 //! - [`plan`]: what plans promise, whether they are possible, and [`plan::search`] for the best one with
 //!   its certificate.
+//! - [`laboratory`]: a plan as it is carried out: the order of its stops, the ways there, the minutes, and the
+//!   robot's program.
 //! - [`calibration`]: the whole loop once.
 //! - [`study`]: Monte Carlo.
 //! - [`gate`]: how much worse results may get.
@@ -130,6 +132,7 @@ pub mod factorisation;
 pub mod files;
 pub mod gate;
 pub mod identification;
+pub mod laboratory;
 pub mod least_squares;
 pub mod limits;
 pub mod measurement;

@@ -79,6 +79,12 @@ pub const SPREAD: Kind = Kind::up_to(1.0);
 pub const COUNT: Kind = Kind::any("", 1e18);
 /// A tolerance, in any unit.
 pub const TOLERANCE: Kind = Kind::zero_or_positive("", 1e-30, 1e12);
+/// How long work takes (min).
+pub const MINUTES: Kind = Kind::zero_or_positive("min", 1e-6, 1e6);
+/// How fast a joint turns (deg/s).
+pub const AXIS_SPEED: Kind = Kind::positive("deg/s", 1e-3, 1e4);
+/// How far before a configuration its approach begins (deg).
+pub const APPROACH: Kind = Kind::zero_or_positive("deg", 1e-3, 90.0);
 /// An accuracy that is wanted (um).
 pub const ACCURACY: Kind = Kind::positive("um", 1e-6, 1e9);
 

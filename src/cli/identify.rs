@@ -93,7 +93,8 @@ impl Identify {
     }
 }
 
-fn explained(file: &Path, problem: &NotIdentified) -> FileError {
+/// Why nothing is identified, with what to do about it.
+pub fn explained(file: &Path, problem: &NotIdentified) -> FileError {
     let NotIdentified { error, diagnoses } = problem;
     let wrong = FileError::new(file, error.to_string());
     if !diagnoses.is_empty() {

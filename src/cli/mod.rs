@@ -11,9 +11,11 @@ mod evaluate;
 mod identified;
 mod identify;
 pub mod interruption;
+mod lab;
 mod load_model;
 mod measure;
 mod merge;
+mod next;
 mod plan;
 mod progress;
 mod proof;
@@ -94,6 +96,10 @@ enum Command {
     Identify(identify::Identify),
     /// Compensate the test poses with identified compliances
     Compensate(compensate::Compensate),
+    /// Take a plan to the laboratory: order, run sheet, robot program, table to fill in
+    Lab(lab::Lab),
+    /// Plan what to measure next, after some of a plan is measured
+    Next(next::Next),
     /// Compare plans over many runs (Monte Carlo)
     Study(study::StudyCommand),
     /// Replay one run of the study on the virtual robot, and record it
@@ -164,6 +170,8 @@ impl Arguments {
             Command::Measure(command) => command.execute(),
             Command::Identify(command) => command.execute(),
             Command::Compensate(command) => command.execute(),
+            Command::Lab(command) => command.execute(),
+            Command::Next(command) => command.execute(),
             Command::Study(command) => command.execute(),
             Command::Replay(command) => command.execute(),
             Command::Merge(command) => command.execute(),
@@ -194,6 +202,8 @@ impl Command {
             Self::Measure(command) => &command.common,
             Self::Identify(command) => &command.common,
             Self::Compensate(command) => &command.common,
+            Self::Lab(command) => &command.common,
+            Self::Next(command) => &command.common,
             Self::Study(command) => &command.common,
             Self::Replay(command) => &command.common,
             Self::Reproduce(command) => &command.common,

@@ -33,7 +33,8 @@ impl Origin {
     }
 
     /// The comments of a measurement file.
-    pub(super) fn comments(&self) -> String {
+    #[must_use]
+    pub fn comments(&self) -> String {
         // A line end in a file's name would end the comment.
         let file = self.scenario.to_string_lossy().replace(['\n', '\r'], " ");
         format!("# {FILE}{file}\n# {HASH}{}\n", self.scenario_sha256)

@@ -46,3 +46,5 @@ pub const VARIANTS: u64 = 0;
 pub const INDIFFERENT_JOINTS: u64 = 1;
 /// Under [`FIXED_SEED`]: configurations that tell what experiments show at all.
 pub const SHOWN: u64 = 2;
+/// Under [`FIXED_SEED`]: configurations that ways between experiments may lead over.
+pub const SAFE_POSES: u64 = 3;

@@ -6,8 +6,10 @@
 //! - [`study`]: a Monte Carlo study.
 //! - [`tally_file`]: tallies of parts of a study, to join or to go on from.
 //! - [`understanding`]: a robot as it was understood.
+//! - [`campaign`]: a plan as it is carried out in the laboratory.
 //! - [`evidence`]: what a plan is shown beside.
 
+pub mod campaign;
 pub mod evidence;
 mod header_check;
 pub mod json;

@@ -37,6 +37,8 @@ pub(super) struct File {
     #[serde(default)]
     pub study: StudyTable,
     #[serde(default)]
+    pub laboratory: LaboratoryTable,
+    #[serde(default)]
     pub gate: Gate,
 }
 
@@ -262,6 +264,23 @@ pub(super) struct StudyTable {
     #[serde(default)]
     pub sweep: SweepTable,
     pub plan: Option<Vec<StudyPlanTable>>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct LaboratoryTable {
+    pub station_min: Option<f64>,
+    pub move_min: Option<f64>,
+    pub load_change_min: Option<f64>,
+    pub reading_min: Option<f64>,
+    pub axis_speed_deg_s: Option<f64>,
+    pub approach_deg: Option<f64>,
+    #[serde(default)]
+    pub safe_deg: Vec<Vec<f64>>,
+    pub dialect: Option<String>,
+    pub speed_percent: Option<u32>,
+    pub tool_number: Option<u32>,
+    pub base_number: Option<u32>,
 }
 
 /// One number for all joints, or one for each.

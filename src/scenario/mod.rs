@@ -10,6 +10,7 @@ mod file;
 use std::path::PathBuf;
 
 use crate::gate::Gate;
+use crate::laboratory::Laboratory;
 use crate::measurement::Origin;
 use crate::study::{Conditions, Setting, StudySettings};
 use crate::task::Task;
@@ -49,6 +50,8 @@ pub struct Scenario {
     pub plans: Vec<PlanFile>,
     /// Which plans a Monte Carlo study compares.
     pub study: StudySettings,
+    /// What work in the laboratory costs, and how the robot is to move there.
+    pub laboratory: Laboratory,
     /// What speaks against trusting what the scenario builds on.
     pub doubts: Vec<String>,
     /// How much worse results may get.

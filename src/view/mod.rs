@@ -4,6 +4,7 @@
 //! - [`study_recording`]: a study as its recordings show it.
 //! - [`rerun_file`], [`mcap_file`]: the recordings.
 //! - [`stills`]: a sheet of pictures of the robot in each configuration of a plan.
+//! - [`run_sheet`]: the sheet to take along into the laboratory.
 //! - [`plots`]: plots as SVG.
 //! - [`report`]: pages to look at, on [`markup`].
 //! - [`mesh`]: the model's shapes as triangles.
@@ -15,5 +16,6 @@ pub mod plots;
 pub mod recording;
 pub mod report;
 pub mod rerun_file;
+pub mod run_sheet;
 pub mod stills;
 pub mod study_recording;

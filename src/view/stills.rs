@@ -70,13 +70,7 @@ pub fn sheet(scenario: &Scenario, plan: &Plan) -> String {
          <rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>\n{}",
         heading(scenario, plan)
     );
-    // The floor is the same in every still.
-    let _ = writeln!(
-        svg,
-        "<defs><clipPath id=\"still\"><rect width=\"{still_width:.1}\" height=\"{still_height:.1}\" \
-         rx=\"6\"/></clipPath>\n<g id=\"floor\">{}</g></defs>",
-        floor(&camera)
-    );
+    let _ = writeln!(svg, "{}", shared(&camera));
     for (index, (experiment, scene)) in plan.experiments.iter().zip(&scenes).enumerate() {
         let x = GAP_PX + place(index % columns, still_width + GAP_PX);
         let y = HEADING_PX + place(index / columns, CAPTION_PX + still_height + GAP_PX);
@@ -91,6 +85,45 @@ pub fn sheet(scenario: &Scenario, plan: &Plan) -> String {
     }
     svg.push_str("</svg>\n");
     svg
+}
+
+/// Single pictures of what a sheet shows, for one page: for each experiment without and with its load.
+#[must_use]
+pub fn pictures(scenario: &Scenario, plan: &Plan) -> Vec<[String; 2]> {
+    let scenes = scenes(scenario, plan);
+    let camera = camera(&scenes);
+    let [width, height] = camera.size_px;
+    let drawn = |index: usize, scene: &Scene, words: &str| {
+        let mut svg = format!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width:.1} {height:.1}\" width=\"{width:.0}\" \
+             height=\"{height:.0}\" aria-label=\"Experiment {} {words} load\">",
+            index + 1
+        );
+        // Once in a page is enough.
+        if index == 0 {
+            svg += &shared(&camera);
+        }
+        let _ = write!(svg, "<g transform=\"translate(0 -{CAPTION_PX})\">");
+        picture(&mut svg, &camera, scene);
+        svg + "</g></svg>"
+    };
+    (scenes.into_iter().enumerate())
+        .map(|(index, mut scene)| {
+            let with = drawn(index, &scene, "with");
+            scene.arrow_end = scene.tool;
+            [drawn(index, &scene, "without"), with]
+        })
+        .collect()
+}
+
+/// What stands once for all stills: the floor is the same in every one.
+fn shared(camera: &Camera) -> String {
+    let [width, height] = camera.size_px;
+    format!(
+        "<defs><clipPath id=\"still\"><rect width=\"{width:.1}\" height=\"{height:.1}\" \
+         rx=\"6\"/></clipPath>\n<g id=\"floor\">{}</g></defs>",
+        floor(camera)
+    )
 }
 
 /// The robot in every configuration.

@@ -30,6 +30,7 @@
 //! - `origins`: files say under which scenario they were made; help says what has an effect.
 //! - `implausible_input`: inputs that are well formed and cannot be.
 //! - `mutations`: a hundred thousand broken inputs, and every one that ever failed.
+//! - `laboratory`: order, ways, robot programs, run sheet: a plan goes to the laboratory.
 //! - `limits`: sizes, and files without an end.
 //! - `tallies`: tallies that cannot be.
 //! - `compensator`: the KR-270 with a gravity compensator and flexible parts; what a belief without them costs.
@@ -42,6 +43,7 @@
 //! - `force_sizes`: the size of a force is a variable of the design; optima derived by hand.
 //! - `provenance`: what results depend on is in their hash.
 //! - `load_sets`: one load set decides for plans, measurements and mandatory experiments.
+//! - `next`: what to measure next, after some of a plan is measured.
 //! - `obstacles`: what stands in the laboratory.
 //! - `streams`: a study's recordings, live in a viewer and as files; `view`.
 //! - `reproduction`: the paper's numbers beside the program's, by the program.
@@ -75,12 +77,14 @@ mod interruptions;
 mod judge;
 mod judges;
 mod known_optima;
+mod laboratory;
 mod limits;
 mod load_sets;
 mod measured_rotations;
 mod model_features;
 mod model_messages;
 mod mutations;
+mod next;
 mod obstacles;
 mod old_files;
 mod origins;

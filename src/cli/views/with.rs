@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use elastocal::calibration::Calibration;
 use elastocal::files::FileError;
 use elastocal::files::output::write_whole;
+use elastocal::laboratory::Campaign;
 use elastocal::paper::record::ReproductionMessage;
 use elastocal::plan::Plan;
 use elastocal::plan::search::BudgetPoint;
@@ -15,6 +16,7 @@ use elastocal::view::plots::budget_plot;
 use elastocal::view::recording::Recording;
 use elastocal::view::report::{RunRecord, StudyPageRecord, run_page};
 use elastocal::view::rerun_file::{messages, write_rerun};
+use elastocal::view::run_sheet::run_sheet;
 use elastocal::view::stills;
 use elastocal::wording::shell_word;
 
@@ -126,6 +128,19 @@ impl ReplayViews {
 /// Draws the robot in each configuration of a plan.
 pub fn write_stills(path: &Path, scenario: &Scenario, plan: &Plan) -> Result<(), FileError> {
     write_whole(path, stills::sheet(scenario, plan).as_bytes())
+}
+
+/// The sheet of a campaign.
+pub const RUN_SHEET: Option<&str> = Some("run_sheet.html");
+
+/// Writes the sheet to take along into the laboratory.
+pub fn write_run_sheet(
+    path: &Path,
+    scenario: &Scenario,
+    plan: &Plan,
+    campaign: &Campaign,
+) -> Result<(), FileError> {
+    write_whole(path, run_sheet(scenario, plan, campaign).as_bytes())
 }
 
 /// Plots accuracy against measurements.

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use elastocal::calibration::Calibration;
 use elastocal::files::FileError;
+use elastocal::laboratory::Campaign;
 use elastocal::paper::record::ReproductionMessage;
 use elastocal::plan::Plan;
 use elastocal::plan::search::BudgetPoint;
@@ -107,6 +108,13 @@ impl ReplayViews {
 
 pub fn write_stills(path: &Path, _: &Scenario, _: &Plan) -> Result<(), FileError> {
     Err(lacking("--stills-out", path))
+}
+
+/// No sheet.
+pub const RUN_SHEET: Option<&str> = None;
+
+pub fn write_run_sheet(path: &Path, _: &Scenario, _: &Plan, _: &Campaign) -> Result<(), FileError> {
+    Err(lacking("the run sheet", path))
 }
 
 pub fn write_budget_plot(

@@ -4,6 +4,7 @@ mod design;
 mod gate;
 mod inputs;
 mod instrument;
+mod laboratory;
 mod load;
 mod mounted;
 mod name;
@@ -103,6 +104,8 @@ impl Checker<'_> {
             commands: &commands,
         };
         let study = self.study(&file.study, &context)?;
+        let region = self.region(&file.region, &nominal.chain)?;
+        let laboratory = self.laboratory(&file.laboratory, &region, &commands)?;
         let truth = Truth {
             robot: true_robot,
             compliance_spread: self.spread(&file.study.compliance_spread, joints)?,
@@ -118,7 +121,7 @@ impl Checker<'_> {
             task: Task {
                 test_poses,
                 loads,
-                region: self.region(&file.region, &nominal.chain)?,
+                region,
                 design,
                 belief: Belief {
                     prior: before.prior,
@@ -133,6 +136,7 @@ impl Checker<'_> {
             truth,
             plans,
             study,
+            laboratory,
             doubts: before.doubts,
             gate: self.gate(file.gate)?,
             files: self.inputs.borrow().files(),

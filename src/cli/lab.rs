@@ -1,0 +1,229 @@
+//! `lab`: a plan goes to the laboratory.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use elastocal::experiment::{experiment_columns, experiment_fields};
+use elastocal::files::output::write_whole;
+use elastocal::files::{FileError, make_folder, read_text};
+use elastocal::laboratory::{Campaign, CampaignError, Dialect, ProgramFile, program};
+use elastocal::plan::{Feasibility, Plan, read_plan};
+use elastocal::record::campaign::CampaignMessage;
+use elastocal::record::messages::ProvenanceMessage;
+use elastocal::scenario::Scenario;
+use elastocal::wording::counted;
+
+use super::table::table;
+use super::views::{self, RUN_SHEET};
+use super::written::Written;
+use super::{Common, Report, inputs, results, without_effect};
+
+/// The table to fill in, and the record.
+const FILES: [&str; 2] = ["measurements.csv", "campaign.json"];
+
+/// Arguments of `lab`.
+#[derive(Debug, Args)]
+#[command(mut_args(without_effect(&["threads", "seed"])))]
+pub struct Lab {
+    #[command(flatten)]
+    pub common: Common,
+    /// The plan to carry out.
+    #[arg(long, value_name = "FILE")]
+    plan: PathBuf,
+    /// Keep the plan's order of experiments and loads.
+    #[arg(long)]
+    keep_order: bool,
+    /// The dialect of the robot's program: krl, urscript, or a file that ends in .toml; the scenario's if not given.
+    #[arg(long, value_name = "NAME|FILE")]
+    dialect: Option<String>,
+}
+
+impl Lab {
+    pub fn execute(&self) -> anyhow::Result<Report> {
+        let scenario = self.common.load()?;
+        let commands = scenario.task.belief.commands();
+        let plan = read_plan(&self.plan, commands.clone())?;
+        let dialect = self.dialect(&scenario)?;
+        dialect
+            .check_joints(commands.len())
+            .map_err(|error| FileError::new(&scenario.path, error.to_string()))?;
+        let name = &scenario.name;
+        let folder = self.common.folder(&scenario).join("lab");
+        // Its names do not depend on what is in it.
+        let names = |files: &[ProgramFile]| -> Vec<String> {
+            files.iter().map(|file| file.name.clone()).collect()
+        };
+        let files = |program: &elastocal::laboratory::Program| {
+            program.files(&dialect, &scenario.laboratory, &commands, name)
+        };
+        let empty = elastocal::laboratory::Program {
+            title: String::new(),
+            steps: Vec::new(),
+        };
+        let program_names = names(&files(&empty)?);
+        let mut roles = inputs(&scenario);
+        roles.reads("the plan", &self.plan);
+        roles.writes_to(&folder, &FILES);
+        roles.writes_to(&folder, RUN_SHEET.as_slice());
+        let program_names: Vec<&str> = program_names.iter().map(String::as_str).collect();
+        roles.writes_to(&folder, &program_names).check()?;
+
+        self.common.say(&format!(
+            "looking for ways and an order for {}",
+            counted(plan.experiments.len() as u64, "experiment")
+        ));
+        let campaign = Campaign::new(&scenario.task, &scenario.laboratory, &plan, self.keep_order)
+            .map_err(|error| {
+                FileError::new(&self.plan, error.to_string()).hint(CampaignError::HINT)
+            })?;
+        make_folder(&folder)?;
+        let title = format!("elastocal: {name}, {}", self.plan.display());
+        let files = files(&program(&campaign, &title))?;
+        let mut written = Written::default();
+        let mut text = describe(&plan, &campaign);
+        if let Some(sheet) = RUN_SHEET {
+            let path = folder.join(sheet);
+            let sheet = views::write_run_sheet(&path, &scenario, &plan, &campaign);
+            text += &written.told(&path, sheet);
+        }
+        for file in &files {
+            let path = folder.join(&file.name);
+            text += &written.told(&path, write_whole(&path, file.text.as_bytes()));
+        }
+        let provenance = ProvenanceMessage::new(&scenario).with_input("plan", &self.plan)?;
+        let costs = &scenario.laboratory.costs;
+        let message = CampaignMessage::new(&commands, costs, &campaign);
+        let json = results("lab", &provenance, serde_json::to_value(&message)?);
+        let [to_fill, record] = FILES.map(|name| folder.join(name));
+        let empty = to_fill_in(&scenario, &plan, &campaign);
+        text += &written.told(&to_fill, write_whole(&to_fill, empty.as_bytes()));
+        let record_text = serde_json::to_string_pretty(&json)? + "\n";
+        text += &written.told(&record, write_whole(&record, record_text.as_bytes()));
+        let mut conditions = self.conditions(&scenario, &plan, &campaign);
+        conditions.extend(written.conditions());
+        Ok(Report {
+            json,
+            text,
+            conditions,
+        })
+    }
+
+    fn dialect(&self, scenario: &Scenario) -> Result<Dialect, FileError> {
+        let (name, from) = match &self.dialect {
+            Some(name) => (name, Path::new("")),
+            None => (
+                &scenario.laboratory.dialect,
+                scenario.path.parent().unwrap_or(Path::new("")),
+            ),
+        };
+        let is_file = Path::new(name)
+            .extension()
+            .is_some_and(|ending| ending == "toml");
+        if is_file {
+            let path = from.join(name);
+            let text = read_text(&path)?;
+            return Dialect::read(&text).map_err(|error| FileError::new(&path, error.to_string()));
+        }
+        Dialect::known(name).map_err(|error| {
+            let place = if self.dialect.is_some() {
+                "--dialect"
+            } else {
+                "laboratory.dialect"
+            };
+            FileError::new(&scenario.path, error.to_string()).at(place)
+        })
+    }
+
+    fn conditions(&self, scenario: &Scenario, plan: &Plan, campaign: &Campaign) -> Vec<String> {
+        let mut conditions = Vec::new();
+        let violations = Feasibility::new(&scenario.task).violations(plan);
+        if let Some(first) = violations.first() {
+            let count = counted(violations.len() as u64, "violation");
+            conditions.push(format!(
+                "{}: the plan has {count}: {first}",
+                self.plan.display()
+            ));
+        }
+        let without = (campaign.stops.iter())
+            .filter(|stop| stop.approach.is_none())
+            .flat_map(|stop| &stop.experiments)
+            .map(|index| (index + 1).to_string())
+            .collect::<std::collections::BTreeSet<_>>();
+        if !without.is_empty() && scenario.laboratory.approach > 0.0 {
+            let without: Vec<String> = without.into_iter().collect();
+            conditions.push(format!(
+                "there is no room to approach experiment {} from one side",
+                without.join(", ")
+            ));
+        }
+        if campaign.home.is_some() && campaign.return_way.is_none() {
+            conditions.push("no way is found back to the first safe pose".to_owned());
+        }
+        conditions
+    }
+}
+
+/// A measurement CSV whose deflections are to be filled in: a row for each reading, in the order of work.
+fn to_fill_in(scenario: &Scenario, plan: &Plan, campaign: &Campaign) -> String {
+    let commands = scenario.task.belief.commands();
+    let mut text = scenario.origin().comments();
+    text += "# deflection of the reflector: its position with the load minus that without, world frame\n";
+    text += &experiment_columns(&commands).join(",");
+    text += ",dx_mm,dy_mm,dz_mm\n";
+    for stop in campaign.stops.iter().filter(|stop| stop.load.is_some()) {
+        for &index in &stop.experiments {
+            let each = &plan.experiments[index];
+            let fields = experiment_fields(&commands, &each.configuration_rad, &each.load);
+            for _ in 0..each.repeats {
+                text += &fields.join(",");
+                text += ",,,\n";
+            }
+        }
+    }
+    text
+}
+
+/// The stops for a person.
+fn describe(plan: &Plan, campaign: &Campaign) -> String {
+    let rows: Vec<Vec<String>> = (campaign.stops.iter().enumerate())
+        .map(|(index, stop)| {
+            let experiments: Vec<String> = (stop.experiments.iter())
+                .map(|index| (index + 1).to_string())
+                .collect();
+            let load = match (&stop.load, stop.changes_load) {
+                (None, _) => "none".to_owned(),
+                (Some(load), true) => format!("hang {}", elastocal::experiment::in_words(load)),
+                (Some(_), false) => "the same".to_owned(),
+            };
+            vec![
+                (index + 1).to_string(),
+                experiments.join(", "),
+                load,
+                stop.readings.to_string(),
+                stop.side.to_string(),
+                stop.way.via.len().to_string(),
+            ]
+        })
+        .collect();
+    let header = [
+        "stop",
+        "experiment",
+        "load",
+        "readings",
+        "approached with",
+        "over safe poses",
+    ];
+    let (hours, minutes) = ((campaign.minutes / 60.0).floor(), campaign.minutes % 60.0);
+    let looked = if campaign.is_checked {
+        "Every move keeps the clearance."
+    } else {
+        "Moves were not looked at for collisions: the scenario names no region.collision_clearance_mm."
+    };
+    format!(
+        "{}\n{} in {}, {} of load: {hours:.0} h {minutes:.0} min. {looked}\n",
+        table(&header, &rows),
+        counted(plan.measurements().into(), "measurement"),
+        counted(campaign.stops.len() as u64, "stop"),
+        counted(campaign.load_changes() as u64, "change"),
+    )
+}

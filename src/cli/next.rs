@@ -1,0 +1,297 @@
+//! `next`: what to measure next, after some of a plan is measured.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use elastocal::files::FileError;
+use elastocal::laboratory::next::{Goal, Rest, accuracy, after, measured_plan, rest, task_left};
+use elastocal::limits::MOST_EXPERIMENTS;
+use elastocal::measurement::{Origin, read_measurements};
+use elastocal::plan::search::Watch;
+use elastocal::plan::{Feasibility, Plan, read_plan, write_plan};
+use elastocal::plausible::ACCURACY;
+use elastocal::record::messages::{ProvenanceMessage, plan_messages};
+use elastocal::scenario::Scenario;
+use elastocal::task::Task;
+use elastocal::wording::{counted, shell_word};
+use elastocal::workflow::identify::identify_measurements;
+use serde_json::json;
+
+use super::identify::explained;
+use super::interruption::ask_search;
+use super::progress::bar;
+use super::written::Written;
+use super::{
+    Common, Report, check_outputs, identify, inputs, named_by_file, results, without_effect,
+};
+
+/// Arguments of `next`.
+#[derive(Debug, Args)]
+#[command(mut_arg("scenario", named_by_file))]
+#[command(mut_args(without_effect(&["out"])))]
+pub struct Next {
+    #[command(flatten)]
+    pub common: Common,
+    /// What is measured so far.
+    #[arg(long, value_name = "FILE")]
+    measurements: PathBuf,
+    /// The plan that is being measured: its rest is compared, and --skip counts its experiments.
+    #[arg(long, value_name = "FILE")]
+    plan: Option<PathBuf>,
+    /// Experiments of the plan that turned out impossible: others take their place.
+    #[arg(long, value_name = "NUMBERS", value_delimiter = ',', requires = "plan")]
+    skip: Vec<usize>,
+    /// New configurations differ from those by more than this in some joint (deg).
+    #[arg(long, value_name = "DEG", default_value_t = 10.0, value_parser = angle)]
+    skip_within_deg: f64,
+    /// The accuracy that is wanted at the test poses (rms, um): as few measurements as give it.
+    #[arg(long, value_name = "UM", value_parser = wanted)]
+    accuracy_um: Option<f64>,
+    /// The number of measurements in all; that of the plan or the scenario if not given. With --accuracy-um at most so many.
+    #[arg(long, value_name = "M", value_parser = clap::value_parser!(u32).range(1..=i64::from(MOST_EXPERIMENTS)))]
+    experiments: Option<u32>,
+    /// Where to write what is to be measured next.
+    #[arg(long, value_name = "FILE")]
+    plan_out: Option<PathBuf>,
+}
+
+/// With --accuracy-um, so many measurements are tried beside those that are there.
+const MORE: u32 = 12;
+
+fn wanted(text: &str) -> Result<f64, String> {
+    let number = text.parse().map_err(|_| ACCURACY.allowed())?;
+    ACCURACY.check(number)
+}
+
+fn angle(text: &str) -> Result<f64, String> {
+    let angle = text.parse::<f64>().ok();
+    angle
+        .filter(|angle| (0.0..=180.0).contains(angle))
+        .ok_or_else(|| "0 to 180 degrees are allowed".to_owned())
+}
+
+impl Next {
+    pub fn execute(&self) -> anyhow::Result<Report> {
+        let origin = Origin::read(&self.measurements)?;
+        let file = shell_word(&self.measurements.to_string_lossy());
+        let usage = format!("elastocal next SCENARIO --measurements {file}");
+        let scenario = (self.common).load_for(&self.measurements, origin.as_ref(), &usage)?;
+        let (task, commands) = (&scenario.task, scenario.task.belief.commands());
+        let measurements = read_measurements(&self.measurements, commands.clone())?;
+        let given = match &self.plan {
+            Some(path) => Some(read_plan(path, commands.clone())?),
+            None => None,
+        };
+        self.check(&scenario)?;
+
+        let belief = &task.belief;
+        self.common.say(&format!(
+            "identifying {} from {}",
+            belief.parameter_names().join(", "),
+            counted(measurements.len() as u64, "measurement")
+        ));
+        let identified = identify_measurements(belief, &measurements, belief.method, false)
+            .map_err(|problem| explained(&self.measurements, &problem))?;
+        let identification = &identified.identification;
+        let so_far = measured_plan(&measurements);
+        let measured = so_far.measurements();
+        let impossible = self.impossible(given.as_ref())?;
+        let left = task_left(
+            task,
+            identification,
+            so_far.clone(),
+            &impossible,
+            self.skip_within_deg.to_radians(),
+        );
+        let reached_m = accuracy(&left, &identification.posterior).ok();
+        let total = (self.experiments)
+            .or_else(|| given.as_ref().map(Plan::measurements))
+            .unwrap_or(task.design.experiments);
+        let mut conditions: Vec<String> = identified.conditions().collect();
+        let mut text = identify::describe(identification);
+        text += &format!(
+            "\n{} of {} so far: {}\n",
+            counted(measured.into(), "measurement"),
+            counted(so_far.experiments.len() as u64, "experiment"),
+            describe(reached_m)
+        );
+        let wanted_m = self.accuracy_um.map(|accuracy| accuracy * 1e-6);
+        let is_reached =
+            matches!((reached_m, wanted_m), (Some(reached), Some(wanted)) if reached <= wanted);
+        let goal = match wanted_m {
+            Some(wanted_m) => Goal::Accuracy(wanted_m, self.experiments.unwrap_or(measured + MORE)),
+            None => Goal::Measurements(total),
+        };
+        let is_done = is_reached || matches!(goal, Goal::Measurements(total) if total <= measured);
+        let found = if is_done {
+            text += if is_reached {
+                "That is the accuracy that is wanted: nothing more needs to be measured.\n"
+            } else {
+                "All is measured.\n"
+            };
+            None
+        } else {
+            Some(self.search(&left, goal, scenario.seed, &mut conditions)?)
+        };
+        let empty = Plan::default();
+        let next = found.as_ref().map_or(&empty, |found| &found.plan);
+        let old_m = (given.as_ref()).and_then(|plan| self.old(&left, plan, &so_far, next));
+        if let Some(found) = &found {
+            text += &tell(found, old_m);
+            conditions.extend(self.unreached(found));
+            let violations = Feasibility::new(&left).violations(&found.plan);
+            let of_experiments = violations.iter().filter(|each| each.experiment.is_some());
+            conditions.extend(of_experiments.map(ToString::to_string));
+        }
+        let mut written = Written::default();
+        if let Some(path) = &self.plan_out {
+            text += &written.told(path, write_plan(path, commands.clone(), next));
+        }
+        conditions.extend(written.conditions());
+        let mut provenance =
+            ProvenanceMessage::new(&scenario).with_input("measurements", &self.measurements)?;
+        if let Some(plan) = &self.plan {
+            provenance = provenance.with_input("plan", plan)?;
+        }
+        let found = found.as_ref();
+        Ok(Report {
+            json: results(
+                "next",
+                &provenance,
+                json!({
+                    "measured": measured,
+                    "measured_rho0_mm": reached_m.map(|rho0_m| rho0_m * 1e3),
+                    "accuracy_um": self.accuracy_um,
+                    "reached": is_reached || found.is_some_and(|found| found.is_reached),
+                    "plan": plan_messages(&commands, next),
+                    "rho0_mm": found.map(|found| found.rho0_m).or(reached_m).map(|rho0_m| rho0_m * 1e3),
+                    "lower_bound_rho0_mm": found.and_then(|found| found.bound_m).map(|bound_m| bound_m * 1e3),
+                    "old_rest_rho0_mm": old_m.map(|rho0_m| rho0_m * 1e3),
+                }),
+            ),
+            text,
+            conditions,
+        })
+    }
+
+    fn check(&self, scenario: &Scenario) -> Result<(), FileError> {
+        let mut roles = inputs(scenario);
+        roles.reads("the measurements", &self.measurements);
+        if let Some(plan) = &self.plan {
+            roles.reads("the plan", plan);
+        }
+        check_outputs(&mut roles, &[("--plan-out", self.plan_out.as_deref())])
+    }
+
+    /// The accuracy that what is left of a plan would give (m), where it is as much work as the new rest.
+    fn old(&self, left: &Task, plan: &Plan, measured: &Plan, next: &Plan) -> Option<f64> {
+        let old = old_rest(plan, measured, &self.skip);
+        let all = [&*measured.experiments, &*old.experiments].concat();
+        let is_as_large = old.measurements() == next.measurements();
+        let posterior = after(left, &Plan { experiments: all });
+        accuracy(left, &posterior).ok().filter(|_| is_as_large)
+    }
+
+    /// Searches the rest of the campaign.
+    fn search(
+        &self,
+        left: &Task,
+        goal: Goal,
+        seed: u64,
+        conditions: &mut Vec<String>,
+    ) -> anyhow::Result<Rest> {
+        let stop = ask_search();
+        self.common.say("planning what to measure next");
+        let bar = bar(self.common.quiet, "searching the plan");
+        let progress = |done: usize, all: usize, _: f64| {
+            bar.set_length(all as u64);
+            bar.set_position(done as u64);
+        };
+        let watch = Watch {
+            stop,
+            progress: &progress,
+        };
+        let found = rest(left, goal, seed, watch)?;
+        bar.finish_and_clear();
+        if stop.load(std::sync::atomic::Ordering::Relaxed) {
+            conditions.push("the search was stopped: a better plan may exist".to_owned());
+        }
+        Ok(found)
+    }
+
+    /// That the goal is not reached, where it is not.
+    fn unreached(&self, found: &Rest) -> Option<String> {
+        let count = counted(found.design.plan.measurements().into(), "measurement");
+        let wanted = self.accuracy_um.filter(|_| !found.is_reached)?;
+        Some(format!("{count} do not give {wanted} um"))
+    }
+
+    /// The configurations that turned out impossible.
+    fn impossible(&self, plan: Option<&Plan>) -> Result<Vec<nalgebra::DVector<f64>>, FileError> {
+        let (Some(plan), Some(path)) = (plan, &self.plan) else {
+            return Ok(Vec::new());
+        };
+        let count = plan.experiments.len();
+        let configuration = |&number: &usize| {
+            let index = number.checked_sub(1).filter(|index| *index < count);
+            index
+                .map(|index| plan.experiments[index].configuration_rad.clone())
+                .ok_or_else(|| {
+                    let problem = format!("found {number}; 1 to {count} are allowed");
+                    FileError::new(path, problem).at("--skip")
+                })
+        };
+        self.skip.iter().map(configuration).collect()
+    }
+}
+
+/// What is left of a plan: what is neither measured nor impossible.
+fn old_rest(plan: &Plan, measured: &Plan, skipped: &[usize]) -> Plan {
+    let mut measured = measured.clone();
+    let mut rest = Plan::default();
+    for (index, each) in plan.experiments.iter().enumerate() {
+        if skipped.contains(&(index + 1)) {
+            continue;
+        }
+        let mut left = each.clone();
+        for known in &mut measured.experiments {
+            let apart = (&known.configuration_rad - &each.configuration_rad).amax();
+            if apart <= elastocal::experiment::PRINTED_RAD && known.load == each.load {
+                let taken = left.repeats.min(known.repeats);
+                left.repeats -= taken;
+                known.repeats -= taken;
+            }
+        }
+        if left.repeats > 0 {
+            rest.experiments.push(left);
+        }
+    }
+    rest
+}
+
+/// The rest for a person, beside what is left of the old plan (m).
+fn tell(found: &Rest, old_m: Option<f64>) -> String {
+    let mut text = format!(
+        "{} more: {}",
+        counted(found.plan.measurements().into(), "measurement"),
+        describe(Some(found.rho0_m))
+    );
+    if let Some(bound_m) = found.bound_m {
+        text += &format!("; no other rest can be below {:.3} um", bound_m * 1e6);
+    }
+    text.push('\n');
+    if let Some(old_m) = old_m {
+        text += &format!(
+            "What is left of the plan would give {:.3} um.\n",
+            old_m * 1e6
+        );
+    }
+    text
+}
+
+fn describe(rho0_m: Option<f64>) -> String {
+    rho0_m.map_or_else(
+        || "a test pose depends on compliances that are not determined yet".to_owned(),
+        |rho0_m| format!("rho0 = {:.3} um at the test pose", rho0_m * 1e6),
+    )
+}

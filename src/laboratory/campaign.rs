@@ -1,0 +1,404 @@
+//! A plan as it is carried out: stops in an order with few changes of load and short moves.
+//!
+//! A deflection is the difference of two positions at the same commanded angles, without and with a load. All
+//! configurations are visited without a load first, then for one load after the other those that it belongs
+//! to: there are no fewer changes of load than different loads. Each configuration is approached from the same
+//! side every time, so that backlash and friction are the same in both positions.
+
+use std::fmt::{Display, Formatter};
+
+use nalgebra::DVector;
+use thiserror::Error;
+
+use super::order::shortest;
+use super::ways::{Way, Ways, apart};
+use super::{Costs, Laboratory};
+use crate::experiment::{Plan, in_words};
+use crate::robot::Load;
+use crate::task::Task;
+
+/// What a move that is not straight costs more than one that is, and how many times as much.
+const DETOUR: (f64, f64) = (1.0, 2.0);
+/// Of the ways to approach a configuration so many are tried.
+const SIDES: usize = 64;
+
+/// Why a plan cannot be carried out.
+#[derive(Debug, Clone, Error, PartialEq, Eq)]
+pub enum CampaignError {
+    /// No way is free of collisions.
+    #[error("no way is found {from} to experiment {to} that keeps clear of collisions{}", with(load.as_deref()))]
+    NoWay {
+        /// Where it begins: "from experiment 3".
+        from: String,
+        /// The number of the experiment where it ends, from 1.
+        to: usize,
+        /// What hangs on the robot, in words.
+        load: Option<String>,
+    },
+}
+
+impl CampaignError {
+    /// What to do about it.
+    pub const HINT: &'static str = "name configurations in between as `safe_deg` of the scenario's table \
+                                    [laboratory], or leave the experiment out";
+}
+
+fn with(load: Option<&str>) -> String {
+    load.map_or_else(String::new, |load| format!(", under {load}"))
+}
+
+/// The side from which a configuration is approached: for each joint whether it turns positively (1),
+/// negatively (-1), or not at all (0) in the end.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Side(pub Vec<i8>);
+
+impl Display for Side {
+    fn fmt(&self, formatter: &mut Formatter<'_>) -> std::fmt::Result {
+        let moving = || self.0.iter().filter(|sign| **sign != 0);
+        if moving().next().is_none() {
+            formatter.write_str("as it comes")
+        } else if moving().all(|sign| *sign > 0) {
+            formatter.write_str("all joints +")
+        } else if moving().all(|sign| *sign < 0) {
+            formatter.write_str("all joints -")
+        } else {
+            let signs: Vec<&str> = (self.0.iter())
+                .map(|sign| match sign {
+                    0 => "0",
+                    1 => "+",
+                    _ => "-",
+                })
+                .collect();
+            formatter.write_str(&signs.join(" "))
+        }
+    }
+}
+
+/// One place where the robot stands and is measured.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Stop {
+    /// The experiments of the plan that are measured here, as indices.
+    pub experiments: Vec<usize>,
+    /// The commanded configuration (rad, m).
+    pub configuration: DVector<f64>,
+    /// What hangs on the robot; nothing for the position without a load.
+    pub load: Option<Load>,
+    /// Whether it is hung just before the approach, in place of what hung there.
+    pub changes_load: bool,
+    /// How often the instrument is read.
+    pub readings: u32,
+    /// The side from which it is approached.
+    pub side: Side,
+    /// Where the approach begins (rad, m); none where there is no room for one.
+    pub approach: Option<DVector<f64>>,
+    /// The way there from the stop before, or from the first safe pose.
+    pub way: Way,
+}
+
+/// A plan as it is carried out.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Campaign {
+    /// Where the robot starts and ends (rad, m), if the laboratory names a safe pose.
+    pub home: Option<DVector<f64>>,
+    /// The stops in their order.
+    pub stops: Vec<Stop>,
+    /// The way home.
+    pub return_way: Option<Way>,
+    /// Whether moves were looked at for collisions.
+    pub is_checked: bool,
+    /// How long it takes (minutes).
+    pub minutes: f64,
+}
+
+impl Campaign {
+    /// Plans the work of a plan; in the plan's own order of experiments and loads if that is to be kept.
+    ///
+    /// # Errors
+    /// No way is found to an experiment.
+    pub fn new(
+        task: &Task,
+        laboratory: &Laboratory,
+        plan: &Plan,
+        keep_order: bool,
+    ) -> Result<Self, CampaignError> {
+        let configurations: Vec<DVector<f64>> = (plan.experiments.iter())
+            .map(|each| each.configuration_rad.clone())
+            .collect();
+        let mut ways = Ways::new(task, &laboratory.safe_poses, &configurations);
+        let mut planner = Planner {
+            task,
+            approach: laboratory.approach,
+            blocked: blocked(&mut ways, &configurations),
+            ways,
+            plan,
+            home: laboratory.safe_poses.first().cloned(),
+        };
+        let mut stops = Vec::new();
+        let sides: Vec<(Side, Option<DVector<f64>>)> = (0..plan.experiments.len())
+            .map(|index| planner.side(index))
+            .collect();
+        for (number, group) in groups(plan, keep_order).into_iter().enumerate() {
+            let order = if keep_order {
+                (0..group.members.len()).collect()
+            } else {
+                planner.order(stops.last(), &group)
+            };
+            for (place, &member) in order.iter().enumerate() {
+                let mut stop = group.stop(plan, member, place == 0, &sides);
+                stop.way = planner.way(stops.last(), &stop, number)?;
+                stops.push(stop);
+            }
+        }
+        let return_way = match (&planner.home, stops.last()) {
+            (Some(home), Some(last)) => {
+                let home = home.clone();
+                planner.home_from(last, &home)
+            }
+            _ => None,
+        };
+        let mut campaign = Self {
+            home: planner.home,
+            stops,
+            return_way,
+            is_checked: task.region.collision_clearance_m.is_some(),
+            minutes: 0.0,
+        };
+        campaign.minutes = campaign.minutes_of(laboratory);
+        Ok(campaign)
+    }
+
+    /// How many times a load is hung.
+    #[must_use]
+    pub fn load_changes(&self) -> usize {
+        self.stops.iter().filter(|stop| stop.changes_load).count()
+    }
+
+    /// How often the instrument is read.
+    #[must_use]
+    pub fn readings(&self) -> u32 {
+        self.stops.iter().map(|stop| stop.readings).sum()
+    }
+
+    /// How far the joint that moves most moves, all in all (rad, m).
+    #[must_use]
+    pub fn travel(&self) -> f64 {
+        let approach = |stop: &Stop| {
+            let start = stop.approach.as_ref();
+            start.map_or(0.0, |start| apart(start, &stop.configuration))
+        };
+        let there = self
+            .stops
+            .iter()
+            .map(|stop| stop.way.length + approach(stop));
+        there.sum::<f64>() + self.return_way.as_ref().map_or(0.0, |way| way.length)
+    }
+
+    fn minutes_of(&self, laboratory: &Laboratory) -> f64 {
+        let turning_min = self.travel() / laboratory.axis_speed_per_s / 60.0;
+        let (stops, changes) = (self.stops.len(), self.load_changes());
+        laboratory.costs.work_min(stops, changes, self.readings()) + turning_min
+    }
+}
+
+impl Costs {
+    /// How long one station takes with so many stops, changes of load and readings (minutes), without the
+    /// time that joints turn.
+    #[must_use]
+    pub fn work_min(&self, stops: usize, load_changes: usize, readings: u32) -> f64 {
+        self.station_min
+            + self.move_min * stops as f64
+            + self.load_change_min * load_changes as f64
+            + self.reading_min * f64::from(readings)
+    }
+}
+
+/// Stops under one load.
+struct Group {
+    load: Option<Load>,
+    /// The experiments that are measured together, with the number of readings.
+    members: Vec<(Vec<usize>, u32)>,
+}
+
+impl Group {
+    fn stop(
+        &self,
+        plan: &Plan,
+        member: usize,
+        is_first: bool,
+        sides: &[(Side, Option<DVector<f64>>)],
+    ) -> Stop {
+        let (experiments, readings) = &self.members[member];
+        let (side, approach) = &sides[experiments[0]];
+        Stop {
+            configuration: plan.experiments[experiments[0]].configuration_rad.clone(),
+            experiments: experiments.clone(),
+            load: self.load,
+            changes_load: is_first && self.load.is_some(),
+            readings: *readings,
+            side: side.clone(),
+            approach: approach.clone(),
+            way: Way::default(),
+        }
+    }
+}
+
+/// All configurations without a load, then those of each load.
+fn groups(plan: &Plan, keep_order: bool) -> Vec<Group> {
+    let mut unloaded: Vec<(Vec<usize>, u32)> = Vec::new();
+    let mut loaded: Vec<Group> = Vec::new();
+    for (index, experiment) in plan.experiments.iter().enumerate() {
+        let q = &experiment.configuration_rad;
+        let same = (unloaded.iter_mut())
+            .find(|(members, _)| plan.experiments[members[0]].configuration_rad == *q);
+        match same {
+            Some((members, readings)) => {
+                members.push(index);
+                *readings = (*readings).max(experiment.repeats);
+            }
+            None => unloaded.push((vec![index], experiment.repeats)),
+        }
+        let member = (vec![index], experiment.repeats);
+        let known = (loaded.iter().enumerate())
+            .filter(|(place, _)| !keep_order || place + 1 == loaded.len())
+            .find(|(_, group)| group.load == Some(experiment.load))
+            .map(|(place, _)| place);
+        match known {
+            Some(place) => loaded[place].members.push(member),
+            None => loaded.push(Group {
+                load: Some(experiment.load),
+                members: vec![member],
+            }),
+        }
+    }
+    let first = Group {
+        load: None,
+        members: unloaded,
+    };
+    [first].into_iter().chain(loaded).collect()
+}
+
+/// Between which configurations there is something in the straight way of the unloaded robot.
+fn blocked(ways: &mut Ways<'_>, configurations: &[DVector<f64>]) -> Vec<Vec<bool>> {
+    let count = configurations.len();
+    let mut blocked = vec![vec![false; count]; count];
+    for one in 0..count {
+        for other in 0..one {
+            let [from, to] = [&configurations[one], &configurations[other]];
+            let is_clear =
+                (ways.judge()).is_straight_clear(from.as_slice(), to.as_slice(), &[Load::NONE]);
+            blocked[one][other] = !is_clear;
+            blocked[other][one] = !is_clear;
+        }
+    }
+    blocked
+}
+
+struct Planner<'a> {
+    task: &'a Task,
+    approach: f64,
+    blocked: Vec<Vec<bool>>,
+    ways: Ways<'a>,
+    plan: &'a Plan,
+    home: Option<DVector<f64>>,
+}
+
+impl Planner<'_> {
+    /// The side from which an experiment's configuration is approached, and where the approach begins: the
+    /// same for all experiments at one configuration.
+    fn side(&mut self, index: usize) -> (Side, Option<DVector<f64>>) {
+        let experiment = &self.plan.experiments[index];
+        let q = &experiment.configuration_rad;
+        let here = self
+            .plan
+            .experiments
+            .iter()
+            .filter(|each| each.configuration_rad == *q);
+        let loads: Vec<Load> = [Load::NONE]
+            .into_iter()
+            .chain(here.map(|each| each.load))
+            .collect();
+        let joints = &self.task.belief.nominal.chain.joints;
+        let moves: Vec<usize> = (0..joints.len())
+            .filter(|&joint| joints[joint].drive.passive_at.is_none())
+            .collect();
+        let none = Side(vec![0; joints.len()]);
+        if self.approach == 0.0 {
+            return (none, None);
+        }
+        // All positive, all negative, then all others: bit k of the pattern turns joint k round.
+        let patterns = 1_usize << moves.len().min(usize::BITS as usize - 2);
+        let mixed = 1..patterns.saturating_sub(1);
+        for pattern in [0, patterns - 1].into_iter().chain(mixed).take(SIDES) {
+            let mut side = none.clone();
+            let mut start = q.clone();
+            for (bit, &joint) in moves.iter().enumerate() {
+                side.0[joint] = if pattern >> bit & 1 == 0 { 1 } else { -1 };
+                start[joint] -= f64::from(side.0[joint]) * self.approach;
+            }
+            let ranges = self.task.region.joint_range_rad.iter();
+            let is_within = (start.iter().zip(ranges))
+                .all(|(angle, &[low, high])| (low..=high).contains(angle));
+            let judge = self.ways.judge();
+            if is_within && judge.is_straight_clear(start.as_slice(), q.as_slice(), &loads) {
+                return (side, Some(start));
+            }
+        }
+        (none, None)
+    }
+
+    /// The order of a group's members.
+    fn order(&self, last: Option<&Stop>, group: &Group) -> Vec<usize> {
+        let at = |member: usize| group.members[member].0[0];
+        let q = |member: usize| &self.plan.experiments[at(member)].configuration_rad;
+        let start = last.map(|stop| &stop.configuration).or(self.home.as_ref());
+        shortest(
+            group.members.len(),
+            &|first| start.map_or(0.0, |start| apart(start, q(first))),
+            &|one, other| {
+                let straight = apart(q(one), q(other));
+                if self.blocked[at(one)][at(other)] {
+                    DETOUR.0 + DETOUR.1 * straight
+                } else {
+                    straight
+                }
+            },
+        )
+    }
+
+    /// The way to where the approach of a stop begins. A load is hung there.
+    fn way(
+        &mut self,
+        last: Option<&Stop>,
+        stop: &Stop,
+        group: usize,
+    ) -> Result<Way, CampaignError> {
+        let start = last.map(|stop| &stop.configuration).or(self.home.as_ref());
+        let Some(start) = start.cloned() else {
+            // The robot is brought there by hand.
+            return Ok(Way::default());
+        };
+        let (hanging, number) = if stop.changes_load {
+            (last.and_then(|last| last.load), group - 1)
+        } else {
+            (stop.load, group)
+        };
+        let loads: Vec<Load> = [Load::NONE].into_iter().chain(hanging).collect();
+        let to = stop.approach.as_ref().unwrap_or(&stop.configuration);
+        self.ways
+            .find(&start, to, &loads, number)
+            .ok_or_else(|| CampaignError::NoWay {
+                from: last.map_or_else(
+                    || "from the first safe pose".to_owned(),
+                    |last| format!("from experiment {}", last.experiments[0] + 1),
+                ),
+                to: stop.experiments[0] + 1,
+                load: hanging.as_ref().map(in_words),
+            })
+    }
+
+    fn home_from(&mut self, last: &Stop, home: &DVector<f64>) -> Option<Way> {
+        let loads: Vec<Load> = [Load::NONE].into_iter().chain(last.load).collect();
+        self.ways
+            .find(&last.configuration, home, &loads, usize::MAX)
+    }
+}

@@ -1,0 +1,24 @@
+//! From a plan to the laboratory: in which order its experiments are measured, over which ways the robot
+//! goes there, how long that takes, and the program that it runs.
+//!
+//! - [`Laboratory`]: what work in the laboratory costs, and how the robot is to move.
+//! - [`PathJudge`], [`Ways`]: whether straight joint moves keep clear, and ways over safe poses where not.
+//! - [`Campaign`]: the stops in their order, with the minutes that they take.
+//! - [`next`]: what to measure next, after some of a plan is measured.
+//! - [`Dialect`], [`Program`]: the robot's program; dialects are data.
+
+mod campaign;
+mod clearance;
+mod dialect;
+pub mod next;
+mod order;
+mod program;
+mod settings;
+mod ways;
+
+pub use campaign::{Campaign, CampaignError, Side, Stop};
+pub use clearance::PathJudge;
+pub use dialect::{Dialect, DialectError};
+pub use program::{Program, ProgramFile, Step, program};
+pub use settings::{Costs, Laboratory};
+pub use ways::{Way, Ways};

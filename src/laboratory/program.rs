@@ -1,0 +1,187 @@
+//! The robot's program of a campaign.
+
+use nalgebra::DVector;
+
+use super::dialect::{Angles, Dialect, DialectError};
+use super::{Campaign, Laboratory, Stop};
+use crate::experiment::in_words;
+use crate::robot::Commands;
+use crate::wording::counted;
+
+/// Texts of programs are shorter than this.
+const LONGEST_TEXT: usize = 100;
+
+/// One step of a program.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Step {
+    /// A remark.
+    Remark(String),
+    /// A move of all joints together to a configuration (rad, m), at whose end the robot rests.
+    Move(DVector<f64>),
+    /// Waits for a person, who is told what to do.
+    Halt(String),
+    /// Keeps the measured joint angles.
+    Log,
+}
+
+/// A program in any dialect.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Program {
+    /// What it is, in a line.
+    pub title: String,
+    /// Its steps.
+    pub steps: Vec<Step>,
+}
+
+/// A file of a program.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ProgramFile {
+    /// The file's name.
+    pub name: String,
+    /// What is in it.
+    pub text: String,
+}
+
+/// The program of a campaign.
+#[must_use]
+pub fn program(campaign: &Campaign, title: &str) -> Program {
+    let mut steps = Vec::new();
+    if let Some(home) = &campaign.home {
+        steps.push(Step::Remark("Start at the first safe pose".to_owned()));
+        steps.push(Step::Move(home.clone()));
+    }
+    for (index, stop) in campaign.stops.iter().enumerate() {
+        steps.push(Step::Remark(remark(index + 1, stop)));
+        steps.extend(stop.way.via.iter().cloned().map(Step::Move));
+        steps.extend(stop.approach.iter().cloned().map(Step::Move));
+        if let (Some(load), true) = (&stop.load, stop.changes_load) {
+            if stop.approach.is_none() {
+                steps.push(Step::Move(stop.configuration.clone()));
+            }
+            steps.push(Step::Halt(format!("Hang the load {}", in_words(load))));
+        }
+        steps.push(Step::Move(stop.configuration.clone()));
+        let times = counted(stop.readings.into(), "reading");
+        steps.push(Step::Halt(format!("Stop {}: {times}", index + 1)));
+        steps.push(Step::Log);
+    }
+    if let (Some(home), Some(way)) = (&campaign.home, &campaign.return_way) {
+        steps.push(Step::Remark("Back to the first safe pose".to_owned()));
+        steps.extend(way.via.iter().cloned().map(Step::Move));
+        steps.push(Step::Move(home.clone()));
+    }
+    Program {
+        title: title.to_owned(),
+        steps,
+    }
+}
+
+fn remark(number: usize, stop: &Stop) -> String {
+    let experiments: Vec<String> = (stop.experiments.iter())
+        .map(|index| (index + 1).to_string())
+        .collect();
+    let load = stop.load.as_ref();
+    let load = load.map_or_else(|| "without load".to_owned(), in_words);
+    format!(
+        "Stop {number}: experiment {}, {load}",
+        experiments.join(", ")
+    )
+}
+
+impl Program {
+    /// The files of the program in a dialect.
+    ///
+    /// # Errors
+    /// The dialect is for another number of joints.
+    pub fn files(
+        &self,
+        dialect: &Dialect,
+        laboratory: &Laboratory,
+        commands: &Commands,
+        name: &str,
+    ) -> Result<Vec<ProgramFile>, DialectError> {
+        dialect.check_joints(commands.len())?;
+        let name = identifier(name, dialect.longest_name);
+        let speed = laboratory.speed_percent.to_string();
+        let mut logs = 0_usize;
+        let lines: Vec<String> = (self.steps.iter())
+            .map(|step| match step {
+                Step::Remark(text) => dialect.comment.replace("<text>", &plain(text)),
+                Step::Move(q) => (dialect.movement)
+                    .replace("<target>", &target(dialect, commands, q))
+                    .replace("<speed>", &speed),
+                Step::Halt(text) => dialect.halt.replace("<text>", &plain(text)),
+                Step::Log => {
+                    logs += 1;
+                    dialect.log.replace("<index>", &logs.to_string())
+                }
+            })
+            .map(|line| line.trim_start_matches('\n').to_owned())
+            .collect();
+        let fill = |text: &str| {
+            text.trim_start_matches('\n')
+                .replace("<name>", &name)
+                .replace("<title>", &plain(&self.title))
+                .replace("<speed>", &speed)
+                .replace("<tool>", &laboratory.tool_number.to_string())
+                .replace("<base>", &laboratory.base_number.to_string())
+                .replace("<logs>", &logs.max(1).to_string())
+                .replace("<steps>", &lines.join("\n"))
+        };
+        let files = dialect.files.iter().map(|file| ProgramFile {
+            name: format!("{name}.{}", file.ending),
+            text: fill(&file.text),
+        });
+        Ok(files.collect())
+    }
+}
+
+fn target(dialect: &Dialect, commands: &Commands, q: &DVector<f64>) -> String {
+    let written = commands.columns();
+    let values = (written.iter().zip(commands.numbers(q.as_slice()))).map(|(column, value)| {
+        match dialect.angles {
+            Angles::Degrees => value,
+            Angles::Radians if column.ends_with("_mm") => value * 1e-3,
+            Angles::Radians => value.to_radians(),
+        }
+    });
+    let axes: Vec<String> = (dialect.axes.iter().zip(values))
+        .map(|(axis, value)| {
+            let number = format!("{value:.*}", dialect.decimals);
+            let number = number.trim_end_matches('0').trim_end_matches('.');
+            let number = if number == "-0" { "0" } else { number };
+            dialect
+                .target
+                .replace("<axis>", axis)
+                .replace("<value>", number)
+        })
+        .collect();
+    axes.join(&dialect.between)
+}
+
+/// A name of letters, digits and underscores that begins with a letter.
+fn identifier(name: &str, longest: usize) -> String {
+    let letters = name.chars().map(|letter| {
+        if letter.is_ascii_alphanumeric() {
+            letter
+        } else {
+            '_'
+        }
+    });
+    let mut name: String = letters.collect();
+    if !name.starts_with(|letter: char| letter.is_ascii_alphabetic()) {
+        name.insert_str(0, "p_");
+    }
+    name.truncate(longest);
+    name
+}
+
+/// Text that no controller takes for anything else: one line of ASCII without quotes or brackets.
+fn plain(text: &str) -> String {
+    let letters = text.chars().map(|letter| match letter {
+        '"' | '\'' | '\\' | '<' | '>' | '{' | '}' => ' ',
+        letter if letter.is_ascii() && !letter.is_ascii_control() => letter,
+        _ => '?',
+    });
+    letters.take(LONGEST_TEXT).collect()
+}

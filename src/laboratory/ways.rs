@@ -1,0 +1,219 @@
+//! Ways between configurations: straight where that is clear, else over safe poses.
+
+use std::collections::BTreeMap;
+
+use nalgebra::DVector;
+use rand::RngExt;
+
+use super::PathJudge;
+use crate::random::generator;
+use crate::random::streams::{FIXED_SEED, SAFE_POSES};
+use crate::robot::Load;
+use crate::task::Task;
+
+/// Random safe poses that a way may lead over, beside those of the laboratory.
+const RANDOM: usize = 60;
+/// How many random configurations are tried for them.
+const TRIED: usize = 600;
+/// A stop at a safe pose of the laboratory counts as so much more way (rad),
+const STOP: f64 = 0.2;
+/// and one at a random one as so much.
+const RANDOM_STOP: f64 = 0.6;
+/// So many straight moves are looked at for one way.
+const LOOKS: usize = 250;
+/// Random safe poses lie at most so far (rad, m) beyond the configurations of the plan.
+const MARGIN: f64 = 0.5;
+
+/// A way to a configuration.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Way {
+    /// The safe poses on the way (rad, m).
+    pub via: Vec<DVector<f64>>,
+    /// How far the joint that moves most moves, all in all (rad, m).
+    pub length: f64,
+}
+
+/// Finds ways; keeps what it has found out about safe poses.
+#[derive(Debug)]
+pub struct Ways<'a> {
+    judge: PathJudge<'a>,
+    /// Safe poses, those of the laboratory first.
+    nodes: Vec<DVector<f64>>,
+    given: usize,
+    /// Whether the straight move between two of them is clear, by what hangs on the robot.
+    between: BTreeMap<(usize, usize, usize), bool>,
+}
+
+/// How far apart configurations are for a robot whose joints start and end together (rad, m).
+pub fn apart(one: &DVector<f64>, other: &DVector<f64>) -> f64 {
+    (one - other).amax()
+}
+
+impl<'a> Ways<'a> {
+    /// Ways of a task's robot among configurations; `safe_poses` are those of its laboratory.
+    #[must_use]
+    pub fn new(task: &'a Task, safe_poses: &[DVector<f64>], among: &[DVector<f64>]) -> Self {
+        let mut judge = PathJudge::new(task);
+        let mut nodes = safe_poses.to_vec();
+        let given = nodes.len();
+        if judge.looks() {
+            nodes.extend(random_poses(task, &mut judge, among));
+        }
+        Self {
+            judge,
+            nodes,
+            given,
+            between: BTreeMap::new(),
+        }
+    }
+
+    /// The judge of straight moves.
+    pub fn judge(&mut self) -> &mut PathJudge<'a> {
+        &mut self.judge
+    }
+
+    /// The way from one configuration to another under each of the loads, of which `hanging` is the number
+    /// by which they are known; none if none is found.
+    pub fn find(
+        &mut self,
+        from: &DVector<f64>,
+        to: &DVector<f64>,
+        loads: &[Load],
+        hanging: usize,
+    ) -> Option<Way> {
+        // The nodes with the two ends behind them.
+        let (start, end) = (self.nodes.len(), self.nodes.len() + 1);
+        let mut ends: BTreeMap<(usize, usize), bool> = BTreeMap::new();
+        for _ in 0..LOOKS {
+            let path = self.shortest(from, to, hanging, &ends)?;
+            let blocked = path.windows(2).find(|edge| {
+                let (one, other) = (edge[0].min(edge[1]), edge[0].max(edge[1]));
+                let known = if other >= start {
+                    ends.get(&(one, other)).copied()
+                } else {
+                    self.between.get(&(one, other, hanging)).copied()
+                };
+                let is_clear = known.unwrap_or_else(|| {
+                    let at = |node: usize| match node {
+                        node if node == start => from,
+                        node if node == end => to,
+                        node => &self.nodes[node],
+                    };
+                    let [one, other] = [at(one), at(other)];
+                    self.judge
+                        .is_straight_clear(one.as_slice(), other.as_slice(), loads)
+                });
+                if other >= start {
+                    ends.insert((one, other), is_clear);
+                } else {
+                    self.between.insert((one, other, hanging), is_clear);
+                }
+                !is_clear
+            });
+            if blocked.is_none() {
+                let via: Vec<DVector<f64>> = path[1..path.len() - 1]
+                    .iter()
+                    .map(|&node| self.nodes[node].clone())
+                    .collect();
+                let all: Vec<&DVector<f64>> = [from].into_iter().chain(&via).chain([to]).collect();
+                let length = all.windows(2).map(|pair| apart(pair[0], pair[1])).sum();
+                return Some(Way { via, length });
+            }
+        }
+        None
+    }
+
+    /// The shortest way over moves that are not known to be blocked (Dijkstra), as nodes.
+    fn shortest(
+        &self,
+        from: &DVector<f64>,
+        to: &DVector<f64>,
+        hanging: usize,
+        ends: &BTreeMap<(usize, usize), bool>,
+    ) -> Option<Vec<usize>> {
+        let (start, end) = (self.nodes.len(), self.nodes.len() + 1);
+        let at = |node: usize| match node {
+            node if node == start => from,
+            node if node == end => to,
+            node => &self.nodes[node],
+        };
+        let is_blocked = |one: usize, other: usize| {
+            let (one, other) = (one.min(other), one.max(other));
+            let known = if other >= start {
+                ends.get(&(one, other))
+            } else {
+                self.between.get(&(one, other, hanging))
+            };
+            known == Some(&false)
+        };
+        let stop = |node: usize| match node {
+            node if node >= start => 0.0,
+            node if node < self.given => STOP,
+            _ => RANDOM_STOP,
+        };
+        let mut distance = vec![f64::INFINITY; end + 1];
+        let mut before = vec![None; end + 1];
+        let mut open = vec![true; end + 1];
+        distance[start] = 0.0;
+        loop {
+            let nearest = (0..=end)
+                .filter(|&node| open[node] && distance[node].is_finite())
+                .min_by(|&one, &other| distance[one].total_cmp(&distance[other]))?;
+            if nearest == end {
+                break;
+            }
+            open[nearest] = false;
+            for next in (0..=end).filter(|&next| next != nearest) {
+                let far = distance[nearest] + apart(at(nearest), at(next)) + stop(next);
+                if open[next] && far < distance[next] && !is_blocked(nearest, next) {
+                    distance[next] = far;
+                    before[next] = Some(nearest);
+                }
+            }
+        }
+        let mut path = vec![end];
+        while let Some(node) = before[path[path.len() - 1]] {
+            path.push(node);
+        }
+        path.reverse();
+        Some(path)
+    }
+}
+
+/// To a tenth of a degree, which people read more easily.
+fn rounded(angle_rad: f64) -> f64 {
+    ((angle_rad.to_degrees() * 10.0).round() / 10.0).to_radians()
+}
+
+/// Random configurations in the joints' ranges and not far from those of the plan, clear of all.
+fn random_poses(
+    task: &Task,
+    judge: &mut PathJudge<'_>,
+    among: &[DVector<f64>],
+) -> Vec<DVector<f64>> {
+    let ranges: Vec<(f64, f64)> = (task.region.joint_range_rad.iter().enumerate())
+        .map(|(joint, &[low, high])| {
+            let values = || among.iter().map(|q| q[joint]);
+            let least = values().fold(f64::INFINITY, f64::min) - MARGIN;
+            let most = values().fold(f64::NEG_INFINITY, f64::max) + MARGIN;
+            (least.max(low).min(high), most.min(high).max(low))
+        })
+        .collect();
+    let passive = |joint: usize| task.belief.nominal.chain.joints[joint].drive.passive_at;
+    let mut random = generator(FIXED_SEED, SAFE_POSES);
+    let mut found = Vec::new();
+    for _ in 0..TRIED {
+        let angles = ranges.iter().enumerate().map(|(joint, &(low, high))| {
+            let share: f64 = random.random();
+            passive(joint).unwrap_or_else(|| rounded(low + share * (high - low)))
+        });
+        let q = DVector::from_iterator(ranges.len(), angles);
+        if judge.is_clear(q.as_slice(), &Load::NONE) {
+            found.push(q);
+        }
+        if found.len() == RANDOM {
+            break;
+        }
+    }
+    found
+}

@@ -1,0 +1,516 @@
+//! A plan goes to the laboratory: order, ways, robot programs, run sheet, and the table to fill in.
+
+use elastocal::laboratory::{Campaign, Dialect};
+use elastocal::mujoco::State;
+use elastocal::plan::{Plan, read_plan};
+use elastocal::robot::{EquilibriumSolver, Load};
+use elastocal::scenario::Scenario;
+use serde_json::Value;
+
+use crate::support::{Workplace, numbers, project, scenario_text};
+
+const COLUMNS: &str =
+    "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm,repeats\n";
+
+/// A KR-270 with a pillar where its arm is to pass.
+fn behind_a_pillar() -> Workplace {
+    let workplace = Workplace::new();
+    let text = scenario_text("kr270")
+        .replace("line_of_sight = true", "")
+        .replace("tool_elevation_max_deg = 30", "");
+    let pillar = "[[obstacle]]\nname = \"pillar\"\nkind = \"box\"\nsize_mm = [400, 400, 3000]\n\
+                  position_mm = [1900, 0, 1500]\n";
+    workplace.write("s.toml", text + pillar);
+    workplace.write(
+        "plan.csv",
+        format!(
+            "{COLUMNS}-50,-90,90,0,30,0,0,0,-2500,0,0,0,2\n\
+             -60,-80,100,20,40,10,0,0,-2500,0,0,0,1\n\
+             60,-95,95,0,30,90,0,0,-2500,0,0,0,1\n\
+             45.25,-100,110,-30,-40,0.125,0,0,-2500,0,0,0,3\n"
+        ),
+    );
+    workplace
+}
+
+/// What a program tells a robot to do.
+#[derive(Debug, PartialEq)]
+enum Told {
+    Move(Vec<f64>),
+    Halt,
+    Log(usize),
+}
+
+/// Reads a KRL program with its data list.
+fn read_krl(source: &str, data: &str) -> Vec<Told> {
+    let mut lines = source.lines();
+    assert_eq!(lines.next(), Some("&ACCESS RVP"));
+    assert_eq!(lines.next(), Some("&REL 1"));
+    let mut body = lines.skip_while(|line| line.starts_with('&'));
+    let name = body
+        .next()
+        .and_then(|line| line.strip_prefix("DEF ")?.strip_suffix(" ( )"))
+        .expect("a definition");
+    assert!(
+        name.len() <= 24
+            && name
+                .chars()
+                .all(|letter| letter.is_ascii_alphanumeric() || letter == '_')
+    );
+    let mut told = Vec::new();
+    let (mut folds, mut is_ended, mut settings) = (0, false, Vec::new());
+    for line in body {
+        assert!(!is_ended, "{line}");
+        assert!(line.is_ascii() && line.len() < 200);
+        if let Some(comment) = line.strip_prefix(';') {
+            folds +=
+                i32::from(comment.starts_with("FOLD")) - i32::from(comment.starts_with("ENDFOLD"));
+        } else if let Some(target) = line.strip_prefix("PTP {") {
+            let target = target.strip_suffix('}').expect("no approximation");
+            let axes = target.split(',').enumerate().map(|(index, axis)| {
+                let (axis, value) = axis.split_once(' ').expect("a value");
+                assert_eq!(axis, format!("A{}", index + 1));
+                value.parse().expect("a number")
+            });
+            told.push(Told::Move(axes.collect()));
+        } else if line == "HALT" {
+            told.push(Told::Halt);
+        } else if let Some(index) = line.strip_prefix("LOGGED[") {
+            let index = index
+                .strip_suffix("] = $AXIS_ACT_MEAS")
+                .expect("the measured angles");
+            told.push(Told::Log(index.parse().expect("a number")));
+        } else if line == "END" {
+            is_ended = true;
+        } else {
+            settings.push(line);
+        }
+    }
+    assert!(is_ended && folds == 0);
+    for wanted in [
+        "BAS (#INITMOV,0)",
+        "BAS (#PTP_DAT)",
+        "BAS (#FRAMES)",
+        "$ADVANCE = 0",
+    ] {
+        assert!(settings.contains(&wanted), "{settings:?}");
+    }
+    let logs = told
+        .iter()
+        .filter(|each| matches!(each, Told::Log(_)))
+        .count();
+    assert!(data.contains(&format!("DEFDAT {name}\n")) && data.ends_with("ENDDAT\n"));
+    assert!(data.contains(&format!("DECL E6AXIS LOGGED[{}]", logs.max(1))));
+    told
+}
+
+/// Reads a program for Universal Robots; angles come in degrees.
+fn read_urscript(source: &str) -> Vec<Told> {
+    let mut told = Vec::new();
+    for line in source.lines().map(str::trim) {
+        if let Some(rest) = line.strip_prefix("movej([") {
+            let (target, rest) = rest.split_once("], ").expect("a target");
+            assert!(rest.ends_with("r=0)"));
+            let radians = target
+                .split(", ")
+                .map(|angle| angle.parse::<f64>().expect("a number"));
+            told.push(Told::Move(radians.map(f64::to_degrees).collect()));
+        } else if line.starts_with("popup(") {
+            told.push(Told::Halt);
+        } else if let Some(rest) = line.strip_prefix("textmsg(\"measured joint angles ") {
+            let (index, _) = rest.split_once(':').expect("a number");
+            told.push(Told::Log(index.parse().expect("a number")));
+        }
+    }
+    told
+}
+
+/// Where the robot stands whenever its angles are kept.
+fn logged(told: &[Told]) -> Vec<Vec<f64>> {
+    let mut at = Vec::new();
+    let mut stops = Vec::new();
+    for each in told {
+        match each {
+            Told::Move(q) => at.clone_from(q),
+            Told::Log(index) => {
+                assert_eq!(*index, stops.len() + 1);
+                stops.push(at.clone());
+            }
+            Told::Halt => {}
+        }
+    }
+    stops
+}
+
+/// Moves the virtual robot through a program in MuJoCo: the least distance on the way (m), up to the given
+/// one, which it is looked for within.
+fn least_distance(scenario: &Scenario, told: &[Told], loads: &[Load], within_m: f64) -> f64 {
+    let belief = &scenario.task.belief;
+    let mut state = State::new(&belief.nominal.model.with_clearance(within_m));
+    let mut solver = EquilibriumSolver::new(6);
+    let mut least = within_m;
+    let moves = told.iter().filter_map(|each| match each {
+        Told::Move(q) => Some(q),
+        _ => None,
+    });
+    let moves: Vec<&Vec<f64>> = moves.collect();
+    for pair in moves.windows(2) {
+        let farthest = (pair[0].iter().zip(pair[1]))
+            .map(|(from, to)| (to - from).abs())
+            .fold(0.0, f64::max);
+        let steps = (farthest / 0.25).ceil().max(1.0);
+        let mut step = 0.0;
+        while step <= steps {
+            let q: Vec<f64> = (pair[0].iter().zip(pair[1]))
+                .map(|(from, to)| (from + step / steps * (to - from)).to_radians())
+                .collect();
+            for load in loads {
+                let mut arm = belief.nominal.chain.at(&belief.calibration_tool);
+                solver
+                    .solve(&mut arm, &belief.nominal.compliance_rad_per_nm, &q, load)
+                    .expect("it rests");
+                state.move_to(solver.q());
+                let contact = state.nearest_contact(within_m);
+                least = contact.map_or(least, |contact| contact.distance_m.min(least));
+            }
+            step += 1.0;
+        }
+    }
+    least
+}
+
+fn plan_of(workplace: &Workplace) -> Plan {
+    read_plan(&workplace.path("plan.csv"), 6).expect("a plan")
+}
+
+/// Both programs lead to every configuration of the plan within 1e-9 rad, without and with its load, around
+/// what stands in the way.
+#[test]
+fn programs_lead_to_the_plan_around_what_stands_in_the_way() {
+    let workplace = behind_a_pillar();
+    let scenario = Scenario::load(&workplace.path("s.toml")).expect("a scenario");
+    let plan = plan_of(&workplace);
+    for dialect in ["krl", "urscript"] {
+        let outcome = workplace
+            .run(&format!(
+                "lab s.toml --quiet --plan plan.csv --dialect {dialect} --json"
+            ))
+            .ends_with(0);
+        let json = outcome.json();
+        let told = if dialect == "krl" {
+            read_krl(
+                &workplace.read("out/s/lab/s.src"),
+                &workplace.read("out/s/lab/s.dat"),
+            )
+        } else {
+            read_urscript(&workplace.read("out/s/lab/s.script"))
+        };
+        let stops = json["stops"].as_array().expect("stops");
+        let logged = logged(&told);
+        assert_eq!(logged.len(), stops.len());
+        let mut seen = vec![[0, 0]; plan.experiments.len()];
+        for (stop, at) in stops.iter().zip(&logged) {
+            let is_loaded = !stop["wrench"].is_null();
+            for experiment in numbers(&stop["experiments"]) {
+                let index = (1..=plan.experiments.len())
+                    .position(|number| (number as f64 - experiment).abs() < 0.5)
+                    .expect("an experiment");
+                let wanted = &plan.experiments[index];
+                for (angle, wanted_rad) in at.iter().zip(&wanted.configuration_rad) {
+                    let apart = (angle.to_radians() - wanted_rad).abs();
+                    assert!(apart < 1e-9, "{dialect}: {apart} rad");
+                }
+                seen[index][usize::from(is_loaded)] += 1;
+                assert_eq!(stop["readings"], wanted.repeats);
+            }
+        }
+        assert!(seen.iter().all(|each| *each == [1, 1]), "{seen:?}");
+        // There is something in the way, and the programs lead around it.
+        let straight: Vec<Told> = logged.into_iter().map(Told::Move).collect();
+        let loads = [Load::NONE, Load::force(0.0, 0.0, -2500.0)];
+        assert!(least_distance(&scenario, &straight, &loads, 0.02) < 0.0);
+        let least = least_distance(&scenario, &told, &loads, 0.02);
+        assert!(least >= 0.01, "{dialect}: {least} m");
+        // One load is hung once, and every configuration has the same side both times.
+        assert_eq!(json["load_changes"], 1);
+        let side_of = |experiment: f64| {
+            let stops = stops
+                .iter()
+                .filter(|stop| numbers(&stop["experiments"]).contains(&experiment));
+            let sides: Vec<&Value> = stops.map(|stop| &stop["approach_deg"]).collect();
+            assert!(sides.len() == 2 && sides[0] == sides[1] && !sides[0].is_null());
+        };
+        (1..=4).for_each(|number| side_of(f64::from(number)));
+    }
+}
+
+/// The minutes are the sum of what the laboratory's table says.
+#[test]
+fn minutes_are_what_the_work_costs() {
+    let workplace = behind_a_pillar();
+    let table = "[laboratory]\nstation_min = 7\nmove_min = 2\nload_change_min = 11\nreading_min = 0.25\n\
+                 axis_speed_deg_s = 5\nsafe_deg = [[0, -120, 120, 0, 0, 0]]\n";
+    workplace.write("t.toml", workplace.read("s.toml") + table);
+    let json = workplace
+        .run("lab t.toml --quiet --plan plan.csv --json")
+        .ends_with(0)
+        .json();
+    let travel_min = json["travel_deg"].as_f64().expect("a number") / 5.0 / 60.0;
+    let expected = 7.0 + 8.0 * 2.0 + 11.0 + 14.0 * 0.25 + travel_min;
+    let minutes = json["minutes"].as_f64().expect("a number");
+    assert!((minutes - expected).abs() < 1e-9, "{minutes} {expected}");
+    // It begins and ends at the safe pose.
+    let told = read_krl(
+        &workplace.read("out/t/lab/t.src"),
+        &workplace.read("out/t/lab/t.dat"),
+    );
+    let moves: Vec<&Told> = told
+        .iter()
+        .filter(|each| matches!(each, Told::Move(_)))
+        .collect();
+    let home = Told::Move(vec![0.0, -120.0, 120.0, 0.0, 0.0, 0.0]);
+    assert_eq!([moves[0], moves[moves.len() - 1]], [&home, &home]);
+    assert!(
+        workplace
+            .read("out/t/lab/t.src")
+            .contains("BAS (#VEL_PTP,10)")
+    );
+}
+
+/// The order has as few changes of load as there are loads, and short moves; it can be kept.
+#[test]
+fn the_order_is_short_and_can_be_kept() {
+    let workplace = Workplace::new();
+    let text = scenario_text("kr270")
+        .replace("line_of_sight = true", "")
+        .replace("tool_elevation_max_deg = 30", "")
+        .replace(
+            "kind = \"fixed\"\nforce_n = [0, 0, -2500]",
+            "kind = \"any\"\nforce_max_n = 2500",
+        );
+    workplace.write("s.toml", text);
+    let rows: String = [
+        (0, -2500),
+        (40, -1000),
+        (5, -2500),
+        (35, -1000),
+        (10, -2500),
+    ]
+    .map(|(turn, force)| format!("{turn},-90,90,0,30,0,0,0,{force},0,0,0,1\n"))
+    .concat();
+    workplace.write("plan.csv", format!("{COLUMNS}{rows}"));
+    let of = |options: &str| {
+        let json = workplace
+            .run(&format!(
+                "lab s.toml --quiet --plan plan.csv --json {options}"
+            ))
+            .ends_with(0)
+            .json();
+        let stops = json["stops"].as_array().expect("stops").clone();
+        let order: Vec<f64> = stops
+            .iter()
+            .map(|stop| numbers(&stop["experiments"])[0])
+            .collect();
+        (json, order)
+    };
+    let (short, order) = of("");
+    let (kept, given) = of("--keep-order");
+    assert_eq!(short["load_changes"], 2);
+    assert_eq!(kept["load_changes"], 5);
+    assert_eq!(given, [1.0, 2.0, 3.0, 4.0, 5.0].repeat(2));
+    let along = |part: &[f64], wanted: &[f64]| {
+        let reversed: Vec<f64> = wanted.iter().rev().copied().collect();
+        assert!(part == wanted || part == reversed, "{part:?}");
+    };
+    along(&order[..5], &[1.0, 3.0, 5.0, 4.0, 2.0]);
+    along(&order[5..8], &[1.0, 3.0, 5.0]);
+    let minutes = |json: &Value| json["minutes"].as_f64().expect("a number");
+    assert!(minutes(&short) < minutes(&kept));
+}
+
+/// The table that is filled in is one that `identify` reads.
+#[test]
+fn the_table_to_fill_in_is_one_that_identify_reads() {
+    let workplace = Workplace::new();
+    workplace.write("s.toml", scenario_text("klimchik2012"));
+    let plan = project("scenarios/plans/klimchik2012_m3.csv");
+    let lab = format!("lab s.toml --quiet --plan {}", plan.display());
+    let outcome = workplace.run(&lab).ends_with(3);
+    assert!(
+        outcome.stdout.contains("Moves were not looked at"),
+        "{outcome:#?}"
+    );
+    assert!(
+        outcome.stderr.contains("tool elevation is 30.033 deg"),
+        "{outcome:#?}"
+    );
+    let empty = workplace.read("out/s/lab/measurements.csv");
+    let identify = "identify --quiet --measurements out/s/lab/measurements.csv";
+    let outcome = workplace.run(identify).ends_with(1);
+    assert!(outcome.stderr.contains("dx_mm"), "{outcome:#?}");
+    // Filled in with what the virtual robot shows.
+    workplace
+        .run(&format!(
+            "measure s.toml --quiet --plan {} --measurements-out m.csv",
+            plan.display()
+        ))
+        .ends_with(0);
+    let measured = workplace.read("m.csv");
+    let deflections: Vec<(&str, &str)> = (measured.lines())
+        .filter(|line| line.starts_with(|first: char| first.is_ascii_digit() || first == '-'))
+        .map(|line| {
+            let comma = line
+                .match_indices(',')
+                .nth(11)
+                .expect("12 columns before")
+                .0;
+            (&line[..comma], &line[comma..])
+        })
+        .collect();
+    let filled: String = (empty.lines())
+        .map(|line| match line.strip_suffix(",,,") {
+            Some(start) => {
+                let (_, deflection) = (deflections.iter())
+                    .find(|(known, _)| *known == start)
+                    .expect("the same row");
+                format!("{start}{deflection}\n")
+            }
+            None => format!("{line}\n"),
+        })
+        .collect();
+    workplace.write("out/s/lab/measurements.csv", filled);
+    workplace.run(identify).ends_with(0);
+}
+
+/// Dialects are data: a file of one's own serves another robot.
+#[test]
+fn a_dialect_may_be_a_file() {
+    let workplace = Workplace::new();
+    workplace.write("s.toml", scenario_text("planar_3r"));
+    workplace
+        .run("plan s.toml --quiet --no-proof --plan-out plan.csv")
+        .ends_with(0);
+    let outcome = workplace.run("lab s.toml --plan plan.csv").ends_with(1);
+    assert!(
+        outcome
+            .stderr
+            .contains("the dialect krl is for 6 axes; the robot has 3"),
+        "{outcome:#?}"
+    );
+    let own = "name = \"own\"\naxes = [\"a\", \"b\", \"c\"]\nangles = \"degrees\"\ndecimals = 6\n\
+               target = \"<axis>=<value>\"\nbetween = \" \"\nlongest_name = 20\nmove = \"GO <target>\"\n\
+               comment = \"# <text>\"\nhalt = \"STOP <text>\"\nlog = \"KEEP <index>\"\n\
+               [[file]]\nending = \"job\"\ntext = \"JOB <name>\\n<steps>\\n\"\n";
+    workplace.write("own.toml", own);
+    workplace
+        .run("lab s.toml --quiet --plan plan.csv --dialect own.toml")
+        .ends_with(0);
+    let job = workplace.read("out/s/lab/s.job");
+    assert!(job.starts_with("JOB s\n# Stop 1: experiment "), "{job}");
+    let stops = job.lines().filter(|line| line.starts_with("KEEP ")).count();
+    assert_eq!(stops, 6);
+    for (wrong, says) in [
+        ("move", "missing field `move`"),
+        ("axes = [\"a\", \"b\", \"c\"]", "axes is empty"),
+        ("<steps>", "one text needs <steps>"),
+    ] {
+        let text = match wrong {
+            "move" => own.replace("move = ", "# "),
+            "<steps>" => own.replace(wrong, ""),
+            axes => own.replace(axes, "axes = []"),
+        };
+        workplace.write("wrong.toml", text);
+        let outcome = workplace
+            .run("lab s.toml --quiet --plan plan.csv --dialect wrong.toml")
+            .ends_with(1);
+        assert!(
+            outcome
+                .stderr
+                .starts_with("error: wrong.toml: is no dialect: "),
+            "{outcome:#?}"
+        );
+        assert!(outcome.stderr.contains(says), "{outcome:#?}");
+    }
+    assert_eq!(Dialect::names(), ["krl", "urscript"]);
+}
+
+#[test]
+fn wrong_laboratories_are_told() {
+    let workplace = behind_a_pillar();
+    let good = workplace.read("s.toml");
+    for (table, says) in [
+        (
+            "move_min = -1",
+            "laboratory.move_min: found -1; zero or a positive number is allowed",
+        ),
+        (
+            "axis_speed_deg_s = 0",
+            "laboratory.axis_speed_deg_s: found 0",
+        ),
+        (
+            "speed_percent = 101",
+            "laboratory.speed_percent: found 101; 1 to 100 are allowed",
+        ),
+        (
+            "safe_deg = [[0, -90, 90]]",
+            "laboratory.safe_deg[0]: found 3 numbers; the robot has 6 joints",
+        ),
+        (
+            "safe_deg = [[0, 90, 90, 0, 0, 0]]",
+            "laboratory.safe_deg[0]: found 90.0000 for joint 2",
+        ),
+        (
+            "dialect = \"rapid\"",
+            "there is no dialect \"rapid\"; there are krl, urscript",
+        ),
+        ("sped = 1", "unknown field `sped`"),
+    ] {
+        workplace.write("w.toml", format!("{good}[laboratory]\n{table}\n"));
+        let outcome = workplace
+            .run("lab w.toml --quiet --plan plan.csv")
+            .ends_with(1);
+        assert!(outcome.stderr.contains(says), "{says}: {outcome:#?}");
+        assert!(!workplace.path("out/w").exists());
+    }
+    // A robot that is walled in finds no way out.
+    let wall = "[[obstacle]]\nname = \"wall\"\nkind = \"box\"\nsize_mm = [6000, 100, 6000]\nposition_mm = [3400, 0, 3000]\n";
+    let behind = "[[obstacle]]\nname = \"other wall\"\nkind = \"box\"\nsize_mm = [6000, 100, 6000]\nposition_mm = [-3400, 0, 3000]\n";
+    workplace.write("w.toml", good + wall + behind);
+    let outcome = workplace
+        .run("lab w.toml --quiet --plan plan.csv")
+        .ends_with(1);
+    assert!(
+        outcome.stderr.contains("no way is found from experiment "),
+        "{outcome:#?}"
+    );
+    assert!(outcome.stderr.contains("safe_deg"), "{outcome:#?}");
+}
+
+/// Every stop has its approach in the library, too.
+#[test]
+fn campaigns_are_a_function_of_their_inputs() {
+    let workplace = behind_a_pillar();
+    let scenario = Scenario::load(&workplace.path("s.toml")).expect("a scenario");
+    let plan = plan_of(&workplace);
+    let campaign =
+        || Campaign::new(&scenario.task, &scenario.laboratory, &plan, false).expect("ways");
+    let once = campaign();
+    assert_eq!(once, campaign());
+    assert!(once.stops.iter().any(|stop| !stop.way.via.is_empty()));
+    assert!(once.stops.iter().all(|stop| stop.approach.is_some()));
+}
+
+/// The sheet as a browser shows it.
+#[cfg(feature = "view")]
+#[test]
+fn the_run_sheet_looks_well() {
+    let workplace = behind_a_pillar();
+    workplace
+        .run("lab s.toml --quiet --plan plan.csv")
+        .ends_with(0);
+    let sheet = workplace.read("out/s/lab/run_sheet.html");
+    assert_eq!(sheet.matches("class=\"stop\"").count(), 8);
+    assert_eq!(sheet.matches("hang the load (0, 0, -2500) N").count(), 1);
+    assert_eq!(sheet.matches("class=\"tick\"").count(), 8);
+    crate::browser::looks_well(&workplace.path("out/s/lab/run_sheet.html"), 8);
+}

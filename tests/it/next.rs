@@ -1,0 +1,146 @@
+//! What to measure next, after some of a plan is measured.
+
+use serde_json::Value;
+
+use crate::support::{Workplace, numbers, scenario_text};
+
+/// A scenario, a plan of six, and the measurements of its first experiments.
+fn after(measured: usize) -> Workplace {
+    let workplace = Workplace::new();
+    workplace.write("s.toml", scenario_text("klimchik2012"));
+    workplace
+        .run("plan s.toml --quiet --no-proof --experiments 6 --plan-out plan.csv")
+        .ends_with(0);
+    let lines = workplace.read("plan.csv");
+    let first: Vec<&str> = lines.lines().take(1 + measured).collect();
+    workplace.write("first.csv", first.join("\n") + "\n");
+    workplace
+        .run("measure s.toml --quiet --plan first.csv --measurements-out m.csv")
+        .ends_with(0);
+    workplace
+}
+
+fn micro(json: &Value, key: &str) -> f64 {
+    json[key]
+        .as_f64()
+        .unwrap_or_else(|| panic!("{key}: {json:#}"))
+        * 1e3
+}
+
+/// The rest goes with what is measured: together they promise what `next` says, and as much as a plan of all
+/// that was made at once, since planning does not depend on the compliances.
+#[test]
+fn the_rest_goes_with_what_is_measured() {
+    let workplace = after(3);
+    let json = workplace
+        .run("next --quiet --measurements m.csv --plan plan.csv --plan-out rest.csv --json")
+        .ends_with(0)
+        .json();
+    assert_eq!(json["measured"], 3);
+    assert_eq!(json["reached"], true);
+    let rest = workplace.read("rest.csv");
+    let measured = workplace.read("first.csv");
+    let rows: Vec<&str> = rest.lines().skip(1).collect();
+    let count: u32 = rows
+        .iter()
+        .map(|row| {
+            row.rsplit(',')
+                .next()
+                .and_then(|each| each.parse::<u32>().ok())
+                .expect("repeats")
+        })
+        .sum();
+    assert_eq!(count, 3);
+    workplace.write("all.csv", measured + &rows.join("\n") + "\n");
+    let all = workplace
+        .run("evaluate s.toml --quiet --no-proof --plan all.csv --json")
+        .json();
+    let (promised, evaluated) = (micro(&json, "rho0_mm"), micro(&all, "rho0_mm"));
+    assert!(
+        (promised / evaluated - 1.0).abs() < 1e-9,
+        "{promised} {evaluated}"
+    );
+    let old = micro(&json, "old_rest_rho0_mm");
+    assert!(promised < old * 1.001, "{promised} {old}");
+    assert!(promised >= micro(&json, "lower_bound_rho0_mm"));
+    // What is measured alone is worse.
+    assert!(micro(&json, "measured_rho0_mm") > 1.2 * promised);
+}
+
+/// As few measurements as give an accuracy; none where it is reached.
+#[test]
+fn an_accuracy_takes_as_few_as_needed() {
+    let workplace = after(4);
+    let next = |accuracy: f64, code: i32, options: &str| {
+        workplace
+            .run(&format!(
+                "next --quiet --measurements m.csv --json --accuracy-um {accuracy} {options}"
+            ))
+            .ends_with(code)
+            .json()
+    };
+    let reached = next(100.0, 0, "");
+    assert_eq!(
+        (&reached["reached"], &reached["plan"]),
+        (&Value::from(true), &serde_json::json!([]))
+    );
+    let now = micro(&reached, "measured_rho0_mm");
+    let wanted = 0.93 * now;
+    let more = next(wanted, 0, "");
+    assert_eq!(more["reached"], true);
+    assert!(micro(&more, "rho0_mm") <= wanted);
+    let count = |json: &Value| -> f64 {
+        let plan = json["plan"].as_array().expect("a plan");
+        plan.iter()
+            .map(|each| each["repeats"].as_f64().expect("a number"))
+            .sum()
+    };
+    let needed = count(&more);
+    assert!(needed >= 1.0);
+    let far = next(0.1 * now, 3, "--experiments 6");
+    assert_eq!(far["reached"], false);
+    assert!((count(&far) - 2.0).abs() < 0.1);
+}
+
+/// A configuration that turned out impossible, and those near it, are not planned again.
+#[test]
+fn what_is_impossible_is_replaced() {
+    let workplace = after(3);
+    let plan = workplace.read("plan.csv");
+    let impossible: Vec<f64> = plan
+        .lines()
+        .nth(5)
+        .map(|row| {
+            row.split(',')
+                .take(6)
+                .map(|each| each.parse().expect("a number"))
+                .collect()
+        })
+        .expect("a row");
+    let json = workplace
+        .run("next --quiet --measurements m.csv --plan plan.csv --skip 5 --skip-within-deg 12 --json")
+        .ends_with(0)
+        .json();
+    let next = json["plan"].as_array().expect("a plan");
+    assert!(!next.is_empty());
+    for experiment in next {
+        let q = numbers(&experiment["q_deg"]);
+        let apart = (q.iter().zip(&impossible))
+            .map(|(one, other)| (one - other).abs())
+            .fold(0.0, f64::max);
+        assert!(apart > 12.0, "{apart} deg");
+    }
+    let outcome = workplace
+        .run("next --quiet --measurements m.csv --plan plan.csv --skip 7")
+        .ends_with(1);
+    assert!(
+        outcome
+            .stderr
+            .contains("plan.csv: --skip: found 7; 1 to 6 are allowed"),
+        "{outcome:#?}"
+    );
+    let outcome = workplace
+        .run("next --quiet --measurements m.csv --skip 2")
+        .ends_with(2);
+    assert!(outcome.stderr.contains("--plan"), "{outcome:#?}");
+}
