@@ -169,13 +169,11 @@ pub fn pose_conditions(belief: &Belief, poses: &[CompensatedPose]) -> Vec<String
         for (joint, &angle) in (belief.nominal.chain.joints.iter()).zip(&pose.commanded_rad) {
             let [low, high] = joint.range_rad;
             if !(low..=high).contains(&angle) {
+                let [(angle, unit), (low, _), (high, _)] =
+                    [angle, low, high].map(|value| joint.drive.shown(value));
                 conditions.push(format!(
-                    "test pose {:?}: {} would be commanded to {:.4} deg; its limits are {:.4} to {:.4} deg",
-                    pose.name,
-                    joint.name,
-                    angle.to_degrees(),
-                    low.to_degrees(),
-                    high.to_degrees()
+                    "test pose {:?}: {} would be commanded to {angle:.4} {unit}; its limits are {low:.4} to {high:.4} {unit}",
+                    pose.name, joint.name,
                 ));
             }
         }

@@ -184,13 +184,7 @@ fn describe(understanding: &Understanding) -> String {
 
 /// The range of what a joint is commanded, or where a passive one is relaxed.
 fn range(joint: &UnderstoodJoint) -> String {
-    let shown = |value: f64| {
-        if joint.drive.slides {
-            value * 1e3
-        } else {
-            value.to_degrees()
-        }
-    };
+    let shown = |value: f64| joint.drive.shown(value).0;
     let unit = if joint.drive.slides { " mm" } else { "" };
     if let Some(rest) = joint.drive.passive_at {
         return format!("{:.3}{unit}", shown(rest));
@@ -221,12 +215,10 @@ fn describe_pose(understanding: &Understanding, pose: &UnderstoodPose) -> String
     };
     let bent = match &pose.bent {
         Ok(bent) => {
-            let turned = |(joint, angle_rad): (usize, f64)| {
-                format!(
-                    "{} by {:.4} deg",
-                    understanding.joints[joint].name,
-                    angle_rad.to_degrees()
-                )
+            let turned = |(joint, moved): (usize, f64)| {
+                let joint = &understanding.joints[joint];
+                let (moved, unit) = joint.drive.shown(moved);
+                format!("{} by {moved:.4} {unit}", joint.name)
             };
             format!(
                 "The robot's own weight bends it by {:.3} mm there ({}), the task load by {:.3} mm ({}).",

@@ -89,7 +89,7 @@ impl Compensate {
                     "uncompensated [mm]",
                     "compensated [mm]",
                     "predicted rms [mm]",
-                    "commanded angles [deg]",
+                    &format!("commanded angles [{}]", commands.unit()),
                 ],
                 &rows,
             ),

@@ -228,12 +228,13 @@ impl<'a> Feasibility<'a> {
                 } else {
                     return None;
                 };
+                let (found, unit) = joint.drive.shown(angle);
                 Some(Violation {
                     experiment: Some(number),
                     what: joint.name.clone(),
-                    found: angle.to_degrees(),
-                    bound: bound.to_degrees(),
-                    unit: "deg",
+                    found,
+                    bound: joint.drive.shown(bound).0,
+                    unit,
                     words: None,
                 })
             })

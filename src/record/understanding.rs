@@ -49,7 +49,7 @@ pub struct GivingWayMessage {
     /// How far (mm), where it ties places.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub distance_mm: Option<f64>,
-    /// How far (deg), where it ties angles.
+    /// How far (deg), where it ties angles, or a weld's orientation.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub angle_deg: Option<f64>,
 }
@@ -59,7 +59,9 @@ impl TrueRobotMessage {
         let gives_way = truth.gives_way.iter().map(|each| GivingWayMessage {
             element: each.element.clone(),
             distance_mm: (!each.is_angle).then_some(each.distance * 1e3),
-            angle_deg: each.is_angle.then_some(each.distance.to_degrees()),
+            angle_deg: (each.is_angle.then_some(each.distance))
+                .or(each.weld_rad)
+                .map(f64::to_degrees),
         });
         Self {
             reason: truth.reason.clone(),
@@ -117,13 +119,7 @@ impl UnderstandingMessage {
     pub fn new(understanding: &Understanding) -> Self {
         let joints = understanding.joints.iter().map(|joint| JointMessage {
             name: joint.name.clone(),
-            range_deg: joint.range_rad.map(|value| {
-                if joint.drive.slides {
-                    value * 1e3
-                } else {
-                    value.to_degrees()
-                }
-            }),
+            range_deg: joint.range_rad.map(|value| joint.drive.shown(value).0),
             slides: joint.drive.slides,
             passive: joint.drive.passive_at.is_some(),
             stiffness_nm_per_rad: Some(joint.compliance_rad_per_nm.recip())
@@ -132,6 +128,10 @@ impl UnderstandingMessage {
             identified: joint.is_parameter,
             moving_mass_kg: joint.moving_mass_kg,
         });
+        let turn = |(joint, moved): (usize, f64)| {
+            let slides = understanding.joints[joint].drive.slides;
+            (!slides).then(|| moved.to_degrees())
+        };
         let poses = understanding.poses.iter().map(|pose| {
             let bent = pose.bent.as_ref().ok();
             let moved = |motion: fn(&Bent) -> Vector3<f64>| bent.map(motion).map(millimetres);
@@ -140,9 +140,9 @@ impl UnderstandingMessage {
                 calibration_tool_mm: millimetres(pose.calibration_tool_m),
                 machining_tool_mm: millimetres(pose.machining_tool_m),
                 own_weight_mm: moved(|bent| bent.own_weight_m),
-                own_weight_deg: bent.map(|bent| bent.own_weight_joint.1.to_degrees()),
+                own_weight_deg: bent.and_then(|bent| turn(bent.own_weight_joint)),
                 task_load_mm: moved(|bent| bent.task_load_m),
-                task_load_deg: bent.map(|bent| bent.task_load_joint.1.to_degrees()),
+                task_load_deg: bent.and_then(|bent| turn(bent.task_load_joint)),
             }
         });
         Self {

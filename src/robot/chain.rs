@@ -15,6 +15,19 @@ pub struct Drive {
     pub passive_at: Option<f64>,
 }
 
+impl Drive {
+    /// A coordinate, or a difference of two, as a person reads it: in degrees, or in millimetres where the
+    /// joint slides.
+    #[must_use]
+    pub fn shown(self, value: f64) -> (f64, &'static str) {
+        if self.slides {
+            (value * 1e3, "mm")
+        } else {
+            (value.to_degrees(), "deg")
+        }
+    }
+}
+
 /// One joint, hinge or slide, and the rigid link that it moves.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Joint {

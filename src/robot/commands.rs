@@ -80,6 +80,13 @@ impl Commands {
             .collect()
     }
 
+    /// The column of a joint; none where it is passive.
+    #[must_use]
+    pub fn column(&self, joint: usize) -> Option<String> {
+        let place = self.written().position(|(index, _)| index == joint)?;
+        self.columns().into_iter().nth(place)
+    }
+
     /// The unit of shown numbers, for a heading.
     #[must_use]
     pub fn unit(&self) -> &'static str {

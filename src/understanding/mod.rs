@@ -72,11 +72,12 @@ pub struct UnderstoodPose {
 pub struct Bent {
     /// The machining tool's motion under the robot's own weight, from the commanded angles (m).
     pub own_weight_m: Vector3<f64>,
-    /// The joint that turns most under the own weight, and its angle (rad).
+    /// The joint that turns most under the own weight, and its angle (rad); where all slide, which slides
+    /// most (m).
     pub own_weight_joint: (usize, f64),
     /// The machining tool's motion under the task load, beside the own weight (m).
     pub task_load_m: Vector3<f64>,
-    /// The joint that turns most under the task load, and its angle (rad).
+    /// The same under the task load.
     pub task_load_joint: (usize, f64),
 }
 
@@ -184,19 +185,20 @@ fn bent(scenario: &Scenario, pose: &TestPose) -> Result<Bent, EquilibriumError> 
     let commanded_m = arm.state(commanded).tool_position;
     Ok(Bent {
         own_weight_m: unloaded_m - commanded_m,
-        own_weight_joint: largest_turn(&unloaded, commanded),
+        own_weight_joint: largest_turn(&robot.chain, &unloaded, commanded),
         task_load_m: loaded_m - unloaded_m,
-        task_load_joint: largest_turn(&loaded, &unloaded),
+        task_load_joint: largest_turn(&robot.chain, &loaded, &unloaded),
     })
 }
 
-/// The joint whose angles differ most, and by how much (rad).
-fn largest_turn(to: &[f64], from: &[f64]) -> (usize, f64) {
+/// The joint whose angles differ most, and by how much (rad); where all slide, by their lengths (m).
+fn largest_turn(chain: &SerialChain, to: &[f64], from: &[f64]) -> (usize, f64) {
+    let slides = |joint: usize| chain.joints[joint].drive.slides;
+    let all_slide = (0..chain.len()).all(slides);
     let turns = to.iter().zip(from).map(|(to, from)| (to - from).abs());
-    turns.enumerate().fold(
-        (0, 0.0),
-        |most, turn| {
-            if turn.1 > most.1 { turn } else { most }
-        },
-    )
+    let turns = turns
+        .enumerate()
+        .filter(|turn| all_slide || !slides(turn.0));
+    let larger = |most: (usize, f64), turn: (usize, f64)| if turn.1 > most.1 { turn } else { most };
+    turns.reduce(larger).unwrap_or((0, 0.0))
 }

@@ -89,21 +89,18 @@ fn masses(understood: &Understanding) -> Option<String> {
 
 fn ranges(scenario: &Scenario) -> Option<String> {
     let joints = &scenario.task.belief.nominal.chain.joints;
+    let joints = || joints.iter().filter(|joint| !joint.drive.slides);
     let far = |range: &[f64; 2]| range[0].abs().max(range[1].abs());
-    if let Some(joint) = joints
-        .iter()
-        .find(|joint| far(&joint.range_rad) > RANGE_RAD)
-    {
+    if let Some(joint) = joints().find(|joint| far(&joint.range_rad) > RANGE_RAD) {
         let [low, high] = joint.range_rad.map(f64::to_degrees);
         return Some(format!(
             "{} turns from {low:.0} to {high:.0} deg: is its range in degrees? MuJoCo takes radians under angle=\"radian\", and for a joint with limited=\"false\" always",
             joint.name
         ));
     }
-    let widest = joints
-        .iter()
+    let widest = joints()
         .map(|joint| far(&joint.range_rad))
-        .fold(0.0, f64::max);
+        .reduce(f64::max)?;
     (widest <= TAU.to_radians()).then(|| {
         format!(
             "no joint turns further than {:.2} deg: are the model's ranges in radians? MJCF has degrees without <compiler angle=\"radian\"/>",
@@ -167,19 +164,23 @@ fn bent(joints: &[UnderstoodJoint], pose: &UnderstoodPose) -> Option<String> {
         ("the task load", &bent.task_load_m, bent.task_load_joint),
     ]
     .into_iter()
-    .find(|(_, moved, (_, turned))| moved.norm() > BENT_M || *turned > BENT_RAD)
+    .find(|(_, moved, (joint, turned))| {
+        moved.norm() > BENT_M || (*turned > BENT_RAD && !joints[*joint].drive.slides)
+    })
     .map(|(what, moved, (joint, turned))| {
         let UnderstoodJoint {
             name,
             compliance_rad_per_nm,
+            drive,
             ..
         } = &joints[joint];
+        let (turned, unit) = drive.shown(turned);
+        let of_stiffness = if drive.slides { "N/m" } else { "N m/rad" };
         format!(
-            "at {:?} {what} bends the robot by {:.0} mm, and {name} (stiffness {:.4e} N m/rad) by {:.1} deg: {GAIN}",
+            "at {:?} {what} bends the robot by {:.0} mm, and {name} (stiffness {:.4e} {of_stiffness}) by {turned:.1} {unit}: {GAIN}",
             pose.name,
             moved.norm() * 1e3,
             compliance_rad_per_nm.recip(),
-            turned.to_degrees()
         )
     })
 }

@@ -6,7 +6,7 @@ use elastocal::mujoco::Model;
 use elastocal::observation::{Observation, Reading, Setup, Whitener};
 use elastocal::parameter::{ElasticArm, ParameterKind, ParameterSet};
 use elastocal::random::generator;
-use elastocal::robot::{KnownJoint, Load, TrueRobot};
+use elastocal::robot::{EquilibriumSolver, KnownJoint, Load, TrueRobot};
 use elastocal::scenario::Scenario;
 use elastocal::testbed::VirtualRobot;
 use nalgebra::{DVector, Vector3};
@@ -193,6 +193,151 @@ fn a_compensator_is_identified_with_the_compliances() {
     let rms_um = (fit.square / fit.rows as f64).sqrt() * sigma_m * 1e6;
     println!("without: {rms_um:.1} um left");
     assert!(rms_um > 100.0, "{rms_um} um");
+}
+
+/// What is measured: how loads move the tool, or where it is, loaded and not.
+#[derive(Clone, Copy, PartialEq)]
+enum Campaign {
+    Deflections,
+    Positions,
+}
+
+/// The noise of a coordinate (m).
+const SIGMA_M: f64 = 3e-5;
+
+fn campaign(truth: &TrueRobot, scenario: &Scenario, kind: Campaign, run: u64) -> Vec<Observation> {
+    let mut robot = VirtualRobot::new(truth, SITE).expect("there is");
+    let mut random = generator(6, run);
+    let whitener = Whitener::independent(Vector3::repeat(SIGMA_M), Vector3::repeat(1.0));
+    (0..60)
+        .map(|index| {
+            let ranges = scenario.task.region.joint_range_rad.iter();
+            let q = ranges.map(|[low, high]| random.random_range(0.4 * low..=0.4 * high));
+            let q = DVector::from_iterator(6, q);
+            let load = [WEIGHT, Load::force(0.0, 2000.0, 0.0), Load::NONE][index % 3];
+            let load = if kind == Campaign::Deflections && load == Load::NONE {
+                WEIGHT
+            } else {
+                load
+            };
+            let mut rest = |load: &Load| robot.rest(&q, load).expect("stable").0;
+            let noise = Vector3::from_fn(|_, _| {
+                // Of twelve uniform numbers, a nearly normal one.
+                let sum: f64 = (0..12).map(|_| random.random_range(-0.5..0.5)).sum();
+                sum * SIGMA_M
+            });
+            let reading = match kind {
+                Campaign::Deflections => Reading::Deflection {
+                    position_m: rest(&load) - rest(&Load::NONE) + noise,
+                    rotation_rad: None,
+                },
+                Campaign::Positions => Reading::Position {
+                    position_m: rest(&load) + noise,
+                },
+            };
+            Observation {
+                setup: Setup {
+                    commanded_rad: q,
+                    load,
+                    target: 0,
+                },
+                reading,
+                whitener,
+            }
+        })
+        .collect()
+}
+
+/// What a belief without the compensator costs at the test pose, and what identifying the compensator
+/// gives, for a robot whose compliances and compensator are not as they are believed to be.
+#[test]
+fn what_a_compensator_costs_at_the_test_pose() {
+    const RUNS: u64 = 20;
+    let pose = &scenario("kr270").task.test_poses[0];
+    println!(
+        "| truth | belief | identified from | readings off by [um] | deflection off by [um] | position off by [um] |\n|---|---|---|---:|---:|---:|"
+    );
+    let mut found = Vec::new();
+    for truth_name in ["kr270_compensator", "kr270_flexible"] {
+        let mut truth = scenario(truth_name).truth.robot;
+        for (value, factor) in
+            (truth.compliance_rad_per_nm.iter_mut()).zip([1.2, 0.85, 1.1, 0.9, 1.15, 1.0])
+        {
+            *value *= factor;
+        }
+        let chain = truth.chain.as_mut().expect("a chain");
+        chain.elements.springs[0].stiffness_n_per_m *= 0.95;
+        chain.elements.springs[0].rest_m = [0.462; 2];
+        let mut robot = VirtualRobot::new(&truth, "machining_tcp").expect("there is");
+        let mut seen = |load: &Load| robot.rest(&pose.configuration_rad, load).expect("stable").0;
+        let (unloaded_m, loaded_m) = (seen(&Load::NONE), seen(&pose.load));
+        for (belief_name, model, with_spring) in [
+            ("without compensator", "kr270", false),
+            ("compensator as in the file", "kr270_compensator", false),
+            ("compensator identified", "kr270_compensator", true),
+        ] {
+            let scenario = scenario(model);
+            let belief = &scenario.task.belief;
+            let nominal = ElasticArm::new(
+                belief.nominal.chain.clone(),
+                belief.nominal.compliance_rad_per_nm.clone(),
+                vec![
+                    belief.calibration_tool.clone(),
+                    belief.machining_tool.clone(),
+                ],
+            );
+            let mut kinds: Vec<ParameterKind> = (0..6)
+                .map(|joint| ParameterKind::JointCompliance { joint })
+                .collect();
+            if with_spring {
+                kinds.push(ParameterKind::SpringStiffness { spring: 0 });
+                kinds.push(ParameterKind::SpringRest { spring: 0 });
+            }
+            let set = ParameterSet::new(&nominal, kinds.iter().map(|&kind| (kind, None)));
+            let set = set.expect("a set");
+            for (campaign_name, kind) in [
+                ("60 deflections", Campaign::Deflections),
+                ("60 positions", Campaign::Positions),
+            ] {
+                let mut squares = [0.0; 3];
+                for run in 0..RUNS {
+                    let observations = campaign(&truth, &scenario, kind, run);
+                    let fit = fit_parameters(&nominal, &set, &observations).expect("it converges");
+                    let arm = &fit.belief;
+                    let mut solver = EquilibriumSolver::new(6);
+                    let mut rest = |load: &Load| {
+                        let mut arm_at_tool = arm.chain.at(&arm.tools[1]);
+                        let q = pose.configuration_rad.as_slice();
+                        solver
+                            .solve(&mut arm_at_tool, &arm.compliance_rad_per_nm, q, load)
+                            .expect("stable");
+                        solver.state().tool_position
+                    };
+                    let (from, to) = (rest(&Load::NONE), rest(&pose.load));
+                    squares[0] += fit.square / fit.rows as f64 * SIGMA_M * SIGMA_M;
+                    squares[1] += ((to - from) - (loaded_m - unloaded_m)).norm_squared();
+                    squares[2] += (to - loaded_m).norm_squared();
+                }
+                let rms_um = squares.map(|square| (square / RUNS as f64).sqrt() * 1e6);
+                let [readings, deflection, position] = rms_um;
+                println!(
+                    "| {truth_name} | {belief_name} | {campaign_name} | {readings:.1} | {deflection:.1} | {position:.1} |"
+                );
+                found.push(rms_um);
+            }
+        }
+    }
+    let deflection = |row: usize| found[row][1];
+    let position = |row: usize| found[row][2];
+    // Deflections hardly tell of the compensator, positions do, and without it in the belief they spoil the
+    // compliances.
+    assert!(deflection(0) < 10.0 && position(0) > 200.0);
+    assert!(deflection(1) > 50.0 && position(1) > 200.0);
+    // Identified from positions it is known; from deflections it is not.
+    assert!(deflection(5) < 10.0 && position(5) < 15.0);
+    assert!(position(4) > 100.0);
+    // What bends beside the joints is left.
+    assert!(position(11) < 0.5 * position(9) && position(11) > 3.0 * position(5));
 }
 
 /// A belief without the compensator: deflections hardly tell, and compensation works.

@@ -213,6 +213,20 @@ fn every_command_works_with_passive_joints_slides_and_springs() {
         plan.starts_with("q1_deg,q2_deg,q3_deg,q4_mm,fx_n"),
         "{plan}"
     );
+    // A slide's violations are in its own unit.
+    let mut lines: Vec<String> = plan.lines().map(str::to_owned).collect();
+    let mut numbers: Vec<&str> = lines[1].split(',').collect();
+    numbers[3] = "312.5";
+    lines[1] = numbers.join(",");
+    workplace.write("beyond.csv", lines.join("\n"));
+    let beyond = workplace
+        .run("check arm.toml --plan beyond.csv")
+        .ends_with(3);
+    let said = format!("{}{}", beyond.stdout, beyond.stderr);
+    assert!(
+        said.contains("quill is 312.500 mm; the bound is 300.000 mm"),
+        "{said}"
+    );
     workplace
         .run("measure arm.toml --plan plan.csv --measurements-out measured.csv --quiet")
         .ends_with(0);

@@ -4,6 +4,7 @@ use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 
 use super::hypotheses::{GRAVITY, Hypothesis};
 use super::{Case, Identification, Mistake};
+use crate::robot::{Commands, Joint};
 
 /// So many pairs of rows are listed.
 const LISTED: usize = 5;
@@ -17,17 +18,20 @@ pub fn fact(case: &Case<'_>, mistake: &Mistake) -> String {
             joint,
             angle_rad,
         } => {
-            let [from, to] = case.nominal.chain.joints[*joint].range_rad;
+            let Joint {
+                range_rad: [from, to],
+                drive,
+                ..
+            } = case.nominal.chain.joints[*joint];
+            let [(angle, unit), (from, _), (to, _)] =
+                [*angle_rad, from, to].map(|value| drive.shown(value));
             format!(
                 "{measurements} of {} measurements have commanded angles outside the joints' ranges: \
-                 {} of measurement {} is {:.1} deg, allowed are {:.1} to {:.1} deg. Check units, signs \
+                 {} of measurement {} is {angle:.1} {unit}, allowed are {from:.1} to {to:.1} {unit}. Check units, signs \
                  and order of the angles' columns",
                 case.measurements.len(),
                 column(case, *joint),
                 measurement + 1,
-                angle_rad.to_degrees(),
-                from.to_degrees(),
-                to.to_degrees()
             )
         }
         Mistake::IdenticalRows(pairs) => format!(
@@ -123,11 +127,12 @@ fn short(value: f64) -> String {
 }
 
 fn column(case: &Case<'_>, joint: usize) -> String {
-    format!(
-        "q{}_deg ({})",
-        joint + 1,
-        case.nominal.chain.joints[joint].name
-    )
+    let chain = &case.nominal.chain;
+    let name = &chain.joints[joint].name;
+    match Commands::from(chain).column(joint) {
+        Some(column) => format!("{column} ({name})"),
+        None => name.clone(),
+    }
 }
 
 fn columns(case: &Case<'_>, joints: &[usize]) -> String {
@@ -237,8 +242,13 @@ fn remedy(case: &Case<'_>, mistake: &Mistake) -> String {
             format!("Multiply dx_mm, dy_mm, dz_mm by {factor}")
         }
         Mistake::AngleUnit(factor) => {
-            let last = case.nominal.chain.len();
-            format!("Multiply q1_deg to q{last}_deg by {factor:.6}")
+            let mut angles = Commands::from(&case.nominal.chain).columns();
+            angles.retain(|column| column.ends_with("_deg"));
+            if let [first, _, .., last] = angles.as_slice() {
+                format!("Multiply {first} to {last} by {factor:.6}")
+            } else {
+                format!("Multiply {} by {factor:.6}", angles.join(", "))
+            }
         }
         Mistake::JointSigns(_) => {
             "Change the sign of these angles, or of the joints' axes in the model".to_owned()

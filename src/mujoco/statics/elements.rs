@@ -165,6 +165,13 @@ pub(super) fn equality_element(model: &MjModel, equality: usize) -> String {
     element(model, MjtObjBase::mjOBJ_EQUALITY, &tag, equality)
 }
 
+/// What multiplies the sine of half the angle in a weld's residual (m).
+pub(super) fn weld_scale(model: &MjModel, equality: usize) -> Option<f64> {
+    // Where MuJoCo has the attribute torquescale.
+    let scale = model.eq_data()[equality][10];
+    (model.eq_type()[equality] == MjtEq::mjEQ_WELD && scale > 0.0).then_some(scale)
+}
+
 /// Whether the residual of an equality constraint is an angle (true) or a length (false).
 pub(super) fn couples_angles(model: &MjModel, equality: usize) -> Option<bool> {
     match model.eq_type()[equality] {

@@ -130,6 +130,12 @@ impl Model {
         elements::couples_angles(&self.inner, equality)
     }
 
+    /// What multiplies the sine of half the angle in a weld's residual (m); none for other constraints, and
+    /// where a weld leaves the orientation free.
+    pub(super) fn weld_scale(&self, equality: usize) -> Option<f64> {
+        elements::weld_scale(&self.inner, equality)
+    }
+
     /// The error for a joint of a virtual robot that is to be commanded and that is not held by one
     /// position actuator.
     pub(crate) fn check_commanded(&self, joint: usize) -> Result<(), ModelError> {
