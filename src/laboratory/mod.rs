@@ -19,6 +19,6 @@ mod ways;
 pub use campaign::{Campaign, CampaignError, Side, Stop};
 pub use clearance::PathJudge;
 pub use dialect::{Dialect, DialectError};
-pub use program::{Program, ProgramFile, Step, program};
+pub use program::{Program, ProgramFile, ProgramStep, program};
 pub use settings::{Costs, Laboratory};
 pub use ways::{Way, Ways};

@@ -13,7 +13,7 @@ const LONGEST_TEXT: usize = 100;
 
 /// One step of a program.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Step {
+pub enum ProgramStep {
     /// A remark.
     Remark(String),
     /// A move of all joints together to a configuration (rad, m), at whose end the robot rests.
@@ -30,7 +30,7 @@ pub struct Program {
     /// What it is, in a line.
     pub title: String,
     /// Its steps.
-    pub steps: Vec<Step>,
+    pub steps: Vec<ProgramStep>,
 }
 
 /// A file of a program.
@@ -47,28 +47,35 @@ pub struct ProgramFile {
 pub fn program(campaign: &Campaign, title: &str) -> Program {
     let mut steps = Vec::new();
     if let Some(home) = &campaign.home {
-        steps.push(Step::Remark("Start at the first safe pose".to_owned()));
-        steps.push(Step::Move(home.clone()));
+        steps.push(ProgramStep::Remark(
+            "Start at the first safe pose".to_owned(),
+        ));
+        steps.push(ProgramStep::Move(home.clone()));
     }
     for (index, stop) in campaign.stops.iter().enumerate() {
-        steps.push(Step::Remark(remark(index + 1, stop)));
-        steps.extend(stop.way.via.iter().cloned().map(Step::Move));
-        steps.extend(stop.approach.iter().cloned().map(Step::Move));
+        steps.push(ProgramStep::Remark(remark(index + 1, stop)));
+        steps.extend(stop.way.via.iter().cloned().map(ProgramStep::Move));
+        steps.extend(stop.approach.iter().cloned().map(ProgramStep::Move));
         if let (Some(load), true) = (&stop.load, stop.changes_load) {
             if stop.approach.is_none() {
-                steps.push(Step::Move(stop.configuration.clone()));
+                steps.push(ProgramStep::Move(stop.configuration.clone()));
             }
-            steps.push(Step::Halt(format!("Hang the load {}", in_words(load))));
+            steps.push(ProgramStep::Halt(format!(
+                "Hang the load {}",
+                in_words(load)
+            )));
         }
-        steps.push(Step::Move(stop.configuration.clone()));
+        steps.push(ProgramStep::Move(stop.configuration.clone()));
         let times = counted(stop.readings.into(), "reading");
-        steps.push(Step::Halt(format!("Stop {}: {times}", index + 1)));
-        steps.push(Step::Log);
+        steps.push(ProgramStep::Halt(format!("Stop {}: {times}", index + 1)));
+        steps.push(ProgramStep::Log);
     }
     if let (Some(home), Some(way)) = (&campaign.home, &campaign.return_way) {
-        steps.push(Step::Remark("Back to the first safe pose".to_owned()));
-        steps.extend(way.via.iter().cloned().map(Step::Move));
-        steps.push(Step::Move(home.clone()));
+        steps.push(ProgramStep::Remark(
+            "Back to the first safe pose".to_owned(),
+        ));
+        steps.extend(way.via.iter().cloned().map(ProgramStep::Move));
+        steps.push(ProgramStep::Move(home.clone()));
     }
     Program {
         title: title.to_owned(),
@@ -106,12 +113,12 @@ impl Program {
         let mut logs = 0_usize;
         let lines: Vec<String> = (self.steps.iter())
             .map(|step| match step {
-                Step::Remark(text) => dialect.comment.replace("<text>", &plain(text)),
-                Step::Move(q) => (dialect.movement)
+                ProgramStep::Remark(text) => dialect.comment.replace("<text>", &plain(text)),
+                ProgramStep::Move(q) => (dialect.movement)
                     .replace("<target>", &target(dialect, commands, q))
                     .replace("<speed>", &speed),
-                Step::Halt(text) => dialect.halt.replace("<text>", &plain(text)),
-                Step::Log => {
+                ProgramStep::Halt(text) => dialect.halt.replace("<text>", &plain(text)),
+                ProgramStep::Log => {
                     logs += 1;
                     dialect.log.replace("<index>", &logs.to_string())
                 }
