@@ -6,6 +6,7 @@
 //! the commanded angles to first order in compliance (eqs. 3 to 8, extended), for planning; and through
 //! the static equilibrium, for identification.
 
+mod first_order;
 mod information;
 mod model;
 mod reading;
@@ -14,6 +15,7 @@ mod sweep;
 #[cfg(test)]
 mod tests;
 
+pub use first_order::FirstOrder;
 pub use information::{NormalEquations, normal_equations, planned_information};
 pub use model::{Form, ObservationModel};
 pub use reading::{Observation, PlannedReading, Prediction, Reading, ReadingKind, Setup, Whitener};

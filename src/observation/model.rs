@@ -118,7 +118,7 @@ impl<'a> ObservationModel<'a> {
         for (joint, commanded) in self.commanded_rad.iter_mut().enumerate() {
             *commanded = setup.commanded_rad[joint] + self.belief.zero_rad[joint];
         }
-        setup.load.scaled(self.belief.load_scale)
+        self.belief.acting(&setup.load)
     }
 
     /// The target's position and orientation in the base frame, or J k J^T W and the rotation that

@@ -16,7 +16,7 @@
 use nalgebra::{DMatrix, Isometry3, Matrix3, Matrix6x3, Matrix6xX, Rotation3, Vector3, Vector6};
 
 use super::rotation::left_jacobian;
-use crate::parameter::{ElasticArm, ParameterKind, ParameterSet};
+use crate::parameter::{ElasticArm, ParameterKind, ParameterSet, along};
 use crate::robot::{KinematicState, Load, Motion, SerialChain};
 
 /// The directions of a frame's displacement and rotation parameters.
@@ -219,14 +219,13 @@ impl Sweep {
                         self.inner[payload.link + 1] * moment
                     })
                 }
-                ParameterKind::LoadScale => {
-                    let mut column = Vector6::zeros();
-                    for joint in 0..pose.torque.len() {
-                        let torque = pose.state.load_torque(joint, pose.load);
-                        let compliance = pose.belief.compliance_rad_per_nm[joint];
-                        column += self.response_to(joint) * (torque * compliance);
-                    }
-                    column
+                ParameterKind::LoadScale => self.of_load(pose, pose.load),
+                ParameterKind::LoadOffset => {
+                    let along = Load {
+                        force_n: along(pose.load),
+                        torque_nm: Vector3::zeros(),
+                    };
+                    self.of_load(pose, &along.scaled(pose.belief.load_scale))
                 }
                 ParameterKind::ToolPosition { .. }
                 | ParameterKind::ToolRotation { .. }
@@ -278,6 +277,17 @@ impl Sweep {
             self.bent_from[joint] = self.bent_from[joint + 1]
                 + state.position_column(joint) * (compliance[joint] * pose.torque[joint]);
         }
+    }
+
+    /// What more of a load moves.
+    fn of_load(&self, pose: &SweepPose<'_>, load: &Load) -> Vector6<f64> {
+        let mut column = Vector6::zeros();
+        for joint in 0..pose.torque.len() {
+            let torque = pose.state.load_torque(joint, load);
+            let compliance = pose.belief.compliance_rad_per_nm[joint];
+            column += self.response_to(joint) * (torque * compliance);
+        }
+        column
     }
 
     /// The tension of a spring (N) and its stiffness (N/m) there; nothing to first order in compliance.

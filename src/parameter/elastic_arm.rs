@@ -2,7 +2,7 @@
 
 use nalgebra::{Isometry3, Vector3};
 
-use crate::robot::{SerialChain, Tool};
+use crate::robot::{Load, SerialChain, Tool};
 
 /// A mass that is fixed to a link, besides what the model gives the link.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -30,8 +30,10 @@ pub struct ElasticArm {
     pub payload: Option<Payload>,
     /// The robot's base in the frame in which the instrument gives its readings.
     pub instrument_from_base: Isometry3<f64>,
-    /// By how much loads are larger than what is said of them.
+    /// By how much loads are larger than what is said of them, offset included.
     pub load_scale: f64,
+    /// The force along each load's own besides what is said of it (N).
+    pub load_offset_n: f64,
 }
 
 impl ElasticArm {
@@ -46,7 +48,18 @@ impl ElasticArm {
             payload: None,
             instrument_from_base: Isometry3::identity(),
             load_scale: 1.0,
+            load_offset_n: 0.0,
         }
+    }
+
+    /// The load that acts where this one is said to.
+    #[must_use]
+    pub fn acting(&self, said: &Load) -> Load {
+        let mut load = *said;
+        if self.load_offset_n != 0.0 {
+            load.force_n += along(said) * self.load_offset_n;
+        }
+        load.scaled(self.load_scale)
     }
 
     /// The chain with the payload.
@@ -65,4 +78,9 @@ impl ElasticArm {
         }
         chain
     }
+}
+
+/// The direction of a load's force; none without a force.
+pub(crate) fn along(load: &Load) -> Vector3<f64> {
+    load.force_n.try_normalize(0.0).unwrap_or_default()
 }

@@ -108,6 +108,8 @@ pub enum ParameterKind {
     },
     /// The logarithm of the factor by which all loads differ from what is said of them.
     LoadScale,
+    /// The force that acts along a load's own besides what is said of it (N): a load cell that is not zero.
+    LoadOffset,
 }
 
 impl ParameterKind {
@@ -128,6 +130,7 @@ impl ParameterKind {
             | Self::BasePosition { .. }
             | Self::PayloadCentre { .. } => "m",
             Self::PayloadMass | Self::LoadScale => "1",
+            Self::LoadOffset => "N",
         }
     }
 
@@ -175,7 +178,7 @@ impl ParameterKind {
             kinds.push(Self::PayloadMass);
             kinds.extend(Axis::ALL.map(|axis| Self::PayloadCentre { axis }));
         }
-        kinds.push(Self::LoadScale);
+        kinds.extend([Self::LoadScale, Self::LoadOffset]);
         kinds
     }
 
@@ -202,6 +205,7 @@ impl ParameterKind {
             Self::PayloadMass => "payload.mass".to_owned(),
             Self::PayloadCentre { axis } => format!("payload.{axis}"),
             Self::LoadScale => "load.scale".to_owned(),
+            Self::LoadOffset => "load.offset".to_owned(),
         }
     }
 
@@ -232,6 +236,7 @@ impl ParameterKind {
             | Self::BaseRotation { .. }
             | Self::PayloadCentre { .. }
             | Self::LoadScale => 1e-2,
+            Self::LoadOffset => 10.0,
             Self::PayloadMass => 5e-2,
         }
     }
@@ -279,6 +284,7 @@ impl ParameterKind {
             Self::PayloadMass => "the payload's mass".to_owned(),
             Self::PayloadCentre { axis } => format!("the payload's centre along {axis}"),
             Self::LoadScale => "the scale of the load".to_owned(),
+            Self::LoadOffset => "the offset of the load".to_owned(),
         }
     }
 }
@@ -317,7 +323,8 @@ impl Parameter {
             ParameterKind::PayloadCentre { .. } | ParameterKind::SpringRest { .. } => 0.3,
             ParameterKind::LinkPosition { .. }
             | ParameterKind::ToolPosition { .. }
-            | ParameterKind::BasePosition { .. } => f64::INFINITY,
+            | ParameterKind::BasePosition { .. }
+            | ParameterKind::LoadOffset => f64::INFINITY,
             _ => 1.0,
         }
     }

@@ -17,11 +17,14 @@ mod freedoms;
 mod kind;
 mod prior;
 mod set;
+mod uncertainty;
 mod words;
 
+pub(crate) use elastic_arm::along;
 pub use elastic_arm::{ElasticArm, Payload};
 pub(crate) use freedoms::relative_precision;
 pub use freedoms::{Freedom, Freedoms, structural_directions};
 pub use kind::{Axis, Parameter, ParameterKind};
 pub use prior::Prior;
 pub use set::{ParameterError, ParameterSet};
+pub use uncertainty::{ReadingSource, Source, Uncertainty};

@@ -76,6 +76,7 @@ impl ParameterSet {
                 ParameterKind::PayloadCentre { axis } => {
                     (belief.payload).map_or(0.0, |payload| payload.centre_of_mass_m[axis.index()])
                 }
+                ParameterKind::LoadOffset => belief.load_offset_n,
                 _ => 0.0,
             };
             parameters.push(Parameter {
@@ -244,6 +245,7 @@ impl ParameterSet {
                     }
                 }
                 ParameterKind::LoadScale => belief.load_scale = quantity,
+                ParameterKind::LoadOffset => belief.load_offset_n = quantity,
                 ParameterKind::LinkPosition { .. }
                 | ParameterKind::LinkRotation { .. }
                 | ParameterKind::ToolPosition { .. }

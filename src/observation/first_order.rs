@@ -1,0 +1,561 @@
+//! Deflections to first order in compliance (eqs. 3, 4 and 7, extended), as planning needs them: their
+//! derivatives with respect to any parameters, their covariance, and the derivatives of both with
+//! respect to the configuration and the load. Does not allocate.
+//!
+//! Everything is made of the columns `J_n`, `z_n` of the Jacobian and the nominal compliances `k_n`:
+//!
+//! ```text
+//! tau_n = J_n . F + z_n . T,      dp = sum k_n tau_n J_n
+//! ```
+//!
+//! A parameter of geometry moves all that is beyond a place of the chain, as a joint there would, whose
+//! columns are `J_v`, `z_v`. It changes `J_n` by `z_v` x `J_n` and `z_n` by `z_v` x `z_n` for the joints n
+//! beyond it, and `J_n` by `z_n` x `J_v` for those before. The same holds for the derivatives with respect to the
+//! joint angles of the columns themselves, so that a cost's derivatives with respect to all columns (adjoints `a`
+//! of `J`, `c` of `z`) give its gradient in one sweep:
+//!
+//! ```text
+//! d/dq_j = z_j . sum (J_n x a_n + z_n x c_n)  over what is at or beyond j   +   J_j . sum a_n x z_n  over the rest
+//! ```
+
+use nalgebra::{Cholesky, Matrix3, Matrix3xX, Rotation3, Vector3};
+
+use crate::parameter::{Axis, ElasticArm, ParameterKind, ParameterSet, ReadingSource, along};
+use crate::robot::{KinematicState, Kinematics, Load, SerialChain, Tool};
+
+/// What a deflection's columns are made of.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Column {
+    /// `J_n tau_n` of a joint.
+    Compliance(usize),
+    /// What a motion of all beyond a place changes.
+    Place(usize),
+    /// The deflection itself.
+    LoadScale,
+    /// The deflection under a force of 1 N along the load's.
+    LoadOffset,
+    /// The deflection turned about an axis.
+    Turned(Vector3<f64>),
+    /// It does not show in a deflection to first order.
+    Silent,
+}
+
+/// A motion of all that is beyond a place of the chain.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Place {
+    /// The first joint that it moves.
+    moved_from: usize,
+    motion: PlaceMotion,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum PlaceMotion {
+    /// That of a joint.
+    Joint,
+    /// Along an axis of the frame of a link (as it is at zero angle).
+    LinkAlong(Axis),
+    /// About such an axis.
+    LinkAbout(Axis),
+    /// Along an axis of the tool.
+    ToolAlong(Axis),
+}
+
+/// Columns of a Jacobian, position rows above rotation rows, and the adjoints of both.
+#[derive(Debug, Clone, Copy)]
+struct Lever {
+    position: Vector3<f64>,
+    rotation: Vector3<f64>,
+    of_position: Vector3<f64>,
+    of_rotation: Vector3<f64>,
+}
+
+impl Lever {
+    const NONE: Self = Self {
+        position: Vector3::new(0.0, 0.0, 0.0),
+        rotation: Vector3::new(0.0, 0.0, 0.0),
+        of_position: Vector3::new(0.0, 0.0, 0.0),
+        of_rotation: Vector3::new(0.0, 0.0, 0.0),
+    };
+
+    const fn at(position: Vector3<f64>, rotation: Vector3<f64>) -> Self {
+        Self {
+            position,
+            rotation,
+            ..Self::NONE
+        }
+    }
+
+    fn torque(&self, load: &Load) -> f64 {
+        self.position.dot(&load.force_n) + self.rotation.dot(&load.torque_nm)
+    }
+
+    /// What turns with this lever's own motion.
+    fn turned(&self) -> Vector3<f64> {
+        self.position.cross(&self.of_position) + self.rotation.cross(&self.of_rotation)
+    }
+
+    /// What the motion of joints beyond it moves.
+    fn carried(&self) -> Vector3<f64> {
+        self.of_position.cross(&self.rotation)
+    }
+}
+
+/// A believed arm's deflections at one of its tools, to first order in compliance at nominal parameters. Loads
+/// are in the world frame, which is the instrument's.
+#[derive(Debug, Clone)]
+pub struct FirstOrder<'a> {
+    chain: &'a SerialChain,
+    tool: &'a Tool,
+    compliance: &'a [f64],
+    columns: Vec<Column>,
+    /// What each column is multiplied by.
+    factors: Vec<f64>,
+    places: Vec<Place>,
+    /// The variance of each coordinate of a deflection by the instrument alone (m^2).
+    variance_m2: f64,
+    sources: &'a [ReadingSource],
+    /// The arm's geometry at the last configuration.
+    pub state: KinematicState,
+    joints: Vec<Lever>,
+    levers: Vec<Lever>,
+    whitened: Matrix3xX<f64>,
+}
+
+impl<'a> FirstOrder<'a> {
+    /// The model of an arm at its first tool. Derivatives are in units of the parameters' `sizes` (p).
+    #[must_use]
+    pub fn new(
+        arm: &'a ElasticArm,
+        set: &ParameterSet,
+        sizes: &[f64],
+        sigma_m: f64,
+        sources: &'a [ReadingSource],
+    ) -> Self {
+        let mut places = Vec::new();
+        let mut place = |moved_from, motion| {
+            places.push(Place { moved_from, motion });
+            Column::Place(places.len() - 1)
+        };
+        let tool = &arm.tools[0];
+        let columns: Vec<Column> = (set.parameters().iter())
+            .map(|parameter| match parameter.kind {
+                ParameterKind::JointCompliance { joint } => Column::Compliance(joint),
+                ParameterKind::JointZero { joint } => place(joint, PlaceMotion::Joint),
+                ParameterKind::LinkPosition { link, axis } => {
+                    place(link, PlaceMotion::LinkAlong(axis))
+                }
+                ParameterKind::LinkRotation { link, axis } => {
+                    place(link, PlaceMotion::LinkAbout(axis))
+                }
+                ParameterKind::ToolPosition { tool: 0, axis } => {
+                    place(tool.joints, PlaceMotion::ToolAlong(axis))
+                }
+                ParameterKind::LoadScale => Column::LoadScale,
+                ParameterKind::LoadOffset => Column::LoadOffset,
+                ParameterKind::BaseRotation { axis } => {
+                    Column::Turned(Vector3::ith(axis.index(), 1.0))
+                }
+                ParameterKind::ToolPosition { .. }
+                | ParameterKind::ToolRotation { .. }
+                | ParameterKind::BasePosition { .. }
+                | ParameterKind::PayloadMass
+                | ParameterKind::PayloadCentre { .. }
+                | ParameterKind::SpringStiffness { .. }
+                | ParameterKind::SpringRest { .. } => Column::Silent,
+            })
+            .collect();
+        let factors =
+            (set.parameters().iter().zip(sizes)).map(|(parameter, size)| match parameter.kind {
+                ParameterKind::JointCompliance { joint } if parameter.is_logarithmic => {
+                    arm.compliance_rad_per_nm[joint] * size
+                }
+                _ => *size,
+            });
+        Self {
+            chain: &arm.chain,
+            tool,
+            compliance: &arm.compliance_rad_per_nm,
+            factors: factors.collect(),
+            whitened: Matrix3xX::zeros(columns.len()),
+            columns,
+            levers: vec![Lever::NONE; places.len()],
+            places,
+            variance_m2: sigma_m * sigma_m,
+            sources,
+            state: KinematicState::new(arm.chain.len()),
+            joints: vec![Lever::NONE; arm.chain.len()],
+        }
+    }
+
+    /// The number p of parameters.
+    #[must_use]
+    pub fn parameters(&self) -> usize {
+        self.columns.len()
+    }
+
+    /// Moves to the joint angles `q` (rad).
+    pub fn move_to(&mut self, q: &[f64]) {
+        self.chain.at(self.tool).update(q, &mut self.state);
+        for (joint, lever) in self.joints.iter_mut().enumerate() {
+            *lever = Lever::at(
+                self.state.position_column(joint),
+                self.state.rotation_column(joint),
+            );
+        }
+        let mut before = Rotation3::identity();
+        for (index, (joint, &angle)) in self.chain.joints.iter().zip(q).enumerate() {
+            // The link's axes, as they are at zero angle.
+            before *= Rotation3::from(joint.previous_from_link.rotation);
+            for (place, lever) in self.places.iter().zip(&mut self.levers) {
+                if place.moved_from == index {
+                    *lever = place.lever(before.matrix(), &self.state);
+                }
+            }
+            if !joint.drive.slides {
+                before *= Rotation3::from_axis_angle(&joint.axis, angle);
+            }
+        }
+        for (place, lever) in self.places.iter().zip(&mut self.levers) {
+            if let PlaceMotion::ToolAlong(_) = place.motion {
+                *lever = place.lever(&self.state.tool_rotation, &self.state);
+            }
+        }
+    }
+
+    /// The deflection (m) under a load.
+    #[must_use]
+    pub fn deflection(&self, load: &Load) -> Vector3<f64> {
+        (self.joints.iter().zip(self.compliance))
+            .map(|(joint, k)| joint.position * (k * joint.torque(load)))
+            .sum()
+    }
+
+    /// Writes the derivatives of the deflection (3 x p), each with respect to its parameter in its size.
+    pub fn derivatives(&self, load: &Load, matrix: &mut Matrix3xX<f64>) {
+        let deflection = self.deflection(load);
+        let along = Load {
+            force_n: along(load),
+            torque_nm: Vector3::zeros(),
+        };
+        for (index, (column, factor)) in self.columns.iter().zip(&self.factors).enumerate() {
+            let value = match *column {
+                Column::Compliance(joint) => {
+                    let joint = &self.joints[joint];
+                    joint.position * joint.torque(load)
+                }
+                Column::Place(place) => self.of_place(place, load),
+                Column::LoadScale => deflection,
+                Column::LoadOffset => self.deflection(&along),
+                Column::Turned(axis) => axis.cross(&deflection),
+                Column::Silent => Vector3::zeros(),
+            };
+            matrix.set_column(index, &(value * *factor));
+        }
+    }
+
+    /// What the motion of a place changes.
+    fn of_place(&self, place: usize, load: &Load) -> Vector3<f64> {
+        let (from, v) = (self.places[place].moved_from, &self.levers[place]);
+        let mut sum = Vector3::zeros();
+        for (index, (joint, &k)) in self.joints.iter().zip(self.compliance).enumerate() {
+            let (moved, turned) = if index < from {
+                (joint.rotation.cross(&v.position), Vector3::zeros())
+            } else {
+                (
+                    v.rotation.cross(&joint.position),
+                    v.rotation.cross(&joint.rotation),
+                )
+            };
+            let change = moved.dot(&load.force_n) + turned.dot(&load.torque_nm);
+            sum += (moved * joint.torque(load) + joint.position * change) * k;
+        }
+        sum
+    }
+
+    /// The covariance of a deflection's reading (m^2), the instrument's noise among it.
+    #[must_use]
+    pub fn covariance(&self, load: &Load) -> Matrix3<f64> {
+        (0..self.sources.len()).fold(Matrix3::identity() * self.variance_m2, |sum, source| {
+            sum + self.covariance_of(source, load)
+        })
+    }
+
+    /// What one of the sources adds to it.
+    #[must_use]
+    pub fn covariance_of(&self, source: usize, load: &Load) -> Matrix3<f64> {
+        match &self.sources[source] {
+            ReadingSource::JointReturn(deviations) => (self.joints.iter().zip(deviations))
+                .map(|(joint, deviation)| {
+                    let moved = joint.position * *deviation;
+                    moved * moved.transpose()
+                })
+                .sum(),
+            ReadingSource::LoadDirection(_) | ReadingSource::LoadPoint(_) => {
+                let (form, deviation) = self.load_form(source, load);
+                form * form.transpose() * (deviation * deviation)
+            }
+            ReadingSource::Range { from_m, per_metre } => {
+                let distance = (self.state.tool_position - from_m).norm_squared();
+                Matrix3::identity() * (distance * per_metre * per_metre)
+            }
+        }
+    }
+
+    /// For what changes the load by a small vector: how the deflection follows it, and its deviation.
+    fn load_form(&self, source: usize, load: &Load) -> (Matrix3<f64>, f64) {
+        let form = |source: &dyn Fn(&Lever) -> Vector3<f64>| -> Matrix3<f64> {
+            (self.joints.iter().zip(self.compliance))
+                .map(|(joint, k)| joint.position * (source(joint) * *k).transpose())
+                .sum()
+        };
+        match &self.sources[source] {
+            ReadingSource::LoadDirection(deviation) => {
+                (form(&|each| by_turn(each, load)), *deviation)
+            }
+            ReadingSource::LoadPoint(deviation) => (form(&|each| by_shift(each, load)), *deviation),
+            _ => (Matrix3::zeros(), 0.0),
+        }
+    }
+
+    /// L^-1 for the reading's covariance L L^T (1/m).
+    fn whitener(&self, load: &Load) -> Matrix3<f64> {
+        if self.sources.is_empty() {
+            return Matrix3::identity() * self.variance_m2.sqrt().recip();
+        }
+        (Cholesky::new(self.covariance(load)))
+            .and_then(|factor| factor.l().try_inverse())
+            .unwrap_or_else(|| Matrix3::identity() * self.variance_m2.sqrt().recip())
+    }
+
+    /// Writes the derivatives of the whitened deflection, L^-1 J with the covariance L L^T (3 x p).
+    pub fn observe(&self, load: &Load, matrix: &mut Matrix3xX<f64>) {
+        self.derivatives(load, matrix);
+        let whitener = self.whitener(load);
+        for mut column in matrix.column_iter_mut() {
+            let white = whitener * &column;
+            column.copy_from(&white);
+        }
+    }
+
+    /// Adds the derivatives of a cost of the information A^T A, A = L^-1 J, with respect to the joint
+    /// angles to `gradient` (n), and returns those with respect to the force. `factor` (3 x p) is the
+    /// derivative with respect to A, and must be A times a symmetric matrix, as it is for such a cost.
+    ///
+    /// The adjoint of J is then L^-T times the factor, and that of the covariance
+    /// -1/2 L^-T factor A^T L^-1.
+    pub fn pull_back(
+        &mut self,
+        load: &Load,
+        factor: &Matrix3xX<f64>,
+        gradient: &mut [f64],
+    ) -> Vector3<f64> {
+        let mut whitened = std::mem::replace(&mut self.whitened, Matrix3xX::zeros(0));
+        self.derivatives(load, &mut whitened);
+        let whitener = self.whitener(load);
+        let mut product = Matrix3::zeros();
+        for (one, other) in factor.column_iter().zip(whitened.column_iter()) {
+            product += one * (whitener * other).transpose();
+        }
+        self.whitened = whitened;
+        let of_covariance = whitener.transpose() * product * whitener * -0.5;
+        let of_covariance = (of_covariance + of_covariance.transpose()) * 0.5;
+        for lever in self.joints.iter_mut().chain(&mut self.levers) {
+            lever.of_position = Vector3::zeros();
+            lever.of_rotation = Vector3::zeros();
+        }
+        let mut of_force = self.adjoint_of_derivatives(load, &(whitener.transpose() * factor));
+        let mut of_tool = Vector3::zeros();
+        for source in 0..self.sources.len() {
+            of_force += self.adjoint_of_covariance(source, load, &of_covariance, &mut of_tool);
+        }
+        self.sweep(&of_tool, gradient);
+        of_force
+    }
+
+    /// Adds the adjoints of all levers for sum(B * J), and returns that of the force.
+    fn adjoint_of_derivatives(&mut self, load: &Load, of_matrix: &Matrix3xX<f64>) -> Vector3<f64> {
+        let unit = along(load);
+        let size = load.force_n.norm();
+        let mut of_force = Vector3::zeros();
+        // Those of the deflection, and of the deflection under 1 N.
+        let (mut of_deflection, mut of_unit) = (Vector3::zeros(), Vector3::zeros());
+        for index in 0..self.columns.len() {
+            let b = of_matrix.column(index) * self.factors[index];
+            match self.columns[index] {
+                Column::Compliance(joint) => {
+                    of_force += adjoint_of_deflection(&mut self.joints[joint], 1.0, load, &b);
+                }
+                Column::Place(place) => of_force += self.adjoint_of_place(place, load, &b),
+                Column::LoadScale => of_deflection += b,
+                Column::LoadOffset => of_unit += b,
+                Column::Turned(axis) => of_deflection += b.cross(&axis),
+                Column::Silent => {}
+            }
+        }
+        let along = Load {
+            force_n: unit,
+            torque_nm: Vector3::zeros(),
+        };
+        let mut of_unit_force = Vector3::zeros();
+        for (joint, &k) in self.joints.iter_mut().zip(self.compliance) {
+            of_force += adjoint_of_deflection(joint, k, load, &of_deflection);
+            of_unit_force += adjoint_of_deflection(joint, k, &along, &of_unit);
+        }
+        if size > 0.0 {
+            of_force += (of_unit_force - unit * unit.dot(&of_unit_force)) / size;
+        }
+        of_force
+    }
+
+    /// The same for b . (what the motion of a place changes).
+    fn adjoint_of_place(&mut self, place: usize, load: &Load, b: &Vector3<f64>) -> Vector3<f64> {
+        let (force, torque_nm) = (&load.force_n, &load.torque_nm);
+        let (from, v) = (self.places[place].moved_from, self.levers[place]);
+        let (mut of_position, mut of_rotation) = (Vector3::zeros(), Vector3::zeros());
+        let mut of_force = Vector3::zeros();
+        for (index, (joint, &k)) in self.joints.iter_mut().zip(self.compliance).enumerate() {
+            let (position, rotation) = (joint.position, joint.rotation);
+            let (torque, along) = (joint.torque(load), b.dot(&position));
+            if index < from {
+                let moved = rotation.cross(&v.position);
+                let share = b.dot(&moved);
+                of_position += (b.cross(&rotation) * torque + force.cross(&rotation) * along) * k;
+                joint.of_position += (force * share + b * moved.dot(force)) * k;
+                joint.of_rotation += (v.position.cross(b) * torque
+                    + torque_nm * share
+                    + v.position.cross(force) * along)
+                    * k;
+                of_force += (position * share + moved * along) * k;
+            } else {
+                let turning = position.cross(force) + rotation.cross(torque_nm);
+                let moved = v.rotation.cross(&position);
+                let share = b.dot(&moved);
+                of_rotation += (position.cross(b) * torque + turning * along) * k;
+                joint.of_position += (b.cross(&v.rotation) * torque
+                    + force * share
+                    + b * v.rotation.dot(&turning)
+                    + force.cross(&v.rotation) * along)
+                    * k;
+                joint.of_rotation += (torque_nm * share + torque_nm.cross(&v.rotation) * along) * k;
+                of_force += (position * share + moved * along) * k;
+            }
+        }
+        self.levers[place].of_position += of_position;
+        self.levers[place].of_rotation += of_rotation;
+        of_force
+    }
+
+    /// Adds the adjoints for sum(B * covariance) with a symmetric B, those of the tool's place apart, and
+    /// returns that of the force.
+    fn adjoint_of_covariance(
+        &mut self,
+        source: usize,
+        load: &Load,
+        of_covariance: &Matrix3<f64>,
+        of_tool: &mut Vector3<f64>,
+    ) -> Vector3<f64> {
+        let mut of_force = Vector3::zeros();
+        match &self.sources[source] {
+            ReadingSource::JointReturn(deviations) => {
+                for (joint, deviation) in self.joints.iter_mut().zip(deviations) {
+                    joint.of_position +=
+                        of_covariance * joint.position * (2.0 * deviation * deviation);
+                }
+            }
+            ReadingSource::LoadDirection(_) | ReadingSource::LoadPoint(_) => {
+                let is_turn = matches!(self.sources[source], ReadingSource::LoadDirection(_));
+                let (form, deviation) = self.load_form(source, load);
+                let of_form = of_covariance * form * (2.0 * deviation * deviation);
+                for (joint, &k) in self.joints.iter_mut().zip(self.compliance) {
+                    let by = if is_turn {
+                        by_turn(joint, load)
+                    } else {
+                        by_shift(joint, load)
+                    };
+                    let h = of_form.tr_mul(&joint.position) * k;
+                    joint.of_position += of_form * by * k;
+                    if is_turn {
+                        joint.of_position += h.cross(&load.force_n);
+                        joint.of_rotation += h.cross(&load.torque_nm);
+                        of_force += joint.position.cross(&h);
+                    } else {
+                        joint.of_rotation += h.cross(&load.force_n);
+                        of_force += joint.rotation.cross(&h);
+                    }
+                }
+            }
+            ReadingSource::Range { from_m, per_metre } => {
+                let apart = self.state.tool_position - from_m;
+                *of_tool += apart * (2.0 * of_covariance.trace() * per_metre * per_metre);
+            }
+        }
+        of_force
+    }
+
+    /// From the adjoints of all levers and of the tool's place to the gradient.
+    fn sweep(&self, of_tool: &Vector3<f64>, gradient: &mut [f64]) {
+        let mut beyond: Vector3<f64> = self.joints.iter().map(Lever::turned).sum();
+        let mut before = Vector3::zeros();
+        for (joint, slope) in gradient.iter_mut().enumerate().take(self.joints.len()) {
+            let lever = &self.joints[joint];
+            let (mut of_places, mut carried) = (Vector3::zeros(), Vector3::zeros());
+            for (place, each) in self.places.iter().zip(&self.levers) {
+                if place.moved_from > joint {
+                    of_places += each.turned();
+                } else {
+                    carried += each.carried();
+                }
+            }
+            *slope += lever.rotation.dot(&(beyond + of_places))
+                + lever.position.dot(&(before + carried + of_tool));
+            beyond -= lever.turned();
+            before += lever.carried();
+        }
+    }
+}
+
+impl Place {
+    /// Its lever at the tool; `axes` are the link's or the tool's.
+    fn lever(&self, axes: &Matrix3<f64>, state: &KinematicState) -> Lever {
+        let link = self.moved_from;
+        let moves_tool = link < state.tool_joints;
+        match self.motion {
+            PlaceMotion::Joint => {
+                Lever::at(state.position_column(link), state.rotation_column(link))
+            }
+            PlaceMotion::LinkAlong(axis) if moves_tool => {
+                Lever::at(axes.column(axis.index()).into_owned(), Vector3::zeros())
+            }
+            PlaceMotion::LinkAbout(axis) if moves_tool => {
+                let about = axes.column(axis.index()).into_owned();
+                let arm = state.tool_position - state.anchor[link];
+                Lever::at(about.cross(&arm), about)
+            }
+            PlaceMotion::ToolAlong(axis) => {
+                Lever::at(axes.column(axis.index()).into_owned(), Vector3::zeros())
+            }
+            PlaceMotion::LinkAlong(_) | PlaceMotion::LinkAbout(_) => Lever::NONE,
+        }
+    }
+}
+
+/// How a joint's torque follows a small rotation of the load.
+fn by_turn(joint: &Lever, load: &Load) -> Vector3<f64> {
+    load.force_n.cross(&joint.position) + load.torque_nm.cross(&joint.rotation)
+}
+
+/// How it follows a small shift of the point where the load acts.
+fn by_shift(joint: &Lever, load: &Load) -> Vector3<f64> {
+    load.force_n.cross(&joint.rotation)
+}
+
+/// Adds the adjoints of a joint for b . (k tau J), and returns that of the force.
+fn adjoint_of_deflection(joint: &mut Lever, k: f64, load: &Load, b: &Vector3<f64>) -> Vector3<f64> {
+    let along = b.dot(&joint.position) * k;
+    joint.of_position += b * (k * joint.torque(load)) + load.force_n * along;
+    joint.of_rotation += load.torque_nm * along;
+    joint.position * along
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,234 @@
+//! The first-order form against the observation model and against differences.
+
+use nalgebra::{DMatrix, DVector, Isometry3, Matrix3xX, Matrix6xX, Vector3};
+
+use super::FirstOrder;
+use crate::observation::{ObservationModel, ReadingKind, Setup};
+use crate::parameter::arms::{Numbers, heavy, random, random_elastic, ur10};
+use crate::parameter::{ElasticArm, ParameterKind, ParameterSet, ReadingSource};
+use crate::robot::Load;
+
+/// Arms as a scenario has them: no zeros, the instrument's frame that of the base; the tool last or in the
+/// middle.
+fn arms(numbers: &mut Numbers) -> Vec<ElasticArm> {
+    let mut arms = vec![ur10(), heavy()];
+    for joints in [2, 4, 7] {
+        arms.push(random(numbers, joints));
+        arms.push(random_elastic(numbers, joints));
+    }
+    for arm in &mut arms {
+        arm.zero_rad.fill(0.0);
+        arm.instrument_from_base = Isometry3::identity();
+        arm.load_scale = 1.0;
+        // Long enough lists of compliances above zero for logarithms.
+        for k in &mut arm.compliance_rad_per_nm {
+            *k = k.max(1e-7);
+        }
+    }
+    let mut middle = arms[4].clone();
+    middle.tools.swap(0, 1);
+    arms.push(middle);
+    arms
+}
+
+fn load(numbers: &mut Numbers, has_torque: bool) -> Load {
+    Load {
+        force_n: numbers.vector(900.0),
+        torque_nm: numbers.vector(if has_torque { 200.0 } else { 0.0 }),
+    }
+}
+
+fn everything(arm: &ElasticArm) -> ParameterSet {
+    let kinds = ParameterKind::all_of(arm).into_iter().enumerate();
+    let unknowns = kinds.map(|(index, kind)| (kind, (index % 2 == 0).then_some(0.1)));
+    ParameterSet::new(arm, unknowns).expect("a set")
+}
+
+fn every_source(numbers: &mut Numbers, arm: &ElasticArm) -> Vec<ReadingSource> {
+    vec![
+        ReadingSource::JointReturn(
+            (0..arm.chain.len())
+                .map(|_| numbers.between(0.0, 1e-4))
+                .collect(),
+        ),
+        ReadingSource::LoadDirection(0.02),
+        ReadingSource::LoadPoint(0.05),
+        ReadingSource::Range {
+            from_m: numbers.vector(3.0),
+            per_metre: 2e-5,
+        },
+    ]
+}
+
+/// Two independent derivations of the same derivatives.
+#[test]
+fn derivatives_are_those_of_the_observation_model() {
+    let mut numbers = Numbers(5);
+    for arm in arms(&mut numbers) {
+        let set = everything(&arm);
+        let values = set.prior().mean.clone();
+        let mut model = ObservationModel::new(&set, &arm, values.as_slice());
+        let sizes = vec![1.0; set.len()];
+        let mut first = FirstOrder::new(&arm, &set, &sizes, 1e-5, &[]);
+        for has_torque in [false, true] {
+            let q = numbers.configuration(&arm.chain);
+            let load = load(&mut numbers, has_torque);
+            let mut expected = Matrix6xX::zeros(set.len());
+            let setup = Setup {
+                commanded_rad: q.clone(),
+                load,
+                target: 0,
+            };
+            let prediction =
+                model.predict_first_order(&setup, ReadingKind::Deflection, &mut expected);
+            let mut found = Matrix3xX::zeros(set.len());
+            first.move_to(q.as_slice());
+            first.derivatives(&load, &mut found);
+            assert!((first.deflection(&load) - prediction.position_m).norm() < 1e-13);
+            for (index, parameter) in set.parameters().iter().enumerate() {
+                let expected = expected.fixed_view::<3, 1>(0, index);
+                let error = (found.column(index) - expected).norm();
+                let allowed = 1e-10 * (expected.norm() + prediction.position_m.norm() * 1e-3);
+                assert!(error <= allowed, "{}: {error}", parameter.name);
+            }
+        }
+    }
+}
+
+/// trace(G A^T A) for a symmetric G, with the whitened derivatives A.
+fn cost(first: &mut FirstOrder<'_>, q: &[f64], load: &Load, weights: &DMatrix<f64>) -> f64 {
+    let mut matrix = Matrix3xX::zeros(weights.nrows());
+    first.move_to(q);
+    first.observe(load, &mut matrix);
+    (&matrix * weights * matrix.transpose()).trace()
+}
+
+/// The gradient of such a cost against central differences, for every kind of parameter and every source
+/// alone and for all of them.
+#[test]
+fn gradients_are_those_of_differences() {
+    let mut numbers = Numbers(6);
+    for arm in arms(&mut numbers) {
+        let all = everything(&arm);
+        let sources = every_source(&mut numbers, &arm);
+        let each_parameter = (0..all.len()).map(|index| (vec![index], Vec::new()));
+        let each_source = (sources.iter()).map(|source| {
+            let compliances = (0..all.len()).filter(|&index| {
+                matches!(
+                    all.parameters()[index].kind,
+                    ParameterKind::JointCompliance { .. }
+                )
+            });
+            (compliances.collect(), vec![source.clone()])
+        });
+        let everything = ((0..all.len()).collect(), sources.clone());
+        let cases: Vec<(Vec<usize>, Vec<ReadingSource>)> = each_parameter
+            .chain(each_source)
+            .chain([everything])
+            .collect();
+        for (indices, sources) in cases {
+            let set = all.subset(&indices);
+            let sizes: Vec<f64> = (set.parameters().iter())
+                .map(|each| each.kind.typical_size(&arm, each.is_logarithmic))
+                .collect();
+            let mut first = FirstOrder::new(&arm, &set, &sizes, 2e-5, &sources);
+            let q = numbers.configuration(&arm.chain);
+            let load = load(&mut numbers, sources.len() % 2 == 0);
+            let half = DMatrix::from_fn(set.len(), set.len(), |_, _| numbers.between(-1.0, 1.0));
+            let weights = &half * half.transpose();
+            let value = cost(&mut first, q.as_slice(), &load, &weights);
+            let mut matrix = Matrix3xX::zeros(set.len());
+            first.observe(&load, &mut matrix);
+            let factor = &matrix * &weights * 2.0;
+            let mut gradient = vec![0.0; q.len()];
+            let of_force = first.pull_back(&load, &factor, &mut gradient);
+            let mut slope = |at: &dyn Fn(f64) -> (DVector<f64>, Load), size: f64| {
+                let mut central = |h: f64| {
+                    let mut value = |h: f64| {
+                        let (q, load) = at(h);
+                        cost(&mut first, q.as_slice(), &load, &weights)
+                    };
+                    (value(h) - value(-h)) / (2.0 * h)
+                };
+                let h = 1e-3 * size;
+                (central(h) * 4.0 - central(2.0 * h)) / 3.0
+            };
+            let names: Vec<&str> = set.parameters().iter().map(|each| &*each.name).collect();
+            let size = value.abs().max(1e-12);
+            for joint in 0..q.len() {
+                let at = |h: f64| {
+                    let mut q = q.clone();
+                    q[joint] += h;
+                    (q, load)
+                };
+                let error = (slope(&at, 1.0) - gradient[joint]).abs();
+                assert!(
+                    error < 1e-6 * size,
+                    "{names:?} {sources:?} joint {joint}: {error}"
+                );
+            }
+            for axis in 0..3 {
+                let at = |h: f64| {
+                    let mut load = load;
+                    load.force_n += Vector3::ith(axis, h);
+                    (q.clone(), load)
+                };
+                let error = (slope(&at, 100.0) - of_force[axis]).abs();
+                assert!(
+                    error < 1e-6 * size,
+                    "{names:?} {sources:?} force {axis}: {error}"
+                );
+            }
+        }
+    }
+}
+
+/// The covariance is that of deflections whose joints, loads and readings are changed at random as the
+/// sources say, to first order: with their derivatives by differences.
+#[test]
+fn covariances_are_those_of_what_changes() {
+    let mut numbers = Numbers(7);
+    for arm in arms(&mut numbers) {
+        let set = ParameterSet::compliances(&arm, &[0]).expect("a set");
+        let sources = every_source(&mut numbers, &arm);
+        let mut first = FirstOrder::new(&arm, &set, &[1.0], 3e-5, &sources);
+        let q = numbers.configuration(&arm.chain);
+        let load = load(&mut numbers, true);
+        first.move_to(q.as_slice());
+        let by = |changed: &dyn Fn(f64) -> Load, h: f64| {
+            (first.deflection(&changed(h)) - first.deflection(&changed(-h))) / (2.0 * h)
+        };
+        let mut expected = nalgebra::Matrix3::identity() * 9e-10;
+        for axis in 0..3 {
+            let unit = Vector3::ith(axis, 1.0);
+            let turned = |h: f64| {
+                let turn = nalgebra::Rotation3::new(unit * h);
+                Load {
+                    force_n: turn * load.force_n,
+                    torque_nm: turn * load.torque_nm,
+                }
+            };
+            let shifted = |h: f64| Load {
+                torque_nm: load.torque_nm + (unit * h).cross(&load.force_n),
+                ..load
+            };
+            for (column, deviation) in [(by(&turned, 1e-4), 0.02), (by(&shifted, 1e-3), 0.05)] {
+                expected += column * column.transpose() * f64::powi(deviation, 2);
+            }
+        }
+        let ReadingSource::JointReturn(deviations) = &sources[0] else {
+            panic!("returning joints come first");
+        };
+        for (joint, deviation) in deviations.iter().enumerate() {
+            let column = first.state.position_column(joint) * *deviation;
+            expected += column * column.transpose();
+        }
+        let ReadingSource::Range { from_m, per_metre } = &sources[3] else {
+            panic!("the range comes last");
+        };
+        let distance = (first.state.tool_position - from_m).norm();
+        expected += nalgebra::Matrix3::identity() * (distance * per_metre).powi(2);
+        let error = (first.covariance(&load) - expected).amax();
+        assert!(error < 1e-6 * expected.amax(), "{error}");
+    }
+}
