@@ -4,7 +4,7 @@
 use nalgebra::{DVector, Vector3};
 use thiserror::Error;
 
-use crate::compensation::{compensate, predicted_error, test_pose_matrix};
+use crate::compensation::{compensate, predicted_error, test_pose_rows};
 use crate::identification::{Case, Identification, IdentificationError, Sigma};
 use crate::measurement::Measurement;
 use crate::mujoco::ModelError;
@@ -12,7 +12,7 @@ use crate::plan::Plan;
 use crate::posterior::{NotDetermined, Posterior};
 use crate::robot::{EquilibriumError, Load};
 use crate::task::{Belief, Method, Task, TestPose};
-use crate::testbed::{MeasurementError, Truth, VirtualRobot};
+use crate::testbed::{MeasurementError, TrueRobots, Truth, add_noise_of};
 
 /// Why the loop could not be closed.
 #[derive(Debug, Error)]
@@ -86,12 +86,12 @@ pub fn calibrate(
     seed: u64,
     run: u64,
 ) -> Result<Calibration, CalibrationError> {
-    let mut robot = VirtualRobot::new(&truth.robot, &task.belief.calibration_tool.name)?;
-    let measurements = robot.measure(plan, &task.belief.instrument, seed, run)?;
+    let mut robots = TrueRobots::new(&task.belief, truth)?;
+    let measurements = measure(&mut robots, task, truth, plan, seed, run)?;
     let identification = identify_as_planned(&task.belief, &measurements)?;
     let poses = compensate_poses(
         task,
-        truth,
+        &mut robots,
         &identification.compliance_rad_per_nm,
         &identification.posterior,
         task.belief.method,
@@ -104,6 +104,25 @@ pub fn calibrate(
     })
 }
 
+/// Makes the virtual robot that of run `run` under a seed, and measures a plan on it.
+///
+/// # Errors
+/// See [`CalibrationError`].
+pub fn measure(
+    robots: &mut TrueRobots,
+    task: &Task,
+    truth: &Truth,
+    plan: &Plan,
+    seed: u64,
+    run: u64,
+) -> Result<Vec<Measurement>, CalibrationError> {
+    let (instrument, count) = (&task.belief.instrument, plan.measurements() as usize);
+    let normals = robots.become_run_of(truth, count, seed, run)?;
+    let mut measurements = robots.measure_noise_free(plan, instrument, &normals, 0)?;
+    add_noise_of(&mut measurements, instrument, seed, run);
+    Ok(measurements)
+}
+
 /// Identifies the parameters of a belief by its method, with its sigma.
 ///
 /// # Errors
@@ -112,16 +131,8 @@ pub fn identify_as_planned(
     belief: &Belief,
     measurements: &[Measurement],
 ) -> Result<Identification, IdentificationError> {
-    let case = Case {
-        nominal: &belief.nominal,
-        tool: &belief.calibration_tool,
-        parameters: &belief.parameters,
-        prior: belief.prior.as_ref(),
-        measurements,
-        sigma: Sigma::Known(belief.instrument.sigma_m),
-        method: belief.method,
-    };
-    case.identify()
+    let sigma = Sigma::Known(belief.instrument.sigma_m);
+    Case::of_belief(belief, measurements, sigma, belief.method).identify()
 }
 
 /// Compensates every test pose with the identified compliances of all joints (rad/(N m)), of which
@@ -131,13 +142,12 @@ pub fn identify_as_planned(
 /// See [`CalibrationError`].
 pub fn compensate_poses(
     task: &Task,
-    truth: &Truth,
+    robots: &mut TrueRobots,
     compliance_rad_per_nm: &[f64],
     posterior: &Posterior,
     method: Method,
 ) -> Result<Vec<CompensatedPose>, CalibrationError> {
     let belief = &task.belief;
-    let mut robot = VirtualRobot::new(&truth.robot, &belief.machining_tool.name)?;
     let (chain, tool) = (&belief.nominal.chain, &belief.machining_tool);
     task.test_poses
         .iter()
@@ -148,12 +158,12 @@ pub fn compensate_poses(
             };
             let commanded_rad =
                 compensate(chain, tool, compliance_rad_per_nm, pose, method).map_err(at_pose)?;
-            let matrix = test_pose_matrix(belief, pose, &belief.parameters);
+            let matrix = test_pose_rows(belief, pose);
             Ok(CompensatedPose {
                 name: pose.name.clone(),
                 weight: pose.weight,
                 predicted_m: predicted_error(&matrix, posterior),
-                seen: see(&mut robot, pose, &commanded_rad).map_err(at_pose)?,
+                seen: see(robots, pose, &commanded_rad).map_err(at_pose)?,
                 commanded_rad,
             })
         })
@@ -195,13 +205,13 @@ pub fn pose_conditions(belief: &Belief, poses: &[CompensatedPose]) -> Vec<String
 /// # Errors
 /// There is no stable equilibrium.
 pub fn see(
-    robot: &mut VirtualRobot,
+    robots: &mut TrueRobots,
     pose: &TestPose,
     commanded_rad: &DVector<f64>,
 ) -> Result<SeenPose, EquilibriumError> {
-    let (wanted, _, _) = robot.rest(&pose.configuration_rad, &Load::NONE)?;
-    let (loaded, _, _) = robot.rest(&pose.configuration_rad, &pose.load)?;
-    let (compensated, _, _) = robot.rest(commanded_rad, &pose.load)?;
+    let wanted = robots.machining_tool(&pose.configuration_rad, &Load::NONE)?;
+    let loaded = robots.machining_tool(&pose.configuration_rad, &pose.load)?;
+    let compensated = robots.machining_tool(commanded_rad, &pose.load)?;
     Ok(SeenPose {
         uncompensated_m: loaded - wanted,
         residual_m: compensated - wanted,

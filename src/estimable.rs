@@ -24,7 +24,7 @@
 
 use nalgebra::{Cholesky, DMatrix};
 
-use crate::factorisation::finite_eigen;
+use crate::factorisation::{finite_eigen, finite_svd};
 
 /// Whatever is below this share of a standard deviation tells nothing.
 const NOTHING: f64 = 0.01;
@@ -82,6 +82,28 @@ impl Estimable {
             basis: complement(&hidden),
             hidden,
         }
+    }
+
+    /// What is determined of the first parameters, whatever the others are: a direction among them is not where it is
+    /// part of one that is not.
+    #[must_use]
+    pub fn of_first(&self, count: usize) -> Self {
+        let typical = &self.typical[..count];
+        let own = self.hidden.rows(0, count).into_owned();
+        // Directions of the others leave nothing here.
+        let hidden = match finite_svd(own) {
+            Some(svd) => {
+                let singular = svd.singular_values.iter();
+                let places: Vec<usize> = singular
+                    .enumerate()
+                    .filter(|(_, value)| **value > ROUNDING.sqrt())
+                    .map(|(index, _)| index)
+                    .collect();
+                (svd.u).map_or_else(|| DMatrix::zeros(count, 0), |u| u.select_columns(&places))
+            }
+            None => DMatrix::zeros(count, 0),
+        };
+        Self::with_hidden(typical, hidden)
     }
 
     /// The number r of independent combinations of parameters that are determined.

@@ -57,6 +57,10 @@ pub const ROTATION: Kind = Kind::any("mrad", 1e5);
 pub const DEVIATION: Kind = Kind::positive("mm", 1e-9, 1e4);
 /// The standard deviation of a rotation (mrad).
 pub const ROTATION_DEVIATION: Kind = Kind::positive("mrad", 1e-9, 1e4);
+/// The standard deviation of something by shares of it.
+pub const RELATIVE_DEVIATION: Kind = Kind::positive("", 1e-9, 1.0);
+/// The standard deviation of a position for each metre of distance (um/m).
+pub const PER_METRE_DEVIATION: Kind = Kind::positive("um/m", 1e-6, 1e6);
 /// A joint's compliance, zero where it is rigid (rad/(N m)). A stiffness in its place is a likely mistake,
 /// which is told with more words when the robot is judged.
 pub const COMPLIANCE: Kind = Kind::zero_or_positive("rad/(N m)", 1e-15, 1e12);

@@ -62,6 +62,17 @@ impl Posterior {
         self.variance_of(&row).ok().map(f64::sqrt)
     }
 
+    /// What is known of the first parameters alone, whatever the others are.
+    #[must_use]
+    pub fn of_first(&self, count: usize) -> Self {
+        Self {
+            names: self.names[..count].to_vec(),
+            mean: self.mean[..count].to_vec(),
+            covariance: self.covariance.view((0, 0), (count, count)).into_owned(),
+            estimable: self.estimable.of_first(count),
+        }
+    }
+
     /// The inverse of the covariance within what is determined, and zero in what is not (p x p). `None`
     /// where the covariance is singular there.
     #[must_use]

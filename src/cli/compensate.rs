@@ -7,6 +7,7 @@ use elastocal::calibration::{compensate_poses, pose_conditions};
 use elastocal::identification::StoredIdentification;
 use elastocal::record::messages::{ProvenanceMessage, TestPoseMessage};
 use elastocal::task::Method;
+use elastocal::testbed::TrueRobots;
 use elastocal::wording::shell_word;
 use serde_json::json;
 
@@ -39,13 +40,10 @@ impl Compensate {
         let method = self.method.unwrap_or(scenario.task.belief.method);
         self.common.say("compensating on the virtual robot");
         let (compliance, posterior) = (&identified.compliance_rad_per_nm, &identified.posterior);
-        let poses = compensate_poses(
-            &scenario.task,
-            &scenario.truth,
-            compliance,
-            posterior,
-            method,
-        )?;
+        // The robot on which `measure` measures.
+        let mut robots = TrueRobots::new(&scenario.task.belief, &scenario.truth)?;
+        robots.become_run_of(&scenario.truth, 0, scenario.seed, 0)?;
+        let poses = compensate_poses(&scenario.task, &mut robots, compliance, posterior, method)?;
         let mut conditions = identified.conditions;
         conditions.extend(pose_conditions(&scenario.task.belief, &poses));
         let commands = scenario.task.belief.commands();

@@ -83,6 +83,27 @@ pub fn violated(count: usize) -> String {
     format!("the plan has {}", counted(count as u64, "violation"))
 }
 
+/// What a promise is made of, where it is more than the instrument's noise.
+pub fn shares(assessment: &Assessment) -> String {
+    if assessment.shares.len() < 2 {
+        return String::new();
+    }
+    let rows: Vec<Vec<String>> = (assessment.shares.iter())
+        .map(|share| {
+            let part = (share.rho0_m / assessment.rho0_m.unwrap_or(f64::NAN)).powi(2);
+            let (alone, part) = (
+                number(Some(share.rho0_m * 1e6), 3),
+                number(Some(part * 100.0), 1),
+            );
+            vec![share.name.clone(), alone, part]
+        })
+        .collect();
+    format!(
+        "\n{}",
+        table(&["of it", "alone [um]", "share of the square [%]"], &rows)
+    )
+}
+
 /// An assessment for a person.
 pub fn describe(scenario: &Scenario, assessment: &Assessment) -> String {
     let mut text = format!(
@@ -106,6 +127,7 @@ pub fn describe(scenario: &Scenario, assessment: &Assessment) -> String {
     if let Some(reason) = assessment.no_bound() {
         text += &format!("no bound and no efficiency: {reason}\n");
     }
+    text += &shares(assessment);
     text.push('\n');
     let rows: Vec<Vec<String>> = scenario
         .task

@@ -2,8 +2,9 @@
 
 use std::path::Path;
 
+use elastocal::estimable::Estimable;
 use elastocal::files::FileError;
-use elastocal::identification::StoredIdentification;
+use elastocal::identification::{OtherUnknowns, StoredIdentification};
 use elastocal::posterior::Posterior;
 use elastocal::scenario::Scenario;
 use elastocal::task::Fingerprint;
@@ -25,7 +26,7 @@ pub fn read_identified(
 ) -> Result<IdentifiedCompliances, FileError> {
     let belief = &scenario.task.belief;
     let stored = StoredIdentification::read(path, &belief.nominal)?;
-    let (posterior, expected) = (stored.posterior, belief.parameter_names());
+    let (mut posterior, expected) = (stored.posterior, belief.parameter_names());
     if posterior.names != expected {
         let problem = format!(
             "found {}; the scenario's parameters are {}",
@@ -49,11 +50,48 @@ pub fn read_identified(
             conditions.push(negative);
         }
     }
+    if let Some(extended) = &belief.uncertain {
+        let others = stored
+            .others
+            .filter(|others| others.names == extended.other_names());
+        let Some(others) = others else {
+            let problem = "does not say what is known of the uncertainties that the scenario lists";
+            let renew = "identify again under this scenario, or leave them out with --noise-only";
+            return Err(FileError::new(path, problem).at("uncertain").hint(renew));
+        };
+        posterior = all_of(&posterior, others, &belief.sizes());
+        let arm = extended.set().apply(extended.arm(), &posterior.mean);
+        compliance_rad_per_nm = arm.compliance_rad_per_nm;
+    }
     Ok(IdentifiedCompliances {
         compliance_rad_per_nm,
         posterior,
         conditions,
     })
+}
+
+/// What is known of the compliances and of the other unknowns together.
+fn all_of(compliances: &Posterior, others: OtherUnknowns, sizes: &[f64]) -> Posterior {
+    let (own, hidden) = (compliances.names.len(), compliances.estimable.hidden());
+    // What is uncertain has a prior: it is known.
+    let hidden = hidden.clone().resize_vertically(sizes.len(), 0.0);
+    debug_assert_eq!(own + others.names.len(), sizes.len());
+    Posterior {
+        names: compliances
+            .names
+            .iter()
+            .cloned()
+            .chain(others.names)
+            .collect(),
+        mean: compliances
+            .mean
+            .iter()
+            .copied()
+            .chain(others.values)
+            .collect(),
+        covariance: others.covariance,
+        estimable: Estimable::with_hidden(sizes, hidden),
+    }
 }
 
 /// Whether it was identified with the robot of the scenario: another one's is refused.

@@ -111,6 +111,23 @@ pub fn explained(file: &Path, problem: &NotIdentified) -> FileError {
     }
 }
 
+/// What else is uncertain, and what the measurements say of it.
+fn uncertain(identification: &Identification) -> Vec<Vec<String>> {
+    let small =
+        |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |value| format!("{value:.3e}"));
+    (identification.uncertain.iter())
+        .map(|each| {
+            vec![
+                each.name.clone(),
+                small(each.estimate.map(|estimate| estimate.value)),
+                small(each.estimate.map(|estimate| estimate.standard_error)),
+                small(each.prior_deviation),
+                each.unit.clone(),
+            ]
+        })
+        .collect()
+}
+
 /// An identification for a person.
 pub fn describe(identification: &Identification) -> String {
     let micro = |value: f64| number(Some(value * 1e6), 4);
@@ -145,6 +162,13 @@ pub fn describe(identification: &Identification) -> String {
         ],
         &rows,
     );
+    if !identification.uncertain.is_empty() {
+        text += "\n";
+        text += &table(
+            &["uncertain", "value", "standard error", "before", "unit"],
+            &uncertain(identification),
+        );
+    }
     text += &format!(
         "  sigma {:.4} mm, from residuals {} mm; condition number {:.2}\n",
         identification.sigma_m * 1e3,

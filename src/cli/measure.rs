@@ -3,11 +3,12 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use elastocal::calibration::measure;
 use elastocal::files::FileError;
 use elastocal::measurement::write_measurements_under;
 use elastocal::plan::read_plan;
 use elastocal::record::messages::{MeasurementMessage, ProvenanceMessage};
-use elastocal::testbed::VirtualRobot;
+use elastocal::testbed::{TrueRobots, VirtualRobot};
 use elastocal::wording::counted;
 use serde_json::json;
 
@@ -43,15 +44,17 @@ impl Measure {
             counted(plan.measurements().into(), "experiment"),
             scenario.truth.robot.model.path().display()
         ));
-        let site = &scenario.task.belief.calibration_tool.name;
-        let mut robot = VirtualRobot::new(&scenario.truth.robot, site)?;
+        let (task, truth) = (&scenario.task, &scenario.truth);
+        let wrong = |error: String| FileError::new(&self.plan, error);
         let measurements = if self.noise_free {
-            robot.measure_noise_free(&plan, &scenario.task.belief.instrument)
+            let mut robot = VirtualRobot::new(&truth.robot, &task.belief.calibration_tool.name)?;
+            (robot.measure_noise_free(&plan, &task.belief.instrument))
+                .map_err(|error| wrong(error.to_string()))?
         } else {
-            robot.measure(&plan, &scenario.task.belief.instrument, scenario.seed, 0)
+            let mut robots = TrueRobots::new(&task.belief, truth)?;
+            measure(&mut robots, task, truth, &plan, scenario.seed, 0)
+                .map_err(|error| wrong(error.to_string()))?
         };
-        let measurements =
-            measurements.map_err(|error| FileError::new(&self.plan, error.to_string()))?;
         let rows: Vec<Vec<String>> = measurements
             .iter()
             .enumerate()

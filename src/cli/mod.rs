@@ -70,6 +70,10 @@ pub struct Common {
     /// How many threads to use; all cores if not given, at most four for each. Results do not depend on it.
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..))]
     threads: Option<u16>,
+    /// Believe in the instrument's noise alone: leave out the uncertainties that the scenario lists. The
+    /// virtual robot stays as uncertain as it is.
+    #[arg(long)]
+    noise_only: bool,
     /// The folder for results.
     #[arg(long, default_value = "out")]
     out: PathBuf,
@@ -272,6 +276,9 @@ impl Common {
         })?;
         if let Some(seed) = self.seed {
             scenario.seed = seed;
+        }
+        if self.noise_only {
+            scenario.noise_only();
         }
         let description = match scenario.description.trim() {
             "" => String::new(),

@@ -5,7 +5,7 @@ use std::sync::atomic::AtomicBool;
 
 use clap::Args;
 use elastocal::limits::MOST_EXPERIMENTS;
-use elastocal::plan::search::{ApproximateDesign, Bound, BoundKind, SearchError};
+use elastocal::plan::search::{ApproximateDesign, Bound, BoundKind, Problem, SearchError};
 use elastocal::plan::{Assessment, Criterion, write_plan};
 use elastocal::record::messages::{AssessmentMessage, ProvenanceMessage, plan_messages};
 use elastocal::task::Task;
@@ -83,6 +83,19 @@ pub fn design(
     Ok(designed)
 }
 
+/// The uncertainties that the search leaves out.
+fn left_out(task: &Task) -> String {
+    let problem = Problem::new(task, Criterion::TestPose);
+    match problem.left_out().as_slice() {
+        [] => String::new(),
+        names => format!(
+            "\nThe search and the bound leave out {}: together they make less than 1 % of the square of a promise. What the plan \
+             promises has them.\n",
+            names.join(", ")
+        ),
+    }
+}
+
 impl PlanCommand {
     pub fn execute(&self) -> anyhow::Result<Report> {
         let mut scenario = self.common.load()?;
@@ -125,6 +138,7 @@ impl PlanCommand {
         let plan = &designed.exact.plan;
         let assessment = Assessment::new(&scenario.task, plan, Some(&designed.bound));
         let mut text = describe(&scenario, &assessment);
+        text += &left_out(&scenario.task);
         let rests = match assessment.bound().map(|bound| bound.kind) {
             Some(BoundKind::Proved) => "The largest directional derivative was",
             _ => "The bound rests on the largest directional derivative",

@@ -2,7 +2,7 @@
 
 mod passive;
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Matrix3xX};
 
 use crate::posterior::{NotDetermined, Posterior};
 use crate::robot::{
@@ -67,6 +67,21 @@ pub fn test_pose_matrix(belief: &Belief, pose: &TestPose, parameters: &[usize]) 
     let state = state.braced(&belief.nominal.compliance_rad_per_nm);
     let matrix = ObservationMatrix::new(&state, &pose.load, parameters).position;
     DMatrix::from_column_slice(3, parameters.len(), matrix.as_slice())
+}
+
+/// The same for all unknowns of a belief, 3 x p: what compensation leaves at a test pose follows from their
+/// errors by these rows (eq. 19, extended).
+#[must_use]
+pub fn test_pose_rows(belief: &Belief, pose: &TestPose) -> DMatrix<f64> {
+    let Some(extended) = &belief.uncertain else {
+        return test_pose_matrix(belief, pose, &belief.parameters);
+    };
+    let size = belief.unknowns();
+    let mut model = extended.at_test_pose(&vec![1.0; size]);
+    let mut matrix = Matrix3xX::zeros(size);
+    model.move_to(pose.configuration_rad.as_slice());
+    model.uncompensated(&pose.load, &mut matrix);
+    DMatrix::from_column_slice(3, size, matrix.as_slice())
 }
 
 /// The predicted rms distance `rho_0` (m) that compensation leaves at a test pose (eq. 20), from what is

@@ -6,7 +6,7 @@ use super::estimate::{Identification, Sigma, identify_case};
 use crate::measurement::Measurement;
 use crate::parameter::Prior;
 use crate::robot::{Robot, Tool};
-use crate::task::Method;
+use crate::task::{Belief, Extended, Method};
 
 /// The arguments of [`identify`](super::identify), and what is known before.
 #[derive(Debug, Clone, Copy)]
@@ -19,6 +19,8 @@ pub struct Case<'a> {
     pub parameters: &'a [usize],
     /// What is known of their compliances before.
     pub prior: Option<&'a Prior>,
+    /// What else is uncertain; the prior is then in it.
+    pub uncertain: Option<&'a Extended>,
     /// The measurements.
     pub measurements: &'a [Measurement],
     /// The standard deviation of deflections.
@@ -28,6 +30,26 @@ pub struct Case<'a> {
 }
 
 impl<'a> Case<'a> {
+    /// What a belief leaves open.
+    #[must_use]
+    pub const fn of_belief(
+        belief: &'a Belief,
+        measurements: &'a [Measurement],
+        sigma: Sigma,
+        method: Method,
+    ) -> Self {
+        Self {
+            nominal: &belief.nominal,
+            tool: &belief.calibration_tool,
+            parameters: belief.parameters.as_slice(),
+            prior: belief.prior.as_ref(),
+            uncertain: belief.uncertain.as_ref(),
+            measurements,
+            sigma,
+            method,
+        }
+    }
+
     /// The same with other measurements.
     #[must_use]
     pub const fn with(self, measurements: &'a [Measurement]) -> Self {
@@ -47,15 +69,13 @@ impl<'a> Case<'a> {
 
     pub(super) const fn equation_source(&self) -> EquationSource<'a> {
         EquationSource {
-            chain: &self.nominal.chain,
+            nominal: self.nominal,
+            uncertain: self.uncertain,
             tool: self.tool,
             parameters: self.parameters,
             measurements: self.measurements,
             sigma_m: self.sigma.weight_m(),
-            prior: match self.prior {
-                Some(prior) => Some((prior, self.nominal)),
-                None => None,
-            },
+            prior: self.prior,
         }
     }
 }

@@ -6,24 +6,27 @@ use super::error::IdentificationError;
 use crate::measurement::Measurement;
 use crate::parameter::Prior;
 use crate::robot::{
-    EquilibriumSolver, KinematicState, Kinematics, Load, ObservationMatrix, Robot, SerialChain,
-    Tool, rotation_vector,
+    EquilibriumSolver, KinematicState, Kinematics, Load, ObservationMatrix, Robot, Tool,
+    rotation_vector,
 };
+use crate::task::Extended;
 
 /// What the equations are built from.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct EquationSource<'a> {
-    pub chain: &'a SerialChain,
+    pub nominal: &'a Robot,
     pub tool: &'a Tool,
     pub parameters: &'a [usize],
+    /// What else is uncertain: it makes the vector of unknowns longer.
+    pub uncertain: Option<&'a Extended>,
     pub measurements: &'a [Measurement],
     /// The standard deviation of deflections that bring none of their own (m).
     pub sigma_m: f64,
-    /// What is known before; it stands below the measurements.
-    pub prior: Option<(&'a Prior, &'a Robot)>,
+    /// What is known of the compliances before; it stands below the measurements.
+    pub prior: Option<&'a Prior>,
 }
 
-/// Whitened equations: `matrix` times (k minus the linearisation point) = `right_hand_side`.
+/// Whitened equations: `matrix` times (the unknowns minus the linearisation point) = `right_hand_side`.
 #[derive(Debug)]
 pub(super) struct Equations {
     pub matrix: DMatrix<f64>,
@@ -31,18 +34,66 @@ pub(super) struct Equations {
 }
 
 impl EquationSource<'_> {
-    fn rows(&self) -> usize {
+    pub(super) fn rows(&self) -> usize {
         let rows = |each: &Measurement| if each.rotation.is_some() { 6 } else { 3 };
         self.measurements.iter().map(rows).sum()
     }
 
-    /// Eq. 3 or 7 for each measurement, at the commanded configuration. `compliance` are those of
-    /// all joints; the parts of the joints that are not identified go to the right-hand side, and
-    /// the equations are for k itself. Where springs brace the arm, they hold near these compliances.
-    pub fn linear(&self, compliance: &[f64]) -> Equations {
-        let mut arm = self.chain.at(self.tool);
-        let mut state = KinematicState::new(self.chain.len());
-        let others: Vec<usize> = (0..self.chain.len())
+    /// The nominal values of the unknowns (p).
+    pub fn nominal_values(&self) -> Vec<f64> {
+        match self.uncertain {
+            Some(extended) => extended.set().prior().mean.as_slice().to_vec(),
+            None => (self.parameters.iter())
+                .map(|&joint| self.nominal.compliance_rad_per_nm[joint])
+                .collect(),
+        }
+    }
+
+    /// The typical sizes of the unknowns (p).
+    pub fn sizes(&self) -> Vec<f64> {
+        let mut sizes = self.nominal.typical_rad_per_nm(self.parameters);
+        if let Some(extended) = self.uncertain {
+            sizes.extend(extended.other_sizes());
+        }
+        sizes
+    }
+
+    /// The names of the unknowns: joints for compliances.
+    pub fn names(&self) -> Vec<String> {
+        let joints = &self.nominal.chain.joints;
+        let own = self
+            .parameters
+            .iter()
+            .map(|&joint| joints[joint].name.clone());
+        let others = self.uncertain.map(Extended::other_names);
+        own.chain(others.into_iter().flatten()).collect()
+    }
+
+    /// The compliance of every joint (rad/(N m)) for values of the unknowns.
+    pub fn compliance(&self, values: &[f64]) -> Vec<f64> {
+        if let Some(extended) = self.uncertain {
+            let arm = extended.set().apply(extended.arm(), values);
+            return arm.compliance_rad_per_nm;
+        }
+        let mut compliance = self.nominal.compliance_rad_per_nm.clone();
+        for (&joint, &value) in self.parameters.iter().zip(values) {
+            compliance[joint] = value;
+        }
+        compliance
+    }
+
+    /// Eq. 3 or 7 for each measurement, at the commanded configuration. The parts of the joints that are not
+    /// identified go to the right-hand side, and the equations are for k itself. Where springs brace the arm, they hold
+    /// near the nominal compliances. Where more is uncertain, they
+    /// are for the change of the unknowns from their nominal values.
+    pub fn linear(&self) -> Equations {
+        if let Some(extended) = self.uncertain {
+            return self.extended_linear(extended);
+        }
+        let (chain, compliance) = (&self.nominal.chain, &self.nominal.compliance_rad_per_nm);
+        let mut arm = chain.at(self.tool);
+        let mut state = KinematicState::new(chain.len());
+        let others: Vec<usize> = (0..chain.len())
             .filter(|joint| !self.parameters.contains(joint))
             .collect();
         let known =
@@ -70,11 +121,16 @@ impl EquationSource<'_> {
         writer.equations
     }
 
-    /// The displacement between the nominal model's two static equilibria, linearised at the
-    /// compliances of all joints; the equations are for the change of k.
-    pub fn nonlinear(&self, compliance: &[f64]) -> Result<Equations, IdentificationError> {
-        let mut arm = self.chain.at(self.tool);
-        let mut solver = EquilibriumSolver::new(self.chain.len());
+    /// The displacement between the nominal model's two static equilibria, linearised at values of the unknowns
+    /// (p); the equations are for their change.
+    pub fn nonlinear(&self, values: &[f64]) -> Result<Equations, IdentificationError> {
+        if let Some(extended) = self.uncertain {
+            return self.extended_nonlinear(extended, values);
+        }
+        let compliance = &self.compliance(values);
+        let chain = &self.nominal.chain;
+        let mut arm = chain.at(self.tool);
+        let mut solver = EquilibriumSolver::new(chain.len());
         let mut writer = Writer::new(self.rows(), self.parameters.len());
         for (index, each) in self.measurements.iter().enumerate() {
             let mut rest = |load: &Load| {
@@ -112,20 +168,21 @@ impl EquationSource<'_> {
                 );
             }
         }
-        self.push_prior(&mut writer, Some(compliance));
+        self.push_prior(&mut writer, Some(values));
         Ok(writer.equations)
     }
 
-    /// Adds what is known before: of the compliances, or of their change from those of all joints.
-    fn push_prior(&self, writer: &mut Writer, from: Option<&[f64]>) {
-        let Some((prior, nominal)) = self.prior else {
-            return;
+    /// Adds what is known before: of the unknowns, or of their change from some values.
+    pub(super) fn push_prior(&self, writer: &mut Writer, from: Option<&[f64]>) {
+        let (prior, rows) = match (self.uncertain, self.prior) {
+            (Some(extended), _) => (extended.set().prior(), extended.prior_rows().clone()),
+            (None, Some(prior)) => (prior, prior.rows(&self.sizes())),
+            (None, None) => return,
         };
-        let rows = prior.rows(&nominal.typical_rad_per_nm(self.parameters));
         let mut mean = prior.mean.clone();
-        if let Some(compliance) = from {
-            for (mean, &joint) in mean.iter_mut().zip(self.parameters) {
-                *mean -= compliance[joint];
+        if let Some(values) = from {
+            for (mean, value) in mean.iter_mut().zip(values) {
+                *mean -= value;
             }
         }
         writer.extend(&rows, &(&rows * mean));
@@ -143,19 +200,19 @@ impl EquationSource<'_> {
         (squares / (3 * self.measurements.len()) as f64).sqrt()
     }
 
-    fn sigma(&self, measurement: &Measurement) -> Vector3<f64> {
+    pub(super) fn sigma(&self, measurement: &Measurement) -> Vector3<f64> {
         measurement.sigma_m.unwrap_or(Vector3::repeat(self.sigma_m))
     }
 }
 
 /// Fills the equations three rows at a time, each row divided by its standard deviation.
-struct Writer {
-    equations: Equations,
+pub(super) struct Writer {
+    pub equations: Equations,
     row: usize,
 }
 
 impl Writer {
-    fn new(rows: usize, columns: usize) -> Self {
+    pub fn new(rows: usize, columns: usize) -> Self {
         Self {
             equations: Equations {
                 matrix: DMatrix::zeros(rows, columns),
@@ -165,7 +222,7 @@ impl Writer {
         }
     }
 
-    fn push(&mut self, matrix: &Matrix3xX<f64>, value: Vector3<f64>, sigma: &Vector3<f64>) {
+    pub fn push(&mut self, matrix: &Matrix3xX<f64>, value: Vector3<f64>, sigma: &Vector3<f64>) {
         for axis in 0..3 {
             let weight = sigma[axis].recip();
             for column in 0..matrix.ncols() {

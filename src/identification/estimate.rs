@@ -54,6 +54,19 @@ pub struct Estimate {
     pub interval95: [f64; 2],
 }
 
+/// What the measurements say of something else that is uncertain.
+#[derive(Debug, Clone, PartialEq)]
+pub struct UncertainEstimate {
+    /// The parameter's name.
+    pub name: String,
+    /// The unit of its value.
+    pub unit: String,
+    /// What was known before: the standard deviation about zero, or about the nominal value.
+    pub prior_deviation: Option<f64>,
+    /// What is known now.
+    pub estimate: Option<Estimate>,
+}
+
 /// What was identified, and how well.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Identification {
@@ -61,10 +74,13 @@ pub struct Identification {
     pub method: Method,
     /// The identified joints.
     pub parameters: Vec<ParameterEstimate>,
+    /// What else the belief holds to be uncertain, and the whole plan shares.
+    pub uncertain: Vec<UncertainEstimate>,
     /// The compliance of every joint (rad/(N m)): estimates where there are. Where only combinations are
     /// determined, values that give these and are nominal in all other directions; else nominal values.
     pub compliance_rad_per_nm: Vec<f64>,
-    /// What is known of the parameters: their covariance (eq. 13), and which combinations are determined.
+    /// What is known of all unknowns, the identified compliances first: their covariance (eq. 13), and which combinations
+    /// are determined.
     pub posterior: Posterior,
     /// The standard deviation of a deflection's coordinate that the uncertainties rest on (m); the rms
     /// of them where measurements bring their own.
@@ -119,6 +135,7 @@ pub fn identify(
         tool,
         parameters,
         prior: None,
+        uncertain: None,
         measurements,
         sigma,
         method,
@@ -133,10 +150,10 @@ pub(super) fn identify_case(case: &Case<'_>) -> Result<Identification, Identific
     }
     let source = case.equation_source();
     let fit = match case.method {
-        Method::Linear => fit_linear(&source, case.nominal),
-        Method::Nonlinear => fit_nonlinear(&source, case.nominal)?,
+        Method::Linear => fit_linear(&source),
+        Method::Nonlinear => fit_nonlinear(&source)?,
     };
-    report(&source, fit, case.sigma, case.method, case.nominal)
+    report(&source, fit, case.sigma, case.method)
 }
 
 fn report(
@@ -144,7 +161,6 @@ fn report(
     fit: Fit,
     sigma: Sigma,
     method: Method,
-    nominal: &Robot,
 ) -> Result<Identification, IdentificationError> {
     let rank = fit.estimable.rank();
     if rank == 0 {
@@ -165,12 +181,8 @@ fn report(
     };
     let joints = source.parameters;
     let posterior = Posterior {
-        names: (joints.iter())
-            .map(|&joint| nominal.chain.joints[joint].name.clone())
-            .collect(),
-        mean: (joints.iter())
-            .map(|&joint| fit.compliance[joint])
-            .collect(),
+        names: source.names(),
+        mean: fit.values.clone(),
         covariance: &fit.least_squares.covariance * (factor * factor),
         estimable: fit.estimable,
     };
@@ -191,19 +203,34 @@ fn report(
             estimate: estimate(index),
         })
         .collect();
+    let uncertain = (source.uncertain.into_iter())
+        .flat_map(|extended| extended.set().parameters()[joints.len()..].iter())
+        .enumerate()
+        .map(|(index, parameter)| UncertainEstimate {
+            name: parameter.name.clone(),
+            unit: parameter.unit().to_owned(),
+            prior_deviation: parameter.prior_deviation,
+            estimate: estimate(joints.len() + index),
+        })
+        .collect();
+    let residuals_m = match source.uncertain {
+        Some(extended) => source.extended_residuals_m(extended, &fit.whitened_residuals),
+        None => residuals_m(source, &fit.whitened_residuals),
+    };
     let chi_square = (spare > 0 && matches!(sigma, Sigma::Known(_)))
         .then(|| ChiSquared::new(freedom).ok())
         .flatten();
     Ok(Identification {
         method,
         parameters,
-        compliance_rad_per_nm: fit.compliance,
+        uncertain,
+        compliance_rad_per_nm: source.compliance(&fit.values),
         posterior,
         sigma_m: sigma_m * factor,
         residual_sigma_m: ratio.map(|ratio| ratio * sigma_m),
         consistency: chi_square.map(|chi| chi.sf(sum_of_squares)),
         consistency_lower: chi_square.map(|chi| chi.cdf(sum_of_squares)),
-        residuals_m: residuals_m(source, &fit.whitened_residuals),
+        residuals_m,
         rank,
         condition: fit.least_squares.condition,
         iterations: fit.iterations,

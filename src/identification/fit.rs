@@ -6,13 +6,15 @@ use super::equations::{EquationSource, Equations};
 use super::error::IdentificationError;
 use crate::estimable::Estimable;
 use crate::least_squares::LeastSquares;
-use crate::robot::Robot;
 
 /// The non-linear estimate is found when no compliance would change by more than this share of
 /// its typical size.
 const CONVERGED: f64 = 1e-10;
-/// Gauss-Newton needs three or four steps here, where the problem is nearly linear.
-const MAXIMUM_ITERATIONS: usize = 30;
+/// Where more is uncertain, it is found when the next step is shorter than this in standard errors.
+const CONVERGED_ERRORS: f64 = 1e-4;
+/// Gauss-Newton needs three or four steps here, where the problem is nearly linear; with many unknowns of which one is
+/// hardly determined, some tens.
+const MAXIMUM_ITERATIONS: usize = 100;
 /// Steps that change a compliance by more than this share of its typical size must lower the residuals;
 /// shorter ones may end in their rounding.
 const LONG: f64 = 1e-2;
@@ -21,8 +23,8 @@ const HALVINGS: u32 = 20;
 
 /// A fit before its uncertainty is judged: whitened residuals and the last least-squares problem.
 pub(super) struct Fit {
-    /// The compliance of every joint; in directions that are not determined, the nominal ones.
-    pub compliance: Vec<f64>,
+    /// The values of the unknowns; in directions that are not determined, the nominal ones.
+    pub values: Vec<f64>,
     pub estimable: Estimable,
     pub least_squares: LeastSquares,
     pub whitened_residuals: DVector<f64>,
@@ -31,32 +33,38 @@ pub(super) struct Fit {
 
 /// What the measurements determine follows from their linear equations at the commanded angles, as it
 /// does for the planner: it does not depend on what was read, and does not change on the way of a fit.
-pub(super) fn fit_linear(source: &EquationSource<'_>, nominal: &Robot) -> Fit {
+pub(super) fn fit_linear(source: &EquationSource<'_>) -> Fit {
     let Equations {
         matrix,
         right_hand_side,
-    } = source.linear(&nominal.compliance_rad_per_nm);
-    let parameters = source.parameters;
-    let estimable = Estimable::of_equations(&matrix, &nominal.typical_rad_per_nm(parameters));
-    let mut compliance = nominal.compliance_rad_per_nm.clone();
-    let (least_squares, whitened_residuals) = if estimable.is_complete() {
+    } = source.linear();
+    let estimable = Estimable::of_equations(&matrix, &source.sizes());
+    let mut values = source.nominal_values();
+    let is_plain = source.uncertain.is_none();
+    let (least_squares, whitened_residuals) = if estimable.is_complete() && is_plain {
         let least_squares = LeastSquares::solve(&matrix, &right_hand_side, &estimable);
-        for (&joint, value) in parameters.iter().zip(&least_squares.solution) {
-            compliance[joint] = *value;
-        }
+        values.copy_from_slice(least_squares.solution.as_slice());
         let residuals = right_hand_side - matrix * &least_squares.solution;
         (least_squares, residuals)
     } else {
         // What is not determined stays nominal: the change from there is solved for.
-        let start = parameters.iter().map(|&joint| compliance[joint]);
-        let change = right_hand_side - &matrix * DVector::from_iterator(parameters.len(), start);
-        let least_squares = LeastSquares::solve(&matrix, &change, &estimable);
-        add(&mut compliance, parameters, &least_squares.solution, 1.0);
+        let change = if is_plain {
+            right_hand_side - &matrix * DVector::from_column_slice(&values)
+        } else {
+            right_hand_side
+        };
+        let change = Equations {
+            matrix: matrix.clone(),
+            right_hand_side: change,
+        };
+        let least_squares = solve(source, &change, &estimable);
+        let change = change.right_hand_side;
+        add(&mut values, &least_squares.solution, 1.0);
         let residuals = change - matrix * &least_squares.solution;
         (least_squares, residuals)
     };
     Fit {
-        compliance,
+        values,
         estimable,
         least_squares,
         whitened_residuals,
@@ -64,33 +72,30 @@ pub(super) fn fit_linear(source: &EquationSource<'_>, nominal: &Robot) -> Fit {
     }
 }
 
-/// Gauss-Newton from the linear estimate, or from the nominal compliances where there is no equilibrium
+/// Gauss-Newton from the linear estimate, or from the nominal values where there is no equilibrium
 /// with that. Directions that the measurements do not determine keep the nominal value. A step that
 /// leads where there is no equilibrium, or a long one that raises the residuals, is halved.
-pub(super) fn fit_nonlinear(
-    source: &EquationSource<'_>,
-    nominal: &Robot,
-) -> Result<Fit, IdentificationError> {
+pub(super) fn fit_nonlinear(source: &EquationSource<'_>) -> Result<Fit, IdentificationError> {
     let Fit {
-        mut compliance,
+        mut values,
         estimable,
         ..
-    } = fit_linear(source, nominal);
-    let mut equations = source.nonlinear(&compliance).or_else(|error| {
-        compliance.clone_from(&nominal.compliance_rad_per_nm);
-        source.nonlinear(&compliance).map_err(|_| error)
+    } = fit_linear(source);
+    let mut equations = source.nonlinear(&values).or_else(|error| {
+        values = source.nominal_values();
+        source.nonlinear(&values).map_err(|_| error)
     })?;
-    let parameters = source.parameters;
     let mut change = f64::INFINITY;
     for iterations in 1..=MAXIMUM_ITERATIONS {
-        let least_squares =
-            LeastSquares::solve(&equations.matrix, &equations.right_hand_side, &estimable);
+        let least_squares = solve(source, &equations, &estimable);
         let steps = least_squares.solution.iter().zip(estimable.typical());
         change = (steps.map(|(step, typical)| step.abs() / typical)).fold(0.0, f64::max);
-        if change <= CONVERGED {
+        let is_short = source.uncertain.is_some()
+            && (&equations.matrix * &least_squares.solution).norm() <= CONVERGED_ERRORS;
+        if change <= CONVERGED || is_short {
             return Ok(Fit {
                 whitened_residuals: equations.right_hand_side,
-                compliance,
+                values,
                 estimable,
                 least_squares,
                 iterations,
@@ -100,14 +105,14 @@ pub(super) fn fit_nonlinear(
         let mut share = 1.0;
         let mut halvings = 0;
         equations = loop {
-            let mut next = compliance.clone();
-            add(&mut next, parameters, &least_squares.solution, share);
+            let mut next = values.clone();
+            add(&mut next, &least_squares.solution, share);
             let found = source.nonlinear(&next);
             let rises = |found: &Equations| found.right_hand_side.norm_squared() > before;
             let is_worse = found.as_ref().map_or(true, rises);
             if halvings == HALVINGS || !is_worse || (found.is_ok() && share * change < LONG) {
                 let found = found?;
-                compliance = next;
+                values = next;
                 break found;
             }
             share *= 0.5;
@@ -117,9 +122,25 @@ pub(super) fn fit_nonlinear(
     Err(IdentificationError::NotConverged { change })
 }
 
-/// Adds so many times a change of the parameters to the compliances of all joints.
-fn add(compliance: &mut [f64], parameters: &[usize], change: &DVector<f64>, times: f64) {
-    for (&joint, change) in parameters.iter().zip(change) {
-        compliance[joint] += times * change;
+/// The next step, and what is known there. Where more is uncertain there are many unknowns, all of them with priors or
+/// well determined: the normal equations do, in units of typical sizes.
+fn solve(
+    source: &EquationSource<'_>,
+    equations: &Equations,
+    estimable: &Estimable,
+) -> LeastSquares {
+    let Equations {
+        matrix,
+        right_hand_side,
+    } = equations;
+    let normal = (source.uncertain)
+        .and_then(|_| LeastSquares::solve_normal(matrix, right_hand_side, estimable));
+    normal.unwrap_or_else(|| LeastSquares::solve(matrix, right_hand_side, estimable))
+}
+
+/// Adds so many times a change to values.
+fn add(values: &mut [f64], change: &DVector<f64>, times: f64) {
+    for (value, change) in values.iter_mut().zip(change) {
+        *value += times * change;
     }
 }

@@ -10,6 +10,7 @@ pub mod diagnoses;
 mod equations;
 mod error;
 mod estimate;
+mod extended;
 mod fit;
 mod gauss_newton;
 mod residuals;
@@ -19,7 +20,9 @@ pub use case::Case;
 pub use conditions::IMPLAUSIBLE;
 pub use covariance::covariance_of;
 pub use error::IdentificationError;
-pub use estimate::{Estimate, Identification, ParameterEstimate, Sigma, identify};
+pub use estimate::{
+    Estimate, Identification, ParameterEstimate, Sigma, UncertainEstimate, identify,
+};
 pub use gauss_newton::{FitError, ParameterFit, fit_parameters};
 pub use residuals::{MeasurementResidual, Residuals, Suspect, residuals};
-pub use stored::StoredIdentification;
+pub use stored::{OtherUnknowns, StoredIdentification};

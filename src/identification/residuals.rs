@@ -64,13 +64,12 @@ pub fn residuals(
     identification: &Identification,
 ) -> Result<Residuals, IdentificationError> {
     let source = case.equation_source();
-    let compliance = &identification.compliance_rad_per_nm;
     let Equations {
         matrix,
         right_hand_side,
     } = match case.method {
-        Method::Linear => source.linear(compliance),
-        Method::Nonlinear => source.nonlinear(compliance)?,
+        Method::Linear => source.linear(),
+        Method::Nonlinear => source.nonlinear(&identification.posterior.mean)?,
     };
     let estimable = &identification.posterior.estimable;
     let fit = LeastSquares::solve(&matrix, &right_hand_side, estimable);

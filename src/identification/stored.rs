@@ -25,10 +25,29 @@ pub struct StoredIdentification {
     pub joints: Vec<usize>,
     /// What is known of their compliances.
     pub posterior: Posterior,
+    /// What else was uncertain, by name, and the covariance of the compliances and of these together.
+    pub others: Option<OtherUnknowns>,
     /// The conditions that did not hold when it was made.
     pub conditions: Vec<String>,
     /// What it rests on; files of earlier versions do not say.
     pub identified_with: Option<Fingerprint>,
+}
+
+/// What a file says of unknowns besides compliances.
+#[derive(Debug, Clone, PartialEq)]
+pub struct OtherUnknowns {
+    /// Their names.
+    pub names: Vec<String>,
+    /// Their values.
+    pub values: Vec<f64>,
+    /// The covariance of the compliances and of these.
+    pub covariance: DMatrix<f64>,
+}
+
+#[derive(Deserialize)]
+struct StoredUncertain {
+    name: String,
+    value: Option<f64>,
 }
 
 /// The keys that are read.
@@ -45,6 +64,10 @@ struct IdentificationFile {
     #[serde(default)]
     compliance_typical_rad_per_nm: Vec<f64>,
     covariance_rad2_per_n2m2: Vec<Vec<f64>>,
+    #[serde(default)]
+    uncertain: Vec<StoredUncertain>,
+    #[serde(default)]
+    covariance_of_all: Vec<Vec<f64>>,
     #[expect(dead_code, reason = "must be a number")]
     rank: usize,
     #[serde(default)]
@@ -84,6 +107,7 @@ impl StoredIdentification {
         let joints = joints_of(path, &stored.parameters, robot)?;
         Ok(Self {
             posterior: posterior(path, &stored, &joints, robot)?,
+            others: others(path, &stored)?,
             joints,
             conditions: stored.conditions,
             identified_with: stored.identified_with,
@@ -128,6 +152,39 @@ fn joints_of(path: &Path, names: &[String], robot: &Robot) -> Result<Vec<usize>,
         return Err(FileError::new(path, problem).at("parameters"));
     }
     Ok(joints)
+}
+
+/// What is known of unknowns besides compliances, where there are any.
+fn others(path: &Path, stored: &IdentificationFile) -> Result<Option<OtherUnknowns>, FileError> {
+    if stored.uncertain.is_empty() {
+        return Ok(None);
+    }
+    let key = "covariance_of_all";
+    let size = stored.parameters.len() + stored.uncertain.len();
+    let rows = &stored.covariance_of_all;
+    if rows.len() != size {
+        let problem = format!("found {} rows; there are {size} unknowns", rows.len());
+        return Err(FileError::new(path, problem).at(key));
+    }
+    let covariance = covariance_of(rows)
+        .map_err(|(place, problem)| FileError::new(path, problem).at(format!("{key}{place}")))?;
+    let value = |(index, each): (usize, &StoredUncertain)| {
+        let value = each.value.unwrap_or(0.0);
+        let problem = format!("found {value}; a finite number is needed");
+        let wrong = || FileError::new(path, problem).at(format!("uncertain[{index}].value"));
+        value.is_finite().then_some(value).ok_or_else(wrong)
+    };
+    Ok(Some(OtherUnknowns {
+        names: stored
+            .uncertain
+            .iter()
+            .map(|each| each.name.clone())
+            .collect(),
+        values: (stored.uncertain.iter().enumerate())
+            .map(value)
+            .collect::<Result<_, _>>()?,
+        covariance,
+    }))
 }
 
 /// What is known of the parameters.

@@ -4,6 +4,7 @@
 //! shared between threads; [`State`] is one thread's simulation of it.
 
 mod balance;
+mod displaced;
 mod foreign;
 mod locked;
 mod messages;
@@ -17,6 +18,7 @@ mod state;
 mod statics;
 
 pub use balance::GivingWay;
+pub use displaced::Displaced;
 pub use messages::print_warnings;
 pub use model::{Geometry, Model, ModelError, Shape};
 pub use mounted::{Additions, MountedPayload, MountedTool, frame};

@@ -42,7 +42,7 @@ enum Column {
 
 /// A motion of all that is beyond a place of the chain.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Place {
+struct FramePlace {
     /// The first joint that it moves.
     moved_from: usize,
     motion: PlaceMotion,
@@ -110,22 +110,25 @@ pub struct FirstOrder<'a> {
     columns: Vec<Column>,
     /// What each column is multiplied by.
     factors: Vec<f64>,
-    places: Vec<Place>,
+    places: Vec<FramePlace>,
     /// The variance of each coordinate of a deflection by the instrument alone (m^2).
     variance_m2: f64,
     sources: &'a [ReadingSource],
-    /// The arm's geometry at the last configuration.
-    pub state: KinematicState,
+    /// The arm's geometry, where nobody else keeps it.
+    state: KinematicState,
+    /// The tool's place at the last configuration (m).
+    tool_position: Vector3<f64>,
     joints: Vec<Lever>,
     levers: Vec<Lever>,
     whitened: Matrix3xX<f64>,
 }
 
 impl<'a> FirstOrder<'a> {
-    /// The model of an arm at its first tool. Derivatives are in units of the parameters' `sizes` (p).
+    /// The model of an arm at one of its tools. Derivatives are in units of the parameters' `sizes` (p).
     #[must_use]
     pub fn new(
         arm: &'a ElasticArm,
+        target: usize,
         set: &ParameterSet,
         sizes: &[f64],
         sigma_m: f64,
@@ -133,10 +136,10 @@ impl<'a> FirstOrder<'a> {
     ) -> Self {
         let mut places = Vec::new();
         let mut place = |moved_from, motion| {
-            places.push(Place { moved_from, motion });
+            places.push(FramePlace { moved_from, motion });
             Column::Place(places.len() - 1)
         };
-        let tool = &arm.tools[0];
+        let tool = &arm.tools[target];
         let columns: Vec<Column> = (set.parameters().iter())
             .map(|parameter| match parameter.kind {
                 ParameterKind::JointCompliance { joint } => Column::Compliance(joint),
@@ -147,7 +150,7 @@ impl<'a> FirstOrder<'a> {
                 ParameterKind::LinkRotation { link, axis } => {
                     place(link, PlaceMotion::LinkAbout(axis))
                 }
-                ParameterKind::ToolPosition { tool: 0, axis } => {
+                ParameterKind::ToolPosition { tool: which, axis } if which == target => {
                     place(tool.joints, PlaceMotion::ToolAlong(axis))
                 }
                 ParameterKind::LoadScale => Column::LoadScale,
@@ -183,6 +186,7 @@ impl<'a> FirstOrder<'a> {
             variance_m2: sigma_m * sigma_m,
             sources,
             state: KinematicState::new(arm.chain.len()),
+            tool_position: Vector3::zeros(),
             joints: vec![Lever::NONE; arm.chain.len()],
         }
     }
@@ -195,12 +199,17 @@ impl<'a> FirstOrder<'a> {
 
     /// Moves to the joint angles `q` (rad).
     pub fn move_to(&mut self, q: &[f64]) {
-        self.chain.at(self.tool).update(q, &mut self.state);
+        let mut state = std::mem::replace(&mut self.state, KinematicState::new(0));
+        self.chain.at(self.tool).update(q, &mut state);
+        self.stand(q, &state);
+        self.state = state;
+    }
+
+    /// Moves to the joint angles `q` (rad), where the arm with its tool has this geometry.
+    pub fn stand(&mut self, q: &[f64], state: &KinematicState) {
+        self.tool_position = state.tool_position;
         for (joint, lever) in self.joints.iter_mut().enumerate() {
-            *lever = Lever::at(
-                self.state.position_column(joint),
-                self.state.rotation_column(joint),
-            );
+            *lever = Lever::at(state.position_column(joint), state.rotation_column(joint));
         }
         let mut before = Rotation3::identity();
         for (index, (joint, &angle)) in self.chain.joints.iter().zip(q).enumerate() {
@@ -208,7 +217,7 @@ impl<'a> FirstOrder<'a> {
             before *= Rotation3::from(joint.previous_from_link.rotation);
             for (place, lever) in self.places.iter().zip(&mut self.levers) {
                 if place.moved_from == index {
-                    *lever = place.lever(before.matrix(), &self.state);
+                    *lever = place.lever(before.matrix(), state);
                 }
             }
             if !joint.drive.slides {
@@ -217,7 +226,7 @@ impl<'a> FirstOrder<'a> {
         }
         for (place, lever) in self.places.iter().zip(&mut self.levers) {
             if let PlaceMotion::ToolAlong(_) = place.motion {
-                *lever = place.lever(&self.state.tool_rotation, &self.state);
+                *lever = place.lever(&state.tool_rotation, state);
             }
         }
     }
@@ -253,19 +262,59 @@ impl<'a> FirstOrder<'a> {
         }
     }
 
-    /// What the motion of a place changes.
-    fn of_place(&self, place: usize, load: &Load) -> Vector3<f64> {
-        let (from, v) = (self.places[place].moved_from, &self.levers[place]);
+    /// Writes the derivatives of what is left at the loaded tool if the deflection at the parameters' nominal values is
+    /// compensated (3 x p): what they change of the joints' own deflections, seen at the tool. The scale of the
+    /// loads, the instrument and where things stand have no part in it. For compliances it is the matrix of a test
+    /// pose (eq. 23).
+    pub fn uncompensated(&self, load: &Load, matrix: &mut Matrix3xX<f64>) {
+        for (index, (column, factor)) in self.columns.iter().zip(&self.factors).enumerate() {
+            let value = match *column {
+                Column::Compliance(joint) => {
+                    let joint = &self.joints[joint];
+                    joint.position * joint.torque(load)
+                }
+                Column::Place(place) => self.torques_of_place(place, load),
+                Column::LoadScale | Column::LoadOffset | Column::Turned(_) | Column::Silent => {
+                    Vector3::zeros()
+                }
+            };
+            matrix.set_column(index, &(value * *factor));
+        }
+    }
+
+    /// How the motion of a place changes the joints' own deflections.
+    fn torques_of_place(&self, place: usize, load: &Load) -> Vector3<f64> {
         let mut sum = Vector3::zeros();
         for (index, (joint, &k)) in self.joints.iter().zip(self.compliance).enumerate() {
-            let (moved, turned) = if index < from {
-                (joint.rotation.cross(&v.position), Vector3::zeros())
-            } else {
-                (
-                    v.rotation.cross(&joint.position),
-                    v.rotation.cross(&joint.rotation),
-                )
-            };
+            let (moved, turned) = self.moved_by(place, index);
+            let change = moved.dot(&load.force_n) + turned.dot(&load.torque_nm);
+            sum += joint.position * (change * k);
+        }
+        sum
+    }
+
+    /// By how much the motion of a place changes the columns of a joint.
+    fn moved_by(&self, place: usize, joint: usize) -> (Vector3<f64>, Vector3<f64>) {
+        let (from, v, joint_lever) = (
+            self.places[place].moved_from,
+            &self.levers[place],
+            &self.joints[joint],
+        );
+        if joint < from {
+            (joint_lever.rotation.cross(&v.position), Vector3::zeros())
+        } else {
+            (
+                v.rotation.cross(&joint_lever.position),
+                v.rotation.cross(&joint_lever.rotation),
+            )
+        }
+    }
+
+    /// What the motion of a place changes.
+    fn of_place(&self, place: usize, load: &Load) -> Vector3<f64> {
+        let mut sum = Vector3::zeros();
+        for (index, (joint, &k)) in self.joints.iter().zip(self.compliance).enumerate() {
+            let (moved, turned) = self.moved_by(place, index);
             let change = moved.dot(&load.force_n) + turned.dot(&load.torque_nm);
             sum += (moved * joint.torque(load) + joint.position * change) * k;
         }
@@ -275,9 +324,14 @@ impl<'a> FirstOrder<'a> {
     /// The covariance of a deflection's reading (m^2), the instrument's noise among it.
     #[must_use]
     pub fn covariance(&self, load: &Load) -> Matrix3<f64> {
-        (0..self.sources.len()).fold(Matrix3::identity() * self.variance_m2, |sum, source| {
-            sum + self.covariance_of(source, load)
-        })
+        Matrix3::identity() * self.variance_m2 + self.covariance_of_all(load)
+    }
+
+    /// What all sources add to the instrument's noise.
+    #[must_use]
+    pub fn covariance_of_all(&self, load: &Load) -> Matrix3<f64> {
+        let sources = 0..self.sources.len();
+        sources.map(|source| self.covariance_of(source, load)).sum()
     }
 
     /// What one of the sources adds to it.
@@ -295,7 +349,7 @@ impl<'a> FirstOrder<'a> {
                 form * form.transpose() * (deviation * deviation)
             }
             ReadingSource::Range { from_m, per_metre } => {
-                let distance = (self.state.tool_position - from_m).norm_squared();
+                let distance = (self.tool_position - from_m).norm_squared();
                 Matrix3::identity() * (distance * per_metre * per_metre)
             }
         }
@@ -485,7 +539,7 @@ impl<'a> FirstOrder<'a> {
                 }
             }
             ReadingSource::Range { from_m, per_metre } => {
-                let apart = self.state.tool_position - from_m;
+                let apart = self.tool_position - from_m;
                 *of_tool += apart * (2.0 * of_covariance.trace() * per_metre * per_metre);
             }
         }
@@ -514,7 +568,7 @@ impl<'a> FirstOrder<'a> {
     }
 }
 
-impl Place {
+impl FramePlace {
     /// Its lever at the tool; `axes` are the link's or the tool's.
     fn lever(&self, axes: &Matrix3<f64>, state: &KinematicState) -> Lever {
         let link = self.moved_from;

@@ -26,5 +26,6 @@ pub(crate) use freedoms::relative_precision;
 pub use freedoms::{Freedom, Freedoms, structural_directions};
 pub use kind::{Axis, Parameter, ParameterKind};
 pub use prior::Prior;
+pub(crate) use set::FrameChange;
 pub use set::{ParameterError, ParameterSet};
 pub use uncertainty::{ReadingSource, Source, Uncertainty};

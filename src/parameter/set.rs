@@ -98,6 +98,18 @@ impl ParameterSet {
         Ok(Self { parameters, prior })
     }
 
+    /// The set without unknowns.
+    #[must_use]
+    pub fn empty() -> Self {
+        Self {
+            parameters: Vec::new(),
+            prior: Prior {
+                mean: DVector::zeros(0),
+                precision: DMatrix::zeros(0, 0),
+            },
+        }
+    }
+
     /// The compliances of these joints, linear and without priors: the paper's unknowns.
     ///
     /// # Errors
@@ -161,6 +173,16 @@ impl ParameterSet {
             self.prior.mean[index] = solved[row] * self.parameters[index].scale;
         }
         Ok(self)
+    }
+
+    /// The same set, in which of the first parameters this precision (q x q, in their units) is known besides,
+    /// about the values that they have in the mean already.
+    #[must_use]
+    pub fn with_precision(mut self, precision: &DMatrix<f64>) -> Self {
+        let size = precision.nrows();
+        let mut own = self.prior.precision.view_mut((0, 0), (size, size));
+        own += precision;
+        self
     }
 
     /// Some of the parameters, at `indices`, with what is known of them when the others are at their
@@ -315,13 +337,18 @@ pub(crate) struct FrameChange {
 }
 
 impl FrameChange {
+    /// From the nominal frame to the other one.
+    pub fn isometry(&self) -> Isometry3<f64> {
+        Isometry3::from_parts(
+            Translation3::from(self.position_m),
+            UnitQuaternion::from_scaled_axis(self.rotation_rad),
+        )
+    }
+
     /// Leaves the bits of a frame as they are where nothing is different.
     fn apply(&self, frame: &mut Isometry3<f64>) {
         if *self != Self::default() {
-            *frame *= Isometry3::from_parts(
-                Translation3::from(self.position_m),
-                UnitQuaternion::from_scaled_axis(self.rotation_rad),
-            );
+            *frame *= self.isometry();
         }
     }
 }

@@ -1,10 +1,10 @@
 //! What a plan promises: the information matrix, and the accuracy that follows from it.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, Matrix3xX};
 
 use super::{Experiment, Plan};
 use crate::robot::{ObservationMatrix, SerialChain, Tool};
-use crate::task::Belief;
+use crate::task::{Belief, Extended};
 
 /// The planner's model of an experiment: the nominal robot with the calibration tool.
 #[derive(Debug, Clone)]
@@ -21,6 +21,8 @@ pub struct ExperimentModel<'a> {
     pub sigma_m: f64,
     /// The standard deviation of a rotation's coordinates (rad), where rotations are measured.
     pub rotation_sigma_rad: Option<f64>,
+    /// What else is uncertain.
+    pub uncertain: Option<&'a Extended>,
 }
 
 impl<'a> ExperimentModel<'a> {
@@ -34,6 +36,7 @@ impl<'a> ExperimentModel<'a> {
             parameters: &belief.parameters,
             sigma_m: belief.instrument.sigma_m,
             rotation_sigma_rad: belief.instrument.rotation_sigma_rad,
+            uncertain: belief.uncertain.as_ref(),
         }
     }
 
@@ -47,12 +50,27 @@ impl<'a> ExperimentModel<'a> {
         }
     }
 
+    /// The number p of unknowns.
+    #[must_use]
+    pub fn columns(&self) -> usize {
+        (self.uncertain).map_or(self.parameters.len(), |extended| extended.set().len())
+    }
+
     /// The observation matrix A^(p) of an experiment (eqs. 4, 7), 3 x p, at the commanded angles, with the
     /// springs beside the joints' own at work. Where
     /// rotations are measured A^(phi) stands below it, in the units of A^(p): times `sigma_m` over the
-    /// standard deviation of rotations.
+    /// standard deviation of rotations. Where more is uncertain there are columns for that, and rows are
+    /// weighted: `sigma_m` L^-1 J with the reading's covariance L L^T.
     #[must_use]
     pub fn observation_matrix(&self, experiment: &Experiment) -> DMatrix<f64> {
+        if let Some(extended) = self.uncertain {
+            let size = self.columns();
+            let mut model = extended.first_order_of_all(self.sigma_m);
+            let mut matrix = Matrix3xX::zeros(size);
+            model.move_to(experiment.configuration_rad.as_slice());
+            model.observe(&experiment.load, &mut matrix);
+            return DMatrix::from_column_slice(3, size, (matrix * self.sigma_m).as_slice());
+        }
         let arm = self.chain.at(self.tool);
         let state = arm.state(experiment.configuration_rad.as_slice());
         let state = state.braced(self.compliance_rad_per_nm);
@@ -69,7 +87,7 @@ impl<'a> ExperimentModel<'a> {
     /// The information matrix of a plan for sigma = 1: the sum of A^T A, p x p, in m^2 (N m/rad)^2.
     #[must_use]
     pub fn information(&self, plan: &Plan) -> DMatrix<f64> {
-        let size = self.parameters.len();
+        let size = self.columns();
         let mut information = DMatrix::zeros(size, size);
         for experiment in &plan.experiments {
             let matrix = self.observation_matrix(experiment);

@@ -3,8 +3,8 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::search::{Bound, NoBound, PlanBound, Problem};
-use super::{Criterion, ExperimentModel, Feasibility, Plan, Violation};
-use crate::compensation::{predicted_error, test_pose_matrix};
+use super::{Criterion, ExperimentModel, Feasibility, Plan, PromiseShare, Violation, shares};
+use crate::compensation::{predicted_error, test_pose_rows};
 use crate::estimable::Estimable;
 use crate::least_squares::LeastSquares;
 use crate::posterior::Posterior;
@@ -18,6 +18,8 @@ pub struct Assessment {
     /// The predicted rms distance `rho_0` over the test poses (m), eq. 20; `None` where the
     /// compensation needs a compliance that the plan does not determine.
     pub rho0_m: Option<f64>,
+    /// What that is made of; nothing where there is no `rho_0`.
+    pub shares: Vec<PromiseShare>,
     /// The standard error of each compliance (rad/(N m)), eq. 13; `None` where the plan does not
     /// determine it.
     pub standard_errors: Vec<Option<f64>>,
@@ -47,6 +49,10 @@ impl Assessment {
         let experiments = plan.measurements();
         Self {
             experiments,
+            shares: match rho0_m {
+                Some(_) => shares(task, plan, &posterior),
+                None => Vec::new(),
+            },
             rho0_m,
             standard_errors: (0..task.belief.parameters.len())
                 .map(|index| posterior.standard_error(index))
@@ -93,31 +99,28 @@ impl Assessment {
     }
 }
 
-/// What is known of the compliances after the plan, whatever is read.
+/// What is known of the unknowns after the plan, whatever is read.
 #[must_use]
 pub fn posterior(belief: &Belief, plan: &Plan) -> Posterior {
     let model = ExperimentModel::new(belief);
-    let parameters = &belief.parameters;
     // A plan without experiments tells as much as one that tells nothing.
     let rows = model.rows();
     let before = belief.prior_rows();
     let known = rows * plan.experiments.len().max(1);
-    let mut matrix = DMatrix::zeros(known + before.nrows(), parameters.len());
+    let mut matrix = DMatrix::zeros(known + before.nrows(), belief.unknowns());
     for (index, experiment) in plan.experiments.iter().enumerate() {
         let block = model.observation_matrix(experiment) * f64::from(experiment.repeats).sqrt();
         matrix.rows_mut(rows * index, rows).copy_from(&block);
     }
     let sigma_m = belief.instrument.sigma_m;
     (matrix.rows_mut(known, before.nrows())).copy_from(&(before * sigma_m));
-    let typical = belief.nominal.typical_rad_per_nm(parameters);
+    let typical = belief.sizes();
     let estimable = Estimable::of_equations(&(&matrix / sigma_m), &typical);
     let nothing_read = DVector::zeros(matrix.nrows());
     let least_squares = LeastSquares::solve(&matrix, &nothing_read, &estimable);
     Posterior {
-        names: belief.parameter_names(),
-        mean: (parameters.iter())
-            .map(|&joint| belief.nominal.compliance_rad_per_nm[joint])
-            .collect(),
+        names: belief.unknown_names(),
+        mean: belief.values(),
         covariance: least_squares.covariance * sigma_m.powi(2),
         estimable,
     }
@@ -126,7 +129,7 @@ pub fn posterior(belief: &Belief, plan: &Plan) -> Posterior {
 fn predicted(task: &Task, posterior: &Posterior) -> Option<f64> {
     let mut sum = 0.0;
     for pose in &task.test_poses {
-        let matrix = test_pose_matrix(&task.belief, pose, &task.belief.parameters);
+        let matrix = test_pose_rows(&task.belief, pose);
         sum += pose.weight * predicted_error(&matrix, posterior).ok()?.powi(2);
     }
     Some(sum.sqrt())

@@ -8,6 +8,7 @@ mod feasibility;
 pub mod proof;
 mod region;
 pub mod search;
+mod shares;
 
 pub use crate::experiment::{Experiment, Plan, read_plan, write_plan};
 pub use accuracy::ExperimentModel;
@@ -16,3 +17,4 @@ pub use criterion::{Criterion, CriterionFunction};
 pub use factorisation::LANES;
 pub use feasibility::{Feasibility, Violation};
 pub use region::{SmoothBound, WIDENED_M, WIDENED_RAD, WIDENED_SHARE, bounds_of, widened};
+pub use shares::{EARLIER, NOISE, PromiseShare, shares};

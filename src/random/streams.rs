@@ -10,6 +10,8 @@ pub enum Stream {
     Noise = 0,
     /// The virtual robot's compliances.
     Compliances = 1,
+    /// What else is uncertain in a run's laboratory.
+    Circumstances = 2,
 }
 
 /// Experiment `index` of a pool of random experiments; pools count from 1.

@@ -72,6 +72,9 @@ impl Header {
         {
             return wrong("sha256", "is none");
         }
+        if let Some(account) = &plan.account {
+            (account.check()).map_err(|(key, problem)| (format!("account.{key}"), problem))?;
+        }
         let Some(reference) = plan.reference else {
             return Ok(());
         };

@@ -6,14 +6,14 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use nalgebra::Vector3;
+use nalgebra::{DMatrix, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::calibration::{Calibration, CompensatedPose};
 use crate::files::schema::RESULTS_VERSION;
 use crate::files::{FileError, hexadecimal, sha256_of};
-use crate::identification::Identification;
+use crate::identification::{Identification, UncertainEstimate};
 use crate::measurement::Measurement;
 use crate::plan::search::PlanProof;
 use crate::plan::{Assessment, Criterion, Experiment, Plan};
@@ -63,6 +63,9 @@ pub struct ProvenanceMessage {
     /// "measurements", "identified"; in hexadecimal.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub inputs_sha256: BTreeMap<String, String>,
+    /// Whether the scenario's uncertainties were left out of the belief.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub noise_only: bool,
 }
 
 impl ProvenanceMessage {
@@ -77,6 +80,7 @@ impl ProvenanceMessage {
             seed: scenario.seed,
             platform: platform::platform(),
             inputs_sha256: BTreeMap::new(),
+            noise_only: scenario.is_noise_only,
         }
     }
 
@@ -185,6 +189,12 @@ pub struct IdentificationMessage {
     pub compliance_typical_rad_per_nm: Vec<f64>,
     /// Their covariance (rad^2/(N m)^2), of what is determined; zero for those of which nothing is.
     pub covariance_rad2_per_n2m2: Vec<Vec<f64>>,
+    /// What else the scenario lists as uncertain and the whole plan shares, and what the measurements say of it.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub uncertain: Vec<UncertainMessage>,
+    /// The covariance of the compliances and of these together, in their units.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub covariance_of_all: Vec<Vec<f64>>,
     /// The standard deviation of a deflection's coordinate that the uncertainties rest on (mm).
     pub sigma_mm: f64,
     /// The one that the residuals show, if there are more equations than unknowns (mm).
@@ -210,6 +220,11 @@ pub struct IdentificationMessage {
 
 impl From<&Identification> for IdentificationMessage {
     fn from(identification: &Identification) -> Self {
+        // What else is uncertain stands apart.
+        let posterior = match identification.uncertain.as_slice() {
+            [] => identification.posterior.clone(),
+            _ => (identification.posterior).of_first(identification.parameters.len()),
+        };
         let estimates = || identification.parameters.iter().map(|each| each.estimate);
         Self {
             method: method_name(identification.method).to_owned(),
@@ -225,17 +240,19 @@ impl From<&Identification> for IdentificationMessage {
             compliance_ci95_rad_per_nm: estimates()
                 .map(|estimate| Some(estimate?.interval95))
                 .collect(),
-            compliance_applied_rad_per_nm: identification.posterior.mean.clone(),
-            undetermined_directions: (identification.posterior.estimable.hidden().column_iter())
+            compliance_applied_rad_per_nm: posterior.mean.clone(),
+            undetermined_directions: (posterior.estimable.hidden().column_iter())
                 .map(|column| column.iter().copied().collect())
                 .collect(),
-            compliance_typical_rad_per_nm: identification.posterior.estimable.typical().to_vec(),
-            covariance_rad2_per_n2m2: identification
-                .posterior
-                .covariance
-                .row_iter()
-                .map(|row| row.iter().copied().collect())
+            compliance_typical_rad_per_nm: posterior.estimable.typical().to_vec(),
+            covariance_rad2_per_n2m2: rows_of(&posterior.covariance),
+            uncertain: (identification.uncertain.iter())
+                .map(UncertainMessage::from)
                 .collect(),
+            covariance_of_all: match identification.uncertain.as_slice() {
+                [] => Vec::new(),
+                _ => rows_of(&identification.posterior.covariance),
+            },
             sigma_mm: identification.sigma_m * 1e3,
             residual_sigma_mm: identification.residual_sigma_m.map(|sigma| sigma * 1e3),
             consistency: identification.consistency,
@@ -245,6 +262,38 @@ impl From<&Identification> for IdentificationMessage {
             condition: Some(identification.condition).filter(|value| value.is_finite()),
             iterations: identification.iterations,
             residuals_mm: residuals_mm(&identification.residuals_m),
+        }
+    }
+}
+
+fn rows_of(matrix: &DMatrix<f64>) -> Vec<Vec<f64>> {
+    let rows = matrix.row_iter();
+    rows.map(|row| row.iter().copied().collect()).collect()
+}
+
+/// What measurements say of something that is uncertain besides the identified compliances.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct UncertainMessage {
+    /// Its name, such as "load.scale" or "joint_1.compliance".
+    pub name: String,
+    /// The unit of the values: "1" for the logarithm of a ratio to what is nominal.
+    pub unit: String,
+    /// The standard deviation that it had before.
+    pub prior_std: Option<f64>,
+    /// The value, whose nominal one is mostly zero; null where nothing determines it.
+    pub value: Option<f64>,
+    /// Its standard error.
+    pub std: Option<f64>,
+}
+
+impl From<&UncertainEstimate> for UncertainMessage {
+    fn from(each: &UncertainEstimate) -> Self {
+        Self {
+            name: each.name.clone(),
+            unit: each.unit.clone(),
+            prior_std: each.prior_deviation,
+            value: each.estimate.map(|estimate| estimate.value),
+            std: each.estimate.map(|estimate| estimate.standard_error),
         }
     }
 }
@@ -278,6 +327,10 @@ pub struct AssessmentMessage {
     /// The predicted rms distance over the test poses (mm), eq. 20; null where the compensation
     /// needs a compliance that the plan does not determine.
     pub rho0_mm: Option<f64>,
+    /// What `rho0_mm` is made of: the instrument's noise, an earlier identification, each uncertainty of the scenario.
+    /// Their squares add up.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub rho0_shares: Vec<ShareMessage>,
     /// The standard errors of the compliances (rad/(N m)); null where one is not determined.
     pub compliance_std_rad_per_nm: Vec<Option<f64>>,
     /// The criteria of Table 1 by name, in relative units; `test_pose` in mm.
@@ -302,6 +355,15 @@ pub struct AssessmentMessage {
     pub no_bound_reason: Option<String>,
     /// What makes the plan impossible.
     pub violations: Vec<ViolationMessage>,
+}
+
+/// A part of a promise.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct ShareMessage {
+    /// What leaves it: "noise", "earlier identification", or the name of an uncertainty.
+    pub name: String,
+    /// What it alone leaves (mm).
+    pub rho0_mm: f64,
 }
 
 /// How near a proof of a bound is.
@@ -347,6 +409,12 @@ impl AssessmentMessage {
             experiments: assessment.experiments,
             parameters: scenario.task.belief.parameter_names(),
             rho0_mm: assessment.rho0_m.map(|value| value * 1e3),
+            rho0_shares: (assessment.shares.iter())
+                .map(|share| ShareMessage {
+                    name: share.name.clone(),
+                    rho0_mm: share.rho0_m * 1e3,
+                })
+                .collect(),
             compliance_std_rad_per_nm: assessment.standard_errors.clone(),
             criteria: assessment.criteria.iter().map(millimetres).collect(),
             lower_bound_rho0_mm: assessment.bound_m().map(|value| value * 1e3),

@@ -9,6 +9,7 @@
 //! - [`campaign`]: a plan as it is carried out in the laboratory.
 //! - [`evidence`]: what a plan is shown beside.
 
+pub mod account;
 pub mod campaign;
 pub mod evidence;
 mod header_check;

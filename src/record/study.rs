@@ -5,7 +5,9 @@ use std::fmt::Write;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::account::{PartMessage, verdict};
 use crate::study::Conditions;
+use crate::study::account::Account;
 use crate::study::summary::Summary;
 use crate::study::tally::{Failure, Tally};
 
@@ -38,6 +40,15 @@ pub struct StudyPlanMessage {
     pub rms_std_mm: Option<f64>,
     /// The rms distance that eq. 20 predicts (mm).
     pub predicted_rms_mm: Option<f64>,
+    /// What the belief promises for the rms (mm), where the scenario lists uncertainties.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub promised_rms_mm: Option<f64>,
+    /// What the errors are made of, to first order; their squares add up to the square of what is to be expected.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub parts: Vec<PartMessage>,
+    /// Whether the promise holds, in words.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub verdict: Option<String>,
     /// The distances that 5, 50, 95 and 99 % of the runs do not exceed (mm).
     pub quantiles_mm: Option<[f64; 4]>,
     /// How often which distances were left.
@@ -87,6 +98,7 @@ impl StudyPlanMessage {
         parameters: usize,
         tally: &Tally,
         summary: Option<&Summary>,
+        account: Option<&Account>,
     ) -> Self {
         let of =
             |value: &dyn Fn(&Summary) -> f64| summary.map(value).filter(|value| value.is_finite());
@@ -106,6 +118,13 @@ impl StudyPlanMessage {
             rms_mm: of(&|each| each.rms_m.value * 1e3),
             rms_std_mm: of(&|each| each.rms_m.standard_error * 1e3),
             predicted_rms_mm: of(&|each| each.predicted_rms_m * 1e3),
+            promised_rms_mm: account.map(|account| account.promised_m * 1e3),
+            parts: account.map_or_else(Vec::new, |account| {
+                account.parts.iter().map(PartMessage::from).collect()
+            }),
+            verdict: (account.zip(summary)).map(|(account, each)| {
+                verdict(account, each.rms_m.value, each.rms_m.standard_error)
+            }),
             quantiles_mm: summary.map(|each| each.quantiles_m.map(|value| value * 1e3)),
             histogram: HistogramMessage::new(tally, conditions.sigma_m),
             z: of(&|each| each.z),

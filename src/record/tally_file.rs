@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 
+use super::account::AccountHeader;
 use super::messages::ProvenanceMessage;
 use crate::files::output::write_whole;
 use crate::files::schema::check_version;
@@ -16,6 +17,7 @@ use crate::files::{FileError, hexadecimal, is_plain_name, read_text};
 use crate::gate::Gate;
 use crate::plan::Plan;
 use crate::scenario::Scenario;
+use crate::study::account::Account;
 use crate::study::tally::{BINS, Failure, SUMS, Tally};
 use crate::study::{Conditions, Entry, Level, Setting, runner};
 
@@ -54,6 +56,10 @@ pub struct PlanHeader {
     pub reference: Option<usize>,
     /// SHA-256 of the plan; null where every run has its own.
     pub sha256: Option<String>,
+    /// What it promises and what its errors are made of, where the scenario lists uncertainties; nothing where every run has
+    /// a plan of its own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub account: Option<AccountHeader>,
 }
 
 impl PlanHeader {
@@ -88,6 +94,13 @@ impl Header {
                 load_scale: format!("{:e}", conditions.load_scale),
                 reference,
                 sha256: entry.kind.plan().map(fingerprint),
+                account: (entry.kind.plan())
+                    .filter(|_| !scenario.truth.uncertainties.is_empty())
+                    .and_then(|plan| {
+                        let setting = &settings[entry.setting];
+                        Account::new(&setting.task, setting.truth, plan)
+                    })
+                    .map(|account| AccountHeader::new(&account)),
             }
         };
         Self {

@@ -31,6 +31,8 @@ pub(super) struct File {
     pub region: RegionTable,
     #[serde(default)]
     pub obstacle: Vec<ObstacleTable>,
+    #[serde(default)]
+    pub uncertainty: Vec<UncertaintyTable>,
     pub design: DesignTable,
     #[serde(default)]
     pub plan: Vec<PlanTable>,
@@ -237,6 +239,96 @@ pub(super) struct ObstacleTable {
     pub rpy_deg: Option<Vec<f64>>,
 }
 
+/// What is uncertain.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum UncertaintyKind {
+    Compliance,
+    JointZero,
+    LinkPosition,
+    LinkRotation,
+    ToolPosition,
+    BaseRotation,
+    LoadScale,
+    LoadOffset,
+    LoadDirection,
+    LoadPoint,
+    JointReturn,
+    TrackerRange,
+}
+
+impl UncertaintyKind {
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Compliance => "compliance",
+            Self::JointZero => "joint_zero",
+            Self::LinkPosition => "link_position",
+            Self::LinkRotation => "link_rotation",
+            Self::ToolPosition => "tool_position",
+            Self::BaseRotation => "base_rotation",
+            Self::LoadScale => "load_scale",
+            Self::LoadOffset => "load_offset",
+            Self::LoadDirection => "load_direction",
+            Self::LoadPoint => "load_point",
+            Self::JointReturn => "joint_return",
+            Self::TrackerRange => "tracker_range",
+        }
+    }
+
+    /// The keys that its size may have.
+    pub const fn sizes(self) -> &'static [&'static str] {
+        match self {
+            Self::Compliance | Self::LoadScale => &["std_relative"],
+            Self::LinkPosition | Self::ToolPosition | Self::LoadPoint => &["std_mm"],
+            Self::LinkRotation | Self::BaseRotation | Self::LoadDirection => &["std_mrad"],
+            Self::JointZero | Self::JointReturn => &["std_mrad", "std_mm"],
+            Self::LoadOffset => &["std_n"],
+            Self::TrackerRange => &["std_um_per_m"],
+        }
+    }
+
+    /// Whether it is one of joints, or of the links that they move.
+    pub const fn is_of_joints(self) -> bool {
+        matches!(
+            self,
+            Self::Compliance
+                | Self::JointZero
+                | Self::LinkPosition
+                | Self::LinkRotation
+                | Self::JointReturn
+        )
+    }
+}
+
+/// One of `[[uncertainty]]`.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct UncertaintyTable {
+    pub kind: UncertaintyKind,
+    pub name: Option<String>,
+    pub joints: Option<Vec<String>>,
+    pub std_relative: Option<f64>,
+    pub std_mm: Option<f64>,
+    pub std_mrad: Option<f64>,
+    pub std_n: Option<f64>,
+    pub std_um_per_m: Option<f64>,
+    #[serde(default)]
+    pub hidden: bool,
+}
+
+impl UncertaintyTable {
+    /// The sizes by their keys.
+    pub const fn given(&self) -> [(&'static str, Option<f64>); 5] {
+        [
+            ("std_relative", self.std_relative),
+            ("std_mm", self.std_mm),
+            ("std_mrad", self.std_mrad),
+            ("std_n", self.std_n),
+            ("std_um_per_m", self.std_um_per_m),
+        ]
+    }
+}
+
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct DesignTable {
@@ -320,6 +412,8 @@ pub(super) enum StudyPlanTable {
         criterion: Criterion,
         configurations: Option<u32>,
         experiments: Option<u32>,
+        #[serde(default)]
+        noise_only: bool,
     },
     Random {
         name: String,

@@ -52,6 +52,8 @@ pub struct Scenario {
     pub study: StudySettings,
     /// What work in the laboratory costs, and how the robot is to move there.
     pub laboratory: Laboratory,
+    /// Whether the belief leaves out the uncertainties that the scenario lists, see [`Scenario::noise_only`].
+    pub is_noise_only: bool,
     /// What speaks against trusting what the scenario builds on.
     pub doubts: Vec<String>,
     /// How much worse results may get.
@@ -64,6 +66,12 @@ impl Scenario {
     pub fn settings(&self) -> Vec<Setting<'_>> {
         let setting = |&conditions: &Conditions| Setting::new(&self.task, &self.truth, conditions);
         self.study.conditions.iter().map(setting).collect()
+    }
+
+    /// The scenario of a planner who knows of the instrument's noise alone; the virtual robot stays as uncertain as it
+    /// is.
+    pub fn noise_only(&mut self) {
+        self.is_noise_only = self.task.belief.uncertain.take().is_some();
     }
 
     /// What files that are made under this scenario say of it.

@@ -9,6 +9,8 @@
 //! - [`summary`]: means, intervals, quantiles and checks from a tally.
 //! - [`evidence`]: what a designed plan is shown beside: rivals, other sizes, many runs.
 
+pub mod account;
+pub mod deviations;
 pub mod evidence;
 pub mod model_level;
 pub mod robot_level;

@@ -29,19 +29,22 @@
 use multiversion::multiversion;
 use nalgebra::{DMatrix, DVector};
 
+use super::deviations::Deviations;
 use super::tally::{Batch, Failure};
-use crate::compensation::test_pose_matrix;
+use crate::compensation::test_pose_rows;
 use crate::estimable::Estimable;
 use crate::factorisation::finite_eigen;
 use crate::plan::{ExperimentModel, Plan};
 use crate::random::normal::LANES;
-use crate::task::{Belief, Task};
+use crate::task::{Task, TestPose};
 use crate::testbed::Truth;
 
-/// The most compliances that a run can have.
-const MOST: usize = 48;
+/// The most unknowns that a run can have.
+const MOST: usize = 480;
 /// Up to so many, less memory is cleared in each run.
 const FEW: usize = 12;
+/// The same for more.
+const SOME: usize = 96;
 
 /// Three rows of a matrix, column by column.
 type ThreeRows = Vec<[f64; 3]>;
@@ -52,17 +55,14 @@ pub struct LinearModel<'a> {
     experiments: ExperimentModel<'a>,
     /// A_0 of all test poses, each times the root of its weight, stacked.
     test_poses: DMatrix<f64>,
-    /// The typical sizes of the compliances (rad/(N m)).
-    typical_rad_per_nm: Vec<f64>,
-    /// The precision of what is known of the compliances before, times sigma^2.
+    /// The typical sizes of the unknowns.
+    typical: Vec<f64>,
+    /// The precision of what is known of the unknowns before, times sigma^2.
     prior: Option<DMatrix<f64>>,
-    /// The joints that are not identified and whose true compliance is not the nominal one.
-    unknown: Vec<usize>,
-    /// The parameters of which something is known before, which the virtual robot may not agree with, as
-    /// indices among the parameters, and their joints.
-    tied: Vec<(usize, usize)>,
-    /// Their columns `A_0`'.
-    test_poses_unknown: DMatrix<f64>,
+    /// What the virtual robot may differ in.
+    deviations: Deviations<'a>,
+    /// The rows `A_0`' of what of that the belief's vector does not have.
+    test_poses_foreign: DMatrix<f64>,
 }
 
 impl<'a> LinearModel<'a> {
@@ -70,31 +70,29 @@ impl<'a> LinearModel<'a> {
     #[must_use]
     pub fn new(task: &'a Task, truth: &Truth) -> Self {
         let belief = &task.belief;
-        let unknown = unknown_joints(belief, truth);
+        let deviations = Deviations::new(belief, truth);
+        let information = belief.prior_information();
+        let sizes = belief.sizes();
+        let sigma_m = belief.instrument.sigma_m;
         Self {
             experiments: ExperimentModel::new(belief),
-            test_poses: test_poses(task, &belief.parameters),
-            typical_rad_per_nm: belief.nominal.typical_rad_per_nm(&belief.parameters),
-            test_poses_unknown: test_poses(task, &unknown),
-            unknown,
-            prior: belief
-                .prior
-                .as_ref()
-                .map(|prior| &prior.precision * belief.instrument.sigma_m.powi(2)),
-            tied: tied_joints(belief, truth),
+            test_poses: stacked(task, sizes.len(), &|pose| test_pose_rows(belief, pose)),
+            prior: match (&belief.uncertain, &belief.prior) {
+                (Some(extended), _) => Some(&extended.set().prior().precision * sigma_m.powi(2)),
+                (None, Some(prior)) => Some(&prior.precision * sigma_m.powi(2)),
+                (None, None) => None,
+            }
+            .filter(|_| information.amax() > 0.0),
+            typical: sizes,
+            test_poses_foreign: deviations.test_poses(task),
+            deviations,
         }
     }
 
-    /// By how much the compliances of the joints that are not identified, and of those of which something
-    /// is known before, differ from the nominal ones (per sigma), where they do.
+    /// What the virtual robot may differ in.
     #[must_use]
-    pub fn unknown(&self, belief: &Belief, true_rad_per_nm: &[[f64; LANES]]) -> Vec<[f64; LANES]> {
-        let nominal = &belief.nominal.compliance_rad_per_nm;
-        let difference = |&joint: &usize| {
-            true_rad_per_nm[joint].map(|k| (k - nominal[joint]) / belief.instrument.sigma_m)
-        };
-        let tied = self.tied.iter().map(|(_, joint)| joint);
-        self.unknown.iter().chain(tied).map(difference).collect()
+    pub const fn deviations(&self) -> &Deviations<'a> {
+        &self.deviations
     }
 
     /// Prepares a plan.
@@ -121,11 +119,10 @@ impl<'a> LinearModel<'a> {
         // Rows beyond p are zero: they fill up threes.
         let padded = size.next_multiple_of(3);
         let mut whitener = vec![ThreeRows::new(); padded / 3];
-        let unknown = ExperimentModel {
-            parameters: &self.unknown,
-            ..self.experiments.clone()
-        };
-        let mut biases = DMatrix::zeros(size, self.unknown.len() + self.tied.len());
+        let foreign = self.deviations.foreign();
+        let mut biases = DMatrix::zeros(size, self.deviations.len());
+        // The covariance of the whitened noise, where the belief takes it to be another.
+        let mut coloured: Option<DMatrix<f64>> = None;
         // The noise of all deflections comes before that of all rotations.
         let mut of_rotations = vec![ThreeRows::new(); padded / 3];
         for experiment in &plan.experiments {
@@ -137,9 +134,17 @@ impl<'a> LinearModel<'a> {
             if !factor.solve_lower_triangular_mut(&mut columns) {
                 return Err(Failure::Undetermined);
             }
-            let seen = &columns * unknown.observation_matrix(experiment);
-            let mut biases = biases.columns_mut(0, self.unknown.len());
+            let seen = &columns
+                * self
+                    .deviations
+                    .observation_matrix(&self.experiments, experiment);
+            let mut biases = biases.columns_mut(0, foreign);
             biases += seen * f64::from(experiment.repeats);
+            if let Some(half) = self.deviations.coloured(experiment) {
+                columns *= DMatrix::from_column_slice(3, 3, half.as_slice());
+                let more = (&columns * columns.transpose()) * f64::from(experiment.repeats);
+                coloured = Some(coloured.map_or(more.clone(), |sum| sum + more));
+            }
             let columns = columns.resize_vertically(padded, 0.0);
             for _ in 0..experiment.repeats {
                 for (group, rows) in whitener.iter_mut().enumerate() {
@@ -157,7 +162,7 @@ impl<'a> LinearModel<'a> {
         if !factor.solve_lower_triangular_mut(&mut drawn) {
             return Err(Failure::Undetermined);
         }
-        (biases.columns_mut(self.unknown.len(), self.tied.len())).copy_from(&drawn);
+        (biases.columns_mut(foreign, drawn.ncols())).copy_from(&drawn);
         let mut errors = test_poses.transpose();
         if !factor.solve_lower_triangular_mut(&mut errors) {
             return Err(Failure::Undetermined);
@@ -173,24 +178,12 @@ impl<'a> LinearModel<'a> {
         {
             return Err(Failure::Undetermined);
         }
-        let mut test_poses_unknown = -&self.test_poses_unknown;
+        let mut test_poses_unknown = -&self.test_poses_foreign;
         test_poses_unknown = test_poses_unknown.resize_horizontally(biases.ncols(), 0.0);
-        let transposed = errors.transpose().resize_horizontally(padded, 0.0);
-        let compensation = (0..errors.ncols() / 3)
-            .map(|pose| {
-                threes(&transposed, 3 * pose)
-                    .chain(threes(&test_poses_unknown, 3 * pose))
-                    .collect()
-            })
-            .collect();
+        let compensation = compensation_rows(&errors, &test_poses_unknown, padded);
         let bias = errors.tr_mul(&biases) + test_poses_unknown;
-        // What the noise alone leaves, where the true compliances are given.
-        let errors = if self.prior.is_some() {
-            let observed = within(part.as_ref(), &within(part.as_ref(), &observed).transpose());
-            noise_errors(&factor, &observed, &errors).ok_or(Failure::Undetermined)?
-        } else {
-            errors
-        };
+        let errors =
+            self.noise_alone(&factor, part.as_ref(), &observed, coloured.as_ref(), errors)?;
         let covariance = smaller_square(&errors);
         Ok(PlanModel {
             whitener,
@@ -203,19 +196,38 @@ impl<'a> LinearModel<'a> {
         })
     }
 
+    /// What the noise alone leaves, where the truth is given: from the errors L^-1 `A_0^T` that all leaves, with the information
+    /// that was observed, and with the covariance of the whitened noise where that is none of ones.
+    fn noise_alone(
+        &self,
+        factor: &DMatrix<f64>,
+        part: Option<&(Estimable, DMatrix<f64>)>,
+        observed: &DMatrix<f64>,
+        coloured: Option<&DMatrix<f64>>,
+        errors: DMatrix<f64>,
+    ) -> Result<DMatrix<f64>, Failure> {
+        if let Some(noise) = coloured {
+            return Ok(root_of(noise).ok_or(Failure::Undetermined)? * errors);
+        }
+        if self.prior.is_none() {
+            return Ok(errors);
+        }
+        let observed = within(part, &within(part, observed).transpose());
+        noise_errors(factor, &observed, &errors).ok_or(Failure::Undetermined)
+    }
+
     /// What is known before draws towards the nominal values: a column for each that it knows of.
     fn drawn_to_nominal(&self) -> DMatrix<f64> {
-        let tied: Vec<usize> = self.tied.iter().map(|(parameter, _)| *parameter).collect();
         match &self.prior {
-            Some(prior) => -prior.select_columns(&tied),
-            None => DMatrix::zeros(self.typical_rad_per_nm.len(), 0),
+            Some(prior) => -prior.select_columns(&self.deviations.tied()),
+            None => DMatrix::zeros(self.typical.len(), 0),
         }
     }
 
     /// What a plan determines, and its basis in rad/(N m), where that is not everything.
     fn determined_part(&self, information: &DMatrix<f64>) -> Option<(Estimable, DMatrix<f64>)> {
         let sigma_m = self.experiments.sigma_m;
-        let typical = &self.typical_rad_per_nm;
+        let typical = &self.typical;
         let relative = DMatrix::from_fn(typical.len(), typical.len(), |row, column| {
             information[(row, column)] * (typical[row] / sigma_m) * (typical[column] / sigma_m)
         });
@@ -241,6 +253,20 @@ impl<'a> LinearModel<'a> {
     }
 }
 
+/// `A_0` L^-T from L^-1 `A_0^T`, filled up with zeros, beside the rows of what is unknown: three rows for each test pose.
+fn compensation_rows(
+    errors: &DMatrix<f64>,
+    unknown: &DMatrix<f64>,
+    padded: usize,
+) -> Vec<ThreeRows> {
+    let transposed = errors.transpose().resize_horizontally(padded, 0.0);
+    let rows = |pose: usize| {
+        let known = threes(&transposed, 3 * pose);
+        known.chain(threes(unknown, 3 * pose)).collect()
+    };
+    (0..errors.ncols() / 3).map(rows).collect()
+}
+
 /// E^T E or E E^T, whichever is smaller: their traces and norms are the same.
 fn smaller_square(errors: &DMatrix<f64>) -> DMatrix<f64> {
     if errors.ncols() > errors.nrows() {
@@ -263,48 +289,18 @@ fn threes(matrix: &DMatrix<f64>, first: usize) -> impl Iterator<Item = [f64; 3]>
     (matrix.column_iter()).map(move |column| std::array::from_fn(|row| column[first + row]))
 }
 
-/// A_0 of all test poses for the given joints, each times the root of its weight, stacked.
-fn test_poses(task: &Task, joints: &[usize]) -> DMatrix<f64> {
-    let mut stacked = DMatrix::zeros(3 * task.test_poses.len(), joints.len());
+/// Rows of all test poses, each times the root of its weight, stacked.
+pub(super) fn stacked(
+    task: &Task,
+    columns: usize,
+    rows: &dyn Fn(&TestPose) -> DMatrix<f64>,
+) -> DMatrix<f64> {
+    let mut stacked = DMatrix::zeros(3 * task.test_poses.len(), columns);
     for (index, pose) in task.test_poses.iter().enumerate() {
-        let matrix = test_pose_matrix(&task.belief, pose, joints) * pose.weight.sqrt();
+        let matrix = rows(pose) * pose.weight.sqrt();
         stacked.rows_mut(3 * index, 3).copy_from(&matrix);
     }
     stacked
-}
-
-#[expect(clippy::float_cmp, reason = "the same number is meant")]
-fn unknown_joints(belief: &Belief, truth: &Truth) -> Vec<usize> {
-    let (nominal, robot) = (&belief.nominal, &truth.robot);
-    let differs = |joint: &usize| {
-        nominal.compliance_rad_per_nm[*joint] != robot.compliance_rad_per_nm[*joint]
-            || truth.compliance_spread[*joint] > 0.0
-    };
-    (0..belief.joints())
-        .filter(|joint| !belief.parameters.contains(joint) && differs(joint))
-        .collect()
-}
-
-/// The parameters of which something is known before, where the virtual robot's compliances may be others.
-#[expect(clippy::float_cmp, reason = "the same number is meant")]
-fn tied_joints(belief: &Belief, truth: &Truth) -> Vec<(usize, usize)> {
-    let Some(prior) = &belief.prior else {
-        return Vec::new();
-    };
-    let (nominal, robot) = (&belief.nominal, &truth.robot);
-    let differs = |joint: usize| {
-        nominal.compliance_rad_per_nm[joint] != robot.compliance_rad_per_nm[joint]
-            || truth.compliance_spread[joint] > 0.0
-            || truth
-                .drawn
-                .as_ref()
-                .is_some_and(|drawn| drawn.joints.contains(&joint))
-    };
-    let joints = belief.parameters.iter().copied().enumerate();
-    let is_known = |index: usize| prior.precision[(index, index)] > 0.0;
-    joints
-        .filter(|&(index, joint)| is_known(index) && differs(joint))
-        .collect()
 }
 
 /// With z = L^-1 A^T eps no longer of unit covariance but of N = L^-1 A^T A L^-T: the root of N times the
@@ -322,12 +318,17 @@ fn noise_errors(
     if !factor.solve_lower_triangular_mut(&mut noise) {
         return None;
     }
-    let eigen = finite_eigen(&((&noise + noise.transpose()) * 0.5))?;
+    Some(root_of(&noise)? * errors)
+}
+
+/// A root H of a symmetric matrix, H^T H.
+fn root_of(matrix: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+    let eigen = finite_eigen(&((matrix + matrix.transpose()) * 0.5))?;
     let mut root = eigen.eigenvectors.transpose();
     for (mut row, value) in root.row_iter_mut().zip(&eigen.eigenvalues) {
         row *= value.max(0.0).sqrt();
     }
-    Some(root * errors)
+    Some(root)
 }
 
 /// A plan made ready for runs; distances are in sigma.
@@ -352,7 +353,7 @@ pub struct PlanModel {
 impl PlanModel {
     /// Several runs at once, from their standard normals (3M numbers of each, 6M where rotations are
     /// measured; more are left alone)
-    /// and what [`LinearModel::unknown`] gives.
+    /// and what [`Deviations::values`] gives.
     #[must_use]
     pub fn run(&self, normals: &[[f64; LANES]], unknown: &[[f64; LANES]]) -> Batch {
         let (square, nees) = run(&self.whitener, &self.compensation, normals, unknown);
@@ -389,6 +390,8 @@ fn run(
 ) -> ([f64; LANES], [f64; LANES]) {
     if 3 * whitener.len() <= FEW {
         run_up_to::<FEW>(whitener, compensation, normals, unknown)
+    } else if 3 * whitener.len() <= SOME {
+        run_up_to::<SOME>(whitener, compensation, normals, unknown)
     } else {
         run_up_to::<MOST>(whitener, compensation, normals, unknown)
     }

@@ -5,20 +5,20 @@ use nalgebra::{DMatrix, DVector};
 
 use super::tally::Failure;
 use crate::calibration::{identify_as_planned, see};
-use crate::compensation::{compensate, test_pose_matrix};
+use crate::compensation::{compensate, test_pose_rows};
 use crate::mujoco::ModelError;
 use crate::plan::Plan;
 use crate::random::normal::LANES;
 use crate::task::Task;
-use crate::testbed::{Truth, VirtualRobot, add_noise};
+use crate::testbed::{TrueRobots, Truth, add_noise};
 
 /// What one thread needs for runs.
 #[derive(Debug)]
 pub struct RobotRuns<'a> {
     task: &'a Task,
-    measuring: VirtualRobot,
-    machining: VirtualRobot,
-    true_rad_per_nm: Vec<f64>,
+    robots: TrueRobots,
+    /// The compliance of every joint in a run (rad/(N m)).
+    compliance_rad_per_nm: Vec<f64>,
     /// A_0 of each test pose.
     test_poses: Vec<DMatrix<f64>>,
 }
@@ -27,59 +27,67 @@ impl<'a> RobotRuns<'a> {
     /// The virtual robot with each of the task's tools.
     ///
     /// # Errors
-    /// The true robot's model lacks a tool.
+    /// The true robot's model lacks a tool, or something that is uncertain.
     pub fn new(task: &'a Task, truth: &Truth) -> Result<Self, ModelError> {
-        let robot = &truth.robot;
         let belief = &task.belief;
         Ok(Self {
             task,
-            measuring: VirtualRobot::new(robot, &belief.calibration_tool.name)?,
-            machining: VirtualRobot::new(robot, &belief.machining_tool.name)?,
-            true_rad_per_nm: robot.compliance_rad_per_nm.clone(),
+            robots: TrueRobots::new(belief, truth)?,
+            compliance_rad_per_nm: truth.robot.compliance_rad_per_nm.clone(),
             test_poses: (task.test_poses.iter())
-                .map(|pose| test_pose_matrix(belief, pose, &belief.parameters))
+                .map(|pose| test_pose_rows(belief, pose))
                 .collect(),
         })
     }
 
-    /// Gives the virtual robot other compliances (rad/(N m)): those of a lane.
-    pub fn set_compliance(&mut self, true_rad_per_nm: &[[f64; LANES]], lane: usize) {
-        for (mine, lanes) in self.true_rad_per_nm.iter_mut().zip(true_rad_per_nm) {
-            *mine = lanes[lane];
-        }
-        self.measuring.set_compliance(&self.true_rad_per_nm);
-        self.machining.set_compliance(&self.true_rad_per_nm);
+    /// How many normal numbers a run's laboratory takes for so many measurements.
+    #[must_use]
+    pub fn numbers(&self, measurements: usize) -> usize {
+        self.robots.numbers(measurements)
     }
 
-    /// One run with the normals of a lane: the squared distance in sigma^2, weighted over the test
-    /// poses, and the normalised estimation error squared of what the measurements determine. The rest
-    /// keeps its nominal value, which the test poses must not need.
+    /// Makes the virtual robot that of a lane: with its compliances (rad/(N m)), and with what the normals say of its
+    /// laboratory.
+    ///
+    /// # Errors
+    /// A link of the model has no frame of its own.
+    pub fn become_run(
+        &mut self,
+        true_rad_per_nm: &[[f64; LANES]],
+        laboratory: &[[f64; LANES]],
+        lane: usize,
+    ) -> Result<(), ModelError> {
+        for (mine, lanes) in self.compliance_rad_per_nm.iter_mut().zip(true_rad_per_nm) {
+            *mine = lanes[lane];
+        }
+        (self.robots).become_run(&self.compliance_rad_per_nm, laboratory, lane)
+    }
+
+    /// One run with the normals of a lane, those of the noise and of the laboratory: the squared distance in sigma^2,
+    /// weighted over the test poses, and the normalised estimation error squared of what the measurements determine.
+    /// The rest keeps its nominal value, which the test poses must not need.
     ///
     /// # Errors
     /// Why the run failed.
     pub fn run(
         &mut self,
         plan: &Plan,
-        normals: &[[f64; LANES]],
+        (noise, laboratory): (&[[f64; LANES]], &[[f64; LANES]]),
         lane: usize,
     ) -> Result<(f64, f64), Failure> {
         let belief = &self.task.belief;
         let mut measurements = self
-            .measuring
-            .measure_noise_free(plan, &belief.instrument)
+            .robots
+            .measure_noise_free(plan, &belief.instrument, laboratory, lane)
             .map_err(|_| Failure::Measurement)?;
-        add_noise(&mut measurements, &belief.instrument, normals, lane);
+        add_noise(&mut measurements, &belief.instrument, noise, lane);
         let identification =
             identify_as_planned(belief, &measurements).map_err(|_| Failure::Identification)?;
         let estimated = &identification.compliance_rad_per_nm;
-        let error = DVector::from_iterator(
-            belief.parameters.len(),
-            belief
-                .parameters
-                .iter()
-                .map(|&joint| estimated[joint] - self.true_rad_per_nm[joint]),
-        );
         let posterior = &identification.posterior;
+        let truth = self.robots.unknowns(belief);
+        let values = posterior.mean.iter().zip(&truth);
+        let error = DVector::from_iterator(truth.len(), values.map(|(value, truth)| value - truth));
         let is_determined = |pose: &DMatrix<f64>| posterior.variance_of(pose).is_ok();
         if !posterior.estimable.is_complete() && !self.test_poses.iter().all(is_determined) {
             return Err(Failure::Undetermined);
@@ -89,7 +97,7 @@ impl<'a> RobotRuns<'a> {
         for pose in &self.task.test_poses {
             let (chain, tool) = (&belief.nominal.chain, &belief.machining_tool);
             let seen = compensate(chain, tool, estimated, pose, belief.method)
-                .and_then(|commanded| see(&mut self.machining, pose, &commanded))
+                .and_then(|commanded| see(&mut self.robots, pose, &commanded))
                 .map_err(|_| Failure::TestPose)?;
             square_m2 += pose.weight * seen.residual_m.norm_squared();
         }

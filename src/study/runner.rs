@@ -41,6 +41,8 @@ struct Part<'a> {
 /// What one thread needs.
 struct ThreadWorkspace<'a> {
     normals: Vec<[f64; LANES]>,
+    /// What the laboratory takes besides.
+    laboratory: Vec<[f64; LANES]>,
     truth: TrueCompliances<'a>,
     /// One for each setting.
     parts: Vec<PartWorkspace<'a>>,
@@ -52,7 +54,7 @@ struct ThreadWorkspace<'a> {
 struct PartWorkspace<'a> {
     random: RandomPlans<'a>,
     robot: Option<RobotRuns<'a>>,
-    /// See [`LinearModel::unknown`].
+    /// See [`Deviations::values`](super::deviations::Deviations::values).
     unknown: Vec<[f64; LANES]>,
 }
 
@@ -149,7 +151,7 @@ impl<'a> Runner<'a> {
     }
 
     fn workspace(&self) -> Result<ThreadWorkspace<'_>, StudyError> {
-        let parts = (self.parts.iter())
+        let parts: Vec<PartWorkspace<'_>> = (self.parts.iter())
             .map(|part| {
                 Ok(PartWorkspace {
                     random: RandomPlans::new(&part.problem, self.seed),
@@ -169,7 +171,18 @@ impl<'a> Runner<'a> {
                 numbers(&part.setting.task.belief.instrument, measurements)
             })
             .max();
+        let of_laboratory =
+            self.parts
+                .iter()
+                .zip(&parts)
+                .map(
+                    |(part, mine): (&Part<'_>, &PartWorkspace<'_>)| match &mine.robot {
+                        Some(robot) => robot.numbers(part.setting.conditions.experiments as usize),
+                        None => part.model.deviations().numbers(),
+                    },
+                );
         let mut workspace = ThreadWorkspace {
+            laboratory: vec![[0.0; LANES]; of_laboratory.max().unwrap_or(0)],
             normals: vec![[0.0; LANES]; numbers.unwrap_or(0)],
             truth: TrueCompliances::new(self.parts[0].setting.truth, self.seed),
             parts,
@@ -192,7 +205,13 @@ impl<'a> Runner<'a> {
         for first in (first..end).step_by(LANES) {
             let count = usize::try_from(end - first).map_or(LANES, |left| left.min(LANES));
             fill_normals(Stream::Noise, self.seed, first, &mut workspace.normals);
-            if workspace.truth.varies() {
+            fill_normals(
+                Stream::Circumstances,
+                self.seed,
+                first,
+                &mut workspace.laboratory,
+            );
+            if workspace.truth.varies() || !workspace.laboratory.is_empty() {
                 self.draw_truth(workspace, first);
             }
             for index in 0..self.entries.len() {
@@ -218,7 +237,7 @@ impl<'a> Runner<'a> {
     fn draw_truth(&self, workspace: &mut ThreadWorkspace<'_>, first: u64) {
         let truth = workspace.truth.draw(first);
         for (part, mine) in self.parts.iter().zip(&mut workspace.parts) {
-            mine.unknown = part.model.unknown(&part.setting.task.belief, truth);
+            mine.unknown = part.model.deviations().values(truth, &workspace.laboratory);
         }
     }
 
@@ -304,8 +323,15 @@ fn robot_run(
     let Some(robot) = &mut workspace.parts[setting].robot else {
         return;
     };
-    robot.set_compliance(workspace.truth.current(), lane);
-    match robot.run(plan, &workspace.normals, lane) {
+    let normals = (&*workspace.normals, &*workspace.laboratory);
+    if robot
+        .become_run(workspace.truth.current(), normals.1, lane)
+        .is_err()
+    {
+        batch.failed[lane] = Some(Failure::Measurement);
+        return;
+    }
+    match robot.run(plan, normals, lane) {
         Ok((square, nees)) => {
             batch.square[lane] = square;
             batch.nees[lane] = nees;

@@ -86,6 +86,8 @@ pub enum StudySource {
         configurations: Option<u32>,
         /// The number m of measurements that are designed; as many as are made if not given.
         experiments: Option<u32>,
+        /// Whether it is designed for the instrument's noise alone, whatever else is uncertain.
+        noise_only: bool,
     },
     /// One random feasible plan for all runs.
     Random,

@@ -3,7 +3,8 @@
 use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 
-use crate::parameter::Prior;
+use super::Extended;
+use crate::parameter::{ElasticArm, Prior};
 use crate::robot::{Commands, Robot, Tool};
 
 /// How deflections are measured.
@@ -42,6 +43,8 @@ pub struct Belief {
     pub parameters: Vec<usize>,
     /// What an earlier identification told of these compliances (rad/(N m)); its means are the nominal ones.
     pub prior: Option<Prior>,
+    /// What else is uncertain, besides the instrument's noise; it makes the vector of unknowns longer.
+    pub uncertain: Option<Extended>,
     /// How deflections are measured.
     pub instrument: Instrument,
     /// The method of identification and compensation.
@@ -61,24 +64,92 @@ impl Belief {
         self.nominal.chain.len()
     }
 
-    /// The precision of what is known of the compliances before any measurement, in units of typical sizes,
+    /// The nominal arm: the calibration tool first, then the machining tool where it is another one.
+    #[must_use]
+    pub fn arm(&self) -> ElasticArm {
+        let mut tools = vec![self.calibration_tool.clone()];
+        if self.machining_tool != self.calibration_tool {
+            tools.push(self.machining_tool.clone());
+        }
+        ElasticArm::new(
+            self.nominal.chain.clone(),
+            self.nominal.compliance_rad_per_nm.clone(),
+            tools,
+        )
+    }
+
+    /// The number p of unknowns: the identified compliances, and what else is uncertain and shared by a plan.
+    #[must_use]
+    pub fn unknowns(&self) -> usize {
+        (self.uncertain.as_ref()).map_or(self.parameters.len(), |extended| extended.set().len())
+    }
+
+    /// The typical sizes of the unknowns (p), in their units.
+    #[must_use]
+    pub fn sizes(&self) -> Vec<f64> {
+        let mut sizes = self.nominal.typical_rad_per_nm(&self.parameters);
+        if let Some(extended) = &self.uncertain {
+            sizes.extend(extended.other_sizes());
+        }
+        sizes
+    }
+
+    /// The nominal values of the unknowns (p).
+    #[must_use]
+    pub fn values(&self) -> Vec<f64> {
+        match &self.uncertain {
+            Some(extended) => extended.set().prior().mean.as_slice().to_vec(),
+            None => (self.parameters.iter())
+                .map(|&joint| self.nominal.compliance_rad_per_nm[joint])
+                .collect(),
+        }
+    }
+
+    /// What is known of the unknowns before any measurement.
+    fn known(&self) -> Option<&Prior> {
+        match &self.uncertain {
+            Some(extended) => Some(extended.set().prior()),
+            None => self.prior.as_ref(),
+        }
+    }
+
+    /// The precision of what is known of the unknowns before any measurement (p x p), in their units.
+    #[must_use]
+    pub fn precision(&self) -> DMatrix<f64> {
+        let nothing = || DMatrix::zeros(self.unknowns(), self.unknowns());
+        self.known()
+            .map_or_else(nothing, |prior| prior.precision.clone())
+    }
+
+    /// The precision of what is known of the unknowns before any measurement, in units of typical sizes,
     /// p x p.
     #[must_use]
     pub fn prior_information(&self) -> DMatrix<f64> {
-        let typical = self.nominal.typical_rad_per_nm(&self.parameters);
-        match &self.prior {
+        let typical = self.sizes();
+        match self.known() {
             Some(prior) => prior.relative(&typical),
             None => DMatrix::zeros(typical.len(), typical.len()),
         }
     }
 
-    /// The same as whitened equations, r x p (1/(rad/(N m))); without a prior there are none.
+    /// The same as whitened equations, r x p (1 over the unknowns' units); without a prior there are none.
     #[must_use]
     pub fn prior_rows(&self) -> DMatrix<f64> {
-        match &self.prior {
-            Some(prior) => prior.rows(&self.nominal.typical_rad_per_nm(&self.parameters)),
-            None => DMatrix::zeros(0, self.parameters.len()),
+        match (&self.uncertain, &self.prior) {
+            (Some(extended), _) => extended.prior_rows().clone(),
+            (None, Some(prior)) => prior.rows(&self.sizes()),
+            (None, None) => DMatrix::zeros(0, self.unknowns()),
         }
+    }
+
+    /// The names of the unknowns: joints for compliances that are identified.
+    #[must_use]
+    pub fn unknown_names(&self) -> Vec<String> {
+        let mut names = self.parameter_names();
+        if let Some(extended) = &self.uncertain {
+            names.extend(extended.other_names());
+        }
+        names
     }
 
     /// The names of the identified joints.

@@ -39,6 +39,13 @@ impl Belief {
         if let Some(prior) = &self.prior {
             belief.numbers(prior.precision.iter().copied());
         }
+        if let Some(extended) = &self.uncertain {
+            belief.text(&format!("{:?}", extended.sources().collect::<Vec<_>>()));
+            for name in extended.other_names() {
+                belief.text(&name);
+            }
+            belief.numbers(extended.set().prior().precision.iter().copied());
+        }
         let rotation = self.instrument.rotation_sigma_rad;
         belief.numbers([self.instrument.sigma_m].into_iter().chain(rotation));
         Fingerprint {

@@ -2,6 +2,7 @@
 //! made. The true robot is no part of it.
 
 mod belief;
+mod extended;
 mod fingerprint;
 mod region;
 
@@ -11,6 +12,7 @@ use crate::experiment::{Loads, Plan};
 use crate::robot::Load;
 
 pub use belief::{Belief, Instrument, Method};
+pub use extended::Extended;
 pub use fingerprint::{Fingerprint, robot_sha256};
 pub use region::{Forbidden, Region};
 

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::rest::{RestError, RestSolver};
-use crate::mujoco::{GivingWay, Model, ModelError, State};
+use crate::mujoco::{Displaced, GivingWay, Model, ModelError, State};
 use crate::robot::{Equilibrium, EquilibriumError, Load, TrueRobot};
 
 /// A robot with closed loops is driven to its commands in steps no longer than this (rad, m), so that
@@ -21,6 +21,8 @@ pub(super) struct MujocoRest {
     /// Where each of the joints has its coordinate.
     coordinates: Vec<usize>,
     site: usize,
+    /// The compliances of the belief's joints (rad/(N m)).
+    compliance: Vec<f64>,
     state: State,
     solver: RestSolver,
     /// Which joints are rigid: they stand where they are commanded.
@@ -45,6 +47,7 @@ impl MujocoRest {
             site: model.site(site)?,
             present,
             joints,
+            compliance: Vec::new(),
             solver: RestSolver::new(&state, &[]),
             rigid: Vec::new(),
             driven: None,
@@ -61,12 +64,25 @@ impl MujocoRest {
         let _ = self.become_compliant(compliance_rad_per_nm);
     }
 
+    /// Puts frames of links and sites elsewhere.
+    pub fn displace(
+        &mut self,
+        robot: &TrueRobot,
+        displaced: &[Displaced],
+    ) -> Result<(), ModelError> {
+        let model = robot.model.without_contacts_and_limits();
+        self.model = model.with_displaced(&robot.joints, displaced)?;
+        let compliance = std::mem::take(&mut self.compliance);
+        self.become_compliant(&compliance)
+    }
+
     /// What belongs to the joints that it has, of something that belongs to the belief's.
     fn of_present(&self, values: &[f64]) -> Vec<f64> {
         self.present.iter().map(|&index| values[index]).collect()
     }
 
     fn become_compliant(&mut self, compliance_rad_per_nm: &[f64]) -> Result<(), ModelError> {
+        self.compliance = compliance_rad_per_nm.to_vec();
         let compliance_rad_per_nm = self.of_present(compliance_rad_per_nm);
         let is_own = |(&joint, value): (&usize, &f64)| {
             (self.model.joint_compliance(joint)).map(f64::to_bits) == Some(value.to_bits())

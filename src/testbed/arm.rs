@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use crate::mujoco::State;
+use crate::mujoco::{Displaced, ModelError, State};
 use crate::robot::{Elements, KinematicState, Kinematics, SerialChain, TrueRobot};
 
 /// The kinematics of the robot as MuJoCo computes them.
@@ -49,6 +49,18 @@ impl MujocoArm {
             state,
             site,
         }
+    }
+
+    /// Puts frames of links and sites elsewhere.
+    pub fn displace(
+        &mut self,
+        robot: &TrueRobot,
+        displaced: &[Displaced],
+    ) -> Result<(), ModelError> {
+        let model = &robot.model.with_weighing_masses();
+        self.state
+            .replace_model(&model.with_displaced(&robot.joints, displaced)?);
+        Ok(())
     }
 
     pub const fn state(&self) -> &State {

@@ -2,7 +2,7 @@
 //! not know.
 
 use super::arm::MujocoArm;
-use crate::mujoco::State;
+use crate::mujoco::{Displaced, ModelError, State};
 use crate::robot::{
     Equilibrium, EquilibriumError, EquilibriumSolver, KinematicState, Load, SerialChain, TrueRobot,
 };
@@ -50,6 +50,15 @@ impl ChainRest {
                 self.compliance[index] = value;
             }
         }
+    }
+
+    /// Puts frames of links and sites elsewhere.
+    pub fn displace(
+        &mut self,
+        robot: &TrueRobot,
+        displaced: &[Displaced],
+    ) -> Result<(), ModelError> {
+        self.arm.displace(robot, displaced)
     }
 
     /// Lets the robot come to rest.

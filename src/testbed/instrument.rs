@@ -23,9 +23,7 @@ impl VirtualRobot {
         run: u64,
     ) -> Result<Vec<Measurement>, MeasurementError> {
         let mut measurements = self.measure_noise_free(plan, instrument)?;
-        let mut normals = vec![[0.0; LANES]; numbers(instrument, measurements.len())];
-        fill_normals(Stream::Noise, seed, run, &mut normals);
-        add_noise(&mut measurements, instrument, &normals, 0);
+        add_noise_of(&mut measurements, instrument, seed, run);
         Ok(measurements)
     }
 
@@ -67,6 +65,18 @@ impl VirtualRobot {
 pub fn numbers(instrument: &Instrument, measurements: usize) -> usize {
     let rotations = instrument.rotation_sigma_rad.is_some();
     measurements * if rotations { 6 } else { 3 }
+}
+
+/// Adds the instrument's noise of run `run` under a seed to measurements, see [`add_noise`].
+pub fn add_noise_of(
+    measurements: &mut [Measurement],
+    instrument: &Instrument,
+    seed: u64,
+    run: u64,
+) {
+    let mut normals = vec![[0.0; LANES]; numbers(instrument, measurements.len())];
+    fill_normals(Stream::Noise, seed, run, &mut normals);
+    add_noise(measurements, instrument, &normals, 0);
 }
 
 /// Adds the instrument's noise to measurements (eq. 10): independent and normal for every coordinate. The

@@ -2,6 +2,7 @@
 
 use nalgebra::DMatrix;
 
+use crate::parameter::Uncertainty;
 use crate::robot::TrueRobot;
 
 /// The virtual robot, and how it varies.
@@ -15,6 +16,9 @@ pub struct Truth {
     /// Compliances that every run of a study draws anew from what the belief knows of them, so that this
     /// knowledge is as good as it says.
     pub drawn: Option<DrawnCompliances>,
+    /// What every run draws anew besides: all that the scenario lists as uncertain, whether the belief knows of it or
+    /// not.
+    pub uncertainties: Vec<Uncertainty>,
 }
 
 /// Compliances with a normal distribution.

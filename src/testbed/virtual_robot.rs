@@ -7,7 +7,7 @@ use thiserror::Error;
 use super::any_model::MujocoRest;
 use super::chain::ChainRest;
 use crate::experiment::Experiment;
-use crate::mujoco::{GivingWay, ModelError, State};
+use crate::mujoco::{Displaced, GivingWay, ModelError, State};
 use crate::robot::{Equilibrium, EquilibriumError, Load, TrueRobot, rotation_vector};
 
 /// The tool's motion from the unloaded to the loaded equilibrium, in the world frame.
@@ -17,6 +17,8 @@ pub struct Displacement {
     pub position_m: Vector3<f64>,
     /// The rotation from unloaded to loaded as a rotation vector (rad).
     pub rotation_rad: Vector3<f64>,
+    /// Where the loaded tool rests (m).
+    pub at_m: Vector3<f64>,
     /// Newton steps of the unloaded and of the loaded equilibrium.
     pub iterations: [usize; 2],
 }
@@ -91,6 +93,21 @@ impl VirtualRobot {
         }
     }
 
+    /// Puts frames of links and sites where a run's robot has them; all others stand where the model has them.
+    ///
+    /// # Errors
+    /// A joint shares its body with one before it, so that its link has no frame of its own.
+    pub fn displace(
+        &mut self,
+        robot: &TrueRobot,
+        displaced: &[Displaced],
+    ) -> Result<(), ModelError> {
+        match &mut self.body {
+            RestMethod::Chain(rest) => rest.displace(robot, displaced),
+            RestMethod::Any(rest) => rest.displace(robot, displaced),
+        }
+    }
+
     /// The static equilibrium at the commanded angles (rad) under a load: position (m) and axes of
     /// the tool in the world frame, and how it was found.
     ///
@@ -160,17 +177,32 @@ impl VirtualRobot {
         number: usize,
         experiment: &Experiment,
     ) -> Result<Displacement, MeasurementError> {
-        let mut rest = |load: &Load| {
-            self.rest(&experiment.configuration_rad, load)
+        let commanded = &experiment.configuration_rad;
+        self.displacement_between(number, (commanded, commanded), &experiment.load)
+    }
+
+    /// The same where the unloaded and the loaded robot are commanded different angles (rad).
+    ///
+    /// # Errors
+    /// One of the two states has no stable equilibrium.
+    pub fn displacement_between(
+        &mut self,
+        number: usize,
+        (before, after): (&DVector<f64>, &DVector<f64>),
+        load: &Load,
+    ) -> Result<Displacement, MeasurementError> {
+        let mut rest = |commanded: &DVector<f64>, load: &Load| {
+            self.rest(commanded, load)
                 .map_err(|source| MeasurementError {
                     experiment: number,
                     loaded: load != &Load::NONE,
                     source,
                 })
         };
-        let (unloaded, unloaded_axes, first) = rest(&Load::NONE)?;
-        let (loaded, loaded_axes, second) = rest(&experiment.load)?;
+        let (unloaded, unloaded_axes, first) = rest(before, &Load::NONE)?;
+        let (loaded, loaded_axes, second) = rest(after, load)?;
         Ok(Displacement {
+            at_m: loaded,
             position_m: loaded - unloaded,
             rotation_rad: rotation_vector(&(loaded_axes * unloaded_axes.transpose())),
             iterations: [first.iterations, second.iterations],

@@ -44,19 +44,12 @@ pub fn identify_measurements(
     sigma_from_residuals: bool,
 ) -> Result<Identified, NotIdentified> {
     let sigma_m = belief.instrument.sigma_m;
-    let case = Case {
-        nominal: &belief.nominal,
-        tool: &belief.calibration_tool,
-        parameters: &belief.parameters,
-        prior: belief.prior.as_ref(),
-        measurements,
-        sigma: if sigma_from_residuals {
-            Sigma::FromResiduals(sigma_m)
-        } else {
-            Sigma::Known(sigma_m)
-        },
-        method,
+    let sigma = if sigma_from_residuals {
+        Sigma::FromResiduals(sigma_m)
+    } else {
+        Sigma::Known(sigma_m)
     };
+    let case = Case::of_belief(belief, measurements, sigma, method);
     let failed = |error| NotIdentified {
         error,
         diagnoses: diagnoses(&case, None),

@@ -6,6 +6,7 @@ use thiserror::Error;
 use super::design::{Designed, Wanted};
 use crate::experiment::Plan;
 use crate::plan::search::{SearchError, random_plan};
+use crate::record::account::AccountHeader;
 use crate::record::json::{merge, results};
 use crate::record::study::StudyPlanMessage;
 use crate::record::tally_file::{Header, PlanHeader};
@@ -98,13 +99,18 @@ fn entry_kind(
             criterion,
             configurations,
             experiments,
+            noise_only,
         } => {
             let wanted = Wanted {
                 criterion: *criterion,
                 experiments: experiments.unwrap_or(wanted),
                 configurations: *configurations,
             };
-            EntryKind::Fixed(whole(&design(task, &plan.name, wanted)?.exact.plan)?)
+            let mut task = task.clone();
+            if *noise_only {
+                task.belief.uncertain = None;
+            }
+            EntryKind::Fixed(whole(&design(&task, &plan.name, wanted)?.exact.plan)?)
         }
         StudySource::Random => EntryKind::Random(random_plan(task, wanted, seed, 0)?),
         StudySource::RandomEach => EntryKind::RandomEach,
@@ -137,12 +143,14 @@ pub fn plan_messages(header: &Header, tallies: &[Tally]) -> Result<Vec<StudyPlan
         let reference = reference.filter(|&other| !std::ptr::eq(other, tally));
         let summary = Summary::new(tally, conditions.sigma_m, reference);
         let (name, summary) = (&plan.name, summary.as_ref());
+        let account = plan.account.as_ref().and_then(AccountHeader::account);
         Ok(StudyPlanMessage::new(
             name,
             &conditions,
             parameters,
             tally,
             summary,
+            account.as_ref(),
         ))
     };
     header.plans.iter().zip(tallies).map(message).collect()

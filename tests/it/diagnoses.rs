@@ -63,6 +63,7 @@ fn measured(scenario: &Scenario, plan: &Plan, run: u64) -> Vec<Measurement> {
 fn case<'a>(scenario: &'a Scenario, measurements: &'a [Measurement]) -> Case<'a> {
     Case {
         prior: None,
+        uncertain: None,
         nominal: &scenario.task.belief.nominal,
         tool: &scenario.task.belief.calibration_tool,
         parameters: &scenario.task.belief.parameters,

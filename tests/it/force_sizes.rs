@@ -212,7 +212,9 @@ fn derivatives_by_the_size_are_those_of_differences() {
             ((&matrix * &directions).dot(&matrix), matrix)
         };
         let factor = (&information(size).1 * &directions) * 2.0;
-        let slope = evaluator.force_gradient(&factor).dot(&direction);
+        let slope = (evaluator.clone())
+            .force_gradient(&load(size), &factor)
+            .dot(&direction);
         let difference = (information(size + step).0 - information(size - step).0) / (2.0 * step);
         assert_close("information", slope, difference, 1e-7);
         for bound in bounds_of(&scenario.task.region) {

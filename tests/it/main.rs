@@ -4,6 +4,7 @@
 //! - `judges`: the analytic model and MuJoCo judge each other.
 //! - `recordings`: the rerun and MCAP files, read with their own tools.
 //! - `recovery`: known compliances come back, and hand-computed small cases.
+//! - `uncertainties`: what nobody knows exactly: drawn in truth, carried by the belief, and kept in promises.
 //! - `uncertainty`: the promised uncertainties are seen over many seeded runs.
 //! - `identifiability`: what measurements cannot tell is named.
 //! - `determined`: every command names the same compliances as not determined.
@@ -112,6 +113,7 @@ mod study;
 mod support;
 mod tallies;
 mod true_models;
+mod uncertainties;
 mod uncertainty;
 mod understanding;
 #[cfg(not(feature = "view"))]

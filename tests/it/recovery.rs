@@ -8,7 +8,7 @@ use elastocal::plan::{ExperimentModel, Plan};
 use elastocal::robot::{Load, ObservationMatrix};
 use elastocal::scenario::Scenario;
 use elastocal::task::Method;
-use elastocal::testbed::VirtualRobot;
+use elastocal::testbed::{TrueRobots, VirtualRobot};
 use nalgebra::{DMatrix, DVector, Vector3};
 
 use crate::support::{Workplace, plan, scenario, scenario_text, table4};
@@ -206,11 +206,8 @@ fn linear_identification_is_biased_by_what_linearisation_misses() {
 fn compensation_with_true_compliances() {
     for name in ["klimchik2012", "kr270"] {
         let scenario = differing(name);
-        let mut robot = VirtualRobot::new(
-            &scenario.truth.robot,
-            &scenario.task.belief.machining_tool.name,
-        )
-        .expect("the site exists");
+        let mut robots =
+            TrueRobots::new(&scenario.task.belief, &scenario.truth).expect("the sites exist");
         let pose = &scenario.task.test_poses[0];
         let mut left = |method| {
             let commanded = compensate(
@@ -220,7 +217,7 @@ fn compensation_with_true_compliances() {
                 pose,
                 method,
             );
-            let seen = see(&mut robot, pose, &commanded.expect("stable")).expect("stable");
+            let seen = see(&mut robots, pose, &commanded.expect("stable")).expect("stable");
             assert!(seen.uncompensated_m.norm() > 0.5e-3, "{seen:?}");
             seen.residual_m.norm()
         };

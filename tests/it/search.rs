@@ -131,7 +131,7 @@ fn cost_and_gradient(
     }
     let mut gradient = vec![0.0; q.len()];
     evaluator.pull_back(load, &factor, &mut gradient);
-    gradient.extend(evaluator.force_gradient(&factor).iter());
+    gradient.extend(evaluator.force_gradient(load, &factor).iter());
     (cost, gradient)
 }
 

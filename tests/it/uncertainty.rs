@@ -13,7 +13,7 @@ use elastocal::plan::{ExperimentModel, posterior};
 use elastocal::random::generator;
 use elastocal::scenario::Scenario;
 use elastocal::task::Method;
-use elastocal::testbed::VirtualRobot;
+use elastocal::testbed::TrueRobots;
 use nalgebra::{DVector, Vector3};
 use rand_distr::{Distribution, StandardNormal};
 
@@ -128,7 +128,8 @@ fn compensation_is_as_good_as_predicted() {
     let at_pose = &matrix * covariance * matrix.transpose();
     let deviation = (2.0 * (&at_pose * &at_pose).trace() / f64::from(RUNS)).sqrt();
 
-    let mut robot = VirtualRobot::new(&scenario.truth.robot, &tool.name).expect("there is");
+    let mut robot =
+        TrueRobots::new(&scenario.task.belief, &scenario.truth).expect("the sites exist");
     let measurements = noise_free(&scenario, &table4(3));
     let known = Sigma::Known(scenario.task.belief.instrument.sigma_m);
     let mut sum = 0.0;

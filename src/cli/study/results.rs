@@ -46,8 +46,9 @@ impl Results {
         Report {
             json: self.json.clone(),
             text: format!(
-                "{}\n{}{} runs of each plan, {}{took}. Results are in {}\n",
+                "{}\n{}{}{} runs of each plan, {}{took}. Results are in {}\n",
                 describe(&self.messages),
+                promises(&self.messages),
                 sentence(&self.messages, &self.header),
                 self.header.trials,
                 describe_level(self.header.level),
@@ -174,6 +175,37 @@ const SWEPT: [Swept; 3] = [
     ("load scale", |message| message.load_scale.to_string()),
     ("sigma [mm]", |message| format!("{:.4}", message.sigma_mm)),
 ];
+
+/// What each plan promised, what its errors are made of, and whether the promise holds.
+fn promises(messages: &[StudyPlanMessage]) -> String {
+    let mut text = String::new();
+    let micro = |value: f64| format!("{:.3}", value * 1e3);
+    let promised = messages
+        .iter()
+        .filter_map(|message| Some((message, message.promised_rms_mm?, message.verdict.as_ref()?)));
+    for (message, promised_mm, verdict) in promised {
+        text += &format!(
+            "{}: promised {} um; the promise {verdict}\n",
+            message.name,
+            micro(promised_mm)
+        );
+        let total: f64 = message.parts.iter().map(|part| part.rms_mm.powi(2)).sum();
+        let rows: Vec<Vec<String>> = (message.parts.iter())
+            .map(|part| {
+                let name = if part.hidden {
+                    format!("{} (hidden)", part.name)
+                } else {
+                    part.name.clone()
+                };
+                let share = part.rms_mm.powi(2) / total * 100.0;
+                vec![name, micro(part.rms_mm), format!("{share:.1}")]
+            })
+            .collect();
+        text += &table(&["of it", "alone [um]", "share of the square [%]"], &rows);
+        text.push('\n');
+    }
+    text
+}
 
 /// What it comes to under one set of conditions: the best plan against a random one.
 fn sentence(messages: &[StudyPlanMessage], header: &Header) -> String {

@@ -49,10 +49,11 @@ fn relative_equations(case: &Case<'_>, measurements: &[Measurement]) -> Equation
     // What is known before is wider here.
     let case = Case {
         prior: None,
+        uncertain: None,
         ..case.with(measurements)
     };
     let source = case.equation_source();
-    let mut equations = source.linear(&case.nominal.compliance_rad_per_nm);
+    let mut equations = source.linear();
     let nominal = case.nominal.typical_rad_per_nm(case.parameters);
     for (mut column, nominal) in equations.matrix.column_iter_mut().zip(&nominal) {
         column *= *nominal;

@@ -69,7 +69,7 @@ fn derivatives_are_those_of_the_observation_model() {
         let values = set.prior().mean.clone();
         let mut model = ObservationModel::new(&set, &arm, values.as_slice());
         let sizes = vec![1.0; set.len()];
-        let mut first = FirstOrder::new(&arm, &set, &sizes, 1e-5, &[]);
+        let mut first = FirstOrder::new(&arm, 0, &set, &sizes, 1e-5, &[]);
         for has_torque in [false, true] {
             let q = numbers.configuration(&arm.chain);
             let load = load(&mut numbers, has_torque);
@@ -131,7 +131,7 @@ fn gradients_are_those_of_differences() {
             let sizes: Vec<f64> = (set.parameters().iter())
                 .map(|each| each.kind.typical_size(&arm, each.is_logarithmic))
                 .collect();
-            let mut first = FirstOrder::new(&arm, &set, &sizes, 2e-5, &sources);
+            let mut first = FirstOrder::new(&arm, 0, &set, &sizes, 2e-5, &sources);
             let q = numbers.configuration(&arm.chain);
             let load = load(&mut numbers, sources.len() % 2 == 0);
             let half = DMatrix::from_fn(set.len(), set.len(), |_, _| numbers.between(-1.0, 1.0));
@@ -191,7 +191,7 @@ fn covariances_are_those_of_what_changes() {
     for arm in arms(&mut numbers) {
         let set = ParameterSet::compliances(&arm, &[0]).expect("a set");
         let sources = every_source(&mut numbers, &arm);
-        let mut first = FirstOrder::new(&arm, &set, &[1.0], 3e-5, &sources);
+        let mut first = FirstOrder::new(&arm, 0, &set, &[1.0], 3e-5, &sources);
         let q = numbers.configuration(&arm.chain);
         let load = load(&mut numbers, true);
         first.move_to(q.as_slice());

@@ -68,6 +68,11 @@ pub enum NoProof {
     /// The arm has joints that slide, passive joints or springs.
     #[error("the proof knows arms of commanded hinges alone")]
     NotPlain,
+    /// More is uncertain than the instrument's noise.
+    #[error(
+        "the proof knows the instrument's noise alone; with --noise-only there is a proof without the other uncertainties"
+    )]
+    Uncertain,
     /// There is no B.
     #[error("the information of the approximate design is singular")]
     Singular,

@@ -17,22 +17,33 @@ pub(super) fn random_information(
     ranges: &[(f64, f64)],
     loads: &LoadChoice,
 ) -> DMatrix<f64> {
-    const CONFIGURATIONS: u64 = 40;
-    let loads = loads.samples();
     let size = evaluator.parameters();
     let mut matrix = evaluator.matrix();
     let mut information = DMatrix::zeros(size, size);
+    random_points(ranges, loads, &mut |q, load| {
+        evaluator.move_to(q);
+        evaluator.observe(load, &mut matrix);
+        add_information(&mut information, &matrix, 1.0);
+    });
+    information
+}
+
+/// Random configurations in ranges, each under every load.
+pub(super) fn random_points(
+    ranges: &[(f64, f64)],
+    loads: &LoadChoice,
+    each: &mut dyn FnMut(&[f64], &Load),
+) {
+    const CONFIGURATIONS: u64 = 40;
+    let loads = loads.samples();
     let mut random = generator(FIXED_SEED, SHOWN);
     for _ in 0..CONFIGURATIONS {
         let draw = |&(low, high): &(f64, f64)| low + (high - low) * random.random::<f64>();
         let q: Vec<f64> = ranges.iter().map(draw).collect();
-        evaluator.move_to(&q);
         for load in &loads {
-            evaluator.observe(load, &mut matrix);
-            add_information(&mut information, &matrix, 1.0);
+            each(&q, load);
         }
     }
-    information
 }
 
 /// The joints whose angle changes neither what any experiment tells nor the smooth bounds, found by

@@ -52,7 +52,7 @@ pub(super) struct LocalSearch<'a> {
     ranges: Vec<(f64, f64)>,
     loads: LoadChoice,
     is_size_free: bool,
-    is_force_bounded: bool,
+    is_force_varied: bool,
     gravity: Vector3<f64>,
 }
 
@@ -133,7 +133,7 @@ impl<'a> LocalSearch<'a> {
                 at: Vec::new(),
             }),
             is_size_free: problem.is_size_free(),
-            is_force_bounded: problem.is_force_bounded(),
+            is_force_varied: problem.is_force_varied(),
             bounds: problem.bounds.clone(),
             ranges: problem.ranges.clone(),
             loads: problem.loads.clone(),
@@ -236,11 +236,11 @@ impl<'a> LocalSearch<'a> {
                 .iter()
                 .filter_map(|load| self.climb(q, directions, precision, &|_| *load))
                 .max_by(|one, other| one.1.total_cmp(&other.1)),
-            LoadChoice::Size(direction, [_, high]) if !self.is_force_bounded => {
+            LoadChoice::Size(direction, [_, high]) if !self.is_force_varied => {
                 let load = force(direction, *high);
                 self.climb(q, directions, precision, &|_| load)
             }
-            LoadChoice::Ball(size) if !self.is_force_bounded => {
+            LoadChoice::Ball(size) if !self.is_force_varied => {
                 let size = *size;
                 self.climb(q, directions, precision, &|evaluator| {
                     force(&best_direction(evaluator, directions), size)
@@ -346,7 +346,7 @@ impl<'a> LocalSearch<'a> {
         precision: Precision,
     ) -> Option<Point> {
         let is_free = !matches!(self.loads, LoadChoice::OneOf(_));
-        if !is_free || self.is_force_bounded || !self.is_size_free {
+        if !is_free || self.is_force_varied || !self.is_size_free {
             return self.improve_load(start, cost, precision, self.is_size_free);
         }
         // Criteria that ask for balance have kinks: with fewer variables the optimiser gets further, and
@@ -400,7 +400,7 @@ impl<'a> LocalSearch<'a> {
                 seat.evaluator
                     .pull_back(&load, factor, &mut gradient[..joints]);
                 if gradient.len() > joints {
-                    let slope = seat.evaluator.force_gradient(factor);
+                    let slope = seat.evaluator.force_gradient(&load, factor);
                     free.pull_back(&slope, &mut gradient[joints..]);
                 }
             }

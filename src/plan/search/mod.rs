@@ -30,6 +30,7 @@ mod pool;
 mod problem;
 mod proved;
 mod refinement;
+mod relevance;
 mod sampling;
 
 pub use approximate::{ApproximateDesign, Certificate, approximate_design};

@@ -3,8 +3,10 @@
 use nalgebra::{DMatrix, Matrix3, Matrix3xX, Vector3};
 
 use super::braced::{BracedArm, ColumnWorth};
+use crate::observation::FirstOrder;
 use crate::plan::ExperimentModel;
 use crate::robot::{KinematicState, Kinematics, Load};
+use crate::task::Extended;
 
 /// Computes A^(p) of experiments, and where rotations are measured A^(phi) beside it, in units that make
 /// them dimensionless: compliances relative to typical ones, deflections and rotations relative to sigma.
@@ -31,6 +33,8 @@ pub struct MatrixEvaluator<'a> {
     /// What multiplies the derivatives of the columns, one for each parameter.
     adjoint: Vec<Vector3<f64>>,
     twist: Vec<Vector3<f64>>,
+    /// Where more is uncertain: derivatives with respect to that, too, whitened with the reading's covariance.
+    extended: Option<FirstOrder<'a>>,
 }
 
 impl<'a> MatrixEvaluator<'a> {
@@ -58,14 +62,28 @@ impl<'a> MatrixEvaluator<'a> {
             braced: None,
             adjoint: vec![Vector3::zeros(); count],
             twist: vec![Vector3::zeros(); count],
+            extended: None,
             model,
         }
+    }
+
+    /// The same for some unknowns of an extended vector, in units of their `sizes` (p); the parameters are the
+    /// identified ones, which are the first of them.
+    #[must_use]
+    pub fn extended(mut self, extended: &'a Extended, unknowns: &[usize], sizes: &[f64]) -> Self {
+        self.extended = Some(extended.first_order(unknowns, sizes, self.model.sigma_m));
+        self
+    }
+
+    /// The number of unknowns, of which the parameters may be combinations.
+    fn unknowns(&self) -> usize {
+        (self.extended.as_ref()).map_or(self.scale.len(), FirstOrder::parameters)
     }
 
     /// The number p of parameters.
     #[must_use]
     pub fn parameters(&self) -> usize {
-        (self.basis.as_ref()).map_or(self.scale.len(), DMatrix::ncols)
+        (self.basis.as_ref()).map_or(self.unknowns(), DMatrix::ncols)
     }
 
     /// 1, or 2 where rotations are measured.
@@ -95,6 +113,9 @@ impl<'a> MatrixEvaluator<'a> {
         if self.model.chain.elements.has_springs() {
             self.braced = BracedArm::new(&self.model, &self.state, q).map(Box::new);
         }
+        if let Some(extended) = &mut self.extended {
+            extended.stand(q, &self.state);
+        }
     }
 
     /// The state whose Jacobian tells what the tool is moved by.
@@ -107,7 +128,7 @@ impl<'a> MatrixEvaluator<'a> {
         match &self.basis {
             None => self.observe_joints(load, matrix),
             Some(basis) => {
-                let mut joints = Matrix3xX::zeros(self.blocks() * self.scale.len());
+                let mut joints = Matrix3xX::zeros(self.blocks() * self.unknowns());
                 self.observe_joints(load, &mut joints);
                 times(&joints, basis, matrix);
             }
@@ -115,6 +136,9 @@ impl<'a> MatrixEvaluator<'a> {
     }
 
     fn observe_joints(&self, load: &Load, matrix: &mut Matrix3xX<f64>) {
+        if let Some(extended) = &self.extended {
+            return extended.observe(load, matrix);
+        }
         let state = self.seen();
         for (index, &joint) in self.parameters.iter().enumerate() {
             let torque = state.load_torque(joint, load);
@@ -141,7 +165,7 @@ impl<'a> MatrixEvaluator<'a> {
     /// `z_n` x ((`J_n` . F + `z_n` . T) `C_n` + (`C_n` . `z_n`) T) to the first sum.
     pub fn pull_back(&mut self, load: &Load, factor: &Matrix3xX<f64>, gradient: &mut [f64]) {
         if let Some(basis) = &self.basis {
-            let mut of_joints = Matrix3xX::zeros(self.blocks() * self.scale.len());
+            let mut of_joints = Matrix3xX::zeros(self.blocks() * self.unknowns());
             times(factor, &basis.transpose(), &mut of_joints);
             self.pull_back_joints(load, &of_joints, gradient);
         } else {
@@ -150,6 +174,10 @@ impl<'a> MatrixEvaluator<'a> {
     }
 
     fn pull_back_joints(&mut self, load: &Load, factor: &Matrix3xX<f64>, gradient: &mut [f64]) {
+        if let Some(extended) = &mut self.extended {
+            extended.pull_back(load, factor, gradient);
+            return;
+        }
         if let Some(braced) = &self.braced {
             let worth = self.worth_of_columns(&braced.state, load, factor);
             braced.pull_back(&self.model, &self.state, &worth, gradient);
@@ -222,7 +250,8 @@ impl<'a> MatrixEvaluator<'a> {
 
     /// The matrix Q (3 x 3) with sum(B * A) for B = A G equal to F^T Q F: the information that a
     /// force F at the last configuration gives in the directions G (p x p, symmetric), for loads
-    /// without torque. Its largest eigenvector is the best direction of the force.
+    /// without torque. Its largest eigenvector is the best direction of the force. Where more is uncertain it
+    /// tells of the compliances and the instrument's noise alone, and is a good start.
     #[must_use]
     pub fn force_form(&self, directions: &DMatrix<f64>) -> Matrix3<f64> {
         match &self.basis {
@@ -257,20 +286,21 @@ impl<'a> MatrixEvaluator<'a> {
         (form + form.transpose()) * 0.5
     }
 
-    /// The derivative of sum(B * A) with respect to the force F.
+    /// The derivative of sum(B * A) with respect to the force F, at the load.
     #[must_use]
-    pub fn force_gradient(&self, factor: &Matrix3xX<f64>) -> Vector3<f64> {
-        match &self.basis {
-            None => self.force_gradient_of_joints(factor),
-            Some(basis) => {
-                let mut of_joints = Matrix3xX::zeros(self.blocks() * self.scale.len());
-                times(factor, &basis.transpose(), &mut of_joints);
-                self.force_gradient_of_joints(&of_joints)
-            }
-        }
+    pub fn force_gradient(&mut self, load: &Load, factor: &Matrix3xX<f64>) -> Vector3<f64> {
+        let Some(basis) = &self.basis else {
+            return self.force_gradient_of_joints(load, factor);
+        };
+        let mut of_joints = Matrix3xX::zeros(self.blocks() * self.unknowns());
+        times(factor, &basis.transpose(), &mut of_joints);
+        self.force_gradient_of_joints(load, &of_joints)
     }
 
-    fn force_gradient_of_joints(&self, factor: &Matrix3xX<f64>) -> Vector3<f64> {
+    fn force_gradient_of_joints(&mut self, load: &Load, factor: &Matrix3xX<f64>) -> Vector3<f64> {
+        if let Some(extended) = &mut self.extended {
+            return extended.pull_back(load, factor, &mut []);
+        }
         let state = self.seen();
         (self.parameters.iter().enumerate())
             .map(|(index, &joint)| {

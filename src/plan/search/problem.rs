@@ -7,12 +7,13 @@ use super::approximate::ApproximateDesign;
 use super::joints::{indifferent_joints, random_information};
 use super::observation::MatrixEvaluator;
 use super::point::{LoadChoice, add_information};
-use crate::compensation::test_pose_matrix;
+use super::relevance::relevant;
+use crate::compensation::{test_pose_matrix, test_pose_rows};
 use crate::estimable::Estimable;
 use crate::plan::{
     Criterion, CriterionFunction, ExperimentModel, Plan, SmoothBound, bounds_of, widened,
 };
-use crate::task::{Region, Task};
+use crate::task::{Extended, Region, Task, TestPose};
 
 /// Why there is no plan.
 #[derive(Debug, Error, Clone, PartialEq)]
@@ -103,7 +104,12 @@ pub struct Problem<'a> {
     basis: Option<DMatrix<f64>>,
     /// Why no plan can be what is asked for.
     impossible: Option<SearchError>,
-    typical_rad_per_nm: Vec<f64>,
+    /// The typical sizes of the unknowns.
+    sizes: Vec<f64>,
+    /// Where more is uncertain, all unknowns, of which the compliances are the first.
+    extended: Option<&'a Extended>,
+    /// Which of them the search considers.
+    considered: Vec<usize>,
     /// What is known before, and what mandatory experiments tell, shared out among the free ones; it stands
     /// beside an approximate design.
     pub(super) beside: Option<DMatrix<f64>>,
@@ -158,10 +164,16 @@ impl<'a> Problem<'a> {
             let needs = |&index: &usize| !shown.missing(&unit(index), 0.0).is_empty();
             (0..size).filter(needs).collect()
         };
-        let name = |&index: &usize| {
-            let joint = self.parameters[index];
-            self.task.belief.nominal.chain.joints[joint].name.clone()
+        let joints = &self.task.belief.nominal.chain.joints;
+        let names = match self.extended {
+            Some(_) => self.considered_names(),
+            None => (self
+                .parameters
+                .iter()
+                .map(|&joint| joints[joint].name.clone()))
+            .collect(),
         };
+        let name = |&index: &usize| names[index].clone();
         let (alone, together): (Vec<usize>, Vec<usize>) =
             missing.iter().partition(|&&index| silent[index]);
         if !alone.is_empty() {
@@ -172,7 +184,7 @@ impl<'a> Problem<'a> {
             self.impossible = Some(SearchError::Inseparable { joints });
         } else if basis.ncols() > 0 {
             let kept: Vec<usize> = (0..size).filter(|&index| !silent[index]).collect();
-            if kept.len() == basis.ncols() {
+            if kept.len() == basis.ncols() && self.extended.is_none() {
                 let kept: Vec<usize> = kept.iter().map(|&index| self.parameters[index]).collect();
                 return Self::of_parameters(self.task, self.criterion, &kept);
             }
@@ -184,19 +196,47 @@ impl<'a> Problem<'a> {
     }
 
     fn of_parameters(task: &'a Task, criterion: Criterion, parameters: &[usize]) -> Self {
-        let typical_rad_per_nm = task.belief.nominal.typical_rad_per_nm(parameters);
+        let extended = match criterion {
+            Criterion::TestPose => task.belief.uncertain.as_ref(),
+            // The criteria of Table 1 are about the instrument's noise alone.
+            _ => None,
+        };
+        let (ranges, loads) = (ranges_of(&task.region), LoadChoice::new(&task.loads));
+        let mut considered = Vec::new();
+        let (sizes, test_poses, prior) = match extended {
+            Some(extended) => {
+                let rows = |pose: &TestPose| test_pose_rows(&task.belief, pose);
+                let sizes = task.belief.sizes();
+                let test_poses = scaled_test_poses(task, &rows, &sizes);
+                considered = relevant(task, extended, &sizes, &test_poses, &ranges, &loads);
+                let prior = task.belief.prior_information();
+                (
+                    considered.iter().map(|&index| sizes[index]).collect(),
+                    test_poses.select_rows(&considered),
+                    (prior.select_rows(&considered)).select_columns(&considered),
+                )
+            }
+            None => {
+                let rows = |pose: &TestPose| test_pose_matrix(&task.belief, pose, parameters);
+                let sizes = task.belief.nominal.typical_rad_per_nm(parameters);
+                let test_poses = scaled_test_poses(task, &rows, &sizes);
+                (sizes, test_poses, prior_information(task, parameters))
+            }
+        };
         Self {
             indifferent: Vec::new(),
             bounds: bounds_of(&task.region),
-            ranges: ranges_of(&task.region),
-            loads: LoadChoice::new(&task.loads),
-            test_poses: scaled_test_poses(task, parameters, &typical_rad_per_nm),
+            ranges,
+            loads,
+            test_poses,
+            extended,
+            considered,
             parameters: parameters.to_vec(),
             basis: None,
             impossible: None,
             beside: None,
-            prior: prior_information(task, parameters),
-            typical_rad_per_nm,
+            prior,
+            sizes,
             criterion,
             effort: Effort::default(),
             task,
@@ -252,6 +292,39 @@ impl<'a> Problem<'a> {
         WORK / (experiments.max(1) * variables.pow(3)).max(1)
     }
 
+    /// Whether the force is to be varied along with the configuration: where bounds depend on it, or what else is
+    /// uncertain does.
+    pub(super) fn is_force_varied(&self) -> bool {
+        self.is_force_bounded() || self.extended.is_some()
+    }
+
+    /// The names of the unknowns that the search considers.
+    fn considered_names(&self) -> Vec<String> {
+        let names = self.task.belief.unknown_names();
+        self.considered
+            .iter()
+            .map(|&index| names[index].clone())
+            .collect()
+    }
+
+    /// The uncertainties that the search leaves out, by name: they make next to nothing of any promise.
+    #[must_use]
+    pub fn left_out(&self) -> Vec<&str> {
+        let Some(extended) = self.extended else {
+            return Vec::new();
+        };
+        let is_out = |places: &[usize]| places.iter().all(|place| !self.considered.contains(place));
+        (extended.shared().iter())
+            .filter(|(_, places)| is_out(places))
+            .map(|(name, _)| name.as_str())
+            .collect()
+    }
+
+    /// Whether more is uncertain than the compliances and the instrument's noise.
+    pub(super) const fn is_extended(&self) -> bool {
+        self.extended.is_some()
+    }
+
     /// Whether bounds of the region depend on the load.
     pub(super) fn is_force_bounded(&self) -> bool {
         (self.bounds.iter()).any(|bound| {
@@ -291,7 +364,7 @@ impl<'a> Problem<'a> {
         };
         let sigma_m = self.task.belief.instrument.sigma_m;
         let row = |column: nalgebra::DVectorView<'_, f64>| {
-            let values = column.iter().zip(&self.typical_rad_per_nm);
+            let values = column.iter().zip(&self.sizes);
             values
                 .map(|(value, typical)| value * typical / sigma_m)
                 .collect()
@@ -337,18 +410,22 @@ impl<'a> Problem<'a> {
     /// The number p of compliances, or of their combinations.
     #[must_use]
     pub fn parameters(&self) -> usize {
-        (self.basis.as_ref()).map_or(self.typical_rad_per_nm.len(), DMatrix::ncols)
+        (self.basis.as_ref()).map_or(self.sizes.len(), DMatrix::ncols)
     }
 
     /// An evaluator of this problem's experiments.
     #[must_use]
     pub fn evaluator(&self) -> MatrixEvaluator<'a> {
-        MatrixEvaluator::new(
+        let evaluator = MatrixEvaluator::new(
             ExperimentModel::new(&self.task.belief),
             &self.parameters,
-            &self.typical_rad_per_nm,
+            &self.sizes[..self.parameters.len()],
             self.basis.as_ref(),
-        )
+        );
+        match self.extended {
+            Some(extended) => evaluator.extended(extended, &self.considered, &self.sizes),
+            None => evaluator,
+        }
     }
 
     /// The criterion as a cost.
@@ -391,13 +468,17 @@ fn ranges_of(region: &Region) -> Vec<(f64, f64)> {
     ranges.map(|&[low, high]| (low, high)).collect()
 }
 
-/// C^T (p x 3 poses): the test poses' matrices in relative units, times the roots of the weights.
-fn scaled_test_poses(task: &Task, parameters: &[usize], typical: &[f64]) -> DMatrix<f64> {
-    let mut stacked = DMatrix::zeros(typical.len(), 3 * task.test_poses.len());
+/// C^T (p x 3 poses): the test poses' rows in relative units, times the roots of the weights.
+fn scaled_test_poses(
+    task: &Task,
+    rows: &dyn Fn(&TestPose) -> DMatrix<f64>,
+    sizes: &[f64],
+) -> DMatrix<f64> {
+    let mut stacked = DMatrix::zeros(sizes.len(), 3 * task.test_poses.len());
     for (index, pose) in task.test_poses.iter().enumerate() {
-        let matrix = test_pose_matrix(&task.belief, pose, parameters);
+        let matrix = rows(pose);
         for row in 0..3 {
-            for (parameter, scale) in typical.iter().enumerate() {
+            for (parameter, scale) in sizes.iter().enumerate() {
                 stacked[(parameter, 3 * index + row)] =
                     matrix[(row, parameter)] * scale * pose.weight.sqrt();
             }

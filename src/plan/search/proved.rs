@@ -100,6 +100,9 @@ impl ProvedBound {
         if !task.belief.nominal.chain.is_plain() {
             return Err(NoProof::NotPlain);
         }
+        if problem.is_extended() {
+            return Err(NoProof::Uncertain);
+        }
         let rows = problem.rows_of(approximate).ok_or(NoProof::Singular)?;
         // A proof that is to be checked shows B as it is.
         let question = if records {

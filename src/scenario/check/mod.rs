@@ -15,6 +15,7 @@ mod region;
 mod robot;
 mod study;
 mod test_pose;
+mod uncertainty;
 
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
@@ -106,7 +107,20 @@ impl Checker<'_> {
         let study = self.study(&file.study, &context)?;
         let region = self.region(&file.region, &nominal.chain)?;
         let laboratory = self.laboratory(&file.laboratory, &region, &commands)?;
+        let mut belief = Belief {
+            prior: before.prior,
+            uncertain: None,
+            nominal,
+            calibration_tool,
+            machining_tool,
+            parameters,
+            instrument,
+            method: file.identification.method,
+        };
+        let uncertainties = self.uncertainties(&file.uncertainty, &belief)?;
+        belief.uncertain = self.extended(&belief, &uncertainties)?;
         let truth = Truth {
+            uncertainties,
             robot: true_robot,
             compliance_spread: self.spread(&file.study.compliance_spread, joints)?,
             // A true robot that is told is as it is told.
@@ -123,16 +137,9 @@ impl Checker<'_> {
                 loads,
                 region,
                 design,
-                belief: Belief {
-                    prior: before.prior,
-                    nominal,
-                    calibration_tool,
-                    machining_tool,
-                    parameters,
-                    instrument,
-                    method: file.identification.method,
-                },
+                belief,
             },
+            is_noise_only: false,
             truth,
             plans,
             study,

@@ -176,6 +176,7 @@ impl Checker<'_> {
             configurations: (context.design.configurations)
                 .filter(|_| conditions.iter().all(as_designed)),
             experiments: None,
+            noise_only: false,
         };
         for (name, source) in [
             ("optimal", optimal),
@@ -238,6 +239,7 @@ impl Checker<'_> {
                 criterion,
                 configurations,
                 experiments,
+                noise_only,
             } => {
                 let experiments_key = format!("{key}.experiments");
                 if let Some(experiments) = *experiments {
@@ -263,6 +265,7 @@ impl Checker<'_> {
                     criterion: *criterion,
                     configurations: *configurations,
                     experiments: *experiments,
+                    noise_only: *noise_only,
                 };
                 (name, source)
             }

@@ -1,0 +1,105 @@
+//! What a promise is made of: the share of the instrument's noise, of each uncertainty, and of what was known
+//! before.
+//!
+//! With the information M of the extended vector and the rows C of the test poses, the estimate errs by the gain
+//! K = C M^-1, from readings with noise e_s of each source s and covariance R = sum R_s, and from a prior's mean
+//! that errs by d:
+//!
+//! ```text
+//! C (x^ - x) = K (sum J^T R^-1 (e_1 + e_2 + ...) - M_0 d)
+//! rho_0^2    = sum_s trace(K (sum J^T R^-1 R_s R^-1 J) K^T) + trace(K M_0 K^T) = trace(C M^-1 C^T)
+//! ```
+//!
+//! All shares are those of the one gain, so that their squares add up to the square of the whole.
+
+use nalgebra::{DMatrix, Matrix3, Matrix3xX};
+
+use super::{ExperimentModel, Plan};
+use crate::compensation::test_pose_rows;
+use crate::posterior::Posterior;
+use crate::task::Task;
+
+/// What the instrument's own noise is called.
+pub const NOISE: &str = "noise";
+/// What an earlier identification is called.
+pub const EARLIER: &str = "earlier identification";
+
+/// A part of a predicted rms distance.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PromiseShare {
+    /// What leaves it.
+    pub name: String,
+    /// What it alone leaves (m); the squares of all add up to that of the whole.
+    pub rho0_m: f64,
+}
+
+/// The shares of a plan's promise for a task, with what is known after the plan, which must determine the test
+/// poses: the noise, the earlier identification where there is one, then the uncertainties.
+#[must_use]
+pub fn shares(task: &Task, plan: &Plan, posterior: &Posterior) -> Vec<PromiseShare> {
+    let belief = &task.belief;
+    let gain = test_poses(task) * &posterior.covariance;
+    let square = |matrix: &DMatrix<f64>| (&gain * matrix * gain.transpose()).trace().max(0.0);
+    let share = |name: &str, square: f64| PromiseShare {
+        name: name.to_owned(),
+        rho0_m: square.sqrt(),
+    };
+    let sigma_m = belief.instrument.sigma_m;
+    let Some(extended) = &belief.uncertain else {
+        let information = ExperimentModel::new(belief).information(plan) / sigma_m.powi(2);
+        let mut shares = vec![share(NOISE, square(&information))];
+        if let Some(prior) = &belief.prior {
+            shares.push(share(EARLIER, square(&prior.precision)));
+        }
+        return shares;
+    };
+    // The instrument's noise, then each source.
+    let names: Vec<&str> = extended.sources().map(|(name, _)| name).collect();
+    let mut squares = vec![0.0; 1 + names.len()];
+    let size = belief.unknowns();
+    let mut model = extended.first_order_of_all(sigma_m);
+    let mut derivatives = Matrix3xX::zeros(size);
+    for experiment in &plan.experiments {
+        let load = &experiment.load;
+        model.move_to(experiment.configuration_rad.as_slice());
+        model.derivatives(load, &mut derivatives);
+        let covariance = model.covariance(load);
+        let Some(inverse) = covariance.cholesky().map(|factor| factor.inverse()) else {
+            continue;
+        };
+        let weighted =
+            &gain * derivatives.transpose() * inverse * f64::from(experiment.repeats).sqrt();
+        let added = |covariance: &Matrix3<f64>| (&weighted * covariance).dot(&weighted);
+        squares[0] += added(&(Matrix3::identity() * sigma_m.powi(2)));
+        for (source, square) in squares[1..].iter_mut().enumerate() {
+            *square += added(&model.covariance_of(source, load));
+        }
+    }
+    let mut shares = vec![share(NOISE, squares[0])];
+    if let Some(prior) = &belief.prior {
+        let own = gain.columns(0, extended.identified());
+        shares.push(share(
+            EARLIER,
+            (own * &prior.precision * own.transpose()).trace(),
+        ));
+    }
+    shares.extend((names.iter().zip(&squares[1..])).map(|(name, square)| share(name, *square)));
+    for (name, places) in extended.shared() {
+        let square = places.iter().map(|&place| {
+            let precision = extended.own_precision(place);
+            gain.column(place).norm_squared() * precision
+        });
+        shares.push(share(name, square.sum()));
+    }
+    shares
+}
+
+/// The rows of all test poses, each times the root of its weight, stacked.
+fn test_poses(task: &Task) -> DMatrix<f64> {
+    let mut stacked = DMatrix::zeros(3 * task.test_poses.len(), task.belief.unknowns());
+    for (index, pose) in task.test_poses.iter().enumerate() {
+        let rows = test_pose_rows(&task.belief, pose) * pose.weight.sqrt();
+        stacked.rows_mut(3 * index, 3).copy_from(&rows);
+    }
+    stacked
+}

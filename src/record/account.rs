@@ -1,0 +1,176 @@
+//! What a plan promises and what its errors are made of in truth, in tallies and results.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::study::account::{Account, AccountPart};
+use crate::study::tally_check::{Wrong, within, wrong};
+use crate::text::wrong_name;
+
+/// A study that sees a promise within this share of it, and three standard errors, says that it holds.
+const HOLDS: f64 = 0.02;
+const STANDARD_ERRORS: f64 = 3.0;
+
+/// The account of a plan in a tally. Floats are strings, with all their digits.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct AccountHeader {
+    /// What the belief promises (m).
+    promised_m: String,
+    /// What the errors are made of.
+    parts: Vec<PartHeader>,
+}
+
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+struct PartHeader {
+    name: String,
+    hidden: bool,
+    rms_m: String,
+}
+
+/// A part of a plan's errors.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct PartMessage {
+    /// What leaves it: "noise", "earlier identification", "true robot", or the name of an uncertainty.
+    pub name: String,
+    /// Whether the belief does not know of it.
+    pub hidden: bool,
+    /// What it alone leaves (mm), to first order.
+    pub rms_mm: f64,
+}
+
+impl AccountHeader {
+    /// An account as a tally keeps it.
+    #[must_use]
+    pub fn new(account: &Account) -> Self {
+        let part = |part: &AccountPart| PartHeader {
+            name: part.name.clone(),
+            hidden: part.is_hidden,
+            rms_m: format!("{:e}", part.rms_m),
+        };
+        Self {
+            promised_m: format!("{:e}", account.promised_m),
+            parts: account.parts.iter().map(part).collect(),
+        }
+    }
+
+    /// Whether there can be such an account.
+    ///
+    /// # Errors
+    /// The key, and what is wrong there.
+    pub fn check(&self) -> Result<(), Wrong> {
+        within("parts", self.parts.len(), [1, 1000])?;
+        let size = |key: String, text: &str| match text.parse::<f64>() {
+            Ok(value) if value.is_finite() && value >= 0.0 => Ok(()),
+            _ => wrong(
+                key,
+                format!("found {text:?}; a number from zero on as text, in metres"),
+            ),
+        };
+        size("promised_m".to_owned(), &self.promised_m)?;
+        for (index, part) in self.parts.iter().enumerate() {
+            if let Some(problem) = wrong_name(&part.name) {
+                return wrong(format!("parts[{index}].name"), problem);
+            }
+            size(format!("parts[{index}].rms_m"), &part.rms_m)?;
+        }
+        Ok(())
+    }
+
+    /// The account; `None` where its numbers are none.
+    #[must_use]
+    pub fn account(&self) -> Option<Account> {
+        let part = |part: &PartHeader| {
+            Some(AccountPart {
+                name: part.name.clone(),
+                is_hidden: part.hidden,
+                rms_m: part.rms_m.parse().ok()?,
+            })
+        };
+        Some(Account {
+            promised_m: self.promised_m.parse().ok()?,
+            parts: self.parts.iter().map(part).collect::<Option<_>>()?,
+        })
+    }
+}
+
+impl From<&AccountPart> for PartMessage {
+    fn from(part: &AccountPart) -> Self {
+        Self {
+            name: part.name.clone(),
+            hidden: part.is_hidden,
+            rms_mm: part.rms_m * 1e3,
+        }
+    }
+}
+
+/// What an observed rms distance (m) with its standard error says of the promise.
+#[must_use]
+pub fn verdict(account: &Account, observed_m: f64, standard_error_m: f64) -> String {
+    let promised_m = account.promised_m;
+    let room = STANDARD_ERRORS * standard_error_m + HOLDS * promised_m;
+    let ratio = observed_m / promised_m;
+    if (observed_m - promised_m).abs() <= room {
+        return "holds".to_owned();
+    }
+    if observed_m < promised_m {
+        return format!("too careful: {ratio:.3} of the promise");
+    }
+    let hidden = account.parts.iter().filter(|part| part.is_hidden);
+    let worst = hidden.max_by(|one, other| one.rms_m.total_cmp(&other.rms_m));
+    match worst.filter(|part| part.rms_m > 0.0) {
+        Some(part) => format!(
+            "broken: {ratio:.3} times the promise, most by {:?}, which alone leaves {:.3} um and is hidden",
+            part.name,
+            part.rms_m * 1e6
+        ),
+        None => format!(
+            "broken: {ratio:.3} times the promise, though nothing is hidden: the model is not linear enough"
+        ),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn account() -> Account {
+        let part = |name: &str, is_hidden, rms_m| AccountPart {
+            name: name.to_owned(),
+            is_hidden,
+            rms_m,
+        };
+        Account {
+            promised_m: 6e-6,
+            parts: vec![
+                part("noise", false, 6e-6),
+                part("scale", true, 8e-6),
+                part("offset", true, 1e-6),
+            ],
+        }
+    }
+
+    #[test]
+    fn verdicts_name_what_breaks_a_promise() {
+        let account = account();
+        assert_eq!(verdict(&account, 6.1e-6, 1e-9), "holds");
+        assert_eq!(verdict(&account, 6.4e-6, 1e-7), "holds");
+        assert!(verdict(&account, 5.5e-6, 1e-8).starts_with("too careful: 0.917"));
+        let broken = verdict(&account, 1e-5, 1e-7);
+        assert!(
+            broken.contains("1.667 times") && broken.contains("\"scale\""),
+            "{broken}"
+        );
+    }
+
+    #[test]
+    fn an_account_comes_back_from_its_header() {
+        let header = AccountHeader::new(&account());
+        assert_eq!(header.account(), Some(account()));
+        assert!(header.check().is_ok());
+        let damaged = AccountHeader {
+            promised_m: "nan".to_owned(),
+            ..header
+        };
+        assert!(damaged.check().is_err());
+    }
+}

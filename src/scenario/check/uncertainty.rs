@@ -1,0 +1,307 @@
+//! The tables `[[uncertainty]]`: what nobody knows exactly.
+
+use nalgebra::Vector3;
+
+use super::Checker;
+use super::robot::names_of;
+use crate::files::FileError;
+use crate::mujoco::State;
+use crate::parameter::{Axis, ParameterError, ParameterKind, ReadingSource, Source, Uncertainty};
+use crate::plausible::{
+    DEVIATION, FORCE_LIMIT, Kind, PER_METRE_DEVIATION, RELATIVE_DEVIATION, ROTATION_DEVIATION,
+};
+use crate::scenario::file::{UncertaintyKind, UncertaintyTable};
+use crate::task::{Belief, Extended};
+use crate::text::wrong_name;
+
+/// More are no list of what is uncertain.
+const MOST: usize = 100;
+
+impl Checker<'_> {
+    /// All uncertainties, hidden ones among them.
+    pub(super) fn uncertainties(
+        &self,
+        tables: &[UncertaintyTable],
+        belief: &Belief,
+    ) -> Result<Vec<Uncertainty>, FileError> {
+        self.at_most("uncertainty", tables.len(), MOST)?;
+        if belief.instrument.rotation_sigma_rad.is_some() && !tables.is_empty() {
+            let problem = "uncertainties are known of deflections alone, and instrument.rotation_sigma_mrad says that \
+                           rotations are measured, too";
+            let wrong = self.wrong("uncertainty", problem);
+            return Err(wrong.hint("leave out one of the two"));
+        }
+        if belief.nominal.chain.elements.has_springs() && !tables.is_empty() {
+            let problem = "the model has springs beside the joints' own elasticity, and what is uncertain is known of arms \
+                           without them alone";
+            return Err(self.wrong("uncertainty", problem));
+        }
+        let mut all: Vec<Uncertainty> = Vec::new();
+        for (index, table) in tables.iter().enumerate() {
+            let key = format!("uncertainty[{index}]");
+            let name = table.name.as_deref().unwrap_or(table.kind.name());
+            if let Some(problem) = wrong_name(name) {
+                return Err(self.wrong(&format!("{key}.name"), problem));
+            }
+            if all.iter().any(|other| other.name == name) {
+                let problem = format!("the name {name:?} is there twice");
+                let wrong = self.wrong(&format!("{key}.name"), problem);
+                return Err(wrong.hint("give each uncertainty of a kind a name of its own"));
+            }
+            all.push(Uncertainty {
+                name: name.to_owned(),
+                is_hidden: table.hidden,
+                source: self.source(&key, table, belief)?,
+            });
+        }
+        Ok(all)
+    }
+
+    fn source(
+        &self,
+        key: &str,
+        table: &UncertaintyTable,
+        belief: &Belief,
+    ) -> Result<Source, FileError> {
+        self.check_sizes(key, table)?;
+        let size = |name: &str| self.size(key, table, name);
+        if table.joints.is_some() && !table.kind.is_of_joints() {
+            let problem = format!("a {} is not one of joints", table.kind.name());
+            return Err(self.wrong(&format!("{key}.joints"), problem));
+        }
+        let single = |kind, size| Ok(Source::Plan(vec![(kind, size)]));
+        let axes = |kind: &dyn Fn(Axis) -> ParameterKind, size: f64| {
+            Ok(Source::Plan(
+                Axis::ALL.map(|axis| (kind(axis), size)).to_vec(),
+            ))
+        };
+        let of_joints = |kinds: &dyn Fn(usize) -> Vec<ParameterKind>, size: f64| {
+            let joints = self.uncertain_joints(key, table, belief, &|_| true)?;
+            let all = joints.into_iter().flat_map(kinds);
+            Ok(Source::Plan(all.map(|kind| (kind, size)).collect()))
+        };
+        match table.kind {
+            UncertaintyKind::Compliance => {
+                let is_elastic = |joint: usize| {
+                    belief.nominal.compliance_rad_per_nm[joint] > 0.0
+                        && (table.joints.is_some() || !belief.parameters.contains(&joint))
+                };
+                let joints = self.uncertain_joints(key, table, belief, &is_elastic)?;
+                let size = size("std_relative")?;
+                let of = |joint| (ParameterKind::JointCompliance { joint }, size);
+                Ok(Source::Plan(joints.into_iter().map(of).collect()))
+            }
+            UncertaintyKind::JointZero => {
+                let joints = self.joint_sizes(key, table, belief)?;
+                let of = |(joint, size)| (ParameterKind::JointZero { joint }, size);
+                Ok(Source::Plan(joints.into_iter().map(of).collect()))
+            }
+            UncertaintyKind::LinkPosition => of_joints(
+                &|link| {
+                    Axis::ALL
+                        .map(|axis| ParameterKind::LinkPosition { link, axis })
+                        .to_vec()
+                },
+                size("std_mm")?,
+            ),
+            UncertaintyKind::LinkRotation => of_joints(
+                &|link| {
+                    Axis::ALL
+                        .map(|axis| ParameterKind::LinkRotation { link, axis })
+                        .to_vec()
+                },
+                size("std_mrad")?,
+            ),
+            UncertaintyKind::ToolPosition => axes(
+                &|axis| ParameterKind::ToolPosition { tool: 0, axis },
+                size("std_mm")?,
+            ),
+            UncertaintyKind::BaseRotation => axes(
+                &|axis| ParameterKind::BaseRotation { axis },
+                size("std_mrad")?,
+            ),
+            UncertaintyKind::LoadScale => single(ParameterKind::LoadScale, size("std_relative")?),
+            UncertaintyKind::LoadOffset => single(ParameterKind::LoadOffset, size("std_n")?),
+            UncertaintyKind::LoadDirection => Ok(Source::Reading(ReadingSource::LoadDirection(
+                size("std_mrad")?,
+            ))),
+            UncertaintyKind::LoadPoint => {
+                Ok(Source::Reading(ReadingSource::LoadPoint(size("std_mm")?)))
+            }
+            UncertaintyKind::JointReturn => {
+                let mut sizes = vec![0.0; belief.nominal.chain.len()];
+                for (joint, size) in self.joint_sizes(key, table, belief)? {
+                    sizes[joint] = size;
+                }
+                Ok(Source::Reading(ReadingSource::JointReturn(sizes)))
+            }
+            UncertaintyKind::TrackerRange => {
+                let per_metre = size("std_um_per_m")?;
+                let from_m = tracker_m(belief).ok_or_else(|| {
+                    let problem = "the noise grows with the distance from the tracker, and nothing says where it stands";
+                    let wrong = self.wrong(&format!("{key}.kind"), problem);
+                    wrong.hint("name a site of the model by instrument.tracker_site")
+                })?;
+                Ok(Source::Reading(ReadingSource::Range { from_m, per_metre }))
+            }
+        }
+    }
+
+    /// Only the sizes that a kind has may be given.
+    fn check_sizes(&self, key: &str, table: &UncertaintyTable) -> Result<(), FileError> {
+        let allowed = table.kind.sizes();
+        for (name, value) in table.given() {
+            if value.is_some() && !allowed.contains(&name) {
+                let problem = format!(
+                    "a {} has no such size; it has {}",
+                    table.kind.name(),
+                    allowed.join(" or ")
+                );
+                return Err(self.wrong(&format!("{key}.{name}"), problem));
+            }
+        }
+        if table.given().iter().all(|(_, value)| value.is_none()) {
+            let problem = format!(
+                "a {} needs its standard deviation: {}",
+                table.kind.name(),
+                allowed.join(" or ")
+            );
+            return Err(self.wrong(key, problem));
+        }
+        Ok(())
+    }
+
+    /// A standard deviation in SI units.
+    fn size(&self, key: &str, table: &UncertaintyTable, name: &str) -> Result<f64, FileError> {
+        let (kind, unit): (&Kind, f64) = match name {
+            "std_relative" => (&RELATIVE_DEVIATION, 1.0),
+            "std_mm" => (&DEVIATION, 1e-3),
+            "std_mrad" => (&ROTATION_DEVIATION, 1e-3),
+            "std_n" => (&FORCE_LIMIT, 1.0),
+            _ => (&PER_METRE_DEVIATION, 1e-6),
+        };
+        let given = table.given().into_iter().find(|(each, _)| *each == name);
+        let key = format!("{key}.{name}");
+        let Some((_, Some(value))) = given else {
+            let problem = format!(
+                "is missing: the standard deviation of a {}",
+                table.kind.name()
+            );
+            return Err(self.wrong(&key, problem));
+        };
+        Ok(self.number(&key, value, kind)? * unit)
+    }
+
+    /// The joints that are named, or all that may be meant.
+    fn uncertain_joints(
+        &self,
+        key: &str,
+        table: &UncertaintyTable,
+        belief: &Belief,
+        is_meant: &dyn Fn(usize) -> bool,
+    ) -> Result<Vec<usize>, FileError> {
+        let key = format!("{key}.joints");
+        let chain = &belief.nominal.chain;
+        let Some(names) = &table.joints else {
+            let joints: Vec<usize> = (0..chain.len()).filter(|&joint| is_meant(joint)).collect();
+            if joints.is_empty() {
+                let problem = format!("no joint is left for a {}", table.kind.name());
+                return Err(self
+                    .wrong(&key, problem)
+                    .hint("name the joints that are meant"));
+            }
+            return Ok(joints);
+        };
+        let mut joints = Vec::new();
+        for name in names {
+            let found = chain.joints.iter().position(|joint| joint.name == *name);
+            let joint = found.ok_or_else(|| {
+                let known = names_of(chain);
+                self.wrong(
+                    &key,
+                    format!("found {name:?}; the robot's joints are: {known}"),
+                )
+            })?;
+            if joints.contains(&joint) {
+                return Err(self.wrong(&key, format!("found {name:?} twice")));
+            }
+            if !is_meant(joint) {
+                let problem = format!(
+                    "{name} is rigid: its compliance is zero and cannot be wrong by a share"
+                );
+                return Err(self.wrong(&key, problem));
+            }
+            joints.push(joint);
+        }
+        if joints.is_empty() {
+            return Err(self.wrong(&key, "is empty; leave it out to mean all joints"));
+        }
+        joints.sort_unstable();
+        Ok(joints)
+    }
+
+    /// Joints with a size each: angles of those that turn, lengths of those that slide.
+    fn joint_sizes(
+        &self,
+        key: &str,
+        table: &UncertaintyTable,
+        belief: &Belief,
+    ) -> Result<Vec<(usize, f64)>, FileError> {
+        let drive = |joint: usize| &belief.nominal.chain.joints[joint].drive;
+        let has_size = |joint: usize| {
+            let size = if drive(joint).slides {
+                table.std_mm
+            } else {
+                table.std_mrad
+            };
+            size.is_some() && drive(joint).passive_at.is_none()
+        };
+        let is_meant = |joint: usize| table.joints.is_some() || has_size(joint);
+        let joints = self.uncertain_joints(key, table, belief, &is_meant)?;
+        (joints.into_iter())
+            .map(|joint| {
+                if drive(joint).passive_at.is_some() {
+                    let name = &belief.nominal.chain.joints[joint].name;
+                    let problem = format!("{name} is passive: nothing commands it");
+                    return Err(self.wrong(&format!("{key}.joints"), problem));
+                }
+                let name = if drive(joint).slides {
+                    "std_mm"
+                } else {
+                    "std_mrad"
+                };
+                Ok((joint, self.size(key, table, name)?))
+            })
+            .collect()
+    }
+
+    /// What a belief carries of them.
+    pub(super) fn extended(
+        &self,
+        belief: &Belief,
+        uncertainties: &[Uncertainty],
+    ) -> Result<Option<Extended>, FileError> {
+        let known = uncertainties.iter().filter(|each| !each.is_hidden);
+        let known: Vec<Uncertainty> = known.cloned().collect();
+        if known.is_empty() {
+            return Ok(None);
+        }
+        let (joints, prior) = (&belief.parameters, belief.prior.as_ref());
+        let extended = Extended::new(belief.arm(), joints, prior, &known);
+        extended.map(Some).map_err(|error| {
+            let hint = matches!(error, ParameterError::Twice(_))
+                .then_some("two uncertainties are about the same: leave one out, or hide it");
+            let wrong = self.wrong("uncertainty", error.to_string());
+            match hint {
+                Some(hint) => wrong.hint(hint),
+                None => wrong,
+            }
+        })
+    }
+}
+
+/// Where the tracker stands, if the scenario says so.
+fn tracker_m(belief: &Belief) -> Option<Vector3<f64>> {
+    let site = belief.instrument.tracker_site?;
+    Some(State::new(&belief.nominal.model).site(site).0)
+}

@@ -1,0 +1,147 @@
+//! What a plan's errors are made of in truth, whatever the belief knows of it, beside what the belief promises.
+//!
+//! The gain K = C M^-1 is the belief's. With the true covariance of a source's part of a reading, `R_s`, the true
+//! deviation d of a parameter that the belief knows of, and that of one that it does not, with the derivatives
+//! Z of readings and `C_h` of the test poses by it, one standard deviation of each leaves
+//!
+//! ```text
+//! trace(K (sum J^T R^-1 R_s R^-1 J) K^T),    |K M_0 d|^2,    |(K sum J^T R^-1 Z - C_h) d|^2
+//! ```
+//!
+//! Nothing is hidden if these are the shares of the promise ([`crate::plan::shares`]).
+
+use nalgebra::{Cholesky, DMatrix, Matrix3};
+
+use super::deviations::Deviations;
+use super::model_level::stacked;
+use crate::compensation::test_pose_rows;
+use crate::parameter::{ParameterKind, Source};
+use crate::plan::{EARLIER, ExperimentModel, NOISE, Plan, posterior};
+use crate::task::Task;
+use crate::testbed::Truth;
+
+/// A part of the errors.
+#[derive(Debug, Clone, PartialEq)]
+pub struct AccountPart {
+    /// What leaves it.
+    pub name: String,
+    /// Whether the belief does not know of it.
+    pub is_hidden: bool,
+    /// What it alone leaves, rms over the test poses (m).
+    pub rms_m: f64,
+}
+
+/// What is promised, and what is to be expected in truth.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Account {
+    /// The belief's promise `rho_0` (m).
+    pub promised_m: f64,
+    /// What the errors are made of, to first order.
+    pub parts: Vec<AccountPart>,
+}
+
+impl Account {
+    /// The rms distance that is to be expected (m).
+    #[must_use]
+    pub fn expected_m(&self) -> f64 {
+        let squares = self.parts.iter().map(|part| part.rms_m * part.rms_m);
+        squares.sum::<f64>().sqrt()
+    }
+
+    /// The account of a plan; `None` where it does not determine what the test poses need.
+    #[must_use]
+    pub fn new(task: &Task, truth: &Truth, plan: &Plan) -> Option<Self> {
+        let belief = &task.belief;
+        let posterior = posterior(belief, plan);
+        let rows = stacked(task, belief.unknowns(), &|pose| {
+            test_pose_rows(belief, pose)
+        });
+        let promised_m = posterior.variance_of(&rows).ok()?.sqrt();
+        let gain = rows * &posterior.covariance;
+        let deviations = Deviations::new(belief, truth);
+        let model = ExperimentModel::new(belief);
+        let sigma_m = belief.instrument.sigma_m;
+
+        let readings = deviations.readings();
+        let mut noise = 0.0;
+        let mut of_sources = vec![0.0; readings.len()];
+        let mut foreign = -deviations.test_poses(task);
+        for experiment in &plan.experiments {
+            let repeats = f64::from(experiment.repeats);
+            let matrix = model.observation_matrix(experiment);
+            let weighted = &gain * matrix.transpose() / sigma_m.powi(2);
+            foreign += &weighted * deviations.observation_matrix(&model, experiment) * repeats;
+            if belief.instrument.rotation_sigma_rad.is_some() {
+                // Rows are whitened, and nothing else is new in each reading.
+                noise += weighted.norm_squared() * sigma_m.powi(2) * repeats;
+                continue;
+            }
+            let covariances = deviations.covariances(experiment);
+            let believed = Cholesky::new(covariances.believed)?.l().try_inverse()?;
+            // K J^T R^-1: from weighted rows, sigma L^-1 J, to readings.
+            let whitener = DMatrix::from_column_slice(3, 3, (believed * sigma_m).as_slice());
+            let weighted = weighted * whitener;
+            let added =
+                |covariance: &Matrix3<f64>| (&weighted * covariance).dot(&weighted) * repeats;
+            noise += added(&(Matrix3::identity() * sigma_m.powi(2)));
+            for (sum, covariance) in of_sources.iter_mut().zip(&covariances.sources) {
+                *sum += added(covariance);
+            }
+        }
+
+        let part = |name: &str, is_hidden, square: f64| AccountPart {
+            name: name.to_owned(),
+            is_hidden,
+            rms_m: square.max(0.0).sqrt(),
+        };
+        let mut parts = vec![part(NOISE, false, noise)];
+        if let Some(prior) = &belief.prior {
+            let own = gain.columns(0, belief.parameters.len());
+            let square = (own * &prior.precision * own.transpose()).trace();
+            parts.push(part(EARLIER, false, square));
+        }
+        let precision = belief.precision();
+        let mut next_source = 0;
+        for each in &truth.uncertainties {
+            let square = match &each.source {
+                Source::Reading(_) => {
+                    next_source += 1;
+                    of_sources[next_source - 1]
+                }
+                Source::Plan(parameters) => (parameters.iter())
+                    .map(|&(kind, deviation)| {
+                        let effect = match deviations.place(kind) {
+                            Some(place) => &gain * precision.column(place),
+                            None => foreign.column(deviations.foreign_place(kind)?).into_owned(),
+                        };
+                        Some(effect.norm_squared() * deviations.in_units(kind, deviation).powi(2))
+                    })
+                    .sum::<Option<f64>>()
+                    .unwrap_or(0.0),
+            };
+            parts.push(part(&each.name, each.is_hidden, square));
+        }
+        // Compliances that the scenario says to be others than believed.
+        let told = deviations.told(truth);
+        if told.iter().any(|(_, value)| *value != 0.0) {
+            let mut effect = nalgebra::DVector::zeros(foreign.nrows());
+            for (place, value) in told {
+                effect.axpy(value, &foreign.column(place), 1.0);
+            }
+            parts.push(part("true robot", true, effect.norm_squared()));
+        }
+        Some(Self { promised_m, parts })
+    }
+}
+
+impl Deviations<'_> {
+    /// A standard deviation of a parameter in the unit of its column: compliances that are identified are linear.
+    fn in_units(&self, kind: ParameterKind, deviation: f64) -> f64 {
+        match kind {
+            ParameterKind::JointCompliance { joint } if !self.is_logarithmic(kind) => {
+                deviation * self.belief().nominal.compliance_rad_per_nm[joint]
+            }
+            _ => deviation,
+        }
+    }
+}

@@ -1,0 +1,373 @@
+//! What a run's truth differs in from what is believed to be nominal, and how the linear model sees it.
+
+use nalgebra::{Cholesky, DMatrix, Matrix3, Matrix3xX};
+
+use crate::compensation::test_pose_matrix;
+use crate::observation::FirstOrder;
+use crate::parameter::{ElasticArm, ParameterKind, ParameterSet, ReadingSource, Source};
+use crate::plan::{Experiment, ExperimentModel};
+use crate::random::normal::LANES;
+use crate::task::{Belief, Task, TestPose};
+use crate::testbed::{Circumstances, Truth};
+
+/// A parameter that may differ in a run.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Deviation {
+    /// The compliance of a joint: in rad/(N m), or in its logarithm.
+    Compliance(usize, bool),
+    /// Something else, in its unit.
+    Other(ParameterKind),
+}
+
+/// The covariances of a reading (m^2).
+#[derive(Debug, Clone)]
+pub struct Covariances {
+    /// As it is believed.
+    pub believed: Matrix3<f64>,
+    /// What each source adds in truth.
+    pub sources: Vec<Matrix3<f64>>,
+    /// As it is.
+    pub all: Matrix3<f64>,
+}
+
+/// All that may differ.
+#[derive(Debug, Clone)]
+pub struct Deviations<'a> {
+    belief: &'a Belief,
+    /// What the belief's vector does not have.
+    foreign: Vec<Deviation>,
+    /// Unknowns of which something is known before, which the truth may not agree with, as indices in the belief's
+    /// vector.
+    tied: Vec<(usize, Deviation)>,
+    laboratory: Option<Circumstances>,
+    arm: ElasticArm,
+    /// The foreign parameters, where they are more than compliances or more than noise is believed in.
+    set: Option<ParameterSet>,
+    /// No parameters.
+    empty: ParameterSet,
+    /// Their joints.
+    joints: Vec<usize>,
+    /// What is new in each reading, as it is believed and as it is.
+    believed: Vec<ReadingSource>,
+    sources: Vec<ReadingSource>,
+}
+
+impl<'a> Deviations<'a> {
+    /// What a truth may differ in from a belief.
+    #[must_use]
+    pub fn new(belief: &'a Belief, truth: &Truth) -> Self {
+        let arm = belief.arm();
+        let joints = unknown_joints(belief, truth);
+        let foreign_kinds = foreign_kinds(belief, truth);
+        let extended = belief.uncertain.as_ref();
+        let is_plain = extended.is_none() && truth.uncertainties.is_empty();
+        let unknowns = (joints.iter())
+            .map(|&joint| (ParameterKind::JointCompliance { joint }, None))
+            .chain(foreign_kinds.iter().map(|&kind| (kind, Some(1.0))));
+        let set = (!is_plain)
+            .then(|| ParameterSet::new(&arm, unknowns).ok())
+            .flatten();
+        let reading = |each: &crate::parameter::Uncertainty| match &each.source {
+            Source::Reading(source) => Some(source.clone()),
+            Source::Plan(_) => None,
+        };
+        Self {
+            foreign: (joints
+                .iter()
+                .map(|&joint| Deviation::Compliance(joint, false)))
+            .chain(foreign_kinds.into_iter().map(Deviation::Other))
+            .collect(),
+            tied: tied(belief, truth),
+            laboratory: Circumstances::new(arm.clone(), &truth.uncertainties).ok(),
+            believed: extended.map_or_else(Vec::new, |extended| {
+                extended
+                    .sources()
+                    .map(|(_, source)| source.clone())
+                    .collect()
+            }),
+            sources: truth.uncertainties.iter().filter_map(reading).collect(),
+            belief,
+            empty: ParameterSet::empty(),
+            arm,
+            set,
+            joints,
+        }
+    }
+
+    /// How many parameters differ.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.foreign.len() + self.tied.len()
+    }
+
+    /// Whether nothing differs.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// How many of them the belief's vector does not have; they come first.
+    #[must_use]
+    pub fn foreign(&self) -> usize {
+        self.foreign.len()
+    }
+
+    /// The places of the others in the belief's vector.
+    #[must_use]
+    pub fn tied(&self) -> Vec<usize> {
+        self.tied.iter().map(|(place, _)| *place).collect()
+    }
+
+    /// How many normal numbers a run's laboratory takes for what it shares.
+    #[must_use]
+    pub fn numbers(&self) -> usize {
+        self.laboratory
+            .as_ref()
+            .map_or(0, |laboratory| laboratory.numbers(0))
+    }
+
+    /// By how much each differs (per sigma) in the runs of all lanes, whose compliances without the laboratory's part are
+    /// given (rad/(N m)).
+    #[must_use]
+    pub fn values(
+        &self,
+        true_rad_per_nm: &[[f64; LANES]],
+        normals: &[[f64; LANES]],
+    ) -> Vec<[f64; LANES]> {
+        let nominal = &self.belief.nominal.compliance_rad_per_nm;
+        let sigma_m = self.belief.instrument.sigma_m;
+        let drawn = |kind, lane| {
+            (self.laboratory.as_ref())
+                .map_or(0.0, |laboratory| laboratory.drawn(kind, normals, lane))
+        };
+        let value = |deviation: &Deviation| -> [f64; LANES] {
+            std::array::from_fn(|lane| match *deviation {
+                Deviation::Compliance(joint, is_logarithmic) => {
+                    let log = drawn(ParameterKind::JointCompliance { joint }, lane);
+                    let k = true_rad_per_nm[joint][lane] * log.exp();
+                    let differs = if is_logarithmic {
+                        (k / nominal[joint]).ln()
+                    } else {
+                        k - nominal[joint]
+                    };
+                    differs / sigma_m
+                }
+                Deviation::Other(kind) => drawn(kind, lane) / sigma_m,
+            })
+        };
+        let tied = self.tied.iter().map(|(_, deviation)| deviation);
+        self.foreign.iter().chain(tied).map(value).collect()
+    }
+
+    /// The whitened observation matrix of what is foreign, like [`ExperimentModel::observation_matrix`].
+    #[must_use]
+    pub fn observation_matrix(
+        &self,
+        model: &ExperimentModel<'_>,
+        experiment: &Experiment,
+    ) -> DMatrix<f64> {
+        let Some(set) = &self.set else {
+            let unknown = ExperimentModel {
+                parameters: &self.joints,
+                uncertain: None,
+                ..model.clone()
+            };
+            return unknown.observation_matrix(experiment);
+        };
+        let mut first = self.first_order(set, 0, &self.believed);
+        let mut matrix = Matrix3xX::zeros(set.len());
+        first.move_to(experiment.configuration_rad.as_slice());
+        first.observe(&experiment.load, &mut matrix);
+        DMatrix::from_column_slice(3, set.len(), (matrix * model.sigma_m).as_slice())
+    }
+
+    /// The rows of all test poses for what is foreign, each times the root of its weight, stacked.
+    #[must_use]
+    pub fn test_poses(&self, task: &Task) -> DMatrix<f64> {
+        super::model_level::stacked(task, self.foreign.len(), &|pose| self.test_pose(pose))
+    }
+
+    fn test_pose(&self, pose: &TestPose) -> DMatrix<f64> {
+        let Some(set) = &self.set else {
+            return test_pose_matrix(self.belief, pose, &self.joints);
+        };
+        let mut first = self.first_order(set, self.arm.tools.len() - 1, &[]);
+        let mut matrix = Matrix3xX::zeros(set.len());
+        first.move_to(pose.configuration_rad.as_slice());
+        first.uncompensated(&pose.load, &mut matrix);
+        DMatrix::from_column_slice(3, set.len(), matrix.as_slice())
+    }
+
+    /// What a belief is compared with.
+    #[must_use]
+    pub const fn belief(&self) -> &Belief {
+        self.belief
+    }
+
+    /// The place of a parameter in the belief's vector, if it has it.
+    #[must_use]
+    pub fn place(&self, kind: ParameterKind) -> Option<usize> {
+        place(self.belief, kind)
+    }
+
+    /// The place of a parameter among the foreign ones.
+    #[must_use]
+    pub fn foreign_place(&self, kind: ParameterKind) -> Option<usize> {
+        let is_it = |deviation: &Deviation| match (deviation, kind) {
+            (Deviation::Compliance(joint, _), ParameterKind::JointCompliance { joint: other }) => {
+                *joint == other
+            }
+            (Deviation::Other(own), kind) => *own == kind,
+            _ => false,
+        };
+        self.foreign.iter().position(is_it)
+    }
+
+    /// Whether a parameter is known, or foreign, in its logarithm.
+    #[must_use]
+    pub fn is_logarithmic(&self, kind: ParameterKind) -> bool {
+        let extended = self.belief.uncertain.as_ref();
+        let known = extended.zip(self.place(kind));
+        known.is_some_and(|(extended, place)| extended.set().parameters()[place].is_logarithmic)
+    }
+
+    /// By how much the compliances of foreign joints are told to be others than nominal (rad/(N m)).
+    #[must_use]
+    pub fn told(&self, truth: &Truth) -> Vec<(usize, f64)> {
+        let nominal = &self.belief.nominal.compliance_rad_per_nm;
+        let value = |&joint: &usize| truth.robot.compliance_rad_per_nm[joint] - nominal[joint];
+        self.joints.iter().map(value).enumerate().collect()
+    }
+
+    /// What is new in each reading, in truth.
+    #[must_use]
+    pub fn readings(&self) -> &[ReadingSource] {
+        &self.sources
+    }
+
+    /// The covariance of a reading as it is believed, and what each source adds in truth (m^2).
+    #[must_use]
+    pub fn covariances(&self, experiment: &Experiment) -> Covariances {
+        let at = |sources| {
+            let mut model = FirstOrder::new(
+                &self.arm,
+                0,
+                &self.empty,
+                &[],
+                self.belief.instrument.sigma_m,
+                sources,
+            );
+            model.move_to(experiment.configuration_rad.as_slice());
+            model
+        };
+        let load = &experiment.load;
+        let truth = at(&self.sources);
+        let sources = 0..self.sources.len();
+        Covariances {
+            believed: at(&self.believed).covariance(load),
+            sources: sources
+                .map(|source| truth.covariance_of(source, load))
+                .collect(),
+            all: truth.covariance(load),
+        }
+    }
+
+    /// H with H H^T the covariance of a reading's whitened noise, where that is not what the belief whitens it with.
+    #[must_use]
+    pub fn coloured(&self, experiment: &Experiment) -> Option<Matrix3<f64>> {
+        if self.believed == self.sources {
+            return None;
+        }
+        let covariances = self.covariances(experiment);
+        let believed = Cholesky::new(covariances.believed)?.l().try_inverse()?;
+        Some(believed * Cholesky::new(covariances.all)?.l())
+    }
+
+    fn first_order<'b>(
+        &'b self,
+        set: &ParameterSet,
+        target: usize,
+        sources: &'b [ReadingSource],
+    ) -> FirstOrder<'b> {
+        let sizes = vec![1.0; set.len()];
+        let sigma_m = self.belief.instrument.sigma_m;
+        FirstOrder::new(&self.arm, target, set, &sizes, sigma_m, sources)
+    }
+}
+
+/// What runs draw of parameters that the whole plan shares.
+fn drawn_kinds(truth: &Truth) -> Vec<ParameterKind> {
+    let mut kinds: Vec<ParameterKind> = Vec::new();
+    for each in &truth.uncertainties {
+        if let Source::Plan(parameters) = &each.source {
+            for (kind, _) in parameters {
+                if !kinds.contains(kind) {
+                    kinds.push(*kind);
+                }
+            }
+        }
+    }
+    kinds
+}
+
+/// Whether the virtual robot's compliance of a joint may not be the nominal one.
+#[expect(clippy::float_cmp, reason = "the same number is meant")]
+fn differs(belief: &Belief, truth: &Truth, drawn: &[ParameterKind], joint: usize) -> bool {
+    belief.nominal.compliance_rad_per_nm[joint] != truth.robot.compliance_rad_per_nm[joint]
+        || truth.compliance_spread[joint] > 0.0
+        || (truth.drawn.as_ref()).is_some_and(|drawn| drawn.joints.contains(&joint))
+        || drawn.contains(&ParameterKind::JointCompliance { joint })
+}
+
+/// Whether the belief's vector has a parameter, and where.
+fn place(belief: &Belief, kind: ParameterKind) -> Option<usize> {
+    match (&belief.uncertain, kind) {
+        (Some(extended), kind) => extended.set().index_of(kind),
+        (None, ParameterKind::JointCompliance { joint }) => {
+            belief.parameters.iter().position(|each| *each == joint)
+        }
+        _ => None,
+    }
+}
+
+/// The joints whose compliances the belief takes to be nominal, and that may be others.
+fn unknown_joints(belief: &Belief, truth: &Truth) -> Vec<usize> {
+    let drawn = drawn_kinds(truth);
+    (0..belief.joints())
+        .filter(|&joint| place(belief, ParameterKind::JointCompliance { joint }).is_none())
+        .filter(|&joint| differs(belief, truth, &drawn, joint))
+        .collect()
+}
+
+/// What else the belief does not know of.
+fn foreign_kinds(belief: &Belief, truth: &Truth) -> Vec<ParameterKind> {
+    let is_foreign = |kind: &ParameterKind| {
+        !matches!(kind, ParameterKind::JointCompliance { .. }) && place(belief, *kind).is_none()
+    };
+    drawn_kinds(truth).into_iter().filter(is_foreign).collect()
+}
+
+/// The unknowns of which something is known before, where the virtual robot may be another.
+fn tied(belief: &Belief, truth: &Truth) -> Vec<(usize, Deviation)> {
+    let drawn = drawn_kinds(truth);
+    let precision = belief.prior_information();
+    let is_known = |index: &usize| precision[(*index, *index)] > 0.0;
+    let deviation = |index: usize| {
+        let of_joint = |joint, is_logarithmic| {
+            differs(belief, truth, &drawn, joint)
+                .then_some(Deviation::Compliance(joint, is_logarithmic))
+        };
+        let Some(extended) = &belief.uncertain else {
+            return of_joint(belief.parameters[index], false);
+        };
+        let parameter = &extended.set().parameters()[index];
+        match parameter.kind {
+            ParameterKind::JointCompliance { joint } => of_joint(joint, parameter.is_logarithmic),
+            kind => drawn.contains(&kind).then_some(Deviation::Other(kind)),
+        }
+    };
+    (0..belief.unknowns())
+        .filter(is_known)
+        .filter_map(|index| Some((index, deviation(index)?)))
+        .collect()
+}

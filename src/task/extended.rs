@@ -1,0 +1,209 @@
+//! The extended vector: the compliances that are identified, and all else that nobody knows exactly and that
+//! the whole plan shares.
+
+use nalgebra::DMatrix;
+
+use crate::observation::FirstOrder;
+use crate::parameter::{
+    ElasticArm, ParameterError, ParameterKind, ParameterSet, Prior, ReadingSource, Source,
+    Uncertainty,
+};
+
+/// Which of the arm's tools is measured.
+const CALIBRATION: usize = 0;
+
+/// What a belief knows to be uncertain, besides the instrument's noise.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Extended {
+    /// The nominal arm, the calibration tool first, then the machining tool where it is another one.
+    arm: ElasticArm,
+    /// The identified compliances, then the parameters of the uncertainties, with their priors.
+    set: ParameterSet,
+    /// How many are the identified compliances.
+    identified: usize,
+    /// The uncertainties that the whole plan shares, by name, and which parameters they are.
+    shared: Vec<(String, Vec<usize>)>,
+    /// The precision of each parameter that its uncertainty alone gives it (1 over its unit squared).
+    own_precision: Vec<f64>,
+    /// The prior as whitened equations, r x p.
+    prior_rows: DMatrix<f64>,
+    /// The names of those that are new in each reading.
+    source_names: Vec<String>,
+    sources: Vec<ReadingSource>,
+}
+
+impl Extended {
+    /// The vector of the compliances of an arm's `identified` joints, with what is known of these before, and of some
+    /// uncertainties.
+    ///
+    /// # Errors
+    /// An uncertainty is about something that the arm does not have or cannot know.
+    pub fn new(
+        arm: ElasticArm,
+        identified: &[usize],
+        prior: Option<&Prior>,
+        uncertainties: &[Uncertainty],
+    ) -> Result<Self, ParameterError> {
+        let compliance = |&joint: &usize| ParameterKind::JointCompliance { joint };
+        let mut unknowns: Vec<(ParameterKind, Option<f64>)> = (identified.iter())
+            .map(|joint| (compliance(joint), None))
+            .collect();
+        let mut shared = Vec::new();
+        let mut own_priors = Vec::new();
+        let (mut source_names, mut sources) = (Vec::new(), Vec::new());
+        for each in uncertainties {
+            match &each.source {
+                Source::Reading(source) => {
+                    source_names.push(each.name.clone());
+                    sources.push(source.clone());
+                }
+                Source::Plan(parameters) => {
+                    let mut places = Vec::new();
+                    for &(kind, deviation) in parameters {
+                        let identified = identified
+                            .iter()
+                            .position(|joint| compliance(joint) == kind);
+                        if let Some(place) = identified {
+                            // It stays linear, as in the paper.
+                            let ParameterKind::JointCompliance { joint } = kind else {
+                                continue;
+                            };
+                            own_priors.push((place, deviation * arm.compliance_rad_per_nm[joint]));
+                            places.push(place);
+                        } else {
+                            places.push(unknowns.len());
+                            unknowns.push((kind, Some(deviation)));
+                        }
+                    }
+                    shared.push((each.name.clone(), places));
+                }
+            }
+        }
+        let mut set = ParameterSet::new(&arm, unknowns)?;
+        let mut own_precision: Vec<f64> = (set.parameters().iter())
+            .map(|each| {
+                each.prior_deviation
+                    .map_or(0.0, |deviation| deviation.powi(-2))
+            })
+            .collect();
+        for (place, deviation) in own_priors {
+            own_precision[place] = deviation.powi(-2);
+            let mean = set.prior().mean.rows(place, 1).into_owned();
+            let variance = DMatrix::from_element(1, 1, deviation * deviation);
+            set = set.with_prior(&[place], &mean, &variance)?;
+        }
+        if let Some(prior) = prior {
+            set = set.with_precision(&prior.precision);
+        }
+        let joints = identified.iter();
+        let mut sizes: Vec<f64> = joints
+            .map(|&joint| compliance(&joint).typical_size(&arm, false))
+            .collect();
+        sizes.extend(
+            set.parameters()[identified.len()..]
+                .iter()
+                .map(|each| each.scale),
+        );
+        Ok(Self {
+            prior_rows: set.prior().rows(&sizes),
+            arm,
+            set,
+            identified: identified.len(),
+            shared,
+            own_precision,
+            source_names,
+            sources,
+        })
+    }
+
+    /// The nominal arm, the calibration tool first.
+    #[must_use]
+    pub const fn arm(&self) -> &ElasticArm {
+        &self.arm
+    }
+
+    /// The extended vector: the identified compliances, then what is uncertain.
+    #[must_use]
+    pub const fn set(&self) -> &ParameterSet {
+        &self.set
+    }
+
+    /// How many of its first parameters are the identified compliances.
+    #[must_use]
+    pub const fn identified(&self) -> usize {
+        self.identified
+    }
+
+    /// The names of the parameters after the identified compliances.
+    #[must_use]
+    pub fn other_names(&self) -> Vec<String> {
+        let others = self.set.parameters()[self.identified..].iter();
+        others.map(|each| each.name.clone()).collect()
+    }
+
+    /// Their typical sizes: the standard deviations of their priors.
+    #[must_use]
+    pub fn other_sizes(&self) -> Vec<f64> {
+        let others = self.set.parameters()[self.identified..].iter();
+        others.map(|each| each.scale).collect()
+    }
+
+    /// The uncertainties that the whole plan shares, by name, and which parameters they are.
+    #[must_use]
+    pub fn shared(&self) -> &[(String, Vec<usize>)] {
+        &self.shared
+    }
+
+    /// The prior as whitened equations, r x p: rows of unit variance that the unknowns times them equal those of its
+    /// mean.
+    #[must_use]
+    pub const fn prior_rows(&self) -> &DMatrix<f64> {
+        &self.prior_rows
+    }
+
+    /// The precision that its uncertainty alone gives a parameter (1 over its unit squared).
+    #[must_use]
+    pub fn own_precision(&self, parameter: usize) -> f64 {
+        self.own_precision[parameter]
+    }
+
+    /// The uncertainties that are new in each reading, by name.
+    pub fn sources(&self) -> impl Iterator<Item = (&str, &ReadingSource)> {
+        let names = self.source_names.iter().map(String::as_str);
+        names.zip(&self.sources)
+    }
+
+    /// The model of deflections for planning, for some of the unknowns, with derivatives in units of their `sizes`.
+    #[must_use]
+    pub fn first_order(&self, unknowns: &[usize], sizes: &[f64], sigma_m: f64) -> FirstOrder<'_> {
+        let set = &self.set.subset(unknowns);
+        FirstOrder::new(&self.arm, CALIBRATION, set, sizes, sigma_m, &self.sources)
+    }
+
+    /// The same for all unknowns, in their units.
+    #[must_use]
+    pub fn first_order_of_all(&self, sigma_m: f64) -> FirstOrder<'_> {
+        let sizes = vec![1.0; self.set.len()];
+        FirstOrder::new(
+            &self.arm,
+            CALIBRATION,
+            &self.set,
+            &sizes,
+            sigma_m,
+            &self.sources,
+        )
+    }
+
+    /// The same at the machining tool, where nothing is measured.
+    #[must_use]
+    pub fn at_test_pose(&self, sizes: &[f64]) -> FirstOrder<'_> {
+        FirstOrder::new(
+            &self.arm,
+            self.arm.tools.len() - 1,
+            &self.set,
+            sizes,
+            1.0,
+            &[],
+        )
+    }
+}

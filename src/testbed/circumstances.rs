@@ -1,0 +1,233 @@
+//! What a run's laboratory is like: all that a scenario lists as uncertain, drawn as a function of seed and run.
+//!
+//! What the whole plan shares is drawn once a run, what is new in each reading for every reading. Frames of links and
+//! tools move in MuJoCo's model; zeros change what the joints are commanded, loads what hangs on the robot.
+
+use nalgebra::{Isometry3, Rotation3, Vector3};
+
+use crate::experiment::{Experiment, Plan};
+use crate::measurement::{Measurement, RotationMeasurement};
+use crate::mujoco::Displaced;
+use crate::parameter::{
+    ElasticArm, FrameChange, ParameterError, ParameterKind, ParameterSet, ReadingSource, Source,
+    Uncertainty,
+};
+use crate::random::normal::LANES;
+use crate::robot::Load;
+use crate::task::Instrument;
+
+use super::virtual_robot::{MeasurementError, VirtualRobot};
+
+/// Where a run's robot, loads and instrument differ from what is said of them.
+#[derive(Debug, Clone)]
+pub struct Circumstances {
+    nominal: ElasticArm,
+    /// What differs, each once.
+    set: ParameterSet,
+    /// For each number that a run shares: which parameter it moves, and by how much.
+    shared: Vec<(usize, f64)>,
+    sources: Vec<ReadingSource>,
+    /// What differs in this run, in the parameters' units.
+    values: Vec<f64>,
+    /// The nominal arm with that.
+    here: ElasticArm,
+}
+
+impl Circumstances {
+    /// A laboratory in which a belief's arm has these uncertainties; it is as nominal before anything is drawn.
+    ///
+    /// # Errors
+    /// An uncertainty is about something that the arm does not have.
+    pub fn new(nominal: ElasticArm, uncertainties: &[Uncertainty]) -> Result<Self, ParameterError> {
+        let mut kinds: Vec<ParameterKind> = Vec::new();
+        let mut shared = Vec::new();
+        let mut sources = Vec::new();
+        for each in uncertainties {
+            match &each.source {
+                Source::Reading(source) => sources.push(source.clone()),
+                Source::Plan(parameters) => {
+                    for &(kind, deviation) in parameters {
+                        let known = kinds.iter().position(|other| *other == kind);
+                        let place = known.unwrap_or_else(|| {
+                            kinds.push(kind);
+                            kinds.len() - 1
+                        });
+                        shared.push((place, deviation));
+                    }
+                }
+            }
+        }
+        // With a prior, positive quantities are in their logarithm.
+        let set = ParameterSet::new(&nominal, kinds.into_iter().map(|kind| (kind, Some(1.0))))?;
+        Ok(Self {
+            values: vec![0.0; set.len()],
+            here: nominal.clone(),
+            nominal,
+            set,
+            shared,
+            sources,
+        })
+    }
+
+    /// Whether nothing is uncertain.
+    #[must_use]
+    pub fn is_certain(&self) -> bool {
+        self.shared.is_empty() && self.sources.is_empty()
+    }
+
+    /// How many normal numbers a run takes for so many measurements.
+    #[must_use]
+    pub fn numbers(&self, measurements: usize) -> usize {
+        self.shared.len() + measurements * self.numbers_of_reading()
+    }
+
+    fn numbers_of_reading(&self) -> usize {
+        let numbers = |source: &ReadingSource| match source {
+            ReadingSource::JointReturn(deviations) => deviations.len(),
+            _ => 3,
+        };
+        self.sources.iter().map(numbers).sum()
+    }
+
+    /// Draws what a run shares, from the first normals of a lane.
+    pub fn draw(&mut self, normals: &[[f64; LANES]], lane: usize) {
+        self.values.fill(0.0);
+        for (&(place, deviation), normal) in self.shared.iter().zip(normals) {
+            self.values[place] += deviation * normal[lane];
+        }
+        for (value, parameter) in self.values.iter_mut().zip(self.set.parameters()) {
+            *value += parameter.nominal;
+        }
+        self.here = self.set.apply(&self.nominal, &self.values);
+    }
+
+    /// By how much a parameter differs in this run from what is nominal, in its unit; nothing where it is not uncertain.
+    #[must_use]
+    pub fn difference(&self, kind: ParameterKind) -> f64 {
+        let index = self.set.index_of(kind);
+        index.map_or(0.0, |index| {
+            self.values[index] - self.set.parameters()[index].nominal
+        })
+    }
+
+    /// By how much a parameter differs in the run of a lane, in its unit.
+    #[must_use]
+    pub fn drawn(&self, kind: ParameterKind, normals: &[[f64; LANES]], lane: usize) -> f64 {
+        let Some(index) = self.set.index_of(kind) else {
+            return 0.0;
+        };
+        let numbers = self.shared.iter().zip(normals);
+        numbers
+            .filter(|((place, _), _)| *place == index)
+            .map(|((_, deviation), normal)| deviation * normal[lane])
+            .sum()
+    }
+
+    /// How many times a joint's compliance is what is said of it.
+    #[must_use]
+    pub fn compliance_factor(&self, joint: usize) -> f64 {
+        self.difference(ParameterKind::JointCompliance { joint })
+            .exp()
+    }
+
+    /// The frames of links, by joints, and of the calibration tool that stand elsewhere.
+    #[must_use]
+    pub fn displaced(&self) -> Vec<Displaced> {
+        let moved = self.set.displacements(&self.nominal, &self.values);
+        let isometry = |change: &FrameChange| change.isometry();
+        let links = (moved.links.iter().enumerate())
+            .filter(|(_, change)| **change != FrameChange::default())
+            .map(|(joint, change)| Displaced::Link(joint, isometry(change)));
+        let tools = (moved.tools.iter().zip(&self.nominal.tools))
+            .filter(|(change, _)| **change != FrameChange::default())
+            .map(|(change, tool)| Displaced::Site(tool.name.clone(), isometry(change)));
+        links.chain(tools).collect()
+    }
+
+    /// What the joints really are commanded (rad) where a controller commands this.
+    #[must_use]
+    pub fn commanded(&self, q: &nalgebra::DVector<f64>) -> nalgebra::DVector<f64> {
+        let zeros = self.here.zero_rad.iter();
+        nalgebra::DVector::from_iterator(q.len(), q.iter().zip(zeros).map(|(q, zero)| q + zero))
+    }
+
+    /// Measures a plan on a virtual robot in this laboratory, without the instrument's own noise.
+    /// `normals` are those of [`Self::draw`].
+    ///
+    /// # Errors
+    /// The first experiment that has no stable equilibrium.
+    pub fn measure(
+        &self,
+        robot: &mut VirtualRobot,
+        plan: &Plan,
+        instrument: &Instrument,
+        normals: &[[f64; LANES]],
+        lane: usize,
+    ) -> Result<Vec<Measurement>, MeasurementError> {
+        let mut normals = normals[self.shared.len()..].iter().map(|lanes| lanes[lane]);
+        let mut measurements = Vec::new();
+        for (index, experiment) in plan.experiments.iter().enumerate() {
+            for _ in 0..experiment.repeats {
+                let reading = self.read(robot, index + 1, experiment, &mut normals)?;
+                measurements.push(Measurement {
+                    configuration_rad: experiment.configuration_rad.clone(),
+                    load: experiment.load,
+                    deflection_m: reading.0,
+                    sigma_m: None,
+                    rotation: instrument
+                        .rotation_sigma_rad
+                        .map(|sigma| RotationMeasurement {
+                            vector_rad: reading.1,
+                            sigma_rad: Vector3::repeat(sigma),
+                        }),
+                });
+            }
+        }
+        Ok(measurements)
+    }
+
+    fn read(
+        &self,
+        robot: &mut VirtualRobot,
+        number: usize,
+        experiment: &Experiment,
+        normals: &mut dyn Iterator<Item = f64>,
+    ) -> Result<(Vector3<f64>, Vector3<f64>), MeasurementError> {
+        let unloaded = self.commanded(&experiment.configuration_rad);
+        let mut loaded = unloaded.clone();
+        let mut load: Load = self.here.acting(&experiment.load);
+        let mut noise = Vec::new();
+        for source in &self.sources {
+            let mut next = |deviation: f64| deviation * normals.next().unwrap_or(0.0);
+            let mut three = |deviation: f64| Vector3::from_fn(|_, _| next(deviation));
+            match source {
+                ReadingSource::JointReturn(deviations) => {
+                    for (angle, &deviation) in loaded.iter_mut().zip(deviations) {
+                        *angle += next(deviation);
+                    }
+                }
+                ReadingSource::LoadDirection(deviation) => {
+                    let turn = Rotation3::new(three(*deviation));
+                    load.force_n = turn * load.force_n;
+                    load.torque_nm = turn * load.torque_nm;
+                }
+                ReadingSource::LoadPoint(deviation) => {
+                    load.torque_nm += three(*deviation).cross(&load.force_n);
+                }
+                ReadingSource::Range { from_m, per_metre } => {
+                    noise.push((*from_m, three(*per_metre)));
+                }
+            }
+        }
+        let displacement = robot.displacement_between(number, (&unloaded, &loaded), &load)?;
+        let mut moved = displacement.position_m;
+        for (from, per_metre) in noise {
+            moved += per_metre * (displacement.at_m - from).norm();
+        }
+        let base: &Isometry3<f64> = &self.here.instrument_from_base;
+        Ok((
+            base.rotation * moved,
+            base.rotation * displacement.rotation_rad,
+        ))
+    }
+}

@@ -1,0 +1,159 @@
+//! The virtual robot with each of its tools, in a run's laboratory.
+
+use nalgebra::DVector;
+
+use super::circumstances::Circumstances;
+use super::truth::Truth;
+use super::virtual_robot::{MeasurementError, VirtualRobot};
+use crate::experiment::Plan;
+use crate::measurement::Measurement;
+use crate::mujoco::ModelError;
+use crate::parameter::ParameterKind;
+use crate::random::normal::{LANES, fill_normals};
+use crate::random::streams::Stream;
+use crate::robot::{EquilibriumError, Load, TrueRobot};
+use crate::task::{Belief, Instrument};
+
+/// The virtual robot of one run after another.
+#[derive(Debug)]
+pub struct TrueRobots {
+    robot: TrueRobot,
+    measuring: VirtualRobot,
+    machining: VirtualRobot,
+    laboratory: Circumstances,
+    compliance_rad_per_nm: Vec<f64>,
+    /// Whether a frame stood elsewhere in the last run.
+    is_displaced: bool,
+}
+
+impl TrueRobots {
+    /// The robot that is true, with a belief's tools; before anything is drawn nothing else is different.
+    ///
+    /// # Errors
+    /// Its model lacks a tool, or something of which the scenario says that it is uncertain.
+    pub fn new(belief: &Belief, truth: &Truth) -> Result<Self, ModelError> {
+        let robot = &truth.robot;
+        let laboratory = Circumstances::new(belief.arm(), &truth.uncertainties);
+        let laboratory = laboratory.map_err(|error| ModelError::NotSerial {
+            path: robot.model.path().to_owned(),
+            reason: error.to_string(),
+        })?;
+        Ok(Self {
+            measuring: VirtualRobot::new(robot, &belief.calibration_tool.name)?,
+            machining: VirtualRobot::new(robot, &belief.machining_tool.name)?,
+            compliance_rad_per_nm: robot.compliance_rad_per_nm.clone(),
+            robot: robot.clone(),
+            laboratory,
+            is_displaced: false,
+        })
+    }
+
+    /// How many normal numbers a run takes besides the instrument's noise.
+    #[must_use]
+    pub fn numbers(&self, measurements: usize) -> usize {
+        self.laboratory.numbers(measurements)
+    }
+
+    /// Makes a run's robot: with these compliances (rad/(N m)), and what else its laboratory differs in.
+    ///
+    /// # Errors
+    /// A link has no frame of its own.
+    pub fn become_run(
+        &mut self,
+        compliance_rad_per_nm: &[f64],
+        normals: &[[f64; LANES]],
+        lane: usize,
+    ) -> Result<(), ModelError> {
+        self.compliance_rad_per_nm
+            .copy_from_slice(compliance_rad_per_nm);
+        if !self.laboratory.is_certain() {
+            self.laboratory.draw(normals, lane);
+            for (joint, compliance) in self.compliance_rad_per_nm.iter_mut().enumerate() {
+                *compliance *= self.laboratory.compliance_factor(joint);
+            }
+            let displaced = self.laboratory.displaced();
+            if self.is_displaced || !displaced.is_empty() {
+                self.measuring.displace(&self.robot, &displaced)?;
+                self.machining.displace(&self.robot, &displaced)?;
+                self.is_displaced = !displaced.is_empty();
+            }
+        }
+        self.measuring.set_compliance(&self.compliance_rad_per_nm);
+        self.machining.set_compliance(&self.compliance_rad_per_nm);
+        Ok(())
+    }
+
+    /// Makes the robot that of run `run` under a seed, and returns the normal numbers for so many measurements in its
+    /// laboratory.
+    ///
+    /// # Errors
+    /// A link has no frame of its own.
+    pub fn become_run_of(
+        &mut self,
+        truth: &Truth,
+        measurements: usize,
+        seed: u64,
+        run: u64,
+    ) -> Result<Vec<[f64; LANES]>, ModelError> {
+        let mut normals = vec![[0.0; LANES]; self.numbers(measurements)];
+        fill_normals(Stream::Circumstances, seed, run, &mut normals);
+        self.become_run(&truth.robot.compliance_rad_per_nm, &normals, 0)?;
+        Ok(normals)
+    }
+
+    /// The compliance of every joint in this run (rad/(N m)).
+    #[must_use]
+    pub fn compliance_rad_per_nm(&self) -> &[f64] {
+        &self.compliance_rad_per_nm
+    }
+
+    /// The true values of a belief's unknowns in this run (p).
+    #[must_use]
+    pub fn unknowns(&self, belief: &Belief) -> Vec<f64> {
+        let compliance = &self.compliance_rad_per_nm;
+        let mut values: Vec<f64> = (belief.parameters.iter())
+            .map(|&joint| compliance[joint])
+            .collect();
+        if let Some(extended) = &belief.uncertain {
+            let others = &extended.set().parameters()[extended.identified()..];
+            values.extend(others.iter().map(|parameter| match parameter.kind {
+                ParameterKind::JointCompliance { joint } => {
+                    (compliance[joint] / belief.nominal.compliance_rad_per_nm[joint]).ln()
+                }
+                kind => parameter.nominal + self.laboratory.difference(kind),
+            }));
+        }
+        values
+    }
+
+    /// Measures a plan in this run's laboratory, without the instrument's own noise.
+    ///
+    /// # Errors
+    /// The first experiment that has no stable equilibrium.
+    pub fn measure_noise_free(
+        &mut self,
+        plan: &Plan,
+        instrument: &Instrument,
+        normals: &[[f64; LANES]],
+        lane: usize,
+    ) -> Result<Vec<Measurement>, MeasurementError> {
+        if self.laboratory.is_certain() {
+            return self.measuring.measure_noise_free(plan, instrument);
+        }
+        (self.laboratory).measure(&mut self.measuring, plan, instrument, normals, lane)
+    }
+
+    /// Where the machining tool rests (m) if a controller commands these angles (rad).
+    ///
+    /// # Errors
+    /// There is no stable equilibrium.
+    pub fn machining_tool(
+        &mut self,
+        commanded_rad: &DVector<f64>,
+        load: &Load,
+    ) -> Result<nalgebra::Vector3<f64>, EquilibriumError> {
+        let commanded = self.laboratory.commanded(commanded_rad);
+        let (position, _, _) = self.machining.rest(&commanded, load)?;
+        Ok(position)
+    }
+}

@@ -1,0 +1,438 @@
+//! What nobody knows exactly: the testbed draws it, the belief carries it, and promises hold.
+//!
+//! A mean square seen in N runs is off by at most 3 of its standard errors and 2 % of the promise, which is what
+//! the model's non-linearity is allowed.
+
+use elastocal::estimable::Estimable;
+use elastocal::observation::Setup;
+use elastocal::parameter::{ParameterKind, ParameterSet};
+use elastocal::plan::{Assessment, posterior};
+use elastocal::random::normal::LANES;
+use elastocal::robot::Load;
+use elastocal::scenario::Scenario;
+use elastocal::study::account::Account;
+use elastocal::testbed::TrueRobots;
+use nalgebra::{DMatrix, DVector, Matrix6xX};
+use serde_json::Value;
+
+use crate::support::{Workplace, scenario_text, table4};
+
+/// Sizes that a laboratory would recognise, or larger so that they show; each alone.
+const SOURCES: [(&str, &str); 12] = [
+    ("compliance", "joints = [\"joint_1\"]\nstd_relative = 0.1"),
+    ("compliance", "joints = [\"joint_3\"]\nstd_relative = 0.05"),
+    ("joint_zero", "std_mrad = 0.5"),
+    ("link_position", "std_mm = 0.5"),
+    ("link_rotation", "std_mrad = 0.5"),
+    ("tool_position", "std_mm = 0.5"),
+    ("base_rotation", "std_mrad = 0.5"),
+    ("load_scale", "std_relative = 0.01"),
+    ("load_offset", "std_n = 20"),
+    ("load_direction", "std_mrad = 2"),
+    ("load_point", "std_mm = 5"),
+    ("joint_return", "std_mrad = 0.03"),
+];
+
+/// The paper's scenario with a study of Table 4's plan of four, and with uncertainties.
+fn with(uncertainties: &str, level: &str, trials: u32) -> String {
+    let text = scenario_text("klimchik2012");
+    let (head, _) = text.split_once("[study]").expect("there is a study");
+    let plan = crate::support::project("scenarios/plans/klimchik2012_m4.csv");
+    format!(
+        "{head}\n[study]\nexperiments = 4\ntrials = {trials}\nlevel = \"{level}\"\n[[study.plan]]\nkind = \"file\"\n\
+         name = \"2c\"\nfile = \"{}\"\n{uncertainties}",
+        plan.display()
+    )
+}
+
+fn entry((kind, size): (&str, &str), more: &str) -> String {
+    format!("[[uncertainty]]\nkind = \"{kind}\"\n{size}\n{more}\n")
+}
+
+/// All at once, with names of their own.
+fn everything() -> String {
+    let named = SOURCES.iter().enumerate();
+    named
+        .map(|(index, &source)| entry(source, &format!("name = \"source {index}\"")))
+        .collect()
+}
+
+fn loaded(text: &str) -> Scenario {
+    let place = Workplace::new();
+    place.write("laboratory.toml", text);
+    Scenario::load(&place.path("laboratory.toml")).expect("the scenario is valid")
+}
+
+fn study(text: &str) -> Value {
+    let place = Workplace::new();
+    place.write("laboratory.toml", text);
+    let outcome = place.run("study laboratory.toml --json --quiet");
+    let json = outcome.ends_with(0).json();
+    json["plans"][0].clone()
+}
+
+fn assert_holds(plan: &Value, what: &str) {
+    let number = |key: &str| plan[key].as_f64().expect("a number");
+    let (rms, promised) = (number("rms_mm"), number("promised_rms_mm"));
+    let room = 3.0 * number("rms_std_mm") + 0.02 * promised;
+    assert!(
+        (rms - promised).abs() < room,
+        "{what}: {rms} against {promised}"
+    );
+    assert_eq!(plan["verdict"], "holds", "{what}");
+}
+
+/// Each source alone, on the virtual robot that is drawn in every run: what is seen is what is promised.
+#[test]
+fn promises_hold_on_a_robot_that_is_drawn_in_every_run() {
+    for source in SOURCES {
+        let plan = study(&with(&entry(source, ""), "robot", 600));
+        assert_holds(&plan, &format!("{source:?}"));
+    }
+    let plan = study(&with(&everything(), "robot", 600));
+    assert_holds(&plan, "everything");
+}
+
+/// By the linear model the promise is exact, and the errors are as large as their covariance says.
+#[test]
+fn promises_are_exact_in_the_linear_model() {
+    for text in [
+        with(&entry(SOURCES[1], ""), "model", 40_000),
+        with(&entry(SOURCES[7], ""), "model", 40_000),
+        with(&entry(SOURCES[11], ""), "model", 40_000),
+        with(&everything(), "model", 40_000),
+    ] {
+        let plan = study(&text);
+        let number = |key: &str| plan[key].as_f64().expect("a number");
+        let off = (number("rms_mm") - number("promised_rms_mm")) / number("rms_std_mm");
+        // Log-normal compliances are not quite linear: 0.5 % of their share.
+        let nonlinear = 0.005 * number("promised_rms_mm") / number("rms_std_mm");
+        assert!(off.abs() < 4.5 + nonlinear, "{off}");
+        assert!(number("nees_z").abs() < 6.0, "{plan}");
+    }
+}
+
+/// What the belief does not know of breaks its promise, as far as the account says, and by its name.
+#[test]
+fn what_is_hidden_breaks_the_promise() {
+    for source in [SOURCES[0], SOURCES[7], SOURCES[11]] {
+        let text = with(&entry(source, "hidden = true"), "robot", 600);
+        let plan = study(&text);
+        let number = |key: &str| plan[key].as_f64().expect("a number");
+        let parts = plan["parts"].as_array().expect("parts");
+        let square = |part: &Value| part["rms_mm"].as_f64().expect("a number").powi(2);
+        let expected = parts.iter().map(square).sum::<f64>().sqrt();
+        let room = 3.0 * number("rms_std_mm") + 0.03 * expected;
+        assert!(
+            (number("rms_mm") - expected).abs() < room,
+            "{source:?}: {plan}"
+        );
+        let verdict = plan["verdict"].as_str().expect("words");
+        assert!(
+            verdict.starts_with("broken") && verdict.contains(source.0),
+            "{verdict}"
+        );
+        // The promise is that of the noise alone.
+        let certain = study(&with("", "robot", 64));
+        let promised = certain["predicted_rms_mm"].as_f64().expect("a number");
+        assert!((number("promised_rms_mm") / promised - 1.0).abs() < 1e-6);
+    }
+}
+
+/// The covariance of the compliances is that of generalised least squares with all that is uncertain in one
+/// covariance of all readings, V = R + Z P Z^T: another formula.
+#[test]
+fn the_posterior_is_that_of_generalised_least_squares() {
+    let scenario = loaded(&with(&everything(), "model", 64));
+    let (belief, plan) = (&scenario.task.belief, table4(4));
+    let found = posterior(belief, &plan);
+    let extended = belief.uncertain.as_ref().expect("much is uncertain");
+    let (set, arm) = (extended.set(), extended.arm());
+    let size = set.len();
+    let count = plan.experiments.len();
+    let mut rows = DMatrix::zeros(3 * count, size);
+    let mut covariance = DMatrix::zeros(3 * count, 3 * count);
+    let values = set.prior().mean.clone();
+    let mut model = elastocal::observation::ObservationModel::new(set, arm, values.as_slice());
+    let mut first = extended.first_order_of_all(belief.instrument.sigma_m);
+    for (index, experiment) in plan.experiments.iter().enumerate() {
+        assert_eq!(experiment.repeats, 1);
+        let setup = Setup {
+            commanded_rad: experiment.configuration_rad.clone(),
+            load: experiment.load,
+            target: 0,
+        };
+        let mut derivatives = Matrix6xX::zeros(size);
+        let kind = elastocal::observation::ReadingKind::Deflection;
+        model.predict_first_order(&setup, kind, &mut derivatives);
+        rows.rows_mut(3 * index, 3)
+            .copy_from(&derivatives.rows(0, 3));
+        first.move_to(experiment.configuration_rad.as_slice());
+        let own = first.covariance(&experiment.load);
+        covariance
+            .view_mut((3 * index, 3 * index), (3, 3))
+            .copy_from(&own);
+    }
+    let own = belief.parameters.len();
+    // Parameters of the plan with their priors, all but the compliances that are to be found.
+    for index in own..size {
+        let deviation = set.parameters()[index].prior_deviation.expect("a prior");
+        let column = rows.column(index) * deviation;
+        covariance += &column * column.transpose();
+    }
+    let inverse = covariance.try_inverse().expect("regular");
+    let own_rows = rows.columns(0, own).into_owned();
+    let mut information = own_rows.transpose() * inverse * own_rows;
+    for index in 0..own {
+        information[(index, index)] += set.prior().precision[(index, index)];
+    }
+    let expected = information.try_inverse().expect("regular");
+    for row in 0..own {
+        for column in 0..own {
+            let scale = (expected[(row, row)] * expected[(column, column)]).sqrt();
+            let error = found.covariance[(row, column)] - expected[(row, column)];
+            assert!(error.abs() < 1e-6 * scale, "{row} {column}: {error}");
+        }
+    }
+    assert!(matches!(found.estimable, Estimable { .. }) && found.estimable.is_complete());
+}
+
+/// Shares add up in squares, and the account of a truth that hides nothing is the promise.
+#[test]
+fn shares_add_up() {
+    let scenario = loaded(&with(&everything(), "model", 64));
+    let plan = table4(4);
+    let assessment = Assessment::new(&scenario.task, &plan, None);
+    let rho0_m = assessment.rho0_m.expect("determined");
+    let sum: f64 = assessment
+        .shares
+        .iter()
+        .map(|share| share.rho0_m.powi(2))
+        .sum();
+    assert!((sum.sqrt() / rho0_m - 1.0).abs() < 1e-9);
+    assert_eq!(assessment.shares.len(), 1 + SOURCES.len());
+    let account = Account::new(&scenario.task, &scenario.truth, &plan).expect("determined");
+    assert!((account.promised_m / rho0_m - 1.0).abs() < 1e-12);
+    assert!((account.expected_m() / rho0_m - 1.0).abs() < 1e-9);
+    for part in &account.parts {
+        let share = assessment
+            .shares
+            .iter()
+            .find(|share| share.name == part.name);
+        let share = share.expect("the same names").rho0_m;
+        assert!((part.rms_m - share).abs() < 1e-9 * rho0_m, "{part:?}");
+    }
+}
+
+/// A plan for the whole is better by the whole than the plan for the noise, and not below its bound; the plan for the
+/// noise is the one that it was without any list.
+#[test]
+fn plans_minimise_the_whole() {
+    let place = Workplace::new();
+    let list = entry(SOURCES[11], "") + &entry(SOURCES[9], "") + &entry(SOURCES[7], "");
+    place.write("laboratory.toml", with(&list, "model", 64));
+    place.write("noise.toml", with("", "model", 64));
+    let plan = |arguments: &str| {
+        let outcome = place.run(&format!("plan {arguments} --no-proof --json --quiet"));
+        outcome.ends_with(0).json()
+    };
+    let whole = plan("laboratory.toml --experiments 4 --plan-out whole.csv");
+    let noise = plan("laboratory.toml --experiments 4 --noise-only --plan-out noise.csv");
+    let before = plan("noise.toml --experiments 4 --plan-out before.csv");
+    assert_eq!(noise["rho0_mm"], before["rho0_mm"]);
+    assert_eq!(noise["provenance"]["noise_only"], true);
+    assert_eq!(place.read("noise.csv"), place.read("before.csv"));
+    let judged = place.run("evaluate laboratory.toml --plan noise.csv --no-proof --json --quiet");
+    let judged = judged.ends_with(0).json();
+    let number = |value: &Value| value.as_f64().expect("a number");
+    let (best, other) = (number(&whole["rho0_mm"]), number(&judged["rho0_mm"]));
+    assert!(best < 0.95 * other, "{best} against {other}");
+    assert!(number(&whole["lower_bound_rho0_mm"]) <= best);
+    assert!(number(&whole["efficiency"]) > 0.95, "{whole}");
+}
+
+/// Frames that stand elsewhere in MuJoCo's model are those of the arm with the same parameters.
+#[test]
+fn displaced_frames_are_those_of_the_parameters() {
+    let list = [SOURCES[2], SOURCES[3], SOURCES[4], SOURCES[5]].map(|source| entry(source, ""));
+    let scenario = loaded(&with(&list.concat(), "model", 64));
+    let belief = &scenario.task.belief;
+    let mut robots = TrueRobots::new(belief, &scenario.truth).expect("the sites exist");
+    let extended = belief.uncertain.as_ref().expect("much is uncertain");
+    for (run, experiment) in (0..).zip(&table4(4).experiments) {
+        let normals =
+            (robots.become_run_of(&scenario.truth, 1, 7, run)).expect("frames of their own");
+        let values = robots.unknowns(belief);
+        let arm = extended.set().apply(extended.arm(), &values);
+        assert_ne!(arm.chain.joints[2], extended.arm().chain.joints[2]);
+        let one = elastocal::plan::Plan {
+            experiments: vec![experiment.clone()],
+        };
+        let seen =
+            (robots.measure_noise_free(&one, &belief.instrument, &normals, 0)).expect("at rest");
+        let commanded: Vec<f64> = (experiment.configuration_rad.iter().zip(&arm.zero_rad))
+            .map(|(q, zero)| q + zero)
+            .collect();
+        let mut solver = elastocal::robot::EquilibriumSolver::new(6);
+        let mut rest = |load: &Load| {
+            let mut chain = arm.chain.at(&arm.tools[0]);
+            let compliance = &arm.compliance_rad_per_nm;
+            solver
+                .solve(&mut chain, compliance, &commanded, load)
+                .expect("at rest");
+            solver.state().tool_position
+        };
+        let expected = -rest(&Load::NONE) + rest(&experiment.load);
+        let error = (seen[0].deflection_m - expected).norm();
+        assert!(error < 1e-12, "run {run}: {error}");
+    }
+}
+
+/// `measure`, `identify` and `compensate` by files are what a run of the study is, and results say what is known of
+/// what is uncertain.
+#[test]
+fn identification_knows_of_uncertainties() {
+    let place = Workplace::new();
+    let list =
+        entry(SOURCES[0], "name = \"axis 1\"") + &entry(SOURCES[7], "") + &entry(SOURCES[11], "");
+    place.write("laboratory.toml", with(&list, "robot", 64));
+    let plan = crate::support::project("scenarios/plans/klimchik2012_m4.csv");
+    let plan = plan.to_string_lossy();
+    let run = |arguments: &str| {
+        place
+            .run(&format!("{arguments} --json --quiet"))
+            .ends_with(0)
+            .json()
+    };
+    run(&format!(
+        "measure laboratory.toml --plan {plan} --measurements-out m.csv"
+    ));
+    let identified = run("identify laboratory.toml --measurements m.csv --identified-out i.json");
+    let uncertain = identified["uncertain"].as_array().expect("a list");
+    let names: Vec<&str> = uncertain
+        .iter()
+        .filter_map(|each| each["name"].as_str())
+        .collect();
+    assert_eq!(names, ["joint_1.compliance", "load.scale"]);
+    for each in uncertain {
+        let (prior, now) = (each["prior_std"].as_f64(), each["std"].as_f64());
+        assert!(
+            now.expect("known") <= prior.expect("known") * (1.0 + 1e-9),
+            "{each}"
+        );
+    }
+    // What the plan promised is what is known now.
+    let promised = run(&format!(
+        "evaluate laboratory.toml --plan {plan} --no-proof"
+    ));
+    let compensated = run("compensate laboratory.toml --identified i.json");
+    let found = compensated["rho0_mm"].as_f64().expect("a number");
+    let expected = promised["rho0_mm"].as_f64().expect("a number");
+    assert!(
+        (found / expected - 1.0).abs() < 0.02,
+        "{found} against {expected}"
+    );
+    // Without the list, the same file serves a belief in noise alone, which says that it is another one.
+    let other =
+        place.run("compensate laboratory.toml --identified i.json --noise-only --json --quiet");
+    assert!(
+        other
+            .ends_with(3)
+            .stderr
+            .contains("identified under another scenario")
+    );
+}
+
+/// Wrong entries are named with their key and what is allowed.
+#[test]
+fn wrong_entries() {
+    for (text, key, says) in [
+        (
+            "kind = \"load_scale\"\nstd_relative = -0.01",
+            "uncertainty[0].std_relative",
+            "-0.01",
+        ),
+        (
+            "kind = \"load_scale\"\nstd_mm = 1",
+            "uncertainty[0].std_mm",
+            "std_relative",
+        ),
+        ("kind = \"load_scale\"", "uncertainty[0]", "std_relative"),
+        (
+            "kind = \"load_scal\"\nstd_relative = 1",
+            "uncertainty[0].kind",
+            "load_scale",
+        ),
+        (
+            "kind = \"joint_zero\"\nstd_mm = 1",
+            "uncertainty[0].joints",
+            "joint_zero",
+        ),
+        (
+            "kind = \"joint_zero\"\njoints = [\"joint_9\"]\nstd_mrad = 1",
+            "uncertainty[0].joints",
+            "joint_1",
+        ),
+        (
+            "kind = \"load_point\"\njoints = [\"joint_1\"]\nstd_mm = 1",
+            "uncertainty[0].joints",
+            "load_point",
+        ),
+        (
+            "kind = \"tracker_range\"\nstd_um_per_m = 6",
+            "uncertainty[0].kind",
+            "tracker_site",
+        ),
+        (
+            "kind = \"load_scale\"\nstd_relative = 0.01\n[[uncertainty]]\nkind = \"load_scale\"\nstd_relative = 0.02",
+            "uncertainty[1].name",
+            "twice",
+        ),
+        (
+            "kind = \"load_scale\"\nstd_relative = 0.01\n[[uncertainty]]\nkind = \"load_scale\"\nname = \"b\"\n\
+             std_relative = 0.02",
+            "uncertainty",
+            "load.scale is listed twice",
+        ),
+    ] {
+        let place = Workplace::new();
+        place.write(
+            "wrong.toml",
+            with(&format!("[[uncertainty]]\n{text}\n"), "model", 64),
+        );
+        let outcome = place.run("check wrong.toml").ends_with(1);
+        assert!(
+            outcome.stderr.contains(key) && outcome.stderr.contains(says),
+            "{}",
+            outcome.stderr
+        );
+    }
+}
+
+/// The runs of a laboratory are functions of seed and run alone.
+#[test]
+fn threads_change_no_bit() {
+    let text = with(&everything(), "robot", 256);
+    let place = Workplace::new();
+    place.write("laboratory.toml", &text);
+    let run = |threads: u32| {
+        let arguments = format!("study laboratory.toml --json --quiet --threads {threads}");
+        place.run(&arguments).ends_with(0).json()["plans"].clone()
+    };
+    assert_eq!(run(1), run(3));
+}
+
+/// A parameter that nothing in the testbed draws has no deviation.
+#[test]
+fn what_is_certain_is_nominal() {
+    let scenario = loaded(&with(&entry(SOURCES[7], ""), "model", 64));
+    let mut robots = TrueRobots::new(&scenario.task.belief, &scenario.truth).expect("works");
+    let compliance = scenario.truth.robot.compliance_rad_per_nm.clone();
+    let normals = vec![[1.5; LANES]; robots.numbers(2)];
+    robots.become_run(&compliance, &normals, 0).expect("works");
+    assert_eq!(robots.compliance_rad_per_nm(), &compliance[..]);
+    let values = DVector::from_vec(robots.unknowns(&scenario.task.belief));
+    assert!((values[values.len() - 1] - 0.015).abs() < 1e-12, "{values}");
+    let arm = scenario.task.belief.arm();
+    assert!(ParameterSet::new(&arm, [(ParameterKind::LoadScale, Some(0.01))]).is_ok());
+}
