@@ -6,16 +6,16 @@
 mod any_model;
 mod arm;
 mod chain;
-mod instrument;
 mod circumstances;
+mod instrument;
 mod rest;
 mod robots;
 mod settle;
 mod truth;
 mod virtual_robot;
 
-pub use instrument::{add_noise, add_noise_of, numbers};
 pub use circumstances::Circumstances;
+pub use instrument::{add_noise, add_noise_of, numbers};
 pub use robots::TrueRobots;
 pub use settle::{SettleError, Settled, settle};
 pub use truth::{DrawnCompliances, Truth};

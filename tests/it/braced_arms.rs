@@ -151,7 +151,7 @@ fn the_searchs_gradient_is_that_of_its_matrix() {
             let apart = (DVector::from_vec(gradient) - &slopes).amax() / slopes.amax();
             assert!(apart < 1e-7, "{rotation_sigma_rad:?}: {apart:.1e}");
             // And by the force, in which the matrix is linear.
-            let force_gradient = evaluator.force_gradient(&factor);
+            let force_gradient = evaluator.force_gradient(&LOAD, &factor);
             let mut of_force = |force_n: Vector3<f64>| {
                 let load = Load {
                     force_n,

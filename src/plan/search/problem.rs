@@ -203,25 +203,22 @@ impl<'a> Problem<'a> {
         };
         let (ranges, loads) = (ranges_of(&task.region), LoadChoice::new(&task.loads));
         let mut considered = Vec::new();
-        let (sizes, test_poses, prior) = match extended {
-            Some(extended) => {
-                let rows = |pose: &TestPose| test_pose_rows(&task.belief, pose);
-                let sizes = task.belief.sizes();
-                let test_poses = scaled_test_poses(task, &rows, &sizes);
-                considered = relevant(task, extended, &sizes, &test_poses, &ranges, &loads);
-                let prior = task.belief.prior_information();
-                (
-                    considered.iter().map(|&index| sizes[index]).collect(),
-                    test_poses.select_rows(&considered),
-                    (prior.select_rows(&considered)).select_columns(&considered),
-                )
-            }
-            None => {
-                let rows = |pose: &TestPose| test_pose_matrix(&task.belief, pose, parameters);
-                let sizes = task.belief.nominal.typical_rad_per_nm(parameters);
-                let test_poses = scaled_test_poses(task, &rows, &sizes);
-                (sizes, test_poses, prior_information(task, parameters))
-            }
+        let (sizes, test_poses, prior) = if let Some(extended) = extended {
+            let rows = |pose: &TestPose| test_pose_rows(&task.belief, pose);
+            let sizes = task.belief.sizes();
+            let test_poses = scaled_test_poses(task, &rows, &sizes);
+            considered = relevant(task, extended, &sizes, &test_poses, &ranges, &loads);
+            let prior = task.belief.prior_information();
+            (
+                considered.iter().map(|&index| sizes[index]).collect(),
+                test_poses.select_rows(&considered),
+                (prior.select_rows(&considered)).select_columns(&considered),
+            )
+        } else {
+            let rows = |pose: &TestPose| test_pose_matrix(&task.belief, pose, parameters);
+            let sizes = task.belief.nominal.typical_rad_per_nm(parameters);
+            let test_poses = scaled_test_poses(task, &rows, &sizes);
+            (sizes, test_poses, prior_information(task, parameters))
         };
         Self {
             indifferent: Vec::new(),

@@ -133,11 +133,11 @@ impl Checker<'_> {
             sha256: self.inputs.borrow().sha256(&self.question(table)?),
             seed: file.seed,
             task: Task {
+                belief,
                 test_poses,
                 loads,
                 region,
                 design,
-                belief,
             },
             is_noise_only: false,
             truth,
