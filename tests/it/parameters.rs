@@ -196,7 +196,7 @@ fn check_names_a_minimal_set() {
         .stdout;
     assert!(
         text.contains(&format!(
-            "{} of 61 parameters can be identified together",
+            "{} of 62 parameters can be identified together",
             counts[2]
         )),
         "{text}"
