@@ -132,13 +132,17 @@ impl<'a> Feasibility<'a> {
         violations.extend(self.violated_ranges(number, experiment));
         let q = experiment.configuration_rad.as_slice();
         violations.extend(self.violated_bounds(number, q, &experiment.load));
-        violations.extend(self.forbidden(q).map(|(index, found, bound)| Violation {
-            experiment: Some(number),
-            what: format!("largest joint distance from forbidden configuration {index}"),
-            found: found.to_degrees(),
-            bound: bound.to_degrees(),
-            unit: "deg",
-            words: None,
+        violations.extend(self.forbidden(q).map(|(index, (joint, found), bound)| {
+            let drive = self.task.belief.nominal.chain.joints[joint].drive;
+            let (found, unit) = drive.shown(found);
+            Violation {
+                experiment: Some(number),
+                what: format!("largest joint distance from forbidden configuration {index}"),
+                found,
+                bound: drive.shown(bound).0,
+                unit,
+                words: None,
+            }
         }));
         if self.simulation.is_some() {
             for load in [Load::NONE, experiment.load] {
@@ -193,9 +197,9 @@ impl<'a> Feasibility<'a> {
         pairs
     }
 
-    /// The forbidden configuration (from 1) that is too near, the largest difference of a joint and
-    /// its bound (rad).
-    fn forbidden(&self, q: &[f64]) -> Option<(usize, f64, f64)> {
+    /// The forbidden configuration (from 1) that is too near, the joint with the largest difference, that,
+    /// and its bound (rad; m where the joint slides).
+    fn forbidden(&self, q: &[f64]) -> Option<(usize, (usize, f64), f64)> {
         self.task
             .region
             .forbidden
@@ -207,8 +211,13 @@ impl<'a> Feasibility<'a> {
                     .iter()
                     .zip(q)
                     .map(|(one, other)| (one - other).abs())
-                    .fold(0.0, f64::max);
-                (apart <= forbidden.within_rad).then_some((index + 1, apart, forbidden.within_rad))
+                    .enumerate()
+                    .fold(
+                        (0, 0.0),
+                        |most, next| if next.1 > most.1 { next } else { most },
+                    );
+                let is_near = apart.1 <= forbidden.within_rad;
+                is_near.then_some((index + 1, apart, forbidden.within_rad))
             })
     }
 

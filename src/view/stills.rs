@@ -281,9 +281,10 @@ fn caption(
     let _ = write!(
         svg,
         "<g fill=\"#222\" font-size=\"13\"><text y=\"14\"><tspan font-weight=\"bold\">{number}</tspan>\
-         <tspan x=\"20\">q = {} deg</tspan></text><text x=\"20\" y=\"31\" fill=\"#b3261e\">{loads}</text>\
+         <tspan x=\"20\">q = {} {}</tspan></text><text x=\"20\" y=\"31\" fill=\"#b3261e\">{loads}</text>\
          <text x=\"{width:.0}\" y=\"31\" text-anchor=\"end\" font-weight=\"bold\">{} x</text></g>",
         q.join(", "),
+        commands.unit(),
         experiment.repeats
     );
 }
