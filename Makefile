@@ -2,7 +2,7 @@
 
 CARGO ?= cargo
 
-.PHONY: help demo enclosures evidence reproduce test without-views build gate baseline bench instructions instructions-baseline scaling fuzz dependencies lint fmt clippy doc clean setup
+.PHONY: help demo enclosures evidence replanning reproduce test without-views build gate baseline bench instructions instructions-baseline scaling fuzz dependencies lint fmt clippy doc clean setup
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/make \1\t\2/p' Makefile | expand -t 28
@@ -46,6 +46,9 @@ enclosures: setup ## hold the proof's boxes against a million experiments, a min
 evidence: setup ## print what tests find: where MuJoCo rests, how often intervals hold, what a compensator costs
 	$(CARGO) test --release --locked --test it -- --nocapture --test-threads 1 rest_where_mujoco_does compensator::
 	$(CARGO) test --release --locked --lib -- --nocapture intervals_hold_the_truth
+
+replanning: setup ## what replanning gives from wrong beliefs: 200 campaigns, some minutes
+	REPLANNING=200 $(CARGO) test --release --locked --test it -- --nocapture replanned_from_wrong_beliefs
 
 instructions: setup ## count the hot paths' instructions: against the baseline, and how they grow
 	@tools/install-valgrind

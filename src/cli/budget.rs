@@ -4,11 +4,13 @@ use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 
 use clap::Args;
+use elastocal::laboratory::time::work_minutes;
 use elastocal::plan::search::{
     BudgetPoint, Watch, budget_and_proof, cheapest, repeated_configurations,
 };
 use elastocal::plausible::ACCURACY;
 use elastocal::record::messages::ProvenanceMessage;
+use elastocal::scenario::Scenario;
 use elastocal::wording::counted;
 use serde_json::{Value, json};
 
@@ -34,6 +36,9 @@ pub struct Budget {
     /// The accuracy that is wanted at the test pose (rms, um).
     #[arg(long, value_name = "UM", default_value_t = 5.0, value_parser = accuracy)]
     accuracy_um: f64,
+    /// Find what takes the least time, by the table [laboratory] of the scenario, in place of fewest measurements.
+    #[arg(long)]
+    by_minutes: bool,
     /// Where to write the plot (SVG).
     #[arg(long, value_name = "FILE")]
     plot_out: Option<PathBuf>,
@@ -45,6 +50,37 @@ fn accuracy(text: &str) -> Result<f64, String> {
 }
 
 impl Budget {
+    /// The cheapest way to the accuracy that is wanted.
+    fn needed(
+        &self,
+        points: &[BudgetPoint],
+        minutes: &dyn Fn(&BudgetPoint) -> f64,
+    ) -> Option<BudgetPoint> {
+        let accuracy_m = self.accuracy_um * 1e-6;
+        if !self.by_minutes {
+            return cheapest(points, accuracy_m);
+        }
+        let enough = points.iter().filter(|point| point.rho0_m <= accuracy_m);
+        enough
+            .min_by(|one, other| minutes(one).total_cmp(&minutes(other)))
+            .copied()
+    }
+
+    /// The cheapest way for a person.
+    fn tell(&self, point: &BudgetPoint, minutes: f64) -> String {
+        let time = if self.by_minutes {
+            format!(": {minutes:.0} minutes, without the time that joints turn")
+        } else {
+            String::new()
+        };
+        format!(
+            "\nFor {} um at the test pose you need {} in {}{time}.\n",
+            self.accuracy_um,
+            counted(point.experiments.into(), "measurement"),
+            counted(point.configurations.into(), "configuration"),
+        )
+    }
+
     pub fn execute(&self) -> anyhow::Result<Report> {
         let scenario = self.common.load()?;
         let outputs = [
@@ -96,18 +132,14 @@ impl Budget {
             Some(last) if is_cut_short => last.experiments,
             _ => self.up_to,
         };
-        let needed = cheapest(&points, self.accuracy_um * 1e-6);
+        let minutes_of = |point: &BudgetPoint| minutes(&scenario, point);
+        let needed = self.needed(&points, &minutes_of);
         let mut text = describe(&points);
         let mut written = Written::default();
         text += &self.proof.tell(&bound, &mut written)?;
         match needed {
             Some(point) => {
-                text += &format!(
-                    "\nFor {} um at the test pose you need {} in {}.\n",
-                    self.accuracy_um,
-                    counted(point.experiments.into(), "measurement"),
-                    counted(point.configurations.into(), "configuration")
-                );
+                text += &self.tell(&point, minutes_of(&point));
             }
             None => conditions.push(format!(
                 "no plan of up to {} gives {} um",
@@ -128,6 +160,7 @@ impl Budget {
                 json!({
                     "accuracy_um": self.accuracy_um,
                     "needed": needed.as_ref().map(record),
+                    "needed_minutes": needed.as_ref().map(minutes_of),
                     "proof": proof_json(&bound),
                     "budget": points.iter().map(record).collect::<Vec<_>>(),
                 }),
@@ -136,6 +169,12 @@ impl Budget {
             conditions,
         })
     }
+}
+
+/// How long the work of a plan takes.
+fn minutes(scenario: &Scenario, point: &BudgetPoint) -> f64 {
+    let (loads, laboratory) = (&scenario.task.loads, &scenario.laboratory);
+    work_minutes(loads, laboratory, point.experiments, point.configurations)
 }
 
 fn record(point: &BudgetPoint) -> Value {

@@ -25,6 +25,7 @@ mod residuals;
 mod run;
 mod study;
 mod table;
+mod validate;
 mod view;
 mod views;
 mod written;
@@ -104,6 +105,8 @@ enum Command {
     Lab(lab::Lab),
     /// Plan what to measure next, after some of a plan is measured
     Next(next::Next),
+    /// Check that the robot keeps what its identification promises, by other measurements
+    Validate(validate::Validate),
     /// Compare plans over many runs (Monte Carlo)
     Study(study::StudyCommand),
     /// Replay one run of the study on the virtual robot, and record it
@@ -176,6 +179,7 @@ impl Arguments {
             Command::Compensate(command) => command.execute(),
             Command::Lab(command) => command.execute(),
             Command::Next(command) => command.execute(),
+            Command::Validate(command) => command.execute(),
             Command::Study(command) => command.execute(),
             Command::Replay(command) => command.execute(),
             Command::Merge(command) => command.execute(),
@@ -208,6 +212,7 @@ impl Command {
             Self::Compensate(command) => &command.common,
             Self::Lab(command) => &command.common,
             Self::Next(command) => &command.common,
+            Self::Validate(command) => &command.common,
             Self::Study(command) => &command.common,
             Self::Replay(command) => &command.common,
             Self::Reproduce(command) => &command.common,

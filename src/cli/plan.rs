@@ -4,10 +4,14 @@ use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 
 use clap::Args;
+use elastocal::files::FileError;
+use elastocal::laboratory::time::{TimedPlan, plans_within};
 use elastocal::limits::MOST_EXPERIMENTS;
-use elastocal::plan::search::{ApproximateDesign, Bound, BoundKind, Problem, SearchError};
+use elastocal::plan::search::{ApproximateDesign, Bound, BoundKind, Problem, SearchError, Watch};
 use elastocal::plan::{Assessment, Criterion, write_plan};
+use elastocal::plausible::MINUTES;
 use elastocal::record::messages::{AssessmentMessage, ProvenanceMessage, plan_messages};
+use elastocal::scenario::Scenario;
 use elastocal::task::Task;
 use elastocal::wording::counted;
 use elastocal::workflow::design::{Designed, Onlooker, Wanted, design as design_of};
@@ -17,6 +21,7 @@ use super::evaluate::{conditions, describe};
 use super::interruption::ask_search;
 use super::progress::bar;
 use super::proof::ProofArgs;
+use super::table::table;
 use super::views;
 use super::written::Written;
 use super::{Common, Report, check_outputs, inputs, merge, results, without_effect};
@@ -35,6 +40,9 @@ pub struct PlanCommand {
     /// At most so many different configurations, repeated.
     #[arg(long, value_name = "C", value_parser = clap::value_parser!(u32).range(1..=i64::from(MOST_EXPERIMENTS)))]
     configurations: Option<u32>,
+    /// At most so many minutes, by the table [laboratory] of the scenario, in place of a number of measurements.
+    #[arg(long, value_name = "MIN", value_parser = minutes, conflicts_with_all = ["experiments", "configurations", "criterion"])]
+    minutes: Option<f64>,
     /// What makes the plan good.
     #[arg(long, value_enum, default_value_t)]
     criterion: Criterion,
@@ -96,7 +104,55 @@ fn left_out(task: &Task) -> String {
     }
 }
 
+fn minutes(text: &str) -> Result<f64, String> {
+    let number = text.parse().map_err(|_| MINUTES.allowed())?;
+    MINUTES.check(number)
+}
+
+/// The best plans for each number of configurations within a time, for a person.
+fn tell(timed: &[TimedPlan]) -> String {
+    if timed.is_empty() {
+        return String::new();
+    }
+    let row = |plan: &TimedPlan| {
+        vec![
+            plan.configurations.to_string(),
+            plan.experiments.to_string(),
+            format!("{:.3}", plan.rho0_m * 1e6),
+            format!("{:.0}", plan.minutes),
+        ]
+    };
+    let header = ["configurations", "measurements", "rho0 [um]", "minutes"];
+    let rows: Vec<Vec<String>> = timed.iter().map(row).collect();
+    table(&header, &rows) + "\n"
+}
+
 impl PlanCommand {
+    /// The best plans within a time, of which there is at least one.
+    fn within(
+        &self,
+        scenario: &Scenario,
+        minutes: f64,
+        stop: &AtomicBool,
+    ) -> anyhow::Result<Vec<TimedPlan>> {
+        self.common
+            .say(&format!("searching plans of at most {minutes} minutes"));
+        let watch = Watch {
+            stop,
+            progress: &|_, _, _| {},
+        };
+        let (task, laboratory) = (&scenario.task, &scenario.laboratory);
+        let timed = plans_within(task, laboratory, minutes, scenario.seed, watch)?;
+        if timed.is_empty() {
+            let problem = format!("no plan takes at most {minutes} minutes");
+            let wrong = FileError::new(&scenario.path, problem).at("laboratory");
+            return Err(wrong
+                .hint("give more minutes, or look at what work costs")
+                .into());
+        }
+        Ok(timed)
+    }
+
     pub fn execute(&self) -> anyhow::Result<Report> {
         let mut scenario = self.common.load()?;
         let outputs = [
@@ -113,6 +169,16 @@ impl PlanCommand {
         let experiments = scenario.task.design.experiments;
         let configurations = self.configurations.or(scenario.task.design.configurations);
         let stop = ask_search();
+        let (timed, experiments, configurations) = match self.minutes {
+            Some(minutes) => {
+                let timed = self.within(&scenario, minutes, stop)?;
+                let best = &timed[0];
+                let (experiments, configurations) = (best.experiments, best.configurations);
+                scenario.task.design.experiments = experiments;
+                (timed, experiments, Some(configurations))
+            }
+            None => (Vec::new(), experiments, configurations),
+        };
         self.common.say(&format!(
             "designing a plan of {}{} for the criterion {}",
             counted(experiments.into(), "measurement"),
@@ -137,7 +203,7 @@ impl PlanCommand {
         let certificate = &designed.approximate.certificate;
         let plan = &designed.exact.plan;
         let assessment = Assessment::new(&scenario.task, plan, Some(&designed.bound));
-        let mut text = describe(&scenario, &assessment);
+        let mut text = tell(&timed) + &describe(&scenario, &assessment);
         text += &left_out(&scenario.task);
         let rests = match assessment.bound().map(|bound| bound.kind) {
             Some(BoundKind::Proved) => "The largest directional derivative was",
@@ -166,6 +232,7 @@ impl PlanCommand {
             "gate": scenario.gate,
             "plan": plan_messages(&scenario.task.belief.commands(), plan),
             "criterion": self.criterion.name(),
+            "minutes": timed.first().map(|best| best.minutes),
             "configurations": configurations.unwrap_or(experiments).min(experiments),
             "elapsed_s": designed.elapsed_s,
             "searches": designed.exact.searches,

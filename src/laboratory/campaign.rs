@@ -335,9 +335,11 @@ impl Planner<'_> {
                 side.0[joint] = if pattern >> bit & 1 == 0 { 1 } else { -1 };
                 start[joint] -= f64::from(side.0[joint]) * self.approach;
             }
-            let ranges = self.task.region.joint_range_rad.iter();
-            let is_within = (start.iter().zip(ranges))
-                .all(|(angle, &[low, high])| (low..=high).contains(angle));
+            // The region is about experiments, not about the way there.
+            let is_within = (start.iter().zip(joints)).all(|(angle, joint)| {
+                let [low, high] = joint.range_rad;
+                (low..=high).contains(angle)
+            });
             let judge = self.ways.judge();
             if is_within && judge.is_straight_clear(start.as_slice(), q.as_slice(), &loads) {
                 return (side, Some(start));

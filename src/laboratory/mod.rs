@@ -4,7 +4,9 @@
 //! - [`Laboratory`]: what work in the laboratory costs, and how the robot is to move.
 //! - [`PathJudge`], [`Ways`]: whether straight joint moves keep clear, and ways over safe poses where not.
 //! - [`Campaign`]: the stops in their order, with the minutes that they take.
+//! - [`time`]: plans by the minutes that they take.
 //! - [`next`]: what to measure next, after some of a plan is measured.
+//! - [`validation`]: whether a robot keeps what its identification promises.
 //! - [`Dialect`], [`Program`]: the robot's program; dialects are data.
 
 mod campaign;
@@ -14,6 +16,8 @@ pub mod next;
 mod order;
 mod program;
 mod settings;
+pub mod time;
+pub mod validation;
 mod ways;
 
 pub use campaign::{Campaign, CampaignError, Side, Stop};

@@ -191,15 +191,17 @@ fn random_poses(
     judge: &mut PathJudge<'_>,
     among: &[DVector<f64>],
 ) -> Vec<DVector<f64>> {
-    let ranges: Vec<(f64, f64)> = (task.region.joint_range_rad.iter().enumerate())
-        .map(|(joint, &[low, high])| {
+    let joints = &task.belief.nominal.chain.joints;
+    let ranges: Vec<(f64, f64)> = (joints.iter().enumerate())
+        .map(|(joint, limits)| {
+            let [low, high] = limits.range_rad;
             let values = || among.iter().map(|q| q[joint]);
             let least = values().fold(f64::INFINITY, f64::min) - MARGIN;
             let most = values().fold(f64::NEG_INFINITY, f64::max) + MARGIN;
             (least.max(low).min(high), most.min(high).max(low))
         })
         .collect();
-    let passive = |joint: usize| task.belief.nominal.chain.joints[joint].drive.passive_at;
+    let passive = |joint: usize| joints[joint].drive.passive_at;
     let mut random = generator(FIXED_SEED, SAFE_POSES);
     let mut found = Vec::new();
     for _ in 0..TRIED {

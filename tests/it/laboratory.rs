@@ -514,3 +514,47 @@ fn the_run_sheet_looks_well() {
     assert_eq!(sheet.matches("class=\"tick\"").count(), 8);
     crate::browser::looks_well(&workplace.path("out/s/lab/run_sheet.html"), 8);
 }
+
+/// A plan by minutes repeats where that is cheap: it takes no longer, and promises more than as many different
+/// configurations as there is time for.
+#[test]
+fn plans_by_minutes_repeat_where_that_is_cheap() {
+    let workplace = Workplace::new();
+    let table =
+        "\n[laboratory]\nstation_min = 20\nmove_min = 5\nload_change_min = 15\nreading_min = 0.5\n";
+    workplace.write("s.toml", scenario_text("klimchik2012") + table);
+    let of = |options: &str| {
+        workplace
+            .run(&format!("plan s.toml --quiet --no-proof --json {options}"))
+            .ends_with(0)
+            .json()
+    };
+    let timed = of("--minutes 80 --plan-out timed.csv");
+    let minutes = timed["minutes"].as_f64().expect("a number");
+    assert!(minutes <= 80.0, "{minutes}");
+    // Four different configurations: 20 + 8 * 5 + 15 + 8 * 0.5 = 79 minutes without turning.
+    let counted = of("--experiments 4");
+    let rho0 = |json: &Value| json["rho0_mm"].as_f64().expect("a number");
+    assert!(rho0(&timed) < 0.6 * rho0(&counted), "{timed:#} {counted:#}");
+    let lab = workplace.run("lab s.toml --quiet --plan timed.csv --json");
+    let taken = lab.json()["minutes"].as_f64().expect("a number");
+    assert!(taken <= 81.0, "{taken}");
+    let outcome = workplace
+        .run("plan s.toml --quiet --minutes 30")
+        .ends_with(1);
+    assert!(
+        outcome.stderr.contains("no plan takes at most 30 minutes"),
+        "{outcome:#?}"
+    );
+    // As little time as possible for an accuracy.
+    let needed = |options: &str| {
+        let json = workplace
+            .run(&format!(
+                "budget s.toml --quiet --no-proof --up-to 5 --accuracy-um 5 --json {options}"
+            ))
+            .ends_with(0)
+            .json();
+        json["needed_minutes"].as_f64().expect("a number")
+    };
+    assert!(needed("--by-minutes") < needed(""));
+}

@@ -25,6 +25,7 @@
 //! - `measured_rotations`: planning, studies and identification use measured rotations alike.
 //! - `model_features`: what models can say beside the chain: honoured or refused by name.
 //! - `model_messages`: models that cannot serve, and what to do about them.
+//! - `validation`: other measurements check what an identification promises.
 //! - `understanding`: what `check` says that it understood, and likely mistakes.
 //! - `csv_dialects`: plans and measurements as spreadsheets of every country write them.
 //! - `diagnoses`: likely mistakes in measurements, and the measurement that fits least.
@@ -116,5 +117,6 @@ mod true_models;
 mod uncertainties;
 mod uncertainty;
 mod understanding;
+mod validation;
 #[cfg(not(feature = "view"))]
 mod without_views;

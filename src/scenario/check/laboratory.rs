@@ -7,9 +7,8 @@ use crate::files::FileError;
 use crate::laboratory::{Costs, Laboratory};
 use crate::limits::MOST_NAMED;
 use crate::plausible::{ANGLE, APPROACH, AXIS_SPEED, Kind, MINUTES};
-use crate::robot::Commands;
+use crate::robot::{Commands, SerialChain};
 use crate::scenario::file::LaboratoryTable;
-use crate::task::Region;
 
 /// The largest number of a tool or a base.
 const LARGEST_NUMBER: u32 = 1000;
@@ -18,7 +17,7 @@ impl Checker<'_> {
     pub(super) fn laboratory(
         &self,
         table: &LaboratoryTable,
-        region: &Region,
+        chain: &SerialChain,
         commands: &Commands,
     ) -> Result<Laboratory, FileError> {
         let usual = Laboratory::default();
@@ -77,7 +76,7 @@ impl Checker<'_> {
                 usual.approach,
                 &APPROACH,
             )?,
-            safe_poses: self.safe_poses(&table.safe_deg, region, commands)?,
+            safe_poses: self.safe_poses(&table.safe_deg, chain, commands)?,
             dialect: table.dialect.clone().unwrap_or(usual.dialect),
             speed_percent,
             tool_number: number("tool_number", table.tool_number, usual.tool_number)?,
@@ -88,7 +87,7 @@ impl Checker<'_> {
     fn safe_poses(
         &self,
         poses: &[Vec<f64>],
-        region: &Region,
+        chain: &SerialChain,
         commands: &Commands,
     ) -> Result<Vec<DVector<f64>>, FileError> {
         self.at_most("laboratory.safe_deg", poses.len(), MOST_NAMED)?;
@@ -96,12 +95,13 @@ impl Checker<'_> {
             let key = format!("laboratory.safe_deg[{index}]");
             let q =
                 commands.configuration(self.one_per_joint(&key, q_deg, commands.len(), &ANGLE)?);
-            let ranges = region.joint_range_rad.iter();
-            let outside = (q.iter().zip(ranges))
-                .position(|(angle, &[low, high])| *angle < low - 1e-9 || *angle > high + 1e-9);
+            let outside = (q.iter().zip(&chain.joints)).position(|(angle, joint)| {
+                let [low, high] = joint.range_rad;
+                *angle < low - 1e-9 || *angle > high + 1e-9
+            });
             match outside {
                 Some(joint) => {
-                    let [low, high] = region.joint_range_rad[joint].map(f64::to_degrees);
+                    let [low, high] = chain.joints[joint].range_rad.map(f64::to_degrees);
                     let found = q[joint].to_degrees();
                     let problem = format!(
                         "found {found:.4} for joint {}; {low:.4} to {high:.4} are allowed",

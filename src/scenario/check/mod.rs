@@ -106,7 +106,7 @@ impl Checker<'_> {
         };
         let study = self.study(&file.study, &context)?;
         let region = self.region(&file.region, &nominal.chain)?;
-        let laboratory = self.laboratory(&file.laboratory, &region, &commands)?;
+        let laboratory = self.laboratory(&file.laboratory, &nominal.chain, &commands)?;
         let mut belief = Belief {
             prior: before.prior,
             uncertain: None,

@@ -1,0 +1,133 @@
+//! `validate`: whether the robot keeps what its identification promises.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use elastocal::files::FileError;
+use elastocal::identification::StoredIdentification;
+use elastocal::laboratory::validation::{Validation, validate, validation_plan};
+use elastocal::measurement::read_measurements;
+use elastocal::plan::write_plan;
+use elastocal::record::messages::{ProvenanceMessage, plan_messages};
+use elastocal::wording::{counted, shell_word};
+use serde_json::{Value, json};
+
+use super::identified::read_identified;
+use super::table::table;
+use super::written::Written;
+use super::{Common, Report, check_outputs, inputs, named_by_file, results, without_effect};
+
+/// Less likely differences break the promise.
+const BROKEN: f64 = 1e-3;
+
+/// Arguments of `validate`.
+#[derive(Debug, Args)]
+#[command(mut_arg("scenario", named_by_file))]
+#[command(mut_args(without_effect(&["threads", "out"])))]
+pub struct Validate {
+    #[command(flatten)]
+    pub common: Common,
+    /// What `identify --identified-out` wrote.
+    #[arg(long, value_name = "FILE")]
+    identified: PathBuf,
+    /// Measurements that were not identified from: without them, a plan for such is made.
+    #[arg(long, value_name = "FILE")]
+    measurements: Option<PathBuf>,
+    /// The number of measurements to plan.
+    #[arg(long, value_name = "M", default_value_t = 3, conflicts_with = "measurements", value_parser = clap::value_parser!(u32).range(1..=100))]
+    experiments: u32,
+    /// Where to write the plan.
+    #[arg(long, value_name = "FILE", conflicts_with = "measurements")]
+    plan_out: Option<PathBuf>,
+}
+
+impl Validate {
+    pub fn execute(&self) -> anyhow::Result<Report> {
+        let origin = StoredIdentification::origin(&self.identified)?;
+        let file = shell_word(&self.identified.to_string_lossy());
+        let usage = format!("elastocal validate SCENARIO --identified {file}");
+        let scenario = (self.common).load_for(&self.identified, origin.as_ref(), &usage)?;
+        let identified = read_identified(&self.identified, &scenario)?;
+        let mut roles = inputs(&scenario);
+        roles.reads("what was identified", &self.identified);
+        check_outputs(&mut roles, &[("--plan-out", self.plan_out.as_deref())])?;
+        let mut provenance =
+            ProvenanceMessage::new(&scenario).with_input("identified", &self.identified)?;
+        let mut conditions = identified.conditions;
+        let (task, commands) = (&scenario.task, scenario.task.belief.commands());
+        let Some(path) = &self.measurements else {
+            let (posterior, seed) = (&identified.posterior, scenario.seed);
+            let plan = validation_plan(task, posterior, self.experiments, seed)?;
+            let count = counted(plan.measurements().into(), "measurement");
+            let mut text = format!("{count} where the identified robot is known least\n");
+            let mut written = Written::default();
+            if let Some(path) = &self.plan_out {
+                text += &written.told(path, write_plan(path, commands.clone(), &plan));
+            }
+            conditions.extend(written.conditions());
+            let keys = json!({ "plan": plan_messages(&commands, &plan) });
+            return Ok(Report {
+                json: results("validate", &provenance, keys),
+                text,
+                conditions,
+            });
+        };
+        let measurements = read_measurements(path, commands)?;
+        provenance = provenance.with_input("measurements", path)?;
+        let compliance = &identified.compliance_rad_per_nm;
+        let posterior = &identified.posterior;
+        let validation = validate(&task.belief, compliance, posterior, &measurements)
+            .map_err(|error| FileError::new(path, error.to_string()))?;
+        if validation.probability < BROKEN {
+            conditions.push(format!(
+                "the robot does not keep what was promised: differences as large as these have a probability of {:.1e}",
+                validation.probability
+            ));
+        }
+        Ok(Report {
+            json: results("validate", &provenance, record(&validation)),
+            text: describe(&validation),
+            conditions,
+        })
+    }
+}
+
+fn record(validation: &Validation) -> Value {
+    let each: Vec<Value> = (validation.each.iter().enumerate())
+        .map(|(index, each)| {
+            let difference = each.difference_m * 1e3;
+            json!({
+                "measurement": index + 1,
+                "difference_mm": [difference.x, difference.y, difference.z],
+                "promised_rms_mm": each.promised_m * 1e3,
+                "left_rms_mm": each.left_m * 1e3,
+            })
+        })
+        .collect();
+    json!({ "probability": validation.probability, "measurements": each })
+}
+
+fn describe(validation: &Validation) -> String {
+    let rows: Vec<Vec<String>> = (validation.each.iter().enumerate())
+        .map(|(index, each)| {
+            let micro = |value_m: f64| format!("{:.1}", value_m * 1e6);
+            vec![
+                (index + 1).to_string(),
+                micro(each.difference_m.norm()),
+                micro(each.promised_m),
+                micro(each.left_m),
+            ]
+        })
+        .collect();
+    let header = [
+        "measurement",
+        "measured less predicted [um]",
+        "promised rms [um]",
+        "of it the robot's [um]",
+    ];
+    format!(
+        "{}\nDifferences as large as these have a probability of {:.2}, if the promise is kept.\n",
+        table(&header, &rows),
+        validation.probability
+    )
+}
