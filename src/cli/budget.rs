@@ -134,7 +134,7 @@ impl Budget {
         };
         let minutes_of = |point: &BudgetPoint| minutes(&scenario, point);
         let needed = self.needed(&points, &minutes_of);
-        let mut text = describe(&points);
+        let mut text = describe(&points) + &stops_helping(&points);
         let mut written = Written::default();
         text += &self.proof.tell(&bound, &mut written)?;
         match needed {
@@ -182,10 +182,31 @@ fn record(point: &BudgetPoint) -> Value {
         "experiments": point.experiments,
         "configurations": point.configurations,
         "rho0_mm": point.rho0_m * 1e3,
+        "shared_rho0_mm": point.shared_m.map(|shared_m| shared_m * 1e3),
         "lower_bound_rho0_mm": point.lower_bound_m().map(|bound_m| bound_m * 1e3),
         "bound_kind": point.bound.map(|bound| bound.kind.name()),
         "proved_lower_bound_rho0_mm": point.bound.and_then(|bound| Some(bound.proof?.least_m * 1e3)),
     })
+}
+
+/// From where on most of what is left is what the whole plan shares.
+fn stops_helping(points: &[BudgetPoint]) -> String {
+    let mostly_shared = |point: &&BudgetPoint| {
+        point.configurations == point.experiments
+            && point
+                .shared_m
+                .is_some_and(|shared_m| shared_m.powi(2) > 0.5 * point.rho0_m.powi(2))
+    };
+    let shared = points.iter().rev().find_map(|point| point.shared_m);
+    match (points.iter().find(mostly_shared), shared) {
+        (Some(point), Some(shared_m)) => format!(
+            "\nMore measurements hardly help: from {} on, most of the square is shared by the whole plan, and about {:.1} um of \
+             it stays however many there are.\n",
+            point.experiments,
+            shared_m * 1e6
+        ),
+        _ => String::new(),
+    }
 }
 
 /// A row for each number of measurements: the accuracy by the number of configurations, with the
@@ -194,7 +215,12 @@ fn describe(points: &[BudgetPoint]) -> String {
     let counts = repeated_configurations(points);
     let mut header = vec!["measurements".to_owned()];
     header.extend(counts.iter().map(|count| format!("in {count} [um]")));
-    header.extend(["all different [um]".to_owned(), "bound [um]".to_owned()]);
+    header.push("all different [um]".to_owned());
+    let is_shared = points.iter().any(|point| point.shared_m.is_some());
+    if is_shared {
+        header.push("of it shared [um]".to_owned());
+    }
+    header.push("bound [um]".to_owned());
     let mut rows = Vec::new();
     for all_different in points
         .iter()
@@ -212,6 +238,12 @@ fn describe(points: &[BudgetPoint]) -> String {
                 })
         }));
         row.push(format!("{:.3}", all_different.rho0_m * 1e6));
+        if is_shared {
+            row.push(number(
+                all_different.shared_m.map(|shared_m| shared_m * 1e6),
+                3,
+            ));
+        }
         row.push(number(
             all_different.lower_bound_m().map(|bound_m| bound_m * 1e6),
             3,

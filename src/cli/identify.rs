@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use elastocal::files::FileError;
 use elastocal::files::output::write_whole;
-use elastocal::identification::{Identification, IdentificationError};
+use elastocal::identification::{Identification, IdentificationError, UncertainEstimate};
 use elastocal::measurement::{Origin, read_measurements};
 use elastocal::record::messages::ProvenanceMessage;
 use elastocal::task::Method;
@@ -56,12 +56,21 @@ impl Identify {
             scenario.task.belief.parameter_names().join(", "),
             counted(measurements.len() as u64, "measurement")
         ));
-        if self.sigma_from_residuals && scenario.task.belief.prior.is_some() {
+        if self.sigma_from_residuals && scenario.task.belief.knows_before() {
             let problem = "with what is known before, sigma has to be known, too";
-            let wrong = FileError::new(&scenario.path, problem).at("robot.prior");
-            return Err(wrong
-                .hint("leave out --sigma-from-residuals, or the key")
-                .into());
+            let wrong = FileError::new(&scenario.path, problem);
+            let (key, hint) = if scenario.task.belief.uncertain.is_some() {
+                (
+                    "uncertainty",
+                    "leave out --sigma-from-residuals, or give --noise-only",
+                )
+            } else {
+                (
+                    "robot.prior",
+                    "leave out --sigma-from-residuals, or the key",
+                )
+            };
+            return Err(wrong.at(key).hint(hint).into());
         }
         let belief = &scenario.task.belief;
         let identified =
@@ -111,21 +120,42 @@ pub fn explained(file: &Path, problem: &NotIdentified) -> FileError {
     }
 }
 
-/// What else is uncertain, and what the measurements say of it.
-fn uncertain(identification: &Identification) -> Vec<Vec<String>> {
+/// Of what the measurements make something known by so much less than before, they are said to tell something.
+const TOLD: f64 = 0.95;
+
+/// What else is uncertain, as far as the measurements tell something of it.
+fn uncertain(identification: &Identification) -> String {
     let small =
         |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |value| format!("{value:.3e}"));
-    (identification.uncertain.iter())
-        .map(|each| {
-            vec![
-                each.name.clone(),
-                small(each.estimate.map(|estimate| estimate.value)),
-                small(each.estimate.map(|estimate| estimate.standard_error)),
-                small(each.prior_deviation),
-                each.unit.clone(),
-            ]
-        })
-        .collect()
+    let is_told = |each: &&UncertainEstimate| match (each.estimate, each.prior_deviation) {
+        (Some(estimate), Some(before)) => estimate.standard_error < TOLD * before,
+        _ => true,
+    };
+    let row = |each: &UncertainEstimate| {
+        vec![
+            each.name.clone(),
+            small(each.estimate.map(|estimate| estimate.value)),
+            small(each.estimate.map(|estimate| estimate.standard_error)),
+            small(each.prior_deviation),
+            each.unit.clone(),
+        ]
+    };
+    let rows: Vec<Vec<String>> = (identification.uncertain.iter().filter(is_told))
+        .map(row)
+        .collect();
+    let silent = identification.uncertain.len() - rows.len();
+    let mut text = String::new();
+    if !rows.is_empty() {
+        let header = ["uncertain", "value", "standard error", "before", "unit"];
+        text += &format!("\n{}", table(&header, &rows));
+    }
+    if silent > 0 {
+        text += &format!(
+            "  of {} that is uncertain the measurements say next to nothing\n",
+            counted(silent as u64, "parameter")
+        );
+    }
+    text
 }
 
 /// An identification for a person.
@@ -162,13 +192,7 @@ pub fn describe(identification: &Identification) -> String {
         ],
         &rows,
     );
-    if !identification.uncertain.is_empty() {
-        text += "\n";
-        text += &table(
-            &["uncertain", "value", "standard error", "before", "unit"],
-            &uncertain(identification),
-        );
-    }
+    text += &uncertain(identification);
     text += &format!(
         "  sigma {:.4} mm, from residuals {} mm; condition number {:.2}\n",
         identification.sigma_m * 1e3,

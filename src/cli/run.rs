@@ -13,6 +13,7 @@ use elastocal::wording::counted;
 use elastocal::workflow::design::Wanted;
 use elastocal::workflow::run::{FailedPlan, RANDOM_PLANS, RunError, RunStage, TriedPlan, run};
 
+use super::evaluate::shares;
 use super::interruption::NEVER;
 use super::plan::design;
 use super::proof::ProofArgs;
@@ -171,13 +172,19 @@ fn summary(folder: &Path, entries: &[TriedPlan], random_rho0_m: Option<f64>) -> 
             text += &format!("plan {name:?} has no efficiency: {reason}\n");
         }
     }
+    text += &shares(&main.assessment);
+    let is_certain = main.assessment.shares.len() < 2;
+    let leaves = if is_certain {
+        "the measurements' noise alone leaves"
+    } else {
+        "noise and all that is uncertain leave"
+    };
     let pose = &main.calibration.1.poses[0];
     let uncompensated = pose.seen.uncompensated_m.norm() * 1e6;
     let predicted = number(main.assessment.rho0_m.map(|value| value * 1e6), 1);
     text += &format!(
         "\nAt the test pose {:?} the task load bends the robot by {uncompensated:.0} um. After calibration \
-         with {}, compensation leaves {:.1} um in this run; the measurements' noise alone leaves {predicted} um \
-         rms",
+         with {}, compensation leaves {:.1} um in this run; {leaves} {predicted} um rms",
         pose.name,
         counted(main.assessment.experiments.into(), "measurement"),
         pose.seen.residual_m.norm() * 1e6,
@@ -190,12 +197,18 @@ fn summary(folder: &Path, entries: &[TriedPlan], random_rho0_m: Option<f64>) -> 
     }
     text += ".\n";
     if let (Some(optimal), Some(random_rho0_m)) = (main.assessment.rho0_m, random_rho0_m) {
-        let times = (random_rho0_m / optimal).powi(2);
         text += &format!(
-            "A random plan of as many promises {:.1} um (the median of {RANDOM_PLANS}): it would need \
-             {times:.1} times as many measurements for the same accuracy.\n",
+            "A random plan of as many promises {:.1} um (the median of {RANDOM_PLANS})",
             random_rho0_m * 1e6
         );
+        let times = (random_rho0_m / optimal).powi(2);
+        text += &if is_certain {
+            format!(
+                ": it would need {times:.1} times as many measurements for the same accuracy.\n"
+            )
+        } else {
+            ".\n".to_owned()
+        };
     }
     text += &format!("Results are in {}\n", folder.display());
     text

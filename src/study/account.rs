@@ -119,7 +119,9 @@ impl Account {
                     .sum::<Option<f64>>()
                     .unwrap_or(0.0),
             };
-            parts.push(part(&each.name, each.is_hidden, square));
+            // A belief in noise alone knows of none.
+            let is_hidden = each.is_hidden || belief.uncertain.is_none();
+            parts.push(part(&each.name, is_hidden, square));
         }
         // Compliances that the scenario says to be others than believed.
         let told = deviations.told(truth);

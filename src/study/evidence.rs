@@ -152,11 +152,9 @@ fn accuracy(
     problem.effort.searches = SEARCHES;
     let own = designed.measurements();
     let size = |plan: &Plan| u32::try_from(plan.experiments.len()).unwrap_or(u32::MAX);
-    let point = |plan: &Plan, cost: f64| BudgetPoint {
-        experiments: plan.measurements(),
-        configurations: size(plan),
-        rho0_m: cost.sqrt(),
-        bound: bound.of_size(plan.measurements()).ok(),
+    let point = |plan: &Plan, cost: f64| {
+        let sizes = [plan.measurements(), size(plan)];
+        BudgetPoint::new(task, plan, sizes, cost, bound)
     };
     let fewest = (problem.to_find().div_ceil(3).max(1)).max(size(&task.design.mandatory) as usize);
     let largest = (own * WIDEST).max(ALWAYS);

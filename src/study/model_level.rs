@@ -134,12 +134,12 @@ impl<'a> LinearModel<'a> {
             if !factor.solve_lower_triangular_mut(&mut columns) {
                 return Err(Failure::Undetermined);
             }
-            let seen = &columns
-                * self
-                    .deviations
-                    .observation_matrix(&self.experiments, experiment);
-            let mut biases = biases.columns_mut(0, foreign);
-            biases += seen * f64::from(experiment.repeats);
+            if foreign > 0 {
+                let deviations = &self.deviations;
+                let seen = &columns * deviations.observation_matrix(&self.experiments, experiment);
+                let mut biases = biases.columns_mut(0, foreign);
+                biases += seen * f64::from(experiment.repeats);
+            }
             if let Some(half) = self.deviations.coloured(experiment) {
                 columns *= DMatrix::from_column_slice(3, 3, half.as_slice());
                 let more = (&columns * columns.transpose()) * f64::from(experiment.repeats);

@@ -105,6 +105,12 @@ impl Belief {
         }
     }
 
+    /// Whether something is known, or held to be uncertain, before any measurement.
+    #[must_use]
+    pub const fn knows_before(&self) -> bool {
+        self.prior.is_some() || self.uncertain.is_some()
+    }
+
     /// What is known of the unknowns before any measurement.
     fn known(&self) -> Option<&Prior> {
         match &self.uncertain {

@@ -251,6 +251,54 @@ fn plans_minimise_the_whole() {
     assert!(number(&whole["efficiency"]) > 0.95, "{whole}");
 }
 
+/// A belief in noise alone sees its promise broken by what the scenario lists, and takes no sigma from residuals where
+/// it knows better.
+#[test]
+fn noise_alone_is_a_promise_that_breaks() {
+    let workplace = Workplace::new();
+    workplace.write(
+        "laboratory.toml",
+        with(&entry(SOURCES[7], ""), "robot", 256),
+    );
+    let study = workplace
+        .run("study laboratory.toml --noise-only --json --quiet")
+        .ends_with(0);
+    let plan = study.json()["plans"][0].clone();
+    let verdict = plan["verdict"].as_str().expect("words");
+    assert!(
+        verdict.starts_with("broken") && verdict.contains("load_scale"),
+        "{verdict}"
+    );
+    let file = crate::support::project("scenarios/plans/klimchik2012_m4.csv");
+    let measure = format!(
+        "measure laboratory.toml --plan {} --measurements-out m.csv",
+        file.display()
+    );
+    workplace.run(&measure).ends_with(0);
+    let identify = "identify laboratory.toml --measurements m.csv --sigma-from-residuals";
+    let refused = workplace.run(identify).ends_with(1);
+    assert!(refused.stderr.contains("uncertainty") && refused.stderr.contains("--noise-only"));
+    workplace.run(&format!("{identify} --noise-only --quiet"));
+}
+
+/// Where more measurements stop helping: what the whole plan shares stays.
+#[test]
+fn budgets_say_where_measurements_stop_helping() {
+    let workplace = Workplace::new();
+    workplace.write("laboratory.toml", with(&entry(SOURCES[7], ""), "model", 64));
+    let budget = "budget laboratory.toml --accuracy-um 12 --up-to 4 --no-proof";
+    let text = workplace.run(budget).ends_with(0).stdout;
+    assert!(
+        text.contains("More measurements hardly help") && text.contains("10.3 um"),
+        "{text}"
+    );
+    let json = workplace.run(&format!("{budget} --json")).json();
+    for point in json["budget"].as_array().expect("points") {
+        let shared = point["shared_rho0_mm"].as_f64().expect("a number");
+        assert!(shared > 0.0 && shared <= point["rho0_mm"].as_f64().expect("a number"));
+    }
+}
+
 /// Frames that stand elsewhere in MuJoCo's model are those of the arm with the same parameters.
 #[test]
 fn displaced_frames_are_those_of_the_parameters() {

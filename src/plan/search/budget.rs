@@ -10,6 +10,7 @@ use super::exact::{Watch, exact_design_from};
 use super::problem::{Problem, SearchError};
 use crate::plan::proof::ProofLimits;
 use crate::plan::{Criterion, Plan};
+use crate::plan::{EARLIER, PromiseShare, posterior, shares};
 use crate::task::Task;
 
 /// Searches: fewer than for a single plan, since there are many.
@@ -30,6 +31,9 @@ pub struct BudgetPoint {
     pub configurations: u32,
     /// The predicted rms distance at the test poses (m).
     pub rho0_m: f64,
+    /// What of it stays however often is measured (m): what the whole plan shares; where nothing else than noise is
+    /// uncertain there is none.
+    pub shared_m: Option<f64>,
     /// No plan of m measurements has a smaller one (m), as [`Bound`] says; `None` where it says nothing.
     pub bound: Option<PlanBound>,
 }
@@ -104,12 +108,9 @@ pub fn budget_and_proof(
             &known,
         ) {
             Ok(design) => {
-                points.push(BudgetPoint {
-                    experiments,
-                    configurations,
-                    rho0_m: design.cost.sqrt(),
-                    bound: bound.of_size(experiments).ok(),
-                });
+                let sizes = [experiments, configurations];
+                let (plan, cost) = (&design.plan, design.cost);
+                points.push(BudgetPoint::new(task, plan, sizes, cost, &bound));
                 plans.push(((experiments, configurations), design.plan));
             }
             // So few configurations do not determine the compliances: more may.
@@ -120,7 +121,49 @@ pub fn budget_and_proof(
     Ok((points, bound))
 }
 
+/// A promise with all that is uncertain, of which a search may leave something out.
+#[derive(Debug, Clone, Copy)]
+struct Whole {
+    rho0_m: f64,
+    shared_m: f64,
+}
+
+impl Whole {
+    /// That of a plan; none where nothing else than noise is uncertain.
+    fn new(task: &Task, plan: &Plan) -> Option<Self> {
+        let extended = task.belief.uncertain.as_ref()?;
+        let shares = shares(task, plan, &posterior(&task.belief, plan));
+        let is_shared = |name: &str| {
+            name == EARLIER || extended.shared().iter().any(|(shared, _)| shared == name)
+        };
+        let square = |share: &PromiseShare| share.rho0_m.powi(2);
+        let of_plan = shares.iter().filter(|share| is_shared(&share.name));
+        Some(Self {
+            rho0_m: shares.iter().map(square).sum::<f64>().sqrt(),
+            shared_m: of_plan.map(square).sum::<f64>().sqrt(),
+        })
+    }
+}
+
 impl BudgetPoint {
+    /// The point of a plan that a search found at a cost.
+    pub(crate) fn new(
+        task: &Task,
+        plan: &Plan,
+        [experiments, configurations]: [u32; 2],
+        cost: f64,
+        bound: &Bound,
+    ) -> Self {
+        let whole = Whole::new(task, plan);
+        Self {
+            experiments,
+            configurations,
+            rho0_m: whole.map_or(cost.sqrt(), |whole| whole.rho0_m),
+            shared_m: whole.map(|whole| whole.shared_m),
+            bound: bound.of_size(experiments).ok(),
+        }
+    }
+
     /// The lower bound (m), where there is one.
     #[must_use]
     pub fn lower_bound_m(&self) -> Option<f64> {

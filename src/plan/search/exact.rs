@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use rayon::prelude::*;
 
 use super::approximate::ApproximateDesign;
-use super::local::Precision;
+use super::local::{LocalSearch, Precision};
 use super::point::Point;
 use super::problem::{Problem, SearchError};
 use super::refinement::{Found, Refinement};
@@ -75,6 +75,15 @@ pub fn exact_design(
     )
 }
 
+/// Experiments as a problem sees them: that of an approximate design may consider other unknowns.
+fn as_seen(problem: &Problem<'_>, points: &[Point]) -> Vec<Point> {
+    let local = LocalSearch::new(problem);
+    let here = points
+        .iter()
+        .map(|point| local.point(&point.q, &point.load));
+    here.collect()
+}
+
 /// The same, no worse than plans of as many measurements in at most as many configurations that are
 /// known already.
 pub(super) fn exact_design_from(
@@ -100,6 +109,8 @@ pub(super) fn exact_design_from(
         let affordable = problem.affordable(configurations as usize);
         (problem.effort.searches).min(affordable.max(INDEPENDENT + RECOMBINED))
     };
+    let [candidates, support] =
+        [&approximate.candidates, &approximate.support].map(|points| as_seen(problem, points));
     let seen = Mutex::new((0, f64::INFINITY));
     let search = |refinement: &mut Refinement<'_>, index: usize, given: Option<&[Point]>| {
         if index > 0 && watch.stop.load(Ordering::Relaxed) {
@@ -107,9 +118,9 @@ pub(super) fn exact_design_from(
         }
         let mut random = generator(seed, streams::search(index as u64));
         let given = given.unwrap_or(if index.is_multiple_of(2) {
-            &approximate.candidates
+            &candidates
         } else {
-            &approximate.support
+            &support
         });
         let found = refinement.search(given, free, configurations, &mut random);
         if let Ok(mut seen) = seen.lock() {
