@@ -98,8 +98,9 @@ pub fn listen(end: fn() -> !) {
 }
 
 fn interrupt(end: fn() -> !) {
-    let is_first = !STOP.swap(true, Ordering::Relaxed);
     let asks = state().asks;
+    // Who comes to ask while the program ends shall not be told to stop, and leave half a result.
+    let is_first = asks != Asks::Nobody && !STOP.swap(true, Ordering::Relaxed);
     match asks {
         Asks::Search if is_first => {
             say("\nstopping: keeping the best plan found so far; once more to end at once");

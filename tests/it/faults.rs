@@ -249,7 +249,10 @@ fn judge_files(
         let is_whole = [old, new]
             .iter()
             .any(|files| files.get(name) == Some(content));
-        assert!(is_whole || is_best_so_far, "{told}: {name} is neither");
+        assert!(
+            is_whole || is_best_so_far,
+            "{told}: {name} is neither, code {code:?}"
+        );
     }
 }
 
