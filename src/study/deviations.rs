@@ -78,7 +78,9 @@ impl<'a> Deviations<'a> {
             .chain(foreign_kinds.into_iter().map(Deviation::Other))
             .collect(),
             tied: tied(belief, truth),
-            laboratory: Circumstances::new(arm.clone(), &truth.uncertainties).ok(),
+            laboratory: (!truth.uncertainties.is_empty())
+                .then(|| Circumstances::new(arm.clone(), &truth.uncertainties).ok())
+                .flatten(),
             believed: extended.map_or_else(Vec::new, |extended| {
                 extended
                     .sources()
