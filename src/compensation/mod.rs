@@ -84,6 +84,21 @@ pub fn test_pose_rows(belief: &Belief, pose: &TestPose) -> DMatrix<f64> {
     DMatrix::from_column_slice(3, size, matrix.as_slice())
 }
 
+/// The rows of several test poses (3 x `columns` each), each times the root of its weight, stacked.
+#[must_use]
+pub fn weighted_rows(
+    poses: &[TestPose],
+    columns: usize,
+    rows: &dyn Fn(&TestPose) -> DMatrix<f64>,
+) -> DMatrix<f64> {
+    let mut stacked = DMatrix::zeros(3 * poses.len(), columns);
+    for (index, pose) in poses.iter().enumerate() {
+        let matrix = rows(pose) * pose.weight.sqrt();
+        stacked.rows_mut(3 * index, 3).copy_from(&matrix);
+    }
+    stacked
+}
+
 /// The predicted rms distance `rho_0` (m) that compensation leaves at a test pose (eq. 20), from what is
 /// known of the compliances (rad/(N m)).
 ///

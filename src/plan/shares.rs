@@ -15,7 +15,7 @@
 use nalgebra::{DMatrix, Matrix3, Matrix3xX};
 
 use super::{ExperimentModel, Plan};
-use crate::compensation::test_pose_rows;
+use crate::compensation::{test_pose_rows, weighted_rows};
 use crate::posterior::Posterior;
 use crate::task::Task;
 
@@ -38,7 +38,10 @@ pub struct PromiseShare {
 #[must_use]
 pub fn shares(task: &Task, plan: &Plan, posterior: &Posterior) -> Vec<PromiseShare> {
     let belief = &task.belief;
-    let gain = test_poses(task) * &posterior.covariance;
+    let rows = weighted_rows(&task.test_poses, belief.unknowns(), &|pose| {
+        test_pose_rows(belief, pose)
+    });
+    let gain = rows * &posterior.covariance;
     let square = |matrix: &DMatrix<f64>| (&gain * matrix * gain.transpose()).trace().max(0.0);
     let share = |name: &str, square: f64| PromiseShare {
         name: name.to_owned(),
@@ -92,14 +95,4 @@ pub fn shares(task: &Task, plan: &Plan, posterior: &Posterior) -> Vec<PromiseSha
         shares.push(share(name, square.sum()));
     }
     shares
-}
-
-/// The rows of all test poses, each times the root of its weight, stacked.
-fn test_poses(task: &Task) -> DMatrix<f64> {
-    let mut stacked = DMatrix::zeros(3 * task.test_poses.len(), task.belief.unknowns());
-    for (index, pose) in task.test_poses.iter().enumerate() {
-        let rows = test_pose_rows(&task.belief, pose) * pose.weight.sqrt();
-        stacked.rows_mut(3 * index, 3).copy_from(&rows);
-    }
-    stacked
 }

@@ -13,8 +13,7 @@
 use nalgebra::{Cholesky, DMatrix, Matrix3};
 
 use super::deviations::Deviations;
-use super::model_level::stacked;
-use crate::compensation::test_pose_rows;
+use crate::compensation::{test_pose_rows, weighted_rows};
 use crate::parameter::{ParameterKind, Source};
 use crate::plan::{EARLIER, ExperimentModel, NOISE, Plan, posterior};
 use crate::task::Task;
@@ -53,7 +52,7 @@ impl Account {
     pub fn new(task: &Task, truth: &Truth, plan: &Plan) -> Option<Self> {
         let belief = &task.belief;
         let posterior = posterior(belief, plan);
-        let rows = stacked(task, belief.unknowns(), &|pose| {
+        let rows = weighted_rows(&task.test_poses, belief.unknowns(), &|pose| {
             test_pose_rows(belief, pose)
         });
         let promised_m = posterior.variance_of(&rows).ok()?.sqrt();

@@ -2,7 +2,7 @@
 
 use nalgebra::{Cholesky, DMatrix, Matrix3, Matrix3xX};
 
-use crate::compensation::test_pose_matrix;
+use crate::compensation::{test_pose_matrix, weighted_rows};
 use crate::observation::FirstOrder;
 use crate::parameter::{ElasticArm, ParameterKind, ParameterSet, ReadingSource, Source};
 use crate::plan::{Experiment, ExperimentModel};
@@ -186,7 +186,9 @@ impl<'a> Deviations<'a> {
     /// The rows of all test poses for what is foreign, each times the root of its weight, stacked.
     #[must_use]
     pub fn test_poses(&self, task: &Task) -> DMatrix<f64> {
-        super::model_level::stacked(task, self.foreign.len(), &|pose| self.test_pose(pose))
+        weighted_rows(&task.test_poses, self.foreign.len(), &|pose| {
+            self.test_pose(pose)
+        })
     }
 
     fn test_pose(&self, pose: &TestPose) -> DMatrix<f64> {

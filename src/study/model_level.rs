@@ -31,12 +31,12 @@ use nalgebra::{DMatrix, DVector};
 
 use super::deviations::Deviations;
 use super::tally::{Batch, Failure};
-use crate::compensation::test_pose_rows;
+use crate::compensation::{test_pose_rows, weighted_rows};
 use crate::estimable::Estimable;
 use crate::factorisation::finite_eigen;
 use crate::plan::{ExperimentModel, Plan};
 use crate::random::normal::LANES;
-use crate::task::{Task, TestPose};
+use crate::task::Task;
 use crate::testbed::Truth;
 
 /// The most unknowns that a run can have.
@@ -76,7 +76,9 @@ impl<'a> LinearModel<'a> {
         let sigma_m = belief.instrument.sigma_m;
         Self {
             experiments: ExperimentModel::new(belief),
-            test_poses: stacked(task, sizes.len(), &|pose| test_pose_rows(belief, pose)),
+            test_poses: weighted_rows(&task.test_poses, sizes.len(), &|pose| {
+                test_pose_rows(belief, pose)
+            }),
             prior: match (&belief.uncertain, &belief.prior) {
                 (Some(extended), _) => Some(&extended.set().prior().precision * sigma_m.powi(2)),
                 (None, Some(prior)) => Some(&prior.precision * sigma_m.powi(2)),
@@ -287,20 +289,6 @@ fn within(part: Option<&(Estimable, DMatrix<f64>)>, columns: &DMatrix<f64>) -> D
 /// Three rows of a matrix from `first`, column by column.
 fn threes(matrix: &DMatrix<f64>, first: usize) -> impl Iterator<Item = [f64; 3]> {
     (matrix.column_iter()).map(move |column| std::array::from_fn(|row| column[first + row]))
-}
-
-/// Rows of all test poses, each times the root of its weight, stacked.
-pub(super) fn stacked(
-    task: &Task,
-    columns: usize,
-    rows: &dyn Fn(&TestPose) -> DMatrix<f64>,
-) -> DMatrix<f64> {
-    let mut stacked = DMatrix::zeros(3 * task.test_poses.len(), columns);
-    for (index, pose) in task.test_poses.iter().enumerate() {
-        let matrix = rows(pose) * pose.weight.sqrt();
-        stacked.rows_mut(3 * index, 3).copy_from(&matrix);
-    }
-    stacked
 }
 
 /// With z = L^-1 A^T eps no longer of unit covariance but of N = L^-1 A^T A L^-T: the root of N times the
