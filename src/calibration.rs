@@ -199,7 +199,7 @@ pub fn pose_conditions(belief: &Belief, poses: &[CompensatedPose]) -> Vec<String
     conditions
 }
 
-/// Commands the virtual robot at a test pose under the task load, without and with compensation.
+/// Commands the virtual robot at a test pose under the task load as it is in this run, without and with compensation.
 /// The wanted place `t_0` is that of the unloaded tool.
 ///
 /// # Errors
@@ -210,8 +210,8 @@ pub fn see(
     commanded_rad: &DVector<f64>,
 ) -> Result<SeenPose, EquilibriumError> {
     let wanted = robots.machining_tool(&pose.configuration_rad, &Load::NONE)?;
-    let loaded = robots.machining_tool(&pose.configuration_rad, &pose.load)?;
-    let compensated = robots.machining_tool(commanded_rad, &pose.load)?;
+    let loaded = robots.machining_tool_at_work(&pose.configuration_rad, &pose.load)?;
+    let compensated = robots.machining_tool_at_work(commanded_rad, &pose.load)?;
     Ok(SeenPose {
         uncompensated_m: loaded - wanted,
         residual_m: compensated - wanted,

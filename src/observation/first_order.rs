@@ -36,6 +36,10 @@ enum Column {
     LoadOffset,
     /// The deflection turned about an axis.
     Turned(Vector3<f64>),
+    /// The deflection itself, at a test pose alone.
+    TaskScale,
+    /// The deflection under a force of 1 N along an axis, at a test pose alone.
+    TaskForce(Axis),
     /// It does not show in a deflection to first order.
     Silent,
 }
@@ -158,6 +162,8 @@ impl<'a> FirstOrder<'a> {
                 ParameterKind::BaseRotation { axis } => {
                     Column::Turned(Vector3::ith(axis.index(), 1.0))
                 }
+                ParameterKind::TaskScale => Column::TaskScale,
+                ParameterKind::TaskForce { axis } => Column::TaskForce(axis),
                 ParameterKind::ToolPosition { .. }
                 | ParameterKind::ToolRotation { .. }
                 | ParameterKind::BasePosition { .. }
@@ -256,7 +262,7 @@ impl<'a> FirstOrder<'a> {
                 Column::LoadScale => deflection,
                 Column::LoadOffset => self.deflection(&along),
                 Column::Turned(axis) => axis.cross(&deflection),
-                Column::Silent => Vector3::zeros(),
+                Column::TaskScale | Column::TaskForce(_) | Column::Silent => Vector3::zeros(),
             };
             matrix.set_column(index, &(value * *factor));
         }
@@ -264,8 +270,8 @@ impl<'a> FirstOrder<'a> {
 
     /// Writes the derivatives of what is left at the loaded tool if the deflection at the parameters' nominal values is
     /// compensated (3 x p): what they change of the joints' own deflections, seen at the tool. The scale of the
-    /// loads, the instrument and where things stand have no part in it. For compliances it is the matrix of a test
-    /// pose (eq. 23).
+    /// loads, the instrument and where things stand have no part in it; the task's force, which is not what was
+    /// compensated, has. For compliances it is the matrix of a test pose (eq. 23).
     pub fn uncompensated(&self, load: &Load, matrix: &mut Matrix3xX<f64>) {
         for (index, (column, factor)) in self.columns.iter().zip(&self.factors).enumerate() {
             let value = match *column {
@@ -274,6 +280,11 @@ impl<'a> FirstOrder<'a> {
                     joint.position * joint.torque(load)
                 }
                 Column::Place(place) => self.torques_of_place(place, load),
+                Column::TaskScale => self.deflection(load),
+                Column::TaskForce(axis) => self.deflection(&Load {
+                    force_n: Vector3::ith(axis.index(), 1.0),
+                    torque_nm: Vector3::zeros(),
+                }),
                 Column::LoadScale | Column::LoadOffset | Column::Turned(_) | Column::Silent => {
                     Vector3::zeros()
                 }
@@ -443,7 +454,7 @@ impl<'a> FirstOrder<'a> {
                 Column::LoadScale => of_deflection += b,
                 Column::LoadOffset => of_unit += b,
                 Column::Turned(axis) => of_deflection += b.cross(&axis),
-                Column::Silent => {}
+                Column::TaskScale | Column::TaskForce(_) | Column::Silent => {}
             }
         }
         let along = Load {

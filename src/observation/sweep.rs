@@ -230,7 +230,9 @@ impl Sweep {
                 ParameterKind::ToolPosition { .. }
                 | ParameterKind::ToolRotation { .. }
                 | ParameterKind::BasePosition { .. }
-                | ParameterKind::BaseRotation { .. } => Vector6::zeros(),
+                | ParameterKind::BaseRotation { .. }
+                | ParameterKind::TaskScale
+                | ParameterKind::TaskForce { .. } => Vector6::zeros(),
             };
             derivatives.set_column(index, &column);
         }

@@ -110,6 +110,14 @@ pub enum ParameterKind {
     LoadScale,
     /// The force that acts along a load's own besides what is said of it (N): a load cell that is not zero.
     LoadOffset,
+    /// The logarithm of the factor by which the loads at the test poses differ from what is said of them. No reading
+    /// shows it.
+    TaskScale,
+    /// A coordinate, in the world frame, of the force that acts at the test poses besides what is said of it (N).
+    TaskForce {
+        /// Along which axis.
+        axis: Axis,
+    },
 }
 
 impl ParameterKind {
@@ -129,8 +137,8 @@ impl ParameterKind {
             | Self::ToolPosition { .. }
             | Self::BasePosition { .. }
             | Self::PayloadCentre { .. } => "m",
-            Self::PayloadMass | Self::LoadScale => "1",
-            Self::LoadOffset => "N",
+            Self::PayloadMass | Self::LoadScale | Self::TaskScale => "1",
+            Self::LoadOffset | Self::TaskForce { .. } => "N",
         }
     }
 
@@ -139,12 +147,12 @@ impl ParameterKind {
     pub const fn is_logarithmic(self, has_prior: bool) -> bool {
         match self {
             Self::JointCompliance { .. } | Self::SpringStiffness { .. } => has_prior,
-            Self::PayloadMass | Self::LoadScale => true,
+            Self::PayloadMass | Self::LoadScale | Self::TaskScale => true,
             _ => false,
         }
     }
 
-    /// Everything that a belief could have as unknowns, base first.
+    /// Everything that readings could tell of a belief, base first.
     #[must_use]
     pub fn all_of(belief: &ElasticArm) -> Vec<Self> {
         let joints = belief.chain.len();
@@ -206,6 +214,8 @@ impl ParameterKind {
             Self::PayloadCentre { axis } => format!("payload.{axis}"),
             Self::LoadScale => "load.scale".to_owned(),
             Self::LoadOffset => "load.offset".to_owned(),
+            Self::TaskScale => "task.scale".to_owned(),
+            Self::TaskForce { axis } => format!("task.f{axis}"),
         }
     }
 
@@ -235,8 +245,9 @@ impl ParameterKind {
             | Self::BasePosition { .. }
             | Self::BaseRotation { .. }
             | Self::PayloadCentre { .. }
-            | Self::LoadScale => 1e-2,
-            Self::LoadOffset => 10.0,
+            | Self::LoadScale
+            | Self::TaskScale => 1e-2,
+            Self::LoadOffset | Self::TaskForce { .. } => 10.0,
             Self::PayloadMass => 5e-2,
         }
     }
@@ -285,6 +296,8 @@ impl ParameterKind {
             Self::PayloadCentre { axis } => format!("the payload's centre along {axis}"),
             Self::LoadScale => "the scale of the load".to_owned(),
             Self::LoadOffset => "the offset of the load".to_owned(),
+            Self::TaskScale => "the scale of the task's load".to_owned(),
+            Self::TaskForce { axis } => format!("the task's force along {axis}"),
         }
     }
 }
@@ -324,7 +337,8 @@ impl Parameter {
             ParameterKind::LinkPosition { .. }
             | ParameterKind::ToolPosition { .. }
             | ParameterKind::BasePosition { .. }
-            | ParameterKind::LoadOffset => f64::INFINITY,
+            | ParameterKind::LoadOffset
+            | ParameterKind::TaskForce { .. } => f64::INFINITY,
             _ => 1.0,
         }
     }

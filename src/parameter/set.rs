@@ -273,7 +273,9 @@ impl ParameterSet {
                 | ParameterKind::ToolPosition { .. }
                 | ParameterKind::ToolRotation { .. }
                 | ParameterKind::BasePosition { .. }
-                | ParameterKind::BaseRotation { .. } => {}
+                | ParameterKind::BaseRotation { .. }
+                | ParameterKind::TaskScale
+                | ParameterKind::TaskForce { .. } => {}
             }
         }
         let displacements = self.displacements(nominal, values);

@@ -47,7 +47,10 @@ pub(super) fn sentences(
 fn keep(kind: ParameterKind) -> usize {
     match kind {
         ParameterKind::LinkPosition { .. } | ParameterKind::LinkRotation { .. } => 0,
-        ParameterKind::LoadScale | ParameterKind::LoadOffset => 1,
+        ParameterKind::LoadScale
+        | ParameterKind::LoadOffset
+        | ParameterKind::TaskScale
+        | ParameterKind::TaskForce { .. } => 1,
         ParameterKind::PayloadMass | ParameterKind::PayloadCentre { .. } => 2,
         ParameterKind::JointZero { .. }
         | ParameterKind::SpringStiffness { .. }

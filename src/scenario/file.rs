@@ -251,6 +251,7 @@ pub(super) enum UncertaintyKind {
     BaseRotation,
     LoadScale,
     LoadOffset,
+    TaskForce,
     LoadDirection,
     LoadPoint,
     JointReturn,
@@ -268,6 +269,7 @@ impl UncertaintyKind {
             Self::BaseRotation => "base_rotation",
             Self::LoadScale => "load_scale",
             Self::LoadOffset => "load_offset",
+            Self::TaskForce => "task_force",
             Self::LoadDirection => "load_direction",
             Self::LoadPoint => "load_point",
             Self::JointReturn => "joint_return",
@@ -283,6 +285,7 @@ impl UncertaintyKind {
             Self::LinkRotation | Self::BaseRotation | Self::LoadDirection => &["std_mrad"],
             Self::JointZero | Self::JointReturn => &["std_mrad", "std_mm"],
             Self::LoadOffset => &["std_n"],
+            Self::TaskForce => &["std_relative", "std_n"],
             Self::TrackerRange => &["std_um_per_m"],
         }
     }

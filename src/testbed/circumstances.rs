@@ -9,8 +9,8 @@ use crate::experiment::{Experiment, Plan};
 use crate::measurement::{Measurement, RotationMeasurement};
 use crate::mujoco::Displaced;
 use crate::parameter::{
-    ElasticArm, FrameChange, ParameterError, ParameterKind, ParameterSet, ReadingSource, Source,
-    Uncertainty,
+    Axis, ElasticArm, FrameChange, ParameterError, ParameterKind, ParameterSet, ReadingSource,
+    Source, Uncertainty,
 };
 use crate::random::normal::LANES;
 use crate::robot::Load;
@@ -128,6 +128,16 @@ impl Circumstances {
     pub fn compliance_factor(&self, joint: usize) -> f64 {
         self.difference(ParameterKind::JointCompliance { joint })
             .exp()
+    }
+
+    /// The load that acts at a test pose where this one is said to.
+    #[must_use]
+    pub fn acting_at_test_pose(&self, said: &Load) -> Load {
+        let mut load = said.scaled(self.difference(ParameterKind::TaskScale).exp());
+        for axis in Axis::ALL {
+            load.force_n[axis.index()] += self.difference(ParameterKind::TaskForce { axis });
+        }
+        load
     }
 
     /// The frames of links, by joints, and of the calibration tool that stand elsewhere.

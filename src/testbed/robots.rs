@@ -143,6 +143,20 @@ impl TrueRobots {
         (self.laboratory).measure(&mut self.measuring, plan, instrument, normals, lane)
     }
 
+    /// Where the machining tool rests (m) if a controller commands these angles (rad), under what acts in this run where
+    /// a test pose has this load.
+    ///
+    /// # Errors
+    /// There is no stable equilibrium.
+    pub fn machining_tool_at_work(
+        &mut self,
+        commanded_rad: &DVector<f64>,
+        load: &Load,
+    ) -> Result<nalgebra::Vector3<f64>, EquilibriumError> {
+        let load = self.laboratory.acting_at_test_pose(load);
+        self.machining_tool(commanded_rad, &load)
+    }
+
     /// Where the machining tool rests (m) if a controller commands these angles (rad).
     ///
     /// # Errors

@@ -5,6 +5,7 @@
 //! - `recordings`: the rerun and MCAP files, read with their own tools.
 //! - `recovery`: known compliances come back, and hand-computed small cases.
 //! - `uncertainties`: what nobody knows exactly: drawn in truth, carried by the belief, and kept in promises.
+//! - `unread`: what is uncertain and no reading shows: the task's force, masses of links.
 //! - `uncertainty`: the promised uncertainties are seen over many seeded runs.
 //! - `identifiability`: what measurements cannot tell is named.
 //! - `determined`: every command names the same compliances as not determined.
@@ -117,6 +118,7 @@ mod true_models;
 mod uncertainties;
 mod uncertainty;
 mod understanding;
+mod unread;
 mod validation;
 #[cfg(not(feature = "view"))]
 mod without_views;

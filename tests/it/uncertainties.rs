@@ -34,7 +34,7 @@ const SOURCES: [(&str, &str); 12] = [
 ];
 
 /// The paper's scenario with a study of Table 4's plan of four, and with uncertainties.
-fn with(uncertainties: &str, level: &str, trials: u32) -> String {
+pub fn with(uncertainties: &str, level: &str, trials: u32) -> String {
     let text = scenario_text("klimchik2012");
     let (head, _) = text.split_once("[study]").expect("there is a study");
     let plan = crate::support::project("scenarios/plans/klimchik2012_m4.csv");
@@ -45,7 +45,7 @@ fn with(uncertainties: &str, level: &str, trials: u32) -> String {
     )
 }
 
-fn entry((kind, size): (&str, &str), more: &str) -> String {
+pub fn entry((kind, size): (&str, &str), more: &str) -> String {
     format!("[[uncertainty]]\nkind = \"{kind}\"\n{size}\n{more}\n")
 }
 
@@ -57,13 +57,13 @@ fn everything() -> String {
         .collect()
 }
 
-fn loaded(text: &str) -> Scenario {
+pub fn loaded(text: &str) -> Scenario {
     let place = Workplace::new();
     place.write("laboratory.toml", text);
     Scenario::load(&place.path("laboratory.toml")).expect("the scenario is valid")
 }
 
-fn study(text: &str) -> Value {
+pub fn study(text: &str) -> Value {
     let place = Workplace::new();
     place.write("laboratory.toml", text);
     let outcome = place.run("study laboratory.toml --json --quiet");
@@ -71,7 +71,7 @@ fn study(text: &str) -> Value {
     json["plans"][0].clone()
 }
 
-fn assert_holds(plan: &Value, what: &str) {
+pub fn assert_holds(plan: &Value, what: &str) {
     let number = |key: &str| plan[key].as_f64().expect("a number");
     let (rms, promised) = (number("rms_mm"), number("promised_rms_mm"));
     let room = 3.0 * number("rms_std_mm") + 0.02 * promised;

@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, DVector, Isometry3, Matrix3xX, Matrix6xX, Vector3};
 use super::FirstOrder;
 use crate::observation::{ObservationModel, ReadingKind, Setup};
 use crate::parameter::arms::{Numbers, heavy, random, random_elastic, ur10};
-use crate::parameter::{ElasticArm, ParameterKind, ParameterSet, ReadingSource};
+use crate::parameter::{Axis, ElasticArm, ParameterKind, ParameterSet, ReadingSource};
 use crate::robot::Load;
 
 /// Arms as a scenario has them: no zeros, the instrument's frame that of the base; the tool last or in the
@@ -91,6 +91,38 @@ fn derivatives_are_those_of_the_observation_model() {
                 let allowed = 1e-10 * (expected.norm() + prediction.position_m.norm() * 1e-3);
                 assert!(error <= allowed, "{}: {error}", parameter.name);
             }
+        }
+    }
+}
+
+/// The task's force does not show in readings, and changes what is left at a test pose as more load does.
+#[test]
+fn the_tasks_force_acts_at_test_poses_alone() {
+    let mut numbers = Numbers(8);
+    for arm in arms(&mut numbers) {
+        let axes = Axis::ALL.map(|axis| ParameterKind::TaskForce { axis });
+        let kinds = [ParameterKind::TaskScale].into_iter().chain(axes);
+        let set = ParameterSet::new(&arm, kinds.map(|kind| (kind, Some(0.1)))).expect("a set");
+        let mut first = FirstOrder::new(&arm, 0, &set, &[1.0; 4], 1e-5, &[]);
+        let q = numbers.configuration(&arm.chain);
+        let load = load(&mut numbers, true);
+        first.move_to(q.as_slice());
+        let mut matrix = Matrix3xX::zeros(4);
+        first.derivatives(&load, &mut matrix);
+        assert!(matrix.iter().all(|value| *value == 0.0));
+        first.uncompensated(&load, &mut matrix);
+        for (column, found) in matrix.column_iter().enumerate() {
+            let changed = |h: f64| match column {
+                0 => load.scaled(h.exp()),
+                axis => Load {
+                    force_n: load.force_n + Vector3::ith(axis - 1, h),
+                    ..load
+                },
+            };
+            let h = 1e-5;
+            let slope =
+                (first.deflection(&changed(h)) - first.deflection(&changed(-h))) / (2.0 * h);
+            assert!((slope - found).norm() < 1e-8 * first.deflection(&load).norm().max(1e-6));
         }
     }
 }

@@ -122,6 +122,18 @@ impl Checker<'_> {
             ),
             UncertaintyKind::LoadScale => single(ParameterKind::LoadScale, size("std_relative")?),
             UncertaintyKind::LoadOffset => single(ParameterKind::LoadOffset, size("std_n")?),
+            UncertaintyKind::TaskForce => {
+                let mut parameters = Vec::new();
+                if table.std_relative.is_some() {
+                    parameters.push((ParameterKind::TaskScale, size("std_relative")?));
+                }
+                if table.std_n.is_some() {
+                    let size = size("std_n")?;
+                    let of = |axis| (ParameterKind::TaskForce { axis }, size);
+                    parameters.extend(Axis::ALL.map(of));
+                }
+                Ok(Source::Plan(parameters))
+            }
             UncertaintyKind::LoadDirection => Ok(Source::Reading(ReadingSource::LoadDirection(
                 size("std_mrad")?,
             ))),

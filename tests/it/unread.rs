@@ -1,0 +1,155 @@
+//! What is uncertain and no reading of a deflection shows: the task's force, which acts at the test pose alone.
+
+use elastocal::plan::Assessment;
+use elastocal::robot::{Kinematics, Load};
+use elastocal::testbed::TrueRobots;
+use nalgebra::{Matrix3, Vector3};
+use serde_json::Value;
+
+use crate::support::{Workplace, table4};
+use crate::uncertainties::{assert_holds, entry, loaded, study, with};
+
+const TASK_SIZE: (&str, &str) = ("task_force", "std_relative = 0.05");
+const TASK_FORCE: (&str, &str) = ("task_force", "std_n = 10");
+
+/// The joints' own deflection at the test pose for each newton (m/N).
+fn compliance_at_test_pose(scenario: &elastocal::scenario::Scenario) -> Matrix3<f64> {
+    let belief = &scenario.task.belief;
+    let pose = &scenario.task.test_poses[0];
+    let mut chain = belief.nominal.chain.at(&belief.machining_tool);
+    let mut state = elastocal::robot::KinematicState::new(belief.joints());
+    chain.update(pose.configuration_rad.as_slice(), &mut state);
+    let joints = belief.nominal.compliance_rad_per_nm.iter().enumerate();
+    joints
+        .map(|(joint, k)| {
+            let column: Vector3<f64> = state.position_column(joint);
+            column * column.transpose() * *k
+        })
+        .sum()
+}
+
+/// The share of the task's force is what it bends the robot by, whatever is measured.
+#[test]
+fn an_uncertain_task_adds_what_it_bends() {
+    for source in [TASK_SIZE, TASK_FORCE] {
+        let scenario = loaded(&with(&entry(source, ""), "model", 64));
+        let softness = compliance_at_test_pose(&scenario);
+        let expected = if source == TASK_SIZE {
+            (softness * scenario.task.test_poses[0].load.force_n).norm() * 0.05
+        } else {
+            softness.norm() * 10.0
+        };
+        for measurements in [2, 12] {
+            let assessment = Assessment::new(&scenario.task, &table4(measurements), None);
+            let share = &assessment.shares[1];
+            assert_eq!(share.name, "task_force");
+            assert!((share.rho0_m / expected - 1.0).abs() < 1e-9, "{share:?}");
+            let whole = assessment.rho0_m.expect("determined");
+            assert!((whole - share.rho0_m.hypot(assessment.shares[0].rho0_m)).abs() < 1e-12);
+        }
+    }
+}
+
+/// Each kind on the virtual robot, on the linear model, and hidden from the belief.
+#[test]
+fn promises_about_uncertain_tasks_hold() {
+    for source in [TASK_SIZE, TASK_FORCE] {
+        assert_holds(&study(&with(&entry(source, ""), "robot", 600)), source.1);
+        assert_holds(&study(&with(&entry(source, ""), "model", 40_000)), source.1);
+        let hidden = study(&with(&entry(source, "hidden = true"), "robot", 600));
+        let parts = hidden["parts"].as_array().expect("parts");
+        let number = |value: &Value| value.as_f64().expect("a number");
+        let square = |part: &Value| number(&part["rms_mm"]).powi(2);
+        let expected = parts.iter().map(square).sum::<f64>().sqrt();
+        let room = 3.0 * number(&hidden["rms_std_mm"]) + 0.02 * expected;
+        assert!(
+            (number(&hidden["rms_mm"]) - expected).abs() < room,
+            "{hidden}"
+        );
+        let verdict = hidden["verdict"].as_str().expect("words");
+        assert!(
+            verdict.starts_with("broken") && verdict.contains("task_force"),
+            "{verdict}"
+        );
+    }
+    let both = entry(("task_force", "std_relative = 0.05\nstd_n = 10"), "");
+    assert_holds(&study(&with(&both, "robot", 600)), "both sizes");
+}
+
+/// A run's force acts at the test pose, not in the measurements.
+#[test]
+fn the_drawn_force_acts_at_the_test_pose_alone() {
+    let scenario = loaded(&with(&entry(TASK_FORCE, ""), "robot", 64));
+    let (belief, pose) = (&scenario.task.belief, &scenario.task.test_poses[0]);
+    let mut robots = TrueRobots::new(belief, &scenario.truth).expect("works");
+    let at = |robots: &mut TrueRobots| {
+        let rest = robots.machining_tool_at_work(&pose.configuration_rad, &pose.load);
+        rest.expect("at rest")
+    };
+    let plan = table4(4);
+    let nominal = at(&mut robots);
+    let measured = |robots: &mut TrueRobots, normals: &[_]| {
+        let all = robots.measure_noise_free(&plan, &belief.instrument, normals, 0);
+        all.expect("at rest")
+    };
+    let normals = robots
+        .become_run_of(&scenario.truth, 4, 1, 3)
+        .expect("works");
+    let before = measured(&mut robots, &normals);
+    assert_eq!(normals.len(), 3);
+    let force = Vector3::from_fn(|axis, _| 10.0 * normals[axis][0]);
+    let expected = robots
+        .machining_tool(
+            &pose.configuration_rad,
+            &Load {
+                force_n: pose.load.force_n + force,
+                torque_nm: pose.load.torque_nm,
+            },
+        )
+        .expect("at rest");
+    assert_eq!(at(&mut robots), expected);
+    assert!((nominal - expected).norm() > 1e-6);
+    robots
+        .become_run_of(&scenario.truth, 4, 1, 4)
+        .expect("works");
+    assert_eq!(measured(&mut robots, &normals), before);
+}
+
+/// Wrong entries are named with their key and what is allowed.
+#[test]
+fn wrong_entries_about_tasks() {
+    for (text, key, says) in [
+        (
+            "kind = \"task_force\"",
+            "uncertainty[0]",
+            "std_relative or std_n",
+        ),
+        (
+            "kind = \"task_force\"\nstd_mm = 1",
+            "uncertainty[0].std_mm",
+            "std_relative or std_n",
+        ),
+        (
+            "kind = \"task_force\"\nstd_n = -1",
+            "uncertainty[0].std_n",
+            "-1",
+        ),
+        (
+            "kind = \"task_force\"\nstd_n = 1\njoints = [\"joint_1\"]",
+            "uncertainty[0].joints",
+            "task_force",
+        ),
+    ] {
+        let place = Workplace::new();
+        place.write(
+            "wrong.toml",
+            with(&format!("[[uncertainty]]\n{text}\n"), "model", 64),
+        );
+        let outcome = place.run("check wrong.toml").ends_with(1);
+        assert!(
+            outcome.stderr.contains(key) && outcome.stderr.contains(says),
+            "{}",
+            outcome.stderr
+        );
+    }
+}
