@@ -2,7 +2,7 @@
 
 CARGO ?= cargo
 
-.PHONY: help demo enclosures evidence replanning reproduce test without-views build gate baseline bench instructions instructions-baseline scaling fuzz dependencies lint fmt clippy doc clean setup
+.PHONY: help demo docs enclosures evidence replanning reproduce test without-views build gate baseline bench instructions instructions-baseline scaling fuzz dependencies lint fmt clippy doc clean setup
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/make \1\t\2/p' Makefile | expand -t 28
@@ -19,6 +19,9 @@ test: setup ## run all tests
 
 build: setup ## build the program: target/release/elastocal
 	$(CARGO) build --release --locked
+
+docs: build ## run the commands of README and docs/, and compare what they print with what the pages say
+	tools/try-docs
 
 without-views: setup ## check that all builds without recordings, pages and pictures, and test what it then says
 	$(CARGO) test --release --locked --no-default-features --target-dir target/without-views --test it -- without_views rooms

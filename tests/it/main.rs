@@ -37,6 +37,7 @@
 //! - `limits`: sizes, and files without an end.
 //! - `tallies`: tallies that cannot be.
 //! - `compensator`: the KR-270 with a gravity compensator and flexible parts; what a belief without them costs.
+//! - `documentation`: README and `docs/`: length, links, commands and options.
 //! - `elastic_beliefs`: beliefs with passive joints, slides, springs, locked branches, tools and payloads.
 //! - `true_models`: virtual robots that are more than a chain, beside MuJoCo's simulation in time.
 //! - `known_optima`: arms of three joints, for which the best plan can be derived by hand.
@@ -69,6 +70,7 @@ mod compensator;
 mod csv_dialects;
 mod determined;
 mod diagnoses;
+mod documentation;
 mod elastic_beliefs;
 mod faults;
 mod force_sizes;
