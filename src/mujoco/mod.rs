@@ -4,7 +4,7 @@
 //! shared between threads; [`State`] is one thread's simulation of it.
 
 mod balance;
-mod displaced;
+mod changes;
 mod foreign;
 mod locked;
 mod messages;
@@ -18,7 +18,7 @@ mod state;
 mod statics;
 
 pub use balance::GivingWay;
-pub use displaced::Displaced;
+pub use changes::ModelChange;
 pub use messages::print_warnings;
 pub use model::{Geometry, Model, ModelError, Shape};
 pub use mounted::{Additions, MountedPayload, MountedTool, frame};

@@ -235,13 +235,18 @@ impl Model {
         for (body, mass) in model.body_mass_mut().iter_mut().enumerate() {
             *mass *= self.weighing_share(body);
         }
+        self.add_up_masses(&mut model);
+        self.changed(model)
+    }
+
+    /// Sums up what hangs on each body, in a model with other masses.
+    pub(super) fn add_up_masses(&self, model: &mut MjModel) {
         let masses = model.body_mass().to_vec();
         let subtrees = model.body_subtreemass_mut();
         subtrees.copy_from_slice(&masses);
         for body in (1..masses.len()).rev() {
             subtrees[self.parent(body)] += subtrees[body];
         }
-        self.changed(model)
     }
 
     /// The same model in which geometries that collide come into contact at this distance (m).
@@ -580,7 +585,7 @@ impl Model {
         )
     }
 
-    fn sites(&self) -> usize {
+    pub(super) fn sites(&self) -> usize {
         self.inner.site_bodyid().len()
     }
 

@@ -167,6 +167,8 @@ impl<'a> FirstOrder<'a> {
                 ParameterKind::ToolPosition { .. }
                 | ParameterKind::ToolRotation { .. }
                 | ParameterKind::BasePosition { .. }
+                | ParameterKind::LinkMass { .. }
+                | ParameterKind::LinkCentre { .. }
                 | ParameterKind::PayloadMass
                 | ParameterKind::PayloadCentre { .. }
                 | ParameterKind::SpringStiffness { .. }

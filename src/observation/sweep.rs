@@ -16,7 +16,7 @@
 use nalgebra::{DMatrix, Isometry3, Matrix3, Matrix6x3, Matrix6xX, Rotation3, Vector3, Vector6};
 
 use super::rotation::left_jacobian;
-use crate::parameter::{ElasticArm, ParameterKind, ParameterSet, along};
+use crate::parameter::{Axis, ElasticArm, ParameterKind, ParameterSet, Payload, along};
 use crate::robot::{KinematicState, Load, Motion, SerialChain};
 
 /// The directions of a frame's displacement and rotation parameters.
@@ -209,16 +209,16 @@ impl Sweep {
                         self.before[joints] * self.tools[tool].rotation.column(axis.index());
                     self.of_tool(pose, &Twist::rotation(about, &pose.state.tool_position))
                 }
-                ParameterKind::PayloadMass => self.of_payload_mass(pose),
-                ParameterKind::PayloadCentre { axis } => {
-                    pose.belief.payload.map_or_else(Vector6::zeros, |payload| {
-                        let moved = self.before[payload.link + 1]
-                            .column(axis.index())
-                            .into_owned();
-                        let moment = moved.cross(pose.gravity_m_s2) * payload.mass_kg;
-                        self.inner[payload.link + 1] * moment
-                    })
+                ParameterKind::LinkMass { link } => self.of_mass(pose, &mass_of_link(pose, link)),
+                ParameterKind::LinkCentre { link, axis } => {
+                    self.of_centre(pose, &mass_of_link(pose, link), axis)
                 }
+                ParameterKind::PayloadMass => (pose.belief.payload)
+                    .map_or_else(Vector6::zeros, |payload| self.of_mass(pose, &payload)),
+                ParameterKind::PayloadCentre { axis } => (pose.belief.payload)
+                    .map_or_else(Vector6::zeros, |payload| {
+                        self.of_centre(pose, &payload, axis)
+                    }),
                 ParameterKind::LoadScale => self.of_load(pose, pose.load),
                 ParameterKind::LoadOffset => {
                     let along = Load {
@@ -398,22 +398,37 @@ impl Sweep {
         Vector6::new(px, py, pz, rx, ry, rz)
     }
 
-    fn of_payload_mass(&self, pose: &SweepPose<'_>) -> Vector6<f64> {
+    /// What a mass on a link, or the link's own, changes where it grows by a share of it.
+    fn of_mass(&self, pose: &SweepPose<'_>, mass: &Payload) -> Vector6<f64> {
         let mut column = Vector6::zeros();
-        if let Some(payload) = &pose.belief.payload {
-            let link = payload.link;
-            let mut origin = pose.state.anchor[link];
-            if pose.state.slides[link] {
-                origin += pose.state.axis[link] * pose.q[link];
-            }
-            let centre = origin + self.before[payload.link + 1] * payload.centre_of_mass_m;
-            for joint in 0..=payload.link {
-                let moved = pose.state.moves(joint, payload.link + 1, &centre);
-                let torque = moved.dot(pose.gravity_m_s2);
-                let compliance = pose.belief.compliance_rad_per_nm[joint];
-                column += self.response_to(joint) * (torque * compliance * payload.mass_kg);
-            }
+        let link = mass.link;
+        let mut origin = pose.state.anchor[link];
+        if pose.state.slides[link] {
+            origin += pose.state.axis[link] * pose.q[link];
+        }
+        let centre = origin + self.before[link + 1] * mass.centre_of_mass_m;
+        for joint in 0..=link {
+            let moved = pose.state.moves(joint, link + 1, &centre);
+            let torque = moved.dot(pose.gravity_m_s2);
+            let compliance = pose.belief.compliance_rad_per_nm[joint];
+            column += self.response_to(joint) * (torque * compliance * mass.mass_kg);
         }
         column
+    }
+
+    /// What it changes where its centre moves along an axis of the link.
+    fn of_centre(&self, pose: &SweepPose<'_>, mass: &Payload, axis: Axis) -> Vector6<f64> {
+        let moved = self.before[mass.link + 1].column(axis.index()).into_owned();
+        self.inner[mass.link + 1] * (moved.cross(pose.gravity_m_s2) * mass.mass_kg)
+    }
+}
+
+/// What a link weighs by itself.
+fn mass_of_link(pose: &SweepPose<'_>, link: usize) -> Payload {
+    let joint = &pose.belief.chain.joints[link];
+    Payload {
+        link,
+        mass_kg: joint.mass_kg,
+        centre_of_mass_m: joint.centre_of_mass_m,
     }
 }

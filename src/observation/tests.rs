@@ -4,8 +4,8 @@ use nalgebra::{Matrix6xX, Vector3, Vector6};
 
 use super::rotation::inverse_left_jacobian;
 use super::{Form, ObservationModel, Prediction, ReadingKind, Setup};
-use crate::parameter::arms::{Numbers, random, random_elastic, ur10};
-use crate::parameter::{ElasticArm, Parameter, ParameterKind, ParameterSet};
+use crate::parameter::arms::{Numbers, everything, random, random_elastic, ur10};
+use crate::parameter::{ElasticArm, Parameter, ParameterSet};
 use crate::robot::{
     EquilibriumSolver, KinematicState, Kinematics, Load, ObservationMatrix, rotation_vector,
 };
@@ -56,7 +56,7 @@ fn worst_of_arm(numbers: &mut Numbers, belief: &ElasticArm, form: Form, softness
     for compliance in &mut belief.compliance_rad_per_nm {
         *compliance *= softness;
     }
-    let kinds = ParameterKind::all_of(&belief);
+    let kinds = everything(&belief);
     // Some compliances in their logarithm, values away from the nominal ones.
     let unknowns = kinds
         .iter()

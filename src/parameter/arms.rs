@@ -4,7 +4,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 use nalgebra::{DVector, Isometry3, Translation3, Unit, UnitQuaternion, Vector3};
 
-use super::{ElasticArm, ParameterKind, Payload};
+use super::{Axis, ElasticArm, ParameterKind, Payload};
 use crate::robot::{Drive, Elements, Joint, JointSpring, Offset, Place, SerialChain, Spring, Tool};
 
 /// A small generator (`SplitMix64`) of reproducible numbers.
@@ -206,6 +206,18 @@ pub(crate) fn random_elastic(numbers: &mut Numbers, joints: usize) -> ElasticArm
         });
     }
     belief
+}
+
+/// Everything that readings could tell of an arm, and what each link weighs.
+pub(crate) fn everything(belief: &ElasticArm) -> Vec<ParameterKind> {
+    let links = (belief.chain.joints.iter().enumerate()).filter(|(_, joint)| joint.mass_kg > 0.0);
+    let masses = links.flat_map(|(link, _)| {
+        let centre = Axis::ALL.map(|axis| ParameterKind::LinkCentre { link, axis });
+        [ParameterKind::LinkMass { link }].into_iter().chain(centre)
+    });
+    let mut kinds = ParameterKind::all_of(belief);
+    kinds.extend(masses);
+    kinds
 }
 
 /// The frames of all links, of the tools and of the base.

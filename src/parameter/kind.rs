@@ -75,6 +75,18 @@ pub enum ParameterKind {
         /// About which axis.
         axis: Axis,
     },
+    /// The logarithm of what a link weighs, with all that is fixed to it, over its nominal mass.
+    LinkMass {
+        /// The link.
+        link: usize,
+    },
+    /// The centre of mass of a link, with all that is fixed to it, along an axis of the link (m).
+    LinkCentre {
+        /// The link.
+        link: usize,
+        /// Along which axis.
+        axis: Axis,
+    },
     /// The position of a tool along one of its axes (m).
     ToolPosition {
         /// Which of the belief's tools.
@@ -136,8 +148,9 @@ impl ParameterKind {
             | Self::SpringRest { .. }
             | Self::ToolPosition { .. }
             | Self::BasePosition { .. }
+            | Self::LinkCentre { .. }
             | Self::PayloadCentre { .. } => "m",
-            Self::PayloadMass | Self::LoadScale | Self::TaskScale => "1",
+            Self::LinkMass { .. } | Self::PayloadMass | Self::LoadScale | Self::TaskScale => "1",
             Self::LoadOffset | Self::TaskForce { .. } => "N",
         }
     }
@@ -147,7 +160,7 @@ impl ParameterKind {
     pub const fn is_logarithmic(self, has_prior: bool) -> bool {
         match self {
             Self::JointCompliance { .. } | Self::SpringStiffness { .. } => has_prior,
-            Self::PayloadMass | Self::LoadScale | Self::TaskScale => true,
+            Self::LinkMass { .. } | Self::PayloadMass | Self::LoadScale | Self::TaskScale => true,
             _ => false,
         }
     }
@@ -206,6 +219,8 @@ impl ParameterKind {
             Self::SpringRest { spring } => format!("{}.rest", named(spring)),
             Self::LinkPosition { link, axis } => format!("link_{}.{axis}", link + 1),
             Self::LinkRotation { link, axis } => format!("link_{}.r{axis}", link + 1),
+            Self::LinkMass { link } => format!("link_{}.mass", link + 1),
+            Self::LinkCentre { link, axis } => format!("link_{}.c{axis}", link + 1),
             Self::ToolPosition { tool: index, axis } => format!("{}.{axis}", tool(index)),
             Self::ToolRotation { tool: index, axis } => format!("{}.r{axis}", tool(index)),
             Self::BasePosition { axis } => format!("base.{axis}"),
@@ -244,11 +259,12 @@ impl ParameterKind {
             | Self::SpringRest { .. }
             | Self::BasePosition { .. }
             | Self::BaseRotation { .. }
+            | Self::LinkCentre { .. }
             | Self::PayloadCentre { .. }
             | Self::LoadScale
             | Self::TaskScale => 1e-2,
             Self::LoadOffset | Self::TaskForce { .. } => 10.0,
-            Self::PayloadMass => 5e-2,
+            Self::PayloadMass | Self::LinkMass { .. } => 5e-2,
         }
     }
 
@@ -283,6 +299,10 @@ impl ParameterKind {
             }
             Self::LinkRotation { link, axis } => {
                 format!("link_{}'s rotation about {axis}", link + 1)
+            }
+            Self::LinkMass { link } => format!("link_{}'s mass", link + 1),
+            Self::LinkCentre { link, axis } => {
+                format!("link_{}'s centre of mass along {axis}", link + 1)
             }
             Self::ToolPosition { tool: index, axis } => {
                 format!("{}'s position along {axis}", tool(index))
@@ -333,7 +353,9 @@ impl Parameter {
             _ if self.is_logarithmic => 1.0,
             ParameterKind::JointCompliance { .. } => 3.0 * self.nominal.max(self.scale),
             ParameterKind::SpringStiffness { .. } => 3.0 * self.nominal.abs().max(self.scale),
-            ParameterKind::PayloadCentre { .. } | ParameterKind::SpringRest { .. } => 0.3,
+            ParameterKind::LinkCentre { .. }
+            | ParameterKind::PayloadCentre { .. }
+            | ParameterKind::SpringRest { .. } => 0.3,
             ParameterKind::LinkPosition { .. }
             | ParameterKind::ToolPosition { .. }
             | ParameterKind::BasePosition { .. }
@@ -355,6 +377,7 @@ impl Parameter {
             ParameterKind::SpringStiffness { spring } => {
                 nominal.chain.elements.springs[spring].stiffness_n_per_m
             }
+            ParameterKind::LinkMass { link } => nominal.chain.joints[link].mass_kg,
             ParameterKind::PayloadMass => (nominal.payload).map_or(0.0, |payload| payload.mass_kg),
             _ => nominal.load_scale,
         };

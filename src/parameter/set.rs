@@ -18,6 +18,9 @@ pub enum ParameterError {
     /// A parameter of a payload, and there is none.
     #[error("a payload's parameter needs a payload with a mass")]
     NoPayload,
+    /// A mass's or a centre of mass's parameter of a link without one.
+    #[error("link_{0} has no mass")]
+    NoMass(usize),
     /// A relative prior of something that is nominally zero.
     #[error("{0} has a relative prior, which a nominal value of zero cannot have")]
     RigidWithPrior(String),
@@ -75,6 +78,9 @@ impl ParameterSet {
                 }
                 ParameterKind::PayloadCentre { axis } => {
                     (belief.payload).map_or(0.0, |payload| payload.centre_of_mass_m[axis.index()])
+                }
+                ParameterKind::LinkCentre { link, axis } => {
+                    belief.chain.joints[link].centre_of_mass_m[axis.index()]
                 }
                 ParameterKind::LoadOffset => belief.load_offset_n,
                 _ => 0.0,
@@ -266,6 +272,10 @@ impl ParameterSet {
                         payload.centre_of_mass_m[axis.index()] = quantity;
                     }
                 }
+                ParameterKind::LinkMass { link } => belief.chain.joints[link].mass_kg = quantity,
+                ParameterKind::LinkCentre { link, axis } => {
+                    belief.chain.joints[link].centre_of_mass_m[axis.index()] = quantity;
+                }
                 ParameterKind::LoadScale => belief.load_scale = quantity,
                 ParameterKind::LoadOffset => belief.load_offset_n = quantity,
                 ParameterKind::LinkPosition { .. }
@@ -369,10 +379,18 @@ fn check(belief: &ElasticArm, kind: ParameterKind) -> Result<(), ParameterError>
         {
             missing("the spring")
         }
-        ParameterKind::LinkPosition { link, .. } | ParameterKind::LinkRotation { link, .. }
+        ParameterKind::LinkPosition { link, .. }
+        | ParameterKind::LinkRotation { link, .. }
+        | ParameterKind::LinkMass { link }
+        | ParameterKind::LinkCentre { link, .. }
             if link >= joints =>
         {
             missing("the link")
+        }
+        ParameterKind::LinkMass { link } | ParameterKind::LinkCentre { link, .. }
+            if belief.chain.joints[link].mass_kg <= 0.0 =>
+        {
+            Err(ParameterError::NoMass(link + 1))
         }
         ParameterKind::ToolPosition { tool, .. } | ParameterKind::ToolRotation { tool, .. }
             if tool >= tools =>

@@ -51,7 +51,10 @@ fn keep(kind: ParameterKind) -> usize {
         | ParameterKind::LoadOffset
         | ParameterKind::TaskScale
         | ParameterKind::TaskForce { .. } => 1,
-        ParameterKind::PayloadMass | ParameterKind::PayloadCentre { .. } => 2,
+        ParameterKind::LinkMass { .. }
+        | ParameterKind::LinkCentre { .. }
+        | ParameterKind::PayloadMass
+        | ParameterKind::PayloadCentre { .. } => 2,
         ParameterKind::JointZero { .. }
         | ParameterKind::SpringStiffness { .. }
         | ParameterKind::SpringRest { .. } => 3,

@@ -247,7 +247,11 @@ pub(super) enum UncertaintyKind {
     JointZero,
     LinkPosition,
     LinkRotation,
+    LinkMass,
+    LinkCentre,
     ToolPosition,
+    ToolRotation,
+    BasePosition,
     BaseRotation,
     LoadScale,
     LoadOffset,
@@ -265,7 +269,11 @@ impl UncertaintyKind {
             Self::JointZero => "joint_zero",
             Self::LinkPosition => "link_position",
             Self::LinkRotation => "link_rotation",
+            Self::LinkMass => "link_mass",
+            Self::LinkCentre => "link_centre",
             Self::ToolPosition => "tool_position",
+            Self::ToolRotation => "tool_rotation",
+            Self::BasePosition => "base_position",
             Self::BaseRotation => "base_rotation",
             Self::LoadScale => "load_scale",
             Self::LoadOffset => "load_offset",
@@ -280,9 +288,15 @@ impl UncertaintyKind {
     /// The keys that its size may have.
     pub const fn sizes(self) -> &'static [&'static str] {
         match self {
-            Self::Compliance | Self::LoadScale => &["std_relative"],
-            Self::LinkPosition | Self::ToolPosition | Self::LoadPoint => &["std_mm"],
-            Self::LinkRotation | Self::BaseRotation | Self::LoadDirection => &["std_mrad"],
+            Self::Compliance | Self::LinkMass | Self::LoadScale => &["std_relative"],
+            Self::LinkPosition
+            | Self::LinkCentre
+            | Self::ToolPosition
+            | Self::BasePosition
+            | Self::LoadPoint => &["std_mm"],
+            Self::LinkRotation | Self::ToolRotation | Self::BaseRotation | Self::LoadDirection => {
+                &["std_mrad"]
+            }
             Self::JointZero | Self::JointReturn => &["std_mrad", "std_mm"],
             Self::LoadOffset => &["std_n"],
             Self::TaskForce => &["std_relative", "std_n"],
@@ -298,6 +312,8 @@ impl UncertaintyKind {
                 | Self::JointZero
                 | Self::LinkPosition
                 | Self::LinkRotation
+                | Self::LinkMass
+                | Self::LinkCentre
                 | Self::JointReturn
         )
     }

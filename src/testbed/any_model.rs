@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::rest::{RestError, RestSolver};
-use crate::mujoco::{Displaced, GivingWay, Model, ModelError, State};
+use crate::mujoco::{GivingWay, Model, ModelChange, ModelError, State};
 use crate::robot::{Equilibrium, EquilibriumError, Load, TrueRobot};
 
 /// A robot with closed loops is driven to its commands in steps no longer than this (rad, m), so that
@@ -64,14 +64,10 @@ impl MujocoRest {
         let _ = self.become_compliant(compliance_rad_per_nm);
     }
 
-    /// Puts frames of links and sites elsewhere.
-    pub fn displace(
-        &mut self,
-        robot: &TrueRobot,
-        displaced: &[Displaced],
-    ) -> Result<(), ModelError> {
+    /// Makes the robot another than the model says.
+    pub fn change(&mut self, robot: &TrueRobot, changes: &[ModelChange]) -> Result<(), ModelError> {
         let model = robot.model.without_contacts_and_limits();
-        self.model = model.with_displaced(&robot.joints, displaced)?;
+        self.model = model.with_changes(&robot.joints, changes)?;
         let compliance = std::mem::take(&mut self.compliance);
         self.become_compliant(&compliance)
     }

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use crate::mujoco::{Displaced, ModelError, State};
+use crate::mujoco::{ModelChange, ModelError, State};
 use crate::robot::{Elements, KinematicState, Kinematics, SerialChain, TrueRobot};
 
 /// The kinematics of the robot as MuJoCo computes them.
@@ -51,15 +51,11 @@ impl MujocoArm {
         }
     }
 
-    /// Puts frames of links and sites elsewhere.
-    pub fn displace(
-        &mut self,
-        robot: &TrueRobot,
-        displaced: &[Displaced],
-    ) -> Result<(), ModelError> {
+    /// Makes the robot another than the model says.
+    pub fn change(&mut self, robot: &TrueRobot, changes: &[ModelChange]) -> Result<(), ModelError> {
         let model = &robot.model.with_weighing_masses();
         self.state
-            .replace_model(&model.with_displaced(&robot.joints, displaced)?);
+            .replace_model(&model.with_changes(&robot.joints, changes)?);
         Ok(())
     }
 

@@ -2,7 +2,7 @@
 //! not know.
 
 use super::arm::MujocoArm;
-use crate::mujoco::{Displaced, ModelError, State};
+use crate::mujoco::{ModelChange, ModelError, State};
 use crate::robot::{
     Equilibrium, EquilibriumError, EquilibriumSolver, KinematicState, Load, SerialChain, TrueRobot,
 };
@@ -52,13 +52,9 @@ impl ChainRest {
         }
     }
 
-    /// Puts frames of links and sites elsewhere.
-    pub fn displace(
-        &mut self,
-        robot: &TrueRobot,
-        displaced: &[Displaced],
-    ) -> Result<(), ModelError> {
-        self.arm.displace(robot, displaced)
+    /// Makes the robot another than the model says.
+    pub fn change(&mut self, robot: &TrueRobot, changes: &[ModelChange]) -> Result<(), ModelError> {
+        self.arm.change(robot, changes)
     }
 
     /// Lets the robot come to rest.

@@ -7,7 +7,7 @@ use nalgebra::{Isometry3, Rotation3, Vector3};
 
 use crate::experiment::{Experiment, Plan};
 use crate::measurement::{Measurement, RotationMeasurement};
-use crate::mujoco::Displaced;
+use crate::mujoco::ModelChange;
 use crate::parameter::{
     Axis, ElasticArm, FrameChange, ParameterError, ParameterKind, ParameterSet, ReadingSource,
     Source, Uncertainty,
@@ -140,18 +140,29 @@ impl Circumstances {
         load
     }
 
-    /// The frames of links, by joints, and of the calibration tool that stand elsewhere.
+    /// What of the robot's model differs: frames of links and of the calibration tool, what links weigh.
     #[must_use]
-    pub fn displaced(&self) -> Vec<Displaced> {
+    pub fn model_changes(&self) -> Vec<ModelChange> {
         let moved = self.set.displacements(&self.nominal, &self.values);
         let isometry = |change: &FrameChange| change.isometry();
         let links = (moved.links.iter().enumerate())
             .filter(|(_, change)| **change != FrameChange::default())
-            .map(|(joint, change)| Displaced::Link(joint, isometry(change)));
+            .map(|(joint, change)| ModelChange::Link(joint, isometry(change)));
         let tools = (moved.tools.iter().zip(&self.nominal.tools))
             .filter(|(change, _)| **change != FrameChange::default())
-            .map(|(change, tool)| Displaced::Site(tool.name.clone(), isometry(change)));
-        links.chain(tools).collect()
+            .map(|(change, tool)| ModelChange::Site(tool.name.clone(), isometry(change)));
+        let masses = self.set.parameters().iter().filter_map(|parameter| {
+            let differs = self.difference(parameter.kind);
+            match parameter.kind {
+                ParameterKind::LinkMass { link } => Some(ModelChange::Mass(link, differs.exp())),
+                ParameterKind::LinkCentre { link, axis } => {
+                    let by = Vector3::ith(axis.index(), differs);
+                    Some(ModelChange::Centre(link, by))
+                }
+                _ => None,
+            }
+        });
+        links.chain(tools).chain(masses).collect()
     }
 
     /// What the joints really are commanded (rad) where a controller commands this.

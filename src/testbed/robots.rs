@@ -22,8 +22,8 @@ pub struct TrueRobots {
     machining: VirtualRobot,
     laboratory: Circumstances,
     compliance_rad_per_nm: Vec<f64>,
-    /// Whether a frame stood elsewhere in the last run.
-    is_displaced: bool,
+    /// Whether the last run's differed from the model.
+    is_changed: bool,
 }
 
 impl TrueRobots {
@@ -44,7 +44,7 @@ impl TrueRobots {
             compliance_rad_per_nm: robot.compliance_rad_per_nm.clone(),
             robot: robot.clone(),
             laboratory,
-            is_displaced: false,
+            is_changed: false,
         })
     }
 
@@ -71,11 +71,11 @@ impl TrueRobots {
             for (joint, compliance) in self.compliance_rad_per_nm.iter_mut().enumerate() {
                 *compliance *= self.laboratory.compliance_factor(joint);
             }
-            let displaced = self.laboratory.displaced();
-            if self.is_displaced || !displaced.is_empty() {
-                self.measuring.displace(&self.robot, &displaced)?;
-                self.machining.displace(&self.robot, &displaced)?;
-                self.is_displaced = !displaced.is_empty();
+            let changes = self.laboratory.model_changes();
+            if self.is_changed || !changes.is_empty() {
+                self.measuring.change(&self.robot, &changes)?;
+                self.machining.change(&self.robot, &changes)?;
+                self.is_changed = !changes.is_empty();
             }
         }
         self.measuring.set_compliance(&self.compliance_rad_per_nm);

@@ -7,7 +7,7 @@ use thiserror::Error;
 use super::any_model::MujocoRest;
 use super::chain::ChainRest;
 use crate::experiment::Experiment;
-use crate::mujoco::{Displaced, GivingWay, ModelError, State};
+use crate::mujoco::{GivingWay, ModelChange, ModelError, State};
 use crate::robot::{Equilibrium, EquilibriumError, Load, TrueRobot, rotation_vector};
 
 /// The tool's motion from the unloaded to the loaded equilibrium, in the world frame.
@@ -93,18 +93,14 @@ impl VirtualRobot {
         }
     }
 
-    /// Puts frames of links and sites where a run's robot has them; all others stand where the model has them.
+    /// Makes the robot a run's, which differs from the model in this alone.
     ///
     /// # Errors
     /// A joint shares its body with one before it, so that its link has no frame of its own.
-    pub fn displace(
-        &mut self,
-        robot: &TrueRobot,
-        displaced: &[Displaced],
-    ) -> Result<(), ModelError> {
+    pub fn change(&mut self, robot: &TrueRobot, changes: &[ModelChange]) -> Result<(), ModelError> {
         match &mut self.body {
-            RestMethod::Chain(rest) => rest.displace(robot, displaced),
-            RestMethod::Any(rest) => rest.displace(robot, displaced),
+            RestMethod::Chain(rest) => rest.change(robot, changes),
+            RestMethod::Any(rest) => rest.change(robot, changes),
         }
     }
 

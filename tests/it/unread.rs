@@ -1,8 +1,11 @@
-//! What is uncertain and no reading of a deflection shows: the task's force, which acts at the test pose alone.
+//! What is uncertain and no reading of a deflection shows, or hardly: the task's force, which acts at the test pose alone;
+//! what links weigh, tools' orientations, the base's position.
 
+use elastocal::mujoco::ModelChange;
+use elastocal::parameter::{Axis, ElasticArm, ParameterKind, ParameterSet};
 use elastocal::plan::Assessment;
-use elastocal::robot::{Kinematics, Load};
-use elastocal::testbed::TrueRobots;
+use elastocal::robot::{EquilibriumSolver, Kinematics, Load};
+use elastocal::testbed::{TrueRobots, VirtualRobot};
 use nalgebra::{Matrix3, Vector3};
 use serde_json::Value;
 
@@ -115,9 +118,86 @@ fn the_drawn_force_acts_at_the_test_pose_alone() {
     assert_eq!(measured(&mut robots, &normals), before);
 }
 
+const SILENT: [(&str, &str); 4] = [
+    ("link_mass", "std_relative = 0.2"),
+    ("link_centre", "std_mm = 20"),
+    ("tool_rotation", "std_mrad = 5"),
+    ("base_position", "std_mm = 5"),
+];
+
+/// Masses and what no deflection shows leave a promise as it is, and the robots that are drawn keep it.
+#[test]
+fn what_links_weigh_costs_nothing() {
+    let certain = study(&with("", "robot", 64));
+    let number = |plan: &Value, key: &str| plan[key].as_f64().expect("a number");
+    let promised = number(&certain, "predicted_rms_mm");
+    for source in SILENT {
+        let plan = study(&with(&entry(source, ""), "robot", 600));
+        assert_holds(&plan, source.0);
+        assert!((number(&plan, "promised_rms_mm") / promised - 1.0).abs() < 1e-6);
+        assert!((number(&plan, "nees_z")).abs() < 5.0, "{plan}");
+    }
+    let all: String = SILENT.iter().map(|&source| entry(source, "")).collect();
+    assert_holds(&study(&with(&all, "robot", 600)), "all of them");
+    assert_holds(&study(&with(&all, "model", 20_000)), "the linear model");
+}
+
+/// Links that weigh more in MuJoCo's model, with what is welded to them, rest where the arm with the same parameters does.
+#[test]
+fn masses_in_the_model_are_those_of_the_parameters() {
+    let payload = "[[robot.payload]]\non = \"link_3\"\nmass_kg = 80\ncentre_mm = [200, 100, 50]\n";
+    let scenario = loaded(&(with(&entry(SILENT[0], ""), "model", 64) + payload));
+    let (belief, robot) = (&scenario.task.belief, &scenario.truth.robot);
+    let arm = belief.arm();
+    let mut unknowns = Vec::new();
+    let mut changes = Vec::new();
+    let mut values = Vec::new();
+    for link in 0..belief.joints() {
+        let factor = 1.1 + 0.1 * f64::from(u8::try_from(link).expect("few joints"));
+        unknowns.push((ParameterKind::LinkMass { link }, Some(0.1)));
+        values.push(factor.ln());
+        changes.push(ModelChange::Mass(link, factor));
+        for axis in Axis::ALL {
+            let by = [0.03, -0.02, 0.05][axis.index()];
+            unknowns.push((ParameterKind::LinkCentre { link, axis }, Some(0.1)));
+            values.push(by + arm.chain.joints[link].centre_of_mass_m[axis.index()]);
+            changes.push(ModelChange::Centre(link, Vector3::ith(axis.index(), by)));
+        }
+    }
+    let set = ParameterSet::new(&arm, unknowns).expect("every link has a mass");
+    let other = set.apply(&arm, &values);
+    let site = &belief.calibration_tool.name;
+    let mut chain = VirtualRobot::new(robot, site).expect("the site exists");
+    let mut any = VirtualRobot::of_any_model(robot, site).expect("the site exists");
+    for experiment in &table4(4).experiments {
+        let commanded = &experiment.configuration_rad;
+        let rest = |arm: &ElasticArm| {
+            let mut solver = EquilibriumSolver::new(arm.chain.len());
+            let compliance = &arm.compliance_rad_per_nm;
+            let mut chain = arm.chain.at(&arm.tools[0]);
+            let commanded = commanded.as_slice();
+            (solver.solve(&mut chain, compliance, commanded, &experiment.load)).expect("at rest");
+            solver.state().tool_position
+        };
+        assert!((rest(&other) - rest(&arm)).norm() > 1e-5);
+        for virtual_robot in [&mut chain, &mut any] {
+            for (changes, expected) in [(&changes[..], rest(&other)), (&[], rest(&arm))] {
+                virtual_robot.change(robot, changes).expect("links exist");
+                let (position, _, _) =
+                    (virtual_robot.rest(commanded, &experiment.load)).expect("at rest");
+                assert!(
+                    (position - expected).norm() < 1e-9,
+                    "{}",
+                    (position - expected).norm()
+                );
+            }
+        }
+    }
+}
+
 /// Wrong entries are named with their key and what is allowed.
 #[test]
-fn wrong_entries_about_tasks() {
+fn wrong_entries() {
     for (text, key, says) in [
         (
             "kind = \"task_force\"",
@@ -134,6 +214,22 @@ fn wrong_entries_about_tasks() {
             "uncertainty[0].std_n",
             "-1",
         ),
+        (
+            "kind = \"link_mass\"\nstd_mm = 1",
+            "uncertainty[0].std_mm",
+            "std_relative",
+        ),
+        (
+            "kind = \"link_mass\"\nstd_relative = 0.1\njoints = [\"joint_7\"]",
+            "uncertainty[0].joints",
+            "joint_7",
+        ),
+        (
+            "kind = \"link_centre\"\nstd_mm = -2",
+            "uncertainty[0].std_mm",
+            "-2",
+        ),
+        ("kind = \"base_position\"", "uncertainty[0]", "std_mm"),
         (
             "kind = \"task_force\"\nstd_n = 1\njoints = [\"joint_1\"]",
             "uncertainty[0].joints",

@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, DVector, Isometry3, Matrix3xX, Matrix6xX, Vector3};
 use super::FirstOrder;
 use crate::observation::{ObservationModel, ReadingKind, Setup};
 use crate::parameter::arms::{Numbers, heavy, random, random_elastic, ur10};
-use crate::parameter::{Axis, ElasticArm, ParameterKind, ParameterSet, ReadingSource};
+use crate::parameter::{Axis, ElasticArm, ParameterKind, ParameterSet, ReadingSource, arms};
 use crate::robot::Load;
 
 /// Arms as a scenario has them: no zeros, the instrument's frame that of the base; the tool last or in the
@@ -39,7 +39,7 @@ fn load(numbers: &mut Numbers, has_torque: bool) -> Load {
 }
 
 fn everything(arm: &ElasticArm) -> ParameterSet {
-    let kinds = ParameterKind::all_of(arm).into_iter().enumerate();
+    let kinds = arms::everything(arm).into_iter().enumerate();
     let unknowns = kinds.map(|(index, kind)| (kind, (index % 2 == 0).then_some(0.1)));
     ParameterSet::new(arm, unknowns).expect("a set")
 }

@@ -64,88 +64,20 @@ impl Checker<'_> {
         belief: &Belief,
     ) -> Result<Source, FileError> {
         self.check_sizes(key, table)?;
-        let size = |name: &str| self.size(key, table, name);
         if table.joints.is_some() && !table.kind.is_of_joints() {
             let problem = format!("a {} is not one of joints", table.kind.name());
             return Err(self.wrong(&format!("{key}.joints"), problem));
         }
-        let single = |kind, size| Ok(Source::Plan(vec![(kind, size)]));
-        let axes = |kind: &dyn Fn(Axis) -> ParameterKind, size: f64| {
-            Ok(Source::Plan(
-                Axis::ALL.map(|axis| (kind(axis), size)).to_vec(),
-            ))
-        };
-        let of_joints = |kinds: &dyn Fn(usize) -> Vec<ParameterKind>, size: f64| {
-            let joints = self.uncertain_joints(key, table, belief, &|_| true)?;
-            let all = joints.into_iter().flat_map(kinds);
-            Ok(Source::Plan(all.map(|kind| (kind, size)).collect()))
-        };
-        match table.kind {
-            UncertaintyKind::Compliance => {
-                let is_elastic = |joint: usize| {
-                    belief.nominal.compliance_rad_per_nm[joint] > 0.0
-                        && (table.joints.is_some() || !belief.parameters.contains(&joint))
-                };
-                let joints = self.uncertain_joints(key, table, belief, &is_elastic)?;
-                let size = size("std_relative")?;
-                let of = |joint| (ParameterKind::JointCompliance { joint }, size);
-                Ok(Source::Plan(joints.into_iter().map(of).collect()))
-            }
-            UncertaintyKind::JointZero => {
-                let joints = self.joint_sizes(key, table, belief)?;
-                let of = |(joint, size)| (ParameterKind::JointZero { joint }, size);
-                Ok(Source::Plan(joints.into_iter().map(of).collect()))
-            }
-            UncertaintyKind::LinkPosition => of_joints(
-                &|link| {
-                    Axis::ALL
-                        .map(|axis| ParameterKind::LinkPosition { link, axis })
-                        .to_vec()
-                },
-                size("std_mm")?,
-            ),
-            UncertaintyKind::LinkRotation => of_joints(
-                &|link| {
-                    Axis::ALL
-                        .map(|axis| ParameterKind::LinkRotation { link, axis })
-                        .to_vec()
-                },
-                size("std_mrad")?,
-            ),
-            UncertaintyKind::ToolPosition => axes(
-                &|axis| ParameterKind::ToolPosition { tool: 0, axis },
-                size("std_mm")?,
-            ),
-            UncertaintyKind::BaseRotation => axes(
-                &|axis| ParameterKind::BaseRotation { axis },
-                size("std_mrad")?,
-            ),
-            UncertaintyKind::LoadScale => single(ParameterKind::LoadScale, size("std_relative")?),
-            UncertaintyKind::LoadOffset => single(ParameterKind::LoadOffset, size("std_n")?),
-            UncertaintyKind::TaskForce => {
-                let mut parameters = Vec::new();
-                if table.std_relative.is_some() {
-                    parameters.push((ParameterKind::TaskScale, size("std_relative")?));
-                }
-                if table.std_n.is_some() {
-                    let size = size("std_n")?;
-                    let of = |axis| (ParameterKind::TaskForce { axis }, size);
-                    parameters.extend(Axis::ALL.map(of));
-                }
-                Ok(Source::Plan(parameters))
-            }
-            UncertaintyKind::LoadDirection => Ok(Source::Reading(ReadingSource::LoadDirection(
-                size("std_mrad")?,
-            ))),
-            UncertaintyKind::LoadPoint => {
-                Ok(Source::Reading(ReadingSource::LoadPoint(size("std_mm")?)))
-            }
+        let size = |name: &str| self.size(key, table, name);
+        let source = match table.kind {
+            UncertaintyKind::LoadDirection => ReadingSource::LoadDirection(size("std_mrad")?),
+            UncertaintyKind::LoadPoint => ReadingSource::LoadPoint(size("std_mm")?),
             UncertaintyKind::JointReturn => {
                 let mut sizes = vec![0.0; belief.nominal.chain.len()];
                 for (joint, size) in self.joint_sizes(key, table, belief)? {
                     sizes[joint] = size;
                 }
-                Ok(Source::Reading(ReadingSource::JointReturn(sizes)))
+                ReadingSource::JointReturn(sizes)
             }
             UncertaintyKind::TrackerRange => {
                 let per_metre = size("std_um_per_m")?;
@@ -154,8 +86,96 @@ impl Checker<'_> {
                     let wrong = self.wrong(&format!("{key}.kind"), problem);
                     wrong.hint("name a site of the model by instrument.tracker_site")
                 })?;
-                Ok(Source::Reading(ReadingSource::Range { from_m, per_metre }))
+                ReadingSource::Range { from_m, per_metre }
             }
+            _ => return Ok(Source::Plan(self.shared(key, table, belief)?)),
+        };
+        Ok(Source::Reading(source))
+    }
+
+    /// The parameters of a kind that the whole plan shares, with their standard deviations.
+    fn shared(
+        &self,
+        key: &str,
+        table: &UncertaintyTable,
+        belief: &Belief,
+    ) -> Result<Vec<(ParameterKind, f64)>, FileError> {
+        use ParameterKind as Of;
+        let size = |name: &str| self.size(key, table, name);
+        let axes = |kind: &dyn Fn(Axis) -> Of, name: &str| {
+            let size = size(name)?;
+            Ok(Axis::ALL.map(|axis| (kind(axis), size)).to_vec())
+        };
+        let of_links =
+            |kind: &dyn Fn(usize, Axis) -> Of, name: &str, is_meant: &dyn Fn(usize) -> bool| {
+                let size = size(name)?;
+                let links = self.uncertain_joints(key, table, belief, is_meant)?;
+                let of = |link| Axis::ALL.map(|axis| (kind(link, axis), size));
+                Ok(links.into_iter().flat_map(of).collect())
+            };
+        let all = |_| true;
+        let has_mass = |link: usize| belief.nominal.chain.joints[link].mass_kg > 0.0;
+        match table.kind {
+            UncertaintyKind::Compliance => {
+                let is_elastic = |joint: usize| {
+                    belief.nominal.compliance_rad_per_nm[joint] > 0.0
+                        && (table.joints.is_some() || !belief.parameters.contains(&joint))
+                };
+                let joints = self.uncertain_joints(key, table, belief, &is_elastic)?;
+                let size = size("std_relative")?;
+                let of = |joint| (Of::JointCompliance { joint }, size);
+                Ok(joints.into_iter().map(of).collect())
+            }
+            UncertaintyKind::JointZero => {
+                let joints = self.joint_sizes(key, table, belief)?;
+                let of = |(joint, size)| (Of::JointZero { joint }, size);
+                Ok(joints.into_iter().map(of).collect())
+            }
+            UncertaintyKind::LinkPosition => of_links(
+                &|link, axis| Of::LinkPosition { link, axis },
+                "std_mm",
+                &all,
+            ),
+            UncertaintyKind::LinkRotation => of_links(
+                &|link, axis| Of::LinkRotation { link, axis },
+                "std_mrad",
+                &all,
+            ),
+            UncertaintyKind::LinkMass => {
+                let links = self.uncertain_joints(key, table, belief, &has_mass)?;
+                let size = size("std_relative")?;
+                let of = |link| (Of::LinkMass { link }, size);
+                Ok(links.into_iter().map(of).collect())
+            }
+            UncertaintyKind::LinkCentre => of_links(
+                &|link, axis| Of::LinkCentre { link, axis },
+                "std_mm",
+                &has_mass,
+            ),
+            UncertaintyKind::ToolPosition => {
+                axes(&|axis| Of::ToolPosition { tool: 0, axis }, "std_mm")
+            }
+            UncertaintyKind::ToolRotation => {
+                axes(&|axis| Of::ToolRotation { tool: 0, axis }, "std_mrad")
+            }
+            UncertaintyKind::BasePosition => axes(&|axis| Of::BasePosition { axis }, "std_mm"),
+            UncertaintyKind::BaseRotation => axes(&|axis| Of::BaseRotation { axis }, "std_mrad"),
+            UncertaintyKind::LoadScale => Ok(vec![(Of::LoadScale, size("std_relative")?)]),
+            UncertaintyKind::LoadOffset => Ok(vec![(Of::LoadOffset, size("std_n")?)]),
+            UncertaintyKind::TaskForce => {
+                let mut parameters = Vec::new();
+                if table.std_relative.is_some() {
+                    parameters.push((Of::TaskScale, size("std_relative")?));
+                }
+                if table.std_n.is_some() {
+                    parameters.append(&mut axes(&|axis| Of::TaskForce { axis }, "std_n")?);
+                }
+                Ok(parameters)
+            }
+            UncertaintyKind::LoadDirection
+            | UncertaintyKind::LoadPoint
+            | UncertaintyKind::JointReturn
+            | UncertaintyKind::TrackerRange => Ok(Vec::new()),
         }
     }
 
@@ -238,9 +258,14 @@ impl Checker<'_> {
                 return Err(self.wrong(&key, format!("found {name:?} twice")));
             }
             if !is_meant(joint) {
-                let problem = format!(
-                    "{name} is rigid: its compliance is zero and cannot be wrong by a share"
-                );
+                let problem = match table.kind {
+                    UncertaintyKind::LinkMass | UncertaintyKind::LinkCentre => {
+                        format!("the link that {name} moves has no mass")
+                    }
+                    _ => format!(
+                        "{name} is rigid: its compliance is zero and cannot be wrong by a share"
+                    ),
+                };
                 return Err(self.wrong(&key, problem));
             }
             joints.push(joint);

@@ -1,0 +1,142 @@
+//! Models that differ from what the file says: links and sites that stand elsewhere, links that weigh more or less.
+
+use mujoco_rs::prelude::{MjModel, MjtSameFrame};
+use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+
+use super::{Model, ModelError};
+
+/// What is not as the file says. Frames stand elsewhere by the displacement from their own place, in their own axes.
+#[derive(Debug, Clone, PartialEq)]
+pub enum ModelChange {
+    /// The frame of the link of one of a belief's joints, at zero angle; its origin lies on the axis.
+    Link(usize, Isometry3<f64>),
+    /// The frame of a site.
+    Site(String, Isometry3<f64>),
+    /// What the link of one of a belief's joints weighs, with all that is fixed to it, is so many times as much.
+    Mass(usize, f64),
+    /// Its centre of mass lies elsewhere, by a vector in the link's frame (m).
+    Centre(usize, Vector3<f64>),
+}
+
+impl Model {
+    /// The same model with some changes. `joints` are MuJoCo's identifiers of the belief's; links
+    /// that the model does not have stay away.
+    ///
+    /// # Errors
+    /// A joint is not the first of its body, so that its link has no frame of its own; or a site is missing.
+    pub fn with_changes(
+        &self,
+        joints: &[Option<usize>],
+        changes: &[ModelChange],
+    ) -> Result<Self, ModelError> {
+        let mut model = (*self.inner).clone();
+        for each in changes {
+            match each {
+                ModelChange::Link(joint, by) => {
+                    let Some(joint) = joints[*joint] else {
+                        continue;
+                    };
+                    let body = self.body_of_first_joint(joint)?;
+                    let body_from_link = self.body_from_link(joint);
+                    let frame = self.parent_from_body(body)
+                        * body_from_link
+                        * by
+                        * body_from_link.inverse();
+                    model.body_pos_mut()[body] = frame.translation.vector.into();
+                    let [x, y, z, w] = frame.rotation.coords.into();
+                    model.body_quat_mut()[body] = [w, x, y, z];
+                }
+                ModelChange::Site(name, by) => {
+                    let site = self.site(name)?;
+                    let (_, body_from_site) = self.site_body(site);
+                    let frame = body_from_site * by;
+                    model.site_pos_mut()[site] = frame.translation.vector.into();
+                    let [x, y, z, w] = frame.rotation.coords.into();
+                    model.site_quat_mut()[site] = [w, x, y, z];
+                    model.site_sameframe_mut()[site] = MjtSameFrame::mjSAMEFRAME_NONE;
+                }
+                ModelChange::Mass(joint, factor) => {
+                    for (body, _) in self.bodies_of_link(joints, *joint) {
+                        model.body_mass_mut()[body] *= factor;
+                        for moment in &mut model.body_inertia_mut()[body] {
+                            *moment *= factor;
+                        }
+                    }
+                }
+                ModelChange::Centre(joint, by) => {
+                    for (body, turn) in self.bodies_of_link(joints, *joint) {
+                        let centre = Vector3::from(model.body_ipos()[body]) + turn * by;
+                        model.body_ipos_mut()[body] = centre.into();
+                        self.unalign(&mut model, body);
+                    }
+                }
+            }
+        }
+        self.add_up_masses(&mut model);
+        Ok(self.changed(model))
+    }
+
+    /// The frame of the link of a joint in its body's, which a reference angle turns.
+    fn body_from_link(&self, joint: usize) -> Isometry3<f64> {
+        let (axis, anchor) = self.joint_axis_and_anchor(joint);
+        let axis = nalgebra::Unit::new_normalize(axis);
+        let reference = self.joint_reference(joint);
+        if self.is_slide(joint) {
+            (anchor - axis.into_inner() * reference).into()
+        } else {
+            let turn = UnitQuaternion::from_axis_angle(&axis, -reference);
+            Isometry3::from_parts(anchor.into(), turn)
+        }
+    }
+
+    /// The bodies that a joint moves, and none of the other `joints` beyond it does; with the rotations that turn
+    /// vectors of the link's frame into theirs.
+    fn bodies_of_link(
+        &self,
+        joints: &[Option<usize>],
+        index: usize,
+    ) -> Vec<(usize, UnitQuaternion<f64>)> {
+        let Some(joint) = joints[index] else {
+            return Vec::new();
+        };
+        let is_known = |joint: &usize| joints.contains(&Some(*joint));
+        let mut found = Vec::new();
+        let mut turn_of: Vec<Option<UnitQuaternion<f64>>> = vec![None; self.bodies()];
+        for body in 1..self.bodies() {
+            turn_of[body] = match self.joints_of(body).filter(is_known).last() {
+                Some(last) if last == joint => Some(self.body_from_link(joint).rotation),
+                Some(_) => None,
+                None => turn_of[self.parent(body)]
+                    .map(|turn| self.parent_from_body(body).rotation.inverse() * turn),
+            };
+            found.extend(turn_of[body].map(|turn| (body, turn)));
+        }
+        found
+    }
+
+    /// Makes MuJoCo compute the places of a body's centre of mass and of what may share its frame by themselves.
+    fn unalign(&self, model: &mut MjModel, body: usize) {
+        let none = MjtSameFrame::mjSAMEFRAME_NONE;
+        model.body_sameframe_mut()[body] = none;
+        for site in (0..self.sites()).filter(|&site| self.site_body(site).0 == body) {
+            model.site_sameframe_mut()[site] = none;
+        }
+        for geometry in (0..self.geometries()).filter(|&each| self.geometry_body(each) == body) {
+            model.geom_sameframe_mut()[geometry] = none;
+        }
+    }
+
+    fn body_of_first_joint(&self, joint: usize) -> Result<usize, ModelError> {
+        let bodies = 1..self.bodies();
+        let mut first = bodies.filter_map(|body| Some((body, self.joints_of(body).next()?)));
+        let found = first.find(|(_, first)| *first == joint);
+        found.map(|(body, _)| body).ok_or_else(|| ModelError::NotSerial {
+            path: self.path().to_owned(),
+            reason: format!(
+                "joint {:?} shares its body with another before it: its link has no frame of its own that could be \
+                 uncertain",
+                self.joint_name(joint)
+            ),
+        })
+    }
+}
