@@ -4,7 +4,7 @@
 use nalgebra::{DVector, Vector3};
 use thiserror::Error;
 
-use crate::compensation::{compensate, predicted_error, test_pose_rows};
+use crate::compensation::{compensate_identified, predicted_error, test_pose_rows};
 use crate::identification::{Case, Identification, IdentificationError, Sigma};
 use crate::measurement::Measurement;
 use crate::mujoco::ModelError;
@@ -148,7 +148,7 @@ pub fn compensate_poses(
     method: Method,
 ) -> Result<Vec<CompensatedPose>, CalibrationError> {
     let belief = &task.belief;
-    let (chain, tool) = (&belief.nominal.chain, &belief.machining_tool);
+    let identified = (posterior.mean.as_slice(), compliance_rad_per_nm);
     task.test_poses
         .iter()
         .map(|pose| {
@@ -157,7 +157,7 @@ pub fn compensate_poses(
                 source,
             };
             let commanded_rad =
-                compensate(chain, tool, compliance_rad_per_nm, pose, method).map_err(at_pose)?;
+                compensate_identified(belief, identified, pose, method).map_err(at_pose)?;
             let matrix = test_pose_rows(belief, pose);
             Ok(CompensatedPose {
                 name: pose.name.clone(),

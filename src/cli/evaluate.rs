@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use elastocal::plan::search::Bound;
-use elastocal::plan::{Assessment, read_plan};
+use elastocal::plan::{Assessment, FurtherError, read_plan};
 use elastocal::record::messages::{AssessmentMessage, ProvenanceMessage};
 use elastocal::scenario::Scenario;
 use elastocal::wording::counted;
@@ -61,16 +61,8 @@ impl Evaluate {
 
 /// The conditions that a plan does not meet.
 pub fn conditions(scenario: &Scenario, assessment: &Assessment) -> Vec<String> {
-    let names = scenario.task.belief.parameter_names();
-    let mut conditions: Vec<String> = assessment
-        .undetermined()
-        .into_iter()
-        .map(|index| {
-            format!(
-                "the plan does not determine the compliance of {}",
-                names[index]
-            )
-        })
+    let mut conditions: Vec<String> = (assessment.undetermined(&scenario.task.belief).into_iter())
+        .map(|words| format!("the plan does not determine {words}"))
         .collect();
     if !assessment.violations.is_empty() {
         conditions.push(violated(assessment.violations.len()));
@@ -139,6 +131,7 @@ pub fn describe(scenario: &Scenario, assessment: &Assessment) -> String {
         .collect();
     text += &table(&["joint", "standard error [1e-9 rad/(N m)]"], &rows);
     text.push('\n');
+    text += &further(assessment);
     let rows: Vec<Vec<String>> = assessment
         .criteria
         .iter()
@@ -160,4 +153,21 @@ pub fn describe(scenario: &Scenario, assessment: &Assessment) -> String {
         text.push('\n');
     }
     text
+}
+
+/// What is to be found besides compliances.
+fn further(assessment: &Assessment) -> String {
+    if assessment.further.is_empty() {
+        return String::new();
+    }
+    let row = |each: &FurtherError| {
+        let error = each.standard_error;
+        let error = error.map_or_else(
+            || "not determined".to_owned(),
+            |error| format!("{error:.3e}"),
+        );
+        vec![each.name.clone(), error, each.unit.to_owned()]
+    };
+    let rows: Vec<Vec<String>> = assessment.further.iter().map(row).collect();
+    table(&["also to be found", "standard error", "unit"], &rows) + "\n"
 }

@@ -72,10 +72,6 @@ pub fn read_identified(
 
 /// What is known of the compliances and of the other unknowns together.
 fn all_of(compliances: &Posterior, others: OtherUnknowns, sizes: &[f64]) -> Posterior {
-    let (own, hidden) = (compliances.names.len(), compliances.estimable.hidden());
-    // What is uncertain has a prior: it is known.
-    let hidden = hidden.clone().resize_vertically(sizes.len(), 0.0);
-    debug_assert_eq!(own + others.names.len(), sizes.len());
     Posterior {
         names: compliances
             .names
@@ -90,7 +86,7 @@ fn all_of(compliances: &Posterior, others: OtherUnknowns, sizes: &[f64]) -> Post
             .chain(others.values)
             .collect(),
         covariance: others.covariance,
-        estimable: Estimable::with_hidden(sizes, hidden),
+        estimable: Estimable::with_hidden(sizes, others.hidden),
     }
 }
 

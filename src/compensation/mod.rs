@@ -59,6 +59,34 @@ pub fn compensate(
     ))
 }
 
+/// The same with all that was identified of a belief's unknowns: their values (p), and the compliance of every joint
+/// (rad/(N m)). Where frames and zeros are among them, the tool stands where the unloaded tool of the robot so
+/// identified stands.
+///
+/// # Errors
+/// The unloaded robot has no equilibrium at the test pose.
+pub fn compensate_identified(
+    belief: &Belief,
+    (values, compliance_rad_per_nm): (&[f64], &[f64]),
+    pose: &TestPose,
+    method: Method,
+) -> Result<DVector<f64>, EquilibriumError> {
+    let Some(extended) = &belief.uncertain else {
+        let (chain, tool) = (&belief.nominal.chain, &belief.machining_tool);
+        return compensate(chain, tool, compliance_rad_per_nm, pose, method);
+    };
+    let arm = extended.set().apply(extended.arm(), values);
+    let zero_rad = DVector::from_column_slice(&arm.zero_rad);
+    let standing = TestPose {
+        configuration_rad: &pose.configuration_rad + &zero_rad,
+        ..pose.clone()
+    };
+    let tool = &arm.tools[extended.machining_tool()];
+    let compliance = &arm.compliance_rad_per_nm;
+    let commanded_rad = compensate(&arm.chain, tool, compliance, &standing, method)?;
+    Ok(commanded_rad - zero_rad)
+}
+
 /// The observation matrix of a test pose for the compliances of some joints, `A_0^(p)` (eq. 23), 3 x p.
 #[must_use]
 pub fn test_pose_matrix(belief: &Belief, pose: &TestPose, parameters: &[usize]) -> DMatrix<f64> {

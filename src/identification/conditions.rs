@@ -1,6 +1,6 @@
 //! What is wrong with an identification although there is one, by name.
 
-use super::Identification;
+use super::{Identification, UncertainEstimate};
 
 /// Residuals that are as large, or as small, with less than this probability are no chance: with a
 /// thousand calibrations of a correct set-up a year, each side warns wrongly once in ten years. It holds
@@ -15,6 +15,11 @@ impl Identification {
         let mut conditions: Vec<String> = (self.unidentifiable().iter())
             .map(|joint| format!("the measurements do not determine the compliance of {joint}"))
             .collect();
+        let unknown =
+            |each: &&UncertainEstimate| each.prior_deviation.is_none() && each.estimate.is_none();
+        let others = self.uncertain.iter().filter(unknown);
+        conditions
+            .extend(others.map(|each| format!("the measurements do not determine {}", each.words)));
         conditions.extend(self.doubts());
         conditions
     }

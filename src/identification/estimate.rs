@@ -59,9 +59,11 @@ pub struct Estimate {
 pub struct UncertainEstimate {
     /// The parameter's name.
     pub name: String,
+    /// What it is, in words.
+    pub words: String,
     /// The unit of its value.
     pub unit: String,
-    /// What was known before: the standard deviation about zero, or about the nominal value.
+    /// What was known before: the standard deviation about zero, or about the nominal value; `None` of what nobody knew.
     pub prior_deviation: Option<f64>,
     /// What is known now.
     pub estimate: Option<Estimate>,
@@ -204,13 +206,18 @@ fn report(
         })
         .collect();
     let uncertain = (source.uncertain.into_iter())
-        .flat_map(|extended| extended.set().parameters()[joints.len()..].iter())
-        .enumerate()
-        .map(|(index, parameter)| UncertainEstimate {
-            name: parameter.name.clone(),
-            unit: parameter.unit().to_owned(),
-            prior_deviation: parameter.prior_deviation,
-            estimate: estimate(joints.len() + index),
+        .flat_map(|extended| {
+            (joints.len()..extended.set().len()).map(move |place| (extended, place))
+        })
+        .map(|(extended, place)| {
+            let parameter = &extended.set().parameters()[place];
+            UncertainEstimate {
+                name: parameter.name.clone(),
+                words: parameter.kind.words(extended.arm()),
+                unit: parameter.unit().to_owned(),
+                prior_deviation: extended.prior_deviation(place),
+                estimate: estimate(place),
+            }
         })
         .collect();
     let residuals_m = match source.uncertain {

@@ -42,6 +42,8 @@ pub struct OtherUnknowns {
     pub values: Vec<f64>,
     /// The covariance of the compliances and of these.
     pub covariance: DMatrix<f64>,
+    /// What is not determined of the compliances and of these, p x (p - r), in relative units.
+    pub hidden: DMatrix<f64>,
 }
 
 #[derive(Deserialize)]
@@ -66,6 +68,8 @@ struct IdentificationFile {
     covariance_rad2_per_n2m2: Vec<Vec<f64>>,
     #[serde(default)]
     uncertain: Vec<StoredUncertain>,
+    #[serde(default)]
+    undetermined_of_all: Option<Vec<Vec<f64>>>,
     #[serde(default)]
     covariance_of_all: Vec<Vec<f64>>,
     #[expect(dead_code, reason = "must be a number")]
@@ -174,7 +178,18 @@ fn others(path: &Path, stored: &IdentificationFile) -> Result<Option<OtherUnknow
         let wrong = || FileError::new(path, problem).at(format!("uncertain[{index}].value"));
         value.is_finite().then_some(value).ok_or_else(wrong)
     };
+    // Files of earlier versions know of no others that are not determined.
+    let directions = stored.undetermined_of_all.clone().unwrap_or_else(|| {
+        let padded = stored.undetermined_directions.iter().cloned();
+        padded
+            .map(|mut direction| {
+                direction.resize(size, 0.0);
+                direction
+            })
+            .collect()
+    });
     Ok(Some(OtherUnknowns {
+        hidden: orthonormal(path, "undetermined_of_all", &directions, size)?,
         names: stored
             .uncertain
             .iter()
@@ -261,23 +276,33 @@ fn hidden(
     stored: &IdentificationFile,
     size: usize,
 ) -> Result<DMatrix<f64>, FileError> {
-    let directions = &stored.undetermined_directions;
-    let wrong = |problem: String| FileError::new(path, problem).at("undetermined_directions");
+    let (key, directions) = ("undetermined_directions", &stored.undetermined_directions);
+    let given = orthonormal(path, key, directions, size)?;
+    if !stored.compliance_applied_rad_per_nm.is_empty() {
+        return Ok(given);
+    }
+    let estimates = &stored.compliance_rad_per_nm;
+    let missing: Vec<usize> = (0..size)
+        .filter(|&each| estimates[each].is_none())
+        .collect();
+    Ok(DMatrix::identity(size, size).select_columns(&missing))
+}
+
+/// Orthonormal directions among so many parameters, as columns.
+fn orthonormal(
+    path: &Path,
+    key: &str,
+    directions: &[Vec<f64>],
+    size: usize,
+) -> Result<DMatrix<f64>, FileError> {
+    let wrong = |problem: String| FileError::new(path, problem).at(key);
     if let Some(found) = directions.iter().find(|direction| direction.len() != size) {
         let problem = format!("found {} values; there are {size} parameters", found.len());
         return Err(wrong(problem));
     }
-    let hidden = if stored.compliance_applied_rad_per_nm.is_empty() {
-        let estimates = &stored.compliance_rad_per_nm;
-        let missing: Vec<usize> = (0..size)
-            .filter(|&each| estimates[each].is_none())
-            .collect();
-        DMatrix::identity(size, size).select_columns(&missing)
-    } else {
-        DMatrix::from_fn(size, directions.len(), |row, column| {
-            directions[column][row]
-        })
-    };
+    let hidden = DMatrix::from_fn(size, directions.len(), |row, column| {
+        directions[column][row]
+    });
     let gram = hidden.tr_mul(&hidden);
     let off = (&gram - DMatrix::identity(gram.nrows(), gram.ncols())).amax();
     if off.is_nan() || off > 1e-9 {

@@ -23,14 +23,29 @@ pub struct Assessment {
     /// The standard error of each compliance (rad/(N m)), eq. 13; `None` where the plan does not
     /// determine it.
     pub standard_errors: Vec<Option<f64>>,
+    /// What else is to be found.
+    pub further: Vec<FurtherError>,
     /// The value of each criterion of Table 1, see [`Criterion`]; `None` where they need a compliance
-    /// that the plan does not determine: those of Table 1 need all.
+    /// that the plan does not determine: those of Table 1 need all, and are about nothing else.
     pub criteria: Vec<(Criterion, Option<f64>)>,
     /// No plan of the bound's class with as many measurements has a smaller `rho_0` (m), or why there is
     /// no bound for this plan; `None` where no bound was given.
     pub lower_bound_m: Option<Result<PlanBound, NoBound>>,
     /// What makes the plan impossible.
     pub violations: Vec<Violation>,
+}
+
+/// How well a plan determines something that is to be found besides compliances.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FurtherError {
+    /// Its name.
+    pub name: String,
+    /// What it is, in words.
+    pub words: String,
+    /// The unit of its value; "1" for a logarithm.
+    pub unit: &'static str,
+    /// The standard error in that unit; `None` where the plan does not determine it.
+    pub standard_error: Option<f64>,
 }
 
 impl Assessment {
@@ -41,9 +56,11 @@ impl Assessment {
         let information = all.information(plan);
         let posterior = posterior(&task.belief, plan);
         let rho0_m = predicted(task, &posterior);
+        let further = further(&task.belief, &posterior);
+        let has_further = !further.is_empty();
         let value = |criterion| match criterion {
             Criterion::TestPose => rho0_m,
-            _ if !posterior.estimable.is_complete() => None,
+            _ if has_further || !posterior.estimable.is_complete() => None,
             other => all.cost_of(other).value(&information),
         };
         let experiments = plan.measurements();
@@ -57,6 +74,7 @@ impl Assessment {
             standard_errors: (0..task.belief.parameters.len())
                 .map(|index| posterior.standard_error(index))
                 .collect(),
+            further,
             criteria: Criterion::ALL
                 .iter()
                 .map(|&criterion| (criterion, value(criterion)))
@@ -90,13 +108,37 @@ impl Assessment {
         Some(self.bound_m()? / self.rho0_m?)
     }
 
-    /// The indices of the parameters that the plan does not determine.
+    /// What is to be found and the plan does not determine, in words.
     #[must_use]
-    pub fn undetermined(&self) -> Vec<usize> {
-        (0..self.standard_errors.len())
-            .filter(|&index| self.standard_errors[index].is_none())
+    pub fn undetermined(&self, belief: &Belief) -> Vec<String> {
+        let names = belief.parameter_names().into_iter();
+        let compliances = names.map(|name| format!("the compliance of {name}"));
+        let compliances = compliances.zip(self.standard_errors.iter().copied());
+        let further = (self.further.iter()).map(|each| (each.words.clone(), each.standard_error));
+        (compliances.chain(further))
+            .filter(|(_, error)| error.is_none())
+            .map(|(words, _)| words)
             .collect()
     }
+}
+
+fn further(belief: &Belief, posterior: &Posterior) -> Vec<FurtherError> {
+    let Some(extended) = &belief.uncertain else {
+        return Vec::new();
+    };
+    let first = extended.identified();
+    let places = first..first + extended.further().count();
+    places
+        .map(|place| {
+            let parameter = &extended.set().parameters()[place];
+            FurtherError {
+                name: parameter.name.clone(),
+                words: parameter.kind.words(extended.arm()),
+                unit: parameter.unit(),
+                standard_error: posterior.standard_error(place),
+            }
+        })
+        .collect()
 }
 
 /// What is known of the unknowns after the plan, whatever is read.

@@ -192,6 +192,10 @@ pub struct IdentificationMessage {
     /// What else the scenario lists as uncertain and the whole plan shares, and what the measurements say of it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub uncertain: Vec<UncertainMessage>,
+    /// What is not determined of the compliances and of these together: orthonormal combinations, each divided by its
+    /// typical size.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub undetermined_of_all: Vec<Vec<f64>>,
     /// The covariance of the compliances and of these together, in their units.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub covariance_of_all: Vec<Vec<f64>>,
@@ -241,14 +245,16 @@ impl From<&Identification> for IdentificationMessage {
                 .map(|estimate| Some(estimate?.interval95))
                 .collect(),
             compliance_applied_rad_per_nm: posterior.mean.clone(),
-            undetermined_directions: (posterior.estimable.hidden().column_iter())
-                .map(|column| column.iter().copied().collect())
-                .collect(),
+            undetermined_directions: directions_of(posterior.estimable.hidden()),
             compliance_typical_rad_per_nm: posterior.estimable.typical().to_vec(),
             covariance_rad2_per_n2m2: rows_of(&posterior.covariance),
             uncertain: (identification.uncertain.iter())
                 .map(UncertainMessage::from)
                 .collect(),
+            undetermined_of_all: match identification.uncertain.as_slice() {
+                [] => Vec::new(),
+                _ => directions_of(identification.posterior.estimable.hidden()),
+            },
             covariance_of_all: match identification.uncertain.as_slice() {
                 [] => Vec::new(),
                 _ => rows_of(&identification.posterior.covariance),
@@ -264,6 +270,13 @@ impl From<&Identification> for IdentificationMessage {
             residuals_mm: residuals_mm(&identification.residuals_m),
         }
     }
+}
+
+fn directions_of(columns: &DMatrix<f64>) -> Vec<Vec<f64>> {
+    let columns = columns.column_iter();
+    columns
+        .map(|column| column.iter().copied().collect())
+        .collect()
 }
 
 fn rows_of(matrix: &DMatrix<f64>) -> Vec<Vec<f64>> {
@@ -333,6 +346,9 @@ pub struct AssessmentMessage {
     pub rho0_shares: Vec<ShareMessage>,
     /// The standard errors of the compliances (rad/(N m)); null where one is not determined.
     pub compliance_std_rad_per_nm: Vec<Option<f64>>,
+    /// The standard errors of what is to be found besides compliances.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub further_std: Vec<FurtherMessage>,
     /// The criteria of Table 1 by name, in relative units; `test_pose` in mm.
     pub criteria: BTreeMap<String, Option<f64>>,
     /// No plan of the class that the bound speaks about has a smaller `rho0_mm` for as many
@@ -355,6 +371,17 @@ pub struct AssessmentMessage {
     pub no_bound_reason: Option<String>,
     /// What makes the plan impossible.
     pub violations: Vec<ViolationMessage>,
+}
+
+/// How well a plan determines something that is to be found besides compliances.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct FurtherMessage {
+    /// Its name, as in `robot.parameters`.
+    pub name: String,
+    /// The unit of its value; "1" for a logarithm.
+    pub unit: String,
+    /// Its standard error in that unit; null where the plan does not determine it.
+    pub std: Option<f64>,
 }
 
 /// A part of a promise.
@@ -416,6 +443,13 @@ impl AssessmentMessage {
                 })
                 .collect(),
             compliance_std_rad_per_nm: assessment.standard_errors.clone(),
+            further_std: (assessment.further.iter())
+                .map(|each| FurtherMessage {
+                    name: each.name.clone(),
+                    unit: each.unit.to_owned(),
+                    std: each.standard_error,
+                })
+                .collect(),
             criteria: assessment.criteria.iter().map(millimetres).collect(),
             lower_bound_rho0_mm: assessment.bound_m().map(|value| value * 1e3),
             bound_kind: (assessment.bound()).map(|bound| bound.kind.name().to_owned()),

@@ -71,7 +71,12 @@ impl Scenario {
     /// The scenario of a planner who knows of the instrument's noise alone; the virtual robot stays as uncertain as it
     /// is.
     pub fn noise_only(&mut self) {
-        self.is_noise_only = self.task.belief.uncertain.take().is_some();
+        let belief = &mut self.task.belief;
+        let Some(extended) = belief.uncertain.take() else {
+            return;
+        };
+        self.is_noise_only = !extended.is_certain();
+        belief.uncertain = extended.noise_only(&belief.parameters, belief.prior.as_ref());
     }
 
     /// What files that are made under this scenario say of it.

@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::tally::Failure;
 use crate::calibration::{identify_as_planned, see};
-use crate::compensation::{compensate, test_pose_rows};
+use crate::compensation::{compensate_identified, test_pose_rows};
 use crate::mujoco::ModelError;
 use crate::plan::Plan;
 use crate::random::normal::LANES;
@@ -83,7 +83,6 @@ impl<'a> RobotRuns<'a> {
         add_noise(&mut measurements, &belief.instrument, noise, lane);
         let identification =
             identify_as_planned(belief, &measurements).map_err(|_| Failure::Identification)?;
-        let estimated = &identification.compliance_rad_per_nm;
         let posterior = &identification.posterior;
         let truth = self.robots.unknowns(belief);
         let values = posterior.mean.iter().zip(&truth);
@@ -95,8 +94,9 @@ impl<'a> RobotRuns<'a> {
         let nees = (posterior.normalised_square(&error)).ok_or(Failure::Undetermined)?;
         let mut square_m2 = 0.0;
         for pose in &self.task.test_poses {
-            let (chain, tool) = (&belief.nominal.chain, &belief.machining_tool);
-            let seen = compensate(chain, tool, estimated, pose, belief.method)
+            let estimated = &identification.compliance_rad_per_nm;
+            let identified = (posterior.mean.as_slice(), estimated.as_slice());
+            let seen = compensate_identified(belief, identified, pose, belief.method)
                 .and_then(|commanded| see(&mut self.robots, pose, &commanded))
                 .map_err(|_| Failure::TestPose)?;
             square_m2 += pose.weight * seen.residual_m.norm_squared();

@@ -21,6 +21,8 @@ pub struct Extended {
     set: ParameterSet,
     /// How many are the identified compliances.
     identified: usize,
+    /// What else is to be found, right after these.
+    further: Vec<ParameterKind>,
     /// The uncertainties that the whole plan shares, by name, and which parameters they are.
     shared: Vec<(String, Vec<usize>)>,
     /// The precision of each parameter that its uncertainty alone gives it (1 over its unit squared).
@@ -33,23 +35,26 @@ pub struct Extended {
 }
 
 impl Extended {
-    /// The vector of the compliances of an arm's `identified` joints, with what is known of these before, and of some
-    /// uncertainties.
+    /// The vector of the compliances of an arm's `identified` joints, with what is known of these before, of what
+    /// else is to be found (`further`), of which nothing is known but what the uncertainties say, and of these.
     ///
     /// # Errors
-    /// An uncertainty is about something that the arm does not have or cannot know.
+    /// An unknown is something that the arm does not have or cannot know.
     pub fn new(
         arm: ElasticArm,
         identified: &[usize],
+        further: &[ParameterKind],
         prior: Option<&Prior>,
         uncertainties: &[Uncertainty],
     ) -> Result<Self, ParameterError> {
         let compliance = |&joint: &usize| ParameterKind::JointCompliance { joint };
-        let mut unknowns: Vec<(ParameterKind, Option<f64>)> = (identified.iter())
-            .map(|joint| (compliance(joint), None))
+        let own = identified.iter().map(compliance);
+        let mut unknowns: Vec<(ParameterKind, Option<f64>)> = own
+            .chain(further.iter().copied())
+            .map(|kind| (kind, None))
             .collect();
         let mut shared = Vec::new();
-        let mut own_priors = Vec::new();
+        let mut own_priors: Vec<(usize, f64)> = Vec::new();
         let (mut source_names, mut sources) = (Vec::new(), Vec::new());
         for each in uncertainties {
             match &each.source {
@@ -60,15 +65,20 @@ impl Extended {
                 Source::Plan(parameters) => {
                     let mut places = Vec::new();
                     for &(kind, deviation) in parameters {
-                        let identified = identified
-                            .iter()
-                            .position(|joint| compliance(joint) == kind);
-                        if let Some(place) = identified {
-                            // It stays linear, as in the paper.
-                            let ParameterKind::JointCompliance { joint } = kind else {
-                                continue;
+                        let wanted = identified.len() + further.len();
+                        let place = unknowns[..wanted].iter().position(|each| each.0 == kind);
+                        if own_priors.iter().any(|(other, _)| Some(*other) == place) {
+                            return Err(ParameterError::Twice(kind.name(&arm)));
+                        }
+                        if let Some(place) = place {
+                            // A compliance stays linear, as in the paper.
+                            let unit = match kind {
+                                ParameterKind::JointCompliance { joint } => {
+                                    arm.compliance_rad_per_nm[joint]
+                                }
+                                _ => 1.0,
                             };
-                            own_priors.push((place, deviation * arm.compliance_rad_per_nm[joint]));
+                            own_priors.push((place, deviation * unit));
                             places.push(place);
                         } else {
                             places.push(unknowns.len());
@@ -109,6 +119,7 @@ impl Extended {
             arm,
             set,
             identified: identified.len(),
+            further: further.to_vec(),
             shared,
             own_precision,
             source_names,
@@ -116,10 +127,38 @@ impl Extended {
         })
     }
 
+    /// The same vector where only the instrument's noise is believed in, with what is known of the compliances before:
+    /// what is to be found stays. `None` where that is compliances alone.
+    #[must_use]
+    pub fn noise_only(&self, identified: &[usize], prior: Option<&Prior>) -> Option<Self> {
+        if self.further.is_empty() {
+            return None;
+        }
+        Self::new(self.arm.clone(), identified, &self.further, prior, &[]).ok()
+    }
+
+    /// Whether nothing but the instrument's noise is uncertain.
+    #[must_use]
+    pub const fn is_certain(&self) -> bool {
+        self.shared.is_empty() && self.sources.is_empty()
+    }
+
+    /// The names of what is to be found besides compliances.
+    pub fn further(&self) -> impl Iterator<Item = &str> {
+        let places = self.identified..self.identified + self.further.len();
+        (self.set.parameters()[places].iter()).map(|each| each.name.as_str())
+    }
+
     /// The nominal arm, the calibration tool first.
     #[must_use]
     pub const fn arm(&self) -> &ElasticArm {
         &self.arm
+    }
+
+    /// Which of the arm's tools machines.
+    #[must_use]
+    pub const fn machining_tool(&self) -> usize {
+        self.arm.tools.len() - 1
     }
 
     /// The extended vector: the identified compliances, then what is uncertain.
@@ -167,6 +206,14 @@ impl Extended {
         self.own_precision[parameter]
     }
 
+    /// The standard deviation that its uncertainty alone gives a parameter, in its unit; `None` where there is none.
+    #[must_use]
+    pub fn prior_deviation(&self, parameter: usize) -> Option<f64> {
+        let own = self.own_precision[parameter];
+        let deviation = self.set.parameters()[parameter].prior_deviation;
+        deviation.or_else(|| (own > 0.0).then(|| own.sqrt().recip()))
+    }
+
     /// The uncertainties that are new in each reading, by name.
     pub fn sources(&self) -> impl Iterator<Item = (&str, &ReadingSource)> {
         let names = self.source_names.iter().map(String::as_str);
@@ -197,13 +244,6 @@ impl Extended {
     /// The same at the machining tool, where nothing is measured.
     #[must_use]
     pub fn at_test_pose(&self, sizes: &[f64]) -> FirstOrder<'_> {
-        FirstOrder::new(
-            &self.arm,
-            self.arm.tools.len() - 1,
-            &self.set,
-            sizes,
-            1.0,
-            &[],
-        )
+        FirstOrder::new(&self.arm, self.machining_tool(), &self.set, sizes, 1.0, &[])
     }
 }

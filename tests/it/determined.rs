@@ -423,7 +423,8 @@ fn a_nominal_compliance_of_zero_is_a_fine_start() {
         }
         let plan = crate::support::table4(4);
         let assessment = Assessment::new(&scenario.task, &plan, None);
-        assert_eq!(assessment.undetermined(), [0; 0], "{nominal}");
+        let undetermined = assessment.undetermined(&scenario.task.belief);
+        assert_eq!(undetermined, [""; 0], "{nominal}");
         assert!(assessment.criteria.iter().all(|(_, value)| value.is_some()));
         let shown = calibrate(&scenario.task, &scenario.truth, &plan, scenario.seed, 0)
             .expect("works")

@@ -120,6 +120,7 @@ mod true_models;
 mod uncertainties;
 mod uncertainty;
 mod understanding;
+mod unknowns;
 mod unread;
 mod validation;
 #[cfg(not(feature = "view"))]

@@ -44,6 +44,25 @@ pub enum SearchError {
         /// The joints.
         joints: Vec<String>,
     },
+    /// The test pose depends on unknowns, not compliances alone, of which no feasible experiment shows more than
+    /// combinations.
+    #[error(
+        "no feasible experiments determine {}: deflections do not show them, or in combinations only",
+        names.join(", ")
+    )]
+    Undetermined {
+        /// The unknowns.
+        names: Vec<String>,
+    },
+    /// A criterion of Table 1 is about the compliances alone, and more is to be found.
+    #[error(
+        "the criterion is about compliances alone, and robot.parameters names {}, too: plan for the test pose",
+        names.join(", ")
+    )]
+    CompliancesAlone {
+        /// What else is to be found.
+        names: Vec<String>,
+    },
     /// So few experiments cannot determine the compliances.
     #[error("{experiments} experiments cannot determine {parameters} compliances in this region")]
     Singular {
@@ -126,6 +145,12 @@ impl<'a> Problem<'a> {
     #[must_use]
     pub fn new(task: &'a Task, criterion: Criterion) -> Self {
         let mut problem = Self::of_parameters(task, criterion, &task.belief.parameters);
+        let names = (task.belief.uncertain.iter()).flat_map(|extended| extended.further());
+        let names: Vec<String> = names.map(str::to_owned).collect();
+        if criterion != Criterion::TestPose && !names.is_empty() {
+            problem.impossible = Some(SearchError::CompliancesAlone { names });
+            return problem;
+        }
         let information = random_information(problem.evaluator(), &problem.ranges, &problem.loads)
             + &problem.prior;
         let shown = Estimable::new(&information, &vec![1.0; problem.parameters()]);
@@ -176,7 +201,10 @@ impl<'a> Problem<'a> {
         let name = |&index: &usize| names[index].clone();
         let (alone, together): (Vec<usize>, Vec<usize>) =
             missing.iter().partition(|&&index| silent[index]);
-        if !alone.is_empty() {
+        if missing.iter().any(|&index| index >= self.parameters.len()) {
+            let names = missing.iter().map(name).collect();
+            self.impossible = Some(SearchError::Undetermined { names });
+        } else if !alone.is_empty() {
             let joints = alone.iter().map(name).collect();
             self.impossible = Some(SearchError::NotExcited { joints });
         } else if !together.is_empty() {

@@ -85,7 +85,7 @@ impl Checker<'_> {
             &nominal.model,
             &file.robot.machining_site,
         )?;
-        let mut parameters = self.parameters(&nominal.chain, &file.robot.parameters)?;
+        let (mut parameters, further) = self.parameters(&nominal.chain, &file.robot.parameters)?;
         let true_robot = self.true_robot(&file, &nominal, &additions, &locked)?;
         let before = self.prior(file.robot.prior.as_ref(), &mut nominal, &mut parameters)?;
         let to_find = parameters.len() - before.known;
@@ -118,7 +118,8 @@ impl Checker<'_> {
             method: file.identification.method,
         };
         let uncertainties = self.uncertainties(&file.uncertainty, &belief)?;
-        belief.uncertain = self.extended(&belief, &uncertainties)?;
+        let further = self.further(&belief, &further)?;
+        belief.uncertain = self.extended(&belief, &further, &uncertainties)?;
         let truth = Truth {
             uncertainties,
             robot: true_robot,

@@ -6,9 +6,11 @@ use super::Checker;
 use crate::files::{FileError, read_text};
 use crate::limits::MOST_JOINTS;
 use crate::mujoco::{Additions, Model, ModelError, sources};
+use crate::parameter::ParameterKind;
 use crate::plausible::{ANGLE, COMPLIANCE, GRAVITY, Kind, MASS, POSITION};
 use crate::robot::{Joint, KnownJoint, Robot, SerialChain, Tool, TrueRobot};
 use crate::scenario::file::File;
+use crate::task::Belief;
 
 impl Checker<'_> {
     /// The model in its laboratory.
@@ -146,25 +148,22 @@ impl Checker<'_> {
         }
     }
 
-    pub(super) fn parameters(
+    /// The joints whose compliances are to be found, in ascending order, and the names of what else is.
+    pub(super) fn parameters<'n>(
         &self,
         chain: &SerialChain,
-        names: &[String],
-    ) -> Result<Vec<usize>, FileError> {
+        names: &'n [String],
+    ) -> Result<(Vec<usize>, Vec<&'n str>), FileError> {
         let key = "robot.parameters";
         let known = || names_of(chain);
-        let mut parameters = Vec::new();
+        let (mut parameters, mut others) = (Vec::new(), Vec::new());
         for name in names {
-            let joint = chain
-                .joints
-                .iter()
-                .position(|joint| joint.name == *name)
-                .ok_or_else(|| {
-                    self.wrong(
-                        key,
-                        format!("found {name:?}; the robot's joints are: {}", known()),
-                    )
-                })?;
+            let of_compliance = name.strip_suffix(".compliance").unwrap_or(name);
+            let named = |whose: &str| chain.joints.iter().position(|joint| joint.name == whose);
+            let Some(joint) = named(name).or_else(|| named(of_compliance)) else {
+                others.push(name.as_str());
+                continue;
+            };
             if parameters.contains(&joint) {
                 return Err(self.wrong(key, format!("found {name:?} twice")));
             }
@@ -175,7 +174,44 @@ impl Checker<'_> {
             return Err(self.wrong(key, problem));
         }
         parameters.sort_unstable();
-        Ok(parameters)
+        Ok((parameters, others))
+    }
+
+    /// What is to be found besides compliances, by the names that [`ParameterKind::name`] gives, in their order.
+    pub(super) fn further(
+        &self,
+        belief: &Belief,
+        names: &[&str],
+    ) -> Result<Vec<ParameterKind>, FileError> {
+        let key = "robot.parameters";
+        let arm = belief.arm();
+        let all = ParameterKind::all_of(&arm);
+        let mut found: Vec<usize> = Vec::new();
+        for name in names {
+            let Some(place) = all.iter().position(|kind| kind.name(&arm) == *name) else {
+                let wrong = self.wrong(
+                    key,
+                    format!(
+                        "found {name:?}; the robot's joints are: {}",
+                        names_of(&belief.nominal.chain)
+                    ),
+                );
+                return Err(wrong.hint(
+                    "a joint's name stands for its compliance; `elastocal check --parameters` lists what else may be \
+                     unknown",
+                ));
+            };
+            if found.contains(&place) {
+                return Err(self.wrong(key, format!("found {name:?} twice")));
+            }
+            found.push(place);
+        }
+        if !found.is_empty() {
+            let (of, there) = ("unknowns besides compliances are found", "robot.parameters");
+            self.check_extendable(there, of, belief)?;
+        }
+        found.sort_unstable();
+        Ok(found.into_iter().map(|place| all[place]).collect())
     }
 
     pub(super) fn true_robot(

@@ -25,16 +25,8 @@ impl Checker<'_> {
         belief: &Belief,
     ) -> Result<Vec<Uncertainty>, FileError> {
         self.at_most("uncertainty", tables.len(), MOST)?;
-        if belief.instrument.rotation_sigma_rad.is_some() && !tables.is_empty() {
-            let problem = "uncertainties are known of deflections alone, and instrument.rotation_sigma_mrad says that \
-                           rotations are measured, too";
-            let wrong = self.wrong("uncertainty", problem);
-            return Err(wrong.hint("leave out one of the two"));
-        }
-        if belief.nominal.chain.elements.has_springs() && !tables.is_empty() {
-            let problem = "the model has springs beside the joints' own elasticity, and what is uncertain is known of arms \
-                           without them alone";
-            return Err(self.wrong("uncertainty", problem));
+        if !tables.is_empty() {
+            self.check_extendable("uncertainty", "uncertainties are known", belief)?;
         }
         let mut all: Vec<Uncertainty> = Vec::new();
         for (index, table) in tables.iter().enumerate() {
@@ -55,6 +47,28 @@ impl Checker<'_> {
             });
         }
         Ok(all)
+    }
+
+    /// Whether a belief can have other unknowns than compliances.
+    pub(super) fn check_extendable(
+        &self,
+        key: &str,
+        what: &str,
+        belief: &Belief,
+    ) -> Result<(), FileError> {
+        if belief.instrument.rotation_sigma_rad.is_some() {
+            let problem = format!(
+                "{what} from deflections alone, and instrument.rotation_sigma_mrad says that rotations are measured, too"
+            );
+            return Err(self.wrong(key, problem).hint("leave out one of the two"));
+        }
+        if belief.nominal.chain.elements.has_springs() {
+            let problem = format!(
+                "the model has springs beside the joints' own elasticity, and {what} for arms without them alone"
+            );
+            return Err(self.wrong(key, problem));
+        }
+        Ok(())
     }
 
     fn source(
@@ -316,15 +330,16 @@ impl Checker<'_> {
     pub(super) fn extended(
         &self,
         belief: &Belief,
+        further: &[ParameterKind],
         uncertainties: &[Uncertainty],
     ) -> Result<Option<Extended>, FileError> {
         let known = uncertainties.iter().filter(|each| !each.is_hidden);
         let known: Vec<Uncertainty> = known.cloned().collect();
-        if known.is_empty() {
+        if known.is_empty() && further.is_empty() {
             return Ok(None);
         }
         let (joints, prior) = (&belief.parameters, belief.prior.as_ref());
-        let extended = Extended::new(belief.arm(), joints, prior, &known);
+        let extended = Extended::new(belief.arm(), joints, further, prior, &known);
         extended.map(Some).map_err(|error| {
             let hint = matches!(error, ParameterError::Twice(_))
                 .then_some("two uncertainties are about the same: leave one out, or hide it");
