@@ -145,7 +145,7 @@ impl<'a> Problem<'a> {
     #[must_use]
     pub fn new(task: &'a Task, criterion: Criterion) -> Self {
         let mut problem = Self::of_parameters(task, criterion, &task.belief.parameters);
-        let names = (task.belief.uncertain.iter()).flat_map(|extended| extended.further());
+        let names = (task.belief.uncertain.iter()).flat_map(Extended::further);
         let names: Vec<String> = names.map(str::to_owned).collect();
         if criterion != Criterion::TestPose && !names.is_empty() {
             problem.impossible = Some(SearchError::CompliancesAlone { names });
