@@ -114,7 +114,7 @@
 //! let best = exact_design(&problem, &approximate, 4, 4, seed, watch)?;
 //! let calibration = calibrate(task, truth, &best.plan, seed, 0)?;
 //! let pose = &calibration.poses[0];
-//! let no_plan_is_below_m = Bound::new(task, &approximate).of_plan(&best.plan)?.least_m;
+//! let no_plan_is_below_m = Bound::new(task, &approximate).of_plan(&best.plan)?.best;
 //! assert!(best.cost.sqrt() >= no_plan_is_below_m);
 //! assert!(pose.seen.residual_m.norm() < 0.05 * pose.seen.uncompensated_m.norm());
 //! # Ok::<(), Box<dyn std::error::Error>>(())

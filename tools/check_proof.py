@@ -13,7 +13,7 @@ What is checked
      margins is negative everywhere, or d + sum of lambda g <= T with the file's multipliers lambda >= 0.
      A box whose own bound here is a little above is halved further, but the proof must be in the file: all in
      all there may be PATIENCE times as many boxes.
-  3. The bounds of rho_0 follow from T.
+  3. The bounds of rho_0, or of the criterion's values, follow from T.
 
 Rounding. Every operation adds ROUNDING times a bound of all that it adds up to the remainder; no operation has more
 than 200 roundings of 1.2e-16 each on the way of one term, and ROUNDING is 1e-13. Sine and cosine are NumPy's, taken
@@ -669,7 +669,56 @@ def check_part(question, arm, part, threshold):
     return given, looks
 
 
-# --- the bound of rho_0
+# --- the bound of rho_0 and of other criteria
+
+
+def least_cost(file, criterion):
+    """cost * trace(B M B^T) is at least this for every M, in relative units: Cauchy and Schwarz (a, g), the means of
+    eigenvalues (d), trace(B M B^T) >= lambda trace(B B^T) (e), the best tangent of trace(M^-1/2) (o5)."""
+    question = file["proof"]["question"]
+    typical = np.array(file["typical_rad_per_nm"], float)
+    b = np.array(question["rows"], float) * file["sigma_m"] / typical
+    p = len(typical)
+    if not ((typical > 0).all() and np.isfinite(b).all() and b.ndim == 2 and b.shape[1] == p):
+        raise Refused("B is no matrix of as many columns as compliances")
+    aim = file["aim"]
+    if criterion == "g":
+        weights = aim["largest_variance"]
+        if len(weights) != len(b):
+            raise Refused("there is a weight for each row of B")
+        trace = sum(c * row[int(j)] for (j, c), row in zip(weights, b))
+        size = sum(abs(c * row[int(j)]) for (j, c), row in zip(weights, b))
+        return max(trace - 1e-13 * size, 0.0) ** 2 / sum(c * c for _, c in weights)
+    if criterion != "e" and len(b) != p:
+        raise Refused("B is not square")
+    expected = {"a": "total_variance", "d": "determinant", "e": "smallest_eigenvalue", "o5": "inverse_roots"}
+    if aim != expected[criterion]:
+        raise Refused("the aim is not that of the criterion")
+    if criterion == "a":
+        return max(np.trace(b) - 1e-13 * np.abs(np.diag(b)).sum(), 0.0) ** 2
+    if criterion == "d":
+        if np.any(np.triu(b, 1) != 0.0):
+            raise Refused("B is not triangular")
+        return p * abs(np.prod(np.diag(b))) ** (2.0 / p)
+    if criterion == "e":
+        return float((b * b).sum())
+    values = np.linalg.svd(b, compute_uv=False)
+    values = np.maximum(values - 1e-13 * p * values.max(), 0.0)
+    return float((values ** (2.0 / 3.0)).sum()) ** 3
+
+
+def best_value(file, total):
+    """What no plan is better than whose derivatives add up to a total, and whether larger values are better."""
+    criterion = file.get("criterion", "test_pose")
+    base = {"o1": "d", "o3": "e"}.get(criterion, criterion)
+    if base not in ("a", "d", "e", "g", "o5"):
+        raise Refused("the criterion has no bound")
+    cost = least_cost(file, base) / total
+    if criterion in ("a", "g"):
+        return cost, False
+    if criterion == "o5":
+        return math.sqrt(cost), False
+    return (1 / cost if criterion in ("d", "e") else math.sqrt(1 / cost)), True
 
 
 def target_columns(target, parameters):
@@ -708,8 +757,9 @@ def target_columns(target, parameters):
 def check_bounds(file):
     question = file["proof"]["question"]
     rows, parameters = question["rows"], question["parameters"]
+    is_rho0 = file.get("criterion", "test_pose") == "test_pose"
     trace, size, index = 0.0, 0.0, 0
-    for target in file["targets"]:
+    for target in file["targets"] if is_rho0 else ():
         columns = target_columns(target, parameters)
         for k in range(3):
             for factor, column in zip(rows[index], columns):
@@ -752,6 +802,12 @@ def check_bounds(file):
         print("the mandatory experiments' share of the bounds is taken as the file has it")
     for m, rho0 in file["bounds"]:
         total = prior + derivatives + (m - count) * most
+        if not is_rho0:
+            best, is_maximised = best_value(file, total)
+            short = rho0 < best * (1 - 1e-9) if is_maximised else rho0 > best * (1 + 1e-9)
+            if m < count or short or not math.isfinite(rho0):
+                raise Refused(f"the bound for {m} measurements does not follow")
+            continue
         bound = file["sigma_m"] * max(trace, 0.0) / math.sqrt(total)
         if m < count or rho0 > bound * (1 + 1e-9):
             raise Refused(f"the bound for {m} measurements does not follow")
@@ -785,8 +841,13 @@ def check(path):
         given, looks = check_part(question, arm, part, threshold)
         print(f"{given} boxes hold ({looks} looks)")
     check_bounds(file)
-    for m, rho0 in file["bounds"]:
-        print(f"no plan of {m} measurements has rho0 below {rho0 * 1e6:.4f} um")
+    criterion = file.get("criterion", "test_pose")
+    for m, best in file["bounds"]:
+        if criterion == "test_pose":
+            print(f"no plan of {m} measurements has rho0 below {best * 1e6:.4f} um")
+        else:
+            beyond = "above" if criterion in ("d", "e", "o1", "o3") else "below"
+            print(f"no plan of {m} measurements has {criterion} {beyond} {best:.6e}")
 
 
 def main():

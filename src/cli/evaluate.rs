@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use elastocal::plan::search::Bound;
-use elastocal::plan::{Assessment, FurtherError, read_plan};
+use elastocal::plan::{Assessment, Criterion, FurtherError, read_plan};
 use elastocal::record::messages::{AssessmentMessage, ProvenanceMessage};
 use elastocal::scenario::Scenario;
 use elastocal::wording::counted;
@@ -24,6 +24,9 @@ pub struct Evaluate {
     pub common: Common,
     #[command(flatten)]
     proof: ProofArgs,
+    /// By which criterion no plan is better than the bound that is searched and proved
+    #[arg(long, value_enum, default_value_t)]
+    criterion: Criterion,
     /// The plan to assess.
     #[arg(long, value_name = "FILE")]
     plan: PathBuf,
@@ -40,9 +43,14 @@ impl Evaluate {
         // Without a bound, the rest still holds.
         let bound = self.proof.with_effort(&self.common, &NEVER, |proof| {
             let sizes = [plan.measurements()];
-            Bound::search_and_prove(&scenario.task, scenario.seed, &sizes, proof)
+            Bound::search_and_prove(&scenario.task, self.criterion, scenario.seed, &sizes, proof)
         });
-        let assessment = Assessment::new(&scenario.task, &plan, Some(&bound));
+        let assessment = if self.criterion == Criterion::TestPose {
+            Assessment::new(&scenario.task, &plan, Some(&bound))
+        } else {
+            let rho0 = Bound::search(&scenario.task, scenario.seed);
+            Assessment::new(&scenario.task, &plan, Some(&rho0)).beside(&bound, &plan)
+        };
         let message = AssessmentMessage::new(&scenario, &assessment);
         let provenance = ProvenanceMessage::new(&scenario).with_input("plan", &self.plan)?;
         let mut json = results("evaluate", &provenance, json!({ "gate": scenario.gate }));
@@ -96,6 +104,40 @@ pub fn shares(assessment: &Assessment) -> String {
     )
 }
 
+/// What no plan is better than by another criterion, for a person.
+fn describe_criterion(assessment: &Assessment) -> String {
+    let Some((criterion, bound)) = &assessment.criterion_bound else {
+        return String::new();
+    };
+    let name = criterion.name();
+    let bound = match bound {
+        Ok(bound) => bound,
+        Err(reason) => return format!("{name}: no bound and no efficiency: {reason}\n"),
+    };
+    let beyond = if criterion.is_maximised() {
+        "above"
+    } else {
+        "below"
+    };
+    let value = assessment.value(*criterion);
+    let mut text = format!(
+        "{name} = {}; no plan of as many can be {beyond} {:.6e}",
+        value.map_or_else(|| "-".to_owned(), |value| format!("{value:.6e}")),
+        bound.best
+    );
+    if let Some(efficiency) = assessment.criterion_efficiency() {
+        text += &format!(" (efficiency {efficiency:.4})");
+    }
+    text.push('\n');
+    if let Some(proof) = bound.proof {
+        text += &format!(
+            "proved: no plan of as many is {beyond} {:.6e}\n",
+            proof.best
+        );
+    }
+    text
+}
+
 /// An assessment for a person.
 pub fn describe(scenario: &Scenario, assessment: &Assessment) -> String {
     let mut text = format!(
@@ -113,13 +155,14 @@ pub fn describe(scenario: &Scenario, assessment: &Assessment) -> String {
     if let Some(proof) = assessment.bound().and_then(|bound| bound.proof) {
         text += &format!(
             "proved: no plan of as many is below {:.3} um\n",
-            proof.least_m * 1e6
+            proof.best * 1e6
         );
     }
     if let Some(reason) = assessment.no_bound() {
         text += &format!("no bound and no efficiency: {reason}\n");
     }
     text += &shares(assessment);
+    text += &describe_criterion(assessment);
     text.push('\n');
     let rows: Vec<Vec<String>> = scenario
         .task

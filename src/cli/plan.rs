@@ -7,7 +7,9 @@ use clap::Args;
 use elastocal::files::FileError;
 use elastocal::laboratory::time::{TimedPlan, plans_within};
 use elastocal::limits::MOST_EXPERIMENTS;
-use elastocal::plan::search::{ApproximateDesign, Bound, BoundKind, Problem, SearchError, Watch};
+use elastocal::plan::search::{
+    ApproximateDesign, Bound, BoundKind, Certificate, Problem, SearchError, Watch,
+};
 use elastocal::plan::{Assessment, Criterion, write_plan};
 use elastocal::plausible::MINUTES;
 use elastocal::record::messages::{AssessmentMessage, ProvenanceMessage, plan_messages};
@@ -76,7 +78,7 @@ pub fn design(
         if wanted.criterion == Criterion::TestPose {
             let least = bound.of_size(wanted.experiments).map_or_else(
                 |_| String::new(),
-                |bound| format!(", bound {:.4} um", bound.least_m * 1e6),
+                |bound| format!(", bound {:.4} um", bound.best * 1e6),
             );
             bar.set_message(format!("best {:.4} um{least}", cost.sqrt() * 1e6));
         }
@@ -125,6 +127,22 @@ fn tell(timed: &[TimedPlan]) -> String {
     let header = ["configurations", "measurements", "rho0 [um]", "minutes"];
     let rows: Vec<Vec<String>> = timed.iter().map(row).collect();
     table(&header, &rows) + "\n"
+}
+
+/// What the bound rests on, in words.
+fn rests_on(certificate: Option<&Certificate>, assessment: &Assessment) -> String {
+    let Some(certificate) = certificate else {
+        return String::new();
+    };
+    let asked_for = assessment.asked_for();
+    let rests = match asked_for.map(|(_, bound)| bound.as_ref().map(|bound| bound.kind)) {
+        Some(Ok(BoundKind::Proved)) => "The largest directional derivative was",
+        _ => "The bound rests on the largest directional derivative",
+    };
+    format!(
+        "{rests} found by {} local searches, of which {} ended within 0.1 % of it.\n",
+        certificate.searches, certificate.agreeing,
+    )
 }
 
 impl PlanCommand {
@@ -200,25 +218,20 @@ impl PlanCommand {
             &self.proof,
             stop,
         )?;
-        let certificate = &designed.approximate.certificate;
         let plan = &designed.exact.plan;
-        let assessment = Assessment::new(&scenario.task, plan, Some(&designed.bound));
+        let mut assessment = Assessment::new(&scenario.task, plan, Some(&designed.bound));
+        if let Some((_, bound)) = &designed.by_criterion {
+            assessment = assessment.beside(bound, plan);
+        }
         let mut text = tell(&timed) + &describe(&scenario, &assessment);
-        text += &left_out(&scenario.task);
-        let rests = match assessment.bound().map(|bound| bound.kind) {
-            Some(BoundKind::Proved) => "The largest directional derivative was",
-            _ => "The bound rests on the largest directional derivative",
-        };
+        text += &(left_out(&scenario.task) + "\n");
         let mut written = Written::default();
+        text += &self.proof.tell(designed.wanted_bound(), &mut written)?;
+        let certificate = (designed.wanted_approximate()).map(|design| &design.certificate);
+        text += &rests_on(certificate, &assessment);
         text += &format!(
-            "\n{}{rests} found by {} local searches, of which {} ended within 0.1 % of it.\nOf {} independent \
-             searches for the plan, {} ended within 0.1 % of it. It took {:.2} s.\n",
-            self.proof.tell(&designed.bound, &mut written)?,
-            certificate.searches,
-            certificate.agreeing,
-            designed.exact.searches,
-            designed.exact.agreeing,
-            designed.elapsed_s
+            "Of {} independent searches for the plan, {} ended within 0.1 % of it. It took {:.2} s.\n",
+            designed.exact.searches, designed.exact.agreeing, designed.elapsed_s
         );
         if let Some(path) = &self.plan_out {
             let rows = write_plan(path, scenario.task.belief.commands(), plan);
@@ -237,8 +250,8 @@ impl PlanCommand {
             "elapsed_s": designed.elapsed_s,
             "searches": designed.exact.searches,
             "searches_agreeing": designed.exact.agreeing,
-            "bound_searches": certificate.searches,
-            "bound_searches_agreeing": certificate.agreeing,
+            "bound_searches": certificate.map_or(0, |certificate| certificate.searches),
+            "bound_searches_agreeing": certificate.map_or(0, |certificate| certificate.agreeing),
         });
         let mut json = results("plan", &ProvenanceMessage::new(&scenario), json);
         let message = AssessmentMessage::new(&scenario, &assessment);

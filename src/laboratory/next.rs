@@ -151,7 +151,7 @@ fn planned(task: &Task, total: u32, seed: u64, watch: Watch<'_>) -> Result<Rest,
             experiments: design.plan.experiments[mandatory..].to_vec(),
         },
         rho0_m: design.cost.sqrt(),
-        bound_m: bound.of_size(total).ok().map(|bound| bound.least_m),
+        bound_m: bound.of_size(total).ok().map(|bound| bound.best),
         design,
         is_reached: false,
     })

@@ -49,7 +49,7 @@ pub fn designs(
             configurations,
             plan: exact.plan,
             rho0_m: exact.cost.sqrt(),
-            lower_bound_m: bound.of_size(experiments).ok().map(|bound| bound.least_m),
+            lower_bound_m: bound.of_size(experiments).ok().map(|bound| bound.best),
         });
     }
     Ok(designs)

@@ -31,6 +31,8 @@ pub struct Assessment {
     /// No plan of the bound's class with as many measurements has a smaller `rho_0` (m), or why there is
     /// no bound for this plan; `None` where no bound was given.
     pub lower_bound_m: Option<Result<PlanBound, NoBound>>,
+    /// The same by another criterion, in its own terms; `None` where no such bound was given.
+    pub criterion_bound: Option<(Criterion, Result<PlanBound, NoBound>)>,
     /// What makes the plan impossible.
     pub violations: Vec<Violation>,
 }
@@ -49,7 +51,7 @@ pub struct FurtherError {
 }
 
 impl Assessment {
-    /// Judges a plan, beside the bound of the task's plans where it is given.
+    /// Judges a plan, beside the bound of `rho_0` for the task's plans where it is given.
     #[must_use]
     pub fn new(task: &Task, plan: &Plan, bound: Option<&Bound>) -> Self {
         let all = Problem::new(task, Criterion::A);
@@ -80,14 +82,53 @@ impl Assessment {
                 .map(|&criterion| (criterion, value(criterion)))
                 .collect(),
             lower_bound_m: bound.map(|bound| bound.of_plan(plan)),
+            criterion_bound: None,
             violations: Feasibility::new(task).violations(plan),
         }
+    }
+
+    /// The same beside the bound of the plan's values by another criterion.
+    #[must_use]
+    pub fn beside(self, bound: &Bound, plan: &Plan) -> Self {
+        Self {
+            criterion_bound: Some((bound.criterion(), bound.of_plan(plan))),
+            ..self
+        }
+    }
+
+    /// The criterion that was asked for, and what no plan is better than by it: that of [`Self::beside`], and
+    /// otherwise `rho_0` (m). `None` where no bound was asked for.
+    #[must_use]
+    pub fn asked_for(&self) -> Option<(Criterion, &Result<PlanBound, NoBound>)> {
+        let rho0 = || Some((Criterion::TestPose, self.lower_bound_m.as_ref()?));
+        let other = self.criterion_bound.as_ref();
+        other.map_or_else(rho0, |(criterion, bound)| Some((*criterion, bound)))
+    }
+
+    /// How near the plan comes to the bound of [`Self::asked_for`]: 1 for the best that there can be.
+    #[must_use]
+    pub fn criterion_efficiency(&self) -> Option<f64> {
+        let (criterion, bound) = self.asked_for()?;
+        let best = bound.as_ref().ok()?.best;
+        let value = self.value(criterion)?;
+        Some(if criterion.is_maximised() {
+            value / best
+        } else {
+            best / value
+        })
+    }
+
+    /// The plan's value by a criterion; `None` where it needs a compliance that the plan does not determine.
+    #[must_use]
+    pub fn value(&self, criterion: Criterion) -> Option<f64> {
+        let found = (self.criteria.iter()).find(|(each, _)| *each == criterion);
+        found.and_then(|(_, value)| *value)
     }
 
     /// The lower bound (m), if there is one for this plan.
     #[must_use]
     pub fn bound_m(&self) -> Option<f64> {
-        Some(self.bound()?.least_m)
+        Some(self.bound()?.best)
     }
 
     /// The same with what it rests on.

@@ -94,6 +94,40 @@ impl Criterion {
         !matches!(self, Self::O2 | Self::O4)
     }
 
+    /// The criterion whose bound is this one's, too: that of which this is a power. `None` where there is no bound: O2
+    /// and O4 divide by the largest singular value, and are not convex in M (O2's sublevel sets are, which bounds
+    /// its ratio but not through any largest derivative).
+    ///
+    /// Those that are returned have a cost that is convex in M and goes with its inverse, cost(c M) = cost(M) / c, see
+    /// [`Self::value_of_cost`].
+    #[must_use]
+    pub const fn bounded_as(self) -> Option<Self> {
+        match self {
+            Self::TestPose | Self::A | Self::D | Self::E | Self::G | Self::O5 => Some(self),
+            Self::O1 => Some(Self::D),
+            Self::O3 => Some(Self::E),
+            Self::O2 | Self::O4 => None,
+        }
+    }
+
+    /// The criterion's value, as [`CriterionFunction::value`] has it, of the cost that goes with the inverse of M: `rho_0`^2,
+    /// A, G, the square of O5, the inverse of D and E; that of D for O1, and of E for O3.
+    #[must_use]
+    pub fn value_of_cost(self, cost: f64) -> f64 {
+        match self {
+            Self::TestPose | Self::O5 => cost.sqrt(),
+            Self::D | Self::E => cost.recip(),
+            Self::O1 | Self::O3 => cost.recip().sqrt(),
+            Self::A | Self::G | Self::O2 | Self::O4 => cost,
+        }
+    }
+
+    /// Whether it is the worst of several, and has no derivative where these meet.
+    #[must_use]
+    pub const fn is_worst_of_several(self) -> bool {
+        matches!(self, Self::E | Self::O3 | Self::G)
+    }
+
     /// Whether it follows from a factorisation of M, without eigenvalues: then it is smooth, and cheap
     /// to judge for many plans.
     #[must_use]
@@ -106,6 +140,8 @@ impl Criterion {
 #[derive(Debug, Clone)]
 pub struct CriterionFunction {
     criterion: Criterion,
+    /// The power q of a smooth stand-in, see [`Self::smoothed`].
+    sharpness: Option<f64>,
     /// C^T (p x r) with C the test poses' matrices stacked, each times the root of its weight, in m:
     /// `rho_0`^2 = trace(C M^-1 C^T). For other criteria the unit matrix.
     right: DMatrix<f64>,
@@ -137,10 +173,22 @@ impl CriterionFunction {
         };
         Self {
             criterion,
+            sharpness: None,
             work: DMatrix::zeros(size, size),
             solved: right.clone(),
             side_by_side: Vec::new(),
             right,
+        }
+    }
+
+    /// For criteria that are the worst of several, E, `O3` and G, a smooth stand-in for their cost: instead of the
+    /// largest of the inverse eigenvalues or variances, the root q of the sum of their powers q, which is at most p^(1/q)
+    /// times that. Where several meet, as in good plans, gradients of the worst one lead nowhere.
+    #[must_use]
+    pub fn smoothed(self, power: f64) -> Self {
+        Self {
+            sharpness: self.criterion.is_worst_of_several().then_some(power),
+            ..self
         }
     }
 
@@ -231,6 +279,19 @@ impl CriterionFunction {
         // The cost, and its derivatives with respect to the eigenvalues.
         let mut slope = DVector::zeros(values.len());
         let cost = match self.criterion {
+            Criterion::E | Criterion::O3 if self.sharpness.is_some() => {
+                let power = self.sharpness.unwrap_or(1.0);
+                let ratios = values.map(|value| (values[low] / value).powf(power));
+                let sum = ratios.sum();
+                let degree = if self.criterion == Criterion::E {
+                    1.0
+                } else {
+                    0.5
+                };
+                let cost = (sum.powf(power.recip()) / values[low]).powf(degree);
+                slope = ratios.component_div(values) * (-degree * cost / sum);
+                cost
+            }
             Criterion::E => {
                 slope[low] = -values[low].powi(-2);
                 values[low].recip()
@@ -256,7 +317,7 @@ impl CriterionFunction {
                 values.iter().map(|value| value.powf(-0.5)).sum()
             }
             // G; the others are factored.
-            _ => return largest_variance(&eigen, directions),
+            _ => return largest_variance(&eigen, self.sharpness, directions),
         };
         let vectors = &eigen.eigenvectors;
         let weighted = vectors * DMatrix::from_diagonal(&-slope);
@@ -285,11 +346,25 @@ fn positive_eigen(information: &DMatrix<f64>) -> Option<SymmetricEigen<f64, Dyn>
     (eigen.eigenvalues.min() > 1e-14 * largest && largest.is_finite()).then_some(eigen)
 }
 
-fn largest_variance(eigen: &SymmetricEigen<f64, Dyn>, directions: &mut DMatrix<f64>) -> f64 {
+fn largest_variance(
+    eigen: &SymmetricEigen<f64, Dyn>,
+    sharpness: Option<f64>,
+    directions: &mut DMatrix<f64>,
+) -> f64 {
     let inverse = eigen.eigenvalues.map(f64::recip);
     let covariance =
         &eigen.eigenvectors * DMatrix::from_diagonal(&inverse) * eigen.eigenvectors.transpose();
-    let worst = covariance.diagonal().imax();
+    let variances = covariance.diagonal();
+    let worst = variances.imax();
+    if let Some(power) = sharpness {
+        let ratios = variances.map(|variance| (variance / variances[worst]).powf(power));
+        let sum = ratios.sum();
+        let cost = variances[worst] * sum.powf(power.recip());
+        let shares = ratios.component_div(&variances) * (cost / sum);
+        let weighed = &covariance * DMatrix::from_diagonal(&shares);
+        directions.gemm(1.0, &weighed, &covariance, 0.0);
+        return cost;
+    }
     let column = covariance.column(worst);
     directions.gemm(1.0, &column, &column.transpose(), 0.0);
     covariance[(worst, worst)]

@@ -65,7 +65,7 @@ impl EvidenceMessage {
     pub fn new(scenario: &Scenario, bound: &Bound, evidence: &Evidence) -> Self {
         let largest = (evidence.accuracy.iter()).map(|point| point.experiments);
         let commands = scenario.task.belief.commands();
-        let bound_mm = |m| bound.of_size(m).ok().map(|bound| bound.least_m * 1e3);
+        let bound_mm = |m| bound.of_size(m).ok().map(|bound| bound.best * 1e3);
         let (searches, agreeing) = match bound.basis() {
             Basis::Searches(certificate) => (certificate.searches, certificate.agreeing),
             Basis::Nothing(_) => (0, 0),

@@ -354,19 +354,30 @@ pub struct AssessmentMessage {
     /// No plan of the class that the bound speaks about has a smaller `rho0_mm` for as many
     /// measurements; null for a plan outside of it.
     pub lower_bound_rho0_mm: Option<f64>,
-    /// What that rests on: "proved", or "evidence" of many searches; null where there is no bound.
+    /// What the bound by the criterion that was asked for rests on (that of `lower_bound_rho0_mm`, unless it is another):
+    /// "proved", or "evidence" of many searches; null where there is no bound.
     #[serde(default)]
     pub bound_kind: Option<String>,
+    /// No plan of the class is better by the criterion that was asked for: for `test_pose` none has a smaller `rho0_mm`, for
+    /// others a value as in `criteria`; null where there is no bound.
+    #[serde(default)]
+    pub criterion_bound: Option<f64>,
+    /// The same: what is proved; null where nothing is.
+    #[serde(default)]
+    pub proved_criterion_bound: Option<f64>,
+    /// How near the plan comes to `criterion_bound`: 1 for the best that there can be.
+    #[serde(default)]
+    pub criterion_efficiency: Option<f64>,
     /// No plan of the class has a smaller `rho0_mm` for as many measurements: what is proved; null where nothing
     /// is.
     #[serde(default)]
     pub proved_lower_bound_rho0_mm: Option<f64>,
-    /// How near the proof is; null where there is none.
+    /// How near the proof is, by the criterion that was asked for; null where there is none.
     #[serde(default)]
     pub proof: Option<ProofMessage>,
     /// `lower_bound_rho0_mm` over `rho0_mm`.
     pub efficiency: Option<f64>,
-    /// Why there is no bound for the plan; null where there is one.
+    /// Why there is no bound by the criterion that was asked for; null where there is one.
     #[serde(default)]
     pub no_bound_reason: Option<String>,
     /// What makes the plan impossible.
@@ -431,7 +442,17 @@ impl AssessmentMessage {
             };
             (criterion.name().to_owned(), value.map(|value| value * unit))
         };
-        let proof = assessment.bound().and_then(|bound| bound.proof);
+        let rho0_proof = assessment.bound().and_then(|bound| bound.proof);
+        let (criterion, asked_for) = (assessment.asked_for()).unzip();
+        let bound = asked_for.and_then(|bound| bound.as_ref().ok());
+        let proof = bound.and_then(|bound| bound.proof);
+        let in_unit = |value: f64| {
+            if criterion == Some(Criterion::TestPose) {
+                value * 1e3
+            } else {
+                value
+            }
+        };
         Self {
             experiments: assessment.experiments,
             parameters: scenario.task.belief.parameter_names(),
@@ -452,11 +473,16 @@ impl AssessmentMessage {
                 .collect(),
             criteria: assessment.criteria.iter().map(millimetres).collect(),
             lower_bound_rho0_mm: assessment.bound_m().map(|value| value * 1e3),
-            bound_kind: (assessment.bound()).map(|bound| bound.kind.name().to_owned()),
-            proved_lower_bound_rho0_mm: proof.map(|proof| proof.least_m * 1e3),
+            bound_kind: bound.map(|bound| bound.kind.name().to_owned()),
+            criterion_bound: bound.map(|bound| in_unit(bound.best)),
+            proved_criterion_bound: proof.map(|proof| in_unit(proof.best)),
+            criterion_efficiency: assessment.criterion_efficiency(),
+            proved_lower_bound_rho0_mm: rho0_proof.map(|proof| proof.best * 1e3),
             proof: proof.map(|PlanProof { gap, boxes, .. }| ProofMessage { gap, boxes }),
             efficiency: assessment.efficiency(),
-            no_bound_reason: assessment.no_bound().map(ToString::to_string),
+            no_bound_reason: asked_for
+                .and_then(|bound| bound.as_ref().err())
+                .map(ToString::to_string),
             violations: assessment
                 .violations
                 .iter()

@@ -21,6 +21,20 @@ pub struct Wanted {
     pub configurations: Option<u32>,
 }
 
+impl Designed {
+    /// The bound by the criterion that was wanted.
+    #[must_use]
+    pub fn wanted_bound(&self) -> &Bound {
+        (self.by_criterion.as_ref()).map_or(&self.bound, |(_, bound)| bound)
+    }
+
+    /// The approximate design that it follows from.
+    #[must_use]
+    pub fn wanted_approximate(&self) -> Option<&ApproximateDesign> {
+        (self.by_criterion.as_ref()).map_or(Some(&self.approximate), |(design, _)| design.as_ref())
+    }
+}
+
 impl Wanted {
     /// What a task wants: a plan for its test poses.
     #[must_use]
@@ -49,8 +63,11 @@ pub struct Onlooker<'a> {
 pub struct Designed {
     /// The approximate design for the test poses.
     pub approximate: ApproximateDesign,
-    /// The bound that follows from it.
+    /// The bound of `rho_0` that follows from it.
     pub bound: Bound,
+    /// Where the plan is wanted by another criterion, the approximate design for that, if there is one, and the
+    /// bound of its values.
+    pub by_criterion: Option<(Option<ApproximateDesign>, Bound)>,
     /// The plan.
     pub exact: ExactDesign,
     /// How long it took (s).
@@ -73,7 +90,20 @@ pub fn design(
     let problem = Problem::new(task, wanted.criterion);
     let bound_problem = Problem::new(task, Criterion::TestPose);
     let approximate = approximate_design(&bound_problem, seed)?;
-    let bound = (onlooker.prove)(Bound::new(task, &approximate), &approximate);
+    let mut bound = Bound::new(task, &approximate);
+    let by_criterion = if wanted.criterion == Criterion::TestPose {
+        bound = (onlooker.prove)(bound, &approximate);
+        None
+    } else {
+        Some(match approximate_design(&problem, seed) {
+            Ok(design) => {
+                let bound = Bound::by(task, wanted.criterion, &design);
+                let bound = (onlooker.prove)(bound, &design);
+                (Some(design), bound)
+            }
+            Err(error) => (None, Bound::none(task, wanted.criterion, error)),
+        })
+    };
     let progress = |done: usize, all: usize, cost: f64| {
         (onlooker.progress)(&bound, done, all, cost);
     };
@@ -83,7 +113,9 @@ pub fn design(
     };
     let exact = exact_design(
         &problem,
-        &approximate,
+        (by_criterion.as_ref())
+            .and_then(|(design, _)| design.as_ref())
+            .unwrap_or(&approximate),
         wanted.experiments,
         wanted.configurations.unwrap_or(wanted.experiments),
         seed,
@@ -95,5 +127,6 @@ pub fn design(
         elapsed_s: start.elapsed().as_secs_f64(),
         is_cut_short: onlooker.stop.load(Ordering::Relaxed),
         bound,
+        by_criterion,
     })
 }

@@ -199,11 +199,17 @@ fn a_bound_speaks_about_plans_with_the_mandatory_experiments() {
         stop: &|| false,
         progress: &|_, _| {},
     };
-    let near = Bound::search_and_prove(&scenario.task, scenario.seed, &[6], Some((effort, false)));
+    let near = Bound::search_and_prove(
+        &scenario.task,
+        Criterion::TestPose,
+        scenario.seed,
+        &[6],
+        Some((effort, false)),
+    );
     let found = efficiency(&scenario, &near, &best.plan).expect("it has the mandatory one");
     assert!(found > 0.99 && found <= 1.0, "{found}");
     let proof = near.of_size(6).expect("a bound").proof.expect("a proof");
-    let found = proof.least_m / best.cost.sqrt();
+    let found = proof.best / best.cost.sqrt();
     assert!(found > 0.94 && found < 0.99, "{found}");
     assert_eq!(near.of_size(7), bound.of_size(7));
     let mut printed = best.plan.clone();
@@ -240,7 +246,7 @@ fn a_bound_speaks_about_plans_with_the_mandatory_experiments() {
     for m in 3..10 {
         let (with, free) = (bound.of_size(m), without.of_size(m));
         assert!(
-            with.expect("a bound").least_m >= free.expect("a bound").least_m * (1.0 - 1e-3),
+            with.expect("a bound").best >= free.expect("a bound").best * (1.0 - 1e-3),
             "{m}"
         );
     }

@@ -44,6 +44,7 @@
 //! - `search`: the search for plans and its certificate, on the KR-270.
 //! - `bounds`: the class of plans that a bound speaks about.
 //! - `proofs`: the bound that is proved, and its proof checked by another program.
+//! - `criteria_bounds`: the bounds by other criteria than `rho_0`.
 //! - `force_sizes`: the size of a force is a variable of the design; optima derived by hand.
 //! - `provenance`: what results depend on is in their hash.
 //! - `load_sets`: one load set decides for plans, measurements and mandatory experiments.
@@ -67,6 +68,7 @@ mod browser;
 mod command_line;
 mod compensation_trust;
 mod compensator;
+mod criteria_bounds;
 mod csv_dialects;
 mod determined;
 mod diagnoses;

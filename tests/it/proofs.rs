@@ -1,8 +1,10 @@
 //! The bound that is proved, from the library and the command line; its proof, checked by another program.
 
+use std::path::Path;
 use std::process::Command;
 
 use elastocal::experiment::Loads;
+use elastocal::plan::Criterion;
 use elastocal::plan::proof::ProofLimits;
 use elastocal::plan::search::{Bound, BoundKind};
 use serde_json::{Value, json};
@@ -24,6 +26,7 @@ fn the_papers_problem_is_proved_to_a_thousandth() {
     let searched = Bound::search(&scenario.task, scenario.seed);
     let proved = Bound::search_and_prove(
         &scenario.task,
+        Criterion::TestPose,
         scenario.seed,
         &[],
         Some((effort(1e-3, 150_000), false)),
@@ -37,9 +40,9 @@ fn the_papers_problem_is_proved_to_a_thousandth() {
         assert_eq!(plain.kind, BoundKind::Evidence);
         assert_eq!(bound.kind, BoundKind::Proved);
         // rho0 goes with the root of the derivative.
-        let ratio = bound.least_m / plain.least_m;
+        let ratio = bound.best / plain.best;
         assert!((1.0 - 0.6e-3..=1.0 + 1e-9).contains(&ratio), "{ratio}");
-        assert_eq!(bound.proof.map(|proof| proof.least_m), Some(bound.least_m));
+        assert_eq!(bound.proof.map(|proof| proof.best), Some(bound.best));
         let plan = proved.of_plan(&table4(m)).ok();
         assert!(plan.is_none_or(|plan| plan == bound));
     }
@@ -53,11 +56,17 @@ fn a_force_of_any_direction_takes_few_boxes() {
         force_max_n: 2500.0,
     };
     let effort = Some((effort(0.1, 240_000), false));
-    let proved = Bound::search_and_prove(&scenario.task, scenario.seed, &[], effort);
+    let proved = Bound::search_and_prove(
+        &scenario.task,
+        Criterion::TestPose,
+        scenario.seed,
+        &[],
+        effort,
+    );
     let bound = proved.of_size(3).expect("a bound");
     let proof = bound.proof.expect("a proof");
     assert!(proof.boxes < 100_000, "{}", proof.boxes);
-    let ratio = proof.least_m / bound.least_m;
+    let ratio = proof.best / bound.best;
     assert!((0.95..1.0).contains(&ratio), "{ratio}");
 }
 
@@ -67,7 +76,13 @@ fn small_arms_are_proved_at_once() {
     for (name, gap) in [("planar_3r", 5e-3), ("spatial_3r", 3e-3)] {
         let scenario = scenario(name);
         let effort = Some((effort(1e-3, 40_000), false));
-        let proved = Bound::search_and_prove(&scenario.task, scenario.seed, &[], effort);
+        let proved = Bound::search_and_prove(
+            &scenario.task,
+            Criterion::TestPose,
+            scenario.seed,
+            &[],
+            effort,
+        );
         let proof = proved.of_size(3).expect("a bound").proof.expect("a proof");
         // By how much printed loads may be off is bounded roughly.
         assert!(proof.gap < gap && proof.boxes < 10_000, "{name}: {proof:?}");
@@ -122,7 +137,7 @@ fn options_of_the_proof_are_understood_or_refused() {
 }
 
 /// Python, if it has `NumPy`.
-fn python() -> Option<String> {
+pub fn python() -> Option<String> {
     let python = std::env::var("PYTHON").unwrap_or_else(|_| "python3".to_owned());
     let has_numpy = Command::new(&python).args(["-c", "import numpy"]).output();
     has_numpy
@@ -148,15 +163,7 @@ fn another_program_checks_the_proof_and_refuses_what_was_tampered_with() {
         "{}",
         outcome.stderr
     );
-    let check = |name: &str| {
-        let output = Command::new(&python)
-            .arg(project("tools/check_proof.py"))
-            .arg(place.path(name))
-            .output()
-            .expect("Python starts");
-        let text = String::from_utf8_lossy(&output.stdout).into_owned();
-        (output.status.code(), text)
-    };
+    let check = |name: &str| checked(&python, &place.path(name));
     let (code, text) = check("proof.json");
     assert_eq!(code, Some(0), "{text}");
     assert!(text.contains("the proof holds"), "{text}");
@@ -202,6 +209,17 @@ fn another_program_checks_the_proof_and_refuses_what_was_tampered_with() {
         assert_eq!(code, Some(1), "{what}: {text}");
         assert!(text.contains("refused"), "{what}: {text}");
     }
+}
+
+/// What the checker says of a proof.
+pub fn checked(python: &str, proof: &Path) -> (Option<i32>, String) {
+    let output = Command::new(python)
+        .arg(project("tools/check_proof.py"))
+        .arg(proof)
+        .output()
+        .expect("Python starts");
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    (output.status.code(), text)
 }
 
 /// Something that is done to a proof.

@@ -38,8 +38,9 @@
 //!   `form`: d for a force of any direction.
 //! - `polynomial`, `judgement`: the largest value over a box, with multipliers; [`branching`](prove): all boxes.
 //! - `tree`: the proof as an object that can be checked by others.
-//! - [`bound`](Ingredients): from max d to `rho_0`.
+//! - [`bound`](Ingredients): from max d to `rho_0`; [`aim`](Aim): to the other criteria that are convex in M.
 
+mod aim;
 #[cfg(test)]
 mod arms;
 mod bound;
@@ -60,6 +61,7 @@ mod tests;
 mod tree;
 mod vectors;
 
+pub use aim::Aim;
 pub use bound::{Ingredients, Target};
 pub use branching::{NoProof, ProofLimits, Proved, prove, prove_and_record};
 pub use question::{Arm, ProofJoint, ProofLoads, Question, SmoothRegion};

@@ -2,7 +2,8 @@
 //!
 //! For weights w on experiments x the information is M = sum w A^T A. The cost `phi` = `rho_0`^2 is
 //! convex in M and homogeneous of degree -1, so 1/phi is concave and homogeneous of degree 1, and for
-//! any distribution with directional derivatives d(x) = trace(A G A^T), G = -d phi/dM,
+//! any distribution with directional derivatives d(x) = trace(A G A^T), G = -d phi/dM (any subgradient, where
+//! there is no derivative),
 //!
 //! ```text
 //! phi(best distribution) >= phi^2 / max d(x)        (general equivalence theorem)
@@ -22,6 +23,10 @@
 //! where mandatory experiments have their own derivatives, which may be smaller or larger than max d. That is
 //! tightest for the m that the design was made for; without M0 it is the same for all.
 //!
+//! All that holds for other criteria, whose costs are convex and of degree -1, too: A and G as they are, det(M)^(-1/p)
+//! for D and O1, the inverse of the smallest eigenvalue for E and O3, the square of O5. With G = -d phi/dM at any M*,
+//! phi(M) >= phi(M*)^2 / trace(G M) for every M: the tangent plane of 1/phi.
+//!
 //! The maximum is searched over the class of plans that [`Bound`](super::Bound) speaks about: where the
 //! smooth bounds of the region hold, widened by what printing with one decimal may move, whether or
 //! not there is a collision or the tracker's view is blocked. That contains the feasible region.
@@ -35,8 +40,9 @@ use super::point::{Point, information_in};
 use super::pool::Pool;
 use super::problem::{Problem, SearchError};
 use super::sampling::Sampler;
-use crate::experiment::{Experiment, printed_tolerance};
-use crate::plan::WIDENED_RAD;
+use super::weighing::{Weighing, normalise};
+use crate::experiment::{Experiment, Plan, printed_tolerance};
+use crate::plan::{Criterion, WIDENED_RAD};
 use crate::random::generator;
 use crate::random::streams::FIRST_SUPPORT;
 use crate::robot::Load;
@@ -45,6 +51,12 @@ use crate::robot::Load;
 const ROUNDS: usize = 60;
 /// The rounds end when no experiment promises more than this share.
 const TOLERANCE: f64 = 1e-4;
+/// The same for criteria that are the worst of several: each round may turn the subgradient.
+const TOLERANCE_OF_WORST: f64 = 2e-4;
+/// Where searches from random starts end this share above, they are missed (not for the test poses).
+const MISSED: f64 = 3e-4;
+/// How often such are added, at most.
+const RETURNS: usize = 6;
 /// As long as experiments of the pool promise more than this share, there are no local searches.
 const ROUGH_TOLERANCE: f64 = 2e-2;
 /// Experiments that are added in one round.
@@ -53,8 +65,6 @@ const ADDED: usize = 8;
 const NEAR: f64 = 1e-3;
 /// Weights below this are dropped.
 const SMALLEST_WEIGHT: f64 = 1e-5;
-/// Accelerated cycles of the multiplicative algorithm in one round, three steps each.
-const WEIGHT_CYCLES: usize = 1000;
 /// Random local searches between two looks at whether enough are done.
 const BATCH: usize = 64;
 /// So many random local searches that end in the largest derivative are enough.
@@ -101,6 +111,8 @@ impl Certificate {
 /// A distribution of experiments with its certificate.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ApproximateDesign {
+    /// The criterion that it is best for.
+    pub criterion: Criterion,
     /// The experiments.
     pub support: Vec<Point>,
     /// Their weights, which sum to one.
@@ -113,49 +125,109 @@ pub struct ApproximateDesign {
     pub(super) candidates: Vec<Point>,
 }
 
+impl ApproximateDesign {
+    /// A plan of so many free measurements in at most so many configurations that comes near the weights
+    /// (Pukelsheim and Rieder 1992), the heaviest of them where there are too few.
+    pub(super) fn rounded(&self, measurements: u32, configurations: u32) -> Option<Plan> {
+        let most = configurations.min(measurements) as usize;
+        let mut heaviest: Vec<(&Point, f64)> = (self.support.iter())
+            .zip(self.weights.iter().copied())
+            .filter(|(_, weight)| weight * f64::from(measurements) > 0.25)
+            .collect();
+        heaviest.sort_by(|one, other| other.1.total_cmp(&one.1));
+        heaviest.truncate(most);
+        let total: f64 = heaviest.iter().map(|(_, weight)| weight).sum();
+        let free = f64::from(measurements) - 0.5 * heaviest.len() as f64;
+        // As many as the weight asks for, rounded up, and one at least.
+        let wanted = |weight: f64| (free * weight / total).ceil().max(1.0);
+        let mut repeats: Vec<f64> = heaviest.iter().map(|each| wanted(each.1)).collect();
+        loop {
+            let missing = f64::from(measurements) - repeats.iter().sum::<f64>();
+            let ratio = |index: usize, less: f64| (repeats[index] - less) / heaviest[index].1;
+            let all = 0..repeats.len();
+            if missing > 0.5 {
+                let least =
+                    all.min_by(|&one, &other| ratio(one, 0.0).total_cmp(&ratio(other, 0.0)))?;
+                repeats[least] += 1.0;
+            } else if missing < -0.5 {
+                let several = all.filter(|&index| repeats[index] > 1.5);
+                let most =
+                    several.max_by(|&one, &other| ratio(one, 1.0).total_cmp(&ratio(other, 1.0)))?;
+                repeats[most] -= 1.0;
+            } else {
+                break;
+            }
+        }
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "whole numbers up to the number of measurements"
+        )]
+        let experiments = (heaviest.iter().zip(&repeats))
+            .map(|((point, _), &many)| point.experiment(many as u32))
+            .collect();
+        Some(Plan { experiments })
+    }
+}
+
 /// Finds the approximate design by adding the most informative experiments until none promises
-/// more.
+/// more. For criteria that are powers of others it is that of these, with their cost.
 ///
 /// # Errors
-/// No feasible experiment is found, or the feasible ones do not show what the test poses need.
+/// No feasible experiment is found, the feasible ones do not show what is asked for, or the criterion has no such
+/// design ([`Criterion::bounded_as`]).
 pub fn approximate_design(
     problem: &Problem<'_>,
     seed: u64,
 ) -> Result<ApproximateDesign, SearchError> {
     problem.check_excited()?;
-    let mut support = initial_support(problem, seed)?;
-    let pool = Pool::draw(problem, problem.effort.pool, seed, 1);
-    let mut weights = vec![(support.len() as f64).recip(); support.len()];
-    let mut weighing = Weighing::new(problem);
+    let Some(criterion) = problem.criterion.bounded_as() else {
+        let criterion = problem.criterion.name();
+        return Err(SearchError::NotConvex { criterion });
+    };
+    let problem = &problem.by(criterion);
+    let mut growing = Growing {
+        problem,
+        pool: Pool::draw(problem, problem.effort.pool, seed, 1),
+        tolerance: if criterion.is_worst_of_several() {
+            TOLERANCE_OF_WORST
+        } else {
+            TOLERANCE
+        },
+        weights: Vec::new(),
+        support: initial_support(problem, seed)?,
+        weighing: Weighing::new(problem),
+    };
+    growing.weights = vec![(growing.support.len() as f64).recip(); growing.support.len()];
     let mut gap = 1.0;
-    for _ in 0..ROUNDS {
-        weighing.optimise(&support, &mut weights, 0.1 * gap);
-        let cost = weighing.mean;
-        prune(&mut support, &mut weights);
-        let ranked = pool.by_derivative(&weighing.directions);
-        let mut found: Vec<(Point, f64)> = ranked
-            .iter()
-            .take(ADDED)
-            .filter(|(_, value)| *value > cost * (1.0 + ROUGH_TOLERANCE))
-            .map(|&(point, value)| (point.clone(), value))
-            .collect();
-        if found.is_empty() {
-            let promising = ranked.iter().take(problem.effort.probes);
-            let starts: Vec<&Point> = (support.iter())
-                .chain(promising.map(|(point, _)| *point))
-                .collect();
-            found = climbs(problem, &starts, &weighing.directions, Precision::FINE);
-            found.retain(|(_, value)| *value > cost * (1.0 + TOLERANCE));
+    let mut returns = 0;
+    let (certificate, ends) = loop {
+        growing.grow(gap);
+        let cost = growing.optimise(0.1 * growing.tolerance);
+        let mean = growing.weighing.mean;
+        let directions = &growing.weighing.directions;
+        let (certificate, ends) =
+            certify(problem, seed, &growing.support, [cost, mean], directions);
+        // Where many searches come across more than those that start near the support, it goes on from there.
+        let is_over = ends
+            .first()
+            .is_none_or(|(_, value)| *value <= mean * (1.0 + MISSED));
+        if criterion == Criterion::TestPose || is_over || returns == RETURNS {
+            break (certificate, ends);
         }
-        let largest = found.iter().map(|(_, value)| *value).fold(0.0, f64::max);
-        gap = (largest / cost - 1.0).clamp(TOLERANCE, gap);
-        if !add(&mut support, &mut weights, found) {
-            break;
-        }
-    }
-    let cost = weighing.optimise(&support, &mut weights, 0.1 * TOLERANCE);
-    let costs = [cost, weighing.mean];
-    let (certificate, ends) = certify(problem, seed, &support, costs, &weighing.directions);
+        returns += 1;
+        gap = certificate.largest_inside / mean - 1.0;
+        let more = ends
+            .into_iter()
+            .filter(|(_, value)| *value > mean * (1.0 + growing.tolerance));
+        add(&mut growing.support, &mut growing.weights, more.collect());
+    };
+    let Growing {
+        support,
+        weights,
+        weighing,
+        ..
+    } = growing;
     let mut candidates = support.clone();
     for (point, _) in ends {
         if !candidates.iter().any(|known| is_same(known, &point)) {
@@ -163,12 +235,74 @@ pub fn approximate_design(
         }
     }
     Ok(ApproximateDesign {
+        criterion,
         certificate,
         directions: weighing.directions,
         support,
         weights,
         candidates,
     })
+}
+
+/// A support that grows, with its weights.
+struct Growing<'a> {
+    problem: &'a Problem<'a>,
+    pool: Pool,
+    tolerance: f64,
+    support: Vec<Point>,
+    weights: Vec<f64>,
+    weighing: Weighing,
+}
+
+impl Growing<'_> {
+    fn optimise(&mut self, tolerance: f64) -> f64 {
+        let Self {
+            support, weights, ..
+        } = self;
+        self.weighing.optimise(support, weights, tolerance)
+    }
+
+    /// Adds the most informative experiments until none promises more; the best promises `gap` more to begin with.
+    fn grow(&mut self, mut gap: f64) {
+        let is_worst = self.problem.criterion.is_worst_of_several();
+        for _ in 0..ROUNDS {
+            self.optimise(0.1 * gap);
+            let cost = self.weighing.mean;
+            // On the central path of the worst of several even experiments that tell little keep a weight of about the
+            // tolerance.
+            let least = if is_worst {
+                0.05 * gap.min(ROUGH_TOLERANCE)
+            } else {
+                0.0
+            };
+            prune(
+                &mut self.support,
+                &mut self.weights,
+                least.max(SMALLEST_WEIGHT),
+            );
+            let directions = &self.weighing.directions;
+            let ranked = self.pool.by_derivative(directions);
+            let mut found: Vec<(Point, f64)> = ranked
+                .iter()
+                .take(ADDED)
+                .filter(|(_, value)| *value > cost * (1.0 + ROUGH_TOLERANCE))
+                .map(|&(point, value)| (point.clone(), value))
+                .collect();
+            if found.is_empty() {
+                let promising = ranked.iter().take(self.problem.effort.probes);
+                let starts: Vec<&Point> = (self.support.iter())
+                    .chain(promising.map(|(point, _)| *point))
+                    .collect();
+                found = climbs(self.problem, &starts, directions, Precision::FINE);
+                found.retain(|(_, value)| *value > cost * (1.0 + self.tolerance));
+            }
+            let largest = found.iter().map(|(_, value)| *value).fold(0.0, f64::max);
+            gap = (largest / cost - 1.0).clamp(self.tolerance, gap.max(self.tolerance));
+            if !add(&mut self.support, &mut self.weights, found) {
+                break;
+            }
+        }
+    }
 }
 
 /// Adds the most informative of the experiments that were found, or puts them in the place of those
@@ -342,124 +476,10 @@ fn is_same(one: &Point, other: &Point) -> bool {
     (&first - second).norm() < NEAR * first.norm()
 }
 
-fn prune(support: &mut Vec<Point>, weights: &mut Vec<f64>) {
-    let kept: Vec<bool> = weights
-        .iter()
-        .map(|weight| *weight > SMALLEST_WEIGHT)
-        .collect();
+fn prune(support: &mut Vec<Point>, weights: &mut Vec<f64>, least: f64) {
+    let kept: Vec<bool> = weights.iter().map(|weight| *weight > least).collect();
     let mut keep = kept.iter();
     support.retain(|_| keep.next().copied().unwrap_or(false));
-    weights.retain(|weight| *weight > SMALLEST_WEIGHT);
+    weights.retain(|weight| *weight > least);
     normalise(weights);
-}
-
-/// Finds the best weights on given experiments.
-struct Weighing {
-    cost: crate::plan::CriterionFunction,
-    /// What is told beside the experiments.
-    beside: Option<DMatrix<f64>>,
-    information: DMatrix<f64>,
-    directions: DMatrix<f64>,
-    /// The mean derivative of the experiments: the cost, where nothing is told beside them.
-    mean: f64,
-}
-
-impl Weighing {
-    fn new(problem: &Problem<'_>) -> Self {
-        let size = problem.parameters();
-        Self {
-            cost: problem.cost(),
-            beside: problem.beside.clone(),
-            mean: 0.0,
-            information: DMatrix::zeros(size, size),
-            directions: DMatrix::zeros(size, size),
-        }
-    }
-
-    /// The multiplicative algorithm, whose steps converge slowly, accelerated: after two steps it goes on
-    /// in their direction where that lowers the cost (Varadhan and Roland 2008, scheme S3). Returns
-    /// the cost, which belongs to the derivatives in `directions`.
-    fn optimise(&mut self, support: &[Point], weights: &mut [f64], tolerance: f64) -> f64 {
-        let blocks: Vec<DMatrix<f64>> = support.iter().map(Point::information).collect();
-        let [mut before, mut once, mut twice] = [(); 3].map(|()| weights.to_vec());
-        let is_best = |mean: f64, largest: f64| largest <= mean * (1.0 + tolerance);
-        for _ in 0..WEIGHT_CYCLES {
-            before.copy_from_slice(weights);
-            let (cost, largest) = self.step(&blocks, weights);
-            if !cost.is_finite() || is_best(self.mean, largest) {
-                return cost;
-            }
-            once.copy_from_slice(weights);
-            let (cost, largest) = self.step(&blocks, weights);
-            if is_best(self.mean, largest) {
-                return cost;
-            }
-            twice.copy_from_slice(weights);
-            extrapolate(&before, &once, weights);
-            let (far, largest) = self.step(&blocks, weights);
-            if far.is_nan() || far > cost {
-                weights.copy_from_slice(&twice);
-            } else if is_best(self.mean, largest) {
-                return far;
-            }
-        }
-        self.step(&blocks, weights).0
-    }
-
-    /// A step: each weight grows with the root of its derivative (Fellman; Yu 2010 shows that the cost
-    /// never rises). Returns the cost before it, and the largest derivative.
-    fn step(&mut self, blocks: &[DMatrix<f64>], weights: &mut [f64]) -> (f64, f64) {
-        match &self.beside {
-            Some(beside) => self.information.copy_from(beside),
-            None => self.information.fill(0.0),
-        }
-        for (block, weight) in blocks.iter().zip(weights.iter()) {
-            let sums = self.information.as_mut_slice().iter_mut();
-            for (sum, value) in sums.zip(block.as_slice()) {
-                *sum += weight * value;
-            }
-        }
-        let cost = self.cost.cost(&self.information, &mut self.directions);
-        let (mut largest, mut mean) = (0.0_f64, 0.0);
-        if cost.is_finite() {
-            for (block, weight) in blocks.iter().zip(weights.iter_mut()) {
-                let pairs = block.as_slice().iter().zip(self.directions.as_slice());
-                let derivative: f64 = pairs.map(|(one, other)| one * other).sum();
-                largest = largest.max(derivative);
-                mean += *weight * derivative;
-                *weight *= derivative.max(0.0).sqrt();
-            }
-            normalise(weights);
-        }
-        // Where nothing is told beside the experiments, the mean is the cost but for rounding.
-        self.mean = if self.beside.is_some() { mean } else { cost };
-        (cost, largest)
-    }
-}
-
-/// From weights before, after one step and after two (`weights`), those further on in that direction.
-fn extrapolate(before: &[f64], once: &[f64], weights: &mut [f64]) {
-    let (mut first, mut second) = (0.0, 0.0);
-    for ((before, once), twice) in before.iter().zip(once).zip(weights.iter()) {
-        first += (once - before).powi(2);
-        second += (twice - 2.0 * once + before).powi(2);
-    }
-    let length = (first / second).sqrt();
-    if !length.is_finite() || length <= 1.0 {
-        return;
-    }
-    for ((before, once), weight) in before.iter().zip(once).zip(weights.iter_mut()) {
-        let curvature = *weight - 2.0 * once + before;
-        let far = before + length * (2.0 * (once - before) + length * curvature);
-        // No weight vanishes at once.
-        *weight = far.max(0.1 * *weight);
-    }
-    normalise(weights);
-}
-
-fn normalise(weights: &mut [f64]) {
-    let total: f64 = weights.iter().sum();
-    for weight in weights {
-        *weight /= total;
-    }
 }

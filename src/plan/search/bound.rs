@@ -13,7 +13,7 @@ use crate::plan::{Criterion, Feasibility, widened};
 use crate::task::Region;
 use crate::task::Task;
 
-/// A lower bound of `rho_0` for every plan of a class, by the number m of measurements.
+/// What no plan of a class is better than by a criterion, by the number m of measurements.
 ///
 /// The class is that of plans
 /// - under loads of the task, or such as are printed alike ([`crate::experiment::Loads`]);
@@ -26,6 +26,7 @@ use crate::task::Task;
 /// bound, and the reason is told.
 #[derive(Debug, Clone)]
 pub struct Bound {
+    criterion: Criterion,
     /// The task with the region of the class.
     class: Task,
     /// The task's own.
@@ -67,8 +68,9 @@ impl BoundKind {
 /// The bound for so many measurements.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PlanBound {
-    /// No plan of the class has a smaller `rho_0` (m).
-    pub least_m: f64,
+    /// No plan of the class is better: has a smaller `rho_0` (m), or by another criterion a better value, as
+    /// [`CriterionFunction::value`](crate::plan::CriterionFunction::value) has it.
+    pub best: f64,
     /// What that rests on.
     pub kind: BoundKind,
     /// What is proved, nearer or less near.
@@ -78,8 +80,8 @@ pub struct PlanBound {
 /// What is proved for so many measurements.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PlanProof {
-    /// No plan of the class has a smaller `rho_0` (m).
-    pub least_m: f64,
+    /// No plan of the class is better, in the same terms.
+    pub best: f64,
     /// How far the bound of the largest derivative is above the largest derivative found, as a share.
     pub gap: f64,
     /// The number of boxes that it took.
@@ -91,7 +93,7 @@ pub struct PlanProof {
 pub enum Basis {
     /// The largest directional derivative that many local searches found: strong evidence, no proof.
     Searches(Certificate),
-    /// There is no bound.
+    /// There is no bound: no design was found, or the criterion is not convex.
     Nothing(SearchError),
 }
 
@@ -121,30 +123,44 @@ impl Bound {
     /// The bound that the approximate design for a task's test poses gives.
     #[must_use]
     pub fn new(task: &Task, approximate: &ApproximateDesign) -> Self {
-        Self::resting_on(task, Basis::Searches(approximate.certificate))
+        Self::by(task, Criterion::TestPose, approximate)
     }
 
-    /// Searches the bound of a task's plans under a seed; what was not found is told where it is asked for.
+    /// The bound that the approximate design for a criterion gives (for O1 that for D, for O3 that for E).
+    #[must_use]
+    pub fn by(task: &Task, criterion: Criterion, approximate: &ApproximateDesign) -> Self {
+        Self::resting_on(task, criterion, Basis::Searches(approximate.certificate))
+    }
+
+    /// There is no bound by a criterion, for a reason.
+    #[must_use]
+    pub fn none(task: &Task, criterion: Criterion, reason: SearchError) -> Self {
+        Self::resting_on(task, criterion, Basis::Nothing(reason))
+    }
+
+    /// Searches the bound of `rho_0` for a task's plans under a seed; what was not found is told where it is asked for.
     #[must_use]
     pub fn search(task: &Task, seed: u64) -> Self {
-        Self::search_and_prove(task, seed, &[], None)
+        Self::search_and_prove(task, Criterion::TestPose, seed, &[], None)
     }
 
-    /// The same for plans of so many measurements, proved as far as an effort goes, where one is given, and
-    /// recorded if wanted.
+    /// The same by any criterion for plans of so many measurements, proved as far as an effort goes, where one is given,
+    /// and recorded if wanted.
     #[must_use]
     pub fn search_and_prove(
         task: &Task,
+        criterion: Criterion,
         seed: u64,
         sizes: &[u32],
         proof: Option<(ProofLimits<'_>, bool)>,
     ) -> Self {
-        let problem = Problem::new(task, Criterion::TestPose);
+        let problem = Problem::new(task, criterion);
         match approximate_design(&problem, seed) {
             Ok(approximate) => {
-                Self::new(task, &approximate).prove(&approximate, seed, sizes, proof)
+                let bound = Self::by(task, criterion, &approximate);
+                bound.prove(&approximate, seed, sizes, proof)
             }
-            Err(error) => Self::resting_on(task, Basis::Nothing(error)),
+            Err(error) => Self::none(task, criterion, error),
         }
     }
 
@@ -164,7 +180,7 @@ impl Bound {
             region: self.region.clone(),
             ..self.class.clone()
         };
-        let problem = Problem::new(&task, Criterion::TestPose);
+        let problem = Problem::new(&task, self.criterion);
         let proved = |problem: &Problem<'_>, approximate: &ApproximateDesign| {
             let (effort, records) = proof?;
             Some(ProvedBound::new(problem, approximate, effort, records))
@@ -196,10 +212,11 @@ impl Bound {
             .as_ref()
     }
 
-    fn resting_on(task: &Task, basis: Basis) -> Self {
+    fn resting_on(task: &Task, criterion: Criterion, basis: Basis) -> Self {
         let mut class = task.clone();
         class.region = widened(&task.region);
         Self {
+            criterion,
             class,
             basis,
             region: task.region.clone(),
@@ -208,13 +225,19 @@ impl Bound {
         }
     }
 
+    /// What makes a plan good.
+    #[must_use]
+    pub const fn criterion(&self) -> Criterion {
+        self.criterion
+    }
+
     /// What the bound rests on.
     #[must_use]
     pub const fn basis(&self) -> &Basis {
         &self.basis
     }
 
-    /// No plan of the class with so many measurements has a smaller `rho_0` (m).
+    /// No plan of the class with so many measurements is better than this.
     ///
     /// # Errors
     /// The class has no such plan, or there is no bound.
@@ -238,20 +261,20 @@ impl Bound {
         let cost = certificate.lower_bound(measurements).ok_or(too_few)?;
         let proved = proof.and_then(|proof| {
             Some(PlanProof {
-                least_m: proof.of_size(measurements)?,
+                best: proof.of_size(measurements)?,
                 gap: proof.gap(),
                 boxes: proof.boxes(),
             })
         });
         let tight = proved.filter(|_| proof.is_some_and(ProvedBound::is_tight));
         Ok(PlanBound {
-            least_m: tight.map_or(cost.sqrt(), |tight| tight.least_m),
+            best: tight.map_or(self.criterion.value_of_cost(cost), |tight| tight.best),
             kind: tight.map_or(BoundKind::Evidence, |_| BoundKind::Proved),
             proof: proved,
         })
     }
 
-    /// The bound for a plan: no plan of the class with as many measurements has a smaller `rho_0` (m).
+    /// The bound for a plan: no plan of the class with as many measurements is better than this.
     ///
     /// # Errors
     /// The plan is not of the class, or there is no bound.

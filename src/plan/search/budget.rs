@@ -167,7 +167,7 @@ impl BudgetPoint {
     /// The lower bound (m), where there is one.
     #[must_use]
     pub fn lower_bound_m(&self) -> Option<f64> {
-        Some(self.bound?.least_m)
+        Some(self.bound?.best)
     }
 }
 

@@ -10,7 +10,8 @@ use super::local::{LocalSearch, Precision};
 use super::point::Point;
 use super::problem::{Problem, SearchError};
 use super::refinement::{Found, Refinement};
-use crate::plan::Plan;
+use super::sharpening::{rounded_design, sharpened_all};
+use crate::plan::{Experiment, Plan};
 use crate::random::{generator, streams};
 
 /// Searches that know nothing of one another, between two looks at whether enough are done.
@@ -103,6 +104,57 @@ pub(super) fn exact_design_from(
     let free = experiments.saturating_sub(mandatory.measurements());
     let count = u32::try_from(mandatory.experiments.len()).unwrap_or(u32::MAX);
     let configurations = configurations.saturating_sub(count).min(free);
+    let is_worst = problem.criterion.is_worst_of_several();
+    let near = if is_worst {
+        rounded_design(problem, approximate, [experiments, free, configurations])
+    } else {
+        None
+    };
+    let mut ends = SearchEnds::default();
+    if near.as_ref().is_none_or(|near| !near.is_enough) {
+        let results = known_plans(problem, known);
+        let sizes = [free, configurations];
+        ends = search_plans(problem, approximate, sizes, seed, watch, results);
+    }
+    if is_worst {
+        let smooth = sharpened_all(problem, &ends.polished);
+        ends.polished.extend(smooth);
+        ends.polished.extend(near.map(|near| near.found));
+    }
+    let best = (ends.polished.iter())
+        .min_by(|one, other| one.cost.total_cmp(&other.cost))
+        .ok_or_else(|| singular.clone())?;
+    let plan = whole_plan(mandatory, best);
+    if !problem.is_determined_by(&plan) {
+        return Err(singular);
+    }
+    Ok(ExactDesign {
+        plan,
+        cost: best.cost,
+        searches: ends.searches,
+        agreeing: ends.agreeing,
+    })
+}
+
+/// What searches ended in.
+#[derive(Default)]
+struct SearchEnds {
+    /// The best plans, refined to full precision.
+    polished: Vec<Found>,
+    /// How many searches there were that knew nothing of one another, and how many of them ended in the best plan.
+    searches: usize,
+    agreeing: usize,
+}
+
+/// Searches plans of so many free measurements in so many configurations, beside those that are known.
+fn search_plans(
+    problem: &Problem<'_>,
+    approximate: &ApproximateDesign,
+    [free, configurations]: [u32; 2],
+    seed: u64,
+    watch: Watch<'_>,
+    mut results: Vec<Found>,
+) -> SearchEnds {
     let searches = if free == 0 {
         1
     } else {
@@ -146,7 +198,6 @@ pub(super) fn exact_design_from(
         ENOUGH_OF_OTHERS
     };
     let fewest = fewest_searches(configurations);
-    let mut results = known_plans(problem, known);
     let mut independent: Vec<f64> = Vec::new();
     let mut done = 0;
     while done < searches {
@@ -169,27 +220,20 @@ pub(super) fn exact_design_from(
     let polished: Vec<Found> = polished
         .map(|found| Refinement::new(problem).polish(found.clone()))
         .collect();
-    let best = polished
-        .iter()
-        .min_by(|one, other| one.cost.total_cmp(&other.cost))
-        .ok_or_else(|| singular.clone())?;
-    let found = best
-        .points
-        .iter()
-        .zip(&best.repeats)
-        .map(|(point, &repeats)| point.experiment(repeats));
-    let plan = Plan {
-        experiments: mandatory.experiments.iter().cloned().chain(found).collect(),
-    };
-    if !problem.is_determined_by(&plan) {
-        return Err(singular);
-    }
-    Ok(ExactDesign {
-        plan,
-        cost: best.cost,
-        searches: independent.len(),
+    SearchEnds {
         agreeing: agreeing(&independent, &polished),
-    })
+        searches: independent.len(),
+        polished,
+    }
+}
+
+/// Mandatory experiments with those that were found.
+fn whole_plan(mandatory: &Plan, best: &Found) -> Plan {
+    let found =
+        (best.points.iter().zip(&best.repeats)).map(|(point, &repeats)| point.experiment(repeats));
+    Plan {
+        experiments: mandatory.experiments.iter().cloned().chain(found).collect(),
+    }
 }
 
 /// So many independent searches there are at least: plans of few configurations have many optima that
@@ -207,13 +251,16 @@ fn known_plans(problem: &Problem<'_>, known: &[Plan]) -> Vec<Found> {
     let mandatory = problem.task.design.mandatory.experiments.len();
     known
         .par_iter()
-        .map(|plan| {
-            let mut refinement = Refinement::new(problem);
-            let found = refinement.known(&plan.experiments[mandatory..]);
-            refinement.refine(found, Precision::ROUGH, f64::INFINITY)
-        })
-        .filter(|found| found.cost.is_finite())
+        .filter_map(|plan| known_plan(problem, &plan.experiments[mandatory..]))
         .collect()
+}
+
+/// Experiments beside the mandatory ones, refined.
+fn known_plan(problem: &Problem<'_>, experiments: &[Experiment]) -> Option<Found> {
+    let mut refinement = Refinement::new(problem);
+    let found = refinement.known(experiments);
+    let found = refinement.refine(found, Precision::ROUGH, f64::INFINITY);
+    found.cost.is_finite().then_some(found)
 }
 
 fn sort(results: &mut [Found]) {

@@ -6,13 +6,15 @@
 //! - `sampling`: random feasible experiments.
 //! - `approximate`: the design with continuous weights, whose largest directional derivative bounds
 //!   every plan from below.
+//! - `weighing`, `worst`: the best weights on given experiments, also for criteria that are the worst of several.
 //! - `bound`: that bound, the class of plans that it speaks about, and why there is none for others.
-//! - `proved`: its proof.
+//! - `proved`, `rows`: its proof.
 //! - `budget`: the best accuracy against the number of measurements.
 //! - `criteria`: the best plans for the criteria of Table 1, judged at the test poses.
 //! - `pool`: random experiments that are cheap to look through.
 //! - `exchange`, `refinement`: one search of a plan of whole experiments, by exchange over a pool and
 //!   refinement by gradients.
+//! - `sharpening`: the same for criteria that are the worst of several.
 //! - `exact`: the best plan of whole experiments that many such searches find.
 
 mod approximate;
@@ -31,7 +33,11 @@ mod problem;
 mod proved;
 mod refinement;
 mod relevance;
+mod rows;
 mod sampling;
+mod sharpening;
+mod weighing;
+mod worst;
 
 pub use approximate::{ApproximateDesign, Certificate, approximate_design};
 pub use bound::{Basis, Bound, BoundKind, NoBound, PlanBound, PlanProof};

@@ -63,6 +63,12 @@ pub enum SearchError {
         /// What else is to be found.
         names: Vec<String>,
     },
+    /// No approximate design bounds the plans for a criterion.
+    #[error("the criterion {criterion} is not convex in the information")]
+    NotConvex {
+        /// The criterion's name.
+        criterion: &'static str,
+    },
     /// So few experiments cannot determine the compliances.
     #[error("{experiments} experiments cannot determine {parameters} compliances in this region")]
     Singular {
@@ -110,6 +116,8 @@ pub struct Problem<'a> {
     pub criterion: Criterion,
     /// How much work the search does.
     pub effort: Effort,
+    /// The power of the smooth stand-in for the criterion's cost, where it is to have one.
+    sharpness: Option<f64>,
     pub(super) bounds: Vec<SmoothBound>,
     pub(super) ranges: Vec<(f64, f64)>,
     pub(super) loads: LoadChoice,
@@ -263,8 +271,25 @@ impl<'a> Problem<'a> {
             prior,
             sizes,
             criterion,
+            sharpness: None,
             effort: Effort::default(),
             task,
+        }
+    }
+
+    /// The same problem by a criterion that asks for the same compliances.
+    pub(super) fn by(&self, criterion: Criterion) -> Self {
+        Self {
+            criterion,
+            ..self.clone()
+        }
+    }
+
+    /// The same problem with a smooth stand-in for its cost, where that is the worst of several.
+    pub(super) fn smoothed(&self, power: f64) -> Self {
+        Self {
+            sharpness: Some(power),
+            ..self.clone()
         }
     }
 
@@ -373,31 +398,29 @@ impl<'a> Problem<'a> {
         &self.parameters
     }
 
-    /// B = C M^-1 for the information M of an approximate design, row by row, for the joints' `tau_n` `J_n` as they are
-    /// (per N m^2); `None` where M is singular.
-    pub(super) fn rows_of(&self, approximate: &ApproximateDesign) -> Option<Vec<Vec<f64>>> {
+    /// The information of an approximate design, with what stands beside it.
+    pub(super) fn information_of(&self, approximate: &ApproximateDesign) -> DMatrix<f64> {
         let size = self.parameters();
         let mut information = (self.beside.clone()).unwrap_or_else(|| DMatrix::zeros(size, size));
         for (point, weight) in approximate.support.iter().zip(&approximate.weights) {
             add_information(&mut information, &point.matrix, *weight);
         }
-        let solved = information.cholesky()?.solve(&self.test_poses);
-        // From coordinates of the basis to compliances: B is then that of the combinations that show.
-        let solved = match &self.basis {
-            Some(basis) => basis * solved,
-            None => solved,
-        };
-        let sigma_m = self.task.belief.instrument.sigma_m;
-        let row = |column: nalgebra::DVectorView<'_, f64>| {
-            let values = column.iter().zip(&self.sizes);
-            values
-                .map(|(value, typical)| value * typical / sigma_m)
-                .collect()
-        };
-        let rows: Vec<Vec<f64>> = solved.column_iter().map(row).collect();
-        (rows.iter().flatten())
-            .all(|value| value.is_finite())
-            .then_some(rows)
+        information
+    }
+
+    /// C^T in relative units, in coordinates of the basis where there is one.
+    pub(super) const fn test_poses(&self) -> &DMatrix<f64> {
+        &self.test_poses
+    }
+
+    /// Where only combinations of the compliances show in any experiment, a basis of what does, p x r.
+    pub(super) const fn basis(&self) -> Option<&DMatrix<f64>> {
+        self.basis.as_ref()
+    }
+
+    /// The typical size of each compliance (rad/(N m)): the unit in which all is told.
+    pub(super) fn typical_rad_per_nm(&self) -> &[f64] {
+        &self.sizes
     }
 
     /// The number of compliances, or of their combinations, of which nothing is known before.
@@ -456,7 +479,11 @@ impl<'a> Problem<'a> {
     /// The criterion as a cost.
     #[must_use]
     pub fn cost(&self) -> CriterionFunction {
-        self.cost_of(self.criterion)
+        let cost = self.cost_of(self.criterion);
+        match self.sharpness {
+            Some(power) => cost.smoothed(power),
+            None => cost,
+        }
     }
 
     /// Any other criterion of the same problem.

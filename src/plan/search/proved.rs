@@ -7,16 +7,17 @@ use serde::Serialize;
 
 use crate::experiment::{Experiment, Loads, printed_tolerance};
 use crate::plan::proof::{
-    Arm, Ingredients, NoProof, ProofJoint, ProofLimits, ProofLoads, ProofObject, Proved, Question,
-    SmoothRegion, Target, prove, prove_and_record,
+    Aim, Arm, Ingredients, NoProof, ProofJoint, ProofLimits, ProofLoads, ProofObject, Proved,
+    Question, SmoothRegion, Target, prove, prove_and_record,
 };
-use crate::plan::{WIDENED_RAD, widened};
+use crate::plan::{Criterion, WIDENED_RAD, widened};
 use crate::robot::{Load, SerialChain, Tool};
 use crate::task::Task;
 
 use super::approximate::ApproximateDesign;
 use super::point::information_in;
 use super::problem::Problem;
+use super::rows::BoundRows;
 
 /// A proof replaces what searches found where its gap is at most this.
 pub const TIGHT: f64 = 1e-3;
@@ -25,13 +26,16 @@ const MANY_ROWS: usize = 4;
 /// How near, and after how many boxes, the derivative about a mandatory experiment is bounded.
 const MANDATORY: (f64, u64) = (1e-3, 200_000);
 
-/// A proof that no plan of a class has a smaller `rho_0` than a number for its number of measurements.
+/// A proof that no plan of a class is better by a criterion than a number for its number of measurements.
 ///
 /// The class is that of [`super::Bound`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct ProvedBound {
+    criterion: Criterion,
+    aim: Aim,
     targets: Vec<Target>,
     parameters: Vec<usize>,
+    typical_rad_per_nm: Vec<f64>,
     rows: Vec<Vec<f64>>,
     sigma_m: f64,
     largest: Proved,
@@ -51,7 +55,13 @@ pub struct ProofFile {
     pub proof: ProofObject,
     /// By how much loads may differ from these in force (N) and torque (N m), each.
     pub printed: f64,
-    /// What must be accurate.
+    /// The criterion's name.
+    pub criterion: &'static str,
+    /// What a bound of the derivative bounds by the question's rows.
+    pub aim: Aim,
+    /// The typical size of each compliance (rad/(N m)), its unit in all criteria but `rho_0`.
+    pub typical_rad_per_nm: Vec<f64>,
+    /// What must be accurate; for criteria other than `rho_0`, nothing.
     pub targets: Vec<Target>,
     /// The standard deviation of each coordinate of a deflection (m).
     pub sigma_m: f64,
@@ -59,7 +69,7 @@ pub struct ProofFile {
     pub mandatory: (u32, f64),
     /// A bound of trace(B P B^T) for the precision P of what is known before any measurement.
     pub prior: f64,
-    /// For numbers m of measurements, what no plan's `rho_0` is below (m).
+    /// For numbers m of measurements, what no plan is better than: a `rho_0` (m), or a value of the criterion.
     pub bounds: Vec<(u32, f64)>,
 }
 
@@ -86,7 +96,7 @@ impl Default for ProofEffort {
 }
 
 impl ProvedBound {
-    /// Proves the bound that an approximate design for the test poses gives.
+    /// Proves the bound that an approximate design for a problem's criterion gives.
     ///
     /// # Errors
     /// Nothing was proved in time, or cannot be.
@@ -103,7 +113,8 @@ impl ProvedBound {
         if problem.is_extended() {
             return Err(NoProof::Uncertain);
         }
-        let rows = problem.rows_of(approximate).ok_or(NoProof::Singular)?;
+        let BoundRows { rows, aim } =
+            BoundRows::new(problem, approximate).ok_or(NoProof::Singular)?;
         // A proof that is to be checked shows B as it is.
         let question = if records {
             question(problem, rows.clone())
@@ -118,7 +129,14 @@ impl ProvedBound {
         let mandatory = mandatory(problem, approximate, &question)?;
         Ok(Self {
             prior: prior(task, &question.parameters, &rows),
-            targets: targets(task),
+            criterion: problem.criterion,
+            targets: if aim == Aim::TestPoses {
+                targets(task)
+            } else {
+                Vec::new()
+            },
+            aim,
+            typical_rad_per_nm: problem.typical_rad_per_nm().to_vec(),
             parameters: question.parameters,
             rows,
             sigma_m: task.belief.instrument.sigma_m,
@@ -129,21 +147,36 @@ impl ProvedBound {
         })
     }
 
-    /// No plan of the class with so many measurements has a smaller `rho_0` (m); `None` where the mandatory
-    /// ones are more.
+    /// No plan of the class with so many measurements is better: has a `rho_0` (m) below this, or a value of the
+    /// criterion that is; `None` where the mandatory ones are more.
     #[must_use]
     pub fn of_size(&self, measurements: u32) -> Option<f64> {
         let (count, derivatives) = self.mandatory;
         let free = f64::from(measurements.checked_sub(count)?);
         // Rounded up: a product and two sums.
         let most = (self.prior + derivatives + self.largest.largest * free) * (1.0 + 1e-15);
-        let ingredients = Ingredients {
-            targets: &self.targets,
-            parameters: &self.parameters,
-            rows: &self.rows,
-            sigma_m: self.sigma_m,
-        };
-        (most > 0.0).then(|| ingredients.least_rho0_m(most))?
+        if most.is_nan() || most <= 0.0 {
+            return None;
+        }
+        if self.aim == Aim::TestPoses {
+            let ingredients = Ingredients {
+                targets: &self.targets,
+                parameters: &self.parameters,
+                rows: &self.rows,
+                sigma_m: self.sigma_m,
+            };
+            return ingredients.least_rho0_m(most);
+        }
+        let typical = &self.typical_rad_per_nm;
+        let cost = (self.aim).least_cost(&self.rows, typical, self.sigma_m, most)?;
+        let value = self.criterion.value_of_cost(cost);
+        // A root and an inverse.
+        let outward = 4.0 * f64::EPSILON * value;
+        Some(if self.criterion.is_maximised() {
+            value + outward
+        } else {
+            value - outward
+        })
     }
 
     /// How far the bound of the largest derivative is above the largest derivative found, as a share.
@@ -170,6 +203,9 @@ impl ProvedBound {
         let bound = |m: u32| Some((m, self.of_size(m)?));
         Some(ProofFile {
             proof: self.object.clone()?,
+            criterion: self.criterion.name(),
+            aim: self.aim.clone(),
+            typical_rad_per_nm: self.typical_rad_per_nm.clone(),
             printed: self.printed,
             targets: self.targets.clone(),
             sigma_m: self.sigma_m,

@@ -1,0 +1,161 @@
+//! The best weights on given experiments.
+
+use nalgebra::DMatrix;
+
+use super::point::Point;
+use super::problem::Problem;
+use super::worst::WorstOfSeveral;
+use crate::plan::{Criterion, CriterionFunction};
+
+/// Accelerated cycles of the multiplicative algorithm in one round, three steps each.
+const WEIGHT_CYCLES: usize = 1000;
+
+/// Finds the best weights on given experiments.
+pub(super) struct Weighing {
+    criterion: Criterion,
+    cost: CriterionFunction,
+    /// What is told beside the experiments.
+    beside: Option<DMatrix<f64>>,
+    information: DMatrix<f64>,
+    pub directions: DMatrix<f64>,
+    /// The mean derivative of the experiments: the cost, where nothing is told beside them.
+    pub mean: f64,
+}
+
+impl Weighing {
+    /// For a problem whose criterion has a cost that goes with the inverse of the information, see
+    /// [`Criterion::bounded_as`].
+    pub fn new(problem: &Problem<'_>) -> Self {
+        let size = problem.parameters();
+        Self {
+            criterion: problem.criterion,
+            cost: problem.cost(),
+            beside: problem.beside.clone(),
+            mean: 0.0,
+            information: DMatrix::zeros(size, size),
+            directions: DMatrix::zeros(size, size),
+        }
+    }
+
+    /// Returns the cost, which belongs to the derivatives in `directions`; it is met where no derivative of these
+    /// experiments is above their mean by more than the tolerance, as a share.
+    pub fn optimise(&mut self, support: &[Point], weights: &mut [f64], tolerance: f64) -> f64 {
+        let blocks: Vec<DMatrix<f64>> = support.iter().map(Point::information).collect();
+        match WorstOfSeveral::of(self.criterion) {
+            Some(worst) => self.weigh_for_worst(worst, &blocks, weights, tolerance),
+            None => self.multiply(&blocks, weights, tolerance),
+        }
+    }
+
+    /// For criteria that are the worst of several, whose derivatives jump.
+    fn weigh_for_worst(
+        &mut self,
+        worst: WorstOfSeveral,
+        blocks: &[DMatrix<f64>],
+        weights: &mut [f64],
+        tolerance: f64,
+    ) -> f64 {
+        let Some((cost, directions)) =
+            worst.weigh(blocks, self.beside.as_ref(), weights, tolerance)
+        else {
+            return f64::INFINITY;
+        };
+        self.directions = directions;
+        let told = blocks.iter().map(|block| block.dot(&self.directions));
+        self.mean = told
+            .zip(weights.iter())
+            .map(|(told, weight)| told * weight)
+            .sum();
+        cost
+    }
+
+    /// The multiplicative algorithm, whose steps converge slowly, accelerated: after two steps it goes on
+    /// in their direction where that lowers the cost (Varadhan and Roland 2008, scheme S3).
+    fn multiply(&mut self, blocks: &[DMatrix<f64>], weights: &mut [f64], tolerance: f64) -> f64 {
+        let [mut before, mut once, mut twice] = [(); 3].map(|()| weights.to_vec());
+        let is_best = |mean: f64, largest: f64| largest <= mean * (1.0 + tolerance);
+        for _ in 0..WEIGHT_CYCLES {
+            before.copy_from_slice(weights);
+            let (cost, largest) = self.step(blocks, weights);
+            if !cost.is_finite() || is_best(self.mean, largest) {
+                return cost;
+            }
+            once.copy_from_slice(weights);
+            let (cost, largest) = self.step(blocks, weights);
+            if is_best(self.mean, largest) {
+                return cost;
+            }
+            twice.copy_from_slice(weights);
+            extrapolate(&before, &once, weights);
+            let (far, largest) = self.step(blocks, weights);
+            if far.is_nan() || far > cost {
+                weights.copy_from_slice(&twice);
+            } else if is_best(self.mean, largest) {
+                return far;
+            }
+        }
+        self.step(blocks, weights).0
+    }
+
+    /// A step: each weight grows with the root of its derivative (Fellman; Yu 2010 shows that the cost
+    /// never rises). Returns the cost before it, and the largest derivative.
+    fn step(&mut self, blocks: &[DMatrix<f64>], weights: &mut [f64]) -> (f64, f64) {
+        match &self.beside {
+            Some(beside) => self.information.copy_from(beside),
+            None => self.information.fill(0.0),
+        }
+        for (block, weight) in blocks.iter().zip(weights.iter()) {
+            let sums = self.information.as_mut_slice().iter_mut();
+            for (sum, value) in sums.zip(block.as_slice()) {
+                *sum += weight * value;
+            }
+        }
+        let mut cost = self.cost.cost(&self.information, &mut self.directions);
+        if self.criterion == Criterion::O5 && cost.is_finite() {
+            // The sum's square goes with the inverse of the information.
+            self.directions *= 2.0 * cost;
+            cost *= cost;
+        }
+        let (mut largest, mut mean) = (0.0_f64, 0.0);
+        if cost.is_finite() {
+            for (block, weight) in blocks.iter().zip(weights.iter_mut()) {
+                let pairs = block.as_slice().iter().zip(self.directions.as_slice());
+                let derivative: f64 = pairs.map(|(one, other)| one * other).sum();
+                largest = largest.max(derivative);
+                mean += *weight * derivative;
+                *weight *= derivative.max(0.0).sqrt();
+            }
+            normalise(weights);
+        }
+        // Where nothing is told beside the experiments, the mean is the cost but for rounding.
+        self.mean = if self.beside.is_some() { mean } else { cost };
+        (cost, largest)
+    }
+}
+
+/// From weights before, after one step and after two (`weights`), those further on in that direction.
+fn extrapolate(before: &[f64], once: &[f64], weights: &mut [f64]) {
+    let (mut first, mut second) = (0.0, 0.0);
+    for ((before, once), twice) in before.iter().zip(once).zip(weights.iter()) {
+        first += (once - before).powi(2);
+        second += (twice - 2.0 * once + before).powi(2);
+    }
+    let length = (first / second).sqrt();
+    if !length.is_finite() || length <= 1.0 {
+        return;
+    }
+    for ((before, once), weight) in before.iter().zip(once).zip(weights.iter_mut()) {
+        let curvature = *weight - 2.0 * once + before;
+        let far = before + length * (2.0 * (once - before) + length * curvature);
+        // No weight vanishes at once.
+        *weight = far.max(0.1 * *weight);
+    }
+    normalise(weights);
+}
+
+pub(super) fn normalise(weights: &mut [f64]) {
+    let total: f64 = weights.iter().sum();
+    for weight in weights {
+        *weight /= total;
+    }
+}
