@@ -3,10 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use elastocal::experiment::{experiment_columns, experiment_fields};
 use elastocal::files::output::write_whole;
 use elastocal::files::{FileError, make_folder, read_text};
 use elastocal::laboratory::{Campaign, CampaignError, Dialect, ProgramFile, program};
+use elastocal::measurement::{RowToFillIn, table_to_fill_in};
 use elastocal::plan::{Feasibility, Plan, read_plan};
 use elastocal::record::campaign::CampaignMessage;
 use elastocal::record::messages::ProvenanceMessage;
@@ -163,24 +163,31 @@ impl Lab {
     }
 }
 
-/// A measurement CSV whose deflections are to be filled in: a row for each reading, in the order of work.
+/// A measurement CSV whose positions are to be filled in: a row for each measurement, in the order of work.
 fn to_fill_in(scenario: &Scenario, plan: &Plan, campaign: &Campaign) -> String {
-    let commands = scenario.task.belief.commands();
-    let mut text = scenario.origin().comments();
-    text += "# deflection of the reflector: its position with the load minus that without, world frame\n";
-    text += &experiment_columns(&commands).join(",");
-    text += ",dx_mm,dy_mm,dz_mm\n";
-    for stop in campaign.stops.iter().filter(|stop| stop.load.is_some()) {
-        for &index in &stop.experiments {
-            let each = &plan.experiments[index];
-            let fields = experiment_fields(&commands, &each.configuration_rad, &each.load);
-            for _ in 0..each.repeats {
-                text += &fields.join(",");
-                text += ",,,\n";
-            }
-        }
-    }
-    text
+    let belief = &scenario.task.belief;
+    let stops = || campaign.stops.iter().enumerate();
+    let rows = stops().filter_map(|(place, stop)| Some((place + 1, stop, stop.load.as_ref()?)));
+    let rows = rows.flat_map(|(place, stop, load)| {
+        (stop.experiments.iter()).flat_map(move |&index| {
+            let (unloaded, before) = campaign.without_load(plan, index);
+            (1..=plan.experiments[index].repeats as usize).map(move |reading| RowToFillIn {
+                unloaded: [unloaded + 1, before as usize + reading],
+                loaded: [place, reading],
+                configuration_rad: &stop.configuration,
+                load,
+            })
+        })
+    });
+    let table = table_to_fill_in(
+        &belief.commands(),
+        belief.instrument.rotation_sigma_rad,
+        rows,
+    );
+    scenario.origin().comments()
+        + "# positions of the reflector without and with the load as the sheet has them, world frame; where the \
+           instrument shows\n# their difference: dx_mm,dy_mm,dz_mm in place of the six columns\n"
+        + &table
 }
 
 /// The stops for a person.

@@ -3,10 +3,13 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use elastocal::experiment::Experiment;
 use elastocal::files::FileError;
-use elastocal::laboratory::next::{Goal, Rest, accuracy, after, measured_plan, rest, task_left};
+use elastocal::laboratory::next::{
+    Goal, Remaining, Rest, accuracy, after, measured_plan, not_measured, rest,
+};
 use elastocal::limits::MOST_EXPERIMENTS;
-use elastocal::measurement::{Origin, read_measurements};
+use elastocal::measurement::{Origin, read_measurements_so_far};
 use elastocal::plan::search::Watch;
 use elastocal::plan::{Feasibility, Plan, read_plan, write_plan};
 use elastocal::plausible::ACCURACY;
@@ -77,7 +80,7 @@ impl Next {
         let usage = format!("elastocal next SCENARIO --measurements {file}");
         let scenario = (self.common).load_for(&self.measurements, origin.as_ref(), &usage)?;
         let (task, commands) = (&scenario.task, scenario.task.belief.commands());
-        let measurements = read_measurements(&self.measurements, commands.clone())?;
+        let measurements = read_measurements_so_far(&self.measurements, commands.clone())?;
         let given = match &self.plan {
             Some(path) => Some(read_plan(path, commands.clone())?),
             None => None,
@@ -96,14 +99,9 @@ impl Next {
         let so_far = measured_plan(&measurements);
         let measured = so_far.measurements();
         let impossible = self.impossible(given.as_ref())?;
-        let left = task_left(
-            task,
-            identification,
-            so_far.clone(),
-            &impossible,
-            self.skip_within_deg.to_radians(),
-        );
-        let reached_m = accuracy(&left, &identification.posterior).ok();
+        let within_rad = self.skip_within_deg.to_radians();
+        let left = Remaining::new(task, identification, &measurements, &impossible, within_rad);
+        let reached_m = accuracy(&left.task, &identification.posterior).ok();
         let total = (self.experiments)
             .or_else(|| given.as_ref().map(Plan::measurements))
             .unwrap_or(task.design.experiments);
@@ -122,7 +120,9 @@ impl Next {
             Some(wanted_m) => Goal::Accuracy(wanted_m, self.experiments.unwrap_or(measured + MORE)),
             None => Goal::Measurements(total),
         };
-        let is_done = is_reached || matches!(goal, Goal::Measurements(total) if total <= measured);
+        let is_all = matches!(goal, Goal::Measurements(total) if total <= measured);
+        // What is mandatory is measured whatever is reached.
+        let is_done = left.task.design.mandatory.experiments.is_empty() && (is_reached || is_all);
         let found = if is_done {
             text += if is_reached {
                 "That is the accuracy that is wanted: nothing more needs to be measured.\n"
@@ -135,11 +135,11 @@ impl Next {
         };
         let empty = Plan::default();
         let next = found.as_ref().map_or(&empty, |found| &found.plan);
-        let old_m = (given.as_ref()).and_then(|plan| self.old(&left, plan, &so_far, next));
+        let old_m = (given.as_ref()).and_then(|plan| self.old(&left.task, plan, &so_far, next));
         if let Some(found) = &found {
             text += &tell(found, old_m);
-            conditions.extend(self.unreached(found));
-            let violations = Feasibility::new(&left).violations(&found.plan);
+            conditions.extend(self.unreached(found, measured));
+            let violations = Feasibility::new(&left.task).violations(&found.plan);
             let of_experiments = violations.iter().filter(|each| each.experiment.is_some());
             conditions.extend(of_experiments.map(ToString::to_string));
         }
@@ -185,17 +185,20 @@ impl Next {
 
     /// The accuracy that what is left of a plan would give (m), where it is as much work as the new rest.
     fn old(&self, left: &Task, plan: &Plan, measured: &Plan, next: &Plan) -> Option<f64> {
-        let old = old_rest(plan, measured, &self.skip);
-        let all = [&*measured.experiments, &*old.experiments].concat();
+        let is_kept = |(index, _): &(usize, &Experiment)| !self.skip.contains(&(index + 1));
+        let kept = plan.experiments.iter().enumerate().filter(is_kept);
+        let experiments = kept.map(|(_, each)| each.clone()).collect();
+        let old = not_measured(&Plan { experiments }, measured);
         let is_as_large = old.measurements() == next.measurements();
-        let posterior = after(left, &Plan { experiments: all });
-        accuracy(left, &posterior).ok().filter(|_| is_as_large)
+        accuracy(left, &after(left, &old))
+            .ok()
+            .filter(|_| is_as_large)
     }
 
     /// Searches the rest of the campaign.
     fn search(
         &self,
-        left: &Task,
+        left: &Remaining,
         goal: Goal,
         seed: u64,
         conditions: &mut Vec<String>,
@@ -220,8 +223,9 @@ impl Next {
     }
 
     /// That the goal is not reached, where it is not.
-    fn unreached(&self, found: &Rest) -> Option<String> {
-        let count = counted(found.design.plan.measurements().into(), "measurement");
+    fn unreached(&self, found: &Rest, measured: u32) -> Option<String> {
+        let all = measured + found.plan.measurements();
+        let count = counted(all.into(), "measurement");
         let wanted = self.accuracy_um.filter(|_| !found.is_reached)?;
         Some(format!("{count} do not give {wanted} um"))
     }
@@ -243,30 +247,6 @@ impl Next {
         };
         self.skip.iter().map(configuration).collect()
     }
-}
-
-/// What is left of a plan: what is neither measured nor impossible.
-fn old_rest(plan: &Plan, measured: &Plan, skipped: &[usize]) -> Plan {
-    let mut measured = measured.clone();
-    let mut rest = Plan::default();
-    for (index, each) in plan.experiments.iter().enumerate() {
-        if skipped.contains(&(index + 1)) {
-            continue;
-        }
-        let mut left = each.clone();
-        for known in &mut measured.experiments {
-            let apart = (&known.configuration_rad - &each.configuration_rad).amax();
-            if apart <= elastocal::experiment::PRINTED_RAD && known.load == each.load {
-                let taken = left.repeats.min(known.repeats);
-                left.repeats -= taken;
-                known.repeats -= taken;
-            }
-        }
-        if left.repeats > 0 {
-            rest.experiments.push(left);
-        }
-    }
-    rest
 }
 
 /// The rest for a person, beside what is left of the old plan (m).

@@ -4,12 +4,13 @@ use std::path::PathBuf;
 
 use clap::Args;
 use elastocal::files::FileError;
-use elastocal::identification::StoredIdentification;
+use elastocal::identification::{Predicted, StoredIdentification};
 use elastocal::laboratory::validation::{Validation, validate, validation_plan};
 use elastocal::measurement::read_measurements;
 use elastocal::plan::write_plan;
 use elastocal::record::messages::{ProvenanceMessage, plan_messages};
 use elastocal::wording::{counted, shell_word};
+use nalgebra::Vector3;
 use serde_json::{Value, json};
 
 use super::identified::read_identified;
@@ -58,6 +59,10 @@ impl Validate {
         let Some(path) = &self.measurements else {
             let (posterior, seed) = (&identified.posterior, scenario.seed);
             let plan = validation_plan(task, posterior, self.experiments, seed)?;
+            if plan.experiments.is_empty() {
+                let problem = "every experiment depends on compliances that were not determined: nothing is promised";
+                return Err(FileError::new(&self.identified, problem).into());
+            }
             let count = counted(plan.measurements().into(), "measurement");
             let mut text = format!("{count} where the identified robot is known least\n");
             let mut written = Written::default();
@@ -74,9 +79,7 @@ impl Validate {
         };
         let measurements = read_measurements(path, commands)?;
         provenance = provenance.with_input("measurements", path)?;
-        let compliance = &identified.compliance_rad_per_nm;
-        let posterior = &identified.posterior;
-        let validation = validate(&task.belief, compliance, posterior, &measurements)
+        let validation = validate(&task.belief, &identified.posterior, &measurements)
             .map_err(|error| FileError::new(path, error.to_string()))?;
         if validation.probability < BROKEN {
             conditions.push(format!(
@@ -92,39 +95,60 @@ impl Validate {
     }
 }
 
+/// The promised standard deviation of a difference's length, and what of it the robot makes (m).
+fn promised_m(each: &Predicted) -> [f64; 2] {
+    let known_m2 = each.known_m2.trace();
+    [known_m2 + each.reading_m2.trace(), known_m2].map(f64::sqrt)
+}
+
 fn record(validation: &Validation) -> Value {
+    let milli = |vector: Vector3<f64>| -> Vec<f64> { (vector * 1e3).iter().copied().collect() };
     let each: Vec<Value> = (validation.each.iter().enumerate())
         .map(|(index, each)| {
-            let difference = each.difference_m * 1e3;
-            json!({
+            let [promised_m, left_m] = promised_m(each);
+            let mut record = json!({
                 "measurement": index + 1,
-                "difference_mm": [difference.x, difference.y, difference.z],
-                "promised_rms_mm": each.promised_m * 1e3,
-                "left_rms_mm": each.left_m * 1e3,
-            })
+                "difference_mm": milli(each.difference_m),
+                "promised_rms_mm": promised_m * 1e3,
+                "left_rms_mm": left_m * 1e3,
+            });
+            if let Some(difference_rad) = each.rotation_difference_rad {
+                record["rotation_difference_mrad"] = milli(difference_rad).into();
+            }
+            record
         })
         .collect();
     json!({ "probability": validation.probability, "measurements": each })
 }
 
 fn describe(validation: &Validation) -> String {
+    let has_rotation = (validation.each.iter()).any(|each| each.rotation_difference_rad.is_some());
     let rows: Vec<Vec<String>> = (validation.each.iter().enumerate())
         .map(|(index, each)| {
-            let micro = |value_m: f64| format!("{:.1}", value_m * 1e6);
-            vec![
+            let micro = |value: f64| format!("{:.1}", value * 1e6);
+            let [promised_m, left_m] = promised_m(each);
+            let mut row = vec![
                 (index + 1).to_string(),
                 micro(each.difference_m.norm()),
-                micro(each.promised_m),
-                micro(each.left_m),
-            ]
+                micro(promised_m),
+                micro(left_m),
+            ];
+            if has_rotation {
+                let rotation_rad = each.rotation_difference_rad;
+                row.push(rotation_rad.map_or_else(|| "-".to_owned(), |each| micro(each.norm())));
+            }
+            row
         })
         .collect();
-    let header = [
+    let mut header = vec![
         "measurement",
         "measured less predicted [um]",
         "promised rms [um]",
         "of it the robot's [um]",
     ];
+    if has_rotation {
+        header.push("rotation, measured less predicted [urad]");
+    }
     format!(
         "{}\nDifferences as large as these have a probability of {:.2}, if the promise is kept.\n",
         table(&header, &rows),

@@ -26,6 +26,33 @@ pub struct Table<'a> {
     rows: Vec<(usize, Vec<f64>)>,
 }
 
+/// Which columns a file may have.
+#[derive(Debug, Clone, Default)]
+pub struct Columns {
+    /// Those that it has.
+    pub required: Vec<String>,
+    /// Groups of which it has one besides, whole; the first where it has no column of any.
+    pub one_of: Vec<Vec<String>>,
+    /// Those that it may have besides.
+    pub optional: Vec<String>,
+    /// Whether rows in which that group is empty are left out: they are not filled in yet.
+    pub may_be_unfinished: bool,
+}
+
+impl Columns {
+    /// All that a header needs.
+    fn needed(&self, header: &[String]) -> Vec<String> {
+        [&self.required, self.group(header)].concat()
+    }
+
+    /// The group that a header has.
+    fn group(&self, header: &[String]) -> &[String] {
+        let is_there = |group: &&Vec<String>| group.iter().any(|column| header.contains(column));
+        let group = self.one_of.iter().find(is_there).or(self.one_of.first());
+        group.map_or(&[], Vec::as_slice)
+    }
+}
+
 impl<'a> Table<'a> {
     /// Reads a CSV file whose header has all `required` columns and, beside them, only `optional`
     /// ones. Lines that begin with # are comments, and those without any field are blank.
@@ -39,6 +66,19 @@ impl<'a> Table<'a> {
         required: &[String],
         optional: &[String],
     ) -> Result<Self, FileError> {
+        let columns = Columns {
+            required: required.to_vec(),
+            optional: optional.to_vec(),
+            ..Columns::default()
+        };
+        Self::read_with(path, &columns)
+    }
+
+    /// The same for a file that may have one group of columns or another.
+    ///
+    /// # Errors
+    /// As [`read`](Self::read); and no row is filled in.
+    pub fn read_with(path: &'a Path, wanted: &Columns) -> Result<Self, FileError> {
         let text = encoding::read_text(path)?;
         let mut lines = content_lines(&text).peekable();
         let separator_line =
@@ -46,9 +86,9 @@ impl<'a> Table<'a> {
         if separator_line.is_some() {
             lines.next();
         }
-        let (header_line, header) = lines
-            .next()
-            .ok_or_else(|| FileError::new(path, "is empty").hint(header_hint(required)))?;
+        let (header_line, header) = lines.next().ok_or_else(|| {
+            FileError::new(path, "is empty").hint(header_hint(&wanted.needed(&[])))
+        })?;
         let at = |line: usize| move |error: FileError| error.at(format!("line {line}"));
         let delimiter = match separator_line {
             Some(delimiter) => delimiter,
@@ -60,7 +100,12 @@ impl<'a> Table<'a> {
         while columns.last().is_some_and(String::is_empty) {
             columns.pop();
         }
-        check_columns(path, header_line, &columns, required, optional)?;
+        let needed = wanted.needed(&columns);
+        check_columns(path, header_line, &columns, &needed, &wanted.optional)?;
+        let to_fill: Vec<bool> = (columns.iter())
+            .map(|column| wanted.may_be_unfinished && wanted.group(&columns).contains(column))
+            .collect();
+        let mut is_unfinished = false;
         let mut decimals = Decimals::new(path, delimiter);
         let mut rows = Vec::new();
         for (line, content) in lines {
@@ -77,6 +122,14 @@ impl<'a> Table<'a> {
                     fields.len(),
                     columns.len(),
                 )));
+            }
+            let mut left = fields
+                .iter()
+                .zip(&to_fill)
+                .filter(|(_, is_to_fill)| **is_to_fill);
+            if wanted.may_be_unfinished && left.all(|(field, _)| field.is_empty()) {
+                is_unfinished = true;
+                continue;
             }
             let values = (fields.iter().zip(&columns))
                 .map(|(field, column)| {
@@ -96,6 +149,9 @@ impl<'a> Table<'a> {
                 rows.len()
             );
             return Err(FileError::new(path, problem));
+        }
+        if rows.is_empty() && is_unfinished {
+            return Err(FileError::new(path, "has no row that is filled in"));
         }
         if rows.is_empty() {
             return Err(FileError::new(path, "has no row below its header"));
@@ -155,6 +211,12 @@ impl Row<'_> {
     #[must_use]
     pub fn vector(&self, columns: [&str; 3]) -> Vector3<f64> {
         columns.map(|column| self.get(column)).into()
+    }
+
+    /// The number of its line.
+    #[must_use]
+    pub const fn line(&self) -> usize {
+        self.line
     }
 
     /// An error about this row.

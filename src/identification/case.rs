@@ -1,5 +1,7 @@
 //! What an identification is made from.
 
+use nalgebra::DMatrix;
+
 use super::equations::EquationSource;
 use super::error::IdentificationError;
 use super::estimate::{Identification, Sigma, identify_case};
@@ -65,6 +67,16 @@ impl<'a> Case<'a> {
     /// Nothing can be identified.
     pub fn identify(&self) -> Result<Identification, IdentificationError> {
         identify_case(self)
+    }
+
+    /// What the measurements tell of the unknowns, each with its own standard deviation where it brings one and to
+    /// first order in compliance: A^T R^-1 A (p x p, in one over the unknowns' units), without what was known before.
+    #[must_use]
+    pub fn information(&self) -> DMatrix<f64> {
+        let source = self.equation_source();
+        let whitened = source.linear().matrix;
+        let rows = whitened.rows(0, source.rows());
+        rows.tr_mul(&rows)
     }
 
     pub(super) const fn equation_source(&self) -> EquationSource<'a> {

@@ -1,6 +1,6 @@
 //! The measurements as whitened equations in the unknown compliances.
 
-use nalgebra::{DMatrix, DVector, Matrix3xX, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, Vector3};
 
 use super::error::IdentificationError;
 use crate::measurement::Measurement;
@@ -198,6 +198,17 @@ impl EquationSource<'_> {
             .map(|each| self.sigma(each).norm_squared())
             .sum();
         (squares / (3 * self.measurements.len()) as f64).sqrt()
+    }
+
+    /// What takes the weights off a deflection's three whitened rows (m), for each measurement: L of its covariance
+    /// L L^T.
+    pub(super) fn weights_off(&self) -> Vec<Matrix3<f64>> {
+        match self.uncertain {
+            Some(extended) => self.extended_weights_off(extended),
+            None => (self.measurements.iter())
+                .map(|each| Matrix3::from_diagonal(&self.sigma(each)))
+                .collect(),
+        }
     }
 
     pub(super) fn sigma(&self, measurement: &Measurement) -> Vector3<f64> {

@@ -88,6 +88,16 @@ impl EquationSource<'_> {
             .unwrap_or_else(|| Matrix3::from_diagonal(&sigma.map(f64::recip)))
     }
 
+    pub(super) fn extended_weights_off(&self, extended: &Extended) -> Vec<Matrix3<f64>> {
+        let mut covariances = extended.first_order_of_all(self.sigma_m);
+        let off = |each| {
+            let whitener = self.whitener(&mut covariances, each);
+            // It has an inverse: it is one.
+            (whitener.solve_lower_triangular(&Matrix3::identity())).unwrap_or(Matrix3::zeros())
+        };
+        self.measurements.iter().map(off).collect()
+    }
+
     /// Takes the weights off the residuals of deflections (m).
     pub(super) fn extended_residuals_m(
         &self,

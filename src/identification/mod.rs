@@ -13,6 +13,7 @@ mod estimate;
 mod extended;
 mod fit;
 mod gauss_newton;
+mod prediction;
 mod residuals;
 mod stored;
 
@@ -24,5 +25,6 @@ pub use estimate::{
     Estimate, Identification, ParameterEstimate, Sigma, UncertainEstimate, identify,
 };
 pub use gauss_newton::{FitError, ParameterFit, fit_parameters};
+pub use prediction::{Predicted, PredictionError, Predictions};
 pub use residuals::{MeasurementResidual, Residuals, Suspect, residuals};
 pub use stored::{OtherUnknowns, StoredIdentification};

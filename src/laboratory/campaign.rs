@@ -179,6 +179,21 @@ impl Campaign {
         self.stops.iter().map(|stop| stop.readings).sum()
     }
 
+    /// At which stop an experiment is measured without a load, as an index, and how many readings of other experiments
+    /// come before its own there.
+    #[must_use]
+    pub fn without_load(&self, plan: &Plan, experiment: usize) -> (usize, u32) {
+        let is_here = |stop: &Stop| stop.load.is_none() && stop.experiments.contains(&experiment);
+        let place = self.stops.iter().position(is_here).unwrap_or(0);
+        let others = self
+            .stops
+            .get(place)
+            .map_or(&[][..], |stop| &stop.experiments);
+        let before = others.iter().take_while(|&&other| other != experiment);
+        let readings = before.map(|&other| plan.experiments[other].repeats).sum();
+        (place, readings)
+    }
+
     /// How far the joint that moves most moves, all in all (rad, m).
     #[must_use]
     pub fn travel(&self) -> f64 {
@@ -252,8 +267,9 @@ fn groups(plan: &Plan, keep_order: bool) -> Vec<Group> {
             .find(|(members, _)| plan.experiments[members[0]].configuration_rad == *q);
         match same {
             Some((members, readings)) => {
+                // Each measurement has a reading without a load of its own: deflections share no error.
                 members.push(index);
-                *readings = (*readings).max(experiment.repeats);
+                *readings += experiment.repeats;
             }
             None => unloaded.push((vec![index], experiment.repeats)),
         }

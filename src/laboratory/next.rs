@@ -1,18 +1,15 @@
 //! What to measure next, after some of a plan is measured.
 
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 
-use crate::compensation::{predicted_error, test_pose_matrix};
-use crate::experiment::{Experiment, Plan};
-use crate::identification::Identification;
+use crate::compensation::{predicted_error, test_pose_rows};
+use crate::experiment::{Experiment, PRINTED_RAD, Plan, is_printed_as};
+use crate::identification::{Case, Identification, Sigma};
 use crate::measurement::Measurement;
-use crate::plan::search::{
-    Bound, ExactDesign, Problem, SearchError, Watch, approximate_design, exact_design,
-};
+use crate::plan::search::{Bound, Problem, SearchError, Watch, approximate_design, exact_design};
 use crate::plan::{Criterion, posterior};
-use crate::posterior::NotDetermined;
-use crate::posterior::Posterior;
-use crate::task::{Forbidden, Task};
+use crate::posterior::{NotDetermined, Posterior};
+use crate::task::{Forbidden, Method, Task};
 
 /// The plan that measurements have carried out: experiments in the order of their first measurement.
 #[must_use]
@@ -34,27 +31,84 @@ pub fn measured_plan(measurements: &[Measurement]) -> Plan {
     plan
 }
 
-/// The task that is left: the robot as it was identified, what is measured as mandatory, and without what
-/// has turned out impossible, as far around it as given (rad).
+/// What of a plan is not measured yet: experiments with angles within [`PRINTED_RAD`] and the same load are the same.
 #[must_use]
-pub fn task_left(
-    task: &Task,
-    identification: &Identification,
-    measured: Plan,
-    impossible: &[DVector<f64>],
-    within_rad: f64,
-) -> Task {
-    let mut left = task.clone();
-    (left.belief.nominal.compliance_rad_per_nm).clone_from(&identification.compliance_rad_per_nm);
-    left.design.mandatory = measured;
-    left.design.configurations = None;
-    left.region
-        .forbidden
-        .extend(impossible.iter().map(|configuration_rad| Forbidden {
-            configuration_rad: configuration_rad.clone(),
-            within_rad,
-        }));
-    left
+pub fn not_measured(plan: &Plan, measured: &Plan) -> Plan {
+    let mut measured = measured.clone();
+    let mut rest = Plan::default();
+    for each in &plan.experiments {
+        let mut left = each.clone();
+        for known in &mut measured.experiments {
+            let apart = (&known.configuration_rad - &each.configuration_rad).amax();
+            if apart <= PRINTED_RAD && is_printed_as(&known.load, &each.load) {
+                let taken = left.repeats.min(known.repeats);
+                left.repeats -= taken;
+                known.repeats -= taken;
+            }
+        }
+        if left.repeats > 0 {
+            rest.experiments.push(left);
+        }
+    }
+    rest
+}
+
+/// What is left of a campaign.
+#[derive(Debug, Clone)]
+pub struct Remaining {
+    /// The task: the robot as it was identified, with what the measurements tell as known before.
+    pub task: Task,
+    /// The number of measurements that are made.
+    pub measured: u32,
+}
+
+impl Remaining {
+    /// What is left after some measurements, of which each tells as much as its own standard deviations say. Mandatory
+    /// experiments of the task that are not measured stay mandatory. What has turned out impossible is left out, as far
+    /// around it as given (rad).
+    #[must_use]
+    pub fn new(
+        task: &Task,
+        identification: &Identification,
+        measurements: &[Measurement],
+        impossible: &[DVector<f64>],
+        within_rad: f64,
+    ) -> Self {
+        let (belief, compliance) = (&task.belief, &identification.compliance_rad_per_nm);
+        let nothing = DMatrix::zeros(belief.unknowns(), belief.unknowns());
+        let identified = belief.informed(compliance, &nothing);
+        let sigma = Sigma::Known(belief.instrument.sigma_m);
+        let case = Case::of_belief(&identified, measurements, sigma, Method::Linear);
+        let mut left = task.clone();
+        left.belief = belief.informed(compliance, &case.information());
+        left.design.mandatory = not_measured(&task.design.mandatory, &measured_plan(measurements));
+        let is_possible = |each: &Experiment| {
+            let near =
+                |other: &DVector<f64>| (&each.configuration_rad - other).amax() <= within_rad;
+            !impossible.iter().any(near)
+        };
+        left.design.mandatory.experiments.retain(is_possible);
+        left.design.configurations = None;
+        left.region
+            .forbidden
+            .extend(impossible.iter().map(|configuration_rad| Forbidden {
+                configuration_rad: configuration_rad.clone(),
+                within_rad,
+            }));
+        Self {
+            task: left,
+            measured: u32::try_from(measurements.len()).unwrap_or(u32::MAX),
+        }
+    }
+
+    /// Before anything is measured.
+    #[must_use]
+    pub fn all_of(task: &Task) -> Self {
+        Self {
+            task: task.clone(),
+            measured: 0,
+        }
+    }
 }
 
 /// The rms distance that compensation leaves over a task's test poses (m), by what is known.
@@ -64,13 +118,13 @@ pub fn task_left(
 pub fn accuracy(task: &Task, posterior: &Posterior) -> Result<f64, NotDetermined> {
     let mut sum = 0.0;
     for pose in &task.test_poses {
-        let matrix = test_pose_matrix(&task.belief, pose, &task.belief.parameters);
+        let matrix = test_pose_rows(&task.belief, pose);
         sum += pose.weight * predicted_error(&matrix, posterior)?.powi(2);
     }
     Ok(sum.sqrt())
 }
 
-/// What is known after a plan, whatever is read.
+/// What is known after a plan besides what is known before, whatever is read.
 #[must_use]
 pub fn after(task: &Task, plan: &Plan) -> Posterior {
     posterior(&task.belief, plan)
@@ -88,11 +142,9 @@ pub enum Goal {
 /// The rest of a campaign.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rest {
-    /// What is measured and what is to be measured.
-    pub design: ExactDesign,
     /// What is to be measured.
     pub plan: Plan,
-    /// The accuracy that both promise (m).
+    /// The accuracy that it promises together with what is measured (m).
     pub rho0_m: f64,
     /// No rest of as many measurements promises a smaller one (m), as far as is known.
     pub bound_m: Option<f64>,
@@ -100,21 +152,25 @@ pub struct Rest {
     pub is_reached: bool,
 }
 
-/// Plans the rest of a campaign; the task is what is left, see [`task_left`].
+/// Plans the rest of a campaign.
 ///
 /// # Errors
 /// No plan is possible.
-pub fn rest(task: &Task, goal: Goal, seed: u64, watch: Watch<'_>) -> Result<Rest, SearchError> {
-    let measured = task.design.mandatory.measurements();
+pub fn rest(
+    left: &Remaining,
+    goal: Goal,
+    seed: u64,
+    watch: Watch<'_>,
+) -> Result<Rest, SearchError> {
+    let mandatory = left.task.design.mandatory.measurements();
+    let more = |total: u32| total.saturating_sub(left.measured).max(mandatory);
     let (first, last) = match goal {
-        Goal::Measurements(count) => (count, count),
-        Goal::Accuracy(_, most) => (measured + 1, most.max(measured + 1)),
+        Goal::Measurements(total) => (more(total), more(total)),
+        Goal::Accuracy(_, most) => (mandatory.max(1), more(most).max(1)),
     };
     let mut result = None;
-    for total in first..=last {
-        let mut task = task.clone();
-        task.design.experiments = total;
-        match planned(&task, total, seed, watch) {
+    for count in first..=last {
+        match planned(&left.task, count, seed, watch) {
             Ok(mut rest) => {
                 rest.is_reached = match goal {
                     Goal::Measurements(_) => true,
@@ -135,24 +191,24 @@ pub fn rest(task: &Task, goal: Goal, seed: u64, watch: Watch<'_>) -> Result<Rest
         }
     }
     result.unwrap_or(Err(SearchError::Singular {
-        experiments: measured,
-        parameters: task.belief.parameters.len(),
+        experiments: left.measured,
+        parameters: left.task.belief.parameters.len(),
     }))
 }
 
-fn planned(task: &Task, total: u32, seed: u64, watch: Watch<'_>) -> Result<Rest, SearchError> {
-    let problem = Problem::new(task, Criterion::TestPose);
+fn planned(task: &Task, count: u32, seed: u64, watch: Watch<'_>) -> Result<Rest, SearchError> {
+    let mut task = task.clone();
+    task.design.experiments = count;
+    let problem = Problem::new(&task, Criterion::TestPose);
     let approximate = approximate_design(&problem, seed)?;
-    let design = exact_design(&problem, &approximate, total, total, seed, watch)?;
-    let bound = Bound::new(task, &approximate);
-    let mandatory = task.design.mandatory.experiments.len();
+    let design = exact_design(&problem, &approximate, count, count, seed, watch)?;
+    let bound = Bound::new(&task, &approximate);
+    // The search leaves out what is uncertain and makes next to nothing; a promise never does.
+    let promise = accuracy(&task, &after(&task, &design.plan));
     Ok(Rest {
-        plan: Plan {
-            experiments: design.plan.experiments[mandatory..].to_vec(),
-        },
-        rho0_m: design.cost.sqrt(),
-        bound_m: bound.of_size(total).ok().map(|bound| bound.best),
-        design,
+        rho0_m: promise.unwrap_or(design.cost.sqrt()),
+        bound_m: bound.of_size(count).ok().map(|bound| bound.best),
+        plan: design.plan,
         is_reached: false,
     })
 }

@@ -1,15 +1,18 @@
 //! Measurements of deflections: what a laboratory or the virtual robot delivers, and all that
 //! identification sees.
 
-mod file;
+mod columns;
 mod origin;
+mod read;
+mod write;
 
 use nalgebra::{DVector, Vector3};
 
 use crate::robot::Load;
 
-pub use file::{read_measurements, write_measurements, write_measurements_under};
 pub use origin::Origin;
+pub use read::{read_measurements, read_measurements_so_far};
+pub use write::{RowToFillIn, table_to_fill_in, write_measurements, write_measurements_under};
 
 /// One calibration experiment's outcome (A2).
 #[derive(Debug, Clone, PartialEq)]

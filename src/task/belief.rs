@@ -1,6 +1,6 @@
 //! What planner and identification believe.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
 use super::Extended;
@@ -146,6 +146,23 @@ impl Belief {
             (None, Some(prior)) => prior.rows(&self.sizes()),
             (None, None) => DMatrix::zeros(0, self.unknowns()),
         }
+    }
+
+    /// The same about other compliances of all joints (rad/(N m)), with what measurements tell besides what is known
+    /// before: a precision of the unknowns (p x p, in one over their units).
+    #[must_use]
+    pub fn informed(&self, compliance_rad_per_nm: &[f64], precision: &DMatrix<f64>) -> Self {
+        let mut informed = self.clone();
+        (informed.nominal.compliance_rad_per_nm).copy_from_slice(compliance_rad_per_nm);
+        if let Some(extended) = &self.uncertain {
+            informed.uncertain = Some(extended.informed(compliance_rad_per_nm, precision));
+        } else {
+            informed.prior = Some(Prior {
+                mean: DVector::from_vec(informed.values()),
+                precision: self.precision() + precision,
+            });
+        }
+        informed
     }
 
     /// The names of the unknowns: joints for compliances that are identified.

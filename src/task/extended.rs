@@ -149,6 +149,22 @@ impl Extended {
         (self.set.parameters()[places].iter()).map(|each| each.name.as_str())
     }
 
+    /// The same about other compliances of all joints (rad/(N m)), with what measurements tell besides: a precision of
+    /// all unknowns (p x p, in one over their units).
+    #[must_use]
+    pub fn informed(&self, compliance_rad_per_nm: &[f64], precision: &DMatrix<f64>) -> Self {
+        let mut informed = self.clone();
+        (informed.arm.compliance_rad_per_nm).copy_from_slice(compliance_rad_per_nm);
+        informed.set = informed.set.with_precision(precision);
+        let identified = informed.set.parameters()[..self.identified].iter();
+        let mut sizes: Vec<f64> = identified
+            .map(|each| each.kind.typical_size(&informed.arm, false))
+            .collect();
+        sizes.extend(informed.other_sizes());
+        informed.prior_rows = informed.set.prior().rows(&sizes);
+        informed
+    }
+
     /// The nominal arm, the calibration tool first.
     #[must_use]
     pub const fn arm(&self) -> &ElasticArm {

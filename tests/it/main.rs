@@ -49,6 +49,7 @@
 //! - `provenance`: what results depend on is in their hash.
 //! - `load_sets`: one load set decides for plans, measurements and mandatory experiments.
 //! - `next`: what to measure next, after some of a plan is measured.
+//! - `raw_readings`: positions without and with a load in place of deflections.
 //! - `obstacles`: what stands in the laboratory.
 //! - `streams`: a study's recordings, live in a viewer and as files; `view`.
 //! - `reproduction`: the paper's numbers beside the program's, by the program.
@@ -104,6 +105,7 @@ mod properties;
 mod provenance;
 mod published;
 mod random_models;
+mod raw_readings;
 #[cfg(feature = "view")]
 mod recordings;
 mod recovery;

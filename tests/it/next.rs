@@ -3,7 +3,7 @@
 use std::sync::atomic::AtomicBool;
 
 use elastocal::calibration::{compensate_poses, identify_as_planned};
-use elastocal::laboratory::next::{Goal, measured_plan, rest, task_left};
+use elastocal::laboratory::next::{Goal, Remaining, rest};
 use elastocal::measurement::Measurement;
 use elastocal::plan::Plan;
 use elastocal::plan::search::Watch;
@@ -155,6 +155,105 @@ fn what_is_impossible_is_replaced() {
     assert!(outcome.stderr.contains("--plan"), "{outcome:#?}");
 }
 
+/// Measurements tell as much as their own standard deviations say: half of the scenario's is as much as four times as
+/// many measurements, ten times as much is next to nothing.
+#[test]
+fn measurements_count_as_their_own_deviations_say() {
+    let workplace = after(3);
+    let measured = workplace.read("m.csv");
+    let rows = |more: &dyn Fn(&str) -> String| -> String {
+        let lines = measured.lines();
+        lines
+            .map(|line| match line.chars().next() {
+                Some('#') => format!("{line}\n"),
+                Some('q') => format!("{line}{}\n", more("sx_mm,sy_mm,sz_mm")),
+                _ => more(line),
+            })
+            .collect()
+    };
+    let with = |sigma: &str| {
+        rows(&|line| match line {
+            "sx_mm,sy_mm,sz_mm" => format!(",{line}"),
+            _ => format!("{line},{sigma},{sigma},{sigma}\n"),
+        })
+    };
+    let four_times = rows(&|line| match line {
+        "sx_mm,sy_mm,sz_mm" => String::new(),
+        _ => format!("{line}\n").repeat(4),
+    });
+    let next = |text: String, total: u32| {
+        workplace.write("n.csv", text);
+        let options = format!("next --quiet --measurements n.csv --experiments {total} --json");
+        // Whether residuals are as large as the deviations is not asked here.
+        micro(&workplace.run(&options).json(), "rho0_mm")
+    };
+    let plain = next(measured.clone(), 6);
+    let same = next(with("0.03"), 6);
+    assert!((same / plain - 1.0).abs() < 1e-9, "{same} {plain}");
+    let [half, four] = [next(with("0.015"), 6), next(four_times, 15)];
+    assert!((half / four - 1.0).abs() < 1e-4, "{half} {four}");
+    assert!(half < 0.9 * plain, "{half} {plain}");
+    let useless = next(with("0.3"), 6);
+    assert!(useless > 1.3 * plain, "{useless} {plain}");
+}
+
+/// What else is uncertain is in the promise of the rest, and mandatory experiments that are not measured stay mandatory.
+#[test]
+fn uncertainties_and_mandatory_experiments_go_with_the_rest() {
+    let workplace = Workplace::new();
+    let rows: Vec<String> = {
+        let file = crate::support::project("scenarios/plans/klimchik2012_m4.csv");
+        let text = std::fs::read_to_string(file).expect("can be read");
+        let lines = text.lines().filter(|line| !line.starts_with('#'));
+        lines.map(|line| format!("{line}\n")).collect()
+    };
+    let plan = |name: &str, wanted: &[usize]| {
+        let wanted = wanted.iter().map(|&row| rows[row].clone());
+        workplace.write(name, rows[0].clone() + &wanted.collect::<String>());
+    };
+    plan("mandatory.csv", &[1, 4]);
+    plan("first.csv", &[1, 2, 3]);
+    workplace.write(
+        "s.toml",
+        scenario_text("kr270_laboratory").replace(
+            "experiments = 12\n\n#",
+            "experiments = 6\nmandatory = \"mandatory.csv\"\n\n#",
+        ),
+    );
+    // Without noise the robot is identified as what it is believed to be.
+    workplace
+        .run("measure s.toml --quiet --noise-free --plan first.csv --measurements-out m.csv")
+        .ends_with(0);
+    let json = workplace
+        .run("next --quiet --measurements m.csv --plan-out rest.csv --json")
+        .json();
+    let rest = workplace.read("rest.csv");
+    let angles = |row: &str| -> Vec<f64> {
+        let cells = row.split(',').take(6);
+        cells.map(|cell| cell.parse().expect("a number")).collect()
+    };
+    let found: Vec<&str> = rest
+        .lines()
+        .filter(|line| !line.starts_with(['#', 'q']))
+        .collect();
+    assert_eq!(found.len(), 3, "{rest}");
+    let is = |row: &str, wanted: &str| {
+        (angles(row).iter().zip(angles(wanted))).all(|(one, other)| (one - other).abs() < 1e-9)
+    };
+    assert!(found.iter().any(|row| is(row, &rows[4])), "{rest}");
+    assert!(!found.iter().any(|row| is(row, &rows[1])), "{rest}");
+    let all = rows[..4].concat() + &found.join("\n") + "\n";
+    workplace.write("all.csv", all);
+    let evaluated = workplace
+        .run("evaluate s.toml --quiet --no-proof --plan all.csv --json")
+        .json();
+    let [promised, evaluated] = [&json, &evaluated].map(|json| micro(json, "rho0_mm"));
+    assert!(
+        (promised / evaluated - 1.0).abs() < 1e-4,
+        "{promised} {evaluated}"
+    );
+}
+
 /// What a campaign leaves at the test pose, rms over runs (m): planned at once, and replanned after half of it,
 /// by a planner whose compliances are each off by 30 % (the standard deviation of their logarithms).
 fn compared(name: &str, total: u32, runs: u64) -> [f64; 3] {
@@ -169,8 +268,9 @@ fn compared(name: &str, total: u32, runs: u64) -> [f64; 3] {
     let believed = scenario.task.belief.nominal.compliance_rad_per_nm.clone();
     // Planning sees the belief alone, which is the same in all runs.
     let plan_of = |count: u32| {
-        let found = rest(&scenario.task, Goal::Measurements(count), seed, watch);
-        found.expect("a plan").design.plan
+        let all = Remaining::all_of(&scenario.task);
+        let found = rest(&all, Goal::Measurements(count), seed, watch);
+        found.expect("a plan").plan
     };
     let (all_plan, half_plan) = (plan_of(total), plan_of(total / 2));
     for run in 0..runs {
@@ -216,7 +316,7 @@ fn compared(name: &str, total: u32, runs: u64) -> [f64; 3] {
         let first = measure(&half_plan, 0);
         let (square, identification) = left_by(&first);
         squares[0] += square;
-        let left = task_left(task, &identification, measured_plan(&first), &[], 0.0);
+        let left = Remaining::new(task, &identification, &first, &[], 0.0);
         let second = rest(&left, Goal::Measurements(total), seed, watch)
             .expect("a rest")
             .plan;

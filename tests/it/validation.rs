@@ -1,5 +1,10 @@
 //! Other measurements than those that were identified from check what the identification promises.
 
+use elastocal::calibration::{identify_as_planned, measure};
+use elastocal::identification::{Case, Sigma};
+use elastocal::scenario::Scenario;
+use elastocal::testbed::TrueRobots;
+
 use crate::support::{Workplace, numbers, scenario_text};
 
 /// A robot that was identified from three measurements.
@@ -82,4 +87,140 @@ fn validation_is_planned_where_the_promise_is_weakest() {
     assert_ne!(numbers(&plan[0]["q_deg"]), numbers(&plan[1]["q_deg"]));
     let own = crate::support::project("scenarios/plans/klimchik2012_m3.csv");
     assert!(weakest("v.csv") > 1.5 * weakest(&own.display().to_string()));
+}
+
+/// Differences from predictions are as large as they are promised to be: over many robots, r^T S^-1 r has the mean of
+/// a chi-square, whatever is uncertain and whether rotations are measured.
+fn mean_square(scenario: &Scenario, runs: u64) -> f64 {
+    let (task, truth) = (&scenario.task, &scenario.truth);
+    let plan = crate::support::table4(4);
+    let mut robots = TrueRobots::new(&task.belief, truth).expect("robots");
+    let mut sum = 0.0;
+    for run in 0..runs {
+        let measured =
+            measure(&mut robots, task, truth, &plan, scenario.seed, run).expect("measured");
+        // The same robot on the same day, with noise of its own for each measurement.
+        let (first, others) = measured.split_at(3);
+        let identification = identify_as_planned(&task.belief, first).expect("identified");
+        let sigma = Sigma::Known(task.belief.instrument.sigma_m);
+        let case = Case::of_belief(&task.belief, others, sigma, task.belief.method);
+        let predictions = case
+            .predictions(&identification.posterior)
+            .expect("a prediction");
+        sum += predictions.square / predictions.freedom as f64;
+    }
+    sum / runs as f64
+}
+
+#[test]
+fn differences_are_as_large_as_promised() {
+    let runs = 400;
+    let workplace = Workplace::new();
+    let uncertain = "\n[[uncertainty]]\nkind = \"compliance\"\njoints = [\"joint_1\"]\nstd_relative = 0.15\n\
+                     [[uncertainty]]\nkind = \"joint_return\"\nstd_mrad = 0.02\n\
+                     [[uncertainty]]\nkind = \"tool_position\"\nstd_mm = 1\n\
+                     [[uncertainty]]\nkind = \"load_scale\"\nstd_relative = 0.02\n";
+    let plain = scenario_text("klimchik2012");
+    for (text, freedom) in [
+        (plain.clone() + uncertain, 3.0),
+        (
+            plain.replace("sigma_mm", "rotation_sigma_mrad = 0.02\nsigma_mm"),
+            6.0,
+        ),
+    ] {
+        workplace.write("s.toml", text);
+        let scenario = Scenario::load(&workplace.path("s.toml")).expect("a scenario");
+        let mean = mean_square(&scenario, runs);
+        let standard_error = (2.0_f64 / freedom / runs as f64).sqrt();
+        assert!(
+            (mean - 1.0).abs() < 4.0 * standard_error,
+            "{freedom}: {mean}, standard error {standard_error}"
+        );
+    }
+}
+
+/// The commands with a laboratory's list of uncertainties, and with rotations.
+#[test]
+fn uncertainties_and_rotations_are_in_the_promise() {
+    let workplace = Workplace::new();
+    workplace.write("u.toml", scenario_text("kr270_laboratory"));
+    workplace.write(
+        "r.toml",
+        scenario_text("klimchik2012").replace("sigma_mm", "rotation_sigma_mrad = 0.02\nsigma_mm"),
+    );
+    let plan = crate::support::project("scenarios/plans/klimchik2012_m4.csv");
+    for (name, has_rotation) in [("u", false), ("r", true)] {
+        let run = |arguments: &str| workplace.run(&arguments.replace("NAME", name)).ends_with(0);
+        run(&format!(
+            "measure NAME.toml --quiet --plan {} --measurements-out m.csv",
+            plan.display()
+        ));
+        run("identify --quiet --measurements m.csv --identified-out i.json");
+        run("validate --quiet --identified i.json --plan-out v.csv");
+        run("measure NAME.toml --quiet --seed 1 --plan v.csv --measurements-out vm.csv");
+        let json = run("validate --quiet --identified i.json --measurements vm.csv --json").json();
+        for each in json["measurements"].as_array().expect("measurements") {
+            let number = |key: &str| each[key].as_f64().expect("a number");
+            assert!(number("left_rms_mm") < number("promised_rms_mm"));
+            let turned = &each["rotation_difference_mrad"];
+            assert_eq!(!turned.is_null(), has_rotation);
+        }
+        let probability = json["probability"].as_f64().expect("a number");
+        assert!((1e-3..1.0).contains(&probability), "{probability}");
+        // A rotation that is wrong alone breaks the promise.
+        if has_rotation {
+            let broken: String = (workplace.read("vm.csv").lines())
+                .map(|line| match line.split(',').collect::<Vec<_>>() {
+                    fields if fields.len() == 21 && !line.starts_with('q') => {
+                        let mut fields: Vec<String> =
+                            fields.into_iter().map(str::to_owned).collect();
+                        fields[15] = "9".to_owned();
+                        fields.join(",") + "\n"
+                    }
+                    _ => format!("{line}\n"),
+                })
+                .collect();
+            workplace.write("vm.csv", broken);
+            workplace
+                .run("validate --quiet --identified i.json --measurements vm.csv")
+                .ends_with(3);
+        }
+    }
+}
+
+/// Nothing is promised where compliances were not determined: such experiments are not planned, and refused by name.
+#[test]
+fn what_was_not_determined_is_not_validated() {
+    let workplace = Workplace::new();
+    workplace.write("s.toml", scenario_text("klimchik2012"));
+    let plan = crate::support::project("scenarios/plans/klimchik2012_m2.csv");
+    let row = |count: usize| -> String {
+        let text = std::fs::read_to_string(&plan).expect("can be read");
+        let lines = text.lines().filter(|line| !line.starts_with('#'));
+        let lines: Vec<&str> = lines.take(1 + count).collect();
+        lines.join("\n") + "\n"
+    };
+    workplace.write("one.csv", row(1));
+    workplace.write("two.csv", row(2));
+    workplace.run("measure s.toml --quiet --plan one.csv --measurements-out m.csv");
+    workplace
+        .run("identify --quiet --measurements m.csv --identified-out i.json")
+        .ends_with(3);
+    workplace.run("measure s.toml --quiet --plan two.csv --measurements-out vm.csv");
+    let outcome = workplace
+        .run("validate --quiet --identified i.json --measurements vm.csv")
+        .ends_with(1);
+    assert!(
+        outcome
+            .stderr
+            .contains(": what is predicted depends on compliances: "),
+        "{outcome:#?}"
+    );
+    let outcome = workplace
+        .run("validate --quiet --identified i.json")
+        .ends_with(1);
+    assert!(
+        outcome.stderr.contains("nothing is promised"),
+        "{outcome:#?}"
+    );
 }

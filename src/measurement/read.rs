@@ -1,0 +1,230 @@
+//! Measurement files: CSV that a laboratory writes by hand or by script.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use nalgebra::Vector3;
+
+use super::columns::{
+    DEFLECTION, DEFLECTION_SIGMA, LOADED, LOADED_SIGMA, PLACES, ROTATION, ROTATION_SIGMA, UNLOADED,
+    UNLOADED_SIGMA,
+};
+use super::{Measurement, RotationMeasurement};
+use crate::csv::{Columns, Row, Table};
+use crate::experiment::{configuration_and_load, experiment_columns};
+use crate::files::FileError;
+use crate::plausible::{DEVIATION, Kind, ROTATION_DEVIATION, faint_load, shown};
+use crate::robot::Commands;
+
+/// Reads measurements of an arm, which may be given by its number of joints: deflections, or the positions without and
+/// with the load of which they are the differences.
+///
+/// # Errors
+/// See [`Table::read`]; a standard deviation must be positive, the columns of a group
+/// (`sx_mm,sy_mm,sz_mm`; `rx_mrad,ry_mrad,rz_mrad,srx_mrad,sry_mrad,srz_mrad`) come together, and no two rows have
+/// the same reading without a load.
+pub fn read_measurements(
+    path: &Path,
+    commands: impl Into<Commands>,
+) -> Result<Vec<Measurement>, FileError> {
+    read(path, &commands.into(), false)
+}
+
+/// The same of a table that is not filled in to its end yet: rows without a reading are left out.
+///
+/// # Errors
+/// As [`read_measurements`]; and no row is filled in.
+pub fn read_measurements_so_far(
+    path: &Path,
+    commands: impl Into<Commands>,
+) -> Result<Vec<Measurement>, FileError> {
+    read(path, &commands.into(), true)
+}
+
+fn read(
+    path: &Path,
+    commands: &Commands,
+    may_be_unfinished: bool,
+) -> Result<Vec<Measurement>, FileError> {
+    let owned = |columns: &[&str]| columns.iter().map(|&column| column.to_owned()).collect();
+    let wanted = Columns {
+        required: experiment_columns(commands),
+        one_of: vec![owned(&DEFLECTION), owned(&[UNLOADED, LOADED].concat())],
+        optional: owned(
+            &[
+                &DEFLECTION_SIGMA[..],
+                &UNLOADED_SIGMA,
+                &LOADED_SIGMA,
+                &ROTATION,
+                &ROTATION_SIGMA,
+                &PLACES,
+            ]
+            .concat(),
+        ),
+        may_be_unfinished,
+    };
+    let table = Table::read_with(path, &wanted)?;
+    let columns = Given::new(&table)?;
+    let mut measurements = Vec::new();
+    for row in table.rows() {
+        let (configuration_rad, load) = configuration_and_load(&row, commands);
+        if let Some(problem) = faint_load(&load.wrench()) {
+            return Err(row.wrong(problem));
+        }
+        measurements.push(Measurement {
+            configuration_rad,
+            load,
+            deflection_m: columns.deflection_m(&row),
+            sigma_m: columns.sigma_m(&row)?,
+            rotation: columns.rotation(&row)?,
+        });
+    }
+    if columns.has_positions {
+        apart(&table, &columns, &measurements)?;
+    }
+    Ok(measurements)
+}
+
+/// Which standard deviations of its own a file has.
+enum OwnDeviations {
+    None,
+    OfDeflection,
+    OfPositions,
+}
+
+/// Which groups of columns a file has.
+struct Given {
+    has_positions: bool,
+    deviations: OwnDeviations,
+    has_rotation: bool,
+    has_places: bool,
+}
+
+impl Given {
+    fn new(table: &Table<'_>) -> Result<Self, FileError> {
+        let of_positions = whole_group(table, &[UNLOADED_SIGMA, LOADED_SIGMA].concat())?;
+        let of_deflection = whole_group(table, &DEFLECTION_SIGMA)?;
+        let given = Self {
+            has_positions: table.has(&UNLOADED),
+            deviations: match (of_positions, of_deflection) {
+                (false, false) => OwnDeviations::None,
+                (false, true) => OwnDeviations::OfDeflection,
+                (true, false) => OwnDeviations::OfPositions,
+                (true, true) => {
+                    let problem = format!(
+                        "found {:?} and {:?}: the deviations of the deflection or of the positions are allowed",
+                        DEFLECTION_SIGMA[0], UNLOADED_SIGMA[0]
+                    );
+                    return Err(table.wrong_header(problem));
+                }
+            },
+            has_rotation: whole_group(table, &[ROTATION, ROTATION_SIGMA].concat())?,
+            has_places: whole_group(table, &PLACES)?,
+        };
+        let about_positions = [
+            (of_positions, UNLOADED_SIGMA[0]),
+            (given.has_places, PLACES[0]),
+        ];
+        let lost = (about_positions.iter()).find(|(has, _)| *has && !given.has_positions);
+        if let Some((_, column)) = lost {
+            let problem = format!("found {column:?} without {:?}", UNLOADED[0]);
+            return Err(table.wrong_header(problem));
+        }
+        Ok(given)
+    }
+
+    fn deflection_m(&self, row: &Row<'_>) -> Vector3<f64> {
+        if self.has_positions {
+            (row.vector(LOADED) - row.vector(UNLOADED)) * 1e-3
+        } else {
+            row.vector(DEFLECTION) * 1e-3
+        }
+    }
+
+    /// The standard deviation of the deflection, whose variance is the sum of those of its two positions.
+    fn sigma_m(&self, row: &Row<'_>) -> Result<Option<Vector3<f64>>, FileError> {
+        match self.deviations {
+            OwnDeviations::None => Ok(None),
+            OwnDeviations::OfDeflection => deviations(row, DEFLECTION_SIGMA, &DEVIATION).map(Some),
+            OwnDeviations::OfPositions => {
+                let unloaded = deviations(row, UNLOADED_SIGMA, &DEVIATION)?;
+                let loaded = deviations(row, LOADED_SIGMA, &DEVIATION)?;
+                Ok(Some(unloaded.zip_map(&loaded, f64::hypot)))
+            }
+        }
+    }
+
+    fn rotation(&self, row: &Row<'_>) -> Result<Option<RotationMeasurement>, FileError> {
+        if !self.has_rotation {
+            return Ok(None);
+        }
+        Ok(Some(RotationMeasurement {
+            vector_rad: row.vector(ROTATION) * 1e-3,
+            sigma_rad: deviations(row, ROTATION_SIGMA, &ROTATION_DEVIATION)?,
+        }))
+    }
+}
+
+/// No reading without a load stands in two rows: their deflections would share its error, which all that rests on
+/// them takes for independent. Readings are told apart by their numbers, or else by what they show.
+fn apart(
+    table: &Table<'_>,
+    columns: &Given,
+    measurements: &[Measurement],
+) -> Result<(), FileError> {
+    let mut known = BTreeMap::new();
+    for (row, measurement) in table.rows().zip(measurements) {
+        let bits = |value: &f64| value.to_bits();
+        let (key, words): (Vec<u64>, String) = if columns.has_places {
+            let place = [PLACES[0], PLACES[1]].map(|column| row.get(column));
+            let words = format!("reading {} at stop {}", place[1], place[0]);
+            (place.iter().map(bits).collect(), words)
+        } else {
+            let q = measurement.configuration_rad.iter().map(bits);
+            let shown = row.vector(UNLOADED);
+            let words = format!("{}, {}, {}", shown.x, shown.y, shown.z);
+            (q.chain(shown.iter().map(bits)).collect(), words)
+        };
+        if let Some(line) = known.insert(key, row.line()) {
+            let problem = format!(
+                "the reading without a load ({words}) is that of line {line}, too: both deflections would share its \
+                 error, and are taken for independent"
+            );
+            let hint = if columns.has_places {
+                "read the instrument once without a load for each row"
+            } else {
+                "read the instrument once without a load for each row; readings that are different and show the same \
+                 are told apart by the columns unloaded_stop,unloaded_reading,loaded_stop,loaded_reading"
+            };
+            return Err(row.wrong(problem).hint(hint));
+        }
+    }
+    Ok(())
+}
+
+fn whole_group(table: &Table<'_>, group: &[&str]) -> Result<bool, FileError> {
+    let present: Vec<_> = group.iter().filter(|column| table.has(&[column])).collect();
+    if present.is_empty() || present.len() == group.len() {
+        Ok(!present.is_empty())
+    } else {
+        let problem = format!("found {present:?}; these columns come together: {group:?}");
+        Err(table.wrong_header(problem))
+    }
+}
+
+fn deviations(row: &Row<'_>, columns: [&str; 3], kind: &Kind) -> Result<Vector3<f64>, FileError> {
+    let sigma = row.vector(columns);
+    if sigma.iter().all(|&value| kind.allows(value)) {
+        Ok(sigma * 1e-3)
+    } else {
+        let problem = format!(
+            "{}: found {}, {}, {}; {}",
+            columns.join(","),
+            shown(sigma.x),
+            shown(sigma.y),
+            shown(sigma.z),
+            kind.allowed()
+        );
+        Err(row.wrong(problem))
+    }
+}
