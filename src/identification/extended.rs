@@ -1,7 +1,7 @@
 //! The equations where more is uncertain than the instrument's noise: a column for each unknown of the extended
 //! vector, rows weighted with the whole covariance of a reading.
 
-use nalgebra::{DVector, Matrix3, Matrix3xX, Matrix6xX, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, Matrix6xX, Vector3};
 
 use super::equations::{EquationSource, Equations, Writer};
 use super::error::IdentificationError;
@@ -39,6 +39,7 @@ impl EquationSource<'_> {
         let mut covariances = extended.first_order_of_all(self.sigma_m);
         let mut derivatives = Matrix6xX::zeros(size);
         let mut writer = Writer::new(self.rows(), size);
+        let groups = self.repeated(extended);
         for (index, each) in self.measurements.iter().enumerate() {
             let setup = Setup {
                 commanded_rad: each.configuration_rad.clone(),
@@ -58,7 +59,12 @@ impl EquationSource<'_> {
                     measurement: index + 1,
                     source,
                 })?;
-            let whitener = self.whitener(&mut covariances, each);
+            let is_repeated = groups.iter().any(|group| group.members.contains(&index));
+            let whitener = if is_repeated {
+                Matrix3::identity()
+            } else {
+                self.whitener(&mut covariances, each)
+            };
             let rows = |first: usize| {
                 Matrix3xX::from_fn(size, |row, column| derivatives[(first + row, column)])
             };
@@ -70,6 +76,20 @@ impl EquationSource<'_> {
             if let Some(measured) = &each.rotation {
                 let left = measured.vector_rad - rotation_vector(&rotation);
                 writer.push(&rows(3), left, &measured.sigma_rad);
+            }
+        }
+        for group in &groups {
+            let factor = self.shared_factor(&mut covariances, group);
+            let equations = &mut writer.equations;
+            let mut rows = equations.matrix.select_rows(&group.rows);
+            let mut right = equations.right_hand_side.select_rows(&group.rows);
+            if factor.solve_lower_triangular_mut(&mut rows)
+                && factor.solve_lower_triangular_mut(&mut right)
+            {
+                for (place, &row) in group.rows.iter().enumerate() {
+                    equations.matrix.set_row(row, &rows.row(place));
+                    equations.right_hand_side[row] = right[place];
+                }
             }
         }
         self.push_prior(&mut writer, Some(values));
@@ -105,15 +125,87 @@ impl EquationSource<'_> {
         whitened: &DVector<f64>,
     ) -> Vec<f64> {
         let mut covariances = extended.first_order_of_all(self.sigma_m);
+        let mut whitened = whitened.clone();
+        let groups = self.repeated(extended);
+        for group in &groups {
+            let unweighted =
+                self.shared_factor(&mut covariances, group) * whitened.select_rows(&group.rows);
+            for (&row, value) in group.rows.iter().zip(unweighted.iter()) {
+                whitened[row] = *value;
+            }
+        }
         let mut row = 0;
         let mut residuals = Vec::new();
-        for each in self.measurements {
-            let whitener = self.whitener(&mut covariances, each);
+        for (index, each) in self.measurements.iter().enumerate() {
             let residual = whitened.fixed_rows::<3>(row).into_owned();
+            row += if each.rotation.is_some() { 6 } else { 3 };
+            if groups.iter().any(|group| group.members.contains(&index)) {
+                residuals.extend(residual.iter());
+                continue;
+            }
+            let whitener = self.whitener(&mut covariances, each);
             let unweighted = whitener.solve_lower_triangular(&residual);
             residuals.extend(unweighted.unwrap_or(residual).iter());
-            row += if each.rotation.is_some() { 6 } else { 3 };
         }
         residuals
     }
+
+    /// Measurements that repeat one another, two or more, where repeats share something; else none.
+    fn repeated(&self, extended: &Extended) -> Vec<Repeated> {
+        if !extended.is_shared_by_repeats() {
+            return Vec::new();
+        }
+        let mut groups: Vec<Repeated> = Vec::new();
+        let mut row = 0;
+        for (index, each) in self.measurements.iter().enumerate() {
+            let is_same = |group: &&mut Repeated| {
+                let first = &self.measurements[group.members[0]];
+                first.configuration_rad == each.configuration_rad && first.load == each.load
+            };
+            let rows = row..row + 3;
+            row += if each.rotation.is_some() { 6 } else { 3 };
+            if let Some(group) = groups.iter_mut().find(is_same) {
+                group.members.push(index);
+                group.rows.extend(rows);
+            } else {
+                groups.push(Repeated {
+                    members: vec![index],
+                    rows: rows.collect(),
+                });
+            }
+        }
+        groups.retain(|group| group.members.len() > 1);
+        groups
+    }
+
+    /// L for the covariance L L^T of all readings of a group (m): what is new in each on the diagonal, and what they share
+    /// everywhere.
+    fn shared_factor(&self, model: &mut FirstOrder<'_>, group: &Repeated) -> DMatrix<f64> {
+        let first = &self.measurements[group.members[0]];
+        model.move_to(first.configuration_rad.as_slice());
+        let shared = model.covariance_shared(&first.load);
+        let new = model.covariance_of_all(&first.load) - shared;
+        let count = group.members.len();
+        let mut covariance = DMatrix::zeros(3 * count, 3 * count);
+        for one in 0..count {
+            for other in 0..count {
+                let mut block = shared;
+                if one == other {
+                    let sigma = self.sigma(&self.measurements[group.members[one]]);
+                    block += new + Matrix3::from_diagonal(&sigma.component_mul(&sigma));
+                }
+                let mut place = covariance.fixed_view_mut::<3, 3>(3 * one, 3 * other);
+                place.copy_from(&block);
+            }
+        }
+        let typical = covariance.diagonal().map(f64::sqrt);
+        let factor = covariance.cholesky().map(|factor| factor.l());
+        factor.unwrap_or_else(|| DMatrix::from_diagonal(&typical))
+    }
+}
+
+/// Measurements that repeat one another, and their rows.
+struct Repeated {
+    members: Vec<usize>,
+    rows: Vec<usize>,
 }

@@ -93,6 +93,18 @@ impl Lever {
         self.position.dot(&load.force_n) + self.rotation.dot(&load.torque_nm)
     }
 
+    /// By how much a motion with lever `v`, of all that is beyond this joint or of this joint, too, changes its columns.
+    fn moved_by(&self, v: &Self, is_before: bool) -> (Vector3<f64>, Vector3<f64>) {
+        if is_before {
+            (self.rotation.cross(&v.position), Vector3::zeros())
+        } else {
+            (
+                v.rotation.cross(&self.position),
+                v.rotation.cross(&self.rotation),
+            )
+        }
+    }
+
     /// What turns with this lever's own motion.
     fn turned(&self) -> Vector3<f64> {
         self.position.cross(&self.of_position) + self.rotation.cross(&self.of_rotation)
@@ -118,6 +130,8 @@ pub struct FirstOrder<'a> {
     /// The variance of each coordinate of a deflection by the instrument alone (m^2).
     variance_m2: f64,
     sources: &'a [ReadingSource],
+    /// How often an experiment is repeated.
+    repeats: f64,
     /// The arm's geometry, where nobody else keeps it.
     state: KinematicState,
     /// The tool's place at the last configuration (m).
@@ -193,10 +207,18 @@ impl<'a> FirstOrder<'a> {
             places,
             variance_m2: sigma_m * sigma_m,
             sources,
+            repeats: 1.0,
             state: KinematicState::new(arm.chain.len()),
             tool_position: Vector3::zeros(),
             joints: vec![Lever::NONE; arm.chain.len()],
         }
+    }
+
+    /// Readings are from now on those of experiments with so many repeats. What repeats share counts in each reading's
+    /// covariance as often as it is shared: then r readings that are taken as independent tell as much as the r repeats
+    /// do, J^T (`R_shared` + `R_new`/r)^-1 J.
+    pub fn set_repeats(&mut self, repeats: u32) {
+        self.repeats = f64::from(repeats);
     }
 
     /// The number p of parameters.
@@ -260,7 +282,9 @@ impl<'a> FirstOrder<'a> {
                     let joint = &self.joints[joint];
                     joint.position * joint.torque(load)
                 }
-                Column::Place(place) => self.of_place(place, load),
+                Column::Place(place) => {
+                    self.of_motion(self.places[place].moved_from, &self.levers[place], load)
+                }
                 Column::LoadScale => deflection,
                 Column::LoadOffset => self.deflection(&along),
                 Column::Turned(axis) => axis.cross(&deflection),
@@ -297,37 +321,21 @@ impl<'a> FirstOrder<'a> {
 
     /// How the motion of a place changes the joints' own deflections.
     fn torques_of_place(&self, place: usize, load: &Load) -> Vector3<f64> {
+        let (from, v) = (self.places[place].moved_from, &self.levers[place]);
         let mut sum = Vector3::zeros();
         for (index, (joint, &k)) in self.joints.iter().zip(self.compliance).enumerate() {
-            let (moved, turned) = self.moved_by(place, index);
+            let (moved, turned) = joint.moved_by(v, index < from);
             let change = moved.dot(&load.force_n) + turned.dot(&load.torque_nm);
             sum += joint.position * (change * k);
         }
         sum
     }
 
-    /// By how much the motion of a place changes the columns of a joint.
-    fn moved_by(&self, place: usize, joint: usize) -> (Vector3<f64>, Vector3<f64>) {
-        let (from, v, joint_lever) = (
-            self.places[place].moved_from,
-            &self.levers[place],
-            &self.joints[joint],
-        );
-        if joint < from {
-            (joint_lever.rotation.cross(&v.position), Vector3::zeros())
-        } else {
-            (
-                v.rotation.cross(&joint_lever.position),
-                v.rotation.cross(&joint_lever.rotation),
-            )
-        }
-    }
-
-    /// What the motion of a place changes.
-    fn of_place(&self, place: usize, load: &Load) -> Vector3<f64> {
+    /// What a motion with this lever of all that is beyond a joint changes of the deflection.
+    fn of_motion(&self, from: usize, v: &Lever, load: &Load) -> Vector3<f64> {
         let mut sum = Vector3::zeros();
         for (index, (joint, &k)) in self.joints.iter().zip(self.compliance).enumerate() {
-            let (moved, turned) = self.moved_by(place, index);
+            let (moved, turned) = joint.moved_by(v, index < from);
             let change = moved.dot(&load.force_n) + turned.dot(&load.torque_nm);
             sum += (moved * joint.torque(load) + joint.position * change) * k;
         }
@@ -347,9 +355,29 @@ impl<'a> FirstOrder<'a> {
         sources.map(|source| self.covariance_of(source, load)).sum()
     }
 
+    /// What the repeats of an experiment share of it.
+    #[must_use]
+    pub fn covariance_shared(&self, load: &Load) -> Matrix3<f64> {
+        (self.sources.iter().enumerate())
+            .filter(|(_, source)| source.is_shared_by_repeats())
+            .map(|(index, _)| self.covariance_of_one(index, load))
+            .sum()
+    }
+
     /// What one of the sources adds to it.
     #[must_use]
     pub fn covariance_of(&self, source: usize, load: &Load) -> Matrix3<f64> {
+        let own = self.covariance_of_one(source, load);
+        if self.sources[source].is_shared_by_repeats() {
+            own * self.repeats
+        } else {
+            own
+        }
+    }
+
+    /// What one of the sources adds to a reading, whatever is repeated.
+    #[must_use]
+    pub fn covariance_of_one(&self, source: usize, load: &Load) -> Matrix3<f64> {
         match &self.sources[source] {
             ReadingSource::JointReturn(deviations) => (self.joints.iter().zip(deviations))
                 .map(|(joint, deviation)| {
@@ -365,6 +393,14 @@ impl<'a> FirstOrder<'a> {
                 let distance = (self.tool_position - from_m).norm_squared();
                 Matrix3::identity() * (distance * per_metre * per_metre)
             }
+            ReadingSource::GearError(deviations) => (self.joints.iter().zip(deviations))
+                .enumerate()
+                .map(|(joint, (lever, deviation))| {
+                    let seen = self.of_motion(joint, lever, load) * *deviation;
+                    seen * seen.transpose()
+                })
+                .sum(),
+            ReadingSource::Misfit(deviation) => Matrix3::identity() * (deviation * deviation),
         }
     }
 
@@ -452,7 +488,13 @@ impl<'a> FirstOrder<'a> {
                 Column::Compliance(joint) => {
                     of_force += adjoint_of_deflection(&mut self.joints[joint], 1.0, load, &b);
                 }
-                Column::Place(place) => of_force += self.adjoint_of_place(place, load, &b),
+                Column::Place(place) => {
+                    let (from, v) = (self.places[place].moved_from, self.levers[place]);
+                    let (force, position, rotation) = self.adjoint_of_motion(from, &v, load, &b);
+                    of_force += force;
+                    self.levers[place].of_position += position;
+                    self.levers[place].of_rotation += rotation;
+                }
                 Column::LoadScale => of_deflection += b,
                 Column::LoadOffset => of_unit += b,
                 Column::Turned(axis) => of_deflection += b.cross(&axis),
@@ -474,10 +516,16 @@ impl<'a> FirstOrder<'a> {
         of_force
     }
 
-    /// The same for b . (what the motion of a place changes).
-    fn adjoint_of_place(&mut self, place: usize, load: &Load, b: &Vector3<f64>) -> Vector3<f64> {
+    /// The same for b . (what a motion with a lever changes of the deflection); besides the adjoint of the force those of the
+    /// lever.
+    fn adjoint_of_motion(
+        &mut self,
+        from: usize,
+        v: &Lever,
+        load: &Load,
+        b: &Vector3<f64>,
+    ) -> (Vector3<f64>, Vector3<f64>, Vector3<f64>) {
         let (force, torque_nm) = (&load.force_n, &load.torque_nm);
-        let (from, v) = (self.places[place].moved_from, self.levers[place]);
         let (mut of_position, mut of_rotation) = (Vector3::zeros(), Vector3::zeros());
         let mut of_force = Vector3::zeros();
         for (index, (joint, &k)) in self.joints.iter_mut().zip(self.compliance).enumerate() {
@@ -507,9 +555,7 @@ impl<'a> FirstOrder<'a> {
                 of_force += (position * share + moved * along) * k;
             }
         }
-        self.levers[place].of_position += of_position;
-        self.levers[place].of_rotation += of_rotation;
-        of_force
+        (of_force, of_position, of_rotation)
     }
 
     /// Adds the adjoints for sum(B * covariance) with a symmetric B, those of the tool's place apart, and
@@ -522,7 +568,23 @@ impl<'a> FirstOrder<'a> {
         of_tool: &mut Vector3<f64>,
     ) -> Vector3<f64> {
         let mut of_force = Vector3::zeros();
-        match &self.sources[source] {
+        let sources = self.sources;
+        match &sources[source] {
+            ReadingSource::Misfit(_) => {}
+            ReadingSource::GearError(deviations) => {
+                for (index, deviation) in deviations.iter().enumerate() {
+                    let lever = self.joints[index];
+                    let seen = self.of_motion(index, &lever, load);
+                    // Repeats share it.
+                    let weight = 2.0 * self.repeats * deviation * deviation;
+                    let b = of_covariance * seen * weight;
+                    let (force, position, rotation) =
+                        self.adjoint_of_motion(index, &lever, load, &b);
+                    of_force += force;
+                    self.joints[index].of_position += position;
+                    self.joints[index].of_rotation += rotation;
+                }
+            }
             ReadingSource::JointReturn(deviations) => {
                 for (joint, deviation) in self.joints.iter_mut().zip(deviations) {
                     joint.of_position +=
@@ -530,7 +592,7 @@ impl<'a> FirstOrder<'a> {
                 }
             }
             ReadingSource::LoadDirection(_) | ReadingSource::LoadPoint(_) => {
-                let is_turn = matches!(self.sources[source], ReadingSource::LoadDirection(_));
+                let is_turn = matches!(sources[source], ReadingSource::LoadDirection(_));
                 let (form, deviation) = self.load_form(source, load);
                 let of_form = of_covariance * form * (2.0 * deviation * deviation);
                 for (joint, &k) in self.joints.iter_mut().zip(self.compliance) {

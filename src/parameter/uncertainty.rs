@@ -24,11 +24,11 @@ pub enum Source {
     /// Shared by the whole plan: parameters, each with its standard deviation in its own unit; positive
     /// ones in their logarithm.
     Plan(Vec<(ParameterKind, f64)>),
-    /// New in each reading.
+    /// New in each reading, or in each experiment.
     Reading(ReadingSource),
 }
 
-/// What is new in each reading of a deflection.
+/// What is new in each reading of a deflection, or in each experiment and shared by its repeats.
 #[derive(Debug, Clone, PartialEq)]
 pub enum ReadingSource {
     /// Each joint comes back to its command only within a standard deviation (rad; m where it slides)
@@ -46,4 +46,18 @@ pub enum ReadingSource {
         /// The standard deviation of each coordinate of a deflection per metre of distance.
         per_metre: f64,
     },
+    /// Each joint stands where it stands with an error of its gear (rad; m where it slides) that is another one in each
+    /// configuration, loaded and unloaded the same, in all repeats. One for each joint.
+    GearError(Vec<f64>),
+    /// What no parameter explains is another deflection in each configuration, the same in all repeats: the standard
+    /// deviation (m) of each coordinate.
+    Misfit(f64),
+}
+
+impl ReadingSource {
+    /// Whether repeats of an experiment share it, so that they do not average it.
+    #[must_use]
+    pub const fn is_shared_by_repeats(&self) -> bool {
+        matches!(self, Self::GearError(_) | Self::Misfit(_))
+    }
 }

@@ -67,6 +67,7 @@ impl<'a> ExperimentModel<'a> {
             let size = self.columns();
             let mut model = extended.first_order_of_all(self.sigma_m);
             let mut matrix = Matrix3xX::zeros(size);
+            model.set_repeats(experiment.repeats);
             model.move_to(experiment.configuration_rad.as_slice());
             model.observe(&experiment.load, &mut matrix);
             return DMatrix::from_column_slice(3, size, (matrix * self.sigma_m).as_slice());

@@ -64,6 +64,7 @@ pub fn shares(task: &Task, plan: &Plan, posterior: &Posterior) -> Vec<PromiseSha
     let mut derivatives = Matrix3xX::zeros(size);
     for experiment in &plan.experiments {
         let load = &experiment.load;
+        model.set_repeats(experiment.repeats);
         model.move_to(experiment.configuration_rad.as_slice());
         model.derivatives(load, &mut derivatives);
         let covariance = model.covariance(load);

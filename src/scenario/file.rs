@@ -260,6 +260,8 @@ pub(super) enum UncertaintyKind {
     LoadPoint,
     JointReturn,
     TrackerRange,
+    GearError,
+    Misfit,
 }
 
 impl UncertaintyKind {
@@ -282,6 +284,8 @@ impl UncertaintyKind {
             Self::LoadPoint => "load_point",
             Self::JointReturn => "joint_return",
             Self::TrackerRange => "tracker_range",
+            Self::GearError => "gear_error",
+            Self::Misfit => "misfit",
         }
     }
 
@@ -293,11 +297,12 @@ impl UncertaintyKind {
             | Self::LinkCentre
             | Self::ToolPosition
             | Self::BasePosition
-            | Self::LoadPoint => &["std_mm"],
+            | Self::LoadPoint
+            | Self::Misfit => &["std_mm"],
             Self::LinkRotation | Self::ToolRotation | Self::BaseRotation | Self::LoadDirection => {
                 &["std_mrad"]
             }
-            Self::JointZero | Self::JointReturn => &["std_mrad", "std_mm"],
+            Self::JointZero | Self::JointReturn | Self::GearError => &["std_mrad", "std_mm"],
             Self::LoadOffset => &["std_n"],
             Self::TaskForce => &["std_relative", "std_n"],
             Self::TrackerRange => &["std_um_per_m"],
@@ -315,6 +320,7 @@ impl UncertaintyKind {
                 | Self::LinkMass
                 | Self::LinkCentre
                 | Self::JointReturn
+                | Self::GearError
         )
     }
 }

@@ -178,6 +178,7 @@ impl<'a> Deviations<'a> {
         };
         let mut first = self.first_order(set, 0, &self.believed);
         let mut matrix = Matrix3xX::zeros(set.len());
+        first.set_repeats(experiment.repeats);
         first.move_to(experiment.configuration_rad.as_slice());
         first.observe(&experiment.load, &mut matrix);
         DMatrix::from_column_slice(3, set.len(), (matrix * model.sigma_m).as_slice())
@@ -261,6 +262,7 @@ impl<'a> Deviations<'a> {
                 self.belief.instrument.sigma_m,
                 sources,
             );
+            model.set_repeats(experiment.repeats);
             model.move_to(experiment.configuration_rad.as_slice());
             model
         };

@@ -143,6 +143,12 @@ impl Extended {
         self.shared.is_empty() && self.sources.is_empty()
     }
 
+    /// Whether repeats of an experiment share something that they do not average.
+    #[must_use]
+    pub fn is_shared_by_repeats(&self) -> bool {
+        self.sources.iter().any(ReadingSource::is_shared_by_repeats)
+    }
+
     /// The names of what is to be found besides compliances.
     pub fn further(&self) -> impl Iterator<Item = &str> {
         let places = self.identified..self.identified + self.further.len();

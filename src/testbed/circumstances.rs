@@ -83,7 +83,9 @@ impl Circumstances {
 
     fn numbers_of_reading(&self) -> usize {
         let numbers = |source: &ReadingSource| match source {
-            ReadingSource::JointReturn(deviations) => deviations.len(),
+            ReadingSource::JointReturn(deviations) | ReadingSource::GearError(deviations) => {
+                deviations.len()
+            }
             _ => 3,
         };
         self.sources.iter().map(numbers).sum()
@@ -185,11 +187,19 @@ impl Circumstances {
         normals: &[[f64; LANES]],
         lane: usize,
     ) -> Result<Vec<Measurement>, MeasurementError> {
-        let mut normals = normals[self.shared.len()..].iter().map(|lanes| lanes[lane]);
+        let normals: Vec<f64> = normals[self.shared.len()..]
+            .iter()
+            .map(|lanes| lanes[lane])
+            .collect();
+        let size = self.numbers_of_reading();
+        let of_reading = |number: usize| &normals[number * size..(number + 1) * size];
         let mut measurements = Vec::new();
         for (index, experiment) in plan.experiments.iter().enumerate() {
+            // What repeats share is drawn with the first of them.
+            let first = measurements.len();
             for _ in 0..experiment.repeats {
-                let reading = self.read(robot, index + 1, experiment, &mut normals)?;
+                let numbers = [of_reading(measurements.len()), of_reading(first)];
+                let reading = self.read(robot, index + 1, experiment, numbers)?;
                 measurements.push(Measurement {
                     configuration_rad: experiment.configuration_rad.clone(),
                     load: experiment.load,
@@ -212,21 +222,37 @@ impl Circumstances {
         robot: &mut VirtualRobot,
         number: usize,
         experiment: &Experiment,
-        normals: &mut dyn Iterator<Item = f64>,
+        [own, shared]: [&[f64]; 2],
     ) -> Result<(Vector3<f64>, Vector3<f64>), MeasurementError> {
-        let unloaded = self.commanded(&experiment.configuration_rad);
-        let mut loaded = unloaded.clone();
+        let mut unloaded = self.commanded(&experiment.configuration_rad);
+        let mut returned = unloaded.map(|_| 0.0);
         let mut load: Load = self.here.acting(&experiment.load);
         let mut noise = Vec::new();
+        let mut misfit = Vector3::zeros();
+        let mut place = 0;
         for source in &self.sources {
-            let mut next = |deviation: f64| deviation * normals.next().unwrap_or(0.0);
+            let numbers = if source.is_shared_by_repeats() {
+                shared
+            } else {
+                own
+            };
+            let mut next = |deviation: f64| {
+                place += 1;
+                deviation * numbers[place - 1]
+            };
             let mut three = |deviation: f64| Vector3::from_fn(|_, _| next(deviation));
             match source {
                 ReadingSource::JointReturn(deviations) => {
-                    for (angle, &deviation) in loaded.iter_mut().zip(deviations) {
+                    for (angle, &deviation) in returned.iter_mut().zip(deviations) {
                         *angle += next(deviation);
                     }
                 }
+                ReadingSource::GearError(deviations) => {
+                    for (angle, &deviation) in unloaded.iter_mut().zip(deviations) {
+                        *angle += next(deviation);
+                    }
+                }
+                ReadingSource::Misfit(deviation) => misfit += three(*deviation),
                 ReadingSource::LoadDirection(deviation) => {
                     let turn = Rotation3::new(three(*deviation));
                     load.force_n = turn * load.force_n;
@@ -240,8 +266,9 @@ impl Circumstances {
                 }
             }
         }
+        let loaded = &unloaded + returned;
         let displacement = robot.displacement_between(number, (&unloaded, &loaded), &load)?;
-        let mut moved = displacement.position_m;
+        let mut moved = displacement.position_m + misfit;
         for (from, per_metre) in noise {
             moved += per_metre * (displacement.at_m - from).norm();
         }

@@ -3,6 +3,8 @@
 //! - `published`: numbers that the paper prints, with the tolerance that its printing supports.
 //! - `judges`: the analytic model and MuJoCo judge each other.
 //! - `recordings`: the rerun and MCAP files, read with their own tools.
+//! - `repeats`: what repeats of an experiment share they do not average.
+//! - `unknowns`: unknowns besides compliances, found from measurements.
 //! - `recovery`: known compliances come back, and hand-computed small cases.
 //! - `uncertainties`: what nobody knows exactly: drawn in truth, carried by the belief, and kept in promises.
 //! - `unread`: what is uncertain and no reading shows: the task's force, masses of links.
@@ -109,6 +111,7 @@ mod raw_readings;
 #[cfg(feature = "view")]
 mod recordings;
 mod recovery;
+mod repeats;
 #[cfg(feature = "view")]
 mod report;
 mod reproduction;

@@ -57,6 +57,12 @@ fn every_source(numbers: &mut Numbers, arm: &ElasticArm) -> Vec<ReadingSource> {
             from_m: numbers.vector(3.0),
             per_metre: 2e-5,
         },
+        ReadingSource::GearError(
+            (0..arm.chain.len())
+                .map(|_| numbers.between(0.0, 1e-2))
+                .collect(),
+        ),
+        ReadingSource::Misfit(1e-5),
     ]
 }
 
@@ -256,11 +262,34 @@ fn covariances_are_those_of_what_changes() {
             expected += column * column.transpose();
         }
         let ReadingSource::Range { from_m, per_metre } = &sources[3] else {
-            panic!("the range comes last");
+            panic!("then the range");
         };
         let distance = (first.state.tool_position - from_m).norm();
         expected += nalgebra::Matrix3::identity() * (distance * per_metre).powi(2);
+        let (ReadingSource::GearError(gears), ReadingSource::Misfit(misfit)) =
+            (&sources[4], &sources[5])
+        else {
+            panic!("gears and misfit come last");
+        };
+        // The deflection where a joint stands elsewhere, loaded and unloaded.
+        let mut moved = FirstOrder::new(&arm, 0, &set, &[1.0], 3e-5, &[]);
+        for (joint, deviation) in gears.iter().enumerate() {
+            let mut at = |h: f64| {
+                let mut q = q.clone();
+                q[joint] += h;
+                moved.move_to(q.as_slice());
+                moved.deflection(&load)
+            };
+            let column = (at(1e-4) - at(-1e-4)) / 2e-4 * *deviation;
+            expected += column * column.transpose();
+        }
+        expected += nalgebra::Matrix3::identity() * misfit.powi(2);
         let error = (first.covariance(&load) - expected).amax();
+        assert!(error < 1e-6 * expected.amax(), "{error}");
+        // Of three repeats as of so many independent readings: what they share counts three times.
+        let shared = first.covariance_shared(&load);
+        first.set_repeats(3);
+        let error = (first.covariance(&load) - expected - shared * 2.0).amax();
         assert!(error < 1e-6 * expected.amax(), "{error}");
     }
 }

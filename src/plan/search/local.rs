@@ -149,6 +149,12 @@ impl<'a> LocalSearch<'a> {
         self
     }
 
+    /// Experiments are from now on repeated so often.
+    pub fn set_repeats(&self, repeats: u32) {
+        let mut seat = self.evaluator.borrow_mut();
+        seat.evaluator.set_repeats(repeats);
+    }
+
     /// The point at joint angles `q` under a load.
     pub fn point(&self, q: &[f64], load: &Load) -> Point {
         let mut seat = self.evaluator.borrow_mut();

@@ -75,6 +75,13 @@ impl<'a> MatrixEvaluator<'a> {
         self
     }
 
+    /// Experiments are from now on repeated so often: what their repeats share, they do not average.
+    pub fn set_repeats(&mut self, repeats: u32) {
+        if let Some(extended) = &mut self.extended {
+            extended.set_repeats(repeats);
+        }
+    }
+
     /// The number of unknowns, of which the parameters may be combinations.
     fn unknowns(&self) -> usize {
         (self.extended.as_ref()).map_or(self.scale.len(), FirstOrder::parameters)

@@ -375,6 +375,11 @@ impl<'a> Problem<'a> {
         self.extended.is_some()
     }
 
+    /// Whether repeats of an experiment share something that they do not average.
+    pub(super) fn is_shared_by_repeats(&self) -> bool {
+        self.extended.is_some_and(Extended::is_shared_by_repeats)
+    }
+
     /// Whether bounds of the region depend on the load.
     pub(super) fn is_force_bounded(&self) -> bool {
         (self.bounds.iter()).any(|bound| {
@@ -499,6 +504,7 @@ impl<'a> Problem<'a> {
         let mut matrix = evaluator.matrix();
         let mut information = self.prior.clone();
         for experiment in &plan.experiments {
+            evaluator.set_repeats(experiment.repeats);
             evaluator.move_to(experiment.configuration_rad.as_slice());
             evaluator.observe(&experiment.load, &mut matrix);
             add_information(&mut information, &matrix, f64::from(experiment.repeats));

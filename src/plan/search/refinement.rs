@@ -35,6 +35,8 @@ pub(super) struct Refinement<'a> {
     pub problem: &'a Problem<'a>,
     pub local: LocalSearch<'a>,
     pub sampler: Sampler<'a>,
+    /// Whether a point tells something else where it is repeated more often.
+    is_shared_by_repeats: bool,
     /// The information of the mandatory experiments.
     pub mandatory: DMatrix<f64>,
     pub work: RefCell<Work>,
@@ -53,6 +55,7 @@ impl<'a> Refinement<'a> {
             problem,
             local: LocalSearch::new(problem),
             sampler: Sampler::new(problem),
+            is_shared_by_repeats: problem.is_shared_by_repeats(),
             mandatory: problem.information(&problem.task.design.mandatory),
             work: RefCell::new(Work {
                 cost: problem.cost(),
@@ -189,9 +192,8 @@ impl<'a> Refinement<'a> {
     ) -> Vec<Point> {
         for index in 0..points.len() {
             self.total(&points, repeats, Some(index), information);
-            let weight = f64::from(repeats[index]);
             let present = &points[index];
-            if let Some(better) = self.improve(present, information, weight, precision) {
+            if let Some(better) = self.improve(present, information, repeats[index], precision) {
                 points[index] = better;
             } else if !self.local.is_inside(&present.q, &present.load) {
                 information.fill(0.0);
@@ -250,8 +252,8 @@ impl<'a> Refinement<'a> {
         for from in (0..points.len()).filter(|&from| repeats[from] > 1) {
             for to in (0..points.len()).filter(|&to| to != from) {
                 moved.copy_from(information);
-                add_information(&mut moved, &points[from].matrix, -1.0);
-                add_information(&mut moved, &points[to].matrix, 1.0);
+                self.change_repeats(&mut moved, &points[from], repeats[from], -1);
+                self.change_repeats(&mut moved, &points[to], repeats[to], 1);
                 let cost = self.cost(&moved);
                 if cost < *lowest * (1.0 - 1e-7) {
                     *lowest = cost;
@@ -265,6 +267,45 @@ impl<'a> Refinement<'a> {
         repeats[from] -= 1;
         repeats[to] += 1;
         true
+    }
+
+    /// Adds what one repeat more or less of a point tells.
+    fn change_repeats(
+        &self,
+        information: &mut DMatrix<f64>,
+        point: &Point,
+        repeats: u32,
+        change: i32,
+    ) {
+        if self.is_shared_by_repeats {
+            self.add(information, point, repeats, -1.0);
+            self.add(
+                information,
+                point,
+                repeats.saturating_add_signed(change),
+                1.0,
+            );
+        } else {
+            add_information(information, &point.matrix, f64::from(change));
+        }
+    }
+
+    /// Adds so many times what a point tells that is repeated so often.
+    fn add(&self, information: &mut DMatrix<f64>, point: &Point, repeats: u32, times: f64) {
+        let weight = times * f64::from(repeats);
+        if self.is_shared_by_repeats && repeats != 1 {
+            add_information(information, &self.repeated(point, repeats).matrix, weight);
+        } else {
+            add_information(information, &point.matrix, weight);
+        }
+    }
+
+    /// A point as one that is repeated so often.
+    fn repeated(&self, point: &Point, repeats: u32) -> Point {
+        self.local.set_repeats(repeats);
+        let repeated = self.local.point(&point.q, &point.load);
+        self.local.set_repeats(1);
+        repeated
     }
 
     /// The cost of an information matrix.
@@ -286,13 +327,30 @@ impl<'a> Refinement<'a> {
         total.copy_from(&self.mandatory);
         for (index, (point, &repeats)) in points.iter().zip(repeats).enumerate() {
             if Some(index) != left_out {
-                add_information(total, &point.matrix, f64::from(repeats));
+                self.add(total, point, repeats, 1.0);
             }
         }
     }
 
     /// A better experiment near the present one to join the rest, if there is one.
     fn improve(
+        &mut self,
+        present: &Point,
+        rest: &DMatrix<f64>,
+        repeats: u32,
+        precision: Precision,
+    ) -> Option<Point> {
+        if self.is_shared_by_repeats && repeats != 1 {
+            let present = self.repeated(present, repeats);
+            self.local.set_repeats(repeats);
+            let better = self.improve_here(&present, rest, f64::from(repeats), precision);
+            self.local.set_repeats(1);
+            return better;
+        }
+        self.improve_here(present, rest, f64::from(repeats), precision)
+    }
+
+    fn improve_here(
         &mut self,
         present: &Point,
         rest: &DMatrix<f64>,

@@ -86,12 +86,17 @@ impl Checker<'_> {
         let source = match table.kind {
             UncertaintyKind::LoadDirection => ReadingSource::LoadDirection(size("std_mrad")?),
             UncertaintyKind::LoadPoint => ReadingSource::LoadPoint(size("std_mm")?),
-            UncertaintyKind::JointReturn => {
+            UncertaintyKind::Misfit => ReadingSource::Misfit(size("std_mm")?),
+            UncertaintyKind::JointReturn | UncertaintyKind::GearError => {
                 let mut sizes = vec![0.0; belief.nominal.chain.len()];
                 for (joint, size) in self.joint_sizes(key, table, belief)? {
                     sizes[joint] = size;
                 }
-                ReadingSource::JointReturn(sizes)
+                if table.kind == UncertaintyKind::GearError {
+                    ReadingSource::GearError(sizes)
+                } else {
+                    ReadingSource::JointReturn(sizes)
+                }
             }
             UncertaintyKind::TrackerRange => {
                 let per_metre = size("std_um_per_m")?;
@@ -189,7 +194,9 @@ impl Checker<'_> {
             UncertaintyKind::LoadDirection
             | UncertaintyKind::LoadPoint
             | UncertaintyKind::JointReturn
-            | UncertaintyKind::TrackerRange => Ok(Vec::new()),
+            | UncertaintyKind::TrackerRange
+            | UncertaintyKind::GearError
+            | UncertaintyKind::Misfit => Ok(Vec::new()),
         }
     }
 

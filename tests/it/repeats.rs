@@ -1,0 +1,196 @@
+//! What repeats of an experiment share they do not average: the model's misfit and the gears' errors, another one in each
+//! configuration.
+
+use elastocal::experiment::{Experiment, Plan};
+use elastocal::identification::{Case, Sigma};
+use elastocal::plan::posterior;
+use elastocal::scenario::Scenario;
+use elastocal::task::Method;
+use elastocal::testbed::{TrueRobots, add_noise_of};
+use nalgebra::{DMatrix, Matrix3};
+use serde_json::Value;
+
+use crate::support::{Workplace, scenario_text, table4};
+
+const MISFIT: &str = "[[uncertainty]]\nkind = \"misfit\"\nstd_mm = 0.04\n";
+const GEARS: &str = "[[uncertainty]]\nkind = \"gear_error\"\nstd_mrad = 3\n";
+
+/// The paper's scenario with a study of Table 4's plan of four, each measured three times.
+fn with(uncertainties: &str, level: &str, trials: u32) -> String {
+    let text = scenario_text("klimchik2012");
+    let (head, _) = text.split_once("[study]").expect("there is a study");
+    let plan = crate::support::project("scenarios/plans/klimchik2012_m4.csv");
+    format!(
+        "{head}\n[study]\nexperiments = 12\ntrials = {trials}\nlevel = \"{level}\"\n[[study.plan]]\nkind = \"file\"\n\
+         name = \"2c\"\nfile = \"{}\"\n{uncertainties}",
+        plan.display()
+    )
+}
+
+fn loaded(text: &str) -> Scenario {
+    let place = Workplace::new();
+    place.write("s.toml", text);
+    Scenario::load(&place.path("s.toml")).expect("the scenario is valid")
+}
+
+fn repeated(repeats: u32) -> Plan {
+    let experiments = table4(4).experiments.into_iter();
+    Plan {
+        experiments: experiments
+            .map(|each| Experiment { repeats, ..each })
+            .collect(),
+    }
+}
+
+/// On the virtual robot, drawn in every run, and in the linear model: what is seen is what is promised.
+#[test]
+fn promises_hold_for_repeats() {
+    for uncertainties in [
+        MISFIT.to_owned(),
+        GEARS.to_owned(),
+        format!("{MISFIT}{GEARS}"),
+    ] {
+        for (level, trials) in [("robot", 600), ("model", 20_000)] {
+            let place = Workplace::new();
+            place.write("s.toml", with(&uncertainties, level, trials));
+            let outcome = place.run("study s.toml --json --quiet");
+            let plan = outcome.ends_with(0).json()["plans"][0].clone();
+            let number = |key: &str| plan[key].as_f64().expect("a number");
+            let (rms, promised) = (number("rms_mm"), number("promised_rms_mm"));
+            let room = 3.0 * number("rms_std_mm") + 0.02 * promised;
+            assert!(
+                (rms - promised).abs() < room,
+                "{uncertainties} {level}: {plan}"
+            );
+            assert_eq!(plan["verdict"], "holds", "{uncertainties} {level}");
+            assert!(
+                number("nees_z").abs() < 5.0,
+                "{uncertainties} {level}: {plan}"
+            );
+        }
+    }
+}
+
+/// Many repeats leave what they share, and one leaves as much more as its noise.
+#[test]
+fn repeats_average_noise_alone() {
+    let scenario = loaded(&with(MISFIT, "model", 64));
+    let belief = &scenario.task.belief;
+    let (sigma, misfit): (f64, f64) = (belief.instrument.sigma_m, 4e-5);
+    let standard_error = |repeats| {
+        let known = posterior(belief, &repeated(repeats));
+        known.standard_error(2).expect("it is determined")
+    };
+    let expected = |repeats: f64| misfit.hypot(sigma / repeats.sqrt());
+    let of_one = standard_error(1) / expected(1.0);
+    for repeats in [2, 5, 1000] {
+        let ratio = standard_error(repeats) / expected(f64::from(repeats)) / of_one;
+        assert!((ratio - 1.0).abs() < 1e-9, "{repeats}: {ratio}");
+    }
+}
+
+/// Repeats with standard deviations of their own: generalised least squares with the whole covariance of all readings,
+/// written out, gives the same estimate, and residuals that are chi-square.
+#[test]
+fn identification_weighs_repeats_as_generalised_least_squares() {
+    let scenario = loaded(&with(MISFIT, "model", 64));
+    let (belief, plan) = (&scenario.task.belief, repeated(3));
+    let mut robots = TrueRobots::new(belief, &scenario.truth).expect("a robot");
+    let normals = robots
+        .become_run_of(&scenario.truth, 12, 1, 0)
+        .expect("a run");
+    let mut measurements = robots
+        .measure_noise_free(&plan, &belief.instrument, &normals, 0)
+        .expect("measurements");
+    add_noise_of(&mut measurements, &belief.instrument, 1, 0);
+    for (index, each) in measurements.iter_mut().enumerate() {
+        each.sigma_m = Some(nalgebra::Vector3::repeat(1e-5 * (1.0 + index as f64)));
+    }
+    let sigma = Sigma::Known(belief.instrument.sigma_m);
+    let case = Case::of_belief(belief, &measurements, sigma, Method::Linear);
+    let found = case.identify().expect("an identification");
+
+    let extended = belief.uncertain.as_ref().expect("much is uncertain");
+    let mut model = extended.first_order_of_all(1.0);
+    let size = belief.unknowns();
+    let (mut rows, mut right) = (DMatrix::zeros(36, size), DMatrix::zeros(36, 1));
+    let mut covariance = DMatrix::zeros(36, 36);
+    let mut jacobian = nalgebra::Matrix3xX::zeros(size);
+    let values = belief.values();
+    for (index, each) in measurements.iter().enumerate() {
+        model.move_to(each.configuration_rad.as_slice());
+        model.derivatives(&each.load, &mut jacobian);
+        rows.rows_mut(3 * index, 3).copy_from(&jacobian);
+        let left = each.deflection_m - model.deflection(&each.load);
+        right.rows_mut(3 * index, 3).copy_from(&left);
+        for (other, another) in measurements.iter().enumerate() {
+            let mut block = Matrix3::zeros();
+            if another.configuration_rad == each.configuration_rad {
+                block += Matrix3::identity() * 4e-5_f64.powi(2);
+            }
+            if index == other {
+                let sigma = each.sigma_m.expect("its own");
+                block += Matrix3::from_diagonal(&sigma.component_mul(&sigma));
+            }
+            let mut place = covariance.view_mut((3 * index, 3 * other), (3, 3));
+            place.copy_from(&block);
+        }
+    }
+    let inverse = covariance.try_inverse().expect("regular");
+    let information = rows.tr_mul(&inverse) * &rows;
+    let change =
+        information.clone().try_inverse().expect("regular") * rows.tr_mul(&inverse) * &right;
+    for (index, nominal) in values.iter().enumerate() {
+        let expected = nominal + change[index];
+        let error = (found.posterior.mean[index] / expected - 1.0).abs();
+        assert!(error < 1e-8, "{index}: {error}");
+    }
+    let left = &right - &rows * change;
+    let square = (left.transpose() * inverse * &left)[0];
+    let spare = (36 - size) as f64;
+    let ratio = found.residual_sigma_m.expect("residuals") / found.sigma_m;
+    assert!((ratio.powi(2) * spare / square - 1.0).abs() < 1e-8);
+    // Residuals are told as they are.
+    for (index, residual) in found.residuals_m.iter().enumerate() {
+        assert!((residual - left[index]).abs() < 1e-12, "{index}");
+    }
+}
+
+/// Where repeats average little, the best plan of twelve measurements in four configurations still has to be found: no
+/// worse than that for noise alone, judged by the whole; and its promise is the one that is searched for.
+#[test]
+fn plans_know_of_what_repeats_share() {
+    let place = Workplace::new();
+    let list = format!("{MISFIT}{GEARS}");
+    let text = with(&list, "model", 64);
+    place.write(
+        "s.toml",
+        text.replace(
+            "experiments = 4\n",
+            "experiments = 12\nconfigurations = 6\n",
+        ),
+    );
+    let run = |arguments: &str| {
+        place
+            .run(&format!("{arguments} --json --quiet"))
+            .ends_with(0)
+            .json()
+    };
+    let number = |value: &Value, key: &str| value[key].as_f64().expect("a number");
+    let planned = run("plan s.toml --experiments 12 --no-proof --plan-out whole.csv");
+    run("plan s.toml --experiments 12 --no-proof --noise-only --plan-out noise.csv");
+    let of = |plan: &str| {
+        number(
+            &run(&format!("evaluate s.toml --plan {plan} --no-proof")),
+            "rho0_mm",
+        )
+    };
+    let (whole, noise) = (of("whole.csv"), of("noise.csv"));
+    assert!((whole / number(&planned, "rho0_mm") - 1.0).abs() < 1e-9);
+    assert!(whole <= noise * (1.0 + 1e-6), "{whole} against {noise}");
+    assert!(number(&planned, "lower_bound_rho0_mm") <= whole);
+    let shares: Vec<&str> = (planned["rho0_shares"].as_array().expect("shares").iter())
+        .filter_map(|share| share["name"].as_str())
+        .collect();
+    assert_eq!(shares, ["noise", "misfit", "gear_error"]);
+}
