@@ -43,6 +43,8 @@ pub struct CompensatedPose {
     pub name: String,
     /// Its weight among the test poses.
     pub weight: f64,
+    /// The direction along which alone errors count there.
+    pub direction: Option<Vector3<f64>>,
     /// The joint angles to command (rad).
     pub commanded_rad: DVector<f64>,
     /// The predicted rms distance `rho_0` (m), eq. 20 with the covariance of this identification; or the
@@ -52,7 +54,8 @@ pub struct CompensatedPose {
     pub seen: SeenPose,
 }
 
-/// Distances of the loaded tool from where it is wanted, `t_F` - `t_0` (D2), in the world frame.
+/// Distances of the loaded tool from where it is wanted, `t_F` - `t_0` (D2), in the world frame; of them what counts at
+/// the pose.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SeenPose {
     /// Without compensation (m).
@@ -162,6 +165,7 @@ pub fn compensate_poses(
             Ok(CompensatedPose {
                 name: pose.name.clone(),
                 weight: pose.weight,
+                direction: pose.direction,
                 predicted_m: predicted_error(&matrix, posterior),
                 seen: see(robots, pose, &commanded_rad).map_err(at_pose)?,
                 commanded_rad,
@@ -213,7 +217,7 @@ pub fn see(
     let loaded = robots.machining_tool_at_work(&pose.configuration_rad, &pose.load)?;
     let compensated = robots.machining_tool_at_work(commanded_rad, &pose.load)?;
     Ok(SeenPose {
-        uncompensated_m: loaded - wanted,
-        residual_m: compensated - wanted,
+        uncompensated_m: pose.counted(&(loaded - wanted)),
+        residual_m: pose.counted(&(compensated - wanted)),
     })
 }

@@ -761,12 +761,16 @@ def check_bounds(file):
     trace, size, index = 0.0, 0.0, 0
     for target in file["targets"] if is_rho0 else ():
         columns = target_columns(target, parameters)
+        # Along a direction n, which has one row b: the sum of n_k b . C_k, times no more than a unit vector.
+        direction = target.get("direction")
+        if direction is not None and abs(math.hypot(*direction) - 1) > 1e-14:
+            raise Refused("a direction is no unit vector")
         for k in range(3):
+            share = math.sqrt(target["weight"]) * (1 if direction is None else direction[k])
             for factor, column in zip(rows[index], columns):
-                value = factor * column[k] * math.sqrt(target["weight"])
-                trace += value
+                trace += factor * column[k] * share
                 size += abs(factor) * float(np.abs(column).sum()) * math.sqrt(target["weight"])
-            index += 1
+            index += direction is None or k == 2
     # Fewer than 1000 roundings of terms within `size`.
     trace = abs(trace) - 2e-13 * size
     arm = question["arm"]

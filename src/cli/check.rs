@@ -230,8 +230,12 @@ fn describe_pose(understanding: &Understanding, pose: &UnderstoodPose) -> String
         }
         Err(error) => format!("There it does not hold: {error}."),
     };
+    let along = pose.direction.map_or_else(String::new, |direction| {
+        let [x, y, z]: [f64; 3] = direction.into();
+        format!(" Only the error along ({x:.4}, {y:.4}, {z:.4}) counts.")
+    });
     format!(
-        "At the test pose {:?} the calibration tool is at {}, the machining tool at {}. {bent}\n",
+        "At the test pose {:?} the calibration tool is at {}, the machining tool at {}. {bent}{along}\n",
         pose.name,
         place(pose.calibration_tool_m),
         place(pose.machining_tool_m),

@@ -141,9 +141,10 @@ fn describe_criterion(assessment: &Assessment) -> String {
 /// An assessment for a person.
 pub fn describe(scenario: &Scenario, assessment: &Assessment) -> String {
     let mut text = format!(
-        "{}: rho0 = {} um at the test pose",
+        "{}: rho0 = {} um at the test pose{}",
         counted(assessment.experiments.into(), "experiment"),
-        number(assessment.rho0_m.map(|value| value * 1e6), 3)
+        number(assessment.rho0_m.map(|value| value * 1e6), 3),
+        scenario.task.counted_words()
     );
     if let (Some(bound), Some(efficiency)) = (assessment.bound_m(), assessment.efficiency()) {
         text += &format!(

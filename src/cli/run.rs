@@ -183,9 +183,10 @@ fn summary(folder: &Path, entries: &[TriedPlan], random_rho0_m: Option<f64>) -> 
     let uncompensated = pose.seen.uncompensated_m.norm() * 1e6;
     let predicted = number(main.assessment.rho0_m.map(|value| value * 1e6), 1);
     text += &format!(
-        "\nAt the test pose {:?} the task load bends the robot by {uncompensated:.0} um. After calibration \
+        "\nAt the test pose {:?} the task load bends the robot by {uncompensated:.0} um{}. After calibration \
          with {}, compensation leaves {:.1} um in this run; {leaves} {predicted} um rms",
         pose.name,
+        pose.direction.map_or("", |_| " along its direction"),
         counted(main.assessment.experiments.into(), "measurement"),
         pose.seen.residual_m.norm() * 1e6,
     );

@@ -87,14 +87,19 @@ pub fn compensate_identified(
     Ok(commanded_rad - zero_rad)
 }
 
-/// The observation matrix of a test pose for the compliances of some joints, `A_0^(p)` (eq. 23), 3 x p.
+/// The observation matrix of a test pose for the compliances of some joints, `A_0^(p)` (eq. 23), 3 x p; of it what
+/// counts there.
 #[must_use]
 pub fn test_pose_matrix(belief: &Belief, pose: &TestPose, parameters: &[usize]) -> DMatrix<f64> {
     let arm = belief.nominal.chain.at(&belief.machining_tool);
     let state = arm.state(pose.configuration_rad.as_slice());
     let state = state.braced(&belief.nominal.compliance_rad_per_nm);
     let matrix = ObservationMatrix::new(&state, &pose.load, parameters).position;
-    DMatrix::from_column_slice(3, parameters.len(), matrix.as_slice())
+    pose.counted_rows(DMatrix::from_column_slice(
+        3,
+        parameters.len(),
+        matrix.as_slice(),
+    ))
 }
 
 /// The same for all unknowns of a belief, 3 x p: what compensation leaves at a test pose follows from their
@@ -109,7 +114,7 @@ pub fn test_pose_rows(belief: &Belief, pose: &TestPose) -> DMatrix<f64> {
     let mut matrix = Matrix3xX::zeros(size);
     model.move_to(pose.configuration_rad.as_slice());
     model.uncompensated(&pose.load, &mut matrix);
-    DMatrix::from_column_slice(3, size, matrix.as_slice())
+    pose.counted_rows(DMatrix::from_column_slice(3, size, matrix.as_slice()))
 }
 
 /// The rows of several test poses (3 x `columns` each), each times the root of its weight, stacked.

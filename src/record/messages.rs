@@ -508,7 +508,10 @@ pub struct TestPoseMessage {
     pub weight: f64,
     /// The joint angles to command (deg), and lengths (mm) of joints that slide.
     pub q_commanded_deg: Vec<f64>,
-    /// The loaded tool's distance from where it is wanted, without compensation (mm).
+    /// The direction in the world frame along which alone distances count, where there is one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub direction: Option<[f64; 3]>,
+    /// The loaded tool's distance from where it is wanted, without compensation (mm); of it what counts.
     pub uncompensated_mm: f64,
     /// The same with compensation (mm).
     pub residual_mm: f64,
@@ -528,6 +531,7 @@ impl TestPoseMessage {
             name: pose.name.clone(),
             weight: pose.weight,
             q_commanded_deg: commands.numbers(pose.commanded_rad.as_slice()),
+            direction: pose.direction.map(Into::into),
             uncompensated_mm: pose.seen.uncompensated_m.norm() * 1e3,
             residual_mm: pose.seen.residual_m.norm() * 1e3,
             rho0_mm: pose.predicted_m.as_ref().ok().map(|value| value * 1e3),

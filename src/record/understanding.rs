@@ -103,6 +103,8 @@ pub struct PoseMessage {
     pub calibration_tool_mm: [f64; 3],
     /// The machining tool's position at the commanded angles (mm).
     pub machining_tool_mm: [f64; 3],
+    /// The direction in the world frame along which alone the error counts; `null` where all of it does.
+    pub direction: Option<[f64; 3]>,
     /// The machining tool's motion under the robot's own weight (mm); `null` where nothing holds it.
     pub own_weight_mm: Option<[f64; 3]>,
     /// The largest turn of a joint under the own weight (deg).
@@ -139,6 +141,7 @@ impl UnderstandingMessage {
                 name: pose.name.clone(),
                 calibration_tool_mm: millimetres(pose.calibration_tool_m),
                 machining_tool_mm: millimetres(pose.machining_tool_m),
+                direction: pose.direction.map(Into::into),
                 own_weight_mm: moved(|bent| bent.own_weight_m),
                 own_weight_deg: bent.and_then(|bent| turn(bent.own_weight_joint)),
                 task_load_mm: moved(|bent| bent.task_load_m),

@@ -130,8 +130,12 @@ pub(super) struct IdentificationTable {
 pub(super) struct TestPoseTable {
     pub name: Option<String>,
     pub q_deg: Vec<f64>,
-    pub force_n: Vec<f64>,
+    pub force_n: Option<Vec<f64>>,
     pub torque_nm: Option<Vec<f64>>,
+    pub tool_force_n: Option<Vec<f64>>,
+    pub tool_torque_nm: Option<Vec<f64>>,
+    pub direction: Option<Vec<f64>>,
+    pub tool_direction: Option<Vec<f64>>,
     pub weight: Option<f64>,
 }
 

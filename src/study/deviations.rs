@@ -200,7 +200,7 @@ impl<'a> Deviations<'a> {
         let mut matrix = Matrix3xX::zeros(set.len());
         first.move_to(pose.configuration_rad.as_slice());
         first.uncompensated(&pose.load, &mut matrix);
-        DMatrix::from_column_slice(3, set.len(), matrix.as_slice())
+        pose.counted_rows(DMatrix::from_column_slice(3, set.len(), matrix.as_slice()))
     }
 
     /// What a belief is compared with.

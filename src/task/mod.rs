@@ -6,7 +6,7 @@ mod extended;
 mod fingerprint;
 mod region;
 
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector, Vector3};
 
 use crate::experiment::{Loads, Plan};
 use crate::robot::Load;
@@ -27,6 +27,34 @@ pub struct TestPose {
     pub load: Load,
     /// Its weight among the test poses; the weights sum to one.
     pub weight: f64,
+    /// The direction n, a unit vector in the world frame, along which alone the error counts, where it is not all of it:
+    /// a surface's normal.
+    pub direction: Option<Vector3<f64>>,
+}
+
+impl TestPose {
+    /// What counts of an error there: n n^T e, or all of it.
+    #[must_use]
+    pub fn counted(&self, error: &Vector3<f64>) -> Vector3<f64> {
+        match &self.direction {
+            Some(direction) => direction * direction.dot(error),
+            None => *error,
+        }
+    }
+
+    /// The same of rows C (3 x p) that errors follow from: n n^T C.
+    #[must_use]
+    pub fn counted_rows(&self, rows: DMatrix<f64>) -> DMatrix<f64> {
+        match &self.direction {
+            Some(direction) => {
+                let along = direction.transpose() * &rows;
+                DMatrix::from_fn(3, rows.ncols(), |axis, column| {
+                    direction[axis] * along[column]
+                })
+            }
+            None => rows,
+        }
+    }
 }
 
 /// How large a plan is to be, and what it must contain.
@@ -53,4 +81,17 @@ pub struct Task {
     pub region: Region,
     /// How large a plan is to be, and what it must contain.
     pub design: Design,
+}
+
+impl Task {
+    /// What of the errors counts, in words that follow "at the test pose".
+    #[must_use]
+    pub fn counted_words(&self) -> &'static str {
+        let directed = (self.test_poses.iter()).filter(|pose| pose.direction.is_some());
+        match directed.count() {
+            0 => "",
+            count if count == self.test_poses.len() => " along its direction",
+            _ => " (along the directions that test poses have)",
+        }
+    }
 }

@@ -63,6 +63,8 @@ pub struct UnderstoodPose {
     pub calibration_tool_m: Vector3<f64>,
     /// The machining tool's position at the commanded angles (m, world frame).
     pub machining_tool_m: Vector3<f64>,
+    /// The direction in the world frame along which alone the error counts, where there is one.
+    pub direction: Option<Vector3<f64>>,
     /// What bends there, or why nothing holds.
     pub bent: Result<Bent, EquilibriumError>,
 }
@@ -167,6 +169,7 @@ fn understood_pose(scenario: &Scenario, pose: &TestPose) -> UnderstoodPose {
         name: pose.name.clone(),
         calibration_tool_m: place(&scenario.task.belief.calibration_tool),
         machining_tool_m: place(&scenario.task.belief.machining_tool),
+        direction: pose.direction,
         bent: bent(scenario, pose),
     }
 }

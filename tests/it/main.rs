@@ -6,6 +6,7 @@
 //! - `repeats`: what repeats of an experiment share they do not average.
 //! - `unknowns`: unknowns besides compliances, found from measurements.
 //! - `recovery`: known compliances come back, and hand-computed small cases.
+//! - `directions`: accuracy along a direction alone, and targets in the tool's frame.
 //! - `uncertainties`: what nobody knows exactly: drawn in truth, carried by the belief, and kept in promises.
 //! - `unread`: what is uncertain and no reading shows: the task's force, masses of links.
 //! - `uncertainty`: the promised uncertainties are seen over many seeded runs.
@@ -75,6 +76,7 @@ mod criteria_bounds;
 mod csv_dialects;
 mod determined;
 mod diagnoses;
+mod directions;
 mod documentation;
 mod elastic_beliefs;
 mod faults;

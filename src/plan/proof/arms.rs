@@ -519,6 +519,7 @@ fn the_bound_is_that_of_plain_arithmetic_but_for_rounding() {
                 configuration_rad: configuration_rad.clone(),
                 wrench,
                 weight: 0.25,
+                direction: None,
             };
             let ingredients = Ingredients {
                 targets: &[target],

@@ -22,6 +22,9 @@ pub struct Target {
     pub wrench: [f64; 6],
     /// The weight among all targets.
     pub weight: f64,
+    /// The direction in the world frame along which alone the error counts, a unit vector but for rounding.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub direction: Option<[f64; 3]>,
 }
 
 /// What a lower bound of `rho_0` is made of.
@@ -31,7 +34,7 @@ pub struct Ingredients<'a> {
     pub targets: &'a [Target],
     /// The joints whose compliances are the parameters.
     pub parameters: &'a [usize],
-    /// The rows of B, three for each target.
+    /// The rows of B: three for each target, for its axes; one for a target with a direction.
     pub rows: &'a [Vec<f64>],
     /// The standard deviation of each coordinate of a deflection (m).
     pub sigma_m: f64,
@@ -47,20 +50,27 @@ impl Ingredients<'_> {
         for target in self.targets {
             let columns = columns(target, self.parameters)?;
             let weight = target.weight.sqrt();
+            let mut first = rows.next()?;
             for axis in 0..3 {
-                let row = rows.next()?;
-                for (factor, column) in row.iter().zip(&columns) {
+                // Along a direction n: sum of n_k b . C_k.
+                let share = target.direction.map_or(1.0, |direction| direction[axis]);
+                for (factor, column) in first.iter().zip(&columns) {
                     let Constant { value, error: off } = column[axis];
-                    let factor = factor * weight;
+                    let factor = factor * weight * share;
                     trace += factor * value;
                     size += (factor * value).abs();
                     error += factor.abs() * off * UP;
                 }
+                if axis < 2 && target.direction.is_none() {
+                    first = rows.next()?;
+                }
             }
         }
-        // The root, two products, and the sum of fewer than 1e6 terms.
+        // The root, two products, and the sum of fewer than 1e6 terms; along a direction a product more, and its length.
         let terms = (self.rows.len() * self.parameters.len()) as f64;
-        let error = (error + size * UNIT * (terms + 8.0)) * UP * UP;
+        let is_directed = self.targets.iter().any(|target| target.direction.is_some());
+        let more = if is_directed { 16.0 } else { 8.0 };
+        let error = (error + size * UNIT * (terms + more)) * UP * UP;
         let bound = self.sigma_m * ((trace.abs() - error) / derivatives.sqrt()).max(0.0);
         Some(bound * (1.0 - 16.0 * UNIT))
     }

@@ -405,6 +405,7 @@ fn the_bound_of_rho0_is_below_the_exact_one() {
             configuration_rad: vec![0.0],
             wrench: [0.0, force, 0.0, 0.0, 0.0, 0.0],
             weight: 1.0,
+            direction: None,
         };
         // The lever is (-y, x, 0), its moment x times the force.
         let rows = [vec![x], vec![y * (1.0 + 1e-6 * random.number())], vec![1.0]];

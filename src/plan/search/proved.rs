@@ -408,6 +408,7 @@ fn targets(task: &Task) -> Vec<Target> {
             configuration_rad: pose.configuration_rad.iter().copied().collect(),
             wrench: wrench(&pose.load),
             weight: pose.weight,
+            direction: pose.direction.map(Into::into),
         })
         .collect()
 }

@@ -8,6 +8,7 @@ use super::problem::Problem;
 use crate::factorisation::finite_eigen;
 use crate::plan::Criterion;
 use crate::plan::proof::Aim;
+use crate::task::{Task, TestPose};
 
 /// Eigenvalues of G, and weights of variances, below this share of the largest are left out: any G gives a bound.
 const NOTHING: f64 = 1e-9;
@@ -46,8 +47,28 @@ impl BoundRows {
         };
         let rows: Vec<Vec<f64>> = columns.column_iter().map(row).collect();
         let is_finite = (rows.iter().flatten()).all(|value| value.is_finite());
+        let rows = match aim {
+            Aim::TestPoses => directed(problem.task, &rows),
+            _ => rows,
+        };
         is_finite.then_some(Self { rows, aim })
     }
+}
+
+/// The rows of B, of which test poses with a direction n need one: n^T times theirs.
+fn directed(task: &Task, rows: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    let poses = task.test_poses.iter().zip(rows.chunks(3));
+    let of_pose = |(pose, three): (&TestPose, &[Vec<f64>])| match pose.direction {
+        None => three.to_vec(),
+        Some(direction) => {
+            let along = |parameter: usize| {
+                let parts = three.iter().zip(&direction);
+                parts.map(|(row, n)| n * row[parameter]).sum()
+            };
+            vec![(0..three[0].len()).map(along).collect()]
+        }
+    };
+    poses.flat_map(of_pose).collect()
 }
 
 fn of_all(

@@ -67,14 +67,24 @@ impl Checker<'_> {
         force_n: &[f64],
         torque_nm: Option<&[f64]>,
     ) -> Result<Load, FileError> {
-        let torque_nm = torque_nm.unwrap_or(&[0.0; 3]);
+        let torque_nm = torque_nm.map(<[f64]>::to_vec);
+        let parts = [&Some(force_n.to_vec()), &torque_nm];
+        self.load_of(key, ["force_n", "torque_nm"], parts)
+    }
+
+    /// A force and a torque under the keys of their names, of which one must act. A force must be given.
+    pub(super) fn load_of(
+        &self,
+        key: &str,
+        [force, torque]: [&str; 2],
+        [force_n, torque_nm]: [&Option<Vec<f64>>; 2],
+    ) -> Result<Load, FileError> {
+        let (force, torque) = (format!("{key}.{force}"), format!("{key}.{torque}"));
+        let force_n = (force_n.as_ref()).ok_or_else(|| self.wrong(&force, "is missing"))?;
+        let torque_nm = torque_nm.as_deref().unwrap_or(&[0.0; 3]);
         let load = Load {
-            force_n: Vector3::from(self.numbers(&format!("{key}.force_n"), force_n, &FORCE)?),
-            torque_nm: Vector3::from(self.numbers(
-                &format!("{key}.torque_nm"),
-                torque_nm,
-                &TORQUE,
-            )?),
+            force_n: Vector3::from(self.numbers(&force, force_n, &FORCE)?),
+            torque_nm: Vector3::from(self.numbers(&torque, torque_nm, &TORQUE)?),
         };
         if load == Load::NONE {
             return Err(self.wrong(key, "found a load of zero, which deflects nothing"));

@@ -91,7 +91,7 @@ impl Checker<'_> {
         let to_find = parameters.len() - before.known;
 
         let (joints, commands) = (nominal.chain.len(), Commands::from(&nominal.chain));
-        let test_poses = self.test_poses(&file.test_pose, &nominal.chain)?;
+        let test_poses = self.test_poses(&file.test_pose, &nominal.chain, &machining_tool)?;
         let loads = self.loads(&file.load)?;
         let design = self.design(&file.design, to_find, &commands, &loads)?;
         let plans = self.plans(&file.plan, &commands)?;
@@ -120,6 +120,7 @@ impl Checker<'_> {
         let uncertainties = self.uncertainties(&file.uncertainty, &belief)?;
         let further = self.further(&belief, &further)?;
         belief.uncertain = self.extended(&belief, &further, &uncertainties)?;
+        self.check_directions(&test_poses, &belief)?;
         let truth = Truth {
             uncertainties,
             robot: true_robot,

@@ -1,18 +1,25 @@
 //! The tables `[[test_pose]]`.
 
+use nalgebra::{Matrix3, Vector3};
+
 use super::Checker;
+use crate::compensation::test_pose_rows;
 use crate::files::FileError;
 use crate::limits::MOST_NAMED;
-use crate::plausible::{ANGLE, WEIGHT};
-use crate::robot::{Commands, Load, SerialChain};
+use crate::plausible::{ANGLE, DIRECTION, WEIGHT};
+use crate::robot::{Commands, Load, SerialChain, Tool};
 use crate::scenario::file::TestPoseTable;
-use crate::task::TestPose;
+use crate::task::{Belief, TestPose};
+
+/// Of what bends the tool, less than this share along a direction is rounding.
+const NOTHING: f64 = 1e-9;
 
 impl Checker<'_> {
     pub(super) fn test_poses(
         &self,
         tables: &[TestPoseTable],
         chain: &SerialChain,
+        machining_tool: &Tool,
     ) -> Result<Vec<TestPose>, FileError> {
         if tables.is_empty() {
             return Err(self.wrong("test_pose", "is empty; at least one test pose is needed"));
@@ -40,13 +47,17 @@ impl Checker<'_> {
                 }
             }
             let weight = table.weight.unwrap_or(1.0);
+            let configuration_rad = commands.configuration(q_deg);
+            let state = chain.at(machining_tool).state(configuration_rad.as_slice());
+            let axes = &state.tool_rotation;
             poses.push(TestPose {
                 name: table
                     .name
                     .clone()
                     .unwrap_or_else(|| format!("test pose {}", index + 1)),
-                configuration_rad: commands.configuration(q_deg),
-                load: self.test_load(&key, table)?,
+                load: self.test_load(&key, table, axes)?,
+                direction: self.direction(&key, table, axes)?,
+                configuration_rad,
                 weight: self.number(&format!("{key}.weight"), weight, &WEIGHT)?,
             });
         }
@@ -57,14 +68,90 @@ impl Checker<'_> {
         Ok(poses)
     }
 
-    /// Without a load there is nothing to compensate.
-    fn test_load(&self, key: &str, table: &TestPoseTable) -> Result<Load, FileError> {
-        self.load(key, &table.force_n, table.torque_nm.as_deref())
-            .map_err(|error| match error.place.as_deref() {
-                Some(place) if place == key => {
-                    error.hint("give the forces of the process that the robot must withstand there")
+    /// Without a load there is nothing to compensate. One in the tool's frame turns with it; `axes` are the tool's.
+    fn test_load(
+        &self,
+        key: &str,
+        table: &TestPoseTable,
+        axes: &Matrix3<f64>,
+    ) -> Result<Load, FileError> {
+        let in_world = [&table.force_n, &table.torque_nm];
+        let in_tool = [&table.tool_force_n, &table.tool_torque_nm];
+        let is_given = |load: [&Option<Vec<f64>>; 2]| load.iter().any(|part| part.is_some());
+        if is_given(in_world) && is_given(in_tool) {
+            let problem = "the task load is given in two frames";
+            let wrong = self.wrong(key, problem);
+            return Err(wrong.hint(
+                "give force_n and torque_nm in the world frame, or tool_force_n and tool_torque_nm in the machining \
+                 tool's",
+            ));
+        }
+        let load = if is_given(in_tool) {
+            let load = self.load_of(key, ["tool_force_n", "tool_torque_nm"], in_tool)?;
+            return Ok(Load {
+                force_n: axes * load.force_n,
+                torque_nm: axes * load.torque_nm,
+            });
+        } else {
+            self.load_of(key, ["force_n", "torque_nm"], in_world)
+        };
+        load.map_err(|error| match error.place.as_deref() {
+            Some(place) if place == key => {
+                error.hint("give the forces of the process that the robot must withstand there")
+            }
+            _ => error,
+        })
+    }
+
+    /// The direction along which alone the error counts, in the world frame.
+    fn direction(
+        &self,
+        key: &str,
+        table: &TestPoseTable,
+        axes: &Matrix3<f64>,
+    ) -> Result<Option<Vector3<f64>>, FileError> {
+        let unit = |name: &str, direction: &[f64]| {
+            let key = format!("{key}.{name}");
+            Vector3::from(self.numbers(&key, direction, &DIRECTION)?)
+                .try_normalize(f64::MIN_POSITIVE)
+                .ok_or_else(|| self.wrong(&key, "found 0, 0, 0; a direction is needed"))
+        };
+        match (&table.direction, &table.tool_direction) {
+            (None, None) => Ok(None),
+            (Some(direction), None) => Ok(Some(unit("direction", direction)?)),
+            (None, Some(direction)) => Ok(Some(axes * unit("tool_direction", direction)?)),
+            (Some(_), Some(_)) => {
+                let wrong = self.wrong(key, "the direction that counts is given in two frames");
+                Err(wrong.hint(
+                    "give direction in the world frame, or tool_direction in the machining tool's",
+                ))
+            }
+        }
+    }
+
+    /// What is unknown must bend the tool along a direction that counts: else there is nothing to find out for it.
+    pub(super) fn check_directions(
+        &self,
+        poses: &[TestPose],
+        belief: &Belief,
+    ) -> Result<(), FileError> {
+        for (index, pose) in poses.iter().enumerate() {
+            let mut all = pose.clone();
+            all.direction = None;
+            let size = |pose: &TestPose| {
+                let mut rows = test_pose_rows(belief, pose);
+                for (mut column, size) in rows.column_iter_mut().zip(belief.sizes()) {
+                    column *= size;
                 }
-                _ => error,
-            })
+                rows.norm()
+            };
+            let whole = size(&all);
+            if pose.direction.is_some() && whole > 0.0 && size(pose) <= NOTHING * whole {
+                let problem =
+                    "nothing that is unknown bends the tool along the direction that counts";
+                return Err(self.wrong(&format!("test_pose[{index}]"), problem));
+            }
+        }
+        Ok(())
     }
 }

@@ -1,0 +1,261 @@
+//! Accuracy along a direction alone, as of a surface along its normal; directions and task loads in the tool's frame.
+
+use std::process::Command;
+
+use elastocal::plan::Assessment;
+use elastocal::scenario::Scenario;
+use nalgebra::Vector3;
+use serde_json::Value;
+
+use crate::proofs::python;
+use crate::support::{Workplace, numbers, project, table4};
+use crate::uncertainties::{assert_holds, entry, loaded, study, with};
+
+const FORCE: &str = "force_n = [0, 280, -180]";
+
+/// The paper's scenario in which more is said of the test pose, and its force maybe otherwise.
+fn pose(force: &str, more: &str, uncertainties: &str, level: &str, trials: u32) -> String {
+    let text = with(uncertainties, level, trials);
+    assert!(text.contains(FORCE));
+    text.replacen(FORCE, &format!("{force}\n{more}"), 1)
+}
+
+fn along(direction: &str) -> String {
+    pose(FORCE, direction, "", "model", 64)
+}
+
+fn rho0_m(scenario: &Scenario) -> f64 {
+    let assessment = Assessment::new(&scenario.task, &table4(4), None);
+    assessment.rho0_m.expect("determined")
+}
+
+/// Along three directions at right angles, squares add up to that of all of it; their lengths and signs say nothing.
+#[test]
+fn squares_along_axes_add_up() {
+    let whole = rho0_m(&loaded(&along("")));
+    for axes in [
+        ["[1, 0, 0]", "[0, -2, 0]", "[0, 0, 1e-3]"],
+        ["[1, 1, 0]", "[1, -1, 0]", "[0, 0, 1]"],
+    ] {
+        for key in ["direction", "tool_direction"] {
+            let square = |axis| rho0_m(&loaded(&along(&format!("{key} = {axis}")))).powi(2);
+            let sum: f64 = axes.into_iter().map(square).sum();
+            assert!((sum.sqrt() / whole - 1.0).abs() < 1e-12);
+        }
+    }
+}
+
+/// A load and a direction in the tool's frame are those that turn with it.
+#[test]
+fn the_tools_frame_turns_with_the_tool() {
+    let world = loaded(&along("direction = [1, 2, 3]"));
+    let belief = &world.task.belief;
+    let target = &world.task.test_poses[0];
+    let chain = belief.nominal.chain.at(&belief.machining_tool);
+    let axes = chain
+        .state(target.configuration_rad.as_slice())
+        .tool_rotation;
+    let in_tool = |vector: &Vector3<f64>| {
+        let [x, y, z]: [f64; 3] = (axes.transpose() * vector).into();
+        format!("[{x:?}, {y:?}, {z:?}]")
+    };
+    let force = format!("tool_force_n = {}", in_tool(&target.load.force_n));
+    let direction = format!("tool_direction = {}", in_tool(&Vector3::new(1.0, 2.0, 3.0)));
+    let tool = loaded(&pose(&force, &direction, "", "model", 64));
+    let other = &tool.task.test_poses[0];
+    assert!((other.load.force_n - target.load.force_n).norm() < 1e-9);
+    let apart = other.direction.expect("one") - target.direction.expect("one");
+    assert!(apart.norm() < 1e-12);
+    assert!((rho0_m(&tool) / rho0_m(&world) - 1.0).abs() < 1e-9);
+}
+
+/// What is promised along a direction is seen in studies at both levels, also where more than the noise is uncertain.
+#[test]
+fn promises_along_a_direction_hold() {
+    let direction = "direction = [1, 2, -1]";
+    let number = |plan: &Value, key: &str| plan[key].as_f64().expect("a number");
+    for (level, trials) in [("model", 40_000), ("robot", 800)] {
+        let plan = study(&pose(FORCE, direction, "", level, trials));
+        let (rms, predicted) = (number(&plan, "rms_mm"), number(&plan, "predicted_rms_mm"));
+        let room = 3.0 * number(&plan, "rms_std_mm") + 0.02 * predicted;
+        assert!(
+            (rms - predicted).abs() < room,
+            "{level}: {rms}, {predicted}"
+        );
+        let scenario = loaded(&pose(FORCE, direction, "", level, trials));
+        assert!((predicted / (rho0_m(&scenario) * 1e3) - 1.0).abs() < 1e-9);
+        let list = entry(("load_scale", "std_relative = 0.01"), "")
+            + &entry(("joint_return", "std_mrad = 0.03"), "")
+            + &entry(("task_force", "std_n = 5"), "")
+            + &entry(
+                ("compliance", "joints = [\"joint_1\"]\nstd_relative = 0.1"),
+                "",
+            );
+        let plan = study(&pose(FORCE, direction, &list, level, trials));
+        assert_holds(&plan, level);
+    }
+}
+
+/// A plan for a direction is better along it than one for all, keeps its bound, and the proof holds for another program.
+#[test]
+fn plans_are_made_for_the_direction() {
+    let place = Workplace::new();
+    place.write("all.toml", along(""));
+    place.write("along.toml", along("direction = [0, 0, 1]"));
+    let run = |arguments: &str| {
+        place
+            .run(&format!("{arguments} --json --quiet"))
+            .ends_with(0)
+            .json()
+    };
+    run("plan all.toml --experiments 3 --no-proof --plan-out all.csv");
+    let best = run("plan along.toml --experiments 3 --prove 30% --proof-out proof.json");
+    let other = run("evaluate along.toml --plan all.csv --no-proof");
+    let number = |value: &Value| value.as_f64().expect("a number");
+    assert!(number(&best["rho0_mm"]) < 0.97 * number(&other["rho0_mm"]));
+    assert!(number(&best["lower_bound_rho0_mm"]) <= number(&best["rho0_mm"]));
+    assert!(number(&best["efficiency"]) > 0.9, "{best}");
+    let proved = number(&best["proved_lower_bound_rho0_mm"]);
+    assert!(proved > 0.7 * number(&best["rho0_mm"]) && proved <= number(&best["rho0_mm"]));
+    let text = place
+        .run("evaluate along.toml --plan all.csv --no-proof --quiet")
+        .stdout;
+    assert!(
+        text.contains("um at the test pose along its direction"),
+        "{text}"
+    );
+    let Some(python) = python() else {
+        eprintln!("skipped: no Python with NumPy (pip install numpy, or PYTHON=...)");
+        return;
+    };
+    let check = |name: &str| {
+        let mut command = Command::new(&python);
+        command
+            .arg(project("tools/check_proof.py"))
+            .arg(place.path(name));
+        command.output().expect("Python starts").status.code()
+    };
+    assert_eq!(check("proof.json"), Some(0));
+    let mut file: Value = serde_json::from_str(&place.read("proof.json")).expect("it is JSON");
+    file["targets"][0]["direction"][2] = serde_json::json!(2.0);
+    place.write("tampered.json", file.to_string());
+    assert_ne!(check("tampered.json"), Some(0));
+}
+
+/// What is seen at a test pose is what counts there, and results name the direction.
+#[test]
+fn results_are_along_the_direction() {
+    let place = Workplace::new();
+    place.write("along.toml", along("direction = [3, 0, 4]"));
+    let plan = project("scenarios/plans/klimchik2012_m4.csv");
+    let run = |arguments: &str| {
+        place
+            .run(&format!("{arguments} --json --quiet"))
+            .ends_with(0)
+            .json()
+    };
+    run(&format!(
+        "measure along.toml --plan {} --measurements-out m.csv",
+        plan.display()
+    ));
+    run("identify along.toml --measurements m.csv --identified-out i.json");
+    let found = run("compensate along.toml --identified i.json");
+    let seen = &found["test_poses"][0];
+    assert_eq!(numbers(&seen["direction"]), [0.6, 0.0, 0.8]);
+    for (vector, size) in [
+        ("uncompensated_xyz_mm", "uncompensated_mm"),
+        ("residual_xyz_mm", "residual_mm"),
+    ] {
+        let vector = Vector3::from_column_slice(&numbers(&seen[vector]));
+        let size = seen[size].as_f64().expect("a number");
+        let direction = Vector3::new(0.6, 0.0, 0.8);
+        assert!((vector - direction * direction.dot(&vector)).norm() < 1e-12);
+        assert!((vector.norm() - size).abs() < 1e-12 && size > 0.0);
+    }
+    let text = place.run("check along.toml").ends_with(0).stdout;
+    assert!(
+        text.contains("Only the error along (0.6000, 0.0000, 0.8000) counts."),
+        "{text}"
+    );
+}
+
+/// Wrong entries are named with their key and what is allowed.
+#[test]
+fn wrong_entries() {
+    for (force, more, key, says) in [
+        (
+            FORCE,
+            "direction = [0, 0, 0]",
+            "test_pose[0].direction",
+            "a direction is needed",
+        ),
+        (
+            FORCE,
+            "tool_direction = [0, 1]",
+            "test_pose[0].tool_direction",
+            "2 numbers; 3",
+        ),
+        (
+            FORCE,
+            "direction = [0, 0, nan]",
+            "test_pose[0].direction",
+            "NaN",
+        ),
+        (
+            FORCE,
+            "direction = [0, 0, 1]\ntool_direction = [0, 0, 1]",
+            "test_pose[0]",
+            "tool_direction in the machining tool's",
+        ),
+        (
+            FORCE,
+            "tool_torque_nm = [0, 0, 1]",
+            "test_pose[0]",
+            "given in two frames",
+        ),
+        ("", "", "test_pose[0].force_n", "is missing"),
+        (
+            "",
+            "tool_torque_nm = [0, 0, 1]",
+            "test_pose[0].tool_force_n",
+            "is missing",
+        ),
+        (
+            "tool_force_n = [0, 0, 0]",
+            "",
+            "test_pose[0]",
+            "a load of zero",
+        ),
+        (
+            "tool_force_n = [0, 0]",
+            "",
+            "test_pose[0].tool_force_n",
+            "2 numbers",
+        ),
+    ] {
+        let place = Workplace::new();
+        place.write("wrong.toml", pose(force, more, "", "model", 64));
+        let outcome = place.run("check wrong.toml").ends_with(1);
+        let found = &outcome.stderr;
+        assert!(
+            found.contains(key) && found.contains(says),
+            "{key}: {found}"
+        );
+    }
+    // Joint 1 turns about the vertical.
+    let text = along("direction = [0, 0, 1]").replacen(
+        "parameters = [\"joint_2\", \"joint_3\", \"joint_4\", \"joint_5\", \"joint_6\"]",
+        "parameters = [\"joint_1\"]",
+        1,
+    );
+    let place = Workplace::new();
+    place.write("wrong.toml", text);
+    let outcome = place.run("check wrong.toml").ends_with(1);
+    assert!(
+        outcome
+            .stderr
+            .contains("nothing that is unknown bends the tool along the direction"),
+        "{}",
+        outcome.stderr
+    );
+}
