@@ -1,6 +1,6 @@
 //! Weighted linear least squares within what the data determine.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use crate::estimable::Estimable;
 use crate::factorisation::finite_svd;
@@ -49,20 +49,46 @@ impl LeastSquares {
         right_hand_side: &DVector<f64>,
         estimable: &Estimable,
     ) -> Option<Self> {
-        let basis = estimable.basis_in_units();
-        let within = matrix * &basis;
+        let (within, factor, condition) = Self::factored(matrix, estimable)?;
+        let inverse = factor.inverse();
+        Some(Self {
+            solution: solution(estimable, &within, &factor, right_hand_side),
+            covariance: in_units(estimable, in_units(estimable, inverse).transpose()),
+            condition,
+        })
+    }
+
+    /// The solution alone, without its covariance.
+    #[must_use]
+    pub fn step_normal(
+        matrix: &DMatrix<f64>,
+        right_hand_side: &DVector<f64>,
+        estimable: &Estimable,
+    ) -> Option<DVector<f64>> {
+        let (within, factor, _) = Self::factored(matrix, estimable)?;
+        Some(solution(estimable, &within, &factor, right_hand_side))
+    }
+
+    /// The equations in coordinates of what is determined, in units of typical sizes, their normal equations' factor, and
+    /// its condition number.
+    fn factored(
+        matrix: &DMatrix<f64>,
+        estimable: &Estimable,
+    ) -> Option<(DMatrix<f64>, Cholesky<f64, Dyn>, f64)> {
+        let within = if estimable.is_complete() {
+            let mut within = matrix.clone();
+            for (mut column, typical) in within.column_iter_mut().zip(estimable.typical()) {
+                column *= *typical;
+            }
+            within
+        } else {
+            matrix * estimable.basis_in_units()
+        };
         let factor = (within.tr_mul(&within)).cholesky()?;
         let pivots = factor.l_dirty().diagonal();
         let condition = pivots.max() / pivots.min();
-        if condition.is_nan() || condition.powi(2) * ROUNDING > 1.0 {
-            return None;
-        }
-        let solution = factor.solve(&within.tr_mul(right_hand_side));
-        Some(Self {
-            solution: &basis * solution,
-            covariance: &basis * factor.inverse() * basis.transpose(),
-            condition,
-        })
+        let is_sound = condition.powi(2) * ROUNDING <= 1.0;
+        is_sound.then_some((within, factor, condition))
     }
 
     fn solve_all(matrix: &DMatrix<f64>, right_hand_side: &DVector<f64>) -> Self {
@@ -112,4 +138,26 @@ impl LeastSquares {
             condition: svd.singular_values.max() / smallest,
         }
     }
+}
+
+fn solution(
+    estimable: &Estimable,
+    within: &DMatrix<f64>,
+    factor: &Cholesky<f64, Dyn>,
+    right_hand_side: &DVector<f64>,
+) -> DVector<f64> {
+    let right = DMatrix::from_columns(&[within.tr_mul(right_hand_side)]);
+    let solved = in_units(estimable, factor.solve(&right));
+    solved.column(0).into_owned()
+}
+
+/// Columns in coordinates of what is determined, in the unknowns' own units.
+fn in_units(estimable: &Estimable, mut columns: DMatrix<f64>) -> DMatrix<f64> {
+    if !estimable.is_complete() {
+        return estimable.basis_in_units() * columns;
+    }
+    for (mut row, typical) in columns.row_iter_mut().zip(estimable.typical()) {
+        row *= *typical;
+    }
+    columns
 }

@@ -76,28 +76,24 @@ pub(super) fn fit_linear(source: &EquationSource<'_>) -> Fit {
 /// with that. Directions that the measurements do not determine keep the nominal value. A step that
 /// leads where there is no equilibrium, or a long one that raises the residuals, is halved.
 pub(super) fn fit_nonlinear(source: &EquationSource<'_>) -> Result<Fit, IdentificationError> {
-    let Fit {
-        mut values,
-        estimable,
-        ..
-    } = fit_linear(source);
+    let (mut values, estimable) = start(source);
     let mut equations = source.nonlinear(&values).or_else(|error| {
         values = source.nominal_values();
         source.nonlinear(&values).map_err(|_| error)
     })?;
     let mut change = f64::INFINITY;
     for iterations in 1..=MAXIMUM_ITERATIONS {
-        let least_squares = solve(source, &equations, &estimable);
-        let steps = least_squares.solution.iter().zip(estimable.typical());
+        let (step, known) = next_step(source, &equations, &estimable);
+        let steps = step.iter().zip(estimable.typical());
         change = (steps.map(|(step, typical)| step.abs() / typical)).fold(0.0, f64::max);
-        let is_short = source.uncertain.is_some()
-            && (&equations.matrix * &least_squares.solution).norm() <= CONVERGED_ERRORS;
+        let is_short =
+            source.uncertain.is_some() && (&equations.matrix * &step).norm() <= CONVERGED_ERRORS;
         if change <= CONVERGED || is_short {
             return Ok(Fit {
+                least_squares: known.unwrap_or_else(|| solve(source, &equations, &estimable)),
                 whitened_residuals: equations.right_hand_side,
                 values,
                 estimable,
-                least_squares,
                 iterations,
             });
         }
@@ -106,7 +102,7 @@ pub(super) fn fit_nonlinear(source: &EquationSource<'_>) -> Result<Fit, Identifi
         let mut halvings = 0;
         equations = loop {
             let mut next = values.clone();
-            add(&mut next, &least_squares.solution, share);
+            add(&mut next, &step, share);
             let found = source.nonlinear(&next);
             let rises = |found: &Equations| found.right_hand_side.norm_squared() > before;
             let is_worse = found.as_ref().map_or(true, rises);
@@ -122,7 +118,45 @@ pub(super) fn fit_nonlinear(source: &EquationSource<'_>) -> Result<Fit, Identifi
     Err(IdentificationError::NotConverged { change })
 }
 
-/// The next step, and what is known there. Where more is uncertain there are many unknowns, all of them with priors or
+/// The linear estimate, and what is determined.
+fn start(source: &EquationSource<'_>) -> (Vec<f64>, Estimable) {
+    if source.uncertain.is_none() {
+        let Fit {
+            values, estimable, ..
+        } = fit_linear(source);
+        return (values, estimable);
+    }
+    let equations = source.linear();
+    let estimable = Estimable::of_equations(&equations.matrix, &source.sizes());
+    let mut values = source.nominal_values();
+    add(
+        &mut values,
+        &next_step(source, &equations, &estimable).0,
+        1.0,
+    );
+    (values, estimable)
+}
+
+/// The next step, and what is known there; where more is uncertain the step alone, which is quicker.
+fn next_step(
+    source: &EquationSource<'_>,
+    equations: &Equations,
+    estimable: &Estimable,
+) -> (DVector<f64>, Option<LeastSquares>) {
+    let Equations {
+        matrix,
+        right_hand_side,
+    } = equations;
+    let step = (source.uncertain)
+        .and_then(|_| LeastSquares::step_normal(matrix, right_hand_side, estimable));
+    if let Some(step) = step {
+        return (step, None);
+    }
+    let known = LeastSquares::solve(matrix, right_hand_side, estimable);
+    (known.solution.clone(), Some(known))
+}
+
+/// What is known at the end. Where more is uncertain there are many unknowns, all of them with priors or
 /// well determined: the normal equations do, in units of typical sizes.
 fn solve(
     source: &EquationSource<'_>,

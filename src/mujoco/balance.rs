@@ -82,12 +82,12 @@ impl State {
         self.data.qvel_mut().fill(0.0);
     }
 
-    /// Puts another model of the same structure in the place of the simulated one.
-    pub fn replace_model(&mut self, model: &Model) {
+    /// Puts another model of the same structure in the place of the simulated one, which is returned.
+    pub fn replace_model(&mut self, model: &Model) -> Model {
         if self.data.try_swap_model(model.inner.clone()).is_err() {
             self.data = mujoco_rs::prelude::MjData::new(model.inner.clone());
         }
-        self.model = model.clone();
+        std::mem::replace(&mut self.model, model.clone())
     }
 
     /// Runs MuJoCo's kinematics at the present coordinates.

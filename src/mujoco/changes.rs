@@ -1,5 +1,7 @@
 //! Models that differ from what the file says: links and sites that stand elsewhere, links that weigh more or less.
 
+use std::sync::Arc;
+
 use mujoco_rs::prelude::{MjModel, MjtSameFrame};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
@@ -18,6 +20,20 @@ pub enum ModelChange {
     Centre(usize, Vector3<f64>),
 }
 
+/// Gives a model back what changes alter.
+fn restore(model: &mut MjModel, nominal: &MjModel) {
+    (model.body_pos_mut()).copy_from_slice(nominal.body_pos());
+    (model.body_quat_mut()).copy_from_slice(nominal.body_quat());
+    (model.body_ipos_mut()).copy_from_slice(nominal.body_ipos());
+    (model.body_mass_mut()).copy_from_slice(nominal.body_mass());
+    (model.body_inertia_mut()).copy_from_slice(nominal.body_inertia());
+    (model.body_sameframe_mut()).copy_from_slice(nominal.body_sameframe());
+    (model.site_pos_mut()).copy_from_slice(nominal.site_pos());
+    (model.site_quat_mut()).copy_from_slice(nominal.site_quat());
+    (model.site_sameframe_mut()).copy_from_slice(nominal.site_sameframe());
+    (model.geom_sameframe_mut()).copy_from_slice(nominal.geom_sameframe());
+}
+
 impl Model {
     /// The same model with some changes. `joints` are MuJoCo's identifiers of the belief's; links
     /// that the model does not have stay away.
@@ -29,7 +45,33 @@ impl Model {
         joints: &[Option<usize>],
         changes: &[ModelChange],
     ) -> Result<Self, ModelError> {
-        let mut model = (*self.inner).clone();
+        let mut changed = self.clone();
+        changed.become_changed(self, joints, changes)?;
+        Ok(changed)
+    }
+
+    /// Makes this model, which is `nominal` with other changes, the one with these: without a copy of what does not
+    /// change, where nobody else has it.
+    ///
+    /// # Errors
+    /// See [`Self::with_changes`].
+    pub fn become_changed(
+        &mut self,
+        nominal: &Self,
+        joints: &[Option<usize>],
+        changes: &[ModelChange],
+    ) -> Result<(), ModelError> {
+        let model = Arc::make_mut(&mut self.inner);
+        restore(model, &nominal.inner);
+        nominal.apply_changes(model, joints, changes)
+    }
+
+    fn apply_changes(
+        &self,
+        model: &mut MjModel,
+        joints: &[Option<usize>],
+        changes: &[ModelChange],
+    ) -> Result<(), ModelError> {
         for each in changes {
             match each {
                 ModelChange::Link(joint, by) => {
@@ -67,13 +109,13 @@ impl Model {
                     for (body, turn) in self.bodies_of_link(joints, *joint) {
                         let centre = Vector3::from(model.body_ipos()[body]) + turn * by;
                         model.body_ipos_mut()[body] = centre.into();
-                        self.unalign(&mut model, body);
+                        self.unalign(model, body);
                     }
                 }
             }
         }
-        self.add_up_masses(&mut model);
-        Ok(self.changed(model))
+        self.add_up_masses(model);
+        Ok(())
     }
 
     /// The frame of the link of a joint in its body's, which a reference angle turns.

@@ -2,13 +2,16 @@
 
 use nalgebra::Vector3;
 
-use crate::mujoco::{ModelChange, ModelError, State};
+use crate::mujoco::{Model, ModelChange, ModelError, State};
 use crate::robot::{Elements, KinematicState, Kinematics, SerialChain, TrueRobot};
 
 /// The kinematics of the robot as MuJoCo computes them.
 #[derive(Debug)]
 pub(super) struct MujocoArm {
     state: State,
+    /// The model as its file says, and one to change for the next run.
+    nominal: Model,
+    spare: Option<Model>,
     site: usize,
     /// MuJoCo's identifiers of the joints.
     joints: Vec<usize>,
@@ -32,7 +35,8 @@ impl MujocoArm {
         let bodies = (0..model.bodies()).flat_map(|body| model.joints_of(body).map(move |_| body));
         let body_of: Vec<usize> = bodies.collect();
         let joints = robot.chain_joints();
-        let state = State::new(&model.with_weighing_masses());
+        let nominal = model.with_weighing_masses();
+        let state = State::new(&nominal);
         Self {
             bodies: joints.iter().map(|&joint| body_of[joint]).collect(),
             tool_joints: model.joints_that_move(tool_body),
@@ -47,15 +51,17 @@ impl MujocoArm {
             elements: chain.elements.clone(),
             places: model.spring_sites(),
             state,
+            nominal,
+            spare: None,
             site,
         }
     }
 
     /// Makes the robot another than the model says.
     pub fn change(&mut self, robot: &TrueRobot, changes: &[ModelChange]) -> Result<(), ModelError> {
-        let model = &robot.model.with_weighing_masses();
-        self.state
-            .replace_model(&model.with_changes(&robot.joints, changes)?);
+        let mut model = self.spare.take().unwrap_or_else(|| self.nominal.clone());
+        model.become_changed(&self.nominal, &robot.joints, changes)?;
+        self.spare = Some(self.state.replace_model(&model));
         Ok(())
     }
 
