@@ -120,7 +120,7 @@ impl Check {
 }
 
 /// The robot as it was understood, for a person.
-fn describe(understanding: &Understanding) -> String {
+pub(super) fn describe(understanding: &Understanding) -> String {
     let header = [
         "joint",
         "range [deg]",

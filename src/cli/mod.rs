@@ -10,6 +10,7 @@ mod compensate;
 mod evaluate;
 mod identified;
 mod identify;
+mod init;
 pub mod interruption;
 mod lab;
 mod load_model;
@@ -85,6 +86,8 @@ pub struct Common {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    /// A first scenario for a robot's model (MJCF or URDF): what is in it, and what is implausible
+    Init(init::Init),
     /// The whole loop: design a plan, measure, identify, compensate, and write it all to a folder
     Run(run::Run),
     /// Validate a scenario, and a plan against it
@@ -155,6 +158,7 @@ impl Arguments {
     pub fn execute(&self) -> anyhow::Result<Vec<String>> {
         let (json, quiet, threads) = match (&self.command, self.command.common()) {
             (_, Some(common)) => (common.json, common.quiet, common.threads),
+            (Command::Init(command), None) => (command.json, command.quiet, None),
             (Command::Merge(command), None) => (command.json, command.quiet, None),
             (Command::Compare(command), None) => (command.json, command.quiet, None),
             (_, None) => (false, false, None),
@@ -169,6 +173,7 @@ impl Arguments {
             load_model::rehearse_models();
         }
         let report = match &self.command {
+            Command::Init(command) => command.execute(),
             Command::Run(command) => command.execute(),
             Command::Check(command) => command.execute(),
             Command::Plan(command) => command.execute(),
@@ -216,7 +221,11 @@ impl Command {
             Self::Study(command) => &command.common,
             Self::Replay(command) => &command.common,
             Self::Reproduce(command) => &command.common,
-            Self::Merge(_) | Self::Compare(_) | Self::View(_) | Self::LoadModel(_) => return None,
+            Self::Init(_)
+            | Self::Merge(_)
+            | Self::Compare(_)
+            | Self::View(_)
+            | Self::LoadModel(_) => return None,
         })
     }
 }

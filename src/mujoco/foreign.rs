@@ -1,13 +1,10 @@
-//! Files that robots come in and that are no MJCF: what to do with them.
+//! Files that robots come in and that are neither MJCF nor URDF: what to do with them.
 
 use std::path::Path;
 
 use super::ModelError;
 
-/// How to make an MJCF file of a URDF.
-const CONVERT: &str = "convert it once, for example with pip's mujoco: python -c \"import mujoco; m = mujoco.MjModel.from_xml_path('robot.urdf'); mujoco.mj_saveLastXML('robot.xml', m)\"; then add to robot.xml a <position> actuator for each joint, kp being its stiffness in N m/rad, and a <site> at each tool's tip";
-
-/// Refuses what is written in another language than MJCF, or in MJCF that names packages of ROS.
+/// Refuses what is still to be generated, and MJCF that names packages of ROS.
 pub(super) fn refuse(path: &Path, text: &str) -> Result<(), ModelError> {
     let foreign = |problem: String, hint: String| {
         Err(ModelError::Foreign {
@@ -16,9 +13,8 @@ pub(super) fn refuse(path: &Path, text: &str) -> Result<(), ModelError> {
             hint,
         })
     };
-    let is_xacro = path.extension().is_some_and(|ending| ending == "xacro")
-        || text.contains("<xacro:")
-        || text.contains("xmlns:xacro");
+    let is_xacro =
+        path.extension().is_some_and(|ending| ending == "xacro") || text.contains("<xacro:");
     if is_xacro {
         let name = path
             .file_stem()
@@ -26,28 +22,13 @@ pub(super) fn refuse(path: &Path, text: &str) -> Result<(), ModelError> {
         let name = name.trim_end_matches(".urdf");
         return foreign(
             "is a xacro file: a URDF still to be generated".to_owned(),
-            format!(
-                "run xacro first: xacro {} > {name}.urdf; then {CONVERT}",
-                path.display()
-            ),
+            format!("run xacro first: xacro {} > {name}.urdf", path.display()),
         );
     }
     let package = text.lines().position(|line| line.contains("package://"));
     let meshes = "replace package://... by the meshes' paths relative to the file";
     if root(text) == Some("robot") {
-        return match package {
-            Some(line) => foreign(
-                format!(
-                    "line {}: is a URDF whose meshes are named by ROS packages (package://), which MuJoCo cannot find",
-                    line + 1
-                ),
-                format!("{meshes}; then {CONVERT}"),
-            ),
-            None => foreign(
-                "is a URDF, which has neither sites, which mark the tools, nor actuators, whose gain is a joint's stiffness".to_owned(),
-                CONVERT.to_owned(),
-            ),
-        };
+        return Ok(());
     }
     package.map_or(Ok(()), |line| {
         foreign(

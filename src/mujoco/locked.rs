@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+use mujoco_rs::wrappers::mj_model::MjtEq;
+
 use super::statics::acts_on;
 use super::{Model, ModelError};
 
@@ -35,6 +37,21 @@ impl Model {
             model.actuator_group_mut()[actuator] = idle;
             model.opt_mut().disableactuator |= 1 << idle;
         }
+        let is_locked = |joint: i32| {
+            // A joint equality with one joint alone has none for its second.
+            joint < 0
+                || locked
+                    .iter()
+                    .any(|&(each, _)| usize::try_from(joint) == Ok(each))
+        };
+        for equality in 0..model.eq_type().len() {
+            if model.eq_type()[equality] == MjtEq::mjEQ_JOINT
+                && is_locked(model.eq_obj1id()[equality])
+                && is_locked(model.eq_obj2id()[equality])
+            {
+                model.eq_active0_mut()[equality] = false;
+            }
+        }
         for &(joint, _) in &locked {
             let degree = self.degree_of_joint(joint);
             model.jnt_stiffness_mut()[joint] = 0.0;
@@ -42,9 +59,8 @@ impl Model {
             model.dof_frictionloss_mut()[degree] = 0.0;
         }
         Ok(Self {
-            inner: Arc::new(model),
             locked: Arc::new(locked),
-            path: self.path.clone(),
+            ..self.changed(model)
         })
     }
 

@@ -6,6 +6,7 @@
 mod balance;
 mod changes;
 mod foreign;
+mod idle;
 mod locked;
 mod messages;
 mod model;
@@ -16,6 +17,7 @@ mod scan;
 mod sources;
 mod state;
 mod statics;
+mod urdf;
 
 pub use balance::GivingWay;
 pub use changes::ModelChange;

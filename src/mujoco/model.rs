@@ -13,6 +13,7 @@ use super::messages;
 use super::rehearsal::rehearse;
 use super::scan::scan;
 use super::statics::{Servo, command_range, disabled};
+use super::urdf::UrdfText;
 use crate::source;
 use crate::text::is_unseen;
 
@@ -112,7 +113,7 @@ impl ModelError {
                 known,
                 ..
             } if known == NONE => Some(
-                "mark each tool's tip with <site name=\"...\" pos=\"x y z\"/> inside the body that carries it; the scenario names these sites",
+                "mark each tool's tip with <site name=\"...\" pos=\"x y z\"/> inside the body that carries it, or mount the tool in the scenario ([[robot.tool]]); the scenario names these sites",
             ),
             _ => None,
         }
@@ -162,6 +163,10 @@ pub struct Model {
     pub(super) path: PathBuf,
     /// Joints that a scenario locks, each with its coordinate (rad or m).
     pub(super) locked: Arc<Vec<(usize, f64)>>,
+    /// Whether its actuators do not count.
+    pub(super) without_actuators: bool,
+    /// What was left out when the file was read, in words.
+    pub(super) left_out: Arc<Vec<String>>,
 }
 
 impl Model {
@@ -170,10 +175,17 @@ impl Model {
     /// # Errors
     /// The file cannot be read, or MuJoCo refuses it.
     pub fn load(path: &Path) -> Result<Self, ModelError> {
-        prepare(path)?;
-        let inner = MjModel::from_xml(path)
-            .map_err(|error| refused(path, messages::refusal(path, &error.to_string())))?;
-        Self::new(inner, path)
+        let Some(read) = prepare(path)? else {
+            let inner = MjModel::from_xml(path)
+                .map_err(|error| refused(path, messages::refusal(path, &error.to_string())))?;
+            return Self::new(inner, path);
+        };
+        let (mut spec, left_out) = read.spec(path)?;
+        let inner = (spec.compile()).map_err(|error| refused(path, error.to_string()))?;
+        Ok(Self {
+            left_out: Arc::new(left_out),
+            ..Self::new(inner, path)?
+        })
     }
 
     pub(super) fn new(inner: MjModel, path: &Path) -> Result<Self, ModelError> {
@@ -197,6 +209,8 @@ impl Model {
             inner: Arc::new(inner),
             path: path.to_owned(),
             locked: Arc::default(),
+            without_actuators: false,
+            left_out: Arc::default(),
         })
     }
 
@@ -475,6 +489,13 @@ impl Model {
         self.name(MjtObjBase::mjOBJ_BODY, "body", body)
     }
 
+    /// The body's name, if it has one.
+    #[must_use]
+    pub fn named_body(&self, body: usize) -> Option<String> {
+        let name = self.inner.id_to_name(MjtObjBase::mjOBJ_BODY, body)?;
+        Some(name.to_owned())
+    }
+
     /// The identifier of a joint.
     ///
     /// # Errors
@@ -585,6 +606,22 @@ impl Model {
         )
     }
 
+    /// The sites that have a name, each with the body that carries it.
+    #[must_use]
+    pub fn named_sites(&self) -> Vec<(String, usize)> {
+        let named = |site: usize| {
+            let name = self.inner.id_to_name(MjtObjBase::mjOBJ_SITE, site)?;
+            Some((name.to_owned(), self.site_body(site).0))
+        };
+        (0..self.sites()).filter_map(named).collect()
+    }
+
+    /// The number of actuators.
+    #[must_use]
+    pub fn actuators(&self) -> usize {
+        self.inner.actuator_trntype().len()
+    }
+
     pub(super) fn sites(&self) -> usize {
         self.inner.site_bodyid().len()
     }
@@ -619,7 +656,8 @@ impl Model {
 }
 
 /// Looks at a file before MuJoCo does, and takes MuJoCo's messages over.
-pub(super) fn prepare(path: &Path) -> Result<(), ModelError> {
+/// Looks at a file before MuJoCo does; a URDF comes back as MuJoCo's compiler takes it.
+pub(super) fn prepare(path: &Path) -> Result<Option<UrdfText>, ModelError> {
     if path.to_str().is_none_or(|path| path.contains('\0')) {
         return Err(refused(path, "its path is not UTF-8 text"));
     }
@@ -634,11 +672,12 @@ pub(super) fn prepare(path: &Path) -> Result<(), ModelError> {
         hint,
     };
     let bytes = source::read(path).map_err(|problem| untrusted(problem, None))?;
-    super::foreign::refuse(path, &String::from_utf8_lossy(&bytes))?;
+    let text = String::from_utf8_lossy(&bytes).into_owned();
+    super::foreign::refuse(path, &text)?;
     scan(path).map_err(|problem| untrusted(problem, None))?;
     rehearse(path).map_err(|refusal| untrusted(refusal.problem, refusal.hint))?;
     messages::take_over();
-    Ok(())
+    Ok(UrdfText::of(path, text))
 }
 
 pub(super) fn refused(path: &Path, message: impl AsRef<str>) -> ModelError {

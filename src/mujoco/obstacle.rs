@@ -1,6 +1,7 @@
 //! Obstacles of the laboratory, added to a model when it is loaded.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use mujoco_rs::prelude::MjSpec;
 use mujoco_rs::wrappers::mj_editing::SpecItem;
@@ -38,9 +39,13 @@ impl Model {
             return Self::load(path);
         }
         let refused = |message: String| refused(path, message);
-        prepare(path)?;
-        let mut spec =
-            MjSpec::from_xml(path).map_err(|error| refused(refusal(path, &error.to_string())))?;
+        let (mut spec, left_out) = if let Some(urdf) = prepare(path)? {
+            urdf.spec(path)?
+        } else {
+            let spec = MjSpec::from_xml(path);
+            let spec = spec.map_err(|error| refused(refusal(path, &error.to_string())))?;
+            (spec, Vec::new())
+        };
         for obstacle in &additions.obstacles {
             add(&mut spec, obstacle).map_err(refused)?;
         }
@@ -48,7 +53,10 @@ impl Model {
             Self::load(path)?.mount(&mut spec, additions)?;
         }
         let inner = spec.compile().map_err(|error| refused(error.to_string()))?;
-        Self::new(inner, path)
+        Ok(Self {
+            left_out: Arc::new(left_out),
+            ..Self::new(inner, path)?
+        })
     }
 }
 

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::ModelError;
+use super::urdf::Urdf;
 
 /// What only pictures show.
 const PICTURES: [&str; 2] = ["texture", "skin"];
@@ -36,6 +37,12 @@ pub fn sources(model: &Path) -> Result<Vec<PathBuf>, ModelError> {
             allow_dtd: true,
             ..roxmltree::ParsingOptions::default()
         };
+        if let Some(urdf) = Urdf::read(&file, &text, true) {
+            for mesh in urdf.meshes {
+                push_new(&mut found, mesh);
+            }
+            continue;
+        }
         let document = roxmltree::Document::parse_with_options(&text, options).map_err(compile)?;
         push_new(&mut folders, folder_of(&file));
         let elements = || document.descendants().filter(roxmltree::Node::is_element);

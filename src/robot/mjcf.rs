@@ -61,18 +61,36 @@ impl SerialChain {
     /// The model has no site of that name, the arm is not serial, or no joint moves the site.
     pub fn tool(model: &Model, site: &str) -> Result<Tool, ModelError> {
         let (body, body_from_site) = model.site_body(model.site(site)?);
+        Self::frame(model, site, body, body_from_site)
+    }
+
+    /// The frame of a body.
+    ///
+    /// # Errors
+    /// The arm is not serial, or no joint moves the body.
+    pub fn on_body(model: &Model, body: usize) -> Result<Tool, ModelError> {
+        Self::frame(model, &model.body_name(body), body, Isometry3::identity())
+    }
+
+    /// A frame in that of a body.
+    fn frame(
+        model: &Model,
+        name: &str,
+        body: usize,
+        body_from_frame: Isometry3<f64>,
+    ) -> Result<Tool, ModelError> {
         let mounts = mounts(model, &mut Vec::new())?;
         let mount = &mounts[body];
         if mount.joints == 0 {
             return Err(not_serial(
                 model,
-                format!("no joint moves the site {site:?}"),
+                format!("no joint moves the site {name:?}"),
             ));
         }
         Ok(Tool {
-            name: site.to_owned(),
+            name: name.to_owned(),
             joints: mount.joints,
-            link_from_tool: mount.link_from_body * body_from_site,
+            link_from_tool: mount.link_from_body * body_from_frame,
         })
     }
 }

@@ -51,6 +51,8 @@ pub(super) struct RobotTable {
     pub calibration_site: String,
     pub machining_site: String,
     pub parameters: Vec<String>,
+    #[serde(default)]
+    pub actuators: Actuators,
     pub compliance_rad_per_nm: Option<Vec<f64>>,
     pub prior: Option<PathBuf>,
     #[serde(default)]
@@ -61,6 +63,17 @@ pub(super) struct RobotTable {
     pub tool: Vec<ToolTable>,
     #[serde(default)]
     pub payload: Vec<PayloadTable>,
+}
+
+/// What becomes of the model's actuators.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum Actuators {
+    /// They hold the joints: a position actuator's gain is a joint's stiffness.
+    #[default]
+    Model,
+    /// They are a simulation's and do not count; the scenario says how stiff the joints are.
+    Ignored,
 }
 
 /// One of `[[robot.tool]]`.

@@ -34,6 +34,9 @@ const SIGMA_M: f64 = 1e-3;
 /// What is implausible about a scenario, in whole sentences.
 pub(super) fn warnings(scenario: &Scenario, understood: &Understanding) -> Vec<String> {
     let mut warnings = scenario.doubts.clone();
+    let model = &scenario.task.belief.nominal.model;
+    let left_out = model.left_out().iter();
+    warnings.extend(left_out.map(|what| format!("{}: {what}", model.path().display())));
     warnings.extend(lengths(understood));
     warnings.extend(masses(understood));
     warnings.extend(ranges(scenario));

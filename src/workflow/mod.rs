@@ -1,5 +1,6 @@
 //! The use cases, as the command line has them: what is done in which order, without a word to anybody.
 //!
+//! - [`init`]: a first scenario for a model.
 //! - [`design`]: a plan with its bound.
 //! - [`run`]: the designed plan beside others, through the whole loop.
 //! - [`study`]: the plans of a study, and what its runs come to.
@@ -7,5 +8,6 @@
 
 pub mod design;
 pub mod identify;
+pub mod init;
 pub mod run;
 pub mod study;

@@ -14,6 +14,7 @@
 //! - `determined`: every command names the same compliances as not determined.
 //! - `compensation_trust`: what `compensate` makes of files that it should not trust.
 //! - `command_line`: the commands, seen from outside the process.
+//! - `init`: a first scenario for models of all kinds, and URDF.
 //! - `gate`: comparing results against tolerances, seen from outside the process.
 //! - `gate_refusals`: results and tolerances that cannot be compared.
 //! - `interruptions`: studies that are killed, disks that fill up.
@@ -85,6 +86,7 @@ mod gate;
 mod gate_refusals;
 mod identifiability;
 mod implausible_input;
+mod init;
 mod interruptions;
 mod judge;
 mod judges;

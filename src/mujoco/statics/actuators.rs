@@ -46,7 +46,7 @@ pub(super) fn transmission(robot: &Model) -> Option<RefusedElement> {
 /// alone: the scenario then says how the joints are held.
 pub(super) fn one_for_each_joint(robot: &Model) -> Option<RefusedElement> {
     let model = &*robot.inner;
-    if model.actuator_trntype().is_empty() {
+    if model.actuator_trntype().is_empty() || robot.ignores_actuators() {
         return None;
     }
     (0..model.jnt_type().len()).find_map(|joint| {

@@ -22,7 +22,7 @@ use std::path::{Path, PathBuf};
 
 use self::inputs::Inputs;
 use super::Scenario;
-use super::file::File;
+use super::file::{Actuators, File};
 use crate::experiment::{Plan, read_plan};
 use crate::files::{FileError, read_text};
 use crate::mujoco::{Additions, ModelError};
@@ -37,9 +37,16 @@ impl Scenario {
     /// # Errors
     /// The first thing that is wrong, with the dotted key path.
     pub fn load(path: &Path) -> Result<Self, FileError> {
-        let text = read_text(path)?;
+        Self::check(path, &read_text(path)?)
+    }
+
+    /// Checks the text of a scenario that stands at a path, or is to.
+    ///
+    /// # Errors
+    /// As [`Self::load`].
+    pub fn check(path: &Path, text: &str) -> Result<Self, FileError> {
         let inputs = RefCell::new(Inputs::default());
-        Checker { path, inputs }.scenario(&text)
+        Checker { path, inputs }.scenario(text)
     }
 }
 
@@ -64,6 +71,10 @@ impl Checker<'_> {
         };
         let locked = self.locked(&file.robot)?;
         let model = self.model("robot.model", &file.robot.model, &additions)?;
+        let model = match file.robot.actuators {
+            Actuators::Model => model,
+            Actuators::Ignored => model.without_actuators(),
+        };
         let model = self.lock(&model, &locked)?;
         let chain = self.serial_chain("robot.model", &model)?;
         let mut nominal = Robot {

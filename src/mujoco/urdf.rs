@@ -1,0 +1,290 @@
+//! URDF: what a robot's description says of statics goes to MuJoCo's compiler, the rest is left out by name.
+//!
+//! A URDF's joints, frames and masses become a model without actuators: a scenario says how stiff the joints
+//! are and where the tools are. Effort, velocity, friction and damping are a drive's or a
+//! simulation's. Shapes that collide are kept as far as their meshes are found; what is only seen is not.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+use mujoco_rs::prelude::MjSpec;
+use roxmltree::{Document, Node, ParsingOptions};
+
+use super::ModelError;
+use super::model::refused;
+
+/// What MuJoCo's compiler is told: every link is a body, masses are those of the file alone.
+const COMPILER: &str = r#"<mujoco><compiler angle="radian" fusestatic="false" strippath="false" discardvisual="false" balanceinertia="true" inertiafromgeom="false" boundmass="1e-9" boundinertia="1e-12"/></mujoco>"#;
+/// Elements of the file that say nothing of statics.
+const LEFT_OUT: [&str; 10] = [
+    "visual",
+    "material",
+    "dynamics",
+    "transmission",
+    "gazebo",
+    "ros2_control",
+    "safety_controller",
+    "calibration",
+    "sensor",
+    "mujoco",
+];
+/// Endings of meshes that MuJoCo reads.
+const MESHES: [&str; 3] = ["stl", "obj", "msh"];
+
+/// A URDF as MuJoCo's compiler takes it.
+pub(super) struct Urdf {
+    /// The text.
+    pub text: String,
+    /// The meshes that it names.
+    pub meshes: Vec<PathBuf>,
+    /// What is left out and may matter, in words.
+    pub left_out: Vec<String>,
+    /// Pairs of a link that stands still and one that a joint on it moves. MuJoCo lets neighbours
+    /// overlap, but not where one of them stands still.
+    pub neighbours: Vec<[String; 2]>,
+}
+
+impl Urdf {
+    /// A file's text, if it is a URDF; without any mesh where these are no good.
+    pub fn read(path: &Path, text: &str, with_meshes: bool) -> Option<Self> {
+        let options = ParsingOptions {
+            allow_dtd: true,
+            ..ParsingOptions::default()
+        };
+        let document = Document::parse_with_options(text, options).ok()?;
+        let root = document.root_element();
+        if root.tag_name().name() != "robot" {
+            return None;
+        }
+        let folder = path.parent().unwrap_or(Path::new(""));
+        let mut writer = UrdfWriter {
+            folder: std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned()),
+            with_meshes,
+            text: String::new(),
+            meshes: Vec::new(),
+            missing: BTreeSet::new(),
+        };
+        writer.element(root);
+        let mut left_out = Vec::new();
+        if let Some(first) = writer.missing.first() {
+            left_out.push(format!(
+                "{} of its meshes cannot be had, such as {first}: collisions do not see them",
+                writer.missing.len()
+            ));
+        }
+        left_out.extend(without_mass(root));
+        Some(Self {
+            text: writer.text,
+            meshes: writer.meshes,
+            left_out,
+            neighbours: neighbours(root),
+        })
+    }
+}
+
+/// The joints of a description: whether it moves, its parent link and its child link.
+fn joints<'a>(root: Node<'a, '_>) -> impl Iterator<Item = (bool, &'a str, &'a str)> {
+    let joints = root.children().filter(|each| each.has_tag_name("joint"));
+    joints.filter_map(|joint| {
+        let link = |tag| {
+            let named = joint.children().find(|each| each.has_tag_name(tag))?;
+            named.attribute("link")
+        };
+        let moves = joint.attribute("type") != Some("fixed");
+        Some((moves, link("parent")?, link("child")?))
+    })
+}
+
+/// What stands still beside what moves on it.
+fn neighbours(root: Node<'_, '_>) -> Vec<[String; 2]> {
+    let children: BTreeSet<&str> = joints(root).map(|joint| joint.2).collect();
+    let links = root.children().filter(|each| each.has_tag_name("link"));
+    let first =
+        (links.filter_map(|link| link.attribute("name"))).find(|name| !children.contains(name));
+    let Some(first) = first else {
+        return Vec::new();
+    };
+    let mut still = BTreeSet::from([first]);
+    while let Some((_, _, child)) = joints(root)
+        .find(|(moves, parent, child)| !moves && still.contains(parent) && !still.contains(child))
+    {
+        still.insert(child);
+    }
+    let mut pairs = Vec::new();
+    for (_, _, child) in joints(root).filter(|joint| joint.0 && still.contains(joint.1)) {
+        for &link in &still {
+            pairs.push([link.to_owned(), child.to_owned()]);
+        }
+    }
+    pairs
+}
+
+/// Whether a tensor of inertia can be one: symmetric with positive eigenvalues.
+fn is_inertia(node: Node<'_, '_>) -> bool {
+    let of = |name| {
+        node.attribute(name)
+            .and_then(|value| value.trim().parse::<f64>().ok())
+    };
+    let entry = |name| of(name).unwrap_or(f64::NAN);
+    let (xy, xz, yz) = (entry("ixy"), entry("ixz"), entry("iyz"));
+    let tensor = nalgebra::Matrix3::new(
+        entry("ixx"),
+        xy,
+        xz,
+        xy,
+        entry("iyy"),
+        yz,
+        xz,
+        yz,
+        entry("izz"),
+    );
+    tensor.iter().all(|each| each.is_finite())
+        && tensor
+            .symmetric_eigenvalues()
+            .iter()
+            .all(|&value| value > 1e-15)
+}
+
+/// A URDF's text, not yet read.
+pub(super) struct UrdfText(String);
+
+impl UrdfText {
+    /// A file's text, if it is a URDF's.
+    pub fn of(path: &Path, text: String) -> Option<Self> {
+        Urdf::read(path, &text, false).map(|_| Self(text))
+    }
+
+    /// The elements as MuJoCo reads them, and what is left out. Without meshes, where MuJoCo refuses these.
+    pub fn spec(&self, path: &Path) -> Result<(MjSpec, Vec<String>), ModelError> {
+        let spec = |with_meshes: bool| {
+            let urdf =
+                Urdf::read(path, &self.0, with_meshes).ok_or_else(|| "is no URDF".to_owned())?;
+            let mut spec =
+                MjSpec::from_xml_string(&urdf.text).map_err(|error| error.to_string())?;
+            for [still, moving] in &urdf.neighbours {
+                // MuJoCo makes the first link a body, or the world.
+                let still = spec.body_mut(still).map_or("world", |_| still);
+                spec.add_exclude()
+                    .with_bodyname1(still)
+                    .with_bodyname2(moving);
+            }
+            spec.compile().map_err(|error| error.to_string())?;
+            Ok::<_, String>((spec, urdf.left_out))
+        };
+        let refusal = match spec(true) {
+            Ok(read) => return Ok(read),
+            Err(refusal) => refusal,
+        };
+        let (spec, mut left_out) = spec(false).map_err(|message| refused(path, message))?;
+        left_out.push(format!("MuJoCo refuses its meshes: {refusal}"));
+        Ok((spec, left_out))
+    }
+}
+
+/// Links that a joint moves and that say nothing of their mass.
+fn without_mass(root: Node<'_, '_>) -> Option<String> {
+    let moved: BTreeSet<&str> = joints(root)
+        .filter(|joint| joint.0)
+        .map(|joint| joint.2)
+        .collect();
+    let links = root.children().filter(|each| each.has_tag_name("link"));
+    let without: Vec<&str> = links
+        .filter(|link| !link.children().any(|each| each.has_tag_name("inertial")))
+        .filter_map(|link| link.attribute("name"))
+        .filter(|name| moved.contains(name))
+        .collect();
+    (!without.is_empty()).then(|| {
+        format!(
+            "links without <inertial> are taken to weigh nothing: {}",
+            without.join(", ")
+        )
+    })
+}
+
+struct UrdfWriter {
+    folder: PathBuf,
+    with_meshes: bool,
+    text: String,
+    meshes: Vec<PathBuf>,
+    missing: BTreeSet<String>,
+}
+
+impl UrdfWriter {
+    /// An element with all that counts in it.
+    fn element(&mut self, node: Node<'_, '_>) {
+        let tag = node.tag_name().name();
+        if LEFT_OUT.contains(&tag) {
+            return;
+        }
+        if tag == "inertia" && !is_inertia(node) {
+            // No rest depends on it, and MuJoCo takes none that cannot be.
+            self.text += r#"<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/>"#;
+            return;
+        }
+        let mesh = (tag == "collision")
+            .then(|| node.descendants().find(|each| each.has_tag_name("mesh")))
+            .flatten();
+        let mut found = None;
+        if let Some(mesh) = mesh {
+            let name = mesh.attribute("filename").unwrap_or_default();
+            found = self.mesh(name);
+            if found.is_none() {
+                self.missing.insert(name.to_owned());
+                return;
+            }
+        }
+        self.text += &format!("<{tag}");
+        for attribute in node.attributes() {
+            let (name, value) = (attribute.name(), attribute.value());
+            let is_of_drive = tag == "limit" && ["effort", "velocity"].contains(&name);
+            if !is_of_drive {
+                let value = match name {
+                    "filename" => self.mesh(value).map_or_else(
+                        || value.to_owned(),
+                        |path| path.to_string_lossy().into_owned(),
+                    ),
+                    _ => value.to_owned(),
+                };
+                self.text += &format!(" {name}=\"{}\"", escaped(&value));
+            }
+        }
+        self.text.push('>');
+        if tag == "robot" {
+            self.text += COMPILER;
+        }
+        for child in node.children().filter(Node::is_element) {
+            self.element(child);
+        }
+        self.text += &format!("</{tag}>");
+        self.meshes.extend(found);
+    }
+
+    /// The file of a mesh: beside the description, or in the package or one of the folders around it.
+    fn mesh(&self, name: &str) -> Option<PathBuf> {
+        if !self.with_meshes {
+            return None;
+        }
+        let ending = Path::new(name).extension()?.to_str()?.to_lowercase();
+        if !MESHES.contains(&ending.as_str()) {
+            return None;
+        }
+        let name = name.strip_prefix("file://").unwrap_or(name);
+        let candidates: Vec<PathBuf> = match name.strip_prefix("package://") {
+            None => vec![self.folder.join(name)],
+            Some(rest) => {
+                let inside = rest.split_once('/').map_or(rest, |(_, inside)| inside);
+                let around = self.folder.ancestors();
+                around
+                    .flat_map(|folder| [folder.join(rest), folder.join(inside)])
+                    .collect()
+            }
+        };
+        candidates.into_iter().find(|path| path.is_file())
+    }
+}
+
+fn escaped(text: &str) -> String {
+    (text.replace('&', "&amp;").replace('<', "&lt;"))
+        .replace('>', "&gt;")
+        .replace('"', "&quot;")
+}

@@ -1,0 +1,139 @@
+//! Which joints of a model are the arm, and which are locked beside it.
+
+use crate::mujoco::{Model, ModelError};
+use crate::robot::SerialChain;
+
+/// An arm that has so many joints has come to its hand where it branches into fingers ...
+const ARM: usize = 4;
+/// ... of so many joints at most.
+const FINGER: usize = 2;
+
+/// The arm in a model.
+pub(super) struct FoundArm {
+    /// The model with the other joints locked.
+    pub model: Model,
+    /// The chain of the joints that are not.
+    pub chain: SerialChain,
+    /// The locked joints: name, coordinate (rad, m), whether it slides.
+    pub locked: Vec<(String, f64, bool)>,
+    /// Why the model's actuators do not count, if they do not.
+    pub actuators_ignored: Option<String>,
+    /// The last body that all its joints move.
+    pub last_body: usize,
+}
+
+impl FoundArm {
+    /// The longest series of joints, as far as it does not branch into fingers; to a body, if one is named.
+    pub fn find(model: &Model, tip: Option<&str>) -> Result<Self, ModelError> {
+        let bodies = match tip {
+            Some(tip) => way_to(model, named(model, tip)?),
+            None => longest(model),
+        };
+        let arm: Vec<usize> = (bodies.iter())
+            .flat_map(|&body| model.joints_of(body))
+            .collect();
+        let others = (0..model.joints()).filter(|joint| !arm.contains(joint));
+        let mut locked = Vec::new();
+        for joint in others {
+            let [low, high] = model.joint_range(joint);
+            let drawn = model.joint_reference(joint).clamp(low, high);
+            locked.push((model.joint_name(joint), drawn, model.is_slide(joint)));
+        }
+        let pairs: Vec<(String, f64)> =
+            locked.iter().map(|each| (each.0.clone(), each.1)).collect();
+        let model = model.with_locked(&pairs)?;
+        let (model, chain, actuators_ignored) = match SerialChain::from_model(&model) {
+            Ok(chain) => (model, chain, None),
+            Err(reason @ ModelError::Statics { .. }) => {
+                let without = model.without_actuators();
+                match SerialChain::from_model(&without) {
+                    Ok(chain) => (without, chain, Some(words(&reason))),
+                    Err(_) => return Err(reason),
+                }
+            }
+            Err(other) => return Err(other),
+        };
+        let last = arm.last().copied();
+        let last_body = (bodies.iter().rev())
+            .find(|&&body| last.is_some_and(|last| model.joints_of(body).any(|each| each == last)));
+        Ok(Self {
+            last_body: last_body.copied().unwrap_or_default(),
+            model,
+            chain,
+            locked,
+            actuators_ignored,
+        })
+    }
+
+    /// The bodies that all joints of the arm move.
+    pub fn carried(&self) -> impl Iterator<Item = usize> {
+        (1..self.model.bodies()).filter(|&body| {
+            self.model.joints_that_move(body) == self.chain.len()
+                && way_to(&self.model, body).contains(&self.last_body)
+        })
+    }
+}
+
+/// What a refusal says of the model's element.
+fn words(reason: &ModelError) -> String {
+    match reason {
+        ModelError::Statics {
+            element, problem, ..
+        } => format!("{element}: {problem}"),
+        other => other.to_string(),
+    }
+}
+
+/// A body by its name, or that of a site that it carries.
+fn named(model: &Model, name: &str) -> Result<usize, ModelError> {
+    match (1..model.bodies()).find(|&body| model.body_name(body) == name) {
+        Some(body) => Ok(body),
+        None => Ok(model.site_body(model.site(name)?).0),
+    }
+}
+
+/// The bodies from the base to one.
+fn way_to(model: &Model, mut body: usize) -> Vec<usize> {
+    let mut way = Vec::new();
+    while body != 0 {
+        way.push(body);
+        body = model.parent(body);
+    }
+    way.reverse();
+    way
+}
+
+/// The bodies along the longest series of joints.
+fn longest(model: &Model) -> Vec<usize> {
+    let count = |body: usize| model.joints_of(body).count();
+    // Of the most joints in a row from each body outwards; bodies come after their parents.
+    let mut depth: Vec<usize> = (0..model.bodies()).map(count).collect();
+    for body in (1..model.bodies()).rev() {
+        let parent = model.parent(body);
+        depth[parent] = depth[parent].max(count(parent) + depth[body]);
+    }
+    let (mut way, mut joints, mut at) = (Vec::new(), 0, 0);
+    loop {
+        let ahead: Vec<usize> = (1..model.bodies())
+            .filter(|&body| model.parent(body) == at && depth[body] > 0)
+            .collect();
+        // Of several that are as long, the first.
+        let best = (ahead.iter().copied()).reduce(|best, body| {
+            if depth[body] > depth[best] {
+                body
+            } else {
+                best
+            }
+        });
+        let Some(best) = best else { return way };
+        let alike = ahead.iter().filter(|&&body| depth[body] == depth[best]);
+        let is_hand =
+            joints >= ARM && ahead.len() > 1 && (depth[best] <= FINGER || alike.count() > 1);
+        if is_hand {
+            return way;
+        }
+        way.push(best);
+        joints += count(best);
+        at = best;
+    }
+}

@@ -1,0 +1,77 @@
+//! A first scenario for a model: what is in it, and a beginning that can be planned with.
+//!
+//! Nothing is asked. What a model does not say (loads, an accuracy to reach, stiffnesses) is guessed from the
+//! robot's size and marked as a guess.
+
+mod arm;
+mod pose;
+mod tools;
+mod written;
+
+use std::path::Path;
+
+use self::arm::FoundArm;
+use self::pose::tried;
+use self::tools::Tools;
+use crate::files::{FileError, read_text};
+use crate::mujoco::{Model, ModelError};
+use crate::scenario::Scenario;
+use crate::understanding::Understanding;
+
+/// A scenario for a model, not yet in a file.
+#[derive(Debug)]
+pub struct Draft {
+    /// The scenario's text (TOML).
+    pub text: String,
+    /// The scenario that it is.
+    pub scenario: Scenario,
+    /// The robot as the program understands it, with what is implausible.
+    pub understanding: Understanding,
+    /// What the model has beside its arm, and what was made of it, in sentences.
+    pub found: Vec<String>,
+}
+
+/// Drafts a scenario for a model (MJCF or URDF), to stand at a path. `tip` names the body or site at the
+/// arm's end, where a model has several arms.
+///
+/// # Errors
+/// What is missing in the model, or why it cannot serve.
+pub fn draft(
+    model_path: &Path,
+    scenario_path: &Path,
+    tip: Option<&str>,
+) -> Result<Draft, FileError> {
+    read_text(model_path)?;
+    let wrong = |error: ModelError| {
+        let text = error.to_string();
+        let about = format!("{}: ", model_path.display());
+        let wrong = FileError::new(model_path, text.strip_prefix(&about).unwrap_or(&text));
+        match error.hint() {
+            Some(hint) => wrong.hint(hint),
+            None => wrong,
+        }
+    };
+    let model = Model::load(model_path).map_err(wrong)?;
+    let arm = FoundArm::find(&model, tip).map_err(wrong)?;
+    let tools = Tools::of(&arm).map_err(wrong)?;
+    let tried = tried(&arm, &tools.calibration);
+    let named = named_from(model_path, scenario_path);
+    let written = written::scenario(&arm, &tools, &tried, &named);
+    let scenario = Scenario::check(scenario_path, &written.text)?;
+    let understanding = Understanding::new(&scenario);
+    Ok(Draft {
+        text: written.text,
+        found: written.found,
+        scenario,
+        understanding,
+    })
+}
+
+/// The model's path as a scenario names it: relative where both are in one folder or below it.
+fn named_from(model: &Path, scenario: &Path) -> String {
+    let absolute = |path: &Path| std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    let (model, scenario) = (absolute(model), absolute(scenario));
+    let folder = scenario.parent().unwrap_or(Path::new(""));
+    let named = model.strip_prefix(folder).unwrap_or(&model);
+    named.to_string_lossy().into_owned()
+}

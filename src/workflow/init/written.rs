@@ -1,0 +1,309 @@
+//! The scenario as a commented TOML file.
+
+use std::fmt::Write as _;
+
+use super::arm::FoundArm;
+use super::pose::{CLEARANCE_M, Tried};
+use super::tools::Tools;
+use crate::robot::Commands;
+use crate::wording::counted;
+
+/// A joint may turn by so much (rad) under its largest torque where its stiffness is guessed ...
+const TURN_RAD: f64 = 2e-3;
+/// ... or slide by so much (m).
+const SLIDE_M: f64 = 1e-4;
+/// The model's gains are a simulation's where the own weight turns a joint further than this (rad).
+const SAG_RAD: f64 = 0.01;
+/// Loads, as a share of what the robot weighs.
+const LOAD_SHARE: f64 = 0.2;
+/// The load of a robot without masses (N).
+const LOAD_N: f64 = 50.0;
+/// Where fewer configurations are free, what collides is a flaw of the model.
+const FREE: f64 = 0.05;
+/// As few measurements as a first plan has.
+const LEAST_MEASUREMENTS: usize = 4;
+
+/// What is written, and what was found on the way, in sentences.
+pub(super) struct WrittenScenario {
+    pub text: String,
+    pub found: Vec<String>,
+}
+
+/// Where a joint's stiffness comes from.
+enum Stiffness {
+    Model,
+    Guessed(Vec<f64>, String),
+}
+
+/// Writes the scenario.
+pub(super) fn scenario(
+    arm: &FoundArm,
+    tools: &Tools,
+    tried: &Tried,
+    model: &str,
+) -> WrittenScenario {
+    let load_n = load_n(arm);
+    let stiffness = stiffness(arm, tried, load_n);
+    let mut found = found(arm, tools, tried);
+    if let Stiffness::Guessed(_, reason) = &stiffness {
+        found.push(format!("The compliances are guesses: {reason}."));
+    }
+    let description = quoted(&format!("A first scenario for {model}"));
+    let mut text = format!(
+        "# A first scenario, made by `elastocal init`. Lines that say GUESS need your numbers.\n\
+         description = {description}\nseed = 1\n\n[robot]\nmodel = {}\n",
+        quoted(model)
+    );
+    text += &robot(arm, tools, &stiffness);
+    text += "\n[instrument]\n\
+             # GUESS: the standard deviation of each coordinate of a laser tracker's reading.\n\
+             sigma_mm = 0.03\nsigma_of = \"position\"\n";
+    let pose = Commands::from(&arm.chain).numbers(&tried.best);
+    let task_n = round_down(load_n / 2.0);
+    let _ = write!(
+        text,
+        "\n# GUESS: where the robot must be accurate, and the force that acts on it there.\n\
+         [[test_pose]]\nname = \"task\"\nq_deg = [{}]\nforce_n = [0, {}, {}]\n",
+        list(pose),
+        short(task_n),
+        short(-task_n)
+    );
+    let force = short(load_n);
+    let _ = write!(
+        text,
+        "\n# GUESS: loads of the laboratory, at the calibration tool: a weight, and the same pulled sideways.\n\
+         [load]\nkind = \"list\"\nwrenches = [\n  {{ force_n = [0, 0, -{force}] }},\n  \
+         {{ force_n = [{force}, 0, 0] }},\n  {{ force_n = [0, {force}, 0] }},\n]\n"
+    );
+    let wanted = arm.chain.joints.len().max(LEAST_MEASUREMENTS);
+    let _ = write!(
+        text,
+        "\n[region]\n# tool_height_min_mm = 200\n# joint_torque_max_nm = [...]\n{}\n\n\
+         [design]\n# Measurements of the plan, repeats counted.\nexperiments = {wanted}\n",
+        region(tried)
+    );
+    WrittenScenario { text, found }
+}
+
+/// The rest of the table `[robot]`.
+fn robot(arm: &FoundArm, tools: &Tools, stiffness: &Stiffness) -> String {
+    let mut text = String::new();
+    let mut line = |written: String| {
+        let _ = writeln!(text, "{written}");
+    };
+    if !tools.known.is_empty() {
+        let known = one_line(&tools.known.join(", "));
+        line(format!("# Sites that the whole arm moves: {known}."));
+    }
+    line(format!("calibration_site = {}", quoted(&tools.sites[0])));
+    line(format!("machining_site = {}", quoted(&tools.sites[1])));
+    let chain = &arm.chain;
+    let names = (chain.commanded()).map(|joint| quoted(&chain.joints[joint].name));
+    let names: Vec<String> = names.collect();
+    line("# The joints whose compliances are to be found.".to_owned());
+    line(format!("parameters = [{}]", names.join(", ")));
+    if let Some(reason) = &arm.actuators_ignored {
+        let reason = one_line(reason);
+        line(format!("# The model's actuators do not count: {reason}."));
+        line("actuators = \"ignored\"".to_owned());
+    }
+    if let Stiffness::Guessed(values, reason) = stiffness {
+        line(format!(
+            "# GUESS: one over each joint's stiffness [rad/(N m); slides m/N]: {reason}."
+        ));
+        let values: Vec<String> = values.iter().map(|value| format!("{value:e}")).collect();
+        line(format!("compliance_rad_per_nm = [{}]", values.join(", ")));
+    }
+    for (slides, key) in [(false, "locked_deg"), (true, "locked_mm")] {
+        let of_kind = arm.locked.iter().filter(|each| each.2 == slides);
+        let locked: Vec<String> = of_kind
+            .map(|(name, value, _)| {
+                let shown = if slides {
+                    value * 1e3
+                } else {
+                    value.to_degrees()
+                };
+                format!("{} = {}", quoted(name), short(shown))
+            })
+            .collect();
+        if !locked.is_empty() {
+            line("# Joints beside the arm do not move.".to_owned());
+            line(format!("{key} = {{ {} }}", locked.join(", ")));
+        }
+    }
+    for tool in &tools.mounted {
+        line(format!(
+            "\n# GUESS: where the tool is, in the frame of what carries it.\n[[robot.tool]]\nname = {}\non = {}\nposition_mm = [{}]",
+            quoted(tool.name),
+            quoted(&tool.on),
+            list((tool.position_m * 1e3).iter().copied())
+        ));
+    }
+    text
+}
+
+fn list(values: impl IntoIterator<Item = f64>) -> String {
+    let values: Vec<String> = values.into_iter().map(short).collect();
+    values.join(", ")
+}
+
+/// The clearance, where the model's shapes leave any room.
+fn region(tried: &Tried) -> String {
+    let clearance = short(CLEARANCE_M * 1e3);
+    match &tried.free {
+        None => "# Nothing in the model collides.".to_owned(),
+        Some((share, _)) if *share >= FREE => format!("collision_clearance_mm = {clearance}"),
+        Some((_, [one, other])) => format!(
+            "# Left out, since {} and {} touch nearly everywhere: exclude them in the model.\n# collision_clearance_mm = {clearance}",
+            one_line(one),
+            one_line(other)
+        ),
+    }
+}
+
+/// The joints' stiffnesses: the model's, unless they are missing or a simulation's.
+fn stiffness(arm: &FoundArm, tried: &Tried, load_n: f64) -> Stiffness {
+    let joints = &arm.chain.joints;
+    let reason = if joints
+        .iter()
+        .any(|joint| joint.model_compliance_rad_per_nm.is_none())
+    {
+        "the model has no position actuators, whose gain would be the stiffness".to_owned()
+    } else {
+        let sags = joints.iter().zip(&tried.most).find(|(joint, most)| {
+            !joint.drive.slides
+                && joint.model_compliance_rad_per_nm.unwrap_or_default() * most[0] > SAG_RAD
+        });
+        match sags {
+            None => return Stiffness::Model,
+            Some((joint, most)) => format!(
+                "with the model's gains the own weight turns {} by up to {:.1} deg, a simulation's stiffness and no robot's",
+                one_line(&joint.name),
+                (joint.model_compliance_rad_per_nm.unwrap_or_default() * most[0]).to_degrees()
+            ),
+        }
+    };
+    let guess = joints.iter().zip(&tried.most).map(|(joint, most)| {
+        let torque = (most[0] + most[1] * load_n).max(f64::MIN_POSITIVE);
+        let turn = if joint.drive.slides {
+            SLIDE_M
+        } else {
+            TURN_RAD
+        };
+        match joint.drive.passive_at {
+            Some(_) => joint.model_compliance_rad_per_nm.unwrap_or_default(),
+            None => two_digits((turn / torque).clamp(1e-9, 5e-4)),
+        }
+    });
+    Stiffness::Guessed(guess.collect(), reason)
+}
+
+/// A load that suits the robot (N), rounded.
+fn load_n(arm: &FoundArm) -> f64 {
+    let mass: f64 = arm.chain.joints.iter().map(|joint| joint.mass_kg).sum();
+    if mass < 1e-3 {
+        return LOAD_N;
+    }
+    round_down(mass * 9.81 * LOAD_SHARE)
+}
+
+/// What is in the model, in sentences.
+fn found(arm: &FoundArm, tools: &Tools, tried: &Tried) -> Vec<String> {
+    let mut found = Vec::new();
+    if !arm.locked.is_empty() {
+        let names: Vec<&str> = arm.locked.iter().map(|each| each.0.as_str()).collect();
+        found.push(format!(
+            "Joints beside the arm are locked: {}.",
+            names.join(", ")
+        ));
+    }
+    if let Some(reason) = &arm.actuators_ignored {
+        found.push(format!("The model's actuators do not count: {reason}."));
+    }
+    found.push(if tools.known.is_empty() {
+        "No site is on the last link: tools are mounted there by guess.".to_owned()
+    } else {
+        format!("Sites on the last link: {}.", tools.known.join(", "))
+    });
+    found.push(format!(
+        "{} in the model.",
+        counted(arm.model.actuators() as u64, "actuator")
+    ));
+    let masses: Vec<String> = (1..arm.model.bodies())
+        .filter(|&body| arm.model.joints_that_move(body) > 0 && arm.model.mass(body).0 > 0.0)
+        .map(|body| {
+            format!(
+                "{} {:.3}",
+                arm.model.body_name(body),
+                arm.model.mass(body).0
+            )
+        })
+        .collect();
+    found.push(format!(
+        "Moving masses [kg]: {}.",
+        if masses.is_empty() {
+            "none".to_owned()
+        } else {
+            masses.join(", ")
+        }
+    ));
+    let weightless: Vec<&str> = (arm.chain.joints.iter())
+        .filter(|joint| joint.mass_kg < 1e-3 && joint.drive.passive_at.is_none())
+        .map(|joint| joint.name.as_str())
+        .collect();
+    if !weightless.is_empty() {
+        found.push(format!(
+            "Implausible: nothing weighs that these joints move by themselves: {}.",
+            weightless.join(", ")
+        ));
+    }
+    let endless: Vec<&str> = (arm.chain.joints.iter())
+        .filter(|joint| joint.drive.slides && joint.range_rad[1] - joint.range_rad[0] > 6.0)
+        .map(|joint| joint.name.as_str())
+        .collect();
+    if !endless.is_empty() {
+        found.push(format!(
+            "Implausible: slides without a range: {}.",
+            endless.join(", ")
+        ));
+    }
+    if let Some((share, [one, other])) = &tried.free
+        && *share < FREE
+    {
+        found.push(format!(
+            "Implausible: {one} and {other} touch nearly everywhere; collisions are left out."
+        ));
+    }
+    found
+}
+
+/// One significant digit, downwards.
+fn round_down(value: f64) -> f64 {
+    let size = 10.0_f64.powf(value.log10().floor());
+    ((value / size + 1e-9).floor() * size).max(1e-3)
+}
+
+fn two_digits(value: f64) -> f64 {
+    let size = 10.0_f64.powf(value.log10().floor() - 1.0);
+    let digits = format!("{:.0}e{}", value / size, size.log10().round());
+    digits.parse().unwrap_or(value)
+}
+
+/// A number as a person writes it.
+fn short(value: f64) -> String {
+    let rounded = (value * 1e6).round() / 1e6;
+    if rounded == 0.0 {
+        "0".to_owned()
+    } else {
+        rounded.to_string()
+    }
+}
+
+fn quoted(text: &str) -> String {
+    toml::Value::from(text).to_string()
+}
+
+/// What a comment can hold.
+fn one_line(text: &str) -> String {
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
+}

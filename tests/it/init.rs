@@ -1,0 +1,374 @@
+//! `init`: a scenario for a model that `check` accepts and `plan` plans with, or one clear error.
+
+use std::fmt::Write as _;
+
+use serde_json::Value;
+
+use crate::robots::{Additions, iiwa, ur5e, ur10};
+use crate::support::{Outcome, Workplace, numbers, project};
+
+/// What becomes of a model: the scenario is accepted, and quickly planned with.
+fn drafted(name: &str, model: &str) -> (Value, String) {
+    let place = Workplace::new();
+    place.write(name, model);
+    let outcome = place.run(&format!("init {name} --scenario-out my.toml --json"));
+    let json = outcome.ends_with(0).json();
+    place.run("check my.toml --quiet").ends_with(0);
+    let text = place.read("my.toml");
+    (json, text)
+}
+
+fn refused(name: &str, model: &str) -> Outcome {
+    let place = Workplace::new();
+    place.write(name, model);
+    let outcome = place
+        .run(&format!("init {name} --scenario-out my.toml"))
+        .ends_with(1);
+    assert_eq!(place.listing(), [name], "no half a file");
+    assert!(
+        outcome.stderr.starts_with(&format!("error: {name}: ")),
+        "{}",
+        outcome.stderr
+    );
+    assert_eq!(
+        outcome.stderr.matches("error: ").count(),
+        1,
+        "{}",
+        outcome.stderr
+    );
+    outcome
+}
+
+fn joints(json: &Value) -> Vec<String> {
+    let joints = json["robot"]["joints"].as_array().expect("a list");
+    let name = |joint: &Value| joint["name"].as_str().expect("a name").to_owned();
+    joints.iter().map(name).collect()
+}
+
+#[test]
+fn arms_with_sites_and_stiffnesses_are_taken_as_they_are() {
+    for (model, names) in [
+        ur10(&Additions::default()),
+        ur5e(&Additions::default()),
+        iiwa(&Additions::default()),
+    ] {
+        let (json, text) = drafted("arm.xml", &model);
+        assert_eq!(joints(&json), names);
+        assert!(!text.contains("compliance_rad_per_nm"), "{text}");
+        assert!(!text.contains("actuators ="), "{text}");
+    }
+}
+
+#[test]
+fn the_paper_s_robot_gets_its_own_tools() {
+    let place = Workplace::new();
+    let model = project("models/kr270.xml");
+    place
+        .run(&format!("init {} --scenario-out a.toml", model.display()))
+        .ends_with(0);
+    let text = place.read("a.toml");
+    assert!(
+        text.contains("calibration_site = \"calibration_tcp\""),
+        "{text}"
+    );
+    assert!(
+        text.contains("machining_site = \"machining_tcp\""),
+        "{text}"
+    );
+    assert!(text.contains("\ncollision_clearance_mm = 10"), "{text}");
+    place
+        .run("plan a.toml --experiments 4 --no-proof --plan-out p.csv --quiet")
+        .ends_with(0);
+    let again = place.run(&format!("init {} --scenario-out a.toml", model.display()));
+    let again = again.ends_with(1);
+    assert!(
+        again.stderr.contains("a.toml: is there already"),
+        "{}",
+        again.stderr
+    );
+    assert!(again.stderr.contains("--scenario-out"), "{}", again.stderr);
+    assert_eq!(place.read("a.toml"), text);
+}
+
+/// An arm on a column with a hand of two fingers, driven by motors with friction, without sites.
+fn simulated() -> String {
+    let mut bodies = String::new();
+    let axes = ["0 0 1", "0 1 0", "0 1 0", "1 0 0", "0 1 0"];
+    for (index, axis) in (1..).zip(axes) {
+        let _ = write!(
+            bodies,
+            "<body name=\"link {index}\" pos=\"0.1 0 0.25\"><joint name=\"axis {index}\" axis=\"{axis}\" range=\"-150 150\" frictionloss=\"1\"/>\
+             <geom type=\"capsule\" fromto=\"0 0 0.05 0 0 0.2\" size=\"0.03\" mass=\"{}\"/>",
+            6 - index
+        );
+    }
+    for side in [-1, 1] {
+        let _ = write!(
+            bodies,
+            "<body pos=\"0 {} 0.3\"><joint name=\"finger {side}\" type=\"slide\" axis=\"0 1 0\" range=\"0 0.04\"/><geom type=\"box\" size=\"0.01 0.01 0.03\" mass=\"0.1\"/></body>",
+            0.05 * f64::from(side)
+        );
+    }
+    let mut motors = String::new();
+    for index in 1..=5 {
+        let _ = write!(
+            motors,
+            "<motor joint=\"axis {index}\" ctrlrange=\"-90 90\"/>"
+        );
+    }
+    format!(
+        "<mujoco><worldbody><geom type=\"plane\" size=\"2 2 0.1\"/>{bodies}{}</worldbody><actuator>{motors}<motor joint=\"finger 1\"/></actuator></mujoco>",
+        "</body>".repeat(5)
+    )
+}
+
+#[test]
+fn a_simulation_s_arm_gets_guesses_and_its_hand_is_locked() {
+    let (json, text) = drafted("arm.xml", &simulated());
+    assert_eq!(
+        joints(&json),
+        ["axis 1", "axis 2", "axis 3", "axis 4", "axis 5"]
+    );
+    assert!(text.contains("actuators = \"ignored\""), "{text}");
+    assert!(text.contains("frictionloss"), "{text}");
+    assert!(
+        text.contains("locked_mm = { \"finger -1\" = 0, \"finger 1\" = 0 }"),
+        "{text}"
+    );
+    assert!(text.contains("on = \"link 5\""), "{text}");
+    assert!(text.contains("\ncompliance_rad_per_nm = ["), "{text}");
+    for joint in json["robot"]["joints"].as_array().expect("a list") {
+        let compliance = joint["compliance_rad_per_nm"].as_f64().expect("a number");
+        assert!((1e-9..=5e-4).contains(&compliance), "{joint}");
+    }
+}
+
+#[test]
+fn the_tip_chooses_among_arms() {
+    let arm = |side: &str, y: f64| {
+        let mut bodies = String::new();
+        for index in 1..=3 {
+            let _ = write!(
+                bodies,
+                "<body name=\"{side}_{index}\" pos=\"0.3 0 0\"><inertial pos=\"0.15 0 0\" mass=\"2\" diaginertia=\"0.1 0.1 0.1\"/><joint name=\"{side}_joint_{index}\" axis=\"{}\" range=\"-90 90\"/>",
+                ["0 0 1", "0 1 0", "0 1 0"][index - 1]
+            );
+        }
+        format!(
+            "<body pos=\"0 {y} 1\">{bodies}<site name=\"{side}_tool\" pos=\"0.3 0.05 0\"/>{}</body>",
+            "</body>".repeat(3)
+        )
+    };
+    let actuators: String = ["left", "right"]
+        .iter()
+        .flat_map(|side| {
+            (1..=3).map(move |index| {
+                format!("<position joint=\"{side}_joint_{index}\" kp=\"50000\"/>")
+            })
+        })
+        .collect();
+    let model = format!(
+        "<mujoco><worldbody>{}{}</worldbody><actuator>{actuators}</actuator></mujoco>",
+        arm("left", 0.3),
+        arm("right", -0.3)
+    );
+    let place = Workplace::new();
+    place.write("two.xml", model);
+    for (tip, side) in [
+        ("", "left"),
+        ("--tip right_tool", "right"),
+        ("--tip right_3", "right"),
+    ] {
+        let outcome = place.run(&format!(
+            "init two.xml --scenario-out {side}{}.toml --json {tip}",
+            tip.len()
+        ));
+        let json = outcome.ends_with(0).json();
+        assert!(
+            joints(&json).iter().all(|name| name.starts_with(side)),
+            "{json}"
+        );
+    }
+    let outcome = place
+        .run("init two.xml --scenario-out no.toml --tip nothing")
+        .ends_with(1);
+    assert!(
+        outcome.stderr.contains("no site named \"nothing\""),
+        "{}",
+        outcome.stderr
+    );
+}
+
+#[test]
+fn what_cannot_serve_is_one_error_and_no_file() {
+    let still =
+        "<mujoco><worldbody><body name=\"a\"><geom size=\"0.1\"/></body></worldbody></mujoco>";
+    assert!(refused("a.xml", still).stderr.contains("it has no joint"));
+    let floating = "<mujoco><worldbody><body name=\"a\"><freejoint name=\"base\"/><geom size=\"0.1\"/></body></worldbody></mujoco>";
+    assert!(
+        refused("a.xml", floating)
+            .stderr
+            .contains("neither a hinge nor a slide")
+    );
+    assert!(
+        refused("a.xml", "<mujoco><worldbody>")
+            .stderr
+            .contains("XML")
+    );
+    let place = Workplace::new();
+    let outcome = place.run("init missing.xml").ends_with(1);
+    assert!(
+        outcome.stderr.contains("missing.xml: cannot be read"),
+        "{}",
+        outcome.stderr
+    );
+    assert_eq!(place.listing(), Vec::<String>::new());
+}
+
+/// An arm as ROS describes it: packages of meshes, efforts, frictions, frames without a mass.
+fn described(mesh: &str) -> String {
+    let mut text = String::from(
+        "<?xml version=\"1.0\"?>\n<robot name=\"arm\" xmlns:xacro=\"http://ros.org/wiki/xacro\">\n<link name=\"base\"><collision><geometry><box size=\"0.3 0.3 0.4\"/></geometry></collision></link>",
+    );
+    let mut parent = "base".to_owned();
+    let axes = ["0 0 1", "0 1 0", "0 1 0", "1 0 0"];
+    for (index, axis) in (1..).zip(axes) {
+        let _ = write!(
+            text,
+            "<link name=\"link_{index}\"><inertial><origin xyz=\"0 0 0.2\"/><mass value=\"{}\"/><inertia ixx=\"1\" ixy=\"0\" ixz=\"0\" iyy=\"1\" iyz=\"0\" izz=\"1\"/></inertial>\
+             <visual><geometry><mesh filename=\"package://arm/meshes/seen.dae\"/></geometry></visual>\
+             <collision><origin xyz=\"0 0 0.2\"/><geometry><mesh filename=\"{mesh}\"/></geometry></collision></link>\
+             <joint name=\"joint_{index}\" type=\"revolute\"><origin xyz=\"0 0 0.4\" rpy=\"0 0 0\"/><parent link=\"{parent}\"/><child link=\"link_{index}\"/><axis xyz=\"{axis}\"/>\
+             <limit lower=\"-2\" upper=\"2\" effort=\"100\" velocity=\"1\"/><dynamics damping=\"1\" friction=\"2\"/></joint>",
+            10 - index
+        );
+        parent = format!("link_{index}");
+    }
+    text + "<link name=\"finger\"><inertial><mass value=\"0.1\"/><inertia ixx=\"0\" ixy=\"1\" ixz=\"0\" iyy=\"0\" iyz=\"0\" izz=\"0\"/></inertial></link>\
+        <joint name=\"left\" type=\"prismatic\"><origin xyz=\"0 0 0.1\"/><parent link=\"link_4\"/><child link=\"finger\"/><axis xyz=\"0 1 0\"/><limit lower=\"0\" upper=\"0.04\" effort=\"1\" velocity=\"1\"/></joint>\
+        <link name=\"thumb\"><inertial><mass value=\"0.1\"/><inertia ixx=\"1\" ixy=\"0\" ixz=\"0\" iyy=\"1\" iyz=\"0\" izz=\"1\"/></inertial></link>\
+        <joint name=\"right\" type=\"prismatic\"><origin xyz=\"0 0 0.1\"/><parent link=\"link_4\"/><child link=\"thumb\"/><axis xyz=\"0 -1 0\"/><limit lower=\"0\" upper=\"0.04\" effort=\"1\" velocity=\"1\"/><mimic joint=\"left\"/></joint>\
+        <link name=\"tool0\"/><joint name=\"flange\" type=\"fixed\"><origin xyz=\"0 0 0.1\"/><parent link=\"link_4\"/><child link=\"tool0\"/></joint></robot>"
+}
+
+#[test]
+fn a_urdf_is_a_model_without_stiffnesses_and_tools() {
+    let (json, text) = drafted("arm.urdf", &described("package://arm/meshes/none.stl"));
+    assert_eq!(joints(&json), ["joint_1", "joint_2", "joint_3", "joint_4"]);
+    assert!(text.contains("on = \"tool0\""), "{text}");
+    let warnings = json["warnings"].as_array().expect("a list");
+    let told = |what: &str| {
+        warnings
+            .iter()
+            .any(|each| each.as_str().is_some_and(|text| text.contains(what)))
+    };
+    assert!(
+        told("1 of its meshes cannot be had, such as package://arm/meshes/none.stl"),
+        "{warnings:?}"
+    );
+    let masses: Vec<f64> = (json["robot"]["joints"].as_array().expect("a list").iter())
+        .map(|joint| joint["moving_mass_kg"].as_f64().expect("a number"))
+        .collect();
+    for (mass, expected) in masses.iter().zip([30.2, 21.2, 13.2, 6.2]) {
+        assert!((mass - expected).abs() < 1e-6, "{masses:?}");
+    }
+}
+
+#[test]
+fn meshes_that_are_found_collide_and_belong_to_the_hash() {
+    let place = Workplace::new();
+    std::fs::create_dir_all(place.path("arm/urdf")).expect("a folder can be made");
+    std::fs::create_dir_all(place.path("arm/meshes")).expect("a folder can be made");
+    let octahedron = |size: f64| {
+        let corners = [
+            [1, 0, 0],
+            [-1, 0, 0],
+            [0, 1, 0],
+            [0, -1, 0],
+            [0, 0, 1],
+            [0, 0, -1],
+        ];
+        let mut obj = String::new();
+        for [x, y, z] in corners.map(|corner| corner.map(|each: i32| f64::from(each) * size)) {
+            let _ = writeln!(obj, "v {x} {y} {z}");
+        }
+        obj + "f 1 3 5\nf 3 2 5\nf 2 4 5\nf 4 1 5\nf 3 1 6\nf 2 3 6\nf 4 2 6\nf 1 4 6\n"
+    };
+    place.write("arm/meshes/link.obj", octahedron(0.1));
+    place.write(
+        "arm/urdf/arm.urdf",
+        described("package://arm/meshes/link.obj"),
+    );
+    let outcome = place
+        .run("init arm/urdf/arm.urdf --scenario-out my.toml --json")
+        .ends_with(0);
+    assert!(
+        !outcome.stdout.contains("cannot be had"),
+        "{}",
+        outcome.stdout
+    );
+    assert!(
+        place
+            .read("my.toml")
+            .contains("\ncollision_clearance_mm = 10")
+    );
+    let hash = |place: &Workplace| {
+        let json = place
+            .run("check my.toml --json --quiet")
+            .ends_with(0)
+            .json();
+        json["provenance"]["scenario_sha256"].clone()
+    };
+    let before = hash(&place);
+    place.write("arm/meshes/link.obj", octahedron(0.11));
+    assert_ne!(hash(&place), before);
+    // A mesh that MuJoCo refuses is left out with its words.
+    place.write("arm/meshes/link.obj", "v 0 0 0\n");
+    let outcome = place.run("check my.toml").ends_with(0);
+    assert!(
+        outcome.stderr.contains("MuJoCo refuses its meshes"),
+        "{}",
+        outcome.stderr
+    );
+}
+
+#[test]
+fn a_urdf_s_arm_is_where_its_frames_say() {
+    let place = Workplace::new();
+    place.write("arm.urdf", described("none.stl"));
+    place.write(
+        "my.toml",
+        r#"[robot]
+model = "arm.urdf"
+calibration_site = "tip"
+machining_site = "tip"
+parameters = ["joint_2"]
+compliance_rad_per_nm = [1e-6, 1e-6, 1e-6, 1e-6]
+locked_mm = { left = 0, right = 20 }
+[[robot.tool]]
+name = "tip"
+on = "tool0"
+position_mm = [50, 0, 0]
+[instrument]
+sigma_mm = 0.03
+sigma_of = "deflection"
+[[test_pose]]
+q_deg = [90, 90, 0, 0]
+force_n = [0, 0, -10]
+[load]
+kind = "fixed"
+force_n = [0, 0, -100]
+[design]
+experiments = 2
+"#,
+    );
+    let json = place
+        .run("check my.toml --json --quiet")
+        .ends_with(0)
+        .json();
+    // Joint 1 turns to +y, joint 2 lies at 0.8 m: 0.4 + 0.4 + 0.1 m along y, and the tip 50 mm below.
+    let tool = numbers(&json["test_poses"][0]["calibration_tool_mm"]);
+    for (found, expected) in tool.iter().zip([0.0, 900.0, 750.0]) {
+        assert!((found - expected).abs() < 1e-6, "{tool:?}");
+    }
+}
