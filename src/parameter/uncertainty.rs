@@ -18,6 +18,20 @@ pub struct Uncertainty {
     pub source: Source,
 }
 
+impl Uncertainty {
+    /// Makes it certain; it still takes as many random numbers.
+    pub fn switch_off(&mut self) {
+        match &mut self.source {
+            Source::Plan(parameters) => {
+                for (_, deviation) in parameters {
+                    *deviation = 0.0;
+                }
+            }
+            Source::Reading(source) => source.switch_off(),
+        }
+    }
+}
+
 /// What is uncertain, by the class in which it averages.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Source {
@@ -55,6 +69,18 @@ pub enum ReadingSource {
 }
 
 impl ReadingSource {
+    fn switch_off(&mut self) {
+        match self {
+            Self::JointReturn(deviations) | Self::GearError(deviations) => deviations.fill(0.0),
+            Self::LoadDirection(deviation)
+            | Self::LoadPoint(deviation)
+            | Self::Misfit(deviation) => {
+                *deviation = 0.0;
+            }
+            Self::Range { per_metre, .. } => *per_metre = 0.0,
+        }
+    }
+
     /// Whether repeats of an experiment share it, so that they do not average it.
     #[must_use]
     pub const fn is_shared_by_repeats(&self) -> bool {

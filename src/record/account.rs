@@ -36,6 +36,9 @@ pub struct PartMessage {
     pub hidden: bool,
     /// What it alone leaves (mm), to first order.
     pub rms_mm: f64,
+    /// What was seen of it (mm): the root of what the mean square is smaller by in the same runs without it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub seen_rms_mm: Option<f64>,
 }
 
 impl AccountHeader {
@@ -99,6 +102,7 @@ impl From<&AccountPart> for PartMessage {
             name: part.name.clone(),
             hidden: part.is_hidden,
             rms_mm: part.rms_m * 1e3,
+            seen_rms_mm: None,
         }
     }
 }

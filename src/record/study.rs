@@ -9,6 +9,7 @@ use super::account::{PartMessage, verdict};
 use crate::study::Conditions;
 use crate::study::account::Account;
 use crate::study::summary::Summary;
+use crate::study::switched_off::SeenShare;
 use crate::study::tally::{Failure, Tally};
 
 /// What many runs of one plan say. Numbers that do not exist are `null`.
@@ -133,6 +134,16 @@ impl StudyPlanMessage {
             nees_z: of(&|each| each.nees_z),
             mean_ratio_to_random: ratio.map(|ratio| ratio.value),
             mean_ratio_to_random_ci95: ratio.map(|ratio| ratio.interval95()),
+        }
+    }
+}
+
+impl StudyPlanMessage {
+    /// Adds what was seen of the parts.
+    pub fn see(&mut self, shares: &[SeenShare]) {
+        for part in &mut self.parts {
+            let seen = shares.iter().find(|share| share.name == part.name);
+            part.seen_rms_mm = seen.map(|share| share.rms_m * 1e3);
         }
     }
 }

@@ -7,6 +7,7 @@
 //! - [`tally`]: what is kept of the runs; exact, so that threads and order change no bit.
 //! - [`runner`]: blocks of runs on all threads.
 //! - [`summary`]: means, intervals, quantiles and checks from a tally.
+//! - [`switched_off`]: what each uncertainty leaves, seen: the same runs without it.
 //! - [`evidence`]: what a designed plan is shown beside: rivals, other sizes, many runs.
 
 pub mod account;
@@ -17,6 +18,7 @@ pub mod robot_level;
 pub mod runner;
 mod settings;
 pub mod summary;
+pub mod switched_off;
 pub mod tally;
 pub(crate) mod tally_check;
 pub mod true_compliances;

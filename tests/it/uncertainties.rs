@@ -112,6 +112,43 @@ fn promises_are_exact_in_the_linear_model() {
     }
 }
 
+/// What is seen of each share, by making the same runs without its source, is what the account says. With e the error
+/// without the source and s what the source adds, |e + s|^2 - |e|^2 = 2 e.s + |s|^2 has in each run a variance of at most
+/// 4 E|e|^2 E|s|^2 + 2 (E|s|^2)^2 for normal e and s.
+#[test]
+fn shares_are_seen_when_sources_are_switched_off() {
+    for (level, trials, hidden) in [
+        ("model", 20_000, ""),
+        ("robot", 512, ""),
+        ("robot", 512, "hidden = true"),
+    ] {
+        let place = Workplace::new();
+        let list: String = [SOURCES[0], SOURCES[7], SOURCES[9], SOURCES[11]]
+            .map(|source| entry(source, hidden))
+            .concat();
+        place.write("laboratory.toml", with(&list, level, trials));
+        let outcome = place.run("study laboratory.toml --shares --json --quiet");
+        let plan = outcome.ends_with(0).json()["plans"][0].clone();
+        let parts = plan["parts"].as_array().expect("parts");
+        assert_eq!(parts.len(), 5, "{plan}");
+        let square = |value: &Value| value.as_f64().expect("a number").powi(2);
+        let all: f64 = parts.iter().map(|part| square(&part["rms_mm"])).sum();
+        for part in parts {
+            let (seen, expected) = (square(&part["seen_rms_mm"]), square(&part["rms_mm"]));
+            let without = all - expected;
+            let variance = 4.0 * without * expected + 2.0 * expected.powi(2);
+            let room = 4.5 * (variance / f64::from(trials)).sqrt() + 0.02 * expected;
+            assert!((seen - expected).abs() < room, "{level} {hidden}: {part}");
+        }
+    }
+    let place = Workplace::new();
+    place.write("certain.toml", with("", "model", 64));
+    let outcome = place
+        .run("study certain.toml --shares --quiet")
+        .ends_with(1);
+    assert!(outcome.stderr.contains("--shares"), "{}", outcome.stderr);
+}
+
 /// What the belief does not know of breaks its promise, as far as the account says, and by its name.
 #[test]
 fn what_is_hidden_breaks_the_promise() {

@@ -13,6 +13,7 @@ use elastocal::record::messages::SchemaMessage;
 use elastocal::record::tally_file::{Header, TallyFile};
 use elastocal::scenario::Scenario;
 use elastocal::study::runner::Runner;
+use elastocal::study::switched_off::{Runs, SeenShare};
 use elastocal::study::{Entry, Level, Setting, StudyError};
 use elastocal::task::Task;
 use elastocal::wording::counted;
@@ -50,6 +51,9 @@ pub struct StudyCommand {
     /// Keep the tally in this file while running, and go on from it if it is there.
     #[arg(long, value_name = "FILE")]
     resume: Option<PathBuf>,
+    /// Make all runs again without each uncertainty, with the same random numbers, and say what was seen of its share.
+    #[arg(long, conflicts_with_all = ["shard", "resume"])]
+    shares: bool,
     /// Show the study in a rerun viewer while it runs: start one, connect to one, or write a file.
     #[arg(long, value_name = TARGETS)]
     rerun: Option<ViewerTarget>,
@@ -92,6 +96,12 @@ impl StudyCommand {
         check_outputs(&mut roles, &outputs)?;
         if self.shard.is_none() {
             make_folder(&folder)?;
+        }
+        if self.shares && scenario.truth.uncertainties.is_empty() {
+            let problem = "--shares makes the runs again without each uncertainty, and the scenario lists none";
+            return Err(FileError::new(&scenario.path, problem)
+                .at("uncertainty")
+                .into());
         }
         self.promise(None);
         let trials = self.trials.unwrap_or(scenario.study.trials);
@@ -136,7 +146,12 @@ impl StudyCommand {
             elapsed_s,
             runs: runs_of(&part) - done_before,
         };
-        let results = Results::new(&part.header, &part.tallies, Some(timing))?;
+        let seen = if self.shares {
+            self.seen(&scenario, &settings, &entries, &part)?
+        } else {
+            Vec::new()
+        };
+        let results = Results::new(&part.header, &part.tallies, Some(timing), &seen)?;
         let own_folder = self.shard.is_none().then_some(&*folder);
         if let Some(folder) = own_folder {
             write(folder, &results, &mut written)?;
@@ -222,6 +237,50 @@ impl StudyCommand {
         }
         bar.finish_and_clear();
         Ok(())
+    }
+
+    /// What was seen of each uncertainty's share in the errors of each plan that is the same in all runs.
+    fn seen(
+        &self,
+        scenario: &Scenario,
+        settings: &[Setting<'_>],
+        entries: &[Entry],
+        part: &TallyFile,
+    ) -> anyhow::Result<Vec<Option<Vec<SeenShare>>>> {
+        let is_fixed = |index: &usize| entries[*index].kind.plan().is_some();
+        let fixed: Vec<usize> = (0..entries.len()).filter(is_fixed).collect();
+        let own: Vec<Entry> = fixed.iter().map(|&index| entries[index].clone()).collect();
+        let tallies: Vec<_> = (fixed.iter())
+            .map(|&index| part.tallies[index].clone())
+            .collect();
+        let mut seen = vec![None; entries.len()];
+        if fixed.is_empty() {
+            return Ok(seen);
+        }
+        let runs = Runs {
+            settings,
+            seed: scenario.seed,
+            level: part.header.level,
+            entries: &own,
+            trials: part.header.trials,
+        };
+        let count = scenario.truth.uncertainties.len();
+        let each = counted(count as u64, "uncertainty");
+        self.common.say(&format!(
+            "the same runs without each of {each}, and without all"
+        ));
+        let bar = bar(self.common.quiet, "runs");
+        bar.set_length(runs.count());
+        let shares = runs.shares(&tallies, ask_work(), &|done| bar.inc(done));
+        bar.finish_and_clear();
+        let shares = shares.map_err(|error| match error {
+            StudyError::Stopped => anyhow::Error::from(Interrupted),
+            other => other.into(),
+        })?;
+        for (index, shares) in fixed.into_iter().zip(shares) {
+            seen[index] = Some(shares);
+        }
+        Ok(seen)
     }
 
     /// Saves the tally that can be gone on from.

@@ -6,6 +6,7 @@ use elastocal::files::output::write_whole;
 use elastocal::record::study::{StudyPlanMessage, study_csv};
 use elastocal::record::tally_file::Header;
 use elastocal::study::Level;
+use elastocal::study::switched_off::SeenShare;
 use elastocal::study::tally::Tally;
 use elastocal::wording::inverse_interval;
 use elastocal::workflow::study::{Timing, plan_messages, study_json};
@@ -27,8 +28,16 @@ pub struct Results {
 
 impl Results {
     /// Sums up the tallies of a study.
-    pub fn new(header: &Header, tallies: &[Tally], timing: Option<Timing>) -> anyhow::Result<Self> {
-        let messages = plan_messages(header, tallies)?;
+    pub fn new(
+        header: &Header,
+        tallies: &[Tally],
+        timing: Option<Timing>,
+        seen: &[Option<Vec<SeenShare>>],
+    ) -> anyhow::Result<Self> {
+        let mut messages = plan_messages(header, tallies)?;
+        for (message, shares) in messages.iter_mut().zip(seen) {
+            message.see(shares.as_deref().unwrap_or_default());
+        }
         let json = study_json(header, &messages, timing);
         Ok(Self {
             header: header.clone(),
@@ -189,6 +198,7 @@ fn promises(messages: &[StudyPlanMessage]) -> String {
             message.name,
             micro(promised_mm)
         );
+        let is_seen = message.parts.iter().any(|part| part.seen_rms_mm.is_some());
         let total: f64 = message.parts.iter().map(|part| part.rms_mm.powi(2)).sum();
         let rows: Vec<Vec<String>> = (message.parts.iter())
             .map(|part| {
@@ -198,10 +208,18 @@ fn promises(messages: &[StudyPlanMessage]) -> String {
                     part.name.clone()
                 };
                 let share = part.rms_mm.powi(2) / total * 100.0;
-                vec![name, micro(part.rms_mm), format!("{share:.1}")]
+                let mut row = vec![name, micro(part.rms_mm), format!("{share:.1}")];
+                if is_seen {
+                    row.push(part.seen_rms_mm.map_or_else(|| "-".to_owned(), micro));
+                }
+                row
             })
             .collect();
-        text += &table(&["of it", "alone [um]", "share of the square [%]"], &rows);
+        let mut header = vec!["of it", "alone [um]", "share of the square [%]"];
+        if is_seen {
+            header.push("seen [um]");
+        }
+        text += &table(&header, &rows);
         text.push('\n');
     }
     text
