@@ -11,7 +11,7 @@ use elastocal::wording::counted;
 use serde_json::json;
 
 use super::interruption::NEVER;
-use super::proof::ProofArgs;
+use super::proof::{ExchangeArgs, ProofArgs};
 use super::table::{number, table};
 use super::written::Written;
 use super::{Common, Report, check_outputs, inputs, merge, results, without_effect};
@@ -24,6 +24,8 @@ pub struct Evaluate {
     pub common: Common,
     #[command(flatten)]
     proof: ProofArgs,
+    #[command(flatten)]
+    exchanges: ExchangeArgs,
     /// By which criterion no plan is better than the bound that is searched and proved
     #[arg(long, value_enum, default_value_t)]
     criterion: Criterion,
@@ -56,7 +58,16 @@ impl Evaluate {
         let mut json = results("evaluate", &provenance, json!({ "gate": scenario.gate }));
         merge(&mut json, serde_json::to_value(&message)?);
         let mut written = Written::default();
-        let text = describe(&scenario, &assessment) + &self.proof.tell(&bound, &mut written)?;
+        let (exchanges, told) = self.exchanges.prove(
+            &self.proof,
+            &self.common,
+            &NEVER,
+            (&scenario.task, scenario.seed),
+            (self.criterion, &plan),
+        )?;
+        merge(&mut json, json!({ "exchanges": exchanges }));
+        let text =
+            describe(&scenario, &assessment) + &self.proof.tell(&bound, &mut written)? + &told;
         let mut conditions = conditions(&scenario, &assessment);
         conditions.extend(written.conditions());
         Ok(Report {

@@ -10,7 +10,7 @@ use elastocal::limits::MOST_EXPERIMENTS;
 use elastocal::plan::search::{
     ApproximateDesign, Bound, BoundKind, Certificate, Problem, SearchError, Watch,
 };
-use elastocal::plan::{Assessment, Criterion, write_plan};
+use elastocal::plan::{Assessment, Criterion, Plan, write_plan};
 use elastocal::plausible::MINUTES;
 use elastocal::record::messages::{AssessmentMessage, ProvenanceMessage, plan_messages};
 use elastocal::scenario::Scenario;
@@ -22,7 +22,7 @@ use serde_json::json;
 use super::evaluate::{conditions, describe};
 use super::interruption::ask_search;
 use super::progress::bar;
-use super::proof::ProofArgs;
+use super::proof::{ExchangeArgs, ProofArgs};
 use super::table::table;
 use super::views;
 use super::written::Written;
@@ -36,6 +36,8 @@ pub struct PlanCommand {
     pub common: Common,
     #[command(flatten)]
     proof: ProofArgs,
+    #[command(flatten)]
+    exchanges: ExchangeArgs,
     /// The number m of measurements; the scenario's if not given.
     #[arg(long, value_name = "M", value_parser = clap::value_parser!(u32).range(1..=i64::from(MOST_EXPERIMENTS)))]
     experiments: Option<u32>,
@@ -146,6 +148,20 @@ fn rests_on(certificate: Option<&Certificate>, assessment: &Assessment) -> Strin
 }
 
 impl PlanCommand {
+    /// Writes the plan and its pictures where that is wanted, and tells of it.
+    fn write(&self, scenario: &Scenario, plan: &Plan, written: &mut Written) -> String {
+        let mut text = String::new();
+        if let Some(path) = &self.plan_out {
+            let rows = write_plan(path, scenario.task.belief.commands(), plan);
+            text += &written.told(path, rows);
+        }
+        if let Some(path) = &self.stills_out {
+            let stills = views::write_stills(path, scenario, plan);
+            text += &written.told(path, stills);
+        }
+        text
+    }
+
     /// The best plans within a time, of which there is at least one.
     fn within(
         &self,
@@ -233,20 +249,22 @@ impl PlanCommand {
             "Of {} independent searches for the plan, {} ended within 0.1 % of it. It took {:.2} s.\n",
             designed.exact.searches, designed.exact.agreeing, designed.elapsed_s
         );
-        if let Some(path) = &self.plan_out {
-            let rows = write_plan(path, scenario.task.belief.commands(), plan);
-            text += &written.told(path, rows);
-        }
-        if let Some(path) = &self.stills_out {
-            let stills = views::write_stills(path, &scenario, plan);
-            text += &written.told(path, stills);
-        }
+        let (exchanges, told) = self.exchanges.prove(
+            &self.proof,
+            &self.common,
+            stop,
+            (&scenario.task, scenario.seed),
+            (self.criterion, plan),
+        )?;
+        text += &told;
+        text += &self.write(&scenario, plan, &mut written);
         let json = json!({
             "gate": scenario.gate,
             "plan": plan_messages(&scenario.task.belief.commands(), plan),
             "criterion": self.criterion.name(),
             "minutes": timed.first().map(|best| best.minutes),
             "configurations": configurations.unwrap_or(experiments).min(experiments),
+            "exchanges": exchanges,
             "elapsed_s": designed.elapsed_s,
             "searches": designed.exact.searches,
             "searches_agreeing": designed.exact.agreeing,

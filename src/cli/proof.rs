@@ -8,7 +8,10 @@ use clap::Args;
 use elastocal::files::FileError;
 use elastocal::files::output::write_whole;
 use elastocal::plan::proof::{NoProof, ProofLimits};
-use elastocal::plan::search::{Bound, ProofEffort};
+use elastocal::plan::search::{Bound, Exchanges, NoBound, ProofEffort};
+use elastocal::plan::{Criterion, Plan};
+use elastocal::record::exchanges::ExchangesMessage;
+use elastocal::task::Task;
 use indicatif::ProgressStyle;
 use serde_json::{Value, json};
 
@@ -104,6 +107,73 @@ impl ProofArgs {
         bar.finish_and_clear();
         result
     }
+}
+
+/// Whether and what exchanging one measurement of a plan can gain.
+#[derive(Debug, Args)]
+pub struct ExchangeArgs {
+    /// Prove that exchanging any one measurement of the plan for any other gains at most so much; each experiment has the
+    /// effort of a bound
+    #[arg(long, conflicts_with = "no_proof")]
+    prove_exchanges: bool,
+}
+
+impl ExchangeArgs {
+    /// What is proved of a plan, where that is asked for: as JSON (null otherwise) and in words.
+    pub fn prove(
+        &self,
+        proof: &ProofArgs,
+        common: &Common,
+        stop: &AtomicBool,
+        (task, seed): (&Task, u64),
+        (criterion, plan): (Criterion, &Plan),
+    ) -> anyhow::Result<(Value, String)> {
+        if !self.prove_exchanges {
+            return Ok((Value::Null, String::new()));
+        }
+        let exchanges = proof.with_effort(common, stop, |effort| {
+            effort.map(|(effort, _)| Exchanges::prove(task, criterion, seed, plan, effort))
+        });
+        let Some(exchanges) = exchanges else {
+            return Ok((Value::Null, String::new()));
+        };
+        let json = serde_json::to_value(ExchangesMessage::new(&exchanges))?;
+        Ok((json, told_of_exchanges(&exchanges)))
+    }
+}
+
+/// What exchanges can gain, in words.
+fn told_of_exchanges(exchanges: &Result<Exchanges, NoBound>) -> String {
+    let exchanges = match exchanges {
+        Ok(exchanges) => exchanges,
+        Err(reason) => return format!("Nothing is proved of exchanges: {reason}.\n"),
+    };
+    if exchanges.each.is_empty() {
+        return "All experiments are mandatory: none may be exchanged.\n".to_owned();
+    }
+    let value = |value: f64| match exchanges.criterion {
+        Criterion::TestPose => format!("rho0 = {:.3} um", value * 1e6),
+        criterion => format!("{} = {value:.6e}", criterion.name()),
+    };
+    if let (Some(gain), Some(best)) = (exchanges.largest_gain(), exchanges.best()) {
+        return format!(
+            "Proved: exchanging any one measurement for any other gains at most {} ({} at best; {} boxes).\n",
+            percent(gain),
+            value(best),
+            exchanges.boxes()
+        );
+    }
+    let mut text = String::new();
+    for each in &exchanges.each {
+        if let Err(reason) = each.proof {
+            text += &format!(
+                "What exchanging experiment {} gains is not proved: {reason}. The best that was come across: {}.\n",
+                each.experiment + 1,
+                value(each.found)
+            );
+        }
+    }
+    text
 }
 
 /// What is proved, in words; nothing where no proof was asked for.

@@ -7,11 +7,12 @@
 //! - [`tally_file`]: tallies of parts of a study, to join or to go on from.
 //! - [`understanding`]: a robot as it was understood.
 //! - [`campaign`]: a plan as it is carried out in the laboratory.
-//! - [`evidence`]: what a plan is shown beside.
+//! - [`evidence`]: what a plan is shown beside; [`exchanges`]: what exchanging one measurement of it can gain.
 
 pub mod account;
 pub mod campaign;
 pub mod evidence;
+pub mod exchanges;
 mod header_check;
 pub mod json;
 pub mod messages;

@@ -49,6 +49,7 @@
 //! - `bounds`: the class of plans that a bound speaks about.
 //! - `proofs`: the bound that is proved, and its proof checked by another program.
 //! - `criteria_bounds`: the bounds by other criteria than `rho_0`.
+//! - `exchanges`: what exchanging one measurement of a plan can gain.
 //! - `force_sizes`: the size of a force is a variable of the design; optima derived by hand.
 //! - `provenance`: what results depend on is in their hash.
 //! - `load_sets`: one load set decides for plans, measurements and mandatory experiments.
@@ -80,6 +81,7 @@ mod diagnoses;
 mod directions;
 mod documentation;
 mod elastic_beliefs;
+mod exchanges;
 mod faults;
 mod force_sizes;
 mod gate;

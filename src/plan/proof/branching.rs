@@ -13,7 +13,7 @@ use super::tree::{ProofObject, Record};
 /// How far above the largest derivative found the threshold is, one after another.
 const GAPS: [f64; 6] = [0.3, 0.1, 0.03, 0.01, 0.003, 0.001];
 /// A proof that has no first result after this share of its boxes is given up: it would not come near.
-const FIRST_SHARE: u64 = 4;
+const FIRST_SHARE: u64 = 2;
 /// Boxes that a thread takes at a time, and how many it looks at before it gives back what is left. Results
 /// depend on them, but on nothing that changes from run to run.
 const TAKEN: usize = 16;

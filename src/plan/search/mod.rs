@@ -9,6 +9,7 @@
 //! - `weighing`, `worst`: the best weights on given experiments, also for criteria that are the worst of several.
 //! - `bound`: that bound, the class of plans that it speaks about, and why there is none for others.
 //! - `proved`, `rows`: its proof.
+//! - `one_exchange`: what exchanging one measurement of a plan can gain.
 //! - `budget`: the best accuracy against the number of measurements.
 //! - `criteria`: the best plans for the criteria of Table 1, judged at the test poses.
 //! - `pool`: random experiments that are cheap to look through.
@@ -27,6 +28,7 @@ mod exchange;
 mod joints;
 mod local;
 mod observation;
+mod one_exchange;
 mod point;
 mod pool;
 mod problem;
@@ -45,6 +47,7 @@ pub use budget::{BudgetPoint, budget, budget_and_proof, cheapest, repeated_confi
 pub use criteria::{CriterionPlan, compare_criteria};
 pub use exact::{ExactDesign, Watch, exact_design};
 pub use observation::MatrixEvaluator;
+pub use one_exchange::{Exchanges, OneExchange};
 pub use problem::{Effort, Problem, SearchError};
 pub use proved::{ProofEffort, ProofFile, ProvedBound, TIGHT};
 pub use sampling::{RandomPlans, median_random_rho0, random_plan};

@@ -318,6 +318,14 @@ impl<'a> Problem<'a> {
         })
     }
 
+    /// The same problem for one more measurement beside a plan and what is known before.
+    pub(super) fn beside_plan(&self, plan: &Plan) -> Self {
+        Self {
+            beside: Some(self.information(plan)),
+            ..self.clone()
+        }
+    }
+
     /// Whether something is known before any measurement.
     fn is_informed(&self) -> bool {
         self.prior.amax() > 0.0

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use serde::Serialize;
 
-use crate::experiment::{Experiment, Loads, printed_tolerance};
+use crate::experiment::{Experiment, Loads, Plan, printed_tolerance};
 use crate::plan::proof::{
     Aim, Arm, Ingredients, NoProof, ProofJoint, ProofLimits, ProofLoads, ProofObject, Proved,
     Question, SmoothRegion, Target, prove, prove_and_record,
@@ -23,8 +23,17 @@ use super::rows::BoundRows;
 pub const TIGHT: f64 = 1e-3;
 /// More rows for each parameter than this are gathered into fewer.
 const MANY_ROWS: usize = 4;
-/// How near, and after how many boxes, the derivative about a mandatory experiment is bounded.
-const MANDATORY: (f64, u64) = (1e-3, 200_000);
+/// After how many boxes the bound of the derivative about a fixed experiment is given up.
+const FIXED_BOXES: u64 = 200_000;
+
+/// Experiments that a plan has in any case.
+#[derive(Clone, Copy)]
+pub(super) enum Fixed<'a> {
+    /// Such as are printed as these: mandatory ones.
+    AsPrinted(&'a Plan),
+    /// These.
+    AsTheyAre(&'a Plan),
+}
 
 /// A proof that no plan of a class is better by a criterion than a number for its number of measurements.
 ///
@@ -106,6 +115,18 @@ impl ProvedBound {
         effort: ProofLimits<'_>,
         records: bool,
     ) -> Result<Self, NoProof> {
+        let mandatory = Fixed::AsPrinted(&problem.task.design.mandatory);
+        Self::beside(problem, approximate, mandatory, effort, records)
+    }
+
+    /// The same beside any fixed experiments, of which the approximate design knows.
+    pub(super) fn beside(
+        problem: &Problem<'_>,
+        approximate: &ApproximateDesign,
+        fixed: Fixed<'_>,
+        effort: ProofLimits<'_>,
+        records: bool,
+    ) -> Result<Self, NoProof> {
         let task = problem.task;
         if !task.belief.nominal.chain.is_plain() {
             return Err(NoProof::NotPlain);
@@ -126,7 +147,7 @@ impl ProvedBound {
             .map(printed_tolerance)
             .fold(0.0, f64::max);
         let (largest, object) = prove_printed(&question, found, printed, effort, records)?;
-        let mandatory = mandatory(problem, approximate, &question)?;
+        let mandatory = fixed_derivatives(problem, approximate, &question, fixed)?;
         Ok(Self {
             prior: prior(task, &question.parameters, &rows),
             criterion: problem.criterion,
@@ -293,34 +314,40 @@ fn question(problem: &Problem<'_>, rows: Vec<Vec<f64>>) -> Question {
     }
 }
 
-/// The number of mandatory measurements, and a bound of the sum of the derivatives of experiments within
-/// [`WIDENED_RAD`] of them.
-fn mandatory(
+/// The number of fixed measurements, and a bound of the sum of their derivatives; of those that are printed alike within
+/// [`WIDENED_RAD`].
+fn fixed_derivatives(
     problem: &Problem<'_>,
     approximate: &ApproximateDesign,
     question: &Question,
+    fixed: Fixed<'_>,
 ) -> Result<(u32, f64), NoProof> {
-    let plan = &problem.task.design.mandatory;
+    let (plan, off_rad, gap) = match fixed {
+        Fixed::AsPrinted(plan) => (plan, WIDENED_RAD, 1e-3),
+        Fixed::AsTheyAre(plan) => (plan, 0.0, 1e-4),
+    };
     let mut sum = 0.0;
     for experiment in &plan.experiments {
         let mut near = question.clone();
         let angles = experiment.configuration_rad.iter();
         for (joint, angle) in near.arm.joints.iter_mut().zip(angles) {
-            joint.range_rad = [angle - WIDENED_RAD, angle + WIDENED_RAD];
+            joint.range_rad = [angle - off_rad, angle + off_rad];
         }
         near.region = SmoothRegion::default();
         near.loads = ProofLoads::OneOf(vec![wrench(&experiment.load)]);
-        let (gap, boxes) = MANDATORY;
         let effort = ProofLimits {
             gap,
-            boxes,
+            boxes: FIXED_BOXES,
             stop: &|| false,
             progress: &|_, _| {},
         };
         // What tells next to nothing needs no near bound.
         let least = 1e-6 * approximate.certificate.largest_derivative;
         let found = derivative(problem, approximate, experiment).max(least);
-        let printed = printed_tolerance(&experiment.load);
+        let printed = match fixed {
+            Fixed::AsPrinted(_) => printed_tolerance(&experiment.load),
+            Fixed::AsTheyAre(_) => 0.0,
+        };
         let (Proved { largest, .. }, _) = prove_printed(&near, found, printed, effort, false)?;
         sum = (sum + f64::from(experiment.repeats) * largest) * (1.0 + 1e-15);
     }

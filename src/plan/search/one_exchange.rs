@@ -1,0 +1,177 @@
+//! What one exchange can gain: a plan whose measurements but one stay, and any experiment of the class in place of that one.
+//!
+//! The rest of the plan is as good as mandatory: with M0 the information of all but one measurement, and of what is known
+//! before, for any B
+//!
+//! ```text
+//! rho_0^2 >= trace(C B^T)^2 / (trace(B M0 B^T) + max d(x))
+//! ```
+//!
+//! for every experiment x in place of the one that is left out, and alike by the other criteria that have a bound. The best B
+//! is that of the approximate design of one measurement beside M0. As that may mix several experiments, the best exchange can
+//! be worse than the bound.
+
+use super::approximate::{ApproximateDesign, approximate_design};
+use super::bound::{NoBound, PlanProof};
+use super::point::add_information;
+use super::problem::{Problem, SearchError};
+use super::proved::{Fixed, ProvedBound};
+use crate::experiment::{Experiment, Plan};
+use crate::plan::Criterion;
+use crate::plan::proof::{NoProof, ProofLimits};
+use crate::task::Task;
+
+/// What one of a plan's measurements can be exchanged for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct OneExchange {
+    /// The place in the plan of the experiment that is measured once less.
+    pub experiment: usize,
+    /// The criterion's value of the best exchange that was come across: no proof, but how near it is.
+    pub found: f64,
+    /// No exchange has a better value, or why that is not proved.
+    pub proof: Result<PlanProof, NoProof>,
+}
+
+/// What exchanging any one measurement of a plan can gain, by a criterion.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Exchanges {
+    /// The criterion.
+    pub criterion: Criterion,
+    /// The plan's own value, as [`CriterionFunction::value`](crate::plan::CriterionFunction::value) has it.
+    pub value: f64,
+    /// For each experiment that is not mandatory as often as it is measured.
+    pub each: Vec<OneExchange>,
+}
+
+impl Exchanges {
+    /// Proves for a plan what exchanging one measurement can gain: with an effort for each experiment.
+    ///
+    /// # Errors
+    /// The criterion has no bound, the plan lacks a mandatory experiment, or does not determine what is asked for.
+    pub fn prove(
+        task: &Task,
+        criterion: Criterion,
+        seed: u64,
+        plan: &Plan,
+        effort: ProofLimits<'_>,
+    ) -> Result<Self, NoBound> {
+        let free =
+            (plan.beside_mandatory(&task.design.mandatory)).map_err(NoBound::NotMandatory)?;
+        let problem = Problem::new(task, criterion);
+        problem.check_excited().map_err(NoBound::NotFound)?;
+        let value = (problem.cost().value(&problem.information(plan)))
+            .filter(|_| problem.is_determined_by(plan))
+            .ok_or_else(|| {
+                NoBound::NotFound(SearchError::Singular {
+                    experiments: plan.measurements(),
+                    parameters: problem.parameters(),
+                })
+            })?;
+        let each = (free.iter().enumerate())
+            .filter(|(_, repeats)| **repeats > 0)
+            .map(|(experiment, _)| one_exchange(&problem, seed, plan, experiment, effort))
+            .collect::<Result<_, SearchError>>();
+        Ok(Self {
+            criterion,
+            value,
+            each: each.map_err(NoBound::NotFound)?,
+        })
+    }
+
+    /// No exchange of one measurement has a better value; `None` where that is not proved for every experiment, or
+    /// none may be exchanged.
+    #[must_use]
+    pub fn best(&self) -> Option<f64> {
+        let proved: Option<Vec<f64>> = (self.each.iter())
+            .map(|each| each.proof.as_ref().ok().map(|proof| proof.best))
+            .collect();
+        let values = proved?.into_iter();
+        if self.criterion.is_maximised() {
+            values.reduce(f64::max)
+        } else {
+            values.reduce(f64::min)
+        }
+    }
+
+    /// By what share of its value an exchange can make the plan better, at most; as for [`Self::best`].
+    #[must_use]
+    pub fn largest_gain(&self) -> Option<f64> {
+        let best = self.best()?;
+        let gain = if self.criterion.is_maximised() {
+            best / self.value - 1.0
+        } else {
+            1.0 - best / self.value
+        };
+        // The plan itself may be outside of the class.
+        Some(gain.max(0.0))
+    }
+
+    /// The number of boxes that the proofs took.
+    #[must_use]
+    pub fn boxes(&self) -> u64 {
+        let proofs = self.each.iter().filter_map(|each| each.proof.as_ref().ok());
+        proofs.map(|proof| proof.boxes).sum()
+    }
+}
+
+fn one_exchange(
+    problem: &Problem<'_>,
+    seed: u64,
+    plan: &Plan,
+    experiment: usize,
+    effort: ProofLimits<'_>,
+) -> Result<OneExchange, SearchError> {
+    let rest = without(plan, experiment);
+    let beside = problem.beside_plan(&rest);
+    let design = approximate_design(&beside, seed)?;
+    let proof = ProvedBound::beside(&beside, &design, Fixed::AsTheyAre(&rest), effort, false);
+    Ok(OneExchange {
+        experiment,
+        found: best_found(&beside, &design, &plan.experiments[experiment]),
+        proof: proof.and_then(|proof| {
+            Ok(PlanProof {
+                best: proof
+                    .of_size(plan.measurements())
+                    .ok_or(NoProof::Singular)?,
+                gap: proof.gap(),
+                boxes: proof.boxes(),
+            })
+        }),
+    })
+}
+
+/// The plan with one measurement less.
+fn without(plan: &Plan, experiment: usize) -> Plan {
+    let mut rest = plan.clone();
+    if rest.experiments[experiment].repeats > 1 {
+        rest.experiments[experiment].repeats -= 1;
+    } else {
+        rest.experiments.remove(experiment);
+    }
+    rest
+}
+
+/// The best value with one of the design's experiments, or with that which was there.
+fn best_found(beside: &Problem<'_>, design: &ApproximateDesign, present: &Experiment) -> f64 {
+    let mut cost = beside.cost();
+    let rest = (beside.beside.clone()).unwrap_or_else(|| beside.prior().clone());
+    let mut evaluator = beside.evaluator();
+    let mut matrix = evaluator.matrix();
+    evaluator.move_to(present.configuration_rad.as_slice());
+    evaluator.observe(&present.load, &mut matrix);
+    let matrices = design.candidates.iter().map(|point| &point.matrix);
+    let values = matrices.chain([&matrix]).filter_map(|matrix| {
+        let mut information = rest.clone();
+        add_information(&mut information, matrix, 1.0);
+        cost.value(&information)
+    });
+    let maximised = beside.criterion.is_maximised();
+    let better = |one: f64, other: f64| {
+        if maximised {
+            one.max(other)
+        } else {
+            one.min(other)
+        }
+    };
+    values.reduce(better).unwrap_or(f64::NAN)
+}
