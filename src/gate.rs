@@ -5,7 +5,19 @@ use serde::{Deserialize, Serialize};
 use crate::plausible::TOLERANCE;
 
 /// What comparisons of results look at.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Deserialize, Serialize)]
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    PartialOrd,
+    Ord,
+    Hash,
+    Deserialize,
+    schemars::JsonSchema,
+    Serialize,
+)]
 #[serde(rename_all = "snake_case")]
 pub enum Quantity {
     /// The rms distance that a plan promises at the test poses, eq. 20.
@@ -25,7 +37,9 @@ pub enum Quantity {
 }
 
 /// Which changes a gate objects to.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, Serialize)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, schemars::JsonSchema, Serialize,
+)]
 #[serde(rename_all = "snake_case")]
 pub enum Direction {
     /// Those for the worse.
@@ -38,7 +52,7 @@ pub enum Direction {
 }
 
 /// How far a quantity may change: by the larger of the two.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize, schemars::JsonSchema, Serialize)]
 pub struct Tolerance {
     /// As a part of the value before.
     pub relative: f64,
@@ -49,7 +63,7 @@ pub struct Tolerance {
 }
 
 /// A tolerance as it is written. Each quantity has one key for the absolute tolerance.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Deserialize, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Deserialize, schemars::JsonSchema, Serialize)]
 #[serde(deny_unknown_fields)]
 struct ToleranceTable {
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -65,7 +79,7 @@ struct ToleranceTable {
 }
 
 /// The table as it is written; results carry it to where they are compared.
-#[derive(Debug, Clone, PartialEq, Default, Deserialize, Serialize)]
+#[derive(Debug, Clone, PartialEq, Default, Deserialize, schemars::JsonSchema, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Gate {
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -19,7 +19,7 @@ use elastocal::files::output::abandon_unfinished;
 const GRACE: Duration = Duration::from_millis(600);
 
 /// Whether the work is asked to end.
-static STOP: AtomicBool = AtomicBool::new(false);
+pub static STOP: AtomicBool = AtomicBool::new(false);
 /// For work that is not asked: it is ended.
 pub static NEVER: AtomicBool = AtomicBool::new(false);
 

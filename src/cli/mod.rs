@@ -24,6 +24,7 @@ mod replay;
 mod reproduce;
 mod residuals;
 mod run;
+mod schema;
 mod study;
 mod table;
 mod validate;
@@ -122,6 +123,8 @@ enum Command {
     Reproduce(reproduce::Reproduce),
     /// Open a recording in the rerun viewer
     View(view::View),
+    /// Print the JSON schema of scenarios, with which editors complete and check them
+    Schema(schema::Schema),
     /// Load a model in a process of its own
     #[command(hide = true)]
     LoadModel(load_model::LoadModel),
@@ -146,11 +149,11 @@ fn named_by_file(argument: Arg) -> Arg {
 #[derive(Debug, Default)]
 pub struct Report {
     /// For stdout with `--json`.
-    json: Value,
+    pub json: Value,
     /// For stdout without.
-    text: String,
+    pub text: String,
     /// Named conditions that did not hold.
-    conditions: Vec<String>,
+    pub conditions: Vec<String>,
 }
 
 impl Arguments {
@@ -169,10 +172,23 @@ impl Arguments {
                 .num_threads(useful(threads))
                 .build_global()?;
         }
-        if !matches!(self.command, Command::LoadModel(_)) {
-            load_model::rehearse_models();
+        if let Command::LoadModel(command) = &self.command {
+            return command.execute();
         }
-        let report = match &self.command {
+        load_model::rehearse_models();
+        let report = self.report()?;
+        let text = if json {
+            serde_json::to_string_pretty(&report.json)? + "\n"
+        } else {
+            plain(&report.text).into_owned()
+        };
+        print(&text)?;
+        Ok(report.conditions)
+    }
+
+    /// Does what the command says, and prints no results.
+    pub fn report(&self) -> anyhow::Result<Report> {
+        match &self.command {
             Command::Init(command) => command.execute(),
             Command::Run(command) => command.execute(),
             Command::Check(command) => command.execute(),
@@ -190,16 +206,11 @@ impl Arguments {
             Command::Merge(command) => command.execute(),
             Command::Compare(command) => command.execute(),
             Command::View(command) => command.execute(),
-            Command::LoadModel(command) => return command.execute(),
+            Command::Schema(command) => command.execute(),
+            // It has nothing to report.
+            Command::LoadModel(_) => Ok(Report::default()),
             Command::Reproduce(command) => command.execute(),
-        }?;
-        let text = if json {
-            serde_json::to_string_pretty(&report.json)? + "\n"
-        } else {
-            plain(&report.text).into_owned()
-        };
-        print(&text)?;
-        Ok(report.conditions)
+        }
     }
 }
 
@@ -225,6 +236,7 @@ impl Command {
             | Self::Merge(_)
             | Self::Compare(_)
             | Self::View(_)
+            | Self::Schema(_)
             | Self::LoadModel(_) => return None,
         })
     }

@@ -13,7 +13,7 @@ use crate::study::Level;
 use crate::task::Method;
 
 /// The whole file.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct File {
     #[serde(default)]
@@ -44,7 +44,7 @@ pub(super) struct File {
     pub gate: Gate,
 }
 
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct RobotTable {
     pub model: PathBuf,
@@ -66,7 +66,7 @@ pub(super) struct RobotTable {
 }
 
 /// What becomes of the model's actuators.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum Actuators {
     /// They hold the joints: a position actuator's gain is a joint's stiffness.
@@ -77,7 +77,7 @@ pub(super) enum Actuators {
 }
 
 /// One of `[[robot.tool]]`.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct ToolTable {
     pub name: String,
@@ -87,7 +87,7 @@ pub(super) struct ToolTable {
 }
 
 /// One of `[[robot.payload]]`.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct PayloadTable {
     pub on: String,
@@ -95,7 +95,7 @@ pub(super) struct PayloadTable {
     pub centre_mm: Vec<f64>,
 }
 
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct TrueRobotTable {
     pub model: Option<PathBuf>,
@@ -103,7 +103,7 @@ pub(super) struct TrueRobotTable {
 }
 
 /// What the instrument's sigma is the standard deviation of.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, schemars::JsonSchema, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum SigmaOf {
     /// Of each coordinate of the deflection, as in the paper.
@@ -122,7 +122,7 @@ impl SigmaOf {
     }
 }
 
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct InstrumentTable {
     pub sigma_mm: f64,
@@ -131,14 +131,14 @@ pub(super) struct InstrumentTable {
     pub tracker_site: Option<String>,
 }
 
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Default, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct IdentificationTable {
     #[serde(default)]
     pub method: Method,
 }
 
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct TestPoseTable {
     pub name: Option<String>,
@@ -153,7 +153,7 @@ pub(super) struct TestPoseTable {
 }
 
 /// The table `[load]`: which loads a plan may use.
-#[derive(Debug, Clone, Deserialize)]
+#[derive(Debug, Clone, Deserialize, schemars::JsonSchema)]
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
 pub enum LoadKind {
     /// One wrench for every experiment.
@@ -186,7 +186,7 @@ pub enum LoadKind {
 }
 
 /// A force and a torque.
-#[derive(Debug, Clone, Deserialize)]
+#[derive(Debug, Clone, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct WrenchTable {
     /// The force (N).
@@ -195,7 +195,7 @@ pub struct WrenchTable {
     pub torque_nm: Option<Vec<f64>>,
 }
 
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Default, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct RegionTable {
     #[serde(default)]
@@ -215,7 +215,7 @@ pub(super) struct RegionTable {
     pub forbidden: Vec<ForbiddenTable>,
 }
 
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct ForbiddenTable {
     pub q_deg: Vec<f64>,
@@ -223,7 +223,7 @@ pub(super) struct ForbiddenTable {
 }
 
 /// The shapes of obstacles.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum ObstacleKind {
     Box,
@@ -244,7 +244,7 @@ impl ObstacleKind {
 }
 
 /// One of `[[obstacle]]`.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct ObstacleTable {
     pub name: String,
@@ -257,7 +257,7 @@ pub(super) struct ObstacleTable {
 }
 
 /// What is uncertain.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum UncertaintyKind {
     Compliance,
@@ -343,7 +343,7 @@ impl UncertaintyKind {
 }
 
 /// One of `[[uncertainty]]`.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct UncertaintyTable {
     pub kind: UncertaintyKind,
@@ -371,7 +371,7 @@ impl UncertaintyTable {
     }
 }
 
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct DesignTable {
     pub experiments: u32,
@@ -379,14 +379,14 @@ pub(super) struct DesignTable {
     pub mandatory: Option<PathBuf>,
 }
 
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct PlanTable {
     pub name: String,
     pub file: PathBuf,
 }
 
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Default, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct StudyTable {
     pub trials: Option<u64>,
@@ -400,7 +400,7 @@ pub(super) struct StudyTable {
     pub plan: Option<Vec<StudyPlanTable>>,
 }
 
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Default, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct LaboratoryTable {
     pub station_min: Option<f64>,
@@ -418,7 +418,7 @@ pub(super) struct LaboratoryTable {
 }
 
 /// One number for all joints, or one for each.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Deserialize, schemars::JsonSchema)]
 #[serde(untagged)]
 pub(super) enum Spread {
     All(f64),
@@ -432,7 +432,7 @@ impl Default for Spread {
 }
 
 /// Conditions that a study is made under, all with all.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Default, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct SweepTable {
     pub sigma_mm: Option<Vec<f64>>,
@@ -441,7 +441,7 @@ pub(super) struct SweepTable {
 }
 
 /// One of `[[study.plan]]`.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Deserialize, schemars::JsonSchema)]
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
 pub(super) enum StudyPlanTable {
     File {

@@ -6,8 +6,11 @@
 
 mod check;
 mod file;
+mod schema;
 
 use std::path::PathBuf;
+
+pub use schema::scenario_schema;
 
 use crate::gate::Gate;
 use crate::laboratory::Laboratory;

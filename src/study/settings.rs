@@ -6,7 +6,18 @@ use crate::plan::{Criterion, Plan};
 use crate::task::Task;
 
 /// What the runs of a study are made of.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, Serialize, clap::ValueEnum)]
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    Default,
+    Deserialize,
+    schemars::JsonSchema,
+    Serialize,
+    clap::ValueEnum,
+)]
 #[serde(rename_all = "snake_case")]
 pub enum Level {
     /// The linear model of the paper: noise, eq. 9 and eq. 15 as matrices.

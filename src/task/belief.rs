@@ -19,7 +19,18 @@ pub struct Instrument {
 }
 
 /// How compliances are identified and deflections compensated.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, Serialize, clap::ValueEnum)]
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    Default,
+    Deserialize,
+    schemars::JsonSchema,
+    Serialize,
+    clap::ValueEnum,
+)]
 #[serde(rename_all = "snake_case")]
 pub enum Method {
     /// Linear least squares (eq. 9) and linear compensation (eq. 15).

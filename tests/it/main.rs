@@ -45,6 +45,7 @@
 //! - `elastic_beliefs`: beliefs with passive joints, slides, springs, locked branches, tools and payloads.
 //! - `true_models`: virtual robots that are more than a chain, beside MuJoCo's simulation in time.
 //! - `known_optima`: arms of three joints, for which the best plan can be derived by hand.
+//! - `schema`: the JSON schema of scenarios.
 //! - `search`: the search for plans and its certificate, on the KR-270.
 //! - `bounds`: the class of plans that a bound speaks about.
 //! - `proofs`: the bound that is proved, and its proof checked by another program.
@@ -123,6 +124,7 @@ mod report;
 mod reproduction;
 mod robots;
 mod rooms;
+mod schema;
 mod search;
 #[cfg(feature = "view")]
 mod streams;

@@ -1,0 +1,23 @@
+//! `schema`: the scenario's JSON schema.
+
+use clap::Args;
+use elastocal::scenario::scenario_schema;
+
+use super::Report;
+
+/// Arguments of `schema`.
+#[derive(Debug, Args)]
+pub struct Schema {}
+
+impl Schema {
+    /// It is JSON, whether or not results are wanted as such.
+    #[expect(clippy::unused_self, reason = "as every command")]
+    pub fn execute(&self) -> anyhow::Result<Report> {
+        let json = scenario_schema();
+        Ok(Report {
+            text: serde_json::to_string_pretty(&json)? + "\n",
+            json,
+            conditions: Vec::new(),
+        })
+    }
+}
