@@ -2,7 +2,7 @@
 
 CARGO ?= cargo
 
-.PHONY: help demo docs enclosures evidence replanning reproduce test without-views build gate baseline bench instructions instructions-baseline scaling fuzz dependencies lint fmt clippy doc clean setup
+.PHONY: help demo docs python wheel enclosures evidence replanning reproduce test without-views build gate baseline bench instructions instructions-baseline scaling fuzz dependencies lint fmt clippy doc clean setup
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/make \1\t\2/p' Makefile | expand -t 28
@@ -22,6 +22,12 @@ build: setup ## build the program: target/release/elastocal
 
 docs: build ## run the commands of README and docs/, and compare what they print with what the pages say
 	tools/try-docs
+
+python: build ## install the Python package into .python/ and test it beside the program
+	tools/try-python
+
+wheel: setup ## build the Python package's wheel: python/dist/
+	tools/try-python wheel
 
 without-views: setup ## check that all builds without recordings, pages and pictures, and test what it then says
 	$(CARGO) test --release --locked --no-default-features --target-dir target/without-views --test it -- without_views rooms
@@ -86,7 +92,7 @@ doc: setup ## build the documentation, with warnings as errors
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --release --locked --no-deps
 
 clean: ## remove what was built and installed; results in out/ stay
-	rm -rf target .mujoco .mujoco.* .rerun .rerun.* .peers
+	rm -rf target python/target python/dist .python .mujoco .mujoco.* .rerun .rerun.* .peers
 
 setup: ## install MuJoCo, unless MUJOCO_DYNAMIC_LINK_DIR names one
 	@command -v $(CARGO) >/dev/null || { echo "error: cargo was not found." \

@@ -1,0 +1,249 @@
+"""A scenario and what can be done with it."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from os import fspath
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ._commands import command, read
+from ._data import Array, Assessment, Compensation, Design, FilePath, Identified, Measurements, Plan, Results
+from ._elastocal import PlanningProblem
+
+
+@contextmanager
+def _folder() -> Iterator[Path]:
+    with tempfile.TemporaryDirectory(prefix="elastocal-") as name:
+        yield Path(name)
+
+
+class Problem:
+    """The planning problem in numbers, for one's own criterion or optimiser."""
+
+    def __init__(self, path: FilePath, noise_only: bool = False) -> None:
+        self._problem = PlanningProblem(str(fspath(path)), noise_only)
+
+    @property
+    def columns(self) -> list[str]:
+        """The columns of configurations: ``q1_deg``, or ``q1_mm`` for a slide."""
+        return self._problem.columns()
+
+    @property
+    def parameters(self) -> list[str]:
+        """The names of the p parameters."""
+        return self._problem.parameters()
+
+    @property
+    def sigma_m(self) -> float:
+        """The standard deviation of each coordinate of a deflection (m)."""
+        return self._problem.sigma_m()
+
+    @property
+    def nominal_rad_per_nm(self) -> Array:
+        """The nominal compliance of each parameter (p,), rad/(N m)."""
+        return np.array(self._problem.nominal_rad_per_nm())
+
+    @property
+    def ranges_deg(self) -> Array:
+        """Lower and upper ends of the commanded joints' ranges (2, n), deg; slides mm."""
+        return np.array(self._problem.ranges())
+
+    def observation_matrix(self, q_deg: ArrayLike, wrench: ArrayLike) -> Array:
+        """The position rows of the observation matrix, eq. 7 of the paper: (3, p), m N m/rad.
+
+        ``q_deg`` (n,), deg; ``wrench`` (6,), N and N m at the calibration tool in the world frame.
+        """
+        q = np.asarray(q_deg, dtype=float).tolist()
+        return np.array(self._problem.observation_matrix(q, np.asarray(wrench, dtype=float).tolist()))
+
+    def test_pose_matrices(self) -> list[Array]:
+        """Eq. 23 for each test pose, times the root of its weight: (3, p) each, m N m/rad."""
+        return [np.array(each) for each in self._problem.test_pose_matrices()]
+
+    def information(self, plan: Plan) -> Array:
+        """The information of a plan by noise alone, eq. 12: (p, p), ((N m)/rad)^2."""
+        size = len(self.parameters)
+        total = np.zeros((size, size))
+        for q, wrench, repeats in zip(plan.q_deg, plan.wrench, plan.repeats, strict=True):
+            rows = self.observation_matrix(q, wrench)
+            total += float(repeats) * (rows.T @ rows)
+        return total / self.sigma_m**2
+
+    def objective(self, plan: Plan) -> tuple[float, Array]:
+        """rho0^2 (m^2), and its gradient by every coordinate of every experiment (m, joints), m^2/rad; slides m^2/m.
+
+        It has all that the scenario lists as uncertain; passive joints, which nothing commands, have columns, too.
+        """
+        wrenches = plan.wrench.tolist()
+        value, gradient = self._problem.objective(plan.q_deg.tolist(), wrenches, plan.repeats.tolist())
+        return value, np.array(gradient)
+
+
+class Scenario:
+    """A scenario file: ``Scenario.load(path)``.
+
+    Every method reads the file anew. ``seed`` replaces the scenario's, ``noise_only`` believes in the instrument's noise
+    alone, ``threads`` is how many to use. Options of a command that are not named in a method are keywords all the same.
+    """
+
+    def __init__(self, path: FilePath, seed: int | None = None, noise_only: bool = False, threads: int | None = None) -> None:
+        self.path = Path(fspath(path))
+        self.seed = seed
+        self.noise_only = noise_only
+        self.threads = threads
+        self._problem: Problem | None = None
+
+    @classmethod
+    def load(cls, path: FilePath, *, seed: int | None = None, noise_only: bool = False, threads: int | None = None) -> Scenario:
+        """Reads and checks a scenario file; raises :class:`ElastocalError` for what is wrong."""
+        scenario = cls(path, seed, noise_only, threads)
+        scenario.command("check")
+        return scenario
+
+    def command(self, name: str, **given: Any) -> Results:
+        """Any command of the command line for this scenario, with its options as keywords."""
+        given.setdefault("seed", self.seed)
+        given.setdefault("noise_only", self.noise_only)
+        given.setdefault("threads", self.threads)
+        return command(name, self.path, **given)
+
+    @property
+    def problem(self) -> Problem:
+        """Observation and information matrices, and the objective with its gradient."""
+        if self._problem is None:
+            self._problem = Problem(self.path, self.noise_only)
+        return self._problem
+
+    @property
+    def columns(self) -> list[str]:
+        """The columns of configurations: ``q1_deg``, or ``q1_mm`` for a slide."""
+        return self.problem.columns
+
+    def _with_plan(self, name: str, plan: Plan, **given: Any) -> Results:
+        with _folder() as folder:
+            plan.save(folder / "plan.csv", self.columns)
+            return self.command(name, plan=folder / "plan.csv", **given)
+
+    def check(self, plan: Plan | None = None, parameters: bool = False) -> Results:
+        """The robot as it was understood, with ``warnings``; with a plan, ``ok`` and ``problems``."""
+        if plan is None:
+            return self.command("check", parameters=parameters)
+        return self._with_plan("check", plan, parameters=parameters)
+
+    def design(self, experiments: int | None = None, **given: Any) -> Design:
+        """Designs a plan of ``experiments`` measurements (the scenario's if not given).
+
+        Further keywords are the options of ``elastocal plan``: ``configurations``, ``minutes``, ``criterion``, ``prove``,
+        ``prove_time``, ``no_proof``, ``proof_out``, ``plan_out``.
+        """
+        found = self.command("plan", experiments=experiments, **given)
+        return Design(**vars(Assessment.from_results(found)))
+
+    def evaluate(self, plan: Plan, **given: Any) -> Assessment:
+        """What a plan promises, and the bound that no plan of as many measurements can beat."""
+        return Assessment.from_results(self._with_plan("evaluate", plan, **given))
+
+    def budget(self, accuracy_um: float | None = None, up_to: int | None = None, **given: Any) -> Results:
+        """How many measurements in how many configurations an accuracy (um, rms) takes."""
+        return self.command("budget", accuracy_um=accuracy_um, up_to=up_to, **given)
+
+    def measure(self, plan: Plan, *, noise_free: bool = False, seed: int | None = None) -> Measurements:
+        """Measures a plan on the virtual robot: run 0 of the seed."""
+        with _folder() as folder:
+            out = folder / "measurements.csv"
+            chosen = self.seed if seed is None else seed
+            self._with_plan("measure", plan, noise_free=noise_free, measurements_out=out, seed=chosen)
+            return Measurements.from_text(read(out))
+
+    def identify(self, measurements: Measurements, *, method: str | None = None, sigma_from_residuals: bool = False) -> Identified:
+        """Identifies the compliances; ``method`` is ``nonlinear`` or ``linear``, the scenario's if not given."""
+        with _folder() as folder:
+            measurements.save(folder / "measurements.csv")
+            return Identified(
+                self.command(
+                    "identify",
+                    measurements=folder / "measurements.csv",
+                    method=method,
+                    sigma_from_residuals=sigma_from_residuals,
+                )
+            )
+
+    def compensate(self, identified: Identified, *, method: str | None = None) -> Compensation:
+        """The angles to command at the test poses, so that the loaded tool stands where it should."""
+        with _folder() as folder:
+            path = folder / "identified.json"
+            path.write_text(json.dumps(identified.results), encoding="utf-8")
+            return Compensation(self.command("compensate", identified=path, method=method))
+
+    def next(self, measurements: Measurements, plan: Plan, **given: Any) -> Results:
+        """What to measure next, after some of a plan is measured."""
+        with _folder() as folder:
+            measurements.save(folder / "measurements.csv")
+            return self._with_plan("next", plan, measurements=folder / "measurements.csv", **given)
+
+    def validate(self, identified: Identified, measurements: Measurements | None = None, **given: Any) -> Results:
+        """A plan for checking an identification, or, with measurements, whether it keeps what it promises."""
+        with _folder() as folder:
+            path = folder / "identified.json"
+            path.write_text(json.dumps(identified.results), encoding="utf-8")
+            if measurements is not None:
+                measurements.save(folder / "measurements.csv")
+                given["measurements"] = folder / "measurements.csv"
+            return self.command("validate", identified=path, **given)
+
+    def lab(self, plan: Plan, out: FilePath, **given: Any) -> Results:
+        """Run sheet, robot program and table to fill in, in a folder under ``out``."""
+        return self._with_plan("lab", plan, out=out, **given)
+
+    def study(self, *, out: FilePath | None = None, **given: Any) -> Results:
+        """Compares the scenario's plans over many runs: ``trials``, ``level``, ``resume``, ``shard``, ... as ``elastocal study``.
+
+        Without ``out`` no file stays.
+        """
+        return self._into("study", out, given)
+
+    def run(self, *, out: FilePath | None = None, **given: Any) -> Results:
+        """The whole loop: design, measure, identify, compensate, beside other plans. Without ``out`` no file stays."""
+        return self._into("run", out, given)
+
+    def replay(self, run: int, *, out: FilePath | None = None, **given: Any) -> Results:
+        """One run of the study on the virtual robot."""
+        return self._into("replay", out, {"run": run, **given})
+
+    def reproduce(self, *, out: FilePath | None = None, **given: Any) -> Results:
+        """The paper's numbers beside this program's."""
+        return self._into("reproduce", out, given)
+
+    def _into(self, name: str, out: FilePath | None, given: dict[str, Any]) -> Results:
+        if out is not None:
+            return self.command(name, out=out, **given)
+        with _folder() as folder:
+            return self.command(name, out=folder, **given)
+
+
+def compare(base: FilePath, new: FilePath, **given: Any) -> Results:
+    """Two results files against tolerances: ``allow_different``, ``exact``, ``within``, ``markdown``."""
+    return command("compare", base, new, **given)
+
+
+def init(model: FilePath, scenario_out: FilePath, tip: str | None = None) -> Scenario:
+    """A first scenario for a robot's model (MJCF or URDF), written to ``scenario_out``; returns it."""
+    command("init", model, scenario_out=scenario_out, tip=tip)
+    return Scenario(scenario_out)
+
+
+def merge(*shards: FilePath, **given: Any) -> Results:
+    """Joins the shards of a study."""
+    return command("merge", *shards, **given)
+
+
+def schema() -> Results:
+    """The JSON schema of scenario files."""
+    return command("schema")

@@ -1,0 +1,126 @@
+//! The command line's commands, called with its arguments.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::Ordering;
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::sync::{Mutex, PoisonError};
+use std::time::Duration;
+
+use clap::{CommandFactory, Parser};
+use elastocal::files::FileError;
+use pyo3::prelude::*;
+use serde_json::{Value, json};
+
+use crate::cli::interruption::STOP;
+use crate::cli::{Arguments, Report};
+
+/// How often Python is asked whether somebody pressed ctrl-C.
+const PATIENCE: Duration = Duration::from_millis(50);
+/// One command at a time: a search is asked to stop by a flag that all of them look at.
+static BUSY: Mutex<()> = Mutex::new(());
+
+/// Does what a command says, with the command line's arguments, on so many threads. Returns JSON: `results`, `text`
+/// and `conditions`, or `error` with `hint` and `is_usage`.
+///
+/// # Errors
+/// Python's, such as KeyboardInterrupt: a search then ends soon, other work when it is done.
+#[pyfunction]
+#[pyo3(signature = (arguments, threads=None))]
+pub fn command(py: Python<'_>, arguments: Vec<String>, threads: Option<usize>) -> PyResult<String> {
+    let (said, mut hears) = channel();
+    py.detach(|| {
+        std::thread::spawn(move || {
+            let _turn = BUSY.lock().unwrap_or_else(PoisonError::into_inner);
+            STOP.store(false, Ordering::Relaxed);
+            let answer = catch_unwind(AssertUnwindSafe(|| answer(&arguments, threads)));
+            let _ = said.send(answer.unwrap_or_else(|_| {
+                json!({ "error": "elastocal broke down; please report it", "hint": null, "is_usage": false })
+            }));
+        });
+    });
+    let mut interrupted = None;
+    loop {
+        let (heard, back) = py.detach(move || (hears.recv_timeout(PATIENCE), hears));
+        hears = back;
+        match heard {
+            Ok(answer) => {
+                return match interrupted {
+                    Some(error) => Err(error),
+                    None => Ok(answer.to_string()),
+                };
+            }
+            Err(RecvTimeoutError::Timeout) => {
+                if let Err(error) = py.check_signals() {
+                    STOP.store(true, Ordering::Relaxed);
+                    interrupted = Some(error);
+                }
+            }
+            Err(RecvTimeoutError::Disconnected) => return Ok(Value::Null.to_string()),
+        }
+    }
+}
+
+fn answer(arguments: &[String], threads: Option<usize>) -> Value {
+    let program = std::iter::once("elastocal");
+    let words = program.chain(arguments.iter().map(String::as_str));
+    let parsed = match Arguments::try_parse_from(words) {
+        Ok(parsed) => parsed,
+        Err(usage) => {
+            return json!({ "error": usage.to_string(), "hint": null, "is_usage": true });
+        }
+    };
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0));
+    let done = match pool.build() {
+        Ok(pool) => pool.install(|| parsed.report()),
+        Err(error) => Err(error.into()),
+    };
+    match done {
+        Ok(Report {
+            json,
+            text,
+            conditions,
+        }) => json!({ "results": json, "text": text, "conditions": conditions }),
+        Err(error) => failed(&error),
+    }
+}
+
+/// The message that the command line prints, and its hint.
+fn failed(error: &anyhow::Error) -> Value {
+    let mut text = error.to_string();
+    for cause in error.chain().skip(1).map(ToString::to_string) {
+        if !text.contains(&cause) {
+            text += &format!(": {cause}");
+        }
+    }
+    let hint = error
+        .downcast_ref::<FileError>()
+        .and_then(|error| error.hint.clone());
+    json!({ "error": text, "hint": hint, "is_usage": false })
+}
+
+/// The command line's commands with their arguments, as JSON: for each command a list of `name`, `long`,
+/// `takes_value`, `is_positional`, `is_hidden` and `help`.
+#[pyfunction]
+pub fn options() -> String {
+    let program = Arguments::command();
+    let commands = program
+        .get_subcommands()
+        .filter(|command| !command.is_hide_set());
+    let listed = commands.map(|command| {
+        let options: Vec<Value> = command
+            .get_arguments()
+            .map(|option| {
+                json!({
+                    "name": option.get_id().as_str(),
+                    "long": option.get_long(),
+                    "takes_value": option.get_action().takes_values(),
+                    "is_positional": option.is_positional(),
+                    "is_hidden": option.is_hide_set(),
+                    "help": option.get_help().map(ToString::to_string),
+                })
+            })
+            .collect();
+        (command.get_name().to_owned(), Value::Array(options))
+    });
+    Value::Object(listed.collect()).to_string()
+}

@@ -1,0 +1,23 @@
+//! elastocal for Python: the program's commands, and the planning problem's matrices.
+//!
+//! Commands are those of the command line, compiled in: the same code, the same records, the same messages.
+//! What they come to passes as JSON; the package `elastocal` around this module makes arrays of it.
+
+#[path = "../../src/cli/mod.rs"]
+#[expect(dead_code, reason = "what belongs to a process of its own")]
+mod cli;
+mod commands;
+mod problem;
+
+use pyo3::prelude::*;
+
+/// The module `elastocal._elastocal`.
+#[pymodule]
+fn _elastocal(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    elastocal::mujoco::print_warnings(false);
+    module.add("VERSION", elastocal::VERSION)?;
+    module.add("COMMIT", elastocal::COMMIT)?;
+    module.add_function(wrap_pyfunction!(commands::command, module)?)?;
+    module.add_function(wrap_pyfunction!(commands::options, module)?)?;
+    module.add_class::<problem::PlanningProblem>()
+}

@@ -1,0 +1,179 @@
+"""The package beside the command line: nothing is missing, and the numbers are the same to the last bit."""
+
+from __future__ import annotations
+
+import inspect
+import json
+import os
+import re
+import runpy
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import elastocal as ec
+from elastocal._commands import options
+
+ROOT = Path(__file__).resolve().parents[2]
+PROGRAM = Path(os.environ.get("ELASTOCAL", ROOT / "target/release/elastocal"))
+PAPER = ROOT / "scenarios/klimchik2012.toml"
+TABLE4 = ROOT / "scenarios/plans/klimchik2012_m3.csv"
+QUICK = ROOT / "scenarios/planar_3r.toml"
+
+needs_program = pytest.mark.skipif(not PROGRAM.exists(), reason="the program is not built (make build)")
+
+
+def program(*words: object) -> dict[str, Any]:
+    """What the program prints with --json."""
+    ended = subprocess.run([PROGRAM, *map(str, words), "--json", "--quiet"], capture_output=True, text=True, check=False)
+    assert ended.returncode in (0, 3), ended.stderr
+    found: dict[str, Any] = json.loads(ended.stdout)
+    return found
+
+
+def same(one: Any, other: Any) -> bool:
+    """Whether records are equal but for times, paths and how the program was built."""
+    def bare(value: Any) -> Any:
+        if isinstance(value, dict):
+            left_out = {"elapsed_s", "runs_per_s", "provenance", "scenario_file"}
+            return {key: bare(each) for key, each in value.items() if key not in left_out}
+        return [bare(each) for each in value] if isinstance(value, list) else value
+
+    return bool(bare(one) == bare(other))
+
+
+@needs_program
+def test_every_command_and_option_of_the_program_is_there() -> None:
+    listed = subprocess.run([PROGRAM, "--help"], capture_output=True, text=True, check=True).stdout
+    commands = re.findall(r"^  ([a-z-]+)  ", listed, flags=re.MULTILINE)
+    assert set(commands) - {"help"} == set(options())
+    for name in options():
+        text = subprocess.run([PROGRAM, name, "--help"], capture_output=True, text=True, check=True).stdout
+        shown = set(re.findall(r"^ +(?:-\w, )?--([a-z-]+)", text, flags=re.MULTILINE))
+        taken = {each["long"] for each in options()[name] if each["long"]} | {"help"}
+        assert shown <= taken, name
+
+
+def test_every_command_has_a_function() -> None:
+    functions = {name for name, _ in inspect.getmembers(ec.Scenario, inspect.isfunction)} | set(ec.__all__)
+    names = {"plan": "design"}
+    # A viewer is a program's.
+    for name in set(options()) - {"view"}:
+        assert names.get(name, name) in functions, name
+
+
+@needs_program
+def test_the_loop_has_the_program_s_bits(tmp_path: Path) -> None:
+    scenario = ec.Scenario.load(PAPER)
+    design = scenario.design(experiments=3, no_proof=True)
+    plan, measured, identified = (tmp_path / name for name in ("plan.csv", "measured.csv", "identified.json"))
+    assert same(program("plan", PAPER, "--experiments", 3, "--no-proof", "--plan-out", plan), design.results)
+    assert np.array_equal(ec.Plan.load(plan).q_deg, design.plan.q_deg)
+    measurements = scenario.measure(design.plan)
+    program("measure", PAPER, "--plan", plan, "--measurements-out", measured)
+    assert np.array_equal(ec.Measurements.load(measured).rows, measurements.rows)
+    found = scenario.identify(measurements)
+    assert same(program("identify", PAPER, "--measurements", measured, "--identified-out", identified), found.results)
+    # The deflections alone, without where they come from, say the same.
+    plain = ec.Measurements.of(measurements.q_deg, measurements.wrench, measurements.deflection_mm)
+    assert np.array_equal(scenario.identify(plain).compliance_rad_per_nm, found.compliance_rad_per_nm)
+    compensated = scenario.compensate(found)
+    assert same(program("compensate", PAPER, "--identified", identified), compensated.results)
+    assert compensated.angles_rad.shape == (1, 6)
+    assert found.covariance.shape == (5, 5) and found.names == [f"joint_{j}" for j in range(2, 7)]
+    errors = np.sqrt(np.diag(found.covariance))
+    assert np.allclose(errors, found.compliance_std_rad_per_nm, rtol=1e-12)
+
+
+@needs_program
+def test_assessments_studies_and_budgets_have_the_program_s_bits(tmp_path: Path) -> None:
+    scenario = ec.Scenario.load(QUICK)
+    plan = scenario.design(no_proof=True).plan
+    plan.save(tmp_path / "plan.csv")
+    found = scenario.evaluate(plan, no_proof=True)
+    assert same(program("evaluate", QUICK, "--plan", tmp_path / "plan.csv", "--no-proof"), found.results)
+    assert same(program("budget", QUICK, "--up-to", 3, "--no-proof"), scenario.budget(up_to=3, no_proof=True))
+    words = ("--trials", 500, "--out", tmp_path / "out")
+    assert same(program("study", QUICK, *words), scenario.study(trials=500))
+    assert scenario.check(plan)["ok"] == program("check", QUICK, "--plan", tmp_path / "plan.csv")["ok"]
+
+
+def test_messages_are_those_of_the_command_line(tmp_path: Path) -> None:
+    with pytest.raises(ec.ElastocalError, match="missing.toml: cannot be read"):
+        ec.Scenario.load(tmp_path / "missing.toml")
+    wrong = tmp_path / "wrong.toml"
+    wrong.write_text(QUICK.read_text().replace("../models", str(ROOT / "models")).replace("sigma_mm", "sigma_m"))
+    with pytest.raises(ec.ElastocalError, match="unknown field `sigma_m`") as raised:
+        ec.Scenario.load(wrong)
+    assert raised.value.hint == "did you mean `sigma_mm`?"
+    with pytest.raises(ec.UsageError, match="no option 'measurments'"):
+        ec.command("identify", measurments="x.csv")
+    with pytest.raises(ec.UsageError, match="invalid value"):
+        ec.command("plan", QUICK, experiments=-1)
+
+
+def test_conditions_come_with_results() -> None:
+    found = ec.Scenario.load(ROOT / "scenarios/kr270.toml").check(ec.Plan.load(TABLE4))
+    assert not found["ok"] and found.conditions == ["the plan has 1 violation"]
+
+
+def test_matrices_are_those_of_the_promise() -> None:
+    scenario = ec.Scenario.load(PAPER)
+    plan = ec.Plan.load(TABLE4)
+    problem = scenario.problem
+    posterior = np.linalg.inv(problem.information(plan))
+    [rows] = problem.test_pose_matrices()
+    rho0_m = scenario.evaluate(plan, no_proof=True).rho0_m
+    assert rho0_m is not None
+    assert np.isclose(np.sqrt(np.trace(rows @ posterior @ rows.T)), rho0_m, rtol=1e-9)
+    value, gradient = problem.objective(plan)
+    assert np.isclose(np.sqrt(value), rho0_m, rtol=1e-9)
+    step = 1e-5
+    for experiment, joint in [(0, 1), (1, 3), (2, 4)]:
+        ends = []
+        for sign in (1, -1):
+            q = plan.q_deg.copy()
+            q[experiment, joint] += sign * np.degrees(step)
+            ends.append(problem.objective(ec.Plan.of(q, plan.wrench, plan.repeats))[0])
+        assert np.isclose(gradient[experiment, joint], (ends[0] - ends[1]) / (2 * step), rtol=1e-5, atol=1e-18)
+    with pytest.raises(ValueError, match="6 commanded joints"):
+        problem.observation_matrix([0, 0], [0, 0, -1, 0, 0, 0])
+
+
+def test_an_interruption_ends_a_search_soon() -> None:
+    text = f"import elastocal as ec; ec.Scenario({str(PAPER)!r}).budget(up_to=60, no_proof=True)"
+    child = subprocess.Popen([sys.executable, "-c", text], stderr=subprocess.PIPE, text=True)
+    time.sleep(3)
+    child.send_signal(2)
+    _, said = child.communicate(timeout=60)
+    assert "KeyboardInterrupt" in said
+
+
+def test_python_goes_on_during_a_search() -> None:
+    worker = threading.Thread(target=lambda: ec.Scenario(PAPER).design(experiments=12, no_proof=True))
+    worker.start()
+    ticks = 0
+    while worker.is_alive():
+        time.sleep(0.01)
+        ticks += 1
+    assert ticks > 5
+
+
+def test_there_is_one_library_of_mujoco() -> None:
+    with open("/proc/self/maps", encoding="utf-8") as maps:
+        libraries = {line.split()[-1] for line in maps if "libmujoco.so" in line}
+    assert len(libraries) == 1 and "site-packages" in libraries.pop()
+
+
+@pytest.mark.parametrize("name", ["own_optimiser", "own_robot"])
+def test_examples_run(name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.chdir(ROOT)
+    monkeypatch.setattr(sys, "argv", [name])
+    runpy.run_path(str(ROOT / f"python/examples/{name}.py"), run_name="__main__")
+    assert "um" in capsys.readouterr().out
