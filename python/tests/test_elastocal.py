@@ -177,3 +177,14 @@ def test_examples_run(name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest
     monkeypatch.setattr(sys, "argv", [name])
     runpy.run_path(str(ROOT / f"python/examples/{name}.py"), run_name="__main__")
     assert "um" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("name", ["fig7", "own_robot"])
+def test_notebooks_run(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(ROOT / "python/notebooks")
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+    notebook = json.loads((ROOT / f"python/notebooks/{name}.ipynb").read_text())
+    space: dict[str, Any] = {"__name__": "__main__"}
+    for cell in notebook["cells"]:
+        if cell["cell_type"] == "code":
+            exec(compile("".join(cell["source"]), f"{name}.ipynb", "exec"), space)
