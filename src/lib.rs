@@ -36,7 +36,8 @@
 //! - [`limits`], [`text`], [`platform`], [`source`], [`diagnostics`], [`files`], [`units`], [`plausible`],
 //!   [`csv`], [`wording`], [`random`], [`factorisation`]: what every stage needs.
 //! - [`estimable`]: what measurements determine, one decision for every stage; [`least_squares`] within
-//!   it; [`posterior`]: what is known afterwards, and the variance of anything that follows from it.
+//!   it; [`posterior`]: what is known afterwards, and the variance of anything that follows from it;
+//!   [`tolerance`]: the length that a share of errors stays below.
 //! - [`mujoco`]: MJCF models in MuJoCo; the only user of the simulator's bindings.
 //! - [`robot`]: the serial chain read from the model; Jacobians, elastostatics, static equilibrium.
 //! - [`parameter`]: what may be unknown about a robot, priors, and what cannot be told apart.
@@ -153,6 +154,7 @@ pub mod study;
 pub mod task;
 pub mod testbed;
 pub mod text;
+pub mod tolerance;
 pub mod understanding;
 pub mod units;
 #[cfg(feature = "view")]

@@ -173,6 +173,9 @@ pub fn describe(scenario: &Scenario, assessment: &Assessment) -> String {
     if let Some(reason) = assessment.no_bound() {
         text += &format!("no bound and no efficiency: {reason}\n");
     }
+    if let Some(quantile_m) = assessment.quantile95_m {
+        text += &format!("95 % stay below {:.3} um\n", quantile_m * 1e6);
+    }
     text += &shares(assessment);
     text += &describe_criterion(assessment);
     text.push('\n');

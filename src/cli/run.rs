@@ -182,9 +182,12 @@ fn summary(folder: &Path, entries: &[TriedPlan], random_rho0_m: Option<f64>) -> 
     let pose = &main.calibration.1.poses[0];
     let uncompensated = pose.seen.uncompensated_m.norm() * 1e6;
     let predicted = number(main.assessment.rho0_m.map(|value| value * 1e6), 1);
+    let tolerance = (main.assessment.quantile95_m).map_or_else(String::new, |value| {
+        format!(", 95 % below {:.1} um", value * 1e6)
+    });
     text += &format!(
         "\nAt the test pose {:?} the task load bends the robot by {uncompensated:.0} um{}. After calibration \
-         with {}, compensation leaves {:.1} um in this run; {leaves} {predicted} um rms",
+         with {}, compensation leaves {:.1} um in this run; {leaves} {predicted} um rms{tolerance}",
         pose.name,
         pose.direction.map_or("", |_| " along its direction"),
         counted(main.assessment.experiments.into(), "measurement"),

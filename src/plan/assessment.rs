@@ -4,11 +4,12 @@ use nalgebra::{DMatrix, DVector};
 
 use super::search::{Bound, NoBound, PlanBound, Problem};
 use super::{Criterion, ExperimentModel, Feasibility, Plan, PromiseShare, Violation, shares};
-use crate::compensation::{predicted_error, test_pose_rows};
+use crate::compensation::{predicted_error, test_pose_rows, weighted_rows};
 use crate::estimable::Estimable;
 use crate::least_squares::LeastSquares;
 use crate::posterior::Posterior;
 use crate::task::{Belief, Task};
+use crate::tolerance::length_quantile;
 
 /// A plan judged against a task.
 #[derive(Debug, Clone, PartialEq)]
@@ -18,7 +19,10 @@ pub struct Assessment {
     /// The predicted rms distance `rho_0` over the test poses (m), eq. 20; `None` where the
     /// compensation needs a compliance that the plan does not determine.
     pub rho0_m: Option<f64>,
-    /// What that is made of; nothing where there is no `rho_0`.
+    /// The distance (m) that 95 % of the draws of what is uncertain stay below, see [`quantile95_m`]; `None` where there is
+    /// no `rho_0`.
+    pub quantile95_m: Option<f64>,
+    /// What `rho_0` is made of; nothing where there is none.
     pub shares: Vec<PromiseShare>,
     /// The standard error of each compliance (rad/(N m)), eq. 13; `None` where the plan does not
     /// determine it.
@@ -72,6 +76,7 @@ impl Assessment {
                 Some(_) => shares(task, plan, &posterior),
                 None => Vec::new(),
             },
+            quantile95_m: quantile95_m(task, &posterior),
             rho0_m,
             standard_errors: (0..task.belief.parameters.len())
                 .map(|index| posterior.standard_error(index))
@@ -207,6 +212,18 @@ pub fn posterior(belief: &Belief, plan: &Plan) -> Posterior {
         covariance: least_squares.covariance * sigma_m.powi(2),
         estimable,
     }
+}
+
+/// The distance (m) that compensation leaves less of in 95 % of the draws of what is uncertain, from what is known
+/// after a plan; over several test poses, the rms over them. `None` where a test pose needs what is not determined.
+#[must_use]
+pub fn quantile95_m(task: &Task, posterior: &Posterior) -> Option<f64> {
+    let belief = &task.belief;
+    let rows = weighted_rows(&task.test_poses, belief.unknowns(), &|pose| {
+        test_pose_rows(belief, pose)
+    });
+    posterior.variance_of(&rows).ok()?;
+    length_quantile(&(&rows * &posterior.covariance * rows.transpose()), 0.95)
 }
 
 fn predicted(task: &Task, posterior: &Posterior) -> Option<f64> {

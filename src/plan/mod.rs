@@ -12,7 +12,7 @@ mod shares;
 
 pub use crate::experiment::{Experiment, Plan, read_plan, write_plan};
 pub use accuracy::ExperimentModel;
-pub use assessment::{Assessment, FurtherError, posterior};
+pub use assessment::{Assessment, FurtherError, posterior, quantile95_m};
 pub use criterion::{Criterion, CriterionFunction};
 pub use factorisation::LANES;
 pub use feasibility::{Feasibility, Violation};

@@ -62,13 +62,6 @@ impl AccountHeader {
     /// The key, and what is wrong there.
     pub fn check(&self) -> Result<(), Wrong> {
         within("parts", self.parts.len(), [1, 1000])?;
-        let size = |key: String, text: &str| match text.parse::<f64>() {
-            Ok(value) if value.is_finite() && value >= 0.0 => Ok(()),
-            _ => wrong(
-                key,
-                format!("found {text:?}; a number from zero on as text, in metres"),
-            ),
-        };
         size("promised_m".to_owned(), &self.promised_m)?;
         for (index, part) in self.parts.iter().enumerate() {
             if let Some(problem) = wrong_name(&part.name) {
@@ -104,6 +97,17 @@ impl From<&AccountPart> for PartMessage {
             rms_mm: part.rms_m * 1e3,
             seen_rms_mm: None,
         }
+    }
+}
+
+/// A number of metres as text.
+pub(super) fn size(key: String, text: &str) -> Result<(), Wrong> {
+    match text.parse::<f64>() {
+        Ok(value) if value.is_finite() && value >= 0.0 => Ok(()),
+        _ => wrong(
+            key,
+            format!("found {text:?}; a number from zero on as text, in metres"),
+        ),
     }
 }
 

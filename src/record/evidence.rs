@@ -95,7 +95,7 @@ pub fn distances_message(scenario: &Scenario, distances: &Distances) -> StudyPla
         scenario.task.belief.parameters.len(),
         &distances.tally,
         distances.summary.as_ref(),
-        None,
+        (None, None),
     )
 }
 

@@ -1,11 +1,15 @@
 //! Whether there can be a study with the header of a tally file.
 
+use super::account::size;
 use super::tally_file::{Header, PlanHeader};
 use crate::limits::{MOST_EXPERIMENTS, MOST_JOINTS, MOST_SHARDS, MOST_STUDIED, MOST_TRIALS};
 use crate::plausible::{DEVIATION, FACTOR};
 use crate::study::runner::block_runs;
 use crate::study::tally_check::{Wrong, within, wrong};
 use crate::text::{is_unseen, wrong_name};
+
+/// More unknowns has no scenario: a hundred uncertainties of as many joints.
+const MOST_UNKNOWNS: usize = 100_000;
 
 impl Header {
     /// Whether there can be such a study.
@@ -17,6 +21,7 @@ impl Header {
         within("study.shards", self.shards, [1, MOST_SHARDS])?;
         within("study.plans", self.plans.len(), [1, MOST_STUDIED])?;
         within("study.parameters", self.parameters.len(), [1, MOST_JOINTS])?;
+        within("study.unknowns", self.unknowns(), [1, MOST_UNKNOWNS])?;
         let provenance = &self.provenance;
         for (key, text) in [
             ("version", &provenance.version),
@@ -74,6 +79,9 @@ impl Header {
         }
         if let Some(account) = &plan.account {
             (account.check()).map_err(|(key, problem)| (format!("account.{key}"), problem))?;
+        }
+        if let Some(quantile) = &plan.promised_quantile95_m {
+            size("promised_quantile95_m".to_owned(), quantile)?;
         }
         let Some(reference) = plan.reference else {
             return Ok(());

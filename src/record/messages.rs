@@ -340,6 +340,9 @@ pub struct AssessmentMessage {
     /// The predicted rms distance over the test poses (mm), eq. 20; null where the compensation
     /// needs a compliance that the plan does not determine.
     pub rho0_mm: Option<f64>,
+    /// The distance (mm) that 95 % of all draws of what is uncertain stay below; null where there is no `rho0_mm`.
+    #[serde(default)]
+    pub quantile95_mm: Option<f64>,
     /// What `rho0_mm` is made of: the instrument's noise, an earlier identification, each uncertainty of the scenario.
     /// Their squares add up.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -457,6 +460,7 @@ impl AssessmentMessage {
             experiments: assessment.experiments,
             parameters: scenario.task.belief.parameter_names(),
             rho0_mm: assessment.rho0_m.map(|value| value * 1e3),
+            quantile95_mm: assessment.quantile95_m.map(|value| value * 1e3),
             rho0_shares: (assessment.shares.iter())
                 .map(|share| ShareMessage {
                     name: share.name.clone(),

@@ -44,6 +44,10 @@ pub struct StudyPlanMessage {
     /// What the belief promises for the rms (mm), where the scenario lists uncertainties.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub promised_rms_mm: Option<f64>,
+    /// The distance that the belief promises 95 % of the runs to stay below (mm); nothing where every run has a plan of its
+    /// own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub promised_quantile95_mm: Option<f64>,
     /// What the errors are made of, to first order; their squares add up to the square of what is to be expected.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub parts: Vec<PartMessage>,
@@ -99,7 +103,7 @@ impl StudyPlanMessage {
         parameters: usize,
         tally: &Tally,
         summary: Option<&Summary>,
-        account: Option<&Account>,
+        (account, promised_quantile95_m): (Option<&Account>, Option<f64>),
     ) -> Self {
         let of =
             |value: &dyn Fn(&Summary) -> f64| summary.map(value).filter(|value| value.is_finite());
@@ -120,6 +124,7 @@ impl StudyPlanMessage {
             rms_std_mm: of(&|each| each.rms_m.standard_error * 1e3),
             predicted_rms_mm: of(&|each| each.predicted_rms_m * 1e3),
             promised_rms_mm: account.map(|account| account.promised_m * 1e3),
+            promised_quantile95_mm: promised_quantile95_m.map(|value| value * 1e3),
             parts: account.map_or_else(Vec::new, |account| {
                 account.parts.iter().map(PartMessage::from).collect()
             }),

@@ -15,7 +15,7 @@ use crate::files::output::write_whole;
 use crate::files::schema::check_version;
 use crate::files::{FileError, hexadecimal, is_plain_name, read_text};
 use crate::gate::Gate;
-use crate::plan::Plan;
+use crate::plan::{Plan, posterior, quantile95_m};
 use crate::scenario::Scenario;
 use crate::study::account::Account;
 use crate::study::tally::{BINS, Failure, SUMS, Tally};
@@ -33,6 +33,9 @@ pub struct Header {
     pub level: Level,
     /// The names of the compliances.
     pub parameters: Vec<String>,
+    /// The number of all unknowns, where more than these compliances is uncertain.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub unknowns: Option<usize>,
     /// The plans.
     pub plans: Vec<PlanHeader>,
     /// The number n of shards.
@@ -60,6 +63,9 @@ pub struct PlanHeader {
     /// a plan of its own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub account: Option<AccountHeader>,
+    /// The distance (m) that it promises 95 % of the runs to stay below; nothing where every run has a plan of its own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub promised_quantile95_m: Option<String>,
 }
 
 impl PlanHeader {
@@ -101,6 +107,13 @@ impl Header {
                         Account::new(&setting.task, setting.truth, plan)
                     })
                     .map(|account| AccountHeader::new(&account)),
+                promised_quantile95_m: (entry.kind.plan())
+                    .and_then(|plan| {
+                        let task = &settings[entry.setting].task;
+                        quantile95_m(task, &posterior(&task.belief, plan))
+                    })
+                    // Machines of a cluster differ in last digits.
+                    .map(|quantile_m| format!("{quantile_m:.9e}")),
             }
         };
         Self {
@@ -108,12 +121,19 @@ impl Header {
             trials,
             level,
             parameters: scenario.task.belief.parameter_names(),
+            unknowns: (scenario.task.belief.uncertain.as_ref()).map(|all| all.set().len()),
             plans: (entries.iter().zip(runner::references(entries)))
                 .map(plan)
                 .collect(),
             shards,
             gate: scenario.gate.clone(),
         }
+    }
+
+    /// The number of all unknowns.
+    #[must_use]
+    pub fn unknowns(&self) -> usize {
+        self.unknowns.unwrap_or(self.parameters.len())
     }
 
     /// The plans and how much each measures, for people.
@@ -429,7 +449,7 @@ impl WrittenTallyFile {
         }
         let tallies: Vec<Tally> = (self.tallies.iter().enumerate())
             .map(|(index, stored)| {
-                restore(stored, header.parameters.len())
+                restore(stored, header.unknowns())
                     .map_err(|(key, problem)| (format!("tallies[{index}].{key}"), problem))
             })
             .collect::<Result<_, _>>()?;
@@ -439,8 +459,8 @@ impl WrittenTallyFile {
             tally
                 .check(runs, reference)
                 .map_err(|(key, problem)| (format!("tallies[{index}].{key}"), problem))?;
-            // Each run determines so many compliances at most.
-            let most = tally.runs.saturating_mul(header.parameters.len() as u64);
+            // Each run determines so many combinations at most.
+            let most = tally.runs.saturating_mul(header.unknowns() as u64);
             is_within(&format!("tallies[{index}].freedom"), tally.freedom, 0, most)?;
         }
         Ok(TallyFile {
@@ -452,7 +472,7 @@ impl WrittenTallyFile {
     }
 }
 
-fn restore(stored: &StoredTally, parameters: usize) -> Result<Tally, (&'static str, String)> {
+fn restore(stored: &StoredTally, unknowns: usize) -> Result<Tally, (&'static str, String)> {
     let (found, reasons) = (stored.failed.len(), Failure::ALL.len());
     let failed = (stored.failed.as_slice().try_into()).map_err(|_| {
         (
@@ -463,7 +483,7 @@ fn restore(stored: &StoredTally, parameters: usize) -> Result<Tally, (&'static s
     let sums: Option<Vec<i128>> = stored.sums.iter().map(|text| text.parse().ok()).collect();
     let sums = (sums.and_then(|sums| sums.try_into().ok()))
         .ok_or_else(|| ("sums", format!("{SUMS} whole numbers as text are allowed")))?;
-    let most = stored.runs.saturating_mul(parameters as u64);
+    let most = stored.runs.saturating_mul(unknowns as u64);
     let freedom = stored.freedom.unwrap_or(most);
     let mut bins = vec![0; BINS];
     for &(index, count) in &stored.histogram {

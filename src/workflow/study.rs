@@ -144,13 +144,14 @@ pub fn plan_messages(header: &Header, tallies: &[Tally]) -> Result<Vec<StudyPlan
         let summary = Summary::new(tally, conditions.sigma_m, reference);
         let (name, summary) = (&plan.name, summary.as_ref());
         let account = plan.account.as_ref().and_then(AccountHeader::account);
+        let quantile95_m = (plan.promised_quantile95_m.as_ref()).and_then(|text| text.parse().ok());
         Ok(StudyPlanMessage::new(
             name,
             &conditions,
             parameters,
             tally,
             summary,
-            account.as_ref(),
+            (account.as_ref(), quantile95_m),
         ))
     };
     header.plans.iter().zip(tallies).map(message).collect()

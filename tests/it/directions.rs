@@ -11,10 +11,10 @@ use crate::proofs::python;
 use crate::support::{Workplace, numbers, project, table4};
 use crate::uncertainties::{assert_holds, entry, loaded, study, with};
 
-const FORCE: &str = "force_n = [0, 280, -180]";
+pub const FORCE: &str = "force_n = [0, 280, -180]";
 
 /// The paper's scenario in which more is said of the test pose, and its force maybe otherwise.
-fn pose(force: &str, more: &str, uncertainties: &str, level: &str, trials: u32) -> String {
+pub fn pose(force: &str, more: &str, uncertainties: &str, level: &str, trials: u32) -> String {
     let text = with(uncertainties, level, trials);
     assert!(text.contains(FORCE));
     text.replacen(FORCE, &format!("{force}\n{more}"), 1)

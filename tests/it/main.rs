@@ -7,6 +7,7 @@
 //! - `unknowns`: unknowns besides compliances, found from measurements.
 //! - `recovery`: known compliances come back, and hand-computed small cases.
 //! - `directions`: accuracy along a direction alone, and targets in the tool's frame.
+//! - `tolerances`: what 95 % of calibrations stay below, promised and seen.
 //! - `uncertainties`: what nobody knows exactly: drawn in truth, carried by the belief, and kept in promises.
 //! - `unread`: what is uncertain and no reading shows: the task's force, masses of links.
 //! - `uncertainty`: the promised uncertainties are seen over many seeded runs.
@@ -131,6 +132,7 @@ mod streams;
 mod study;
 mod support;
 mod tallies;
+mod tolerances;
 mod true_models;
 mod uncertainties;
 mod uncertainty;

@@ -185,6 +185,18 @@ const SWEPT: [Swept; 3] = [
     ("sigma [mm]", |message| format!("{:.4}", message.sigma_mm)),
 ];
 
+/// What is promised as a tolerance, and what of the runs keeps it.
+fn tolerance(message: &StudyPlanMessage) -> String {
+    let quantiles = message.promised_quantile95_mm.zip(message.quantiles_mm);
+    quantiles.map_or_else(String::new, |(promised, seen)| {
+        format!(
+            " (95 % below {:.3}, seen {:.3})",
+            promised * 1e3,
+            seen[2] * 1e3
+        )
+    })
+}
+
 /// What each plan promised, what its errors are made of, and whether the promise holds.
 fn promises(messages: &[StudyPlanMessage]) -> String {
     let mut text = String::new();
@@ -194,9 +206,10 @@ fn promises(messages: &[StudyPlanMessage]) -> String {
         .filter_map(|message| Some((message, message.promised_rms_mm?, message.verdict.as_ref()?)));
     for (message, promised_mm, verdict) in promised {
         text += &format!(
-            "{}: promised {} um; the promise {verdict}\n",
+            "{}: promised {} um{}; the promise {verdict}\n",
             message.name,
-            micro(promised_mm)
+            micro(promised_mm),
+            tolerance(message)
         );
         let is_seen = message.parts.iter().any(|part| part.seen_rms_mm.is_some());
         let total: f64 = message.parts.iter().map(|part| part.rms_mm.powi(2)).sum();
