@@ -67,6 +67,9 @@ pub struct StudyPlanMessage {
     pub nees_expected: usize,
     /// Its deviation in standard deviations.
     pub nees_z: Option<f64>,
+    /// The share of the 95 % intervals of compliances that hold the true one; there is none by the linear model.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub coverage95: Option<f64>,
     /// The mean distance over that of the first random plan.
     pub mean_ratio_to_random: Option<f64>,
     /// The 95 % interval of that ratio.
@@ -137,6 +140,7 @@ impl StudyPlanMessage {
             nees: of(&|each| each.nees),
             nees_expected: expected(tally).unwrap_or(parameters),
             nees_z: of(&|each| each.nees_z),
+            coverage95: tally.coverage(),
             mean_ratio_to_random: ratio.map(|ratio| ratio.value),
             mean_ratio_to_random_ci95: ratio.map(|ratio| ratio.interval95()),
         }

@@ -246,6 +246,9 @@ struct StoredTally {
     /// All compliances in every run, where an earlier version left it out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     freedom: Option<u64>,
+    /// 95 % intervals of compliances, and how many of them hold the true one; earlier versions did not count.
+    #[serde(default, skip_serializing_if = "is_uncounted")]
+    intervals: [u64; 2],
     pairs: u64,
     failed: Vec<u64>,
     /// Fixed-point integers.
@@ -406,10 +409,15 @@ pub fn join<P: AsRef<Path>>(paths: &[P]) -> Result<Option<(Header, Vec<Tally>)>,
     Ok(joined)
 }
 
+const fn is_uncounted(intervals: &[u64; 2]) -> bool {
+    intervals[0] == 0
+}
+
 fn store(tally: &Tally) -> StoredTally {
     StoredTally {
         runs: tally.runs,
         freedom: Some(tally.freedom),
+        intervals: tally.intervals,
         pairs: tally.pairs,
         failed: tally.failed.to_vec(),
         sums: tally.sums.iter().map(ToString::to_string).collect(),
@@ -462,6 +470,10 @@ impl WrittenTallyFile {
             // Each run determines so many combinations at most.
             let most = tally.runs.saturating_mul(header.unknowns() as u64);
             is_within(&format!("tallies[{index}].freedom"), tally.freedom, 0, most)?;
+            let [all, holding] = tally.intervals;
+            let most = tally.runs.saturating_mul(header.parameters.len() as u64);
+            is_within(&format!("tallies[{index}].intervals[0]"), all, 0, most)?;
+            is_within(&format!("tallies[{index}].intervals[1]"), holding, 0, all)?;
         }
         Ok(TallyFile {
             header,
@@ -501,6 +513,7 @@ fn restore(stored: &StoredTally, unknowns: usize) -> Result<Tally, (&'static str
     Ok(Tally {
         runs: stored.runs,
         freedom,
+        intervals: stored.intervals,
         pairs: stored.pairs,
         failed,
         sums,

@@ -351,6 +351,7 @@ impl PlanModel {
             expected: [self.expected; LANES],
             variance: [self.variance; LANES],
             freedom: [self.freedom; LANES],
+            intervals: [[0; 2]; LANES],
             failed: [None; LANES],
         };
         if !unknown.is_empty() {

@@ -3,6 +3,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use crate::identification::Identification;
+
 use super::tally::Failure;
 use crate::calibration::{identify_as_planned, see};
 use crate::compensation::{compensate_identified, test_pose_rows};
@@ -11,6 +13,17 @@ use crate::plan::Plan;
 use crate::random::normal::LANES;
 use crate::task::Task;
 use crate::testbed::{TrueRobots, Truth, add_noise};
+
+/// What a run came to.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Outcome {
+    /// The squared distance in sigma^2, weighted over the test poses.
+    pub square: f64,
+    /// The normalised estimation error squared of what the measurements determine.
+    pub nees: f64,
+    /// The 95 % intervals of compliances, and how many of them hold the true one.
+    pub intervals: [u32; 2],
+}
 
 /// What one thread needs for runs.
 #[derive(Debug)]
@@ -63,9 +76,8 @@ impl<'a> RobotRuns<'a> {
         (self.robots).become_run(&self.compliance_rad_per_nm, laboratory, lane)
     }
 
-    /// One run with the normals of a lane, those of the noise and of the laboratory: the squared distance in sigma^2,
-    /// weighted over the test poses, and the normalised estimation error squared of what the measurements determine.
-    /// The rest keeps its nominal value, which the test poses must not need.
+    /// One run with the normals of a lane, those of the noise and of the laboratory. What the measurements do not determine
+    /// keeps its nominal value, which the test poses must not need.
     ///
     /// # Errors
     /// Why the run failed.
@@ -74,7 +86,7 @@ impl<'a> RobotRuns<'a> {
         plan: &Plan,
         (noise, laboratory): (&[[f64; LANES]], &[[f64; LANES]]),
         lane: usize,
-    ) -> Result<(f64, f64), Failure> {
+    ) -> Result<Outcome, Failure> {
         let belief = &self.task.belief;
         let mut measurements = self
             .robots
@@ -101,6 +113,23 @@ impl<'a> RobotRuns<'a> {
                 .map_err(|_| Failure::TestPose)?;
             square_m2 += pose.weight * seen.residual_m.norm_squared();
         }
-        Ok((square_m2 / belief.instrument.sigma_m.powi(2), nees))
+        Ok(Outcome {
+            square: square_m2 / belief.instrument.sigma_m.powi(2),
+            nees,
+            intervals: intervals(&identification, &truth),
+        })
     }
+}
+
+/// The 95 % intervals of compliances, and how many of them hold the true one.
+fn intervals(identification: &Identification, truth: &[f64]) -> [u32; 2] {
+    let mut counts = [0; 2];
+    for (parameter, truth) in identification.parameters.iter().zip(truth) {
+        if let Some(estimate) = parameter.estimate {
+            let [low, high] = estimate.interval95;
+            counts[0] += 1;
+            counts[1] += u32::from((low..=high).contains(truth));
+        }
+    }
+    counts
 }

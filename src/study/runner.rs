@@ -332,9 +332,10 @@ fn robot_run(
         return;
     }
     match robot.run(plan, normals, lane) {
-        Ok((square, nees)) => {
-            batch.square[lane] = square;
-            batch.nees[lane] = nees;
+        Ok(outcome) => {
+            batch.square[lane] = outcome.square;
+            batch.nees[lane] = outcome.nees;
+            batch.intervals[lane] = outcome.intervals;
         }
         Err(failure) => batch.failed[lane] = Some(failure),
     }

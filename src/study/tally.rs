@@ -106,6 +106,8 @@ pub struct Batch {
     pub variance: [f64; LANES],
     /// The number of combinations of compliances that are determined: what is expected for `nees`.
     pub freedom: [usize; LANES],
+    /// 95 % intervals of compliances, and how many of them hold the true one; none by the linear model.
+    pub intervals: [[u32; 2]; LANES],
     /// Which runs failed.
     pub failed: [Option<Failure>; LANES],
 }
@@ -140,6 +142,8 @@ pub struct Tally {
     pub runs: u64,
     /// The number of combinations of compliances that were determined, summed over these runs.
     pub freedom: u64,
+    /// 95 % intervals of compliances, and how many of them hold the true one; none by the linear model.
+    pub intervals: [u64; 2],
     /// Runs in which neither this plan nor the reference plan failed.
     pub pairs: u64,
     /// Failed runs by reason, see [`Failure::ALL`].
@@ -155,6 +159,7 @@ impl Default for Tally {
         Self {
             runs: 0,
             freedom: 0,
+            intervals: [0; 2],
             pairs: 0,
             failed: [0; Failure::ALL.len()],
             sums: [0; SUMS],
@@ -195,6 +200,7 @@ impl Tally {
             }
             self.runs += 1;
             self.freedom += batch.freedom[lane] as u64;
+            self.count_intervals(batch.intervals[lane].map(u64::from));
             self.pairs +=
                 u64::from(reference.is_some_and(|reference| reference.failed[lane].is_none()));
             self.bins[bin_of(distance)] += 1;
@@ -213,6 +219,7 @@ impl Tally {
     pub fn merge(&mut self, other: &Self) {
         self.runs += other.runs;
         self.freedom += other.freedom;
+        self.count_intervals(other.intervals);
         self.pairs += other.pairs;
         for (mine, theirs) in self.failed.iter_mut().zip(&other.failed) {
             *mine += theirs;
@@ -223,6 +230,18 @@ impl Tally {
         for (mine, theirs) in self.bins.iter_mut().zip(&other.bins) {
             *mine += theirs;
         }
+    }
+
+    fn count_intervals(&mut self, [all, holding]: [u64; 2]) {
+        self.intervals[0] += all;
+        self.intervals[1] += holding;
+    }
+
+    /// The share of 95 % intervals that hold the true compliance.
+    #[must_use]
+    pub fn coverage(&self) -> Option<f64> {
+        let [all, holding] = self.intervals.map(count_to_f64);
+        (all > 0.0).then(|| holding / all)
     }
 
     /// The sum over all runs that did not fail.

@@ -150,7 +150,8 @@ fn a_run_can_be_replayed_by_itself() {
         calibrate(&scenario.task, &scenario.truth, &plan, scenario.seed, 777).expect("works");
     let square = shown.poses[0].seen.residual_m.norm_squared();
     assert!(
-        (square / (first.0 * scenario.task.belief.instrument.sigma_m.powi(2)) - 1.0).abs() < 1e-9
+        (square / (first.square * scenario.task.belief.instrument.sigma_m.powi(2)) - 1.0).abs()
+            < 1e-9
     );
 }
 

@@ -504,7 +504,43 @@ fn threads_change_no_bit() {
         let arguments = format!("study laboratory.toml --json --quiet --threads {threads}");
         place.run(&arguments).ends_with(0).json()["plans"].clone()
     };
-    assert_eq!(run(1), run(3));
+    let whole = run(1);
+    assert_eq!(whole, run(3));
+    // Shards, one of which is gone on with, come to the same.
+    let study = |arguments: &str| {
+        place
+            .run(&format!("study laboratory.toml --quiet {arguments}"))
+            .ends_with(0)
+    };
+    study("--shard 1/2 --tally-out one.json");
+    study("--shard 2/2 --tally-out two.json --resume going.json");
+    study("--shard 2/2 --tally-out two.json --resume going.json");
+    let merged = place
+        .run("merge one.json two.json --json --quiet")
+        .ends_with(0)
+        .json();
+    assert_eq!(merged["plans"], whole);
+}
+
+/// With everything drawn and nothing hidden, 95 % intervals hold the true compliances in 95 %: of N runs with five
+/// intervals each, which may agree, within 4 standard deviations of N.
+#[test]
+fn intervals_hold_the_true_compliances() {
+    let plan = study(&with(&everything(), "robot", 2000));
+    let coverage = plan["coverage95"].as_f64().expect("a share");
+    let room = 4.0 * (0.95 * 0.05 / 2000.0_f64).sqrt();
+    assert!((coverage - 0.95).abs() < room, "{coverage}");
+    // Ones that know of noise alone do not.
+    let hidden = entry(SOURCES[7], "hidden = true");
+    let plan = study(&with(&hidden, "robot", 512));
+    assert!(
+        plan["coverage95"].as_f64().expect("a share") < 0.8,
+        "{plan}"
+    );
+    assert_eq!(
+        study(&with(&everything(), "model", 64))["coverage95"],
+        Value::Null
+    );
 }
 
 /// A parameter that nothing in the testbed draws has no deviation.

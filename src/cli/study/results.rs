@@ -211,6 +211,11 @@ fn promises(messages: &[StudyPlanMessage]) -> String {
             micro(promised_mm),
             tolerance(message)
         );
+        if let Some(share) = message.coverage95 {
+            let percent = share * 100.0;
+            text +=
+                &format!("  95 % intervals of compliances hold the true ones in {percent:.1} %\n");
+        }
         let is_seen = message.parts.iter().any(|part| part.seen_rms_mm.is_some());
         let total: f64 = message.parts.iter().map(|part| part.rms_mm.powi(2)).sum();
         let rows: Vec<Vec<String>> = (message.parts.iter())
