@@ -13,7 +13,8 @@ What is checked
      margins is negative everywhere, or d + sum of lambda g <= T with the file's multipliers lambda >= 0.
      A box whose own bound here is a little above is halved further, but the proof must be in the file: all in
      all there may be PATIENCE times as many boxes.
-  3. The bounds of rho_0, or of the criterion's values, follow from T.
+  3. The bounds of rho_0, or of the criterion's values, follow from T, and from what mandatory experiments and earlier
+     identifications tell, which is worked out here.
 
 Rounding. Every operation adds ROUNDING times a bound of all that it adds up to the remainder; no operation has more
 than 200 roundings of 1.2e-16 each on the way of one term, and ROUNDING is 1e-13. Sine and cosine are NumPy's, taken
@@ -22,9 +23,11 @@ to be within 1e-14, Bessel's functions are summed up here. Underflow adds less t
 Exit codes: 0 the proof holds; 1 it does not, with the reason; 2 it cannot be checked here.
 """
 
+import itertools
 import json
 import math
 import sys
+from fractions import Fraction
 
 try:
     import numpy as np
@@ -190,6 +193,10 @@ def scale(factor, model):
     return None if model is None or factor == 0.0 else model.scaled(factor)
 
 
+def or_nought(model, boxes):
+    return constant(0.0, boxes) if model is None else model
+
+
 def cross(a, b):
     pairs = [(1, 2), (2, 0), (0, 1)]
     return [add(times(a[i], b[j]), negative(times(a[j], b[i]))) for i, j in pairs]
@@ -214,17 +221,36 @@ def plus(a, b):
     return [add(one, other) for one, other in zip(a, b)]
 
 
+class Entry:
+    """A constant that is known to within an error."""
+
+    def __init__(self, value, error=0.0):
+        self.value, self.error = value, error
+
+    def is_nought(self):
+        return self.value == 0.0 and self.error == 0.0
+
+
 def in_frame(frame, vector):
-    """A constant vector (numbers) or models in a frame of three columns."""
+    """A vector of constants, or of models, in a frame of three columns."""
     total = [None, None, None]
     for column, part in zip(frame, vector):
-        if part is None or (isinstance(part, float) and part == 0.0):
+        if part is None or (isinstance(part, Entry) and part.is_nought()):
             continue
-        if isinstance(part, float):
-            total = plus(total, [scale(part, row) for row in column])
+        if isinstance(part, Entry):
+            total = plus(total, [None if row is None else row.scaled(part.value, part.error) for row in column])
         else:
             total = plus(total, [times(row, part) for row in column])
     return total
+
+
+def turned_by(frame, rotation):
+    """A frame times a constant rotation (columns of entries); where there is none, the frame."""
+    return frame if rotation is None else [in_frame(frame, column) for column in rotation]
+
+
+def transposed(rotation):
+    return None if rotation is None else [[rotation[k][row] for k in range(3)] for row in range(3)]
 
 
 def turned(frame, axis, sine, cosine, back=False):
@@ -240,33 +266,110 @@ def turned(frame, axis, sine, cosine, back=False):
 # --- the arm
 
 
+class Exact:
+    """A rotation as rows of fractions, off by less than `error` in each; its errors grow with every product."""
+
+    def __init__(self, rows, error=0.0):
+        self.rows, self.error = rows, error
+
+    def times(self, other):
+        rows = [[sum(self.rows[i][k] * other.rows[k][j] for k in range(3)) for j in range(3)] for i in range(3)]
+        return Exact(rows, 4 * (self.error + other.error))
+
+    def transposed(self):
+        return Exact([list(column) for column in zip(*self.rows)], self.error)
+
+    def turns(self, vector):
+        """The vector turned, as entries."""
+        size = sum(abs(x) for x in vector)
+        return [entry(sum(a * Fraction(x) for a, x in zip(row, vector)), self.error * size) for row in self.rows]
+
+    def columns(self):
+        return [[entry(self.rows[row][column], self.error) for row in range(3)] for column in range(3)]
+
+    def is_permutation(self):
+        return self.error == 0.0 and all(abs(x) in (0, 1) for row in self.rows for x in row)
+
+
+def entry(fraction, error):
+    value = float(fraction)
+    return Entry(value, error * (1 + 1e-9) if Fraction(value) == fraction else error * (1 + 1e-9) + 3e-16 * abs(value) + 1e-300)
+
+
+def rotation_of(quaternion):
+    """The rotation of a quaternion (x, y, z, w) of any length."""
+    x, y, z, w = (Fraction(float(part)) for part in quaternion)
+    square = x * x + y * y + z * z + w * w
+    if square == 0:
+        raise Refused("a quaternion is nought")
+    rows = [
+        [w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), w * w - x * x + y * y - z * z, 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z],
+    ]
+    return Exact([[value / square for value in row] for row in rows])
+
+
+STRAIGHT = Exact([[Fraction(int(i == j)) for j in range(3)] for i in range(3)])
+# More than rounding leaves of a frame that is built about a direction.
+OBLIQUE = 1e-14
+
+
+def frame_about(direction):
+    """A rotation that turns the z axis to a direction."""
+    z = np.array(direction) / np.linalg.norm(direction)
+    x = np.cross(np.eye(3)[np.argmin(np.abs(z))], z)
+    x /= np.linalg.norm(x)
+    columns = [x, np.cross(z, x), z]
+    return Exact([[Fraction(float(column[row])) for column in columns] for row in range(3)], OBLIQUE)
+
+
 class Arm:
-    """Links whose frames are parallel at zero angle, with joints about coordinate axes."""
+    """Links whose joints turn about coordinate axes, in frames that are parallel at zero angle where that is exact."""
 
     def __init__(self, arm):
-        self.offset, self.axis, self.sign, self.range = [], [], [], []
-        for joint in arm["joints"]:
-            if [abs(x) > 0 for x in joint["rotation"]] != [False, False, False, True]:
-                raise Unknown("a link's frame is turned; this checker knows parallel frames only")
-            along = [k for k in range(3) if joint["axis"][k] != 0.0]
-            if len(along) != 1:
-                raise Unknown("a joint's axis is no coordinate axis")
-            self.offset.append([float(x) for x in joint["offset_m"]])
-            self.axis.append(along[0])
-            self.sign.append(1.0 if joint["axis"][along[0]] > 0 else -1.0)
-            self.range.append([float(x) for x in joint["range_rad"]])
-        if [abs(x) > 0 for x in arm["tool_rotation"]] != [False, False, False, True]:
-            raise Unknown("the tool's frame is turned")
+        self.offset, self.rotation, self.axis, self.sign, self.range = [], [], [], [], []
+        self.mass, self.centre = [], []
+        frame = STRAIGHT
         self.tool_joints = arm["tool_joints"]
-        self.tool = [float(x) for x in arm["tool_offset_m"]]
-        self.tool_axis = [0.0, 0.0, 1.0]
+        if not 0 < self.tool_joints <= len(arm["joints"]):
+            raise Refused("the tool is moved by joints that there are not")
+        for index, joint in enumerate(arm["joints"]):
+            before = frame.transposed()
+            turn = before.times(rotation_of(joint["rotation"]))
+            axis = [float(x) for x in joint["axis"]]
+            along = [k for k in range(3) if axis[k] != 0.0]
+            if not along:
+                raise Refused("a joint has no axis")
+            self.offset.append(before.turns([float(x) for x in joint["offset_m"]]))
+            if len(along) == 1 and turn.is_permutation():
+                frame, rotation = turn.transposed(), None
+                axis = [each.value for each in turn.turns(axis)]
+                along = [k for k in range(3) if axis[k] != 0.0]
+            elif len(along) == 1:
+                frame, rotation = STRAIGHT, turn.columns()
+            else:
+                frame = frame_about(axis)
+                rotation, axis, along = turn.times(frame).columns(), [0.0, 0.0, 1.0], [2]
+            self.rotation.append(rotation)
+            self.axis.append(along[0])
+            self.sign.append(1.0 if axis[along[0]] > 0 else -1.0)
+            self.range.append([float(x) for x in joint["range_rad"]])
+            self.mass.append(float(joint["mass_kg"]))
+            self.centre.append(frame.transposed().turns([float(x) for x in joint["centre_of_mass_m"]]))
+            if index + 1 == self.tool_joints:
+                here = frame.transposed()
+                self.tool = here.turns([float(x) for x in arm["tool_offset_m"]])
+                self.tool_axis = [column[2] for column in transposed(here.times(rotation_of(arm["tool_rotation"])).columns())]
+        self.gravity = [float(x) for x in arm["gravity_m_s2"]]
 
     def set_runs(self, starts):
         """Joints in a run have parallel axes; variables are the sums of their angles."""
-        if len(starts) != self.tool_joints or not all(isinstance(each, bool) for each in starts):
+        if len(starts) not in (self.tool_joints, len(self.axis)) or not all(isinstance(each, bool) for each in starts):
             raise Refused("the file names runs of other joints")
         for joint, start in enumerate(starts):
-            if not start and (joint == 0 or self.axis[joint] != self.axis[joint - 1]):
+            is_new = joint == 0 or self.axis[joint] != self.axis[joint - 1] or self.rotation[joint] is not None
+            if not start and is_new:
                 raise Refused("joints that are not parallel make up a run")
         self.runs = starts
 
@@ -287,21 +390,23 @@ def check_domain(question, arm, part):
     """
     variables, ranges = part["variables"], part["ranges"]
     region, wrench = question["region"], part["wrench"]
-    count = arm.tool_joints
-    if region["torque_nm"] is not None or part["share"] is not None:
-        raise Unknown("torque limits")
-    if len(variables) != count:
+    has_torques = region["torque_nm"] is not None
+    # Where torques are limited, the weights of links behind the tool matter, too.
+    count = len(arm.axis) if has_torques else arm.tool_joints
+    if len(variables) != count or len(part["starts_run"]) != count:
         raise Refused("the file names variables for other joints")
     upright = region["elevation_sine"] is not None
 
     def is_still(joint):
         vertical = wrench is None or all(wrench[k] == 0.0 for k in (0, 1, 3, 4))
-        if joint == 0 and arm.axis[0] == 2 and vertical:
+        if has_torques:
+            vertical = vertical and arm.gravity[0] == 0.0 and arm.gravity[1] == 0.0
+        if joint == 0 and arm.axis[0] == 2 and arm.rotation[0] is None and vertical:
             return True
-        if joint != count - 1:
+        if joint != count - 1 or has_torques:
             return False
         vectors = [arm.tool] + ([arm.tool_axis] if upright else [])
-        return all(v[k] == 0.0 for v in vectors for k in range(3) if k != arm.axis[joint])
+        return all(v[k].is_nought() for v in vectors for k in range(3) if k != arm.axis[joint])
 
     signed = []
     for joint in range(count):
@@ -327,6 +432,14 @@ def check_domain(question, arm, part):
             # Limits may only be left out: they help the prover.
             needed[variable] = (min(first[0], needed[before][0]) + low - 1e-12, max(first[1], needed[before][1]) + high + 1e-12)
             differences[(variable, before)] = (low, high)
+    if part["share"] is not None:
+        loads = question["loads"]
+        if "up_to" not in loads or part["share"] != seen:
+            raise Refused("there is a share of a load that has none")
+        needed[seen] = (loads["up_to"][1], 1.0)
+        seen += 1
+    elif "up_to" in question["loads"] and has_torques:
+        raise Refused("under torque limits a smaller load may tell more")
     if seen != len(ranges):
         raise Refused("there are variables that stand for nothing")
     for later, earlier, limits in part["differences"]:
@@ -339,6 +452,8 @@ def check_domain(question, arm, part):
             halved.append(variable)
         elif not (low <= least and high >= most):
             raise Refused(f"variable {variable} does not cover its joint's range")
+    if halved and has_torques:
+        raise Refused("torques have no symmetries here")
     joint_of = {}
     for joint in range(count):
         if variables[joint] is not None:
@@ -351,11 +466,13 @@ def check_domain(question, arm, part):
         if k < 0 or k + 2 >= count:
             return False
         a, b, c = arm.axis[k : k + 3]
-        along = all(arm.offset[j][i] == 0.0 for j in (k + 1, k + 2) for i in range(3) if i != a)
+        along = all(arm.offset[j][i].is_nought() for j in (k + 1, k + 2) for i in range(3) if i != a)
+        along = along and arm.rotation[k + 1] is None and arm.rotation[k + 2] is None
         return a == c != b and along and free[k] and free[k + 2] and symmetric(k + 1) and variables[k] is not None and variables[k + 2] is not None
 
     def is_mirror(across, variable):
-        flat = all(v[across] == 0.0 for v in arm.offset[:count] + [arm.tool, arm.tool_axis])
+        flat = all(v[across].is_nought() for v in arm.offset[:count] + [arm.tool, arm.tool_axis])
+        flat = flat and all(rotation is None for rotation in arm.rotation[:count])
         if wrench is None:
             loads = True
         else:
@@ -387,26 +504,28 @@ def check_domain(question, arm, part):
 
 def enclose(question, arm, part, boxes):
     """Models of d (or of the form whose largest eigenvalue it is) and of the margins."""
-    count, middle = arm.tool_joints, part["middle"]
-    variables = part["variables"]
-    waves = [boxes.sine_cosine(v) for v in range(len(part["ranges"]))]
+    variables, middle = part["variables"], part["middle"]
+    count = len(variables)
+    waves = [boxes.sine_cosine(v) for v in range(len(part["ranges"])) if v != part["share"]]
     angle = [None if v is None else waves[v] for v in variables]
     one = constant(1.0, boxes)
     home = [[one if k == row else None for row in range(3)] for k in range(3)]
-    axes, anchors = [None] * count, [None] * count
+    axes, anchors, centres = [None] * count, [None] * count, [None] * count
     tool = tool_axis = None
     frame, origin, run = home, [None] * 3, home
-    if middle == count:
+    if middle == arm.tool_joints:
         tool, tool_axis = in_frame(frame, arm.tool), in_frame(frame, arm.tool_axis)
     for joint in range(middle, count):
         origin = plus(origin, in_frame(frame, arm.offset[joint]))
+        frame = turned_by(frame, arm.rotation[joint])
         if arm.starts_run(joint) or joint == middle:
             run = frame
         anchors[joint] = origin
         axes[joint] = [scale(arm.sign[joint], x) for x in run[arm.axis[joint]]]
         if angle[joint] is not None:
             frame = turned(run, arm.axis[joint], *angle[joint])
-        if joint + 1 == count:
+        centres[joint] = plus(origin, in_frame(frame, arm.centre[joint]))
+        if joint + 1 == arm.tool_joints:
             tool, tool_axis = plus(origin, in_frame(frame, arm.tool)), in_frame(frame, arm.tool_axis)
     frame, origin, end = home, [None] * 3, middle
     while end > 0:
@@ -418,42 +537,50 @@ def enclose(question, arm, part, boxes):
         for joint in range(end - 1, first - 1, -1):
             anchors[joint] = origin
             axes[joint] = [scale(arm.sign[joint], x) for x in run[axis]]
-            here = run
-            if joint > first and angle[joint - 1] is not None:
-                here = turned(run, axis, *angle[joint - 1])
+            after = run if angle[joint] is None else turned(run, axis, *angle[joint])
+            centres[joint] = plus(origin, in_frame(after, arm.centre[joint]))
+            if joint == first:
+                here = turned_by(run, transposed(arm.rotation[first]))
+            else:
+                here = run if angle[joint - 1] is None else turned(run, axis, *angle[joint - 1])
             origin = minus(origin, in_frame(here, arm.offset[joint]))
-        frame, end = run, first
+        frame, end = here, first
     up = frame[2]
-    levers = [cross(axes[j], minus(tool, anchors[j])) for j in range(count)]
+    levers = [cross(axes[j], minus(tool, anchors[j])) for j in range(arm.tool_joints)]
     margins = []
     region = question["region"]
     low, high = region["height_m"]
     if low is not None or high is not None:
-        height = dot(up, minus(tool, origin))
+        height = or_nought(dot(up, minus(tool, origin)), boxes)
         margins += [height.shifted(-low)] if low is not None else []
         margins += [(-height).shifted(high)] if high is not None else []
     low, high = region["radius_m"]
     if low is not None or high is not None:
-        squared = dot(levers[0], levers[0])
+        squared = or_nought(dot(levers[0], levers[0]), boxes)
         margins += [squared.shifted(-low * low)] if low is not None else []
         margins += [(-squared).shifted(high * high)] if high is not None else []
     if region["elevation_sine"] is not None:
-        rise = dot(up, tool_axis)
+        rise = or_nought(dot(up, tool_axis), boxes)
         sine = region["elevation_sine"]
         margins += [rise.shifted(sine), (-rise).shifted(sine)]
+    force = torque = None
+    if part["wrench"] is not None:
+        force, torque = (in_frame(frame, [Entry(float(x)) for x in part["wrench"][k : k + 3]]) for k in (0, 3))
+        if part["share"] is not None:
+            share = boxes.coordinate(part["share"])
+            force, torque = ([times(x, share) for x in each] for each in (force, torque))
+        if region["torque_nm"] is not None:
+            margins += torque_margins(arm, frame, axes, anchors, centres, levers, (force, torque), region["torque_nm"], boxes)
     for later, earlier, (low, high) in part["differences"]:
         difference = boxes.coordinate(later) - boxes.coordinate(earlier)
         margins += [difference.shifted(-low), (-difference).shifted(high)]
     rows, parameters = question["rows"], question["parameters"]
-    spread = np.zeros(boxes.centre.shape)
     if part["wrench"] is None:
         return form(question, axes, levers, boxes), margins
-    force = in_frame(frame, [float(x) for x in part["wrench"][:3]])
-    torque = in_frame(frame, [float(x) for x in part["wrench"][3:]])
     turns = question["rotation_scale_m"]
     columns = [[], []]
     for joint in parameters:
-        if joint >= count:
+        if joint >= arm.tool_joints:
             columns[0].append([None] * 3)
             columns[1].append([None] * 3)
             continue
@@ -471,6 +598,26 @@ def enclose(question, arm, part, boxes):
                 if w is not None:
                     d = add(d, w * w)
     return d if d is not None else constant(0.0, boxes), margins
+
+
+def torque_margins(arm, frame, axes, anchors, centres, levers, load, limits, boxes):
+    """limit + torque and limit - torque about each joint, from the last to the first: of gravity on the links behind it
+    and of the load."""
+    gravity = in_frame(frame, [Entry(x) for x in arm.gravity])
+    margins = []
+    for joint in reversed(range(len(axes))):
+        if joint >= len(limits) or limits[joint] is None or not math.isfinite(limits[joint]):
+            continue
+        total = None
+        for link in range(joint, len(axes)):
+            if arm.mass[link] != 0.0:
+                weight = cross(minus(centres[link], anchors[joint]), gravity)
+                total = add(total, scale(arm.mass[link], dot(axes[joint], weight)))
+        if joint < len(levers):
+            total = add(add(total, dot(levers[joint], load[0])), dot(axes[joint], load[1]))
+        total = or_nought(total, boxes)
+        margins += [total.shifted(limits[joint]), (-total).shifted(limits[joint])]
+    return margins
 
 
 def form(question, axes, levers, boxes):
@@ -635,7 +782,7 @@ def check_part(question, arm, part, threshold):
     check_domain(question, arm, part)
     if not 0 <= part["middle"] <= arm.tool_joints:
         raise Refused("there is no such middle")
-    if part["middle"] < arm.tool_joints and not arm.starts_run(part["middle"]):
+    if part["middle"] < len(part["variables"]) and not arm.starts_run(part["middle"]):
         raise Unknown("the middle stands inside a run")
     todo, looks, given = [], 0, 0
     source = leaves(part)
@@ -723,13 +870,15 @@ def best_value(file, total):
 
 def target_columns(target, parameters):
     arm = Arm(target["arm"])
-    boxes = Boxes(np.zeros((1, 1)), np.zeros((1, 1)))
     frame = np.eye(3)
+    number = lambda vector: np.array([each.value for each in vector])
     origin = np.zeros(3)
     axes, anchors = [], []
     tool = None
     for joint in range(len(arm.axis)):
-        origin = origin + frame @ np.array(arm.offset[joint])
+        origin = origin + frame @ number(arm.offset[joint])
+        if arm.rotation[joint] is not None:
+            frame = frame @ np.column_stack([number(column) for column in arm.rotation[joint]])
         a = np.zeros(3)
         a[arm.axis[joint]] = arm.sign[joint]
         axes.append(frame @ a)
@@ -742,7 +891,7 @@ def target_columns(target, parameters):
         turn[other, one], turn[one, other] = s, -s
         frame = frame @ turn
         if joint + 1 == arm.tool_joints:
-            tool = origin + frame @ np.array(arm.tool)
+            tool = origin + frame @ number(arm.tool)
     force, torque = np.array(target["wrench"][:3]), np.array(target["wrench"][3:])
     columns = []
     for joint in parameters:
@@ -752,6 +901,48 @@ def target_columns(target, parameters):
         lever = np.cross(axes[joint], tool - anchors[joint])
         columns.append(lever * (lever @ force + axes[joint] @ torque))
     return columns
+
+
+def mandatory_share(file, unit):
+    """The number of mandatory measurements, and a bound of the sum of the derivatives of experiments that are printed as
+    these: over a box about each, under its load and any that differs little."""
+    question = file["proof"]["question"]
+    within = file["mandatory_within_rad"]
+    if not within >= math.radians(0.1):
+        raise Refused("experiments that are printed as the mandatory ones are left out")
+    near = dict(question, region={"height_m": [None, None], "radius_m": [None, None], "elevation_sine": None, "torque_nm": None})
+    arm = Arm(question["arm"])
+    joints = len(arm.axis)
+    arm.set_runs([True] * joints)
+    part = {"variables": list(range(joints)), "middle": joints // 2, "ranges": [[0.0, 0.0]] * joints, "share": None, "differences": []}
+    count, total = 0, 0.0
+    for experiment in file["mandatory_experiments"]:
+        angles = [float(q) * sign for q, sign in zip(experiment["configuration_rad"], arm.sign)]
+        wrench, repeats = [float(x) for x in experiment["wrench"]], experiment["repeats"]
+        if len(angles) != joints or repeats < 0 or max(map(abs, angles)) > 60:
+            raise Refused("a mandatory experiment is none of this arm")
+        # Each angle's range in thirds: what second order leaves is then far below the share by which provers end above.
+        half = within * (1 + 1e-9) / 3
+        places = np.array(list(itertools.product((-2, 0, 2), repeat=joints))) * half
+        boxes = Boxes(np.array(angles) + places, np.full(places.shape, half * (1 + 1e-9)))
+        d, _ = enclose(near, arm, dict(part, wrench=wrench), boxes)
+        strongest = math.hypot(*wrench[:3]) + math.hypot(*wrench[3:])
+        printed = min(0.05 * math.sqrt(3), 1e-3 * strongest)
+        total += repeats * (math.sqrt(max(float(d.largest().max()), 0.0)) + printed * unit) ** 2
+        count += repeats
+    return count, total * (1 - 1e-9)
+
+
+def prior_share(file):
+    """trace(B P B^T) for the precision P of what is known before."""
+    precision = file["prior_precision"]
+    if precision is None:
+        return 0.0
+    rows = np.array(file["proof"]["question"]["rows"], float) * file["sigma_m"]
+    precision = np.array(precision, float)
+    if precision.shape != (rows.shape[1],) * 2 or not np.isfinite(precision).all():
+        raise Refused("what is known before is about other compliances")
+    return float(np.einsum("ri,ij,rj->", rows, precision, rows)) * (1 - 1e-9)
 
 
 def check_bounds(file):
@@ -797,13 +988,12 @@ def check_bounds(file):
         raise Refused("loads that are printed alike are left out")
     most = (math.sqrt(file["proof"]["largest"]) + file["printed"] * unit) ** 2
     count, derivatives = file["mandatory"]
-    prior = file.get("prior", 0.0)
-    if prior < 0:
-        raise Refused("what is known before cannot tell less than nothing")
-    if prior > 0:
-        print("the share of what is known before is taken as the file has it")
-    if count > 0:
-        print("the mandatory experiments' share of the bounds is taken as the file has it")
+    least, told = mandatory_share(file, unit)
+    if count != least or derivatives < told:
+        raise Refused("the mandatory experiments tell more than the file has it")
+    prior, told = file["prior"], prior_share(file)
+    if prior < told:
+        raise Refused("what is known before tells more than the file has it")
     for m, rho0 in file["bounds"]:
         total = prior + derivatives + (m - count) * most
         if not is_rho0:
@@ -820,6 +1010,9 @@ def check_bounds(file):
 def check(path):
     with open(path, encoding="utf-8") as source:
         file = json.load(source)
+    for key in ("mandatory_experiments", "mandatory_within_rad", "prior_precision"):
+        if key not in file:
+            raise Unknown(f"the file lacks {key}: a program of today writes it")
     proof = file["proof"]
     question, threshold = proof["question"], proof["largest"]
     arm = Arm(question["arm"])

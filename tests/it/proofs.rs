@@ -211,6 +211,96 @@ fn another_program_checks_the_proof_and_refuses_what_was_tampered_with() {
     }
 }
 
+/// Turned and oblique frames, torque limits and mandatory experiments are known to the checker, too.
+#[test]
+fn another_program_checks_arms_of_every_kind() {
+    let Some(python) = python() else {
+        eprintln!("skipped: no Python with NumPy (pip install numpy, or PYTHON=...)");
+        return;
+    };
+    let place = Workplace::new();
+    let model = std::fs::read_to_string(project("models/spatial_3r.xml")).expect("it is there");
+    let turned = model
+        .replace(
+            r#"<body name="link_2">"#,
+            r#"<body name="link_2" quat="0.9 0.1 0.2 -0.3">"#,
+        )
+        .replace(
+            r#"name="joint_3" axis="0 1 0""#,
+            r#"name="joint_3" axis="0.2 1 -0.3""#,
+        );
+    assert_ne!(turned, model);
+    place.write("turned.xml", turned);
+    let text = std::fs::read_to_string(project("scenarios/spatial_3r.toml")).expect("it is there");
+    let text = text
+        .replace("../models/spatial_3r.xml", "turned.xml")
+        .replace(
+            "kind = \"any\"\nforce_max_n = 400",
+            "kind = \"fixed\"\nforce_n = [0, 100, -300]",
+        )
+        .replace(
+            "tool_height_min_mm = 200",
+            "tool_height_min_mm = 200\njoint_torque_max_nm = [500, 420, 200]",
+        );
+    place.write("plain.toml", text.as_str());
+    let outcome = place.run("plan plain.toml --experiments 1 --no-proof --plan-out first.csv");
+    assert_eq!(outcome.code, Some(0), "{outcome:?}");
+    place.write("beside.toml", text + "mandatory = \"first.csv\"\n");
+    let arguments = "plan beside.toml --experiments 3 --prove 10% --proof-out proof.json --quiet";
+    let outcome = place.run(arguments);
+    assert!(
+        outcome.stdout.contains("wrote proof.json"),
+        "{}",
+        outcome.stderr
+    );
+    let (code, text) = checked(&python, &place.path("proof.json"));
+    assert_eq!(code, Some(0), "{text}");
+    let whole: Value = serde_json::from_str(&place.read("proof.json")).expect("it is JSON");
+    let tampered: [(&str, Edit); 7] = [
+        ("torques that are not limited so far", &|file| {
+            for limit in 0..3 {
+                scale(
+                    &mut file["proof"]["question"]["region"]["torque_nm"][limit],
+                    4.0,
+                );
+            }
+        }),
+        ("a frame that is turned otherwise", &|file| {
+            scale(
+                &mut file["proof"]["question"]["arm"]["joints"][1]["rotation"][2],
+                -1.0,
+            );
+        }),
+        ("another axis", &|file| {
+            scale(
+                &mut file["proof"]["question"]["arm"]["joints"][2]["axis"][0],
+                -1.0,
+            );
+        }),
+        ("less of mandatory experiments", &|file| {
+            scale(&mut file["mandatory"][1], 0.99);
+        }),
+        ("mandatory experiments left out", &|file| {
+            file["mandatory_experiments"] = json!([]);
+        }),
+        ("mandatory experiments taken too exactly", &|file| {
+            file["mandatory_within_rad"] = json!(0.0);
+        }),
+        ("less of what is known before", &|file| {
+            file["prior_precision"] = json!([[1e12, 0, 0], [0, 1e12, 0], [0, 0, 1e12]]);
+        }),
+    ];
+    for (what, tamper) in tampered {
+        let mut file = whole.clone();
+        tamper(&mut file);
+        assert_ne!(file, whole, "{what}");
+        place.write("tampered.json", file.to_string());
+        let (code, text) = checked(&python, &place.path("tampered.json"));
+        assert_eq!(code, Some(1), "{what}: {text}");
+        assert!(text.contains("refused"), "{what}: {text}");
+    }
+}
+
 /// What the checker says of a proof.
 pub fn checked(python: &str, proof: &Path) -> (Option<i32>, String) {
     let output = Command::new(python)

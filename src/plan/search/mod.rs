@@ -49,5 +49,5 @@ pub use exact::{ExactDesign, Watch, exact_design};
 pub use observation::MatrixEvaluator;
 pub use one_exchange::{Exchanges, OneExchange};
 pub use problem::{Effort, Problem, SearchError};
-pub use proved::{ProofEffort, ProofFile, ProvedBound, TIGHT};
+pub use proved::{ProofEffort, ProofExperiment, ProofFile, ProvedBound, TIGHT};
 pub use sampling::{RandomPlans, median_random_rho0, random_plan};

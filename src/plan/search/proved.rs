@@ -35,6 +35,13 @@ pub(super) enum Fixed<'a> {
     AsTheyAre(&'a Plan),
 }
 
+impl<'a> Fixed<'a> {
+    fn experiments(self) -> impl Iterator<Item = &'a Experiment> {
+        let (Self::AsPrinted(plan) | Self::AsTheyAre(plan)) = self;
+        plan.experiments.iter()
+    }
+}
+
 /// A proof that no plan of a class is better by a criterion than a number for its number of measurements.
 ///
 /// The class is that of [`super::Bound`].
@@ -50,8 +57,12 @@ pub struct ProvedBound {
     largest: Proved,
     /// The number of mandatory measurements, and a bound of the sum of their derivatives.
     mandatory: (u32, f64),
+    /// The experiments that these are.
+    fixed: Vec<ProofExperiment>,
     /// A bound of trace(B P B^T) for the precision P of what is known before any measurement.
     prior: f64,
+    /// P for the question's compliances.
+    precision: Option<Vec<Vec<f64>>>,
     /// By how much loads may be off through printing (N, N m).
     printed: f64,
     object: Option<ProofObject>,
@@ -76,10 +87,37 @@ pub struct ProofFile {
     pub sigma_m: f64,
     /// The number of mandatory measurements, and a bound of the sum of their derivatives.
     pub mandatory: (u32, f64),
+    /// The mandatory experiments.
+    pub mandatory_experiments: Vec<ProofExperiment>,
+    /// By how much the angles of those that count as such may differ from theirs (rad).
+    pub mandatory_within_rad: f64,
     /// A bound of trace(B P B^T) for the precision P of what is known before any measurement.
     pub prior: f64,
+    /// P (1/(rad/(N m))^2), row by row, for the question's compliances; none where nothing is known.
+    pub prior_precision: Option<Vec<Vec<f64>>>,
     /// For numbers m of measurements, what no plan is better than: a `rho_0` (m), or a value of the criterion.
     pub bounds: Vec<(u32, f64)>,
+}
+
+/// An experiment in plain numbers.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ProofExperiment {
+    /// The angles (rad).
+    pub configuration_rad: Vec<f64>,
+    /// Force (N) and torque (N m) in the world frame.
+    pub wrench: [f64; 6],
+    /// How often it is measured.
+    pub repeats: u32,
+}
+
+impl From<&Experiment> for ProofExperiment {
+    fn from(experiment: &Experiment) -> Self {
+        Self {
+            configuration_rad: experiment.configuration_rad.iter().copied().collect(),
+            wrench: wrench(&experiment.load),
+            repeats: experiment.repeats,
+        }
+    }
 }
 
 /// How far a proof goes.
@@ -148,8 +186,11 @@ impl ProvedBound {
             .fold(0.0, f64::max);
         let (largest, object) = prove_printed(&question, found, printed, effort, records)?;
         let mandatory = fixed_derivatives(problem, approximate, &question, fixed)?;
+        let precision = precision(task, &question.parameters);
         Ok(Self {
-            prior: prior(task, &question.parameters, &rows),
+            prior: prior(task, precision.as_deref(), &rows),
+            precision,
+            fixed: fixed.experiments().map(ProofExperiment::from).collect(),
             criterion: problem.criterion,
             targets: if aim == Aim::TestPoses {
                 targets(task)
@@ -231,7 +272,10 @@ impl ProvedBound {
             targets: self.targets.clone(),
             sigma_m: self.sigma_m,
             mandatory: self.mandatory,
+            mandatory_experiments: self.fixed.clone(),
+            mandatory_within_rad: WIDENED_RAD,
             prior: self.prior,
+            prior_precision: self.precision.clone(),
             bounds: (1..=12).filter_map(bound).collect(),
         })
     }
@@ -388,28 +432,39 @@ fn gathered(rows: &[Vec<f64>]) -> Vec<Vec<f64>> {
         .collect()
 }
 
-/// A bound of trace(B P B^T), with the rows of B times sigma as those of a question are: the sum of its
-/// terms, and what rounding them all can hide.
-fn prior(task: &Task, parameters: &[usize], rows: &[Vec<f64>]) -> f64 {
+/// What is known of compliances before any measurement: P (1/(rad/(N m))^2), row by row; none where nothing is.
+fn precision(task: &Task, parameters: &[usize]) -> Option<Vec<Vec<f64>>> {
     let belief = &task.belief;
-    let Some(known) = &belief.prior else {
-        return 0.0;
-    };
+    let known = belief.prior.as_ref()?;
     let places: Vec<usize> = (parameters.iter())
         .filter_map(|joint| belief.parameters.iter().position(|each| each == joint))
         .collect();
-    let sigma_m = belief.instrument.sigma_m;
+    let row = |one: &usize| {
+        (places.iter())
+            .map(|other| known.precision[(*one, *other)])
+            .collect()
+    };
+    Some(places.iter().map(row).collect())
+}
+
+/// A bound of trace(B P B^T), with the rows of B times sigma as those of a question are: the sum of its
+/// terms, and what rounding them all can hide.
+fn prior(task: &Task, precision: Option<&[Vec<f64>]>, rows: &[Vec<f64>]) -> f64 {
+    let Some(precision) = precision else {
+        return 0.0;
+    };
+    let sigma_m = task.belief.instrument.sigma_m;
     let (mut sum, mut size) = (0.0, 0.0);
     for row in rows {
-        for (one, &first) in row.iter().zip(&places) {
-            for (other, &second) in row.iter().zip(&places) {
-                let term = (one * sigma_m) * (other * sigma_m) * known.precision[(first, second)];
+        for (one, line) in row.iter().zip(precision) {
+            for (other, entry) in row.iter().zip(line) {
+                let term = (one * sigma_m) * (other * sigma_m) * entry;
                 sum += term;
                 size += term.abs();
             }
         }
     }
-    let terms = (rows.len() * places.len().pow(2) + 8) as f64;
+    let terms = (rows.len() * precision.len().pow(2) + 8) as f64;
     sum + size * terms * 4.0 * f64::EPSILON
 }
 
