@@ -7,8 +7,11 @@ CARGO ?= cargo
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/make \1\t\2/p' Makefile | expand -t 28
 
-demo: setup ## run the demo scenario and write its results to out/ (options in ARGS)
+demo: setup ## run the demo scenario, take its plan to the laboratory, results in out/ (options of run in ARGS)
 	$(CARGO) run --release --locked -- run $(ARGS)
+ifeq ($(strip $(ARGS)),)
+	$(CARGO) run --release --locked --quiet -- lab --quiet --plan out/kr270/plan.csv
+endif
 
 reproduce: setup ## set the paper's numbers beside this program's: out/klimchik2012/reproduction.html
 	$(CARGO) run --release --locked -- reproduce $(ARGS)
@@ -34,17 +37,18 @@ without-views: setup ## check that all builds without recordings, pages and pict
 
 gate: build ## compare results with those stored in scenarios/baselines: but for rounding the same on the same platform
 	tools/baseline target/gate
+	@tools/check-renewals
 	@for name in results study; do target/release/elastocal compare --within 1e-9 \
 	  scenarios/baselines/klimchik2012_$$name.json target/gate/klimchik2012_$$name.json || exit $$?; done
 
-baseline: build ## print what has changed, and store new results in scenarios/baselines
+baseline: build ## print what has changed, and store new results in scenarios/baselines where something has
 	tools/baseline target/gate
 	@for name in results study; do echo; echo "klimchik2012_$$name:"; target/release/elastocal compare --exact --quiet \
-	  scenarios/baselines/klimchik2012_$$name.json target/gate/klimchik2012_$$name.json || [ $$? = 3 ] || \
-	  echo "cannot be compared: it is replaced as a whole"; \
+	  scenarios/baselines/klimchik2012_$$name.json target/gate/klimchik2012_$$name.json; case $$? in \
+	  0) echo "nothing has changed: it stays"; continue;; 3) ;; *) echo "cannot be compared: it is replaced as a whole";; esac; \
 	  cp target/gate/klimchik2012_$$name.json scenarios/baselines/; done
 	@echo; git --no-pager diff --stat -- scenarios/baselines
-	@echo "Commit it where it was meant to change; the message says what changed, by how much, and why."
+	@echo "Commit it where it was meant to change. tools/check-renewals, which CI runs, wants a message that says what changed and by how much."
 
 bench: build ## time the hot paths beside other programs, a few minutes (options in ARGS, such as --quick)
 	benches/peers/run $(ARGS)

@@ -4,7 +4,8 @@ use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 
 use clap::Args;
-use elastocal::laboratory::time::work_minutes;
+use elastocal::laboratory::Campaign;
+use elastocal::laboratory::time::quickest;
 use elastocal::plan::search::{
     BudgetPoint, Watch, budget_and_proof, cheapest, repeated_configurations,
 };
@@ -50,28 +51,32 @@ fn accuracy(text: &str) -> Result<f64, String> {
 }
 
 impl Budget {
-    /// The cheapest way to the accuracy that is wanted.
+    /// The cheapest way to the accuracy that is wanted, with the minutes that it takes; these are none where no way
+    /// between its experiments is found.
     fn needed(
         &self,
+        scenario: &Scenario,
         points: &[BudgetPoint],
-        minutes: &dyn Fn(&BudgetPoint) -> f64,
-    ) -> Option<BudgetPoint> {
+    ) -> Option<(BudgetPoint, Option<f64>)> {
+        let (task, laboratory) = (&scenario.task, &scenario.laboratory);
         let accuracy_m = self.accuracy_um * 1e-6;
-        if !self.by_minutes {
-            return cheapest(points, accuracy_m);
-        }
         let enough = points.iter().filter(|point| point.rho0_m <= accuracy_m);
-        enough
-            .min_by(|one, other| minutes(one).total_cmp(&minutes(other)))
-            .copied()
+        let quickest = || quickest(task, laboratory, enough.map(|point| (&point.plan, point)));
+        if self.by_minutes
+            && let Some((minutes, point)) = quickest()
+        {
+            return Some((point.clone(), Some(minutes)));
+        }
+        let point = cheapest(points, accuracy_m)?;
+        let campaign = Campaign::new(task, laboratory, &point.plan, false);
+        Some((point, campaign.ok().map(|campaign| campaign.minutes)))
     }
 
     /// The cheapest way for a person.
-    fn tell(&self, point: &BudgetPoint, minutes: f64) -> String {
-        let time = if self.by_minutes {
-            format!(": {minutes:.0} minutes, without the time that joints turn")
-        } else {
-            String::new()
+    fn tell(&self, point: &BudgetPoint, minutes: Option<f64>) -> String {
+        let time = match minutes.filter(|_| self.by_minutes) {
+            Some(minutes) => format!(": {minutes:.0} minutes"),
+            None => String::new(),
         };
         format!(
             "\nFor {} um at the test pose you need {} in {}{time}.\n",
@@ -132,14 +137,16 @@ impl Budget {
             Some(last) if is_cut_short => last.experiments,
             _ => self.up_to,
         };
-        let minutes_of = |point: &BudgetPoint| minutes(&scenario, point);
-        let needed = self.needed(&points, &minutes_of);
+        let needed = self.needed(&scenario, &points);
         let mut text = describe(&points) + &stops_helping(&points);
         let mut written = Written::default();
         text += &self.proof.tell(&bound, &mut written)?;
-        match needed {
-            Some(point) => {
-                text += &self.tell(&point, minutes_of(&point));
+        match &needed {
+            Some((point, minutes)) => {
+                text += &self.tell(point, *minutes);
+                if minutes.is_none() {
+                    conditions.push("no way is found between its experiments".to_owned());
+                }
             }
             None => conditions.push(format!(
                 "no plan of up to {} gives {} um",
@@ -159,8 +166,8 @@ impl Budget {
                 &ProvenanceMessage::new(&scenario),
                 json!({
                     "accuracy_um": self.accuracy_um,
-                    "needed": needed.as_ref().map(record),
-                    "needed_minutes": needed.as_ref().map(minutes_of),
+                    "needed": needed.as_ref().map(|(point, _)| record(point)),
+                    "needed_minutes": needed.as_ref().and_then(|(_, minutes)| *minutes),
                     "proof": proof_json(&bound),
                     "budget": points.iter().map(record).collect::<Vec<_>>(),
                 }),
@@ -169,12 +176,6 @@ impl Budget {
             conditions,
         })
     }
-}
-
-/// How long the work of a plan takes.
-fn minutes(scenario: &Scenario, point: &BudgetPoint) -> f64 {
-    let (loads, laboratory) = (&scenario.task.loads, &scenario.laboratory);
-    work_minutes(loads, laboratory, point.experiments, point.configurations)
 }
 
 fn record(point: &BudgetPoint) -> Value {

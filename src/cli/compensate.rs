@@ -3,17 +3,26 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use elastocal::calibration::{compensate_poses, pose_conditions};
+use elastocal::calibration::{CompensatedPose, compensate_poses, pose_conditions};
+use elastocal::experiment::experiment_columns;
+use elastocal::files::output::write_whole;
+use elastocal::files::{FileError, make_folder};
 use elastocal::identification::StoredIdentification;
+use elastocal::laboratory::{
+    CampaignError, Dialect, Program, ProgramFile, ProgramTarget, program_to,
+};
 use elastocal::record::messages::{ProvenanceMessage, TestPoseMessage};
-use elastocal::task::Method;
+use elastocal::scenario::Scenario;
+use elastocal::task::{Method, Task};
 use elastocal::testbed::TrueRobots;
 use elastocal::wording::shell_word;
 use serde_json::json;
 
+use super::dialect::dialect;
 use super::identified::read_identified;
 use super::table::{number, table};
-use super::{Common, Report, named_by_file, results, without_effect};
+use super::written::Written;
+use super::{Common, Report, check_outputs, inputs, named_by_file, results, without_effect};
 
 /// Arguments of `compensate`.
 #[derive(Debug, Args)]
@@ -28,6 +37,15 @@ pub struct Compensate {
     /// How; the scenario's method if not given.
     #[arg(long, value_enum)]
     method: Option<Method>,
+    /// Where to write the angles to command, as CSV.
+    #[arg(long, value_name = "FILE")]
+    angles_out: Option<PathBuf>,
+    /// The folder for a robot's program that leads to the compensated test poses.
+    #[arg(long, value_name = "FOLDER")]
+    program_out: Option<PathBuf>,
+    /// The dialect of the program: krl, urscript, or a file that ends in .toml; the scenario's if not given.
+    #[arg(long, value_name = "NAME|FILE", requires = "program_out")]
+    dialect: Option<String>,
 }
 
 impl Compensate {
@@ -38,6 +56,11 @@ impl Compensate {
         let scenario = (self.common).load_for(&self.identified, origin.as_ref(), &usage)?;
         let identified = read_identified(&self.identified, &scenario)?;
         let method = self.method.unwrap_or(scenario.task.belief.method);
+        let dialect = match &self.program_out {
+            Some(_) => Some(dialect(self.dialect.as_deref(), &scenario)?),
+            None => None,
+        };
+        self.check(&scenario, dialect.as_ref())?;
         self.common.say("compensating on the virtual robot");
         let (compliance, posterior) = (&identified.compliance_rad_per_nm, &identified.posterior);
         // The robot on which `measure` measures.
@@ -66,6 +89,34 @@ impl Compensate {
                 ]
             })
             .collect();
+        let mut written = Written::default();
+        let mut text = table(
+            &[
+                "test pose",
+                "uncompensated [mm]",
+                "compensated [mm]",
+                "predicted rms [mm]",
+                &format!("commanded angles [{}]", commands.unit()),
+            ],
+            &rows,
+        );
+        // Before anything is written: there may be no way.
+        let files = match &dialect {
+            Some(dialect) => self.program(&scenario, dialect, &poses)?,
+            None => Vec::new(),
+        };
+        if let Some(path) = &self.angles_out {
+            let angles = angles(&scenario.task, &messages);
+            text += &written.told(path, write_whole(path, angles.as_bytes()));
+        }
+        if let Some(folder) = &self.program_out {
+            make_folder(folder)?;
+            for file in &files {
+                let path = folder.join(&file.name);
+                text += &written.told(&path, write_whole(&path, file.text.as_bytes()));
+            }
+        }
+        conditions.extend(written.conditions());
         let first = &messages[0];
         let provenance =
             ProvenanceMessage::new(&scenario).with_input("identified", &self.identified)?;
@@ -81,17 +132,82 @@ impl Compensate {
                     "test_poses": messages,
                 }),
             ),
-            text: table(
-                &[
-                    "test pose",
-                    "uncompensated [mm]",
-                    "compensated [mm]",
-                    "predicted rms [mm]",
-                    &format!("commanded angles [{}]", commands.unit()),
-                ],
-                &rows,
-            ),
+            text,
             conditions,
         })
     }
+
+    fn check(&self, scenario: &Scenario, dialect: Option<&Dialect>) -> Result<(), FileError> {
+        let mut roles = inputs(scenario);
+        roles.reads("what was identified", &self.identified);
+        if let (Some(folder), Some(dialect)) = (&self.program_out, dialect) {
+            let files = self.files(&Program::default(), scenario, dialect)?;
+            let names: Vec<&str> = files.iter().map(|file| &*file.name).collect();
+            roles.writes_to(folder, &names);
+        }
+        check_outputs(&mut roles, &[("--angles-out", self.angles_out.as_deref())])
+    }
+
+    /// The program that leads to the compensated test poses.
+    fn program(
+        &self,
+        scenario: &Scenario,
+        dialect: &Dialect,
+        poses: &[CompensatedPose],
+    ) -> Result<Vec<ProgramFile>, FileError> {
+        let targets: Vec<ProgramTarget> = (poses.iter())
+            .map(|pose| ProgramTarget {
+                name: format!("test pose {:?}", pose.name),
+                configuration: pose.commanded_rad.clone(),
+            })
+            .collect();
+        let name = &scenario.name;
+        let title = format!(
+            "elastocal: {name}, compensated, {}",
+            self.identified.display()
+        );
+        let program = program_to(&scenario.task, &scenario.laboratory, &targets, &title);
+        let program = program.map_err(|error| {
+            let wrong = FileError::new(&scenario.path, error.to_string());
+            match error {
+                CampaignError::NoWay { .. } => wrong.hint(CampaignError::HINT),
+                CampaignError::BeyondRange { .. } => wrong,
+            }
+        })?;
+        self.files(&program, scenario, dialect)
+    }
+
+    fn files(
+        &self,
+        program: &Program,
+        scenario: &Scenario,
+        dialect: &Dialect,
+    ) -> Result<Vec<ProgramFile>, FileError> {
+        let commands = scenario.task.belief.commands();
+        let name = format!("compensated_{}", scenario.name);
+        let files = program.files(dialect, &scenario.laboratory, &commands, &name);
+        files.map_err(|error| FileError::new(&self.identified, error.to_string()))
+    }
+}
+
+/// The angles to command as CSV: a row for each test pose, with the task's load and the predicted rms distance.
+fn angles(task: &Task, poses: &[TestPoseMessage]) -> String {
+    let commands = task.belief.commands();
+    let mut text = format!(
+        "test_pose,{},rho0_mm\n",
+        experiment_columns(&commands).join(",")
+    );
+    for (pose, message) in task.test_poses.iter().zip(poses) {
+        let name = message.name.replace('"', "\"\"");
+        let mut fields = vec![format!("\"{name}\"")];
+        fields.extend(message.q_commanded_deg.iter().map(ToString::to_string));
+        fields.extend(pose.load.wrench().iter().map(ToString::to_string));
+        fields.push(
+            message
+                .rho0_mm
+                .map_or_else(String::new, |rho0_mm| rho0_mm.to_string()),
+        );
+        text += &(fields.join(",") + "\n");
+    }
+    text
 }

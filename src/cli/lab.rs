@@ -1,11 +1,11 @@
 //! `lab`: a plan goes to the laboratory.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 use elastocal::files::output::write_whole;
-use elastocal::files::{FileError, make_folder, read_text};
-use elastocal::laboratory::{Campaign, CampaignError, Dialect, ProgramFile, program};
+use elastocal::files::{FileError, make_folder};
+use elastocal::laboratory::{Campaign, CampaignError, Program, ProgramFile, program};
 use elastocal::measurement::{RowToFillIn, table_to_fill_in};
 use elastocal::plan::{Feasibility, Plan, read_plan};
 use elastocal::record::campaign::CampaignMessage;
@@ -13,6 +13,7 @@ use elastocal::record::messages::ProvenanceMessage;
 use elastocal::scenario::Scenario;
 use elastocal::wording::counted;
 
+use super::dialect::dialect;
 use super::table::table;
 use super::views::{self, RUN_SHEET};
 use super::written::Written;
@@ -43,24 +44,16 @@ impl Lab {
         let scenario = self.common.load()?;
         let commands = scenario.task.belief.commands();
         let plan = read_plan(&self.plan, commands.clone())?;
-        let dialect = self.dialect(&scenario)?;
-        dialect
-            .check_joints(commands.len())
-            .map_err(|error| FileError::new(&scenario.path, error.to_string()))?;
+        let dialect = dialect(self.dialect.as_deref(), &scenario)?;
         let name = &scenario.name;
         let folder = self.common.folder(&scenario).join("lab");
         // Its names do not depend on what is in it.
         let names = |files: &[ProgramFile]| -> Vec<String> {
             files.iter().map(|file| file.name.clone()).collect()
         };
-        let files = |program: &elastocal::laboratory::Program| {
-            program.files(&dialect, &scenario.laboratory, &commands, name)
-        };
-        let empty = elastocal::laboratory::Program {
-            title: String::new(),
-            steps: Vec::new(),
-        };
-        let program_names = names(&files(&empty)?);
+        let files =
+            |program: &Program| program.files(&dialect, &scenario.laboratory, &commands, name);
+        let program_names = names(&files(&Program::default())?);
         let mut roles = inputs(&scenario);
         roles.reads("the plan", &self.plan);
         roles.writes_to(&folder, &FILES);
@@ -105,32 +98,6 @@ impl Lab {
             json,
             text,
             conditions,
-        })
-    }
-
-    fn dialect(&self, scenario: &Scenario) -> Result<Dialect, FileError> {
-        let (name, from) = match &self.dialect {
-            Some(name) => (name, Path::new("")),
-            None => (
-                &scenario.laboratory.dialect,
-                scenario.path.parent().unwrap_or(Path::new("")),
-            ),
-        };
-        let is_file = Path::new(name)
-            .extension()
-            .is_some_and(|ending| ending == "toml");
-        if is_file {
-            let path = from.join(name);
-            let text = read_text(&path)?;
-            return Dialect::read(&text).map_err(|error| FileError::new(&path, error.to_string()));
-        }
-        Dialect::known(name).map_err(|error| {
-            let place = if self.dialect.is_some() {
-                "--dialect"
-            } else {
-                "laboratory.dialect"
-            };
-            FileError::new(&scenario.path, error.to_string()).at(place)
         })
     }
 

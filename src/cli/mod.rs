@@ -7,6 +7,7 @@ mod budget;
 mod check;
 mod compare;
 mod compensate;
+mod dialect;
 mod evaluate;
 mod identified;
 mod identify;

@@ -5,10 +5,11 @@ use std::sync::atomic::AtomicBool;
 
 use clap::Args;
 use elastocal::files::FileError;
+use elastocal::laboratory::Campaign;
 use elastocal::laboratory::time::{TimedPlan, plans_within};
 use elastocal::limits::MOST_EXPERIMENTS;
 use elastocal::plan::search::{
-    ApproximateDesign, Bound, BoundKind, Certificate, Problem, SearchError, Watch,
+    ApproximateDesign, Bound, BoundKind, Certificate, ExactDesign, Problem, SearchError, Watch,
 };
 use elastocal::plan::{Assessment, Criterion, Plan, write_plan};
 use elastocal::plausible::MINUTES;
@@ -111,6 +112,20 @@ fn left_out(task: &Task) -> String {
 fn minutes(text: &str) -> Result<f64, String> {
     let number = text.parse().map_err(|_| MINUTES.allowed())?;
     MINUTES.check(number)
+}
+
+/// Takes the plan of a larger search where it keeps within so many minutes, too, and else the one that is known to; and
+/// tells how many it takes.
+fn keep_in_time(scenario: &Scenario, exact: &mut ExactDesign, timed: &TimedPlan, most: f64) -> f64 {
+    let campaign = Campaign::new(&scenario.task, &scenario.laboratory, &exact.plan, false);
+    match campaign {
+        Ok(campaign) if campaign.minutes <= most => campaign.minutes,
+        _ => {
+            exact.plan = timed.plan.clone();
+            exact.cost = timed.rho0_m.powi(2);
+            timed.minutes
+        }
+    }
 }
 
 /// The best plans for each number of configurations within a time, for a person.
@@ -222,7 +237,7 @@ impl PlanCommand {
             )),
             self.criterion.name()
         ));
-        let designed = design(
+        let mut designed = design(
             &self.common,
             &scenario.task,
             scenario.seed,
@@ -234,6 +249,8 @@ impl PlanCommand {
             &self.proof,
             stop,
         )?;
+        let minutes = (self.minutes)
+            .map(|most| keep_in_time(&scenario, &mut designed.exact, &timed[0], most));
         let plan = &designed.exact.plan;
         let mut assessment = Assessment::new(&scenario.task, plan, Some(&designed.bound));
         if let Some((_, bound)) = &designed.by_criterion {
@@ -262,7 +279,7 @@ impl PlanCommand {
             "gate": scenario.gate,
             "plan": plan_messages(&scenario.task.belief.commands(), plan),
             "criterion": self.criterion.name(),
-            "minutes": timed.first().map(|best| best.minutes),
+            "minutes": minutes,
             "configurations": configurations.unwrap_or(experiments).min(experiments),
             "exchanges": exchanges,
             "elapsed_s": designed.elapsed_s,

@@ -5,12 +5,11 @@
 //! to: there are no fewer changes of load than different loads. Each configuration is approached from the same
 //! side every time, so that backlash and friction are the same in both positions.
 
-use std::fmt::{Display, Formatter};
-
 use nalgebra::DVector;
 use thiserror::Error;
 
 use super::order::shortest;
+use super::side::Side;
 use super::ways::{Way, Ways, apart};
 use super::{Costs, Laboratory};
 use crate::experiment::{Plan, in_words};
@@ -19,21 +18,27 @@ use crate::task::Task;
 
 /// What a move that is not straight costs more than one that is, and how many times as much.
 const DETOUR: (f64, f64) = (1.0, 2.0);
-/// Of the ways to approach a configuration so many are tried.
-const SIDES: usize = 64;
 
 /// Why a plan cannot be carried out.
 #[derive(Debug, Clone, Error, PartialEq, Eq)]
 pub enum CampaignError {
     /// No way is free of collisions.
-    #[error("no way is found {from} to experiment {to} that keeps clear of collisions{}", with(load.as_deref()))]
+    #[error("no way is found {from} to {to} that keeps clear of collisions{}", with(load.as_deref()))]
     NoWay {
         /// Where it begins: "from experiment 3".
         from: String,
-        /// The number of the experiment where it ends, from 1.
-        to: usize,
+        /// Where it ends: "experiment 4".
+        to: String,
         /// What hangs on the robot, in words.
         load: Option<String>,
+    },
+    /// A joint cannot go there.
+    #[error("{to}: {joint} would be commanded beyond its range")]
+    BeyondRange {
+        /// The joint's name.
+        joint: String,
+        /// Where: `test pose "milling"`.
+        to: String,
     },
 }
 
@@ -45,33 +50,6 @@ impl CampaignError {
 
 fn with(load: Option<&str>) -> String {
     load.map_or_else(String::new, |load| format!(", under {load}"))
-}
-
-/// The side from which a configuration is approached: for each joint whether it turns positively (1),
-/// negatively (-1), or not at all (0) in the end.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Side(pub Vec<i8>);
-
-impl Display for Side {
-    fn fmt(&self, formatter: &mut Formatter<'_>) -> std::fmt::Result {
-        let moving = || self.0.iter().filter(|sign| **sign != 0);
-        if moving().next().is_none() {
-            formatter.write_str("as it comes")
-        } else if moving().all(|sign| *sign > 0) {
-            formatter.write_str("all joints +")
-        } else if moving().all(|sign| *sign < 0) {
-            formatter.write_str("all joints -")
-        } else {
-            let signs: Vec<&str> = (self.0.iter())
-                .map(|sign| match sign {
-                    0 => "0",
-                    1 => "+",
-                    _ => "-",
-                })
-                .collect();
-            formatter.write_str(&signs.join(" "))
-        }
-    }
 }
 
 /// One place where the robot stands and is measured.
@@ -322,46 +300,13 @@ impl Planner<'_> {
     /// The side from which an experiment's configuration is approached, and where the approach begins: the
     /// same for all experiments at one configuration.
     fn side(&mut self, index: usize) -> (Side, Option<DVector<f64>>) {
-        let experiment = &self.plan.experiments[index];
-        let q = &experiment.configuration_rad;
-        let here = self
-            .plan
-            .experiments
-            .iter()
-            .filter(|each| each.configuration_rad == *q);
+        let q = &self.plan.experiments[index].configuration_rad;
+        let here = (self.plan.experiments.iter()).filter(|each| each.configuration_rad == *q);
         let loads: Vec<Load> = [Load::NONE]
             .into_iter()
             .chain(here.map(|each| each.load))
             .collect();
-        let joints = &self.task.belief.nominal.chain.joints;
-        let moves: Vec<usize> = (0..joints.len())
-            .filter(|&joint| joints[joint].drive.passive_at.is_none())
-            .collect();
-        let none = Side(vec![0; joints.len()]);
-        if self.approach == 0.0 {
-            return (none, None);
-        }
-        // All positive, all negative, then all others: bit k of the pattern turns joint k round.
-        let patterns = 1_usize << moves.len().min(usize::BITS as usize - 2);
-        let mixed = 1..patterns.saturating_sub(1);
-        for pattern in [0, patterns - 1].into_iter().chain(mixed).take(SIDES) {
-            let mut side = none.clone();
-            let mut start = q.clone();
-            for (bit, &joint) in moves.iter().enumerate() {
-                side.0[joint] = if pattern >> bit & 1 == 0 { 1 } else { -1 };
-                start[joint] -= f64::from(side.0[joint]) * self.approach;
-            }
-            // The region is about experiments, not about the way there.
-            let is_within = (start.iter().zip(joints)).all(|(angle, joint)| {
-                let [low, high] = joint.range_rad;
-                (low..=high).contains(angle)
-            });
-            let judge = self.ways.judge();
-            if is_within && judge.is_straight_clear(start.as_slice(), q.as_slice(), &loads) {
-                return (side, Some(start));
-            }
-        }
-        (none, None)
+        Side::free(self.task, self.approach, self.ways.judge(), q, &loads)
     }
 
     /// The order of a group's members.
@@ -409,7 +354,7 @@ impl Planner<'_> {
                     || "from the first safe pose".to_owned(),
                     |last| format!("from experiment {}", last.experiments[0] + 1),
                 ),
-                to: stop.experiments[0] + 1,
+                to: format!("experiment {}", stop.experiments[0] + 1),
                 load: hanging.as_ref().map(in_words),
             })
     }

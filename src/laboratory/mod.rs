@@ -8,6 +8,7 @@
 //! - [`next`]: what to measure next, after some of a plan is measured.
 //! - [`validation`]: whether a robot keeps what its identification promises.
 //! - [`Dialect`], [`Program`]: the robot's program; dialects are data.
+//! - [`program_to`]: back on the robot, a program that leads to compensated test poses.
 
 mod campaign;
 mod clearance;
@@ -16,13 +17,17 @@ pub mod next;
 mod order;
 mod program;
 mod settings;
+mod side;
+mod targets;
 pub mod time;
 pub mod validation;
 mod ways;
 
-pub use campaign::{Campaign, CampaignError, Side, Stop};
+pub use campaign::{Campaign, CampaignError, Stop};
 pub use clearance::PathJudge;
 pub use dialect::{Dialect, DialectError};
 pub use program::{Program, ProgramFile, ProgramStep, program};
 pub use settings::{Costs, Laboratory};
+pub use side::Side;
+pub use targets::{ProgramTarget, program_to};
 pub use ways::{Way, Ways};

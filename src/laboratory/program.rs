@@ -25,7 +25,7 @@ pub enum ProgramStep {
 }
 
 /// A program in any dialect.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Program {
     /// What it is, in a line.
     pub title: String,

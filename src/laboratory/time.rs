@@ -1,17 +1,21 @@
 //! Plans by the minutes that they take, in place of the number of measurements: repeats are cheap, changes are
 //! not.
 
+use super::next::{accuracy, after};
 use super::{Campaign, Laboratory};
-use crate::experiment::Loads;
+use crate::experiment::{Loads, Plan};
 use crate::plan::Criterion;
-use crate::plan::Plan;
-use crate::plan::search::{Problem, SearchError, Watch, approximate_design, exact_design};
+use crate::plan::search::{
+    ApproximateDesign, Problem, SearchError, Watch, approximate_design, exact_design,
+};
 use crate::task::Task;
 
 /// Searches for each number of configurations: fewer than for a single plan.
 const SEARCHES: usize = 24;
 /// The most configurations that are tried.
 const CONFIGURATIONS: u32 = 20;
+/// So often a plan is searched for one number of configurations, until its time is full.
+const TRIES: usize = 3;
 /// So many more configurations in turn that gain nothing end the search.
 const PATIENCE: u32 = 3;
 /// More readings than these are not planned at one time.
@@ -56,7 +60,50 @@ pub fn work_minutes(
     (laboratory.costs).work_min(stops, changes, 2 * experiments)
 }
 
-/// The best plans that take at most so many minutes, one for each number of configurations; the best first.
+/// Of some plans the one that takes the least time with all its ways, and the minutes; those between whose experiments
+/// no way is found are left out.
+pub fn quickest<'a, T>(
+    task: &Task,
+    laboratory: &Laboratory,
+    plans: impl Iterator<Item = (&'a Plan, T)>,
+) -> Option<(f64, T)> {
+    let work = |plan: &Plan| {
+        let configurations = u32::try_from(plan.experiments.len()).unwrap_or(u32::MAX);
+        least_minutes(laboratory, plan.measurements(), configurations)
+    };
+    let mut plans: Vec<(f64, &Plan, T)> =
+        plans.map(|(plan, with)| (work(plan), plan, with)).collect();
+    plans.sort_by(|one, other| one.0.total_cmp(&other.0));
+    let mut best: Option<(f64, T)> = None;
+    for (at_least, plan, with) in plans {
+        if best
+            .as_ref()
+            .is_some_and(|(minutes, _)| *minutes <= at_least)
+        {
+            break;
+        }
+        let Ok(campaign) = Campaign::new(task, laboratory, plan, false) else {
+            continue;
+        };
+        if best
+            .as_ref()
+            .is_none_or(|(minutes, _)| campaign.minutes < *minutes)
+        {
+            best = Some((campaign.minutes, with));
+        }
+    }
+    best
+}
+
+/// What so many measurements in so many configurations take at least: under one load, with nothing in the way and
+/// nowhere to turn. Experiments under two loads may share their configuration.
+fn least_minutes(laboratory: &Laboratory, experiments: u32, configurations: u32) -> f64 {
+    let stops = configurations as usize + 1;
+    (laboratory.costs).work_min(stops, 1, 2 * experiments)
+}
+
+/// The best plans that take at most so many minutes with all their ways, one for each number of configurations; the
+/// best first.
 ///
 /// # Errors
 /// No plan is possible, or none in that time.
@@ -70,43 +117,26 @@ pub fn plans_within(
     let mut problem = Problem::new(task, Criterion::TestPose);
     problem.effort.searches = SEARCHES;
     let approximate = approximate_design(&problem, seed)?;
-    let mandatory = task.design.mandatory.measurements();
-    let fewest = u32::try_from(problem.parameters().div_ceil(3).max(1)).unwrap_or(u32::MAX);
+    let search = TimeSearch {
+        problem,
+        approximate,
+        laboratory,
+        minutes,
+        seed,
+    };
+    let fewest = u32::try_from(search.problem.to_find().div_ceil(3).max(1)).unwrap_or(u32::MAX);
     let mut plans: Vec<TimedPlan> = Vec::new();
+    // What the ways of the plan before took for each configuration.
+    let mut way_min = 0.0;
     let mut idle = 0;
-    for configurations in fewest.max(1)..=CONFIGURATIONS {
+    for configurations in fewest..=CONFIGURATIONS {
         let best = plans
             .iter()
             .fold(f64::INFINITY, |best, plan| best.min(plan.rho0_m));
-        let mut room = minutes;
-        // Ways take time, too: what they take is known when there is a plan.
-        let found = (0..3).find_map(|_| {
-            let experiments = most(&task.loads, laboratory, room, configurations)?;
-            if experiments < mandatory {
-                return None;
-            }
-            let sizes = [experiments, configurations];
-            match exact_design(&problem, &approximate, sizes[0], sizes[1], seed, watch) {
-                Ok(design) => {
-                    let campaign = Campaign::new(task, laboratory, &design.plan, false).ok()?;
-                    if campaign.minutes > minutes {
-                        room -= campaign.minutes - minutes;
-                        return None;
-                    }
-                    Some(Ok(TimedPlan {
-                        plan: design.plan,
-                        experiments,
-                        configurations,
-                        rho0_m: design.cost.sqrt(),
-                        minutes: campaign.minutes,
-                    }))
-                }
-                Err(SearchError::Singular { .. }) => None,
-                Err(error) => Some(Err(error)),
-            }
-        });
-        match found.transpose()? {
-            Some(plan) => {
+        let expected_min = way_min * f64::from(configurations);
+        match search.plan(configurations, expected_min, watch)? {
+            Some((plan, ways_min)) => {
+                way_min = ways_min / f64::from(configurations);
                 idle = if plan.rho0_m < best { 0 } else { idle + 1 };
                 plans.push(plan);
             }
@@ -119,6 +149,82 @@ pub fn plans_within(
     }
     plans.sort_by(|one, other| one.rho0_m.total_cmp(&other.rho0_m));
     Ok(plans)
+}
+
+/// What plans of a time are searched with.
+struct TimeSearch<'a> {
+    problem: Problem<'a>,
+    approximate: ApproximateDesign,
+    laboratory: &'a Laboratory,
+    minutes: f64,
+    seed: u64,
+}
+
+impl TimeSearch<'_> {
+    /// The plan of as many measurements in so many configurations as there is time for, where the ways take so many
+    /// minutes, as is expected; with the minutes that they do take.
+    fn plan(
+        &self,
+        configurations: u32,
+        expected_min: f64,
+        watch: Watch<'_>,
+    ) -> Result<Option<(TimedPlan, f64)>, SearchError> {
+        let (problem, task, laboratory) = (&self.problem, self.problem.task, self.laboratory);
+        let mut found = None;
+        let mut ways_min = expected_min;
+        // The ways are known when there is a plan, and hardly depend on how often each experiment is measured.
+        for _ in 0..TRIES {
+            let fits = |ways_min: f64| {
+                let count = most(
+                    &task.loads,
+                    laboratory,
+                    self.minutes - ways_min,
+                    configurations,
+                );
+                count.filter(|count| *count >= task.design.mandatory.measurements())
+            };
+            let Some(experiments) = fits(ways_min) else {
+                break;
+            };
+            let sizes = [experiments, configurations];
+            let design = exact_design(
+                problem,
+                &self.approximate,
+                sizes[0],
+                sizes[1],
+                self.seed,
+                watch,
+            );
+            let plan = match design {
+                Ok(design) => design.plan,
+                Err(SearchError::Singular { .. }) => break,
+                Err(error) => return Err(error),
+            };
+            let Ok(campaign) = Campaign::new(task, laboratory, &plan, false) else {
+                break;
+            };
+            let minutes = campaign.minutes;
+            ways_min = minutes - work_minutes(&task.loads, laboratory, experiments, configurations);
+            let is_full = fits(ways_min).is_none_or(|more| more <= experiments);
+            if minutes <= self.minutes {
+                let rho0_m = accuracy(task, &after(task, &plan)).unwrap_or(f64::INFINITY);
+                let timed = TimedPlan {
+                    plan,
+                    experiments,
+                    configurations,
+                    rho0_m,
+                    minutes,
+                };
+                found = Some((timed, ways_min));
+                if is_full {
+                    break;
+                }
+            } else if found.is_some() {
+                break;
+            }
+        }
+        Ok(found)
+    }
 }
 
 /// The most measurements in so many configurations that so many minutes allow.

@@ -154,7 +154,7 @@ fn accuracy(
     let size = |plan: &Plan| u32::try_from(plan.experiments.len()).unwrap_or(u32::MAX);
     let point = |plan: &Plan, cost: f64| {
         let sizes = [plan.measurements(), size(plan)];
-        BudgetPoint::new(task, plan, sizes, cost, bound)
+        BudgetPoint::new(task, plan.clone(), sizes, cost, bound)
     };
     let fewest = (problem.to_find().div_ceil(3).max(1)).max(size(&task.design.mandatory) as usize);
     let largest = (own * WIDEST).max(ALWAYS);

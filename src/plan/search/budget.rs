@@ -23,8 +23,10 @@ const SEARCHES_OF_MANY: usize = 8;
 const FEW: u32 = 4;
 
 /// The best accuracy that was found for m measurements in c configurations.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct BudgetPoint {
+    /// The plan.
+    pub plan: Plan,
     /// The number m of measurements.
     pub experiments: u32,
     /// The number c of different configurations.
@@ -109,9 +111,9 @@ pub fn budget_and_proof(
         ) {
             Ok(design) => {
                 let sizes = [experiments, configurations];
-                let (plan, cost) = (&design.plan, design.cost);
+                let (plan, cost) = (design.plan, design.cost);
+                plans.push(((experiments, configurations), plan.clone()));
                 points.push(BudgetPoint::new(task, plan, sizes, cost, &bound));
-                plans.push(((experiments, configurations), design.plan));
             }
             // So few configurations do not determine the compliances: more may.
             Err(SearchError::Singular { .. }) => {}
@@ -149,13 +151,14 @@ impl BudgetPoint {
     /// The point of a plan that a search found at a cost.
     pub(crate) fn new(
         task: &Task,
-        plan: &Plan,
+        plan: Plan,
         [experiments, configurations]: [u32; 2],
         cost: f64,
         bound: &Bound,
     ) -> Self {
-        let whole = Whole::new(task, plan);
+        let whole = Whole::new(task, &plan);
         Self {
+            plan,
             experiments,
             configurations,
             rho0_m: whole.map_or(cost.sqrt(), |whole| whole.rho0_m),
@@ -167,7 +170,7 @@ impl BudgetPoint {
     /// The lower bound (m), where there is one.
     #[must_use]
     pub fn lower_bound_m(&self) -> Option<f64> {
-        Some(self.bound?.best)
+        Some(self.bound.as_ref()?.best)
     }
 }
 
@@ -197,5 +200,5 @@ pub fn cheapest(points: &[BudgetPoint], accuracy_m: f64) -> Option<BudgetPoint> 
         .iter()
         .filter(|point| point.rho0_m <= accuracy_m)
         .min_by_key(|point| (point.experiments, point.configurations))
-        .copied()
+        .cloned()
 }

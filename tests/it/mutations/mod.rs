@@ -10,16 +10,21 @@ mod mutate;
 use std::fmt::Write as _;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use elastocal::comparison::results::ResultsFile;
-use elastocal::files::FileError;
-use elastocal::measurement::read_measurements;
+use elastocal::files::{FileError, read_text};
+use elastocal::identification::StoredIdentification;
+use elastocal::laboratory::{Dialect, DialectError, Program, ProgramStep};
+use elastocal::measurement::{read_measurements, read_measurements_so_far};
 use elastocal::plan::read_plan;
 use elastocal::random::generator;
 use elastocal::record::tally_file::TallyFile;
 use elastocal::scenario::Scenario;
+use elastocal::task::Extended;
+use nalgebra::DVector;
 use rayon::prelude::*;
 use serde_json::Value;
 
@@ -45,7 +50,8 @@ struct Reader {
     seeds: Vec<String>,
 }
 
-fn readers() -> Vec<Reader> {
+/// A workplace with a file for each reader.
+fn prepared() -> Workplace {
     let place = Workplace::new();
     place.write("s.toml", scenario_text("klimchik2012"));
     let plan = project("scenarios/plans/klimchik2012_m3.csv");
@@ -64,8 +70,124 @@ fn readers() -> Vec<Reader> {
         ))
         .ends_with(0);
     place
+        .run("identify --quiet --measurements m.csv --identified-out i.json")
+        .ends_with(0);
+    place.write("u.toml", scenario_text("kr270_laboratory"));
+    place.run("identify u.toml --quiet --measurements m.csv --identified-out u.json");
+    place
         .run("study s.toml --level model --trials 500 --shard 1/2 --tally-out t.json --quiet")
         .ends_with(0);
+    place
+}
+
+fn file(path: &str) -> String {
+    std::fs::read_to_string(project(path)).expect("can be read")
+}
+
+fn readers() -> Vec<Reader> {
+    let place = prepared();
+    vec![
+        scenario_reader(),
+        plan_reader(),
+        measurements_reader(&place),
+        tally_reader(&place),
+        results_reader(&place),
+        identification_reader(&place),
+        dialect_reader(),
+    ]
+}
+
+fn scenario_reader() -> Reader {
+    Reader {
+        name: "scenario",
+        ending: "toml",
+        share: 5,
+        read: |path| {
+            let scenario = Scenario::load(path)?;
+            Ok(format!(
+                "{:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?}",
+                scenario.task.test_poses,
+                scenario.task.loads,
+                scenario.task.region,
+                scenario.task.belief.instrument,
+                scenario.study,
+                scenario.laboratory,
+                scenario.task.belief.uncertain.as_ref().map(Extended::set),
+                scenario.task.belief.nominal.compliance_rad_per_nm
+            ))
+        },
+        is_well_formed: |text| text.parse::<toml::Table>().is_ok(),
+        seeds: [
+            "klimchik2012",
+            "klimchik2012_joint1",
+            "kr270",
+            "kr270_all_joints",
+            "kr270_compensator",
+            "kr270_flexible",
+            "kr270_laboratory",
+            "kr270_unknown_compensator",
+            "planar_3r",
+            "spatial_3r",
+        ]
+        .map(scenario_text)
+        .into_iter()
+        .chain([
+            scenario_text("kr270") + LABORATORY,
+            scenario_text("planar_3r") + LABORATORY,
+        ])
+        .collect(),
+    }
+}
+
+fn plan_reader() -> Reader {
+    Reader {
+        name: "plan",
+        ending: "csv",
+        share: 38,
+        read: |path| read_plan(path, 6).map(|plan| format!("{plan:?}")),
+        is_well_formed: is_table,
+        seeds: vec![
+            file("scenarios/plans/klimchik2012_m3.csv"),
+            file("scenarios/plans/klimchik2012_m12.csv"),
+            file("scenarios/plans/kr270_all_joints.csv"),
+        ],
+    }
+}
+
+fn measurements_reader(place: &Workplace) -> Reader {
+    Reader {
+        name: "measurements",
+        ending: "csv",
+        share: 42,
+        read: |path| {
+            // What is not filled in yet is another way to read it.
+            let _ = read_measurements_so_far(path, 6);
+            read_measurements(path, 6).map(|all| format!("{all:?}"))
+        },
+        is_well_formed: is_table,
+        seeds: vec![
+            place.read("m.csv"),
+            place.read("r.csv"),
+            of_positions(&place.read("m.csv")),
+            of_positions(&place.read("r.csv")),
+        ],
+    }
+}
+
+fn tally_reader(place: &Workplace) -> Reader {
+    Reader {
+        name: "tally",
+        ending: "json",
+        share: 4,
+        read: |path| TallyFile::read(path).map(|tally| format!("{:?}", tally.header)),
+        is_well_formed: is_json,
+        seeds: vec![place.read("t.json")],
+    }
+}
+
+fn results_reader(place: &Workplace) -> Reader {
+    let plan = project("scenarios/plans/klimchik2012_m3.csv");
+    let plan = plan.display();
     let evaluated = place
         .run(&format!("evaluate s.toml --plan {plan} --json --quiet"))
         .stdout;
@@ -75,73 +197,91 @@ fn readers() -> Vec<Reader> {
     let studied = place
         .run("study s.toml --level model --trials 500 --json --quiet")
         .stdout;
-    let file = |path: &str| std::fs::read_to_string(project(path)).expect("can be read");
-    vec![
-        Reader {
-            name: "scenario",
-            ending: "toml",
-            share: 10,
-            read: |path| {
-                let scenario = Scenario::load(path)?;
-                Ok(format!(
-                    "{:?} {:?} {:?} {:?} {:?} {:?}",
-                    scenario.task.test_poses,
-                    scenario.task.loads,
-                    scenario.task.region,
-                    scenario.task.belief.instrument,
-                    scenario.study,
-                    scenario.task.belief.nominal.compliance_rad_per_nm
-                ))
-            },
-            is_well_formed: |text| text.parse::<toml::Table>().is_ok(),
-            seeds: [
-                "klimchik2012",
-                "klimchik2012_joint1",
-                "kr270",
-                "kr270_all_joints",
-                "planar_3r",
-                "spatial_3r",
-            ]
-            .map(scenario_text)
+    Reader {
+        name: "results",
+        ending: "json",
+        share: 4,
+        read: |path| ResultsFile::read(path).map(|_| String::new()),
+        is_well_formed: is_json,
+        seeds: vec![evaluated, planned, studied],
+    }
+}
+
+fn identification_reader(place: &Workplace) -> Reader {
+    Reader {
+        name: "identification",
+        ending: "json",
+        share: 3,
+        read: |path| {
+            let stored = StoredIdentification::read(path, &KR270.task.belief.nominal)?;
+            Ok(format!("{stored:?}"))
+        },
+        is_well_formed: is_json,
+        seeds: vec![place.read("i.json"), place.read("u.json")],
+    }
+}
+
+fn dialect_reader() -> Reader {
+    Reader {
+        name: "dialect",
+        ending: "toml",
+        share: 4,
+        read: |path| {
+            let wrong = |error: DialectError| FileError::new(path, error.to_string());
+            let dialect = Dialect::read(&read_text(path)?).map_err(wrong)?;
+            let commands = KR270.task.belief.commands();
+            let move_to = DVector::from_element(6, 0.1);
+            let program = Program {
+                title: "a title".to_owned(),
+                steps: vec![ProgramStep::Move(move_to), ProgramStep::Log],
+            };
+            // What the texts say is nobody's business here: a word like NaN may stand in them.
+            (program.files(&dialect, &KR270.laboratory, &commands, "name"))
+                .map(|_| String::new())
+                .map_err(wrong)
+        },
+        is_well_formed: |text| text.parse::<toml::Table>().is_ok(),
+        seeds: ["krl", "urscript"]
+            .map(|name| file(&format!("src/laboratory/dialects/{name}.toml")))
             .into(),
-        },
-        Reader {
-            name: "plan",
-            ending: "csv",
-            share: 40,
-            read: |path| read_plan(path, 6).map(|plan| format!("{plan:?}")),
-            is_well_formed: is_table,
-            seeds: vec![
-                file("scenarios/plans/klimchik2012_m3.csv"),
-                file("scenarios/plans/klimchik2012_m12.csv"),
-                file("scenarios/plans/kr270_all_joints.csv"),
-            ],
-        },
-        Reader {
-            name: "measurements",
-            ending: "csv",
-            share: 40,
-            read: |path| read_measurements(path, 6).map(|all| format!("{all:?}")),
-            is_well_formed: is_table,
-            seeds: vec![place.read("m.csv"), place.read("r.csv")],
-        },
-        Reader {
-            name: "tally",
-            ending: "json",
-            share: 5,
-            read: |path| TallyFile::read(path).map(|tally| format!("{:?}", tally.header)),
-            is_well_formed: is_json,
-            seeds: vec![place.read("t.json")],
-        },
-        Reader {
-            name: "results",
-            ending: "json",
-            share: 5,
-            read: |path| ResultsFile::read(path).map(|_| String::new()),
-            is_well_formed: is_json,
-            seeds: vec![evaluated, planned, studied],
-        },
-    ]
+    }
+}
+
+/// The robot that identifications and programs are for.
+static KR270: LazyLock<Scenario> = LazyLock::new(|| crate::support::scenario("kr270"));
+
+/// A table that no scenario of the project has.
+const LABORATORY: &str = "\n[laboratory]\nstation_min = 20\nmove_min = 5\nload_change_min = 15\nreading_min = 0.5\n\
+                          axis_speed_deg_s = 12\napproach_deg = 3\nspeed_percent = 20\ntool_number = 3\nbase_number = 2\n\
+                          dialect = \"urscript\"\nsafe_deg = []\n";
+
+/// The same measurements with positions in place of deflections, and which readings these are.
+fn of_positions(measurements: &str) -> String {
+    let mut row = 0;
+    let lines = measurements.lines().map(|line| {
+        let mut fields: Vec<String> = line.split(',').map(str::to_owned).collect();
+        if fields.len() < 15 {
+            return line.to_owned();
+        }
+        let words = |names: &str| -> Vec<String> { names.split(',').map(str::to_owned).collect() };
+        let (positions, places) = if line.starts_with('q') {
+            let columns =
+                "unloaded_x_mm,unloaded_y_mm,unloaded_z_mm,loaded_x_mm,loaded_y_mm,loaded_z_mm";
+            let places = "unloaded_stop,unloaded_reading,loaded_stop,loaded_reading";
+            (words(columns), words(places))
+        } else {
+            row += 1;
+            let loaded = fields[12..15].join(",");
+            (
+                words(&format!("0,0,0,{loaded}")),
+                words(&format!("{row},1,{},1", row + 3)),
+            )
+        };
+        fields.splice(12..15, positions);
+        fields.extend(places);
+        fields.join(",")
+    });
+    lines.map(|line| line + "\n").collect::<Vec<_>>().concat()
 }
 
 fn is_json(text: &str) -> bool {
@@ -206,7 +346,9 @@ fn a_hundred_thousand_broken_texts_are_told_in_words() {
     let seed = number("ELASTOCAL_MUTATION_SEED", 1) as u64;
     let readers = readers();
     let folder = tempfile::tempdir().expect("a temporary folder can be made");
-    let mut report = String::new();
+    let mut report = String::from(
+        "| reader | texts | well formed | accepted | refused in words | failures | s |\n|---|---|---|---|---|---|---|\n",
+    );
     for reader in &readers {
         let count = total * reader.share / 100;
         let (formed, accepted) = (AtomicUsize::new(0), AtomicUsize::new(0));
@@ -239,12 +381,14 @@ fn a_hundred_thousand_broken_texts_are_told_in_words() {
             })
             .collect();
         let (formed, accepted) = (formed.into_inner(), accepted.into_inner());
+        let refused = count - accepted - failures.len();
         let _ = writeln!(
             report,
-            "{}: {count} texts in {:.1} s, {formed} well formed, {accepted} accepted, {} failures",
+            "| {} | {count} | {formed} ({:.0} %) | {accepted} | {refused} | {} | {:.1} |",
             reader.name,
-            start.elapsed().as_secs_f64(),
-            failures.len()
+            100.0 * formed as f64 / count.max(1) as f64,
+            failures.len(),
+            start.elapsed().as_secs_f64()
         );
         let kept = project("target/mutations");
         for (path, problem) in failures.iter().take(20) {
@@ -333,7 +477,11 @@ fn five_hundred_broken_models_are_told_in_words() {
         .collect();
     assert!(failures.is_empty(), "{failures:#?}");
     let (parsed, accepted) = (parsed.into_inner(), accepted.into_inner());
-    println!("models: {count}, {parsed} beyond MuJoCo's parser, {accepted} accepted");
+    println!(
+        "| reader | models | beyond MuJoCo's parser | accepted | failures |\n|---|---|---|---|---|\n\
+         | model | {count} | {parsed} ({:.0} %) | {accepted} | 0 |",
+        100.0 * parsed as f64 / count as f64
+    );
     // Otherwise only MuJoCo's parser is tried.
     assert!(10 * parsed > 3 * count, "{parsed} of {count}");
 }
