@@ -7,6 +7,7 @@ mod budget;
 mod check;
 mod compare;
 mod compensate;
+mod completion;
 mod dialect;
 mod evaluate;
 mod identified;
@@ -89,43 +90,91 @@ pub struct Common {
 #[derive(Debug, Subcommand)]
 enum Command {
     /// A first scenario for a robot's model (MJCF or URDF): what is in it, and what is implausible
+    #[command(
+        after_help = "Examples:\n  elastocal init models/spatial_3r.xml --scenario-out my_arm.toml\n  elastocal init robot.urdf --tip tool0"
+    )]
     Init(init::Init),
     /// The whole loop: design a plan, measure, identify, compensate, and write it all to a folder
+    #[command(
+        after_help = "Examples:\n  elastocal run\n  elastocal run scenarios/planar_3r.toml --seed 2 --out results"
+    )]
     Run(run::Run),
     /// Validate a scenario, and a plan against it
+    #[command(
+        after_help = "Examples:\n  elastocal check scenarios/planar_3r.toml\n  elastocal check --plan plan.csv --json\n  elastocal check --parameters"
+    )]
     Check(check::Check),
     /// Design a plan of experiments
+    #[command(
+        after_help = "Examples:\n  elastocal plan --experiments 4 --plan-out plan.csv\n  elastocal plan --experiments 12 --configurations 3\n  elastocal plan --minutes 90"
+    )]
     Plan(plan::PlanCommand),
     /// How many measurements, and in how many configurations, for a wanted accuracy
+    #[command(after_help = "Example:\n  elastocal budget --accuracy-um 5 --plot-out budget.svg")]
     Budget(budget::Budget),
     /// Assess a plan: accuracy at the test pose, standard errors, criteria, violations
+    #[command(
+        after_help = "Example:\n  elastocal evaluate --plan scenarios/plans/klimchik2012_m3.csv"
+    )]
     Evaluate(evaluate::Evaluate),
     /// Measure a plan on the virtual robot
+    #[command(
+        after_help = "Example:\n  elastocal measure --plan plan.csv --measurements-out measurements.csv"
+    )]
     Measure(measure::Measure),
     /// Identify the compliances from measurements
+    #[command(
+        after_help = "Example:\n  elastocal identify --measurements measurements.csv --identified-out identified.json"
+    )]
     Identify(identify::Identify),
     /// Compensate the test poses with identified compliances
+    #[command(after_help = "Example:\n  elastocal compensate --identified identified.json")]
     Compensate(compensate::Compensate),
     /// Take a plan to the laboratory: order, run sheet, robot program, table to fill in
+    #[command(
+        after_help = "Examples:\n  elastocal lab --plan plan.csv\n  elastocal lab --plan plan.csv --dialect urscript"
+    )]
     Lab(lab::Lab),
     /// Plan what to measure next, after some of a plan is measured
+    #[command(
+        after_help = "Example:\n  elastocal next --measurements so_far.csv --plan plan.csv --plan-out rest.csv"
+    )]
     Next(next::Next),
     /// Check that the robot keeps what its identification promises, by other measurements
+    #[command(
+        after_help = "Examples:\n  elastocal validate --identified identified.json --plan-out validation.csv\n  elastocal validate --identified identified.json --measurements validation_measured.csv"
+    )]
     Validate(validate::Validate),
     /// Compare plans over many runs (Monte Carlo)
+    #[command(
+        after_help = "Examples:\n  elastocal study scenarios/klimchik2012.toml\n  elastocal study scenarios/klimchik2012.toml --trials 1000000 --resume tally.json\n  elastocal study --shard 2/8 --tally-out part_2.json"
+    )]
     Study(study::StudyCommand),
     /// Replay one run of the study on the virtual robot, and record it
+    #[command(after_help = "Example:\n  elastocal replay scenarios/klimchik2012.toml --run 777")]
     Replay(replay::Replay),
     /// Join the shards of a study
+    #[command(after_help = "Example:\n  elastocal merge part_1.json part_2.json")]
     Merge(merge::Merge),
     /// Compare two results files against tolerances: the gate for continuous integration
+    #[command(
+        after_help = "Example:\n  elastocal compare baseline.json new.json --markdown summary.md"
+    )]
     Compare(compare::Compare),
     /// The paper's tables and figure beside this program's
+    #[command(after_help = "Example:\n  elastocal reproduce")]
     Reproduce(reproduce::Reproduce),
     /// Open a recording in the rerun viewer
+    #[command(after_help = "Example:\n  elastocal view")]
     View(view::View),
     /// Print the JSON schema of scenarios, with which editors complete and check them
+    #[command(after_help = "Example:\n  elastocal schema > scenario.schema.json")]
     Schema(schema::Schema),
+    /// Print what a shell needs to complete commands and options
+    #[command(
+        after_help = "Example:\n  elastocal completion bash > ~/.local/share/bash-completion/completions/elastocal"
+    )]
+    Completion(completion::Completion),
     /// Load a model in a process of its own
     #[command(hide = true)]
     LoadModel(load_model::LoadModel),
@@ -208,6 +257,7 @@ impl Arguments {
             Command::Compare(command) => command.execute(),
             Command::View(command) => command.execute(),
             Command::Schema(command) => command.execute(),
+            Command::Completion(command) => command.execute(),
             // It has nothing to report.
             Command::LoadModel(_) => Ok(Report::default()),
             Command::Reproduce(command) => command.execute(),
@@ -238,6 +288,7 @@ impl Command {
             | Self::Compare(_)
             | Self::View(_)
             | Self::Schema(_)
+            | Self::Completion(_)
             | Self::LoadModel(_) => return None,
         })
     }

@@ -138,6 +138,47 @@ fn calls(text: &str) -> Vec<String> {
 }
 
 #[test]
+fn every_help_has_examples_of_what_is_there() {
+    let place = Workplace::new();
+    let listed = place.run("--help").ends_with(0).stdout;
+    let commands = listed.lines().skip_while(|line| *line != "Commands:");
+    let commands: Vec<&str> = (commands.skip(1).take_while(|line| !line.is_empty()))
+        .filter_map(|line| line.split_whitespace().next())
+        .filter(|name| *name != "help")
+        .collect();
+    assert!(commands.len() > 18, "{commands:?}");
+    for command in commands {
+        let help = place.run(&format!("{command} --help")).ends_with(0).stdout;
+        let (help, examples) = help.split_once("\nExample").expect(command);
+        let examples: Vec<&str> = examples.lines().skip(1).collect();
+        assert!(!examples.is_empty(), "{command}");
+        for example in examples {
+            let mut words = example.split_whitespace();
+            assert_eq!(words.next(), Some("elastocal"), "{example}");
+            assert_eq!(words.next(), Some(command), "{example}");
+            for option in words.filter(|word| word.starts_with("--")) {
+                let mut known = help.split(|letter: char| letter.is_whitespace() || letter == ',');
+                assert!(known.any(|word| word == option), "{example}");
+            }
+        }
+    }
+}
+
+#[test]
+fn shells_complete_commands_and_options() {
+    let place = Workplace::new();
+    for shell in ["bash", "zsh", "fish"] {
+        let script = place
+            .run(&format!("completion {shell}"))
+            .ends_with(0)
+            .stdout;
+        for word in ["identify", "sigma-from-residuals", "accuracy-um"] {
+            assert!(script.contains(word), "{shell}: {word}");
+        }
+    }
+}
+
+#[test]
 fn every_command_and_option_that_a_page_names_is_there() {
     let place = Workplace::new();
     let mut helps = std::collections::BTreeMap::<String, String>::new();
