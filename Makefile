@@ -56,9 +56,10 @@ bench: build ## time the hot paths beside other programs, a few minutes (options
 enclosures: setup ## hold the proof's boxes against a million experiments, a minute
 	ENCLOSURES=8 $(CARGO) test --release --locked --lib boxes_enclose_the_experiments_of_arms
 
-evidence: setup ## print what tests find: where MuJoCo rests, how often intervals hold, what a compensator costs
+evidence: build ## print what tests find (where MuJoCo rests, how often intervals hold), and make docs/evidence.md: half an hour
 	$(CARGO) test --release --locked --test it -- --nocapture --test-threads 1 rest_where_mujoco_does compensator::
 	$(CARGO) test --release --locked --lib -- --nocapture intervals_hold_the_truth
+	tools/evidence.py
 
 replanning: setup ## what replanning gives from wrong beliefs: 200 campaigns, some minutes
 	REPLANNING=200 $(CARGO) test --release --locked --test it -- --nocapture replanned_from_wrong_beliefs
