@@ -534,7 +534,7 @@ fn intervals_hold_the_true_compliances() {
     let hidden = entry(SOURCES[7], "hidden = true");
     let plan = study(&with(&hidden, "robot", 512));
     assert!(
-        plan["coverage95"].as_f64().expect("a share") < 0.8,
+        plan["coverage95"].as_f64().expect("a share") < 0.9,
         "{plan}"
     );
     assert_eq!(
