@@ -2,7 +2,7 @@
 
 CARGO ?= cargo
 
-.PHONY: help demo docs python wheel enclosures evidence replanning reproduce test without-views build gate baseline bench instructions instructions-baseline scaling fuzz dependencies lint fmt clippy doc clean setup
+.PHONY: help demo docs python wheel enclosures proofs evidence replanning reproduce test without-views build gate baseline bench instructions instructions-baseline scaling fuzz dependencies lint fmt clippy doc clean setup
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/make \1\t\2/p' Makefile | expand -t 28
@@ -55,6 +55,9 @@ bench: build ## time the hot paths beside other programs, a few minutes (options
 
 enclosures: setup ## hold the proof's boxes against a million experiments, a minute
 	ENCLOSURES=8 $(CARGO) test --release --locked --lib boxes_enclose_the_experiments_of_arms
+
+proofs: build ## print what is proved of every shipped scenario, in how many boxes and how long
+	tools/proof-table
 
 evidence: build ## print what tests find (where MuJoCo rests, how often intervals hold), and make docs/evidence.md: half an hour
 	$(CARGO) test --release --locked --test it -- --nocapture --test-threads 1 rest_where_mujoco_does compensator::
