@@ -20,6 +20,7 @@
 //! - `gate_refusals`: results and tolerances that cannot be compared.
 //! - `interruptions`: studies that are killed, disks that fill up.
 //! - `output_files`: where results go: devices, links, modes; no output overwrites an input.
+//! - `error_sources`: pictures of where the error comes from, in pages and recordings.
 //! - `faults`: killed, interrupted, out of space, two at once, odd names, at random moments.
 //! - `braced_arms`: springs beside the joints' own in planning and torque bounds.
 //! - `broken_streams`: stdout and stderr that nobody reads or that are full.
@@ -83,6 +84,8 @@ mod diagnoses;
 mod directions;
 mod documentation;
 mod elastic_beliefs;
+#[cfg(feature = "view")]
+mod error_sources;
 mod exchanges;
 mod faults;
 mod force_sizes;

@@ -11,6 +11,7 @@ mod distances;
 mod figures;
 mod overview;
 mod reproduction;
+mod sources;
 mod study;
 
 use super::markup::{escaped, figure, page, paragraph, section, table};
@@ -47,6 +48,10 @@ pub struct RunRecord<'a> {
     pub stills: &'a str,
 }
 
+/// What the picture of the promise's shares shows.
+const SOURCES_CAPTION: &str = "What the promise is made of: what the noise and each thing that is uncertain alone leave \
+                               after compensation, to first order; squares add up.";
+
 /// The report of a run as HTML.
 ///
 /// # Errors
@@ -58,6 +63,11 @@ pub fn run_page(run: &RunRecord<'_>) -> Result<String, PlotError> {
     let evidence = run.evidence;
     let mut body = overview::overview(run, calibration, assessment);
     body += &distances(evidence, &calibration.name)?;
+    let bars = sources::sorted(assessment.rho0_shares.iter().map(Into::into));
+    let of_promise = sources::sources_figure(&bars, SOURCES_CAPTION)?;
+    if !of_promise.is_empty() {
+        body += &section("sources", "Where the error comes from", &of_promise);
+    }
     let accuracy = accuracy_figure(
         &evidence.accuracy,
         &evidence.lower_bounds_rho0_mm,

@@ -50,8 +50,16 @@ fn accuracy_card(calibration: &CalibrationMessage, assessment: &AssessmentMessag
         format!("at \u{201c}{}\u{201d} it bends by {bent}", pose.name)
     });
     let about = format!(
-        "\u{3c1}\u{2080}, the rms distance that the noise of the measurements leaves between the loaded tool and its \
-         place. Uncompensated, {}.",
+        "\u{3c1}\u{2080}, the rms distance that {} between the loaded tool and its place{}. Uncompensated, {}.",
+        if assessment.rho0_shares.len() < 2 {
+            "the noise of the measurements leaves"
+        } else {
+            "noise and all that is uncertain leave"
+        },
+        (assessment.quantile95_mm).map_or_else(String::new, |value| format!(
+            "; 95 % stay below {}",
+            micrometres(Some(value))
+        )),
         uncompensated.collect::<Vec<_>>().join(", ")
     );
     card(

@@ -1,7 +1,7 @@
 //! The page of a Monte Carlo study.
 
 use super::distances::{Line, Role, distances_figure, distances_table};
-use super::provenance;
+use super::{provenance, sources};
 use crate::record::messages::ProvenanceMessage;
 use crate::record::study::StudyPlanMessage;
 use crate::view::markup::{card, escaped, page, section};
@@ -66,6 +66,10 @@ pub fn study_page(study: &StudyPageRecord<'_>) -> Result<String, PlotError> {
         "How far off the tool is after compensation",
         &(distances_figure(&lines, &caption)? + &distances_table(&lines)),
     );
+    let of_promises = sources::of_study(study.plans)?;
+    if !of_promises.is_empty() {
+        body += &section("sources", "Where the error comes from", &of_promises);
+    }
     body += &provenance(study.provenance, study.command);
     Ok(page(
         &format!("{}: study", study.provenance.scenario),
@@ -100,6 +104,13 @@ fn cards(study: &StudyPageRecord<'_>) -> String {
             let about = format!("95 % interval: {:.2} to {:.2}.", high.recip(), low.recip());
             cards += &card("", "Against a random plan", &answer, &about);
         }
+    }
+    if let Some(verdict) = best(study.plans, study.reference).and_then(|best| best.verdict.clone())
+    {
+        let tone = if verdict == "holds" { "good" } else { "bad" };
+        let about = "What was seen of the best plan beside what it promises, with all that the scenario lists as \
+                     uncertain.";
+        cards += &card(tone, "Does the promise hold?", &verdict, about);
     }
     let z = (study.plans.iter()).filter_map(|plan| plan.z).map(f64::abs);
     let largest = z.fold(0.0, f64::max);

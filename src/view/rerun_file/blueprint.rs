@@ -39,6 +39,7 @@ pub(super) enum ViewArea {
 
 /// The kinds of views.
 pub(super) const SPACE: &str = "3D";
+pub(super) const PLANE: &str = "2D";
 pub(super) const TEXT: &str = "TextDocument";
 pub(super) const CURVES: &str = "TimeSeries";
 pub(super) const BARS: &str = "BarChart";

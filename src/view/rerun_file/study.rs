@@ -7,12 +7,15 @@ use std::path::Path;
 
 use rerun::blueprint::components::PlayState;
 use rerun::log::LogMsg;
-use rerun::{BarChart, EntityPath, Scalars, SeriesLines, TextDocument, entity_path};
+use rerun::{
+    BarChart, EntityPath, LineStrips2D, Points2D, Scalars, SeriesLines, TextDocument, entity_path,
+};
 
-use super::blueprint::{BARS, CURVES, Clock, SPACE, TEXT, ViewArea};
+use super::blueprint::{BARS, CURVES, Clock, PLANE, SPACE, TEXT, ViewArea};
 use super::store::Store;
 use super::{STEP, open, scene, study_text, text, write_messages};
 use crate::files::FileError;
+use crate::record::account::PartMessage;
 use crate::record::study::HistogramMessage;
 use crate::view::recording::ShownTool;
 use crate::view::study_recording::{Snapshot, StudyRecording};
@@ -105,6 +108,7 @@ impl StudyStream {
                 let values = [mean, low, high].map(|value| value * 1e3);
                 store.log(mean_path(&plan.name), &now, &Scalars::new(values));
             }
+            log_sources(store, &plan.name, &plan.parts, &now);
             if let Some(bars) = bars(&plan.histogram) {
                 let bars = bars.with_color(translucent(colour(index)));
                 store.log(distance_path(&plan.name), &now, &bars);
@@ -165,9 +169,11 @@ fn layout(study: &StudyRecording) -> ViewArea {
         ),
     ]);
     let means = "mean distance over the number of runs, with 95 % bands [µm]";
+    let mut tabs = sources(study);
+    tabs.extend(distributions(study));
     let right = ViewArea::Column(vec![
         (1.1, view(CURVES, means, "means_um/**")),
-        (1.1, ViewArea::Tabs(distributions(study))),
+        (1.1, ViewArea::Tabs(tabs)),
         (1.0, view(TEXT, "results so far", "text/table")),
     ]);
     ViewArea::Row(vec![(1.25, left), (1.0, right)])
@@ -198,6 +204,75 @@ fn distributions(study: &StudyRecording) -> Vec<ViewArea> {
         .take(MOST_TABS)
         .map(view)
         .collect()
+}
+
+/// Where each plan's errors come from, where the scenario lists what is uncertain.
+fn sources(study: &StudyRecording) -> Vec<ViewArea> {
+    let header = &study.header;
+    (header.labels().iter().zip(&header.plans))
+        .filter(|(_, plan)| plan.account.is_some())
+        .take(MOST_TABS)
+        .map(|(name, _)| {
+            let title = format!("{name}: where the error comes from, rms [µm]");
+            ViewArea::View(PLANE, title, format!("{}/**", sources_path(name)))
+        })
+        .collect()
+}
+
+fn sources_path(plan: &str) -> EntityPath {
+    entity_path!["sources_um", plan.to_owned()]
+}
+
+/// A bar for each source, as long as what it alone leaves (the longest is 24 rows wide), the largest above; what was
+/// seen of it is a line below.
+fn log_sources(store: &mut Store, plan: &str, parts: &[PartMessage], now: &[(&'static str, i64)]) {
+    let mut parts: Vec<&PartMessage> = parts.iter().collect();
+    parts.sort_by(|one, other| other.rms_mm.total_cmp(&one.rms_mm));
+    let total: f64 = parts.iter().map(|part| part.rms_mm.powi(2)).sum();
+    let Some(longest) = parts
+        .first()
+        .map(|part| part.rms_mm)
+        .filter(|_| total > 0.0)
+    else {
+        return;
+    };
+    let (mut strips, mut radii, mut colours) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut places, mut labels) = (Vec::new(), Vec::new());
+    for (row, part) in (0_u16..).zip(&parts) {
+        let y = f32::from(row);
+        let mut bar = |length_mm: f64, y: f32, radius: f32, colour: [u8; 3]| {
+            strips.push([[0.0, y], [scene::narrow(24.0 * length_mm / longest), y]]);
+            radii.push(radius);
+            colours.push(colour);
+        };
+        bar(
+            part.rms_mm,
+            y,
+            0.2,
+            COLOURS[if part.hidden { 0 } else { 6 }],
+        );
+        if let Some(seen_mm) = part.seen_rms_mm {
+            bar(seen_mm, y + 0.3, 0.06, COLOURS[2]);
+        }
+        // The viewer writes a label below its place.
+        places.push([-8.0, y - 0.7]);
+        let hidden = if part.hidden { " (hidden)" } else { "" };
+        labels.push(format!(
+            "{}{hidden}: {:.2} µm, {:.1} %",
+            part.name,
+            part.rms_mm * 1e3,
+            part.rms_mm.powi(2) / total * 100.0
+        ));
+    }
+    let bars = LineStrips2D::new(strips)
+        .with_radii(radii)
+        .with_colors(colours);
+    let names = Points2D::new(places)
+        .with_radii([0.02])
+        .with_labels(labels)
+        .with_show_labels(true);
+    store.log(sources_path(plan).join(&entity_path!["bars"]), now, &bars);
+    store.log(sources_path(plan).join(&entity_path!["names"]), now, &names);
 }
 
 fn mean_path(plan: &str) -> EntityPath {

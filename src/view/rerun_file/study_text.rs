@@ -58,6 +58,16 @@ pub(super) fn table(study: &StudyRecording, snapshot: &Snapshot) -> String {
             micro(plan.predicted_rms_mm)
         );
     }
+    for plan in &snapshot.plans {
+        if let (Some(promised_mm), Some(verdict)) = (plan.promised_rms_mm, &plan.verdict) {
+            let promised = micro(Some(promised_mm));
+            let _ = writeln!(
+                text,
+                "\n{}: promised {promised} µm; the promise {verdict}.",
+                plan.name
+            );
+        }
+    }
     if failed > 0 {
         let _ = writeln!(text, "\n{failed} runs failed.");
     }

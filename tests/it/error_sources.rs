@@ -1,0 +1,61 @@
+//! Pictures of where the error comes from, and what became of the promise, in pages and recordings.
+
+use crate::support::Workplace;
+use crate::uncertainties::{entry, with};
+
+const TITLE: &str = "Where the error comes from";
+
+/// The page and the recording of a study have a bar for each source, what was promised, and the verdict; without a list of
+/// what is uncertain there is nothing to draw.
+#[test]
+fn studies_show_where_the_error_comes_from() {
+    let place = Workplace::new();
+    let list = entry(("load_scale", "std_relative = 0.01"), "hidden = true")
+        + &entry(("joint_return", "std_mrad = 0.03"), "");
+    place.write("laboratory.toml", with(&list, "model", 4000));
+    place.write("certain.toml", with("", "model", 4000));
+    place
+        .run("study laboratory.toml --shares --quiet --out out")
+        .ends_with(0);
+    place
+        .run("study certain.toml --quiet --out out")
+        .ends_with(0);
+    let page = place.read("out/laboratory/study.html");
+    for part in [
+        TITLE,
+        "load_scale (hidden)",
+        "the promise broken: ",
+        "Dark marks",
+        " (95 % below ",
+    ] {
+        assert!(page.contains(part), "{part}");
+    }
+    assert!(!place.read("out/certain/study.html").contains(TITLE));
+    let recorded = |name: &str| {
+        let bytes = std::fs::read(place.path(name)).expect("it is there");
+        let needle = b"sources_um";
+        bytes.windows(needle.len()).any(|window| window == needle)
+    };
+    assert!(recorded("out/laboratory/study.rrd"));
+    assert!(!recorded("out/certain/study.rrd"));
+}
+
+/// The report of a run shows what its promise is made of.
+#[test]
+fn reports_show_what_a_promise_is_made_of() {
+    let place = Workplace::new();
+    let list = entry(("load_scale", "std_relative = 0.01"), "");
+    place.write("laboratory.toml", with(&list, "model", 64));
+    place
+        .run("run laboratory.toml --no-proof --quiet --out out")
+        .ends_with(0);
+    let page = place.read("out/laboratory/report.html");
+    for part in [
+        TITLE,
+        "load_scale",
+        "noise and all that is uncertain leave",
+        "; 95 % stay below ",
+    ] {
+        assert!(page.contains(part), "{part}");
+    }
+}
