@@ -1003,13 +1003,22 @@ def check_bounds(file):
                 raise Refused(f"the bound for {m} measurements does not follow")
             continue
         bound = file["sigma_m"] * max(trace, 0.0) / math.sqrt(total)
-        if m < count or rho0 > bound * (1 + 1e-9):
+        if m < count or not rho0 <= bound * (1 + 1e-9):
             raise Refused(f"the bound for {m} measurements does not follow")
+
+
+def no_number(text):
+    raise Refused(f"{text} is no number")
+
+
+def finite(text):
+    return float(text) if math.isfinite(float(text)) else no_number(text)
 
 
 def check(path):
     with open(path, encoding="utf-8") as source:
-        file = json.load(source)
+        # What is no number is neither above nor below anything, and would pass any comparison.
+        file = json.load(source, parse_constant=no_number, parse_float=finite)
     for key in ("mandatory_experiments", "mandatory_within_rad", "prior_precision"):
         if key not in file:
             raise Unknown(f"the file lacks {key}: a program of today writes it")

@@ -299,6 +299,16 @@ fn another_program_checks_arms_of_every_kind() {
         assert_eq!(code, Some(1), "{what}: {text}");
         assert!(text.contains("refused"), "{what}: {text}");
     }
+    // JSON has no such numbers, but Python reads them; nothing is above or below them.
+    for number in ["NaN", "Infinity", "1e999"] {
+        let mut file = whole.clone();
+        file["targets"][0]["wrench"][1] = json!("a number");
+        let text = file.to_string().replace("\"a number\"", number);
+        place.write("tampered.json", text);
+        let (code, text) = checked(&python, &place.path("tampered.json"));
+        assert_eq!(code, Some(1), "{number}: {text}");
+        assert!(text.contains("is no number"), "{number}: {text}");
+    }
 }
 
 /// What the checker says of a proof.
