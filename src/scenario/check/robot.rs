@@ -170,8 +170,12 @@ impl Checker<'_> {
             parameters.push(joint);
         }
         if parameters.is_empty() {
-            let problem = format!("is empty; at least one joint is needed of: {}", known());
-            return Err(self.wrong(key, problem));
+            let problem = match others.first() {
+                Some(name) => format!("found {name:?}; the robot's joints are: {}", known()),
+                None => format!("is empty; at least one joint is needed of: {}", known()),
+            };
+            let wrong = self.wrong(key, problem);
+            return Err(wrong.hint("the compliance of at least one joint must be among them"));
         }
         parameters.sort_unstable();
         Ok((parameters, others))
