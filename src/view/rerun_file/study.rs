@@ -264,6 +264,9 @@ fn log_sources(store: &mut Store, plan: &str, parts: &[PartMessage], now: &[(&'s
             part.rms_mm.powi(2) / total * 100.0
         ));
     }
+    // The viewer shows what lies between places, and labels are wider.
+    places.push([-15.0, 0.0]);
+    labels.push(String::new());
     let bars = LineStrips2D::new(strips)
         .with_radii(radii)
         .with_colors(colours);
