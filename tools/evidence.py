@@ -127,8 +127,8 @@ def page(found):
 drawn in every run. Plans are the best for noise alone, four measurements, each twice. A promise holds if what is seen is within
 three standard errors and 2 % of it: the model is linear, and the virtual robot is not. NEES is the mean square of the estimation
 error in units of its own covariance, over what is expected of it. A load cell of the UR10 that is 5 N off at 98 N is the one case
-here whose intervals are too narrow: its offset multiplies compliances, and the product is not linear within them; the promise,
-which is about the product, holds.
+where that is not one: the offset multiplies compliances, and their best known combination bends within what is unknown of it;
+intervals and promise hold.
 
 ## What the belief knows of
 
