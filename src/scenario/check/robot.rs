@@ -171,11 +171,11 @@ impl Checker<'_> {
         }
         if parameters.is_empty() {
             let problem = match others.first() {
+                // A compliance must be among them.
                 Some(name) => format!("found {name:?}; the robot's joints are: {}", known()),
                 None => format!("is empty; at least one joint is needed of: {}", known()),
             };
-            let wrong = self.wrong(key, problem);
-            return Err(wrong.hint("the compliance of at least one joint must be among them"));
+            return Err(self.wrong(key, problem));
         }
         parameters.sort_unstable();
         Ok((parameters, others))
