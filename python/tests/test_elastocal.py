@@ -148,7 +148,8 @@ def test_matrices_are_those_of_the_promise() -> None:
 
 
 def test_an_interruption_ends_a_search_soon() -> None:
-    text = f"import elastocal as ec; ec.Scenario({str(PAPER)!r}).budget(up_to=60, no_proof=True)"
+    # Searches without an end, so that the signal meets one, however quick the machine is.
+    text = f"import elastocal as ec\nwhile True: ec.Scenario({str(PAPER)!r}).budget(up_to=60, no_proof=True)"
     child = subprocess.Popen([sys.executable, "-c", text], stderr=subprocess.PIPE, text=True)
     time.sleep(3)
     child.send_signal(2)
