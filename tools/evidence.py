@@ -120,6 +120,15 @@ def line(cells):
     return "| " + " | ".join(cells) + " |\n"
 
 
+def agrees(row, stored):
+    """Whether a row of the page is this one. Another processor may find another plan that is as good: what is promised
+    may differ by 0.1 %, what is seen by four standard errors."""
+    if len(stored) != len(row) or stored[:2] != row[:2]:
+        return False
+    (seen, error), (before, _) = ([float(part) for part in each[3].split(" +- ")] for each in (row, stored))
+    return abs(float(row[2]) / float(stored[2]) - 1) < 1e-3 and abs(seen - before) <= 4 * error + 1e-3
+
+
 def page(found):
     text = f"""# Evidence: do promises hold?
 
@@ -151,13 +160,13 @@ def main():
     arguments.add_argument("--check", action="store_true", help="some rows again, against the page")
     check = arguments.parse_args().check
     if check:
-        stored = PAGE.read_text()
+        stored = [[cell.strip() for cell in each.strip("|").split("|")] for each in PAGE.read_text().splitlines()]
         for table, robot, name in [("held", "UR10", "load_scale"), ("held", "KR-270", "joint_return"),
                                    ("hidden", "KR-270", "load_scale"), ("hidden", "UR10", "joint_return")]:
-            row = line(TABLES[table][0](robot, name))
-            if row not in stored:
-                sys.exit(f"error: {PAGE.name} has another row than\n{row}hint: make evidence")
-            print(row, end="")
+            row = TABLES[table][0](robot, name)
+            if not any(agrees(row, other) for other in stored):
+                sys.exit(f"error: {PAGE.name} has no row that agrees with\n{line(row)}hint: make evidence")
+            print(line(row), end="")
         return
     found = {table: [] for table in TABLES}
     for table in TABLES:
