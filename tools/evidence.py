@@ -2,7 +2,7 @@
 """Whether promises hold on robots that are drawn in every run: docs/evidence.md.
 
     tools/evidence.py                    all rows, some ten minutes of two cores; writes docs/evidence.md
-    tools/evidence.py --check            two rows of each table again: they must be as the page has them
+    tools/evidence.py --check            two rows of each table again: they must agree with the page
 
 Every row is a study of `elastocal` on the virtual robot in MuJoCo, with everything drawn that the row names.
 """
