@@ -299,6 +299,21 @@ fn is_table(text: &str) -> bool {
         && lines.all(|line| line.is_empty() || cells(line) == cells(header))
 }
 
+/// A text without what stands in it between quotation marks: names may be any words.
+fn outside_quotes(text: &str) -> String {
+    let (mut is_quoted, mut is_escaped) = (false, false);
+    let mut outside = String::with_capacity(text.len());
+    for character in text.chars() {
+        if character == '"' && !is_escaped {
+            is_quoted = !is_quoted;
+        } else if !is_quoted {
+            outside.push(character);
+        }
+        is_escaped = is_quoted && character == '\\' && !is_escaped;
+    }
+    outside
+}
+
 /// What is wrong with the reading of a file; none if it is as it must be. Whether the file was accepted.
 fn judged(reader: &Reader, path: &Path) -> Result<bool, String> {
     let start = Instant::now();
@@ -311,6 +326,7 @@ fn judged(reader: &Reader, path: &Path) -> Result<bool, String> {
         Err(_) => Err("panics".to_owned()),
         Ok(Ok(words)) => {
             let is_none = |word: &str| matches!(word, "NaN" | "inf" | "-inf");
+            let words = outside_quotes(&words);
             let mut words = words.split(|character: char| {
                 !"+-._".contains(character) && !character.is_alphanumeric()
             });
