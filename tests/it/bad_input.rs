@@ -191,6 +191,11 @@ const MODEL_EDITS: &[(&str, &str, &[&str])] = &[
     (MODEL, "this is not XML", &["robot.model", "MuJoCo refuses"]),
     (MODEL, "", &["robot.model", "empty file"]),
     (
+        "axis=\"0 1 0\"",
+        "axis=\"nan 1 0\"",
+        &["robot.model", "joint \"two\"", "not a number"],
+    ),
+    (
         "name=\"two\"",
         "name=\"two\" type=\"ball\"",
         &["robot.model", "\"two\" is neither a hinge nor a slide"],

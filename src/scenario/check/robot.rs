@@ -89,6 +89,16 @@ impl Checker<'_> {
                 }
             });
             check(&whose, "its place", &POSITION, place_mm.as_slice())?;
+            let turn = joint.previous_from_link.rotation.coords;
+            if !joint
+                .axis
+                .iter()
+                .chain(turn.iter())
+                .all(|value| value.is_finite())
+            {
+                let problem = format!("{path}: {whose}its axis or orientation is not a number");
+                return Err(self.wrong(key, problem));
+            }
             check(&whose, "mass that it moves", &MASS, &[joint.mass_kg])?;
             check(&whose, "centre of mass", &POSITION, centre_mm.as_slice())?;
             check(&whose, "range", &ANGLE, &range_deg)?;
@@ -103,6 +113,13 @@ impl Checker<'_> {
         let place_mm = tool.link_from_tool.translation.vector * 1e3;
         for &value in &place_mm {
             self.number(key, value, &POSITION)?;
+        }
+        let mut turn = tool.link_from_tool.rotation.coords.iter();
+        if !turn.all(|value| value.is_finite()) {
+            return Err(self.wrong(
+                key,
+                format!("the orientation of site {site:?} is not a number"),
+            ));
         }
         Ok(tool)
     }
