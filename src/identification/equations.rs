@@ -35,8 +35,7 @@ pub(super) struct Equations {
 
 impl EquationSource<'_> {
     pub(super) fn rows(&self) -> usize {
-        let rows = |each: &Measurement| if each.rotation.is_some() { 6 } else { 3 };
-        self.measurements.iter().map(rows).sum()
+        self.measurements.iter().map(rows_of).sum()
     }
 
     /// The nominal values of the unknowns (p).
@@ -200,20 +199,49 @@ impl EquationSource<'_> {
         (squares / (3 * self.measurements.len()) as f64).sqrt()
     }
 
-    /// What takes the weights off a deflection's three whitened rows (m), for each measurement: L of its covariance
-    /// L L^T.
-    pub(super) fn weights_off(&self) -> Vec<Matrix3<f64>> {
-        match self.uncertain {
-            Some(extended) => self.extended_weights_off(extended),
-            None => (self.measurements.iter())
-                .map(|each| Matrix3::from_diagonal(&self.sigma(each)))
-                .collect(),
+    /// The first row of each measurement.
+    pub(super) fn first_rows(&self) -> impl Iterator<Item = usize> {
+        self.measurements.iter().scan(0, |row, each| {
+            let first = *row;
+            *row += rows_of(each);
+            Some(first)
+        })
+    }
+
+    /// Takes the weights off the whitened rows of deflections, which are then in the readings' own unit.
+    pub(super) fn take_weights_off(&self, rows: &mut DMatrix<f64>) {
+        if let Some(extended) = self.uncertain {
+            return self.take_extended_weights_off(extended, rows);
         }
+        for (each, first) in self.measurements.iter().zip(self.first_rows()) {
+            for (axis, sigma) in self.sigma(each).iter().enumerate() {
+                let mut row = rows.row_mut(first + axis);
+                row *= *sigma;
+            }
+        }
+    }
+
+    /// The covariance of each measured deflection (m^2), whatever repeats it.
+    pub(super) fn covariances(&self) -> Vec<Matrix3<f64>> {
+        let mut model = (self.uncertain).map(|extended| extended.first_order_of_all(self.sigma_m));
+        let covariance = |each: &Measurement| match &mut model {
+            Some(model) => self.extended_covariance(model, each),
+            None => {
+                let sigma = self.sigma(each);
+                Matrix3::from_diagonal(&sigma.component_mul(&sigma))
+            }
+        };
+        self.measurements.iter().map(covariance).collect()
     }
 
     pub(super) fn sigma(&self, measurement: &Measurement) -> Vector3<f64> {
         measurement.sigma_m.unwrap_or(Vector3::repeat(self.sigma_m))
     }
+}
+
+/// How many rows a measurement has.
+pub(super) const fn rows_of(measurement: &Measurement) -> usize {
+    if measurement.rotation.is_some() { 6 } else { 3 }
 }
 
 /// Fills the equations three rows at a time, each row divided by its standard deviation.

@@ -1,6 +1,6 @@
 //! From measurements to compliances with their uncertainty.
 
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ChiSquared, ContinuousCDF, Normal, StudentsT};
 
 use super::case::Case;
@@ -220,10 +220,7 @@ fn report(
             }
         })
         .collect();
-    let residuals_m = match source.uncertain {
-        Some(extended) => source.extended_residuals_m(extended, &fit.whitened_residuals),
-        None => residuals_m(source, &fit.whitened_residuals),
-    };
+    let residuals_m = residuals_m(source, &fit.whitened_residuals);
     let chi_square = (spare > 0 && matches!(sigma, Sigma::Known(_)))
         .then(|| ChiSquared::new(freedom).ok())
         .flatten();
@@ -244,20 +241,12 @@ fn report(
     })
 }
 
-/// Takes the weights off the residuals of deflections.
+/// The residuals of deflections (m), three for each measurement.
 fn residuals_m(source: &EquationSource<'_>, whitened: &DVector<f64>) -> Vec<f64> {
-    let mut rows = whitened.iter();
-    let mut residuals = Vec::new();
-    for each in source.measurements {
-        let sigma = each
-            .sigma_m
-            .unwrap_or(nalgebra::Vector3::repeat(source.sigma_m));
-        residuals.extend(rows.by_ref().take(3).zip(sigma.iter()).map(|(r, s)| r * s));
-        if each.rotation.is_some() {
-            rows.by_ref().take(3).for_each(drop);
-        }
-    }
-    residuals
+    let mut residuals = DMatrix::from_columns(&[whitened.rows(0, source.rows())]);
+    source.take_weights_off(&mut residuals);
+    let of_deflections = source.first_rows().flat_map(|first| first..first + 3);
+    of_deflections.map(|row| residuals[(row, 0)]).collect()
 }
 
 fn two_sided_normal() -> f64 {

@@ -1,7 +1,7 @@
 //! The equations where more is uncertain than the instrument's noise: a column for each unknown of the extended
 //! vector, rows weighted with the whole covariance of a reading.
 
-use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, Matrix6xX, Vector3};
+use nalgebra::{DMatrix, Matrix3, Matrix3xX, Matrix6xX, Vector3};
 
 use super::equations::{EquationSource, Equations, Writer};
 use super::error::IdentificationError;
@@ -99,55 +99,43 @@ impl EquationSource<'_> {
     /// L^-1 for the covariance L L^T of a measured deflection (1/m): the instrument's noise, the measurement's own
     /// where it brings some, and what else is new in each reading.
     fn whitener(&self, model: &mut FirstOrder<'_>, measurement: &Measurement) -> Matrix3<f64> {
-        let sigma = self.sigma(measurement);
-        model.move_to(measurement.configuration_rad.as_slice());
-        let others = model.covariance_of_all(&measurement.load);
-        let covariance = others + Matrix3::from_diagonal(&sigma.component_mul(&sigma));
-        (covariance.cholesky())
+        (self.extended_covariance(model, measurement).cholesky())
             .and_then(|factor| factor.l().try_inverse())
-            .unwrap_or_else(|| Matrix3::from_diagonal(&sigma.map(f64::recip)))
+            .unwrap_or_else(|| Matrix3::from_diagonal(&self.sigma(measurement).map(f64::recip)))
     }
 
-    pub(super) fn extended_weights_off(&self, extended: &Extended) -> Vec<Matrix3<f64>> {
+    /// Takes the weights off the whitened rows of deflections, which are then in the readings' own unit.
+    pub(super) fn take_extended_weights_off(&self, extended: &Extended, rows: &mut DMatrix<f64>) {
         let mut covariances = extended.first_order_of_all(self.sigma_m);
-        let off = |each| {
-            let whitener = self.whitener(&mut covariances, each);
-            // It has an inverse: it is one.
-            (whitener.solve_lower_triangular(&Matrix3::identity())).unwrap_or(Matrix3::zeros())
-        };
-        self.measurements.iter().map(off).collect()
-    }
-
-    /// Takes the weights off the residuals of deflections (m).
-    pub(super) fn extended_residuals_m(
-        &self,
-        extended: &Extended,
-        whitened: &DVector<f64>,
-    ) -> Vec<f64> {
-        let mut covariances = extended.first_order_of_all(self.sigma_m);
-        let mut whitened = whitened.clone();
         let groups = self.repeated(extended);
         for group in &groups {
-            let unweighted =
-                self.shared_factor(&mut covariances, group) * whitened.select_rows(&group.rows);
-            for (&row, value) in group.rows.iter().zip(unweighted.iter()) {
-                whitened[row] = *value;
+            let factor = self.shared_factor(&mut covariances, group);
+            let unweighted = factor * rows.select_rows(&group.rows);
+            for (place, &row) in group.rows.iter().enumerate() {
+                rows.set_row(row, &unweighted.row(place));
             }
         }
-        let mut row = 0;
-        let mut residuals = Vec::new();
-        for (index, each) in self.measurements.iter().enumerate() {
-            let residual = whitened.fixed_rows::<3>(row).into_owned();
-            row += if each.rotation.is_some() { 6 } else { 3 };
+        for (index, (each, row)) in self.measurements.iter().zip(self.first_rows()).enumerate() {
             if groups.iter().any(|group| group.members.contains(&index)) {
-                residuals.extend(residual.iter());
                 continue;
             }
             let whitener = self.whitener(&mut covariances, each);
-            let unweighted = whitener.solve_lower_triangular(&residual);
-            residuals.extend(unweighted.unwrap_or(residual).iter());
+            let mut own = rows.rows_mut(row, 3);
+            // It has an inverse: it is one.
+            whitener.solve_lower_triangular_mut(&mut own);
         }
-        residuals
+    }
+
+    /// The covariance of a measured deflection (m^2), whatever repeats it.
+    pub(super) fn extended_covariance(
+        &self,
+        model: &mut FirstOrder<'_>,
+        measurement: &Measurement,
+    ) -> Matrix3<f64> {
+        let sigma = self.sigma(measurement);
+        model.move_to(measurement.configuration_rad.as_slice());
+        let others = model.covariance_of_all(&measurement.load);
+        others + Matrix3::from_diagonal(&sigma.component_mul(&sigma))
     }
 
     /// Measurements that repeat one another, two or more, where repeats share something; else none.
@@ -156,14 +144,12 @@ impl EquationSource<'_> {
             return Vec::new();
         }
         let mut groups: Vec<Repeated> = Vec::new();
-        let mut row = 0;
-        for (index, each) in self.measurements.iter().enumerate() {
+        for (index, (each, row)) in self.measurements.iter().zip(self.first_rows()).enumerate() {
             let is_same = |group: &&mut Repeated| {
                 let first = &self.measurements[group.members[0]];
                 first.configuration_rad == each.configuration_rad && first.load == each.load
             };
             let rows = row..row + 3;
-            row += if each.rotation.is_some() { 6 } else { 3 };
             if let Some(group) = groups.iter_mut().find(is_same) {
                 group.members.push(index);
                 group.rows.extend(rows);

@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use thiserror::Error;
 
 use super::Case;
-use super::equations::{EquationSource, Equations};
+use super::equations::{EquationSource, Equations, rows_of};
 use super::error::IdentificationError;
 use crate::posterior::{NotDetermined, Posterior};
 use crate::task::Method;
@@ -71,25 +71,30 @@ impl Case<'_> {
         let factor = (&known + DMatrix::identity(size, size))
             .cholesky()
             .ok_or(PredictionError::Singular)?;
+        let (mut own_rows, mut differences) =
+            (matrix.clone(), DMatrix::from_columns(&[residual.column(0)]));
+        source.take_weights_off(&mut own_rows);
+        source.take_weights_off(&mut differences);
         let mut each = Vec::new();
-        let mut row = 0;
-        let weights_off = source.weights_off();
-        for (index, (measurement, off)) in self.measurements.iter().zip(weights_off).enumerate() {
-            let count = if measurement.rotation.is_some() { 6 } else { 3 };
-            let rows = matrix.rows(row, count).into_owned();
+        let readings = source.covariances().into_iter().zip(source.first_rows());
+        for (index, (measurement, (reading_m2, row))) in
+            self.measurements.iter().zip(readings).enumerate()
+        {
+            let rows = matrix.rows(row, rows_of(measurement)).into_owned();
             (posterior.variance_of(&rows)).map_err(|source| PredictionError::NotDetermined {
                 measurement: index + 1,
                 source,
             })?;
+            let deflection = own_rows.rows(row, 3);
+            let known = deflection * &posterior.covariance * deflection.transpose();
             each.push(Predicted {
-                difference_m: off * residual.fixed_rows::<3>(row),
+                difference_m: differences.fixed_view::<3, 1>(row, 0).into_owned(),
                 rotation_difference_rad: measurement.rotation.map(|rotation| {
                     (residual.fixed_rows::<3>(row + 3)).component_mul(&rotation.sigma_rad)
                 }),
-                known_m2: off * known.fixed_view::<3, 3>(row, row) * off.transpose(),
-                reading_m2: off * off.transpose(),
+                known_m2: known.fixed_view::<3, 3>(0, 0).into_owned(),
+                reading_m2,
             });
-            row += count;
         }
         Ok(Predictions {
             each,

@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use statrs::distribution::{ChiSquared, ContinuousCDF, FisherSnedecor};
 
 use super::Case;
-use super::equations::Equations;
+use super::equations::{Equations, rows_of};
 use super::error::IdentificationError;
 use super::estimate::{Identification, Sigma};
 use crate::least_squares::LeastSquares;
@@ -82,15 +82,11 @@ pub fn residuals(
             freedom: whitened.len() - estimable.rank(),
         },
     };
-    let mut row = 0;
-    let judged: Vec<MeasurementResidual> = case
-        .measurements
-        .iter()
-        .map(|measurement| {
-            let rows = if measurement.rotation.is_some() { 6 } else { 3 };
+    let judged: Vec<MeasurementResidual> = (case.measurements.iter().zip(source.first_rows()))
+        .map(|(measurement, row)| {
+            let rows = rows_of(measurement);
             let matrix = matrix.rows(row, rows);
             let residual = whitened.rows(row, rows).into_owned();
-            row += rows;
             let leverage = matrix * &fit.covariance * matrix.transpose();
             judge.residual(&residual, DMatrix::identity(rows, rows) - leverage)
         })

@@ -136,7 +136,7 @@ fn identification_weighs_repeats_as_generalised_least_squares() {
             place.copy_from(&block);
         }
     }
-    let inverse = covariance.try_inverse().expect("regular");
+    let inverse = covariance.clone().try_inverse().expect("regular");
     let information = rows.tr_mul(&inverse) * &rows;
     let change =
         information.clone().try_inverse().expect("regular") * rows.tr_mul(&inverse) * &right;
@@ -150,10 +150,21 @@ fn identification_weighs_repeats_as_generalised_least_squares() {
     let spare = (36 - size) as f64;
     let ratio = found.residual_sigma_m.expect("residuals") / found.sigma_m;
     assert!((ratio.powi(2) * spare / square - 1.0).abs() < 1e-8);
-    // Residuals are told as they are.
+    // Residuals are told as they are, and so is what other measurements differ by from their predictions.
     for (index, residual) in found.residuals_m.iter().enumerate() {
         assert!((residual - left[index]).abs() < 1e-12, "{index}");
     }
+    let predicted = case.predictions(&found.posterior).expect("predictions");
+    for (index, each) in predicted.each.iter().enumerate() {
+        let apart = each.difference_m - left.fixed_view::<3, 1>(3 * index, 0);
+        assert!(apart.norm() < 1e-12, "{index}");
+        let of_reading = covariance.fixed_view::<3, 3>(3 * index, 3 * index);
+        let error = (each.reading_m2 - of_reading).norm() / of_reading.norm();
+        assert!(error < 1e-9, "{index}: {error}");
+    }
+    let all = &covariance + &rows * &found.posterior.covariance * rows.transpose();
+    let solved = all.cholesky().expect("a covariance").solve(&left);
+    assert!((predicted.square / left.dot(&solved) - 1.0).abs() < 1e-8);
 }
 
 /// Where repeats average little, the best plan of twelve measurements in four configurations still has to be found: no
