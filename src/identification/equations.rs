@@ -224,12 +224,12 @@ impl EquationSource<'_> {
     /// The covariance of each measured deflection (m^2), whatever repeats it.
     pub(super) fn covariances(&self) -> Vec<Matrix3<f64>> {
         let mut model = (self.uncertain).map(|extended| extended.first_order_of_all(self.sigma_m));
-        let covariance = |each: &Measurement| match &mut model {
-            Some(model) => self.extended_covariance(model, each),
-            None => {
-                let sigma = self.sigma(each);
-                Matrix3::from_diagonal(&sigma.component_mul(&sigma))
+        let covariance = |each: &Measurement| {
+            if let Some(model) = &mut model {
+                return self.extended_covariance(model, each);
             }
+            let sigma = self.sigma(each);
+            Matrix3::from_diagonal(&sigma.component_mul(&sigma))
         };
         self.measurements.iter().map(covariance).collect()
     }
