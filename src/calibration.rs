@@ -8,8 +8,8 @@ use crate::compensation::{compensate_identified, predicted_error, test_pose_rows
 use crate::identification::{Case, Identification, IdentificationError, Sigma};
 use crate::measurement::Measurement;
 use crate::mujoco::ModelError;
+use crate::numeric::posterior::{NotDetermined, Posterior};
 use crate::plan::Plan;
-use crate::posterior::{NotDetermined, Posterior};
 use crate::robot::{EquilibriumError, Load};
 use crate::task::{Belief, Method, Task, TestPose};
 use crate::testbed::{MeasurementError, TrueRobots, Truth, add_noise_of};

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::plausible::TOLERANCE;
+use crate::quantities::plausible::TOLERANCE;
 
 /// What comparisons of results look at.
 #[derive(

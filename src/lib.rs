@@ -33,11 +33,10 @@
 //!
 //! Each module uses only those that stand before it.
 //!
-//! - [`limits`], [`text`], [`platform`], [`source`], [`diagnostics`], [`files`], [`units`], [`plausible`],
-//!   [`csv`], [`wording`], [`random`], [`factorisation`]: what every stage needs.
-//! - [`estimable`]: what measurements determine, one decision for every stage; [`least_squares`] within
-//!   it; [`posterior`]: what is known afterwards, and the variance of anything that follows from it;
-//!   [`tolerance`]: the length that a share of errors stays below.
+//! - [`quantities`], [`text`], [`files`], [`csv`]: what every stage needs to read and to tell: ranges and
+//!   units, names and words, whole files, tables.
+//! - [`numeric`]: what measurements determine, the fit within it, and what is known afterwards; random
+//!   streams. It knows of no robot.
 //! - [`mujoco`]: MJCF models in MuJoCo; the only user of the simulator's bindings.
 //! - [`robot`]: the serial chain read from the model; Jacobians, elastostatics, static equilibrium.
 //! - [`parameter`]: what may be unknown about a robot, priors, and what cannot be told apart.
@@ -92,7 +91,7 @@
 //! | dp | `deflection_m` | m; loaded minus unloaded |
 //! | sigma | `sigma_m`: of each coordinate of a deflection | m |
 //! | sum A^T A | `information` | m^2 (N m/rad)^2; relative units in the search |
-//! | cov(k) | [`posterior::Posterior::covariance`] | (rad/(N m))^2 |
+//! | cov(k) | [`numeric::posterior::Posterior::covariance`] | (rad/(N m))^2 |
 //! | rho_0 | `rho0_m`, `predicted_m` | m |
 //! | m | `experiments`: measurements, repeats counted | |
 //!
@@ -126,40 +125,29 @@ pub mod calibration;
 pub mod comparison;
 pub mod compensation;
 pub mod csv;
-pub mod diagnostics;
-pub mod estimable;
 pub mod experiment;
-pub mod factorisation;
 pub mod files;
 pub mod gate;
 pub mod identification;
 pub mod laboratory;
-pub mod least_squares;
-pub mod limits;
 pub mod measurement;
 pub mod mujoco;
+pub mod numeric;
 pub mod observation;
 pub mod paper;
 pub mod parameter;
 pub mod plan;
-pub mod platform;
-pub mod plausible;
-pub mod posterior;
-pub mod random;
+pub mod quantities;
 pub mod record;
 pub mod robot;
 pub mod scenario;
-pub mod source;
 pub mod study;
 pub mod task;
 pub mod testbed;
 pub mod text;
-pub mod tolerance;
 pub mod understanding;
-pub mod units;
 #[cfg(feature = "view")]
 pub mod view;
-pub mod wording;
 pub mod workflow;
 
 /// The version of elastocal.

@@ -5,7 +5,7 @@ mod cli;
 use std::process::ExitCode;
 
 use clap::Parser;
-use elastocal::diagnostics::say;
+use elastocal::text::diagnostics::say;
 
 use cli::interruption::{self, Interrupted};
 

@@ -1,12 +1,12 @@
 //! The fit of 45 parameters to 1000 poses of a KR-270 with two reflectors and a payload.
 
 use elastocal::identification::{ParameterFit, fit_parameters};
+use elastocal::numeric::random::generator;
 use elastocal::observation::{
     Form, Observation, ObservationModel, PlannedReading, Reading, ReadingKind, Setup, Whitener,
     planned_information,
 };
 use elastocal::parameter::{Axis, ElasticArm, Freedoms, ParameterKind, ParameterSet, Payload};
-use elastocal::random::generator;
 use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
 use nalgebra::{DVector, Matrix6xX, Rotation3, Vector3};

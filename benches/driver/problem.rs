@@ -3,10 +3,10 @@
 
 use elastocal::identification::{Sigma, identify};
 use elastocal::measurement::Measurement;
+use elastocal::numeric::random::normal::{LANES, fill_normals};
+use elastocal::numeric::random::streams::Stream;
 use elastocal::plan::search::{Problem, random_plan};
 use elastocal::plan::{Criterion, Plan};
-use elastocal::random::normal::{LANES, fill_normals};
-use elastocal::random::streams::Stream;
 use elastocal::robot::{EquilibriumSolver, Load, Tool};
 use elastocal::scenario::Scenario;
 use elastocal::study::model_level::LinearModel;

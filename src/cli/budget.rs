@@ -9,10 +9,10 @@ use elastocal::laboratory::time::quickest;
 use elastocal::plan::search::{
     BudgetPoint, Watch, budget_and_proof, cheapest, repeated_configurations,
 };
-use elastocal::plausible::ACCURACY;
+use elastocal::quantities::plausible::ACCURACY;
 use elastocal::record::messages::ProvenanceMessage;
 use elastocal::scenario::Scenario;
-use elastocal::wording::counted;
+use elastocal::text::wording::counted;
 use serde_json::{Value, json};
 
 use super::interruption::ask_search;

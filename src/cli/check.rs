@@ -5,8 +5,8 @@ use std::path::PathBuf;
 
 use clap::Args;
 use elastocal::plan::{Feasibility, read_plan};
-use elastocal::platform::platform;
 use elastocal::record::messages::{ProvenanceMessage, SchemaMessage};
+use elastocal::record::platform::platform;
 use elastocal::record::understanding::{UnderstandingMessage, UnknownsMessage};
 use elastocal::understanding::{
     Understanding, UnderstoodJoint, UnderstoodPose, UnderstoodTruth, unknowns,

@@ -15,7 +15,7 @@ use elastocal::record::messages::{ProvenanceMessage, TestPoseMessage};
 use elastocal::scenario::Scenario;
 use elastocal::task::{Method, Task};
 use elastocal::testbed::TrueRobots;
-use elastocal::wording::shell_word;
+use elastocal::text::wording::shell_word;
 use serde_json::json;
 
 use super::dialect::dialect;

@@ -7,7 +7,7 @@ use elastocal::plan::search::Bound;
 use elastocal::plan::{Assessment, Criterion, FurtherError, read_plan};
 use elastocal::record::messages::{AssessmentMessage, ProvenanceMessage};
 use elastocal::scenario::Scenario;
-use elastocal::wording::counted;
+use elastocal::text::wording::counted;
 use serde_json::json;
 
 use super::interruption::NEVER;

@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use elastocal::estimable::Estimable;
 use elastocal::files::FileError;
 use elastocal::identification::{OtherUnknowns, StoredIdentification};
-use elastocal::posterior::Posterior;
+use elastocal::numeric::estimable::Estimable;
+use elastocal::numeric::posterior::Posterior;
 use elastocal::scenario::Scenario;
 use elastocal::task::Fingerprint;
 

@@ -9,7 +9,7 @@ use elastocal::identification::{Identification, IdentificationError, UncertainEs
 use elastocal::measurement::{Origin, read_measurements};
 use elastocal::record::messages::ProvenanceMessage;
 use elastocal::task::Method;
-use elastocal::wording::{counted, shell_word};
+use elastocal::text::wording::{counted, shell_word};
 use elastocal::workflow::identify::{NotIdentified, identify_measurements, likely};
 
 use super::residuals;

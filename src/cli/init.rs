@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use elastocal::files::FileError;
 use elastocal::files::output::{check_writable, write_whole};
-use elastocal::platform::platform;
 use elastocal::record::messages::SchemaMessage;
+use elastocal::record::platform::platform;
 use elastocal::record::understanding::UnderstandingMessage;
 use elastocal::workflow::init::draft;
 use serde_json::json;
@@ -51,7 +51,7 @@ impl Init {
         let draft = draft(&self.model, &path, self.tip.as_deref())?;
         if !self.quiet {
             for warning in &draft.understanding.warnings {
-                elastocal::diagnostics::say(&format!("warning: {warning}"));
+                elastocal::text::diagnostics::say(&format!("warning: {warning}"));
             }
         }
         write_whole(&path, draft.text.as_bytes())?;

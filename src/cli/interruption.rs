@@ -12,8 +12,8 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::Duration;
 
-use elastocal::diagnostics::say;
 use elastocal::files::output::abandon_unfinished;
+use elastocal::text::diagnostics::say;
 
 /// How long work may take to end by itself.
 const GRACE: Duration = Duration::from_millis(600);

@@ -11,7 +11,7 @@ use elastocal::plan::{Feasibility, Plan, read_plan};
 use elastocal::record::campaign::CampaignMessage;
 use elastocal::record::messages::ProvenanceMessage;
 use elastocal::scenario::Scenario;
-use elastocal::wording::counted;
+use elastocal::text::wording::counted;
 
 use super::dialect::dialect;
 use super::table::table;

@@ -9,7 +9,7 @@ use elastocal::measurement::write_measurements_under;
 use elastocal::plan::read_plan;
 use elastocal::record::messages::{MeasurementMessage, ProvenanceMessage};
 use elastocal::testbed::{TrueRobots, VirtualRobot};
-use elastocal::wording::counted;
+use elastocal::text::wording::counted;
 use serde_json::json;
 
 use super::table::table;

@@ -39,13 +39,13 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use clap::{Arg, Args, Parser, Subcommand};
-use elastocal::diagnostics::say;
 use elastocal::files::FileError;
 use elastocal::files::output::check_writable;
 use elastocal::files::roles::Roles;
 use elastocal::measurement::Origin;
 use elastocal::record::json::{merge, results};
 use elastocal::scenario::Scenario;
+use elastocal::text::diagnostics::say;
 use elastocal::text::plain;
 use serde_json::Value;
 

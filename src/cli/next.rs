@@ -8,15 +8,15 @@ use elastocal::files::FileError;
 use elastocal::laboratory::next::{
     Goal, Remaining, Rest, accuracy, after, measured_plan, not_measured, rest,
 };
-use elastocal::limits::MOST_EXPERIMENTS;
 use elastocal::measurement::{Origin, read_measurements_so_far};
 use elastocal::plan::search::Watch;
 use elastocal::plan::{Feasibility, Plan, read_plan, write_plan};
-use elastocal::plausible::ACCURACY;
+use elastocal::quantities::limits::MOST_EXPERIMENTS;
+use elastocal::quantities::plausible::ACCURACY;
 use elastocal::record::messages::{ProvenanceMessage, plan_messages};
 use elastocal::scenario::Scenario;
 use elastocal::task::Task;
-use elastocal::wording::{counted, shell_word};
+use elastocal::text::wording::{counted, shell_word};
 use elastocal::workflow::identify::identify_measurements;
 use serde_json::json;
 

@@ -7,16 +7,16 @@ use clap::Args;
 use elastocal::files::FileError;
 use elastocal::laboratory::Campaign;
 use elastocal::laboratory::time::{TimedPlan, plans_within};
-use elastocal::limits::MOST_EXPERIMENTS;
 use elastocal::plan::search::{
     ApproximateDesign, Bound, BoundKind, Certificate, ExactDesign, Problem, SearchError, Watch,
 };
 use elastocal::plan::{Assessment, Criterion, Plan, write_plan};
-use elastocal::plausible::MINUTES;
+use elastocal::quantities::limits::MOST_EXPERIMENTS;
+use elastocal::quantities::plausible::MINUTES;
 use elastocal::record::messages::{AssessmentMessage, ProvenanceMessage, plan_messages};
 use elastocal::scenario::Scenario;
 use elastocal::task::Task;
-use elastocal::wording::counted;
+use elastocal::text::wording::counted;
 use elastocal::workflow::design::{Designed, Onlooker, Wanted, design as design_of};
 use serde_json::json;
 

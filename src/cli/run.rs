@@ -9,7 +9,7 @@ use elastocal::files::output::write_whole;
 use elastocal::measurement::write_measurements_under;
 use elastocal::plan::write_plan;
 use elastocal::scenario::Scenario;
-use elastocal::wording::counted;
+use elastocal::text::wording::counted;
 use elastocal::workflow::design::Wanted;
 use elastocal::workflow::run::{FailedPlan, RANDOM_PLANS, RunError, RunStage, TriedPlan, run};
 

@@ -1,6 +1,6 @@
 //! Plain text tables.
 
-use elastocal::wording::shortened;
+use elastocal::text::wording::shortened;
 
 /// Names of rows have at most so many characters.
 const LONGEST_NAME: usize = 40;

@@ -9,7 +9,7 @@ use elastocal::laboratory::validation::{Validation, validate, validation_plan};
 use elastocal::measurement::read_measurements;
 use elastocal::plan::write_plan;
 use elastocal::record::messages::{ProvenanceMessage, plan_messages};
-use elastocal::wording::{counted, shell_word};
+use elastocal::text::wording::{counted, shell_word};
 use nalgebra::Vector3;
 use serde_json::{Value, json};
 

@@ -6,8 +6,8 @@ use std::process::Command;
 use std::time::SystemTime;
 
 use clap::Args;
-use elastocal::diagnostics::say;
 use elastocal::files::FileError;
+use elastocal::text::diagnostics::say;
 
 use super::Report;
 

@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use elastocal::diagnostics::say;
 use elastocal::files::FileError;
+use elastocal::text::diagnostics::say;
 
 /// Which files are there and which are not. What cannot be written costs no other result.
 #[derive(Debug, Default)]

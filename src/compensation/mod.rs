@@ -4,7 +4,7 @@ mod passive;
 
 use nalgebra::{DMatrix, DVector, Matrix3xX};
 
-use crate::posterior::{NotDetermined, Posterior};
+use crate::numeric::posterior::{NotDetermined, Posterior};
 use crate::robot::{
     EquilibriumError, EquilibriumSolver, KinematicState, Kinematics, Load, ObservationMatrix,
     SerialChain, Tool,

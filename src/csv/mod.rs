@@ -13,8 +13,8 @@ use std::path::Path;
 use nalgebra::Vector3;
 
 use crate::files::FileError;
-use crate::limits::MOST_MEASUREMENTS;
-use crate::plausible::{self, Kind};
+use crate::quantities::limits::MOST_MEASUREMENTS;
+use crate::quantities::plausible::{self, Kind};
 use dialect::{Decimals, Delimiter};
 
 /// A CSV file of numbers, read whole: its rows with their line numbers, columns found by name.

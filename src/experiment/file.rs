@@ -8,8 +8,8 @@ use super::{Experiment, Plan};
 use crate::csv::{Row, Table};
 use crate::files::FileError;
 use crate::files::output::write_whole;
-use crate::limits::MOST_MEASUREMENTS;
-use crate::plausible::faint_load;
+use crate::quantities::limits::MOST_MEASUREMENTS;
+use crate::quantities::plausible::faint_load;
 use crate::robot::{Commands, Load};
 
 /// The columns that name a configuration and a load.

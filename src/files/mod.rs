@@ -3,6 +3,7 @@
 //! - [`output`]: the only way in which results get into files.
 //! - [`roles`]: what a command reads and what it writes; no output overwrites an input.
 //! - [`schema`]: which JSON files of its own this program reads.
+//! - [`source`]: what is read, up to a size that no text has.
 //! - `destination`: where an output goes: links, devices, a file's mode.
 //! - `temporary`: unfinished files, and how none is left when the program is ended.
 
@@ -10,14 +11,13 @@ mod destination;
 pub mod output;
 pub mod roles;
 pub mod schema;
+pub mod source;
 mod temporary;
 
 use std::path::{Component, Path, PathBuf};
 
 use sha2::{Digest, Sha256};
 use thiserror::Error;
-
-use crate::source;
 
 /// What is wrong with an input file, or with writing an output file.
 #[derive(Debug, Error, Clone, PartialEq, Eq)]

@@ -2,8 +2,8 @@
 
 use nalgebra::DMatrix;
 
-use crate::factorisation::finite_eigen;
-use crate::plausible::{VARIANCE, shown};
+use crate::numeric::factorisation::finite_eigen;
+use crate::quantities::plausible::{VARIANCE, shown};
 
 /// Rounding in what wrote the matrix may leave it so far from symmetric and semidefinite, as a share of
 /// the variances.

@@ -8,7 +8,7 @@ use super::equations::EquationSource;
 use super::error::IdentificationError;
 use super::fit::{Fit, fit_linear, fit_nonlinear};
 use crate::measurement::Measurement;
-use crate::posterior::Posterior;
+use crate::numeric::posterior::Posterior;
 use crate::robot::{Robot, Tool};
 use crate::task::Method;
 

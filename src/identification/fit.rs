@@ -4,8 +4,8 @@ use nalgebra::DVector;
 
 use super::equations::{EquationSource, Equations};
 use super::error::IdentificationError;
-use crate::estimable::Estimable;
-use crate::least_squares::LeastSquares;
+use crate::numeric::estimable::Estimable;
+use crate::numeric::least_squares::LeastSquares;
 
 /// The non-linear estimate is found when no compliance would change by more than this share of
 /// its typical size.

@@ -6,7 +6,7 @@ use thiserror::Error;
 use super::Case;
 use super::equations::{EquationSource, Equations, rows_of};
 use super::error::IdentificationError;
-use crate::posterior::{NotDetermined, Posterior};
+use crate::numeric::posterior::{NotDetermined, Posterior};
 use crate::task::Method;
 
 /// A measurement beside its prediction.

@@ -7,7 +7,7 @@ use super::Case;
 use super::equations::{Equations, rows_of};
 use super::error::IdentificationError;
 use super::estimate::{Identification, Sigma};
-use crate::least_squares::LeastSquares;
+use crate::numeric::least_squares::LeastSquares;
 use crate::task::Method;
 
 /// A residual whose variance is a smaller share of its measurement's says nothing: the fit goes

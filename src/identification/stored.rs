@@ -6,12 +6,12 @@ use nalgebra::DMatrix;
 use serde::Deserialize;
 
 use super::covariance_of;
-use crate::estimable::Estimable;
 use crate::files::FileError;
 use crate::files::schema::read_results;
 use crate::measurement::Origin;
-use crate::plausible::ELASTIC_COMPLIANCE;
-use crate::posterior::Posterior;
+use crate::numeric::estimable::Estimable;
+use crate::numeric::posterior::Posterior;
+use crate::quantities::plausible::ELASTIC_COMPLIANCE;
 use crate::robot::Robot;
 use crate::task::{Fingerprint, Method};
 

@@ -6,9 +6,9 @@ use crate::compensation::{predicted_error, test_pose_rows};
 use crate::experiment::{Experiment, PRINTED_RAD, Plan, is_printed_as};
 use crate::identification::{Case, Identification, Sigma};
 use crate::measurement::Measurement;
+use crate::numeric::posterior::{NotDetermined, Posterior};
 use crate::plan::search::{Bound, Problem, SearchError, Watch, approximate_design, exact_design};
 use crate::plan::{Criterion, posterior};
-use crate::posterior::{NotDetermined, Posterior};
 use crate::task::{Forbidden, Method, Task};
 
 /// The plan that measurements have carried out: experiments in the order of their first measurement.

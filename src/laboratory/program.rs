@@ -6,7 +6,7 @@ use super::dialect::{Angles, Dialect, DialectError};
 use super::{Campaign, Laboratory, Stop};
 use crate::experiment::in_words;
 use crate::robot::Commands;
-use crate::wording::counted;
+use crate::text::wording::counted;
 
 /// Texts of programs are shorter than this.
 const LONGEST_TEXT: usize = 100;

@@ -7,9 +7,9 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 use crate::experiment::{Experiment, Plan};
 use crate::identification::{Case, Predicted, PredictionError, Sigma};
 use crate::measurement::Measurement;
+use crate::numeric::posterior::Posterior;
 use crate::plan::ExperimentModel;
 use crate::plan::search::{SearchError, random_plan};
-use crate::posterior::Posterior;
 use crate::task::{Belief, Task};
 
 /// Random experiments among which the weakest promises are looked for.

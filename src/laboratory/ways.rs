@@ -6,8 +6,8 @@ use nalgebra::DVector;
 use rand::RngExt;
 
 use super::PathJudge;
-use crate::random::generator;
-use crate::random::streams::{FIXED_SEED, SAFE_POSES};
+use crate::numeric::random::generator;
+use crate::numeric::random::streams::{FIXED_SEED, SAFE_POSES};
 use crate::robot::Load;
 use crate::task::Task;
 

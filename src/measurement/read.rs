@@ -13,7 +13,7 @@ use super::{Measurement, RotationMeasurement};
 use crate::csv::{Columns, Row, Table};
 use crate::experiment::{configuration_and_load, experiment_columns};
 use crate::files::FileError;
-use crate::plausible::{DEVIATION, Kind, ROTATION_DEVIATION, faint_load, shown};
+use crate::quantities::plausible::{DEVIATION, Kind, ROTATION_DEVIATION, faint_load, shown};
 use crate::robot::Commands;
 
 /// Reads measurements of an arm, which may be given by its number of joints: deflections, or the positions without and

@@ -11,8 +11,8 @@ use super::{Measurement, Origin};
 use crate::experiment::{experiment_columns, experiment_fields};
 use crate::files::FileError;
 use crate::files::output::write_whole;
+use crate::quantities::units::thousandths;
 use crate::robot::{Commands, Load};
-use crate::units::thousandths;
 
 /// A measurement that is to be made.
 #[derive(Debug, Clone, Copy)]

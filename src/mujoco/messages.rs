@@ -11,7 +11,7 @@ use mujoco_rs::logging::set_log_handler;
 use mujoco_rs::mujoco_c::{mj_deleteModel, mj_loadXML};
 use mujoco_rs::wrappers::mj_logging::{MjLogMessage, MjtLogLevel};
 
-use crate::diagnostics::say;
+use crate::text::diagnostics::say;
 
 static WARNINGS: AtomicBool = AtomicBool::new(true);
 

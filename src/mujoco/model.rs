@@ -14,7 +14,7 @@ use super::rehearsal::rehearse;
 use super::scan::scan;
 use super::statics::{Servo, command_range, disabled};
 use super::urdf::UrdfText;
-use crate::source;
+use crate::files::source;
 use crate::text::is_unseen;
 
 /// Why an MJCF file cannot serve.

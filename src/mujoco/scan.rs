@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 
 use roxmltree::{Document, Node, ParsingOptions};
 
-use crate::limits::{MOST_ELEMENTS, MOST_PARTS};
-use crate::source;
+use crate::files::source;
+use crate::quantities::limits::{MOST_ELEMENTS, MOST_PARTS};
 
 /// Looks through a model's file with all that it includes and attaches.
 ///

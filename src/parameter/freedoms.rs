@@ -14,7 +14,7 @@ use nalgebra::{Cholesky, DMatrix, DVector, Isometry3, SymmetricEigen, Vector3};
 
 use super::words::{SPARSE, reduced, sentences};
 use super::{Axis, ElasticArm, ParameterKind, ParameterSet};
-use crate::estimable::Estimable;
+use crate::numeric::estimable::Estimable;
 
 /// A structural direction that is seen with less than this share of its parts' information is not told
 /// apart: 1/500, squared.

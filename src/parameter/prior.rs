@@ -2,8 +2,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::factorisation::finite_eigen;
-use crate::posterior::Posterior;
+use crate::numeric::factorisation::finite_eigen;
+use crate::numeric::posterior::Posterior;
 
 /// Eigenvalues below this share of the largest are rounding.
 const ROUNDING: f64 = 1e-12;
@@ -83,7 +83,7 @@ impl Prior {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::estimable::Estimable;
+    use crate::numeric::estimable::Estimable;
     use nalgebra::dmatrix;
 
     /// A covariance comes back from the precision, from rows and from the spread, whatever the units.

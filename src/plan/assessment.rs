@@ -5,11 +5,11 @@ use nalgebra::{DMatrix, DVector};
 use super::search::{Bound, NoBound, PlanBound, Problem};
 use super::{Criterion, ExperimentModel, Feasibility, Plan, PromiseShare, Violation, shares};
 use crate::compensation::{predicted_error, test_pose_rows, weighted_rows};
-use crate::estimable::Estimable;
-use crate::least_squares::LeastSquares;
-use crate::posterior::Posterior;
+use crate::numeric::estimable::Estimable;
+use crate::numeric::least_squares::LeastSquares;
+use crate::numeric::posterior::Posterior;
+use crate::numeric::tolerance::length_quantile;
 use crate::task::{Belief, Task};
-use crate::tolerance::length_quantile;
 
 /// A plan judged against a task.
 #[derive(Debug, Clone, PartialEq)]

@@ -11,7 +11,7 @@
 use nalgebra::{DMatrix, DVector, Dyn, SymmetricEigen};
 use serde::{Deserialize, Serialize};
 
-use crate::factorisation::finite_eigen;
+use crate::numeric::factorisation::finite_eigen;
 
 use super::factorisation::{
     LANES, half_solve_unrolled, inverse_determinant, solve_transposed, sum_of_squares,

@@ -9,7 +9,7 @@ pub const LANES: usize = 8;
 
 /// The least share of its information that a parameter keeps when those before it are unknown. Rounding
 /// makes up shares of up to 1e-11. This keeps a search off singular plans; what the plan that it ends in
-/// determines is decided by [`Estimable`](crate::estimable::Estimable).
+/// determines is decided by [`Estimable`](crate::numeric::estimable::Estimable).
 const REGULAR: f64 = 1e-9;
 
 /// trace(C M^-1 C^T) for each M that is `rest` plus `weight` times a block (all p x p), infinite for

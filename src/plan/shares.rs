@@ -16,7 +16,7 @@ use nalgebra::{DMatrix, Matrix3, Matrix3xX};
 
 use super::{ExperimentModel, Plan};
 use crate::compensation::{test_pose_rows, weighted_rows};
-use crate::posterior::Posterior;
+use crate::numeric::posterior::Posterior;
 use crate::task::Task;
 
 /// What the instrument's own noise is called.

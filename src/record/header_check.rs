@@ -2,8 +2,10 @@
 
 use super::account::size;
 use super::tally_file::{Header, PlanHeader};
-use crate::limits::{MOST_EXPERIMENTS, MOST_JOINTS, MOST_SHARDS, MOST_STUDIED, MOST_TRIALS};
-use crate::plausible::{DEVIATION, FACTOR};
+use crate::quantities::limits::{
+    MOST_EXPERIMENTS, MOST_JOINTS, MOST_SHARDS, MOST_STUDIED, MOST_TRIALS,
+};
+use crate::quantities::plausible::{DEVIATION, FACTOR};
 use crate::study::runner::block_runs;
 use crate::study::tally_check::{Wrong, within, wrong};
 use crate::text::{is_unseen, wrong_name};

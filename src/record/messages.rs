@@ -17,10 +17,12 @@ use crate::identification::{Identification, UncertainEstimate};
 use crate::measurement::Measurement;
 use crate::plan::search::PlanProof;
 use crate::plan::{Assessment, Criterion, Experiment, Plan};
+use crate::quantities::units;
+use crate::record::platform::platform;
 use crate::robot::{Commands, Load};
 use crate::scenario::Scenario;
 use crate::task::{Fingerprint, Method};
-use crate::{COMMIT, VERSION, platform, units};
+use crate::{COMMIT, VERSION};
 
 /// What a JSON file holds and in which form, so that another version can tell.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -78,7 +80,7 @@ impl ProvenanceMessage {
             scenario: scenario.name.clone(),
             scenario_sha256: scenario.sha256.clone(),
             seed: scenario.seed,
-            platform: platform::platform(),
+            platform: platform(),
             inputs_sha256: BTreeMap::new(),
             noise_only: scenario.is_noise_only,
         }

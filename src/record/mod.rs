@@ -2,6 +2,7 @@
 //!
 //! - [`messages`]: a calibration, what a plan promises, and where results come from; `--json`,
 //!   results.json and the MCAP file share them.
+//! - [`platform`]: what results may depend on beyond the program, the scenario and the seed.
 //! - [`residuals`]: what `identify` says of residuals and likely mistakes.
 //! - [`study`]: a Monte Carlo study.
 //! - [`tally_file`]: tallies of parts of a study, to join or to go on from.
@@ -16,6 +17,7 @@ pub mod exchanges;
 mod header_check;
 pub mod json;
 pub mod messages;
+pub mod platform;
 pub mod residuals;
 pub mod study;
 pub mod tally_file;

@@ -3,7 +3,7 @@
 use nalgebra::DVector;
 
 use super::SerialChain;
-use crate::units::{degrees, thousandths};
+use crate::quantities::units::{degrees, thousandths};
 
 /// What a joint's number in a configuration is.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3xX, Matrix6, Matrix6xX};
 
 use super::kinematic_state::{KinematicState, Load};
-use crate::factorisation::finite_eigen;
+use crate::numeric::factorisation::finite_eigen;
 
 /// The Cartesian stiffness matrix `K_C` = J^-T `K_theta` J^-1 (eq. 1), 6 x 6, in the world frame at the
 /// tool: rows force (N) and torque (N m), columns displacement (m) and rotation (rad).

@@ -3,10 +3,10 @@
 use nalgebra::{Cholesky, DMatrix, Matrix3, Matrix3xX};
 
 use crate::compensation::{test_pose_matrix, weighted_rows};
+use crate::numeric::random::normal::LANES;
 use crate::observation::FirstOrder;
 use crate::parameter::{ElasticArm, ParameterKind, ParameterSet, ReadingSource, Source};
 use crate::plan::{Experiment, ExperimentModel};
-use crate::random::normal::LANES;
 use crate::task::{Belief, Task, TestPose};
 use crate::testbed::{Circumstances, Truth};
 

@@ -32,10 +32,10 @@ use nalgebra::{DMatrix, DVector};
 use super::deviations::Deviations;
 use super::tally::{Batch, Failure};
 use crate::compensation::{test_pose_rows, weighted_rows};
-use crate::estimable::Estimable;
-use crate::factorisation::finite_eigen;
+use crate::numeric::estimable::Estimable;
+use crate::numeric::factorisation::finite_eigen;
+use crate::numeric::random::normal::LANES;
 use crate::plan::{ExperimentModel, Plan};
-use crate::random::normal::LANES;
 use crate::task::Task;
 use crate::testbed::Truth;
 

@@ -9,8 +9,8 @@ use super::tally::Failure;
 use crate::calibration::{identify_as_planned, see};
 use crate::compensation::{compensate_identified, test_pose_rows};
 use crate::mujoco::ModelError;
+use crate::numeric::random::normal::LANES;
 use crate::plan::Plan;
-use crate::random::normal::LANES;
 use crate::task::Task;
 use crate::testbed::{TrueRobots, Truth, add_noise};
 

@@ -10,10 +10,10 @@ use super::robot_level::RobotRuns;
 use super::tally::{Batch, BlockSums, Failure, Tally};
 use super::true_compliances::TrueCompliances;
 use super::{Entry, EntryKind, Level, Setting, StudyError};
+use crate::numeric::random::normal::{LANES, fill_normals};
+use crate::numeric::random::streams::Stream;
 use crate::plan::search::{Problem, RandomPlans};
 use crate::plan::{Criterion, Plan};
-use crate::random::normal::{LANES, fill_normals};
-use crate::random::streams::Stream;
 use crate::testbed::numbers;
 
 /// A study made ready to run.

@@ -119,8 +119,8 @@ fn ratio(tally: &Tally, reference: &Tally) -> Option<Measured> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::random::normal::{LANES, fill_normals};
-    use crate::random::streams::Stream;
+    use crate::numeric::random::normal::{LANES, fill_normals};
+    use crate::numeric::random::streams::Stream;
     use crate::study::tally::{Batch, BlockSums};
 
     /// The length of a vector of three standard normals: mean sqrt(8/pi), mean square 3, median

@@ -5,7 +5,7 @@
 //! exact, commutative and associative: the number of threads, the order of blocks, sharding and
 //! interruption change no bit. A tally's size does not depend on the number of runs.
 
-use crate::random::normal::LANES;
+use crate::numeric::random::normal::LANES;
 
 /// Why a run failed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -4,7 +4,7 @@
 use super::tally::{
     BINS, LARGEST, LARGEST_NEES, PLACES, SUMS, Sum, Tally, count_to_f64, integer_to_f64, lower_edge,
 };
-use crate::plausible::shown;
+use crate::quantities::plausible::shown;
 
 /// Sums that are rounded may miss an inequality by this share.
 const ROUNDING: f64 = 1e-9;

@@ -4,8 +4,8 @@
 //! standard normal z that is a function of (seed, r, j). Those that a belief knows something of are drawn from
 //! that instead.
 
-use crate::random::normal::{LANES, fill_normals};
-use crate::random::streams::Stream;
+use crate::numeric::random::normal::{LANES, fill_normals};
+use crate::numeric::random::streams::Stream;
 use crate::testbed::Truth;
 
 /// Draws true compliances, [`LANES`] runs at a time.

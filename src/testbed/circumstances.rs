@@ -8,11 +8,11 @@ use nalgebra::{Isometry3, Rotation3, Vector3};
 use crate::experiment::{Experiment, Plan};
 use crate::measurement::{Measurement, RotationMeasurement};
 use crate::mujoco::ModelChange;
+use crate::numeric::random::normal::LANES;
 use crate::parameter::{
     Axis, ElasticArm, FrameChange, ParameterError, ParameterKind, ParameterSet, ReadingSource,
     Source, Uncertainty,
 };
-use crate::random::normal::LANES;
 use crate::robot::Load;
 use crate::task::Instrument;
 

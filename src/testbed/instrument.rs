@@ -5,8 +5,8 @@ use nalgebra::Vector3;
 use super::virtual_robot::{MeasurementError, VirtualRobot};
 use crate::experiment::Plan;
 use crate::measurement::{Measurement, RotationMeasurement};
-use crate::random::normal::{LANES, fill_normals};
-use crate::random::streams::Stream;
+use crate::numeric::random::normal::{LANES, fill_normals};
+use crate::numeric::random::streams::Stream;
 use crate::task::Instrument;
 
 impl VirtualRobot {

@@ -8,9 +8,9 @@ use super::virtual_robot::{MeasurementError, VirtualRobot};
 use crate::experiment::Plan;
 use crate::measurement::Measurement;
 use crate::mujoco::ModelError;
+use crate::numeric::random::normal::{LANES, fill_normals};
+use crate::numeric::random::streams::Stream;
 use crate::parameter::ParameterKind;
-use crate::random::normal::{LANES, fill_normals};
-use crate::random::streams::Stream;
 use crate::robot::{EquilibriumError, Load, TrueRobot};
 use crate::task::{Belief, Instrument};
 

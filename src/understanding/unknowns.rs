@@ -6,10 +6,10 @@ use rand::RngExt;
 use rand_distr::{Distribution, UnitSphere};
 
 use crate::experiment::Loads;
+use crate::numeric::random::generator;
+use crate::numeric::random::streams::UNKNOWNS;
 use crate::observation::{PlannedReading, ReadingKind, Setup, Whitener, planned_information};
 use crate::parameter::{ElasticArm, Freedom, Freedoms, ParameterKind, ParameterSet};
-use crate::random::generator;
-use crate::random::streams::UNKNOWNS;
 use crate::robot::Load;
 use crate::task::Task;
 

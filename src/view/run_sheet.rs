@@ -11,7 +11,7 @@ use crate::laboratory::{Campaign, Stop};
 use crate::record::messages::ProvenanceMessage;
 use crate::robot::Commands;
 use crate::scenario::Scenario;
-use crate::wording::{counted, number};
+use crate::text::wording::{counted, number};
 
 const STYLE: &str = include_str!("run_sheet.css");
 /// More readings than this at one stop are written into the file.

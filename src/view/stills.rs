@@ -17,7 +17,7 @@ use crate::plan::{Experiment, Plan};
 use crate::record::messages::ProvenanceMessage;
 use crate::robot::{Commands, SerialChain};
 use crate::scenario::Scenario;
-use crate::wording::counted;
+use crate::text::wording::counted;
 
 /// Geometries of the model in groups up to this one are drawn, as MuJoCo does by default.
 const LAST_SHOWN_GROUP: i32 = 2;

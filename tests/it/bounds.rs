@@ -1,6 +1,7 @@
 //! The class of plans that a bound speaks about: no plan of it is better, and others get none.
 
 use elastocal::experiment::{Loads, NotMandatory};
+use elastocal::numeric::random::generator;
 use elastocal::plan::proof::ProofLimits;
 use elastocal::plan::search::{
     Basis, Bound, NoBound, Problem, RandomPlans, approximate_design, random_plan,
@@ -9,7 +10,6 @@ use elastocal::plan::{
     Assessment, Criterion, Experiment, Feasibility, Plan, SmoothBound, WIDENED_M, WIDENED_RAD,
     bounds_of, widened,
 };
-use elastocal::random::generator;
 use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
 use elastocal::task::{Design, Forbidden, Region, Task};

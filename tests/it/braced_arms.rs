@@ -4,9 +4,9 @@
 
 use elastocal::identification::{Sigma, identify};
 use elastocal::measurement::Measurement;
+use elastocal::numeric::random::generator;
 use elastocal::plan::search::Problem;
 use elastocal::plan::{Criterion, SmoothBound};
-use elastocal::random::generator;
 use elastocal::robot::{
     EquilibriumSolver, JointSpring, Load, ObservationMatrix, SerialChain, rotation_vector,
 };

@@ -3,9 +3,9 @@
 
 use elastocal::identification::fit_parameters;
 use elastocal::mujoco::Model;
+use elastocal::numeric::random::generator;
 use elastocal::observation::{Observation, Reading, Setup, Whitener};
 use elastocal::parameter::{ElasticArm, ParameterKind, ParameterSet};
-use elastocal::random::generator;
 use elastocal::robot::{EquilibriumSolver, KnownJoint, Load, TrueRobot};
 use elastocal::scenario::Scenario;
 use elastocal::testbed::VirtualRobot;

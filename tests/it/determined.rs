@@ -2,8 +2,8 @@
 //! keeps its right number.
 
 use elastocal::calibration::calibrate;
-use elastocal::estimable::Estimable;
 use elastocal::identification::{Sigma, identify};
+use elastocal::numeric::estimable::Estimable;
 use elastocal::plan::search::{Problem, SearchError, Watch, approximate_design, exact_design};
 use elastocal::plan::{Assessment, Criterion, Experiment, Plan, posterior};
 use elastocal::robot::Load;

@@ -2,9 +2,9 @@
 //! torque, with optima derived by hand.
 
 use elastocal::experiment::Loads;
+use elastocal::numeric::random::generator;
 use elastocal::plan::search::{Bound, Problem};
 use elastocal::plan::{Assessment, Criterion, Plan, bounds_of};
-use elastocal::random::generator;
 use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
 use nalgebra::{DMatrix, Matrix3xX, Vector3};

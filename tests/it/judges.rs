@@ -1,8 +1,8 @@
 //! The analytic chain and MuJoCo judge each other, and MuJoCo's dynamics judge its statics.
 
 use elastocal::mujoco::State;
+use elastocal::numeric::random::generator;
 use elastocal::plan::Experiment;
-use elastocal::random::generator;
 use elastocal::robot::{EquilibriumSolver, Load};
 use elastocal::scenario::Scenario;
 use elastocal::testbed::{VirtualRobot, settle};

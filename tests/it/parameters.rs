@@ -4,9 +4,9 @@
 //! and about three axes, held at zero, has a Jacobian whose columns are what a frame's parameters do.
 
 use elastocal::mujoco::{Model, State};
+use elastocal::numeric::random::generator;
 use elastocal::observation::{Form, ObservationModel, ReadingKind, Setup};
 use elastocal::parameter::{Axis, ElasticArm, ParameterKind, ParameterSet};
-use elastocal::random::generator;
 use elastocal::robot::{Load, SerialChain};
 use nalgebra::{DVector, Matrix3xX, Matrix6xX};
 use rand::RngExt;

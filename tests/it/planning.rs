@@ -4,11 +4,11 @@ use std::f64::consts::TAU;
 use std::sync::atomic::AtomicBool;
 
 use elastocal::experiment::Loads;
+use elastocal::numeric::random::generator;
 use elastocal::plan::search::{
     ApproximateDesign, ExactDesign, Problem, SearchError, Watch, approximate_design, exact_design,
 };
 use elastocal::plan::{Criterion, SmoothBound, bounds_of};
-use elastocal::random::generator;
 use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
 use nalgebra::{DMatrix, Matrix3xX};

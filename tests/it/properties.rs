@@ -3,15 +3,15 @@
 use elastocal::measurement::{
     Measurement, RotationMeasurement, read_measurements, write_measurements,
 };
+use elastocal::numeric::random::generator;
 use elastocal::plan::{Assessment, ExperimentModel, Plan, read_plan, write_plan};
-use elastocal::random::generator;
+use elastocal::quantities::units::{degrees, thousandths};
 use elastocal::robot::{
     Drive, Elements, EquilibriumError, EquilibriumSolver, Joint, KinematicState, Load,
     ObservationMatrix, SerialChain, Tool, cartesian_stiffness, rotation_vector,
 };
 use elastocal::scenario::Scenario;
 use elastocal::testbed::VirtualRobot;
-use elastocal::units::{degrees, thousandths};
 use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Matrix6, Rotation3, Vector3, Vector6};
 use rand::{Rng, RngExt};
 

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use elastocal::random::generator;
+use elastocal::numeric::random::generator;
 use nalgebra::Vector3;
 use rand::{Rng, RngExt};
 

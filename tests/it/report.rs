@@ -1,7 +1,7 @@
 //! The pages: complete, in agreement with the records, safe, and good to look at.
 
+use elastocal::text::wording::{micrometres, number};
 use elastocal::view::markup::escaped;
-use elastocal::wording::{micrometres, number};
 use serde_json::Value;
 
 use crate::browser::looks_well;

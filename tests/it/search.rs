@@ -4,12 +4,12 @@
 use std::sync::LazyLock;
 
 use elastocal::experiment::Loads;
+use elastocal::numeric::random::generator;
 use elastocal::plan::search::{
     ApproximateDesign, Bound, Effort, MatrixEvaluator, Problem, SearchError, approximate_design,
     random_plan,
 };
 use elastocal::plan::{Assessment, Criterion, Experiment, Plan};
-use elastocal::random::generator;
 use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
 use elastocal::task::Forbidden;

@@ -1,8 +1,8 @@
 //! Monte Carlo studies: exact tallies, runs that keep what was predicted, wrong inputs.
 
 use elastocal::calibration::calibrate;
-use elastocal::random::normal::{LANES, fill_normals};
-use elastocal::random::streams::Stream;
+use elastocal::numeric::random::normal::{LANES, fill_normals};
+use elastocal::numeric::random::streams::Stream;
 use elastocal::scenario::Scenario;
 use elastocal::study::model_level::LinearModel;
 use elastocal::study::robot_level::RobotRuns;

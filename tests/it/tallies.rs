@@ -1,6 +1,6 @@
 //! Tallies that cannot be: whatever a tally's JSON says, reading it ends in a study or in an error.
 
-use elastocal::random::generator;
+use elastocal::numeric::random::generator;
 use elastocal::record::tally_file::join;
 use rand::RngExt;
 use serde_json::{Value, json};

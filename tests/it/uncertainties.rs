@@ -3,11 +3,11 @@
 //! A mean square seen in N runs is off by at most 3 of its standard errors and 2 % of the promise, which is what
 //! the model's non-linearity is allowed.
 
-use elastocal::estimable::Estimable;
+use elastocal::numeric::estimable::Estimable;
+use elastocal::numeric::random::normal::LANES;
 use elastocal::observation::Setup;
 use elastocal::parameter::{ParameterKind, ParameterSet};
 use elastocal::plan::{Assessment, posterior};
-use elastocal::random::normal::LANES;
 use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
 use elastocal::study::account::Account;

@@ -8,7 +8,7 @@ use elastocal::record::tally_file::Header;
 use elastocal::study::Level;
 use elastocal::study::switched_off::SeenShare;
 use elastocal::study::tally::Tally;
-use elastocal::wording::inverse_interval;
+use elastocal::text::wording::inverse_interval;
 use elastocal::workflow::study::{Timing, plan_messages, study_json};
 use serde_json::Value;
 

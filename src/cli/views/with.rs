@@ -11,6 +11,7 @@ use elastocal::plan::Plan;
 use elastocal::plan::search::BudgetPoint;
 use elastocal::record::messages::ProvenanceMessage;
 use elastocal::scenario::Scenario;
+use elastocal::text::wording::shell_word;
 use elastocal::view::mcap_file::write_mcap;
 use elastocal::view::plots::budget_plot;
 use elastocal::view::recording::Recording;
@@ -18,7 +19,6 @@ use elastocal::view::report::{RunRecord, StudyPageRecord, run_page};
 use elastocal::view::rerun_file::{messages, write_rerun};
 use elastocal::view::run_sheet::run_sheet;
 use elastocal::view::stills;
-use elastocal::wording::shell_word;
 
 use super::{RunShown, StudyShown};
 use crate::cli::written::{Written, warn};

@@ -12,12 +12,12 @@
 use nalgebra::{Cholesky, DVector, Dyn};
 use thiserror::Error;
 
-use crate::estimable::Estimable;
+use crate::numeric::estimable::Estimable;
+use crate::numeric::posterior::Posterior;
 use crate::observation::{
     NormalEquations, Observation, PlannedReading, normal_equations, planned_information,
 };
 use crate::parameter::{ElasticArm, Freedoms, ParameterSet, relative_precision};
-use crate::posterior::Posterior;
 use crate::robot::EquilibriumError;
 
 /// The fit is found when the next step is shorter than this in standard errors.

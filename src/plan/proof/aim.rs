@@ -17,7 +17,7 @@
 use serde::Serialize;
 
 use super::rounding::{UNIT, UP};
-use crate::factorisation::finite_svd;
+use crate::numeric::factorisation::finite_svd;
 
 /// What a plan is to be good for, with what its bound needs beside B.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -227,7 +227,7 @@ mod tests {
     /// Random B and M: no bound is above the cost.
     #[test]
     fn no_information_has_a_cost_below_its_bound() {
-        let mut random = crate::random::generator(3, 0);
+        let mut random = crate::numeric::random::generator(3, 0);
         for round in 0..600 {
             let size = 1 + round % 6;
             let mut number = || random.random::<f64>() - 0.5;
@@ -255,7 +255,7 @@ mod tests {
     /// With the best B, the bound is the cost itself.
     #[test]
     fn the_best_rows_lose_nothing() {
-        let mut random = crate::random::generator(4, 0);
+        let mut random = crate::numeric::random::generator(4, 0);
         for size in 1..6 {
             let mut number = || random.random::<f64>() - 0.5;
             let half = DMatrix::from_fn(size + 3, size, |_, _| number());

@@ -42,9 +42,9 @@ use super::problem::{Problem, SearchError};
 use super::sampling::Sampler;
 use super::weighing::{Weighing, normalise};
 use crate::experiment::{Experiment, Plan, printed_tolerance};
+use crate::numeric::random::generator;
+use crate::numeric::random::streams::FIRST_SUPPORT;
 use crate::plan::{Criterion, WIDENED_RAD};
-use crate::random::generator;
-use crate::random::streams::FIRST_SUPPORT;
 use crate::robot::Load;
 
 /// Rounds of adding experiments and weighting them.

@@ -11,8 +11,8 @@ use super::point::Point;
 use super::problem::{Problem, SearchError};
 use super::refinement::{Found, Refinement};
 use super::sharpening::{rounded_design, sharpened_all};
+use crate::numeric::random::{generator, streams};
 use crate::plan::{Experiment, Plan};
-use crate::random::{generator, streams};
 
 /// Searches that know nothing of one another, between two looks at whether enough are done.
 const INDEPENDENT: usize = 8;

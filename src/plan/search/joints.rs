@@ -5,9 +5,9 @@ use rand::RngExt;
 
 use super::observation::MatrixEvaluator;
 use super::point::{LoadChoice, add_information};
+use crate::numeric::random::generator;
+use crate::numeric::random::streams::{FIXED_SEED, INDIFFERENT_JOINTS, SHOWN};
 use crate::plan::SmoothBound;
-use crate::random::generator;
-use crate::random::streams::{FIXED_SEED, INDIFFERENT_JOINTS, SHOWN};
 use crate::robot::Load;
 
 /// The information of random configurations, each under every load, in the problem's relative units: what

@@ -8,7 +8,7 @@ use slsqp::{Func, StopTols, minimize};
 use super::observation::MatrixEvaluator;
 use super::point::{LoadChoice, Point, force, in_directions, information_in};
 use super::problem::Problem;
-use crate::factorisation::finite_eigen;
+use crate::numeric::factorisation::finite_eigen;
 use crate::plan::SmoothBound;
 use crate::robot::Load;
 

@@ -7,8 +7,8 @@ use rayon::prelude::*;
 use super::point::Point;
 use super::problem::Problem;
 use super::sampling::Sampler;
+use crate::numeric::random::{generator, streams};
 use crate::plan::{CriterionFunction, LANES};
-use crate::random::{generator, streams};
 
 /// Experiments with the information that they give.
 #[derive(Debug, Clone, PartialEq)]

@@ -9,7 +9,7 @@ use super::observation::MatrixEvaluator;
 use super::point::{LoadChoice, add_information};
 use super::relevance::relevant;
 use crate::compensation::{test_pose_matrix, test_pose_rows};
-use crate::estimable::Estimable;
+use crate::numeric::estimable::Estimable;
 use crate::plan::{
     Criterion, CriterionFunction, ExperimentModel, Plan, SmoothBound, bounds_of, widened,
 };

@@ -522,7 +522,7 @@ fn arm(chain: &SerialChain, tool: &Tool, ranges_rad: &[[f64; 2]]) -> Arm {
 #[cfg(test)]
 mod tests {
     use super::gathered;
-    use crate::random::generator;
+    use crate::numeric::random::generator;
     use rand::RngExt;
 
     /// Fewer rows tell no less of anything, and hardly more, also where some depend on others.

@@ -5,7 +5,7 @@ use nalgebra::DMatrix;
 
 use super::approximate::ApproximateDesign;
 use super::problem::Problem;
-use crate::factorisation::finite_eigen;
+use crate::numeric::factorisation::finite_eigen;
 use crate::plan::Criterion;
 use crate::plan::proof::Aim;
 use crate::task::{Task, TestPose};

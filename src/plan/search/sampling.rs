@@ -10,9 +10,9 @@ use rayon::prelude::*;
 use super::local::LocalSearch;
 use super::point::{LoadChoice, Point, force};
 use super::problem::{Problem, SearchError};
+use crate::numeric::random::{generator, streams};
 use crate::plan::feasibility::COLLISION;
 use crate::plan::{Criterion, Experiment, Feasibility, Plan};
-use crate::random::{generator, streams};
 use crate::robot::Load;
 use crate::task::Task;
 

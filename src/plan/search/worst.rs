@@ -16,7 +16,7 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
-use crate::factorisation::finite_eigen;
+use crate::numeric::factorisation::finite_eigen;
 use crate::plan::Criterion;
 
 /// Newton steps for one kappa, at most.

@@ -4,7 +4,7 @@ use super::Checker;
 use crate::experiment::Loads;
 use crate::experiment::Plan;
 use crate::files::FileError;
-use crate::limits::{MOST_EXPERIMENTS, MOST_NAMED};
+use crate::quantities::limits::{MOST_EXPERIMENTS, MOST_NAMED};
 use crate::robot::Commands;
 use crate::scenario::PlanFile;
 use crate::scenario::file::{DesignTable, PlanTable};

@@ -3,7 +3,7 @@
 use super::Checker;
 use crate::files::FileError;
 use crate::mujoco::Model;
-use crate::plausible::{DEVIATION, ROTATION_DEVIATION};
+use crate::quantities::plausible::{DEVIATION, ROTATION_DEVIATION};
 use crate::scenario::file::{InstrumentTable, RegionTable};
 use crate::task::Instrument;
 

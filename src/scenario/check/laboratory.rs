@@ -5,8 +5,8 @@ use nalgebra::DVector;
 use super::Checker;
 use crate::files::FileError;
 use crate::laboratory::{Costs, Laboratory};
-use crate::limits::MOST_NAMED;
-use crate::plausible::{ANGLE, APPROACH, AXIS_SPEED, Kind, MINUTES};
+use crate::quantities::limits::MOST_NAMED;
+use crate::quantities::plausible::{ANGLE, APPROACH, AXIS_SPEED, Kind, MINUTES};
 use crate::robot::{Commands, SerialChain};
 use crate::scenario::file::LaboratoryTable;
 

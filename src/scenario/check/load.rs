@@ -5,8 +5,10 @@ use nalgebra::Vector3;
 use super::Checker;
 use crate::experiment::Loads;
 use crate::files::FileError;
-use crate::limits::MOST_LISTED;
-use crate::plausible::{DIRECTION, FORCE, FORCE_LIMIT, LEAST_FORCE, TORQUE, faint_load};
+use crate::quantities::limits::MOST_LISTED;
+use crate::quantities::plausible::{
+    DIRECTION, FORCE, FORCE_LIMIT, LEAST_FORCE, TORQUE, faint_load,
+};
 use crate::robot::Load;
 use crate::scenario::file::{LoadKind, WrenchTable};
 

@@ -4,9 +4,9 @@ use nalgebra::Vector3;
 
 use super::Checker;
 use crate::files::FileError;
-use crate::limits::MOST_NAMED;
 use crate::mujoco::{MountedPayload, MountedTool, frame};
-use crate::plausible::{ANGLE, MASS, POSITION};
+use crate::quantities::limits::MOST_NAMED;
+use crate::quantities::plausible::{ANGLE, MASS, POSITION};
 use crate::scenario::file::RobotTable;
 
 impl Checker<'_> {

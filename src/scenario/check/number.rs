@@ -2,7 +2,7 @@
 
 use super::Checker;
 use crate::files::FileError;
-use crate::plausible::Kind;
+use crate::quantities::plausible::Kind;
 
 impl Checker<'_> {
     /// A number of a kind.

@@ -4,9 +4,9 @@ use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
 use super::Checker;
 use crate::files::FileError;
-use crate::limits::MOST_OBSTACLES;
 use crate::mujoco::{Obstacle, Shape};
-use crate::plausible::{ANGLE, POSITION, SIZE};
+use crate::quantities::limits::MOST_OBSTACLES;
+use crate::quantities::plausible::{ANGLE, POSITION, SIZE};
 use crate::scenario::file::{File, ObstacleKind, ObstacleTable};
 
 impl Checker<'_> {

@@ -3,8 +3,10 @@
 use super::Checker;
 use super::robot::names_of;
 use crate::files::FileError;
-use crate::limits::MOST_LISTED;
-use crate::plausible::{ANGLE, ANGLE_LIMIT, ANGLE_WIDTH, CLEARANCE, POSITION, TORQUE_LIMIT};
+use crate::quantities::limits::MOST_LISTED;
+use crate::quantities::plausible::{
+    ANGLE, ANGLE_LIMIT, ANGLE_WIDTH, CLEARANCE, POSITION, TORQUE_LIMIT,
+};
 use crate::robot::{Commands, SerialChain};
 use crate::scenario::file::{ForbiddenTable, RegionTable};
 use crate::task::{Forbidden, Region};

@@ -4,10 +4,10 @@ use std::path::Path;
 
 use super::Checker;
 use crate::files::{FileError, read_text};
-use crate::limits::MOST_JOINTS;
 use crate::mujoco::{Additions, Model, ModelError, sources};
 use crate::parameter::ParameterKind;
-use crate::plausible::{ANGLE, COMPLIANCE, GRAVITY, Kind, MASS, POSITION};
+use crate::quantities::limits::MOST_JOINTS;
+use crate::quantities::plausible::{ANGLE, COMPLIANCE, GRAVITY, Kind, MASS, POSITION};
 use crate::robot::{Joint, KnownJoint, Robot, SerialChain, Tool, TrueRobot};
 use crate::scenario::file::File;
 use crate::task::Belief;

@@ -2,9 +2,9 @@
 
 use super::Checker;
 use crate::files::FileError;
-use crate::limits::{MOST_CONDITIONS, MOST_EXPERIMENTS, MOST_STUDIED, MOST_TRIALS};
 use crate::plan::Criterion;
-use crate::plausible::{DEVIATION, FACTOR, SPREAD};
+use crate::quantities::limits::{MOST_CONDITIONS, MOST_EXPERIMENTS, MOST_STUDIED, MOST_TRIALS};
+use crate::quantities::plausible::{DEVIATION, FACTOR, SPREAD};
 use crate::robot::Commands;
 use crate::scenario::PlanFile;
 use crate::scenario::file::{SigmaOf, Spread, StudyPlanTable, StudyTable, SweepTable};

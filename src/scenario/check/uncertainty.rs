@@ -7,7 +7,7 @@ use super::robot::names_of;
 use crate::files::FileError;
 use crate::mujoco::State;
 use crate::parameter::{Axis, ParameterError, ParameterKind, ReadingSource, Source, Uncertainty};
-use crate::plausible::{
+use crate::quantities::plausible::{
     DEVIATION, FORCE_LIMIT, Kind, PER_METRE_DEVIATION, RELATIVE_DEVIATION, ROTATION_DEVIATION,
 };
 use crate::scenario::file::{UncertaintyKind, UncertaintyTable};

@@ -5,9 +5,9 @@ use plotters::coord::ranged1d::{DefaultFormatting, KeyPointHint, Ranged};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
+use crate::text::wording::shortened;
 use crate::view::markup::escaped;
 use crate::view::plots::PlotError;
-use crate::wording::shortened;
 
 /// The width of a figure that takes half a page (in units of the drawing).
 pub const HALF: u32 = 960;

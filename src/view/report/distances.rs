@@ -4,9 +4,9 @@ use plotters::prelude::*;
 
 use super::charts::{Chart, ChartAxis, INK, Rows, WHOLE, drawing, log_ticks, short};
 use crate::record::study::StudyPlanMessage;
+use crate::text::wording::{inverse_interval, micrometres, number};
 use crate::view::markup::{figure, table};
 use crate::view::plots::{COLOURS, PlotError};
-use crate::wording::{inverse_interval, micrometres, number};
 
 /// The share of a row that the highest distribution fills.
 const FILL: f64 = 0.86;

@@ -4,8 +4,8 @@ use plotters::prelude::*;
 
 use super::charts::{ChartAxis, GRID, HALF, INK, Rows, SOFT, drawing, short, text, ticks};
 use crate::record::evidence::{AccuracyMessage, CriterionPlanMessage};
+use crate::text::wording::{micrometres, percent};
 use crate::view::plots::{COLOURS, PlotError};
-use crate::wording::{micrometres, percent};
 
 /// The height of the figures that are no row charts.
 const HEIGHT: u32 = 620;

@@ -19,7 +19,7 @@ use super::plots::PlotError;
 use crate::record::evidence::{CriterionPlanMessage, EvidenceMessage};
 use crate::record::messages::{AssessmentMessage, CalibrationMessage, ProvenanceMessage};
 use crate::scenario::Scenario;
-use crate::wording::{dash, micrometres, number, percent};
+use crate::text::wording::{dash, micrometres, number, percent};
 use distances::{Line, Role, distances_figure, distances_table};
 use figures::{
     RelativeEstimate, accuracy_figure, compliances_figure, criteria_figure, criteria_names,

@@ -2,8 +2,8 @@
 
 use super::RunRecord;
 use crate::record::messages::{AssessmentMessage, CalibrationMessage};
+use crate::text::wording::{counted, micrometres, number, percent, shell_word};
 use crate::view::markup::{card, escaped, paragraph};
-use crate::wording::{counted, micrometres, number, percent, shell_word};
 
 /// Searches of which at least this share agree count as agreeing.
 const MANY: f64 = 0.05;

@@ -4,9 +4,9 @@ use super::distances::{Line, Role, distances_figure, distances_table};
 use super::provenance;
 use crate::paper::record::{FigureSevenMessage, ReproductionMessage, TableSixMessage};
 use crate::record::messages::{ExperimentMessage, ProvenanceMessage};
+use crate::text::wording::{number, percent};
 use crate::view::markup::{card, page, paragraph, section, table};
 use crate::view::plots::PlotError;
-use crate::wording::{number, percent};
 
 /// The paper.
 const CITATION: &str = "A. Klimchik, A. Pashkevich, Y. Wu, S. Caro, B. Furet, Design of calibration experiments for \

@@ -5,9 +5,9 @@ use plotters::prelude::*;
 use super::charts::{ChartAxis, INK, Rows, WHOLE, drawing, short, ticks};
 use crate::record::messages::ShareMessage;
 use crate::record::study::StudyPlanMessage;
+use crate::text::wording::micrometres;
 use crate::view::markup::{figure, paragraph};
 use crate::view::plots::{COLOURS, PlotError};
-use crate::wording::micrometres;
 
 /// The vermilion of what the belief does not know of.
 const HIDDEN: RGBColor = RGBColor(213, 94, 0);

@@ -4,9 +4,9 @@ use super::distances::{Line, Role, distances_figure, distances_table};
 use super::{provenance, sources};
 use crate::record::messages::ProvenanceMessage;
 use crate::record::study::StudyPlanMessage;
+use crate::text::wording::{counted, micrometres, number};
 use crate::view::markup::{card, escaped, page, section};
 use crate::view::plots::PlotError;
-use crate::wording::{counted, micrometres, number};
 
 /// What the page of a study is made of.
 #[derive(Debug, Clone, Copy)]

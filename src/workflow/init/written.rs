@@ -6,7 +6,7 @@ use super::arm::FoundArm;
 use super::pose::{CLEARANCE_M, Tried};
 use super::tools::Tools;
 use crate::robot::Commands;
-use crate::wording::counted;
+use crate::text::wording::counted;
 
 /// A joint may turn by so much (rad) under its largest torque where its stiffness is guessed ...
 const TURN_RAD: f64 = 2e-3;

@@ -24,7 +24,7 @@
 
 use nalgebra::{Cholesky, DMatrix};
 
-use crate::factorisation::{finite_eigen, finite_svd};
+use crate::numeric::factorisation::{finite_eigen, finite_svd};
 
 /// Whatever is below this share of a standard deviation tells nothing.
 const NOTHING: f64 = 0.01;

@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector, RowDVector};
 use thiserror::Error;
 
-use crate::estimable::Estimable;
+use crate::numeric::estimable::Estimable;
 
 /// What is known of p parameters.
 #[derive(Debug, Clone, PartialEq)]

@@ -15,7 +15,7 @@ use std::f64::consts::PI;
 
 use nalgebra::{Complex, DMatrix};
 
-use crate::factorisation::finite_eigen;
+use crate::numeric::factorisation::finite_eigen;
 
 /// 3.89^-24 is 7e-15; more nodes would lose as much to rounding.
 const NODES: u32 = 24;

@@ -5,7 +5,7 @@ use std::io::{ErrorKind, Read};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use crate::limits::LARGEST_TEXT;
+use crate::quantities::limits::LARGEST_TEXT;
 
 /// A pipe that nothing has come through for so long is given up.
 const PATIENCE: Duration = Duration::from_secs(10);

@@ -2,8 +2,8 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
-use crate::estimable::Estimable;
-use crate::factorisation::finite_svd;
+use crate::numeric::estimable::Estimable;
+use crate::numeric::factorisation::finite_svd;
 
 /// Singular values of the scaled matrix below this share of the largest are taken as zero: rounding.
 const ROUNDING: f64 = 1e-12;

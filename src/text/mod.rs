@@ -1,4 +1,10 @@
-//! Text that comes from elsewhere: names, paths, and what files say.
+//! Text that comes from elsewhere, names, paths, and what files say, and text for people.
+//!
+//! - [`wording`]: numbers, counts and words as a person reads them.
+//! - [`diagnostics`]: what is said on stderr while something is done.
+
+pub mod diagnostics;
+pub mod wording;
 
 use std::borrow::Cow;
 

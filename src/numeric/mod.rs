@@ -1,0 +1,16 @@
+//! The mathematics that every stage uses, and that knows of no robot.
+//!
+//! - [`random`]: random numbers as a function of seed and run, one registry of their streams.
+//! - [`factorisation`]: eigenvalues and singular values, of matrices that may hold anything.
+//! - [`estimable`]: what measurements determine, one decision for every stage.
+//! - [`least_squares`]: the fit within it (eqs. 5, 6, 9).
+//! - [`posterior`]: what is known afterwards, and the variance of anything that follows from it
+//!   (eqs. 11 to 13, 20).
+//! - [`tolerance`]: the length that a share of errors stays below.
+
+pub mod estimable;
+pub mod factorisation;
+pub mod least_squares;
+pub mod posterior;
+pub mod random;
+pub mod tolerance;
