@@ -9,7 +9,7 @@ use elastocal::comparison::results::ResultsFile;
 use elastocal::files::{FileError, read_text};
 use elastocal::identification::StoredIdentification;
 use elastocal::laboratory::Dialect;
-use elastocal::measurement::{read_measurements, read_measurements_so_far};
+use elastocal::measurement::{read_measured, read_measurements_so_far};
 use elastocal::plan::read_plan;
 use elastocal::record::tally_file::TallyFile;
 use elastocal::scenario::Scenario;
@@ -40,7 +40,7 @@ fuzz_target!(|data: &[u8]| {
     let error = match reader {
         b's' => Scenario::load(&FILE).err(),
         b'p' => read_plan(&FILE, 6).err(),
-        b'm' => read_measurements(&FILE, 6).err(),
+        b'm' => read_measured(&FILE, 6).err(),
         b'n' => read_measurements_so_far(&FILE, 6).err(),
         b'i' => StoredIdentification::read(&FILE, &ROBOT.task.belief.nominal).err(),
         b'd' => read_dialect().err(),

@@ -1,4 +1,4 @@
-//! CSV files of numbers as laboratories and their spreadsheets write them: one reader for plans and
+//! CSV files of numbers, and of some words, as laboratories and their spreadsheets write them: one reader for plans and
 //! measurements.
 //!
 //! It reads UTF-8 and UTF-16; commas, semicolons or tabs between the fields; decimal points, and
@@ -23,7 +23,16 @@ pub struct Table<'a> {
     path: &'a Path,
     header_line: usize,
     columns: Vec<String>,
-    rows: Vec<(usize, Vec<f64>)>,
+    rows: Vec<TableRow>,
+}
+
+#[derive(Debug)]
+struct TableRow {
+    line: usize,
+    /// The numbers; zero in columns of words.
+    values: Vec<f64>,
+    /// As many, empty in columns of numbers; none where the table has no words.
+    words: Vec<String>,
 }
 
 /// Which columns a file may have.
@@ -35,6 +44,8 @@ pub struct Columns {
     pub one_of: Vec<Vec<String>>,
     /// Those that it may have besides.
     pub optional: Vec<String>,
+    /// Those of these whose fields are words.
+    pub words: Vec<String>,
     /// Whether rows in which that group is empty are left out: they are not filled in yet.
     pub may_be_unfinished: bool,
 }
@@ -79,6 +90,17 @@ impl<'a> Table<'a> {
     /// # Errors
     /// As [`read`](Self::read); and no row is filled in.
     pub fn read_with(path: &'a Path, wanted: &Columns) -> Result<Self, FileError> {
+        Self::read_as(path, |_| wanted.clone())
+    }
+
+    /// The same for a file whose header says which columns it may have.
+    ///
+    /// # Errors
+    /// As [`read_with`](Self::read_with).
+    pub fn read_as(
+        path: &'a Path,
+        wanted: impl Fn(&[String]) -> Columns,
+    ) -> Result<Self, FileError> {
         let text = encoding::read_text(path)?;
         let mut lines = content_lines(&text).peekable();
         let separator_line =
@@ -87,7 +109,7 @@ impl<'a> Table<'a> {
             lines.next();
         }
         let (header_line, header) = lines.next().ok_or_else(|| {
-            FileError::new(path, "is empty").hint(header_hint(&wanted.needed(&[])))
+            FileError::new(path, "is empty").hint(header_hint(&wanted(&[]).needed(&[])))
         })?;
         let at = |line: usize| move |error: FileError| error.at(format!("line {line}"));
         let delimiter = match separator_line {
@@ -100,6 +122,7 @@ impl<'a> Table<'a> {
         while columns.last().is_some_and(String::is_empty) {
             columns.pop();
         }
+        let wanted = wanted(&columns);
         let needed = wanted.needed(&columns);
         check_columns(path, header_line, &columns, &needed, &wanted.optional)?;
         let to_fill: Vec<bool> = (columns.iter())
@@ -131,8 +154,20 @@ impl<'a> Table<'a> {
                 is_unfinished = true;
                 continue;
             }
+            let mut words = Vec::new();
             let values = (fields.iter().zip(&columns))
                 .map(|(field, column)| {
+                    let is_word = wanted.words.contains(column);
+                    if !wanted.words.is_empty() {
+                        words.push(if is_word {
+                            field.clone()
+                        } else {
+                            String::new()
+                        });
+                    }
+                    if is_word {
+                        return Ok(0.0);
+                    }
                     let value = decimals.number(line, column, field)?;
                     kind_of(column).check(value).map_err(|problem| {
                         FileError::new(path, format!("{column}: {problem}"))
@@ -140,7 +175,11 @@ impl<'a> Table<'a> {
                     })
                 })
                 .collect::<Result<Vec<f64>, FileError>>()?;
-            rows.push((line, values));
+            rows.push(TableRow {
+                line,
+                values,
+                words,
+            });
         }
         decimals.check()?;
         if rows.len() > MOST_MEASUREMENTS as usize {
@@ -180,11 +219,7 @@ impl<'a> Table<'a> {
 
     /// The rows in order.
     pub fn rows(&self) -> impl Iterator<Item = Row<'_>> {
-        self.rows.iter().map(|(line, values)| Row {
-            table: self,
-            line: *line,
-            values,
-        })
+        self.rows.iter().map(|row| Row { table: self, row })
     }
 }
 
@@ -192,19 +227,26 @@ impl<'a> Table<'a> {
 #[derive(Debug, Clone, Copy)]
 pub struct Row<'a> {
     table: &'a Table<'a>,
-    line: usize,
-    values: &'a [f64],
+    row: &'a TableRow,
 }
 
-impl Row<'_> {
+impl<'a> Row<'a> {
     /// The value in a column that the table has; NaN where it has none.
     #[must_use]
     pub fn get(&self, column: &str) -> f64 {
-        self.table
-            .columns
-            .iter()
-            .position(|known| known == column)
-            .map_or(f64::NAN, |index| self.values[index])
+        self.place(column)
+            .map_or(f64::NAN, |index| self.row.values[index])
+    }
+
+    /// The word in a column of words; `None` where the table has no such column.
+    #[must_use]
+    pub fn word(&self, column: &str) -> Option<&'a str> {
+        let words = &self.row.words;
+        (self.place(column)).and_then(|index| words.get(index).map(String::as_str))
+    }
+
+    fn place(&self, column: &str) -> Option<usize> {
+        (self.table.columns.iter()).position(|known| known == column)
     }
 
     /// The values of three columns.
@@ -216,13 +258,13 @@ impl Row<'_> {
     /// The number of its line.
     #[must_use]
     pub const fn line(&self) -> usize {
-        self.line
+        self.row.line
     }
 
     /// An error about this row.
     #[must_use]
     pub fn wrong(&self, problem: impl Into<String>) -> FileError {
-        FileError::new(self.table.path, problem).at(format!("line {}", self.line))
+        FileError::new(self.table.path, problem).at(format!("line {}", self.row.line))
     }
 }
 
@@ -247,6 +289,7 @@ fn kind_of(column: &str) -> &'static Kind {
         Some("nm") => &plausible::TORQUE,
         Some("mm") => &plausible::POSITION,
         Some("mrad") => &plausible::ROTATION,
+        Some("c") => &plausible::TEMPERATURE,
         _ => &plausible::COUNT,
     }
 }

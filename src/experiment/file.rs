@@ -12,24 +12,33 @@ use crate::quantities::limits::MOST_MEASUREMENTS;
 use crate::quantities::plausible::faint_load;
 use crate::robot::{Commands, Load};
 
+/// The columns that name a load: force and torque in the world frame.
+pub const LOAD: [&str; 6] = ["fx_n", "fy_n", "fz_n", "tx_nm", "ty_nm", "tz_nm"];
+
 /// The columns that name a configuration and a load.
 #[must_use]
 pub fn experiment_columns(commands: &Commands) -> Vec<String> {
     (commands.columns().into_iter())
-        .chain(["fx_n", "fy_n", "fz_n", "tx_nm", "ty_nm", "tz_nm"].map(str::to_owned))
+        .chain(LOAD.map(str::to_owned))
         .collect()
 }
 
 /// The configuration (rad, m) and load of a row with [`experiment_columns`].
 #[must_use]
 pub fn configuration_and_load(row: &Row<'_>, commands: &Commands) -> (DVector<f64>, Load) {
+    let load = Load {
+        force_n: row.vector([LOAD[0], LOAD[1], LOAD[2]]),
+        torque_nm: row.vector([LOAD[3], LOAD[4], LOAD[5]]),
+    };
+    (configuration(row, commands), load)
+}
+
+/// The configuration (rad, m) of a row that has its columns.
+#[must_use]
+pub fn configuration(row: &Row<'_>, commands: &Commands) -> DVector<f64> {
     let written = commands.columns();
     let written: Vec<f64> = written.iter().map(|column| row.get(column)).collect();
-    let load = Load {
-        force_n: row.vector(["fx_n", "fy_n", "fz_n"]),
-        torque_nm: row.vector(["tx_nm", "ty_nm", "tz_nm"]),
-    };
-    (commands.configuration(&written), load)
+    commands.configuration(&written)
 }
 
 /// Reads a plan for an arm, which may be given by its number of joints.

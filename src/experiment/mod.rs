@@ -9,7 +9,8 @@ use nalgebra::DVector;
 use crate::robot::Load;
 
 pub use file::{
-    configuration_and_load, experiment_columns, experiment_fields, read_plan, write_plan,
+    LOAD, configuration, configuration_and_load, experiment_columns, experiment_fields, read_plan,
+    write_plan,
 };
 pub use load_set::{Loads, in_words, is_printed_as, printed_tolerance};
 pub use mandatory::{NotMandatory, PRINTED_RAD};

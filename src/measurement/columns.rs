@@ -16,3 +16,31 @@ pub const PLACES: [&str; 4] = [
     "loaded_stop",
     "loaded_reading",
 ];
+/// A position in the frame of the instrument.
+pub const POSITION: [&str; 3] = ["x_mm", "y_mm", "z_mm"];
+/// The orientation of the target's axes there, as a unit quaternion.
+pub const QUATERNION: [&str; 4] = ["qw", "qx", "qy", "qz"];
+/// What else a file of absolute readings may have in words.
+pub const WORDS: [&str; 4] = ["target", "state", "station", "approach"];
+pub const TIME: &str = "time_s";
+pub const TEMPERATURE: &str = "temperature_c";
+/// The rows and columns of a reading's covariance: a position, then the rotation vector.
+const COVARIANCE_AXES: [&str; 6] = ["x", "y", "z", "rx", "ry", "rz"];
+
+/// The columns of a covariance's upper triangle, row by row, of so many rows: `cxx_mm2`, `cxy_mm2`, `cxrx_mm_mrad`,
+/// `crxry_mrad2` and so on.
+pub fn covariance_columns(rows: usize) -> Vec<String> {
+    let axes = &COVARIANCE_AXES[..rows];
+    let mut names = Vec::new();
+    for (row, one) in axes.iter().enumerate() {
+        for (column, other) in axes.iter().enumerate().skip(row) {
+            let unit = match (row < 3, column < 3) {
+                (true, true) => "mm2",
+                (false, false) => "mrad2",
+                _ => "mm_mrad",
+            };
+            names.push(format!("c{one}{other}_{unit}"));
+        }
+    }
+    names
+}

@@ -1,18 +1,25 @@
-//! Measurements of deflections: what a laboratory or the virtual robot delivers, and all that
-//! identification sees.
+//! Measurements: what a laboratory or the virtual robot delivers, and all that identification sees.
+//!
+//! A file holds deflections, loaded minus unloaded ([`Measurement`]), or absolute readings: where an instrument sees a
+//! target, in a frame of its own ([`AbsoluteReading`]).
 
+mod absolute;
 mod columns;
 mod origin;
 mod read;
+mod read_absolute;
 mod write;
+mod write_absolute;
 
 use nalgebra::{DVector, Vector3};
 
 use crate::robot::Load;
 
+pub use absolute::{AbsoluteReading, Approach};
 pub use origin::Origin;
-pub use read::{read_measurements, read_measurements_so_far};
+pub use read::{MeasuredFile, read_measured, read_measurements, read_measurements_so_far};
 pub use write::{RowToFillIn, table_to_fill_in, write_measurements, write_measurements_under};
+pub use write_absolute::absolute_table;
 
 /// One calibration experiment's outcome (A2).
 #[derive(Debug, Clone, PartialEq)]

@@ -6,10 +6,11 @@ use std::path::Path;
 use nalgebra::Vector3;
 
 use super::columns::{
-    DEFLECTION, DEFLECTION_SIGMA, LOADED, LOADED_SIGMA, PLACES, ROTATION, ROTATION_SIGMA, UNLOADED,
-    UNLOADED_SIGMA,
+    DEFLECTION, DEFLECTION_SIGMA, LOADED, LOADED_SIGMA, PLACES, POSITION, ROTATION, ROTATION_SIGMA,
+    UNLOADED, UNLOADED_SIGMA,
 };
-use super::{Measurement, RotationMeasurement};
+use super::read_absolute::{absolute_columns, absolute_readings};
+use super::{AbsoluteReading, Measurement, RotationMeasurement};
 use crate::csv::{Columns, Row, Table};
 use crate::experiment::{configuration_and_load, experiment_columns};
 use crate::files::FileError;
@@ -27,7 +28,42 @@ pub fn read_measurements(
     path: &Path,
     commands: impl Into<Commands>,
 ) -> Result<Vec<Measurement>, FileError> {
+    deflections_of(path, read(path, &commands.into(), false)?)
+}
+
+/// What a measurement file holds.
+#[derive(Debug, Clone, PartialEq)]
+pub enum MeasuredFile {
+    /// Deflections, loaded minus unloaded.
+    Deflections(Vec<Measurement>),
+    /// Where the instrument saw its targets.
+    Absolute(Vec<AbsoluteReading>),
+}
+
+/// Reads a measurement file of either kind: what its header has decides.
+///
+/// # Errors
+/// As [`read_measurements`]; of absolute readings a quaternion must be of length 1, a covariance positive definite, and
+/// rows of one state of one configuration.
+pub fn read_measured(
+    path: &Path,
+    commands: impl Into<Commands>,
+) -> Result<MeasuredFile, FileError> {
     read(path, &commands.into(), false)
+}
+
+/// The deflections of a file for a command that takes no others.
+fn deflections_of(path: &Path, measured: MeasuredFile) -> Result<Vec<Measurement>, FileError> {
+    match measured {
+        MeasuredFile::Deflections(measurements) => Ok(measurements),
+        MeasuredFile::Absolute(_) => {
+            let problem = format!(
+                "holds absolute readings ({}); deflections are needed here, loaded minus unloaded",
+                POSITION.join(",")
+            );
+            Err(FileError::new(path, problem))
+        }
+    }
 }
 
 /// The same of a table that is not filled in to its end yet: rows without a reading are left out.
@@ -38,16 +74,32 @@ pub fn read_measurements_so_far(
     path: &Path,
     commands: impl Into<Commands>,
 ) -> Result<Vec<Measurement>, FileError> {
-    read(path, &commands.into(), true)
+    deflections_of(path, read(path, &commands.into(), true)?)
 }
 
 fn read(
     path: &Path,
     commands: &Commands,
     may_be_unfinished: bool,
-) -> Result<Vec<Measurement>, FileError> {
+) -> Result<MeasuredFile, FileError> {
+    let table = Table::read_as(path, |header| {
+        let is_absolute = |column: &str| header.iter().any(|known| known == column);
+        if POSITION.into_iter().any(is_absolute) {
+            absolute_columns(commands)
+        } else {
+            deflection_columns(commands, may_be_unfinished)
+        }
+    })?;
+    if table.has(&POSITION) {
+        return absolute_readings(&table, commands).map(MeasuredFile::Absolute);
+    }
+    deflections(&table, commands).map(MeasuredFile::Deflections)
+}
+
+/// The columns that a file of deflections may have.
+fn deflection_columns(commands: &Commands, may_be_unfinished: bool) -> Columns {
     let owned = |columns: &[&str]| columns.iter().map(|&column| column.to_owned()).collect();
-    let wanted = Columns {
+    Columns {
         required: experiment_columns(commands),
         one_of: vec![owned(&DEFLECTION), owned(&[UNLOADED, LOADED].concat())],
         optional: owned(
@@ -61,10 +113,13 @@ fn read(
             ]
             .concat(),
         ),
+        words: Vec::new(),
         may_be_unfinished,
-    };
-    let table = Table::read_with(path, &wanted)?;
-    let columns = Given::new(&table)?;
+    }
+}
+
+fn deflections(table: &Table<'_>, commands: &Commands) -> Result<Vec<Measurement>, FileError> {
+    let columns = Given::new(table)?;
     let mut measurements = Vec::new();
     for row in table.rows() {
         let (configuration_rad, load) = configuration_and_load(&row, commands);
@@ -80,7 +135,7 @@ fn read(
         });
     }
     if columns.has_positions {
-        apart(&table, &columns, &measurements)?;
+        apart(table, &columns, &measurements)?;
     }
     Ok(measurements)
 }
@@ -202,7 +257,7 @@ fn apart(
     Ok(())
 }
 
-fn whole_group(table: &Table<'_>, group: &[&str]) -> Result<bool, FileError> {
+pub(super) fn whole_group(table: &Table<'_>, group: &[&str]) -> Result<bool, FileError> {
     let present: Vec<_> = group.iter().filter(|column| table.has(&[column])).collect();
     if present.is_empty() || present.len() == group.len() {
         Ok(!present.is_empty())
@@ -212,7 +267,11 @@ fn whole_group(table: &Table<'_>, group: &[&str]) -> Result<bool, FileError> {
     }
 }
 
-fn deviations(row: &Row<'_>, columns: [&str; 3], kind: &Kind) -> Result<Vector3<f64>, FileError> {
+pub(super) fn deviations(
+    row: &Row<'_>,
+    columns: [&str; 3],
+    kind: &Kind,
+) -> Result<Vector3<f64>, FileError> {
     let sigma = row.vector(columns);
     if sigma.iter().all(|&value| kind.allows(value)) {
         Ok(sigma * 1e-3)

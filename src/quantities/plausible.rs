@@ -79,6 +79,8 @@ pub const FACTOR: Kind = Kind::positive("", 1e-6, 1e6);
 /// The standard deviation of a compliance's logarithm: with 1, compliances are within a factor of 7 in
 /// 95 % of the runs.
 pub const SPREAD: Kind = Kind::up_to(1.0);
+/// A temperature of a workshop (deg C).
+pub const TEMPERATURE: Kind = Kind::any("deg C", 200.0);
 /// How many there are of something that has a limit of its own.
 pub const COUNT: Kind = Kind::any("", 1e18);
 /// A tolerance, in any unit.

@@ -1,5 +1,6 @@
 //! Tests from outside the library, in one binary.
 //!
+//! - `absolute_readings`: files of positions and poses in the instrument's own frame.
 //! - `published`: numbers that the paper prints, with the tolerance that its printing supports.
 //! - `judges`: the analytic model and MuJoCo judge each other.
 //! - `recordings`: the rerun and MCAP files, read with their own tools.
@@ -68,6 +69,7 @@
 
 #![expect(clippy::expect_used, reason = "a test that cannot go on fails")]
 
+mod absolute_readings;
 mod bad_input;
 mod bounds;
 mod braced_arms;

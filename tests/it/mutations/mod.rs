@@ -18,7 +18,9 @@ use elastocal::comparison::results::ResultsFile;
 use elastocal::files::{FileError, read_text};
 use elastocal::identification::StoredIdentification;
 use elastocal::laboratory::{Dialect, DialectError, Program, ProgramStep};
-use elastocal::measurement::{read_measurements, read_measurements_so_far};
+use elastocal::measurement::{
+    AbsoluteReading, absolute_table, read_measured, read_measurements, read_measurements_so_far,
+};
 use elastocal::numeric::random::generator;
 use elastocal::plan::read_plan;
 use elastocal::record::tally_file::TallyFile;
@@ -162,7 +164,8 @@ fn measurements_reader(place: &Workplace) -> Reader {
         read: |path| {
             // What is not filled in yet is another way to read it.
             let _ = read_measurements_so_far(path, 6);
-            read_measurements(path, 6).map(|all| format!("{all:?}"))
+            let _ = read_measurements(path, 6);
+            read_measured(path, 6).map(|all| format!("{all:?}"))
         },
         is_well_formed: is_table,
         seeds: vec![
@@ -170,6 +173,8 @@ fn measurements_reader(place: &Workplace) -> Reader {
             place.read("r.csv"),
             of_positions(&place.read("m.csv")),
             of_positions(&place.read("r.csv")),
+            absolute(false),
+            absolute(true),
         ],
     }
 }
@@ -282,6 +287,15 @@ fn of_positions(measurements: &str) -> String {
         fields.join(",")
     });
     lines.map(|line| line + "\n").collect::<Vec<_>>().concat()
+}
+
+/// Absolute readings with everything that a file of them may have: positions with deviations, or poses with a covariance.
+fn absolute(is_pose: bool) -> String {
+    let mut random = generator(3, 0);
+    let readings: Vec<AbsoluteReading> = (0..6)
+        .map(|row| crate::absolute_readings::reading(&mut random, row, is_pose))
+        .collect();
+    absolute_table(&6.into(), &readings)
 }
 
 fn is_json(text: &str) -> bool {

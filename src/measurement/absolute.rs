@@ -1,0 +1,64 @@
+//! Absolute readings: where an instrument sees a target, in a frame of its own.
+
+use nalgebra::{DVector, Matrix6, UnitQuaternion, Vector3};
+
+use crate::robot::Load;
+
+/// One row of a file of absolute readings.
+#[derive(Debug, Clone, PartialEq)]
+pub struct AbsoluteReading {
+    /// The commanded joint angles q (rad; m where a joint slides).
+    pub configuration_rad: DVector<f64>,
+    /// The load W, in the world frame at the calibration tool; none where the file has no loads.
+    pub load: Load,
+    /// The site of the model that is read; the calibration tool where there is none.
+    pub target: Option<String>,
+    /// Where the instrument stands: readings of one station are in one frame.
+    pub station: Option<String>,
+    /// The stand of the robot: readings of one state are of one configuration, which the robot has not left in between.
+    pub state: Option<String>,
+    /// The target's position in the instrument's frame (m).
+    pub position_m: Vector3<f64>,
+    /// The target's axes in the instrument's frame, where poses are read.
+    pub rotation: Option<UnitQuaternion<f64>>,
+    /// The covariance of position (m) and rotation (rad, a rotation vector in the instrument's frame) where it is known
+    /// for this reading alone; of a position only the first three rows and columns count.
+    pub covariance: Option<Matrix6<f64>>,
+    /// From which side the configuration was approached.
+    pub approach: Option<Approach>,
+    /// When it was read (s).
+    pub time_s: Option<f64>,
+    /// How warm it was (deg C).
+    pub temperature_c: Option<f64>,
+}
+
+/// The side from which a configuration was approached: for each commanded joint whether it turned positively in the end.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Approach(pub Vec<bool>);
+
+impl Approach {
+    /// What a word says for so many commanded joints: one sign for all, or one for each.
+    pub(super) fn of_word(word: &str, joints: usize) -> Option<Self> {
+        let signs: Option<Vec<bool>> = (word.chars())
+            .map(|sign| match sign {
+                '+' => Some(true),
+                // As typesetters have it, too.
+                '-' | '\u{2212}' => Some(false),
+                _ => None,
+            })
+            .collect();
+        match signs?.as_slice() {
+            &[one] => Some(Self(vec![one; joints])),
+            all if all.len() == joints => Some(Self(all.to_vec())),
+            _ => None,
+        }
+    }
+
+    /// The word that is read as this: a sign for each joint.
+    #[must_use]
+    pub fn word(&self) -> String {
+        (self.0.iter())
+            .map(|&positive| if positive { '+' } else { '-' })
+            .collect()
+    }
+}
