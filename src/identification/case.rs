@@ -3,12 +3,29 @@
 use nalgebra::DMatrix;
 
 use super::equations::EquationSource;
-use super::error::IdentificationError;
-use super::estimate::{Identification, Sigma, identify_case};
 use crate::measurement::Measurement;
 use crate::parameter::Prior;
 use crate::robot::{Robot, Tool};
 use crate::task::{Belief, Extended, Method};
+
+/// Which standard deviation of deflections the uncertainties rest on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Sigma {
+    /// A known one (m).
+    Known(f64),
+    /// The one that the residuals show; intervals follow Student's t. What the measurements determine is
+    /// decided with the one that is believed (m), as it was when they were planned.
+    FromResiduals(f64),
+}
+
+impl Sigma {
+    /// The standard deviation that weights deflections which bring none of their own (m).
+    pub(super) const fn weight_m(self) -> f64 {
+        match self {
+            Self::Known(sigma) | Self::FromResiduals(sigma) => sigma,
+        }
+    }
+}
 
 /// The arguments of [`identify`](super::identify), and what is known before.
 #[derive(Debug, Clone, Copy)]
@@ -59,14 +76,6 @@ impl<'a> Case<'a> {
             measurements,
             ..self
         }
-    }
-
-    /// Identifies what is unknown.
-    ///
-    /// # Errors
-    /// Nothing can be identified.
-    pub fn identify(&self) -> Result<Identification, IdentificationError> {
-        identify_case(self)
     }
 
     /// What the measurements tell of the unknowns, each with its own standard deviation where it brings one and to

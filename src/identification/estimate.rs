@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ChiSquared, ContinuousCDF, Normal, StudentsT};
 
-use super::case::Case;
+use super::case::{Case, Sigma};
 use super::equations::EquationSource;
 use super::error::IdentificationError;
 use super::fit::{Fit, fit_linear, fit_nonlinear};
@@ -11,25 +11,6 @@ use crate::measurement::Measurement;
 use crate::numeric::posterior::Posterior;
 use crate::robot::{Robot, Tool};
 use crate::task::Method;
-
-/// Which standard deviation of deflections the uncertainties rest on.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Sigma {
-    /// A known one (m).
-    Known(f64),
-    /// The one that the residuals show; intervals follow Student's t. What the measurements determine is
-    /// decided with the one that is believed (m), as it was when they were planned.
-    FromResiduals(f64),
-}
-
-impl Sigma {
-    /// The standard deviation that weights deflections which bring none of their own (m).
-    pub(super) const fn weight_m(self) -> f64 {
-        match self {
-            Self::Known(sigma) | Self::FromResiduals(sigma) => sigma,
-        }
-    }
-}
 
 /// One joint's estimated compliance.
 #[derive(Debug, Clone, PartialEq)]
@@ -145,17 +126,22 @@ pub fn identify(
     case.identify()
 }
 
-/// See [`identify`].
-pub(super) fn identify_case(case: &Case<'_>) -> Result<Identification, IdentificationError> {
-    if case.measurements.is_empty() {
-        return Err(IdentificationError::NoMeasurements);
+impl Case<'_> {
+    /// Identifies what is unknown.
+    ///
+    /// # Errors
+    /// Nothing can be identified.
+    pub fn identify(&self) -> Result<Identification, IdentificationError> {
+        if self.measurements.is_empty() {
+            return Err(IdentificationError::NoMeasurements);
+        }
+        let source = self.equation_source();
+        let fit = match self.method {
+            Method::Linear => fit_linear(&source),
+            Method::Nonlinear => fit_nonlinear(&source)?,
+        };
+        report(&source, fit, self.sigma, self.method)
     }
-    let source = case.equation_source();
-    let fit = match case.method {
-        Method::Linear => fit_linear(&source),
-        Method::Nonlinear => fit_nonlinear(&source)?,
-    };
-    report(&source, fit, case.sigma, case.method)
 }
 
 fn report(

@@ -17,13 +17,11 @@ mod prediction;
 mod residuals;
 mod stored;
 
-pub use case::Case;
+pub use case::{Case, Sigma};
 pub use conditions::IMPLAUSIBLE;
 pub use covariance::covariance_of;
 pub use error::IdentificationError;
-pub use estimate::{
-    Estimate, Identification, ParameterEstimate, Sigma, UncertainEstimate, identify,
-};
+pub use estimate::{Estimate, Identification, ParameterEstimate, UncertainEstimate, identify};
 pub use gauss_newton::{FitError, ParameterFit, fit_parameters};
 pub use prediction::{Predicted, PredictionError, Predictions};
 pub use residuals::{MeasurementResidual, Residuals, Suspect, residuals};

@@ -4,9 +4,10 @@ use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use statrs::distribution::{ChiSquared, ContinuousCDF, FisherSnedecor};
 
 use super::Case;
+use super::case::Sigma;
 use super::equations::{Equations, rows_of};
 use super::error::IdentificationError;
-use super::estimate::{Identification, Sigma};
+use super::estimate::Identification;
 use crate::numeric::least_squares::LeastSquares;
 use crate::task::Method;
 

@@ -11,7 +11,7 @@
 
 use nalgebra::{DMatrix, Vector3};
 
-use super::statics::Servo;
+use super::servo::Servo;
 use super::{Model, ModelError, State};
 
 /// How far an equality constraint gives way.

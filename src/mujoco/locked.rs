@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use mujoco_rs::wrappers::mj_model::MjtEq;
 
-use super::statics::acts_on;
+use super::servo::acts_on;
 use super::{Model, ModelError};
 
 impl Model {

@@ -5,8 +5,12 @@
 
 mod balance;
 mod changes;
+mod error;
 mod foreign;
+mod geometry;
 mod idle;
+mod joints;
+mod loading;
 mod locked;
 mod messages;
 mod model;
@@ -14,15 +18,19 @@ mod mounted;
 mod obstacle;
 mod rehearsal;
 mod scan;
+mod servo;
 mod sources;
 mod state;
 mod statics;
 mod urdf;
+mod variants;
 
 pub use balance::GivingWay;
 pub use changes::ModelChange;
+pub use error::ModelError;
+pub use geometry::{Geometry, Shape};
 pub use messages::print_warnings;
-pub use model::{Geometry, Model, ModelError, Shape};
+pub use model::Model;
 pub use mounted::{Additions, MountedPayload, MountedTool, frame};
 pub use obstacle::Obstacle;
 pub use rehearsal::{limit_process, rehearse_with};

@@ -4,7 +4,7 @@ use mujoco_rs::prelude::MjSpec;
 use mujoco_rs::wrappers::mj_editing::SpecItem;
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 
-use super::model::refused;
+use super::error::refused;
 use super::{Model, ModelError, Obstacle};
 use crate::text::wrong_name;
 

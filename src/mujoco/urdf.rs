@@ -11,7 +11,7 @@ use mujoco_rs::prelude::MjSpec;
 use roxmltree::{Document, Node, ParsingOptions};
 
 use super::ModelError;
-use super::model::refused;
+use super::error::refused;
 
 /// What MuJoCo's compiler is told: every link is a body, masses are those of the file alone.
 const COMPILER: &str = r#"<mujoco><compiler angle="radian" fusestatic="false" strippath="false" discardvisual="false" balanceinertia="true" inertiafromgeom="false" boundmass="1e-9" boundinertia="1e-12"/></mujoco>"#;

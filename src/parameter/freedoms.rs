@@ -10,9 +10,9 @@
 //!
 //! A prior settles either. Without one the direction stays at its nominal value.
 
-use nalgebra::{Cholesky, DMatrix, DVector, Isometry3, SymmetricEigen, Vector3};
+use nalgebra::{Cholesky, DMatrix, Isometry3, SymmetricEigen, Vector3};
 
-use super::words::{SPARSE, reduced, sentences};
+use super::words::{Freedom, SPARSE, reduced, sentences};
 use super::{Axis, ElasticArm, ParameterKind, ParameterSet};
 use crate::numeric::estimable::Estimable;
 
@@ -25,19 +25,6 @@ const NEVER_SEEN: f64 = 1e-11;
 const NOTHING: f64 = 1e-4;
 /// Singular values below this share of the largest are rounding.
 const ROUNDING: f64 = 1e-9;
-
-/// A combination of parameters that readings do not show.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Freedom {
-    /// Whether it follows from the robot's structure, whatever the readings are.
-    pub is_structural: bool,
-    /// The parameter that can be left out without loss, as an index.
-    pub redundant: usize,
-    /// The others that are in it, as indices.
-    pub others: Vec<usize>,
-    /// One sentence.
-    pub sentence: String,
-}
 
 /// All that readings of some setups do not show of a set of parameters.
 #[derive(Debug, Clone, PartialEq)]
@@ -321,9 +308,4 @@ fn orthonormal(columns: &DMatrix<f64>) -> DMatrix<f64> {
 /// An orthonormal basis of what is orthogonal to orthonormal columns.
 fn complement(columns: &DMatrix<f64>) -> DMatrix<f64> {
     null_space(&columns.transpose())
-}
-
-/// For tests and words: a vector in units of typical sizes, in the parameters' units.
-pub(super) fn in_units(set: &ParameterSet, direction: &DVector<f64>) -> DVector<f64> {
-    direction.component_mul(&set.scales())
 }

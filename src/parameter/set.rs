@@ -243,6 +243,12 @@ impl ParameterSet {
         DVector::from_iterator(self.len(), self.parameters.iter().map(|each| each.scale))
     }
 
+    /// A vector that is told in typical sizes, in the parameters' units (p).
+    #[must_use]
+    pub(super) fn in_units(&self, relative: &DVector<f64>) -> DVector<f64> {
+        relative.component_mul(&self.scales())
+    }
+
     /// The belief in which the parameters have these values (p, each in its unit), and all else is
     /// nominal.
     #[must_use]

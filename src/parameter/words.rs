@@ -2,7 +2,6 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::freedoms::{Freedom, in_units};
 use super::{ElasticArm, ParameterKind, ParameterSet};
 
 /// Coefficients below this share of a direction's largest are left by rounding.
@@ -15,6 +14,19 @@ const UNSEEN: f64 = 0.01;
 
 /// In a structural direction, every parameter counts that is not left by rounding.
 pub(super) const SPARSE: f64 = 1e-4;
+
+/// A combination of parameters that readings do not show.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Freedom {
+    /// Whether it follows from the robot's structure, whatever the readings are.
+    pub is_structural: bool,
+    /// The parameter that can be left out without loss, as an index.
+    pub redundant: usize,
+    /// The others that are in it, as indices.
+    pub others: Vec<usize>,
+    /// One sentence.
+    pub sentence: String,
+}
 
 /// Names each of the directions (p x f each, in typical sizes), structural and weak ones. Who has a part in
 /// a weak one is judged by the effect on readings of some information (p x p): a part that is small in
@@ -131,7 +143,7 @@ fn describe(
     effects: Option<&DVector<f64>>,
 ) -> Freedom {
     let is_structural = effects.is_none();
-    let direction = in_units(set, relative) / set.parameters()[pivot].scale;
+    let direction = set.in_units(relative) / set.parameters()[pivot].scale;
     let others: Vec<usize> = match effects {
         None => (0..set.len())
             .filter(|&index| index != pivot && relative[index] != 0.0)

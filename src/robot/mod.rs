@@ -15,15 +15,17 @@ mod elements;
 mod equilibrium;
 mod kinematic_state;
 mod mjcf;
+mod springs;
 mod true_robot;
 
 pub use chain::{Drive, Joint, SerialChain, Tool};
 pub use commands::Commands;
 pub use elastic::Robot;
 pub use elastostatics::{ObservationMatrix, cartesian_stiffness};
-pub use elements::{Elements, JointSpring, Motion, Offset, Place, Spring};
+pub use elements::{Elements, JointSpring, Offset, Place, Spring};
 pub use equilibrium::{
     CONVERGED_RAD, Equilibrium, EquilibriumError, EquilibriumSolver, MAXIMUM_ITERATIONS,
 };
 pub use kinematic_state::{KinematicState, Kinematics, Load, rotation_vector};
+pub use springs::Motion;
 pub use true_robot::{KnownJoint, TrueRobot};

@@ -87,22 +87,27 @@ pub fn design(
     onlooker: Onlooker<'_>,
 ) -> Result<Designed, SearchError> {
     let start = Instant::now();
-    let problem = Problem::new(task, wanted.criterion);
-    let bound_problem = Problem::new(task, Criterion::TestPose);
-    let approximate = approximate_design(&bound_problem, seed)?;
+    let for_test_poses = Problem::new(task, Criterion::TestPose);
+    let approximate = approximate_design(&for_test_poses, seed)?;
     let mut bound = Bound::new(task, &approximate);
     let by_criterion = if wanted.criterion == Criterion::TestPose {
         bound = (onlooker.prove)(bound, &approximate);
         None
     } else {
-        Some(match approximate_design(&problem, seed) {
+        let problem = Problem::new(task, wanted.criterion);
+        let (design, bound) = match approximate_design(&problem, seed) {
             Ok(design) => {
                 let bound = Bound::by(task, wanted.criterion, &design);
                 let bound = (onlooker.prove)(bound, &design);
                 (Some(design), bound)
             }
             Err(error) => (None, Bound::none(task, wanted.criterion, error)),
-        })
+        };
+        Some((problem, design, bound))
+    };
+    let (problem, near) = match &by_criterion {
+        Some((problem, design, _)) => (problem, design.as_ref().unwrap_or(&approximate)),
+        None => (&for_test_poses, &approximate),
     };
     let progress = |done: usize, all: usize, cost: f64| {
         (onlooker.progress)(&bound, done, all, cost);
@@ -112,10 +117,8 @@ pub fn design(
         progress: &progress,
     };
     let exact = exact_design(
-        &problem,
-        (by_criterion.as_ref())
-            .and_then(|(design, _)| design.as_ref())
-            .unwrap_or(&approximate),
+        problem,
+        near,
         wanted.experiments,
         wanted.configurations.unwrap_or(wanted.experiments),
         seed,
@@ -127,6 +130,6 @@ pub fn design(
         elapsed_s: start.elapsed().as_secs_f64(),
         is_cut_short: onlooker.stop.load(Ordering::Relaxed),
         bound,
-        by_criterion,
+        by_criterion: by_criterion.map(|(_, design, bound)| (design, bound)),
     })
 }

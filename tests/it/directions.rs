@@ -1,13 +1,11 @@
 //! Accuracy along a direction alone, as of a surface along its normal; directions and task loads in the tool's frame.
 
-use std::process::Command;
-
 use elastocal::plan::Assessment;
 use elastocal::scenario::Scenario;
 use nalgebra::Vector3;
 use serde_json::Value;
 
-use crate::proofs::python;
+use crate::proofs::{checked, python};
 use crate::support::{Workplace, numbers, project, table4};
 use crate::uncertainties::{assert_holds, entry, loaded, study, with};
 
@@ -102,12 +100,7 @@ fn plans_are_made_for_the_direction() {
     let place = Workplace::new();
     place.write("all.toml", along(""));
     place.write("along.toml", along("direction = [0, 0, 1]"));
-    let run = |arguments: &str| {
-        place
-            .run(&format!("{arguments} --json --quiet"))
-            .ends_with(0)
-            .json()
-    };
+    let run = |arguments: &str| place.json(arguments);
     run("plan all.toml --experiments 3 --no-proof --plan-out all.csv");
     let best = run("plan along.toml --experiments 3 --prove 30% --proof-out proof.json");
     let other = run("evaluate along.toml --plan all.csv --no-proof");
@@ -124,17 +117,8 @@ fn plans_are_made_for_the_direction() {
         text.contains("um at the test pose along its direction"),
         "{text}"
     );
-    let Some(python) = python() else {
-        eprintln!("skipped: no Python with NumPy (pip install numpy, or PYTHON=...)");
-        return;
-    };
-    let check = |name: &str| {
-        let mut command = Command::new(&python);
-        command
-            .arg(project("tools/check_proof.py"))
-            .arg(place.path(name));
-        command.output().expect("Python starts").status.code()
-    };
+    let Some(python) = python() else { return };
+    let check = |name: &str| checked(&python, &place.path(name)).0;
     assert_eq!(check("proof.json"), Some(0));
     let mut file: Value = serde_json::from_str(&place.read("proof.json")).expect("it is JSON");
     file["targets"][0]["direction"][2] = serde_json::json!(2.0);
@@ -148,12 +132,7 @@ fn results_are_along_the_direction() {
     let place = Workplace::new();
     place.write("along.toml", along("direction = [3, 0, 4]"));
     let plan = project("scenarios/plans/klimchik2012_m4.csv");
-    let run = |arguments: &str| {
-        place
-            .run(&format!("{arguments} --json --quiet"))
-            .ends_with(0)
-            .json()
-    };
+    let run = |arguments: &str| place.json(arguments);
     run(&format!(
         "measure along.toml --plan {} --measurements-out m.csv",
         plan.display()

@@ -1,14 +1,15 @@
 //! What to measure next, after some of a plan is measured.
 
+use std::cell::RefCell;
 use std::sync::atomic::AtomicBool;
 
-use elastocal::calibration::{compensate_poses, identify_as_planned};
+use elastocal::calibration::{compensate_poses, identify_as_planned, measure};
 use elastocal::laboratory::next::{Goal, Remaining, rest};
 use elastocal::measurement::Measurement;
 use elastocal::numeric::random::generator;
 use elastocal::plan::Plan;
 use elastocal::plan::search::Watch;
-use elastocal::testbed::{TrueRobots, VirtualRobot};
+use elastocal::testbed::TrueRobots;
 use rand::RngExt;
 use serde_json::Value;
 
@@ -293,13 +294,14 @@ fn compared(name: &str, total: u32, runs: u64) -> [f64; 3] {
         let truth: Vec<f64> = truth.collect();
         scenario.truth.robot.compliance_rad_per_nm = truth;
         let (task, truth) = (&scenario.task, &scenario.truth);
+        let robots = TrueRobots::new(&task.belief, truth).expect("robots");
+        let robots = RefCell::new(robots);
         let left_by = |measurements: &[Measurement]| {
             let identification =
                 identify_as_planned(&task.belief, measurements).expect("identified");
-            let mut robots = TrueRobots::new(&task.belief, truth).expect("robots");
             let poses = compensate_poses(
                 task,
-                &mut robots,
+                &mut robots.borrow_mut(),
                 &identification.compliance_rad_per_nm,
                 &identification.posterior,
                 task.belief.method,
@@ -307,10 +309,9 @@ fn compared(name: &str, total: u32, runs: u64) -> [f64; 3] {
             let poses = poses.expect("compensated");
             (poses[0].seen.residual_m.norm_squared(), identification)
         };
-        let site = &task.belief.calibration_tool.name;
-        let mut robot = VirtualRobot::new(&truth.robot, site).expect("a robot");
-        let mut measure = |plan: &Plan, part: u64| {
-            (robot.measure(plan, &task.belief.instrument, seed, 2 * run + part)).expect("measured")
+        let measure = |plan: &Plan, part: u64| {
+            let robots = &mut robots.borrow_mut();
+            measure(robots, task, truth, plan, seed, 2 * run + part).expect("measured")
         };
         let at_once = measure(&all_plan, 0);
         let first = measure(&half_plan, 0);

@@ -136,21 +136,20 @@ fn options_of_the_proof_are_understood_or_refused() {
     }
 }
 
-/// Python, if it has `NumPy`.
+/// Python, if it has `NumPy`; else it is said that something is skipped.
 pub fn python() -> Option<String> {
     let python = std::env::var("PYTHON").unwrap_or_else(|_| "python3".to_owned());
     let has_numpy = Command::new(&python).args(["-c", "import numpy"]).output();
-    has_numpy
-        .is_ok_and(|output| output.status.success())
-        .then_some(python)
+    let has_numpy = has_numpy.is_ok_and(|output| output.status.success());
+    if !has_numpy {
+        eprintln!("skipped: no Python with NumPy (pip install numpy, or PYTHON=...)");
+    }
+    has_numpy.then_some(python)
 }
 
 #[test]
 fn another_program_checks_the_proof_and_refuses_what_was_tampered_with() {
-    let Some(python) = python() else {
-        eprintln!("skipped: no Python with NumPy (pip install numpy, or PYTHON=...)");
-        return;
-    };
+    let Some(python) = python() else { return };
     let place = Workplace::new();
     let scenario = project("scenarios/spatial_3r.toml");
     let arguments = format!(
@@ -214,10 +213,7 @@ fn another_program_checks_the_proof_and_refuses_what_was_tampered_with() {
 /// Turned and oblique frames, torque limits and mandatory experiments are known to the checker, too.
 #[test]
 fn another_program_checks_arms_of_every_kind() {
-    let Some(python) = python() else {
-        eprintln!("skipped: no Python with NumPy (pip install numpy, or PYTHON=...)");
-        return;
-    };
+    let Some(python) = python() else { return };
     let place = Workplace::new();
     let model = std::fs::read_to_string(project("models/spatial_3r.xml")).expect("it is there");
     let turned = model

@@ -4,34 +4,16 @@
 use elastocal::experiment::{Experiment, Plan};
 use elastocal::identification::{Case, Sigma};
 use elastocal::plan::posterior;
-use elastocal::scenario::Scenario;
 use elastocal::task::Method;
 use elastocal::testbed::{TrueRobots, add_noise_of};
 use nalgebra::{DMatrix, Matrix3};
 use serde_json::Value;
 
-use crate::support::{Workplace, scenario_text, table4};
+use crate::support::{Workplace, table4};
+use crate::uncertainties::{assert_holds, loaded, repeated_in_study, study, with};
 
 const MISFIT: &str = "[[uncertainty]]\nkind = \"misfit\"\nstd_mm = 0.04\n";
 const GEARS: &str = "[[uncertainty]]\nkind = \"gear_error\"\nstd_mrad = 3\n";
-
-/// The paper's scenario with a study of Table 4's plan of four, each measured three times.
-fn with(uncertainties: &str, level: &str, trials: u32) -> String {
-    let text = scenario_text("klimchik2012");
-    let (head, _) = text.split_once("[study]").expect("there is a study");
-    let plan = crate::support::project("scenarios/plans/klimchik2012_m4.csv");
-    format!(
-        "{head}\n[study]\nexperiments = 12\ntrials = {trials}\nlevel = \"{level}\"\n[[study.plan]]\nkind = \"file\"\n\
-         name = \"2c\"\nfile = \"{}\"\n{uncertainties}",
-        plan.display()
-    )
-}
-
-fn loaded(text: &str) -> Scenario {
-    let place = Workplace::new();
-    place.write("s.toml", text);
-    Scenario::load(&place.path("s.toml")).expect("the scenario is valid")
-}
 
 fn repeated(repeats: u32) -> Plan {
     let experiments = table4(4).experiments.into_iter();
@@ -51,20 +33,10 @@ fn promises_hold_for_repeats() {
         format!("{MISFIT}{GEARS}"),
     ] {
         for (level, trials) in [("robot", 600), ("model", 20_000)] {
-            let place = Workplace::new();
-            place.write("s.toml", with(&uncertainties, level, trials));
-            let outcome = place.run("study s.toml --json --quiet");
-            let plan = outcome.ends_with(0).json()["plans"][0].clone();
-            let number = |key: &str| plan[key].as_f64().expect("a number");
-            let (rms, promised) = (number("rms_mm"), number("promised_rms_mm"));
-            let room = 3.0 * number("rms_std_mm") + 0.02 * promised;
+            let plan = study(&repeated_in_study(3, &uncertainties, level, trials));
+            assert_holds(&plan, &format!("{uncertainties} {level}"));
             assert!(
-                (rms - promised).abs() < room,
-                "{uncertainties} {level}: {plan}"
-            );
-            assert_eq!(plan["verdict"], "holds", "{uncertainties} {level}");
-            assert!(
-                number("nees_z").abs() < 5.0,
+                plan["nees_z"].as_f64().expect("a number").abs() < 5.0,
                 "{uncertainties} {level}: {plan}"
             );
         }
@@ -173,23 +145,14 @@ fn identification_weighs_repeats_as_generalised_least_squares() {
 fn plans_know_of_what_repeats_share() {
     let place = Workplace::new();
     let list = format!("{MISFIT}{GEARS}");
-    let text = with(&list, "model", 64);
-    place.write(
-        "s.toml",
-        text.replace(
-            "experiments = 4\n",
-            "experiments = 12\nconfigurations = 6\n",
-        ),
-    );
-    let run = |arguments: &str| {
-        place
-            .run(&format!("{arguments} --json --quiet"))
-            .ends_with(0)
-            .json()
-    };
+    place.write("s.toml", with(&list, "model", 64));
+    let run = |arguments: &str| place.json(arguments);
     let number = |value: &Value, key: &str| value[key].as_f64().expect("a number");
-    let planned = run("plan s.toml --experiments 12 --no-proof --plan-out whole.csv");
-    run("plan s.toml --experiments 12 --no-proof --noise-only --plan-out noise.csv");
+    let planned =
+        run("plan s.toml --experiments 12 --configurations 4 --no-proof --plan-out whole.csv");
+    run(
+        "plan s.toml --experiments 12 --configurations 4 --no-proof --noise-only --plan-out noise.csv",
+    );
     let of = |plan: &str| {
         number(
             &run(&format!("evaluate s.toml --plan {plan} --no-proof")),

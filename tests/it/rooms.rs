@@ -1,7 +1,7 @@
-//! The rooms of the library: each uses only those that stand before it in the list of `src/lib.rs`; a type's
-//! name means one thing in all of them.
+//! The rooms of the library: each uses only those that stand before it in the list of `src/lib.rs`; within a
+//! room, no files go round in a circle; a type's name means one thing in all of them.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use crate::support::project;
@@ -76,9 +76,9 @@ fn defined(text: &str) -> Vec<&str> {
     lines.filter_map(of_line).collect()
 }
 
-/// The modules of the crate that a text of code names after `crate::`, with the lines' numbers. Comments
-/// and the tests at the end of a file are left out.
-fn used(text: &str) -> Vec<(usize, String)> {
+/// What a text of code names after some path such as `crate::`, with the lines' numbers. Comments and the tests at
+/// the end of a file are left out.
+fn named_after(path: &str, text: &str) -> Vec<(usize, String)> {
     let code = text.split("#[cfg(test)]\nmod tests {").next();
     let code: Vec<&str> = code
         .unwrap_or_default()
@@ -87,7 +87,10 @@ fn used(text: &str) -> Vec<(usize, String)> {
         .collect();
     let code = code.join("\n");
     let mut uses = Vec::new();
-    for (start, path) in code.match_indices("crate::") {
+    for (start, path) in code.match_indices(path) {
+        if code[..start].ends_with("super::") {
+            continue;
+        }
         let line = code[..start].lines().count();
         let rest = &code[start + path.len()..];
         let names: Vec<&str> = match rest.strip_prefix('{') {
@@ -129,10 +132,130 @@ fn upward(order: &[String], module: &str, text: &str) -> Vec<String> {
     let place = |name: &str| order.iter().position(|other| other == name);
     let own = place(module);
     let is_upward = |(_, name): &(usize, String)| place(name).is_some_and(|at| Some(at) > own);
-    let found = used(text).into_iter().filter(is_upward);
+    let found = named_after("crate::", text).into_iter().filter(is_upward);
     found
         .map(|(line, name)| format!("{module} uses {name}, line {line}"))
         .collect()
+}
+
+/// A folder of a room, by the parts of its path below `src`.
+struct Folder {
+    /// Its files and folders by name, each with all that is in it: how deep below the folder, and the code.
+    members: BTreeMap<String, Vec<(usize, String)>>,
+    /// What it hands on of its members under other names: the name, and whose it is.
+    handed_on: BTreeMap<String, String>,
+}
+
+impl Folder {
+    fn new(folder: &Path) -> Self {
+        let read = |path: &Path| std::fs::read_to_string(path).expect("it is there");
+        let mut files = Vec::new();
+        collect(folder, &mut files);
+        let mut members: BTreeMap<String, Vec<(usize, String)>> = BTreeMap::new();
+        files.retain(|file| file.extension().is_some_and(|kind| kind == "rs"));
+        files.retain(|file| !file.ends_with("tests.rs"));
+        for file in files {
+            let within = file.strip_prefix(folder).expect("it is in it");
+            let parts: Vec<_> = within
+                .with_extension("")
+                .iter()
+                .map(ToOwned::to_owned)
+                .collect();
+            let name = parts[0].to_str().expect("plain text").to_owned();
+            let is_parent = parts.last().is_some_and(|last| last == "mod");
+            if parts.len() > 1 || !is_parent {
+                let depth = parts.len() - usize::from(is_parent);
+                members.entry(name).or_default().push((depth, read(&file)));
+            }
+        }
+        let own = read(&folder.join("mod.rs"));
+        let mut handed_on = BTreeMap::new();
+        for member in members.keys() {
+            for path in [format!("use {member}::"), format!("use self::{member}::")] {
+                let names = named_after(&path, &own).into_iter();
+                handed_on.extend(names.map(|(_, name)| (name, member.clone())));
+            }
+        }
+        Self { members, handed_on }
+    }
+
+    /// Which members each member uses, at a module's path such as `crate::plan::`.
+    fn uses(&self, path: &str) -> BTreeMap<&str, BTreeSet<&str>> {
+        let of_text = |(depth, text): &(usize, String)| {
+            let above = "super::".repeat(*depth);
+            let mut names = named_after(&above, text);
+            names.extend(named_after(path, text));
+            names
+        };
+        let whose = |name: &String| {
+            let name = self.handed_on.get(name).unwrap_or(name);
+            (self.members.get_key_value(name)).map(|(member, _)| member.as_str())
+        };
+        let uses = self.members.iter().map(|(member, texts)| {
+            let names = texts.iter().flat_map(of_text);
+            let mut used: BTreeSet<&str> = names.filter_map(|(_, name)| whose(&name)).collect();
+            used.remove(member.as_str());
+            (member.as_str(), used)
+        });
+        uses.collect()
+    }
+
+    /// Members that use each other in a circle, however long.
+    fn circular(&self, path: &str) -> Vec<&str> {
+        let mut uses = self.uses(path);
+        // Whoever uses nothing any more, or is used by nobody, is in no circle.
+        loop {
+            let left: BTreeSet<&str> = uses.keys().copied().collect();
+            let used: BTreeSet<&str> = uses.values().flatten().copied().collect();
+            uses.retain(|name, others| {
+                others.retain(|other| left.contains(other));
+                !others.is_empty() && used.contains(name)
+            });
+            if uses.len() == left.len() {
+                return left.into_iter().collect();
+            }
+        }
+    }
+}
+
+#[test]
+fn no_files_of_a_room_go_round_in_a_circle() {
+    let mut files = Vec::new();
+    collect(&project("src"), &mut files);
+    files.retain(|file| file.ends_with("mod.rs"));
+    assert!(files.len() > 30, "{}", files.len());
+    for file in files {
+        let folder = file.parent().expect("it is in one");
+        let below = folder.strip_prefix(project("src")).expect("it is in it");
+        let parts: Vec<_> = below.iter().filter_map(|part| part.to_str()).collect();
+        let path = format!("crate::{}::", parts.join("::"));
+        let circular = Folder::new(folder).circular(&path).join(", ");
+        assert!(circular.is_empty(), "{path} has a circle in {circular}");
+    }
+}
+
+#[test]
+fn circles_of_files_are_found() {
+    let folder = |texts: [&str; 3]| {
+        let members = ["a", "b", "c"].map(str::to_owned).into_iter();
+        let texts = texts.map(|text| vec![(1, text.to_owned())]);
+        Folder {
+            members: members.zip(texts).collect(),
+            handed_on: BTreeMap::from([("Thing".to_owned(), "c".to_owned())]),
+        }
+    };
+    let circle = [
+        "use super::b::x;",
+        "use crate::room::{Thing, other};",
+        "fn f() { super::a::g() }",
+    ];
+    assert_eq!(folder(circle).circular("crate::room::"), ["a", "b", "c"]);
+    let none = [
+        "use super::b::x;",
+        "use super::Thing;",
+        "use super::super::a::g; // super::a",
+    ];
+    assert!(folder(none).circular("crate::room::").is_empty());
 }
 
 #[test]

@@ -85,6 +85,12 @@ impl Workplace {
         Outcome::new(arguments, output.expect("the program starts"))
     }
 
+    /// What a command that ends well prints as JSON.
+    pub fn json(&self, arguments: &str) -> Value {
+        let outcome = self.run(&format!("{arguments} --json --quiet"));
+        outcome.ends_with(0).json()
+    }
+
     /// Runs a script of the shell in the folder, to which `elastocal` is the program, as is
     /// `"$ELASTOCAL"`.
     pub fn shell(&self, script: &str) -> Outcome {

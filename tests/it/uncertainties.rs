@@ -35,12 +35,18 @@ const SOURCES: [(&str, &str); 12] = [
 
 /// The paper's scenario with a study of Table 4's plan of four, and with uncertainties.
 pub fn with(uncertainties: &str, level: &str, trials: u32) -> String {
+    repeated_in_study(1, uncertainties, level, trials)
+}
+
+/// The same with each measurement so many times.
+pub fn repeated_in_study(repeats: u32, uncertainties: &str, level: &str, trials: u32) -> String {
     let text = scenario_text("klimchik2012");
     let (head, _) = text.split_once("[study]").expect("there is a study");
     let plan = crate::support::project("scenarios/plans/klimchik2012_m4.csv");
     format!(
-        "{head}\n[study]\nexperiments = 4\ntrials = {trials}\nlevel = \"{level}\"\n[[study.plan]]\nkind = \"file\"\n\
+        "{head}\n[study]\nexperiments = {}\ntrials = {trials}\nlevel = \"{level}\"\n[[study.plan]]\nkind = \"file\"\n\
          name = \"2c\"\nfile = \"{}\"\n{uncertainties}",
+        4 * repeats,
         plan.display()
     )
 }
@@ -61,6 +67,15 @@ pub fn loaded(text: &str) -> Scenario {
     let place = Workplace::new();
     place.write("laboratory.toml", text);
     Scenario::load(&place.path("laboratory.toml")).expect("the scenario is valid")
+}
+
+/// A wrong entry ends a command, which names it by its key and says what is the matter.
+pub fn assert_refused(entry: &str, key: &str, says: &str) {
+    let place = Workplace::new();
+    let text = with(&format!("[[uncertainty]]\n{entry}\n"), "model", 64);
+    place.write("wrong.toml", text);
+    let said = place.run("check wrong.toml").ends_with(1).stderr;
+    assert!(said.contains(key) && said.contains(says), "{said}");
 }
 
 pub fn study(text: &str) -> Value {
@@ -383,12 +398,7 @@ fn identification_knows_of_uncertainties() {
     place.write("laboratory.toml", with(&list, "robot", 64));
     let plan = crate::support::project("scenarios/plans/klimchik2012_m4.csv");
     let plan = plan.to_string_lossy();
-    let run = |arguments: &str| {
-        place
-            .run(&format!("{arguments} --json --quiet"))
-            .ends_with(0)
-            .json()
-    };
+    let run = |arguments: &str| place.json(arguments);
     run(&format!(
         "measure laboratory.toml --plan {plan} --measurements-out m.csv"
     ));
@@ -480,17 +490,7 @@ fn wrong_entries() {
             "load.scale is listed twice",
         ),
     ] {
-        let place = Workplace::new();
-        place.write(
-            "wrong.toml",
-            with(&format!("[[uncertainty]]\n{text}\n"), "model", 64),
-        );
-        let outcome = place.run("check wrong.toml").ends_with(1);
-        assert!(
-            outcome.stderr.contains(key) && outcome.stderr.contains(says),
-            "{}",
-            outcome.stderr
-        );
+        assert_refused(text, key, says);
     }
 }
 

@@ -9,8 +9,8 @@ use elastocal::testbed::{TrueRobots, VirtualRobot};
 use nalgebra::{Matrix3, Vector3};
 use serde_json::Value;
 
-use crate::support::{Workplace, table4};
-use crate::uncertainties::{assert_holds, entry, loaded, study, with};
+use crate::support::table4;
+use crate::uncertainties::{assert_holds, assert_refused, entry, loaded, study, with};
 
 const TASK_SIZE: (&str, &str) = ("task_force", "std_relative = 0.05");
 const TASK_FORCE: (&str, &str) = ("task_force", "std_n = 10");
@@ -236,16 +236,6 @@ fn wrong_entries() {
             "task_force",
         ),
     ] {
-        let place = Workplace::new();
-        place.write(
-            "wrong.toml",
-            with(&format!("[[uncertainty]]\n{text}\n"), "model", 64),
-        );
-        let outcome = place.run("check wrong.toml").ends_with(1);
-        assert!(
-            outcome.stderr.contains(key) && outcome.stderr.contains(says),
-            "{}",
-            outcome.stderr
-        );
+        assert_refused(text, key, says);
     }
 }

@@ -3,8 +3,8 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::Case;
+use crate::identification::Sigma;
 use crate::identification::equations::Equations;
-use crate::identification::estimate::Sigma;
 use crate::measurement::Measurement;
 
 /// The standard deviation of a compliance about its nominal value, as a share of that.

@@ -4,8 +4,8 @@ use mujoco_rs::prelude::MjModel;
 use mujoco_rs::wrappers::mj_model::{MjtBias, MjtDisableBit, MjtDyn, MjtGain, MjtObjBase, MjtTrn};
 
 use super::super::Model;
-use super::servo::{acts_on_a_joint, is_enabled};
 use super::{RefusedElement, Servo, disabled, element};
+use crate::mujoco::servo::{acts_on_a_joint, command_range, is_enabled};
 
 /// Ranges of commands that differ by less are the same (rad).
 const SAME_RAD: f64 = 1e-9;
@@ -218,17 +218,6 @@ pub(super) fn command_limits(robot: &Model) -> Option<RefusedElement> {
             )
         })
     })
-}
-
-/// The range that MuJoCo clamps a commanded angle to (rad), where it does.
-pub(crate) fn command_range(model: &MjModel, servo: &Servo) -> Option<[f64; 2]> {
-    if !model.actuator_ctrllimited()[servo.control]
-        || disabled(model, MjtDisableBit::mjDSBL_CLAMPCTRL)
-    {
-        return None;
-    }
-    let [one, other] = model.actuator_ctrlrange()[servo.control].map(|end| end / servo.gear);
-    Some([one.min(other), one.max(other)])
 }
 
 /// `<option><flag actuation="disable"/>` lets every joint go.

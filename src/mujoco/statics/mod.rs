@@ -9,15 +9,12 @@
 mod actuators;
 mod elements;
 mod fields;
-mod servo;
 
 use mujoco_rs::prelude::MjModel;
-use mujoco_rs::wrappers::mj_model::{MjtDisableBit, MjtObjBase};
+use mujoco_rs::wrappers::mj_model::MjtObjBase;
 
+use super::servo::{Servo, disabled};
 use super::{Model, ModelError};
-
-pub(super) use actuators::command_range;
-pub(super) use servo::{Servo, acts_on};
 
 /// What becomes of a group of fields of MuJoCo's model.
 #[derive(Debug, Clone, Copy)]
@@ -178,11 +175,6 @@ impl Model {
 /// What becomes of every field.
 fn treatments() -> impl Iterator<Item = &'static Treatment> {
     fields::OPTION.iter().chain(fields::MODEL)
-}
-
-/// Whether `<option><flag .../>` disables what the bit stands for.
-pub(super) fn disabled(model: &MjModel, bit: MjtDisableBit) -> bool {
-    model.opt().disableflags & bit as i32 != 0
 }
 
 /// An element as a person finds it in the file: its tag and its name, or its number from 0.

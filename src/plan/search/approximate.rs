@@ -36,7 +36,7 @@ use rayon::prelude::*;
 
 use super::local::{LocalSearch, Precision};
 use super::observation::times;
-use super::point::{Point, information_in};
+use super::point::{Point, add_information, information_in};
 use super::pool::Pool;
 use super::problem::{Problem, SearchError};
 use super::sampling::Sampler;
@@ -126,6 +126,15 @@ pub struct ApproximateDesign {
 }
 
 impl ApproximateDesign {
+    /// Its information, with what stands beside it.
+    pub(super) fn information(&self, problem: &Problem<'_>) -> DMatrix<f64> {
+        let mut information = problem.information_beside();
+        for (point, weight) in self.support.iter().zip(&self.weights) {
+            add_information(&mut information, &point.matrix, *weight);
+        }
+        information
+    }
+
     /// A plan of so many free measurements in at most so many configurations that comes near the weights
     /// (Pukelsheim and Rieder 1992), the heaviest of them where there are too few.
     pub(super) fn rounded(&self, measurements: u32, configurations: u32) -> Option<Plan> {

@@ -3,7 +3,7 @@
 use super::approximate::ApproximateDesign;
 use super::exact::{Watch, exact_design};
 use super::problem::Problem;
-use crate::plan::{Assessment, Criterion, Plan};
+use crate::plan::{Criterion, Plan, posterior, rho0_m};
 use crate::task::Task;
 
 /// Searches for each criterion: fewer than for a plan that will be measured.
@@ -49,7 +49,7 @@ pub fn compare_criteria(
 ) -> Vec<CriterionPlan> {
     let judged = |criteria: &[Criterion], plan: Plan, agreeing: Option<usize>| CriterionPlan {
         criteria: criteria.to_vec(),
-        rho0_m: Assessment::new(task, &plan, None).rho0_m,
+        rho0_m: rho0_m(task, &posterior(&task.belief, &plan)),
         plan,
         agreeing,
         problem: None,

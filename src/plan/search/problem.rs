@@ -3,7 +3,6 @@
 use nalgebra::DMatrix;
 use thiserror::Error;
 
-use super::approximate::ApproximateDesign;
 use super::joints::{indifferent_joints, random_information};
 use super::observation::MatrixEvaluator;
 use super::point::{LoadChoice, add_information};
@@ -411,14 +410,10 @@ impl<'a> Problem<'a> {
         &self.parameters
     }
 
-    /// The information of an approximate design, with what stands beside it.
-    pub(super) fn information_of(&self, approximate: &ApproximateDesign) -> DMatrix<f64> {
+    /// The information of what stands beside every design.
+    pub(super) fn information_beside(&self) -> DMatrix<f64> {
         let size = self.parameters();
-        let mut information = (self.beside.clone()).unwrap_or_else(|| DMatrix::zeros(size, size));
-        for (point, weight) in approximate.support.iter().zip(&approximate.weights) {
-            add_information(&mut information, &point.matrix, *weight);
-        }
-        information
+        (self.beside.clone()).unwrap_or_else(|| DMatrix::zeros(size, size))
     }
 
     /// C^T in relative units, in coordinates of the basis where there is one.

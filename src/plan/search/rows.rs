@@ -22,7 +22,7 @@ pub(super) struct BoundRows {
 impl BoundRows {
     /// For an approximate design of a problem's criterion; `None` where its information is singular.
     pub fn new(problem: &Problem<'_>, approximate: &ApproximateDesign) -> Option<Self> {
-        let information = problem.information_of(approximate);
+        let information = approximate.information(problem);
         // Columns are the rows of B.
         let (columns, aim) = match problem.criterion.bounded_as()? {
             Criterion::TestPose => {

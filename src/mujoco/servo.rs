@@ -1,7 +1,7 @@
 //! The position actuator that holds a joint: the elastic element of the belief.
 
 use mujoco_rs::prelude::MjModel;
-use mujoco_rs::wrappers::mj_model::{MjtBias, MjtGain, MjtTrn};
+use mujoco_rs::wrappers::mj_model::{MjtBias, MjtDisableBit, MjtGain, MjtTrn};
 
 /// A position actuator that holds a joint. With the gear g and the gain kp its torque on the joint
 /// is g kp (u - g q) = g^2 kp (u / g - q): the commanded angle is u / g, and the stiffness g^2 kp.
@@ -46,7 +46,7 @@ impl Servo {
 }
 
 /// Whether the actuator's group is not disabled.
-pub(super) fn is_enabled(model: &MjModel, actuator: usize) -> bool {
+pub(crate) fn is_enabled(model: &MjModel, actuator: usize) -> bool {
     let group = model.actuator_group()[actuator];
     // MuJoCo disables groups 0 to 30, one bit each.
     !(0..=30).contains(&group) || model.opt().disableactuator & (1 << group) == 0
@@ -59,9 +59,25 @@ pub(crate) fn acts_on(model: &MjModel, actuator: usize, joint: usize) -> bool {
 }
 
 /// Whether the actuator drives one joint, and no tendon, site or body.
-pub(super) fn acts_on_a_joint(model: &MjModel, actuator: usize) -> bool {
+pub(crate) fn acts_on_a_joint(model: &MjModel, actuator: usize) -> bool {
     matches!(
         model.actuator_trntype()[actuator],
         MjtTrn::mjTRN_JOINT | MjtTrn::mjTRN_JOINTINPARENT
     )
+}
+
+/// The range that MuJoCo clamps a commanded angle to (rad), where it does.
+pub(crate) fn command_range(model: &MjModel, servo: &Servo) -> Option<[f64; 2]> {
+    if !model.actuator_ctrllimited()[servo.control]
+        || disabled(model, MjtDisableBit::mjDSBL_CLAMPCTRL)
+    {
+        return None;
+    }
+    let [one, other] = model.actuator_ctrlrange()[servo.control].map(|end| end / servo.gear);
+    Some([one.min(other), one.max(other)])
+}
+
+/// Whether `<option><flag .../>` disables what the bit stands for.
+pub(crate) fn disabled(model: &MjModel, bit: MjtDisableBit) -> bool {
+    model.opt().disableflags & bit as i32 != 0
 }
