@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use elastocal::plan::{Feasibility, read_plan};
+use elastocal::record::json::merge;
 use elastocal::record::messages::{ProvenanceMessage, SchemaMessage};
 use elastocal::record::platform::platform;
 use elastocal::record::understanding::{UnderstandingMessage, UnknownsMessage};
@@ -15,7 +16,7 @@ use nalgebra::Vector3;
 use serde_json::{Value, json};
 
 use super::table::table;
-use super::{Common, Report, merge, results, without_effect};
+use super::{Common, Report, results, without_effect};
 
 /// Arguments of `check`.
 #[derive(Debug, Args)]

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use elastocal::plan::search::Bound;
 use elastocal::plan::{Assessment, Criterion, FurtherError, read_plan};
+use elastocal::record::json::merge;
 use elastocal::record::messages::{AssessmentMessage, ProvenanceMessage};
 use elastocal::scenario::Scenario;
 use elastocal::text::wording::counted;
@@ -14,7 +15,7 @@ use super::interruption::NEVER;
 use super::proof::{ExchangeArgs, ProofArgs};
 use super::table::{number, table};
 use super::written::Written;
-use super::{Common, Report, check_outputs, inputs, merge, results, without_effect};
+use super::{Common, Report, check_outputs, inputs, results, without_effect};
 
 /// Arguments of `evaluate`.
 #[derive(Debug, Args)]

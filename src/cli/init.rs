@@ -5,13 +5,14 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use elastocal::files::FileError;
 use elastocal::files::output::{check_writable, write_whole};
+use elastocal::record::json::merge;
 use elastocal::record::messages::SchemaMessage;
 use elastocal::record::platform::platform;
 use elastocal::record::understanding::UnderstandingMessage;
 use elastocal::workflow::init::draft;
 use serde_json::json;
 
-use super::{Report, merge};
+use super::Report;
 
 /// Arguments of `init`.
 #[derive(Debug, Args)]

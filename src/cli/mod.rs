@@ -43,7 +43,7 @@ use elastocal::files::FileError;
 use elastocal::files::output::check_writable;
 use elastocal::files::roles::Roles;
 use elastocal::measurement::Origin;
-use elastocal::record::json::{merge, results};
+use elastocal::record::json::results;
 use elastocal::scenario::Scenario;
 use elastocal::text::diagnostics::say;
 use elastocal::text::plain;

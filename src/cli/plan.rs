@@ -13,6 +13,7 @@ use elastocal::plan::search::{
 use elastocal::plan::{Assessment, Criterion, Plan, write_plan};
 use elastocal::quantities::limits::MOST_EXPERIMENTS;
 use elastocal::quantities::plausible::MINUTES;
+use elastocal::record::json::merge;
 use elastocal::record::messages::{AssessmentMessage, ProvenanceMessage, plan_messages};
 use elastocal::scenario::Scenario;
 use elastocal::task::Task;
@@ -27,7 +28,7 @@ use super::proof::{ExchangeArgs, ProofArgs};
 use super::table::table;
 use super::views;
 use super::written::Written;
-use super::{Common, Report, check_outputs, inputs, merge, results, without_effect};
+use super::{Common, Report, check_outputs, inputs, results, without_effect};
 
 /// Arguments of `plan`.
 #[derive(Debug, Args)]

@@ -6,6 +6,7 @@ use elastocal::files::output::write_whole;
 use elastocal::paper::record::ReproductionMessage;
 use elastocal::paper::reproduce;
 use elastocal::plan::search::Watch;
+use elastocal::record::json::merge;
 use elastocal::record::messages::ProvenanceMessage;
 use serde_json::json;
 
@@ -14,7 +15,7 @@ use super::progress::bar;
 use super::table::{number, table};
 use super::views::{REPRODUCTION_PAGE, reproduction_page};
 use super::written::Written;
-use super::{Common, Report, inputs, merge, results};
+use super::{Common, Report, inputs, results};
 
 /// Arguments of `reproduce`.
 #[derive(Debug, Args)]

@@ -8,6 +8,7 @@ use std::time::Instant;
 use clap::Args;
 use elastocal::files::{FileError, make_folder};
 use elastocal::quantities::limits::{MOST_SHARDS, MOST_TRIALS};
+use elastocal::record::json::merge;
 use elastocal::record::messages::SchemaMessage;
 use elastocal::record::tally_file::{Header, TallyFile};
 use elastocal::scenario::Scenario;
@@ -29,7 +30,7 @@ use super::progress::bar;
 use super::proof::ProofArgs;
 use super::views::{self, StudyObserver, TARGETS, ViewerTarget};
 use super::written::Written;
-use super::{Common, Report, check_outputs, inputs, merge};
+use super::{Common, Report, check_outputs, inputs};
 
 /// Arguments of `study`.
 #[derive(Debug, Args)]

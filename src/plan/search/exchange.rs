@@ -137,16 +137,19 @@ impl Refinement<'_> {
             let mut improved = false;
             for index in 0..points.len() {
                 self.total(&points, &repeats, Some(index), &mut information);
-                let weight = f64::from(repeats[index]);
+                let weight = self.worth_of_repeats(&points[index], repeats[index]);
                 while let Some((better, cost)) = {
                     let function = &mut self.work.borrow_mut().cost;
                     pool.best_addition(function, &information, weight)
                 } && cost < lowest * (1.0 - WORTHWHILE)
                 {
                     if let Some(point) = self.take_clear(pool, better) {
-                        points[index] = point;
-                        lowest = cost;
-                        improved = true;
+                        let cost = self.cost_with(&information, &point, repeats[index], cost);
+                        if cost < lowest {
+                            points[index] = point;
+                            lowest = cost;
+                            improved = true;
+                        }
                         break;
                     }
                 }

@@ -300,6 +300,32 @@ impl<'a> Refinement<'a> {
         }
     }
 
+    /// How many readings of a point that share nothing so many repeats are worth.
+    pub fn worth_of_repeats(&self, point: &Point, repeats: u32) -> f64 {
+        if self.is_shared_by_repeats && repeats != 1 {
+            let repeated = self.repeated(point, repeats).matrix.norm_squared();
+            f64::from(repeats) * repeated / point.matrix.norm_squared()
+        } else {
+            f64::from(repeats)
+        }
+    }
+
+    /// The cost with so many repeats of a point beside the rest; `as_independent` where they share nothing.
+    pub fn cost_with(
+        &self,
+        rest: &DMatrix<f64>,
+        point: &Point,
+        repeats: u32,
+        as_independent: f64,
+    ) -> f64 {
+        if !self.is_shared_by_repeats || repeats == 1 {
+            return as_independent;
+        }
+        let mut information = rest.clone();
+        self.add(&mut information, point, repeats, 1.0);
+        self.cost(&information)
+    }
+
     /// A point as one that is repeated so often.
     fn repeated(&self, point: &Point, repeats: u32) -> Point {
         self.local.set_repeats(repeats);
@@ -345,7 +371,8 @@ impl<'a> Refinement<'a> {
             self.local.set_repeats(repeats);
             let better = self.improve_here(&present, rest, f64::from(repeats), precision);
             self.local.set_repeats(1);
-            return better;
+            // A point keeps what it tells once: its repeats may move.
+            return better.map(|better| self.local.point(&better.q, &better.load));
         }
         self.improve_here(present, rest, f64::from(repeats), precision)
     }
