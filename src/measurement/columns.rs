@@ -1,5 +1,11 @@
 //! The columns of measurement files, beside those that name configuration and load.
 
+use nalgebra::Vector3;
+
+use crate::csv::{Row, Table};
+use crate::files::FileError;
+use crate::quantities::plausible::{Kind, shown};
+
 pub const DEFLECTION: [&str; 3] = ["dx_mm", "dy_mm", "dz_mm"];
 pub const DEFLECTION_SIGMA: [&str; 3] = ["sx_mm", "sy_mm", "sz_mm"];
 pub const ROTATION: [&str; 3] = ["rx_mrad", "ry_mrad", "rz_mrad"];
@@ -43,4 +49,37 @@ pub fn covariance_columns(rows: usize) -> Vec<String> {
         }
     }
     names
+}
+
+/// Whether a table has the columns of a group, which come together.
+pub(super) fn whole_group(table: &Table<'_>, group: &[&str]) -> Result<bool, FileError> {
+    let present: Vec<_> = group.iter().filter(|column| table.has(&[column])).collect();
+    if present.is_empty() || present.len() == group.len() {
+        Ok(!present.is_empty())
+    } else {
+        let problem = format!("found {present:?}; these columns come together: {group:?}");
+        Err(table.wrong_header(problem))
+    }
+}
+
+/// Three standard deviations, told in thousandths of their unit.
+pub(super) fn deviations(
+    row: &Row<'_>,
+    columns: [&str; 3],
+    kind: &Kind,
+) -> Result<Vector3<f64>, FileError> {
+    let sigma = row.vector(columns);
+    if sigma.iter().all(|&value| kind.allows(value)) {
+        Ok(sigma * 1e-3)
+    } else {
+        let problem = format!(
+            "{}: found {}, {}, {}; {}",
+            columns.join(","),
+            shown(sigma.x),
+            shown(sigma.y),
+            shown(sigma.z),
+            kind.allowed()
+        );
+        Err(row.wrong(problem))
+    }
 }

@@ -7,14 +7,14 @@ use nalgebra::Vector3;
 
 use super::columns::{
     DEFLECTION, DEFLECTION_SIGMA, LOADED, LOADED_SIGMA, PLACES, POSITION, ROTATION, ROTATION_SIGMA,
-    UNLOADED, UNLOADED_SIGMA,
+    UNLOADED, UNLOADED_SIGMA, deviations, whole_group,
 };
 use super::read_absolute::{absolute_columns, absolute_readings};
 use super::{AbsoluteReading, Measurement, RotationMeasurement};
 use crate::csv::{Columns, Row, Table};
 use crate::experiment::{configuration_and_load, experiment_columns};
 use crate::files::FileError;
-use crate::quantities::plausible::{DEVIATION, Kind, ROTATION_DEVIATION, faint_load, shown};
+use crate::quantities::plausible::{DEVIATION, ROTATION_DEVIATION, faint_load};
 use crate::robot::Commands;
 
 /// Reads measurements of an arm, which may be given by its number of joints: deflections, or the positions without and
@@ -255,35 +255,4 @@ fn apart(
         }
     }
     Ok(())
-}
-
-pub(super) fn whole_group(table: &Table<'_>, group: &[&str]) -> Result<bool, FileError> {
-    let present: Vec<_> = group.iter().filter(|column| table.has(&[column])).collect();
-    if present.is_empty() || present.len() == group.len() {
-        Ok(!present.is_empty())
-    } else {
-        let problem = format!("found {present:?}; these columns come together: {group:?}");
-        Err(table.wrong_header(problem))
-    }
-}
-
-pub(super) fn deviations(
-    row: &Row<'_>,
-    columns: [&str; 3],
-    kind: &Kind,
-) -> Result<Vector3<f64>, FileError> {
-    let sigma = row.vector(columns);
-    if sigma.iter().all(|&value| kind.allows(value)) {
-        Ok(sigma * 1e-3)
-    } else {
-        let problem = format!(
-            "{}: found {}, {}, {}; {}",
-            columns.join(","),
-            shown(sigma.x),
-            shown(sigma.y),
-            shown(sigma.z),
-            kind.allowed()
-        );
-        Err(row.wrong(problem))
-    }
 }

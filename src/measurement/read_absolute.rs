@@ -7,9 +7,8 @@ use nalgebra::{DMatrix, Matrix6, Quaternion, SymmetricEigen, UnitQuaternion};
 use super::absolute::{AbsoluteReading, Approach};
 use super::columns::{
     DEFLECTION_SIGMA, POSITION, QUATERNION, ROTATION_SIGMA, TEMPERATURE, TIME, WORDS,
-    covariance_columns,
+    covariance_columns, deviations, whole_group,
 };
-use super::read::{deviations, whole_group};
 use crate::csv::{Columns, Row, Table};
 use crate::experiment::{LOAD, configuration, configuration_and_load};
 use crate::files::FileError;
