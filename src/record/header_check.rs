@@ -24,6 +24,14 @@ impl Header {
         within("study.plans", self.plans.len(), [1, MOST_STUDIED])?;
         within("study.parameters", self.parameters.len(), [1, MOST_JOINTS])?;
         within("study.unknowns", self.unknowns(), [1, MOST_UNKNOWNS])?;
+        let named = self.parameters.len() + self.others.len();
+        if !self.others.is_empty() && named != self.unknowns() {
+            let problem = format!("{named} unknowns have names; there are {}", self.unknowns());
+            return wrong("study.others", problem);
+        }
+        if let Some(name) = self.others.iter().find(|name| name.contains(is_unseen)) {
+            return wrong("study.others", format!("found {name:?}"));
+        }
         let provenance = &self.provenance;
         for (key, text) in [
             ("version", &provenance.version),

@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::account::{PartMessage, verdict};
 use crate::study::Conditions;
 use crate::study::account::Account;
+use crate::study::ranks::{Ranks, deviation, left_by_chance};
 use crate::study::summary::Summary;
 use crate::study::switched_off::SeenShare;
 use crate::study::tally::{Failure, Tally};
@@ -70,10 +71,29 @@ pub struct StudyPlanMessage {
     /// The share of the 95 % intervals of compliances that hold the true one; there is none by the linear model.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub coverage95: Option<f64>,
+    /// Where the true values lie in what was known of each unknown, where uncertainties are listed; there is nothing by the
+    /// linear model.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub ranks: Vec<RankMessage>,
+    /// The largest deviation of ranks that chance leaves in 95 of 100 such studies.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rank_deviation_by_chance: Option<f64>,
     /// The mean distance over that of the first random plan.
     pub mean_ratio_to_random: Option<f64>,
     /// The 95 % interval of that ratio.
     pub mean_ratio_to_random_ci95: Option<[f64; 2]>,
+}
+
+/// Simulation-based calibration of one unknown: the distribution function of what is known of it, at its true value, is
+/// uniform over runs whose true values are drawn from what was known before.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct RankMessage {
+    /// The unknown's name.
+    pub name: String,
+    /// How many runs fell into each of 20 even bins from 0 to 1.
+    pub counts: Vec<u64>,
+    /// By how much the distribution is off at most from the even one.
+    pub deviation: f64,
 }
 
 /// A histogram of distances; bins grow with the distance, 8 an octave.
@@ -141,6 +161,8 @@ impl StudyPlanMessage {
             nees_expected: expected(tally).unwrap_or(parameters),
             nees_z: of(&|each| each.nees_z),
             coverage95: tally.coverage(),
+            ranks: Vec::new(),
+            rank_deviation_by_chance: None,
             mean_ratio_to_random: ratio.map(|ratio| ratio.value),
             mean_ratio_to_random_ci95: ratio.map(|ratio| ratio.interval95()),
         }
@@ -148,6 +170,28 @@ impl StudyPlanMessage {
 }
 
 impl StudyPlanMessage {
+    /// Adds the ranks of unknowns with these names.
+    pub fn rank(&mut self, names: &[&str], ranks: &Ranks) {
+        let named = names.iter().zip(ranks.counts());
+        self.ranks = named
+            .filter(|(_, counts)| counts.iter().any(|count| *count > 0))
+            .map(|(name, counts)| RankMessage {
+                name: (*name).to_owned(),
+                counts: counts.to_vec(),
+                deviation: deviation(counts),
+            })
+            .collect();
+        self.rank_deviation_by_chance =
+            (!self.ranks.is_empty()).then(|| left_by_chance(self.runs, self.ranks.len()));
+    }
+
+    /// The unknown whose ranks are least even.
+    #[must_use]
+    pub fn worst_rank(&self) -> Option<&RankMessage> {
+        let ranks = self.ranks.iter();
+        ranks.max_by(|one, other| one.deviation.total_cmp(&other.deviation))
+    }
+
     /// Adds what was seen of the parts.
     pub fn see(&mut self, shares: &[SeenShare]) {
         for part in &mut self.parts {

@@ -18,8 +18,10 @@ use crate::gate::Gate;
 use crate::plan::{Plan, posterior, quantile95_m};
 use crate::scenario::Scenario;
 use crate::study::account::Account;
+use crate::study::ranks::{RANKS, Ranks};
 use crate::study::tally::{BINS, Failure, SUMS, Tally};
 use crate::study::{Conditions, Entry, Level, Setting, runner};
+use crate::task::Extended;
 
 /// What a study's numbers depend on; tallies of different headers do not add.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -36,6 +38,9 @@ pub struct Header {
     /// The number of all unknowns, where more than these compliances is uncertain.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unknowns: Option<usize>,
+    /// The names of these others; earlier versions did not say them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub others: Vec<String>,
     /// The plans.
     pub plans: Vec<PlanHeader>,
     /// The number n of shards.
@@ -122,6 +127,8 @@ impl Header {
             level,
             parameters: scenario.task.belief.parameter_names(),
             unknowns: (scenario.task.belief.uncertain.as_ref()).map(|all| all.set().len()),
+            others: (scenario.task.belief.uncertain.as_ref())
+                .map_or_else(Vec::new, Extended::other_names),
             plans: (entries.iter().zip(runner::references(entries)))
                 .map(plan)
                 .collect(),
@@ -134,6 +141,13 @@ impl Header {
     #[must_use]
     pub fn unknowns(&self) -> usize {
         self.unknowns.unwrap_or(self.parameters.len())
+    }
+
+    /// The names of all unknowns.
+    #[must_use]
+    pub fn unknown_names(&self) -> Vec<&str> {
+        let names = self.parameters.iter().chain(&self.others);
+        names.map(String::as_str).collect()
     }
 
     /// The plans and how much each measures, for people.
@@ -249,6 +263,9 @@ struct StoredTally {
     /// 95 % intervals of compliances, and how many of them hold the true one; earlier versions did not count.
     #[serde(default, skip_serializing_if = "is_uncounted")]
     intervals: [u64; 2],
+    /// How often the true value of each unknown had each rank; earlier versions did not count.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    ranks: Vec<Vec<u64>>,
     pairs: u64,
     failed: Vec<u64>,
     /// Fixed-point integers.
@@ -418,6 +435,9 @@ fn store(tally: &Tally) -> StoredTally {
         runs: tally.runs,
         freedom: Some(tally.freedom),
         intervals: tally.intervals,
+        ranks: (tally.ranks.counts().iter())
+            .map(|counts| counts.to_vec())
+            .collect(),
         pairs: tally.pairs,
         failed: tally.failed.to_vec(),
         sums: tally.sums.iter().map(ToString::to_string).collect(),
@@ -425,6 +445,26 @@ fn store(tally: &Tally) -> StoredTally {
             .filter(|(_, count)| *count > 0)
             .collect(),
     }
+}
+
+/// Each run has a rank of each unknown at most, and all unknowns have ranks or none.
+fn check_ranks(tally: &Tally, header: &Header) -> Result<(), (String, String)> {
+    let counts = tally.ranks.counts();
+    if !(counts.is_empty() || counts.len() == header.unknowns()) {
+        let (found, unknowns) = (counts.len(), header.unknowns());
+        let problem = format!("found those of {found}; there are {unknowns} unknowns");
+        return Err(("ranks".to_owned(), problem));
+    }
+    for (unknown, counts) in counts.iter().enumerate() {
+        let sum = counts
+            .iter()
+            .try_fold(0_u64, |sum, &each| sum.checked_add(each));
+        if sum.is_none_or(|sum| sum > tally.runs) {
+            let problem = format!("counts more than {} runs", tally.runs);
+            return Err((format!("ranks[{unknown}]"), problem));
+        }
+    }
+    Ok(())
 }
 
 impl WrittenTallyFile {
@@ -474,6 +514,8 @@ impl WrittenTallyFile {
             let most = tally.runs.saturating_mul(header.parameters.len() as u64);
             is_within(&format!("tallies[{index}].intervals[0]"), all, 0, most)?;
             is_within(&format!("tallies[{index}].intervals[1]"), holding, 0, all)?;
+            check_ranks(tally, &header)
+                .map_err(|(key, problem)| (format!("tallies[{index}].{key}"), problem))?;
         }
         Ok(TallyFile {
             header,
@@ -510,10 +552,18 @@ fn restore(stored: &StoredTally, unknowns: usize) -> Result<Tally, (&'static str
             }
         }
     }
+    let ranks: Option<Vec<[u64; RANKS]>> = (stored.ranks.iter())
+        .map(|counts| counts.as_slice().try_into().ok())
+        .collect();
+    let ranks = ranks.ok_or_else(|| {
+        let problem = format!("{RANKS} counts of each unknown are allowed");
+        ("ranks", problem)
+    })?;
     Ok(Tally {
         runs: stored.runs,
         freedom,
         intervals: stored.intervals,
+        ranks: Ranks::new(ranks),
         pairs: stored.pairs,
         failed,
         sums,

@@ -5,6 +5,7 @@
 //! - [`model_level`]: a run of the paper's linear model, a few small products of matrices.
 //! - [`robot_level`]: a run of the whole loop on the virtual robot in MuJoCo.
 //! - [`tally`]: what is kept of the runs; exact, so that threads and order change no bit.
+//! - [`ranks`]: where the true values lie in what is known of them.
 //! - [`runner`]: blocks of runs on all threads.
 //! - [`summary`]: means, intervals, quantiles and checks from a tally.
 //! - [`switched_off`]: what each uncertainty leaves, seen: the same runs without it.
@@ -14,6 +15,7 @@ pub mod account;
 pub mod deviations;
 pub mod evidence;
 pub mod model_level;
+pub mod ranks;
 pub mod robot_level;
 pub mod runner;
 mod settings;

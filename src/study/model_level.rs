@@ -352,6 +352,7 @@ impl PlanModel {
             variance: [self.variance; LANES],
             freedom: [self.freedom; LANES],
             intervals: [[0; 2]; LANES],
+            ranks: Vec::new(),
             failed: [None; LANES],
         };
         if !unknown.is_empty() {

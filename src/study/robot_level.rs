@@ -5,6 +5,7 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::identification::Identification;
 
+use super::ranks::ranks;
 use super::tally::Failure;
 use crate::calibration::{identify_as_planned, see};
 use crate::compensation::{compensate_identified, test_pose_rows};
@@ -15,7 +16,7 @@ use crate::task::Task;
 use crate::testbed::{TrueRobots, Truth, add_noise};
 
 /// What a run came to.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Outcome {
     /// The squared distance in sigma^2, weighted over the test poses.
     pub square: f64,
@@ -23,6 +24,8 @@ pub struct Outcome {
     pub nees: f64,
     /// The 95 % intervals of compliances, and how many of them hold the true one.
     pub intervals: [u32; 2],
+    /// The ranks of the true values of all unknowns, where anything besides noise is drawn.
+    pub ranks: Vec<u8>,
 }
 
 /// What one thread needs for runs.
@@ -34,6 +37,8 @@ pub struct RobotRuns<'a> {
     compliance_rad_per_nm: Vec<f64>,
     /// A_0 of each test pose.
     test_poses: Vec<DMatrix<f64>>,
+    /// Whether true values are drawn, so that their ranks say something.
+    counts_ranks: bool,
 }
 
 impl<'a> RobotRuns<'a> {
@@ -47,6 +52,7 @@ impl<'a> RobotRuns<'a> {
             task,
             robots: TrueRobots::new(belief, truth)?,
             compliance_rad_per_nm: truth.robot.compliance_rad_per_nm.clone(),
+            counts_ranks: !truth.uncertainties.is_empty(),
             test_poses: (task.test_poses.iter())
                 .map(|pose| test_pose_rows(belief, pose))
                 .collect(),
@@ -117,6 +123,11 @@ impl<'a> RobotRuns<'a> {
             square: square_m2 / belief.instrument.sigma_m.powi(2),
             nees,
             intervals: intervals(&identification, &truth),
+            ranks: if self.counts_ranks {
+                ranks(&identification, &truth)
+            } else {
+                Vec::new()
+            },
         })
     }
 }

@@ -336,6 +336,10 @@ fn robot_run(
             batch.square[lane] = outcome.square;
             batch.nees[lane] = outcome.nees;
             batch.intervals[lane] = outcome.intervals;
+            batch.ranks.resize(outcome.ranks.len(), [0; LANES]);
+            for (lanes, rank) in batch.ranks.iter_mut().zip(outcome.ranks) {
+                lanes[lane] = rank;
+            }
         }
         Err(failure) => batch.failed[lane] = Some(failure),
     }

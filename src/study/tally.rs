@@ -5,6 +5,7 @@
 //! exact, commutative and associative: the number of threads, the order of blocks, sharding and
 //! interruption change no bit. A tally's size does not depend on the number of runs.
 
+use super::ranks::Ranks;
 use crate::numeric::random::normal::LANES;
 
 /// Why a run failed.
@@ -94,7 +95,7 @@ const LOWEST_EXPONENT: i32 = -34;
 pub const BINS: usize = 48 * BINS_PER_OCTAVE;
 
 /// The outcome of [`LANES`] consecutive runs of one plan.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Batch {
     /// The squared distance in sigma^2, weighted over the test poses.
     pub square: [f64; LANES],
@@ -108,6 +109,8 @@ pub struct Batch {
     pub freedom: [usize; LANES],
     /// 95 % intervals of compliances, and how many of them hold the true one; none by the linear model.
     pub intervals: [[u32; 2]; LANES],
+    /// The ranks of the true values, by unknown; none by the linear model.
+    pub ranks: Vec<[u8; LANES]>,
     /// Which runs failed.
     pub failed: [Option<Failure>; LANES],
 }
@@ -144,6 +147,8 @@ pub struct Tally {
     pub freedom: u64,
     /// 95 % intervals of compliances, and how many of them hold the true one; none by the linear model.
     pub intervals: [u64; 2],
+    /// The ranks of the true values in what was known of them, where uncertainties are listed; none by the linear model.
+    pub ranks: Ranks,
     /// Runs in which neither this plan nor the reference plan failed.
     pub pairs: u64,
     /// Failed runs by reason, see [`Failure::ALL`].
@@ -160,6 +165,7 @@ impl Default for Tally {
             runs: 0,
             freedom: 0,
             intervals: [0; 2],
+            ranks: Ranks::default(),
             pairs: 0,
             failed: [0; Failure::ALL.len()],
             sums: [0; SUMS],
@@ -201,6 +207,8 @@ impl Tally {
             self.runs += 1;
             self.freedom += batch.freedom[lane] as u64;
             self.count_intervals(batch.intervals[lane].map(u64::from));
+            self.ranks
+                .count(batch.ranks.iter().map(|lanes| lanes[lane]));
             self.pairs +=
                 u64::from(reference.is_some_and(|reference| reference.failed[lane].is_none()));
             self.bins[bin_of(distance)] += 1;
@@ -220,6 +228,7 @@ impl Tally {
         self.runs += other.runs;
         self.freedom += other.freedom;
         self.count_intervals(other.intervals);
+        self.ranks.merge(&other.ranks);
         self.pairs += other.pairs;
         for (mine, theirs) in self.failed.iter_mut().zip(&other.failed) {
             *mine += theirs;

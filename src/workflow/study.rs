@@ -145,14 +145,16 @@ pub fn plan_messages(header: &Header, tallies: &[Tally]) -> Result<Vec<StudyPlan
         let (name, summary) = (&plan.name, summary.as_ref());
         let account = plan.account.as_ref().and_then(AccountHeader::account);
         let quantile95_m = (plan.promised_quantile95_m.as_ref()).and_then(|text| text.parse().ok());
-        Ok(StudyPlanMessage::new(
+        let mut message = StudyPlanMessage::new(
             name,
             &conditions,
             parameters,
             tally,
             summary,
             (account.as_ref(), quantile95_m),
-        ))
+        );
+        message.rank(&header.unknown_names(), &tally.ranks);
+        Ok(message)
     };
     header.plans.iter().zip(tallies).map(message).collect()
 }

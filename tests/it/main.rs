@@ -4,6 +4,7 @@
 //! - `published`: numbers that the paper prints, with the tolerance that its printing supports.
 //! - `judges`: the analytic model and MuJoCo judge each other.
 //! - `recordings`: the rerun and MCAP files, read with their own tools.
+//! - `ranks`: true values lie evenly in what is known of them.
 //! - `repeats`: what repeats of an experiment share they do not average.
 //! - `unknowns`: unknowns besides compliances, found from measurements.
 //! - `recovery`: known compliances come back, and hand-computed small cases.
@@ -57,6 +58,7 @@
 //! - `force_sizes`: the size of a force is a variable of the design; optima derived by hand.
 //! - `provenance`: what results depend on is in their hash.
 //! - `load_sets`: one load set decides for plans, measurements and mandatory experiments.
+//! - `nonlinear_gap`: where a promise is off because the model is not linear.
 //! - `next`: what to measure next, after some of a plan is measured.
 //! - `raw_readings`: positions without and with a load in place of deflections.
 //! - `obstacles`: what stands in the laboratory.
@@ -108,6 +110,7 @@ mod model_features;
 mod model_messages;
 mod mutations;
 mod next;
+mod nonlinear_gap;
 mod obstacles;
 mod old_files;
 mod origins;
@@ -120,6 +123,7 @@ mod properties;
 mod provenance;
 mod published;
 mod random_models;
+mod ranks;
 mod raw_readings;
 #[cfg(feature = "view")]
 mod recordings;

@@ -144,7 +144,7 @@ fn a_run_can_be_replayed_by_itself() {
     let mut robot = RobotRuns::new(&scenario.task, &scenario.truth).expect("works");
     let first = robot.run(&plan, (&alone, &[]), 0).expect("works");
     robot.run(&plan, (&alone, &[]), 1).expect("works");
-    assert_eq!(robot.run(&plan, (&among, &[]), 1), Ok(first));
+    assert_eq!(robot.run(&plan, (&among, &[]), 1), Ok(first.clone()));
     // And it is what a single calibration shows.
     let shown =
         calibrate(&scenario.task, &scenario.truth, &plan, scenario.seed, 777).expect("works");

@@ -216,6 +216,16 @@ fn promises(messages: &[StudyPlanMessage]) -> String {
             text +=
                 &format!("  95 % intervals of compliances hold the true ones in {percent:.1} %\n");
         }
+        if let (Some(worst), Some(chance)) =
+            (message.worst_rank(), message.rank_deviation_by_chance)
+        {
+            text += &format!(
+                "  ranks of true values among what is known of them: even within {:.1} % (worst: {}; chance leaves {:.1} %)\n",
+                worst.deviation * 100.0,
+                worst.name,
+                chance * 100.0
+            );
+        }
         let is_seen = message.parts.iter().any(|part| part.seen_rms_mm.is_some());
         let total: f64 = message.parts.iter().map(|part| part.rms_mm.powi(2)).sum();
         let rows: Vec<Vec<String>> = (message.parts.iter())
