@@ -26,6 +26,11 @@ pub enum CalibrationError {
     /// The measurements identify nothing.
     #[error(transparent)]
     Identification(#[from] IdentificationError),
+    /// No reading is left.
+    #[error(
+        "all {0} readings were dropped, as an uncertainty of the scenario has it; there is nothing to identify from"
+    )]
+    Dropped(u32),
     /// A test pose has no equilibrium.
     #[error("test pose {pose:?}: {source}")]
     TestPose {
@@ -77,6 +82,14 @@ pub struct Calibration {
     pub poses: Vec<CompensatedPose>,
 }
 
+impl Calibration {
+    /// How many of the plan's readings were dropped.
+    #[must_use]
+    pub fn dropped(&self) -> usize {
+        (self.plan.measurements() as usize).saturating_sub(self.measurements.len())
+    }
+}
+
 /// Measures, identifies and compensates with the noise of run `run` under a seed: the same as that run of a
 /// study on the virtual robot.
 ///
@@ -123,6 +136,11 @@ pub fn measure(
     let normals = robots.become_run_of(truth, count, seed, run)?;
     let mut measurements = robots.measure_noise_free(plan, instrument, &normals, 0)?;
     add_noise_of(&mut measurements, instrument, seed, run);
+    // They take their noise with them: that of the others does not depend on them.
+    robots.lose(&mut measurements, &normals, 0);
+    if measurements.is_empty() && plan.measurements() > 0 {
+        return Err(CalibrationError::Dropped(plan.measurements()));
+    }
     Ok(measurements)
 }
 

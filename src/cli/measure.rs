@@ -82,6 +82,8 @@ impl Measure {
             )?;
             text += &format!("wrote {}\n", path.display());
         }
+        let dropped = (plan.measurements() as usize).saturating_sub(measurements.len());
+        text += &dropped_words(dropped, plan.measurements());
         let commands = scenario.task.belief.commands();
         let messages: Vec<MeasurementMessage> = (measurements.iter())
             .map(|each| MeasurementMessage::new(&commands, each))
@@ -96,4 +98,16 @@ impl Measure {
             conditions: (scenario.task.loads.outside_plan(&plan, None).into_iter()).collect(),
         })
     }
+}
+
+/// How many of a plan's readings were dropped, as a sentence; nothing where none were.
+pub fn dropped_words(dropped: usize, all: u32) -> String {
+    if dropped == 0 {
+        return String::new();
+    }
+    let were = if dropped == 1 { "was" } else { "were" };
+    format!(
+        "{dropped} of {} {were} dropped.\n",
+        counted(all.into(), "reading")
+    )
 }

@@ -15,6 +15,7 @@ use elastocal::workflow::run::{FailedPlan, RANDOM_PLANS, RunError, RunStage, Tri
 
 use super::evaluate::shares;
 use super::interruption::NEVER;
+use super::measure::dropped_words;
 use super::plan::design;
 use super::proof::ProofArgs;
 use super::table::{number, table};
@@ -173,6 +174,8 @@ fn summary(folder: &Path, entries: &[TriedPlan], random_rho0_m: Option<f64>) -> 
         }
     }
     text += &shares(&main.assessment);
+    let made = &main.calibration.1;
+    text += &dropped_words(made.dropped(), made.plan.measurements());
     let is_certain = main.assessment.shares.len() < 2;
     let leaves = if is_certain {
         "the measurements' noise alone leaves"

@@ -401,6 +401,11 @@ impl<'a> FirstOrder<'a> {
                 })
                 .sum(),
             ReadingSource::Misfit(deviation) => Matrix3::identity() * (deviation * deviation),
+            ReadingSource::Wrong { share, deviation_m } => {
+                Matrix3::identity() * (share * deviation_m * deviation_m)
+            }
+            // What is not there has no error.
+            ReadingSource::Dropped(_) => Matrix3::zeros(),
         }
     }
 
@@ -570,7 +575,7 @@ impl<'a> FirstOrder<'a> {
         let mut of_force = Vector3::zeros();
         let sources = self.sources;
         match &sources[source] {
-            ReadingSource::Misfit(_) => {}
+            ReadingSource::Misfit(_) | ReadingSource::Wrong { .. } | ReadingSource::Dropped(_) => {}
             ReadingSource::GearError(deviations) => {
                 for (index, deviation) in deviations.iter().enumerate() {
                     let lever = self.joints[index];

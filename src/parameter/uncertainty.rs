@@ -63,6 +63,15 @@ pub enum ReadingSource {
     /// Each joint stands where it stands with an error of its gear (rad; m where it slides) that is another one in each
     /// configuration, loaded and unloaded the same, in all repeats. One for each joint.
     GearError(Vec<f64>),
+    /// A reading is wrong: nobody notices that the reflector was touched, or the wrong place read.
+    Wrong {
+        /// The share of readings that are.
+        share: f64,
+        /// The standard deviation (m) of each coordinate of what is wrong with them.
+        deviation_m: f64,
+    },
+    /// This share of the readings is not there: the beam was lost.
+    Dropped(f64),
     /// What no parameter explains is another deflection in each configuration, the same in all repeats: the standard
     /// deviation (m) of each coordinate.
     Misfit(f64),
@@ -78,6 +87,18 @@ impl ReadingSource {
                 *deviation = 0.0;
             }
             Self::Range { per_metre, .. } => *per_metre = 0.0,
+            Self::Wrong { share, .. } | Self::Dropped(share) => *share = 0.0,
+        }
+    }
+
+    /// How many normal numbers a reading takes for it.
+    #[must_use]
+    pub const fn numbers(&self) -> usize {
+        match self {
+            Self::JointReturn(deviations) | Self::GearError(deviations) => deviations.len(),
+            Self::LoadDirection(_) | Self::LoadPoint(_) | Self::Range { .. } | Self::Misfit(_) => 3,
+            Self::Wrong { .. } => 4,
+            Self::Dropped(_) => 1,
         }
     }
 

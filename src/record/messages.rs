@@ -556,6 +556,9 @@ pub struct CalibrationMessage {
     pub plan: Vec<ExperimentMessage>,
     /// Its measurements.
     pub measurements: Vec<MeasurementMessage>,
+    /// How many more readings the plan has, which were dropped.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub dropped_readings: usize,
     /// What was identified from them.
     pub identification: IdentificationMessage,
     /// What that achieves at each test pose.
@@ -574,12 +577,18 @@ impl CalibrationMessage {
             measurements: measurements
                 .map(|each| MeasurementMessage::new(commands, each))
                 .collect(),
+            dropped_readings: calibration.dropped(),
             identification: (&calibration.identification).into(),
             test_poses: poses
                 .map(|each| TestPoseMessage::new(commands, each))
                 .collect(),
         }
     }
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde's shape")]
+const fn is_zero(count: &usize) -> bool {
+    *count == 0
 }
 
 /// A load as force (N), then torque (N m).

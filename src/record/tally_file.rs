@@ -275,6 +275,8 @@ struct StoredTally {
 }
 
 const FORMAT: u32 = 2;
+/// So many reasons of failed runs had the first files of this format.
+const FIRST_REASONS: usize = 6;
 
 impl TallyFile {
     /// A shard of which nothing is done.
@@ -528,7 +530,12 @@ impl WrittenTallyFile {
 
 fn restore(stored: &StoredTally, unknowns: usize) -> Result<Tally, (&'static str, String)> {
     let (found, reasons) = (stored.failed.len(), Failure::ALL.len());
-    let failed = (stored.failed.as_slice().try_into()).map_err(|_| {
+    // Earlier versions had fewer reasons.
+    let mut failed = stored.failed.clone();
+    if failed.len() == FIRST_REASONS {
+        failed.resize(reasons, 0);
+    }
+    let failed = (failed.as_slice().try_into()).map_err(|_| {
         (
             "failed",
             format!("found {found} numbers; {reasons} are allowed"),

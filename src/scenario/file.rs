@@ -279,6 +279,8 @@ pub(super) enum UncertaintyKind {
     TrackerRange,
     GearError,
     Misfit,
+    WrongReading,
+    DroppedReading,
 }
 
 impl UncertaintyKind {
@@ -303,6 +305,8 @@ impl UncertaintyKind {
             Self::TrackerRange => "tracker_range",
             Self::GearError => "gear_error",
             Self::Misfit => "misfit",
+            Self::WrongReading => "wrong_reading",
+            Self::DroppedReading => "dropped_reading",
         }
     }
 
@@ -323,7 +327,14 @@ impl UncertaintyKind {
             Self::LoadOffset => &["std_n"],
             Self::TaskForce => &["std_relative", "std_n"],
             Self::TrackerRange => &["std_um_per_m"],
+            Self::WrongReading => &["share", "std_mm"],
+            Self::DroppedReading => &["share"],
         }
+    }
+
+    /// Whether no belief can carry it, so that it must be hidden.
+    pub const fn is_always_hidden(self) -> bool {
+        matches!(self, Self::WrongReading | Self::DroppedReading)
     }
 
     /// Whether it is one of joints, or of the links that they move.
@@ -354,19 +365,21 @@ pub(super) struct UncertaintyTable {
     pub std_mrad: Option<f64>,
     pub std_n: Option<f64>,
     pub std_um_per_m: Option<f64>,
+    pub share: Option<f64>,
     #[serde(default)]
     pub hidden: bool,
 }
 
 impl UncertaintyTable {
     /// The sizes by their keys.
-    pub const fn given(&self) -> [(&'static str, Option<f64>); 5] {
+    pub const fn given(&self) -> [(&'static str, Option<f64>); 6] {
         [
             ("std_relative", self.std_relative),
             ("std_mm", self.std_mm),
             ("std_mrad", self.std_mrad),
             ("std_n", self.std_n),
             ("std_um_per_m", self.std_um_per_m),
+            ("share", self.share),
         ]
     }
 }

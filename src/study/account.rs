@@ -14,8 +14,8 @@ use nalgebra::{Cholesky, DMatrix, Matrix3};
 
 use super::deviations::Deviations;
 use crate::compensation::{test_pose_rows, weighted_rows};
-use crate::parameter::{ParameterKind, Source};
-use crate::plan::{EARLIER, ExperimentModel, NOISE, Plan, posterior};
+use crate::parameter::{ParameterKind, ReadingSource, Source};
+use crate::plan::{EARLIER, Experiment, ExperimentModel, NOISE, Plan, posterior};
 use crate::task::Task;
 use crate::testbed::Truth;
 
@@ -56,7 +56,7 @@ impl Account {
             test_pose_rows(belief, pose)
         });
         let promised_m = posterior.variance_of(&rows).ok()?.sqrt();
-        let gain = rows * &posterior.covariance;
+        let gain = &rows * &posterior.covariance;
         let deviations = Deviations::new(belief, truth);
         let model = ExperimentModel::new(belief);
         let sigma_m = belief.instrument.sigma_m;
@@ -103,6 +103,10 @@ impl Account {
         let mut next_source = 0;
         for each in &truth.uncertainties {
             let square = match &each.source {
+                Source::Reading(ReadingSource::Dropped(share)) => {
+                    next_source += 1;
+                    share * of_dropped(task, plan, &rows, promised_m.powi(2))
+                }
                 Source::Reading(_) => {
                     next_source += 1;
                     of_sources[next_source - 1]
@@ -133,6 +137,20 @@ impl Account {
         }
         Some(Self { promised_m, parts })
     }
+}
+
+/// What each share of dropped readings adds to the square of a promise (m^2): every reading is missing alone, which is all to
+/// first order in the share. Where the rest does not determine what the test poses need, the run fails.
+fn of_dropped(task: &Task, plan: &Plan, rows: &DMatrix<f64>, promised_m2: f64) -> f64 {
+    let without = |index: usize| {
+        let mut experiments: Vec<Experiment> = plan.experiments.clone();
+        experiments[index].repeats -= 1;
+        experiments.retain(|experiment| experiment.repeats > 0);
+        let known = posterior(&task.belief, &Plan { experiments });
+        let more = known.variance_of(rows).ok()? - promised_m2;
+        Some(more * f64::from(plan.experiments[index].repeats))
+    };
+    (0..plan.experiments.len()).filter_map(without).sum()
 }
 
 impl Deviations<'_> {

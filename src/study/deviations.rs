@@ -120,12 +120,30 @@ impl<'a> Deviations<'a> {
         self.tied.iter().map(|(place, _)| *place).collect()
     }
 
-    /// How many normal numbers a run's laboratory takes for what it shares.
+    /// How many normal numbers a run's laboratory takes for what it shares, and for which of so many readings are there.
     #[must_use]
-    pub fn numbers(&self) -> usize {
-        self.laboratory
-            .as_ref()
-            .map_or(0, |laboratory| laboratory.numbers(0))
+    pub fn numbers(&self, measurements: usize) -> usize {
+        self.laboratory.as_ref().map_or(0, |laboratory| {
+            let readings = if laboratory.drops_readings() {
+                measurements
+            } else {
+                0
+            };
+            laboratory.numbers(readings)
+        })
+    }
+
+    /// Which of so many readings are there in the run of a lane; `None` where all are in all runs.
+    #[must_use]
+    pub fn kept(
+        &self,
+        measurements: usize,
+        normals: &[[f64; LANES]],
+        lane: usize,
+    ) -> Option<Vec<bool>> {
+        let laboratory = self.laboratory.as_ref()?;
+        let is_dropping = laboratory.drops_readings();
+        is_dropping.then(|| laboratory.kept(measurements, normals, lane))
     }
 
     /// By how much each differs (per sigma) in the runs of all lanes, whose compliances without the laboratory's part are

@@ -99,15 +99,24 @@ impl<'a> RobotRuns<'a> {
             .measure_noise_free(plan, &belief.instrument, laboratory, lane)
             .map_err(|_| Failure::Measurement)?;
         add_noise(&mut measurements, &belief.instrument, noise, lane);
-        let identification =
-            identify_as_planned(belief, &measurements).map_err(|_| Failure::Identification)?;
+        let all = measurements.len();
+        self.robots.lose(&mut measurements, laboratory, lane);
+        let or_dropped = |failure| {
+            if measurements.len() < all {
+                Failure::Dropped
+            } else {
+                failure
+            }
+        };
+        let identification = identify_as_planned(belief, &measurements)
+            .map_err(|_| or_dropped(Failure::Identification))?;
         let posterior = &identification.posterior;
         let truth = self.robots.unknowns(belief);
         let values = posterior.mean.iter().zip(&truth);
         let error = DVector::from_iterator(truth.len(), values.map(|(value, truth)| value - truth));
         let is_determined = |pose: &DMatrix<f64>| posterior.variance_of(pose).is_ok();
         if !posterior.estimable.is_complete() && !self.test_poses.iter().all(is_determined) {
-            return Err(Failure::Undetermined);
+            return Err(or_dropped(Failure::Undetermined));
         }
         let nees = (posterior.normalised_square(&error)).ok_or(Failure::Undetermined)?;
         let mut square_m2 = 0.0;

@@ -13,7 +13,7 @@ use super::{Entry, EntryKind, Level, Setting, StudyError};
 use crate::numeric::random::normal::{LANES, fill_normals};
 use crate::numeric::random::streams::Stream;
 use crate::plan::search::{Problem, RandomPlans};
-use crate::plan::{Criterion, Plan};
+use crate::plan::{Criterion, Experiment, Plan};
 use crate::testbed::numbers;
 
 /// A study made ready to run.
@@ -172,15 +172,13 @@ impl<'a> Runner<'a> {
             })
             .max();
         let of_laboratory =
-            self.parts
-                .iter()
-                .zip(&parts)
-                .map(
-                    |(part, mine): (&Part<'_>, &PartWorkspace<'_>)| match &mine.robot {
-                        Some(robot) => robot.numbers(part.setting.conditions.experiments as usize),
-                        None => part.model.deviations().numbers(),
-                    },
-                );
+            (self.parts.iter().zip(&parts)).map(|(part, mine): (&Part<'_>, &PartWorkspace<'_>)| {
+                let measurements = part.setting.conditions.experiments as usize;
+                mine.robot.as_ref().map_or_else(
+                    || part.model.deviations().numbers(measurements),
+                    |robot| robot.numbers(measurements),
+                )
+            });
         let mut workspace = ThreadWorkspace {
             laboratory: vec![[0.0; LANES]; of_laboratory.max().unwrap_or(0)],
             normals: vec![[0.0; LANES]; numbers.unwrap_or(0)],
@@ -252,6 +250,14 @@ impl<'a> Runner<'a> {
         if let (Some(model), Some(plan)) = (&self.plans[index], entry.kind.plan()) {
             let mut batch = model.run(&workspace.normals, &workspace.parts[entry.setting].unknown);
             for lane in 0..count {
+                match self.without_dropped(workspace, entry.setting, plan, lane) {
+                    Ok(Some(less)) => take_lane(&mut batch, &less, lane),
+                    Ok(None) => {}
+                    Err(failure) => {
+                        batch.failed[lane] = Some(failure);
+                        continue;
+                    }
+                }
                 robot_run(workspace, entry.setting, plan, &mut batch, lane);
             }
             return batch;
@@ -265,6 +271,33 @@ impl<'a> Runner<'a> {
         batch
     }
 
+    /// What the model makes of a run in which readings were dropped; `None` where all are there.
+    fn without_dropped(
+        &self,
+        workspace: &ThreadWorkspace<'_>,
+        setting: usize,
+        plan: &Plan,
+        lane: usize,
+    ) -> Result<Option<Batch>, Failure> {
+        let model = &self.parts[setting].model;
+        let measurements = plan.measurements() as usize;
+        let kept = (model.deviations()).kept(measurements, &workspace.laboratory, lane);
+        let Some(kept) = kept.filter(|kept| kept.contains(&false)) else {
+            return Ok(None);
+        };
+        let left = what_is_left(plan, &kept);
+        if left.experiments.is_empty() {
+            return Err(Failure::Dropped);
+        }
+        // Each reading keeps its noise.
+        let normals = workspace.normals.chunks(3).zip(kept);
+        let normals: Vec<[f64; LANES]> = (normals.filter(|(_, is_there)| *is_there))
+            .flat_map(|(three, _)| three.iter().copied())
+            .collect();
+        let model = model.plan(&left).map_err(|_| Failure::Dropped)?;
+        Ok(Some(model.run(&normals, &workspace.parts[setting].unknown)))
+    }
+
     /// A run with a random plan of its own.
     fn random_run(
         &self,
@@ -275,20 +308,44 @@ impl<'a> Runner<'a> {
         run: u64,
     ) -> Result<(), Failure> {
         let part = &self.parts[setting];
-        let mine = &mut workspace.parts[setting];
         let experiments = part.setting.conditions.experiments;
-        let plan = (mine.random.draw(experiments, run)).map_err(|_| Failure::NoPlan)?;
-        let all = part
-            .model
-            .plan(&plan)?
-            .run(&workspace.normals, &mine.unknown);
-        batch.square[lane] = all.square[lane];
-        batch.nees[lane] = all.nees[lane];
-        batch.expected[lane] = all.expected[lane];
-        batch.variance[lane] = all.variance[lane];
-        batch.freedom[lane] = all.freedom[lane];
+        let drawn = workspace.parts[setting].random.draw(experiments, run);
+        let plan = drawn.map_err(|_| Failure::NoPlan)?;
+        let all = match self.without_dropped(workspace, setting, &plan, lane)? {
+            Some(less) => less,
+            None => {
+                (part.model.plan(&plan)?).run(&workspace.normals, &workspace.parts[setting].unknown)
+            }
+        };
+        take_lane(batch, &all, lane);
         robot_run(workspace, setting, &plan, batch, lane);
         Ok(())
+    }
+}
+
+/// Puts another batch's outcome of a run in the place of its own.
+fn take_lane(batch: &mut Batch, other: &Batch, lane: usize) {
+    batch.square[lane] = other.square[lane];
+    batch.nees[lane] = other.nees[lane];
+    batch.expected[lane] = other.expected[lane];
+    batch.variance[lane] = other.variance[lane];
+    batch.freedom[lane] = other.freedom[lane];
+}
+
+/// A plan with as many repeats of each experiment as there are readings.
+fn what_is_left(plan: &Plan, kept: &[bool]) -> Plan {
+    let mut readings = kept.iter();
+    let experiments = plan.experiments.iter().filter_map(|experiment| {
+        let own = readings.by_ref().take(experiment.repeats as usize);
+        let repeats = own.fold(0, |sum, &is_there| sum + u32::from(is_there));
+        let left = Experiment {
+            repeats,
+            ..experiment.clone()
+        };
+        (repeats > 0).then_some(left)
+    });
+    Plan {
+        experiments: experiments.collect(),
     }
 }
 

@@ -23,17 +23,20 @@ pub enum Failure {
     TestPose,
     /// The distance is beyond [`LARGEST`] sigma: no calibration at all.
     TooFar,
+    /// What dropped readings leave does not determine what the test poses need.
+    Dropped,
 }
 
 impl Failure {
     /// All of them, in the order of [`Tally::failed`].
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 7] = [
         Self::NoPlan,
         Self::Undetermined,
         Self::Measurement,
         Self::Identification,
         Self::TestPose,
         Self::TooFar,
+        Self::Dropped,
     ];
 
     /// What happened, in words.
@@ -48,6 +51,9 @@ impl Failure {
             Self::Identification => "the identification failed",
             Self::TestPose => "a test pose has no stable equilibrium",
             Self::TooFar => "the distance is beyond 16384 sigma",
+            Self::Dropped => {
+                "so many readings were dropped that the rest does not determine what the test poses need"
+            }
         }
     }
 }
@@ -399,7 +405,7 @@ mod tests {
         tally.add(&mut block, &batch, Some(&batch), 6);
         tally.close(&mut block);
         assert_eq!((tally.runs, tally.pairs, tally.failures()), (3, 3, 3));
-        assert_eq!(tally.failed, [0, 0, 0, 1, 0, 2]);
+        assert_eq!(tally.failed, [0, 0, 0, 1, 0, 2, 0]);
         let is = |sum, value: f64| (tally.sum(sum) - value).abs() < 1e-9;
         assert!(is(Sum::Distance, 6.0) && is(Sum::Cross, 12.0) && is(Sum::Nees, 15.0));
         assert_eq!(tally.bins.iter().sum::<u64>(), 3);

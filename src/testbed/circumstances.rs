@@ -4,6 +4,7 @@
 //! tools move in MuJoCo's model; zeros change what the joints are commanded, loads what hangs on the robot.
 
 use nalgebra::{Isometry3, Rotation3, Vector3};
+use statrs::distribution::{ContinuousCDF, Normal};
 
 use crate::experiment::{Experiment, Plan};
 use crate::measurement::{Measurement, RotationMeasurement};
@@ -82,13 +83,34 @@ impl Circumstances {
     }
 
     fn numbers_of_reading(&self) -> usize {
-        let numbers = |source: &ReadingSource| match source {
-            ReadingSource::JointReturn(deviations) | ReadingSource::GearError(deviations) => {
-                deviations.len()
+        self.sources.iter().map(ReadingSource::numbers).sum()
+    }
+
+    /// Whether readings may be missing.
+    #[must_use]
+    pub fn drops_readings(&self) -> bool {
+        let is_dropping = |source: &ReadingSource| matches!(source, ReadingSource::Dropped(_));
+        self.sources.iter().any(is_dropping)
+    }
+
+    /// Which of so many readings are there in the run of a lane; the normals are those of [`Self::draw`].
+    #[must_use]
+    pub fn kept(&self, measurements: usize, normals: &[[f64; LANES]], lane: usize) -> Vec<bool> {
+        let mut kept = vec![true; measurements];
+        if !self.drops_readings() {
+            return kept;
+        }
+        let size = self.numbers_of_reading();
+        for (reading, is_there) in kept.iter_mut().enumerate() {
+            let mut place = self.shared.len() + reading * size;
+            for source in &self.sources {
+                if let ReadingSource::Dropped(share) = source {
+                    *is_there &= !happens(normals[place][lane], *share);
+                }
+                place += source.numbers();
             }
-            _ => 3,
-        };
-        self.sources.iter().map(numbers).sum()
+        }
+        kept
     }
 
     /// Draws what a run shares, from the first normals of a lane.
@@ -253,6 +275,14 @@ impl Circumstances {
                     }
                 }
                 ReadingSource::Misfit(deviation) => misfit += three(*deviation),
+                ReadingSource::Wrong { share, deviation_m } => {
+                    let wrong = three(*deviation_m);
+                    if happens(next(1.0), *share) {
+                        misfit += wrong;
+                    }
+                }
+                // Who reads knows nothing of what is not there, see `kept`.
+                ReadingSource::Dropped(_) => place += source.numbers(),
                 ReadingSource::LoadDirection(deviation) => {
                     let turn = Rotation3::new(three(*deviation));
                     load.force_n = turn * load.force_n;
@@ -278,4 +308,9 @@ impl Circumstances {
             base.rotation * displacement.rotation_rad,
         ))
     }
+}
+
+/// Whether something with this probability happens, by a standard normal number.
+fn happens(normal: f64, probability: f64) -> bool {
+    Normal::standard().cdf(normal) < probability
 }

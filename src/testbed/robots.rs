@@ -143,6 +143,15 @@ impl TrueRobots {
         (self.laboratory).measure(&mut self.measuring, plan, instrument, normals, lane)
     }
 
+    /// Takes away readings that were lost in this run: of all measurements of a plan, in its order.
+    pub fn lose(&self, measurements: &mut Vec<Measurement>, normals: &[[f64; LANES]], lane: usize) {
+        if self.laboratory.drops_readings() {
+            let kept = self.laboratory.kept(measurements.len(), normals, lane);
+            let mut kept = kept.into_iter();
+            measurements.retain(|_| kept.next().unwrap_or(true));
+        }
+    }
+
     /// Where the machining tool rests (m) if a controller commands these angles (rad), under what acts in this run where
     /// a test pose has this load.
     ///

@@ -59,6 +59,7 @@
 //! - `provenance`: what results depend on is in their hash.
 //! - `load_sets`: one load set decides for plans, measurements and mandatory experiments.
 //! - `nonlinear_gap`: where a promise is off because the model is not linear.
+//! - `lost_readings`: readings that are wrong or not there, and what they cost.
 //! - `next`: what to measure next, after some of a plan is measured.
 //! - `raw_readings`: positions without and with a load in place of deflections.
 //! - `obstacles`: what stands in the laboratory.
@@ -105,6 +106,7 @@ mod known_optima;
 mod laboratory;
 mod limits;
 mod load_sets;
+mod lost_readings;
 mod measured_rotations;
 mod model_features;
 mod model_messages;

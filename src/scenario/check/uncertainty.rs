@@ -8,7 +8,8 @@ use crate::files::FileError;
 use crate::mujoco::State;
 use crate::parameter::{Axis, ParameterError, ParameterKind, ReadingSource, Source, Uncertainty};
 use crate::quantities::plausible::{
-    DEVIATION, FORCE_LIMIT, Kind, PER_METRE_DEVIATION, RELATIVE_DEVIATION, ROTATION_DEVIATION,
+    DEVIATION, FORCE_LIMIT, Kind, PER_METRE_DEVIATION, READING_SHARE, RELATIVE_DEVIATION,
+    ROTATION_DEVIATION,
 };
 use crate::scenario::file::{UncertaintyKind, UncertaintyTable};
 use crate::task::{Belief, Extended};
@@ -39,6 +40,16 @@ impl Checker<'_> {
                 let problem = format!("the name {name:?} is there twice");
                 let wrong = self.wrong(&format!("{key}.name"), problem);
                 return Err(wrong.hint("give each uncertainty of a kind a name of its own"));
+            }
+            if table.kind.is_always_hidden() && !table.hidden {
+                let problem = format!(
+                    "a {} is no part of any promise: the belief takes each reading to be there and right",
+                    table.kind.name()
+                );
+                let wrong = self.wrong(&format!("{key}.hidden"), problem);
+                return Err(wrong.hint(
+                    "say hidden = true: the virtual robot has it, and a study shows what it costs",
+                ));
             }
             all.push(Uncertainty {
                 name: name.to_owned(),
@@ -107,6 +118,11 @@ impl Checker<'_> {
                 })?;
                 ReadingSource::Range { from_m, per_metre }
             }
+            UncertaintyKind::WrongReading => ReadingSource::Wrong {
+                share: size("share")?,
+                deviation_m: size("std_mm")?,
+            },
+            UncertaintyKind::DroppedReading => ReadingSource::Dropped(size("share")?),
             _ => return Ok(Source::Plan(self.shared(key, table, belief)?)),
         };
         Ok(Source::Reading(source))
@@ -196,7 +212,9 @@ impl Checker<'_> {
             | UncertaintyKind::JointReturn
             | UncertaintyKind::TrackerRange
             | UncertaintyKind::GearError
-            | UncertaintyKind::Misfit => Ok(Vec::new()),
+            | UncertaintyKind::Misfit
+            | UncertaintyKind::WrongReading
+            | UncertaintyKind::DroppedReading => Ok(Vec::new()),
         }
     }
 
@@ -231,6 +249,7 @@ impl Checker<'_> {
             "std_mm" => (&DEVIATION, 1e-3),
             "std_mrad" => (&ROTATION_DEVIATION, 1e-3),
             "std_n" => (&FORCE_LIMIT, 1.0),
+            "share" => (&READING_SHARE, 1.0),
             _ => (&PER_METRE_DEVIATION, 1e-6),
         };
         let given = table.given().into_iter().find(|(each, _)| *each == name);

@@ -4,6 +4,7 @@ use nalgebra::{DVector, Vector3};
 
 use super::{Body, RecordedCalibration, ShownTool, Stance, Step, StepKind, tool_name};
 use crate::calibration::{Calibration, CalibrationError};
+use crate::measurement::Measurement;
 use crate::mujoco::{Model, State};
 use crate::robot::{EquilibriumError, Load};
 use crate::scenario::Scenario;
@@ -69,7 +70,13 @@ pub(super) fn experiment_steps(
     let mut first = 0;
     let mut steps = Vec::new();
     for (number, experiment) in (1..).zip(&calibration.plan.experiments) {
-        let measurements = first..first + experiment.repeats as usize;
+        // Readings may have been dropped.
+        let is_own = |each: &&Measurement| {
+            each.configuration_rad == experiment.configuration_rad && each.load == experiment.load
+        };
+        let left = calibration.measurements.iter().skip(first);
+        let own = left.take(experiment.repeats as usize).take_while(is_own);
+        let measurements = first..first + own.count();
         first = measurements.end;
         let q = &experiment.configuration_rad;
         let mut rest = |load: &Load, loaded| {

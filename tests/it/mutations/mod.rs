@@ -136,6 +136,7 @@ fn scenario_reader() -> Reader {
         .chain([
             scenario_text("kr270") + LABORATORY,
             scenario_text("planar_3r") + LABORATORY,
+            scenario_text("klimchik2012") + LOST_READINGS,
         ])
         .collect(),
     }
@@ -254,6 +255,20 @@ fn dialect_reader() -> Reader {
 
 /// The robot that identifications and programs are for.
 static KR270: LazyLock<Scenario> = LazyLock::new(|| crate::support::scenario("kr270"));
+
+/// What is uncertain and no belief carries.
+const LOST_READINGS: &str = r#"
+[[uncertainty]]
+kind = "wrong_reading"
+share = 0.02
+std_mm = 0.5
+hidden = true
+
+[[uncertainty]]
+kind = "dropped_reading"
+share = 0.05
+hidden = true
+"#;
 
 /// A table that no scenario of the project has.
 const LABORATORY: &str = "\n[laboratory]\nstation_min = 20\nmove_min = 5\nload_change_min = 15\nreading_min = 0.5\n\
