@@ -1,5 +1,6 @@
 //! Monte Carlo studies: how good are plans over many runs?
 //!
+//! - `counts`: counts as numbers.
 //! - `settings`: what a study is made of.
 //! - [`true_compliances`]: the virtual robot's compliances in a run.
 //! - [`model_level`]: a run of the paper's linear model, a few small products of matrices.
@@ -12,6 +13,7 @@
 //! - [`evidence`]: what a designed plan is shown beside: rivals, other sizes, many runs.
 
 pub mod account;
+mod counts;
 pub mod deviations;
 pub mod evidence;
 pub mod model_level;

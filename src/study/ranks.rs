@@ -6,7 +6,7 @@
 
 use statrs::distribution::{ContinuousCDF, Normal};
 
-use super::tally::count_to_f64;
+use super::counts::count_to_f64;
 use crate::identification::{Estimate, Identification};
 
 /// The largest rank.

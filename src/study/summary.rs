@@ -1,6 +1,7 @@
 //! What a tally says: means with intervals, quantiles, and checks against what was predicted.
 
-use super::tally::{Sum, Tally, count_to_f64};
+use super::counts::count_to_f64;
+use super::tally::{Sum, Tally};
 
 /// The half width of a 95 % interval in standard errors.
 const TWO_SIDED_95: f64 = 1.959_963_984_540_054;

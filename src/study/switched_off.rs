@@ -3,8 +3,9 @@
 
 use std::sync::atomic::AtomicBool;
 
+use super::counts::count_to_f64;
 use super::runner::Runner;
-use super::tally::{Sum, Tally, count_to_f64};
+use super::tally::{Sum, Tally};
 use super::{Entry, Level, Setting, StudyError};
 use crate::plan::NOISE;
 use crate::testbed::Truth;

@@ -5,6 +5,7 @@
 //! exact, commutative and associative: the number of threads, the order of blocks, sharding and
 //! interruption change no bit. A tally's size does not depend on the number of runs.
 
+use super::counts::{count_to_f64, integer_to_f64};
 use super::ranks::Ranks;
 use crate::numeric::random::normal::LANES;
 
@@ -323,16 +324,6 @@ impl Tally {
 )]
 fn to_fixed(value: f64, places: i32) -> i128 {
     (value * 2.0_f64.powi(places)).round() as i128
-}
-
-#[expect(clippy::cast_precision_loss, reason = "a mean needs 53 bits")]
-pub(super) fn integer_to_f64(value: i128) -> f64 {
-    value as f64
-}
-
-#[expect(clippy::cast_precision_loss, reason = "far below 2^52 runs")]
-pub(super) fn count_to_f64(count: u64) -> f64 {
-    count as f64
 }
 
 /// The first bits of a float are its exponent and the first of its binary places.

@@ -1,9 +1,8 @@
 //! Whether a tally that was read can be one: its counts agree with each other and with the blocks that
 //! are done, and its sums with its histogram and with the inequalities that hold for any runs.
 
-use super::tally::{
-    BINS, LARGEST, LARGEST_NEES, PLACES, SUMS, Sum, Tally, count_to_f64, integer_to_f64, lower_edge,
-};
+use super::counts::{count_to_f64, integer_to_f64};
+use super::tally::{BINS, LARGEST, LARGEST_NEES, PLACES, SUMS, Sum, Tally, lower_edge};
 use crate::quantities::plausible::shown;
 
 /// Sums that are rounded may miss an inequality by this share.
