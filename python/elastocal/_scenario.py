@@ -182,6 +182,13 @@ class Scenario:
             path.write_text(json.dumps(identified.results), encoding="utf-8")
             return Compensation(self.command("compensate", identified=path, method=method))
 
+    def export(self, identified: Identified, model_out: FilePath) -> Results:
+        """Writes the calibrated robot as a model: MJCF where the file ends in ``.xml``, URDF where it ends in ``.urdf``."""
+        with _folder() as folder:
+            path = folder / "identified.json"
+            path.write_text(json.dumps(identified.results), encoding="utf-8")
+            return self.command("export", identified=path, model_out=model_out)
+
     def next(self, measurements: Measurements, plan: Plan, **given: Any) -> Results:
         """What to measure next, after some of a plan is measured."""
         with _folder() as folder:

@@ -10,6 +10,7 @@ mod compensate;
 mod completion;
 mod dialect;
 mod evaluate;
+mod export;
 mod identified;
 mod identify;
 mod init;
@@ -130,6 +131,11 @@ enum Command {
     /// Compensate the test poses with identified compliances
     #[command(after_help = "Example:\n  elastocal compensate --identified identified.json")]
     Compensate(compensate::Compensate),
+    /// Write the calibrated robot as a model: MJCF with its stiffnesses, or URDF
+    #[command(
+        after_help = "Examples:\n  elastocal export --identified identified.json --model-out calibrated.xml\n  elastocal export --identified identified.json --model-out calibrated.urdf"
+    )]
+    Export(export::Export),
     /// Take a plan to the laboratory: order, run sheet, robot program, table to fill in
     #[command(
         after_help = "Examples:\n  elastocal lab --plan plan.csv\n  elastocal lab --plan plan.csv --dialect urscript"
@@ -248,6 +254,7 @@ impl Arguments {
             Command::Measure(command) => command.execute(),
             Command::Identify(command) => command.execute(),
             Command::Compensate(command) => command.execute(),
+            Command::Export(command) => command.execute(),
             Command::Lab(command) => command.execute(),
             Command::Next(command) => command.execute(),
             Command::Validate(command) => command.execute(),
@@ -277,6 +284,7 @@ impl Command {
             Self::Measure(command) => &command.common,
             Self::Identify(command) => &command.common,
             Self::Compensate(command) => &command.common,
+            Self::Export(command) => &command.common,
             Self::Lab(command) => &command.common,
             Self::Next(command) => &command.common,
             Self::Validate(command) => &command.common,

@@ -119,7 +119,7 @@ impl Model {
     }
 
     /// The frame of the link of a joint in its body's, which a reference angle turns.
-    fn body_from_link(&self, joint: usize) -> Isometry3<f64> {
+    pub(super) fn body_from_link(&self, joint: usize) -> Isometry3<f64> {
         let (axis, anchor) = self.joint_axis_and_anchor(joint);
         let axis = nalgebra::Unit::new_normalize(axis);
         let reference = self.joint_reference(joint);
@@ -133,7 +133,7 @@ impl Model {
 
     /// The bodies that a joint moves, and none of the other `joints` beyond it does; with the rotations that turn
     /// vectors of the link's frame into theirs.
-    fn bodies_of_link(
+    pub(super) fn bodies_of_link(
         &self,
         joints: &[Option<usize>],
         index: usize,
@@ -146,7 +146,8 @@ impl Model {
         let mut turn_of: Vec<Option<UnitQuaternion<f64>>> = vec![None; self.bodies()];
         for body in 1..self.bodies() {
             turn_of[body] = match self.joints_of(body).filter(is_known).last() {
-                Some(last) if last == joint => Some(self.body_from_link(joint).rotation),
+                // Beyond its joint the link's frame is parallel to the body's, whatever the reference is.
+                Some(last) if last == joint => Some(UnitQuaternion::identity()),
                 Some(_) => None,
                 None => turn_of[self.parent(body)]
                     .map(|turn| self.parent_from_body(body).rotation.inverse() * turn),

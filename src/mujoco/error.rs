@@ -69,6 +69,14 @@ pub enum ModelError {
         /// What to do about it.
         hint: String,
     },
+    /// The file cannot be written again with other numbers.
+    #[error("{path}: cannot be written with what was identified: {problem}")]
+    NotWritten {
+        /// The model file.
+        path: PathBuf,
+        /// What is in the way.
+        problem: String,
+    },
     /// MuJoCo cannot apply a load.
     #[error("{path}: MuJoCo cannot apply the load: {message}")]
     Load {

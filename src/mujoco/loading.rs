@@ -66,7 +66,7 @@ impl Model {
 
 /// Looks at a file before MuJoCo does; MuJoCo's messages are taken over, and a URDF comes
 /// back as MuJoCo's compiler takes it.
-fn prepare(path: &Path) -> Result<Option<UrdfText>, ModelError> {
+pub(super) fn prepare(path: &Path) -> Result<Option<UrdfText>, ModelError> {
     if path.to_str().is_none_or(|path| path.contains('\0')) {
         return Err(refused(path, "its path is not UTF-8 text"));
     }

@@ -24,6 +24,7 @@ mod state;
 mod statics;
 mod urdf;
 mod variants;
+mod written;
 
 pub use balance::GivingWay;
 pub use changes::ModelChange;
@@ -31,8 +32,9 @@ pub use error::ModelError;
 pub use geometry::{Geometry, Shape};
 pub use messages::print_warnings;
 pub use model::Model;
-pub use mounted::{Additions, MountedPayload, MountedTool, frame};
+pub use mounted::{Additions, KEPT, MountedPayload, MountedTool, frame};
 pub use obstacle::Obstacle;
 pub use rehearsal::{limit_process, rehearse_with};
 pub use sources::sources;
 pub use state::{Contact, State};
+pub use written::{ModelCalibration, RIGID, WrittenModel};

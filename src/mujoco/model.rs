@@ -101,6 +101,41 @@ impl Model {
         )
     }
 
+    /// The principal moments of inertia of one body (kg m^2), and their axes in the body's frame.
+    #[must_use]
+    pub fn inertia(&self, body: usize) -> (Vector3<f64>, UnitQuaternion<f64>) {
+        let turned = isometry(&[0.0; 3], &self.inner.body_iquat()[body]);
+        let moments = Vector3::from(self.inner.body_inertia()[body]);
+        (moments, turned.rotation)
+    }
+
+    /// Whether a joint has dry friction, and whether what its actuators exert on it is cut off.
+    pub(super) fn drive_limits(&self, joint: usize) -> [bool; 2] {
+        let friction = self.inner.dof_frictionloss()[self.degree_of_joint(joint)] != 0.0;
+        [friction, self.inner.jnt_actfrclimited()[joint]]
+    }
+
+    /// The gain of an actuator's command, and its bias: a constant, what its length and what its speed exert.
+    pub(super) fn actuator_law(&self, actuator: usize) -> (f64, [f64; 3]) {
+        let bias = &self.inner.actuator_biasprm()[actuator];
+        let gain = self.inner.actuator_gainprm()[actuator][0];
+        (gain, [bias[0], bias[1], bias[2]])
+    }
+
+    /// The number of tendons.
+    pub(super) fn tendons(&self) -> usize {
+        self.inner.tendon_stiffness().len()
+    }
+
+    /// A tendon by its name, or `tendon <id>`.
+    pub(super) fn tendon(&self, name: &str) -> Result<usize, ModelError> {
+        let known = |&tendon: &usize| self.name(MjtObjBase::mjOBJ_TENDON, "tendon", tendon) == name;
+        let count = self.tendons();
+        (0..count)
+            .find(known)
+            .ok_or_else(|| self.unknown("tendon", MjtObjBase::mjOBJ_TENDON, name, count))
+    }
+
     /// The share of a body's mass that weighs on the arm: what the model does not compensate. MuJoCo
     /// compensates nothing where springs and dampers are both switched off.
     #[must_use]

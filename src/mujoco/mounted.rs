@@ -8,6 +8,9 @@ use super::error::refused;
 use super::{Model, ModelError, Obstacle};
 use crate::text::wrong_name;
 
+/// What the names begin with of what a calibrated model keeps: texts, and payloads.
+pub const KEPT: &str = "elastocal_";
+
 /// A tool: a frame that becomes a site of the model.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MountedTool {
@@ -54,10 +57,10 @@ impl Model {
     ///
     /// # Errors
     /// There is neither.
-    fn carrier(&self, name: &str) -> Result<(String, Isometry3<f64>), ModelError> {
+    pub(super) fn carrier(&self, name: &str) -> Result<(usize, Isometry3<f64>), ModelError> {
         let body = (1..self.bodies()).find(|&body| self.body_name(body) == name);
         if let Some(body) = body {
-            return Ok((self.body_name(body), Isometry3::identity()));
+            return Ok((body, Isometry3::identity()));
         }
         let (body, body_from_site) = self.site_body(self.site(name).map_err(|error| {
             let known: Vec<String> = (1..self.bodies())
@@ -71,7 +74,7 @@ impl Model {
                 ),
             )
         })?);
-        Ok((self.body_name(body), body_from_site))
+        Ok((body, body_from_site))
     }
 
     /// Adds tools and payloads to the file's elements; the model is what the file says alone.
@@ -81,7 +84,15 @@ impl Model {
             if let Some(problem) = wrong_name(&tool.name) {
                 return Err(failed(problem));
             }
+            if self.site(&tool.name).is_ok() {
+                return Err(failed(format!(
+                    "it has a site named {:?} already: leave the tool of that name out of the scenario, or name it \
+                     otherwise",
+                    tool.name
+                )));
+            }
             let (body, body_from) = self.carrier(&tool.on)?;
+            let body = self.body_name(body);
             let frame = body_from * tool.from_tool;
             let body = (spec.body_mut(&body))
                 .ok_or_else(|| failed(format!("the body {body:?} has no name in the file")))?;
@@ -93,8 +104,17 @@ impl Model {
                 .with_quat([w, x, y, z])
                 .with_group(4);
         }
+        let names = (1..self.bodies()).filter_map(|body| self.named_body(body));
+        let mut own = names.filter(|name| name.starts_with(&format!("{KEPT}payload_")));
+        if let (Some(name), false) = (own.next(), additions.payloads.is_empty()) {
+            return Err(failed(format!(
+                "the payload that it was exported with is a body of it ({name}): leave [[robot.payload]] out of the \
+                 scenario, or remove that body"
+            )));
+        }
         for payload in &additions.payloads {
             let (body, body_from) = self.carrier(&payload.on)?;
+            let body = self.body_name(body);
             let centre = body_from * Point3::from(payload.centre_m);
             let body = (spec.body_mut(&body))
                 .ok_or_else(|| failed(format!("the body {body:?} has no name in the file")))?;

@@ -15,6 +15,7 @@ pub use schema::scenario_schema;
 use crate::gate::Gate;
 use crate::laboratory::Laboratory;
 use crate::measurement::Origin;
+use crate::mujoco::Additions;
 use crate::study::{Conditions, Setting, StudySettings};
 use crate::task::Task;
 use crate::testbed::Truth;
@@ -61,6 +62,8 @@ pub struct Scenario {
     pub doubts: Vec<String>,
     /// How much worse results may get.
     pub gate: Gate,
+    /// The tools and payloads that it mounts on the robot.
+    pub mounted: Additions,
 }
 
 impl Scenario {

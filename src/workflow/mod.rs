@@ -5,8 +5,10 @@
 //! - [`run`]: the designed plan beside others, through the whole loop.
 //! - [`study`]: the plans of a study, and what its runs come to.
 //! - [`identify`]: compliances from measurements, with residuals and likely mistakes.
+//! - [`export`]: the calibrated robot as a model's file.
 
 pub mod design;
+pub mod export;
 pub mod identify;
 pub mod init;
 pub mod run;

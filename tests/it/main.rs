@@ -18,6 +18,7 @@
 //! - `compensation_trust`: what `compensate` makes of files that it should not trust.
 //! - `command_line`: the commands, seen from outside the process.
 //! - `init`: a first scenario for models of all kinds, and URDF.
+//! - `exported_models`: the calibrated robot as MJCF and URDF, read again.
 //! - `gate`: comparing results against tolerances, seen from outside the process.
 //! - `gate_refusals`: results and tolerances that cannot be compared.
 //! - `interruptions`: studies that are killed, disks that fill up.
@@ -92,6 +93,7 @@ mod elastic_beliefs;
 #[cfg(feature = "view")]
 mod error_sources;
 mod exchanges;
+mod exported_models;
 mod faults;
 mod force_sizes;
 mod gate;

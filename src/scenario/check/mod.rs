@@ -64,11 +64,7 @@ impl Checker<'_> {
             .map_err(|error| FileError::new(self.path, error.message().to_owned()))?;
         self.check_names(&table)?;
 
-        let additions = Additions {
-            obstacles: self.obstacles(&file)?,
-            tools: self.tools(&file.robot)?,
-            payloads: self.payloads(&file.robot)?,
-        };
+        let additions = self.additions(&file)?;
         let locked = self.locked(&file.robot)?;
         let model = self.model("robot.model", &file.robot.model, &additions)?;
         let model = match file.robot.actuators {
@@ -159,7 +155,20 @@ impl Checker<'_> {
             laboratory,
             doubts: before.doubts,
             gate: self.gate(file.gate)?,
+            mounted: Additions {
+                obstacles: Vec::new(),
+                ..additions
+            },
             files: self.inputs.borrow().files(),
+        })
+    }
+
+    /// What it adds to its models.
+    fn additions(&self, file: &File) -> Result<Additions, FileError> {
+        Ok(Additions {
+            obstacles: self.obstacles(file)?,
+            tools: self.tools(&file.robot)?,
+            payloads: self.payloads(&file.robot)?,
         })
     }
 

@@ -1,0 +1,97 @@
+//! `export`: the calibrated robot as a model's file.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use elastocal::files::output::write_whole;
+use elastocal::identification::StoredIdentification;
+use elastocal::record::messages::ProvenanceMessage;
+use elastocal::text::wording::shell_word;
+use elastocal::workflow::export::{ExportedModel, ModelFormat, export};
+use serde_json::json;
+
+use super::identified::read_identified;
+use super::{Common, Report, check_outputs, inputs, named_by_file, results, without_effect};
+
+/// Arguments of `export`.
+#[derive(Debug, Args)]
+#[command(mut_arg("scenario", named_by_file))]
+#[command(mut_args(without_effect(&["seed", "threads", "out"])))]
+pub struct Export {
+    #[command(flatten)]
+    pub common: Common,
+    /// What `identify --identified-out` wrote.
+    #[arg(long, value_name = "FILE")]
+    identified: PathBuf,
+    /// Where to write the model: MJCF if it ends in .xml, URDF if it ends in .urdf.
+    #[arg(long, value_name = "FILE")]
+    model_out: PathBuf,
+}
+
+impl Export {
+    pub fn execute(&self) -> anyhow::Result<Report> {
+        let origin = StoredIdentification::origin(&self.identified)?;
+        let file = shell_word(&self.identified.to_string_lossy());
+        let usage = format!("elastocal export SCENARIO --identified {file}");
+        let scenario = (self.common).load_for(&self.identified, origin.as_ref(), &usage)?;
+        let identified = read_identified(&self.identified, &scenario)?;
+        let format = ModelFormat::of(&self.model_out)?;
+        let mut roles = inputs(&scenario);
+        roles.reads("what was identified", &self.identified);
+        check_outputs(&mut roles, &[("--model-out", Some(&self.model_out))])?;
+        self.common
+            .say(&format!("writing the robot as {}", format.name()));
+        let provenance =
+            ProvenanceMessage::new(&scenario).with_input("identified", &self.identified)?;
+        let known = (&identified.posterior, &identified.compliance_rad_per_nm[..]);
+        let exported = export(&scenario, known, &provenance, &self.model_out)?;
+        write_whole(&self.model_out, exported.text.as_bytes())?;
+        let mut text = describe(&exported);
+        text += &format!("wrote {}\n", self.model_out.display());
+        Ok(Report {
+            json: results(
+                "export",
+                &provenance,
+                json!({
+                    "model_file": self.model_out,
+                    "format": format.name(),
+                    "parameters": identified.posterior.names,
+                    "configurations": exported.configurations,
+                    "place_difference_mm": exported.place_difference_m * 1e3,
+                    "rotation_difference_mrad": exported.rotation_difference_rad * 1e3,
+                    "deflection_difference_mm": exported.deflection_difference_m.map(|each| each * 1e3),
+                    "not_expressed": exported.not_expressed,
+                    "to_leave_out": exported.to_leave_out,
+                    "conditions": identified.conditions,
+                }),
+            ),
+            text,
+            conditions: identified.conditions,
+        })
+    }
+}
+
+fn describe(exported: &ExportedModel) -> String {
+    let mut text = format!(
+        "In {} configurations the robot that MuJoCo reads from the file stands within {:.1e} mm of the identified one",
+        exported.configurations,
+        exported.place_difference_m * 1e3
+    );
+    text += &match exported.deflection_difference_m {
+        Some(difference) => format!(
+            ", and bent by gravity and load within {:.1e} mm.\n",
+            difference * 1e3
+        ),
+        None => ".\n".to_owned(),
+    };
+    for each in &exported.not_expressed {
+        text += &format!("not in the file: {each}\n");
+    }
+    if !exported.to_leave_out.is_empty() {
+        text += &format!(
+            "a scenario that takes it for robot.model leaves out: {}\n",
+            exported.to_leave_out.join(", ")
+        );
+    }
+    text
+}

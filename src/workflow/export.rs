@@ -1,0 +1,441 @@
+//! The calibrated robot as a model's file: MJCF or URDF.
+//!
+//! Nothing is written that does not come back: the text is read again by MuJoCo, and the robot in it stands where the
+//! identified one stands, and bends as it does.
+
+use std::path::Path;
+
+use nalgebra::{DVector, Isometry3, UnitQuaternion};
+use serde_json::json;
+
+use crate::files::FileError;
+use crate::mujoco::{KEPT, Model, ModelCalibration, ModelError, WrittenModel};
+use crate::numeric::posterior::Posterior;
+use crate::parameter::{ElasticArm, Parameter, ParameterKind};
+use crate::record::messages::ProvenanceMessage;
+use crate::robot::{EquilibriumSolver, Load, SerialChain, Tool, rotation_vector};
+use crate::scenario::Scenario;
+use crate::task::Belief;
+
+/// So many configurations are looked at.
+const CONFIGURATIONS: usize = 100;
+/// What is written may differ from what was identified by so much (m, rad).
+const SAME: f64 = 1e-9;
+
+/// In which language a model is written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ModelFormat {
+    /// MuJoCo's own, with stiffnesses.
+    Mjcf,
+    /// The one of ROS: geometry and masses.
+    Urdf,
+}
+
+impl ModelFormat {
+    /// By a file's ending.
+    ///
+    /// # Errors
+    /// It is none of those known.
+    pub fn of(path: &Path) -> Result<Self, FileError> {
+        let ending = path.extension().unwrap_or_default().to_string_lossy();
+        match ending.to_lowercase().as_str() {
+            "xml" | "mjcf" => Ok(Self::Mjcf),
+            "urdf" => Ok(Self::Urdf),
+            _ => Err(
+                FileError::new(path, "its ending does not tell what to write")
+                    .hint("end it in .xml for MJCF or in .urdf"),
+            ),
+        }
+    }
+
+    /// Its name.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Mjcf => "MJCF",
+            Self::Urdf => "URDF",
+        }
+    }
+}
+
+/// A model that was written, and what is to be known about it.
+#[derive(Debug, Clone)]
+pub struct ExportedModel {
+    /// Its text.
+    pub text: String,
+    /// What was identified or is in the scenario and the file has no words for.
+    pub not_expressed: Vec<String>,
+    /// The largest differences between the robot as MuJoCo reads it from the text and the identified one, over
+    /// [`Self::configurations`]: of a tool's place (m) and orientation (rad), unloaded, with rigid joints.
+    pub place_difference_m: f64,
+    /// See [`Self::place_difference_m`].
+    pub rotation_difference_rad: f64,
+    /// The same of the deflection under gravity and a load (m); none where the format has no stiffness.
+    pub deflection_difference_m: Option<f64>,
+    /// How many configurations were looked at.
+    pub configurations: usize,
+    /// What a scenario that takes the file for its model must no longer say.
+    pub to_leave_out: Vec<String>,
+}
+
+/// The arm that was identified: with these values of a belief's unknowns, and the compliance of every joint
+/// (rad/(N m)).
+#[must_use]
+pub fn identified_arm(
+    belief: &Belief,
+    values: &[f64],
+    compliance_rad_per_nm: &[f64],
+) -> ElasticArm {
+    match &belief.uncertain {
+        Some(extended) => extended.set().apply(extended.arm(), values),
+        None => ElasticArm {
+            compliance_rad_per_nm: compliance_rad_per_nm.to_vec(),
+            ..belief.arm()
+        },
+    }
+}
+
+/// Writes the robot of a scenario as it was identified, for a file.
+///
+/// # Errors
+/// The model's file cannot say it, or would not be read as the same robot.
+pub fn export(
+    scenario: &Scenario,
+    (posterior, compliance_rad_per_nm): (&Posterior, &[f64]),
+    provenance: &ProvenanceMessage,
+    path: &Path,
+) -> Result<ExportedModel, FileError> {
+    let format = ModelFormat::of(path)?;
+    let belief = &scenario.task.belief;
+    let nominal = belief.arm();
+    let arm = identified_arm(belief, &posterior.mean, compliance_rad_per_nm);
+    let mut calibration = calibration(&nominal, &arm);
+    calibration.additions = scenario.mounted.clone();
+    let unsaid = unsaid(belief, &posterior.mean);
+    keep(&mut calibration, posterior, belief, provenance, &unsaid);
+    let model = &belief.nominal.model;
+    let failed = |error: &ModelError| {
+        let wrong = FileError::new(&scenario.path, error.to_string()).at("robot.model");
+        match error.hint() {
+            Some(hint) => wrong.hint(hint),
+            None => wrong,
+        }
+    };
+    let write = |folder: &Path| match format {
+        ModelFormat::Mjcf => model.calibrated_mjcf(&calibration, folder),
+        ModelFormat::Urdf => model.calibrated_urdf(&calibration, folder),
+    };
+    let differences =
+        differences(scenario, &arm, format, &write).map_err(|error| failed(&error))?;
+    if !(differences.place_m.max(differences.rotation_rad) <= SAME
+        && differences.deflection_m.unwrap_or(0.0) <= SAME)
+    {
+        let problem = format!(
+            "cannot be written faithfully: read again, the robot stands up to {:.2e} mm and {:.2e} rad elsewhere and \
+             bends up to {:.2e} mm otherwise than was identified",
+            differences.place_m * 1e3,
+            differences.rotation_rad,
+            differences.deflection_m.unwrap_or(0.0) * 1e3
+        );
+        return Err(FileError::new(model.path(), problem)
+            .hint("please report the model; nothing was written"));
+    }
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let WrittenModel {
+        text,
+        not_expressed,
+    } = write(folder).map_err(|error| failed(&error))?;
+    Ok(ExportedModel {
+        text,
+        not_expressed: unsaid.into_iter().chain(not_expressed).collect(),
+        place_difference_m: differences.place_m,
+        rotation_difference_rad: differences.rotation_rad,
+        deflection_difference_m: differences.deflection_m,
+        configurations: CONFIGURATIONS,
+        to_leave_out: to_leave_out(scenario, format),
+    })
+}
+
+/// What is different about an arm.
+#[must_use]
+pub fn calibration(nominal: &ElasticArm, arm: &ElasticArm) -> ModelCalibration {
+    let between = |one: &Isometry3<f64>, other: &Isometry3<f64>| {
+        if one == other {
+            Isometry3::identity()
+        } else {
+            one.inverse() * other
+        }
+    };
+    let joints = nominal.chain.joints.iter().zip(&arm.chain.joints);
+    let links = joints
+        .clone()
+        .zip(&arm.zero_rad)
+        .map(|((from, to), &zero)| {
+            let by = between(&from.previous_from_link, &to.previous_from_link);
+            if zero == 0.0 {
+                by
+            } else if to.drive.slides {
+                by * Isometry3::from_parts(
+                    (to.axis.into_inner() * zero).into(),
+                    UnitQuaternion::identity(),
+                )
+            } else {
+                by * UnitQuaternion::from_axis_angle(&to.axis, zero)
+            }
+        });
+    let factor = |from: f64, to: f64| {
+        let is_same = from.to_bits() == to.to_bits();
+        if is_same { 1.0 } else { to / from }
+    };
+    ModelCalibration {
+        links: links.collect(),
+        zero: arm.zero_rad.clone(),
+        compliance: arm.compliance_rad_per_nm.clone(),
+        mass_factor: joints
+            .clone()
+            .map(|(from, to)| factor(from.mass_kg, to.mass_kg))
+            .collect(),
+        centre_shift_m: joints
+            .map(|(from, to)| to.centre_of_mass_m - from.centre_of_mass_m)
+            .collect(),
+        sites: (nominal.tools.iter().zip(&arm.tools))
+            .map(|(from, to)| {
+                (
+                    to.name.clone(),
+                    between(&from.link_from_tool, &to.link_from_tool),
+                )
+            })
+            .collect(),
+        springs: (arm.chain.elements.springs.iter())
+            .map(|spring| (spring.name.clone(), spring.stiffness_n_per_m, spring.rest_m))
+            .collect(),
+        ..ModelCalibration::default()
+    }
+}
+
+/// What was identified and is no matter of the robot's model.
+fn unsaid(belief: &Belief, values: &[f64]) -> Vec<String> {
+    let Some(extended) = &belief.uncertain else {
+        return Vec::new();
+    };
+    let parameters = extended.set().parameters().iter().zip(values);
+    let reason = |kind| {
+        Some(match kind {
+            ParameterKind::BasePosition { .. } | ParameterKind::BaseRotation { .. } => {
+                "the robot's place in the instrument's frame, which the model does not have"
+            }
+            ParameterKind::LoadScale | ParameterKind::LoadOffset => {
+                "of the loads in the laboratory"
+            }
+            ParameterKind::TaskScale | ParameterKind::TaskForce { .. } => "of the task's loads",
+            ParameterKind::PayloadMass | ParameterKind::PayloadCentre { .. } => {
+                "of a payload that the scenario's robot carries beside its model"
+            }
+            _ => return None,
+        })
+    };
+    parameters
+        .filter_map(|(parameter, value)| {
+            let reason = reason(parameter.kind)?;
+            let unit = match parameter.unit() {
+                "1" => "in the logarithm",
+                unit => unit,
+            };
+            Some(format!("{} = {value:.6e} {unit}: {reason}", parameter.name))
+        })
+        .collect()
+}
+
+/// What stays with the model.
+fn keep(
+    calibration: &mut ModelCalibration,
+    posterior: &Posterior,
+    belief: &Belief,
+    provenance: &ProvenanceMessage,
+    unsaid: &[String],
+) {
+    let units: Vec<&str> = match &belief.uncertain {
+        Some(extended) => (extended.set().parameters().iter())
+            .map(Parameter::unit)
+            .collect(),
+        None => vec!["rad/(N m)"; posterior.names.len()],
+    };
+    let parameters: Vec<_> = (posterior.names.iter().zip(units).enumerate())
+        .map(|(index, (name, unit))| {
+            json!({
+                "name": name,
+                "unit": unit,
+                "value": posterior.mean[index],
+                "standard_error": posterior.standard_error(index),
+            })
+        })
+        .collect();
+    let rows = posterior.covariance.row_iter();
+    let covariance: Vec<Vec<f64>> = rows.map(|row| row.iter().copied().collect()).collect();
+    let text = |what: &str, value: serde_json::Value| (format!("{KEPT}{what}"), value.to_string());
+    calibration.texts = vec![
+        text("provenance", json!(provenance)),
+        text("parameters", json!(parameters)),
+        text("covariance", json!(covariance)),
+        text("not_expressed", json!(unsaid)),
+    ];
+}
+
+/// What a scenario says that is in the file now.
+fn to_leave_out(scenario: &Scenario, format: ModelFormat) -> Vec<String> {
+    if format == ModelFormat::Urdf {
+        return Vec::new();
+    }
+    let robot = &scenario.task.belief.nominal;
+    let mut all = Vec::new();
+    if !scenario.mounted.tools.is_empty() {
+        all.push("[[robot.tool]]".to_owned());
+    }
+    if !scenario.mounted.payloads.is_empty() {
+        all.push("[[robot.payload]]".to_owned());
+    }
+    let own = (robot.chain.joints.iter()).map(|joint| joint.model_compliance_rad_per_nm);
+    if own
+        .zip(&robot.compliance_rad_per_nm)
+        .any(|(own, &believed)| own != Some(believed))
+    {
+        all.push("robot.compliance_rad_per_nm".to_owned());
+    }
+    if robot.model.ignores_actuators() {
+        all.push("robot.actuators".to_owned());
+    }
+    all
+}
+
+struct Differences {
+    place_m: f64,
+    rotation_rad: f64,
+    deflection_m: Option<f64>,
+}
+
+/// How the robot that is read again differs from an arm.
+fn differences(
+    scenario: &Scenario,
+    arm: &ElasticArm,
+    format: ModelFormat,
+    write: &dyn Fn(&Path) -> Result<WrittenModel, ModelError>,
+) -> Result<Differences, ModelError> {
+    let own = &scenario.task.belief.nominal.model;
+    let failed = |error: std::io::Error| ModelError::Read {
+        path: own.path().to_owned(),
+        source: error,
+    };
+    let folder = tempfile::tempdir().map_err(failed)?;
+    let ending = match format {
+        ModelFormat::Mjcf => "xml",
+        ModelFormat::Urdf => "urdf",
+    };
+    let file = folder.path().join(format!("model.{ending}"));
+    std::fs::write(&file, write(folder.path())?.text).map_err(failed)?;
+    let model = Model::load(&file)?;
+    let locked: Vec<(String, f64)> = (own.locked().iter())
+        .map(|&(joint, value)| (own.joint_name(joint), value))
+        .filter(|(name, _)| model.joint(name).is_ok())
+        .collect();
+    let mut model = model.with_locked(&locked)?;
+    if format == ModelFormat::Urdf {
+        model = model.without_actuators();
+    }
+    let chain = SerialChain::from_model(&model)?;
+    let mut found = Differences {
+        place_m: 0.0,
+        rotation_rad: 0.0,
+        deflection_m: (format == ModelFormat::Mjcf).then_some(0.0),
+    };
+    for tool in &arm.tools {
+        let again = match format {
+            ModelFormat::Mjcf => SerialChain::tool(&model, &tool.name)?,
+            ModelFormat::Urdf => {
+                let mut bodies = (1..model.bodies()).rev();
+                let link = bodies.find(|&body| model.body_name(body) == tool.name);
+                // A site that is in the model alone is no link of a description that is one.
+                let Some(link) = link else { continue };
+                SerialChain::on_body(&model, link)?
+            }
+        };
+        let loads = scenario.task.test_poses.iter().map(|pose| pose.load);
+        let load = loads.max_by(|one, other| one.wrench().norm().total_cmp(&other.wrench().norm()));
+        compare(
+            arm,
+            tool,
+            (&chain, &again),
+            &load.unwrap_or(Load::NONE),
+            &mut found,
+        );
+    }
+    Ok(found)
+}
+
+/// Compares an arm's tool with that of another chain in configurations all over the joints' ranges.
+fn compare(
+    arm: &ElasticArm,
+    tool: &Tool,
+    (chain, again): (&SerialChain, &Tool),
+    load: &Load,
+    found: &mut Differences,
+) {
+    let own = arm.loaded_chain();
+    let joints = own.len();
+    let places: Vec<Option<usize>> = (chain.joints.iter())
+        .map(|joint| own.joints.iter().position(|each| each.name == joint.name))
+        .collect();
+    let compliance: Vec<f64> = (chain.joints.iter())
+        .map(|joint| joint.model_compliance_rad_per_nm.unwrap_or_default())
+        .collect();
+    let mut solvers = [
+        EquilibriumSolver::new(joints),
+        EquilibriumSolver::new(chain.len()),
+    ];
+    for number in 1..=CONFIGURATIONS {
+        let commanded = configuration(&own, number);
+        let standing: Vec<f64> = (commanded.iter().zip(&arm.zero_rad))
+            .map(|(q, zero)| q + zero)
+            .collect();
+        let others: Vec<f64> = places
+            .iter()
+            .map(|place| place.map_or(0.0, |place| commanded[place]))
+            .collect();
+        let (one, other) = (
+            own.at(tool).state(&standing),
+            chain.at(again).state(&others),
+        );
+        let turned = rotation_vector(&(one.tool_rotation.transpose() * other.tool_rotation));
+        found.place_m = found
+            .place_m
+            .max((one.tool_position - other.tool_position).norm());
+        found.rotation_rad = found.rotation_rad.max(turned.norm());
+        let Some(deflection) = &mut found.deflection_m else {
+            continue;
+        };
+        let [ours, theirs] = &mut solvers;
+        for load in [Load::NONE, *load] {
+            let (mut one, mut other) = (own.at(tool), chain.at(again));
+            let solved = ours.solve(&mut one, &arm.compliance_rad_per_nm, &standing, &load);
+            let also = theirs.solve(&mut other, &compliance, &others, &load);
+            let apart = match (solved, also) {
+                (Ok(_), Ok(_)) => ours.state().tool_position - theirs.state().tool_position,
+                // Where the one has no rest, the other has none.
+                (Err(_), Err(_)) => continue,
+                _ => nalgebra::Vector3::repeat(f64::INFINITY),
+            };
+            *deflection = deflection.max(apart.norm());
+        }
+    }
+}
+
+/// A configuration, far from those of other numbers: an additive recurrence with roots of primes.
+fn configuration(chain: &SerialChain, number: usize) -> DVector<f64> {
+    const PRIMES: [f64; 8] = [2.0, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0];
+    let joints = chain.joints.iter().enumerate().map(|(index, joint)| {
+        let root = (PRIMES[index % PRIMES.len()] + (index / PRIMES.len()) as f64 * 0.1).sqrt();
+        let share = (number as f64 * root).fract();
+        let [low, high] = joint.range_rad;
+        low + share * (high - low)
+    });
+    DVector::from_iterator(chain.len(), joints)
+}

@@ -1,0 +1,651 @@
+//! The calibrated robot as MJCF and URDF: read again it stands and bends as the identified one, and what was not
+//! identified stays as it was written.
+
+use std::fmt::Write as _;
+use std::process::Command;
+
+use elastocal::mujoco::{Model, ModelCalibration, State};
+use elastocal::numeric::random::generator;
+use elastocal::parameter::{Axis, ElasticArm, ParameterKind, ParameterSet};
+use elastocal::robot::{EquilibriumSolver, Load, SerialChain, Tool};
+use elastocal::workflow::export::calibration;
+use nalgebra::Vector3;
+use rand::RngExt;
+use serde_json::Value;
+
+use crate::random_models::{Features, random_model};
+use crate::support::{Workplace, numbers};
+
+/// An arm as its model says, with a site as its tool, and MuJoCo's identifiers of its joints.
+fn arm_of(model: &Model, site: &str) -> ElasticArm {
+    let chain = SerialChain::from_model(model).expect("a serial arm");
+    let compliance = (chain.joints.iter())
+        .map(|joint| joint.model_compliance_rad_per_nm.expect("it is elastic"))
+        .collect();
+    let tool = SerialChain::tool(model, site).expect("a site");
+    ElasticArm::new(chain, compliance, vec![tool])
+}
+
+/// Everything that can be unknown about an arm, with values at random.
+fn unknowns(arm: &ElasticArm, seed: u64) -> (ParameterSet, Vec<f64>) {
+    let mut random = generator(1717, seed);
+    let mut kinds = ParameterKind::all_of(arm);
+    for (link, joint) in arm.chain.joints.iter().enumerate() {
+        if joint.mass_kg > 0.0 {
+            kinds.push(ParameterKind::LinkMass { link });
+            kinds.extend(Axis::ALL.map(|axis| ParameterKind::LinkCentre { link, axis }));
+        }
+    }
+    let set = ParameterSet::new(arm, kinds.into_iter().map(|kind| (kind, None))).expect("a set");
+    let values = set.parameters().iter().map(|parameter| {
+        let draw: f64 = random.random_range(-1.0..=1.0);
+        match parameter.kind {
+            ParameterKind::JointCompliance { .. } | ParameterKind::SpringStiffness { .. } => {
+                parameter.nominal * (1.0 + 0.3 * draw)
+            }
+            _ => parameter.nominal + 0.03 * draw,
+        }
+    });
+    let values = values.collect();
+    (set, values)
+}
+
+/// How far a tool of an arm and a site of a model lie apart in configurations at random, unloaded and rigid, as MuJoCo
+/// sees the model (m).
+fn apart(arm: &ElasticArm, model: &Model, place: &dyn Fn(&State) -> Vector3<f64>) -> f64 {
+    let mut random = generator(1718, 0);
+    let mut state = State::new(model);
+    let mut worst: f64 = 0.0;
+    for _ in 0..20 {
+        let commanded: Vec<f64> = (arm.chain.joints.iter())
+            .map(|joint| match joint.drive.passive_at {
+                Some(rest) => rest,
+                None => random.random_range(-1.5..=1.5),
+            })
+            .collect();
+        let standing: Vec<f64> = (commanded.iter().zip(&arm.zero_rad))
+            .map(|(q, zero)| q + zero)
+            .collect();
+        let ours = arm.chain.at(&arm.tools[0]).state(&standing).tool_position;
+        state.move_to(&commanded);
+        worst = worst.max((ours - place(&state)).norm());
+    }
+    worst
+}
+
+/// How differently two arms stand under gravity and a load (m).
+fn bent_apart(
+    arm: &ElasticArm,
+    (chain, tool): (&SerialChain, &Tool),
+    force_n: Vector3<f64>,
+) -> Option<f64> {
+    let load = Load {
+        force_n,
+        ..Load::NONE
+    };
+    let compliance: Vec<f64> = (chain.joints.iter())
+        .map(|joint| joint.model_compliance_rad_per_nm.expect("it is elastic"))
+        .collect();
+    let commanded: Vec<f64> = (arm.chain.joints.iter().enumerate())
+        .map(|(index, joint)| joint.drive.passive_at.unwrap_or(0.3 - 0.2 * index as f64))
+        .collect();
+    let standing: Vec<f64> = (commanded.iter().zip(&arm.zero_rad))
+        .map(|(q, zero)| q + zero)
+        .collect();
+    let mut one = EquilibriumSolver::new(arm.chain.len());
+    let mut other = EquilibriumSolver::new(chain.len());
+    one.solve(
+        &mut arm.chain.at(&arm.tools[0]),
+        &arm.compliance_rad_per_nm,
+        &standing,
+        &load,
+    )
+    .ok()?;
+    other
+        .solve(&mut chain.at(tool), &compliance, &commanded, &load)
+        .expect("it rests, too");
+    Some((one.state().tool_position - other.state().tool_position).norm())
+}
+
+#[test]
+fn whatever_is_identified_comes_back() {
+    let place = Workplace::new();
+    let (mut bent, folder) = (0, place.path("out"));
+    std::fs::create_dir(&folder).expect("a folder");
+    for seed in 0..40 {
+        let (mjcf, _, _, force_n) = random_model(seed, Features::Belief);
+        place.write("arm.xml", &mjcf);
+        let model = Model::load(&place.path("arm.xml")).expect("a model");
+        let nominal = arm_of(&model, "tool");
+        let (set, values) = unknowns(&nominal, seed);
+        let arm = set.apply(&nominal, &values);
+        let written = model
+            .calibrated_mjcf(&calibration(&nominal, &arm), &folder)
+            .expect("it can be written");
+        assert!(
+            written.not_expressed.is_empty(),
+            "{:?}",
+            written.not_expressed
+        );
+        place.write("out/arm.xml", &written.text);
+        let again = Model::load(&place.path("out/arm.xml")).expect("MuJoCo takes it");
+        let site = again.site("tool").expect("a site");
+        let off_m = apart(&arm, &again, &|state| state.site(site).0);
+        assert!(off_m < 1e-12, "seed {seed}: {off_m:e} m\n{}", written.text);
+        let chain = SerialChain::from_model(&again).expect("a serial arm");
+        let tool = SerialChain::tool(&again, "tool").expect("a site");
+        if let Some(off_m) = bent_apart(&arm, (&chain, &tool), force_n) {
+            assert!(
+                off_m < 1e-10,
+                "seed {seed}: bent {off_m:e} m\n{}",
+                written.text
+            );
+            bent += 1;
+        }
+        // The same as a description, in which springs hold nothing.
+        let written = model
+            .calibrated_urdf(&calibration(&nominal, &arm), &folder)
+            .expect("it can be written");
+        place.write("out/arm.urdf", &written.text);
+        let again = Model::load(&place.path("out/arm.urdf")).expect("MuJoCo takes it");
+        let link = (1..again.bodies())
+            .find(|&body| again.body_name(body) == "tool")
+            .expect("a link");
+        let mut commanded_only = arm.clone();
+        assert_eq!(again.joints(), nominal.chain.commanded().count());
+        commanded_only.zero_rad.clone_from(&arm.zero_rad);
+        let off_m = apart_of_commanded(&arm, &again, link);
+        assert!(off_m < 1e-12, "seed {seed}: {off_m:e} m\n{}", written.text);
+    }
+    assert!(bent > 25, "{bent}");
+}
+
+/// The same as [`apart`] for a model of the commanded joints alone.
+fn apart_of_commanded(arm: &ElasticArm, model: &Model, link: usize) -> f64 {
+    let mut state = State::new(model);
+    let mut worst: f64 = 0.0;
+    for turn in 0..20 {
+        let all: Vec<f64> = (arm.chain.joints.iter().enumerate())
+            .map(|(index, joint)| {
+                joint
+                    .drive
+                    .passive_at
+                    .unwrap_or((f64::from(turn) * (index as f64 + 1.3)).sin())
+            })
+            .collect();
+        let standing: Vec<f64> = (all.iter().zip(&arm.zero_rad))
+            .map(|(q, zero)| q + zero)
+            .collect();
+        let commanded: Vec<f64> = arm.chain.commanded().map(|joint| all[joint]).collect();
+        state.move_to(&commanded);
+        let ours = arm.chain.at(&arm.tools[0]).state(&standing).tool_position;
+        worst = worst.max((ours - state.body_pose(link).translation.vector).norm());
+    }
+    worst
+}
+
+/// Three joints in one body, one in another inside two frames, classes of defaults, a part that is included with a mesh
+/// of its own, degrees, and Euler angles in an order of their own.
+fn written_by_hand(place: &Workplace) {
+    for folder in ["robot", "robot/parts", "elsewhere"] {
+        std::fs::create_dir(place.path(folder)).expect("a folder");
+    }
+    place.write(
+        "robot/parts/hand.xml",
+        "<mujocoinclude>\n  <!-- the hand -->\n  <body name=\"hand\" pos=\"0 0 0.4\" euler=\"10 20 30\">\n    <joint name=\"wrist\" axis=\"1 0 0\"/>\n    <geom type=\"mesh\" mesh=\"wedge\" mass=\"2\"/>\n    <site name=\"tip\" pos=\"0.1 0 0.2\" axisangle=\"0 1 0 90\"/>\n  </body>\n</mujocoinclude>\n",
+    );
+    place.write(
+        "robot/parts/wedge.obj",
+        "v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nv 0 0 0.1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n",
+    );
+    place.write(
+        "robot/arm.xml",
+        r#"<?xml version="1.0"?>
+<!-- by hand -->
+<mujoco model="by hand">
+  <compiler angle="degree" eulerseq="zyx" meshdir="parts" autolimits="true"/>
+  <default>
+    <joint range="-170 170"/>
+    <default class="soft"><position kp="2e5" inheritrange="1"/></default>
+    <default class="held"><joint ref="15"/></default>
+  </default>
+  <asset><mesh name="wedge" file="wedge.obj"/></asset>
+  <worldbody>
+    <frame pos="0.1 0 0" euler="30 0 0">
+      <frame pos="0 0 0.3" zaxis="0.1 0.2 1">
+        <body name="base" childclass="held">
+          <inertial pos="0 0 0.1" mass="20" diaginertia="1 1 1"/>
+          <joint name="turn" axis="0 0 1"/>
+          <joint name="lean" axis="0 1 0" pos="0 0 0.1"/>
+          <body name="upper" pos="0.1 0 0.5" xyaxes="1 0 0 0 1 1">
+            <geom type="capsule" size="0.05" fromto="0 0 0 0 0 0.3" mass="9"/>
+            <joint name="bend" axis="0 1 0" class="main"/>
+            <include file="parts/hand.xml"/>
+          </body>
+        </body>
+      </frame>
+    </frame>
+  </worldbody>
+  <actuator>
+    <position class="soft" joint="turn"/>
+    <position class="soft" joint="lean" kp="3e5"/>
+    <general joint="bend" gear="2" gainprm="1e5" biastype="affine" biasprm="20 -1e5 -10"/>
+    <position class="soft" joint="wrist"/>
+  </actuator>
+</mujoco>
+"#,
+    );
+    let mut plan =
+        String::from("q1_deg,q2_deg,q3_deg,q4_deg,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm,repeats\n");
+    for turn in 0..12 {
+        let angle = |index: i32| (turn * 37 + index * (turn + 50)) % 120 - 60;
+        let _ = writeln!(
+            plan,
+            "{},{},{},{},0,{},-300,0,0,0,1",
+            angle(1),
+            angle(2),
+            angle(3),
+            angle(4),
+            100 * (turn % 3)
+        );
+    }
+    place.write("plan.csv", plan);
+}
+
+const SCENARIO: &str = r#"
+[robot]
+model = "MODEL"
+calibration_site = "reflector"
+machining_site = "tip"
+parameters = ["turn", "lean", "bend", "wrist"]
+
+TOOLS
+
+[instrument]
+sigma_mm = 0.02
+sigma_of = "deflection"
+
+[[uncertainty]]
+kind = "link_position"
+std_mm = 0.5
+joints = ["turn", "bend", "wrist"]
+
+[[uncertainty]]
+kind = "link_rotation"
+std_mrad = 1
+joints = ["turn", "bend", "wrist"]
+
+[[uncertainty]]
+kind = "joint_zero"
+std_mrad = 2
+
+[[uncertainty]]
+kind = "tool_position"
+std_mm = 1
+
+[[uncertainty]]
+kind = "link_mass"
+std_relative = 0.1
+
+[[uncertainty]]
+kind = "load_scale"
+std_relative = 0.02
+
+[[test_pose]]
+q_deg = [10, 20, 30, 40]
+force_n = [0, 100, -200]
+
+[load]
+kind = "any"
+force_max_n = 400
+
+[design]
+experiments = 4
+"#;
+
+const TOOLS: &str = "[[robot.tool]]\nname = \"reflector\"\non = \"tip\"\nposition_mm = [10, 20, 30]\nrpy_deg = [10, 80, 5]\n\n[[robot.payload]]\non = \"hand\"\nmass_kg = 3\ncentre_mm = [10, 0, 20]";
+
+fn identified(place: &Workplace) -> Value {
+    written_by_hand(place);
+    place.write(
+        "a.toml",
+        SCENARIO
+            .replace("MODEL", "robot/arm.xml")
+            .replace("TOOLS", TOOLS),
+    );
+    place
+        .run("measure a.toml --plan plan.csv --measurements-out m.csv --quiet")
+        .ends_with(0);
+    let outcome =
+        place.run("identify a.toml --measurements m.csv --identified-out i.json --json --quiet");
+    outcome.json()
+}
+
+#[test]
+fn what_was_not_identified_stays_as_it_was_written() {
+    let place = Workplace::new();
+    let identified = identified(&place);
+    let outcome = place.run(
+        "export a.toml --identified i.json --model-out elsewhere/calibrated.xml --json --quiet",
+    );
+    assert!([Some(0), Some(3)].contains(&outcome.code), "{outcome:?}");
+    let json = outcome.json();
+    for key in ["place_difference_mm", "deflection_difference_mm"] {
+        assert!(json[key].as_f64().expect("a number") < 1e-9, "{json}");
+    }
+    let said = json["not_expressed"].to_string();
+    assert!(said.contains("load.scale = "), "{said}");
+    assert_eq!(
+        json["to_leave_out"],
+        serde_json::json!(["[[robot.tool]]", "[[robot.payload]]"])
+    );
+    let text = place.read("elsewhere/calibrated.xml");
+    for kept in [
+        "<!-- by hand -->",
+        "<!-- the hand -->",
+        "<compiler angle=\"degree\" eulerseq=\"zyx\" meshdir=\"parts\" autolimits=\"true\"/>",
+        "<default class=\"soft\"><position kp=\"2e5\" inheritrange=\"1\"/></default>",
+        "<default class=\"held\"><joint ref=\"15\"/></default>",
+        "<mesh name=\"wedge\" file=\"wedge.obj\"/>",
+        "<frame pos=\"0 0 0.3\" zaxis=\"0.1 0.2 1\">",
+        "childclass=\"held\"",
+    ] {
+        assert!(text.contains(kept), "{kept} is gone:\n{text}");
+    }
+    assert!(text.contains("meshdir=\"../robot/parts\""), "{text}");
+    assert!(!text.contains("<include"), "{text}");
+    // The metadata tell what the identification says.
+    let document = kept_in(&text);
+    let parameters: Value = serde_json::from_str(&document("elastocal_parameters")).expect("JSON");
+    let parameters = parameters.as_array().expect("a list").clone();
+    let others = identified["uncertain"].as_array().expect("a list").len();
+    assert_eq!(parameters.len(), 4 + others);
+    let covariance: Vec<Vec<f64>> =
+        serde_json::from_str(&document("elastocal_covariance")).expect("JSON");
+    let of_all = identified["covariance_of_all"].as_array().expect("a list");
+    assert_eq!(covariance.len(), parameters.len());
+    for (kept, told) in covariance.iter().zip(of_all) {
+        for (kept, told) in kept.iter().zip(numbers(told)) {
+            assert!((kept - told).abs() <= 1e-14 * told.abs(), "{kept} {told}");
+        }
+    }
+    assert!(document("elastocal_provenance").contains("scenario_sha256"));
+}
+
+/// The data of what a model keeps by its name.
+fn kept_in(text: &str) -> impl Fn(&str) -> String {
+    move |name| {
+        let start = text
+            .find(&format!("name=\"{name}\" data=\""))
+            .expect("it is there");
+        let data = &text[start + name.len() + 14..];
+        data[..data.find('"').expect("an end")].replace("&quot;", "\"")
+    }
+}
+
+#[test]
+fn the_written_model_is_a_scenario_s_again() {
+    let place = Workplace::new();
+    identified(&place);
+    place.run("export a.toml --identified i.json --model-out b.xml --quiet");
+    place.write(
+        "b.toml",
+        SCENARIO.replace("MODEL", "b.xml").replace("TOOLS", ""),
+    );
+    let check = place.run("check b.toml --json --quiet").ends_with(0).json();
+    let record: Value = serde_json::from_str(&place.read("i.json")).expect("JSON");
+    let applied = record["compliance_applied_rad_per_nm"]
+        .as_array()
+        .expect("a list");
+    for (joint, applied) in check["robot"]["joints"]
+        .as_array()
+        .expect("a list")
+        .iter()
+        .zip(applied)
+    {
+        let [now, then] =
+            [&joint["compliance_rad_per_nm"], applied].map(|each| each.as_f64().expect("a number"));
+        assert!((now / then - 1.0).abs() < 1e-14, "{joint} {then}");
+    }
+    // Identified and exported once more, it keeps what the last identification said alone.
+    place
+        .run("measure b.toml --plan plan.csv --measurements-out m2.csv --quiet")
+        .ends_with(0);
+    place.run("identify b.toml --measurements m2.csv --identified-out i2.json --quiet");
+    place.run("export b.toml --identified i2.json --model-out c.xml --quiet");
+    let again = place.read("c.xml");
+    for once in [
+        "elastocal_provenance",
+        "elastocal_covariance",
+        "elastocal_payload_1",
+        "name=\"reflector\"",
+    ] {
+        assert_eq!(again.matches(once).count(), 1, "{once}");
+    }
+    // What is in it already is not mounted twice.
+    for (kept, said) in [
+        (TOOLS, "it has a site named \"reflector\" already"),
+        (
+            TOOLS.split_once("\n\n").expect("two tables").1,
+            "leave [[robot.payload]] out",
+        ),
+    ] {
+        place.write(
+            "d.toml",
+            SCENARIO.replace("MODEL", "b.xml").replace("TOOLS", kept),
+        );
+        let refused = place.run("check d.toml --quiet").ends_with(1);
+        assert!(refused.stderr.contains(said), "{}", refused.stderr);
+    }
+}
+
+const URDF: &str = r#"<?xml version="1.0"?>
+<robot name="small">
+  <!-- the maker's -->
+  <link name="base_link"><visual><geometry><mesh filename="package://small/base.dae"/></geometry></visual></link>
+  <link name="one"><inertial><origin xyz="0 0 0.1"/><mass value="8"/><inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial></link>
+  <link name="two"><inertial><mass value="4"/><inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial></link>
+  <link name="three"><inertial><mass value="2"/><inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial></link>
+  <link name="flange"/>
+  <joint name="j1" type="revolute"><parent link="base_link"/><child link="one"/><origin xyz="0 0 0.3" rpy="0 0 0.1"/><axis xyz="0 0 1"/><limit lower="-3" upper="3" effort="100" velocity="2"/></joint>
+  <joint name="j2" type="revolute"><parent link="one"/><child link="two"/><origin xyz="0.1 0 0.2" rpy="0.2 1.5707963267948966 0"/><axis xyz="0 1 0"/><limit lower="-2" upper="2" effort="100" velocity="2"/></joint>
+  <joint name="j3" type="continuous"><parent link="two"/><child link="three"/><axis xyz="0 0.6 0.8"/></joint>
+  <joint name="tip" type="fixed"><parent link="three"/><child link="flange"/><origin xyz="0 0.4 0.1"/></joint>
+</robot>
+"#;
+
+/// An arm with all of its geometry at random, a calibration that makes it so, and the tool on its flange.
+fn urdf_arm(place: &Workplace) -> (Model, ElasticArm, ModelCalibration) {
+    place.write("small.urdf", URDF);
+    let model = Model::load(&place.path("small.urdf"))
+        .expect("a model")
+        .without_actuators();
+    let chain = SerialChain::from_model(&model).expect("an arm");
+    let flange = (1..model.bodies())
+        .find(|&body| model.body_name(body) == "flange")
+        .expect("a link");
+    let tool = SerialChain::on_body(&model, flange).expect("it moves");
+    let nominal = ElasticArm::new(chain, vec![1e-5, 2e-5, 3e-5], vec![tool]);
+    let (set, mut values) = unknowns(&nominal, 3);
+    // The flange is a link of the maker's, not a tool that is mounted.
+    for (parameter, value) in set.parameters().iter().zip(&mut values) {
+        if matches!(
+            parameter.kind,
+            ParameterKind::ToolPosition { .. } | ParameterKind::ToolRotation { .. }
+        ) {
+            *value = 0.0;
+        }
+    }
+    let arm = set.apply(&nominal, &values);
+    let mut calibration = calibration(&nominal, &arm);
+    calibration.sites.clear();
+    (model, arm, calibration)
+}
+
+#[test]
+fn a_description_keeps_what_its_maker_wrote() {
+    let place = Workplace::new();
+    let (model, arm, calibration) = urdf_arm(&place);
+    let written = model
+        .calibrated_urdf(&calibration, &place.path(""))
+        .expect("it can be written");
+    for kept in [
+        "<!-- the maker's -->",
+        "package://small/base.dae",
+        "effort=\"100\" velocity=\"2\"",
+    ] {
+        assert!(written.text.contains(kept), "{}", written.text);
+    }
+    assert!(
+        written
+            .not_expressed
+            .iter()
+            .any(|each| each.contains("stiffness"))
+    );
+    place.write("again.urdf", &written.text);
+    let again = Model::load(&place.path("again.urdf")).expect("MuJoCo takes it");
+    let link = (1..again.bodies())
+        .find(|&body| again.body_name(body) == "flange")
+        .expect("a link");
+    let off_m = apart(&arm, &again, &|state| {
+        state.body_pose(link).translation.vector
+    });
+    assert!(off_m < 1e-12, "{off_m:e} m\n{}", written.text);
+    // As MJCF, with the stiffnesses that a description does not have.
+    let written = model
+        .calibrated_mjcf(&calibration, &place.path(""))
+        .expect("it can be written");
+    place.write("again.xml", &written.text);
+    let again = Model::load(&place.path("again.xml")).expect("MuJoCo takes it");
+    let flange = (1..again.bodies())
+        .find(|&body| again.body_name(body) == "flange")
+        .expect("a body");
+    let chain = SerialChain::from_model(&again).expect("an arm whose joints are held");
+    let tool = SerialChain::on_body(&again, flange).expect("it moves");
+    let off_m =
+        bent_apart(&arm, (&chain, &tool), Vector3::new(10.0, -20.0, 30.0)).expect("it rests");
+    assert!(off_m < 1e-10, "{off_m:e} m\n{}", written.text);
+}
+
+#[test]
+fn pinocchio_reads_the_same_robot() {
+    let python = std::env::var("PYTHON").unwrap_or_else(|_| "python3".to_owned());
+    let has_it = Command::new(&python)
+        .args(["-c", "import pinocchio"])
+        .output();
+    if !has_it.is_ok_and(|output| output.status.success()) {
+        eprintln!("skipped: no Python with Pinocchio (pip install pin, or PYTHON=...)");
+        return;
+    }
+    let place = Workplace::new();
+    let (model, arm, calibration) = urdf_arm(&place);
+    let edited = model
+        .calibrated_urdf(&calibration, &place.path(""))
+        .expect("it can be written");
+    place.write("edited.urdf", &edited.text);
+    // And one that is generated from MJCF.
+    let mjcf = model
+        .calibrated_mjcf(&calibration, &place.path(""))
+        .expect("it can be written");
+    place.write("same.xml", mjcf.text);
+    let same = Model::load(&place.path("same.xml")).expect("a model");
+    let nothing = ElasticArm {
+        zero_rad: vec![0.0; 3],
+        ..arm.clone()
+    };
+    let nothing = ModelCalibration {
+        sites: Vec::new(),
+        ..calibration_of_nothing(&nothing)
+    };
+    let generated = same
+        .calibrated_urdf(&nothing, &place.path(""))
+        .expect("it can be written");
+    place.write("generated.urdf", &generated.text);
+    place.write(
+        "look.py",
+        "import sys, json, numpy as np, pinocchio as pin\n\
+         for name in ['edited.urdf', 'generated.urdf']:\n\
+         \x20   model = pin.buildModelFromUrdf(name); data = model.createData()\n\
+         \x20   for line in json.load(open('q.json')):\n\
+         \x20       q = pin.neutral(model)\n\
+         \x20       for joint, angle in zip(['j1', 'j2', 'j3'], line):\n\
+         \x20           j = model.joints[model.getJointId(joint)]\n\
+         \x20           if j.nq == 2: q[j.idx_q:j.idx_q+2] = [np.cos(angle), np.sin(angle)]\n\
+         \x20           else: q[j.idx_q] = angle\n\
+         \x20       pin.framesForwardKinematics(model, data, q)\n\
+         \x20       frame = data.oMf[model.getFrameId('flange', pin.FrameType.BODY)]\n\
+         \x20       print(*[repr(float(x)) for x in frame.translation])\n",
+    );
+    let turns: Vec<Vec<f64>> = (0..20)
+        .map(|turn| {
+            (0..3)
+                .map(|joint| (f64::from(turn) * 1.7 + f64::from(joint)).sin() * 2.0)
+                .collect()
+        })
+        .collect();
+    place.write("q.json", serde_json::to_string(&turns).expect("JSON"));
+    let output = Command::new(&python)
+        .arg("look.py")
+        .current_dir(place.path(""))
+        .output()
+        .expect("it starts");
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+    let text = String::from_utf8(output.stdout).expect("UTF-8");
+    assert_eq!(text.lines().count(), 40, "{text}");
+    for (line, commanded) in text.lines().zip(turns.iter().chain(&turns)) {
+        let theirs: Vec<f64> = line
+            .split(' ')
+            .map(|word| word.parse().expect("a number"))
+            .collect();
+        let standing: Vec<f64> = (commanded.iter().zip(&arm.zero_rad))
+            .map(|(q, zero)| q + zero)
+            .collect();
+        let ours = arm.chain.at(&arm.tools[0]).state(&standing).tool_position;
+        let off_m = (ours - Vector3::from_column_slice(&theirs)).norm();
+        assert!(off_m < 1e-12, "{off_m:e} m");
+    }
+}
+
+fn calibration_of_nothing(arm: &ElasticArm) -> ModelCalibration {
+    calibration(arm, arm)
+}
+
+#[test]
+fn what_cannot_be_written_is_refused_by_name() {
+    let place = Workplace::new();
+    identified(&place);
+    for (name, said) in [
+        ("calibrated.sdf", "end it in .xml for MJCF or in .urdf"),
+        ("robot/arm.xml", "robot/arm.xml"),
+        ("missing/a.xml", "missing/a.xml"),
+    ] {
+        let before = place.read("robot/arm.xml");
+        let refused = place.run(&format!(
+            "export a.toml --identified i.json --model-out {name} --quiet"
+        ));
+        let refused = refused.ends_with(1);
+        assert!(refused.stderr.contains(said), "{}", refused.stderr);
+        assert_eq!(place.read("robot/arm.xml"), before);
+    }
+    // A body that is one of several copies has no place of its own in the file.
+    let copied = place.read("robot/arm.xml").replace(
+        "<include file=\"parts/hand.xml\"/>",
+        "<replicate count=\"1\"><body name=\"hand\"><joint name=\"wrist\"/><geom size=\"0.1\" mass=\"2\"/><site name=\"tip\" pos=\"0 0 0.2\"/></body></replicate>",
+    );
+    place.write("copied.xml", copied);
+    let model = Model::load(&place.path("copied.xml"));
+    if let Ok(model) = model {
+        let chain = SerialChain::from_model(&model).expect("an arm");
+        let compliance = vec![1e-5; chain.len()];
+        let nominal = ElasticArm::new(chain, compliance, Vec::new());
+        let (set, values) = unknowns(&nominal, 1);
+        let arm = set.apply(&nominal, &values);
+        let refused = model.calibrated_mjcf(&calibration(&nominal, &arm), &place.path(""));
+        let refused = refused.expect_err("its place is not its own").to_string();
+        assert!(refused.contains("replicate"), "{refused}");
+    }
+}
