@@ -7,6 +7,7 @@ use nalgebra::{Isometry3, Point3, UnitQuaternion};
 use roxmltree::Node;
 
 use super::bodies::Tree;
+use super::described::as_mjcf;
 use super::edits::{Edits, escaped, numbers, parse};
 use super::pose::{TURNS, position_and_quaternion};
 use super::whole::{folder_of, way, whole};
@@ -30,7 +31,7 @@ pub(super) fn written(
     let plain = Model::load(path)?;
     let urdf = prepare(path)?;
     let text = match &urdf {
-        Some(urdf) => super::urdf::as_mjcf(path, urdf)?,
+        Some(urdf) => as_mjcf(path, urdf)?,
         None => whole(path).map_err(wrong)?,
     };
     let document = parse(&text).map_err(wrong)?;

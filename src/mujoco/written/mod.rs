@@ -4,6 +4,7 @@
 //! and classes of defaults too. What a file includes stands in it then.
 
 mod bodies;
+mod described;
 mod edits;
 mod mjcf;
 mod pose;
