@@ -53,6 +53,7 @@
 //! - `schema`: the JSON schema of scenarios.
 //! - `search`: the search for plans and its certificate, on the KR-270.
 //! - `bounds`: the class of plans that a bound speaks about.
+//! - `left_out`: what a proof takes for certain, by name.
 //! - `proofs`: the bound that is proved, and its proof checked by another program.
 //! - `criteria_bounds`: the bounds by other criteria than `rho_0`.
 //! - `exchanges`: what exchanging one measurement of a plan can gain.
@@ -106,6 +107,7 @@ mod judge;
 mod judges;
 mod known_optima;
 mod laboratory;
+mod left_out;
 mod limits;
 mod load_sets;
 mod lost_readings;
