@@ -27,7 +27,7 @@ def command(name: str, *positional: object, threads: int | None = None, **given:
 
     Flags are ``True``; ``None`` and ``False`` leave an option out; a list gives several values. Raises
     :class:`UsageError` for what the command does not take, and :class:`ElastocalError` with the command line's message
-    where it fails. ctrl-C ends a search.
+    where it fails. ctrl-C ends what is under way.
     """
     known = {each["name"]: each for each in options().get(name, [])}
     words = [name, *(_word(each) for each in positional)]

@@ -154,40 +154,29 @@ class Scenario:
         """How many measurements in how many configurations an accuracy (um, rms) takes."""
         return self.command("budget", accuracy_um=accuracy_um, up_to=up_to, **given)
 
-    def measure(self, plan: Plan, *, noise_free: bool = False, seed: int | None = None) -> Measurements:
-        """Measures a plan on the virtual robot: run 0 of the seed."""
+    def measure(
+        self, plan: Plan, *, run: int | None = None, noise_free: bool = False, seed: int | None = None
+    ) -> Measurements:
+        """Measures a plan on the virtual robot, with the random numbers of a run under the seed (run 0 if not given).
+
+        With ``run``, the robot is that of the run in a study: its compliances are drawn where the scenario has them vary.
+        """
         with _folder() as folder:
             out = folder / "measurements.csv"
             chosen = self.seed if seed is None else seed
-            self._with_plan("measure", plan, noise_free=noise_free, measurements_out=out, seed=chosen)
+            self._with_plan("measure", plan, run=run, noise_free=noise_free, measurements_out=out, seed=chosen)
             return Measurements.from_text(read(out))
 
-    def identify(
-        self,
-        measurements: Measurements | FilePath,
-        *,
-        method: str | None = None,
-        sigma_from_residuals: bool = False,
-        parameters: list[str] | None = None,
-    ) -> Identified:
-        """Identifies the compliances; ``method`` is ``nonlinear`` or ``linear``, the scenario's if not given.
-
-        Absolute readings are a file's: its path in place of ``measurements``. ``parameters`` are then groups such as ``geometry``
-        and ``compliances``, fitted with all frames; the results' ``unknowns`` and ``stations`` say what came of it.
-        """
+    def identify(self, measurements: Measurements, *, method: str | None = None, sigma_from_residuals: bool = False) -> Identified:
+        """Identifies the compliances; ``method`` is ``nonlinear`` or ``linear``, the scenario's if not given."""
         with _folder() as folder:
-            if isinstance(measurements, Measurements):
-                measurements.save(folder / "measurements.csv")
-                path: FilePath = folder / "measurements.csv"
-            else:
-                path = measurements
+            measurements.save(folder / "measurements.csv")
             return Identified(
                 self.command(
                     "identify",
-                    measurements=path,
+                    measurements=folder / "measurements.csv",
                     method=method,
                     sigma_from_residuals=sigma_from_residuals,
-                    parameters=parameters,
                 )
             )
 
@@ -211,16 +200,14 @@ class Scenario:
             measurements.save(folder / "measurements.csv")
             return self._with_plan("next", plan, measurements=folder / "measurements.csv", **given)
 
-    def validate(self, identified: Identified, measurements: Measurements | FilePath | None = None, **given: Any) -> Results:
+    def validate(self, identified: Identified, measurements: Measurements | None = None, **given: Any) -> Results:
         """A plan for checking an identification, or, with measurements, whether it keeps what it promises."""
         with _folder() as folder:
             path = folder / "identified.json"
             path.write_text(json.dumps(identified.results), encoding="utf-8")
-            if isinstance(measurements, Measurements):
+            if measurements is not None:
                 measurements.save(folder / "measurements.csv")
                 given["measurements"] = folder / "measurements.csv"
-            elif measurements is not None:
-                given["measurements"] = measurements
             return self.command("validate", identified=path, **given)
 
     def lab(self, plan: Plan, out: FilePath, **given: Any) -> Results:

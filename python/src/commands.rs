@@ -23,7 +23,7 @@ static BUSY: Mutex<()> = Mutex::new(());
 /// and `conditions`, or `error` with `hint` and `is_usage`.
 ///
 /// # Errors
-/// Python's, such as KeyboardInterrupt: a search then ends soon, other work when it is done.
+/// Python's, such as KeyboardInterrupt: the work then ends soon, and nothing is made of a part of it.
 #[pyfunction]
 #[pyo3(signature = (arguments, threads=None))]
 pub fn command(py: Python<'_>, arguments: Vec<String>, threads: Option<usize>) -> PyResult<String> {

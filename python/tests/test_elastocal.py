@@ -79,6 +79,11 @@ def test_the_loop_has_the_program_s_bits(tmp_path: Path) -> None:
     measurements = scenario.measure(design.plan)
     program("measure", PAPER, "--plan", plan, "--measurements-out", measured)
     assert np.array_equal(ec.Measurements.load(measured).rows, measurements.rows)
+    assert np.array_equal(scenario.measure(design.plan, run=0).rows, measurements.rows)
+    program("measure", PAPER, "--plan", plan, "--run", 7, "--measurements-out", tmp_path / "seventh.csv")
+    seventh = scenario.measure(design.plan, run=7)
+    assert np.array_equal(ec.Measurements.load(tmp_path / "seventh.csv").rows, seventh.rows)
+    assert not np.array_equal(seventh.rows, measurements.rows)
     found = scenario.identify(measurements)
     assert same(program("identify", PAPER, "--measurements", measured, "--identified-out", identified), found.results)
     # The deflections alone, without where they come from, say the same.
@@ -147,9 +152,10 @@ def test_matrices_are_those_of_the_promise() -> None:
         problem.observation_matrix([0, 0], [0, 0, -1, 0, 0, 0])
 
 
-def test_an_interruption_ends_a_search_soon() -> None:
-    # Searches without an end, so that the signal meets one, however quick the machine is.
-    text = f"import elastocal as ec\nwhile True: ec.Scenario({str(PAPER)!r}).budget(up_to=60, no_proof=True)"
+@pytest.mark.parametrize("work", ["budget(up_to=60, no_proof=True)", "study(trials=10**9)", "run()"])
+def test_an_interruption_ends_work_soon(work: str) -> None:
+    # Work without an end, so that the signal meets it, however quick the machine is.
+    text = f"import elastocal as ec\nwhile True: ec.Scenario({str(PAPER)!r}).{work}"
     child = subprocess.Popen([sys.executable, "-c", text], stderr=subprocess.PIPE, text=True)
     time.sleep(3)
     child.send_signal(2)

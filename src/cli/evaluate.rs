@@ -11,8 +11,8 @@ use elastocal::scenario::Scenario;
 use elastocal::text::wording::counted;
 use serde_json::json;
 
-use super::interruption::NEVER;
-use super::proof::{ExchangeArgs, ProofArgs, leaving_out};
+use super::interruption::{STOP, proceed};
+use super::proof::{ExchangeArgs, ProofArgs};
 use super::table::{number, table};
 use super::written::Written;
 use super::{Common, Report, check_outputs, inputs, results, without_effect};
@@ -44,10 +44,11 @@ impl Evaluate {
         let plan = read_plan(&self.plan, scenario.task.belief.commands())?;
         self.common.say("searching the bound that no plan can beat");
         // Without a bound, the rest still holds.
-        let bound = self.proof.with_effort(&self.common, &NEVER, |proof| {
+        let bound = self.proof.with_effort(&self.common, &STOP, |proof| {
             let sizes = [plan.measurements()];
             Bound::search_and_prove(&scenario.task, self.criterion, scenario.seed, &sizes, proof)
         });
+        proceed()?;
         let assessment = if self.criterion == Criterion::TestPose {
             Assessment::new(&scenario.task, &plan, Some(&bound))
         } else {
@@ -62,7 +63,7 @@ impl Evaluate {
         let (exchanges, told) = self.exchanges.prove(
             &self.proof,
             &self.common,
-            &NEVER,
+            &STOP,
             (&scenario.task, scenario.seed),
             (self.criterion, &plan),
         )?;
@@ -141,11 +142,10 @@ fn describe_criterion(assessment: &Assessment) -> String {
         text += &format!(" (efficiency {efficiency:.4})");
     }
     text.push('\n');
-    if let Some(proof) = &bound.proof {
+    if let Some(proof) = bound.proof {
         text += &format!(
-            "proved: no plan of as many is {beyond} {:.6e}{}\n",
-            proof.best,
-            leaving_out(&proof.left_out)
+            "proved: no plan of as many is {beyond} {:.6e}\n",
+            proof.best
         );
     }
     text
@@ -166,11 +166,10 @@ pub fn describe(scenario: &Scenario, assessment: &Assessment) -> String {
         );
     }
     text.push('\n');
-    if let Some(proof) = assessment.bound().and_then(|bound| bound.proof.as_ref()) {
+    if let Some(proof) = assessment.bound().and_then(|bound| bound.proof) {
         text += &format!(
-            "proved: no plan of as many is below {:.3} um{}\n",
-            proof.best * 1e6,
-            leaving_out(&proof.left_out)
+            "proved: no plan of as many is below {:.3} um\n",
+            proof.best * 1e6
         );
     }
     if let Some(reason) = assessment.no_bound() {

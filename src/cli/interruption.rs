@@ -18,10 +18,9 @@ use elastocal::text::diagnostics::say;
 /// How long work may take to end by itself.
 const GRACE: Duration = Duration::from_millis(600);
 
-/// Whether the work is asked to end.
+/// Whether the work is asked to end. Work that has nothing to make of a part is not asked by the program, which ends it
+/// instead; where a command runs within another program, it looks here all the same.
 pub static STOP: AtomicBool = AtomicBool::new(false);
-/// For work that is not asked: it is ended.
-pub static NEVER: AtomicBool = AtomicBool::new(false);
 
 static STATE: Mutex<Interruption> = Mutex::new(Interruption {
     asks: Asks::Nobody,
@@ -135,6 +134,17 @@ fn describe(finished: &[PathBuf]) -> String {
         files.join(", "),
         if files.len() == 1 { "was" } else { "were" }
     )
+}
+
+/// Ends work that was asked to end, before it makes a result of a part.
+///
+/// # Errors
+/// It was asked.
+pub fn proceed() -> Result<(), Interrupted> {
+    if STOP.load(Ordering::Relaxed) {
+        return Err(Interrupted);
+    }
+    Ok(())
 }
 
 /// From now on, the first signal asks a search to end with the best plan that it has.

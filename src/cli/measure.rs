@@ -8,6 +8,7 @@ use elastocal::files::FileError;
 use elastocal::measurement::write_measurements_under;
 use elastocal::plan::read_plan;
 use elastocal::record::messages::{MeasurementMessage, ProvenanceMessage};
+use elastocal::study::true_compliances::truth_of_run;
 use elastocal::testbed::{TrueRobots, VirtualRobot};
 use elastocal::text::wording::counted;
 use serde_json::json;
@@ -27,6 +28,9 @@ pub struct Measure {
     /// Leave the instrument's noise out.
     #[arg(long)]
     noise_free: bool,
+    /// Measure as run R of a study does, from 0: with its random numbers, on its virtual robot.
+    #[arg(long, value_name = "R", conflicts_with = "noise_free")]
+    run: Option<u64>,
     /// Where to write the measurements.
     #[arg(long, value_name = "FILE")]
     measurements_out: Option<PathBuf>,
@@ -34,7 +38,7 @@ pub struct Measure {
 
 impl Measure {
     pub fn execute(&self) -> anyhow::Result<Report> {
-        let scenario = self.common.load()?;
+        let mut scenario = self.common.load()?;
         let plan = read_plan(&self.plan, scenario.task.belief.commands())?;
         let outputs = [("--measurements-out", self.measurements_out.as_deref())];
         let mut roles = inputs(&scenario);
@@ -44,6 +48,9 @@ impl Measure {
             counted(plan.measurements().into(), "experiment"),
             scenario.truth.robot.model.path().display()
         ));
+        if let Some(run) = self.run {
+            scenario.truth = truth_of_run(&scenario.truth, scenario.seed, run);
+        }
         let (task, truth) = (&scenario.task, &scenario.truth);
         let wrong = |error: String| FileError::new(&self.plan, error);
         let measurements = if self.noise_free {
@@ -52,8 +59,15 @@ impl Measure {
                 .map_err(|error| wrong(error.to_string()))?
         } else {
             let mut robots = TrueRobots::new(&task.belief, truth)?;
-            measure(&mut robots, task, truth, &plan, scenario.seed, 0)
-                .map_err(|error| wrong(error.to_string()))?
+            measure(
+                &mut robots,
+                task,
+                truth,
+                &plan,
+                scenario.seed,
+                self.run.unwrap_or(0),
+            )
+            .map_err(|error| wrong(error.to_string()))?
         };
         let rows: Vec<Vec<String>> = measurements
             .iter()
@@ -92,7 +106,7 @@ impl Measure {
             json: results(
                 "measure",
                 &ProvenanceMessage::new(&scenario).with_input("plan", &self.plan)?,
-                json!({ "noise_free": self.noise_free, "measurements": messages }),
+                json!({ "noise_free": self.noise_free, "run": self.run, "measurements": messages }),
             ),
             text,
             conditions: (scenario.task.loads.outside_plan(&plan, None).into_iter()).collect(),

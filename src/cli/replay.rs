@@ -8,10 +8,11 @@ use elastocal::plan::Plan;
 use elastocal::plan::search::random_plan;
 use elastocal::record::messages::{CalibrationMessage, ProvenanceMessage};
 use elastocal::scenario::Scenario;
-use elastocal::study::true_compliances::TrueCompliances;
+use elastocal::study::true_compliances::truth_of_run;
 use elastocal::study::{Conditions, Entry, EntryKind, Setting};
 use serde_json::json;
 
+use super::interruption::proceed;
 use super::study::entries;
 use super::table::table;
 use super::views::{REPLAY_ENDINGS, ReplayViews};
@@ -45,16 +46,12 @@ impl Replay {
         scenario.study.conditions.truncate(1);
         let settings = scenario.settings();
         let entries = entries(common, &scenario, &settings)?;
+        proceed()?;
         let Setting {
             conditions, task, ..
         } = settings[0].clone();
         scenario.task = task;
-        let truth = TrueCompliances::new(&scenario.truth, scenario.seed)
-            .draw(self.run)
-            .to_vec();
-        for (mine, lanes) in (scenario.truth.robot.compliance_rad_per_nm.iter_mut()).zip(&truth) {
-            *mine = lanes[0];
-        }
+        scenario.truth = truth_of_run(&scenario.truth, scenario.seed, self.run);
         common.say(&format!(
             "replaying run {} with {} plans on the virtual robot",
             self.run,

@@ -10,7 +10,7 @@ use elastocal::record::json::merge;
 use elastocal::record::messages::ProvenanceMessage;
 use serde_json::json;
 
-use super::interruption::NEVER;
+use super::interruption::{STOP, proceed};
 use super::progress::bar;
 use super::table::{number, table};
 use super::views::{REPRODUCTION_PAGE, reproduction_page};
@@ -44,7 +44,7 @@ impl Reproduce {
         common.say("designing a plan for each number of Table 6");
         let bar = bar(common.quiet, "designing plans");
         let watch = Watch {
-            stop: &NEVER,
+            stop: &STOP,
             progress: &|_, _, _| {},
         };
         let reproduction = reproduce(&scenario, trials, watch, &|done, all| {
@@ -52,6 +52,7 @@ impl Reproduce {
             bar.set_position(done as u64);
         })?;
         bar.finish_and_clear();
+        proceed()?;
         let message = ReproductionMessage::new(&scenario, &reproduction);
         let provenance = ProvenanceMessage::new(&scenario);
         let mut json = results("reproduce", &provenance, json!({}));

@@ -14,7 +14,7 @@ use elastocal::workflow::design::Wanted;
 use elastocal::workflow::run::{FailedPlan, RANDOM_PLANS, RunError, RunStage, TriedPlan, run};
 
 use super::evaluate::shares;
-use super::interruption::NEVER;
+use super::interruption::{STOP, proceed};
 use super::measure::dropped_words;
 use super::plan::design;
 use super::proof::ProofArgs;
@@ -67,13 +67,17 @@ impl Run {
         ));
         let wanted = Wanted::by(&scenario.task);
         let (task, seed) = (&scenario.task, scenario.seed);
-        let designed = design(common, task, seed, wanted, &self.proof, &NEVER)?;
-        let outcome = run(&scenario, &designed, &|stage| tell(common, &folder, stage));
+        let designed = design(common, task, seed, wanted, &self.proof, &STOP)?;
+        proceed()?;
+        let outcome = run(&scenario, &designed, &STOP, &|stage| {
+            tell(common, &folder, stage);
+        });
         let outcome = outcome.map_err(|error| match error {
             // Its hint is told, too.
             RunError::File(error) => error.into(),
             other => anyhow::Error::from(other),
         })?;
+        proceed()?;
         let json = outcome.json(&scenario, designed.elapsed_s)?;
         let calibrations: Vec<_> = (outcome.tried.iter())
             .map(|each| each.calibration.clone())

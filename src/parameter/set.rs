@@ -301,10 +301,7 @@ impl ParameterSet {
         for (tool, displacement) in belief.tools.iter_mut().zip(&displacements.tools) {
             displacement.apply(&mut tool.link_from_tool);
         }
-        let bases = belief.instrument_from_base.iter_mut();
-        for (base, displacement) in bases.zip(&displacements.bases) {
-            displacement.apply(base);
-        }
+        displacements.base.apply(&mut belief.instrument_from_base);
         belief
     }
 
@@ -313,7 +310,7 @@ impl ParameterSet {
         let mut all = Displacements {
             links: vec![FrameChange::default(); nominal.chain.len()],
             tools: vec![FrameChange::default(); nominal.tools.len()],
-            bases: vec![FrameChange::default(); nominal.instrument_from_base.len()],
+            base: FrameChange::default(),
         };
         for (parameter, &value) in self.parameters.iter().zip(values) {
             let (frame, axis) = match parameter.kind {
@@ -321,8 +318,9 @@ impl ParameterSet {
                 | ParameterKind::LinkRotation { link, axis } => (&mut all.links[link], axis),
                 ParameterKind::ToolPosition { tool, axis }
                 | ParameterKind::ToolRotation { tool, axis } => (&mut all.tools[tool], axis),
-                ParameterKind::BasePosition { station, axis }
-                | ParameterKind::BaseRotation { station, axis } => (&mut all.bases[station], axis),
+                ParameterKind::BasePosition { axis } | ParameterKind::BaseRotation { axis } => {
+                    (&mut all.base, axis)
+                }
                 _ => continue,
             };
             let is_rotation = matches!(
@@ -346,7 +344,7 @@ impl ParameterSet {
 pub(crate) struct Displacements {
     pub links: Vec<FrameChange>,
     pub tools: Vec<FrameChange>,
-    pub bases: Vec<FrameChange>,
+    pub base: FrameChange,
 }
 
 /// How a frame differs from its nominal one, along its own axes.
@@ -404,12 +402,6 @@ fn check(belief: &ElasticArm, kind: ParameterKind) -> Result<(), ParameterError>
             if tool >= tools =>
         {
             missing("the tool")
-        }
-        ParameterKind::BasePosition { station, .. }
-        | ParameterKind::BaseRotation { station, .. }
-            if station >= belief.instrument_from_base.len() =>
-        {
-            missing("the station")
         }
         ParameterKind::PayloadMass | ParameterKind::PayloadCentre { .. }
             if belief.payload.is_none_or(|payload| payload.mass_kg <= 0.0) =>

@@ -8,6 +8,17 @@ use crate::numeric::random::normal::{LANES, fill_normals};
 use crate::numeric::random::streams::Stream;
 use crate::testbed::Truth;
 
+/// The truth of one run under a seed, with that run's compliances.
+#[must_use]
+pub fn truth_of_run(truth: &Truth, seed: u64, run: u64) -> Truth {
+    let mut of_run = truth.clone();
+    let drawn = TrueCompliances::new(truth, seed).draw(run).to_vec();
+    for (mine, lanes) in (of_run.robot.compliance_rad_per_nm.iter_mut()).zip(&drawn) {
+        *mine = lanes[0];
+    }
+    of_run
+}
+
 /// Draws true compliances, [`LANES`] runs at a time.
 #[derive(Debug)]
 pub struct TrueCompliances<'a> {

@@ -96,6 +96,7 @@ pub struct RunOutcome {
 pub fn run(
     scenario: &Scenario,
     designed: &Designed,
+    stop: &AtomicBool,
     stage: &dyn Fn(&RunStage<'_>),
 ) -> Result<RunOutcome, RunError> {
     let (task, bound) = (&scenario.task, &designed.bound);
@@ -117,7 +118,7 @@ pub fn run(
         .ok()
         .filter(|median| median.is_finite());
     let watch = Watch {
-        stop: &AtomicBool::new(false),
+        stop,
         progress: &|_, _, _| {},
     };
     // The study draws random plans of its own.

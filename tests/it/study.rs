@@ -190,6 +190,38 @@ fn a_replay_is_the_run_of_the_study() {
     workplace.run("replay s.toml").ends_with(2);
 }
 
+/// Any run can be measured by itself: as its replay measures, true compliances included.
+#[cfg(feature = "view")]
+#[test]
+fn a_run_is_measured_as_its_replay_measures() {
+    let workplace = Workplace::new();
+    let study = "[study]\ntrials = 3\nexperiments = 3\ncompliance_spread = 0.1\n\n\
+                 [[study.plan]]\nname = \"one\"\nkind = \"file\"\nfile = \"plans/klimchik2012_m3.csv\"\n";
+    workplace.write("s.toml", with_study(study));
+    let plan = crate::support::project("scenarios/plans/klimchik2012_m3.csv");
+    let measured = |options: &str| {
+        let command = format!(
+            "measure s.toml --plan {} --json --quiet {options}",
+            plan.display()
+        );
+        workplace.run(&command).ends_with(0).json()
+    };
+    for run in [0, 5] {
+        let replay = workplace.run(&format!("replay s.toml --run {run} --json --quiet"));
+        let replay = replay.ends_with(0).json();
+        let found = measured(&format!("--run {run}"));
+        assert_eq!(found["run"], run);
+        assert_eq!(found["measurements"], replay["plans"][0]["measurements"]);
+    }
+    // The robot of no run has the compliances of the scenario.
+    assert_ne!(
+        measured("--run 0")["measurements"],
+        measured("")["measurements"]
+    );
+    let both = workplace.run("measure s.toml --plan plan.csv --run 1 --noise-free");
+    assert!(both.ends_with(2).stderr.contains("cannot be used with"));
+}
+
 /// With the non-linear method nothing is lost to linearisation: run by run the virtual robot ends
 /// where the linear model says, but for the second order of the errors.
 #[test]

@@ -24,7 +24,7 @@ use indicatif::ProgressStyle;
 use serde_json::json;
 
 use self::results::{Results, describe, describe_level, write};
-use super::interruption::{Interrupted, NEVER, ask_work, keeps};
+use super::interruption::{Interrupted, STOP, ask_work, keeps, proceed};
 use super::plan::design;
 use super::progress::bar;
 use super::proof::ProofArgs;
@@ -111,6 +111,7 @@ impl StudyCommand {
 
         let settings = scenario.settings();
         let entries = entries(common, &scenario, &settings)?;
+        proceed()?;
         let runner = Runner::new(&settings, scenario.seed, level, &entries)?.stopped_by(ask_work());
         let header = Header::new(&scenario, &settings, level, trials, shards, &entries);
         let mut part = match &self.resume {
@@ -332,14 +333,7 @@ pub fn entries(
             "designing the plan {name:?} of {}",
             counted(wanted.experiments.into(), "measurement")
         ));
-        design(
-            common,
-            task,
-            scenario.seed,
-            wanted,
-            &ProofArgs::NONE,
-            &NEVER,
-        )
+        design(common, task, scenario.seed, wanted, &ProofArgs::NONE, &STOP)
     };
     study::entries(scenario, settings, &designer)
 }
