@@ -8,22 +8,15 @@ use rerun::blueprint::components::{
     PlayState, QueryExpression, RootContainer, RowShare, ViewClass,
 };
 use rerun::components::{Name, Visible};
-use rerun::datatypes::{Bool, Float32, TimeInt, TimeRange, TimeRangeBoundary, Uuid};
+use rerun::datatypes::{Bool, Float32, Range1D, TimeInt, TimeRange, TimeRangeBoundary, Uuid};
 use rerun::external::re_sdk_types::blueprint::archetypes::TimePanelBlueprint;
 use rerun::external::re_sdk_types::blueprint::archetypes::{
     Background, ContainerBlueprint, EyeControls3D, LineGrid3D, PanelBlueprint, PlotLegend,
-    TimeAxis, ViewBlueprint, ViewContents, ViewportBlueprint,
+    ScalarAxis, TimeAxis, ViewBlueprint, ViewContents, ViewportBlueprint,
 };
 
+use super::eye::Eye;
 use super::store::Store;
-
-/// From where the scene is seen.
-pub(super) struct Eye {
-    /// The eye's place (m).
-    pub(super) position_m: Vector3<f64>,
-    /// What it looks at (m).
-    pub(super) target_m: Vector3<f64>,
-}
 
 /// A part of the window.
 pub(super) enum ViewArea {
@@ -35,13 +28,16 @@ pub(super) enum ViewArea {
     Tabs(Vec<ViewArea>),
     /// A view of a kind with its name and the entities that it shows, one a line.
     View(&'static str, String, String),
+    /// Curves over the timeline with their name, the entities, one a line, and the range of values (lowest, highest) that
+    /// is shown; if not given, what there is.
+    Curves(String, String, Option<[f64; 2]>),
 }
 
 /// The kinds of views.
 pub(super) const SPACE: &str = "3D";
 pub(super) const PLANE: &str = "2D";
 pub(super) const TEXT: &str = "TextDocument";
-pub(super) const CURVES: &str = "TimeSeries";
+const CURVES: &str = "TimeSeries";
 pub(super) const BARS: &str = "BarChart";
 
 /// The timeline that is shown at first.
@@ -106,6 +102,12 @@ impl Layout<'_> {
                 self.add_view(&path, class, name, content);
                 path
             }
+            ViewArea::Curves(name, content, values) => {
+                let path = format!("view/{text}");
+                self.add_view(&path, CURVES, name, content);
+                self.add_axes(&path, *values);
+                path
+            }
             ViewArea::Row(areas) => {
                 let path = format!("container/{text}");
                 let content = self.add_all(areas.iter().map(|(_, area)| area));
@@ -148,6 +150,24 @@ impl Layout<'_> {
             .collect()
     }
 
+    fn add_axes(&mut self, path: &str, values: Option<[f64; 2]>) {
+        let legend = PlotLegend::new().with_corner(Corner2D::RightTop);
+        self.log(&format!("{path}/PlotLegend"), &legend);
+        if let Some((start, end)) = self.range {
+            let boundary = |place| TimeRangeBoundary::Absolute(TimeInt(place));
+            let range = TimeRange {
+                start: boundary(start),
+                end: boundary(end),
+            };
+            let axis = TimeAxis::new().with_view_range(range);
+            self.log(&format!("{path}/TimeAxis"), &axis);
+        }
+        if let Some(values) = values {
+            let axis = ScalarAxis::new().with_range(Range1D(values));
+            self.log(&format!("{path}/ScalarAxis"), &axis);
+        }
+    }
+
     fn add_view(&mut self, path: &str, class: &'static str, name: &str, content: &str) {
         let origin = match content.split_once('\n') {
             None => content.trim_end_matches("/**"),
@@ -160,17 +180,6 @@ impl Layout<'_> {
         self.log(path, &view);
         let contents = ViewContents::new(content.lines().map(|line| QueryExpression(line.into())));
         self.log(&format!("{path}/ViewContents"), &contents);
-        if let (CURVES, Some((start, end))) = (class, self.range) {
-            let boundary = |place| TimeRangeBoundary::Absolute(TimeInt(place));
-            let range = TimeRange {
-                start: boundary(start),
-                end: boundary(end),
-            };
-            let axis = TimeAxis::new().with_view_range(range);
-            self.log(&format!("{path}/TimeAxis"), &axis);
-            let legend = PlotLegend::new().with_corner(Corner2D::RightTop);
-            self.log(&format!("{path}/PlotLegend"), &legend);
-        }
         if class == SPACE {
             let eye = EyeControls3D::new()
                 .with_kind(Eye3DKind::Orbital)
@@ -187,7 +196,44 @@ impl Layout<'_> {
     }
 }
 
+/// The range about nought that shows values of up to a size and has ticks that the viewer writes numbers at, which are powers of
+/// ten apart: up to 1, 2, 3 or 10 of them, and a little more, so that the last is within.
+pub(super) fn about_nought(largest: f64) -> Option<[f64; 2]> {
+    if !(largest.is_normal() && largest > 0.0) {
+        return None;
+    }
+    let power = 10_f64.powf(largest.log10().floor());
+    let times = (largest / power).ceil();
+    let end = if times > 3.0 { 10.0 } else { times } * power * 1.08;
+    Some([-end, end])
+}
+
 #[expect(clippy::cast_possible_truncation, reason = "for drawing")]
 fn single(vector: &Vector3<f64>) -> [f32; 3] {
     (*vector).map(|value| value as f32).into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::about_nought;
+
+    #[test]
+    fn axes_end_at_numbers_that_can_be_read() {
+        for (largest, end) in [
+            (0.079, 0.1),
+            (0.031, 0.1),
+            (0.03, 0.03),
+            (1.0, 1.0),
+            (1.01, 2.0),
+            (950.0, 1000.0),
+            (2e-7, 2e-7),
+        ] {
+            let [low, high] = about_nought(largest).unwrap_or_default();
+            assert!((high / end - 1.08).abs() < 1e-9, "{largest}: {high}");
+            assert!(high > largest && low.to_bits() == (-high).to_bits());
+        }
+        for nothing in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+            assert_eq!(about_nought(nothing), None);
+        }
+    }
 }

@@ -1,6 +1,7 @@
 //! The stream for the rerun viewer (.rrd).
 
 mod blueprint;
+mod eye;
 mod scene;
 mod store;
 pub mod study;
@@ -16,10 +17,11 @@ use rerun::log::LogMsg;
 use rerun::{EntityPath, RecordingInfo, Scalars, SeriesPoints, TextDocument, entity_path};
 use sha2::{Digest, Sha256};
 
-use super::recording::{Recording, StepKind};
+use super::recording::{RecordedCalibration, Recording, Step, StepKind};
 use crate::files::FileError;
 use crate::files::output::write_whole;
-use blueprint::{CURVES, Clock, SPACE, TEXT, ViewArea};
+use blueprint::{Clock, SPACE, TEXT, ViewArea};
+use eye::Eye;
 use store::Store;
 
 const APPLICATION: &str = "elastocal";
@@ -54,11 +56,15 @@ pub fn messages(recording: &Recording) -> Result<Vec<LogMsg>, String> {
     }
     let clock = Clock {
         timeline: STEP,
-        range: None,
+        // The legend has its place behind the last step.
+        range: Some((
+            0,
+            i64::try_from(recording.steps().count() / 6 * 7 + 1).unwrap_or(i64::MAX),
+        )),
         per_second: 0.5,
         play_state: PlayState::Playing,
     };
-    let (mut messages, mut store) = open(&content, &layout(), recording, &clock)?;
+    let (mut messages, mut store) = open(&content, &layout(recording), recording, &clock)?;
     log_recording(&mut store, recording);
     messages.extend(store.take()?);
     Ok(messages)
@@ -87,16 +93,27 @@ fn open(
     let new = |kind, name, first| Store::new(StoreId::new(kind, APPLICATION, name), first);
     let blueprint = format!("blueprint-{id:032x}");
     let mut blueprint = new(StoreKind::Blueprint, blueprint, id ^ (1 << 120));
-    blueprint::lay_out(&mut blueprint, layout, &scene::eye(recording), clock);
+    blueprint::lay_out(&mut blueprint, layout, &Eye::of(recording), clock);
     let mut store = new(StoreKind::Recording, format!("{id:032x}"), id);
     let info = RecordingInfo::new().with_name(recording.provenance.scenario.as_str());
     store.log_static(EntityPath::properties(), &info);
     Ok((store::show_by(blueprint)?, store))
 }
 
-fn layout() -> ViewArea {
+fn layout(recording: &Recording) -> ViewArea {
     let view =
         |class, name: &str, content: &str| ViewArea::View(class, name.into(), content.into());
+    let curves = |name: &str, group: &str| {
+        let values = (recording.steps()).flat_map(|(_, calibration, step)| {
+            (measured(calibration, step).into_iter())
+                .flatten()
+                .filter(|(of, _)| *of == group)
+                .flat_map(|(_, values)| values.into_iter().flatten())
+        });
+        let largest = values.map(f64::abs).fold(0.0, f64::max);
+        let content = format!("measurements/{group}/**");
+        ViewArea::Curves(name.into(), content, blueprint::about_nought(largest))
+    };
     ViewArea::Row(vec![
         (2.2, view(SPACE, "robot", "world/**")),
         (
@@ -111,10 +128,10 @@ fn layout() -> ViewArea {
                     ]),
                 ),
                 (
-                    0.8,
+                    0.87,
                     ViewArea::Tabs(vec![
-                        view(CURVES, "residuals [mm]", "measurements/residual_mm/**"),
-                        view(CURVES, "deflections [mm]", "measurements/deflection_mm/**"),
+                        curves("residuals [mm]", "residual_mm"),
+                        curves("deflections [mm]", "deflection_mm"),
                     ]),
                 ),
             ]),
@@ -152,23 +169,31 @@ fn log_steps(store: &mut Store, recording: &Recording) {
         }
         let described = TextDocument::from_markdown(text::step(calibration, step));
         store.log("text/step", &now, &described);
-        if let StepKind::Experiment { measurements, .. } = &step.kind {
-            for index in measurements.clone() {
-                measurement += 1;
-                let now = [(STEP, i64::from(number)), (MEASUREMENT, measurement)];
-                let record = &calibration.record;
-                let measured = record
-                    .measurements
-                    .get(index)
-                    .map(|each| each.deflection_mm);
-                let residual = record.identification.residuals_mm.get(index).copied();
-                for (group, values) in [("deflection_mm", measured), ("residual_mm", residual)] {
-                    for ((axis, _), value) in AXES.iter().zip(values.into_iter().flatten()) {
-                        let path = entity_path!["measurements", group, axis];
-                        store.log(path, &now, &Scalars::single(value));
-                    }
+        for groups in measured(calibration, step) {
+            measurement += 1;
+            let now = [(STEP, i64::from(number)), (MEASUREMENT, measurement)];
+            for (group, values) in groups {
+                for ((axis, _), value) in AXES.iter().zip(values.into_iter().flatten()) {
+                    let path = entity_path!["measurements", group, axis];
+                    store.log(path, &now, &Scalars::single(value));
                 }
             }
         }
     }
+}
+
+/// What was measured in a step and what identification left of it (mm), measurement by measurement; none in a test pose.
+type Groups = [(&'static str, Option<[f64; 3]>); 2];
+
+fn measured(calibration: &RecordedCalibration, step: &Step) -> Vec<Groups> {
+    let StepKind::Experiment { measurements, .. } = &step.kind else {
+        return Vec::new();
+    };
+    let record = &calibration.record;
+    let groups = |index: usize| {
+        let measured = (record.measurements.get(index)).map(|each| each.deflection_mm);
+        let residual = record.identification.residuals_mm.get(index).copied();
+        [("deflection_mm", measured), ("residual_mm", residual)]
+    };
+    measurements.clone().map(groups).collect()
 }

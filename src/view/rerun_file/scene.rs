@@ -6,7 +6,6 @@ use rerun::{
     entity_path,
 };
 
-use super::blueprint::Eye;
 use super::store::{Now, Store};
 use crate::view::recording::{Body, Recording, ShownTool, Step};
 
@@ -20,35 +19,6 @@ const LOADED_SHARE: f32 = 0.75;
 const FORCE_RGB: [u8; 3] = [255, 100, 100];
 const DEFLECTION_RGB: [u8; 3] = [255, 200, 40];
 const TRACKER_RGB: [u8; 3] = [40, 200, 110];
-
-/// A place from which the whole arm is seen in all steps, from the side and a little from above.
-pub(super) fn eye(recording: &Recording) -> Eye {
-    let origins: Vec<_> = recording
-        .steps()
-        .flat_map(|(_, _, step)| {
-            let links = step.unloaded.world_from_link.iter();
-            links
-                .map(|pose| pose.translation.vector)
-                .chain([step.unloaded.tool_m, step.enlarged.tool_m])
-                .chain(recording.tracker_m)
-        })
-        .collect();
-    let low = origins
-        .iter()
-        .fold(Vector3::repeat(f64::MAX), |low, each| low.inf(each));
-    let high = origins
-        .iter()
-        .fold(Vector3::repeat(f64::MIN), |high, each| high.sup(each));
-    let (target_m, size) = if origins.is_empty() {
-        (Vector3::zeros(), 1.0)
-    } else {
-        ((low + high) / 2.0, (high - low).norm().max(0.5))
-    };
-    Eye {
-        position_m: target_m + Vector3::new(-0.4, -1.0, 0.35).normalize() * (0.78 * size),
-        target_m,
-    }
-}
 
 /// What does not change: surroundings and links, without tools.
 pub(super) fn log_bodies(store: &mut Store, recording: &Recording) {

@@ -11,7 +11,7 @@ use rerun::{
     BarChart, EntityPath, LineStrips2D, Points2D, Scalars, SeriesLines, TextDocument, entity_path,
 };
 
-use super::blueprint::{BARS, CURVES, Clock, PLANE, SPACE, TEXT, ViewArea};
+use super::blueprint::{BARS, Clock, PLANE, SPACE, TEXT, ViewArea};
 use super::store::Store;
 use super::{STEP, open, scene, study_text, text, write_messages};
 use crate::files::FileError;
@@ -40,6 +40,8 @@ const BAR_ALPHA: u8 = 150;
 const MOST_TABS: usize = 30;
 /// Means of fewer runs than this fraction of all are not drawn: they would dwarf the bands.
 const UNSETTLED: u64 = 500;
+/// So much of a distribution is drawn.
+const DRAWN: f64 = 0.95;
 /// Played again, a study takes so long (s).
 const REPLAY_S: f64 = 30.0;
 
@@ -172,7 +174,10 @@ fn layout(study: &StudyRecording) -> ViewArea {
     let mut tabs = sources(study);
     tabs.extend(distributions(study));
     let right = ViewArea::Column(vec![
-        (1.1, view(CURVES, means, "means_um/**")),
+        (
+            1.1,
+            ViewArea::Curves(means.into(), "means_um/**".into(), None),
+        ),
         (1.1, ViewArea::Tabs(tabs)),
         (1.0, view(TEXT, "results so far", "text/table")),
     ]);
@@ -192,8 +197,8 @@ fn distributions(study: &StudyRecording) -> Vec<ViewArea> {
             .map(|name| distance_path(name).to_string())
             .collect();
         let name = match compared {
-            Some(reference) => format!("{plan}, {reference}: % of runs per µm"),
-            None => format!("{plan}: % of runs per µm"),
+            Some(reference) => format!("{plan}, {reference}: % of runs per µm, up to 95 % of them"),
+            None => format!("{plan}: % of runs per µm, up to 95 % of them"),
         };
         ViewArea::View(BARS, name, shown.join("\n"))
     };
@@ -294,14 +299,20 @@ const fn translucent([red, green, blue]: [u8; 3]) -> [u8; 4] {
     [red, green, blue, BAR_ALPHA]
 }
 
-/// The share of runs (%) per micrometre in each bin.
+/// The share of runs (%) per micrometre in each bin, up to the bin that [`DRAWN`] of them end in: few that are far off would
+/// make the rest a line.
 fn bars(histogram: &HistogramMessage) -> Option<BarChart> {
     let runs: u64 = histogram.counts.iter().sum();
     if runs == 0 {
         return None;
     }
     let (mut shares, mut starts, mut widths) = (Vec::new(), Vec::new(), Vec::new());
+    let mut drawn = 0;
     for (edges, count) in histogram.edges_mm.windows(2).zip(&histogram.counts) {
+        if drawn as f64 >= DRAWN * runs as f64 {
+            break;
+        }
+        drawn += count;
         let width = (edges[1] - edges[0]) * 1e3;
         shares.push(100.0 * *count as f64 / runs as f64 / width);
         starts.push(edges[0] * 1e3);
