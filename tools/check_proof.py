@@ -579,25 +579,102 @@ def enclose(question, arm, part, boxes):
         return form(question, axes, levers, boxes), margins
     turns = question["rotation_scale_m"]
     columns = [[], []]
+    fx, fy, _, _, _, tz = part["wrench"]
+    upright = arm.rotation[0] is None and arm.axis[0] == 2
     for joint in parameters:
-        if joint >= arm.tool_joints:
+        # Nothing turns about the vertical under a vertical force.
+        silent = joint == 0 and upright and fx == fy == tz == 0
+        if joint >= arm.tool_joints or silent:
             columns[0].append([None] * 3)
             columns[1].append([None] * 3)
             continue
         moment = add(dot(levers[joint], force), dot(axes[joint], torque))
         columns[0].append([times(x, moment) for x in levers[joint]])
         columns[1].append([times(x, moment) for x in axes[joint]])
-    d = None
+    moved = []
     for row in rows:
         for kind, weight in zip(columns, (1.0, turns)):
+            if weight:
+                moved.append([None] * 3)
             for k in range(3) if weight else ():
-                w = None
                 for factor, column in zip(row, kind):
                     if column[k] is not None:
-                        w = add(w, column[k].scaled(factor * weight, 2e-16 * abs(factor * weight)))
-                if w is not None:
-                    d = add(d, w * w)
-    return d if d is not None else constant(0.0, boxes), margins
+                        w = column[k].scaled(factor * weight, 2e-16 * abs(factor * weight))
+                        moved[-1][k] = add(moved[-1][k], w)
+    spread = question.get("spread")
+    if spread is None:
+        return or_nought(sum_of_squares(itertools.chain(*moved)), boxes), margins
+    if turns:
+        raise Unknown("a covariance beside measured rotations")
+    noise = noise_columns(spread, axes, levers, (force, torque))
+    return weighted(moved, noise, spread["everywhere"], boxes), margins
+
+
+def sum_of_squares(models):
+    total = None
+    for model in models:
+        total = add(total, times(model, model))
+    return total
+
+
+def noise_columns(spread, axes, levers, load):
+    """The columns g of a covariance s I + sum of g g^T: joints' returns; the load's turns and shifts, whose effect on a joint's
+    torque is F x J + T x z and F x z, times the compliances."""
+    columns = []
+    for lever, deviation in zip(levers, spread["joint_return"]):
+        if deviation:
+            columns.append([scale(deviation, x) for x in lever])
+    force, torque = load
+    for name in ("turned", "shifted"):
+        deviation = spread[name]
+        if not deviation:
+            continue
+        follows = [[None] * 3 for _ in range(3)]
+        for lever, axis, k in zip(levers, axes, spread["compliance_rad_per_nm"]):
+            moment = plus(cross(force, lever), cross(torque, axis)) if name == "turned" else cross(force, axis)
+            for part in range(3):
+                own = [times(scale(k * deviation, x), moment[part]) for x in lever]
+                follows[part] = plus(follows[part], own)
+        columns += follows
+    return columns
+
+
+def weighted(rows, columns, everywhere, boxes):
+    """A bound of the sum of v^T R^-1 v with R = s I + G G^T: |v - G c|^2 / s + |c|^2 for any c, here a linear function of
+    the coordinates, the best one at the centre with its slopes there."""
+    if not (math.isfinite(everywhere) and everywhere > 0):
+        raise Refused("the covariance is no covariance")
+    count, n = boxes.centre.shape
+
+    def expanded(vector):
+        value, slopes = np.zeros((count, 3)), np.zeros((count, 3, n))
+        for k, model in enumerate(vector):
+            if model is not None:
+                value[:, k] = model.c - np.einsum("nii->n", model.h)
+                slopes[:, k] = model.g
+        return value, slopes
+
+    values, slopes = (np.stack(each, 2) for each in zip(*map(expanded, columns)))
+    covariance = everywhere * np.eye(3) + np.einsum("niq,nkq->nik", values, values)
+    inverse = np.linalg.inv(covariance)
+    total, sizes = None, None
+    for row in rows:
+        value, slope = expanded(row)
+        w = np.einsum("nik,nk->ni", inverse, value)
+        along = np.einsum("niq,ni->nq", values, w)
+        turning = np.einsum("niqj,ni->nqj", slopes, w)
+        moved = np.einsum("niqj,nq->nij", slopes, along) + np.einsum("niq,nqj->nij", values, turning)
+        follows = np.einsum("nik,nkj->nij", inverse, slope - moved)
+        steepness = turning + np.einsum("niq,nij->nqj", values, follows)
+        left = list(row)
+        for q, column in enumerate(columns):
+            # Whatever these numbers are, they are exactly what c is.
+            factor = Model(along[:, q], steepness[:, q], np.zeros((count, n, n)), np.zeros(count))
+            left = minus(left, [times(factor, x) for x in column])
+            sizes = add(sizes, factor * factor)
+        total = add(total, sum_of_squares(left))
+    total = or_nought(total, boxes).scaled(1 / everywhere, 1e-15 / everywhere)
+    return total if sizes is None else total + sizes
 
 
 def torque_margins(arm, frame, axes, anchors, centres, levers, load, limits, boxes):
@@ -975,7 +1052,8 @@ def check_bounds(file):
     for row in rows:
         parts = [(abs(b) * (reaches[n] + 1), reaches[n]) for b, n in zip(row, parameters)]
         unit += sum(size * r for size, r in parts) ** 2 + (sum(size for size, _ in parts) * turns) ** 2
-    unit = math.sqrt(unit)
+    spread = question.get("spread")
+    unit = math.sqrt(unit / (1.0 if spread is None else spread["everywhere"]))
     loads = question["loads"]
     if "one_of" in loads:
         strongest = max(length(w[:3]) + length(w[3:]) for w in loads["one_of"])

@@ -135,6 +135,7 @@ fn setups(scenario: &Scenario) -> Vec<Setup> {
                 0.0,
             ),
             target: index % 2,
+            station: 0,
         })
         .collect()
 }
@@ -147,8 +148,8 @@ fn whitener() -> Whitener {
 fn minimal(belief: &ElasticArm, setups: &[Setup]) -> ParameterSet {
     let mut kinds = Vec::new();
     for axis in Axis::ALL {
-        kinds.push(ParameterKind::BasePosition { axis });
-        kinds.push(ParameterKind::BaseRotation { axis });
+        kinds.push(ParameterKind::BasePosition { station: 0, axis });
+        kinds.push(ParameterKind::BaseRotation { station: 0, axis });
         for tool in 0..2 {
             kinds.push(ParameterKind::ToolPosition { tool, axis });
             kinds.push(ParameterKind::ToolRotation { tool, axis });

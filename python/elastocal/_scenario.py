@@ -167,16 +167,32 @@ class Scenario:
             self._with_plan("measure", plan, run=run, noise_free=noise_free, measurements_out=out, seed=chosen)
             return Measurements.from_text(read(out))
 
-    def identify(self, measurements: Measurements, *, method: str | None = None, sigma_from_residuals: bool = False) -> Identified:
-        """Identifies the compliances; ``method`` is ``nonlinear`` or ``linear``, the scenario's if not given."""
+    def identify(
+        self,
+        measurements: Measurements | FilePath,
+        *,
+        method: str | None = None,
+        sigma_from_residuals: bool = False,
+        parameters: list[str] | None = None,
+    ) -> Identified:
+        """Identifies the compliances; ``method`` is ``nonlinear`` or ``linear``, the scenario's if not given.
+
+        Absolute readings are a file's: its path in place of ``measurements``. ``parameters`` are then groups such as ``geometry``
+        and ``compliances``, fitted with all frames; the results' ``unknowns`` and ``stations`` say what came of it.
+        """
         with _folder() as folder:
-            measurements.save(folder / "measurements.csv")
+            if isinstance(measurements, Measurements):
+                measurements.save(folder / "measurements.csv")
+                path: FilePath = folder / "measurements.csv"
+            else:
+                path = measurements
             return Identified(
                 self.command(
                     "identify",
-                    measurements=folder / "measurements.csv",
+                    measurements=path,
                     method=method,
                     sigma_from_residuals=sigma_from_residuals,
+                    parameters=parameters,
                 )
             )
 
@@ -200,14 +216,16 @@ class Scenario:
             measurements.save(folder / "measurements.csv")
             return self._with_plan("next", plan, measurements=folder / "measurements.csv", **given)
 
-    def validate(self, identified: Identified, measurements: Measurements | None = None, **given: Any) -> Results:
+    def validate(self, identified: Identified, measurements: Measurements | FilePath | None = None, **given: Any) -> Results:
         """A plan for checking an identification, or, with measurements, whether it keeps what it promises."""
         with _folder() as folder:
             path = folder / "identified.json"
             path.write_text(json.dumps(identified.results), encoding="utf-8")
-            if measurements is not None:
+            if isinstance(measurements, Measurements):
                 measurements.save(folder / "measurements.csv")
                 given["measurements"] = folder / "measurements.csv"
+            elif measurements is not None:
+                given["measurements"] = measurements
             return self.command("validate", identified=path, **given)
 
     def lab(self, plan: Plan, out: FilePath, **given: Any) -> Results:

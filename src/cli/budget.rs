@@ -185,8 +185,8 @@ fn record(point: &BudgetPoint) -> Value {
         "rho0_mm": point.rho0_m * 1e3,
         "shared_rho0_mm": point.shared_m.map(|shared_m| shared_m * 1e3),
         "lower_bound_rho0_mm": point.lower_bound_m().map(|bound_m| bound_m * 1e3),
-        "bound_kind": point.bound.map(|bound| bound.kind.name()),
-        "proved_lower_bound_rho0_mm": point.bound.and_then(|bound| Some(bound.proof?.best * 1e3)),
+        "bound_kind": point.bound.as_ref().map(|bound| bound.kind.name()),
+        "proved_lower_bound_rho0_mm": point.bound.as_ref().and_then(|bound| Some(bound.proof.as_ref()?.best * 1e3)),
     })
 }
 

@@ -12,7 +12,7 @@ use elastocal::text::wording::counted;
 use serde_json::json;
 
 use super::interruption::{STOP, proceed};
-use super::proof::{ExchangeArgs, ProofArgs};
+use super::proof::{ExchangeArgs, ProofArgs, leaving_out};
 use super::table::{number, table};
 use super::written::Written;
 use super::{Common, Report, check_outputs, inputs, results, without_effect};
@@ -142,10 +142,11 @@ fn describe_criterion(assessment: &Assessment) -> String {
         text += &format!(" (efficiency {efficiency:.4})");
     }
     text.push('\n');
-    if let Some(proof) = bound.proof {
+    if let Some(proof) = &bound.proof {
         text += &format!(
-            "proved: no plan of as many is {beyond} {:.6e}\n",
-            proof.best
+            "proved: no plan of as many is {beyond} {:.6e}{}\n",
+            proof.best,
+            leaving_out(&proof.left_out)
         );
     }
     text
@@ -166,10 +167,11 @@ pub fn describe(scenario: &Scenario, assessment: &Assessment) -> String {
         );
     }
     text.push('\n');
-    if let Some(proof) = assessment.bound().and_then(|bound| bound.proof) {
+    if let Some(proof) = assessment.bound().and_then(|bound| bound.proof.as_ref()) {
         text += &format!(
-            "proved: no plan of as many is below {:.3} um\n",
-            proof.best * 1e6
+            "proved: no plan of as many is below {:.3} um{}\n",
+            proof.best * 1e6,
+            leaving_out(&proof.left_out)
         );
     }
     if let Some(reason) = assessment.no_bound() {

@@ -5,16 +5,19 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use elastocal::files::FileError;
 use elastocal::files::output::write_whole;
-use elastocal::identification::{Identification, IdentificationError, UncertainEstimate};
-use elastocal::measurement::{Origin, read_measurements};
+use elastocal::identification::{
+    Identification, IdentificationError, ParameterGroup, ReadingWeights, UncertainEstimate,
+};
+use elastocal::measurement::{AbsoluteReading, MeasuredFile, Measurement, Origin, read_measured};
 use elastocal::record::messages::ProvenanceMessage;
+use elastocal::scenario::Scenario;
 use elastocal::task::Method;
 use elastocal::text::wording::{counted, shell_word};
 use elastocal::workflow::identify::{NotIdentified, identify_measurements, likely};
 
-use super::residuals;
 use super::table::{number, table};
 use super::{Common, Report, check_outputs, inputs, named_by_file, without_effect};
+use super::{identify_absolute, residuals};
 
 /// Arguments of `identify`.
 #[derive(Debug, Args)]
@@ -29,9 +32,14 @@ pub struct Identify {
     /// How; the scenario's method if not given.
     #[arg(long, value_enum)]
     method: Option<Method>,
-    /// Estimate sigma from the residuals instead of taking the scenario's.
+    /// Estimate sigma from the residuals instead of taking the scenario's. Of absolute readings: weigh them by what the model
+    /// leaves unexplained, too, even where their own deviations explain it.
     #[arg(long)]
     sigma_from_residuals: bool,
+    /// What to fit to absolute readings, frames of stations and targets always among it; what the scenario's robot.parameters
+    /// name if not given.
+    #[arg(long, value_enum, value_name = "GROUPS", value_delimiter = ',')]
+    parameters: Vec<ParameterGroup>,
     /// Where to write what was identified, for `compensate`.
     #[arg(long, value_name = "FILE")]
     identified_out: Option<PathBuf>,
@@ -43,11 +51,62 @@ impl Identify {
         let file = shell_word(&self.measurements.to_string_lossy());
         let usage = format!("elastocal identify SCENARIO --measurements {file}");
         let scenario = (self.common).load_for(&self.measurements, origin.as_ref(), &usage)?;
-        let measurements = read_measurements(&self.measurements, scenario.task.belief.commands())?;
+        let measured = read_measured(&self.measurements, scenario.task.belief.commands())?;
         let outputs = [("--identified-out", self.identified_out.as_deref())];
         let mut roles = inputs(&scenario);
         roles.reads("the measurements", &self.measurements);
         check_outputs(&mut roles, &outputs)?;
+        let mut report = match measured {
+            MeasuredFile::Deflections(measurements) => {
+                self.of_deflections(&scenario, &measurements)?
+            }
+            MeasuredFile::Absolute(readings) => self.of_absolute(&scenario, &readings)?,
+        };
+        if let Some(path) = &self.identified_out {
+            let text = serde_json::to_string_pretty(&report.json)? + "\n";
+            write_whole(path, text.as_bytes())?;
+            report.text += &format!("wrote {}\n", path.display());
+        }
+        Ok(report)
+    }
+
+    fn of_absolute(
+        &self,
+        scenario: &Scenario,
+        readings: &[AbsoluteReading],
+    ) -> anyhow::Result<Report> {
+        if let Some(Method::Linear) = self.method {
+            let problem = "holds absolute readings, which no linear fit takes";
+            let hint = "leave out --method";
+            return Err(FileError::new(&self.measurements, problem)
+                .hint(hint)
+                .into());
+        }
+        let groups = &self.parameters;
+        let weights = match (self.sigma_from_residuals, self.common.noise_only) {
+            (true, _) => ReadingWeights::WithMisfit,
+            (false, true) => ReadingWeights::Own,
+            (false, false) => ReadingWeights::AsNeeded,
+        };
+        self.common.say(&format!(
+            "fitting the robot to {}",
+            counted(readings.len() as u64, "absolute reading")
+        ));
+        identify_absolute::execute(scenario, &self.measurements, readings, groups, weights)
+    }
+
+    fn of_deflections(
+        &self,
+        scenario: &Scenario,
+        measurements: &[Measurement],
+    ) -> anyhow::Result<Report> {
+        if !self.parameters.is_empty() {
+            let problem = "holds deflections, of which robot.parameters of the scenario says what to identify";
+            let hint = "leave out --parameters, which is for absolute readings";
+            return Err(FileError::new(&self.measurements, problem)
+                .hint(hint)
+                .into());
+        }
         let loads = measurements.iter().map(|each| &each.load);
         let loads_outside = scenario.task.loads.outside_all("measurement", loads);
         let method = self.method.unwrap_or(scenario.task.belief.method);
@@ -74,24 +133,17 @@ impl Identify {
         }
         let belief = &scenario.task.belief;
         let identified =
-            identify_measurements(belief, &measurements, method, self.sigma_from_residuals)
+            identify_measurements(belief, measurements, method, self.sigma_from_residuals)
                 .map_err(|problem| explained(&self.measurements, &problem))?;
         let provenance =
-            ProvenanceMessage::new(&scenario).with_input("measurements", &self.measurements)?;
-        let json = identified.json(&scenario, &provenance, self.sigma_from_residuals)?;
+            ProvenanceMessage::new(scenario).with_input("measurements", &self.measurements)?;
+        let json = identified.json(scenario, &provenance, self.sigma_from_residuals)?;
         let (identification, residuals) = (&identified.identification, &identified.residuals);
         let mut text = describe(identification);
         if measurements.iter().any(|each| each.sigma_m.is_some()) {
             text += "  (sigma is the rms of those that the measurements bring)\n";
         }
         text += &format!("\n{}", residuals::describe(identification, residuals));
-        if let Some(path) = &self.identified_out {
-            write_whole(
-                path,
-                (serde_json::to_string_pretty(&json)? + "\n").as_bytes(),
-            )?;
-            text += &format!("wrote {}\n", path.display());
-        }
         Ok(Report {
             json,
             text,

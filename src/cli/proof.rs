@@ -181,9 +181,10 @@ fn told(bound: &Bound) -> String {
     match bound.proof() {
         None => String::new(),
         Some(Ok(proof)) => format!(
-            "Proved: no experiment's directional derivative is more than {} above the largest found ({}).\n",
+            "Proved: no experiment's directional derivative is more than {} above the largest found ({} boxes){}.\n",
             percent(proof.gap()),
-            format_args!("{} boxes", proof.boxes())
+            proof.boxes(),
+            leaving_out(proof.left_out())
         ),
         Some(Err(NoProof::Unfinished)) => {
             "Nothing is proved yet: --prove-time 60s gives the proof more time.\n".to_owned()
@@ -192,10 +193,20 @@ fn told(bound: &Bound) -> String {
     }
 }
 
+/// What a proof leaves out, in words that follow it.
+pub fn leaving_out(names: &[String]) -> String {
+    if names.is_empty() {
+        return String::new();
+    }
+    format!(", with {} taken for certain", names.join(", "))
+}
+
 /// How near the proof is; null where there is none.
 pub fn proof_json(bound: &Bound) -> Value {
     match bound.proof() {
-        Some(Ok(proof)) => json!({ "gap": proof.gap(), "boxes": proof.boxes() }),
+        Some(Ok(proof)) => {
+            json!({ "gap": proof.gap(), "boxes": proof.boxes(), "left_out": proof.left_out() })
+        }
         _ => Value::Null,
     }
 }

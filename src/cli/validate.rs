@@ -10,11 +10,13 @@ use elastocal::measurement::read_measurements;
 use elastocal::plan::write_plan;
 use elastocal::record::messages::{ProvenanceMessage, plan_messages};
 use elastocal::text::wording::{counted, shell_word};
+use elastocal::workflow::validate_absolute::StoredRobot;
 use nalgebra::Vector3;
 use serde_json::{Value, json};
 
 use super::identified::read_identified;
 use super::table::table;
+use super::validate_absolute;
 use super::written::Written;
 use super::{Common, Report, check_outputs, inputs, named_by_file, results, without_effect};
 
@@ -44,9 +46,15 @@ pub struct Validate {
 
 impl Validate {
     pub fn execute(&self) -> anyhow::Result<Report> {
-        let origin = StoredIdentification::origin(&self.identified)?;
         let file = shell_word(&self.identified.to_string_lossy());
         let usage = format!("elastocal validate SCENARIO --identified {file}");
+        if let Some(robot) = StoredRobot::read(&self.identified)? {
+            let scenario =
+                (self.common).load_for(&self.identified, robot.origin.as_ref(), &usage)?;
+            let measurements = self.measurements.as_deref();
+            return validate_absolute::execute(&scenario, &self.identified, &robot, measurements);
+        }
+        let origin = StoredIdentification::origin(&self.identified)?;
         let scenario = (self.common).load_for(&self.identified, origin.as_ref(), &usage)?;
         let identified = read_identified(&self.identified, &scenario)?;
         let mut roles = inputs(&scenario);

@@ -45,6 +45,7 @@ impl EquationSource<'_> {
                 commanded_rad: each.configuration_rad.clone(),
                 load: each.load,
                 target: 0,
+                station: 0,
             };
             let kind = match each.rotation {
                 Some(_) => ReadingKind::DeflectionAndRotation,

@@ -3,6 +3,7 @@
 //! [`identify`] sees the nominal robot and measurements, never the true one. It names what cannot
 //! be identified instead of inverting a singular matrix, keeps its nominal value, and identifies the rest.
 
+mod absolute;
 mod case;
 mod conditions;
 mod covariance;
@@ -12,16 +13,22 @@ mod error;
 mod estimate;
 mod extended;
 mod fit;
+mod frames;
 mod gauss_newton;
 mod prediction;
 mod residuals;
 mod stored;
 
+pub use absolute::{
+    AbsoluteCase, AbsoluteError, AbsoluteFit, DistanceStatistics, LeftOut, ParameterGroup,
+    ReadingResidual, ReadingWeights,
+};
 pub use case::{Case, Sigma};
 pub use conditions::IMPLAUSIBLE;
 pub use covariance::covariance_of;
 pub use error::IdentificationError;
 pub use estimate::{Estimate, Identification, ParameterEstimate, UncertainEstimate, identify};
+pub use frames::{MountedFrames, Sight};
 pub use gauss_newton::{FitError, ParameterFit, fit_parameters};
 pub use prediction::{Predicted, PredictionError, Predictions};
 pub use residuals::{MeasurementResidual, Residuals, Suspect, residuals};

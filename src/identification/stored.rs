@@ -120,7 +120,11 @@ impl StoredIdentification {
 }
 
 fn read(path: &Path) -> Result<IdentificationFile, FileError> {
-    let (text, _) = read_results(path, &["identify", "run"], WANTED)?;
+    let (text, json) = read_results(path, &["identify", "run"], WANTED)?;
+    if json["kind"] == "absolute" {
+        let problem = "was identified from absolute readings; what is identified from deflections is needed here";
+        return Err(FileError::new(path, problem).at("kind"));
+    }
     let reader = &mut serde_json::Deserializer::from_str(&text);
     serde_path_to_error::deserialize(reader).map_err(|error| {
         let wrong = FileError::new(path, error.inner().to_string()).hint(WANTED);

@@ -173,7 +173,7 @@ impl<'a> FirstOrder<'a> {
                 }
                 ParameterKind::LoadScale => Column::LoadScale,
                 ParameterKind::LoadOffset => Column::LoadOffset,
-                ParameterKind::BaseRotation { axis } => {
+                ParameterKind::BaseRotation { station: 0, axis } => {
                     Column::Turned(Vector3::ith(axis.index(), 1.0))
                 }
                 ParameterKind::TaskScale => Column::TaskScale,
@@ -181,6 +181,7 @@ impl<'a> FirstOrder<'a> {
                 ParameterKind::ToolPosition { .. }
                 | ParameterKind::ToolRotation { .. }
                 | ParameterKind::BasePosition { .. }
+                | ParameterKind::BaseRotation { .. }
                 | ParameterKind::LinkMass { .. }
                 | ParameterKind::LinkCentre { .. }
                 | ParameterKind::PayloadMass

@@ -1,6 +1,6 @@
 //! The observation model: readings and their derivatives with respect to any parameters.
 
-use nalgebra::{Matrix3, Matrix6xX, Rotation3, Vector3};
+use nalgebra::{Isometry3, Matrix3, Matrix6xX, Rotation3, Vector3};
 
 use super::reading::{Prediction, ReadingKind, Setup};
 use super::rotation::{exponential, inverse_left_jacobian};
@@ -34,8 +34,25 @@ pub struct ObservationModel<'a> {
     commanded_rad: Vec<f64>,
     torque: Vec<f64>,
     unloaded: Matrix6xX<f64>,
-    base_rotation: Matrix3<f64>,
-    base_is_identity: bool,
+    bases: Vec<StationBase>,
+}
+
+/// Where the robot's base is in the frame of a station.
+#[derive(Debug, Clone)]
+struct StationBase {
+    rotation: Matrix3<f64>,
+    translation_m: Vector3<f64>,
+    is_identity: bool,
+}
+
+impl StationBase {
+    fn new(instrument_from_base: &Isometry3<f64>) -> Self {
+        Self {
+            rotation: Rotation3::from(instrument_from_base.rotation).into_inner(),
+            translation_m: instrument_from_base.translation.vector,
+            is_identity: *instrument_from_base == Isometry3::identity(),
+        }
+    }
 }
 
 impl<'a> ObservationModel<'a> {
@@ -44,7 +61,7 @@ impl<'a> ObservationModel<'a> {
     pub fn new(set: &'a ParameterSet, nominal: &ElasticArm, values: &[f64]) -> Self {
         let belief = set.apply(nominal, values);
         let joints = belief.chain.len();
-        let base = &belief.instrument_from_base;
+        let bases = belief.instrument_from_base.iter().map(StationBase::new);
         Self {
             chain: belief.loaded_chain(),
             solver: EquilibriumSolver::new(joints),
@@ -53,8 +70,7 @@ impl<'a> ObservationModel<'a> {
             commanded_rad: vec![0.0; joints],
             torque: vec![0.0; joints],
             unloaded: Matrix6xX::zeros(set.len()),
-            base_rotation: Rotation3::from(base.rotation).into_inner(),
-            base_is_identity: *base == nalgebra::Isometry3::identity(),
+            bases: bases.collect(),
             belief,
             set,
         }
@@ -95,7 +111,7 @@ impl<'a> ObservationModel<'a> {
         } else {
             self.at_rest(&load, setup.target, derivatives)?
         };
-        self.to_instrument(kind, &mut prediction, derivatives);
+        self.to_instrument(setup.station, kind, &mut prediction, derivatives);
         Ok(prediction)
     }
 
@@ -109,7 +125,7 @@ impl<'a> ObservationModel<'a> {
         let load = self.command(setup);
         let mut prediction =
             self.first_order(&load, setup.target, !kind.is_deflection(), derivatives);
-        self.to_instrument(kind, &mut prediction, derivatives);
+        self.to_instrument(setup.station, kind, &mut prediction, derivatives);
         prediction
     }
 
@@ -239,13 +255,14 @@ impl<'a> ObservationModel<'a> {
     /// From the robot's base frame to the instrument's, with the derivatives by the base's parameters.
     fn to_instrument(
         &self,
+        station: usize,
         kind: ReadingKind,
         prediction: &mut Prediction,
         derivatives: &mut Matrix6xX<f64>,
     ) {
-        let base = &self.belief.instrument_from_base;
-        if !self.base_is_identity {
-            let turn = &self.base_rotation;
+        let base = &self.bases[station];
+        if !base.is_identity {
+            let turn = &base.rotation;
             for mut column in derivatives.column_iter_mut() {
                 let moved = turn * column.fixed_rows::<3>(0);
                 let turned = turn * column.fixed_rows::<3>(3);
@@ -256,24 +273,28 @@ impl<'a> ObservationModel<'a> {
             if kind.is_deflection() {
                 prediction.rotation = turn * prediction.rotation * turn.transpose();
             } else {
-                prediction.position_m += base.translation.vector;
+                prediction.position_m += base.translation_m;
                 prediction.rotation = turn * prediction.rotation;
             }
         }
-        let (displacement, rotation) = self.sweep.base_axes();
+        let (displacement, rotation) = self.sweep.base_axes(station);
         for (index, parameter) in self.set.parameters().iter().enumerate() {
             let (moved, turned) = match parameter.kind {
-                ParameterKind::BasePosition { axis } if !kind.is_deflection() => (
-                    displacement.column(axis.index()).into_owned(),
-                    Vector3::zeros(),
-                ),
-                ParameterKind::BaseRotation { axis } => {
+                ParameterKind::BasePosition { station: at, axis }
+                    if at == station && !kind.is_deflection() =>
+                {
+                    (
+                        displacement.column(axis.index()).into_owned(),
+                        Vector3::zeros(),
+                    )
+                }
+                ParameterKind::BaseRotation { station: at, axis } if at == station => {
                     let omega = rotation.column(axis.index()).into_owned();
                     if kind.is_deflection() {
                         let vector = crate::robot::rotation_vector(&prediction.rotation);
                         (omega.cross(&prediction.position_m), omega.cross(&vector))
                     } else {
-                        let lever = prediction.position_m - base.translation.vector;
+                        let lever = prediction.position_m - base.translation_m;
                         (omega.cross(&lever), omega)
                     }
                 }

@@ -14,6 +14,8 @@ pub struct Setup {
     pub load: Load,
     /// Which of the belief's tools is loaded and read.
     pub target: usize,
+    /// At which of the belief's stations the instrument stands.
+    pub station: usize,
 }
 
 /// What kind of thing an instrument says.

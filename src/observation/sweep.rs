@@ -42,7 +42,7 @@ impl FrameAxes {
 pub(super) struct Sweep {
     links: Vec<FrameAxes>,
     tools: Vec<FrameAxes>,
-    base: FrameAxes,
+    bases: Vec<FrameAxes>,
     /// The orientation of the frame before each link (the previous link), and of the last link.
     before: Vec<Matrix3<f64>>,
     /// Y^T, n x 6.
@@ -119,7 +119,9 @@ impl Sweep {
             tools: tools
                 .map(|(tool, at)| FrameAxes::new(&tool.link_from_tool, &at.rotation_rad))
                 .collect(),
-            base: FrameAxes::new(&nominal.instrument_from_base, &at.base.rotation_rad),
+            bases: (nominal.instrument_from_base.iter().zip(&at.bases))
+                .map(|(base, at)| FrameAxes::new(base, &at.rotation_rad))
+                .collect(),
             before: vec![Matrix3::identity(); joints + 1],
             response: DMatrix::zeros(joints, 6),
             inner: vec![Matrix6x3::zeros(); joints + 1],
@@ -240,8 +242,9 @@ impl Sweep {
 
     /// The twists of the base in the instrument's frame, for a target there: displacement directions
     /// as columns, rotation axes as columns, and where these go through.
-    pub fn base_axes(&self) -> (&Matrix3<f64>, &Matrix3<f64>) {
-        (&self.base.displacement, &self.base.rotation)
+    pub fn base_axes(&self, station: usize) -> (&Matrix3<f64>, &Matrix3<f64>) {
+        let base = &self.bases[station];
+        (&base.displacement, &base.rotation)
     }
 
     fn orient(&mut self, pose: &SweepPose<'_>) {

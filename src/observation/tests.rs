@@ -25,6 +25,7 @@ fn setup(numbers: &mut Numbers, belief: &ElasticArm, target: usize, force_n: f64
             torque_nm: numbers.vector(force_n * 0.3),
         },
         target,
+        station: target % belief.instrument_from_base.len(),
     }
 }
 
@@ -223,10 +224,10 @@ fn an_instrument_elsewhere_sees_the_same_arm() {
             .predict(Form::AtRest, &setup, kind, &mut nothing)
             .expect("stable")
     };
-    let base = belief.instrument_from_base;
+    let base = belief.instrument_from_base[0];
     let pose = see(&belief, ReadingKind::Pose);
     let deflection = see(&belief, ReadingKind::Deflection);
-    belief.instrument_from_base = nalgebra::Isometry3::identity();
+    belief.instrument_from_base = vec![nalgebra::Isometry3::identity()];
     let there = see(&belief, ReadingKind::Pose);
     let bent = see(&belief, ReadingKind::Deflection);
     let expected: Vector3<f64> = (base * nalgebra::Point3::from(there.position_m)).coords;

@@ -159,7 +159,7 @@ pub(crate) fn random(numbers: &mut Numbers, joints: usize) -> ElasticArm {
         .to_vec();
     let compliance = (0..joints).map(|_| numbers.between(0.0, 5e-6)).collect();
     let mut belief = ElasticArm::new(chain, compliance, tools);
-    belief.instrument_from_base = Isometry3::new(numbers.vector(2.0), numbers.vector(1.5));
+    belief.instrument_from_base = vec![Isometry3::new(numbers.vector(2.0), numbers.vector(1.5))];
     belief.zero_rad = (0..joints).map(|_| numbers.between(-0.05, 0.05)).collect();
     belief.load_scale = numbers.between(0.8, 1.2);
     belief.payload = Some(Payload {
@@ -205,6 +205,9 @@ pub(crate) fn random_elastic(numbers: &mut Numbers, joints: usize) -> ElasticArm
             path,
         });
     }
+    // A second station of the instrument.
+    let second = Isometry3::new(numbers.vector(2.0), numbers.vector(1.5));
+    belief.instrument_from_base.push(second);
     belief
 }
 

@@ -28,8 +28,8 @@ pub struct ElasticArm {
     pub tools: Vec<Tool>,
     /// The payload, if there is one.
     pub payload: Option<Payload>,
-    /// The robot's base in the frame in which the instrument gives its readings.
-    pub instrument_from_base: Isometry3<f64>,
+    /// The robot's base in the frame in which the instrument gives its readings, for each station where it stands.
+    pub instrument_from_base: Vec<Isometry3<f64>>,
     /// By how much loads are larger than what is said of them, offset included.
     pub load_scale: f64,
     /// The force along each load's own besides what is said of it (N).
@@ -46,7 +46,7 @@ impl ElasticArm {
             compliance_rad_per_nm,
             tools,
             payload: None,
-            instrument_from_base: Isometry3::identity(),
+            instrument_from_base: vec![Isometry3::identity()],
             load_scale: 1.0,
             load_offset_n: 0.0,
         }

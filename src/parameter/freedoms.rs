@@ -178,9 +178,14 @@ fn generators(belief: &ElasticArm, set: &ParameterSet) -> Vec<Generator> {
             for (velocity, omega) in [(unit, Vector3::zeros()), (Vector3::zeros(), unit)] {
                 let (back_velocity, back_omega) = seen_from(&from_base, &velocity, &omega);
                 let mut generator = link(0, &-back_velocity, &-back_omega);
-                for axis in Axis::ALL {
-                    generator.push((ParameterKind::BasePosition { axis }, velocity[axis.index()]));
-                    generator.push((ParameterKind::BaseRotation { axis }, omega[axis.index()]));
+                // Seen from every station alike.
+                for station in 0..belief.instrument_from_base.len() {
+                    for axis in Axis::ALL {
+                        let position = ParameterKind::BasePosition { station, axis };
+                        let rotation = ParameterKind::BaseRotation { station, axis };
+                        generator.push((position, velocity[axis.index()]));
+                        generator.push((rotation, omega[axis.index()]));
+                    }
                 }
                 generator.retain(|(_, value)| *value != 0.0);
                 all.push(generator);

@@ -103,11 +103,15 @@ pub enum ParameterKind {
     },
     /// The position of the robot's base in the instrument's frame (m).
     BasePosition {
+        /// Which of the instrument's stations.
+        station: usize,
         /// Along which axis of the base.
         axis: Axis,
     },
     /// The orientation of the robot's base in the instrument's frame (rad).
     BaseRotation {
+        /// Which of the instrument's stations.
+        station: usize,
         /// About which axis of the base.
         axis: Axis,
     },
@@ -174,9 +178,11 @@ impl ParameterKind {
             kinds.extend(Axis::ALL.map(position));
             kinds.extend(Axis::ALL.map(rotation));
         };
-        frame(&|axis| Self::BasePosition { axis }, &|axis| {
-            Self::BaseRotation { axis }
-        });
+        for station in 0..belief.instrument_from_base.len() {
+            frame(&|axis| Self::BasePosition { station, axis }, &|axis| {
+                Self::BaseRotation { station, axis }
+            });
+        }
         for link in 0..joints {
             frame(&|axis| Self::LinkPosition { link, axis }, &|axis| {
                 Self::LinkRotation { link, axis }
@@ -206,10 +212,7 @@ impl ParameterKind {
     /// Its unique name, such as `joint_3.compliance`, `link_3.x`, `tool.ry`, `base.z`.
     #[must_use]
     pub fn name(self, belief: &ElasticArm) -> String {
-        let tool = |index: usize| match index {
-            0 => "tool".to_owned(),
-            index => format!("tool_{}", index + 1),
-        };
+        let tool = |index: usize| numbered("tool", index);
         let joint = |index: usize| &belief.chain.joints[index].name;
         let named = |spring: usize| &belief.chain.elements.springs[spring].name;
         match self {
@@ -223,8 +226,10 @@ impl ParameterKind {
             Self::LinkCentre { link, axis } => format!("link_{}.c{axis}", link + 1),
             Self::ToolPosition { tool: index, axis } => format!("{}.{axis}", tool(index)),
             Self::ToolRotation { tool: index, axis } => format!("{}.r{axis}", tool(index)),
-            Self::BasePosition { axis } => format!("base.{axis}"),
-            Self::BaseRotation { axis } => format!("base.r{axis}"),
+            Self::BasePosition { station, axis } => format!("{}.{axis}", numbered("base", station)),
+            Self::BaseRotation { station, axis } => {
+                format!("{}.r{axis}", numbered("base", station))
+            }
             Self::PayloadMass => "payload.mass".to_owned(),
             Self::PayloadCentre { axis } => format!("payload.{axis}"),
             Self::LoadScale => "load.scale".to_owned(),
@@ -289,6 +294,10 @@ impl ParameterKind {
             0 => "the tool".to_owned(),
             index => format!("tool {}", index + 1),
         };
+        let base = |station: usize| match station {
+            0 => "the base".to_owned(),
+            station => format!("the base at station {}", station + 1),
+        };
         match self {
             Self::JointCompliance { joint: index } => format!("the compliance of {}", joint(index)),
             Self::JointZero { joint: index } => format!("the zero of {}", joint(index)),
@@ -310,8 +319,12 @@ impl ParameterKind {
             Self::ToolRotation { tool: index, axis } => {
                 format!("{}'s rotation about {axis}", tool(index))
             }
-            Self::BasePosition { axis } => format!("the base's position along {axis}"),
-            Self::BaseRotation { axis } => format!("the base's rotation about {axis}"),
+            Self::BasePosition { station, axis } => {
+                format!("{}'s position along {axis}", base(station))
+            }
+            Self::BaseRotation { station, axis } => {
+                format!("{}'s rotation about {axis}", base(station))
+            }
             Self::PayloadMass => "the payload's mass".to_owned(),
             Self::PayloadCentre { axis } => format!("the payload's centre along {axis}"),
             Self::LoadScale => "the scale of the load".to_owned(),
@@ -319,6 +332,14 @@ impl ParameterKind {
             Self::TaskScale => "the scale of the task's load".to_owned(),
             Self::TaskForce { axis } => format!("the task's force along {axis}"),
         }
+    }
+}
+
+/// The first of several bears the plain name.
+fn numbered(name: &str, index: usize) -> String {
+    match index {
+        0 => name.to_owned(),
+        index => format!("{name}_{}", index + 1),
     }
 }
 

@@ -301,7 +301,10 @@ impl ParameterSet {
         for (tool, displacement) in belief.tools.iter_mut().zip(&displacements.tools) {
             displacement.apply(&mut tool.link_from_tool);
         }
-        displacements.base.apply(&mut belief.instrument_from_base);
+        let bases = belief.instrument_from_base.iter_mut();
+        for (base, displacement) in bases.zip(&displacements.bases) {
+            displacement.apply(base);
+        }
         belief
     }
 
@@ -310,7 +313,7 @@ impl ParameterSet {
         let mut all = Displacements {
             links: vec![FrameChange::default(); nominal.chain.len()],
             tools: vec![FrameChange::default(); nominal.tools.len()],
-            base: FrameChange::default(),
+            bases: vec![FrameChange::default(); nominal.instrument_from_base.len()],
         };
         for (parameter, &value) in self.parameters.iter().zip(values) {
             let (frame, axis) = match parameter.kind {
@@ -318,9 +321,8 @@ impl ParameterSet {
                 | ParameterKind::LinkRotation { link, axis } => (&mut all.links[link], axis),
                 ParameterKind::ToolPosition { tool, axis }
                 | ParameterKind::ToolRotation { tool, axis } => (&mut all.tools[tool], axis),
-                ParameterKind::BasePosition { axis } | ParameterKind::BaseRotation { axis } => {
-                    (&mut all.base, axis)
-                }
+                ParameterKind::BasePosition { station, axis }
+                | ParameterKind::BaseRotation { station, axis } => (&mut all.bases[station], axis),
                 _ => continue,
             };
             let is_rotation = matches!(
@@ -344,7 +346,7 @@ impl ParameterSet {
 pub(crate) struct Displacements {
     pub links: Vec<FrameChange>,
     pub tools: Vec<FrameChange>,
-    pub base: FrameChange,
+    pub bases: Vec<FrameChange>,
 }
 
 /// How a frame differs from its nominal one, along its own axes.
@@ -402,6 +404,12 @@ fn check(belief: &ElasticArm, kind: ParameterKind) -> Result<(), ParameterError>
             if tool >= tools =>
         {
             missing("the tool")
+        }
+        ParameterKind::BasePosition { station, .. }
+        | ParameterKind::BaseRotation { station, .. }
+            if station >= belief.instrument_from_base.len() =>
+        {
+            missing("the station")
         }
         ParameterKind::PayloadMass | ParameterKind::PayloadCentre { .. }
             if belief.payload.is_none_or(|payload| payload.mass_kg <= 0.0) =>

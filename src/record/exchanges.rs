@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::messages::ProofMessage;
 use crate::plan::Criterion;
-use crate::plan::search::{Exchanges, NoBound, OneExchange, PlanProof};
+use crate::plan::search::{Exchanges, NoBound, OneExchange};
 
 /// What exchanging any one measurement of a plan can gain. Values are `rho0_mm` for the criterion `test_pose`, and for others
 /// as in `criteria`.
@@ -65,7 +65,7 @@ impl ExchangesMessage {
                 experiment: each.experiment + 1,
                 found: each.found * unit,
                 proved: proof.map(|proof| proof.best * unit),
-                proof: proof.map(|&PlanProof { gap, boxes, .. }| ProofMessage { gap, boxes }),
+                proof: proof.map(ProofMessage::from),
                 no_proof_reason: each.proof.as_ref().err().map(ToString::to_string),
             }
         };

@@ -410,12 +410,25 @@ pub struct ShareMessage {
 }
 
 /// How near a proof of a bound is.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ProofMessage {
     /// How far the proved bound of the largest directional derivative is above the largest found, as a share.
     pub gap: f64,
     /// The number of boxes that the proof took.
     pub boxes: u64,
+    /// The names of the uncertainties that the proof takes for certain, which can only make the bound less near.
+    #[serde(default)]
+    pub left_out: Vec<String>,
+}
+
+impl From<&PlanProof> for ProofMessage {
+    fn from(proof: &PlanProof) -> Self {
+        Self {
+            gap: proof.gap,
+            boxes: proof.boxes,
+            left_out: proof.left_out.clone(),
+        }
+    }
 }
 
 /// One bound that an experiment of a plan does not keep, or a load that is not allowed.
@@ -447,10 +460,10 @@ impl AssessmentMessage {
             };
             (criterion.name().to_owned(), value.map(|value| value * unit))
         };
-        let rho0_proof = assessment.bound().and_then(|bound| bound.proof);
+        let rho0_proof = assessment.bound().and_then(|bound| bound.proof.as_ref());
         let (criterion, asked_for) = (assessment.asked_for()).unzip();
         let bound = asked_for.and_then(|bound| bound.as_ref().ok());
-        let proof = bound.and_then(|bound| bound.proof);
+        let proof = bound.and_then(|bound| bound.proof.as_ref());
         let in_unit = |value: f64| {
             if criterion == Some(Criterion::TestPose) {
                 value * 1e3
@@ -484,7 +497,7 @@ impl AssessmentMessage {
             proved_criterion_bound: proof.map(|proof| in_unit(proof.best)),
             criterion_efficiency: assessment.criterion_efficiency(),
             proved_lower_bound_rho0_mm: rho0_proof.map(|proof| proof.best * 1e3),
-            proof: proof.map(|PlanProof { gap, boxes, .. }| ProofMessage { gap, boxes }),
+            proof: proof.map(ProofMessage::from),
             efficiency: assessment.efficiency(),
             no_bound_reason: asked_for
                 .and_then(|bound| bound.as_ref().err())

@@ -10,6 +10,7 @@
 //! - [`campaign`]: a plan as it is carried out in the laboratory.
 //! - [`evidence`]: what a plan is shown beside; [`exchanges`]: what exchanging one measurement of it can gain.
 
+pub mod absolute;
 pub mod account;
 pub mod campaign;
 pub mod evidence;

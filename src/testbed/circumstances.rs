@@ -302,7 +302,7 @@ impl Circumstances {
         for (from, per_metre) in noise {
             moved += per_metre * (displacement.at_m - from).norm();
         }
-        let base: &Isometry3<f64> = &self.here.instrument_from_base;
+        let base: &Isometry3<f64> = &self.here.instrument_from_base[0];
         Ok((
             base.rotation * moved,
             base.rotation * displacement.rotation_rad,

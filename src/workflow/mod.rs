@@ -6,10 +6,14 @@
 //! - [`study`]: the plans of a study, and what its runs come to.
 //! - [`identify`]: compliances from measurements, with residuals and likely mistakes.
 //! - [`export`]: the calibrated robot as a model's file.
+//! - [`identify_absolute`]: a robot with its frames from absolute readings.
+//! - [`validate_absolute`]: other readings beside it.
 
 pub mod design;
 pub mod export;
 pub mod identify;
+pub mod identify_absolute;
 pub mod init;
 pub mod run;
 pub mod study;
+pub mod validate_absolute;

@@ -35,10 +35,12 @@
 //! - `measured_rotations`: planning, studies and identification use measured rotations alike.
 //! - `model_features`: what models can say beside the chain: honoured or refused by name.
 //! - `model_messages`: models that cannot serve, and what to do about them.
+//! - `ur10_measured`: real poses of a UR10, where they are there.
 //! - `validation`: other measurements check what an identification promises.
 //! - `understanding`: what `check` says that it understood, and likely mistakes.
 //! - `csv_dialects`: plans and measurements as spreadsheets of every country write them.
 //! - `diagnoses`: likely mistakes in measurements, and the measurement that fits least.
+//! - `one_fit`: frames, geometry and elasticity from absolute readings, in one fit.
 //! - `origins`: files say under which scenario they were made; help says what has an effect.
 //! - `implausible_input`: inputs that are well formed and cannot be.
 //! - `mutations`: a hundred thousand broken inputs, and every one that ever failed.
@@ -53,6 +55,7 @@
 //! - `schema`: the JSON schema of scenarios.
 //! - `search`: the search for plans and its certificate, on the KR-270.
 //! - `bounds`: the class of plans that a bound speaks about.
+//! - `left_out`: what a proof takes for certain, by name.
 //! - `proofs`: the bound that is proved, and its proof checked by another program.
 //! - `criteria_bounds`: the bounds by other criteria than `rho_0`.
 //! - `exchanges`: what exchanging one measurement of a plan can gain.
@@ -106,6 +109,7 @@ mod judge;
 mod judges;
 mod known_optima;
 mod laboratory;
+mod left_out;
 mod limits;
 mod load_sets;
 mod lost_readings;
@@ -117,6 +121,7 @@ mod next;
 mod nonlinear_gap;
 mod obstacles;
 mod old_files;
+mod one_fit;
 mod origins;
 mod output_files;
 mod parameters;
@@ -152,6 +157,7 @@ mod uncertainty;
 mod understanding;
 mod unknowns;
 mod unread;
+mod ur10_measured;
 mod validation;
 #[cfg(not(feature = "view"))]
 mod without_views;

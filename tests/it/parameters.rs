@@ -92,9 +92,10 @@ fn every_frame_moves_the_tool_as_mujoco_says() {
                      rotation: &dyn Fn(Axis) -> ParameterKind| {
             [Axis::ALL.map(position), Axis::ALL.map(rotation)].concat()
         };
-        let mut kinds = frame(&|axis| ParameterKind::BasePosition { axis }, &|axis| {
-            ParameterKind::BaseRotation { axis }
-        });
+        let mut kinds = frame(
+            &|axis| ParameterKind::BasePosition { station: 0, axis },
+            &|axis| ParameterKind::BaseRotation { station: 0, axis },
+        );
         for link in 0..joints {
             kinds.extend(frame(
                 &|axis| ParameterKind::LinkPosition { link, axis },
@@ -125,6 +126,7 @@ fn every_frame_moves_the_tool_as_mujoco_says() {
                 commanded_rad: q,
                 load: Load::force(10.0, 20.0, 30.0),
                 target: 0,
+                station: 0,
             };
             for form in [Form::FirstOrder, Form::AtRest] {
                 let mut derivatives = Matrix6xX::zeros(set.len());

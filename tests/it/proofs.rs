@@ -42,7 +42,10 @@ fn the_papers_problem_is_proved_to_a_thousandth() {
         // rho0 goes with the root of the derivative.
         let ratio = bound.best / plain.best;
         assert!((1.0 - 0.6e-3..=1.0 + 1e-9).contains(&ratio), "{ratio}");
-        assert_eq!(bound.proof.map(|proof| proof.best), Some(bound.best));
+        assert_eq!(
+            bound.proof.as_ref().map(|proof| proof.best),
+            Some(bound.best)
+        );
         let plan = proved.of_plan(&table4(m)).ok();
         assert!(plan.is_none_or(|plan| plan == bound));
     }

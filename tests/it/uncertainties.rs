@@ -213,6 +213,7 @@ fn the_posterior_is_that_of_generalised_least_squares() {
             commanded_rad: experiment.configuration_rad.clone(),
             load: experiment.load,
             target: 0,
+            station: 0,
         };
         let mut derivatives = Matrix6xX::zeros(size);
         let kind = elastocal::observation::ReadingKind::Deflection;

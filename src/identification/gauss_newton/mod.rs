@@ -24,6 +24,8 @@ use crate::robot::EquilibriumError;
 const CONVERGED: f64 = 1e-6;
 /// A step this short in standard errors may end in the rounding of the sum of squares.
 const SHORT: f64 = 1e-3;
+/// After so many steps a short one is enough: readings that the model explains badly make the steps small and many.
+const PATIENCE: usize = 20;
 /// Nearly linear fits take three to six steps; far starts take some more.
 const MAXIMUM_ITERATIONS: usize = 60;
 /// The first damping after a step that made the fit worse, relative to the information.
@@ -93,6 +95,27 @@ pub fn fit_parameters(
     if observations.is_empty() {
         return Err(FitError::NoObservations);
     }
+    fit_from(
+        nominal,
+        set,
+        observations,
+        &frames(nominal, set, observations),
+    )
+}
+
+/// The same from values (p) that are near.
+///
+/// # Errors
+/// See [`FitError`].
+pub(super) fn fit_from(
+    nominal: &ElasticArm,
+    set: &ParameterSet,
+    observations: &[Observation],
+    start: &DVector<f64>,
+) -> Result<ParameterFit, FitError> {
+    if observations.is_empty() {
+        return Err(FitError::NoObservations);
+    }
     let nominal_values = &set.prior().mean;
     let (freedoms, estimable) = determined(nominal, set, observations);
     if estimable.rank() == 0 {
@@ -105,9 +128,9 @@ pub fn fit_parameters(
         prior: relative_precision(set),
         basis: estimable.basis(),
     };
-    // Frames may be anywhere: they come first, as far as they do not leave what is determined.
+    // As far as the start does not leave what is determined.
     let scales = set.scales();
-    let off = (frames(nominal, set, observations) - nominal_values).component_div(&scales);
+    let off = (start - nominal_values).component_div(&scales);
     let within = estimable.basis() * estimable.basis().tr_mul(&off);
     let start = nominal_values + within.component_mul(&scales);
     let (values, solved, iterations) = problem.solve(start)?;
@@ -145,8 +168,8 @@ fn determined(
     (freedoms, estimable)
 }
 
-/// The prior's mean (p) with frames of the base and of the tools that fit best when all else is as it is
-/// believed to be.
+/// The prior's mean (p) with frames of the base and of the tools, which may be anywhere, that fit best when all else is
+/// as it is believed to be.
 fn frames(nominal: &ElasticArm, set: &ParameterSet, observations: &[Observation]) -> DVector<f64> {
     let mut start = set.prior().mean.clone();
     let is_frame: Vec<usize> = (0..set.len())
@@ -160,7 +183,7 @@ fn frames(nominal: &ElasticArm, set: &ParameterSet, observations: &[Observation]
     // Their nominal values are applied already; the subset's values count from the nominal belief.
     let mut belief = others_nominal;
     belief.tools.clone_from(&nominal.tools);
-    belief.instrument_from_base = nominal.instrument_from_base;
+    (belief.instrument_from_base).clone_from(&nominal.instrument_from_base);
     let (_, estimable) = determined(&belief, &frames, observations);
     if estimable.rank() > 0 {
         let problem = FitProblem {
@@ -206,7 +229,8 @@ impl FitProblem<'_> {
         let mut now = self.at(&values)?;
         let mut damping = 0.0;
         for iterations in 1..=MAXIMUM_ITERATIONS {
-            if now.steps <= CONVERGED {
+            let is_slow = iterations > PATIENCE && now.steps <= SHORT;
+            if now.steps <= CONVERGED || is_slow {
                 return Ok((values, now, iterations));
             }
             loop {

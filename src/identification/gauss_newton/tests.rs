@@ -19,6 +19,7 @@ fn setups(numbers: &mut Numbers, belief: &ElasticArm, count: usize, force_n: f64
             commanded_rad: numbers.configuration(&belief.chain),
             load: Load::force(0.0, 0.0, -numbers.between(0.0, force_n)),
             target: index % belief.tools.len(),
+            station: 0,
         })
         .collect()
 }
@@ -163,7 +164,10 @@ fn freedoms_are_named_in_words() {
         named.into_iter().map(|each| each.sentence).collect()
     };
     let zero = ParameterKind::JointZero { joint: 0 };
-    let about = ParameterKind::BaseRotation { axis: Axis::Z };
+    let about = ParameterKind::BaseRotation {
+        station: 0,
+        axis: Axis::Z,
+    };
     assert_eq!(
         sentences(&[zero, about], ReadingKind::Position, 50.0),
         [
@@ -209,7 +213,10 @@ fn freedoms_are_named_in_words() {
 fn a_prior_settles_what_cannot_be_told_apart() {
     let belief = ur10();
     let zero = ParameterKind::JointZero { joint: 0 };
-    let about = ParameterKind::BaseRotation { axis: Axis::Z };
+    let about = ParameterKind::BaseRotation {
+        station: 0,
+        axis: Axis::Z,
+    };
     let mut numbers = Numbers(3);
     let set = ParameterSet::new(&belief, [(zero, Some(1e-3)), (about, None)]).expect("a set");
     let truth = DVector::from_vec(vec![0.0005, 0.02]);

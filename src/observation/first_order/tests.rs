@@ -18,7 +18,7 @@ fn arms(numbers: &mut Numbers) -> Vec<ElasticArm> {
     }
     for arm in &mut arms {
         arm.zero_rad.fill(0.0);
-        arm.instrument_from_base = Isometry3::identity();
+        arm.instrument_from_base = vec![Isometry3::identity()];
         arm.load_scale = 1.0;
         // Long enough lists of compliances above zero for logarithms.
         for k in &mut arm.compliance_rad_per_nm {
@@ -84,6 +84,7 @@ fn derivatives_are_those_of_the_observation_model() {
                 commanded_rad: q.clone(),
                 load,
                 target: 0,
+                station: 0,
             };
             let prediction =
                 model.predict_first_order(&setup, ReadingKind::Deflection, &mut expected);

@@ -7,7 +7,7 @@ use super::branching::{NoProof, ProofLimits, Proved, prove, tasks};
 use super::enclosure::{Cell, ProofTask};
 use super::judgement::judge;
 use super::polynomial::Polynomial;
-use super::question::{Arm, ProofJoint, ProofLoads, Question, SmoothRegion};
+use super::question::{Arm, ProofJoint, ProofLoads, Question, ReadingSpread, SmoothRegion};
 use super::taylor::{LANES, ModelWorkspace};
 
 /// RandomArms numbers between -1 and 1.
@@ -81,6 +81,27 @@ fn heavy_arm() -> Question {
             torque_nm: None,
         },
         loads: ProofLoads::OneOf(vec![[0.0, 0.0, -2.5, 0.0, 0.0, 0.0]]),
+        spread: None,
+    }
+}
+
+/// The same where joints return as they like, and loads hang as they like.
+fn with_spread(question: Question, random: &mut RandomArms) -> Question {
+    let joints = question.arm.joints.len();
+    let mut sizes = |most: f64| -> Vec<f64> {
+        let sizes = (0..joints).map(|_| most * random.number().max(0.0));
+        sizes.collect()
+    };
+    Question {
+        spread: Some(ReadingSpread {
+            everywhere: 1.5,
+            joint_return: sizes(3.0),
+            compliance_rad_per_nm: sizes(1.0),
+            turned: 0.7,
+            shifted: 0.9,
+        }),
+        rotation_scale_m: 0.0,
+        ..question
     }
 }
 
@@ -128,6 +149,7 @@ fn random_arm(random: &mut RandomArms, loads: ProofLoads, torques: bool) -> Ques
             torque_nm: torques.then(|| vec![40.0, 30.0, 20.0, 10.0]),
         },
         loads,
+        spread: None,
     }
 }
 
@@ -181,6 +203,28 @@ fn column(question: &Question, q: &[f64], load: &[f64; 6], joint: usize) -> Vect
     lever * (lever.dot(&force) + pose.axes[joint].dot(&torque))
 }
 
+/// R with plain matrices.
+fn covariance(
+    spread: &ReadingSpread,
+    arm: &Arm,
+    axes: &[Vector3<f64>],
+    lever: &dyn Fn(usize) -> Vector3<f64>,
+    force: &Vector3<f64>,
+    torque: &Vector3<f64>,
+) -> Matrix3<f64> {
+    let mut covariance = Matrix3::identity() * spread.everywhere;
+    let (mut turned, mut shifted) = (Matrix3::zeros(), Matrix3::zeros());
+    for (joint, axis) in axes.iter().enumerate().take(arm.tool_joints) {
+        let lever = lever(joint);
+        covariance += lever * lever.transpose() * spread.joint_return[joint].powi(2);
+        let follows = lever * spread.compliance_rad_per_nm[joint];
+        turned += follows * (force.cross(&lever) + torque.cross(axis)).transpose();
+        shifted += follows * force.cross(axis).transpose();
+    }
+    covariance += turned * turned.transpose() * spread.turned.powi(2);
+    covariance + shifted * shifted.transpose() * spread.shifted.powi(2)
+}
+
 /// One experiment with plain matrices: d (or the largest over all directions), and the margins.
 fn experiment(question: &Question, q: &[f64], load: &[f64; 6]) -> (f64, Vec<f64>) {
     let arm = &question.arm;
@@ -220,6 +264,11 @@ fn experiment(question: &Question, q: &[f64], load: &[f64; 6]) -> (f64, Vec<f64>
         }
         form.symmetric_eigenvalues().max() * size * size
     } else {
+        let precision = (question.spread.as_ref())
+            .and_then(|spread| {
+                covariance(spread, arm, &axes, &lever, &force, &torque).try_inverse()
+            })
+            .unwrap_or_else(Matrix3::identity);
         let told = |row: &Vec<f64>| {
             let (mut moved, mut turned) = (Vector3::zeros(), Vector3::zeros());
             for (factor, &joint) in row.iter().zip(&question.parameters) {
@@ -227,7 +276,7 @@ fn experiment(question: &Question, q: &[f64], load: &[f64; 6]) -> (f64, Vec<f64>
                 moved += lever(joint) * torque;
                 turned += axes[joint] * (torque * question.rotation_scale_m);
             }
-            moved.norm_squared() + turned.norm_squared()
+            moved.dot(&(precision * moved)) + turned.norm_squared()
         };
         question.rows.iter().map(told).sum()
     };
@@ -356,6 +405,7 @@ fn boxes_enclose_the_experiments_of_arms() {
     question.region.torque_nm = Some(vec![9000.0, 5000.0, 4000.0, 2000.0, 2000.0, 900.0]);
     assert_enclosed(&question, 30 * times, 4);
     let mut random = RandomArms(5);
+    assert_enclosed(&with_spread(heavy_arm(), &mut random), 30 * times, 6);
     for round in 0..40 {
         let [x, y, z] = random.vector();
         let loads = [
@@ -365,6 +415,10 @@ fn boxes_enclose_the_experiments_of_arms() {
         ];
         let question = random_arm(&mut random, loads[round % 3].clone(), round % 2 == 0);
         assert_enclosed(&question, 6 * times, round as u64);
+        if round % 3 != 1 {
+            let question = with_spread(question, &mut random);
+            assert_enclosed(&question, 6 * times, round as u64);
+        }
     }
 }
 
@@ -422,6 +476,10 @@ fn nothing_is_proved_from_less_than_an_experiment_gives() {
             loads[round % 2].clone(),
             round % 4 == 0,
         ));
+        if round % 4 == 2 {
+            let question = questions[questions.len() - 1].clone();
+            questions.push(with_spread(question, &mut random));
+        }
     }
     for question in &questions {
         let Some(best) = sampled(question, 5_000, 1).into_iter().next() else {
@@ -457,6 +515,7 @@ fn a_planar_arm_is_proved_to_its_known_maximum() -> Result<(), NoProof> {
         rotation_scale_m: 0.0,
         region: SmoothRegion::default(),
         loads: ProofLoads::OneOf(vec![[0.0, 0.0, -100.0, 0.0, 0.0, 0.0]]),
+        spread: None,
     };
     let outer = (100.0_f64 * 0.25).powi(2);
     let proved = prove(

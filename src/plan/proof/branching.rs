@@ -12,6 +12,8 @@ use super::tree::{ProofObject, Record};
 
 /// How far above the largest derivative found the threshold is, one after another.
 const GAPS: [f64; 6] = [0.3, 0.1, 0.03, 0.01, 0.003, 0.001];
+/// The same before these, where the covariance of readings depends on the configuration, which takes many more boxes.
+const WIDE_GAPS: [f64; 2] = [3.0, 1.0];
 /// A proof that has no first result after this share of its boxes is given up: it would not come near.
 const FIRST_SHARE: u64 = 2;
 /// Boxes that a thread takes at a time, and how many it looks at before it gives back what is left. Results
@@ -142,8 +144,9 @@ fn climb<'a>(
     for (index, task) in tasks.iter().enumerate() {
         stack.push((index, task.whole()));
     }
-    let gaps = GAPS
-        .into_iter()
+    let wide = (question.spread.iter()).flat_map(|_| WIDE_GAPS);
+    let gaps = wide
+        .chain(GAPS)
         .filter(|gap| *gap > effort.gap)
         .chain([effort.gap]);
     for gap in gaps {

@@ -2,12 +2,15 @@
 
 use super::chain::Chain;
 use super::constant::vector;
+use super::covariance::{covariance, squares};
 use super::domain::{Domain, LoadCase, needs_tool_axis};
+use super::form::{ENTRIES, place};
 use super::geometry::BoxGeometry;
 use super::question::Question;
 use super::rounding::{UNIT, Waves, sin_cos};
 use super::taylor::{LANES, Lanes, ModelVector, ModelWorkspace, TaylorModel, TermSign, VARIABLES};
 use super::vectors::{Angle, NOWHERE, constant_in, cross, difference, dot, exact};
+use super::weighted::SpreadColumns;
 
 /// How often a variable can be halved.
 pub(super) const DEEPEST: u8 = 30;
@@ -32,12 +35,14 @@ pub(super) struct ProofTask<'a> {
 }
 
 /// The derivative over boxes.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub(super) enum Derivative {
     /// As it is.
     Plain(TaylorModel),
     /// For a force of any direction, the largest eigenvalue of this form: its entries 11, 22, 33, 12, 13, 23.
     Largest([TaylorModel; 6]),
+    /// Of rows v, the sum of v^T R^-1 v, R the covariance.
+    Weighted(Vec<ModelVector>, SpreadColumns),
 }
 
 /// What is known over [`LANES`] boxes.
@@ -162,7 +167,14 @@ impl<'a> ProofTask<'a> {
         let mut spread = [[0.0; LANES]; VARIABLES];
         let derivative = match &load {
             Some(load) => {
-                Derivative::Plain(self.plain(workspace, &geometry, &levers, load, &mut spread))
+                let moved = self.moved(workspace, &geometry, &levers, load, &mut spread);
+                match &question.spread {
+                    None => Derivative::Plain(squares(workspace, &moved)),
+                    Some(more) => Derivative::Weighted(
+                        moved,
+                        covariance(workspace, more, &geometry, &levers, load),
+                    ),
+                }
             }
             None => Derivative::Largest(self.form(workspace, &geometry.axis, &levers, &mut spread)),
         };
@@ -222,20 +234,30 @@ impl<'a> ProofTask<'a> {
         })
     }
 
-    /// d = sum over rows of |sum over n of `b_n` `tau_n` `J_n`|^2, and of s^2 |sum over n of `b_n` `tau_n` `z_n`|^2
-    /// where rotations are measured.
-    fn plain(
+    /// Whether a joint has no torque in any experiment: the first one about the vertical under a vertical force. Its
+    /// models would cancel but for their remainders, and what is known of such a compliance from before alone
+    /// has a large factor.
+    fn is_silent(&self, joint: usize) -> bool {
+        let LoadCase::Wrench([fx, fy, _, _, _, tz], _) = self.domain.load else {
+            return false;
+        };
+        joint == 0 && self.chain.is_upright() && [fx, fy, tz].iter().all(|part| *part == 0.0)
+    }
+
+    /// For every row the sum over n of `b_n` `tau_n` `J_n`, and s times that of `b_n` `tau_n` `z_n` where rotations are
+    /// measured. Without more than noise d is the sum of their squares.
+    fn moved(
         &self,
         workspace: &mut ModelWorkspace,
         geometry: &BoxGeometry,
         levers: &[ModelVector],
         [force, torque]: &[ModelVector; 2],
         spread: &mut [Lanes; VARIABLES],
-    ) -> TaylorModel {
+    ) -> Vec<ModelVector> {
         let scale = self.question.rotation_scale_m;
         let mut columns = [Vec::new(), Vec::new()];
         for &joint in &self.question.parameters {
-            let Some(lever) = levers.get(joint) else {
+            let Some(lever) = levers.get(joint).filter(|_| !self.is_silent(joint)) else {
                 for each in &mut columns {
                     each.push(NOWHERE);
                 }
@@ -252,7 +274,10 @@ impl<'a> ProofTask<'a> {
         let mut moved = Vec::new();
         for row in &self.question.rows {
             for (columns, scale) in columns.iter().zip([None, Some(scale)]) {
-                for axis in 0..3 {
+                if columns.is_empty() {
+                    continue;
+                }
+                moved.push(std::array::from_fn(|axis| {
                     let mut sum = workspace.sum();
                     for (factor, column) in row.iter().zip(columns) {
                         let (factor, error) = match scale {
@@ -263,15 +288,11 @@ impl<'a> ProofTask<'a> {
                     }
                     let part = sum.end();
                     workspace.add_spread(part, spread);
-                    moved.push(part);
-                }
+                    part
+                }));
             }
         }
-        let mut sum = workspace.sum();
-        for part in moved {
-            sum = sum.square(part);
-        }
-        sum.end()
+        moved
     }
 
     /// The form Q with d = F^T Q F: the sum over rows of the squares of W = sum over n of `b_n` `J_n` `J_n^T`, times
@@ -283,7 +304,6 @@ impl<'a> ProofTask<'a> {
         levers: &[ModelVector],
         spread: &mut [Lanes; VARIABLES],
     ) -> [TaylorModel; 6] {
-        const ENTRIES: [[usize; 2]; 6] = [[0, 0], [1, 1], [2, 2], [0, 1], [0, 2], [1, 2]];
         let LoadCase::Any(size) = self.domain.load else {
             return [TaylorModel::ZERO; 6];
         };
@@ -310,7 +330,6 @@ impl<'a> ProofTask<'a> {
                 })
             })
             .collect();
-        let place = |i: usize, j: usize| if i == j { i } else { i + j + 2 };
         for row in &rows {
             for entry in row {
                 workspace.add_spread(*entry, spread);

@@ -7,7 +7,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::rounding::{UNIT, UP};
-use super::taylor::{LANES, Lanes, ModelWorkspace, TaylorModel};
+use super::taylor::{LANES, Lanes, ModelWorkspace, TaylorModel, VARIABLES};
 
 /// A scalar whose largest value bounds the derivative.
 #[derive(Debug, Clone)]
@@ -17,14 +17,16 @@ pub(super) struct Turned {
     pub is_valid: [bool; LANES],
     /// The derivative at the centre from below, where it does not follow from the model.
     pub at_centre: Option<Lanes>,
+    /// How much each variable changes what it is made of, roughly, where that is not what the enclosure says.
+    pub spread: Option<[Lanes; VARIABLES]>,
 }
 
 /// Eigenvectors are unit vectors at right angles to within this, or they are not used.
 const ORTHONORMAL: f64 = 1e-13;
 
-const ENTRIES: [[usize; 2]; 6] = [[0, 0], [1, 1], [2, 2], [0, 1], [0, 2], [1, 2]];
+pub(super) const ENTRIES: [[usize; 2]; 6] = [[0, 0], [1, 1], [2, 2], [0, 1], [0, 2], [1, 2]];
 
-const fn place(i: usize, j: usize) -> usize {
+pub(super) const fn place(i: usize, j: usize) -> usize {
     if i == j { i } else { i + j + 2 }
 }
 
@@ -97,11 +99,12 @@ pub(super) fn turned_form(
         model,
         is_valid,
         at_centre: Some(at_centre),
+        spread: None,
     }
 }
 
 /// The value of a model at the centre.
-fn centre(workspace: &ModelWorkspace, model: TaylorModel, lane: usize) -> f64 {
+pub(super) fn centre(workspace: &ModelWorkspace, model: TaylorModel, lane: usize) -> f64 {
     let coefficients = workspace.coefficients(model);
     let mut value = coefficients[0][lane];
     for j in 0.. {

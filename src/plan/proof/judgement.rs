@@ -4,6 +4,7 @@ use super::enclosure::{Cell, Derivative, Enclosure, ProofTask};
 use super::form::{Turned, turned_form};
 use super::polynomial::Polynomial;
 use super::taylor::{LANES, Lanes, ModelWorkspace};
+use super::weighted::weighted;
 
 /// What is known of a box.
 #[derive(Debug, Clone, PartialEq)]
@@ -35,13 +36,15 @@ pub(super) fn judge(
     threshold: f64,
 ) -> Vec<Judgement> {
     let enclosure = task.enclose(workspace, cells);
-    let turned = match enclosure.derivative {
-        Derivative::Plain(model) => Turned {
+    let turned = match &enclosure.derivative {
+        &Derivative::Plain(model) => Turned {
             model,
             is_valid: [true; LANES],
             at_centre: None,
+            spread: None,
         },
-        Derivative::Largest(form) => turned_form(workspace, &form, threshold),
+        Derivative::Largest(form) => turned_form(workspace, form, threshold),
+        Derivative::Weighted(rows, spread) => weighted(workspace, rows, spread, task.variables()),
     };
     (0..used)
         .map(|lane| {
@@ -111,9 +114,10 @@ fn judge_one(
             let least = |margin: &Polynomial| margin.largest() / -margin.middle();
             least(one).total_cmp(&least(other))
         });
+    let spread = turned.spread.as_ref().unwrap_or(&enclosure.spread);
     judgement.halve = match outside {
         Some(margin) => choose_for_margin(task, margin, cell),
-        None => choose(task, &sum, &enclosure.spread, (cell, lane)),
+        None => choose(task, &sum, spread, (cell, lane)),
     };
     judgement
 }

@@ -35,7 +35,7 @@
 //! - [`question`](Question): what is to be proved, in plain numbers; `constant`, `chain`: the arm in simple frames; `domain`: the
 //!   variables, and what symmetry leaves of their ranges.
 //! - `geometry`: where everything is over a box, told in a frame in the middle of the chain; `enclosure`: d and the margins;
-//!   `form`: d for a force of any direction.
+//!   `form`: d for a force of any direction; `weighted`: where more is new in each reading than the instrument's noise.
 //! - `polynomial`, `judgement`: the largest value over a box, with multipliers; [`branching`](prove): all boxes.
 //! - `tree`: the proof as an object that can be checked by others.
 //! - [`bound`](Ingredients): from max d to `rho_0`; [`aim`](Aim): to the other criteria that are convex in M.
@@ -47,6 +47,7 @@ mod bound;
 mod branching;
 mod chain;
 mod constant;
+mod covariance;
 mod domain;
 mod enclosure;
 mod form;
@@ -60,9 +61,10 @@ mod taylor;
 mod tests;
 mod tree;
 mod vectors;
+mod weighted;
 
 pub use aim::Aim;
 pub use bound::{Ingredients, Target};
 pub use branching::{NoProof, ProofLimits, Proved, prove, prove_and_record};
-pub use question::{Arm, ProofJoint, ProofLoads, Question, SmoothRegion};
+pub use question::{Arm, ProofJoint, ProofLoads, Question, ReadingSpread, SmoothRegion};
 pub use tree::{ProofObject, ProofPart};

@@ -59,9 +59,35 @@ pub enum ProofLoads {
     AnyForce(f64),
 }
 
+/// What is new in each reading besides the instrument's noise, in units of the latter's standard deviation sigma. With `J_n`, `z_n`
+/// the columns of the joints, `k_n` their compliances, F the force and T the torque, the covariance over sigma^2 is
+///
+/// ```text
+/// R = everywhere I + sum_n joint_return_n^2 J_n J_n^T
+///   + turned^2 sum_n,m k_n k_m J_n (F x J_n + T x z_n) . (F x J_m + T x z_m) J_m^T
+///   + shifted^2 sum_n,m k_n k_m J_n (F x z_n) . (F x z_m) J_m^T
+/// ```
+///
+/// It has the symmetries of the deflections: what leaves all `J_n` and `z_n` as they are, but for a rotation, a mirror and signs,
+/// does the same to it.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ReadingSpread {
+    /// What there is in every reading: 1 for the instrument's own noise.
+    pub everywhere: f64,
+    /// Each joint's standard deviation of its return, over sigma (1/m).
+    pub joint_return: Vec<f64>,
+    /// The joints' compliances (rad/(N m)).
+    pub compliance_rad_per_nm: Vec<f64>,
+    /// The standard deviation of the load's direction, over sigma (rad/m).
+    pub turned: f64,
+    /// The standard deviation of the load's point, over sigma (1).
+    pub shifted: f64,
+}
+
 /// The largest of d(x) = sum over rows r of |sum over parameters n of `b_rn` `tau_n`(x) `J_n`(x)|^2 over all
 /// experiments x is to be bounded; where rotations are measured with s^2 |sum over n of `b_rn` `tau_n`(x) `z_n`(x)|^2 beside
-/// each, s the standard deviation of deflections over that of rotations.
+/// each, s the standard deviation of deflections over that of rotations. Where more than the instrument's noise is new in each
+/// reading, of the sum of `v_r`^T R^-1 `v_r`, `v_r` the sum over n of `b_rn` `tau_n` `J_n`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Question {
     /// The arm.
@@ -76,12 +102,15 @@ pub struct Question {
     pub region: SmoothRegion,
     /// Their loads.
     pub loads: ProofLoads,
+    /// What is new in each reading; under one of several loads alone, and where rotations are not measured.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub spread: Option<ReadingSpread>,
 }
 
 impl Question {
-    /// A bound of the root of d under any load of at most 1 N and 1 N m, by the lengths of the links.
+    /// How far from the axis of each joint the tool can be at most, by the lengths of the links (m).
     #[must_use]
-    pub fn root_of_unit_load(&self) -> f64 {
+    pub fn reaches_m(&self) -> Vec<f64> {
         let length = |vector: &[f64; 3]| vector.iter().map(|x| x * x).sum::<f64>().sqrt();
         let joints = &self.arm.joints[..self.arm.tool_joints];
         let mut reach = length(&self.arm.tool_offset_m);
@@ -90,6 +119,14 @@ impl Question {
             *place = reach;
             reach += length(&joint.offset_m);
         }
+        reaches
+    }
+
+    /// A bound of the root of d under any load of at most 1 N and 1 N m, by the lengths of the links.
+    #[must_use]
+    pub fn root_of_unit_load(&self) -> f64 {
+        let reaches = self.reaches_m();
+        let everywhere = (self.spread.as_ref()).map_or(1.0, |spread| spread.everywhere);
         let row = |row: &Vec<f64>| {
             let terms = row.iter().zip(&self.parameters);
             let term = |(factor, &joint): (&f64, &usize)| {
@@ -104,6 +141,6 @@ impl Question {
             sums[0].powi(2) + sums[1].powi(2)
         };
         // Fewer than 1000 roundings of numbers that are not negative.
-        self.rows.iter().map(row).sum::<f64>().sqrt() * (1.0 + 1e-12)
+        (self.rows.iter().map(row).sum::<f64>() / everywhere).sqrt() * (1.0 + 1e-12)
     }
 }

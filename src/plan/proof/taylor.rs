@@ -173,6 +173,16 @@ impl ModelWorkspace {
         self.push(j, j + 1)
     }
 
+    /// A linear function of the coordinates `x_j`: exactly this constant and these slopes.
+    pub fn linear_form(&mut self, constant: &Lanes, slopes: &[Lanes]) -> TaylorModel {
+        let (_, top) = self.begin();
+        top[0] = *constant;
+        for (j, slope) in slopes.iter().enumerate() {
+            top[linear(j)] = *slope;
+        }
+        self.push(0, slopes.len())
+    }
+
     /// Sine and cosine of a coordinate of the box, from those of its centre and the waves of its
     /// half-width.
     pub fn sin_cos(

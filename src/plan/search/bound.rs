@@ -6,6 +6,7 @@ use thiserror::Error;
 
 use super::approximate::{ApproximateDesign, Certificate, approximate_design};
 use super::problem::{Problem, SearchError};
+use super::provable::ProvableTask;
 use super::proved::ProvedBound;
 use crate::experiment::{Experiment, NotMandatory, Plan};
 use crate::plan::proof::{NoProof, ProofLimits};
@@ -66,7 +67,7 @@ impl BoundKind {
 }
 
 /// The bound for so many measurements.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct PlanBound {
     /// No plan of the class is better: has a smaller `rho_0` (m), or by another criterion a better value, as
     /// [`CriterionFunction::value`](crate::plan::CriterionFunction::value) has it.
@@ -78,7 +79,7 @@ pub struct PlanBound {
 }
 
 /// What is proved for so many measurements.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct PlanProof {
     /// No plan of the class is better, in the same terms.
     pub best: f64,
@@ -86,6 +87,8 @@ pub struct PlanProof {
     pub gap: f64,
     /// The number of boxes that it took.
     pub boxes: u64,
+    /// The names of the uncertainties that the proof takes for certain, which can only make what is proved less near.
+    pub left_out: Vec<String>,
 }
 
 /// What a bound rests on.
@@ -181,8 +184,9 @@ impl Bound {
             ..self.class.clone()
         };
         let problem = Problem::new(&task, self.criterion);
+        let is_provable = ProvableTask::is_itself(&problem);
         let proved = |problem: &Problem<'_>, approximate: &ApproximateDesign| {
-            let (effort, records) = proof?;
+            let (effort, records) = proof.filter(|_| is_provable)?;
             Some(ProvedBound::new(problem, approximate, effort, records))
         };
         for &size in sizes {
@@ -199,7 +203,45 @@ impl Bound {
         if self.sizes.is_empty() {
             self.proof = proved(&problem, approximate);
         }
+        if let Some(proof) = proof {
+            for simpler in ProvableTask::simpler(&problem) {
+                if !matches!(self.proof(), Some(Ok(_))) {
+                    self.prove_simpler(&simpler, seed, proof);
+                }
+            }
+        }
         self
+    }
+
+    /// Proves the bound of a simpler task, whose plans leave no more, for the numbers of measurements that have no proof.
+    fn prove_simpler(
+        &mut self,
+        simpler: &ProvableTask,
+        seed: u64,
+        (effort, records): (ProofLimits<'_>, bool),
+    ) {
+        let problem = Problem::new(&simpler.task, self.criterion);
+        let proved = |problem: &Problem<'_>| {
+            let approximate = approximate_design(problem, seed).map_err(|_| NoProof::Singular)?;
+            let proved = ProvedBound::new(problem, &approximate, effort, records)?;
+            Ok(proved.leaving_out(&simpler.left_out))
+        };
+        let is_proved = |proof: &Option<Result<_, _>>| matches!(proof, Some(Ok(_)));
+        let mut is_general = true;
+        for (size, known) in &mut self.sizes {
+            if let Some(problem) = problem.beside_known(*size) {
+                is_general = false;
+                if !is_proved(&known.proof) {
+                    known.proof = Some(proved(&problem));
+                }
+            }
+        }
+        if is_general && !is_proved(&self.proof) {
+            for known in self.sizes.values_mut() {
+                known.proof = None;
+            }
+            self.proof = Some(proved(&problem));
+        }
     }
 
     /// The proof, or why there is none, where one was asked for; if there are several, that for the largest number of
@@ -208,8 +250,8 @@ impl Bound {
     pub fn proof(&self) -> Option<&Result<ProvedBound, NoProof>> {
         let largest = self.sizes.last_key_value();
         largest
-            .map_or(&self.proof, |(_, size)| &size.proof)
-            .as_ref()
+            .and_then(|(_, size)| size.proof.as_ref())
+            .or(self.proof.as_ref())
     }
 
     fn resting_on(task: &Task, criterion: Criterion, basis: Basis) -> Self {
@@ -249,12 +291,12 @@ impl Bound {
         let too_few = NoBound::TooFew {
             mandatory: certificate.mandatory.0,
         };
-        let mut proof = &self.proof;
+        let mut proof = self.proof.as_ref();
         if let Some(size) = self.sizes.get(&measurements) {
-            (certificate, proof) = (size.certificate, &size.proof);
+            (certificate, proof) = (size.certificate, size.proof.as_ref().or(proof));
         }
-        let proof = proof.as_ref().and_then(|proof| proof.as_ref().ok());
-        if let Some(proof) = proof {
+        let proof = proof.and_then(|proof| proof.as_ref().ok());
+        if let Some(proof) = proof.filter(|proof| proof.is_about_all()) {
             // The proof may come across more than the searches.
             certificate.largest_derivative = certificate.largest_derivative.max(proof.found());
         }
@@ -264,9 +306,10 @@ impl Bound {
                 best: proof.of_size(measurements)?,
                 gap: proof.gap(),
                 boxes: proof.boxes(),
+                left_out: proof.left_out().to_vec(),
             })
         });
-        let tight = proved.filter(|_| proof.is_some_and(ProvedBound::is_tight));
+        let tight = (proved.as_ref()).filter(|_| proof.is_some_and(ProvedBound::is_tight));
         Ok(PlanBound {
             best: tight.map_or(self.criterion.value_of_cost(cost), |tight| tight.best),
             kind: tight.map_or(BoundKind::Evidence, |_| BoundKind::Proved),

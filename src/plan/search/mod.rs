@@ -8,7 +8,7 @@
 //!   every plan from below.
 //! - `weighing`, `worst`: the best weights on given experiments, also for criteria that are the worst of several.
 //! - `bound`: that bound, the class of plans that it speaks about, and why there is none for others.
-//! - `proved`, `rows`: its proof.
+//! - `proved`, `rows`: its proof; `provable`: what that leaves out.
 //! - `one_exchange`: what exchanging one measurement of a plan can gain.
 //! - `budget`: the best accuracy against the number of measurements.
 //! - `criteria`: the best plans for the criteria of Table 1, judged at the test poses.
@@ -32,6 +32,7 @@ mod one_exchange;
 mod point;
 mod pool;
 mod problem;
+mod provable;
 mod proved;
 mod refinement;
 mod relevance;

@@ -22,7 +22,7 @@ use crate::plan::proof::{NoProof, ProofLimits};
 use crate::task::Task;
 
 /// What one of a plan's measurements can be exchanged for.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct OneExchange {
     /// The place in the plan of the experiment that is measured once less.
     pub experiment: usize,
@@ -135,6 +135,7 @@ fn one_exchange(
                     .ok_or(NoProof::Singular)?,
                 gap: proof.gap(),
                 boxes: proof.boxes(),
+                left_out: Vec::new(),
             })
         }),
     })

@@ -377,9 +377,9 @@ impl<'a> Problem<'a> {
             .collect()
     }
 
-    /// Whether more is uncertain than the compliances and the instrument's noise.
-    pub(super) const fn is_extended(&self) -> bool {
-        self.extended.is_some()
+    /// Where more is uncertain than the compliances and the instrument's noise, all of it.
+    pub(super) const fn extended(&self) -> Option<&'a Extended> {
+        self.extended
     }
 
     /// Whether repeats of an experiment share something that they do not average.

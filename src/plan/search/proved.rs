@@ -17,6 +17,7 @@ use crate::task::Task;
 use super::approximate::ApproximateDesign;
 use super::point::information_in;
 use super::problem::Problem;
+use super::provable::{is_provable, spread};
 use super::rows::BoundRows;
 
 /// A proof replaces what searches found where its gap is at most this.
@@ -66,6 +67,8 @@ pub struct ProvedBound {
     /// By how much loads may be off through printing (N, N m).
     printed: f64,
     object: Option<ProofObject>,
+    /// What is taken for certain.
+    left_out: Vec<String>,
 }
 
 /// A proof with all that it takes to check it.
@@ -95,6 +98,8 @@ pub struct ProofFile {
     pub prior: f64,
     /// P (1/(rad/(N m))^2), row by row, for the question's compliances; none where nothing is known.
     pub prior_precision: Option<Vec<Vec<f64>>>,
+    /// The names of the uncertainties that are taken for certain.
+    pub left_out: Vec<String>,
     /// For numbers m of measurements, what no plan is better than: a `rho_0` (m), or a value of the criterion.
     pub bounds: Vec<(u32, f64)>,
 }
@@ -169,13 +174,13 @@ impl ProvedBound {
         if !task.belief.nominal.chain.is_plain() {
             return Err(NoProof::NotPlain);
         }
-        if problem.is_extended() {
+        if (problem.extended()).is_some_and(|extended| !is_provable(task, extended)) {
             return Err(NoProof::Uncertain);
         }
         let BoundRows { rows, aim } =
             BoundRows::new(problem, approximate).ok_or(NoProof::Singular)?;
         // A proof that is to be checked shows B as it is.
-        let question = if records {
+        let mut question = if records {
             question(problem, rows.clone())
         } else {
             question(problem, gathered(&rows))
@@ -184,6 +189,16 @@ impl ProvedBound {
         let printed = (problem.loads.samples().iter())
             .map(printed_tolerance)
             .fold(0.0, f64::max);
+        if let Some(extended) = problem.extended() {
+            let compliances = &task.belief.nominal.compliance_rad_per_nm;
+            let sigma_m = task.belief.instrument.sigma_m;
+            let of_fixed = fixed
+                .experiments()
+                .map(|each| printed_tolerance(&each.load));
+            let printed = of_fixed.fold(printed, f64::max);
+            let spread = spread(&question, compliances, extended, sigma_m, printed);
+            question.spread = Some(spread.ok_or(NoProof::Uncertain)?);
+        }
         let (largest, object) = prove_printed(&question, found, printed, effort, records)?;
         let mandatory = fixed_derivatives(problem, approximate, &question, fixed)?;
         let precision = precision(task, &question.parameters);
@@ -206,7 +221,26 @@ impl ProvedBound {
             mandatory,
             printed,
             object,
+            left_out: Vec::new(),
         })
+    }
+
+    /// The same of a task in which these uncertainties are taken for certain.
+    #[must_use]
+    pub(super) fn leaving_out(mut self, names: &[String]) -> Self {
+        self.left_out = names.to_vec();
+        self
+    }
+
+    /// The names of the uncertainties that are taken for certain, which can only make the bound less near.
+    #[must_use]
+    pub fn left_out(&self) -> &[String] {
+        &self.left_out
+    }
+
+    /// Whether nothing is left out.
+    pub(super) const fn is_about_all(&self) -> bool {
+        self.left_out.is_empty()
     }
 
     /// No plan of the class with so many measurements is better: has a `rho_0` (m) below this, or a value of the
@@ -276,14 +310,15 @@ impl ProvedBound {
             mandatory_within_rad: WIDENED_RAD,
             prior: self.prior,
             prior_precision: self.precision.clone(),
+            left_out: self.left_out.clone(),
             bounds: (1..=12).filter_map(bound).collect(),
         })
     }
 
-    /// Whether it is as near as what searches find.
+    /// Whether it is as near as what searches find, and about the same.
     #[must_use]
     pub fn is_tight(&self) -> bool {
-        self.gap() <= TIGHT * (1.0 + 1e-6)
+        self.is_about_all() && self.gap() <= TIGHT * (1.0 + 1e-6)
     }
 }
 
@@ -355,6 +390,7 @@ fn question(problem: &Problem<'_>, rows: Vec<Vec<f64>>) -> Question {
             }
             Loads::Any { force_max_n } => ProofLoads::AnyForce(*force_max_n),
         },
+        spread: None,
     }
 }
 

@@ -193,8 +193,12 @@ impl Checker<'_> {
             UncertaintyKind::ToolRotation => {
                 axes(&|axis| Of::ToolRotation { tool: 0, axis }, "std_mrad")
             }
-            UncertaintyKind::BasePosition => axes(&|axis| Of::BasePosition { axis }, "std_mm"),
-            UncertaintyKind::BaseRotation => axes(&|axis| Of::BaseRotation { axis }, "std_mrad"),
+            UncertaintyKind::BasePosition => {
+                axes(&|axis| Of::BasePosition { station: 0, axis }, "std_mm")
+            }
+            UncertaintyKind::BaseRotation => {
+                axes(&|axis| Of::BaseRotation { station: 0, axis }, "std_mrad")
+            }
             UncertaintyKind::LoadScale => Ok(vec![(Of::LoadScale, size("std_relative")?)]),
             UncertaintyKind::LoadOffset => Ok(vec![(Of::LoadOffset, size("std_n")?)]),
             UncertaintyKind::TaskForce => {

@@ -26,6 +26,7 @@ use elastocal::plan::read_plan;
 use elastocal::record::tally_file::TallyFile;
 use elastocal::scenario::Scenario;
 use elastocal::task::Extended;
+use elastocal::workflow::validate_absolute::StoredRobot;
 use nalgebra::DVector;
 use rayon::prelude::*;
 use serde_json::Value;
@@ -219,11 +220,19 @@ fn identification_reader(place: &Workplace) -> Reader {
         ending: "json",
         share: 3,
         read: |path| {
+            if let Some(robot) = StoredRobot::read(path)? {
+                robot.apply(path, &UR10.task.belief.arm())?;
+                return Ok(format!("{:?}", robot.message));
+            }
             let stored = StoredIdentification::read(path, &KR270.task.belief.nominal)?;
             Ok(format!("{stored:?}"))
         },
         is_well_formed: is_json,
-        seeds: vec![place.read("i.json"), place.read("u.json")],
+        seeds: vec![
+            place.read("i.json"),
+            place.read("u.json"),
+            robot_of_readings(),
+        ],
     }
 }
 
@@ -252,6 +261,17 @@ fn dialect_reader() -> Reader {
             .into(),
     }
 }
+
+/// What absolute readings tell of a robot.
+fn robot_of_readings() -> String {
+    let place = crate::one_fit::workplace(&crate::one_fit::plain(30, true));
+    place
+        .run("identify s.toml --quiet --measurements m.csv --parameters zeros --json")
+        .stdout
+}
+
+/// The robot that absolute readings are of.
+static UR10: LazyLock<Scenario> = LazyLock::new(|| crate::support::scenario("ur10"));
 
 /// The robot that identifications and programs are for.
 static KR270: LazyLock<Scenario> = LazyLock::new(|| crate::support::scenario("kr270"));

@@ -1,0 +1,275 @@
+//! Readings together with the arm that they are of: stations and targets by number.
+
+use nalgebra::{Isometry3, Matrix6, Rotation3, Vector3};
+
+use super::super::frames::{MountedFrames, Sight};
+use super::AbsoluteError;
+use super::transfer::transferred;
+use crate::measurement::AbsoluteReading;
+use crate::observation::{Observation, Reading, Setup, Whitener};
+use crate::parameter::ElasticArm;
+use crate::robot::{KinematicState, Kinematics, SerialChain, Tool};
+use crate::task::Belief;
+
+/// Readings spread by more, or by less, than this many times what the robot does are in another unit.
+const OTHER_UNIT: f64 = 8.0;
+/// Less than this is no sign of anything (m).
+const LITTLE_M: f64 = 1e-3;
+/// With more than this share of the spread left, frames explain nothing.
+const UNLIKE: f64 = 0.5;
+
+/// Absolute readings of a robot that somebody has a belief of.
+#[derive(Debug, Clone)]
+pub struct AbsoluteCase<'a> {
+    /// What is believed.
+    pub belief: &'a Belief,
+    /// The arm with a tool for each target and a base for each station, as the belief and a closed form have them.
+    pub arm: ElasticArm,
+    /// The stations' names in the order of the file; one without a name where the file names none.
+    pub stations: Vec<Option<String>>,
+    /// The targets' sites.
+    pub targets: Vec<String>,
+    /// The readings, each with its own covariance.
+    pub observations: Vec<Observation>,
+    /// These covariances (m^2, m rad, rad^2).
+    pub covariances: Vec<Matrix6<f64>>,
+}
+
+impl<'a> AbsoluteCase<'a> {
+    /// Readings of the robot of a belief, with frames from their closed forms.
+    ///
+    /// # Errors
+    /// A target does not exist, or cannot be where the load is; nothing says how precise orientations are; the units
+    /// cannot be right.
+    pub fn new(belief: &'a Belief, readings: &[AbsoluteReading]) -> Result<Self, AbsoluteError> {
+        let mut case = Self::placed(belief, readings)?;
+        let sights = case.sights();
+        check_units(&sights, &case.arm)?;
+        let tools: Vec<_> = (case.arm.tools.iter())
+            .map(|tool| tool.link_from_tool)
+            .collect();
+        let frames = MountedFrames::guessed(&sights, case.stations.len(), &tools);
+        case.set_frames(frames);
+        case.check_likeness(&sights)?;
+        Ok(case)
+    }
+
+    /// The same with stations where the robot's own world is, and targets where the model has them.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new), but for units.
+    pub fn placed(belief: &'a Belief, readings: &[AbsoluteReading]) -> Result<Self, AbsoluteError> {
+        let chain = &belief.nominal.chain;
+        let compliance = belief.nominal.compliance_rad_per_nm.clone();
+        let mut case = Self {
+            belief,
+            arm: ElasticArm::new(chain.clone(), compliance, Vec::new()),
+            stations: Vec::new(),
+            targets: Vec::new(),
+            observations: Vec::new(),
+            covariances: Vec::new(),
+        };
+        for (index, reading) in readings.iter().enumerate() {
+            let station = case.station(reading.station.as_deref());
+            let target = case.target(index, reading.target.as_deref())?;
+            let tool = &case.arm.tools[target];
+            let carried = belief.calibration_tool.joints;
+            if reading.load != crate::robot::Load::NONE && tool.joints > carried {
+                let target = tool.name.clone();
+                return Err(AbsoluteError::BeyondLoad {
+                    reading: index + 1,
+                    target,
+                });
+            }
+            let q = reading.configuration_rad.as_slice();
+            let load = transferred(chain, &belief.calibration_tool, tool, q, &reading.load);
+            let covariance = case.covariance(reading)?;
+            case.covariances.push(covariance);
+            case.observations.push(Observation {
+                setup: Setup {
+                    commanded_rad: reading.configuration_rad.clone(),
+                    load,
+                    target,
+                    station,
+                },
+                reading: match reading.rotation {
+                    None => Reading::Position {
+                        position_m: reading.position_m,
+                    },
+                    Some(rotation) => Reading::Pose {
+                        position_m: reading.position_m,
+                        rotation: rotation.to_rotation_matrix().into_inner(),
+                    },
+                },
+                whitener: whitener(&covariance),
+            });
+        }
+        case.arm.instrument_from_base = vec![Isometry3::identity(); case.stations.len()];
+        Ok(case)
+    }
+
+    fn station(&mut self, name: Option<&str>) -> usize {
+        let known = self
+            .stations
+            .iter()
+            .position(|each| each.as_deref() == name);
+        known.unwrap_or_else(|| {
+            self.stations.push(name.map(str::to_owned));
+            self.stations.len() - 1
+        })
+    }
+
+    fn target(&mut self, index: usize, name: Option<&str>) -> Result<usize, AbsoluteError> {
+        let calibration = &self.belief.calibration_tool;
+        let name = name.unwrap_or(&calibration.name);
+        if let Some(place) = self.targets.iter().position(|each| each == name) {
+            return Ok(place);
+        }
+        let tool = if *name == calibration.name {
+            calibration.clone()
+        } else {
+            SerialChain::tool(&self.belief.nominal.model, name).map_err(|source| {
+                AbsoluteError::Target {
+                    reading: index + 1,
+                    source,
+                }
+            })?
+        };
+        self.targets.push(name.to_owned());
+        self.arm.tools.push(tool);
+        Ok(self.targets.len() - 1)
+    }
+
+    /// A reading's own covariance, or that of one of the two readings that make the scenario's deflections.
+    fn covariance(&self, reading: &AbsoluteReading) -> Result<Matrix6<f64>, AbsoluteError> {
+        if let Some(covariance) = reading.covariance {
+            return Ok(covariance);
+        }
+        let instrument = &self.belief.instrument;
+        let rotation_rad = match (reading.rotation, instrument.rotation_sigma_rad) {
+            (None, _) => 1.0,
+            (Some(_), Some(sigma)) => sigma,
+            (Some(_), None) => return Err(AbsoluteError::NoRotationSigma),
+        };
+        let variances = [instrument.sigma_m, rotation_rad].map(|sigma| sigma * sigma / 2.0);
+        Ok(Matrix6::from_diagonal(&nalgebra::Vector6::from_fn(
+            |row, _| variances[row / 3],
+        )))
+    }
+
+    /// What closed forms need of the readings.
+    #[must_use]
+    pub fn sights(&self) -> Vec<Sight> {
+        let mut state = KinematicState::new(self.arm.chain.len());
+        (self.observations.iter())
+            .map(|each| {
+                let carrier = Tool {
+                    link_from_tool: Isometry3::identity(),
+                    ..self.arm.tools[each.setup.target].clone()
+                };
+                let q = each.setup.commanded_rad.as_slice();
+                self.arm.chain.at(&carrier).update(q, &mut state);
+                let rotation = Rotation3::from_matrix_unchecked(state.tool_rotation);
+                let base_from_link =
+                    Isometry3::from_parts(state.tool_position.into(), rotation.into());
+                let (position_m, rotation) = match each.reading {
+                    Reading::Pose {
+                        position_m,
+                        rotation,
+                    } => (position_m, Some(rotation)),
+                    Reading::Position { position_m } | Reading::Deflection { position_m, .. } => {
+                        (position_m, None)
+                    }
+                };
+                Sight {
+                    station: each.setup.station,
+                    target: each.setup.target,
+                    base_from_link,
+                    position_m,
+                    rotation,
+                }
+            })
+            .collect()
+    }
+
+    /// Puts stations and targets somewhere.
+    pub fn set_frames(&mut self, frames: MountedFrames) {
+        self.arm.instrument_from_base = frames.instrument_from_base;
+        for (tool, frame) in self.arm.tools.iter_mut().zip(frames.link_from_tool) {
+            tool.link_from_tool = frame;
+        }
+    }
+
+    /// Weighs the readings by their own covariance and by what no parameter explains besides: a standard deviation of each
+    /// coordinate of the position (m) and of the rotation (rad).
+    pub(super) fn weigh(&mut self, [position_m, rotation_rad]: [f64; 2]) {
+        for (each, covariance) in self.observations.iter_mut().zip(&self.covariances) {
+            let mut covariance = *covariance;
+            for row in 0..6 {
+                let more = if row < 3 { position_m } else { rotation_rad };
+                covariance[(row, row)] += more * more;
+            }
+            each.whitener = whitener(&covariance);
+        }
+    }
+
+    /// Whether the frames explain the readings at all.
+    fn check_likeness(&self, sights: &[Sight]) -> Result<(), AbsoluteError> {
+        let left = sights.iter().map(|sight| {
+            let tool = self.arm.tools[sight.target].link_from_tool;
+            let base = self.arm.instrument_from_base[sight.station];
+            let seen = base * sight.base_from_link * tool;
+            (seen.translation.vector - sight.position_m).norm_squared()
+        });
+        let left_m = (left.sum::<f64>() / sights.len().max(1) as f64).sqrt();
+        let spread_m = spread(sights, |sight| sight.position_m);
+        if left_m > UNLIKE * spread_m && left_m > LITTLE_M {
+            let [left, spread] = [left_m, spread_m].map(|value| format!("{:.1}", value * 1e3));
+            return Err(AbsoluteError::Unlike { left, spread });
+        }
+        Ok(())
+    }
+}
+
+/// Covariances that were read are positive definite.
+fn whitener(covariance: &Matrix6<f64>) -> Whitener {
+    Whitener::of_covariance(covariance).unwrap_or_else(|| {
+        let deviation = covariance.diagonal().map(f64::sqrt);
+        let [position, rotation] = [0, 3].map(|row| deviation.fixed_rows::<3>(row).into_owned());
+        Whitener::independent(position, rotation)
+    })
+}
+
+/// How far the points of readings lie about their mean, each station's and target's about its own (m, rms).
+fn spread(sights: &[Sight], point: impl Fn(&Sight) -> Vector3<f64>) -> f64 {
+    let mut sums: std::collections::BTreeMap<(usize, usize), (Vector3<f64>, f64)> =
+        std::collections::BTreeMap::new();
+    for sight in sights {
+        let sum = sums
+            .entry((sight.station, sight.target))
+            .or_insert((Vector3::zeros(), 0.0));
+        *sum = (sum.0 + point(sight), sum.1 + 1.0);
+    }
+    let off = sights.iter().map(|sight| {
+        let (sum, count) = sums[&(sight.station, sight.target)];
+        (point(sight) - sum / count).norm_squared()
+    });
+    (off.sum::<f64>() / sights.len().max(1) as f64).sqrt()
+}
+
+/// Distances between positions do not depend on frames: they tell another unit.
+fn check_units(sights: &[Sight], arm: &ElasticArm) -> Result<(), AbsoluteError> {
+    let found = spread(sights, |sight| sight.position_m);
+    let expected = spread(sights, |sight| {
+        let tool = arm.tools[sight.target].link_from_tool;
+        (sight.base_from_link * tool).translation.vector
+    });
+    // A target that is not where it is believed to be adds its own.
+    let is_other =
+        found > OTHER_UNIT * expected.max(1e-2) || expected > OTHER_UNIT * found.max(1e-2);
+    if is_other && sights.len() > 1 {
+        let [found, expected] = [found, expected].map(|value| format!("{:.3}", value * 1e3));
+        return Err(AbsoluteError::Units { found, expected });
+    }
+    Ok(())
+}

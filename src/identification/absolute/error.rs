@@ -1,0 +1,103 @@
+//! Why absolute readings give nothing.
+
+use thiserror::Error;
+
+use super::super::FitError;
+use crate::mujoco::ModelError;
+use crate::parameter::ParameterError;
+
+/// Why absolute readings give nothing. Readings count from 1.
+#[derive(Debug, Error)]
+pub enum AbsoluteError {
+    /// A target that the model does not have.
+    #[error("reading {reading}: target: {source}")]
+    Target {
+        /// The first reading of it.
+        reading: usize,
+        /// What is wrong.
+        source: ModelError,
+    },
+    /// A target beyond the link that carries the load.
+    #[error(
+        "reading {reading}: the target {target:?} is carried by a joint beyond the calibration tool's, at which loads act"
+    )]
+    BeyondLoad {
+        /// The reading.
+        reading: usize,
+        /// Its target.
+        target: String,
+    },
+    /// Poses, and nobody says how precise their orientations are.
+    #[error("nothing says how precise the orientations are")]
+    NoRotationSigma,
+    /// Positions that the robot cannot reach, or angles that it does not have.
+    #[error(
+        "the positions lie {found} mm about their mean (rms), and the robot's own, at the commanded angles, {expected} mm"
+    )]
+    Units {
+        /// What the readings say (mm).
+        found: String,
+        /// What the robot does (mm).
+        expected: String,
+    },
+    /// Frames that readings of this robot can determine, and these do not.
+    #[error("the readings do not tell where {what} are: {}", sentences.join("; "))]
+    Frames {
+        /// Stations and targets, in words.
+        what: String,
+        /// What cannot be told apart.
+        sentences: Vec<String>,
+    },
+    /// Fewer numbers than the frames alone have unknowns.
+    #[error(
+        "{rows} numbers were read, and the frames of stations and targets alone have {unknowns} unknowns"
+    )]
+    TooFew {
+        /// Numbers read.
+        rows: usize,
+        /// Unknowns of the frames.
+        unknowns: usize,
+    },
+    /// Readings and robot have nothing to do with each other.
+    #[error(
+        "no frames bring the robot's positions nearer than {left} mm (rms) to those that were read, which lie {spread} mm about \
+         their mean"
+    )]
+    Unlike {
+        /// What is left (mm).
+        left: String,
+        /// How far the positions reach (mm).
+        spread: String,
+    },
+    /// A parameter that the robot cannot have.
+    #[error(transparent)]
+    Parameter(#[from] ParameterError),
+    /// There is no fit.
+    #[error(transparent)]
+    Fit(#[from] FitError),
+}
+
+impl AbsoluteError {
+    /// What to do about it.
+    #[must_use]
+    pub const fn hint(&self) -> Option<&'static str> {
+        match self {
+            Self::Units { .. } => Some(
+                "metres in a column of millimetres, or radians in one of degrees? `elastocal import` converts",
+            ),
+            Self::Unlike { .. } => Some(
+                "check the order, signs and units of the joint angles, and whether station and target name the right rows",
+            ),
+            Self::Frames { .. } | Self::TooFew { .. } => Some(
+                "read more configurations in which all joints differ, from each station and of each target",
+            ),
+            Self::NoRotationSigma => Some(
+                "give columns srx_mrad,sry_mrad,srz_mrad, or instrument.rotation_sigma_mrad in the scenario",
+            ),
+            Self::Target { .. } => Some(
+                "add the target to the scenario as a [[robot.tool]], or to the model as a site",
+            ),
+            _ => None,
+        }
+    }
+}

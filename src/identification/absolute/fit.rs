@@ -1,0 +1,268 @@
+//! The fit itself, with what it leaves.
+
+use nalgebra::DVector;
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+
+use super::super::conditions::IMPLAUSIBLE;
+use super::super::gauss_newton::{FitError, ParameterFit, fit_from, fit_parameters};
+use super::unknowns::{LeftOut, ToldApart};
+use super::{AbsoluteCase, AbsoluteError, ParameterGroup, ReadingResidual};
+use crate::numeric::posterior::Posterior;
+use crate::parameter::{ElasticArm, Parameter, ParameterKind, ParameterSet};
+
+/// So often readings are weighed anew by what a fit leaves; the second time changes next to nothing.
+const WEIGHINGS: usize = 3;
+
+/// How much each reading counts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ReadingWeights {
+    /// By its own covariance alone.
+    Own,
+    /// The same; where the residuals say that this cannot be, by what the model leaves unexplained, too.
+    AsNeeded,
+    /// By what the model leaves unexplained, too.
+    WithMisfit,
+}
+
+/// The probability of residuals at least as large; none where nothing is left over.
+fn consistency(fit: &ParameterFit) -> Option<f64> {
+    let chi_square = ChiSquared::new(fit.degrees_of_freedom() as f64).ok()?;
+    Some(chi_square.sf(fit.square))
+}
+
+/// What absolute readings tell of a robot.
+#[derive(Debug, Clone)]
+pub struct AbsoluteFit {
+    /// The arm with the fitted frames, nominal in all else: the parameters' values count from there.
+    pub reference: ElasticArm,
+    /// The arm with all that was fitted.
+    pub arm: ElasticArm,
+    /// What was fitted.
+    pub set: ParameterSet,
+    /// Values, covariance, and what is determined; in the parameters' units.
+    pub posterior: Posterior,
+    /// What was left out as redundant.
+    pub left_out: Vec<LeftOut>,
+    /// What these readings do not determine, in sentences.
+    pub undetermined: Vec<String>,
+    /// What is left of each reading.
+    pub left: Vec<ReadingResidual>,
+    /// The standard deviations of what no parameter explains, of positions (m) and rotations (rad), where they were taken
+    /// from the residuals.
+    pub misfit: Option<[f64; 2]>,
+    /// The number of scalar readings.
+    pub rows: usize,
+    /// The sum of squares of the weighted residuals.
+    pub square: f64,
+    /// The probability of residuals at least as large, if the readings' own covariances are right; none where they were not
+    /// asked alone.
+    pub consistency: Option<f64>,
+    /// The number of steps.
+    pub iterations: usize,
+}
+
+impl AbsoluteCase<'_> {
+    /// Fits what the belief leaves open, or what `groups` name, together with all frames.
+    ///
+    /// # Errors
+    /// See [`AbsoluteError`].
+    pub fn fit(
+        &mut self,
+        groups: &[ParameterGroup],
+        weights: ReadingWeights,
+    ) -> Result<AbsoluteFit, AbsoluteError> {
+        self.check_frames()?;
+        let ToldApart { set, left_out } = self.unknowns(groups)?;
+        let own = match weights {
+            ReadingWeights::WithMisfit => None,
+            _ => match fit_parameters(&self.arm, &set, &self.observations) {
+                Ok(fit) => Some(fit),
+                // Readings that the model cannot explain may drive its parameters anywhere.
+                Err(FitError::NotConverged { .. }) if weights == ReadingWeights::AsNeeded => None,
+                Err(error) => return Err(error.into()),
+            },
+        };
+        let consistency = own.as_ref().and_then(consistency);
+        let is_plausible = consistency.is_none_or(|probability| probability >= IMPLAUSIBLE);
+        let (fit, misfit) = match own {
+            Some(fit) if is_plausible || weights == ReadingWeights::Own => {
+                let values = self.rebased(&set, &fit);
+                (
+                    fit_from(&self.arm, &set, &self.observations, &values)?,
+                    None,
+                )
+            }
+            other => self.with_misfit(&set, other)?,
+        };
+        let left = self.left_of(&fit)?;
+        Ok(AbsoluteFit {
+            reference: self.arm.clone(),
+            arm: fit.belief,
+            posterior: fit.posterior,
+            left_out,
+            undetermined: (fit.freedoms.named.into_iter())
+                .map(|each| each.sentence)
+                .collect(),
+            left,
+            misfit,
+            rows: fit.rows,
+            square: fit.square,
+            consistency,
+            iterations: fit.iterations,
+            set,
+        })
+    }
+
+    /// A fit that weighs readings by what the model leaves, too; the first weight comes from a fit by the readings' own, or from
+    /// the frames alone where there is none.
+    fn with_misfit(
+        &mut self,
+        set: &ParameterSet,
+        own: Option<ParameterFit>,
+    ) -> Result<(ParameterFit, Option<[f64; 2]>), AbsoluteError> {
+        let mut fit = if let Some(fit) = own {
+            fit
+        } else {
+            let kinds = self.frame_kinds().into_iter().map(|kind| (kind, None));
+            let frames = ParameterSet::new(&self.arm, kinds)?;
+            let fit = fit_parameters(&self.arm, &frames, &self.observations)?;
+            let found = self.misfit(&fit)?;
+            self.weigh(found);
+            fit_parameters(&self.arm, set, &self.observations)?
+        };
+        let mut misfit = [0.0; 2];
+        for _ in 0..WEIGHINGS {
+            misfit = self.misfit(&fit)?;
+            self.weigh(misfit);
+            let values = self.rebased(set, &fit);
+            fit = fit_from(&self.arm, set, &self.observations, &values)?;
+        }
+        Ok((fit, Some(misfit)))
+    }
+
+    /// The fitted frames become those from which their parameters count: the values of a fit (p) there.
+    fn rebased(&mut self, set: &ParameterSet, fit: &ParameterFit) -> DVector<f64> {
+        self.arm
+            .instrument_from_base
+            .clone_from(&fit.belief.instrument_from_base);
+        self.arm.tools.clone_from(&fit.belief.tools);
+        let values = set.parameters().iter().zip(&fit.posterior.mean);
+        let rebased = values.map(|(each, &value)| if each.kind.is_mounted() { 0.0 } else { value });
+        DVector::from_iterator(set.len(), rebased)
+    }
+
+    fn left_of(&self, fit: &ParameterFit) -> Result<Vec<ReadingResidual>, FitError> {
+        self.left(&fit.belief)
+            .map_err(|(index, source)| FitError::Equilibrium {
+                observation: index + 1,
+                source,
+            })
+    }
+
+    /// What residuals are larger than the readings' own covariances make them, as standard deviations of position (m) and
+    /// rotation (rad).
+    fn misfit(&self, fit: &ParameterFit) -> Result<[f64; 2], FitError> {
+        let left = self.left_of(fit)?;
+        // Each reading has its part in what was fitted.
+        let spare = fit.degrees_of_freedom().max(1) as f64 / fit.rows as f64;
+        let of = |first: usize, squares: Vec<f64>| {
+            let own = self.covariances.iter().map(|covariance| {
+                (0..3)
+                    .map(|row| covariance[(first + row, first + row)])
+                    .sum::<f64>()
+            });
+            let count = 3.0 * squares.len().max(1) as f64;
+            let (all, own) = (squares.iter().sum::<f64>(), own.sum::<f64>());
+            ((all / spare - own) / count).max(0.0).sqrt()
+        };
+        let rotations: Vec<f64> = (left.iter())
+            .filter_map(|each| each.rotation_rad.map(|rotation| rotation.norm_squared()))
+            .collect();
+        let positions = left
+            .iter()
+            .map(|each| each.position_m.norm_squared())
+            .collect();
+        let of_rotations = if rotations.is_empty() {
+            0.0
+        } else {
+            of(3, rotations)
+        };
+        Ok([of(0, positions), of_rotations])
+    }
+}
+
+impl AbsoluteFit {
+    /// The quantity of a parameter in its own unit: ratios of logarithms become quantities.
+    #[must_use]
+    pub fn quantity(&self, index: usize) -> f64 {
+        let parameter = &self.set.parameters()[index];
+        parameter.quantity(&self.reference, self.posterior.mean[index])
+    }
+
+    /// The standard error of that quantity; `None` where it is not determined.
+    #[must_use]
+    pub fn standard_error(&self, index: usize) -> Option<f64> {
+        let error = self.posterior.standard_error(index)?;
+        let is_logarithmic = self.set.parameters()[index].is_logarithmic;
+        Some(if is_logarithmic {
+            error * self.quantity(index)
+        } else {
+            error
+        })
+    }
+
+    /// The standard errors of three parameters together, where all are in the fit and determined.
+    #[must_use]
+    pub fn standard_errors(&self, kinds: [ParameterKind; 3]) -> Option<[f64; 3]> {
+        let mut errors = [0.0; 3];
+        for (error, kind) in errors.iter_mut().zip(kinds) {
+            *error = self.standard_error(self.set.index_of(kind)?)?;
+        }
+        Some(errors)
+    }
+
+    /// The parameters that are no frames of stations or targets, with their places in the set.
+    pub fn of_the_robot(&self) -> impl Iterator<Item = (usize, &Parameter)> {
+        let all = self.set.parameters().iter().enumerate();
+        all.filter(|(_, parameter)| !parameter.kind.is_mounted())
+    }
+
+    /// The values, as the set takes them.
+    #[must_use]
+    pub fn values(&self) -> DVector<f64> {
+        DVector::from_vec(self.posterior.mean.clone())
+    }
+
+    /// What does not hold, by name.
+    #[must_use]
+    pub fn conditions(&self) -> Vec<String> {
+        let mut conditions: Vec<String> = (self.undetermined.iter())
+            .map(|sentence| format!("not determined: {sentence}"))
+            .collect();
+        for (index, parameter) in self.of_the_robot() {
+            if matches!(parameter.kind, ParameterKind::JointCompliance { .. })
+                && self.standard_error(index).is_some()
+                && self.quantity(index) < 0.0
+            {
+                conditions.push(format!(
+                    "{} is negative: too few readings, or a wrong model",
+                    parameter.name
+                ));
+            }
+        }
+        if let Some(probability) = self.consistency
+            && probability < IMPLAUSIBLE
+        {
+            let done = if self.misfit.is_some() {
+                "readings are weighed by what the model leaves, too, and standard errors count it"
+            } else {
+                "without --noise-only, readings are weighed by what the model leaves, too"
+            };
+            conditions.push(format!(
+                "the residuals are too large for the readings' standard deviations (probability {probability:.1e}): the model \
+                 or they are wrong; {done}"
+            ));
+        }
+        conditions
+    }
+}

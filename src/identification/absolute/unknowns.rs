@@ -1,0 +1,337 @@
+//! What is unknown: frames always, and what a belief names or groups of parameters add.
+
+use nalgebra::{DMatrix, DVector, Vector3};
+use rand::RngExt;
+use serde::{Deserialize, Serialize};
+
+use super::{AbsoluteCase, AbsoluteError};
+use crate::numeric::random::generator;
+use crate::observation::{PlannedReading, planned_information};
+use crate::parameter::{Axis, ElasticArm, Freedoms, ParameterKind, ParameterSet};
+use crate::robot::{Elements, Load};
+
+/// Configurations that stand for all that a robot can do, for each station and target.
+const CONFIGURATIONS: usize = 40;
+
+/// Of the logarithm of what the last link weighs with all that it carries.
+const MASS_DEVIATION: f64 = 1.0;
+/// Of its centre along each axis (m).
+const CENTRE_DEVIATION_M: f64 = 0.1;
+
+/// A group of parameters of a robot.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize, clap::ValueEnum)]
+#[serde(rename_all = "snake_case")]
+pub enum ParameterGroup {
+    /// Where stations and targets are: always.
+    Frames,
+    /// Joint zeros.
+    Zeros,
+    /// Positions and orientations of the links' frames.
+    Links,
+    /// Joint zeros and links.
+    Geometry,
+    /// Joint compliances.
+    Compliances,
+    /// Stiffnesses and rest lengths of springs.
+    Springs,
+    /// Mass and centre of the last link with all that it carries, with priors: its mass is right to a factor of about three,
+    /// its centre to a decimetre.
+    Payload,
+    /// All of these.
+    All,
+}
+
+impl ParameterGroup {
+    /// What it adds to the frames of an arm.
+    fn kinds(self, arm: &ElasticArm) -> Vec<ParameterKind> {
+        let joints = 0..arm.chain.len();
+        match self {
+            Self::Frames => Vec::new(),
+            Self::Zeros => joints
+                .map(|joint| ParameterKind::JointZero { joint })
+                .collect(),
+            Self::Links => joints
+                .flat_map(|link| {
+                    let position = Axis::ALL.map(|axis| ParameterKind::LinkPosition { link, axis });
+                    let rotation = Axis::ALL.map(|axis| ParameterKind::LinkRotation { link, axis });
+                    position.into_iter().chain(rotation)
+                })
+                .collect(),
+            Self::Geometry => of_all(&[Self::Zeros, Self::Links], arm),
+            Self::Compliances => joints
+                .map(|joint| ParameterKind::JointCompliance { joint })
+                .collect(),
+            Self::Springs => (0..arm.chain.elements.springs.len())
+                .flat_map(|spring| {
+                    [
+                        ParameterKind::SpringStiffness { spring },
+                        ParameterKind::SpringRest { spring },
+                    ]
+                })
+                .collect(),
+            Self::Payload => {
+                let link = arm.chain.len().saturating_sub(1);
+                if arm
+                    .chain
+                    .joints
+                    .get(link)
+                    .is_none_or(|joint| joint.mass_kg <= 0.0)
+                {
+                    return Vec::new();
+                }
+                let centre = Axis::ALL.map(|axis| ParameterKind::LinkCentre { link, axis });
+                [ParameterKind::LinkMass { link }]
+                    .into_iter()
+                    .chain(centre)
+                    .collect()
+            }
+            Self::All => of_all(
+                &[
+                    Self::Geometry,
+                    Self::Compliances,
+                    Self::Springs,
+                    Self::Payload,
+                ],
+                arm,
+            ),
+        }
+    }
+}
+
+fn of_all(groups: &[ParameterGroup], arm: &ElasticArm) -> Vec<ParameterKind> {
+    groups.iter().flat_map(|group| group.kinds(arm)).collect()
+}
+
+/// What is known of a parameter that only a group names: masses and centres, which a fit without would send anywhere.
+fn prior_deviation(kind: ParameterKind) -> Option<f64> {
+    match kind {
+        ParameterKind::LinkMass { .. } => Some(MASS_DEVIATION),
+        ParameterKind::LinkCentre { .. } => Some(CENTRE_DEVIATION_M),
+        _ => None,
+    }
+}
+
+/// A parameter that no reading can tell from others, and that was left out for that.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LeftOut {
+    /// Its name.
+    pub name: String,
+    /// Why.
+    pub sentence: String,
+}
+
+/// Unknowns that readings can tell apart, and those that were left out for that.
+pub(super) struct ToldApart {
+    pub set: ParameterSet,
+    pub left_out: Vec<LeftOut>,
+}
+
+impl AbsoluteCase<'_> {
+    /// The frames of stations and targets; how a target is turned shows in poses alone.
+    pub(super) fn frame_kinds(&self) -> Vec<ParameterKind> {
+        let mut kinds = self.whole_frames();
+        kinds.retain(|kind| self.shows(*kind));
+        kinds
+    }
+
+    /// Whether readings of such a kind show a frame's parameter at all.
+    fn shows(&self, kind: ParameterKind) -> bool {
+        let ParameterKind::ToolRotation { tool, .. } = kind else {
+            return true;
+        };
+        let mut readings = self.observations.iter();
+        readings.any(|each| each.setup.target == tool && each.reading.kind().rows() == 6)
+    }
+
+    fn whole_frames(&self) -> Vec<ParameterKind> {
+        let mut kinds = Vec::new();
+        for station in 0..self.stations.len() {
+            kinds.extend(Axis::ALL.map(|axis| ParameterKind::BasePosition { station, axis }));
+            kinds.extend(Axis::ALL.map(|axis| ParameterKind::BaseRotation { station, axis }));
+        }
+        for tool in 0..self.targets.len() {
+            kinds.extend(Axis::ALL.map(|axis| ParameterKind::ToolPosition { tool, axis }));
+            kinds.extend(Axis::ALL.map(|axis| ParameterKind::ToolRotation { tool, axis }));
+        }
+        kinds
+    }
+
+    /// What the belief leaves open, and of what it knows something before, or what groups name, with the frames: without
+    /// what is redundant.
+    pub(super) fn unknowns(&self, groups: &[ParameterGroup]) -> Result<ToldApart, AbsoluteError> {
+        let named = of_all(groups, &self.arm);
+        let is_loaded = self
+            .observations
+            .iter()
+            .any(|each| each.setup.load != Load::NONE);
+        let precision = self.belief.precision();
+        let wanted = |place: &usize, kind: ParameterKind| match kind {
+            // These have no part in readings.
+            ParameterKind::TaskScale | ParameterKind::TaskForce { .. } => false,
+            ParameterKind::LoadScale | ParameterKind::LoadOffset if !is_loaded => false,
+            _ if kind.is_mounted() => false,
+            _ => groups.is_empty() || named.contains(&kind) || precision[(*place, *place)] > 0.0,
+        };
+        let before = self.known_before();
+        let places: Vec<usize> = (0..before.len())
+            .filter(|place| wanted(place, before[*place].0))
+            .collect();
+        let mut unknowns: Vec<(ParameterKind, Option<f64>)> =
+            places.iter().map(|&place| before[place]).collect();
+        let more = named.into_iter().chain(self.whole_frames());
+        for kind in more {
+            if !unknowns.iter().any(|(known, _)| *known == kind) {
+                unknowns.push((kind, prior_deviation(kind)));
+            }
+        }
+        // Its own deviation makes a part of a parameter's precision already.
+        let besides = DMatrix::from_fn(places.len(), places.len(), |row, column| {
+            let own = if row == column { unknowns[row].1 } else { None };
+            let all = precision[(places[row], places[column])];
+            all - own.map_or(0.0, |deviation| deviation.powi(-2))
+        });
+        let with = |unknowns: &[(ParameterKind, Option<f64>)], besides: &DMatrix<f64>| {
+            ParameterSet::new(&self.arm, unknowns.iter().copied())
+                .map(|set| set.with_precision(besides))
+        };
+        let all = with(&unknowns, &besides)?;
+        let left_out = self.redundant(&all);
+        let is_kept = |place: &usize| {
+            left_out.iter().all(|each| each.0 != *place) && self.shows(unknowns[*place].0)
+        };
+        let kept: Vec<usize> = (0..unknowns.len()).filter(is_kept).collect();
+        let known: Vec<usize> = kept
+            .iter()
+            .copied()
+            .filter(|&place| place < places.len())
+            .collect();
+        let besides = besides.select_rows(&known).select_columns(&known);
+        let unknowns: Vec<_> = kept.iter().map(|&place| unknowns[place]).collect();
+        Ok(ToldApart {
+            set: with(&unknowns, &besides)?,
+            left_out: left_out.into_iter().map(|(_, each)| each).collect(),
+        })
+    }
+
+    /// The parameters of geometry, by their places in a set, that no reading of a rigid robot can tell from the others, and that no
+    /// prior settles. That gravity and loads may tell some of them after all, if hardly, is left aside, so that the same is left
+    /// out whatever was read.
+    fn redundant(&self, all: &ParameterSet) -> Vec<(usize, LeftOut)> {
+        let is_geometry = |kind: ParameterKind| {
+            kind.is_mounted()
+                || matches!(
+                    kind,
+                    ParameterKind::JointZero { .. }
+                        | ParameterKind::LinkPosition { .. }
+                        | ParameterKind::LinkRotation { .. }
+                )
+        };
+        let places: Vec<usize> = (0..all.len())
+            .filter(|&place| is_geometry(all.parameters()[place].kind))
+            .collect();
+        let set = all.subset(&places);
+        let mut rigid = self.arm.clone();
+        rigid.compliance_rad_per_nm.fill(0.0);
+        rigid.chain.elements = Elements::default();
+        rigid.chain.gravity_m_s2 = Vector3::zeros();
+        let readings = self.anywhere(&self.planned());
+        let information = planned_information(&set, &rigid, &set.prior().mean, &readings);
+        (Freedoms::new(&rigid, &set, &information).named.into_iter())
+            .filter(|each| each.is_structural)
+            .map(|each| {
+                let name = set.parameters()[each.redundant].name.clone();
+                let sentence = each.sentence;
+                (places[each.redundant], LeftOut { name, sentence })
+            })
+            .collect()
+    }
+
+    /// The belief's unknowns, with the deviations of those that are uncertain.
+    fn known_before(&self) -> Vec<(ParameterKind, Option<f64>)> {
+        match &self.belief.uncertain {
+            Some(extended) => (extended.set().parameters().iter())
+                .map(|each| (each.kind, each.prior_deviation))
+                .collect(),
+            None => (self.belief.parameters.iter())
+                .map(|&joint| (ParameterKind::JointCompliance { joint }, None))
+                .collect(),
+        }
+    }
+
+    fn planned(&self) -> Vec<PlannedReading> {
+        self.observations
+            .iter()
+            .map(crate::observation::Observation::planned)
+            .collect()
+    }
+
+    /// What readings leave of a set.
+    fn freedoms(&self, set: &ParameterSet, readings: &[PlannedReading]) -> Freedoms {
+        let information = planned_information(set, &self.arm, &set.prior().mean, readings);
+        Freedoms::new(&self.arm, set, &information)
+    }
+
+    /// Whether the readings determine the frames as far as this robot lets anybody.
+    pub(super) fn check_frames(&self) -> Result<(), AbsoluteError> {
+        let kinds = self.frame_kinds();
+        let readings = self.planned();
+        let rows: usize = readings.iter().map(|each| each.kind.rows()).sum();
+        if rows < kinds.len() {
+            let unknowns = kinds.len();
+            return Err(AbsoluteError::TooFew { rows, unknowns });
+        }
+        let set = ParameterSet::new(&self.arm, kinds.into_iter().map(|kind| (kind, None)))?;
+        let found = self.freedoms(&set, &readings);
+        if found.named.is_empty() {
+            return Ok(());
+        }
+        let anywhere = self.freedoms(&set, &self.anywhere(&readings));
+        if found.directions.ncols() <= anywhere.directions.ncols() {
+            return Ok(());
+        }
+        let stations: Vec<&str> = self.stations.iter().flatten().map(String::as_str).collect();
+        let what = match stations.as_slice() {
+            [] => format!("base and targets ({})", self.targets.join(", ")),
+            stations => format!(
+                "base and targets ({}; stations in their order: {})",
+                self.targets.join(", "),
+                stations.join(", ")
+            ),
+        };
+        let sentences = found.named.into_iter().map(|each| each.sentence).collect();
+        Err(AbsoluteError::Frames { what, sentences })
+    }
+
+    /// The same kinds of readings anywhere within the joints' ranges.
+    fn anywhere(&self, readings: &[PlannedReading]) -> Vec<PlannedReading> {
+        let mut random = generator(0, 0);
+        let mut different: Vec<&PlannedReading> = Vec::new();
+        for each in readings {
+            let is_same = |known: &&PlannedReading| {
+                (known.setup.station, known.setup.target, known.kind)
+                    == (each.setup.station, each.setup.target, each.kind)
+            };
+            if !different.iter().any(is_same) {
+                different.push(each);
+            }
+        }
+        let joints = &self.arm.chain.joints;
+        let mut all = Vec::new();
+        for each in different {
+            for _ in 0..CONFIGURATIONS {
+                let mut reading = each.clone();
+                reading.setup.load = Load::NONE;
+                reading.setup.commanded_rad = DVector::from_fn(joints.len(), |joint, _| {
+                    let [low, high] = joints[joint].range_rad;
+                    match joints[joint].drive.passive_at {
+                        Some(rest) => rest,
+                        None if low < high => random.random_range(low..=high),
+                        None => low,
+                    }
+                });
+                all.push(reading);
+            }
+        }
+        all
+    }
+}

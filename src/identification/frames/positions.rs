@@ -1,0 +1,198 @@
+//! Frames from positions.
+//!
+//! With y = B (f + F x), turned round, G y + g = f + F x is linear in G = B^T, g and x. Left to be any matrix, G comes
+//! from least squares; made a rotation again, it starts turns of two steps that each are solved exactly: the stations
+//! where the targets are known (two clouds of points), and all translations where the stations' orientations are.
+
+use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, SymmetricEigen, Vector3};
+
+use super::{MountedFrames, Sight, isometry, nearest};
+
+/// Turns end when the sum of squares falls by less than this share.
+const SETTLED: f64 = 1e-9;
+/// Nothing is gained by more.
+const MOST_TURNS: usize = 200;
+/// Eigenvalues below this share of the largest are directions that are not seen: they stay zero.
+const UNSEEN: f64 = 1e-10;
+
+/// Frames from several starts.
+pub(super) fn solved(
+    sights: &[Sight],
+    stations: usize,
+    tools: &[Isometry3<f64>],
+) -> Vec<MountedFrames> {
+    let start = |link_from_tool| MountedFrames {
+        instrument_from_base: vec![Isometry3::identity(); stations],
+        link_from_tool,
+    };
+    let mut starts = vec![
+        start(tools.to_vec()),
+        start(vec![Isometry3::identity(); tools.len()]),
+    ];
+    for each in &mut starts {
+        place_stations(each, sights);
+    }
+    starts.push(relaxed(sights, stations, tools));
+    for each in &mut starts {
+        settle(each, sights);
+    }
+    starts
+}
+
+fn settle(frames: &mut MountedFrames, sights: &[Sight]) {
+    let mut cost = f64::INFINITY;
+    for _ in 0..MOST_TURNS {
+        translate(frames, sights);
+        place_stations(frames, sights);
+        let now = left(frames, sights);
+        if now >= cost * (1.0 - SETTLED) {
+            break;
+        }
+        cost = now;
+    }
+}
+
+/// The sum of squares of positions alone (m^2).
+fn left(frames: &MountedFrames, sights: &[Sight]) -> f64 {
+    let of_one = |sight: &Sight| {
+        let tool = frames.link_from_tool[sight.target].translation.vector;
+        let there = sight.base_from_link.transform_point(&tool.into());
+        let seen = frames.instrument_from_base[sight.station].transform_point(&there);
+        (sight.position_m - seen.coords).norm_squared()
+    };
+    sights.iter().map(of_one).sum()
+}
+
+/// The stations that fit best where the targets are.
+fn place_stations(frames: &mut MountedFrames, sights: &[Sight]) {
+    for (station, base) in frames.instrument_from_base.iter_mut().enumerate() {
+        let pairs: Vec<(Vector3<f64>, Vector3<f64>)> = (sights.iter())
+            .filter(|sight| sight.station == station)
+            .map(|sight| {
+                let tool = frames.link_from_tool[sight.target].translation.vector;
+                let there = sight.base_from_link.transform_point(&tool.into());
+                (there.coords, sight.position_m)
+            })
+            .collect();
+        let count = pairs.len().max(1) as f64;
+        let here: Vector3<f64> = pairs.iter().map(|pair| pair.0).sum::<Vector3<f64>>() / count;
+        let seen: Vector3<f64> = pairs.iter().map(|pair| pair.1).sum::<Vector3<f64>>() / count;
+        let products = pairs
+            .iter()
+            .map(|pair| (pair.1 - seen) * (pair.0 - here).transpose());
+        let rotation = nearest(&products.sum::<Matrix3<f64>>());
+        *base = isometry(&rotation, seen - rotation * here);
+    }
+}
+
+/// The translations of stations and targets that fit best where the stations are turned as they are.
+pub(super) fn translate(frames: &mut MountedFrames, sights: &[Sight]) {
+    let stations = frames.instrument_from_base.len();
+    let size = 3 * (stations + frames.link_from_tool.len());
+    let mut sums = LinearSums::zeros(size);
+    for sight in sights {
+        let base = frames.instrument_from_base[sight.station]
+            .rotation
+            .to_rotation_matrix();
+        let link = base * sight.base_from_link.rotation.to_rotation_matrix();
+        let right = sight.position_m - base * sight.base_from_link.translation.vector;
+        let mut row = DMatrix::zeros(3, size);
+        (row.fixed_view_mut::<3, 3>(0, 3 * sight.station)).fill_with_identity();
+        (row.fixed_view_mut::<3, 3>(0, 3 * (stations + sight.target))).copy_from(link.matrix());
+        sums.add(&row, &right);
+    }
+    // What is not seen stays as it is.
+    let mut known = DVector::zeros(size);
+    let tools = frames.link_from_tool.iter();
+    let places =
+        (frames.instrument_from_base.iter().chain(tools)).map(|each| each.translation.vector);
+    for (index, place) in places.enumerate() {
+        known.fixed_rows_mut::<3>(3 * index).copy_from(&place);
+    }
+    let solved = sums.solved(&known);
+    let place = |index: usize| solved.fixed_rows::<3>(3 * index).into_owned();
+    for (index, base) in frames.instrument_from_base.iter_mut().enumerate() {
+        base.translation.vector = place(index);
+    }
+    for (index, tool) in frames.link_from_tool.iter_mut().enumerate() {
+        tool.translation.vector = place(stations + index);
+    }
+}
+
+/// The start from least squares in which stations may be any matrices.
+fn relaxed(sights: &[Sight], stations: usize, tools: &[Isometry3<f64>]) -> MountedFrames {
+    let size = 12 * stations + 3 * tools.len();
+    let mut sums = LinearSums::zeros(size);
+    let mut centre = vec![(Vector3::zeros(), 0.0); stations];
+    for sight in sights {
+        centre[sight.station].0 += sight.position_m;
+        centre[sight.station].1 += 1.0;
+    }
+    for sight in sights {
+        let (sum, count) = centre[sight.station];
+        let seen = sight.position_m - sum / count;
+        let mut row = DMatrix::zeros(3, size);
+        for axis in 0..3 {
+            for column in 0..3 {
+                row[(axis, 12 * sight.station + 3 * column + axis)] = seen[column];
+            }
+            row[(axis, 12 * sight.station + 9 + axis)] = 1.0;
+        }
+        let link = sight.base_from_link.rotation.to_rotation_matrix();
+        (row.fixed_view_mut::<3, 3>(0, 12 * stations + 3 * sight.target))
+            .copy_from(&-link.matrix());
+        sums.add(&row, &sight.base_from_link.translation.vector);
+    }
+    let solved = sums.solved(&DVector::zeros(size));
+    let instrument_from_base = (0..stations)
+        .map(|station| {
+            let turned = Matrix3::from_iterator(solved.rows(12 * station, 9).iter().copied());
+            isometry(&nearest(&turned.transpose()), Vector3::zeros())
+        })
+        .collect();
+    MountedFrames {
+        instrument_from_base,
+        link_from_tool: tools.to_vec(),
+    }
+}
+
+/// Least squares in normal equations.
+struct LinearSums {
+    information: DMatrix<f64>,
+    right: DVector<f64>,
+}
+
+impl LinearSums {
+    fn zeros(size: usize) -> Self {
+        Self {
+            information: DMatrix::zeros(size, size),
+            right: DVector::zeros(size),
+        }
+    }
+
+    fn add(&mut self, rows: &DMatrix<f64>, right: &Vector3<f64>) {
+        self.information += rows.tr_mul(rows);
+        self.right += rows.tr_mul(right);
+    }
+
+    /// The solution; what is not seen is as it is `known`.
+    fn solved(&self, known: &DVector<f64>) -> DVector<f64> {
+        let gap = &self.right - &self.information * known;
+        if !gap.iter().all(|value| value.is_finite()) {
+            return known.clone();
+        }
+        let eigen = SymmetricEigen::new(self.information.clone());
+        let least = UNSEEN * eigen.eigenvalues.amax();
+        let mut solved = known.clone();
+        for (&value, vector) in eigen
+            .eigenvalues
+            .iter()
+            .zip(eigen.eigenvectors.column_iter())
+        {
+            if value > least {
+                solved.axpy(vector.dot(&gap) / value, &vector, 1.0);
+            }
+        }
+        solved
+    }
+}

@@ -1,0 +1,210 @@
+//! What a proof of a bound knows of uncertainties, and what it leaves out: any may be taken for certain, which can only lower
+//! the bound.
+
+use nalgebra::DVector;
+
+use crate::experiment::Loads;
+use crate::parameter::{ParameterKind, Prior, ReadingSource, Source, Uncertainty};
+use crate::plan::proof::{Question, ReadingSpread};
+use crate::task::{Extended, Task};
+
+use super::problem::Problem;
+
+/// A task of which bounds can be proved, and of which no plan leaves more than of the task that it was made of.
+pub(super) struct ProvableTask {
+    pub task: Task,
+    /// The names of what is taken for certain there.
+    pub left_out: Vec<String>,
+}
+
+impl ProvableTask {
+    /// Whether a problem is about such a task itself.
+    pub fn is_itself(problem: &Problem<'_>) -> bool {
+        (problem.extended()).is_none_or(|extended| is_provable(problem.task, extended))
+    }
+
+    /// Those of a problem in which more is uncertain, the nearest first. Compliances that are uncertain stay, identified or
+    /// not, with what is known of them, and so does, in the first, what the covariance of readings can be told of.
+    pub fn simpler(problem: &Problem<'_>) -> Vec<Self> {
+        let task = problem.task;
+        let Some(extended) = problem.extended() else {
+            return Vec::new();
+        };
+        let parameters = parameters_left_out(extended);
+        let certain = about_compliances(task, extended);
+        let weighted = with_readings(&certain, extended)
+            .filter(|_| !is_provable(task, extended))
+            .map(|(task, left)| Self {
+                task,
+                left_out: parameters.iter().cloned().chain(left).collect(),
+            });
+        let sources = extended.sources().map(|(name, _)| name.to_owned());
+        let certain = Self {
+            task: certain,
+            left_out: parameters.iter().cloned().chain(sources).collect(),
+        };
+        weighted.into_iter().chain([certain]).collect()
+    }
+}
+
+/// A task with what is new in each reading as far as the covariance can be told, and the names of what cannot; `None` where
+/// there is no such thing.
+fn with_readings(certain: &Task, extended: &Extended) -> Option<(Task, Vec<String>)> {
+    let (kept, left): (Vec<_>, Vec<_>) =
+        (extended.sources()).partition(|(_, source)| is_known(certain, source));
+    if kept.is_empty() {
+        return None;
+    }
+    let uncertainty = |(name, source): (&str, &ReadingSource)| Uncertainty {
+        name: name.to_owned(),
+        is_hidden: false,
+        source: Source::Reading(source.clone()),
+    };
+    let kept: Vec<Uncertainty> = kept.into_iter().map(uncertainty).collect();
+    let mut task = certain.clone();
+    let belief = &mut task.belief;
+    let prior = belief.prior.as_ref();
+    let extended = Extended::new(belief.arm(), &belief.parameters, &[], prior, &kept).ok()?;
+    belief.uncertain = Some(extended);
+    let left = left.into_iter().map(|(name, _)| name.to_owned());
+    Some((task, left.collect()))
+}
+
+/// Whether the covariance of readings can be told with a source, over boxes of configurations: under each of some loads,
+/// where rotations are not measured.
+fn is_known(task: &Task, source: &ReadingSource) -> bool {
+    !matches!(task.loads, Loads::Any { .. })
+        && task.belief.instrument.rotation_sigma_rad.is_none()
+        && match source {
+            ReadingSource::JointReturn(_)
+            | ReadingSource::LoadDirection(_)
+            | ReadingSource::LoadPoint(_)
+            | ReadingSource::Misfit(_) => true,
+            // Noise that depends on where the instrument stands has not the symmetries that the proof rests on.
+            ReadingSource::Range { .. }
+            | ReadingSource::GearError(_)
+            | ReadingSource::Wrong { .. }
+            | ReadingSource::Dropped(_) => false,
+        }
+}
+
+/// Whether nothing has to be left out.
+pub(super) fn is_provable(task: &Task, extended: &Extended) -> bool {
+    extended.set().len() == extended.identified()
+        && extended.further().next().is_none()
+        && extended.sources().all(|(_, source)| is_known(task, source))
+}
+
+/// By how much of itself the covariance that the load makes is taken for less, so that it holds for loads that are printed
+/// alike, too.
+const PRINTED_SHARE: f64 = 1e-5;
+
+/// What is new in each reading of a task of which all is provable, for a question without it; loads may be off by so much
+/// (N, N m) through printing. With G the columns of a load W, those of W + w have
+/// (G + g) (G + g)^T >= (1 - s) G G^T - g g^T / s for every share s, and g g^T <= |g|^2 I.
+///
+/// `None` where the loads' own share is more than what is left of the instrument's.
+pub(super) fn spread(
+    question: &Question,
+    compliance_rad_per_nm: &[f64],
+    extended: &Extended,
+    sigma_m: f64,
+    printed: f64,
+) -> Option<ReadingSpread> {
+    // A covariance that is a little too small only makes the bound weaker.
+    let down = 1.0 - 4.0 * f64::EPSILON;
+    let over = |deviation: f64| deviation / sigma_m * down;
+    let joints = compliance_rad_per_nm.len();
+    let mut squares = vec![0.0; joints];
+    let (mut everywhere, mut turned, mut shifted) = (1.0, 0.0_f64, 0.0_f64);
+    for (_, source) in extended.sources() {
+        match source {
+            ReadingSource::JointReturn(deviations) => {
+                for (square, deviation) in squares.iter_mut().zip(deviations) {
+                    *square += over(*deviation).powi(2);
+                }
+            }
+            ReadingSource::LoadDirection(deviation) => turned = turned.hypot(over(*deviation)),
+            ReadingSource::LoadPoint(deviation) => shifted = shifted.hypot(over(*deviation)),
+            ReadingSource::Misfit(deviation) => everywhere += over(*deviation).powi(2),
+            ReadingSource::Range { .. }
+            | ReadingSource::GearError(_)
+            | ReadingSource::Wrong { .. }
+            | ReadingSource::Dropped(_) => {}
+        }
+    }
+    let reaches = question.reaches_m();
+    let product = |share: &dyn Fn(f64) -> f64| -> f64 {
+        let terms = compliance_rad_per_nm.iter().zip(&reaches);
+        terms.map(|(k, reach)| k * reach * share(*reach)).sum()
+    };
+    // |g| of a unit load: of each of three turns and shifts.
+    let unit = 3.0
+        * ((turned * product(&|reach| reach + 1.0)).powi(2)
+            + (shifted * product(&|_| 1.0)).powi(2));
+    everywhere -= unit * printed * printed / PRINTED_SHARE * (1.0 + 1e-9);
+    let smaller = (1.0 - PRINTED_SHARE).sqrt() * down * down;
+    (everywhere >= 0.5).then(|| ReadingSpread {
+        everywhere: everywhere * down * down,
+        joint_return: squares
+            .into_iter()
+            .map(|square: f64| square.sqrt() * down * down)
+            .collect(),
+        compliance_rad_per_nm: compliance_rad_per_nm.to_vec(),
+        turned: turned * smaller,
+        shifted: shifted * smaller,
+    })
+}
+
+fn compliance_of(kind: ParameterKind) -> Option<usize> {
+    match kind {
+        ParameterKind::JointCompliance { joint } => Some(joint),
+        _ => None,
+    }
+}
+
+fn parameters_left_out(extended: &Extended) -> Vec<String> {
+    let parameters = extended.set().parameters();
+    let is_kept = |place: &usize| compliance_of(parameters[*place].kind).is_some();
+    let further = (extended
+        .further()
+        .map(str::to_owned)
+        .zip(extended.identified()..))
+    .filter(|(_, place)| !is_kept(place))
+    .map(|(name, _)| name);
+    let shared = (extended.shared().iter())
+        .filter(|(_, places)| !places.iter().all(is_kept))
+        .map(|(name, _)| name.clone());
+    further.chain(shared).collect()
+}
+
+/// With all other unknowns at their means, what is known of the compliances is their block of the precision.
+fn about_compliances(task: &Task, extended: &Extended) -> Task {
+    let set = extended.set();
+    let mut kept: Vec<(usize, usize)> = (set.parameters().iter().enumerate())
+        .filter_map(|(place, parameter)| Some((compliance_of(parameter.kind)?, place)))
+        .collect();
+    kept.sort_unstable();
+    let places: Vec<usize> = kept.iter().map(|&(_, place)| place).collect();
+    let joints: Vec<usize> = kept.iter().map(|&(joint, _)| joint).collect();
+    let nominal = &task.belief.nominal.compliance_rad_per_nm;
+    let mut precision = (set.prior().precision.select_rows(&places)).select_columns(&places);
+    for (index, (&place, &joint)) in places.iter().zip(&joints).enumerate() {
+        if set.parameters()[place].is_logarithmic {
+            // d ln k = dk / k
+            precision.row_mut(index).scale_mut(nominal[joint].recip());
+            precision
+                .column_mut(index)
+                .scale_mut(nominal[joint].recip());
+        }
+    }
+    let mut certain = task.clone();
+    let belief = &mut certain.belief;
+    belief.uncertain = None;
+    belief.prior = (precision.amax() > 0.0).then(|| Prior {
+        mean: DVector::from_iterator(joints.len(), joints.iter().map(|&joint| nominal[joint])),
+        precision,
+    });
+    belief.parameters = joints;
+    certain
+}

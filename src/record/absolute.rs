@@ -1,0 +1,294 @@
+//! What absolute readings tell of a robot, as a record, and the robot that a record tells of.
+
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::identification::{AbsoluteCase, AbsoluteFit, DistanceStatistics};
+use crate::parameter::{Axis, ParameterKind};
+
+/// Standard errors in an interval of 95 %.
+const NORMAL_95: f64 = 1.959_963_984_540_054;
+
+/// A parameter that was fitted.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct UnknownMessage {
+    /// Its name, such as `elbow.zero`, `link_3.x` or `base.rz`.
+    pub name: String,
+    /// What it is, in words.
+    pub what: String,
+    /// The unit of its value.
+    pub unit: String,
+    /// Its nominal value; displacements and rotations of frames count from the nominal frame, those of base and targets from
+    /// the frames that are listed.
+    pub nominal: f64,
+    /// Its value.
+    pub value: f64,
+    /// Its standard error; null where it is not determined.
+    pub standard_error: Option<f64>,
+    /// Its interval of 95 %.
+    pub interval95: Option<[f64; 2]>,
+}
+
+/// Where a station or a target is.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct MountedFrameMessage {
+    /// The station's word, or the target's site; null for the only station of a file that names none.
+    pub name: Option<String>,
+    /// Which unknowns are its own: those that begin so.
+    pub unknowns: String,
+    /// The link that carries a target, by its joint's name; null for a station.
+    pub link: Option<String>,
+    /// The origin (mm): of the robot's base in the station's frame, or of the target in its link's.
+    pub position_mm: [f64; 3],
+    /// The orientation as a unit quaternion, real part first; null for a target of which positions were read.
+    pub quaternion: Option<[f64; 4]>,
+    /// The standard errors of the position along the frame's own axes (mm); null where one is not determined.
+    pub position_std_mm: Option<[f64; 3]>,
+    /// Those of the orientation about them (mrad).
+    pub rotation_std_mrad: Option<[f64; 3]>,
+}
+
+/// How long vectors are.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct LengthsMessage {
+    /// The mean.
+    pub mean: f64,
+    /// The root of the mean square.
+    pub rms: f64,
+    /// What 95 % stay below.
+    pub quantile95: f64,
+    /// The largest.
+    pub largest: f64,
+}
+
+impl LengthsMessage {
+    /// The same in thousandths: mm for m.
+    #[must_use]
+    pub fn in_thousandths(statistics: &DistanceStatistics) -> Self {
+        Self {
+            mean: statistics.mean * 1e3,
+            rms: statistics.rms * 1e3,
+            quantile95: statistics.quantile95 * 1e3,
+            largest: statistics.largest * 1e3,
+        }
+    }
+}
+
+/// What was left out as redundant.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct LeftOutMessage {
+    /// The parameter.
+    pub name: String,
+    /// Why, in a sentence.
+    pub reason: String,
+}
+
+/// What absolute readings tell of a robot.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct AbsoluteMessage {
+    /// How many readings.
+    pub readings: usize,
+    /// How many numbers in them.
+    pub numbers: usize,
+    /// All that was fitted.
+    pub unknowns: Vec<UnknownMessage>,
+    /// The covariance of the unknowns in their order and units.
+    pub covariance: Vec<Vec<f64>>,
+    /// The robot's base as each station sees it.
+    pub stations: Vec<MountedFrameMessage>,
+    /// The targets on their links.
+    pub targets: Vec<MountedFrameMessage>,
+    /// What was left out as redundant.
+    pub left_out: Vec<LeftOutMessage>,
+    /// What the readings do not determine, in sentences.
+    pub undetermined: Vec<String>,
+    /// Distances from the predicted positions (mm).
+    pub distance_mm: LengthsMessage,
+    /// Angles from the predicted orientations (mrad); null where positions were read.
+    pub angle_mrad: Option<LengthsMessage>,
+    /// The standard deviation of what no parameter explains, of each coordinate of a position (mm), where it was taken from the
+    /// residuals.
+    pub misfit_mm: Option<f64>,
+    /// The same of rotations (mrad).
+    pub misfit_mrad: Option<f64>,
+    /// The sum of squares of the weighted residuals.
+    pub square: f64,
+    /// The probability of residuals at least as large.
+    pub consistency: Option<f64>,
+    /// The number of steps.
+    pub iterations: usize,
+    /// Read less predicted positions (mm), in the station's frame.
+    pub residuals_mm: Vec<[f64; 3]>,
+    /// What does not hold.
+    pub conditions: Vec<String>,
+}
+
+impl AbsoluteMessage {
+    /// The record of a fit.
+    #[must_use]
+    pub fn new(case: &AbsoluteCase<'_>, fit: &AbsoluteFit) -> Self {
+        let nothing = DistanceStatistics {
+            mean: 0.0,
+            rms: 0.0,
+            quantile95: 0.0,
+            largest: 0.0,
+        };
+        let distances = DistanceStatistics::of_positions(&fit.left).unwrap_or(nothing);
+        let angles = DistanceStatistics::of_rotations(&fit.left);
+        Self {
+            readings: fit.left.len(),
+            numbers: fit.rows,
+            unknowns: (0..fit.set.len())
+                .map(|index| unknown(fit, index))
+                .collect(),
+            covariance: covariance(fit),
+            stations: stations(case, fit),
+            targets: targets(case, fit),
+            left_out: (fit.left_out.iter())
+                .map(|each| LeftOutMessage {
+                    name: each.name.clone(),
+                    reason: each.sentence.clone(),
+                })
+                .collect(),
+            undetermined: fit.undetermined.clone(),
+            distance_mm: LengthsMessage::in_thousandths(&distances),
+            angle_mrad: angles.as_ref().map(LengthsMessage::in_thousandths),
+            misfit_mm: fit.misfit.map(|[position_m, _]| position_m * 1e3),
+            misfit_mrad: (fit.misfit.filter(|_| angles.is_some())).map(|[_, rad]| rad * 1e3),
+            square: fit.square,
+            consistency: fit.consistency,
+            iterations: fit.iterations,
+            residuals_mm: (fit.left.iter())
+                .map(|each| (each.position_m * 1e3).into())
+                .collect(),
+            conditions: fit.conditions(),
+        }
+    }
+}
+
+fn unknown(fit: &AbsoluteFit, index: usize) -> UnknownMessage {
+    let parameter = &fit.set.parameters()[index];
+    let value = fit.quantity(index);
+    let error = fit.standard_error(index);
+    // Of a logarithm the interval is that of the logarithm.
+    let interval95 = error.map(|error| {
+        if parameter.is_logarithmic && value != 0.0 {
+            let factor = (NORMAL_95 * error / value).exp();
+            [value / factor, value * factor]
+        } else {
+            [value - NORMAL_95 * error, value + NORMAL_95 * error]
+        }
+    });
+    UnknownMessage {
+        name: parameter.name.clone(),
+        what: parameter.kind.words(&fit.reference),
+        unit: quantity_unit(parameter.kind).to_owned(),
+        nominal: parameter.quantity(&fit.reference, parameter.nominal),
+        value,
+        standard_error: error,
+        interval95,
+    }
+}
+
+/// The unit of the quantity itself, logarithms undone.
+fn quantity_unit(kind: ParameterKind) -> &'static str {
+    match kind {
+        ParameterKind::LinkMass { .. } | ParameterKind::PayloadMass => "kg",
+        kind => kind.unit(false),
+    }
+}
+
+/// The covariance of quantities.
+fn covariance(fit: &AbsoluteFit) -> Vec<Vec<f64>> {
+    let size = fit.set.len();
+    let factors: Vec<f64> = (fit.set.parameters().iter().enumerate())
+        .map(|(index, parameter)| {
+            if parameter.is_logarithmic {
+                fit.quantity(index)
+            } else {
+                1.0
+            }
+        })
+        .collect();
+    let of = |row: usize, column: usize| {
+        fit.posterior.covariance[(row, column)] * factors[row] * factors[column]
+    };
+    (0..size)
+        .map(|row| (0..size).map(|column| of(row, column)).collect())
+        .collect()
+}
+
+fn numbered(name: &str, index: usize) -> String {
+    match index {
+        0 => name.to_owned(),
+        index => format!("{name}_{}", index + 1),
+    }
+}
+
+fn in_thousandths(errors: [f64; 3]) -> [f64; 3] {
+    errors.map(|error| error * 1e3)
+}
+
+fn quaternion(frame: &Isometry3<f64>) -> [f64; 4] {
+    let [x, y, z, w] = frame.rotation.coords.into();
+    [w, x, y, z]
+}
+
+fn stations(case: &AbsoluteCase<'_>, fit: &AbsoluteFit) -> Vec<MountedFrameMessage> {
+    let bases = case.stations.iter().zip(&fit.arm.instrument_from_base);
+    bases
+        .enumerate()
+        .map(|(station, (name, frame))| {
+            let position = Axis::ALL.map(|axis| ParameterKind::BasePosition { station, axis });
+            let rotation = Axis::ALL.map(|axis| ParameterKind::BaseRotation { station, axis });
+            MountedFrameMessage {
+                name: name.clone(),
+                unknowns: numbered("base", station),
+                link: None,
+                position_mm: (frame.translation.vector * 1e3).into(),
+                quaternion: Some(quaternion(frame)),
+                position_std_mm: fit.standard_errors(position).map(in_thousandths),
+                rotation_std_mrad: fit.standard_errors(rotation).map(in_thousandths),
+            }
+        })
+        .collect()
+}
+
+fn targets(case: &AbsoluteCase<'_>, fit: &AbsoluteFit) -> Vec<MountedFrameMessage> {
+    let tools = case.targets.iter().zip(&fit.arm.tools);
+    tools
+        .enumerate()
+        .map(|(tool, (name, place))| {
+            let position = Axis::ALL.map(|axis| ParameterKind::ToolPosition { tool, axis });
+            let rotation = Axis::ALL.map(|axis| ParameterKind::ToolRotation { tool, axis });
+            let is_turned = fit.set.index_of(rotation[0]).is_some();
+            let carrier = place.joints.checked_sub(1);
+            let link = carrier.and_then(|joint| fit.arm.chain.joints.get(joint));
+            MountedFrameMessage {
+                name: Some(name.clone()),
+                unknowns: numbered("tool", tool),
+                link: link.map(|joint| joint.name.clone()),
+                position_mm: (place.link_from_tool.translation.vector * 1e3).into(),
+                quaternion: is_turned.then(|| quaternion(&place.link_from_tool)),
+                position_std_mm: fit.standard_errors(position).map(in_thousandths),
+                rotation_std_mrad: fit.standard_errors(rotation).map(in_thousandths),
+            }
+        })
+        .collect()
+}
+
+impl MountedFrameMessage {
+    /// The frame; with the orientation of another where none was read. None where the numbers are no frame.
+    #[must_use]
+    pub fn frame(&self, otherwise: &Isometry3<f64>) -> Option<Isometry3<f64>> {
+        let rotation = match self.quaternion {
+            None => otherwise.rotation,
+            Some([w, x, y, z]) => UnitQuaternion::try_new(Quaternion::new(w, x, y, z), 1e-6)?,
+        };
+        let position_m = Vector3::from(self.position_mm) * 1e-3;
+        let is_finite = |value: &f64| value.is_finite();
+        (position_m.iter().all(is_finite) && rotation.coords.iter().all(is_finite))
+            .then(|| Isometry3::from_parts(Translation3::from(position_m), rotation))
+    }
+}

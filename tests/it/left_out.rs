@@ -1,0 +1,122 @@
+//! What a proof of a bound knows of uncertainties, and what it takes for certain by name.
+
+use serde_json::Value;
+
+use crate::proofs::{checked, python};
+use crate::support::{Workplace, scenario_text};
+
+const RETURN: &str = "[[uncertainty]]\nkind = \"joint_return\"\nstd_mrad = 0.05\n";
+const DIRECTION: &str = "[[uncertainty]]\nkind = \"load_direction\"\nstd_mrad = 2\n";
+const POINT: &str = "[[uncertainty]]\nkind = \"load_point\"\nstd_mm = 2\n";
+const MISFIT: &str = "[[uncertainty]]\nkind = \"misfit\"\nstd_mm = 0.02\n";
+const GEAR: &str = "[[uncertainty]]\nkind = \"gear_error\"\nstd_mrad = 0.1\n";
+const PLACES: &str = "[[uncertainty]]\nkind = \"link_position\"\nstd_mm = 0.3\n";
+
+/// What `plan` says of a scenario with these uncertainties.
+fn planned(workplace: &Workplace, name: &str, list: &[&str], options: &str) -> Value {
+    let text = scenario_text(name) + "\n" + &list.join("\n");
+    workplace.write("uncertain.toml", text);
+    let arguments =
+        format!("plan uncertain.toml --experiments 3 --json --quiet --seed 1 {options}");
+    let outcome = workplace.run(&arguments).ends_with(0);
+    serde_json::from_str(&outcome.stdout).expect("JSON")
+}
+
+fn number(value: &Value) -> f64 {
+    value.as_f64().expect("a number")
+}
+
+fn names(value: &Value) -> Vec<&str> {
+    let names = value.as_array().expect("a list").iter();
+    names.map(|name| name.as_str().expect("a name")).collect()
+}
+
+/// Joints that return as they like and loads that hang as they like are proved with all that they do: the bound is near
+/// that of searches, and far above that of the noise alone; another program checks it.
+#[test]
+fn the_covariance_of_readings_is_in_the_proof() {
+    let workplace = Workplace::new();
+    let list = [RETURN, DIRECTION, POINT, MISFIT];
+    let whole = planned(
+        &workplace,
+        "planar_3r",
+        &list,
+        "--prove 1% --proof-out proof.json",
+    );
+    assert_eq!(whole["proof"]["left_out"], serde_json::json!([]));
+    let proved = number(&whole["proved_lower_bound_rho0_mm"]);
+    let evidence = number(&whole["lower_bound_rho0_mm"]);
+    assert!(proved <= evidence * (1.0 + 1e-9) && proved > 0.98 * evidence);
+    let alone = planned(&workplace, "planar_3r", &list, "--noise-only");
+    assert!(proved > 1.5 * number(&alone["proved_lower_bound_rho0_mm"]));
+    let Some(python) = python() else { return };
+    let (code, text) = checked(&python, &workplace.path("proof.json"));
+    assert_eq!(code, Some(0), "{text}");
+    // With less noise an experiment would tell more.
+    let mut file: Value = serde_json::from_str(&workplace.read("proof.json")).expect("JSON");
+    let mut less = file.clone();
+    let everywhere = &mut less["proof"]["question"]["spread"]["everywhere"];
+    *everywhere = serde_json::json!(number(everywhere) * 0.5);
+    workplace.write("less.json", less.to_string());
+    let (code, text) = checked(&python, &workplace.path("less.json"));
+    assert_eq!(code, Some(1), "{text}");
+    let returns = &mut file["proof"]["question"]["spread"]["joint_return"];
+    for deviation in returns.as_array_mut().expect("one for each joint") {
+        *deviation = serde_json::json!(number(deviation) * 0.9);
+    }
+    workplace.write("less.json", file.to_string());
+    let (code, text) = checked(&python, &workplace.path("less.json"));
+    assert_eq!(code, Some(1), "{text}");
+}
+
+/// What the proof does not know is named, in words and in JSON, and only makes it less near.
+#[test]
+fn what_is_left_out_is_named() {
+    let workplace = Workplace::new();
+    let list = [RETURN, GEAR, PLACES];
+    let whole = planned(&workplace, "planar_3r", &list, "");
+    assert_eq!(
+        names(&whole["proof"]["left_out"]),
+        ["link_position", "gear_error"]
+    );
+    assert_eq!(whole["bound_kind"], "evidence");
+    let proved = number(&whole["proved_lower_bound_rho0_mm"]);
+    assert!(proved < number(&whole["rho0_mm"]));
+    let words = workplace.run("plan uncertain.toml --experiments 3 --quiet --seed 1");
+    let told = ", with link_position, gear_error taken for certain";
+    assert!(words.stdout.contains(told), "{}", words.stdout);
+    // Under a force of any direction the covariance of readings is left out, too.
+    let any = planned(&workplace, "spatial_3r", &[RETURN, PLACES], "");
+    assert_eq!(
+        names(&any["proof"]["left_out"]),
+        ["link_position", "joint_return"]
+    );
+    assert!(number(&any["proved_lower_bound_rho0_mm"]) < number(&any["rho0_mm"]));
+}
+
+/// Compliances of which something is known before, identified or not, are in the proof with what is known: without that
+/// an identified one would make the bound too high.
+#[test]
+fn what_is_known_of_compliances_is_in_the_proof() {
+    let workplace = Workplace::new();
+    let compliance = |joints: &str, share: f64| {
+        format!(
+            "[[uncertainty]]\nkind = \"compliance\"\nname = \"{joints}\"\njoints = [\"{joints}\"]\n\
+             std_relative = {share}\n"
+        )
+    };
+    let (known, unknown) = (compliance("joint_2", 0.001), compliance("joint_1", 0.05));
+    let whole = planned(&workplace, "klimchik2012", &[&known, &unknown], "");
+    assert_eq!(whole["proof"]["left_out"], serde_json::json!([]));
+    let proved = number(&whole["proved_lower_bound_rho0_mm"]);
+    let rho0 = number(&whole["rho0_mm"]);
+    assert!(proved < rho0 && proved > 0.85 * rho0, "{proved} {rho0}");
+    let searched = planned(
+        &workplace,
+        "klimchik2012",
+        &[&known, &unknown],
+        "--no-proof",
+    );
+    let evidence = number(&searched["lower_bound_rho0_mm"]);
+    assert!(proved <= evidence * (1.0 + 1e-6) && proved > 0.99 * evidence);
+}

@@ -1,0 +1,590 @@
+//! One fit of frames, geometry and elasticity to absolute readings.
+
+use elastocal::identification::{AbsoluteCase, AbsoluteFit, ParameterGroup, ReadingWeights};
+use elastocal::measurement::{AbsoluteReading, absolute_table};
+use elastocal::numeric::random::generator;
+use elastocal::observation::{Form, ObservationModel, ReadingKind, Setup};
+use elastocal::parameter::{Axis, ElasticArm, ParameterKind, ParameterSet};
+use elastocal::robot::Load;
+use elastocal::scenario::Scenario;
+use nalgebra::{
+    DVector, Isometry3, Matrix6, Matrix6xX, Rotation3, UnitQuaternion, Vector3, Vector6,
+};
+use rand::{Rng, RngExt};
+use rayon::prelude::*;
+
+use crate::support::{Outcome, Workplace, project, scenario, scenario_text};
+
+const SIGMA_M: f64 = 1.5e-5;
+const SIGMA_RAD: f64 = 2e-5;
+
+fn between(random: &mut impl Rng, low: f64, high: f64) -> f64 {
+    random.random_range(low..=high)
+}
+
+fn vector(random: &mut impl Rng, size: f64) -> Vector3<f64> {
+    Vector3::from_fn(|_, _| between(random, -size, size))
+}
+
+fn normal(random: &mut impl Rng) -> f64 {
+    let radius = (-2.0 * (1.0 - between(random, 0.0, 0.999_999_999)).ln()).sqrt();
+    radius * between(random, 0.0, std::f64::consts::TAU).cos()
+}
+
+fn anywhere(random: &mut impl Rng, size_m: f64) -> Isometry3<f64> {
+    Isometry3::new(vector(random, size_m), vector(random, 3.0))
+}
+
+/// What is read of an arm: which configurations, from which stations, of which of its tools.
+struct Campaign {
+    readings: usize,
+    is_pose: bool,
+    noise: f64,
+    force_n: f64,
+}
+
+/// Readings of an arm by a random campaign.
+fn read(random: &mut impl Rng, arm: &ElasticArm, campaign: &Campaign) -> Vec<AbsoluteReading> {
+    let nothing = ParameterSet::empty();
+    let mut model = ObservationModel::new(&nothing, arm, &[]);
+    let mut ignored = Matrix6xX::zeros(0);
+    let stations = arm.instrument_from_base.len();
+    let variances = [SIGMA_M, SIGMA_RAD].map(|sigma| sigma * sigma);
+    let covariance = Matrix6::from_diagonal(&Vector6::from_fn(|row, _| variances[row / 3]));
+    (0..campaign.readings)
+        .map(|index| {
+            let setup = Setup {
+                commanded_rad: DVector::from_fn(arm.chain.len(), |_, _| between(random, -2.6, 2.6)),
+                load: Load {
+                    force_n: vector(random, campaign.force_n),
+                    torque_nm: Vector3::zeros(),
+                },
+                target: (index / stations) % arm.tools.len(),
+                station: index % stations,
+            };
+            let seen = model
+                .predict(Form::AtRest, &setup, ReadingKind::Pose, &mut ignored)
+                .expect("stable");
+            let mut error =
+                |size: f64| Vector3::from_fn(|_, _| normal(random) * size * campaign.noise);
+            let position_m = seen.position_m + error(SIGMA_M);
+            let turn = Rotation3::from_scaled_axis(error(SIGMA_RAD));
+            let rotation = turn * Rotation3::from_matrix_unchecked(seen.rotation);
+            AbsoluteReading {
+                configuration_rad: setup.commanded_rad,
+                load: setup.load,
+                target: Some(arm.tools[setup.target].name.clone()),
+                station: (stations > 1).then(|| format!("S{}", setup.station)),
+                state: None,
+                position_m,
+                rotation: campaign
+                    .is_pose
+                    .then(|| UnitQuaternion::from_rotation_matrix(&rotation)),
+                covariance: Some(covariance),
+                approach: None,
+                time_s: None,
+                temperature_c: None,
+            }
+        })
+        .collect()
+}
+
+fn ur10() -> Scenario {
+    scenario("ur10")
+}
+
+/// The scenario's arm with one reflector, seen from so many stations somewhere.
+fn seen_arm(
+    random: &mut impl Rng,
+    scenario: &Scenario,
+    stations: usize,
+    targets: usize,
+) -> ElasticArm {
+    let belief = &scenario.task.belief;
+    let mut arm = belief.arm();
+    arm.tools.truncate(targets);
+    for tool in &mut arm.tools {
+        tool.link_from_tool = anywhere(random, 0.2);
+    }
+    arm.instrument_from_base = (0..stations).map(|_| anywhere(random, 4.0)).collect();
+    arm
+}
+
+/// What a fit leaves out cannot be told: with everything else of its set somewhere, an arm to read.
+fn changed(
+    random: &mut impl Rng,
+    fit: &AbsoluteFit,
+    nominal: &ElasticArm,
+) -> (Vec<f64>, ElasticArm) {
+    let values: Vec<f64> = (fit.set.parameters().iter())
+        .map(|each| match each.kind {
+            kind if kind.is_mounted() => 0.0,
+            ParameterKind::JointCompliance { .. } => each.nominal * between(random, 0.7, 1.3),
+            _ => each.nominal + each.scale * between(random, -2.0, 2.0),
+        })
+        .collect();
+    let arm = fit.set.apply(nominal, &values);
+    (values, arm)
+}
+
+/// How far off each value of a fit is, in standard errors.
+fn errors(fit: &AbsoluteFit, values: &[f64], truth: &ElasticArm) -> Vec<f64> {
+    let off = |reference: &Isometry3<f64>, truth: &Isometry3<f64>, axis: Axis, is_turn: bool| {
+        let off = reference.inverse() * truth;
+        let vector = if is_turn {
+            off.rotation.scaled_axis()
+        } else {
+            off.translation.vector
+        };
+        vector[axis as usize]
+    };
+    let base = |station: usize| {
+        (
+            &fit.reference.instrument_from_base[station],
+            &truth.instrument_from_base[station],
+        )
+    };
+    let tool = |tool: usize| {
+        (
+            &fit.reference.tools[tool].link_from_tool,
+            &truth.tools[tool].link_from_tool,
+        )
+    };
+    (fit.set.parameters().iter().enumerate())
+        .map(|(index, parameter)| {
+            let expected = match parameter.kind {
+                ParameterKind::BasePosition { station, axis } => {
+                    off(base(station).0, base(station).1, axis, false)
+                }
+                ParameterKind::BaseRotation { station, axis } => {
+                    off(base(station).0, base(station).1, axis, true)
+                }
+                ParameterKind::ToolPosition { tool: which, axis } => {
+                    off(tool(which).0, tool(which).1, axis, false)
+                }
+                ParameterKind::ToolRotation { tool: which, axis } => {
+                    off(tool(which).0, tool(which).1, axis, true)
+                }
+                _ => values[index],
+            };
+            let error = fit.posterior.standard_error(index).expect("determined");
+            (fit.posterior.mean[index] - expected) / error
+        })
+        .collect()
+}
+
+const GEOMETRY: [ParameterGroup; 1] = [ParameterGroup::Geometry];
+
+/// Exact readings give back stations and targets that are anywhere, and the geometry; without a guess.
+#[test]
+fn frames_and_geometry_come_back_without_a_guess() {
+    let scenario = ur10();
+    let belief = &scenario.task.belief;
+    for (case, (stations, targets, is_pose)) in
+        [(1, 1, true), (2, 2, true), (3, 1, false), (1, 2, false)]
+            .into_iter()
+            .enumerate()
+    {
+        let mut random = generator(5, case as u64);
+        let nominal = seen_arm(&mut random, &scenario, stations, targets);
+        let campaign = Campaign {
+            readings: 120,
+            is_pose,
+            noise: 0.0,
+            force_n: 0.0,
+        };
+        let dry = read(&mut random, &nominal, &campaign);
+        let fit = AbsoluteCase::new(belief, &dry)
+            .and_then(|mut case| case.fit(&GEOMETRY, ReadingWeights::AsNeeded));
+        let fit = fit.expect("a fit");
+        let (values, truth) = changed(&mut random, &fit, &nominal);
+        let readings = read(&mut random, &truth, &campaign);
+        let fit = AbsoluteCase::new(belief, &readings)
+            .and_then(|mut case| case.fit(&GEOMETRY, ReadingWeights::AsNeeded));
+        let fit = fit.expect("a fit");
+        assert!(fit.undetermined.is_empty(), "{:#?}", fit.undetermined);
+        // 4 for each joint, 6 of each further station and target; how a target is turned shows in poses alone.
+        let of_frames = if is_pose {
+            6 * (stations + targets)
+        } else {
+            6 * stations + 3 * targets
+        };
+        let expected = if is_pose { 18 } else { 17 } + of_frames;
+        assert!(
+            fit.set.len() >= expected - 1 && fit.set.len() <= expected + 1,
+            "{}",
+            fit.set.len()
+        );
+        let worst = errors(&fit, &values, &truth)
+            .into_iter()
+            .map(f64::abs)
+            .fold(0.0, f64::max);
+        assert!(worst < 1e-3, "case {case}: {worst} standard errors");
+    }
+}
+
+/// 500 laboratories read 40 poses each: every parameter's interval of 95 % holds the truth in 91.5 to 98.5 % of them
+/// (a binomial deviation is 0.97 %), on average in 94 to 96 %.
+#[test]
+fn intervals_hold_the_truth_as_often_as_they_say() {
+    const RUNS: u64 = 500;
+    let scenario = ur10();
+    let belief = &scenario.task.belief;
+    let groups = [ParameterGroup::Geometry, ParameterGroup::Compliances];
+    let mut random = generator(7, 0);
+    let nominal = seen_arm(&mut random, &scenario, 1, 1);
+    let campaign = Campaign {
+        readings: 40,
+        is_pose: true,
+        noise: 1.0,
+        force_n: 60.0,
+    };
+    let fitted = |readings: &[AbsoluteReading]| {
+        let mut case = AbsoluteCase::new(belief, readings)?;
+        case.fit(&groups, ReadingWeights::Own)
+    };
+    let dry = fitted(&read(&mut random, &nominal, &campaign)).expect("a fit");
+    let (values, truth) = changed(&mut random, &dry, &nominal);
+    let names: Vec<&str> = (dry.set.parameters().iter())
+        .map(|each| each.name.as_str())
+        .collect();
+    let runs: Vec<Vec<bool>> = (0..RUNS)
+        .into_par_iter()
+        .map(|run| {
+            let readings = read(&mut generator(8, run), &truth, &campaign);
+            let fit = fitted(&readings).expect("a fit");
+            assert_eq!(fit.set.len(), names.len());
+            (errors(&fit, &values, &truth).iter())
+                .map(|error| error.abs() < 1.959_964)
+                .collect()
+        })
+        .collect();
+    let shares: Vec<f64> = (0..names.len())
+        .map(|index| runs.iter().filter(|held| held[index]).count() as f64 / RUNS as f64)
+        .collect();
+    for (share, name) in shares.iter().zip(&names) {
+        assert!((0.915..=0.985).contains(share), "{name}: {share}");
+    }
+    let mean = shares.iter().sum::<f64>() / shares.len() as f64;
+    println!(
+        "{} parameters, on average {:.2} %",
+        names.len(),
+        100.0 * mean
+    );
+    assert!((0.94..=0.96).contains(&mean), "{mean}");
+}
+
+pub fn workplace(readings: &[AbsoluteReading]) -> Workplace {
+    let place = Workplace::new();
+    let model = project("models/ur10.xml");
+    let text = scenario_text("ur10").replace("../models/ur10.xml", &model.display().to_string());
+    place.write("s.toml", text);
+    place.write("m.csv", absolute_table(&6.into(), readings));
+    place
+}
+
+fn identify(place: &Workplace, more: &str) -> Outcome {
+    place.run(&format!(
+        "identify s.toml --quiet --measurements m.csv {more}"
+    ))
+}
+
+/// A campaign of the UR10 as its scenario has it, poses from one station.
+pub fn plain(readings: usize, is_pose: bool) -> Vec<AbsoluteReading> {
+    let mut random = generator(11, 0);
+    let arm = seen_arm(&mut random, &ur10(), 1, 1);
+    read(
+        &mut random,
+        &arm,
+        &Campaign {
+            readings,
+            is_pose,
+            noise: 1.0,
+            force_n: 0.0,
+        },
+    )
+}
+
+#[test]
+fn the_command_tells_frames_parameters_and_what_is_left() {
+    let place = workplace(&plain(60, true));
+    let outcome = identify(&place, "--parameters geometry --identified-out i.json").ends_with(0);
+    for words in [
+        "base at station",
+        "target reflector",
+        "elbow.zero",
+        "Left out, since no reading",
+        "distance [mm]",
+        "wrote i.json",
+    ] {
+        assert!(
+            outcome.stdout.contains(words),
+            "{words}: {}",
+            outcome.stdout
+        );
+    }
+    let json = identify(&place, "--parameters geometry --json").json();
+    assert_eq!(json["kind"], "absolute");
+    assert_eq!(json["unknowns"].as_array().expect("a list").len(), 30);
+    assert_eq!(json["covariance"].as_array().expect("a list").len(), 30);
+    assert!(json["distance_mm"]["mean"].as_f64().expect("a number") < 0.04);
+    // The same on any threads, to the bit.
+    for threads in [1, 2, 3] {
+        let other = identify(
+            &place,
+            &format!("--parameters geometry --json --threads {threads}"),
+        )
+        .json();
+        assert_eq!(json, other);
+    }
+    // What the scenario names, when no group is given.
+    let json = identify(&place, "--json").json();
+    let names: Vec<&str> = (json["unknowns"].as_array().expect("a list").iter())
+        .filter_map(|each| each["name"].as_str())
+        .collect();
+    assert!(
+        names.contains(&"elbow.compliance") && !names.contains(&"elbow.zero"),
+        "{names:?}"
+    );
+    let checked = place
+        .run("validate --quiet --identified i.json --measurements m.csv --json")
+        .json();
+    let one = checked["distance_mm"]["mean"].as_f64().expect("a number");
+    let json = identify(&place, "--parameters geometry --json").json();
+    let other = json["distance_mm"]["mean"].as_f64().expect("a number");
+    assert!((one - other).abs() < 1e-9, "{one} {other}");
+}
+
+/// Where the tracker was moved, its frame is found anew; the robot is the same.
+#[test]
+fn other_readings_from_another_station_are_validated() {
+    let mut random = generator(12, 0);
+    let scenario = ur10();
+    let mut arm = seen_arm(&mut random, &scenario, 1, 1);
+    let campaign = Campaign {
+        readings: 60,
+        is_pose: true,
+        noise: 1.0,
+        force_n: 0.0,
+    };
+    let place = workplace(&read(&mut random, &arm, &campaign));
+    identify(&place, "--parameters geometry --identified-out i.json").ends_with(0);
+    arm.instrument_from_base[0] = anywhere(&mut random, 5.0);
+    let mut moved = read(&mut random, &arm, &campaign);
+    place.write("other.csv", absolute_table(&6.into(), &moved));
+    let validate = |place: &Workplace| {
+        place.run("validate --quiet --identified i.json --measurements other.csv --json")
+    };
+    // Nothing says that it was moved.
+    let wrong = validate(&place).json();
+    assert!(wrong["distance_mm"]["mean"].as_f64().expect("a number") > 100.0);
+    for reading in &mut moved {
+        reading.station = Some("after lunch".to_owned());
+    }
+    place.write("other.csv", absolute_table(&6.into(), &moved));
+    let json = validate(&place).json();
+    assert_eq!(json["frames_anew"][0], "after lunch");
+    let mean = json["distance_mm"]["mean"].as_f64().expect("a number");
+    assert!((0.01..0.05).contains(&mean), "{mean}");
+}
+
+/// Readings in which the first joint alone moves: the target goes round in a circle.
+fn one_joint_moves() -> Vec<AbsoluteReading> {
+    let mut random = generator(13, 0);
+    let arm = seen_arm(&mut random, &ur10(), 1, 1);
+    let campaign = Campaign {
+        readings: 30,
+        is_pose: false,
+        noise: 0.0,
+        force_n: 0.0,
+    };
+    let mut readings = read(&mut random, &arm, &campaign);
+    let nothing = ParameterSet::empty();
+    let mut model = ObservationModel::new(&nothing, &arm, &[]);
+    for (index, reading) in readings.iter_mut().enumerate() {
+        let commanded_rad =
+            DVector::from_vec(vec![0.2 * index as f64 - 2.0, -1.0, 1.0, 0.3, 0.4, 0.5]);
+        let setup = Setup {
+            commanded_rad,
+            load: Load::NONE,
+            target: 0,
+            station: 0,
+        };
+        let mut ignored = Matrix6xX::zeros(0);
+        let seen = model
+            .predict(Form::AtRest, &setup, ReadingKind::Position, &mut ignored)
+            .expect("stable");
+        reading.configuration_rad = setup.commanded_rad;
+        reading.position_m = seen.position_m;
+    }
+    readings
+}
+
+/// Readings that cannot tell frames, or cannot be: one error that says what is missing.
+#[test]
+fn what_frames_need_is_told() {
+    let all = plain(30, false);
+    let changed = |change: &dyn Fn(usize, &mut AbsoluteReading)| {
+        let mut readings = all.clone();
+        for (index, reading) in readings.iter_mut().enumerate() {
+            change(index, reading);
+        }
+        readings
+    };
+    let first = all[0].clone();
+    for (readings, expected) in [
+        (
+            all[..2].to_vec(),
+            "6 numbers were read, and the frames of stations and targets alone have 9 unknowns",
+        ),
+        (
+            changed(&|_, each| *each = first.clone()),
+            "the readings do not tell where base and targets (reflector) are",
+        ),
+        (
+            one_joint_moves(),
+            "the readings do not tell where base and targets (reflector) are",
+        ),
+        (
+            changed(&|_, each| each.position_m *= 1e-3),
+            "metres in a column of millimetres",
+        ),
+        (
+            changed(&|_, each| each.position_m *= 25.4),
+            "metres in a column of millimetres",
+        ),
+        (
+            changed(&|_, each| each.configuration_rad *= 0.017),
+            "radians in one of degrees",
+        ),
+        (
+            changed(&|_, each| each.configuration_rad.swap_rows(1, 3)),
+            "check the order, signs and units of the joint angles",
+        ),
+        (
+            changed(&|_, each| each.target = Some("cat".to_owned())),
+            "reading 1: target: ",
+        ),
+    ] {
+        let place = workplace(&readings);
+        let outcome = identify(&place, "--parameters frames").ends_with(1);
+        assert!(
+            outcome.stderr.contains(expected),
+            "{expected}: {}",
+            outcome.stderr
+        );
+    }
+}
+
+/// What is asked for and cannot be done with such a file.
+#[test]
+fn options_that_do_not_fit_are_refused() {
+    let mut poses = plain(20, true);
+    for pose in &mut poses {
+        pose.covariance = None;
+    }
+    let outcome = identify(&workplace(&poses), "--parameters frames").ends_with(1);
+    assert!(
+        outcome
+            .stderr
+            .contains("nothing says how precise the orientations are"),
+        "{}",
+        outcome.stderr
+    );
+    let place = workplace(&plain(10, false));
+    let outcome = identify(&place, "--method linear").ends_with(1);
+    assert!(
+        outcome.stderr.contains("which no linear fit takes"),
+        "{}",
+        outcome.stderr
+    );
+    place.write("m.csv", "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm,dx_mm,dy_mm,dz_mm\n1,2,3,4,5,6,0,0,-98,0,0,0,0,0,-1\n");
+    let outcome = identify(&place, "--parameters frames").ends_with(1);
+    assert!(
+        outcome.stderr.contains("leave out --parameters"),
+        "{}",
+        outcome.stderr
+    );
+}
+
+/// What no configuration of a planar arm shows is named, and no error.
+#[test]
+fn a_planar_arm_has_freedoms_of_its_own() {
+    let scenario = scenario("planar_3r");
+    let mut random = generator(14, 0);
+    let arm = seen_arm(&mut random, &scenario, 1, 1);
+    let readings = read(
+        &mut random,
+        &arm,
+        &Campaign {
+            readings: 40,
+            is_pose: false,
+            noise: 1.0,
+            force_n: 0.0,
+        },
+    );
+    let mut case = AbsoluteCase::new(&scenario.task.belief, &readings).expect("readings");
+    let fit = case
+        .fit(&[ParameterGroup::Zeros], ReadingWeights::AsNeeded)
+        .expect("a fit");
+    let left_out: Vec<&str> = fit.left_out.iter().map(|each| each.name.as_str()).collect();
+    assert!(left_out.contains(&"tool.y"), "{left_out:?}");
+    let largest = fit
+        .left
+        .iter()
+        .map(|each| each.position_m.norm())
+        .fold(0.0, f64::max);
+    assert!(largest < 10.0 * SIGMA_M, "{largest}");
+}
+
+/// A file that somebody wrote into, or of another robot, is told with the place.
+#[test]
+fn wrong_robots_are_told_in_words() {
+    let place = workplace(&plain(30, true));
+    identify(&place, "--parameters zeros --identified-out i.json").ends_with(0);
+    let text = place.read("i.json");
+    let validate = |more: &str| {
+        place
+            .run(&format!(
+                "validate s.toml --quiet --identified w.json {more}"
+            ))
+            .ends_with(1)
+    };
+    for (from, to, expected) in [
+        ("\"elbow.zero\"", "\"knee.zero\"", "w.json: unknowns["),
+        (
+            "\"robot_sha256\": \"",
+            "\"robot_sha256\": \"0",
+            "identified_with.robot_sha256: was identified with another robot",
+        ),
+        (
+            "\"covariance\"",
+            "\"covarience\"",
+            "missing field `covariance`",
+        ),
+    ] {
+        assert!(text.contains(from), "{from}");
+        place.write("w.json", text.replacen(from, to, 1));
+        let outcome = validate("--measurements m.csv");
+        assert!(
+            outcome.stderr.contains(expected),
+            "{expected}: {}",
+            outcome.stderr
+        );
+    }
+    place.write("w.json", &text);
+    let outcome = validate("");
+    assert!(
+        outcome.stderr.contains("for which no plan is made"),
+        "{}",
+        outcome.stderr
+    );
+    let outcome = place
+        .run("compensate s.toml --quiet --identified i.json")
+        .ends_with(1);
+    assert!(
+        outcome.stderr.contains("absolute readings"),
+        "{}",
+        outcome.stderr
+    );
+}
