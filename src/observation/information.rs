@@ -24,7 +24,7 @@ pub struct NormalEquations {
 }
 
 impl NormalEquations {
-    fn zeros(parameters: usize) -> Self {
+    pub(super) fn zeros(parameters: usize) -> Self {
         Self {
             information: DMatrix::zeros(parameters, parameters),
             gradient: DVector::zeros(parameters),
@@ -33,7 +33,7 @@ impl NormalEquations {
     }
 
     /// Adds one reading's whitened rows; only the lower triangle of the information is filled.
-    fn add(&mut self, rows: &Matrix6xX<f64>, residual: &Vector6<f64>) {
+    pub(super) fn add(&mut self, rows: &Matrix6xX<f64>, residual: &Vector6<f64>) {
         let residual: [f64; 6] = std::array::from_fn(|row| residual[row]);
         let columns = rows.as_slice().as_chunks::<6>().0;
         for (index, one) in columns.iter().enumerate() {
@@ -49,13 +49,13 @@ impl NormalEquations {
         self.square += dot(&residual, &residual);
     }
 
-    fn join(&mut self, other: &Self) {
+    pub(super) fn join(&mut self, other: &Self) {
         self.information += &other.information;
         self.gradient += &other.gradient;
         self.square += other.square;
     }
 
-    fn finish(mut self) -> Self {
+    pub(super) fn finish(mut self) -> Self {
         self.information.fill_upper_triangle_with_lower_triangle();
         self
     }
@@ -141,7 +141,7 @@ pub fn planned_information(
     sums.finish().information
 }
 
-fn in_sizes(rows: &mut Matrix6xX<f64>, scales: &DVector<f64>) {
+pub(super) fn in_sizes(rows: &mut Matrix6xX<f64>, scales: &DVector<f64>) {
     for (mut column, scale) in rows.column_iter_mut().zip(scales) {
         column *= *scale;
     }

@@ -11,6 +11,7 @@ mod information;
 mod model;
 mod reading;
 mod rotation;
+mod shared;
 mod sweep;
 #[cfg(test)]
 mod tests;
@@ -19,3 +20,4 @@ pub use first_order::FirstOrder;
 pub use information::{NormalEquations, normal_equations, planned_information};
 pub use model::{Form, ObservationModel};
 pub use reading::{Observation, PlannedReading, Prediction, Reading, ReadingKind, Setup, Whitener};
+pub use shared::{SharedErrors, shared_equations};

@@ -588,3 +588,77 @@ fn wrong_robots_are_told_in_words() {
         outcome.stderr
     );
 }
+
+/// Each stand of the robot is off by 0.3 mm, unloaded and loaded the same: readings of one state tell compliances as their
+/// differences do, and the standard errors are right.
+#[test]
+fn readings_of_one_state_share_what_the_model_does_not_know() {
+    const RUNS: u64 = 60;
+    let scenario = ur10();
+    let mut random = generator(15, 0);
+    let arm = seen_arm(&mut random, &scenario, 1, 1);
+    let campaign = Campaign {
+        readings: 60,
+        is_pose: false,
+        noise: 1.0,
+        force_n: 0.0,
+    };
+    let forces = [0.0, -100.0, 100.0];
+    let run = |seed: u64, has_states: bool| {
+        let mut random = generator(16, seed);
+        let stands = read(&mut random, &arm, &campaign);
+        let nothing = ParameterSet::empty();
+        let mut model = ObservationModel::new(&nothing, &arm, &[]);
+        let mut readings = Vec::new();
+        for (stand, reading) in stands.iter().enumerate() {
+            let off = Vector3::from_fn(|_, _| 3e-4 * normal(&mut random));
+            let direction = vector(&mut random, 1.0).normalize();
+            for force in forces {
+                let load = Load {
+                    force_n: direction * force,
+                    torque_nm: Vector3::zeros(),
+                };
+                let commanded_rad = reading.configuration_rad.clone();
+                let setup = Setup {
+                    commanded_rad,
+                    load,
+                    target: 0,
+                    station: 0,
+                };
+                let mut ignored = Matrix6xX::zeros(0);
+                let seen = model
+                    .predict(Form::AtRest, &setup, ReadingKind::Position, &mut ignored)
+                    .expect("stable");
+                let error = Vector3::from_fn(|_, _| SIGMA_M * normal(&mut random));
+                readings.push(AbsoluteReading {
+                    load,
+                    state: has_states.then(|| format!("stand {stand}")),
+                    position_m: seen.position_m + off + error,
+                    ..reading.clone()
+                });
+            }
+        }
+        let mut case = AbsoluteCase::new(&scenario.task.belief, &readings).expect("readings");
+        let fit = case
+            .fit(&[ParameterGroup::Compliances], ReadingWeights::AsNeeded)
+            .expect("a fit");
+        assert!((fit.misfit.expect("residuals are too large")[0] / 3e-4 - 1.0).abs() < 0.3);
+        let elbow = ParameterKind::JointCompliance { joint: 2 };
+        let index = fit.set.index_of(elbow).expect("fitted");
+        let error = fit.standard_error(index).expect("determined");
+        (
+            (fit.quantity(index) - arm.compliance_rad_per_nm[2]) / error,
+            error,
+        )
+    };
+    let (_, without) = run(0, false);
+    let all: Vec<(f64, f64)> = (0..RUNS)
+        .into_par_iter()
+        .map(|seed| run(seed, true))
+        .collect();
+    let with = all[0].1;
+    assert!(with < 0.15 * without, "{with} {without}");
+    let square = all.iter().map(|(off, _)| off * off).sum::<f64>() / RUNS as f64;
+    // A deviation of 0.18.
+    assert!((square - 1.0).abs() < 0.6, "{square}");
+}

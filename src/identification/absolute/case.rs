@@ -1,18 +1,22 @@
 //! Readings together with the arm that they are of: stations and targets by number.
 
-use nalgebra::{Isometry3, Matrix6, Rotation3, Vector3};
+use std::collections::BTreeMap;
+
+use nalgebra::{Isometry3, Matrix6, Rotation3, Vector3, Vector6};
 
 use super::super::frames::{MountedFrames, Sight};
 use super::AbsoluteError;
 use super::transfer::transferred;
 use crate::measurement::AbsoluteReading;
-use crate::observation::{Observation, Reading, Setup, Whitener};
+use crate::observation::{Observation, Reading, Setup, SharedErrors, Whitener};
 use crate::parameter::ElasticArm;
 use crate::robot::{KinematicState, Kinematics, SerialChain, Tool};
 use crate::task::Belief;
 
 /// Readings spread by more, or by less, than this many times what the robot does are in another unit.
 const OTHER_UNIT: f64 = 8.0;
+/// A misfit below this is none (m, rad).
+const LEAST_MISFIT: f64 = 1e-9;
 /// Less than this is no sign of anything (m).
 const LITTLE_M: f64 = 1e-3;
 /// With more than this share of the spread left, frames explain nothing.
@@ -33,6 +37,8 @@ pub struct AbsoluteCase<'a> {
     pub observations: Vec<Observation>,
     /// These covariances (m^2, m rad, rad^2).
     pub covariances: Vec<Matrix6<f64>>,
+    /// The readings by their places: those of one state, station and target together.
+    pub stands: Vec<Vec<usize>>,
 }
 
 impl<'a> AbsoluteCase<'a> {
@@ -68,7 +74,9 @@ impl<'a> AbsoluteCase<'a> {
             targets: Vec::new(),
             observations: Vec::new(),
             covariances: Vec::new(),
+            stands: Vec::new(),
         };
+        let mut known: BTreeMap<(&str, usize, usize), usize> = BTreeMap::new();
         for (index, reading) in readings.iter().enumerate() {
             let station = case.station(reading.station.as_deref());
             let target = case.target(index, reading.target.as_deref())?;
@@ -84,6 +92,16 @@ impl<'a> AbsoluteCase<'a> {
             let q = reading.configuration_rad.as_slice();
             let load = transferred(chain, &belief.calibration_tool, tool, q, &reading.load);
             let covariance = case.covariance(reading)?;
+            let stand = match &reading.state {
+                None => case.stands.len(),
+                Some(state) => {
+                    *(known.entry((state, station, target))).or_insert(case.stands.len())
+                }
+            };
+            if stand == case.stands.len() {
+                case.stands.push(Vec::new());
+            }
+            case.stands[stand].push(index);
             case.covariances.push(covariance);
             case.observations.push(Observation {
                 setup: Setup {
@@ -152,9 +170,9 @@ impl<'a> AbsoluteCase<'a> {
             (Some(_), None) => return Err(AbsoluteError::NoRotationSigma),
         };
         let variances = [instrument.sigma_m, rotation_rad].map(|sigma| sigma * sigma / 2.0);
-        Ok(Matrix6::from_diagonal(&nalgebra::Vector6::from_fn(
-            |row, _| variances[row / 3],
-        )))
+        Ok(Matrix6::from_diagonal(&Vector6::from_fn(|row, _| {
+            variances[row / 3]
+        })))
     }
 
     /// What closed forms need of the readings.
@@ -201,16 +219,34 @@ impl<'a> AbsoluteCase<'a> {
     }
 
     /// Weighs the readings by their own covariance and by what no parameter explains besides: a standard deviation of each
-    /// coordinate of the position (m) and of the rotation (rad).
-    pub(super) fn weigh(&mut self, [position_m, rotation_rad]: [f64; 2]) {
-        for (each, covariance) in self.observations.iter_mut().zip(&self.covariances) {
+    /// coordinate of the position (m) and of the rotation (rad). Readings of one stand share that.
+    pub(super) fn weigh(&mut self, [position_m, rotation_rad]: [f64; 2]) -> Option<SharedErrors> {
+        let mut is_alone = vec![true; self.observations.len()];
+        for &index in self.stands.iter().filter(|stand| stand.len() > 1).flatten() {
+            is_alone[index] = false;
+        }
+        let weighed = self.observations.iter_mut().zip(&self.covariances);
+        for ((each, covariance), is_alone) in weighed.zip(&is_alone) {
             let mut covariance = *covariance;
+            if !is_alone {
+                each.whitener = whitener(&covariance);
+                continue;
+            }
             for row in 0..6 {
                 let more = if row < 3 { position_m } else { rotation_rad };
                 covariance[(row, row)] += more * more;
             }
             each.whitener = whitener(&covariance);
         }
+        let precision = Vector6::from_fn(|row, _| {
+            let misfit = if row < 3 { position_m } else { rotation_rad };
+            misfit.max(LEAST_MISFIT).powi(-2)
+        });
+        let has_any = is_alone.iter().any(|is_alone| !is_alone);
+        has_any.then(|| SharedErrors {
+            groups: self.stands.clone(),
+            precision,
+        })
     }
 
     /// Whether the frames explain the readings at all.
@@ -242,8 +278,7 @@ fn whitener(covariance: &Matrix6<f64>) -> Whitener {
 
 /// How far the points of readings lie about their mean, each station's and target's about its own (m, rms).
 fn spread(sights: &[Sight], point: impl Fn(&Sight) -> Vector3<f64>) -> f64 {
-    let mut sums: std::collections::BTreeMap<(usize, usize), (Vector3<f64>, f64)> =
-        std::collections::BTreeMap::new();
+    let mut sums: BTreeMap<(usize, usize), (Vector3<f64>, f64)> = BTreeMap::new();
     for sight in sights {
         let sum = sums
             .entry((sight.station, sight.target))

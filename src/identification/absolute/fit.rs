@@ -88,7 +88,7 @@ impl AbsoluteCase<'_> {
             Some(fit) if is_plausible || weights == ReadingWeights::Own => {
                 let values = self.rebased(&set, &fit);
                 (
-                    fit_from(&self.arm, &set, &self.observations, &values)?,
+                    fit_from(&self.arm, &set, &self.observations, None, &values)?,
                     None,
                 )
             }
@@ -127,15 +127,17 @@ impl AbsoluteCase<'_> {
             let frames = ParameterSet::new(&self.arm, kinds)?;
             let fit = fit_parameters(&self.arm, &frames, &self.observations)?;
             let found = self.misfit(&fit)?;
-            self.weigh(found);
-            fit_parameters(&self.arm, set, &self.observations)?
+            let shared = self.weigh(found);
+            self.rebased(&frames, &fit);
+            let start = &set.prior().mean;
+            fit_from(&self.arm, set, &self.observations, shared.as_ref(), start)?
         };
         let mut misfit = [0.0; 2];
         for _ in 0..WEIGHINGS {
             misfit = self.misfit(&fit)?;
-            self.weigh(misfit);
+            let shared = self.weigh(misfit);
             let values = self.rebased(set, &fit);
-            fit = fit_from(&self.arm, set, &self.observations, &values)?;
+            fit = fit_from(&self.arm, set, &self.observations, shared.as_ref(), &values)?;
         }
         Ok((fit, Some(misfit)))
     }

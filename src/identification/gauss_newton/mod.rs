@@ -15,7 +15,8 @@ use thiserror::Error;
 use crate::numeric::estimable::Estimable;
 use crate::numeric::posterior::Posterior;
 use crate::observation::{
-    NormalEquations, Observation, PlannedReading, normal_equations, planned_information,
+    NormalEquations, Observation, PlannedReading, SharedErrors, normal_equations,
+    planned_information, shared_equations,
 };
 use crate::parameter::{ElasticArm, Freedoms, ParameterSet, relative_precision};
 use crate::robot::EquilibriumError;
@@ -99,11 +100,12 @@ pub fn fit_parameters(
         nominal,
         set,
         observations,
+        None,
         &frames(nominal, set, observations),
     )
 }
 
-/// The same from values (p) that are near.
+/// The same from values (p) that are near; some observations may share an error.
 ///
 /// # Errors
 /// See [`FitError`].
@@ -111,6 +113,7 @@ pub(super) fn fit_from(
     nominal: &ElasticArm,
     set: &ParameterSet,
     observations: &[Observation],
+    shared: Option<&SharedErrors>,
     start: &DVector<f64>,
 ) -> Result<ParameterFit, FitError> {
     if observations.is_empty() {
@@ -125,6 +128,7 @@ pub(super) fn fit_from(
         nominal,
         set,
         observations,
+        shared,
         prior: relative_precision(set),
         basis: estimable.basis(),
     };
@@ -190,6 +194,7 @@ fn frames(nominal: &ElasticArm, set: &ParameterSet, observations: &[Observation]
             nominal: &belief,
             set: &frames,
             observations,
+            shared: None,
             prior: relative_precision(&frames),
             basis: estimable.basis(),
         };
@@ -207,6 +212,7 @@ struct FitProblem<'a> {
     nominal: &'a ElasticArm,
     set: &'a ParameterSet,
     observations: &'a [Observation],
+    shared: Option<&'a SharedErrors>,
     prior: nalgebra::DMatrix<f64>,
     basis: &'a nalgebra::DMatrix<f64>,
 }
@@ -257,11 +263,15 @@ impl FitProblem<'_> {
     }
 
     fn at(&self, values: &DVector<f64>) -> Result<Solved, FitError> {
-        let equations = normal_equations(self.set, self.nominal, values, self.observations)
-            .map_err(|(index, source)| FitError::Equilibrium {
-                observation: index + 1,
-                source,
-            })?;
+        let (set, observations) = (self.set, self.observations);
+        let equations = match self.shared {
+            None => normal_equations(set, self.nominal, values, observations),
+            Some(shared) => shared_equations(set, self.nominal, values, observations, shared),
+        };
+        let equations = equations.map_err(|(index, source)| FitError::Equilibrium {
+            observation: index + 1,
+            source,
+        })?;
         let off = (values - &self.set.prior().mean).component_div(&self.set.scales());
         let pull = &self.prior * &off;
         let information = self.basis.tr_mul(&(&equations.information + &self.prior)) * self.basis;
