@@ -1,6 +1,6 @@
 //! The measurements as whitened equations in the unknown compliances.
 
-use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, Matrix6xX, Vector3};
 
 use super::error::IdentificationError;
 use crate::measurement::Measurement;
@@ -208,7 +208,7 @@ impl EquationSource<'_> {
         })
     }
 
-    /// Takes the weights off the whitened rows of deflections, which are then in the readings' own unit.
+    /// Takes the weights off the whitened rows, which are then in the readings' own units.
     pub(super) fn take_weights_off(&self, rows: &mut DMatrix<f64>) {
         if let Some(extended) = self.uncertain {
             return self.take_extended_weights_off(extended, rows);
@@ -218,15 +218,22 @@ impl EquationSource<'_> {
                 let mut row = rows.row_mut(first + axis);
                 row *= *sigma;
             }
+            for (axis, sigma) in
+                (each.rotation.iter()).flat_map(|each| each.sigma_rad.iter().enumerate())
+            {
+                let mut row = rows.row_mut(first + 3 + axis);
+                row *= *sigma;
+            }
         }
     }
 
     /// The covariance of each measured deflection (m^2), whatever repeats it.
     pub(super) fn covariances(&self) -> Vec<Matrix3<f64>> {
-        let mut model = (self.uncertain).map(|extended| extended.first_order_of_all(self.sigma_m));
+        let mut model = (self.uncertain).map(|extended| self.readings(extended));
         let covariance = |each: &Measurement| {
             if let Some(model) = &mut model {
-                return self.extended_covariance(model, each);
+                let whole = self.extended_covariance(model, each);
+                return whole.fixed_view::<3, 3>(0, 0).into_owned();
             }
             let sigma = self.sigma(each);
             Matrix3::from_diagonal(&sigma.component_mul(&sigma))
@@ -270,6 +277,28 @@ impl Writer {
             self.equations.right_hand_side[self.row] = value[axis] * weight;
             self.row += 1;
         }
+    }
+
+    /// Adds a reading's rows, whitened: of its derivatives (6 x p) and of what is left of it.
+    pub fn push_whitened(
+        &mut self,
+        whitener: &DMatrix<f64>,
+        derivatives: &Matrix6xX<f64>,
+        left_m: &Vector3<f64>,
+        left_rad: Option<&Vector3<f64>>,
+    ) {
+        let rows = whitener.nrows();
+        let matrix = whitener * derivatives.rows(0, rows);
+        let mut left = DVector::zeros(rows);
+        left.rows_mut(0, 3).copy_from(left_m);
+        if let Some(left_rad) = left_rad {
+            left.rows_mut(3, 3).copy_from(left_rad);
+        }
+        let mut place = self.equations.matrix.rows_mut(self.row, rows);
+        place.copy_from(&matrix);
+        let mut place = self.equations.right_hand_side.rows_mut(self.row, rows);
+        place.copy_from(&(whitener * left));
+        self.row += rows;
     }
 
     fn extend(&mut self, matrix: &DMatrix<f64>, right_hand_side: &DVector<f64>) {

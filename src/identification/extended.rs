@@ -1,21 +1,23 @@
 //! The equations where more is uncertain than the instrument's noise: a column for each unknown of the extended
 //! vector, rows weighted with the whole covariance of a reading.
 
-use nalgebra::{DMatrix, Matrix3, Matrix3xX, Matrix6xX, Vector3};
+use nalgebra::{DMatrix, Matrix6, Matrix6xX, Vector3, Vector6};
 
-use super::equations::{EquationSource, Equations, Writer};
+use super::equations::{EquationSource, Equations, Writer, rows_of};
 use super::error::IdentificationError;
 use crate::measurement::Measurement;
-use crate::observation::{FirstOrder, Form, ObservationModel, Prediction, ReadingKind, Setup};
+use crate::observation::{
+    Form, ObservationModel, PlannedReadings, Precision, Prediction, ReadingKind, Setup,
+};
 use crate::robot::rotation_vector;
-use crate::task::Extended;
+use crate::task::{Extended, Method};
 
 impl EquationSource<'_> {
     /// To first order in compliance, at the nominal values.
     pub(super) fn extended_linear(&self, extended: &Extended) -> Equations {
         let values = self.nominal_values();
-        let equations = self.extended(extended, Form::FirstOrder, &values);
-        // To first order there is always a prediction.
+        let equations = self.extended(extended, Method::Linear, &values);
+        // As planned there is always a prediction.
         equations.unwrap_or_else(|_| Writer::new(0, values.len()).equations)
     }
 
@@ -25,18 +27,18 @@ impl EquationSource<'_> {
         extended: &Extended,
         values: &[f64],
     ) -> Result<Equations, IdentificationError> {
-        self.extended(extended, Form::AtRest, values)
+        self.extended(extended, Method::Nonlinear, values)
     }
 
     fn extended(
         &self,
         extended: &Extended,
-        form: Form,
+        method: Method,
         values: &[f64],
     ) -> Result<Equations, IdentificationError> {
         let size = values.len();
         let mut model = ObservationModel::new(extended.set(), extended.arm(), values);
-        let mut covariances = extended.first_order_of_all(self.sigma_m);
+        let mut covariances = self.readings(extended);
         let mut derivatives = Matrix6xX::zeros(size);
         let mut writer = Writer::new(self.rows(), size);
         let groups = self.repeated(extended);
@@ -54,30 +56,25 @@ impl EquationSource<'_> {
             let Prediction {
                 position_m,
                 rotation,
-            } = model
-                .predict(form, &setup, kind, &mut derivatives)
-                .map_err(|source| IdentificationError::Equilibrium {
-                    measurement: index + 1,
-                    source,
-                })?;
+            } = match method {
+                Method::Linear => model.predict_as_planned(&setup, kind, &mut derivatives),
+                Method::Nonlinear => model
+                    .predict(Form::AtRest, &setup, kind, &mut derivatives)
+                    .map_err(|source| IdentificationError::Equilibrium {
+                        measurement: index + 1,
+                        source,
+                    })?,
+            };
             let is_repeated = groups.iter().any(|group| group.members.contains(&index));
+            let left_m = each.deflection_m - position_m;
+            let left_rad = (each.rotation.as_ref())
+                .map(|measured| measured.vector_rad - rotation_vector(&rotation));
             let whitener = if is_repeated {
-                Matrix3::identity()
+                DMatrix::identity(rows_of(each), rows_of(each))
             } else {
                 self.whitener(&mut covariances, each)
             };
-            let rows = |first: usize| {
-                Matrix3xX::from_fn(size, |row, column| derivatives[(first + row, column)])
-            };
-            writer.push(
-                &(whitener * rows(0)),
-                whitener * (each.deflection_m - position_m),
-                &Vector3::repeat(1.0),
-            );
-            if let Some(measured) = &each.rotation {
-                let left = measured.vector_rad - rotation_vector(&rotation);
-                writer.push(&rows(3), left, &measured.sigma_rad);
-            }
+            writer.push_whitened(&whitener, &derivatives, &left_m, left_rad.as_ref());
         }
         for group in &groups {
             let factor = self.shared_factor(&mut covariances, group);
@@ -97,17 +94,31 @@ impl EquationSource<'_> {
         Ok(writer.equations)
     }
 
-    /// L^-1 for the covariance L L^T of a measured deflection (1/m): the instrument's noise, the measurement's own
-    /// where it brings some, and what else is new in each reading.
-    fn whitener(&self, model: &mut FirstOrder<'_>, measurement: &Measurement) -> Matrix3<f64> {
-        (self.extended_covariance(model, measurement).cholesky())
-            .and_then(|factor| factor.l().try_inverse())
-            .unwrap_or_else(|| Matrix3::from_diagonal(&self.sigma(measurement).map(f64::recip)))
+    /// The readings of these measurements as planning sees them: of rotations, too, where some are measured. The
+    /// instrument's noise is the measurements' own.
+    pub(super) fn readings<'e>(&self, extended: &'e Extended) -> PlannedReadings<'e> {
+        let has_rotations = self.measurements.iter().any(|each| each.rotation.is_some());
+        extended.readings_of_all(Precision {
+            sigma_m: self.sigma_m,
+            rotation_sigma_rad: has_rotations.then_some(1.0),
+        })
     }
 
-    /// Takes the weights off the whitened rows of deflections, which are then in the readings' own unit.
+    /// L^-1 for the covariance L L^T of a measured deflection (1/m), and its rotation where it has one: the instrument's
+    /// noise, the measurement's own where it brings some, and what else is new in each reading.
+    fn whitener(&self, model: &mut PlannedReadings<'_>, measurement: &Measurement) -> DMatrix<f64> {
+        let rows = rows_of(measurement);
+        let covariance = self.extended_covariance(model, measurement);
+        let own = covariance.view((0, 0), (rows, rows)).into_owned();
+        let typical = own.diagonal().map(|variance| variance.sqrt().recip());
+        (own.cholesky())
+            .and_then(|factor| factor.l().try_inverse())
+            .unwrap_or_else(|| DMatrix::from_diagonal(&typical))
+    }
+
+    /// Takes the weights off the whitened rows, which are then in the readings' own units.
     pub(super) fn take_extended_weights_off(&self, extended: &Extended, rows: &mut DMatrix<f64>) {
-        let mut covariances = extended.first_order_of_all(self.sigma_m);
+        let mut covariances = self.readings(extended);
         let groups = self.repeated(extended);
         for group in &groups {
             let factor = self.shared_factor(&mut covariances, group);
@@ -121,22 +132,31 @@ impl EquationSource<'_> {
                 continue;
             }
             let whitener = self.whitener(&mut covariances, each);
-            let mut own = rows.rows_mut(row, 3);
+            let mut own = rows.rows_mut(row, rows_of(each));
             // It has an inverse: it is one.
             whitener.solve_lower_triangular_mut(&mut own);
         }
     }
 
-    /// The covariance of a measured deflection (m^2), whatever repeats it.
+    /// The covariance of a measured deflection and its rotation (m^2, m rad, rad^2), whatever repeats it.
     pub(super) fn extended_covariance(
         &self,
-        model: &mut FirstOrder<'_>,
+        model: &mut PlannedReadings<'_>,
         measurement: &Measurement,
-    ) -> Matrix3<f64> {
-        let sigma = self.sigma(measurement);
+    ) -> Matrix6<f64> {
         model.move_to(measurement.configuration_rad.as_slice());
-        let others = model.covariance_of_all(&measurement.load);
-        others + Matrix3::from_diagonal(&sigma.component_mul(&sigma))
+        model.covariance_of_all(&measurement.load) + self.noise(measurement)
+    }
+
+    /// That of the instrument alone.
+    fn noise(&self, measurement: &Measurement) -> Matrix6<f64> {
+        let position = self.sigma(measurement);
+        let rotation = (measurement.rotation).map_or_else(Vector3::zeros, |each| each.sigma_rad);
+        let (p, r) = (
+            position.component_mul(&position),
+            rotation.component_mul(&rotation),
+        );
+        Matrix6::from_diagonal(&Vector6::new(p.x, p.y, p.z, r.x, r.y, r.z))
     }
 
     /// Measurements that repeat one another, two or more, where repeats share something; else none.
@@ -148,9 +168,11 @@ impl EquationSource<'_> {
         for (index, (each, row)) in self.measurements.iter().zip(self.first_rows()).enumerate() {
             let is_same = |group: &&mut Repeated| {
                 let first = &self.measurements[group.members[0]];
-                first.configuration_rad == each.configuration_rad && first.load == each.load
+                first.configuration_rad == each.configuration_rad
+                    && first.load == each.load
+                    && rows_of(first) == rows_of(each)
             };
-            let rows = row..row + 3;
+            let rows = row..row + rows_of(each);
             if let Some(group) = groups.iter_mut().find(is_same) {
                 group.members.push(index);
                 group.rows.extend(rows);
@@ -167,22 +189,21 @@ impl EquationSource<'_> {
 
     /// L for the covariance L L^T of all readings of a group (m): what is new in each on the diagonal, and what they share
     /// everywhere.
-    fn shared_factor(&self, model: &mut FirstOrder<'_>, group: &Repeated) -> DMatrix<f64> {
+    fn shared_factor(&self, model: &mut PlannedReadings<'_>, group: &Repeated) -> DMatrix<f64> {
         let first = &self.measurements[group.members[0]];
         model.move_to(first.configuration_rad.as_slice());
         let shared = model.covariance_shared(&first.load);
         let new = model.covariance_of_all(&first.load) - shared;
-        let count = group.members.len();
-        let mut covariance = DMatrix::zeros(3 * count, 3 * count);
+        let (count, rows) = (group.members.len(), rows_of(first));
+        let mut covariance = DMatrix::zeros(rows * count, rows * count);
         for one in 0..count {
             for other in 0..count {
                 let mut block = shared;
                 if one == other {
-                    let sigma = self.sigma(&self.measurements[group.members[one]]);
-                    block += new + Matrix3::from_diagonal(&sigma.component_mul(&sigma));
+                    block += new + self.noise(&self.measurements[group.members[one]]);
                 }
-                let mut place = covariance.fixed_view_mut::<3, 3>(3 * one, 3 * other);
-                place.copy_from(&block);
+                let mut place = covariance.view_mut((rows * one, rows * other), (rows, rows));
+                place.copy_from(&block.view((0, 0), (rows, rows)));
             }
         }
         let typical = covariance.diagonal().map(f64::sqrt);

@@ -89,9 +89,8 @@ impl Case<'_> {
             let known = deflection * &posterior.covariance * deflection.transpose();
             each.push(Predicted {
                 difference_m: differences.fixed_view::<3, 1>(row, 0).into_owned(),
-                rotation_difference_rad: measurement.rotation.map(|rotation| {
-                    (residual.fixed_rows::<3>(row + 3)).component_mul(&rotation.sigma_rad)
-                }),
+                rotation_difference_rad: (measurement.rotation)
+                    .map(|_| differences.fixed_view::<3, 1>(row + 3, 0).into_owned()),
                 known_m2: known.fixed_view::<3, 3>(0, 0).into_owned(),
                 reading_m2,
             });

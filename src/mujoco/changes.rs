@@ -1,8 +1,10 @@
-//! Models that differ from what the file says: links and sites that stand elsewhere, links that weigh more or less.
+//! Models that differ from what the file says: links and sites that stand elsewhere, links that weigh more or less,
+//! springs that are stiffer.
 
 use std::sync::Arc;
 
 use mujoco_rs::prelude::{MjModel, MjtSameFrame};
+use mujoco_rs::wrappers::mj_model::MjtObjBase;
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
 use super::{Model, ModelError};
@@ -16,6 +18,8 @@ pub enum ModelChange {
     Site(String, Isometry3<f64>),
     /// What the link of one of a belief's joints weighs, with all that is fixed to it, is so many times as much.
     Mass(usize, f64),
+    /// A tendon's spring, by its name, is so many times as stiff, and relaxed at another length by so much (m).
+    Spring(String, f64, f64),
     /// Its centre of mass lies elsewhere, by a vector in the link's frame (m).
     Centre(usize, Vector3<f64>),
 }
@@ -28,6 +32,8 @@ fn restore(model: &mut MjModel, nominal: &MjModel) {
     (model.body_mass_mut()).copy_from_slice(nominal.body_mass());
     (model.body_inertia_mut()).copy_from_slice(nominal.body_inertia());
     (model.body_sameframe_mut()).copy_from_slice(nominal.body_sameframe());
+    (model.tendon_stiffness_mut()).copy_from_slice(nominal.tendon_stiffness());
+    (model.tendon_lengthspring_mut()).copy_from_slice(nominal.tendon_lengthspring());
     (model.site_pos_mut()).copy_from_slice(nominal.site_pos());
     (model.site_quat_mut()).copy_from_slice(nominal.site_quat());
     (model.site_sameframe_mut()).copy_from_slice(nominal.site_sameframe());
@@ -35,8 +41,8 @@ fn restore(model: &mut MjModel, nominal: &MjModel) {
 }
 
 impl Model {
-    /// The same model with some changes. `joints` are MuJoCo's identifiers of the belief's; links
-    /// that the model does not have stay away.
+    /// The same model with some changes. `joints` are MuJoCo's identifiers of the belief's; links and
+    /// springs that the model does not have stay away.
     ///
     /// # Errors
     /// A joint is not the first of its body, so that its link has no frame of its own; or a site is missing.
@@ -102,6 +108,18 @@ impl Model {
                         model.body_mass_mut()[body] *= factor;
                         for moment in &mut model.body_inertia_mut()[body] {
                             *moment *= factor;
+                        }
+                    }
+                }
+                ModelChange::Spring(name, factor, longer_m) => {
+                    // The bindings' strings end at a zero.
+                    let tendon = (!name.contains('\0'))
+                        .then(|| self.inner.name_to_id(MjtObjBase::mjOBJ_TENDON, name))
+                        .flatten();
+                    if let Some(tendon) = tendon {
+                        model.tendon_stiffness_mut()[tendon] *= factor;
+                        for end in &mut model.tendon_lengthspring_mut()[tendon] {
+                            *end += longer_m;
                         }
                     }
                 }

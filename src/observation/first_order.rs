@@ -222,6 +222,12 @@ impl<'a> FirstOrder<'a> {
         self.repeats = f64::from(repeats);
     }
 
+    /// What is new in each reading besides the instrument's noise.
+    #[must_use]
+    pub const fn sources(&self) -> &[ReadingSource] {
+        self.sources
+    }
+
     /// The number p of parameters.
     #[must_use]
     pub fn parameters(&self) -> usize {
@@ -693,4 +699,4 @@ fn adjoint_of_deflection(joint: &mut Lever, k: f64, load: &Load, b: &Vector3<f64
 }
 
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;

@@ -113,7 +113,6 @@ pub fn planned_information(
 ) -> DMatrix<f64> {
     let first = ObservationModel::new(set, nominal, values.as_slice());
     let scales = set.scales();
-    let has_springs = nominal.chain.elements.has_springs();
     let blocks: Vec<NormalEquations> = readings
         .par_chunks(BLOCK)
         .map(|readings| {
@@ -121,11 +120,7 @@ pub fn planned_information(
             let mut rows = Matrix6xX::zeros(set.len());
             let mut sums = NormalEquations::zeros(set.len());
             for each in readings {
-                let at_rest = has_springs
-                    && (model.predict(Form::AtRest, &each.setup, each.kind, &mut rows)).is_ok();
-                if !at_rest {
-                    model.predict_first_order(&each.setup, each.kind, &mut rows);
-                }
+                model.predict_as_planned(&each.setup, each.kind, &mut rows);
                 let mut residual = Vector6::zeros();
                 each.whitener.whiten(each.kind, &mut residual, &mut rows);
                 in_sizes(&mut rows, &scales);

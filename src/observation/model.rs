@@ -1,5 +1,7 @@
 //! The observation model: readings and their derivatives with respect to any parameters.
 
+use std::borrow::Cow;
+
 use nalgebra::{Isometry3, Matrix3, Matrix6xX, Rotation3, Vector3};
 
 use super::reading::{Prediction, ReadingKind, Setup};
@@ -25,7 +27,7 @@ pub enum Form {
 /// of their values. Keeps its workspace, so that predicting does not allocate.
 #[derive(Debug, Clone)]
 pub struct ObservationModel<'a> {
-    set: &'a ParameterSet,
+    set: Cow<'a, ParameterSet>,
     belief: ElasticArm,
     chain: SerialChain,
     solver: EquilibriumSolver,
@@ -59,6 +61,10 @@ impl<'a> ObservationModel<'a> {
     /// The model of a nominal belief in which the parameters have these values (p).
     #[must_use]
     pub fn new(set: &'a ParameterSet, nominal: &ElasticArm, values: &[f64]) -> Self {
+        Self::made_of(Cow::Borrowed(set), nominal, values)
+    }
+
+    fn made_of(set: Cow<'a, ParameterSet>, nominal: &ElasticArm, values: &[f64]) -> Self {
         let belief = set.apply(nominal, values);
         let joints = belief.chain.len();
         let bases = belief.instrument_from_base.iter().map(StationBase::new);
@@ -66,7 +72,7 @@ impl<'a> ObservationModel<'a> {
             chain: belief.loaded_chain(),
             solver: EquilibriumSolver::new(joints),
             state: KinematicState::new(joints),
-            sweep: Sweep::new(set, nominal, values),
+            sweep: Sweep::new(&set, nominal, values),
             commanded_rad: vec![0.0; joints],
             torque: vec![0.0; joints],
             unloaded: Matrix6xX::zeros(set.len()),
@@ -74,6 +80,16 @@ impl<'a> ObservationModel<'a> {
             belief,
             set,
         }
+    }
+
+    /// The same with a set of its own.
+    #[must_use]
+    pub fn of(
+        set: ParameterSet,
+        nominal: &ElasticArm,
+        values: &[f64],
+    ) -> ObservationModel<'static> {
+        ObservationModel::made_of(Cow::Owned(set), nominal, values)
     }
 
     /// The belief with the parameters' values.
@@ -129,6 +145,22 @@ impl<'a> ObservationModel<'a> {
         prediction
     }
 
+    /// The same as planning sees it: to first order in compliance, in which springs beside the joints' own do not show;
+    /// with them through the static equilibrium, where there is one.
+    pub fn predict_as_planned(
+        &mut self,
+        setup: &Setup,
+        kind: ReadingKind,
+        derivatives: &mut Matrix6xX<f64>,
+    ) -> Prediction {
+        if self.chain.elements.has_springs()
+            && let Ok(prediction) = self.predict(Form::AtRest, setup, kind, derivatives)
+        {
+            return prediction;
+        }
+        self.predict_first_order(setup, kind, derivatives)
+    }
+
     /// Sets the joints' angles, and returns the load that acts.
     fn command(&mut self, setup: &Setup) -> Load {
         for (joint, commanded) in self.commanded_rad.iter_mut().enumerate() {
@@ -164,7 +196,7 @@ impl<'a> ObservationModel<'a> {
         }
         self.sweep.respond_rigidly(&self.state);
         let pose = SweepPose {
-            set: self.set,
+            set: &self.set,
             belief: &self.belief,
             chain: &self.chain,
             state: &self.state,
@@ -202,7 +234,7 @@ impl<'a> ObservationModel<'a> {
             .solve(&mut arm, compliance, &self.commanded_rad, load)?;
         self.solver.response(compliance, &mut self.sweep.response);
         let pose = SweepPose {
-            set: self.set,
+            set: &self.set,
             belief: &self.belief,
             chain: &self.chain,
             state: self.solver.state(),

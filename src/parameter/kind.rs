@@ -273,6 +273,19 @@ impl ParameterKind {
         }
     }
 
+    /// What a share of it is a share of where it is not unknown in its logarithm: its nominal value, in its unit; one
+    /// for what has no share.
+    #[must_use]
+    pub fn whole(self, belief: &ElasticArm) -> f64 {
+        match self {
+            Self::JointCompliance { joint } => belief.compliance_rad_per_nm[joint],
+            Self::SpringStiffness { spring } => {
+                belief.chain.elements.springs[spring].stiffness_n_per_m
+            }
+            _ => 1.0,
+        }
+    }
+
     /// Whether it is the place of what users mount and set up: of a tool or of the base.
     #[must_use]
     pub const fn is_mounted(self) -> bool {

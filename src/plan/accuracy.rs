@@ -3,6 +3,7 @@
 use nalgebra::{DMatrix, Matrix3xX};
 
 use super::{Experiment, Plan};
+use crate::observation::{PlannedReadings, Precision};
 use crate::robot::{ObservationMatrix, SerialChain, Tool};
 use crate::task::{Belief, Extended};
 
@@ -64,13 +65,8 @@ impl<'a> ExperimentModel<'a> {
     #[must_use]
     pub fn observation_matrix(&self, experiment: &Experiment) -> DMatrix<f64> {
         if let Some(extended) = self.uncertain {
-            let size = self.columns();
-            let mut model = extended.first_order_of_all(self.sigma_m);
-            let mut matrix = Matrix3xX::zeros(size);
-            model.set_repeats(experiment.repeats);
-            model.move_to(experiment.configuration_rad.as_slice());
-            model.observe(&experiment.load, &mut matrix);
-            return DMatrix::from_column_slice(3, size, (matrix * self.sigma_m).as_slice());
+            let model = extended.readings_of_all(self.precision());
+            return self.rows_of(model, experiment);
         }
         let arm = self.chain.at(self.tool);
         let state = arm.state(experiment.configuration_rad.as_slice());
@@ -81,6 +77,33 @@ impl<'a> ExperimentModel<'a> {
         if let Some(sigma_rad) = self.rotation_sigma_rad {
             let rotation = observed.rotation * (self.sigma_m / sigma_rad);
             rows.rows_mut(3, 3).copy_from(&rotation);
+        }
+        rows
+    }
+
+    /// How precisely experiments are read.
+    #[must_use]
+    pub const fn precision(&self) -> Precision {
+        Precision {
+            sigma_m: self.sigma_m,
+            rotation_sigma_rad: self.rotation_sigma_rad,
+        }
+    }
+
+    /// `sigma_m` times the whitened rows of an experiment, those of rotations below those of positions.
+    #[must_use]
+    pub fn rows_of(&self, mut model: PlannedReadings<'_>, experiment: &Experiment) -> DMatrix<f64> {
+        let size = model.parameters();
+        let blocks = self.rows() / 3;
+        let mut matrix = Matrix3xX::zeros(blocks * size);
+        model.set_repeats(experiment.repeats);
+        model.move_to(experiment.configuration_rad.as_slice());
+        model.observe(&experiment.load, &mut matrix);
+        matrix *= self.sigma_m;
+        let mut rows = DMatrix::zeros(3 * blocks, size);
+        for block in 0..blocks {
+            rows.rows_mut(3 * block, 3)
+                .copy_from(&matrix.columns(block * size, size));
         }
         rows
     }

@@ -12,7 +12,7 @@
 //!
 //! All shares are those of the one gain, so that their squares add up to the square of the whole.
 
-use nalgebra::{DMatrix, Matrix3, Matrix3xX};
+use nalgebra::{DMatrix, Matrix6, Matrix6xX};
 
 use super::{ExperimentModel, Plan};
 use crate::compensation::{test_pose_rows, weighted_rows};
@@ -60,23 +60,29 @@ pub fn shares(task: &Task, plan: &Plan, posterior: &Posterior) -> Vec<PromiseSha
     let names: Vec<&str> = extended.sources().map(|(name, _)| name).collect();
     let mut squares = vec![0.0; 1 + names.len()];
     let size = belief.unknowns();
-    let mut model = extended.first_order_of_all(sigma_m);
-    let mut derivatives = Matrix3xX::zeros(size);
+    let precision = belief.instrument.precision();
+    let rows = precision.rows();
+    let own = |matrix: &Matrix6<f64>| matrix.view((0, 0), (rows, rows)).into_owned();
+    let noise = own(&precision.covariance());
+    let mut model = extended.readings_of_all(precision);
+    let mut derivatives = Matrix6xX::zeros(size);
     for experiment in &plan.experiments {
         let load = &experiment.load;
         model.set_repeats(experiment.repeats);
         model.move_to(experiment.configuration_rad.as_slice());
         model.derivatives(load, &mut derivatives);
-        let covariance = model.covariance(load);
+        let covariance = &noise + own(&model.covariance_of_all(load));
         let Some(inverse) = covariance.cholesky().map(|factor| factor.inverse()) else {
             continue;
         };
-        let weighted =
-            &gain * derivatives.transpose() * inverse * f64::from(experiment.repeats).sqrt();
-        let added = |covariance: &Matrix3<f64>| (&weighted * covariance).dot(&weighted);
-        squares[0] += added(&(Matrix3::identity() * sigma_m.powi(2)));
+        let weighted = &gain
+            * derivatives.rows(0, rows).transpose()
+            * inverse
+            * f64::from(experiment.repeats).sqrt();
+        let added = |covariance: &DMatrix<f64>| (&weighted * covariance).dot(&weighted);
+        squares[0] += added(&noise);
         for (source, square) in squares[1..].iter_mut().enumerate() {
-            *square += added(&model.covariance_of(source, load));
+            *square += added(&own(&model.covariance_of(source, load)));
         }
     }
     let mut shares = vec![share(NOISE, squares[0])];

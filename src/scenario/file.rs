@@ -266,6 +266,8 @@ pub(super) enum UncertaintyKind {
     LinkRotation,
     LinkMass,
     LinkCentre,
+    SpringStiffness,
+    SpringRest,
     ToolPosition,
     ToolRotation,
     BasePosition,
@@ -292,6 +294,8 @@ impl UncertaintyKind {
             Self::LinkRotation => "link_rotation",
             Self::LinkMass => "link_mass",
             Self::LinkCentre => "link_centre",
+            Self::SpringStiffness => "spring_stiffness",
+            Self::SpringRest => "spring_rest",
             Self::ToolPosition => "tool_position",
             Self::ToolRotation => "tool_rotation",
             Self::BasePosition => "base_position",
@@ -313,9 +317,12 @@ impl UncertaintyKind {
     /// The keys that its size may have.
     pub const fn sizes(self) -> &'static [&'static str] {
         match self {
-            Self::Compliance | Self::LinkMass | Self::LoadScale => &["std_relative"],
+            Self::Compliance | Self::LinkMass | Self::SpringStiffness | Self::LoadScale => {
+                &["std_relative"]
+            }
             Self::LinkPosition
             | Self::LinkCentre
+            | Self::SpringRest
             | Self::ToolPosition
             | Self::BasePosition
             | Self::LoadPoint

@@ -10,7 +10,7 @@
 //!
 //! Nothing is hidden if these are the shares of the promise ([`crate::plan::shares`]).
 
-use nalgebra::{Cholesky, DMatrix, Matrix3};
+use nalgebra::{Cholesky, DMatrix};
 
 use super::deviations::Deviations;
 use crate::compensation::{test_pose_rows, weighted_rows};
@@ -70,19 +70,13 @@ impl Account {
             let matrix = model.observation_matrix(experiment);
             let weighted = &gain * matrix.transpose() / sigma_m.powi(2);
             foreign += &weighted * deviations.observation_matrix(&model, experiment) * repeats;
-            if belief.instrument.rotation_sigma_rad.is_some() {
-                // Rows are whitened, and nothing else is new in each reading.
-                noise += weighted.norm_squared() * sigma_m.powi(2) * repeats;
-                continue;
-            }
             let covariances = deviations.covariances(experiment);
             let believed = Cholesky::new(covariances.believed)?.l().try_inverse()?;
             // K J^T R^-1: from weighted rows, sigma L^-1 J, to readings.
-            let whitener = DMatrix::from_column_slice(3, 3, (believed * sigma_m).as_slice());
-            let weighted = weighted * whitener;
+            let weighted = weighted * (believed * sigma_m);
             let added =
-                |covariance: &Matrix3<f64>| (&weighted * covariance).dot(&weighted) * repeats;
-            noise += added(&(Matrix3::identity() * sigma_m.powi(2)));
+                |covariance: &DMatrix<f64>| (&weighted * covariance).dot(&weighted) * repeats;
+            noise += added(&covariances.noise);
             for (sum, covariance) in of_sources.iter_mut().zip(&covariances.sources) {
                 *sum += added(covariance);
             }
@@ -156,11 +150,11 @@ fn of_dropped(task: &Task, plan: &Plan, rows: &DMatrix<f64>, promised_m2: f64) -
 impl Deviations<'_> {
     /// A standard deviation of a parameter in the unit of its column: compliances that are identified are linear.
     fn in_units(&self, kind: ParameterKind, deviation: f64) -> f64 {
-        match kind {
-            ParameterKind::JointCompliance { joint } if !self.is_logarithmic(kind) => {
-                deviation * self.belief().nominal.compliance_rad_per_nm[joint]
-            }
-            _ => deviation,
+        let is_compliance = matches!(kind, ParameterKind::JointCompliance { .. });
+        if self.is_logarithmic(kind) || (self.place(kind).is_none() && !is_compliance) {
+            deviation
+        } else {
+            deviation * self.whole(kind)
         }
     }
 }

@@ -1,10 +1,10 @@
 //! What a run's truth differs in from what is believed to be nominal, and how the linear model sees it.
 
-use nalgebra::{Cholesky, DMatrix, Matrix3, Matrix3xX};
+use nalgebra::{Cholesky, DMatrix, Matrix3xX, Matrix6};
 
 use crate::compensation::{test_pose_matrix, weighted_rows};
 use crate::numeric::random::normal::LANES;
-use crate::observation::FirstOrder;
+use crate::observation::PlannedReadings;
 use crate::parameter::{ElasticArm, ParameterKind, ParameterSet, ReadingSource, Source};
 use crate::plan::{Experiment, ExperimentModel};
 use crate::task::{Belief, Task, TestPose};
@@ -19,15 +19,17 @@ enum Deviation {
     Other(ParameterKind),
 }
 
-/// The covariances of a reading (m^2).
+/// The covariances of a reading (m^2, m rad, rad^2), 3 x 3, or 6 x 6 where rotations are read.
 #[derive(Debug, Clone)]
 pub struct Covariances {
     /// As it is believed.
-    pub believed: Matrix3<f64>,
+    pub believed: DMatrix<f64>,
+    /// The instrument's own noise.
+    pub noise: DMatrix<f64>,
     /// What each source adds in truth.
-    pub sources: Vec<Matrix3<f64>>,
+    pub sources: Vec<DMatrix<f64>>,
     /// As it is.
-    pub all: Matrix3<f64>,
+    pub all: DMatrix<f64>,
 }
 
 /// All that may differ.
@@ -172,7 +174,7 @@ impl<'a> Deviations<'a> {
                     };
                     differs / sigma_m
                 }
-                Deviation::Other(kind) => drawn(kind, lane) / sigma_m,
+                Deviation::Other(kind) => self.differs_by(kind, drawn(kind, lane)) / sigma_m,
             })
         };
         let tied = self.tied.iter().map(|(_, deviation)| deviation);
@@ -194,12 +196,7 @@ impl<'a> Deviations<'a> {
             };
             return unknown.observation_matrix(experiment);
         };
-        let mut first = self.first_order(set, 0, &self.believed);
-        let mut matrix = Matrix3xX::zeros(set.len());
-        first.set_repeats(experiment.repeats);
-        first.move_to(experiment.configuration_rad.as_slice());
-        first.observe(&experiment.load, &mut matrix);
-        DMatrix::from_column_slice(3, set.len(), (matrix * model.sigma_m).as_slice())
+        model.rows_of(self.readings_of(set, 0, &self.believed), experiment)
     }
 
     /// The rows of all test poses for what is foreign, each times the root of its weight, stacked.
@@ -214,7 +211,8 @@ impl<'a> Deviations<'a> {
         let Some(set) = &self.set else {
             return test_pose_matrix(self.belief, pose, &self.joints);
         };
-        let mut first = self.first_order(set, self.arm.tools.len() - 1, &[]);
+        let (target, sizes) = (self.arm.tools.len() - 1, vec![1.0; set.len()]);
+        let mut first = PlannedReadings::at_test_pose(&self.arm, target, set, &sizes);
         let mut matrix = Matrix3xX::zeros(set.len());
         first.move_to(pose.configuration_rad.as_slice());
         first.uncompensated(&pose.load, &mut matrix);
@@ -254,6 +252,24 @@ impl<'a> Deviations<'a> {
         known.is_some_and(|(extended, place)| extended.set().parameters()[place].is_logarithmic)
     }
 
+    /// What a share of a parameter is a share of, in its unit.
+    #[must_use]
+    pub fn whole(&self, kind: ParameterKind) -> f64 {
+        kind.whole(&self.arm)
+    }
+
+    /// A difference that was drawn, in the unit of the parameter's column: that of a stiffness is its logarithm's.
+    fn differs_by(&self, kind: ParameterKind, drawn: f64) -> f64 {
+        match kind {
+            ParameterKind::SpringStiffness { .. }
+                if self.place(kind).is_some() && !self.is_logarithmic(kind) =>
+            {
+                self.whole(kind) * drawn.exp_m1()
+            }
+            _ => drawn,
+        }
+    }
+
     /// By how much the compliances of foreign joints are told to be others than nominal (rad/(N m)).
     #[must_use]
     pub fn told(&self, truth: &Truth) -> Vec<(usize, f64)> {
@@ -272,33 +288,30 @@ impl<'a> Deviations<'a> {
     #[must_use]
     pub fn covariances(&self, experiment: &Experiment) -> Covariances {
         let at = |sources| {
-            let mut model = FirstOrder::new(
-                &self.arm,
-                0,
-                &self.empty,
-                &[],
-                self.belief.instrument.sigma_m,
-                sources,
-            );
+            let mut model = self.readings_of(&self.empty, 0, sources);
             model.set_repeats(experiment.repeats);
             model.move_to(experiment.configuration_rad.as_slice());
             model
         };
-        let load = &experiment.load;
+        let (load, precision) = (&experiment.load, self.belief.instrument.precision());
+        let rows = precision.rows();
+        let own = |matrix: &Matrix6<f64>| matrix.view((0, 0), (rows, rows)).into_owned();
+        let noise = own(&precision.covariance());
         let truth = at(&self.sources);
         let sources = 0..self.sources.len();
         Covariances {
-            believed: at(&self.believed).covariance(load),
+            believed: &noise + own(&at(&self.believed).covariance_of_all(load)),
             sources: sources
-                .map(|source| truth.covariance_of(source, load))
+                .map(|source| own(&truth.covariance_of(source, load)))
                 .collect(),
-            all: truth.covariance(load),
+            all: &noise + own(&truth.covariance_of_all(load)),
+            noise,
         }
     }
 
     /// H with H H^T the covariance of a reading's whitened noise, where that is not what the belief whitens it with.
     #[must_use]
-    pub fn coloured(&self, experiment: &Experiment) -> Option<Matrix3<f64>> {
+    pub fn coloured(&self, experiment: &Experiment) -> Option<DMatrix<f64>> {
         if self.believed == self.sources {
             return None;
         }
@@ -307,15 +320,15 @@ impl<'a> Deviations<'a> {
         Some(believed * Cholesky::new(covariances.all)?.l())
     }
 
-    fn first_order<'b>(
+    fn readings_of<'b>(
         &'b self,
         set: &ParameterSet,
         target: usize,
         sources: &'b [ReadingSource],
-    ) -> FirstOrder<'b> {
+    ) -> PlannedReadings<'b> {
         let sizes = vec![1.0; set.len()];
-        let sigma_m = self.belief.instrument.sigma_m;
-        FirstOrder::new(&self.arm, target, set, &sizes, sigma_m, sources)
+        let precision = self.belief.instrument.precision();
+        PlannedReadings::new(&self.arm, target, set, &sizes, precision, sources)
     }
 }
 

@@ -143,7 +143,7 @@ impl<'a> LinearModel<'a> {
                 biases += seen * f64::from(experiment.repeats);
             }
             if let Some(half) = self.deviations.coloured(experiment) {
-                columns *= DMatrix::from_column_slice(3, 3, half.as_slice());
+                columns *= half;
                 let more = (&columns * columns.transpose()) * f64::from(experiment.repeats);
                 coloured = Some(coloured.map_or(more.clone(), |sum| sum + more));
             }

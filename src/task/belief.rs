@@ -4,6 +4,7 @@ use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
 use super::Extended;
+use crate::observation::Precision;
 use crate::parameter::{ElasticArm, Prior};
 use crate::robot::{Commands, Robot, Tool};
 
@@ -16,6 +17,17 @@ pub struct Instrument {
     pub rotation_sigma_rad: Option<f64>,
     /// The site of the model where the tracker stands.
     pub tracker_site: Option<usize>,
+}
+
+impl Instrument {
+    /// How precisely it reads.
+    #[must_use]
+    pub const fn precision(&self) -> Precision {
+        Precision {
+            sigma_m: self.sigma_m,
+            rotation_sigma_rad: self.rotation_sigma_rad,
+        }
+    }
 }
 
 /// How compliances are identified and deflections compensated.

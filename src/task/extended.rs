@@ -3,7 +3,7 @@
 
 use nalgebra::DMatrix;
 
-use crate::observation::FirstOrder;
+use crate::observation::{PlannedReadings, Precision};
 use crate::parameter::{
     ElasticArm, ParameterError, ParameterKind, ParameterSet, Prior, ReadingSource, Source,
     Uncertainty,
@@ -72,13 +72,7 @@ impl Extended {
                         }
                         if let Some(place) = place {
                             // A compliance stays linear, as in the paper.
-                            let unit = match kind {
-                                ParameterKind::JointCompliance { joint } => {
-                                    arm.compliance_rad_per_nm[joint]
-                                }
-                                _ => 1.0,
-                            };
-                            own_priors.push((place, deviation * unit));
+                            own_priors.push((place, deviation * kind.whole(&arm)));
                             places.push(place);
                         } else {
                             places.push(unknowns.len());
@@ -242,30 +236,35 @@ impl Extended {
         names.zip(&self.sources)
     }
 
-    /// The model of deflections for planning, for some of the unknowns, with derivatives in units of their `sizes`.
+    /// The readings that planning sees, with derivatives with respect to some of the unknowns in units of their `sizes`.
     #[must_use]
-    pub fn first_order(&self, unknowns: &[usize], sizes: &[f64], sigma_m: f64) -> FirstOrder<'_> {
+    pub fn readings(
+        &self,
+        unknowns: &[usize],
+        sizes: &[f64],
+        precision: Precision,
+    ) -> PlannedReadings<'_> {
         let set = &self.set.subset(unknowns);
-        FirstOrder::new(&self.arm, CALIBRATION, set, sizes, sigma_m, &self.sources)
+        PlannedReadings::new(&self.arm, CALIBRATION, set, sizes, precision, &self.sources)
     }
 
     /// The same for all unknowns, in their units.
     #[must_use]
-    pub fn first_order_of_all(&self, sigma_m: f64) -> FirstOrder<'_> {
-        let sizes = vec![1.0; self.set.len()];
-        FirstOrder::new(
+    pub fn readings_of_all(&self, precision: Precision) -> PlannedReadings<'_> {
+        let (set, sizes) = (&self.set, vec![1.0; self.set.len()]);
+        PlannedReadings::new(
             &self.arm,
             CALIBRATION,
-            &self.set,
+            set,
             &sizes,
-            sigma_m,
+            precision,
             &self.sources,
         )
     }
 
     /// The same at the machining tool, where nothing is measured.
     #[must_use]
-    pub fn at_test_pose(&self, sizes: &[f64]) -> FirstOrder<'_> {
-        FirstOrder::new(&self.arm, self.machining_tool(), &self.set, sizes, 1.0, &[])
+    pub fn at_test_pose(&self, sizes: &[f64]) -> PlannedReadings<'_> {
+        PlannedReadings::at_test_pose(&self.arm, self.machining_tool(), &self.set, sizes)
     }
 }

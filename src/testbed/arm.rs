@@ -61,6 +61,13 @@ impl MujocoArm {
     pub fn change(&mut self, robot: &TrueRobot, changes: &[ModelChange]) -> Result<(), ModelError> {
         let mut model = self.spare.take().unwrap_or_else(|| self.nominal.clone());
         model.become_changed(&self.nominal, &robot.joints, changes)?;
+        if !self.elements.springs.is_empty() {
+            let springs = model.tendon_springs();
+            for (spring, now) in self.elements.springs.iter_mut().zip(springs) {
+                spring.stiffness_n_per_m = now.stiffness_n_per_m;
+                spring.rest_m = now.rest_m;
+            }
+        }
         self.spare = Some(self.state.replace_model(&model));
         Ok(())
     }

@@ -164,7 +164,7 @@ impl Circumstances {
         load
     }
 
-    /// What of the robot's model differs: frames of links and of the calibration tool, what links weigh.
+    /// What of the robot's model differs: frames of links and of the calibration tool, what links weigh, springs.
     #[must_use]
     pub fn model_changes(&self) -> Vec<ModelChange> {
         let moved = self.set.displacements(&self.nominal, &self.values);
@@ -175,6 +175,8 @@ impl Circumstances {
         let tools = (moved.tools.iter().zip(&self.nominal.tools))
             .filter(|(change, _)| **change != FrameChange::default())
             .map(|(change, tool)| ModelChange::Site(tool.name.clone(), isometry(change)));
+        let springs = &self.nominal.chain.elements.springs;
+        let name_of = |spring: usize| springs[spring].name.clone();
         let masses = self.set.parameters().iter().filter_map(|parameter| {
             let differs = self.difference(parameter.kind);
             match parameter.kind {
@@ -182,6 +184,12 @@ impl Circumstances {
                 ParameterKind::LinkCentre { link, axis } => {
                     let by = Vector3::ith(axis.index(), differs);
                     Some(ModelChange::Centre(link, by))
+                }
+                ParameterKind::SpringStiffness { spring } => {
+                    Some(ModelChange::Spring(name_of(spring), differs.exp(), 0.0))
+                }
+                ParameterKind::SpringRest { spring } => {
+                    Some(ModelChange::Spring(name_of(spring), 1.0, differs))
                 }
                 _ => None,
             }

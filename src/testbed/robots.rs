@@ -120,6 +120,10 @@ impl TrueRobots {
                 ParameterKind::JointCompliance { joint } => {
                     (compliance[joint] / belief.nominal.compliance_rad_per_nm[joint]).ln()
                 }
+                // In truth it differs by its logarithm.
+                kind @ ParameterKind::SpringStiffness { .. } if !parameter.is_logarithmic => {
+                    parameter.nominal * self.laboratory.difference(kind).exp()
+                }
                 kind => parameter.nominal + self.laboratory.difference(kind),
             }));
         }

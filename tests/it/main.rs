@@ -33,6 +33,7 @@
 //! - `properties`: what holds whatever the numbers are; derivatives against differences.
 //! - `bad_input`: wrong inputs, seen from outside the process.
 //! - `measured_rotations`: planning, studies and identification use measured rotations alike.
+//! - `planned_readings`: what else is uncertain where rotations are measured, and on arms with springs.
 //! - `model_features`: what models can say beside the chain: honoured or refused by name.
 //! - `model_messages`: models that cannot serve, and what to do about them.
 //! - `ur10_measured`: real poses of a UR10, where they are there.
@@ -125,6 +126,7 @@ mod one_fit;
 mod origins;
 mod output_files;
 mod parameters;
+mod planned_readings;
 mod planning;
 mod priors;
 mod proofs;

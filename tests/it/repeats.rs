@@ -3,6 +3,7 @@
 
 use elastocal::experiment::{Experiment, Plan};
 use elastocal::identification::{Case, Sigma};
+use elastocal::observation::FirstOrder;
 use elastocal::plan::posterior;
 use elastocal::task::Method;
 use elastocal::testbed::{TrueRobots, add_noise_of};
@@ -83,8 +84,15 @@ fn identification_weighs_repeats_as_generalised_least_squares() {
     let found = case.identify().expect("an identification");
 
     let extended = belief.uncertain.as_ref().expect("much is uncertain");
-    let mut model = extended.first_order_of_all(1.0);
     let size = belief.unknowns();
+    let mut model = FirstOrder::new(
+        extended.arm(),
+        0,
+        extended.set(),
+        &vec![1.0; size],
+        1.0,
+        &[],
+    );
     let (mut rows, mut right) = (DMatrix::zeros(36, size), DMatrix::zeros(36, 1));
     let mut covariance = DMatrix::zeros(36, 36);
     let mut jacobian = nalgebra::Matrix3xX::zeros(size);

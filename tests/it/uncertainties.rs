@@ -18,7 +18,7 @@ use serde_json::Value;
 use crate::support::{Workplace, scenario_text, table4};
 
 /// Sizes that a laboratory would recognise, or larger so that they show; each alone.
-const SOURCES: [(&str, &str); 12] = [
+pub const SOURCES: [(&str, &str); 12] = [
     ("compliance", "joints = [\"joint_1\"]\nstd_relative = 0.1"),
     ("compliance", "joints = [\"joint_3\"]\nstd_relative = 0.05"),
     ("joint_zero", "std_mrad = 0.5"),
@@ -206,7 +206,8 @@ fn the_posterior_is_that_of_generalised_least_squares() {
     let mut covariance = DMatrix::zeros(3 * count, 3 * count);
     let values = set.prior().mean.clone();
     let mut model = elastocal::observation::ObservationModel::new(set, arm, values.as_slice());
-    let mut first = extended.first_order_of_all(belief.instrument.sigma_m);
+    let precision = belief.instrument.precision();
+    let mut first = extended.readings_of_all(precision);
     for (index, experiment) in plan.experiments.iter().enumerate() {
         assert_eq!(experiment.repeats, 1);
         let setup = Setup {
@@ -221,10 +222,10 @@ fn the_posterior_is_that_of_generalised_least_squares() {
         rows.rows_mut(3 * index, 3)
             .copy_from(&derivatives.rows(0, 3));
         first.move_to(experiment.configuration_rad.as_slice());
-        let own = first.covariance(&experiment.load);
+        let own = first.covariance_of_all(&experiment.load) + precision.covariance();
         covariance
             .view_mut((3 * index, 3 * index), (3, 3))
-            .copy_from(&own);
+            .copy_from(&own.view((0, 0), (3, 3)));
     }
     let own = belief.parameters.len();
     // Parameters of the plan with their priors, all but the compliances that are to be found.

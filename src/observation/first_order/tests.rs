@@ -10,7 +10,7 @@ use crate::robot::Load;
 
 /// Arms as a scenario has them: no zeros, the instrument's frame that of the base; the tool last or in the
 /// middle.
-fn arms(numbers: &mut Numbers) -> Vec<ElasticArm> {
+pub(in crate::observation) fn arms(numbers: &mut Numbers) -> Vec<ElasticArm> {
     let mut arms = vec![ur10(), heavy()];
     for joints in [2, 4, 7] {
         arms.push(random(numbers, joints));
@@ -31,20 +31,23 @@ fn arms(numbers: &mut Numbers) -> Vec<ElasticArm> {
     arms
 }
 
-fn load(numbers: &mut Numbers, has_torque: bool) -> Load {
+pub(in crate::observation) fn load(numbers: &mut Numbers, has_torque: bool) -> Load {
     Load {
         force_n: numbers.vector(900.0),
         torque_nm: numbers.vector(if has_torque { 200.0 } else { 0.0 }),
     }
 }
 
-fn everything(arm: &ElasticArm) -> ParameterSet {
+pub(in crate::observation) fn everything(arm: &ElasticArm) -> ParameterSet {
     let kinds = arms::everything(arm).into_iter().enumerate();
     let unknowns = kinds.map(|(index, kind)| (kind, (index % 2 == 0).then_some(0.1)));
     ParameterSet::new(arm, unknowns).expect("a set")
 }
 
-fn every_source(numbers: &mut Numbers, arm: &ElasticArm) -> Vec<ReadingSource> {
+pub(in crate::observation) fn every_source(
+    numbers: &mut Numbers,
+    arm: &ElasticArm,
+) -> Vec<ReadingSource> {
     vec![
         ReadingSource::JointReturn(
             (0..arm.chain.len())

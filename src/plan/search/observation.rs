@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, Matrix3, Matrix3xX, Vector3};
 
 use super::braced::{BracedArm, ColumnWorth};
-use crate::observation::FirstOrder;
+use crate::observation::PlannedReadings;
 use crate::plan::ExperimentModel;
 use crate::robot::{KinematicState, Kinematics, Load};
 use crate::task::Extended;
@@ -34,7 +34,7 @@ pub struct MatrixEvaluator<'a> {
     adjoint: Vec<Vector3<f64>>,
     twist: Vec<Vector3<f64>>,
     /// Where more is uncertain: derivatives with respect to that, too, whitened with the reading's covariance.
-    extended: Option<FirstOrder<'a>>,
+    extended: Option<PlannedReadings<'a>>,
 }
 
 impl<'a> MatrixEvaluator<'a> {
@@ -71,7 +71,7 @@ impl<'a> MatrixEvaluator<'a> {
     /// identified ones, which are the first of them.
     #[must_use]
     pub fn extended(mut self, extended: &'a Extended, unknowns: &[usize], sizes: &[f64]) -> Self {
-        self.extended = Some(extended.first_order(unknowns, sizes, self.model.sigma_m));
+        self.extended = Some(extended.readings(unknowns, sizes, self.model.precision()));
         self
     }
 
@@ -84,7 +84,7 @@ impl<'a> MatrixEvaluator<'a> {
 
     /// The number of unknowns, of which the parameters may be combinations.
     fn unknowns(&self) -> usize {
-        (self.extended.as_ref()).map_or(self.scale.len(), FirstOrder::parameters)
+        (self.extended.as_ref()).map_or(self.scale.len(), PlannedReadings::parameters)
     }
 
     /// The number p of parameters.
@@ -306,7 +306,7 @@ impl<'a> MatrixEvaluator<'a> {
 
     fn force_gradient_of_joints(&mut self, load: &Load, factor: &Matrix3xX<f64>) -> Vector3<f64> {
         if let Some(extended) = &mut self.extended {
-            return extended.pull_back(load, factor, &mut []);
+            return extended.force_gradient(load, factor);
         }
         let state = self.seen();
         (self.parameters.iter().enumerate())

@@ -24,14 +24,18 @@ pub(super) fn relevant(
     loads: &LoadChoice,
 ) -> Vec<usize> {
     let all: Vec<usize> = (0..sizes.len()).collect();
-    let mut model = extended.first_order(&all, sizes, task.belief.instrument.sigma_m);
-    let mut matrix = Matrix3xX::zeros(sizes.len());
+    let precision = task.belief.instrument.precision();
+    let mut model = extended.readings(&all, sizes, precision);
+    let mut matrix = Matrix3xX::zeros(sizes.len() * precision.rows() / 3);
     let mut mean = DMatrix::zeros(sizes.len(), sizes.len());
     let mut count = 0.0;
     random_points(ranges, loads, &mut |q, load| {
         model.move_to(q);
         model.observe(load, &mut matrix);
-        mean += matrix.tr_mul(&matrix);
+        for block in (0..matrix.ncols()).step_by(sizes.len()) {
+            let rows = matrix.columns(block, sizes.len());
+            mean += rows.tr_mul(&rows);
+        }
         count += 1.0;
     });
     let prior = task.belief.prior_information();

@@ -227,10 +227,6 @@ impl Checker<'_> {
             }
             found.push(place);
         }
-        if !found.is_empty() {
-            let (of, there) = ("unknowns besides compliances are found", "robot.parameters");
-            self.check_extendable(there, of, belief)?;
-        }
         found.sort_unstable();
         Ok(found.into_iter().map(|place| all[place]).collect())
     }

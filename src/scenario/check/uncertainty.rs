@@ -26,9 +26,6 @@ impl Checker<'_> {
         belief: &Belief,
     ) -> Result<Vec<Uncertainty>, FileError> {
         self.at_most("uncertainty", tables.len(), MOST)?;
-        if !tables.is_empty() {
-            self.check_extendable("uncertainty", "uncertainties are known", belief)?;
-        }
         let mut all: Vec<Uncertainty> = Vec::new();
         for (index, table) in tables.iter().enumerate() {
             let key = format!("uncertainty[{index}]");
@@ -58,28 +55,6 @@ impl Checker<'_> {
             });
         }
         Ok(all)
-    }
-
-    /// Whether a belief can have other unknowns than compliances.
-    pub(super) fn check_extendable(
-        &self,
-        key: &str,
-        what: &str,
-        belief: &Belief,
-    ) -> Result<(), FileError> {
-        if belief.instrument.rotation_sigma_rad.is_some() {
-            let problem = format!(
-                "{what} from deflections alone, and instrument.rotation_sigma_mrad says that rotations are measured, too"
-            );
-            return Err(self.wrong(key, problem).hint("leave out one of the two"));
-        }
-        if belief.nominal.chain.elements.has_springs() {
-            let problem = format!(
-                "the model has springs beside the joints' own elasticity, and {what} for arms without them alone"
-            );
-            return Err(self.wrong(key, problem));
-        }
-        Ok(())
     }
 
     fn source(
@@ -148,6 +123,18 @@ impl Checker<'_> {
                 let of = |link| Axis::ALL.map(|axis| (kind(link, axis), size));
                 Ok(links.into_iter().flat_map(of).collect())
             };
+        let of_springs = |kind: &dyn Fn(usize) -> Of, name: &str| {
+            let size = size(name)?;
+            let count = belief.nominal.chain.elements.springs.len();
+            if count == 0 {
+                let problem = "the model has no springs between places of the arm";
+                let wrong = self.wrong(&format!("{key}.kind"), problem);
+                return Err(
+                    wrong.hint("a spring is a spatial tendon through sites with a stiffness")
+                );
+            }
+            Ok((0..count).map(|spring| (kind(spring), size)).collect())
+        };
         let all = |_| true;
         let has_mass = |link: usize| belief.nominal.chain.joints[link].mass_kg > 0.0;
         match table.kind {
@@ -187,6 +174,12 @@ impl Checker<'_> {
                 "std_mm",
                 &has_mass,
             ),
+            UncertaintyKind::SpringStiffness => {
+                of_springs(&|spring| Of::SpringStiffness { spring }, "std_relative")
+            }
+            UncertaintyKind::SpringRest => {
+                of_springs(&|spring| Of::SpringRest { spring }, "std_mm")
+            }
             UncertaintyKind::ToolPosition => {
                 axes(&|axis| Of::ToolPosition { tool: 0, axis }, "std_mm")
             }

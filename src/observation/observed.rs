@@ -1,0 +1,407 @@
+//! Readings that are planned, by the observation model itself: rotations among them, and arms with springs beside the
+//! joints' own, such as a gravity compensator.
+//!
+//! Derivatives are those of [`ObservationModel`] at nominal parameters. How they follow the configuration and the load
+//! comes from differences: [`FirstOrder`](super::FirstOrder) has it in closed form, for deflections of arms without
+//! springs alone.
+
+use std::cell::RefCell;
+
+use nalgebra::{Cholesky, DVector, Matrix3, Matrix3xX, Matrix6, Matrix6xX, Vector3, Vector6};
+
+use super::model::ObservationModel;
+use super::planned::Precision;
+use super::reading::{Setup, Whitener};
+use crate::parameter::{Axis, ElasticArm, ParameterKind, ParameterSet, ReadingSource};
+use crate::robot::{EquilibriumSolver, KinematicState, Kinematics, Load};
+
+/// How far joints are moved to see what follows them (rad, m).
+const SHIFT: f64 = 1e-5;
+/// How far a force is changed, as a share of it.
+const FORCE_SHIFT: f64 = 1e-3;
+/// How far parameters are changed to see what compensation leaves, as a share of their typical size.
+const PARAMETER_SHIFT: f64 = 1e-3;
+
+/// An arm's readings at one of its tools, at nominal parameters.
+#[derive(Debug, Clone)]
+pub struct ObservedRows<'a> {
+    arm: &'a ElasticArm,
+    target: usize,
+    precision: Precision,
+    sources: &'a [ReadingSource],
+    /// How often an experiment is repeated.
+    repeats: f64,
+    /// What derivatives are multiplied by, one for each of the parameters that are asked for.
+    sizes: Vec<f64>,
+    /// The parameters, and behind them the zeros of joints whose gears err.
+    set: ParameterSet,
+    /// Where the joints' zeros are in the set, if gears err.
+    zeros: Vec<usize>,
+    q: Vec<f64>,
+    work: RefCell<Work>,
+}
+
+#[derive(Debug, Clone)]
+struct Work {
+    model: ObservationModel<'static>,
+    rows: Matrix6xX<f64>,
+    state: KinematicState,
+}
+
+impl<'a> ObservedRows<'a> {
+    /// The model of an arm at one of its tools. Derivatives are in units of the parameters' `sizes` (p).
+    #[must_use]
+    pub fn new(
+        arm: &'a ElasticArm,
+        target: usize,
+        wanted: &ParameterSet,
+        sizes: &[f64],
+        precision: Precision,
+        sources: &'a [ReadingSource],
+    ) -> Self {
+        let gears_err = sources
+            .iter()
+            .any(|source| matches!(source, ReadingSource::GearError(_)));
+        let (set, zeros) = if gears_err {
+            with_zeros(arm, wanted)
+        } else {
+            (wanted.clone(), Vec::new())
+        };
+        let nominal: Vec<f64> = set.parameters().iter().map(|each| each.nominal).collect();
+        let joints = arm.chain.len();
+        let work = Work {
+            rows: Matrix6xX::zeros(set.len()),
+            model: ObservationModel::of(set.clone(), arm, &nominal),
+            state: KinematicState::new(joints),
+        };
+        Self {
+            arm,
+            target,
+            precision,
+            sources,
+            repeats: 1.0,
+            sizes: sizes.to_vec(),
+            set,
+            zeros,
+            q: vec![0.0; joints],
+            work: RefCell::new(work),
+        }
+    }
+
+    /// See [`super::FirstOrder::set_repeats`].
+    pub fn set_repeats(&mut self, repeats: u32) {
+        self.repeats = f64::from(repeats);
+    }
+
+    /// What is new in each reading besides the instrument's noise.
+    #[must_use]
+    pub const fn sources(&self) -> &[ReadingSource] {
+        self.sources
+    }
+
+    /// The number p of parameters.
+    #[must_use]
+    pub const fn parameters(&self) -> usize {
+        self.sizes.len()
+    }
+
+    /// Moves to the joint angles `q` (rad).
+    pub fn move_to(&mut self, q: &[f64]) {
+        self.q.copy_from_slice(q);
+    }
+
+    /// Writes the derivatives of the reading (6 x p), each with respect to its parameter in its size; a reading of
+    /// three rows leaves the last three to be ignored.
+    pub fn derivatives(&self, load: &Load, matrix: &mut Matrix6xX<f64>) {
+        self.derivatives_at(&self.q, load, matrix);
+    }
+
+    fn derivatives_at(&self, q: &[f64], load: &Load, matrix: &mut Matrix6xX<f64>) {
+        let work = &mut *self.work.borrow_mut();
+        work.predict(self, q, load);
+        for (index, size) in self.sizes.iter().enumerate() {
+            matrix.set_column(index, &(work.rows.column(index) * *size));
+        }
+    }
+
+    /// What one of the sources adds to a reading's covariance, whatever is repeated (m^2, m rad, rad^2).
+    #[must_use]
+    pub fn covariance_of_one(&self, source: usize, load: &Load) -> Matrix6<f64> {
+        self.covariance_at(&self.q, source, load)
+    }
+
+    fn covariance_at(&self, q: &[f64], source: usize, load: &Load) -> Matrix6<f64> {
+        let positions = |variance: f64| {
+            let three = Vector3::repeat(variance);
+            Matrix6::from_diagonal(&Vector6::new(three.x, three.y, three.z, 0.0, 0.0, 0.0))
+        };
+        let work = &mut *self.work.borrow_mut();
+        match &self.sources[source] {
+            ReadingSource::Misfit(deviation) => positions(deviation * deviation),
+            ReadingSource::Range { from_m, per_metre } => {
+                work.stand(self, q);
+                let distance = (work.state.tool_position - from_m).norm_squared();
+                positions(distance * per_metre * per_metre)
+            }
+            ReadingSource::JointReturn(deviations) => {
+                work.stand(self, q);
+                let state = &work.state;
+                (deviations.iter().enumerate())
+                    .map(|(joint, deviation)| {
+                        let moved = column(state, joint) * *deviation;
+                        moved * moved.transpose()
+                    })
+                    .sum()
+            }
+            ReadingSource::LoadDirection(deviation) => {
+                let form = work.of_loads(self, q, |axis| Load {
+                    force_n: axis.cross(&load.force_n),
+                    torque_nm: axis.cross(&load.torque_nm),
+                });
+                form * form.transpose() * (deviation * deviation)
+            }
+            ReadingSource::LoadPoint(deviation) => {
+                let form = work.of_loads(self, q, |axis| Load {
+                    force_n: Vector3::zeros(),
+                    torque_nm: axis.cross(&load.force_n),
+                });
+                form * form.transpose() * (deviation * deviation)
+            }
+            ReadingSource::GearError(deviations) => {
+                work.predict(self, q, load);
+                (self.zeros.iter().zip(deviations))
+                    .map(|(&place, deviation)| {
+                        let seen = work.rows.column(place) * *deviation;
+                        seen * seen.transpose()
+                    })
+                    .sum()
+            }
+        }
+    }
+
+    /// What one of the sources adds to it; what repeats share as often as it is shared.
+    #[must_use]
+    pub fn covariance_of(&self, source: usize, load: &Load) -> Matrix6<f64> {
+        self.covariance_of_one(source, load) * self.times(source)
+    }
+
+    fn times(&self, source: usize) -> f64 {
+        if self.sources[source].is_shared_by_repeats() {
+            self.repeats
+        } else {
+            1.0
+        }
+    }
+
+    /// W with W C W^T = I for a reading's covariance C; rows that it does not have are zero.
+    fn whitener_at(&self, q: &[f64], load: &Load) -> Matrix6<f64> {
+        let mut covariance = self.precision.covariance();
+        for source in 0..self.sources.len() {
+            covariance += self.covariance_at(q, source, load) * self.times(source);
+        }
+        whitener(&covariance, self.precision.rows())
+    }
+
+    /// Writes the derivatives of the whitened reading, 3 x p for positions, and 3 x p for rotations beside them.
+    pub fn observe(&self, load: &Load, matrix: &mut Matrix3xX<f64>) {
+        self.observe_at(&self.q, load, matrix);
+    }
+
+    fn observe_at(&self, q: &[f64], load: &Load, matrix: &mut Matrix3xX<f64>) {
+        let size = self.parameters();
+        let mut rows = Matrix6xX::zeros(size);
+        self.derivatives_at(q, load, &mut rows);
+        let whitener = self.whitener_at(q, load);
+        for (index, each) in rows.column_iter().enumerate() {
+            let white = whitener * each;
+            for block in 0..self.precision.rows() / 3 {
+                let three = white.fixed_rows::<3>(3 * block);
+                matrix.column_mut(block * size + index).copy_from(&three);
+            }
+        }
+    }
+
+    /// Adds the derivatives of sum(B * A), for the whitened rows A and a factor B of the same shape, with respect to
+    /// the joint angles to `gradient` (n).
+    pub fn pull_back(&self, load: &Load, factor: &Matrix3xX<f64>, gradient: &mut [f64]) {
+        let mut q = self.q.clone();
+        let mut matrix = Matrix3xX::zeros(factor.ncols());
+        for (joint, slope) in gradient.iter_mut().enumerate().take(self.q.len()) {
+            let mut at = |shift: f64| {
+                q[joint] = self.q[joint] + shift;
+                self.observe_at(&q, load, &mut matrix);
+                factor.dot(&matrix)
+            };
+            *slope += (at(SHIFT) - at(-SHIFT)) / (2.0 * SHIFT);
+            q[joint] = self.q[joint];
+        }
+    }
+
+    /// The same with respect to the force.
+    #[must_use]
+    pub fn force_gradient(&self, load: &Load, factor: &Matrix3xX<f64>) -> Vector3<f64> {
+        let mut matrix = Matrix3xX::zeros(factor.ncols());
+        let shift = FORCE_SHIFT * load.force_n.norm().max(1.0);
+        Vector3::from_fn(|axis, _| {
+            let mut at = |shift: f64| {
+                let mut load = *load;
+                load.force_n[axis] += shift;
+                self.observe_at(&self.q, &load, &mut matrix);
+                factor.dot(&matrix)
+            };
+            (at(shift) - at(-shift)) / (2.0 * shift)
+        })
+    }
+
+    /// See [`super::FirstOrder::uncompensated`]. The robot is commanded q = `q_0` - k tau with the torques tau of the
+    /// load where it rests without it, so that a parameter leaves J~ d(k tau) at the loaded tool, J~ that of the arm
+    /// with its springs.
+    pub fn uncompensated(&self, load: &Load, matrix: &mut Matrix3xX<f64>) {
+        let nominal: Vec<f64> = (self.set.parameters().iter())
+            .map(|each| each.nominal)
+            .collect();
+        let at_rest = self.compensated(&nominal, load);
+        let mut state = at_rest.1;
+        if let Some(mobility) = state.mobility(&self.arm.compliance_rad_per_nm) {
+            state.brace(&mobility);
+        }
+        let seen = |angles: &DVector<f64>| -> Vector3<f64> {
+            let joints = angles.iter().enumerate();
+            joints
+                .map(|(joint, angle)| state.position_column(joint) * *angle)
+                .sum()
+        };
+        for (index, size) in self.sizes.iter().enumerate() {
+            let parameter = &self.set.parameters()[index];
+            let left = match parameter.kind {
+                ParameterKind::TaskScale => seen(&at_rest.0),
+                ParameterKind::TaskForce { axis } => {
+                    let newton = Load {
+                        force_n: Vector3::ith(axis.index(), 1.0),
+                        torque_nm: Vector3::zeros(),
+                    };
+                    seen(&self.compensated(&nominal, &newton).0)
+                }
+                _ => {
+                    let shift = PARAMETER_SHIFT * parameter.scale;
+                    let at = |shift: f64| {
+                        let mut values = nominal.clone();
+                        values[index] += shift;
+                        self.compensated(&values, load).0
+                    };
+                    seen(&((at(shift) - at(-shift)) / (2.0 * shift)))
+                }
+            };
+            matrix.set_column(index, &(left * *size));
+        }
+    }
+
+    /// The joints' own deflections (rad, m) that are compensated under a load at values of the parameters, and the arm's
+    /// geometry where it rests without the load.
+    fn compensated(&self, values: &[f64], load: &Load) -> (DVector<f64>, KinematicState) {
+        let arm = self.set.apply(self.arm, values);
+        let chain = arm.loaded_chain();
+        let mut at_tool = chain.at(&arm.tools[self.target]);
+        let commanded: Vec<f64> = (self.q.iter().zip(&arm.zero_rad))
+            .map(|(q, zero)| q + zero)
+            .collect();
+        let compliance = &arm.compliance_rad_per_nm;
+        let mut solver = EquilibriumSolver::new(chain.len());
+        let rests = solver.solve(&mut at_tool, compliance, &commanded, &Load::NONE);
+        let state = if rests.is_ok() {
+            solver.state().clone()
+        } else {
+            at_tool.state(&commanded)
+        };
+        let angle = |joint: usize, _| compliance[joint] * state.load_torque(joint, load);
+        (DVector::from_fn(chain.len(), angle), state)
+    }
+}
+
+impl Work {
+    /// Fills the rows with the derivatives of the reading in the parameters' units.
+    fn predict(&mut self, of: &ObservedRows<'_>, q: &[f64], load: &Load) {
+        let setup = Setup {
+            commanded_rad: DVector::from_column_slice(q),
+            load: *load,
+            target: of.target,
+        };
+        let kind = of.precision.kind();
+        self.model.predict_as_planned(&setup, kind, &mut self.rows);
+    }
+
+    /// The arm's geometry at the commanded angles, with the springs beside the joints' own at work.
+    fn stand(&mut self, of: &ObservedRows<'_>, q: &[f64]) {
+        let tool = &of.arm.tools[of.target];
+        of.arm.chain.at(tool).update(q, &mut self.state);
+        if let Some(mobility) = self.state.mobility(&of.arm.compliance_rad_per_nm) {
+            self.state.brace(&mobility);
+        }
+    }
+
+    /// How the reading follows a small vector that changes the load.
+    fn of_loads(
+        &mut self,
+        of: &ObservedRows<'_>,
+        q: &[f64],
+        load: impl Fn(Vector3<f64>) -> Load,
+    ) -> nalgebra::Matrix6x3<f64> {
+        self.stand(of, q);
+        let mut plain = KinematicState::new(q.len());
+        let tool = &of.arm.tools[of.target];
+        of.arm.chain.at(tool).update(q, &mut plain);
+        let columns = Axis::ALL.map(|axis| -> Vector6<f64> {
+            let load = load(Vector3::ith(axis.index(), 1.0));
+            (of.arm.compliance_rad_per_nm.iter().enumerate())
+                .map(|(joint, k)| {
+                    column(&self.state, joint) * (k * plain.load_torque(joint, &load))
+                })
+                .sum()
+        });
+        nalgebra::Matrix6x3::from_columns(&columns)
+    }
+}
+
+/// A joint's column of the Jacobian, position above rotation.
+fn column(state: &KinematicState, joint: usize) -> Vector6<f64> {
+    let (moved, turned) = (state.position_column(joint), state.rotation_column(joint));
+    Vector6::new(moved.x, moved.y, moved.z, turned.x, turned.y, turned.z)
+}
+
+/// W with W C W^T = I for the first rows of a covariance C; the others are zero.
+fn whitener(covariance: &Matrix6<f64>, rows: usize) -> Matrix6<f64> {
+    if rows == 6 {
+        let whitener = Whitener::of_covariance(covariance);
+        return whitener.map_or_else(Matrix6::zeros, |whitener| *whitener.matrix());
+    }
+    let three: Matrix3<f64> = covariance.fixed_view::<3, 3>(0, 0).into_owned();
+    let inverse = Cholesky::new(three).and_then(|factor| factor.l().try_inverse());
+    let mut whitener = Matrix6::zeros();
+    let mut own = whitener.fixed_view_mut::<3, 3>(0, 0);
+    own.copy_from(&inverse.unwrap_or_else(Matrix3::zeros));
+    whitener
+}
+
+/// A set with the zeros of all joints, and where these are.
+fn with_zeros(arm: &ElasticArm, wanted: &ParameterSet) -> (ParameterSet, Vec<usize>) {
+    let mut unknowns: Vec<(ParameterKind, Option<f64>)> = (wanted.parameters().iter())
+        .map(|each| (each.kind, each.prior_deviation))
+        .collect();
+    let mut zeros = Vec::new();
+    for joint in 0..arm.chain.len() {
+        let kind = ParameterKind::JointZero { joint };
+        let known = unknowns.iter().position(|(other, _)| *other == kind);
+        zeros.push(known.unwrap_or(unknowns.len()));
+        if known.is_none() {
+            unknowns.push((kind, None));
+        }
+    }
+    match ParameterSet::new(arm, unknowns) {
+        Ok(set) => (set, zeros),
+        // It was one before, and every joint has a zero.
+        Err(_) => (wanted.clone(), Vec::new()),
+    }
+}
+
+#[cfg(test)]
+mod tests;
