@@ -396,10 +396,6 @@ impl<'a> FirstOrder<'a> {
                 let (form, deviation) = self.load_form(source, load);
                 form * form.transpose() * (deviation * deviation)
             }
-            ReadingSource::Range { from_m, per_metre } => {
-                let distance = (self.tool_position - from_m).norm_squared();
-                Matrix3::identity() * (distance * per_metre * per_metre)
-            }
             ReadingSource::GearError(deviations) => (self.joints.iter().zip(deviations))
                 .enumerate()
                 .map(|(joint, (lever, deviation))| {
@@ -407,12 +403,10 @@ impl<'a> FirstOrder<'a> {
                     seen * seen.transpose()
                 })
                 .sum(),
-            ReadingSource::Misfit(deviation) => Matrix3::identity() * (deviation * deviation),
-            ReadingSource::Wrong { share, deviation_m } => {
-                Matrix3::identity() * (share * deviation_m * deviation_m)
+            other => {
+                let variance = other.variance_of_positions(&self.tool_position);
+                Matrix3::identity() * variance.unwrap_or(0.0)
             }
-            // What is not there has no error.
-            ReadingSource::Dropped(_) => Matrix3::zeros(),
         }
     }
 

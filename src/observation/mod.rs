@@ -26,6 +26,9 @@ pub use first_order::FirstOrder;
 pub use information::{NormalEquations, normal_equations, planned_information};
 pub use model::{Form, ObservationModel};
 pub use observed::ObservedRows;
-pub use planned::{PlannedReadings, Precision};
-pub use reading::{Observation, PlannedReading, Prediction, Reading, ReadingKind, Setup, Whitener};
+pub use planned::PlannedReadings;
+pub use reading::{
+    Observation, PlannedReading, Prediction, Reading, ReadingKind, ReadingPrecision, Setup,
+    Whitener,
+};
 pub use shared::{SharedErrors, shared_equations};

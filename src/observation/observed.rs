@@ -10,8 +10,7 @@ use std::cell::RefCell;
 use nalgebra::{Cholesky, DVector, Matrix3, Matrix3xX, Matrix6, Matrix6xX, Vector3, Vector6};
 
 use super::model::ObservationModel;
-use super::planned::Precision;
-use super::reading::{Setup, Whitener};
+use super::reading::{ReadingPrecision, Setup, Whitener};
 use crate::parameter::{Axis, ElasticArm, ParameterKind, ParameterSet, ReadingSource};
 use crate::robot::{EquilibriumSolver, KinematicState, Kinematics, Load};
 
@@ -27,7 +26,7 @@ const PARAMETER_SHIFT: f64 = 1e-3;
 pub struct ObservedRows<'a> {
     arm: &'a ElasticArm,
     target: usize,
-    precision: Precision,
+    precision: ReadingPrecision,
     sources: &'a [ReadingSource],
     /// How often an experiment is repeated.
     repeats: f64,
@@ -38,11 +37,11 @@ pub struct ObservedRows<'a> {
     /// Where the joints' zeros are in the set, if gears err.
     zeros: Vec<usize>,
     q: Vec<f64>,
-    work: RefCell<Work>,
+    work: RefCell<ObservedRoom>,
 }
 
 #[derive(Debug, Clone)]
-struct Work {
+struct ObservedRoom {
     model: ObservationModel<'static>,
     rows: Matrix6xX<f64>,
     state: KinematicState,
@@ -56,7 +55,7 @@ impl<'a> ObservedRows<'a> {
         target: usize,
         wanted: &ParameterSet,
         sizes: &[f64],
-        precision: Precision,
+        precision: ReadingPrecision,
         sources: &'a [ReadingSource],
     ) -> Self {
         let gears_err = sources
@@ -69,7 +68,7 @@ impl<'a> ObservedRows<'a> {
         };
         let nominal: Vec<f64> = set.parameters().iter().map(|each| each.nominal).collect();
         let joints = arm.chain.len();
-        let work = Work {
+        let work = ObservedRoom {
             rows: Matrix6xX::zeros(set.len()),
             model: ObservationModel::of(set.clone(), arm, &nominal),
             state: KinematicState::new(joints),
@@ -131,18 +130,8 @@ impl<'a> ObservedRows<'a> {
     }
 
     fn covariance_at(&self, q: &[f64], source: usize, load: &Load) -> Matrix6<f64> {
-        let positions = |variance: f64| {
-            let three = Vector3::repeat(variance);
-            Matrix6::from_diagonal(&Vector6::new(three.x, three.y, three.z, 0.0, 0.0, 0.0))
-        };
         let work = &mut *self.work.borrow_mut();
         match &self.sources[source] {
-            ReadingSource::Misfit(deviation) => positions(deviation * deviation),
-            ReadingSource::Range { from_m, per_metre } => {
-                work.stand(self, q);
-                let distance = (work.state.tool_position - from_m).norm_squared();
-                positions(distance * per_metre * per_metre)
-            }
             ReadingSource::JointReturn(deviations) => {
                 work.stand(self, q);
                 let state = &work.state;
@@ -175,6 +164,12 @@ impl<'a> ObservedRows<'a> {
                         seen * seen.transpose()
                     })
                     .sum()
+            }
+            other => {
+                work.stand(self, q);
+                let variance = other.variance_of_positions(&work.state.tool_position);
+                let v = variance.unwrap_or(0.0);
+                Matrix6::from_diagonal(&Vector6::new(v, v, v, 0.0, 0.0, 0.0))
             }
         }
     }
@@ -318,7 +313,7 @@ impl<'a> ObservedRows<'a> {
     }
 }
 
-impl Work {
+impl ObservedRoom {
     /// Fills the rows with the derivatives of the reading in the parameters' units.
     fn predict(&mut self, of: &ObservedRows<'_>, q: &[f64], load: &Load) {
         let setup = Setup {

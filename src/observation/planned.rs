@@ -1,46 +1,12 @@
 //! Readings that are planned: the one way in which planning, promises and studies see them.
 
-use nalgebra::{Matrix3, Matrix3xX, Matrix6, Matrix6xX, Vector3, Vector6};
+use nalgebra::{Matrix3, Matrix3xX, Matrix6, Matrix6xX, Vector3};
 
 use super::first_order::FirstOrder;
 use super::observed::ObservedRows;
-use super::reading::ReadingKind;
+use super::reading::ReadingPrecision;
 use crate::parameter::{ElasticArm, ParameterSet, ReadingSource};
 use crate::robot::{KinematicState, Load};
-
-/// How precisely an instrument reads deflections.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Precision {
-    /// The standard deviation of each coordinate of a deflection (m).
-    pub sigma_m: f64,
-    /// The standard deviation of each coordinate of a rotation (rad), where rotations are read, too.
-    pub rotation_sigma_rad: Option<f64>,
-}
-
-impl Precision {
-    /// What is read.
-    #[must_use]
-    pub const fn kind(&self) -> ReadingKind {
-        match self.rotation_sigma_rad {
-            Some(_) => ReadingKind::DeflectionAndRotation,
-            None => ReadingKind::Deflection,
-        }
-    }
-
-    /// The number of a reading's rows: 3, or 6 where rotations are read.
-    #[must_use]
-    pub const fn rows(&self) -> usize {
-        self.kind().rows()
-    }
-
-    /// The covariance of a reading by the instrument alone (m^2, rad^2); rows that there are not are zero.
-    #[must_use]
-    pub fn covariance(&self) -> Matrix6<f64> {
-        let (p, r) = (self.sigma_m, self.rotation_sigma_rad.unwrap_or(0.0));
-        let [p, r] = [p * p, r * r];
-        Matrix6::from_diagonal(&Vector6::new(p, p, p, r, r, r))
-    }
-}
 
 /// The readings of an arm at one of its tools, at nominal parameters: derivatives with respect to parameters in units
 /// of their sizes, and covariances.
@@ -60,7 +26,7 @@ impl<'a> PlannedReadings<'a> {
         target: usize,
         set: &ParameterSet,
         sizes: &[f64],
-        precision: Precision,
+        precision: ReadingPrecision,
         sources: &'a [ReadingSource],
     ) -> Self {
         if precision.rows() == 3 && !arm.chain.elements.has_springs() {
@@ -81,7 +47,7 @@ impl<'a> PlannedReadings<'a> {
         set: &ParameterSet,
         sizes: &[f64],
     ) -> Self {
-        let precision = Precision {
+        let precision = ReadingPrecision {
             sigma_m: 1.0,
             rotation_sigma_rad: None,
         };

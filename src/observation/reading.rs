@@ -59,6 +59,40 @@ impl ReadingKind {
     }
 }
 
+/// How precisely an instrument reads deflections.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ReadingPrecision {
+    /// The standard deviation of each coordinate of a deflection (m).
+    pub sigma_m: f64,
+    /// The standard deviation of each coordinate of a rotation (rad), where rotations are read, too.
+    pub rotation_sigma_rad: Option<f64>,
+}
+
+impl ReadingPrecision {
+    /// What is read.
+    #[must_use]
+    pub const fn kind(&self) -> ReadingKind {
+        match self.rotation_sigma_rad {
+            Some(_) => ReadingKind::DeflectionAndRotation,
+            None => ReadingKind::Deflection,
+        }
+    }
+
+    /// The number of a reading's rows: 3, or 6 where rotations are read.
+    #[must_use]
+    pub const fn rows(&self) -> usize {
+        self.kind().rows()
+    }
+
+    /// The covariance of a reading by the instrument alone (m^2, rad^2); rows that there are not are zero.
+    #[must_use]
+    pub fn covariance(&self) -> Matrix6<f64> {
+        let (p, r) = (self.sigma_m, self.rotation_sigma_rad.unwrap_or(0.0));
+        let [p, r] = [p * p, r * r];
+        Matrix6::from_diagonal(&Vector6::new(p, p, p, r, r, r))
+    }
+}
+
 /// What an instrument says, in its own frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Reading {

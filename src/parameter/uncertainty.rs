@@ -91,6 +91,22 @@ impl ReadingSource {
         }
     }
 
+    /// The variance of each coordinate of a position (m^2) of what moves nothing, where the tool stands there; `None` of
+    /// what moves the robot, its load or its joints.
+    #[must_use]
+    pub fn variance_of_positions(&self, tool_m: &Vector3<f64>) -> Option<f64> {
+        match self {
+            Self::Misfit(deviation) => Some(deviation * deviation),
+            Self::Range { from_m, per_metre } => {
+                Some((tool_m - from_m).norm_squared() * per_metre * per_metre)
+            }
+            Self::Wrong { share, deviation_m } => Some(share * deviation_m * deviation_m),
+            // What is not there has no error.
+            Self::Dropped(_) => Some(0.0),
+            _ => None,
+        }
+    }
+
     /// How many normal numbers a reading takes for it.
     #[must_use]
     pub const fn numbers(&self) -> usize {

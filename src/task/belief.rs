@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
 use super::Extended;
-use crate::observation::Precision;
+use crate::observation::ReadingPrecision;
 use crate::parameter::{ElasticArm, Prior};
 use crate::robot::{Commands, Robot, Tool};
 
@@ -22,8 +22,8 @@ pub struct Instrument {
 impl Instrument {
     /// How precisely it reads.
     #[must_use]
-    pub const fn precision(&self) -> Precision {
-        Precision {
+    pub const fn precision(&self) -> ReadingPrecision {
+        ReadingPrecision {
             sigma_m: self.sigma_m,
             rotation_sigma_rad: self.rotation_sigma_rad,
         }

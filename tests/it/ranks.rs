@@ -5,6 +5,7 @@ use elastocal::experiment::{Experiment, Plan};
 use elastocal::identification::{Case, Identification, Sigma};
 use elastocal::measurement::Measurement;
 use elastocal::numeric::random::generator;
+use elastocal::observation::FirstOrder;
 use elastocal::scenario::Scenario;
 use elastocal::task::Method;
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, Vector3};
@@ -71,7 +72,9 @@ impl<'a> LinearWorld<'a> {
         let differs = &self.prior * DVector::from_fn(size, |_, _| (self.random)());
         let sigma_m = belief.instrument.sigma_m;
         let extended = belief.uncertain.as_ref().expect("much is uncertain");
-        let mut model = extended.first_order_of_all(sigma_m);
+        let sources: Vec<_> = extended.sources().map(|(_, each)| each.clone()).collect();
+        let (arm, set, sizes) = (extended.arm(), extended.set(), vec![1.0; size]);
+        let mut model = FirstOrder::new(arm, 0, set, &sizes, sigma_m, &sources);
         let mut jacobian = Matrix3xX::zeros(size);
         let mut measurements = Vec::new();
         for experiment in self.plan.experiments.clone() {

@@ -3,18 +3,18 @@
 
 use nalgebra::{DMatrix, DVector, Matrix3xX, Matrix6, Matrix6xX, Vector3};
 
-use super::{ObservedRows, Precision};
+use super::{ObservedRows, ReadingPrecision};
 use crate::observation::first_order::tests::{arms, every_source, everything, load};
 use crate::observation::{FirstOrder, ObservationModel, ReadingKind, Setup};
 use crate::parameter::arms::{Numbers, random_elastic};
 use crate::parameter::{ElasticArm, ParameterKind, ParameterSet};
 use crate::robot::{EquilibriumSolver, Load, Place, Spring};
 
-const DEFLECTIONS: Precision = Precision {
+const DEFLECTIONS: ReadingPrecision = ReadingPrecision {
     sigma_m: 3e-5,
     rotation_sigma_rad: None,
 };
-const ROTATIONS: Precision = Precision {
+const ROTATIONS: ReadingPrecision = ReadingPrecision {
     sigma_m: 3e-5,
     rotation_sigma_rad: Some(2e-5),
 };
