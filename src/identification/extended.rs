@@ -7,7 +7,7 @@ use super::equations::{EquationSource, Equations, Writer, rows_of};
 use super::error::IdentificationError;
 use crate::measurement::Measurement;
 use crate::observation::{
-    Form, ObservationModel, PlannedReadings, Prediction, ReadingKind, ReadingPrecision, Setup,
+    DeflectionPrecision, Form, ObservationModel, PlannedReadings, Prediction, ReadingKind, Setup,
 };
 use crate::robot::rotation_vector;
 use crate::task::{Extended, Method};
@@ -98,7 +98,7 @@ impl EquationSource<'_> {
     /// instrument's noise is the measurements' own.
     pub(super) fn readings<'e>(&self, extended: &'e Extended) -> PlannedReadings<'e> {
         let has_rotations = self.measurements.iter().any(|each| each.rotation.is_some());
-        extended.readings_of_all(ReadingPrecision {
+        extended.readings_of_all(DeflectionPrecision {
             sigma_m: self.sigma_m,
             rotation_sigma_rad: has_rotations.then_some(1.0),
         })

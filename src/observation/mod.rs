@@ -28,7 +28,7 @@ pub use model::{Form, ObservationModel};
 pub use observed::ObservedRows;
 pub use planned::PlannedReadings;
 pub use reading::{
-    Observation, PlannedReading, Prediction, Reading, ReadingKind, ReadingPrecision, Setup,
+    DeflectionPrecision, Observation, PlannedReading, Prediction, Reading, ReadingKind, Setup,
     Whitener,
 };
 pub use shared::{SharedErrors, shared_equations};

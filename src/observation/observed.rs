@@ -10,7 +10,7 @@ use std::cell::RefCell;
 use nalgebra::{Cholesky, DVector, Matrix3, Matrix3xX, Matrix6, Matrix6xX, Vector3, Vector6};
 
 use super::model::ObservationModel;
-use super::reading::{ReadingPrecision, Setup, Whitener};
+use super::reading::{DeflectionPrecision, Setup, Whitener};
 use crate::parameter::{Axis, ElasticArm, ParameterKind, ParameterSet, ReadingSource};
 use crate::robot::{EquilibriumSolver, KinematicState, Kinematics, Load};
 
@@ -26,7 +26,7 @@ const PARAMETER_SHIFT: f64 = 1e-3;
 pub struct ObservedRows<'a> {
     arm: &'a ElasticArm,
     target: usize,
-    precision: ReadingPrecision,
+    precision: DeflectionPrecision,
     sources: &'a [ReadingSource],
     /// How often an experiment is repeated.
     repeats: f64,
@@ -55,7 +55,7 @@ impl<'a> ObservedRows<'a> {
         target: usize,
         wanted: &ParameterSet,
         sizes: &[f64],
-        precision: ReadingPrecision,
+        precision: DeflectionPrecision,
         sources: &'a [ReadingSource],
     ) -> Self {
         let gears_err = sources

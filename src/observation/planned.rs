@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Matrix3xX, Matrix6, Matrix6xX, Vector3};
 
 use super::first_order::FirstOrder;
 use super::observed::ObservedRows;
-use super::reading::ReadingPrecision;
+use super::reading::DeflectionPrecision;
 use crate::parameter::{ElasticArm, ParameterSet, ReadingSource};
 use crate::robot::{KinematicState, Load};
 
@@ -26,7 +26,7 @@ impl<'a> PlannedReadings<'a> {
         target: usize,
         set: &ParameterSet,
         sizes: &[f64],
-        precision: ReadingPrecision,
+        precision: DeflectionPrecision,
         sources: &'a [ReadingSource],
     ) -> Self {
         if precision.rows() == 3 && !arm.chain.elements.has_springs() {
@@ -47,7 +47,7 @@ impl<'a> PlannedReadings<'a> {
         set: &ParameterSet,
         sizes: &[f64],
     ) -> Self {
-        let precision = ReadingPrecision {
+        let precision = DeflectionPrecision {
             sigma_m: 1.0,
             rotation_sigma_rad: None,
         };

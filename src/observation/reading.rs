@@ -61,14 +61,14 @@ impl ReadingKind {
 
 /// How precisely an instrument reads deflections.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ReadingPrecision {
+pub struct DeflectionPrecision {
     /// The standard deviation of each coordinate of a deflection (m).
     pub sigma_m: f64,
     /// The standard deviation of each coordinate of a rotation (rad), where rotations are read, too.
     pub rotation_sigma_rad: Option<f64>,
 }
 
-impl ReadingPrecision {
+impl DeflectionPrecision {
     /// What is read.
     #[must_use]
     pub const fn kind(&self) -> ReadingKind {

@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, Matrix3xX};
 
 use super::{Experiment, Plan};
-use crate::observation::{PlannedReadings, ReadingPrecision};
+use crate::observation::{DeflectionPrecision, PlannedReadings};
 use crate::robot::{ObservationMatrix, SerialChain, Tool};
 use crate::task::{Belief, Extended};
 
@@ -83,8 +83,8 @@ impl<'a> ExperimentModel<'a> {
 
     /// How precisely experiments are read.
     #[must_use]
-    pub const fn precision(&self) -> ReadingPrecision {
-        ReadingPrecision {
+    pub const fn precision(&self) -> DeflectionPrecision {
+        DeflectionPrecision {
             sigma_m: self.sigma_m,
             rotation_sigma_rad: self.rotation_sigma_rad,
         }

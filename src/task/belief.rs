@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
 use super::Extended;
-use crate::observation::ReadingPrecision;
+use crate::observation::DeflectionPrecision;
 use crate::parameter::{ElasticArm, Prior};
 use crate::robot::{Commands, Robot, Tool};
 
@@ -22,8 +22,8 @@ pub struct Instrument {
 impl Instrument {
     /// How precisely it reads.
     #[must_use]
-    pub const fn precision(&self) -> ReadingPrecision {
-        ReadingPrecision {
+    pub const fn precision(&self) -> DeflectionPrecision {
+        DeflectionPrecision {
             sigma_m: self.sigma_m,
             rotation_sigma_rad: self.rotation_sigma_rad,
         }

@@ -3,7 +3,7 @@
 
 use nalgebra::DMatrix;
 
-use crate::observation::{PlannedReadings, ReadingPrecision};
+use crate::observation::{DeflectionPrecision, PlannedReadings};
 use crate::parameter::{
     ElasticArm, ParameterError, ParameterKind, ParameterSet, Prior, ReadingSource, Source,
     Uncertainty,
@@ -242,7 +242,7 @@ impl Extended {
         &self,
         unknowns: &[usize],
         sizes: &[f64],
-        precision: ReadingPrecision,
+        precision: DeflectionPrecision,
     ) -> PlannedReadings<'_> {
         let set = &self.set.subset(unknowns);
         PlannedReadings::new(&self.arm, CALIBRATION, set, sizes, precision, &self.sources)
@@ -250,7 +250,7 @@ impl Extended {
 
     /// The same for all unknowns, in their units.
     #[must_use]
-    pub fn readings_of_all(&self, precision: ReadingPrecision) -> PlannedReadings<'_> {
+    pub fn readings_of_all(&self, precision: DeflectionPrecision) -> PlannedReadings<'_> {
         let (set, sizes) = (&self.set, vec![1.0; self.set.len()]);
         PlannedReadings::new(
             &self.arm,

@@ -3,18 +3,18 @@
 
 use nalgebra::{DMatrix, DVector, Matrix3xX, Matrix6, Matrix6xX, Vector3};
 
-use super::{ObservedRows, ReadingPrecision};
+use super::{DeflectionPrecision, ObservedRows};
 use crate::observation::first_order::tests::{arms, every_source, everything, load};
 use crate::observation::{FirstOrder, ObservationModel, ReadingKind, Setup};
 use crate::parameter::arms::{Numbers, random_elastic};
 use crate::parameter::{ElasticArm, ParameterKind, ParameterSet};
 use crate::robot::{EquilibriumSolver, Load, Place, Spring};
 
-const DEFLECTIONS: ReadingPrecision = ReadingPrecision {
+const DEFLECTIONS: DeflectionPrecision = DeflectionPrecision {
     sigma_m: 3e-5,
     rotation_sigma_rad: None,
 };
-const ROTATIONS: ReadingPrecision = ReadingPrecision {
+const ROTATIONS: DeflectionPrecision = DeflectionPrecision {
     sigma_m: 3e-5,
     rotation_sigma_rad: Some(2e-5),
 };
