@@ -320,6 +320,7 @@ impl ObservedRoom {
             commanded_rad: DVector::from_column_slice(q),
             load: *load,
             target: of.target,
+            station: 0,
         };
         let kind = of.precision.kind();
         self.model.predict_as_planned(&setup, kind, &mut self.rows);

@@ -29,7 +29,7 @@ fn configuration(numbers: &mut Numbers, arm: &ElasticArm) -> Vec<f64> {
 fn with_a_spring(numbers: &mut Numbers) -> (ElasticArm, ParameterSet) {
     let mut arm = random_elastic(numbers, 4);
     arm.zero_rad.fill(0.0);
-    arm.instrument_from_base = nalgebra::Isometry3::identity();
+    arm.instrument_from_base = vec![nalgebra::Isometry3::identity()];
     arm.load_scale = 1.0;
     arm.compliance_rad_per_nm = vec![2e-6, 1e-6, 3e-6, 4e-6];
     let place = |joints, x, z| Place {
@@ -145,6 +145,7 @@ fn springs_are_seen_at_rest() {
             commanded_rad: DVector::from_vec(q),
             load,
             target: 0,
+            station: 0,
         };
         for (index, parameter) in set.parameters().iter().enumerate() {
             let shift = 1e-4 * parameter.scale;

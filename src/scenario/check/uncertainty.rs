@@ -123,18 +123,6 @@ impl Checker<'_> {
                 let of = |link| Axis::ALL.map(|axis| (kind(link, axis), size));
                 Ok(links.into_iter().flat_map(of).collect())
             };
-        let of_springs = |kind: &dyn Fn(usize) -> Of, name: &str| {
-            let size = size(name)?;
-            let count = belief.nominal.chain.elements.springs.len();
-            if count == 0 {
-                let problem = "the model has no springs between places of the arm";
-                let wrong = self.wrong(&format!("{key}.kind"), problem);
-                return Err(
-                    wrong.hint("a spring is a spatial tendon through sites with a stiffness")
-                );
-            }
-            Ok((0..count).map(|spring| (kind(spring), size)).collect())
-        };
         let all = |_| true;
         let has_mass = |link: usize| belief.nominal.chain.joints[link].mass_kg > 0.0;
         match table.kind {
@@ -174,12 +162,18 @@ impl Checker<'_> {
                 "std_mm",
                 &has_mass,
             ),
-            UncertaintyKind::SpringStiffness => {
-                of_springs(&|spring| Of::SpringStiffness { spring }, "std_relative")
-            }
-            UncertaintyKind::SpringRest => {
-                of_springs(&|spring| Of::SpringRest { spring }, "std_mm")
-            }
+            UncertaintyKind::SpringStiffness => self.of_springs(
+                key,
+                belief,
+                &|spring| Of::SpringStiffness { spring },
+                size("std_relative")?,
+            ),
+            UncertaintyKind::SpringRest => self.of_springs(
+                key,
+                belief,
+                &|spring| Of::SpringRest { spring },
+                size("std_mm")?,
+            ),
             UncertaintyKind::ToolPosition => {
                 axes(&|axis| Of::ToolPosition { tool: 0, axis }, "std_mm")
             }
@@ -213,6 +207,23 @@ impl Checker<'_> {
             | UncertaintyKind::WrongReading
             | UncertaintyKind::DroppedReading => Ok(Vec::new()),
         }
+    }
+
+    /// A parameter of each spring between places of the arm.
+    fn of_springs(
+        &self,
+        key: &str,
+        belief: &Belief,
+        kind: &dyn Fn(usize) -> ParameterKind,
+        size: f64,
+    ) -> Result<Vec<(ParameterKind, f64)>, FileError> {
+        let count = belief.nominal.chain.elements.springs.len();
+        if count == 0 {
+            let problem = "the model has no springs between places of the arm";
+            let wrong = self.wrong(&format!("{key}.kind"), problem);
+            return Err(wrong.hint("a spring is a spatial tendon through sites with a stiffness"));
+        }
+        Ok((0..count).map(|spring| (kind(spring), size)).collect())
     }
 
     /// Only the sizes that a kind has may be given.
