@@ -31,6 +31,10 @@ fn with_a_spring(numbers: &mut Numbers) -> (ElasticArm, ParameterSet) {
     arm.zero_rad.fill(0.0);
     arm.instrument_from_base = vec![nalgebra::Isometry3::identity()];
     arm.load_scale = 1.0;
+    for joint in &mut arm.chain.joints {
+        joint.drive.slides = false;
+        joint.drive.passive_at = None;
+    }
     arm.compliance_rad_per_nm = vec![2e-6, 1e-6, 3e-6, 4e-6];
     let place = |joints, x, z| Place {
         joints,
