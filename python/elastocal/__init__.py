@@ -27,7 +27,7 @@ preload()
 
 from ._commands import OPTIONS_OF_THE_PROGRAM_ALONE, command  # noqa: E402
 from ._elastocal import COMMIT, VERSION  # noqa: E402
-from ._scenario import Problem, Scenario, compare, init, merge, schema  # noqa: E402
+from ._scenario import Problem, Scenario, compare, import_table, init, merge, schema  # noqa: E402
 
 __version__ = VERSION
 
@@ -48,6 +48,7 @@ __all__ = [
     "UsageError",
     "command",
     "compare",
+    "import_table",
     "init",
     "merge",
     "schema",

@@ -269,6 +269,11 @@ def init(model: FilePath, scenario_out: FilePath, tip: str | None = None) -> Sce
     return Scenario(scenario_out)
 
 
+def import_table(table: FilePath, mapping: FilePath, measurements_out: FilePath | None = None) -> Results:
+    """Reads a table of another program through a mapping of its columns, and writes a measurement file."""
+    return command("import", table, mapping=mapping, measurements_out=measurements_out)
+
+
 def merge(*shards: FilePath, **given: Any) -> Results:
     """Joins the shards of a study."""
     return command("merge", *shards, **given)

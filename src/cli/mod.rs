@@ -14,6 +14,7 @@ mod export;
 mod identified;
 mod identify;
 mod identify_absolute;
+mod import;
 mod init;
 pub mod interruption;
 mod lab;
@@ -125,6 +126,11 @@ enum Command {
         after_help = "Example:\n  elastocal measure --plan plan.csv --measurements-out measurements.csv"
     )]
     Measure(measure::Measure),
+    /// Read a table of measurements that another program wrote, through a mapping of its columns
+    #[command(
+        after_help = "Example:\n  elastocal import tracker.csv --mapping mapping.toml --measurements-out measurements.csv"
+    )]
+    Import(import::Import),
     /// Identify the compliances from measurements
     #[command(
         after_help = "Example:\n  elastocal identify --measurements measurements.csv --identified-out identified.json"
@@ -220,6 +226,7 @@ impl Arguments {
         let (json, quiet, threads) = match (&self.command, self.command.common()) {
             (_, Some(common)) => (common.json, common.quiet, common.threads),
             (Command::Init(command), None) => (command.json, command.quiet, None),
+            (Command::Import(command), None) => (command.json, command.quiet, None),
             (Command::Merge(command), None) => (command.json, command.quiet, None),
             (Command::Compare(command), None) => (command.json, command.quiet, None),
             (_, None) => (false, false, None),
@@ -254,6 +261,7 @@ impl Arguments {
             Command::Budget(command) => command.execute(),
             Command::Evaluate(command) => command.execute(),
             Command::Measure(command) => command.execute(),
+            Command::Import(command) => command.execute(),
             Command::Identify(command) => command.execute(),
             Command::Compensate(command) => command.execute(),
             Command::Export(command) => command.execute(),
@@ -294,6 +302,7 @@ impl Command {
             Self::Replay(command) => &command.common,
             Self::Reproduce(command) => &command.common,
             Self::Init(_)
+            | Self::Import(_)
             | Self::Merge(_)
             | Self::Compare(_)
             | Self::View(_)

@@ -7,8 +7,11 @@ use crate::files::FileError;
 /// What separates fields.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Delimiter {
+    /// `,`
     Comma,
+    /// `;`
     Semicolon,
+    /// A tab.
     Tab,
 }
 
@@ -32,7 +35,7 @@ impl Delimiter {
     }
 
     /// Spreadsheets may say it in a first line of their own: `sep=;`.
-    pub fn of_separator_line(line: &str) -> Option<Self> {
+    pub(super) fn of_separator_line(line: &str) -> Option<Self> {
         let line = line.trim_matches(['"', ' ']);
         let said = line.strip_prefix("sep=")?;
         Self::ALL
@@ -41,7 +44,7 @@ impl Delimiter {
     }
 
     /// The one in the header, since no column's name contains any.
-    pub fn of_header(path: &Path, header: &str) -> Result<Self, FileError> {
+    pub(super) fn of_header(path: &Path, header: &str) -> Result<Self, FileError> {
         let found: Vec<Self> = Self::ALL
             .into_iter()
             .filter(|delimiter| header.contains(delimiter.sign()))
@@ -61,7 +64,7 @@ impl Delimiter {
     }
 
     /// The fields of a line without space and quotes around them; a delimiter in quotes is none.
-    pub fn split(self, path: &Path, line: &str) -> Result<Vec<String>, FileError> {
+    pub(super) fn split(self, path: &Path, line: &str) -> Result<Vec<String>, FileError> {
         let mut fields = vec![String::new()];
         let mut quoted = false;
         for sign in line.chars() {
@@ -83,7 +86,7 @@ impl Delimiter {
     }
 
     /// The error of a row that has not as many fields as the header.
-    pub fn miscounted(self, path: &Path, found: usize, columns: usize) -> FileError {
+    pub(super) fn miscounted(self, path: &Path, found: usize, columns: usize) -> FileError {
         let wrong = FileError::new(
             path,
             format!("found {found} fields; the header has {columns}"),

@@ -7,6 +7,7 @@
 
 mod dialect;
 mod encoding;
+mod raw;
 
 use std::path::Path;
 
@@ -15,7 +16,10 @@ use nalgebra::Vector3;
 use crate::files::FileError;
 use crate::quantities::limits::MOST_MEASUREMENTS;
 use crate::quantities::plausible::{self, Kind};
-use dialect::{Decimals, Delimiter};
+use dialect::Decimals;
+
+pub use dialect::Delimiter;
+pub use raw::{RawTable, Separator};
 
 /// A CSV file of numbers, read whole: its rows with their line numbers, columns found by name.
 #[derive(Debug)]

@@ -5,6 +5,7 @@
 
 mod absolute;
 mod columns;
+pub mod foreign;
 mod origin;
 mod read;
 mod read_absolute;
@@ -18,7 +19,9 @@ use crate::robot::Load;
 pub use absolute::{AbsoluteReading, Approach};
 pub use origin::Origin;
 pub use read::{MeasuredFile, read_measured, read_measurements, read_measurements_so_far};
-pub use write::{RowToFillIn, table_to_fill_in, write_measurements, write_measurements_under};
+pub use write::{
+    RowToFillIn, deflection_table, table_to_fill_in, write_measurements, write_measurements_under,
+};
 pub use write_absolute::absolute_table;
 
 /// One calibration experiment's outcome (A2).

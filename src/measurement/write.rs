@@ -76,7 +76,7 @@ pub fn write_measurements_under(
     commands: impl Into<Commands>,
     measurements: &[Measurement],
 ) -> Result<(), FileError> {
-    let text = text_of(path, &commands.into(), measurements)?;
+    let text = deflection_table(path, &commands.into(), measurements)?;
     write_whole(path, (origin.comments() + &text).as_bytes())
 }
 
@@ -92,11 +92,15 @@ pub fn write_measurements(
 ) -> Result<(), FileError> {
     write_whole(
         path,
-        text_of(path, &commands.into(), measurements)?.as_bytes(),
+        deflection_table(path, &commands.into(), measurements)?.as_bytes(),
     )
 }
 
-fn text_of(
+/// The text of a file of deflections.
+///
+/// # Errors
+/// Some of them have standard deviations or rotations and some have none.
+pub fn deflection_table(
     path: &Path,
     commands: &Commands,
     measurements: &[Measurement],

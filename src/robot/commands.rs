@@ -34,6 +34,20 @@ impl From<usize> for Commands {
     }
 }
 
+impl FromIterator<bool> for Commands {
+    /// An arm of commanded joints, each of which slides or turns.
+    fn from_iter<T: IntoIterator<Item = bool>>(slides: T) -> Self {
+        let kind = |slides| {
+            if slides {
+                JointCommand::Length
+            } else {
+                JointCommand::Angle
+            }
+        };
+        Self(slides.into_iter().map(kind).collect())
+    }
+}
+
 impl From<&SerialChain> for Commands {
     fn from(chain: &SerialChain) -> Self {
         let joints =

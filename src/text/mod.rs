@@ -34,6 +34,14 @@ pub fn plain(text: &str) -> Cow<'_, str> {
     }
 }
 
+/// Of the words that there are, the one that was likely meant.
+pub fn nearest<'a>(found: &str, known: impl Iterator<Item = &'a str>) -> Option<&'a str> {
+    let found = found.to_lowercase();
+    let likeness = |word: &str| strsim::jaro_winkler(&found, &word.to_lowercase());
+    let best = known.max_by(|one, other| likeness(one).total_cmp(&likeness(other)))?;
+    (likeness(best) > 0.8).then_some(best)
+}
+
 /// What is wrong with a name, which people read and other files and programs take over.
 #[must_use]
 pub fn wrong_name(name: &str) -> Option<String> {

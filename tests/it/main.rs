@@ -19,6 +19,7 @@
 //! - `command_line`: the commands, seen from outside the process.
 //! - `init`: a first scenario for models of all kinds, and URDF.
 //! - `exported_models`: the calibrated robot as MJCF and URDF, read again.
+//! - `foreign_tables`: tables of other programs become measurement files.
 //! - `gate`: comparing results against tolerances, seen from outside the process.
 //! - `gate_refusals`: results and tolerances that cannot be compared.
 //! - `interruptions`: studies that are killed, disks that fill up.
@@ -100,6 +101,7 @@ mod exchanges;
 mod exported_models;
 mod faults;
 mod force_sizes;
+mod foreign_tables;
 mod gate;
 mod gate_refusals;
 mod identifiability;

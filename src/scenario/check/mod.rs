@@ -29,7 +29,7 @@ use crate::mujoco::{Additions, ModelError};
 use crate::robot::{Commands, Robot};
 use crate::task::{Belief, Task};
 use crate::testbed::Truth;
-use crate::text::wrong_name;
+use crate::text::{nearest, wrong_name};
 
 impl Scenario {
     /// Reads and checks a scenario file.
@@ -269,8 +269,5 @@ fn line_of(text: &str, offset: usize) -> usize {
 fn hint_for(problem: &str) -> Option<String> {
     let mut quoted = problem.split('`').skip(1).step_by(2);
     let found = quoted.next().filter(|_| problem.starts_with("unknown "))?;
-    let best = quoted.max_by(|one, other| {
-        strsim::jaro_winkler(found, one).total_cmp(&strsim::jaro_winkler(found, other))
-    })?;
-    (strsim::jaro_winkler(found, best) > 0.8).then(|| format!("did you mean `{best}`?"))
+    nearest(found, quoted).map(|best| format!("did you mean `{best}`?"))
 }

@@ -18,6 +18,7 @@ use elastocal::comparison::results::ResultsFile;
 use elastocal::files::{FileError, read_text};
 use elastocal::identification::StoredIdentification;
 use elastocal::laboratory::{Dialect, DialectError, Program, ProgramStep};
+use elastocal::measurement::foreign::import;
 use elastocal::measurement::{
     AbsoluteReading, absolute_table, read_measured, read_measurements, read_measurements_so_far,
 };
@@ -32,6 +33,7 @@ use rayon::prelude::*;
 use serde_json::Value;
 
 use self::mutate::{mutated, mutated_json, mutated_xml};
+use crate::foreign_tables::{MAPPING, TABLE};
 use crate::support::{Workplace, project, scenario_text};
 
 /// No input takes longer to read, on a machine with other work to do.
@@ -97,6 +99,8 @@ fn readers() -> Vec<Reader> {
         results_reader(&place),
         identification_reader(&place),
         dialect_reader(),
+        mapping_reader(),
+        foreign_reader(),
     ]
 }
 
@@ -147,7 +151,7 @@ fn plan_reader() -> Reader {
     Reader {
         name: "plan",
         ending: "csv",
-        share: 38,
+        share: 34,
         read: |path| read_plan(path, 6).map(|plan| format!("{plan:?}")),
         is_well_formed: is_table,
         seeds: vec![
@@ -162,7 +166,7 @@ fn measurements_reader(place: &Workplace) -> Reader {
     Reader {
         name: "measurements",
         ending: "csv",
-        share: 42,
+        share: 38,
         read: |path| {
             // What is not filled in yet is another way to read it.
             let _ = read_measurements_so_far(path, 6);
@@ -272,6 +276,41 @@ fn robot_of_readings() -> String {
 
 /// The robot that absolute readings are of.
 static UR10: LazyLock<Scenario> = LazyLock::new(|| crate::support::scenario("ur10"));
+
+/// A foreign table and its mapping.
+static FOREIGN: LazyLock<Workplace> = LazyLock::new(|| {
+    let place = Workplace::new();
+    place.write("table.csv", TABLE);
+    place.write("mapping.toml", MAPPING);
+    place
+});
+
+fn mapping_reader() -> Reader {
+    Reader {
+        name: "mapping",
+        ending: "toml",
+        share: 4,
+        read: |path| import(&FOREIGN.path("table.csv"), path).map(|imported| imported.text),
+        is_well_formed: |text| text.parse::<toml::Table>().is_ok(),
+        seeds: vec![MAPPING.to_owned()],
+    }
+}
+
+fn foreign_reader() -> Reader {
+    Reader {
+        name: "foreign",
+        ending: "csv",
+        share: 4,
+        read: |path| import(path, &FOREIGN.path("mapping.toml")).map(|imported| imported.text),
+        is_well_formed: |text| {
+            let semicolons = |line: &str| line.matches(';').count();
+            let mut lines = text.lines().filter(|line| !line.trim().is_empty());
+            let first = lines.next().map_or(0, semicolons);
+            first > 0 && lines.all(|line| semicolons(line) == first)
+        },
+        seeds: vec![TABLE.to_owned()],
+    }
+}
 
 /// The robot that identifications and programs are for.
 static KR270: LazyLock<Scenario> = LazyLock::new(|| crate::support::scenario("kr270"));

@@ -1,0 +1,100 @@
+//! `import`: a foreign table becomes a measurement file.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use elastocal::files::output::write_whole;
+use elastocal::files::roles::Roles;
+use elastocal::measurement::foreign::{ImportedTable, import};
+use elastocal::record::messages::SchemaMessage;
+use elastocal::record::platform::platform;
+use elastocal::text::wording::counted;
+use serde_json::json;
+
+use super::table::table;
+use super::{Report, check_outputs};
+
+/// Arguments of `import`.
+#[derive(Debug, Args)]
+pub struct Import {
+    /// The table that another program wrote.
+    table: PathBuf,
+    /// What its columns are, in TOML.
+    #[arg(long, value_name = "FILE")]
+    mapping: PathBuf,
+    /// Where to write the measurements.
+    #[arg(long, alias = "out", value_name = "FILE")]
+    measurements_out: Option<PathBuf>,
+    /// Print results as JSON.
+    #[arg(long)]
+    pub json: bool,
+    /// Say nothing on stderr but errors.
+    #[arg(long)]
+    pub quiet: bool,
+}
+
+impl Import {
+    pub fn execute(&self) -> anyhow::Result<Report> {
+        let mut roles = Roles::default();
+        roles.reads("the table", &self.table);
+        roles.reads("the mapping", &self.mapping);
+        let out = self.measurements_out.as_deref();
+        check_outputs(&mut roles, &[("--measurements-out", out)])?;
+        let imported = import(&self.table, &self.mapping)?;
+        let mut text = describe(&self.table, &imported);
+        if let Some(path) = out {
+            write_whole(path, imported.text.as_bytes())?;
+            text += &format!("wrote {}\n", path.display());
+        }
+        let ranges: Vec<_> = (imported.ranges.iter())
+            .map(|each| json!({ "column": each.column, "range": each.range, "different": each.different }))
+            .collect();
+        Ok(Report {
+            json: json!({
+                "schema": SchemaMessage::new("import"),
+                "provenance": {
+                    "version": elastocal::VERSION, "commit": elastocal::COMMIT, "platform": platform(),
+                },
+                "measurements_file": out,
+                "rows": imported.rows,
+                "left_out": imported.left_out,
+                "columns": ranges,
+                "understood": imported.understood,
+                "unread": imported.unread,
+            }),
+            text,
+            conditions: Vec::new(),
+        })
+    }
+}
+
+fn describe(path: &Path, imported: &ImportedTable) -> String {
+    let mut text = format!(
+        "{}: {}",
+        path.display(),
+        counted(imported.rows as u64, "row")
+    );
+    if imported.left_out > 0 {
+        text += &format!(", {} left out", imported.left_out);
+    }
+    text += "\n";
+    let rows: Vec<Vec<String>> = (imported.ranges.iter())
+        .map(|each| {
+            let shown = |value: f64| format!("{value:.5}");
+            let range = each.range.map_or_else(
+                || ["-".to_owned(), "-".to_owned()],
+                |range| range.map(shown),
+            );
+            let [low, high] = range;
+            vec![each.column.clone(), low, high, each.different.to_string()]
+        })
+        .collect();
+    text += &table(&["column", "smallest", "largest", "different"], &rows);
+    for sentence in &imported.understood {
+        text += &format!("{sentence}\n");
+    }
+    if !imported.unread.is_empty() {
+        text += &format!("Not read: {}.\n", imported.unread.join(", "));
+    }
+    text
+}
