@@ -1093,10 +1093,13 @@ def finite(text):
     return float(text) if math.isfinite(float(text)) else no_number(text)
 
 
-def check(path):
-    with open(path, encoding="utf-8") as source:
-        # What is no number is neither above nor below anything, and would pass any comparison.
-        file = json.load(source, parse_constant=no_number, parse_float=finite)
+def read(text):
+    # What is no number is neither above nor below anything, and would pass any comparison.
+    return json.loads(text, parse_constant=no_number, parse_float=finite)
+
+
+def check(file):
+    """What is proved, in lines."""
     for key in ("mandatory_experiments", "mandatory_within_rad", "prior_precision"):
         if key not in file:
             raise Unknown(f"the file lacks {key}: a program of today writes it")
@@ -1121,17 +1124,32 @@ def check(path):
             raise Refused("there is no proof for the largest load")
     else:
         raise Unknown("loads of this kind")
+    lines = []
     for part in parts:
         given, looks = check_part(question, arm, part, threshold)
-        print(f"{given} boxes hold ({looks} looks)")
+        lines.append(f"{given} boxes hold ({looks} looks)")
     check_bounds(file)
     criterion = file.get("criterion", "test_pose")
     for m, best in file["bounds"]:
         if criterion == "test_pose":
-            print(f"no plan of {m} measurements has rho0 below {best * 1e6:.4f} um")
+            lines.append(f"no plan of {m} measurements has rho0 below {best * 1e6:.4f} um")
         else:
             beyond = "above" if criterion in ("d", "e", "o1", "o3") else "below"
-            print(f"no plan of {m} measurements has {criterion} {beyond} {best:.6e}")
+            lines.append(f"no plan of {m} measurements has {criterion} {beyond} {best:.6e}")
+    return lines
+
+
+def verdict(content):
+    """The exit code, and what is said of a file with this content (bytes)."""
+    try:
+        return 0, [*check(read(content.decode("utf-8"))), "the proof holds"]
+    except Refused as error:
+        return 1, [f"refused: {error}"]
+    except Unknown as error:
+        return 2, [f"cannot be checked here: {error}"]
+    # Numbers beyond any, and nesting without an end, are found by the reading of them.
+    except (KeyError, TypeError, IndexError, ValueError, AttributeError, ArithmeticError, RecursionError) as error:
+        return 1, [f"refused: the file is no proof ({type(error).__name__}: {error})"]
 
 
 def main():
@@ -1139,18 +1157,14 @@ def main():
         print(__doc__.split("\n\n")[1], file=sys.stderr)
         return 2
     try:
-        check(sys.argv[1])
-    except Refused as error:
-        print(f"refused: {error}")
+        with open(sys.argv[1], "rb") as source:
+            content = source.read()
+    except OSError as error:
+        print(f"refused: the file cannot be read ({error})")
         return 1
-    except Unknown as error:
-        print(f"cannot be checked here: {error}")
-        return 2
-    except (KeyError, TypeError, IndexError, ValueError, OSError) as error:
-        print(f"refused: the file is no proof ({type(error).__name__}: {error})")
-        return 1
-    print("the proof holds")
-    return 0
+    code, lines = verdict(content)
+    print("\n".join(lines))
+    return code
 
 
 if __name__ == "__main__":

@@ -6,6 +6,7 @@
 //! ever failed belongs in `tests/corpus`, in the folder of its reader.
 
 mod mutate;
+mod proofs;
 
 use std::fmt::Write as _;
 use std::panic::{AssertUnwindSafe, catch_unwind};
