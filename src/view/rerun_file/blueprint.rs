@@ -3,16 +3,18 @@
 //! The SDK's own blueprint types give no hold of the eye, so the archetypes are logged directly.
 
 use nalgebra::Vector3;
-use rerun::blueprint::components::{
-    BackgroundKind, ColumnShare, ContainerKind, Corner2D, Eye3DKind, IncludedContent, PanelState,
-    PlayState, QueryExpression, RootContainer, RowShare, ViewClass,
-};
-use rerun::components::{Name, Visible};
-use rerun::datatypes::{Bool, Float32, Range1D, TimeInt, TimeRange, TimeRangeBoundary, Uuid};
-use rerun::external::re_sdk_types::blueprint::archetypes::TimePanelBlueprint;
-use rerun::external::re_sdk_types::blueprint::archetypes::{
+use re_sdk_types::AsComponents;
+use re_sdk_types::blueprint::archetypes::{
     Background, ContainerBlueprint, EyeControls3D, LineGrid3D, PanelBlueprint, PlotLegend,
-    ScalarAxis, TimeAxis, ViewBlueprint, ViewContents, ViewportBlueprint,
+    ScalarAxis, TimeAxis, TimePanelBlueprint, ViewBlueprint, ViewContents, ViewportBlueprint,
+};
+use re_sdk_types::blueprint::components::{
+    ActiveTab, BackgroundKind, ColumnShare, ContainerKind, Corner2D, Eye3DKind, IncludedContent,
+    PanelState, PlayState, QueryExpression, RootContainer, RowShare, ViewClass,
+};
+use re_sdk_types::components::{Name, Visible};
+use re_sdk_types::datatypes::{
+    Bool, Float32, Range1D, TimeInt, TimeRange, TimeRangeBoundary, Uuid,
 };
 
 use super::eye::Eye;
@@ -85,7 +87,7 @@ struct Layout<'a> {
 }
 
 impl Layout<'_> {
-    fn log(&mut self, path: &str, what: &dyn rerun::AsComponents) {
+    fn log(&mut self, path: &str, what: &dyn AsComponents) {
         self.store.log(path, &[("blueprint", 0)], what);
     }
 
@@ -132,7 +134,7 @@ impl Layout<'_> {
                 let first = content[0].clone();
                 let container = ContainerBlueprint::new(ContainerKind::Tabs)
                     .with_contents(content)
-                    .with_active_tab(rerun::blueprint::components::ActiveTab(first.0));
+                    .with_active_tab(ActiveTab(first.0));
                 self.log(&path, &container);
                 path
             }

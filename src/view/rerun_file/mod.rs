@@ -11,10 +11,9 @@ pub mod viewer;
 
 use std::path::Path;
 
-use rerun::blueprint::components::PlayState;
-use rerun::external::re_log_types::{StoreId, StoreKind};
-use rerun::log::LogMsg;
-use rerun::{EntityPath, RecordingInfo, Scalars, SeriesPoints, TextDocument, entity_path};
+use re_log_types::{EntityPath, LogMsg, StoreId, StoreKind, entity_path};
+use re_sdk_types::archetypes::{RecordingInfo, Scalars, SeriesPoints, TextDocument};
+use re_sdk_types::blueprint::components::PlayState;
 use sha2::{Digest, Sha256};
 
 use super::recording::{RecordedCalibration, Recording, Step, StepKind};

@@ -1,10 +1,11 @@
 //! The robot with what acts on it.
 
 use nalgebra::{Isometry3, Vector3};
-use rerun::{
-    Arrows3D, Clear, EntityPath, LineStrips3D, Mesh3D, Points3D, Transform3D, ViewCoordinates,
-    entity_path,
+use re_log_types::{EntityPath, entity_path};
+use re_sdk_types::archetypes::{
+    Arrows3D, Clear, LineStrips3D, Mesh3D, Points3D, Transform3D, ViewCoordinates,
 };
+use re_sdk_types::datatypes::Quaternion;
 
 use super::store::{Now, Store};
 use crate::view::recording::{Body, Recording, ShownTool, Step};
@@ -179,7 +180,7 @@ fn transform(pose: &Isometry3<f64>) -> Transform3D {
     let rotation = pose.rotation.coords;
     Transform3D::new()
         .with_translation(single(&pose.translation.vector))
-        .with_quaternion(rerun::Quaternion::from_xyzw(
+        .with_quaternion(Quaternion::from_xyzw(
             [rotation.x, rotation.y, rotation.z, rotation.w].map(narrow),
         ))
 }

@@ -7,13 +7,14 @@
 
 use std::collections::BTreeMap;
 
-use rerun::external::re_log_encoding::Encoder;
-use rerun::external::re_log_types::external::re_tuid::Tuid;
-use rerun::external::re_log_types::{
-    BlueprintActivationCommand, SetStoreInfo, StoreId, StoreInfo, StoreSource,
+use re_chunk::{Chunk, ChunkId, ChunkResult, RowId};
+use re_log_encoding::Encoder;
+use re_log_types::external::re_tuid::Tuid;
+use re_log_types::{
+    BlueprintActivationCommand, EntityPath, LogMsg, SetStoreInfo, StoreId, StoreInfo, StoreSource,
+    TimePoint, Timeline,
 };
-use rerun::log::{Chunk, ChunkId, LogMsg, RowId};
-use rerun::{AsComponents, EntityPath, TimePoint, Timeline};
+use re_sdk_types::{AsComponents, SerializedComponentBatch};
 
 /// The entities of one recording or blueprint.
 pub(super) struct Store {
@@ -31,7 +32,7 @@ pub(super) type Now<'a> = &'a [(&'static str, i64)];
 struct StoreRow {
     id: RowId,
     time: TimePoint,
-    components: Vec<rerun::SerializedComponentBatch>,
+    components: Vec<SerializedComponentBatch>,
 }
 
 impl Store {
@@ -80,7 +81,7 @@ impl Store {
         self.chunks().map_err(|error| error.to_string())
     }
 
-    fn chunks(&mut self) -> rerun::log::ChunkResult<Vec<LogMsg>> {
+    fn chunks(&mut self) -> ChunkResult<Vec<LogMsg>> {
         let mut messages = Vec::new();
         if !self.is_open {
             let info = StoreInfo::new(self.id.clone(), StoreSource::Other("elastocal".to_owned()));

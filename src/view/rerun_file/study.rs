@@ -5,11 +5,11 @@
 
 use std::path::Path;
 
-use rerun::blueprint::components::PlayState;
-use rerun::log::LogMsg;
-use rerun::{
-    BarChart, EntityPath, LineStrips2D, Points2D, Scalars, SeriesLines, TextDocument, entity_path,
+use re_log_types::{EntityPath, LogMsg, entity_path};
+use re_sdk_types::archetypes::{
+    BarChart, LineStrips2D, Points2D, Scalars, SeriesLines, TextDocument,
 };
+use re_sdk_types::blueprint::components::PlayState;
 
 use super::blueprint::{BARS, Clock, PLANE, SPACE, TEXT, ViewArea};
 use super::store::Store;

@@ -8,14 +8,14 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use rerun::external::re_uri::ProxyUri;
-use rerun::log::LogMsg;
-use rerun::sink::{GrpcSink, GrpcSinkConnectionState, LogSink};
+use re_grpc_client::write::{Client, ClientConnectionState, Options};
+use re_log_types::LogMsg;
+use re_uri::ProxyUri;
 
 /// Where a viewer on this machine listens.
-pub const DEFAULT_URL: &str = rerun::DEFAULT_CONNECT_URL;
+pub const DEFAULT_URL: &str = "rerun+http://127.0.0.1:9876/proxy";
 /// The port of [`DEFAULT_URL`].
-pub const DEFAULT_PORT: u16 = rerun::DEFAULT_SERVER_PORT;
+pub const DEFAULT_PORT: u16 = re_uri::DEFAULT_PROXY_PORT;
 
 /// How long a viewer may take to answer.
 const ANSWER: Duration = Duration::from_secs(15);
@@ -86,14 +86,14 @@ impl Viewer {
         let (outbox, outcome) = channel();
         let uri = address.0.clone();
         thread::spawn(move || {
-            let sink = GrpcSink::new(uri);
-            let result = pass_on(&sink, &inbox);
+            let client = Client::new(uri, Options::default());
+            let result = pass_on(&client, &inbox);
             let failed = result.is_err();
             if failed {
-                // What is gone is said before the sink is closed, which can take its time.
+                // What is gone is said before the client is closed, which can take its time.
                 let _ = outbox.send(result.err());
             }
-            drop(sink);
+            drop(client);
             if !failed {
                 let _ = outbox.send(None);
             }
@@ -137,10 +137,10 @@ impl Viewer {
 }
 
 /// Sends what comes in until nothing more comes.
-fn pass_on(sink: &GrpcSink, inbox: &Receiver<Messages>) -> Result<(), String> {
+fn pass_on(client: &Client, inbox: &Receiver<Messages>) -> Result<(), String> {
     let start = Instant::now();
-    // The sink takes a few messages only before it is connected.
-    while matches!(sink.status(), GrpcSinkConnectionState::Connecting { .. }) {
+    // The client takes a few messages only before it is connected.
+    while matches!(client.status(), ClientConnectionState::Connecting { .. }) {
         if start.elapsed() > ANSWER {
             return Err("does not answer".to_owned());
         }
@@ -154,18 +154,18 @@ fn pass_on(sink: &GrpcSink, inbox: &Receiver<Messages>) -> Result<(), String> {
             Err(RecvTimeoutError::Disconnected) => break,
         };
         for message in messages {
-            sink.send(message);
+            client.send_blocking(message);
         }
-        check(sink)?;
+        check(client)?;
     }
-    let flushed = sink.flush_blocking(REST);
-    check(sink)?;
+    let flushed = client.flush_blocking(REST);
+    check(client)?;
     flushed.map_err(|_| "did not take all in time".to_owned())
 }
 
-fn check(sink: &GrpcSink) -> Result<(), String> {
-    match sink.status() {
-        GrpcSinkConnectionState::Disconnected(_) => Err("has gone away".to_owned()),
+fn check(client: &Client) -> Result<(), String> {
+    match client.status() {
+        ClientConnectionState::Disconnected(_) => Err("has gone away".to_owned()),
         _ => Ok(()),
     }
 }
