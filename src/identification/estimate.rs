@@ -174,7 +174,7 @@ fn report(
         covariance: &fit.least_squares.covariance * (factor * factor),
         estimable: fit.estimable,
     };
-    let estimate = |index: usize| {
+    let estimate = |posterior: &Posterior, index: usize| {
         let standard_error = posterior.standard_error(index)?;
         let value = posterior.mean[index];
         let half = quantile * standard_error;
@@ -184,11 +184,14 @@ fn report(
             interval95: [value - half, value + half],
         })
     };
+    // Files hold what is known of the compliances alone: what is told of them is decided there.
+    let compliances = (source.uncertain).map(|_| posterior.of_first(joints.len()));
+    let compliances = compliances.as_ref().unwrap_or(&posterior);
     let parameters = (joints.iter().enumerate())
         .map(|(index, &joint)| ParameterEstimate {
             joint,
             name: posterior.names[index].clone(),
-            estimate: estimate(index),
+            estimate: estimate(compliances, index),
         })
         .collect();
     let uncertain = (source.uncertain.into_iter())
@@ -202,7 +205,7 @@ fn report(
                 words: parameter.kind.words(extended.arm()),
                 unit: parameter.unit().to_owned(),
                 prior_deviation: extended.prior_deviation(place),
-                estimate: estimate(place),
+                estimate: estimate(&posterior, place),
             }
         })
         .collect();

@@ -22,7 +22,7 @@
 //! the same measure: it is nothing where its typical size would add less than a hundredth of the
 //! standard error, or 1e-6 of the whole (rounding again).
 
-use nalgebra::{Cholesky, DMatrix};
+use nalgebra::{Cholesky, DMatrix, DVector};
 
 use crate::numeric::factorisation::{finite_eigen, finite_svd};
 
@@ -85,24 +85,28 @@ impl Estimable {
     }
 
     /// What is determined of the first parameters, whatever the others are: a direction among them is not where it is
-    /// part of one that is not.
+    /// part of one that is not, unless that is next to nothing beside its standard error by their `covariance` (in
+    /// their own units).
     #[must_use]
-    pub fn of_first(&self, count: usize) -> Self {
+    pub fn of_first(&self, covariance: &DMatrix<f64>) -> Self {
+        let count = covariance.nrows();
         let typical = &self.typical[..count];
         let own = self.hidden.rows(0, count).into_owned();
-        // Directions of the others leave nothing here.
-        let hidden = match finite_svd(own) {
-            Some(svd) => {
-                let singular = svd.singular_values.iter();
-                let places: Vec<usize> = singular
-                    .enumerate()
-                    .filter(|(_, value)| **value > ROUNDING.sqrt())
-                    .map(|(index, _)| index)
-                    .collect();
-                (svd.u).map_or_else(|| DMatrix::zeros(count, 0), |u| u.select_columns(&places))
-            }
-            None => DMatrix::zeros(count, 0),
+        let matters = |value: f64, direction: DVector<f64>| {
+            let row = direction.component_div(&DVector::from_column_slice(typical));
+            let variance = (row.tr_mul(covariance) * &row)[(0, 0)].max(0.0);
+            value > ROUNDING.sqrt().max(NOTHING * variance.sqrt())
         };
+        let hidden = finite_svd(own).and_then(|svd| {
+            let u = svd.u?;
+            let singular = svd.singular_values.iter().enumerate();
+            let places: Vec<usize> = singular
+                .filter(|(index, value)| matters(**value, u.column(*index).into_owned()))
+                .map(|(index, _)| index)
+                .collect();
+            Some(u.select_columns(&places))
+        });
+        let hidden = hidden.unwrap_or_else(|| DMatrix::zeros(count, 0));
         Self::with_hidden(typical, hidden)
     }
 

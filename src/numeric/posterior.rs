@@ -65,11 +65,12 @@ impl Posterior {
     /// What is known of the first parameters alone, whatever the others are.
     #[must_use]
     pub fn of_first(&self, count: usize) -> Self {
+        let covariance = self.covariance.view((0, 0), (count, count)).into_owned();
         Self {
             names: self.names[..count].to_vec(),
             mean: self.mean[..count].to_vec(),
-            covariance: self.covariance.view((0, 0), (count, count)).into_owned(),
-            estimable: self.estimable.of_first(count),
+            estimable: self.estimable.of_first(&covariance),
+            covariance,
         }
     }
 

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 
 use serde_json::Value;
 
-use crate::support::{Workplace, scenario_text};
+use crate::support::{Workplace, project, scenario_text};
 
 /// The paper's scenario with more unknowns, planned for twelve measurements.
 fn with(unknowns: &str, more: &str) -> String {
@@ -216,4 +216,27 @@ fn noise_alone_keeps_the_unknowns() {
     let (plain, listed) = (rho0("plain.toml"), rho0("listed.toml --noise-only"));
     assert!((plain / listed - 1.0).abs() < 1e-12, "{plain} and {listed}");
     assert!(rho0("listed.toml") > 1.1 * plain);
+}
+
+/// More unknowns than readings: what is told of the compliances is what the file holds, which is read again.
+#[test]
+fn too_few_readings_for_all_unknowns_are_written_and_read() {
+    let place = Workplace::new();
+    let unknowns = "\"joint_3.zero\", \"joint_4.zero\", \"joint_5.zero\", \"link_4.x\", \"link_5.y\", \"link_3.z\"";
+    place.write("few.toml", with(unknowns, ""));
+    let plan = std::fs::read_to_string(project("scenarios/plans/klimchik2012_m3.csv"));
+    place.write("plan.csv", plan.expect("it is there"));
+    place
+        .run("measure few.toml --plan plan.csv --measurements-out m.csv --quiet")
+        .ends_with(0);
+    place
+        .run("identify few.toml --measurements m.csv --identified-out i.json --quiet")
+        .ends_with(3);
+    let found: Value = serde_json::from_str(&place.read("i.json")).expect("JSON");
+    let compliances = found["compliance_rad_per_nm"].as_array().expect("a list");
+    let is_known = |value: &&Value| value.is_number();
+    let known = compliances.iter().filter(is_known).count();
+    assert!(known > 0 && known < compliances.len(), "{found}");
+    let outcome = place.run("compensate few.toml --identified i.json --quiet");
+    assert!(!outcome.stderr.contains("damaged"), "{}", outcome.stderr);
 }
