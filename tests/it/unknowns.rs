@@ -233,10 +233,12 @@ fn too_few_readings_for_all_unknowns_are_written_and_read() {
         .run("identify few.toml --measurements m.csv --identified-out i.json --quiet")
         .ends_with(3);
     let found: Value = serde_json::from_str(&place.read("i.json")).expect("JSON");
-    let compliances = found["compliance_rad_per_nm"].as_array().expect("a list");
-    let is_known = |value: &&Value| value.is_number();
-    let known = compliances.iter().filter(is_known).count();
-    assert!(known > 0 && known < compliances.len(), "{found}");
+    let hidden = found["undetermined_of_all"].as_array().expect("a list");
+    assert_eq!(
+        hidden.len(),
+        2,
+        "eleven unknowns from nine numbers: {found}"
+    );
     let outcome = place.run("compensate few.toml --identified i.json --quiet");
     assert!(!outcome.stderr.contains("damaged"), "{}", outcome.stderr);
 }
