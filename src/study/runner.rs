@@ -249,13 +249,16 @@ impl<'a> Runner<'a> {
         let entry = &self.entries[index];
         if let (Some(model), Some(plan)) = (&self.plans[index], entry.kind.plan()) {
             let mut batch = model.run(&workspace.normals, &workspace.parts[entry.setting].unknown);
+            let is_dropping = (self.parts[entry.setting].model.deviations()).drops_readings();
             for lane in 0..count {
-                match self.without_dropped(workspace, entry.setting, plan, lane) {
-                    Ok(Some(less)) => take_lane(&mut batch, &less, lane),
-                    Ok(None) => {}
-                    Err(failure) => {
-                        batch.failed[lane] = Some(failure);
-                        continue;
+                if is_dropping {
+                    match self.without_dropped(workspace, entry.setting, plan, lane) {
+                        Ok(Some(less)) => take_lane(&mut batch, &less, lane),
+                        Ok(None) => {}
+                        Err(failure) => {
+                            batch.failed[lane] = Some(failure);
+                            continue;
+                        }
                     }
                 }
                 robot_run(workspace, entry.setting, plan, &mut batch, lane);
