@@ -138,7 +138,7 @@ impl<'a> Deviations<'a> {
     /// Whether some runs lack readings.
     #[must_use]
     pub fn drops_readings(&self) -> bool {
-        (self.laboratory.as_ref()).is_some_and(|laboratory| laboratory.drops_readings())
+        (self.laboratory.as_ref()).is_some_and(Circumstances::drops_readings)
     }
 
     /// Which of so many readings are there in the run of a lane; `None` where all are in all runs.
