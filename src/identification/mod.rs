@@ -20,8 +20,8 @@ mod residuals;
 mod stored;
 
 pub use absolute::{
-    AbsoluteCase, AbsoluteError, AbsoluteFit, DistanceStatistics, LeftOut, ParameterGroup,
-    ReadingResidual, ReadingWeights,
+    AbsoluteCase, AbsoluteError, AbsoluteFit, DistanceStatistics, LeftOut, Misfit, ParameterGroup,
+    ReadingResidual, ReadingWeights, joint_space_blocks,
 };
 pub use case::{Case, Sigma};
 pub use conditions::IMPLAUSIBLE;

@@ -6,7 +6,7 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 use super::super::conditions::IMPLAUSIBLE;
 use super::super::gauss_newton::{FitError, ParameterFit, fit_from, fit_parameters};
 use super::unknowns::{LeftOut, ToldApart};
-use super::{AbsoluteCase, AbsoluteError, ParameterGroup, ReadingResidual};
+use super::{AbsoluteCase, AbsoluteError, Misfit, ParameterGroup, ReadingResidual};
 use crate::numeric::posterior::Posterior;
 use crate::parameter::{ElasticArm, Parameter, ParameterKind, ParameterSet};
 
@@ -167,29 +167,8 @@ impl AbsoluteCase<'_> {
         let left = self.left_of(fit)?;
         // Each reading has its part in what was fitted.
         let spare = fit.degrees_of_freedom().max(1) as f64 / fit.rows as f64;
-        let of = |first: usize, squares: Vec<f64>| {
-            let own = self.covariances.iter().map(|covariance| {
-                (0..3)
-                    .map(|row| covariance[(first + row, first + row)])
-                    .sum::<f64>()
-            });
-            let count = 3.0 * squares.len().max(1) as f64;
-            let (all, own) = (squares.iter().sum::<f64>(), own.sum::<f64>());
-            ((all / spare - own) / count).max(0.0).sqrt()
-        };
-        let rotations: Vec<f64> = (left.iter())
-            .filter_map(|each| each.rotation_rad.map(|rotation| rotation.norm_squared()))
-            .collect();
-        let positions = left
-            .iter()
-            .map(|each| each.position_m.norm_squared())
-            .collect();
-        let of_rotations = if rotations.is_empty() {
-            0.0
-        } else {
-            of(3, rotations)
-        };
-        Ok([of(0, positions), of_rotations])
+        let misfit = Misfit::of(&left, &self.covariances, spare);
+        Ok([misfit.position_m, misfit.rotation_rad])
     }
 }
 

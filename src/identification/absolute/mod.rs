@@ -9,6 +9,7 @@ mod case;
 mod error;
 mod fit;
 mod left;
+mod misfit;
 mod transfer;
 mod unknowns;
 
@@ -16,4 +17,5 @@ pub use case::AbsoluteCase;
 pub use error::AbsoluteError;
 pub use fit::{AbsoluteFit, ReadingWeights};
 pub use left::{DistanceStatistics, ReadingResidual};
+pub use misfit::{Misfit, joint_space_blocks};
 pub use unknowns::{LeftOut, ParameterGroup};
