@@ -15,6 +15,16 @@ pub struct Costs {
     pub reading_min: f64,
 }
 
+impl Costs {
+    /// How long after the unloaded reading of a deflection the loaded one is taken (h) where so many configurations are visited
+    /// without a load first, then with it, in the same order; the time that joints turn is not counted.
+    #[must_use]
+    pub fn between_readings_h(&self, configurations: u32) -> f64 {
+        let visits = f64::from(configurations) * (self.move_min + self.reading_min);
+        (visits + self.load_change_min) / 60.0
+    }
+}
+
 impl Default for Costs {
     fn default() -> Self {
         Self {

@@ -155,6 +155,7 @@ impl State {
         {
             *left_over += actuator + passive - bias + constraint;
         }
+        self.add_torque_laws(left_over);
         Ok(())
     }
 

@@ -5,6 +5,7 @@ use std::collections::BTreeSet;
 use mujoco_rs::prelude::MjData;
 use nalgebra::{Isometry3, Matrix3, Quaternion, Rotation3, Translation3, UnitQuaternion, Vector3};
 
+use super::torque_law::LawAtWork;
 use super::{Model, ModelError};
 
 /// Two geometries nearer to each other than their margins allow.
@@ -22,6 +23,8 @@ pub struct State {
     pub(super) data: MjData<std::sync::Arc<mujoco_rs::prelude::MjModel>>,
     /// Where the joints that are not locked have their (first) coordinate.
     coordinates: Vec<usize>,
+    /// The joints that are no springs.
+    pub(super) laws: Vec<LawAtWork>,
 }
 
 impl std::fmt::Debug for State {
@@ -42,6 +45,7 @@ impl State {
             data: MjData::new(model.inner.clone()),
             coordinates: free.map(|joint| model.coordinate_of_joint(joint)).collect(),
             model: model.clone(),
+            laws: Vec::new(),
         };
         state.set_coordinates(&model.start_coordinates());
         state
@@ -155,7 +159,8 @@ impl State {
         self.data.step1();
         let (body, _) = self.model.site_body(site);
         let point = self.data.site_xpos()[site];
-        let applied = self.generalised_force(&point, body, force, torque)?;
+        let mut applied = self.generalised_force(&point, body, force, torque)?;
+        self.add_torque_laws(&mut applied);
         self.data.qfrc_applied_mut().copy_from_slice(&applied);
         self.data.step2();
         // What is locked stands still.

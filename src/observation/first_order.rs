@@ -40,6 +40,8 @@ enum Column {
     TaskScale,
     /// The deflection under a force of 1 N along an axis, at a test pose alone.
     TaskForce(Axis),
+    /// Seen as it is, along an axis.
+    Seen(Axis),
     /// It does not show in a deflection to first order.
     Silent,
 }
@@ -178,6 +180,7 @@ impl<'a> FirstOrder<'a> {
                 }
                 ParameterKind::TaskScale => Column::TaskScale,
                 ParameterKind::TaskForce { axis } => Column::TaskForce(axis),
+                ParameterKind::Drift { axis } => Column::Seen(axis),
                 ParameterKind::ToolPosition { .. }
                 | ParameterKind::ToolRotation { .. }
                 | ParameterKind::BasePosition { .. }
@@ -295,6 +298,7 @@ impl<'a> FirstOrder<'a> {
                 Column::LoadScale => deflection,
                 Column::LoadOffset => self.deflection(&along),
                 Column::Turned(axis) => axis.cross(&deflection),
+                Column::Seen(axis) => Vector3::ith(axis.index(), 1.0),
                 Column::TaskScale | Column::TaskForce(_) | Column::Silent => Vector3::zeros(),
             };
             matrix.set_column(index, &(value * *factor));
@@ -318,9 +322,11 @@ impl<'a> FirstOrder<'a> {
                     force_n: Vector3::ith(axis.index(), 1.0),
                     torque_nm: Vector3::zeros(),
                 }),
-                Column::LoadScale | Column::LoadOffset | Column::Turned(_) | Column::Silent => {
-                    Vector3::zeros()
-                }
+                Column::LoadScale
+                | Column::LoadOffset
+                | Column::Turned(_)
+                | Column::Seen(_)
+                | Column::Silent => Vector3::zeros(),
             };
             matrix.set_column(index, &(value * *factor));
         }
@@ -504,7 +510,7 @@ impl<'a> FirstOrder<'a> {
                 Column::LoadScale => of_deflection += b,
                 Column::LoadOffset => of_unit += b,
                 Column::Turned(axis) => of_deflection += b.cross(&axis),
-                Column::TaskScale | Column::TaskForce(_) | Column::Silent => {}
+                Column::TaskScale | Column::TaskForce(_) | Column::Seen(_) | Column::Silent => {}
             }
         }
         let along = Load {

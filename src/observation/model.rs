@@ -330,11 +330,17 @@ impl<'a> ObservationModel<'a> {
                         (omega.cross(&lever), omega)
                     }
                 }
+                ParameterKind::Drift { axis } if kind.is_deflection() => {
+                    (Vector3::ith(axis.index(), 1.0), Vector3::zeros())
+                }
                 _ => continue,
             };
             let mut column = derivatives.column_mut(index);
             column.fixed_rows_mut::<3>(0).copy_from(&moved);
             column.fixed_rows_mut::<3>(3).copy_from(&turned);
+        }
+        if kind.is_deflection() {
+            prediction.position_m += self.belief.drift_m;
         }
     }
 }

@@ -233,6 +233,7 @@ impl Sweep {
                 | ParameterKind::ToolRotation { .. }
                 | ParameterKind::BasePosition { .. }
                 | ParameterKind::BaseRotation { .. }
+                | ParameterKind::Drift { .. }
                 | ParameterKind::TaskScale
                 | ParameterKind::TaskForce { .. } => Vector6::zeros(),
             };

@@ -34,6 +34,8 @@ pub struct ElasticArm {
     pub load_scale: f64,
     /// The force along each load's own besides what is said of it (N).
     pub load_offset_n: f64,
+    /// How far the instrument drifts between the unloaded and the loaded reading of a deflection, in its frame (m).
+    pub drift_m: Vector3<f64>,
 }
 
 impl ElasticArm {
@@ -49,6 +51,7 @@ impl ElasticArm {
             instrument_from_base: vec![Isometry3::identity()],
             load_scale: 1.0,
             load_offset_n: 0.0,
+            drift_m: Vector3::zeros(),
         }
     }
 

@@ -134,6 +134,11 @@ pub enum ParameterKind {
         /// Along which axis.
         axis: Axis,
     },
+    /// A coordinate, in the instrument's frame, of how far it drifts between the unloaded and the loaded reading (m).
+    Drift {
+        /// Along which axis.
+        axis: Axis,
+    },
 }
 
 impl ParameterKind {
@@ -153,7 +158,8 @@ impl ParameterKind {
             | Self::ToolPosition { .. }
             | Self::BasePosition { .. }
             | Self::LinkCentre { .. }
-            | Self::PayloadCentre { .. } => "m",
+            | Self::PayloadCentre { .. }
+            | Self::Drift { .. } => "m",
             Self::LinkMass { .. } | Self::PayloadMass | Self::LoadScale | Self::TaskScale => "1",
             Self::LoadOffset | Self::TaskForce { .. } => "N",
         }
@@ -236,6 +242,7 @@ impl ParameterKind {
             Self::LoadOffset => "load.offset".to_owned(),
             Self::TaskScale => "task.scale".to_owned(),
             Self::TaskForce { axis } => format!("task.f{axis}"),
+            Self::Drift { axis } => format!("drift.{axis}"),
         }
     }
 
@@ -269,6 +276,7 @@ impl ParameterKind {
             | Self::LoadScale
             | Self::TaskScale => 1e-2,
             Self::LoadOffset | Self::TaskForce { .. } => 10.0,
+            Self::Drift { .. } => 1e-5,
             Self::PayloadMass | Self::LinkMass { .. } => 5e-2,
         }
     }
@@ -344,6 +352,7 @@ impl ParameterKind {
             Self::LoadOffset => "the offset of the load".to_owned(),
             Self::TaskScale => "the scale of the task's load".to_owned(),
             Self::TaskForce { axis } => format!("the task's force along {axis}"),
+            Self::Drift { axis } => format!("the instrument's drift along {axis}"),
         }
     }
 }

@@ -284,6 +284,7 @@ impl ParameterSet {
                 }
                 ParameterKind::LoadScale => belief.load_scale = quantity,
                 ParameterKind::LoadOffset => belief.load_offset_n = quantity,
+                ParameterKind::Drift { axis } => belief.drift_m[axis.index()] = quantity,
                 ParameterKind::LinkPosition { .. }
                 | ParameterKind::LinkRotation { .. }
                 | ParameterKind::ToolPosition { .. }

@@ -62,7 +62,8 @@ fn keep(kind: ParameterKind) -> usize {
         ParameterKind::LoadScale
         | ParameterKind::LoadOffset
         | ParameterKind::TaskScale
-        | ParameterKind::TaskForce { .. } => 1,
+        | ParameterKind::TaskForce { .. }
+        | ParameterKind::Drift { .. } => 1,
         ParameterKind::LinkMass { .. }
         | ParameterKind::LinkCentre { .. }
         | ParameterKind::PayloadMass

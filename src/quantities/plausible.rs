@@ -61,6 +61,8 @@ pub const ROTATION_DEVIATION: Kind = Kind::positive("mrad", 1e-9, 1e4);
 pub const RELATIVE_DEVIATION: Kind = Kind::positive("", 1e-9, 1.0);
 /// The standard deviation of a position for each metre of distance (um/m).
 pub const PER_METRE_DEVIATION: Kind = Kind::positive("um/m", 1e-6, 1e6);
+/// The standard deviation of what drifts in an hour (um/h).
+pub const PER_HOUR_DEVIATION: Kind = Kind::positive("um/h", 1e-6, 1e6);
 /// A share of readings: with more than half of them there is nothing to measure.
 pub const READING_SHARE: Kind = Kind::positive("", 1e-9, 0.5);
 /// A joint's compliance, zero where it is rigid (rad/(N m)). A stiffness in its place is a likely mistake,

@@ -106,7 +106,7 @@ impl Header {
                 reference,
                 sha256: entry.kind.plan().map(fingerprint),
                 account: (entry.kind.plan())
-                    .filter(|_| !scenario.truth.uncertainties.is_empty())
+                    .filter(|_| scenario.truth.leaves_more_than_noise())
                     .and_then(|plan| {
                         let setting = &settings[entry.setting];
                         Account::new(&setting.task, setting.truth, plan)

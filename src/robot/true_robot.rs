@@ -1,7 +1,7 @@
 //! The virtual robot's physics: a model that need not be the belief's.
 
 use super::SerialChain;
-use crate::mujoco::{Model, ModelError};
+use crate::mujoco::{Model, ModelError, TorqueLaw};
 
 /// A robot as it is: MuJoCo's model, with the joints that the belief knows.
 #[derive(Debug, Clone)]
@@ -16,6 +16,8 @@ pub struct TrueRobot {
     /// The model as a serial chain, where it is one of commanded joints that the belief knows and of passive
     /// ones; else the first reason why it is not.
     pub chain: Result<SerialChain, String>,
+    /// The belief's joints that are no springs, each once, and their laws.
+    pub torque_laws: Vec<(usize, TorqueLaw)>,
 }
 
 /// A joint that the belief knows.
@@ -38,6 +40,7 @@ impl TrueRobot {
                 .collect(),
             chain: Ok(chain),
             compliance_rad_per_nm,
+            torque_laws: Vec::new(),
             model,
         }
     }
@@ -111,6 +114,7 @@ impl TrueRobot {
             compliance_rad_per_nm: joints.iter().map(compliance).collect(),
             chain,
             joints,
+            torque_laws: Vec::new(),
             model,
         })
     }
@@ -121,6 +125,14 @@ impl TrueRobot {
         let joints = 0..self.model.joints();
         joints
             .filter(|&joint| self.model.locked_at(joint).is_none())
+            .collect()
+    }
+
+    /// MuJoCo's identifiers of the joints that are no springs, with their laws.
+    #[must_use]
+    pub fn laws_by_joint(&self) -> Vec<(usize, TorqueLaw)> {
+        let laws = self.torque_laws.iter();
+        laws.filter_map(|&(joint, law)| Some((self.joints[joint]?, law)))
             .collect()
     }
 

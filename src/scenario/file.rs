@@ -100,6 +100,30 @@ pub(super) struct PayloadTable {
 pub(super) struct TrueRobotTable {
     pub model: Option<PathBuf>,
     pub compliance_rad_per_nm: Option<Vec<f64>>,
+    #[serde(default)]
+    pub torque_law: Vec<TorqueLawTable>,
+}
+
+impl File {
+    /// Whether it says what the true compliances are.
+    pub fn tells_compliances(&self) -> bool {
+        self.true_robot
+            .as_ref()
+            .is_some_and(|table| table.model.is_some() || table.compliance_rad_per_nm.is_some())
+    }
+}
+
+/// One of `[[true_robot.torque_law]]`.
+#[derive(Debug, Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct TorqueLawTable {
+    pub joints: Vec<String>,
+    pub dead_band_mrad: Option<f64>,
+    pub dead_band_mm: Option<f64>,
+    pub stiffens_at_mrad: Option<f64>,
+    pub stiffens_at_mm: Option<f64>,
+    pub softens_at_mrad: Option<f64>,
+    pub softens_at_mm: Option<f64>,
 }
 
 /// What the instrument's sigma is the standard deviation of.
@@ -279,6 +303,7 @@ pub(super) enum UncertaintyKind {
     LoadPoint,
     JointReturn,
     TrackerRange,
+    Drift,
     GearError,
     Misfit,
     WrongReading,
@@ -307,6 +332,7 @@ impl UncertaintyKind {
             Self::LoadPoint => "load_point",
             Self::JointReturn => "joint_return",
             Self::TrackerRange => "tracker_range",
+            Self::Drift => "drift",
             Self::GearError => "gear_error",
             Self::Misfit => "misfit",
             Self::WrongReading => "wrong_reading",
@@ -334,6 +360,7 @@ impl UncertaintyKind {
             Self::LoadOffset => &["std_n"],
             Self::TaskForce => &["std_relative", "std_n"],
             Self::TrackerRange => &["std_um_per_m"],
+            Self::Drift => &["std_um_per_h"],
             Self::WrongReading => &["share", "std_mm"],
             Self::DroppedReading => &["share"],
         }
@@ -372,6 +399,7 @@ pub(super) struct UncertaintyTable {
     pub std_mrad: Option<f64>,
     pub std_n: Option<f64>,
     pub std_um_per_m: Option<f64>,
+    pub std_um_per_h: Option<f64>,
     pub share: Option<f64>,
     #[serde(default)]
     pub hidden: bool,
@@ -379,13 +407,14 @@ pub(super) struct UncertaintyTable {
 
 impl UncertaintyTable {
     /// The sizes by their keys.
-    pub const fn given(&self) -> [(&'static str, Option<f64>); 6] {
+    pub const fn given(&self) -> [(&'static str, Option<f64>); 7] {
         [
             ("std_relative", self.std_relative),
             ("std_mm", self.std_mm),
             ("std_mrad", self.std_mrad),
             ("std_n", self.std_n),
             ("std_um_per_m", self.std_um_per_m),
+            ("std_um_per_h", self.std_um_per_h),
             ("share", self.share),
         ]
     }

@@ -129,6 +129,13 @@ impl Account {
             }
             parts.push(part("true robot", true, effect.norm_squared()));
         }
+        if let Some(place) = deviations.torque_laws() {
+            parts.push(part(
+                "torque_law",
+                true,
+                foreign.column(place).norm_squared(),
+            ));
+        }
         Some(Self { promised_m, parts })
     }
 }

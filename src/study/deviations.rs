@@ -2,11 +2,13 @@
 
 use nalgebra::{Cholesky, DMatrix, Matrix3xX, Matrix6};
 
+use super::torque_laws::beyond_springs;
 use crate::compensation::{test_pose_matrix, weighted_rows};
 use crate::numeric::random::normal::LANES;
 use crate::observation::PlannedReadings;
 use crate::parameter::{ElasticArm, ParameterKind, ParameterSet, ReadingSource, Source};
 use crate::plan::{Experiment, ExperimentModel};
+use crate::robot::TrueRobot;
 use crate::task::{Belief, Task, TestPose};
 use crate::testbed::{Circumstances, Truth};
 
@@ -17,6 +19,8 @@ enum Deviation {
     Compliance(usize, bool),
     /// Something else, in its unit.
     Other(ParameterKind),
+    /// The laws of joints that are no springs: there, in every run.
+    TorqueLaws,
 }
 
 /// The covariances of a reading (m^2, m rad, rad^2), 3 x 3, or 6 x 6 where rotations are read.
@@ -42,6 +46,8 @@ pub struct Deviations<'a> {
     /// vector.
     tied: Vec<(usize, Deviation)>,
     laboratory: Option<Circumstances>,
+    /// The true robot, where some of its joints are no springs.
+    unlike_springs: Option<TrueRobot>,
     arm: ElasticArm,
     /// The foreign parameters, where they are more than compliances or more than noise is believed in.
     set: Option<ParameterSet>,
@@ -62,6 +68,7 @@ impl<'a> Deviations<'a> {
         let joints = unknown_joints(belief, truth);
         let foreign_kinds = foreign_kinds(belief, truth);
         let extended = belief.uncertain.as_ref();
+        let has_laws = !truth.robot.torque_laws.is_empty();
         let is_plain = extended.is_none() && truth.uncertainties.is_empty();
         let unknowns = (joints.iter())
             .map(|&joint| (ParameterKind::JointCompliance { joint }, None))
@@ -78,7 +85,9 @@ impl<'a> Deviations<'a> {
                 .iter()
                 .map(|&joint| Deviation::Compliance(joint, false)))
             .chain(foreign_kinds.into_iter().map(Deviation::Other))
+            .chain(has_laws.then_some(Deviation::TorqueLaws))
             .collect(),
+            unlike_springs: has_laws.then(|| truth.robot.clone()),
             tied: tied(belief, truth),
             laboratory: (!truth.uncertainties.is_empty())
                 .then(|| Circumstances::new(arm.clone(), &truth.uncertainties).ok())
@@ -181,6 +190,7 @@ impl<'a> Deviations<'a> {
                     differs / sigma_m
                 }
                 Deviation::Other(kind) => self.differs_by(kind, drawn(kind, lane)) / sigma_m,
+                Deviation::TorqueLaws => 1.0 / sigma_m,
             })
         };
         let tied = self.tied.iter().map(|(_, deviation)| deviation);
@@ -194,15 +204,47 @@ impl<'a> Deviations<'a> {
         model: &ExperimentModel<'_>,
         experiment: &Experiment,
     ) -> DMatrix<f64> {
-        let Some(set) = &self.set else {
-            let unknown = ExperimentModel {
+        let rows = match &self.set {
+            Some(set) => model.rows_of(self.readings_of(set, 0, &self.believed), experiment),
+            None => ExperimentModel {
                 parameters: &self.joints,
                 uncertain: None,
                 ..model.clone()
-            };
-            return unknown.observation_matrix(experiment);
+            }
+            .observation_matrix(experiment),
         };
-        model.rows_of(self.readings_of(set, 0, &self.believed), experiment)
+        self.with_laws(rows, |robot| {
+            let q = experiment.configuration_rad.as_slice();
+            let seen = beyond_springs(&self.arm, robot, 0, q, &experiment.load);
+            let seen = DMatrix::from_column_slice(6, 1, seen.as_slice());
+            let factor = Cholesky::new(self.covariances(experiment).believed);
+            let mut seen = seen.rows(0, model.rows()).into_owned();
+            // It is positive definite: the instrument's noise is in it.
+            let whitened =
+                factor.is_some_and(|factor| factor.l_dirty().solve_lower_triangular_mut(&mut seen));
+            if whitened {
+                seen * self.belief.instrument.sigma_m
+            } else {
+                seen
+            }
+        })
+    }
+
+    /// The columns with that of the torque laws after them, where there are some.
+    fn with_laws(
+        &self,
+        columns: DMatrix<f64>,
+        of_laws: impl FnOnce(&TrueRobot) -> DMatrix<f64>,
+    ) -> DMatrix<f64> {
+        let Some(robot) = &self.unlike_springs else {
+            return columns;
+        };
+        let place = columns.ncols();
+        let mut columns = columns.insert_column(place, 0.0);
+        columns
+            .column_mut(place)
+            .copy_from(&of_laws(robot).column(0));
+        columns
     }
 
     /// The rows of all test poses for what is foreign, each times the root of its weight, stacked.
@@ -214,15 +256,35 @@ impl<'a> Deviations<'a> {
     }
 
     fn test_pose(&self, pose: &TestPose) -> DMatrix<f64> {
-        let Some(set) = &self.set else {
-            return test_pose_matrix(self.belief, pose, &self.joints);
+        let target = self.arm.tools.len() - 1;
+        let rows = match &self.set {
+            None => test_pose_matrix(self.belief, pose, &self.joints),
+            Some(set) => {
+                let sizes = vec![1.0; set.len()];
+                let mut first = PlannedReadings::at_test_pose(&self.arm, target, set, &sizes);
+                let mut matrix = Matrix3xX::zeros(set.len());
+                first.move_to(pose.configuration_rad.as_slice());
+                first.uncompensated(&pose.load, &mut matrix);
+                pose.counted_rows(DMatrix::from_column_slice(3, set.len(), matrix.as_slice()))
+            }
         };
-        let (target, sizes) = (self.arm.tools.len() - 1, vec![1.0; set.len()]);
-        let mut first = PlannedReadings::at_test_pose(&self.arm, target, set, &sizes);
-        let mut matrix = Matrix3xX::zeros(set.len());
-        first.move_to(pose.configuration_rad.as_slice());
-        first.uncompensated(&pose.load, &mut matrix);
-        pose.counted_rows(DMatrix::from_column_slice(3, set.len(), matrix.as_slice()))
+        self.with_laws(rows, |robot| {
+            let q = pose.configuration_rad.as_slice();
+            let left = beyond_springs(&self.arm, robot, target, q, &pose.load);
+            let left = left.fixed_rows::<3>(0);
+            pose.counted_rows(DMatrix::from_column_slice(
+                3,
+                1,
+                left.clone_owned().as_slice(),
+            ))
+        })
+    }
+
+    /// The place of the torque laws among what is foreign.
+    #[must_use]
+    pub fn torque_laws(&self) -> Option<usize> {
+        let is_it = |deviation: &Deviation| *deviation == Deviation::TorqueLaws;
+        self.foreign.iter().position(is_it)
     }
 
     /// What a belief is compared with.

@@ -25,6 +25,7 @@ pub mod summary;
 pub mod switched_off;
 pub mod tally;
 pub(crate) mod tally_check;
+mod torque_laws;
 pub mod true_compliances;
 
 use thiserror::Error;

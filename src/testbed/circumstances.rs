@@ -312,7 +312,7 @@ impl Circumstances {
         }
         let base: &Isometry3<f64> = &self.here.instrument_from_base[0];
         Ok((
-            base.rotation * moved,
+            base.rotation * moved + self.here.drift_m,
             base.rotation * displacement.rotation_rad,
         ))
     }

@@ -69,6 +69,7 @@ pub fn settle(
         .with_heavy_locked_joints();
     let site = model.site(site)?;
     let mut state = State::new(&model);
+    state.set_torque_laws(&robot.laws_by_joint());
     let mut start = model.start_coordinates();
     let mut steps = 0_usize;
     if model.has_equalities() {

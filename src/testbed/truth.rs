@@ -21,6 +21,14 @@ pub struct Truth {
     pub uncertainties: Vec<Uncertainty>,
 }
 
+impl Truth {
+    /// Whether errors are made of more than the instrument's noise and other compliances.
+    #[must_use]
+    pub const fn leaves_more_than_noise(&self) -> bool {
+        !self.uncertainties.is_empty() || !self.robot.torque_laws.is_empty()
+    }
+}
+
 /// Compliances with a normal distribution.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DrawnCompliances {

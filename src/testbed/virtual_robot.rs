@@ -59,8 +59,11 @@ impl VirtualRobot {
     pub fn new(robot: &TrueRobot, site: &str) -> Result<Self, ModelError> {
         let site_id = robot.model.site(site)?;
         let body = match &robot.chain {
-            Ok(chain) => RestMethod::Chain(Box::new(ChainRest::new(robot, chain, site_id))),
-            Err(_) => return Self::of_any_model(robot, site),
+            // The chain's solver knows springs alone.
+            Ok(chain) if robot.torque_laws.is_empty() => {
+                RestMethod::Chain(Box::new(ChainRest::new(robot, chain, site_id)))
+            }
+            _ => return Self::of_any_model(robot, site),
         };
         Ok(Self {
             body,

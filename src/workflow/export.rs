@@ -228,6 +228,7 @@ fn unsaid(belief: &Belief, values: &[f64]) -> Vec<String> {
                 "of the loads in the laboratory"
             }
             ParameterKind::TaskScale | ParameterKind::TaskForce { .. } => "of the task's loads",
+            ParameterKind::Drift { .. } => "of the instrument in the laboratory",
             ParameterKind::PayloadMass | ParameterKind::PayloadCentre { .. } => {
                 "of a payload that the scenario's robot carries beside its model"
             }

@@ -65,6 +65,7 @@
 //! - `provenance`: what results depend on is in their hash.
 //! - `load_sets`: one load set decides for plans, measurements and mandatory experiments.
 //! - `nonlinear_gap`: where a promise is off because the model is not linear.
+//! - `torque_laws`: joints of the virtual robot that are no springs, at rest, in time and in studies.
 //! - `lost_readings`: readings that are wrong or not there, and what they cost.
 //! - `next`: what to measure next, after some of a plan is measured.
 //! - `raw_readings`: positions without and with a load in place of deflections.
@@ -155,6 +156,7 @@ mod study;
 mod support;
 mod tallies;
 mod tolerances;
+mod torque_laws;
 mod true_models;
 mod uncertainties;
 mod uncertainty;

@@ -18,7 +18,7 @@ use serde_json::Value;
 use crate::support::{Workplace, scenario_text, table4};
 
 /// Sizes that a laboratory would recognise, or larger so that they show; each alone.
-pub const SOURCES: [(&str, &str); 12] = [
+pub const SOURCES: [(&str, &str); 13] = [
     ("compliance", "joints = [\"joint_1\"]\nstd_relative = 0.1"),
     ("compliance", "joints = [\"joint_3\"]\nstd_relative = 0.05"),
     ("joint_zero", "std_mrad = 0.5"),
@@ -31,6 +31,7 @@ pub const SOURCES: [(&str, &str); 12] = [
     ("load_direction", "std_mrad = 2"),
     ("load_point", "std_mm = 5"),
     ("joint_return", "std_mrad = 0.03"),
+    ("drift", "std_um_per_h = 20"),
 ];
 
 /// The paper's scenario with a study of Table 4's plan of four, and with uncertainties.
@@ -455,6 +456,21 @@ fn wrong_entries() {
             "std_relative",
         ),
         ("kind = \"load_scale\"", "uncertainty[0]", "std_relative"),
+        (
+            "kind = \"drift\"\nstd_um_per_h = -1",
+            "uncertainty[0].std_um_per_h",
+            "-1",
+        ),
+        (
+            "kind = \"drift\"\nstd_mm = 1",
+            "uncertainty[0].std_mm",
+            "it has std_um_per_h",
+        ),
+        (
+            "kind = \"drift\"\njoints = [\"joint_1\"]\nstd_um_per_h = 1",
+            "uncertainty[0].joints",
+            "is not one of joints",
+        ),
         (
             "kind = \"load_scal\"\nstd_relative = 1",
             "uncertainty[0].kind",

@@ -167,7 +167,9 @@ impl AbsoluteCase<'_> {
         let precision = self.belief.precision();
         let wanted = |place: &usize, kind: ParameterKind| match kind {
             // These have no part in readings.
-            ParameterKind::TaskScale | ParameterKind::TaskForce { .. } => false,
+            ParameterKind::TaskScale
+            | ParameterKind::TaskForce { .. }
+            | ParameterKind::Drift { .. } => false,
             ParameterKind::LoadScale | ParameterKind::LoadOffset if !is_loaded => false,
             _ if kind.is_mounted() => false,
             _ => groups.is_empty() || named.contains(&kind) || precision[(*place, *place)] > 0.0,

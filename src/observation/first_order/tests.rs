@@ -105,6 +105,51 @@ fn derivatives_are_those_of_the_observation_model() {
     }
 }
 
+/// A drift is seen as it is, in the instrument's frame and whatever is measured, and nothing of it is left at a test pose.
+#[test]
+fn drifts_are_seen_as_they_are() {
+    let mut numbers = Numbers(18);
+    for arm in arms(&mut numbers) {
+        let kinds = Axis::ALL.map(|axis| ParameterKind::Drift { axis });
+        let set = ParameterSet::new(&arm, kinds.map(|kind| (kind, Some(1e-5)))).expect("a set");
+        let mut first = FirstOrder::new(&arm, 0, &set, &[1.0; 3], 1e-5, &[]);
+        let q = numbers.configuration(&arm.chain);
+        let load = load(&mut numbers, true);
+        first.move_to(q.as_slice());
+        let mut matrix = Matrix3xX::zeros(3);
+        first.derivatives(&load, &mut matrix);
+        assert!((&matrix - Matrix3xX::identity(3)).amax() == 0.0);
+        first.uncompensated(&load, &mut matrix);
+        assert!(matrix.amax() == 0.0);
+        let setup = Setup {
+            commanded_rad: q,
+            load,
+            target: 0,
+            station: 0,
+        };
+        let drift = numbers.vector(1e-4);
+        for kind in [
+            ReadingKind::Deflection,
+            ReadingKind::DeflectionAndRotation,
+            ReadingKind::Position,
+        ] {
+            let mut seen = Matrix6xX::zeros(3);
+            let mut at = |values: Vector3<f64>| {
+                let mut model = ObservationModel::new(&set, &arm, values.as_slice());
+                model
+                    .predict_first_order(&setup, kind, &mut seen)
+                    .position_m
+            };
+            let moved = at(drift) - at(Vector3::zeros());
+            let expected = if kind.is_deflection() { 1.0 } else { 0.0 };
+            assert!((moved - drift * expected).norm() < 1e-15);
+            let expected = Matrix3xX::identity(3) * expected;
+            assert!((seen.fixed_rows::<3>(0) - expected).amax() == 0.0);
+            assert!(seen.fixed_rows::<3>(3).amax() == 0.0);
+        }
+    }
+}
+
 /// The task's force does not show in readings, and changes what is left at a test pose as more load does.
 #[test]
 fn the_tasks_force_acts_at_test_poses_alone() {

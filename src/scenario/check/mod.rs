@@ -15,6 +15,7 @@ mod region;
 mod robot;
 mod study;
 mod test_pose;
+mod torque_law;
 mod uncertainty;
 
 use std::cell::RefCell;
@@ -124,7 +125,8 @@ impl Checker<'_> {
             instrument,
             method: file.identification.method,
         };
-        let uncertainties = self.uncertainties(&file.uncertainty, &belief)?;
+        let between_h = laboratory.costs.between_readings_h(design.experiments);
+        let uncertainties = self.uncertainties(&file.uncertainty, &belief, between_h)?;
         let further = self.further(&belief, &further)?;
         belief.uncertain = self.extended(&belief, &further, &uncertainties)?;
         self.check_directions(&test_poses, &belief)?;
@@ -133,7 +135,7 @@ impl Checker<'_> {
             robot: true_robot,
             compliance_spread: self.spread(&file.study.compliance_spread, joints)?,
             // A true robot that is told is as it is told.
-            drawn: before.drawn.filter(|_| file.true_robot.is_none()),
+            drawn: before.drawn.filter(|_| !file.tells_compliances()),
         };
         Ok(Scenario {
             path: self.path.to_owned(),

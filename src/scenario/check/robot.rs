@@ -262,6 +262,9 @@ impl Checker<'_> {
             robot.compliance_rad_per_nm =
                 self.compliances("true_robot.compliance_rad_per_nm", &nominal.chain, given)?;
         }
+        let laws = table.map_or(&[][..], |table| &table.torque_law);
+        let compliance = &robot.compliance_rad_per_nm;
+        robot.torque_laws = self.torque_laws(laws, &nominal.chain, compliance)?;
         Ok(robot)
     }
 

@@ -8,8 +8,8 @@ use crate::files::FileError;
 use crate::mujoco::State;
 use crate::parameter::{Axis, ParameterError, ParameterKind, ReadingSource, Source, Uncertainty};
 use crate::quantities::plausible::{
-    DEVIATION, FORCE_LIMIT, Kind, PER_METRE_DEVIATION, READING_SHARE, RELATIVE_DEVIATION,
-    ROTATION_DEVIATION,
+    DEVIATION, FORCE_LIMIT, Kind, PER_HOUR_DEVIATION, PER_METRE_DEVIATION, READING_SHARE,
+    RELATIVE_DEVIATION, ROTATION_DEVIATION,
 };
 use crate::scenario::file::{UncertaintyKind, UncertaintyTable};
 use crate::task::{Belief, Extended};
@@ -19,11 +19,13 @@ use crate::text::wrong_name;
 const MOST: usize = 100;
 
 impl Checker<'_> {
-    /// All uncertainties, hidden ones among them.
+    /// All uncertainties, hidden ones among them. Between the unloaded and the loaded reading of a deflection are so many
+    /// hours.
     pub(super) fn uncertainties(
         &self,
         tables: &[UncertaintyTable],
         belief: &Belief,
+        between_h: f64,
     ) -> Result<Vec<Uncertainty>, FileError> {
         self.at_most("uncertainty", tables.len(), MOST)?;
         let mut all: Vec<Uncertainty> = Vec::new();
@@ -51,7 +53,7 @@ impl Checker<'_> {
             all.push(Uncertainty {
                 name: name.to_owned(),
                 is_hidden: table.hidden,
-                source: self.source(&key, table, belief)?,
+                source: self.source(&key, table, belief, between_h)?,
             });
         }
         Ok(all)
@@ -62,6 +64,7 @@ impl Checker<'_> {
         key: &str,
         table: &UncertaintyTable,
         belief: &Belief,
+        between_h: f64,
     ) -> Result<Source, FileError> {
         self.check_sizes(key, table)?;
         if table.joints.is_some() && !table.kind.is_of_joints() {
@@ -98,6 +101,11 @@ impl Checker<'_> {
                 deviation_m: size("std_mm")?,
             },
             UncertaintyKind::DroppedReading => ReadingSource::Dropped(size("share")?),
+            UncertaintyKind::Drift => {
+                let deviation_m = size("std_um_per_h")? * between_h;
+                let of = |axis| (ParameterKind::Drift { axis }, deviation_m);
+                return Ok(Source::Plan(Axis::ALL.map(of).to_vec()));
+            }
             _ => return Ok(Source::Plan(self.shared(key, table, belief)?)),
         };
         Ok(Source::Reading(source))
@@ -198,7 +206,8 @@ impl Checker<'_> {
                 }
                 Ok(parameters)
             }
-            UncertaintyKind::LoadDirection
+            UncertaintyKind::Drift
+            | UncertaintyKind::LoadDirection
             | UncertaintyKind::LoadPoint
             | UncertaintyKind::JointReturn
             | UncertaintyKind::TrackerRange
@@ -258,6 +267,7 @@ impl Checker<'_> {
             "std_mrad" => (&ROTATION_DEVIATION, 1e-3),
             "std_n" => (&FORCE_LIMIT, 1.0),
             "share" => (&READING_SHARE, 1.0),
+            "std_um_per_h" => (&PER_HOUR_DEVIATION, 1e-6),
             _ => (&PER_METRE_DEVIATION, 1e-6),
         };
         let given = table.given().into_iter().find(|(each, _)| *each == name);

@@ -113,7 +113,7 @@ fn scenario_reader() -> Reader {
         read: |path| {
             let scenario = Scenario::load(path)?;
             Ok(format!(
-                "{:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?}",
+                "{:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?}",
                 scenario.task.test_poses,
                 scenario.task.loads,
                 scenario.task.region,
@@ -121,7 +121,8 @@ fn scenario_reader() -> Reader {
                 scenario.study,
                 scenario.laboratory,
                 scenario.task.belief.uncertain.as_ref().map(Extended::set),
-                scenario.task.belief.nominal.compliance_rad_per_nm
+                scenario.task.belief.nominal.compliance_rad_per_nm,
+                scenario.truth.robot.torque_laws
             ))
         },
         is_well_formed: |text| text.parse::<toml::Table>().is_ok(),
@@ -143,6 +144,7 @@ fn scenario_reader() -> Reader {
             scenario_text("kr270") + LABORATORY,
             scenario_text("planar_3r") + LABORATORY,
             scenario_text("klimchik2012") + LOST_READINGS,
+            scenario_text("klimchik2012") + TORQUE_LAWS,
         ])
         .collect(),
     }
@@ -328,6 +330,17 @@ hidden = true
 kind = "dropped_reading"
 share = 0.05
 hidden = true
+"#;
+
+const TORQUE_LAWS: &str = r#"
+[[true_robot.torque_law]]
+joints = ["joint_2"]
+dead_band_mrad = 0.02
+stiffens_at_mrad = 20
+
+[[true_robot.torque_law]]
+joints = ["joint_4", "joint_5"]
+softens_at_mrad = 30
 "#;
 
 /// A table that no scenario of the project has.

@@ -1,0 +1,110 @@
+//! The tables `[[true_robot.torque_law]]`: joints of the virtual robot that are no springs.
+
+use super::Checker;
+use super::robot::names_of;
+use crate::files::FileError;
+use crate::mujoco::TorqueLaw;
+use crate::quantities::plausible::{DEVIATION, ROTATION_DEVIATION};
+use crate::robot::SerialChain;
+use crate::scenario::file::TorqueLawTable;
+
+impl Checker<'_> {
+    /// The joints with laws of their own, in a belief's chain whose joints have these compliances in truth.
+    pub(super) fn torque_laws(
+        &self,
+        tables: &[TorqueLawTable],
+        chain: &SerialChain,
+        compliance_rad_per_nm: &[f64],
+    ) -> Result<Vec<(usize, TorqueLaw)>, FileError> {
+        let mut laws: Vec<(usize, TorqueLaw)> = Vec::new();
+        for (index, table) in tables.iter().enumerate() {
+            let key = format!("true_robot.torque_law[{index}]");
+            let joints = format!("{key}.joints");
+            if table.joints.is_empty() {
+                let problem = format!("is empty; the robot's joints are: {}", names_of(chain));
+                return Err(self.wrong(&joints, problem));
+            }
+            for name in &table.joints {
+                let found = chain.joints.iter().position(|joint| joint.name == *name);
+                let joint = found.ok_or_else(|| {
+                    let known = names_of(chain);
+                    let problem = format!("found {name:?}; the robot's joints are: {known}");
+                    self.wrong(&joints, problem)
+                })?;
+                if laws.iter().any(|(other, _)| *other == joint) {
+                    let wrong = self.wrong(&joints, format!("found {name:?} twice"));
+                    return Err(wrong.hint("a joint has one law: put all of it into one table"));
+                }
+                let drive = &chain.joints[joint].drive;
+                let problem = if drive.passive_at.is_some() {
+                    Some("is passive: its spring is the model's")
+                } else if compliance_rad_per_nm[joint] <= 0.0 {
+                    Some("is rigid: it does not give")
+                } else {
+                    None
+                };
+                if let Some(problem) = problem {
+                    return Err(self.wrong(&joints, format!("{name} {problem}")));
+                }
+                laws.push((joint, self.torque_law(&key, table, (name, drive.slides))?));
+            }
+        }
+        laws.sort_by_key(|(joint, _)| *joint);
+        Ok(laws)
+    }
+
+    /// The law of one joint, with the unit of its coordinate.
+    fn torque_law(
+        &self,
+        key: &str,
+        table: &TorqueLawTable,
+        (name, slides): (&str, bool),
+    ) -> Result<TorqueLaw, FileError> {
+        let numbers = [
+            ("dead_band", [table.dead_band_mrad, table.dead_band_mm]),
+            (
+                "stiffens_at",
+                [table.stiffens_at_mrad, table.stiffens_at_mm],
+            ),
+            ("softens_at", [table.softens_at_mrad, table.softens_at_mm]),
+        ];
+        let (kind, own, other) = if slides {
+            (&DEVIATION, "mm", "mrad")
+        } else {
+            (&ROTATION_DEVIATION, "mrad", "mm")
+        };
+        let mut given = [None; 3];
+        for (place, (key_of, [angle, length])) in numbers.into_iter().enumerate() {
+            let (value, foreign) = if slides {
+                (length, angle)
+            } else {
+                (angle, length)
+            };
+            if foreign.is_some() {
+                let moves = if slides { "slides" } else { "turns" };
+                let problem = format!("{name} {moves}: give {key_of}_{own}");
+                return Err(self.wrong(&format!("{key}.{key_of}_{other}"), problem));
+            }
+            if let Some(value) = value {
+                given[place] =
+                    Some(self.number(&format!("{key}.{key_of}_{own}"), value, kind)? * 1e-3);
+            }
+        }
+        let [dead_band, stiffens_at, softens_at] = given;
+        if stiffens_at.is_some() && softens_at.is_some() {
+            let problem = "a joint either stiffens or softens";
+            return Err(self.wrong(&format!("{key}.softens_at_{own}"), problem));
+        }
+        if given.iter().all(Option::is_none) {
+            let problem = format!(
+                "says nothing: give dead_band_{own}, stiffens_at_{own} or softens_at_{own}"
+            );
+            return Err(self.wrong(key, problem));
+        }
+        Ok(TorqueLaw {
+            dead_band: dead_band.unwrap_or(0.0),
+            stiffens_at,
+            softens_at,
+        })
+    }
+}

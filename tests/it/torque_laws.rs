@@ -1,0 +1,175 @@
+//! Joints of the virtual robot that are no springs: they stiffen, soften, or have a dead band.
+
+use elastocal::robot::{Kinematics, Load};
+use elastocal::scenario::Scenario;
+use elastocal::testbed::{VirtualRobot, settle};
+use serde_json::Value;
+
+use crate::support::{Workplace, table4};
+use crate::uncertainties::{loaded, study, with};
+
+const LAWS: &str = "[[true_robot.torque_law]]\njoints = [\"joint_2\"]\nstiffens_at_mrad = 2\n\
+                    [[true_robot.torque_law]]\njoints = [\"joint_3\"]\ndead_band_mrad = 0.05\nsoftens_at_mrad = 20\n\
+                    [[true_robot.torque_law]]\njoints = [\"joint_5\"]\ndead_band_mrad = 0.1\n";
+
+fn number(plan: &Value, key: &str) -> f64 {
+    plan[key].as_f64().expect("a number")
+}
+
+/// The virtual robot at one of Table 4's experiments, where it has weight and load, and how far from MuJoCo's simulation in
+/// time it rests (m).
+fn rest(scenario: &Scenario, load: &Load, experiment: usize) -> (Vec<f64>, f64) {
+    let (robot, tool) = (
+        &scenario.truth.robot,
+        &scenario.task.belief.calibration_tool,
+    );
+    let q = &table4(3).experiments[experiment].configuration_rad;
+    let mut virtual_robot = VirtualRobot::new(robot, &tool.name).expect("the site exists");
+    let (position, _, _) = virtual_robot.rest(q, load).expect("stable");
+    let settled = settle(robot, &tool.name, q, load).expect("settles");
+    let apart = (settled.tool_position_m - position).norm();
+    (virtual_robot.joint_angles(), apart)
+}
+
+/// Where it rests each joint holds the torque of weight and load by its law, and MuJoCo's simulation in time rests there, too.
+#[test]
+fn joints_hold_by_their_laws_at_rest_and_in_time() {
+    let scenario = loaded(&with(LAWS, "robot", 64));
+    let belief = &scenario.task.belief;
+    for experiment in 0..3 {
+        for load in [Load::NONE, table4(3).experiments[0].load] {
+            let (angles, apart) = rest(&scenario, &load, experiment);
+            assert!(apart < 1e-9, "{apart} m apart");
+            let arm = belief.nominal.chain.at(&belief.calibration_tool);
+            let state = arm.state(&angles);
+            let gravity = arm.gravity_m_s2();
+            let commanded = &table4(3).experiments[experiment].configuration_rad;
+            let laws = &scenario.truth.robot.torque_laws;
+            assert_eq!(laws.len(), 3);
+            for &(joint, law) in laws {
+                let torque =
+                    state.gravity_torque(joint, &gravity) + state.load_torque(joint, &load);
+                let held = torque * belief.nominal.compliance_rad_per_nm[joint];
+                // The joint's spring pulls back what the torque has turned.
+                let turned = angles[joint] - commanded[joint];
+                assert!(
+                    (law.held(turned) - held).abs() < 1e-10,
+                    "joint {joint}: {turned} holds {}, not {held}",
+                    law.held(turned)
+                );
+                assert!((law.deflection(held) - turned).abs() < 1e-10);
+            }
+        }
+    }
+}
+
+/// A law so weak that it is a spring's leaves the same rest.
+#[test]
+fn a_law_that_hardly_differs_leaves_the_rest_as_it_is() {
+    let hardly =
+        "[[true_robot.torque_law]]\njoints = [\"joint_2\", \"joint_4\"]\nstiffens_at_mrad = 9000\n";
+    let scenario = loaded(&with(hardly, "robot", 64));
+    let plain = loaded(&with("", "robot", 64));
+    let load = table4(3).experiments[0].load;
+    let (angles, _) = rest(&scenario, &load, 0);
+    let (others, _) = rest(&plain, &load, 0);
+    for (one, other) in angles.iter().zip(&others) {
+        assert!((one - other).abs() < 1e-8, "{angles:?} {others:?}");
+    }
+}
+
+/// Studies say what a law costs that the belief does not know of, at both levels what the account computes.
+#[test]
+fn laws_break_promises_as_computed() {
+    let law =
+        "[[true_robot.torque_law]]\njoints = [\"joint_2\", \"joint_3\"]\nstiffens_at_mrad = 10\n";
+    for (level, trials, nonlinear) in [("model", 4096, 0.005), ("robot", 96, 0.05)] {
+        let plan = study(&with(law, level, trials));
+        let parts = plan["parts"].as_array().expect("parts");
+        let last = parts.last().expect("a part");
+        assert_eq!(last["name"], "torque_law");
+        assert_eq!(last["hidden"], true);
+        let squares = parts.iter().map(|part| number(part, "rms_mm").powi(2));
+        let expected = squares.sum::<f64>().sqrt();
+        assert!(expected > 1.5 * number(&plan, "promised_rms_mm"), "{plan}");
+        let room = 3.0 * number(&plan, "rms_std_mm") + nonlinear * expected;
+        assert!(
+            (number(&plan, "rms_mm") - expected).abs() < room,
+            "{level}, {expected}: {plan}"
+        );
+        let verdict = plan["verdict"].as_str().expect("words");
+        assert!(verdict.contains("torque_law"), "{verdict}");
+    }
+}
+
+/// A joint that neither weight nor load turns stands anywhere within its dead band: several equilibria are named.
+#[test]
+fn several_equilibria_are_named() {
+    let law = "[[true_robot.torque_law]]\njoints = [\"joint_1\"]\ndead_band_mrad = 0.1\n";
+    let place = Workplace::new();
+    place.write("s.toml", with(law, "robot", 64));
+    let plan = crate::support::project("scenarios/plans/klimchik2012_m4.csv");
+    let outcome = place.run(&format!("measure s.toml --quiet --plan {}", plan.display()));
+    let said = outcome.ends_with(1).stderr;
+    assert!(
+        said.contains("joint \"joint_1\" stands anywhere within its dead band"),
+        "{said}"
+    );
+    assert!(said.contains("experiment 1, unloaded"), "{said}");
+}
+
+#[test]
+fn wrong_entries() {
+    let of = |joints: &str, more: &str| {
+        format!("[[true_robot.torque_law]]\njoints = [{joints}]\n{more}\n")
+    };
+    for (text, key, says) in [
+        (
+            of("\"joint_9\"", "dead_band_mrad = 1"),
+            "true_robot.torque_law[0].joints",
+            "the robot's joints are: joint_1",
+        ),
+        (of("", "dead_band_mrad = 1"), "joints", "is empty"),
+        (
+            of("\"joint_2\"", "dead_band_mrad = -1"),
+            "true_robot.torque_law[0].dead_band_mrad",
+            "-1",
+        ),
+        (
+            of("\"joint_2\"", "stiffens_at_mm = 1"),
+            "true_robot.torque_law[0].stiffens_at_mm",
+            "joint_2 turns: give stiffens_at_mrad",
+        ),
+        (
+            of("\"joint_2\"", "stiffens_at_mrad = 1\nsoftens_at_mrad = 1"),
+            "softens_at_mrad",
+            "either stiffens or softens",
+        ),
+        (
+            of("\"joint_2\"", ""),
+            "true_robot.torque_law[0]",
+            "says nothing",
+        ),
+        (
+            of("\"joint_2\", \"joint_2\"", "dead_band_mrad = 1"),
+            "joints",
+            "twice",
+        ),
+        (
+            of("\"joint_2\"", "dead_band = 1"),
+            "torque_law",
+            "unknown field",
+        ),
+        (
+            of("\"joint_2\"", "dead_band_mrad = 1")
+                + "[true_robot]\ncompliance_rad_per_nm = [0, 0, 0, 0, 0, 0]\n",
+            "true_robot.torque_law[0].joints",
+            "joint_2 is rigid",
+        ),
+    ] {
+        let place = Workplace::new();
+        place.write("wrong.toml", with(&text, "model", 64));
+        let said = place.run("check wrong.toml").ends_with(1).stderr;
+        assert!(said.contains(key) && said.contains(says), "{text}: {said}");
+    }
+}
