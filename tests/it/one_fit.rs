@@ -467,12 +467,9 @@ fn what_frames_need_is_told() {
         ),
     ] {
         let place = workplace(&readings);
-        let outcome = identify(&place, "--parameters frames").ends_with(1);
-        assert!(
-            outcome.stderr.contains(expected),
-            "{expected}: {}",
-            outcome.stderr
-        );
+        identify(&place, "--parameters frames")
+            .ends_with(1)
+            .says(expected);
     }
 }
 
@@ -483,28 +480,17 @@ fn options_that_do_not_fit_are_refused() {
     for pose in &mut poses {
         pose.covariance = None;
     }
-    let outcome = identify(&workplace(&poses), "--parameters frames").ends_with(1);
-    assert!(
-        outcome
-            .stderr
-            .contains("nothing says how precise the orientations are"),
-        "{}",
-        outcome.stderr
-    );
+    identify(&workplace(&poses), "--parameters frames")
+        .ends_with(1)
+        .says("nothing says how precise the orientations are");
     let place = workplace(&plain(10, false));
-    let outcome = identify(&place, "--method linear").ends_with(1);
-    assert!(
-        outcome.stderr.contains("which no linear fit takes"),
-        "{}",
-        outcome.stderr
-    );
+    identify(&place, "--method linear")
+        .ends_with(1)
+        .says("which no linear fit takes");
     place.write("m.csv", "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm,dx_mm,dy_mm,dz_mm\n1,2,3,4,5,6,0,0,-98,0,0,0,0,0,-1\n");
-    let outcome = identify(&place, "--parameters frames").ends_with(1);
-    assert!(
-        outcome.stderr.contains("leave out --parameters"),
-        "{}",
-        outcome.stderr
-    );
+    identify(&place, "--parameters frames")
+        .ends_with(1)
+        .says("leave out --parameters");
 }
 
 /// What no configuration of a planar arm shows is named, and no error.
@@ -565,28 +551,10 @@ fn wrong_robots_are_told_in_words() {
     ] {
         assert!(text.contains(from), "{from}");
         place.write("w.json", text.replacen(from, to, 1));
-        let outcome = validate("--measurements m.csv");
-        assert!(
-            outcome.stderr.contains(expected),
-            "{expected}: {}",
-            outcome.stderr
-        );
+        validate("--measurements m.csv").says(expected);
     }
     place.write("w.json", &text);
-    let outcome = validate("");
-    assert!(
-        outcome.stderr.contains("for which no plan is made"),
-        "{}",
-        outcome.stderr
-    );
-    let outcome = place
-        .run("compensate s.toml --quiet --identified i.json")
-        .ends_with(1);
-    assert!(
-        outcome.stderr.contains("absolute readings"),
-        "{}",
-        outcome.stderr
-    );
+    validate("").says("for which no plan is made");
 }
 
 /// Each stand of the robot is off by 0.3 mm, unloaded and loaded the same: readings of one state tell compliances as their

@@ -144,6 +144,13 @@ impl Outcome {
         self
     }
 
+    /// Asserts that the diagnostics have these words.
+    pub fn says(self, words: &str) -> Self {
+        let is_said = self.stderr.contains(words);
+        assert!(is_said, "{words:?} is not said: {self:#?}");
+        self
+    }
+
     /// The results that were printed with `--json`.
     pub fn json(&self) -> Value {
         serde_json::from_str(&self.stdout).unwrap_or_else(|error| panic!("{error}: {self:#?}"))

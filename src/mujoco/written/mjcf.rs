@@ -9,6 +9,7 @@ use roxmltree::Node;
 use super::bodies::Tree;
 use super::described::as_mjcf;
 use super::edits::{Edits, escaped, numbers, parse};
+use super::mounted::link_of;
 use super::pose::{TURNS, position_and_quaternion};
 use super::whole::{folder_of, way, whole};
 use super::{ModelCalibration, RIGID, WrittenModel};
@@ -158,19 +159,9 @@ impl<'t> MjcfEditor<'_, 't> {
         Ok(())
     }
 
-    /// The link that a body belongs to, with the rotation that turns its vectors into the body's.
-    fn link_of(&self, body: usize) -> Option<(usize, UnitQuaternion<f64>)> {
-        let joints: Vec<Option<usize>> = self.joints.iter().copied().map(Some).collect();
-        (0..joints.len()).find_map(|link| {
-            let bodies = self.plain.bodies_of_link(&joints, link).into_iter();
-            let mut own = bodies.filter(|(each, _)| *each == body);
-            own.next().map(|(_, turn)| (link, turn))
-        })
-    }
-
     fn masses(&mut self) -> Result<(), String> {
         for body in 1..self.plain.bodies() {
-            let Some((link, turn)) = self.link_of(body) else {
+            let Some((link, turn)) = link_of(self.plain, &self.joints, body) else {
                 continue;
             };
             let (factor, shift) = (
@@ -348,14 +339,8 @@ impl<'t> MjcfEditor<'_, 't> {
     fn mounted(&mut self) -> Result<(), String> {
         let additions = &self.calibration.additions;
         for tool in &additions.tools {
-            let (body, body_from) = self
-                .plain
-                .carrier(&tool.on)
-                .map_err(|error| error.to_string())?;
-            let by = (self.calibration.sites.iter()).find(|(name, _)| *name == tool.name);
-            let by = by.map_or_else(Isometry3::identity, |(_, by)| *by);
-            let (position, quaternion) =
-                position_and_quaternion(&(body_from * tool.from_tool * by));
+            let (body, frame) = self.calibration.placed_tool(self.plain, tool)?;
+            let (position, quaternion) = position_and_quaternion(&frame);
             let site = format!(
                 "<site name=\"{}\" pos=\"{}\" quat=\"{}\" group=\"4\"/>",
                 escaped(&tool.name),
@@ -366,23 +351,15 @@ impl<'t> MjcfEditor<'_, 't> {
             self.edits.append(node, site);
         }
         for (payload, number) in additions.payloads.iter().zip(1..) {
-            let (body, body_from) = self
-                .plain
-                .carrier(&payload.on)
-                .map_err(|error| error.to_string())?;
-            let mut centre = (body_from * Point3::from(payload.centre_m)).coords;
-            let mut mass = payload.mass_kg;
-            if let Some((link, turn)) = self.link_of(body) {
-                mass *= self.calibration.mass_factor[link];
-                centre += turn * self.calibration.centre_shift_m[link];
-            }
+            let placed = (self.calibration).placed_payload(self.plain, &self.joints, payload)?;
+            let mass = placed.mass_kg;
             let inertia = mass * 1e-2;
             let text = format!(
                 "<body name=\"{KEPT}payload_{number}\" pos=\"{}\"><inertial pos=\"0 0 0\" mass=\"{mass}\" diaginertia=\"{}\"/></body>",
-                numbers(centre.as_slice()),
+                numbers(placed.centre_m.as_slice()),
                 numbers(&[inertia; 3])
             );
-            let node = self.tree.body(body)?;
+            let node = self.tree.body(placed.body)?;
             self.edits.append(node, text);
         }
         Ok(())

@@ -7,6 +7,7 @@ mod bodies;
 mod described;
 mod edits;
 mod mjcf;
+mod mounted;
 mod pose;
 mod urdf;
 mod whole;

@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use nalgebra::{Isometry3, Matrix3, Point3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3};
 use roxmltree::Node;
 
 use super::edits::{Edits, escaped, numbers, parse};
@@ -156,42 +156,24 @@ impl<'d, 't> UrdfEditor<'d, 't> {
     fn mounted(&mut self) -> Result<(), String> {
         let additions = &self.calibration.additions;
         for tool in &additions.tools {
-            let (body, body_from) = self
-                .plain
-                .carrier(&tool.on)
-                .map_err(|error| error.to_string())?;
-            let by = (self.calibration.sites.iter()).find(|(name, _)| *name == tool.name);
-            let by = by.map_or_else(Isometry3::identity, |(_, by)| *by);
-            let frame = body_from * tool.from_tool * by;
+            let (body, frame) = self.calibration.placed_tool(self.plain, tool)?;
             let link = format!("<link name=\"{}\"/>", escaped(&tool.name));
             self.edits.append(self.root, link);
             let on = self.plain.body_name(body);
             self.edits.append(self.root, fixed(&on, &tool.name, &frame));
         }
-        let joints: Vec<Option<usize>> = self.joints.iter().copied().map(Some).collect();
         for (payload, number) in additions.payloads.iter().zip(1..) {
-            let (body, body_from) = self
-                .plain
-                .carrier(&payload.on)
-                .map_err(|error| error.to_string())?;
-            let mut centre = (body_from * Point3::from(payload.centre_m)).coords;
-            let mut mass = payload.mass_kg;
-            for link in 0..joints.len() {
-                let own = self.plain.bodies_of_link(&joints, link);
-                if let Some((_, turn)) = own.iter().find(|(each, _)| *each == body) {
-                    mass *= self.calibration.mass_factor[link];
-                    centre += turn * self.calibration.centre_shift_m[link];
-                }
-            }
+            let placed = (self.calibration).placed_payload(self.plain, &self.joints, payload)?;
+            let mass = placed.mass_kg;
             let name = format!("{}payload_{number}", crate::mujoco::KEPT);
             let inertial = inertial(mass, &Isometry3::identity(), &Vector3::repeat(mass * 1e-2));
             self.edits.append(
                 self.root,
                 format!("<link name=\"{name}\">{inertial}</link>"),
             );
-            let on = self.plain.body_name(body);
+            let on = self.plain.body_name(placed.body);
             self.edits
-                .append(self.root, fixed(&on, &name, &centre.into()));
+                .append(self.root, fixed(&on, &name, &placed.centre_m.into()));
         }
         Ok(())
     }
