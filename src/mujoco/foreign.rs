@@ -13,6 +13,7 @@ pub(super) fn refuse(path: &Path, text: &str) -> Result<(), ModelError> {
             hint,
         })
     };
+    let text = &uncommented(text);
     let is_xacro =
         path.extension().is_some_and(|ending| ending == "xacro") || text.contains("<xacro:");
     if is_xacro {
@@ -41,6 +42,25 @@ pub(super) fn refuse(path: &Path, text: &str) -> Result<(), ModelError> {
     })
 }
 
+/// A text with blanks for its comments, in which generators and people leave what no longer counts; lines stay where they are.
+fn uncommented(text: &str) -> String {
+    let mut found = String::with_capacity(text.len());
+    let mut rest = text;
+    while let Some(start) = rest.find("<!--") {
+        let end = rest[start..]
+            .find("-->")
+            .map_or(rest.len(), |end| start + end + 3);
+        found += &rest[..start];
+        found.extend(
+            rest[start..end]
+                .chars()
+                .map(|each| if each == '\n' { each } else { ' ' }),
+        );
+        rest = &rest[end..];
+    }
+    found + rest
+}
+
 /// The name of the outermost element.
 fn root(text: &str) -> Option<&str> {
     let mut rest = text;
@@ -62,7 +82,7 @@ fn root(text: &str) -> Option<&str> {
 
 #[cfg(test)]
 mod tests {
-    use super::root;
+    use super::{root, uncommented};
 
     #[test]
     fn the_outermost_element_is_found() {
@@ -71,5 +91,10 @@ mod tests {
         assert_eq!(root(behind), Some("mujoco"));
         assert_eq!(root("<robot/>"), Some("robot"));
         assert_eq!(root("no element <!-- <robot> "), None);
+    }
+    #[test]
+    fn comments_are_blanks() {
+        let text = "<a>\n<!-- x\ny --><b/><!--";
+        assert_eq!(uncommented(text), "<a>\n      \n     <b/>    ");
     }
 }

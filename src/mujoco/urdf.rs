@@ -28,6 +28,8 @@ const LEFT_OUT: [&str; 10] = [
     "sensor",
     "mujoco",
 ];
+/// The type of joint of what nothing holds: an arm's statics are those of a base that stands still.
+const FLOATING: &str = "floating";
 /// Endings of meshes that MuJoCo reads.
 const MESHES: [&str; 3] = ["stl", "obj", "msh"];
 
@@ -73,6 +75,7 @@ impl Urdf {
             ));
         }
         left_out.extend(without_mass(root));
+        left_out.extend(held_still(root));
         Some(Self {
             text: writer.text,
             meshes: writer.meshes,
@@ -90,7 +93,7 @@ fn joints<'a>(root: Node<'a, '_>) -> impl Iterator<Item = (bool, &'a str, &'a st
             let named = joint.children().find(|each| each.has_tag_name(tag))?;
             named.attribute("link")
         };
-        let moves = joint.attribute("type") != Some("fixed");
+        let moves = !["fixed", FLOATING].contains(&joint.attribute("type")?);
         Some((moves, link("parent")?, link("child")?))
     })
 }
@@ -181,6 +184,21 @@ impl UrdfText {
     }
 }
 
+/// Joints that nothing drives, and that stand where they are drawn.
+fn held_still(root: Node<'_, '_>) -> Option<String> {
+    let joints = root.children().filter(|each| each.has_tag_name("joint"));
+    let floating: Vec<&str> = joints
+        .filter(|joint| joint.attribute("type") == Some(FLOATING))
+        .filter_map(|joint| joint.attribute("name"))
+        .collect();
+    (!floating.is_empty()).then(|| {
+        format!(
+            "floating joints are held where they are drawn: {}",
+            floating.join(", ")
+        )
+    })
+}
+
 /// Links that a joint moves and that say nothing of their mass.
 fn without_mass(root: Node<'_, '_>) -> Option<String> {
     let moved: BTreeSet<&str> = joints(root)
@@ -239,6 +257,7 @@ impl UrdfWriter {
             let is_of_drive = tag == "limit" && ["effort", "velocity"].contains(&name);
             if !is_of_drive {
                 let value = match name {
+                    "type" if tag == "joint" && value == FLOATING => "fixed".to_owned(),
                     "filename" => self.mesh(value).map_or_else(
                         || value.to_owned(),
                         |path| path.to_string_lossy().into_owned(),

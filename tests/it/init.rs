@@ -274,6 +274,40 @@ fn a_urdf_is_a_model_without_stiffnesses_and_tools() {
     }
 }
 
+/// What generators of descriptions leave in them: their own calls in comments, a base that floats, joints without ends.
+#[test]
+fn what_generators_leave_in_a_urdf_is_no_hindrance() {
+    let plain = described("package://arm/meshes/none.stl");
+    let end = plain.find("<link name=\"base\">").expect("a link");
+    let floating = "<!-- <xacro:arm prefix=\"${prefix}\"/>\n -->\n<link name=\"world\"/><joint name=\"float\" type=\"floating\"><parent link=\"world\"/><child link=\"base\"/></joint>";
+    let text = format!("{}{floating}{}", &plain[..end], &plain[end..])
+        .replacen("type=\"revolute\"", "type=\"continuous\"", 1)
+        .replacen(
+            "<limit lower=\"-2\" upper=\"2\" effort=\"100\" velocity=\"1\"/>",
+            "",
+            1,
+        );
+    let (json, _) = drafted("arm.urdf", &text);
+    assert_eq!(joints(&json), ["joint_1", "joint_2", "joint_3", "joint_4"]);
+    let warnings = json["warnings"].to_string();
+    assert!(
+        warnings.contains("floating joints are held where they are drawn: float"),
+        "{warnings}"
+    );
+    // What is still to be generated is another matter.
+    let outcome = refused(
+        "arm.urdf",
+        &text
+            .replace("<!-- <xacro", "<xacro")
+            .replace("/>\n -->", "/>"),
+    );
+    assert!(
+        outcome.stderr.contains("run xacro first"),
+        "{}",
+        outcome.stderr
+    );
+}
+
 #[test]
 fn meshes_that_are_found_collide_and_belong_to_the_hash() {
     let place = Workplace::new();
