@@ -306,6 +306,18 @@ impl ParameterKind {
         )
     }
 
+    /// Whether it is of what weighs: of a link with all that is fixed to it, or of a payload.
+    #[must_use]
+    pub const fn is_of_mass(self) -> bool {
+        matches!(
+            self,
+            Self::LinkMass { .. }
+                | Self::LinkCentre { .. }
+                | Self::PayloadMass
+                | Self::PayloadCentre { .. }
+        )
+    }
+
     /// What it is, in words.
     #[must_use]
     pub fn words(self, belief: &ElasticArm) -> String {

@@ -4,7 +4,9 @@ use nalgebra::DVector;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::super::conditions::IMPLAUSIBLE;
-use super::super::gauss_newton::{FitError, ParameterFit, fit_from, fit_parameters};
+use super::super::gauss_newton::{
+    FitError, ParameterFit, fit_for_residuals, fit_from, fit_parameters,
+};
 use super::unknowns::{LeftOut, ToldApart};
 use super::{AbsoluteCase, AbsoluteError, Misfit, ParameterGroup, ReadingResidual};
 use crate::numeric::posterior::Posterior;
@@ -12,6 +14,9 @@ use crate::parameter::{ElasticArm, Parameter, ParameterKind, ParameterSet};
 
 /// So often readings are weighed anew by what a fit leaves; the second time changes next to nothing.
 const WEIGHINGS: usize = 3;
+
+/// Further from what is believed, in standard deviations of that, is told.
+const FAR: f64 = 2.0;
 
 /// How much each reading counts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -75,7 +80,7 @@ impl AbsoluteCase<'_> {
         let ToldApart { set, left_out } = self.unknowns(groups)?;
         let own = match weights {
             ReadingWeights::WithMisfit => None,
-            _ => match fit_parameters(&self.arm, &set, &self.observations) {
+            _ => match fit_for_residuals(&self.arm, &set, &self.observations) {
                 Ok(fit) => Some(fit),
                 // Readings that the model cannot explain may drive its parameters anywhere.
                 Err(FitError::NotConverged { .. }) if weights == ReadingWeights::AsNeeded => None,
@@ -231,6 +236,7 @@ impl AbsoluteFit {
                 ));
             }
         }
+        conditions.extend(self.far_from_belief());
         if let Some(probability) = self.consistency
             && probability < IMPLAUSIBLE
         {
@@ -245,5 +251,26 @@ impl AbsoluteFit {
             ));
         }
         conditions
+    }
+
+    /// Masses and centres that are further from what is believed than this is uncertain: in their weak directions the fit puts what
+    /// no other parameter explains.
+    fn far_from_belief(&self) -> Option<String> {
+        let prior = &self.set.prior().mean;
+        let far: Vec<String> = (self.of_the_robot())
+            .filter(|(_, each)| each.kind.is_of_mass())
+            .filter_map(|(index, each)| {
+                let off = (self.posterior.mean[index] - prior[index]).abs();
+                let share = off / each.prior_deviation?;
+                (share > FAR).then(|| format!("{} by {share:.1}", each.name))
+            })
+            .collect();
+        (!far.is_empty()).then(|| {
+            format!(
+                "masses are far from what is believed, in standard deviations of that: {}; gravity shows them weakly, and they take up \
+                 what geometry and elasticity leave: weigh the payload, or leave it out of --parameters",
+                far.join(", ")
+            )
+        })
     }
 }

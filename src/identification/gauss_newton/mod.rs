@@ -29,6 +29,12 @@ const SHORT: f64 = 1e-3;
 const PATIENCE: usize = 20;
 /// Nearly linear fits take three to six steps; far starts take some more.
 const MAXIMUM_ITERATIONS: usize = 60;
+/// After so many steps those that hardly become shorter are led further than they go.
+const NEARLY_LINEAR: usize = 6;
+/// The same of fits that begin near.
+const NEAR: usize = 2;
+/// Steps that become no shorter than this share of those before are slow.
+const SLOW: f64 = 0.1;
 /// The first damping after a step that made the fit worse, relative to the information.
 const FIRST_DAMPING: f64 = 1e-4;
 /// With so much damping a step is none.
@@ -96,13 +102,25 @@ pub fn fit_parameters(
     if observations.is_empty() {
         return Err(FitError::NoObservations);
     }
-    fit_from(
-        nominal,
-        set,
-        observations,
-        None,
-        &frames(nominal, set, observations),
-    )
+    let start = frames(nominal, set, observations);
+    fit(nominal, set, observations, None, &start, Haste::None)
+}
+
+/// The same, found as soon as a step is short in standard errors as the residuals have them: whether the observations' own
+/// covariances explain these is known by then.
+///
+/// # Errors
+/// See [`FitError`].
+pub(super) fn fit_for_residuals(
+    nominal: &ElasticArm,
+    set: &ParameterSet,
+    observations: &[Observation],
+) -> Result<ParameterFit, FitError> {
+    if observations.is_empty() {
+        return Err(FitError::NoObservations);
+    }
+    let start = frames(nominal, set, observations);
+    fit(nominal, set, observations, None, &start, Haste::Residuals)
 }
 
 /// The same from values (p) that are near; some observations may share an error.
@@ -115,6 +133,28 @@ pub(super) fn fit_from(
     observations: &[Observation],
     shared: Option<&SharedErrors>,
     start: &DVector<f64>,
+) -> Result<ParameterFit, FitError> {
+    fit(nominal, set, observations, shared, start, Haste::Near)
+}
+
+/// What a fit may take for granted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Haste {
+    /// Nothing.
+    None,
+    /// It begins near.
+    Near,
+    /// It begins anywhere, and need be no better than its residuals.
+    Residuals,
+}
+
+fn fit(
+    nominal: &ElasticArm,
+    set: &ParameterSet,
+    observations: &[Observation],
+    shared: Option<&SharedErrors>,
+    start: &DVector<f64>,
+    haste: Haste,
 ) -> Result<ParameterFit, FitError> {
     if observations.is_empty() {
         return Err(FitError::NoObservations);
@@ -131,6 +171,7 @@ pub(super) fn fit_from(
         shared,
         prior: relative_precision(set),
         basis: estimable.basis(),
+        haste,
     };
     // As far as the start does not leave what is determined.
     let scales = set.scales();
@@ -197,6 +238,7 @@ fn frames(nominal: &ElasticArm, set: &ParameterSet, observations: &[Observation]
             shared: None,
             prior: relative_precision(&frames),
             basis: estimable.basis(),
+            haste: Haste::None,
         };
         // Where they cannot be found alone, all parameters may still be.
         if let Ok((values, _, _)) = problem.solve(frames.prior().mean.clone()) {
@@ -215,6 +257,16 @@ struct FitProblem<'a> {
     shared: Option<&'a SharedErrors>,
     prior: nalgebra::DMatrix<f64>,
     basis: &'a nalgebra::DMatrix<f64>,
+    haste: Haste,
+}
+
+/// Where a step began, and where to.
+struct StepBefore {
+    values: DVector<f64>,
+    /// The undamped step, in coordinates of the basis.
+    within: DVector<f64>,
+    /// Its length in standard errors.
+    steps: f64,
 }
 
 /// The problem at one vector of values, with the next step in coordinates of the basis.
@@ -234,10 +286,23 @@ impl FitProblem<'_> {
         let mut values = start;
         let mut now = self.at(&values)?;
         let mut damping = 0.0;
+        let mut before: Option<StepBefore> = None;
         for iterations in 1..=MAXIMUM_ITERATIONS {
             let is_slow = iterations > PATIENCE && now.steps <= SHORT;
-            if now.steps <= CONVERGED || is_slow {
+            if now.steps <= CONVERGED * self.tolerance(&now) || is_slow {
                 return Ok((values, now, iterations));
+            }
+            let own = StepBefore {
+                values: values.clone(),
+                within: now.factor.solve(&now.gradient),
+                steps: now.steps,
+            };
+            let is_led = damping == 0.0 && iterations > self.fast_steps();
+            let led = before.replace(own).filter(|_| is_led);
+            let led = led.and_then(|before| self.led_further(&before, &values, &now));
+            if let Some((further, found)) = led {
+                (values, now) = (further, found);
+                continue;
             }
             loop {
                 let next = self.step(&now, damping).map(|step| &values + step);
@@ -290,6 +355,54 @@ impl FitProblem<'_> {
         })
     }
 
+    /// By how much standard errors are larger than the observations' own covariances make them, as far as that counts.
+    fn tolerance(&self, now: &Solved) -> f64 {
+        if self.haste != Haste::Residuals {
+            return 1.0;
+        }
+        let rows = self
+            .observations
+            .iter()
+            .map(|each| each.reading.kind().rows());
+        (now.equations.square / rows.sum::<usize>().max(1) as f64)
+            .sqrt()
+            .max(1.0)
+    }
+
+    const fn fast_steps(&self) -> usize {
+        match self.haste {
+            Haste::None => NEARLY_LINEAR,
+            Haste::Near | Haste::Residuals => NEAR,
+        }
+    }
+
+    /// Where steps that hardly become shorter lead to: residuals that the model cannot explain bend the sum of squares otherwise
+    /// than its linear model, and each step leaves the same share of the way. From two steps that share, and where the way ends,
+    /// is known (Anderson's acceleration of depth one). None where the steps become shorter by themselves, or that is no
+    /// better.
+    fn led_further(
+        &self,
+        before: &StepBefore,
+        values: &DVector<f64>,
+        now: &Solved,
+    ) -> Option<(DVector<f64>, Solved)> {
+        if now.steps <= SLOW * before.steps {
+            return None;
+        }
+        let within = now.factor.solve(&now.gradient);
+        let changed = &within - &before.within;
+        let weighed = &now.information * &changed;
+        let share = weighed.dot(&within) / weighed.dot(&changed);
+        if !share.is_finite() {
+            return None;
+        }
+        let moved = (values - &before.values).component_div(&self.set.scales());
+        let further = within - (self.basis.tr_mul(&moved) + changed) * share;
+        let next = values + self.limited(&further);
+        let found = self.at(&next).ok()?;
+        (found.cost < now.cost).then_some((next, found))
+    }
+
     /// The step in the parameters' units, no longer than what the model can follow.
     fn step(&self, now: &Solved, damping: f64) -> Option<DVector<f64>> {
         let within = if damping > 0.0 {
@@ -301,13 +414,18 @@ impl FitProblem<'_> {
         } else {
             now.factor.solve(&now.gradient)
         };
+        Some(self.limited(&within))
+    }
+
+    /// A step that is told in coordinates of the basis, in the parameters' units and no longer than what the model can follow.
+    fn limited(&self, within: &DVector<f64>) -> DVector<f64> {
         let mut step = (self.basis * within).component_mul(&self.set.scales());
         let parameters = self.set.parameters().iter();
         let share = (parameters.zip(&step))
             .map(|(parameter, step)| step.abs() / parameter.longest_step())
             .fold(1.0, f64::max);
         step /= share;
-        Some(step)
+        step
     }
 }
 
