@@ -33,6 +33,7 @@ PEERS = [
 ]
 PARALLEL = "Monte Carlo, model level, 2 threads"
 FIT = "fit of 45 parameters to 1000 poses"
+MEASURED = "a robot from 2773 absolute poses"
 PACKAGES = ["numpy", "scipy", "mujoco", "mcap", "rerun-sdk", "figaroh", "pyscipopt"]
 
 
@@ -152,6 +153,10 @@ def main() -> None:
         make = lambda: [importlib.import_module("fit_scipy").fit(FIT, driver, problem, effort["seeds"])]
         results += skipping(FIT, "SciPy", make)
     driver.close()
+    if arguments.only in MEASURED:
+        print(f"{MEASURED}: SciPy", file=sys.stderr)
+        make = lambda: importlib.import_module("fit_measured").beside_scipy(MEASURED, 1)
+        results += skipping(MEASURED, "SciPy", make)
     print("searches", file=sys.stderr)
     searches = [
         ("search to a certified plan", "SciPy SLSQP", "beside_scipy", (effort["limit_s"], effort["seeds"])),
