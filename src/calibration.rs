@@ -170,6 +170,25 @@ pub fn compensate_poses(
 ) -> Result<Vec<CompensatedPose>, CalibrationError> {
     let belief = &task.belief;
     let identified = (posterior.mean.as_slice(), compliance_rad_per_nm);
+    compensate_poses_by(task, robots, &|pose| {
+        let commanded_rad = compensate_identified(belief, identified, pose, method)?;
+        let matrix = test_pose_rows(belief, pose);
+        Ok((commanded_rad, predicted_error(&matrix, posterior)))
+    })
+}
+
+/// The angles to command at a test pose (rad), and the predicted rms distance (m) that they leave there.
+pub type CompensatedCommand = (DVector<f64>, Result<f64, NotDetermined>);
+
+/// The same with commands of any identification.
+///
+/// # Errors
+/// See [`CalibrationError`].
+pub fn compensate_poses_by(
+    task: &Task,
+    robots: &mut TrueRobots,
+    command: &dyn Fn(&TestPose) -> Result<CompensatedCommand, EquilibriumError>,
+) -> Result<Vec<CompensatedPose>, CalibrationError> {
     task.test_poses
         .iter()
         .map(|pose| {
@@ -177,14 +196,12 @@ pub fn compensate_poses(
                 pose: pose.name.clone(),
                 source,
             };
-            let commanded_rad =
-                compensate_identified(belief, identified, pose, method).map_err(at_pose)?;
-            let matrix = test_pose_rows(belief, pose);
+            let (commanded_rad, predicted_m) = command(pose).map_err(at_pose)?;
             Ok(CompensatedPose {
                 name: pose.name.clone(),
                 weight: pose.weight,
                 direction: pose.direction,
-                predicted_m: predicted_error(&matrix, posterior),
+                predicted_m,
                 seen: see(robots, pose, &commanded_rad).map_err(at_pose)?,
                 commanded_rad,
             })

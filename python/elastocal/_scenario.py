@@ -203,6 +203,16 @@ class Scenario:
             path.write_text(json.dumps(identified.results), encoding="utf-8")
             return Compensation(self.command("compensate", identified=path, method=method))
 
+    def compensate_targets(self, identified: Identified, targets: FilePath, **given: Any) -> Results:
+        """The angles to command for absolute targets of a file.
+
+        Further keywords are ``tool``, ``frame``, ``station``, ``workpiece`` and ``angles_out``.
+        """
+        with _folder() as folder:
+            path = folder / "identified.json"
+            path.write_text(json.dumps(identified.results), encoding="utf-8")
+            return self.command("compensate", identified=path, targets=targets, **given)
+
     def export(self, identified: Identified, model_out: FilePath) -> Results:
         """Writes the calibrated robot as a model: MJCF where the file ends in ``.xml``, URDF where it ends in ``.urdf``."""
         with _folder() as folder:

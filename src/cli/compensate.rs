@@ -3,11 +3,10 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use elastocal::calibration::{CompensatedPose, compensate_poses, pose_conditions};
+use elastocal::calibration::{CompensatedPose, pose_conditions};
 use elastocal::experiment::experiment_columns;
 use elastocal::files::output::write_whole;
 use elastocal::files::{FileError, make_folder};
-use elastocal::identification::StoredIdentification;
 use elastocal::laboratory::{
     CampaignError, Dialect, Program, ProgramFile, ProgramTarget, program_to,
 };
@@ -15,12 +14,12 @@ use elastocal::record::messages::{ProvenanceMessage, TestPoseMessage};
 use elastocal::scenario::Scenario;
 use elastocal::task::{Method, Task};
 use elastocal::testbed::TrueRobots;
-use elastocal::text::wording::shell_word;
 use serde_json::json;
 
 use super::dialect::dialect;
-use super::identified::read_identified;
+use super::identified::{ScenarioRobot, read_robot, taken_as_believed};
 use super::table::{number, table};
+use super::targets::{TargetFrame, TargetQuestion, Workpiece, compensate_targets};
 use super::written::Written;
 use super::{Common, Report, check_outputs, inputs, named_by_file, results, without_effect};
 
@@ -46,28 +45,57 @@ pub struct Compensate {
     /// The dialect of the program: krl, urscript, or a file that ends in .toml; the scenario's if not given.
     #[arg(long, value_name = "NAME|FILE", requires = "program_out")]
     dialect: Option<String>,
+    /// Absolute positions or poses of a tool, as CSV: the angles are for these, in place of the test poses.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["program_out", "method"])]
+    targets: Option<PathBuf>,
+    /// The tool that must be there, by its site; the machining tool if not given.
+    #[arg(long, value_name = "SITE", requires = "targets")]
+    tool: Option<String>,
+    /// In which frame the targets are, or the workpiece stands; the instrument's if absolute readings were identified from, else
+    /// the base's.
+    #[arg(long, value_enum, requires = "targets")]
+    frame: Option<TargetFrame>,
+    /// At which of several stations the instrument stands.
+    #[arg(long, value_name = "NAME", requires = "targets")]
+    station: Option<String>,
+    /// The targets are in the frame of a workpiece: its name, and where it stands (mm, deg).
+    #[arg(long, value_name = "NAME=X,Y,Z,ROLL,PITCH,YAW", requires = "targets", value_parser = Workpiece::of_word)]
+    workpiece: Option<Workpiece>,
 }
 
 impl Compensate {
     pub fn execute(&self) -> anyhow::Result<Report> {
-        let origin = StoredIdentification::origin(&self.identified)?;
-        let file = shell_word(&self.identified.to_string_lossy());
-        let usage = format!("elastocal compensate SCENARIO --identified {file}");
-        let scenario = (self.common).load_for(&self.identified, origin.as_ref(), &usage)?;
-        let identified = read_identified(&self.identified, &scenario)?;
+        let ScenarioRobot {
+            scenario,
+            robot,
+            mut conditions,
+        } = read_robot(&self.common, "compensate", &self.identified)?;
         let method = self.method.unwrap_or(scenario.task.belief.method);
         let dialect = match &self.program_out {
             Some(_) => Some(dialect(self.dialect.as_deref(), &scenario)?),
             None => None,
         };
         self.check(&scenario, dialect.as_ref())?;
+        if let Some(targets) = &self.targets {
+            let provenance = ProvenanceMessage::new(&scenario)
+                .with_input("identified", &self.identified)?
+                .with_input("targets", targets)?;
+            let question = TargetQuestion {
+                targets,
+                tool: self.tool.as_deref(),
+                frame: self.frame,
+                station: self.station.as_deref(),
+                workpiece: self.workpiece.as_ref(),
+                angles_out: self.angles_out.as_deref(),
+                identified: &self.identified,
+            };
+            return compensate_targets(&scenario, &robot, conditions, &provenance, &question);
+        }
         self.common.say("compensating on the virtual robot");
-        let (compliance, posterior) = (&identified.compliance_rad_per_nm, &identified.posterior);
         // The robot on which `measure` measures.
         let mut robots = TrueRobots::new(&scenario.task.belief, &scenario.truth)?;
         robots.become_run_of(&scenario.truth, 0, scenario.seed, 0)?;
-        let poses = compensate_poses(&scenario.task, &mut robots, compliance, posterior, method)?;
-        let mut conditions = identified.conditions;
+        let poses = robot.compensate(&scenario.task, &mut robots, method)?;
         conditions.extend(pose_conditions(&scenario.task.belief, &poses));
         let commands = scenario.task.belief.commands();
         let messages: Vec<TestPoseMessage> = (poses.iter())
@@ -100,6 +128,7 @@ impl Compensate {
             ],
             &rows,
         );
+        text += &taken_as_believed(&robot);
         // Before anything is written: there may be no way.
         let files = match &dialect {
             Some(dialect) => self.program(&scenario, dialect, &poses)?,
@@ -140,6 +169,9 @@ impl Compensate {
     fn check(&self, scenario: &Scenario, dialect: Option<&Dialect>) -> Result<(), FileError> {
         let mut roles = inputs(scenario);
         roles.reads("what was identified", &self.identified);
+        if let Some(targets) = &self.targets {
+            roles.reads("the targets", targets);
+        }
         if let (Some(folder), Some(dialect)) = (&self.program_out, dialect) {
             let files = self.files(&Program::default(), scenario, dialect)?;
             let names: Vec<&str> = files.iter().map(|file| &*file.name).collect();

@@ -4,13 +4,11 @@ use std::path::PathBuf;
 
 use clap::Args;
 use elastocal::files::output::write_whole;
-use elastocal::identification::StoredIdentification;
 use elastocal::record::messages::ProvenanceMessage;
-use elastocal::text::wording::shell_word;
 use elastocal::workflow::export::{ExportedModel, ModelFormat, export};
 use serde_json::json;
 
-use super::identified::read_identified;
+use super::identified::{ScenarioRobot, read_robot};
 use super::{Common, Report, check_outputs, inputs, named_by_file, results, without_effect};
 
 /// Arguments of `export`.
@@ -30,11 +28,11 @@ pub struct Export {
 
 impl Export {
     pub fn execute(&self) -> anyhow::Result<Report> {
-        let origin = StoredIdentification::origin(&self.identified)?;
-        let file = shell_word(&self.identified.to_string_lossy());
-        let usage = format!("elastocal export SCENARIO --identified {file}");
-        let scenario = (self.common).load_for(&self.identified, origin.as_ref(), &usage)?;
-        let identified = read_identified(&self.identified, &scenario)?;
+        let ScenarioRobot {
+            scenario,
+            robot,
+            conditions,
+        } = read_robot(&self.common, "export", &self.identified)?;
         let format = ModelFormat::of(&self.model_out)?;
         let mut roles = inputs(&scenario);
         roles.reads("what was identified", &self.identified);
@@ -43,8 +41,7 @@ impl Export {
             .say(&format!("writing the robot as {}", format.name()));
         let provenance =
             ProvenanceMessage::new(&scenario).with_input("identified", &self.identified)?;
-        let known = (&identified.posterior, &identified.compliance_rad_per_nm[..]);
-        let exported = export(&scenario, known, &provenance, &self.model_out)?;
+        let exported = export(&scenario, &robot, &provenance, &self.model_out)?;
         write_whole(&self.model_out, exported.text.as_bytes())?;
         let mut text = describe(&exported);
         text += &format!("wrote {}\n", self.model_out.display());
@@ -55,18 +52,18 @@ impl Export {
                 json!({
                     "model_file": self.model_out,
                     "format": format.name(),
-                    "parameters": identified.posterior.names,
+                    "parameters": robot.unknowns.iter().map(|each| &each.name).collect::<Vec<_>>(),
                     "configurations": exported.configurations,
                     "place_difference_mm": exported.place_difference_m * 1e3,
                     "rotation_difference_mrad": exported.rotation_difference_rad * 1e3,
                     "deflection_difference_mm": exported.deflection_difference_m.map(|each| each * 1e3),
                     "not_expressed": exported.not_expressed,
                     "to_leave_out": exported.to_leave_out,
-                    "conditions": identified.conditions,
+                    "conditions": conditions,
                 }),
             ),
             text,
-            conditions: identified.conditions,
+            conditions,
         })
     }
 }

@@ -8,6 +8,11 @@ use elastocal::numeric::estimable::Estimable;
 use elastocal::numeric::posterior::Posterior;
 use elastocal::scenario::Scenario;
 use elastocal::task::Fingerprint;
+use elastocal::text::wording::shell_word;
+use elastocal::workflow::calibrated::CalibratedRobot;
+use elastocal::workflow::validate_absolute::StoredRobot;
+
+use super::Common;
 
 /// What an identification gives to compensate with.
 pub struct IdentifiedCompliances {
@@ -19,7 +24,60 @@ pub struct IdentifiedCompliances {
     pub conditions: Vec<String>,
 }
 
-/// Reads what `identify --identified-out` wrote, for the same robot.
+/// A robot as it was identified, with the scenario that it belongs to.
+pub struct ScenarioRobot {
+    /// The scenario.
+    pub scenario: Scenario,
+    /// The robot.
+    pub robot: CalibratedRobot,
+    /// What speaks against trusting it.
+    pub conditions: Vec<String>,
+}
+
+/// Reads what `identify --identified-out` wrote of whatever readings, for a command that takes it.
+pub fn read_robot(common: &Common, command: &str, path: &Path) -> anyhow::Result<ScenarioRobot> {
+    let file = shell_word(&path.to_string_lossy());
+    let usage = format!("elastocal {command} SCENARIO --identified {file}");
+    if let Some(stored) = StoredRobot::read(path)? {
+        let scenario = common.load_for(path, stored.origin.as_ref(), &usage)?;
+        let mut conditions = trust(path, &scenario, Some(&stored.identified_with))?;
+        conditions.extend(doubts(path, &stored.message.conditions));
+        let robot = CalibratedRobot::of_absolute(&scenario.task.belief, path, &stored)?;
+        return Ok(ScenarioRobot {
+            scenario,
+            robot,
+            conditions,
+        });
+    }
+    let origin = StoredIdentification::origin(path)?;
+    let scenario = common.load_for(path, origin.as_ref(), &usage)?;
+    let identified = read_identified(path, &scenario)?;
+    let (posterior, compliance) = (identified.posterior, identified.compliance_rad_per_nm);
+    Ok(ScenarioRobot {
+        robot: CalibratedRobot::of_deflections(&scenario.task.belief, posterior, compliance),
+        scenario,
+        conditions: identified.conditions,
+    })
+}
+
+/// What was not asked for when absolute readings were fitted, for a person.
+pub fn taken_as_believed(robot: &CalibratedRobot) -> String {
+    match robot.taken_as_believed.as_slice() {
+        [] => String::new(),
+        joints => format!(
+            "Taken as the scenario has them, for certain: the compliances of {}, which were not identified.\n",
+            joints.join(", ")
+        ),
+    }
+}
+
+/// What did not hold when it was identified.
+fn doubts(path: &Path, conditions: &[String]) -> impl Iterator<Item = String> {
+    let file = path.display().to_string();
+    (conditions.iter()).map(move |condition| format!("the identification in {file}: {condition}"))
+}
+
+/// Reads what `identify --identified-out` wrote of deflections, for the same robot.
 pub fn read_identified(
     path: &Path,
     scenario: &Scenario,
@@ -36,9 +94,7 @@ pub fn read_identified(
         return Err(FileError::new(path, problem).at("parameters"));
     }
     let mut conditions = trust(path, scenario, stored.identified_with.as_ref())?;
-    let doubts = (stored.conditions.iter())
-        .map(|condition| format!("the identification in {}: {condition}", path.display()));
-    conditions.extend(doubts);
+    conditions.extend(doubts(path, &stored.conditions));
     let mut compliance_rad_per_nm = belief.nominal.compliance_rad_per_nm.clone();
     for (&joint, value) in belief.parameters.iter().zip(&posterior.mean) {
         compliance_rad_per_nm[joint] = *value;

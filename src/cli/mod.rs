@@ -32,6 +32,7 @@ mod run;
 mod schema;
 mod study;
 mod table;
+mod targets;
 mod validate;
 mod validate_absolute;
 mod view;
@@ -137,7 +138,9 @@ enum Command {
     )]
     Identify(identify::Identify),
     /// Compensate the test poses with identified compliances
-    #[command(after_help = "Example:\n  elastocal compensate --identified identified.json")]
+    #[command(
+        after_help = "Examples:\n  elastocal compensate --identified identified.json\n  elastocal compensate --identified identified.json --targets path.csv --angles-out angles.csv"
+    )]
     Compensate(compensate::Compensate),
     /// Write the calibrated robot as a model: MJCF with its stiffnesses, or URDF
     #[command(

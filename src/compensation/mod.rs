@@ -1,10 +1,16 @@
 //! Compensation of the deflection at a test pose: eqs. 14 and 15, and their non-linear form.
 
+mod absolute;
 mod passive;
+mod targets;
+
+pub use absolute::{AbsoluteTarget, InverseKinematics, Unreachable};
+pub use targets::{TargetRow, read_targets};
 
 use nalgebra::{DMatrix, DVector, Matrix3xX};
 
 use crate::numeric::posterior::{NotDetermined, Posterior};
+use crate::parameter::ElasticArm;
 use crate::robot::{
     EquilibriumError, EquilibriumSolver, KinematicState, Kinematics, Load, ObservationMatrix,
     SerialChain, Tool,
@@ -76,13 +82,26 @@ pub fn compensate_identified(
         return compensate(chain, tool, compliance_rad_per_nm, pose, method);
     };
     let arm = extended.set().apply(extended.arm(), values);
+    compensate_arm(&arm, extended.machining_tool(), pose, method)
+}
+
+/// The same with an arm as it was identified, for one of its tools.
+///
+/// # Errors
+/// The unloaded robot has no equilibrium at the test pose.
+pub fn compensate_arm(
+    arm: &ElasticArm,
+    tool: usize,
+    pose: &TestPose,
+    method: Method,
+) -> Result<DVector<f64>, EquilibriumError> {
     let zero_rad = DVector::from_column_slice(&arm.zero_rad);
     let standing = TestPose {
         configuration_rad: &pose.configuration_rad + &zero_rad,
         ..pose.clone()
     };
-    let tool = &arm.tools[extended.machining_tool()];
     let compliance = &arm.compliance_rad_per_nm;
+    let tool = &arm.tools[tool];
     let commanded_rad = compensate(&arm.chain, tool, compliance, &standing, method)?;
     Ok(commanded_rad - zero_rad)
 }

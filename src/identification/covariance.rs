@@ -3,7 +3,7 @@
 use nalgebra::DMatrix;
 
 use crate::numeric::factorisation::finite_eigen;
-use crate::quantities::plausible::{VARIANCE, shown};
+use crate::quantities::plausible::{ANY_VARIANCE, Kind, VARIANCE, shown};
 
 /// Rounding in what wrote the matrix may leave it so far from symmetric and semidefinite, as a share of
 /// the variances.
@@ -15,6 +15,18 @@ const ROUNDING: f64 = 1e-9;
 /// Where and why it is none: it is not square, a variance is negative, or it is not symmetric and
 /// positive semidefinite.
 pub fn covariance_of(rows: &[Vec<f64>]) -> Result<DMatrix<f64>, (String, String)> {
+    covariance_within(rows, &VARIANCE)
+}
+
+/// The same of parameters of any kinds, in their units.
+///
+/// # Errors
+/// The same.
+pub fn covariance_of_any(rows: &[Vec<f64>]) -> Result<DMatrix<f64>, (String, String)> {
+    covariance_within(rows, &ANY_VARIANCE)
+}
+
+fn covariance_within(rows: &[Vec<f64>], kind: &Kind) -> Result<DMatrix<f64>, (String, String)> {
     let size = rows.len();
     if let Some((row, found)) = (rows.iter().enumerate()).find(|(_, row)| row.len() != size) {
         let problem = format!("found {} numbers; {size} are allowed", found.len());
@@ -22,7 +34,7 @@ pub fn covariance_of(rows: &[Vec<f64>]) -> Result<DMatrix<f64>, (String, String)
     }
     let matrix = DMatrix::from_fn(size, size, |row, column| rows[row][column]);
     for index in 0..size {
-        (VARIANCE.check(matrix[(index, index)]))
+        (kind.check(matrix[(index, index)]))
             .map_err(|problem| (format!("[{index}][{index}]"), problem))?;
     }
     let deviation = matrix.diagonal().map(f64::sqrt);

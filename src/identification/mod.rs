@@ -25,7 +25,7 @@ pub use absolute::{
 };
 pub use case::{Case, Sigma};
 pub use conditions::IMPLAUSIBLE;
-pub use covariance::covariance_of;
+pub use covariance::{covariance_of, covariance_of_any};
 pub use error::IdentificationError;
 pub use estimate::{Estimate, Identification, ParameterEstimate, UncertainEstimate, identify};
 pub use frames::{MountedFrames, Sight};

@@ -5,7 +5,7 @@ use std::path::Path;
 use nalgebra::DMatrix;
 use serde::Deserialize;
 
-use super::covariance_of;
+use super::{covariance_of, covariance_of_any};
 use crate::files::FileError;
 use crate::files::schema::read_results;
 use crate::measurement::Origin;
@@ -174,7 +174,7 @@ fn others(path: &Path, stored: &IdentificationFile) -> Result<Option<OtherUnknow
         let problem = format!("found {} rows; there are {size} unknowns", rows.len());
         return Err(FileError::new(path, problem).at(key));
     }
-    let covariance = covariance_of(rows)
+    let covariance = covariance_of_any(rows)
         .map_err(|(place, problem)| FileError::new(path, problem).at(format!("{key}{place}")))?;
     let value = |(index, each): (usize, &StoredUncertain)| {
         let value = each.value.unwrap_or(0.0);

@@ -61,7 +61,9 @@ fn deflections_of(path: &Path, measured: MeasuredFile) -> Result<Vec<Measurement
                 "holds absolute readings ({}); deflections are needed here, loaded minus unloaded",
                 POSITION.join(",")
             );
-            Err(FileError::new(path, problem))
+            let hint = "what is planned, and what is promised of plans, are deflections: `identify`, `validate` and `compensate` take \
+                        absolute readings";
+            Err(FileError::new(path, problem).hint(hint))
         }
     }
 }

@@ -72,6 +72,8 @@ pub const COMPLIANCE: Kind = Kind::zero_or_positive("rad/(N m)", 1e-15, 1e12);
 pub const ELASTIC_COMPLIANCE: Kind = Kind::positive("rad/(N m)", 1e-15, 1e3);
 /// The variance of a compliance ((rad/(N m))^2), zero where it is not determined.
 pub const VARIANCE: Kind = Kind::zero_or_positive("(rad/(N m))^2", 1e-60, 1e6);
+/// A variance of a parameter of any kind, in the square of its unit.
+pub const ANY_VARIANCE: Kind = Kind::zero_or_positive("", 1e-60, 1e30);
 /// A mass (kg).
 pub const MASS: Kind = Kind::zero_or_positive("kg", 1e-12, 1e9);
 /// A component of the acceleration of gravity (m/s^2).

@@ -8,14 +8,13 @@ use std::path::Path;
 use nalgebra::{DVector, Isometry3, UnitQuaternion};
 use serde_json::json;
 
+use super::calibrated::CalibratedRobot;
 use crate::files::FileError;
 use crate::mujoco::{KEPT, Model, ModelCalibration, ModelError, WrittenModel};
-use crate::numeric::posterior::Posterior;
-use crate::parameter::{ElasticArm, Parameter, ParameterKind};
+use crate::parameter::ElasticArm;
 use crate::record::messages::ProvenanceMessage;
 use crate::robot::{EquilibriumSolver, Load, SerialChain, Tool, rotation_vector};
 use crate::scenario::Scenario;
-use crate::task::Belief;
 
 /// So many configurations are looked at.
 const CONFIGURATIONS: usize = 100;
@@ -78,42 +77,28 @@ pub struct ExportedModel {
     pub to_leave_out: Vec<String>,
 }
 
-/// The arm that was identified: with these values of a belief's unknowns, and the compliance of every joint
-/// (rad/(N m)).
-#[must_use]
-pub fn identified_arm(
-    belief: &Belief,
-    values: &[f64],
-    compliance_rad_per_nm: &[f64],
-) -> ElasticArm {
-    match &belief.uncertain {
-        Some(extended) => extended.set().apply(extended.arm(), values),
-        None => ElasticArm {
-            compliance_rad_per_nm: compliance_rad_per_nm.to_vec(),
-            ..belief.arm()
-        },
-    }
-}
-
 /// Writes the robot of a scenario as it was identified, for a file.
 ///
 /// # Errors
 /// The model's file cannot say it, or would not be read as the same robot.
 pub fn export(
     scenario: &Scenario,
-    (posterior, compliance_rad_per_nm): (&Posterior, &[f64]),
+    robot: &CalibratedRobot,
     provenance: &ProvenanceMessage,
     path: &Path,
 ) -> Result<ExportedModel, FileError> {
     let format = ModelFormat::of(path)?;
-    let belief = &scenario.task.belief;
-    let nominal = belief.arm();
-    let arm = identified_arm(belief, &posterior.mean, compliance_rad_per_nm);
-    let mut calibration = calibration(&nominal, &arm);
+    let arm = &robot.arm;
+    let mut calibration = calibration(&robot.nominal, arm);
+    if format == ModelFormat::Urdf {
+        // It has none: no stiffness is impossible there.
+        calibration
+            .compliance
+            .clone_from(&robot.nominal.compliance_rad_per_nm);
+    }
     calibration.additions = scenario.mounted.clone();
-    let unsaid = unsaid(belief, &posterior.mean);
-    keep(&mut calibration, posterior, belief, provenance, &unsaid);
-    let model = &belief.nominal.model;
+    keep(&mut calibration, robot, provenance);
+    let model = &scenario.task.belief.nominal.model;
     let failed = |error: &ModelError| {
         let wrong = FileError::new(&scenario.path, error.to_string()).at("robot.model");
         match error.hint() {
@@ -125,8 +110,7 @@ pub fn export(
         ModelFormat::Mjcf => model.calibrated_mjcf(&calibration, folder),
         ModelFormat::Urdf => model.calibrated_urdf(&calibration, folder),
     };
-    let differences =
-        differences(scenario, &arm, format, &write).map_err(|error| failed(&error))?;
+    let differences = differences(scenario, arm, format, &write).map_err(|error| failed(&error))?;
     if !(differences.place_m.max(differences.rotation_rad) <= SAME
         && differences.deflection_m.unwrap_or(0.0) <= SAME)
     {
@@ -147,7 +131,7 @@ pub fn export(
     } = write(folder).map_err(|error| failed(&error))?;
     Ok(ExportedModel {
         text,
-        not_expressed: unsaid.into_iter().chain(not_expressed).collect(),
+        not_expressed: robot.apart.iter().cloned().chain(not_expressed).collect(),
         place_difference_m: differences.place_m,
         rotation_difference_rad: differences.rotation_rad,
         deflection_difference_m: differences.deflection_m,
@@ -213,72 +197,30 @@ pub fn calibration(nominal: &ElasticArm, arm: &ElasticArm) -> ModelCalibration {
     }
 }
 
-/// What was identified and is no matter of the robot's model.
-fn unsaid(belief: &Belief, values: &[f64]) -> Vec<String> {
-    let Some(extended) = &belief.uncertain else {
-        return Vec::new();
-    };
-    let parameters = extended.set().parameters().iter().zip(values);
-    let reason = |kind| {
-        Some(match kind {
-            ParameterKind::BasePosition { .. } | ParameterKind::BaseRotation { .. } => {
-                "the robot's place in the instrument's frame, which the model does not have"
-            }
-            ParameterKind::LoadScale | ParameterKind::LoadOffset => {
-                "of the loads in the laboratory"
-            }
-            ParameterKind::TaskScale | ParameterKind::TaskForce { .. } => "of the task's loads",
-            ParameterKind::Drift { .. } => "of the instrument in the laboratory",
-            ParameterKind::PayloadMass | ParameterKind::PayloadCentre { .. } => {
-                "of a payload that the scenario's robot carries beside its model"
-            }
-            _ => return None,
-        })
-    };
-    parameters
-        .filter_map(|(parameter, value)| {
-            let reason = reason(parameter.kind)?;
-            let unit = match parameter.unit() {
-                "1" => "in the logarithm",
-                unit => unit,
-            };
-            Some(format!("{} = {value:.6e} {unit}: {reason}", parameter.name))
-        })
-        .collect()
-}
-
 /// What stays with the model.
 fn keep(
     calibration: &mut ModelCalibration,
-    posterior: &Posterior,
-    belief: &Belief,
+    robot: &CalibratedRobot,
     provenance: &ProvenanceMessage,
-    unsaid: &[String],
 ) {
-    let units: Vec<&str> = match &belief.uncertain {
-        Some(extended) => (extended.set().parameters().iter())
-            .map(Parameter::unit)
-            .collect(),
-        None => vec!["rad/(N m)"; posterior.names.len()],
-    };
-    let parameters: Vec<_> = (posterior.names.iter().zip(units).enumerate())
-        .map(|(index, (name, unit))| {
+    let parameters: Vec<_> = (robot.unknowns.iter())
+        .map(|each| {
             json!({
-                "name": name,
-                "unit": unit,
-                "value": posterior.mean[index],
-                "standard_error": posterior.standard_error(index),
+                "name": each.name,
+                "unit": each.unit,
+                "value": each.value,
+                "standard_error": each.standard_error,
             })
         })
         .collect();
-    let rows = posterior.covariance.row_iter();
+    let rows = robot.covariance.row_iter();
     let covariance: Vec<Vec<f64>> = rows.map(|row| row.iter().copied().collect()).collect();
     let text = |what: &str, value: serde_json::Value| (format!("{KEPT}{what}"), value.to_string());
     calibration.texts = vec![
         text("provenance", json!(provenance)),
         text("parameters", json!(parameters)),
         text("covariance", json!(covariance)),
-        text("not_expressed", json!(unsaid)),
+        text("not_expressed", json!(robot.apart)),
     ];
 }
 

@@ -5,10 +5,12 @@
 //! - [`run`]: the designed plan beside others, through the whole loop.
 //! - [`study`]: the plans of a study, and what its runs come to.
 //! - [`identify`]: compliances from measurements, with residuals and likely mistakes.
+//! - [`calibrated`]: the robot as an identification left it.
 //! - [`export`]: the calibrated robot as a model's file.
 //! - [`identify_absolute`]: a robot with its frames from absolute readings.
 //! - [`validate_absolute`]: other readings beside it.
 
+pub mod calibrated;
 pub mod design;
 pub mod export;
 pub mod identify;

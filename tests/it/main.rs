@@ -17,7 +17,9 @@
 //! - `determined`: every command names the same compliances as not determined.
 //! - `compensation_trust`: what `compensate` makes of files that it should not trust.
 //! - `command_line`: the commands, seen from outside the process.
+//! - `calibrated_robots`: a robot from absolute readings as a model, and compensated with.
 //! - `init`: a first scenario for models of all kinds, and URDF.
+//! - `absolute_targets`: compensated angles for absolute poses.
 //! - `exported_models`: the calibrated robot as MJCF and URDF, read again.
 //! - `foreign_tables`: tables of other programs become measurement files.
 //! - `gate`: comparing results against tolerances, seen from outside the process.
@@ -80,12 +82,14 @@
 #![expect(clippy::expect_used, reason = "a test that cannot go on fails")]
 
 mod absolute_readings;
+mod absolute_targets;
 mod bad_input;
 mod bounds;
 mod braced_arms;
 mod broken_streams;
 #[cfg(feature = "view")]
 mod browser;
+mod calibrated_robots;
 mod command_line;
 mod compensation_trust;
 mod compensator;

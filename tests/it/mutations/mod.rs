@@ -16,6 +16,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use elastocal::comparison::results::ResultsFile;
+use elastocal::compensation::read_targets;
 use elastocal::files::{FileError, read_text};
 use elastocal::identification::StoredIdentification;
 use elastocal::laboratory::{Dialect, DialectError, Program, ProgramStep};
@@ -28,6 +29,7 @@ use elastocal::plan::read_plan;
 use elastocal::record::tally_file::TallyFile;
 use elastocal::scenario::Scenario;
 use elastocal::task::Extended;
+use elastocal::workflow::calibrated::CalibratedRobot;
 use elastocal::workflow::validate_absolute::StoredRobot;
 use nalgebra::DVector;
 use rayon::prelude::*;
@@ -102,6 +104,7 @@ fn readers() -> Vec<Reader> {
         dialect_reader(),
         mapping_reader(),
         foreign_reader(),
+        targets_reader(),
     ]
 }
 
@@ -154,7 +157,7 @@ fn plan_reader() -> Reader {
     Reader {
         name: "plan",
         ending: "csv",
-        share: 34,
+        share: 32,
         read: |path| read_plan(path, 6).map(|plan| format!("{plan:?}")),
         is_well_formed: is_table,
         seeds: vec![
@@ -228,8 +231,11 @@ fn identification_reader(place: &Workplace) -> Reader {
         share: 3,
         read: |path| {
             if let Some(robot) = StoredRobot::read(path)? {
-                robot.apply(path, &UR10.task.belief.arm())?;
-                return Ok(format!("{:?}", robot.message));
+                let robot = CalibratedRobot::of_absolute(&UR10.task.belief, path, &robot)?;
+                return Ok(format!(
+                    "{:?} {:?} {:?}",
+                    robot.arm, robot.stations, robot.covariance
+                ));
             }
             let stored = StoredIdentification::read(path, &KR270.task.belief.nominal)?;
             Ok(format!("{stored:?}"))
@@ -305,13 +311,31 @@ fn foreign_reader() -> Reader {
         ending: "csv",
         share: 4,
         read: |path| import(path, &FOREIGN.path("mapping.toml")).map(|imported| imported.text),
-        is_well_formed: |text| {
-            let semicolons = |line: &str| line.matches(';').count();
-            let mut lines = text.lines().filter(|line| !line.trim().is_empty());
-            let first = lines.next().map_or(0, semicolons);
-            first > 0 && lines.all(|line| semicolons(line) == first)
-        },
+        is_well_formed: |text| is_even(text, ';'),
         seeds: vec![TABLE.to_owned()],
+    }
+}
+
+/// Whether all lines have as many fields.
+fn is_even(text: &str, sign: char) -> bool {
+    let signs = |line: &str| line.matches(sign).count();
+    let mut lines = text.lines().filter(|line| !line.trim().is_empty());
+    let first = lines.next().map_or(0, signs);
+    first > 0 && lines.all(|line| signs(line) == first)
+}
+
+fn targets_reader() -> Reader {
+    Reader {
+        name: "targets",
+        ending: "csv",
+        share: 2,
+        read: |path| read_targets(path).map(|rows| format!("{rows:?}")),
+        is_well_formed: |text| is_even(text, ','),
+        seeds: vec![
+            "x_mm,y_mm,z_mm\n1500,100,1200\n1500,-150.5,1200\n".to_owned(),
+            "x_mm,y_mm,z_mm,qw,qx,qy,qz,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm\n1,2,3,1,0,0,0,0,0,-98,0,0,1\n5,6,7,0.6,0,0.8,0,1,2,3,4,5,6\n"
+                .to_owned(),
+        ],
     }
 }
 

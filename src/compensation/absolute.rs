@@ -1,0 +1,284 @@
+//! Joint angles for absolute poses: the inverse kinematics of an identified arm at rest under gravity and a load.
+
+use nalgebra::{DMatrix, DVector, Isometry3, UnitQuaternion, Vector3};
+
+use crate::parameter::ElasticArm;
+use crate::robot::{EquilibriumSolver, Load, SerialChain, Tool, rotation_vector};
+
+/// The tool is where it should be when it is as near as this (m, rad).
+const REACHED: f64 = 1e-10;
+/// So many steps are tried from one start.
+const MAXIMUM_STEPS: usize = 200;
+/// So far may a joint move in one step (rad, m).
+const LONGEST_STEP: f64 = 0.3;
+/// The first damping, relative to the Jacobian's largest square.
+const FIRST_DAMPING: f64 = 1e-6;
+/// Less makes no difference but for rounding.
+const LEAST_DAMPING: f64 = 1e-13;
+/// A joint's limit is kept but for rounding (rad, m).
+const ROUNDING: f64 = 1e-9;
+/// So many configurations all over the joints' ranges are started from where others do not lead there.
+const STARTS: usize = 48;
+
+/// Where a tool must be, under a load.
+#[derive(Debug, Clone, PartialEq)]
+pub struct AbsoluteTarget {
+    /// The tool's position in the frame of the robot's base (m).
+    pub position_m: Vector3<f64>,
+    /// The tool's axes there; any are good without.
+    pub rotation: Option<UnitQuaternion<f64>>,
+    /// The load at the tool, in the axes of the base.
+    pub load: Load,
+}
+
+/// Why a target has no angles.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Unreachable {
+    /// The tool comes no nearer than this.
+    TooFar {
+        /// Its position (m).
+        distance_m: f64,
+        /// Its orientation (rad).
+        angle_rad: f64,
+    },
+    /// It is reached only where a joint is beyond its range.
+    BeyondRange {
+        /// The joint's place in the chain.
+        joint: usize,
+        /// Where it would be (rad, m).
+        coordinate: f64,
+    },
+}
+
+impl AbsoluteTarget {
+    /// A target that is given in another frame than the base's.
+    #[must_use]
+    pub fn in_frame(
+        base_from_frame: &Isometry3<f64>,
+        position_m: &Vector3<f64>,
+        rotation: Option<UnitQuaternion<f64>>,
+        load: Load,
+    ) -> Self {
+        Self {
+            position_m: base_from_frame.rotation * position_m + base_from_frame.translation.vector,
+            rotation: rotation.map(|rotation| base_from_frame.rotation * rotation),
+            load,
+        }
+    }
+}
+
+/// Finds commands for a tool of an identified arm.
+#[derive(Debug)]
+pub struct InverseKinematics<'a> {
+    arm: &'a ElasticArm,
+    chain: SerialChain,
+    tool: &'a Tool,
+    commanded: Vec<usize>,
+    solver: EquilibriumSolver,
+    response: DMatrix<f64>,
+}
+
+impl<'a> InverseKinematics<'a> {
+    /// For one of the arm's tools.
+    #[must_use]
+    pub fn new(arm: &'a ElasticArm, tool: &'a Tool) -> Self {
+        let chain = arm.loaded_chain();
+        Self {
+            commanded: chain.commanded().collect(),
+            solver: EquilibriumSolver::new(chain.len()),
+            response: DMatrix::zeros(chain.len(), 6),
+            chain,
+            arm,
+            tool,
+        }
+    }
+
+    /// The commanded configuration (rad, m) within the joints' ranges in which the tool rests at the target: the first that
+    /// is found from `starts`, or from others all over the ranges.
+    ///
+    /// # Errors
+    /// The tool cannot be brought there.
+    pub fn commands(
+        &mut self,
+        target: &AbsoluteTarget,
+        starts: &[DVector<f64>],
+    ) -> Result<DVector<f64>, Unreachable> {
+        let others: Vec<_> = (1..=STARTS).map(|number| self.spread(number)).collect();
+        let near = starts.first().unwrap_or(&others[0]).clone();
+        let mut failure = NOWHERE;
+        for start in starts.iter().chain(&others) {
+            // Where the free way leaves the ranges, one along their ends may not.
+            for keeps_ranges in [false, true] {
+                let found = (self.search(target, start, keeps_ranges))
+                    .and_then(|found| self.within_range(found, &near));
+                match found {
+                    Ok(commands) => return Ok(commands),
+                    Err(new) => {
+                        let is_beyond = matches!(new, Unreachable::BeyondRange { .. });
+                        if distance(&new) < distance(&failure) {
+                            failure = new;
+                        }
+                        if !is_beyond {
+                            break;
+                        }
+                    }
+                }
+            }
+        }
+        Err(failure)
+    }
+
+    /// What is left to the target at these commands: position (m), then rotation vector (rad); none without a rest.
+    fn left(&mut self, target: &AbsoluteTarget, commands: &DVector<f64>) -> Option<DVector<f64>> {
+        let standing: Vec<f64> = (commands.iter().zip(&self.arm.zero_rad))
+            .map(|(q, zero)| q + zero)
+            .collect();
+        let compliance = &self.arm.compliance_rad_per_nm;
+        let mut arm = self.chain.at(self.tool);
+        (self
+            .solver
+            .solve(&mut arm, compliance, &standing, &target.load))
+        .ok()?;
+        let state = self.solver.state();
+        let mut left: Vec<f64> = (target.position_m - state.tool_position)
+            .as_slice()
+            .to_vec();
+        if let Some(rotation) = target.rotation {
+            let wanted = rotation.to_rotation_matrix().into_inner();
+            let turned = rotation_vector(&(wanted * state.tool_rotation.transpose()));
+            left.extend(turned.iter());
+        }
+        Some(DVector::from_vec(left))
+    }
+
+    /// Levenberg and Marquardt's way from a start.
+    fn search(
+        &mut self,
+        target: &AbsoluteTarget,
+        start: &DVector<f64>,
+        keeps_ranges: bool,
+    ) -> Result<DVector<f64>, Unreachable> {
+        let mut commands = start.clone();
+        let mut damping = FIRST_DAMPING;
+        let mut left = self.left(target, &commands).ok_or(NOWHERE)?;
+        for _ in 0..MAXIMUM_STEPS {
+            if left.amax() <= REACHED || damping > 1e6 {
+                break;
+            }
+            (self.solver).response(&self.arm.compliance_rad_per_nm, &mut self.response);
+            let jacobian = DMatrix::from_fn(left.len(), self.commanded.len(), |row, column| {
+                self.response[(self.commanded[column], row)]
+            });
+            let Some(mut step) = damped(&jacobian, &left, damping) else {
+                damping *= 10.0;
+                continue;
+            };
+            step *= (LONGEST_STEP / step.amax()).min(1.0);
+            let mut next = commands.clone();
+            for (&joint, by) in self.commanded.iter().zip(&step) {
+                next[joint] += by;
+                if keeps_ranges {
+                    let [low, high] = self.chain.joints[joint].range_rad;
+                    next[joint] = next[joint].max(low).min(high);
+                }
+            }
+            match self.left(target, &next) {
+                Some(nearer) if nearer.norm() < left.norm() => {
+                    (commands, left) = (next, nearer);
+                    damping = (damping * 0.1).max(LEAST_DAMPING);
+                }
+                _ => {
+                    damping *= 10.0;
+                    // The response is that of the last rest.
+                    left = self.left(target, &commands).ok_or(NOWHERE)?;
+                }
+            }
+        }
+        if left.amax() <= REACHED {
+            return Ok(commands);
+        }
+        let turned = left.rows(3, left.len() - 3);
+        Err(Unreachable::TooFar {
+            distance_m: left.rows(0, 3).norm(),
+            angle_rad: turned.norm(),
+        })
+    }
+
+    /// The same commands with hinges turned by whole turns into their ranges, as near as can be to others.
+    fn within_range(
+        &self,
+        mut commands: DVector<f64>,
+        near: &DVector<f64>,
+    ) -> Result<DVector<f64>, Unreachable> {
+        use std::f64::consts::TAU;
+        for &joint in &self.commanded {
+            let [low, high] = self.chain.joints[joint].range_rad;
+            let range = low - ROUNDING..=high + ROUNDING;
+            if !self.chain.joints[joint].drive.slides {
+                let own = commands[joint];
+                let nearest = own + TAU * ((near[joint] - own) / TAU).round();
+                let turns = [0.0, 1.0, -1.0, 2.0, -2.0, 3.0, -3.0];
+                let mut all = turns.iter().map(|turns| nearest + turns * TAU);
+                commands[joint] = all.find(|angle| range.contains(angle)).unwrap_or(nearest);
+            }
+            if !range.contains(&commands[joint]) {
+                return Err(Unreachable::BeyondRange {
+                    joint,
+                    coordinate: commands[joint],
+                });
+            }
+            commands[joint] = commands[joint].clamp(low, high);
+        }
+        Ok(commands)
+    }
+
+    /// A configuration, far from those of other numbers: an additive recurrence with roots of primes.
+    fn spread(&self, number: usize) -> DVector<f64> {
+        const PRIMES: [f64; 8] = [2.0, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0];
+        let joints = self.chain.joints.iter().enumerate().map(|(index, joint)| {
+            let root = (PRIMES[index % PRIMES.len()] + (index / PRIMES.len()) as f64 * 0.1).sqrt();
+            let share = (number as f64 * root).fract();
+            let [low, high] = joint.range_rad;
+            (joint.drive.passive_at).unwrap_or(low + share * (high - low))
+        });
+        DVector::from_iterator(self.chain.len(), joints)
+    }
+}
+
+/// The smallest step that J step = left asks for, damped: from the smaller of J^T J and J J^T, so that joints that are not
+/// needed stay.
+fn damped(jacobian: &DMatrix<f64>, left: &DVector<f64>, damping: f64) -> Option<DVector<f64>> {
+    let is_wide = jacobian.nrows() <= jacobian.ncols();
+    let mut normal = if is_wide {
+        jacobian * jacobian.transpose()
+    } else {
+        jacobian.tr_mul(jacobian)
+    };
+    let scale = normal.diagonal().amax();
+    for index in 0..normal.nrows() {
+        normal[(index, index)] += damping * scale;
+    }
+    let factor = normal.cholesky()?;
+    Some(if is_wide {
+        jacobian.tr_mul(&factor.solve(left))
+    } else {
+        factor.solve(&jacobian.tr_mul(left))
+    })
+}
+
+/// No start leads anywhere.
+const NOWHERE: Unreachable = Unreachable::TooFar {
+    distance_m: f64::INFINITY,
+    angle_rad: f64::INFINITY,
+};
+
+/// How far a failure is from its target.
+fn distance(failure: &Unreachable) -> f64 {
+    match failure {
+        Unreachable::BeyondRange { .. } => 0.0,
+        Unreachable::TooFar {
+            distance_m,
+            angle_rad,
+        } => distance_m + angle_rad,
+    }
+}

@@ -1,0 +1,374 @@
+//! A robot as an identification left it, whatever was read of it: what is exported, and what is compensated with.
+
+use std::path::Path;
+
+use nalgebra::{DMatrix, Isometry3, Matrix3xX};
+
+use super::validate_absolute::StoredRobot;
+use crate::calibration::{
+    CalibrationError, CompensatedPose, compensate_poses, compensate_poses_by,
+};
+use crate::compensation::{compensate_arm, predicted_error};
+use crate::files::FileError;
+use crate::identification::covariance_of_any;
+use crate::numeric::estimable::Estimable;
+use crate::numeric::posterior::{NotDetermined, Posterior};
+use crate::observation::PlannedReadings;
+use crate::parameter::{Axis, ElasticArm, Parameter, ParameterKind, ParameterSet};
+use crate::robot::SerialChain;
+use crate::task::{Belief, Method, Task, TestPose};
+use crate::testbed::TrueRobots;
+
+/// An unknown with what became of it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CalibratedUnknown {
+    /// Its name.
+    pub name: String,
+    /// The unit of its value.
+    pub unit: String,
+    /// Its value.
+    pub value: f64,
+    /// Its standard error; none where it is not determined.
+    pub standard_error: Option<f64>,
+}
+
+/// Where an instrument stood.
+#[derive(Debug, Clone, PartialEq)]
+pub struct IdentifiedStation {
+    /// The station's word; none where the readings name no station.
+    pub name: Option<String>,
+    /// The robot's base in the frame in which the instrument gave its readings there.
+    pub instrument_from_base: Isometry3<f64>,
+}
+
+/// A robot as an identification left it.
+#[derive(Debug, Clone)]
+pub struct CalibratedRobot {
+    /// The arm as it was believed to be, with the tools of [`Self::arm`].
+    pub nominal: ElasticArm,
+    /// The arm as it was identified: the calibration tool first, the machining tool, other targets of the readings.
+    pub arm: ElasticArm,
+    /// Which of its tools machines.
+    pub machining_tool: usize,
+    /// Which of its tools were found where they are; the others are where the model and the scenario have them.
+    pub found_tools: Vec<bool>,
+    /// What was identified.
+    pub unknowns: Vec<CalibratedUnknown>,
+    /// The covariance of these, in their units.
+    pub covariance: DMatrix<f64>,
+    /// What of it is no matter of the robot's own, in words.
+    pub apart: Vec<String>,
+    /// The joints whose compliances absolute readings were not asked for: the nominal ones hold, for certain.
+    pub taken_as_believed: Vec<String>,
+    /// Where the instrument stood; nowhere if deflections were measured, which do not tell.
+    pub stations: Vec<IdentifiedStation>,
+    known: Knowledge,
+}
+
+/// What is known of what test poses depend on.
+#[derive(Debug, Clone)]
+enum Knowledge {
+    /// Of a belief's unknowns: their values are what was identified, with the compliance of every joint (rad/(N m)).
+    OfBelief(Posterior, Vec<f64>),
+    /// Of other parameters.
+    Of(ParameterSet, Posterior),
+}
+
+impl CalibratedRobot {
+    /// What deflections tell of a belief's unknowns, with the compliance of every joint (rad/(N m)).
+    #[must_use]
+    pub fn of_deflections(
+        belief: &Belief,
+        posterior: Posterior,
+        compliance_rad_per_nm: Vec<f64>,
+    ) -> Self {
+        let nominal = belief.arm();
+        let arm = match &belief.uncertain {
+            Some(extended) => extended.set().apply(extended.arm(), &posterior.mean),
+            None => ElasticArm {
+                compliance_rad_per_nm: compliance_rad_per_nm.clone(),
+                ..nominal.clone()
+            },
+        };
+        let parameters = (belief.uncertain.as_ref()).map(|extended| extended.set().parameters());
+        let unit = |index: usize| parameters.map_or("rad/(N m)", |all| all[index].unit());
+        let names = posterior.names.iter().enumerate();
+        let unknowns = names
+            .map(|(index, name)| CalibratedUnknown {
+                name: name.clone(),
+                unit: unit(index).to_owned(),
+                value: posterior.mean[index],
+                standard_error: posterior.standard_error(index),
+            })
+            .collect();
+        let apart = (parameters.unwrap_or_default().iter())
+            .zip(&posterior.mean)
+            .filter_map(|(parameter, &value)| {
+                said_apart(
+                    parameter.kind,
+                    &parameter.name,
+                    value,
+                    shown_unit(parameter),
+                )
+            })
+            .collect();
+        Self {
+            machining_tool: machining_tool(&nominal),
+            found_tools: vec![false; nominal.tools.len()],
+            unknowns,
+            covariance: posterior.covariance.clone(),
+            apart,
+            taken_as_believed: Vec::new(),
+            stations: Vec::new(),
+            known: Knowledge::OfBelief(posterior, compliance_rad_per_nm),
+            nominal,
+            arm,
+        }
+    }
+
+    /// What absolute readings tell, from their file.
+    ///
+    /// # Errors
+    /// The file names what the robot does not have, or what is no number or no frame.
+    pub fn of_absolute(
+        belief: &Belief,
+        path: &Path,
+        stored: &StoredRobot,
+    ) -> Result<Self, FileError> {
+        let message = &stored.message;
+        let wrong = |key: String, problem: String| FileError::new(path, problem).at(key);
+        let mut nominal = belief.arm();
+        let machining_tool = machining_tool(&nominal);
+        let mut places = Vec::new();
+        for (index, target) in message.targets.iter().enumerate() {
+            let name = target
+                .name
+                .as_deref()
+                .unwrap_or(&belief.calibration_tool.name);
+            let known = nominal.tools.iter().position(|tool| tool.name == *name);
+            places.push(known.unwrap_or(nominal.tools.len()));
+            if known.is_none() {
+                let tool = SerialChain::tool(&belief.nominal.model, name)
+                    .map_err(|error| wrong(format!("targets[{index}].name"), error.to_string()))?;
+                nominal.tools.push(tool);
+            }
+        }
+        let no_frame = "is no place: finite numbers and a quaternion of length 1 are needed";
+        let mut reference = nominal.clone();
+        let mut found_tools = vec![false; nominal.tools.len()];
+        for (index, (target, &place)) in message.targets.iter().zip(&places).enumerate() {
+            let link_from_tool = &mut reference.tools[place].link_from_tool;
+            *link_from_tool = (target.frame(link_from_tool))
+                .ok_or_else(|| wrong(format!("targets[{index}]"), no_frame.to_owned()))?;
+            found_tools[place] = true;
+        }
+        let mut stations = Vec::new();
+        for (index, station) in message.stations.iter().enumerate() {
+            stations.push(IdentifiedStation {
+                name: station.name.clone(),
+                instrument_from_base: (station.frame(&Isometry3::identity()))
+                    .ok_or_else(|| wrong(format!("stations[{index}]"), no_frame.to_owned()))?,
+            });
+        }
+        let covariance = covariance_of_any(&message.covariance)
+            .map_err(|(place, problem)| wrong(format!("covariance{place}"), problem))?;
+        if covariance.nrows() != message.unknowns.len() {
+            let (rows, unknowns) = (covariance.nrows(), message.unknowns.len());
+            let problem = format!("found {rows} rows; there are {unknowns} unknowns");
+            return Err(wrong("covariance".to_owned(), problem));
+        }
+        let kinds = kinds(stored, &reference, &places);
+        let apart = (message.unknowns.iter().zip(&kinds))
+            .filter_map(|(unknown, kind)| {
+                said_apart((*kind)?, &unknown.name, unknown.value, &unknown.unit)
+            })
+            .chain(stations.iter().map(told_station))
+            .collect();
+        let is_asked = |joint| kinds.contains(&Some(ParameterKind::JointCompliance { joint }));
+        let joints = nominal.chain.joints.iter().enumerate();
+        let taken_as_believed = joints
+            .filter(|&(joint, _)| nominal.compliance_rad_per_nm[joint] > 0.0 && !is_asked(joint))
+            .map(|(_, each)| each.name.clone())
+            .collect();
+        let known = known(path, stored, &reference, &covariance, &kinds)?;
+        Ok(Self {
+            arm: stored.apply(path, &reference)?,
+            nominal,
+            machining_tool,
+            found_tools,
+            unknowns: (message.unknowns.iter())
+                .map(|each| CalibratedUnknown {
+                    name: each.name.clone(),
+                    unit: each.unit.clone(),
+                    value: each.value,
+                    standard_error: each.standard_error,
+                })
+                .collect(),
+            covariance,
+            apart,
+            taken_as_believed,
+            stations,
+            known,
+        })
+    }
+
+    /// Compensates every test pose, and sees on the virtual robot what distance is left.
+    ///
+    /// # Errors
+    /// See [`CalibrationError`].
+    pub fn compensate(
+        &self,
+        task: &Task,
+        robots: &mut TrueRobots,
+        method: Method,
+    ) -> Result<Vec<CompensatedPose>, CalibrationError> {
+        let (set, posterior) = match &self.known {
+            Knowledge::OfBelief(posterior, compliance) => {
+                return compensate_poses(task, robots, compliance, posterior, method);
+            }
+            Knowledge::Of(set, posterior) => (set, posterior),
+        };
+        compensate_poses_by(task, robots, &|pose| {
+            let commanded_rad = compensate_arm(&self.arm, self.machining_tool, pose, method)?;
+            Ok((commanded_rad, self.predicted(set, posterior, pose)))
+        })
+    }
+
+    /// The predicted rms distance (m) that compensation leaves at a test pose.
+    fn predicted(
+        &self,
+        set: &ParameterSet,
+        posterior: &Posterior,
+        pose: &TestPose,
+    ) -> Result<f64, NotDetermined> {
+        let mut matrix = Matrix3xX::zeros(set.len());
+        let sizes = vec![1.0; set.len()];
+        let mut model =
+            PlannedReadings::at_test_pose(&self.nominal, self.machining_tool, set, &sizes);
+        model.move_to(pose.configuration_rad.as_slice());
+        model.uncompensated(&pose.load, &mut matrix);
+        let rows = DMatrix::from_column_slice(3, set.len(), matrix.as_slice());
+        predicted_error(&pose.counted_rows(rows), posterior)
+    }
+}
+
+/// A belief's arm has the machining tool last.
+const fn machining_tool(arm: &ElasticArm) -> usize {
+    arm.tools.len() - 1
+}
+
+/// Which parameters of an arm the unknowns of a file are: none for the frames of stations. `tools` are the places of the
+/// file's targets among the arm's tools.
+fn kinds(stored: &StoredRobot, arm: &ElasticArm, tools: &[usize]) -> Vec<Option<ParameterKind>> {
+    let mut all = ParameterKind::all_of(arm);
+    for link in 0..arm.chain.len() {
+        all.push(ParameterKind::LinkMass { link });
+        all.extend(Axis::ALL.map(|axis| ParameterKind::LinkCentre { link, axis }));
+    }
+    let message = &stored.message;
+    let one = |name: &str| {
+        let (owner, last) = name.rsplit_once('.').unwrap_or(("", name));
+        if message.stations.iter().any(|each| each.unknowns == owner) {
+            return None;
+        }
+        let target = message
+            .targets
+            .iter()
+            .position(|each| each.unknowns == owner);
+        let Some(target) = target else {
+            return all.iter().copied().find(|kind| kind.name(arm) == name);
+        };
+        let tool = *tools.get(target)?;
+        let axis = |word: &str| Axis::ALL.into_iter().find(|axis| axis.to_string() == word);
+        match last.strip_prefix('r') {
+            Some(word) => axis(word).map(|axis| ParameterKind::ToolRotation { tool, axis }),
+            None => axis(last).map(|axis| ParameterKind::ToolPosition { tool, axis }),
+        }
+    };
+    message
+        .unknowns
+        .iter()
+        .map(|each| one(&each.name))
+        .collect()
+}
+
+/// What is known of the robot's own parameters, wherever the stations are.
+fn known(
+    path: &Path,
+    stored: &StoredRobot,
+    arm: &ElasticArm,
+    covariance: &DMatrix<f64>,
+    kinds: &[Option<ParameterKind>],
+) -> Result<Knowledge, FileError> {
+    let unknowns = &stored.message.unknowns;
+    let own: Vec<(usize, ParameterKind)> = (kinds.iter().enumerate())
+        .filter_map(|(index, kind)| Some((index, (*kind)?)))
+        .collect();
+    let set = ParameterSet::new(arm, own.iter().map(|&(_, kind)| (kind, None)))
+        .map_err(|error| FileError::new(path, error.to_string()).at("unknowns"))?;
+    // Of logarithms the file has the quantity itself.
+    let factors: Vec<f64> = (own.iter().zip(set.parameters()))
+        .map(|(&(index, _), parameter)| {
+            let value = unknowns[index].value;
+            if parameter.is_logarithmic {
+                value.recip()
+            } else {
+                1.0
+            }
+        })
+        .collect();
+    let hidden: Vec<usize> = (0..own.len())
+        .filter(|&place| unknowns[own[place].0].standard_error.is_none())
+        .collect();
+    let posterior = Posterior {
+        names: own
+            .iter()
+            .map(|&(index, _)| unknowns[index].name.clone())
+            .collect(),
+        mean: set.prior().mean.as_slice().to_vec(),
+        covariance: DMatrix::from_fn(own.len(), own.len(), |row, column| {
+            covariance[(own[row].0, own[column].0)] * factors[row] * factors[column]
+        }),
+        estimable: Estimable::with_hidden(
+            set.scales().as_slice(),
+            DMatrix::identity(own.len(), own.len()).select_columns(&hidden),
+        ),
+    };
+    Ok(Knowledge::Of(set, posterior))
+}
+
+fn shown_unit(parameter: &Parameter) -> &'static str {
+    match parameter.unit() {
+        "1" => "in the logarithm",
+        unit => unit,
+    }
+}
+
+/// What was identified and is no matter of the robot's model.
+fn said_apart(kind: ParameterKind, name: &str, value: f64, unit: &str) -> Option<String> {
+    let reason = match kind {
+        ParameterKind::BasePosition { .. } | ParameterKind::BaseRotation { .. } => {
+            "the robot's place in the instrument's frame, which the model does not have"
+        }
+        ParameterKind::LoadScale | ParameterKind::LoadOffset => "of the loads in the laboratory",
+        ParameterKind::TaskScale | ParameterKind::TaskForce { .. } => "of the task's loads",
+        ParameterKind::Drift { .. } => "of the instrument in the laboratory",
+        ParameterKind::PayloadMass | ParameterKind::PayloadCentre { .. } => {
+            "of a payload that the scenario's robot carries beside its model"
+        }
+        _ => return None,
+    };
+    Some(format!("{name} = {value:.6e} {unit}: {reason}"))
+}
+
+fn told_station(station: &IdentifiedStation) -> String {
+    let at = station.instrument_from_base.translation.vector * 1e3;
+    let [x, y, z, w] = station.instrument_from_base.rotation.coords.into();
+    let of =
+        (station.name.as_ref()).map_or_else(String::new, |name| format!(" at station {name:?}"));
+    format!(
+        "the base{of} = ({:.4}, {:.4}, {:.4}) mm, quaternion {w:.7} {x:.7} {y:.7} {z:.7}: the robot's place in the \
+         instrument's frame, which the model does not have",
+        at.x, at.y, at.z
+    )
+}

@@ -1,0 +1,183 @@
+//! Compensated angles for absolute targets: MuJoCo's robot, commanded with them, stands where it should.
+
+use std::fmt::Write as _;
+
+use elastocal::mujoco::Model;
+use elastocal::robot::{EquilibriumSolver, Load, SerialChain};
+use elastocal::scenario::Scenario;
+use elastocal::testbed::VirtualRobot;
+use nalgebra::{DVector, Isometry3, Quaternion, UnitQuaternion, Vector3};
+
+use crate::support::{Workplace, numbers, project, scenario_text};
+
+/// A place in which a KR-270 with unknown zeros and links was identified, and written as a model.
+fn identified() -> Workplace {
+    let place = Workplace::new();
+    let text = scenario_text("kr270_all_joints").replace(
+        "parameters = [\"joint_1\", \"joint_2\", \"joint_3\", \"joint_4\", \"joint_5\", \"joint_6\"]",
+        "parameters = [\"joint_1\", \"joint_2\", \"joint_3\", \"joint_4\", \"joint_5\", \"joint_6\", \"joint_3.zero\", \"link_4.x\"]",
+    );
+    place.write("k.toml", text);
+    let mut plan = String::from(
+        "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm,repeats\n",
+    );
+    for row in 0..24 {
+        let angle = |joint: i32, from: i32, to: i32| {
+            from + (row * (37 + 10 * joint) + 29 * joint) % (to - from)
+        };
+        let force = [[0, 0, -2500], [0, 2500, 0], [0, -2500, 0]][(row % 3).unsigned_abs() as usize];
+        let _ = writeln!(
+            plan,
+            "{},{},{},{},{},{},{},{},{},0,0,0,1",
+            angle(1, -60, 60),
+            angle(2, -110, -30),
+            angle(3, 30, 120),
+            angle(4, -150, 150),
+            angle(5, -100, 100),
+            angle(6, -150, 150),
+            force[0],
+            force[1],
+            force[2]
+        );
+    }
+    place.write("plan.csv", plan);
+    place.run("measure k.toml --plan plan.csv --measurements-out m.csv --quiet");
+    place.run("identify k.toml --measurements m.csv --identified-out i.json --quiet");
+    place.run("export k.toml --identified i.json --model-out true.xml --quiet");
+    place
+}
+
+/// Poses along a path, from what the true robot does at configurations, with a load.
+fn path(
+    place: &Workplace,
+    base_from_frame: &Isometry3<f64>,
+) -> (String, Vec<(Isometry3<f64>, Load)>) {
+    let model = Model::load(&place.path("true.xml")).expect("a model");
+    let chain = SerialChain::from_model(&model).expect("an arm");
+    let tool = SerialChain::tool(&model, "machining_tcp").expect("a site");
+    let compliance: Vec<f64> = (chain.joints.iter())
+        .map(|joint| joint.model_compliance_rad_per_nm.expect("elastic"))
+        .collect();
+    let mut solver = EquilibriumSolver::new(6);
+    let mut text = "x_mm,y_mm,z_mm,qw,qx,qy,qz,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm\n".to_owned();
+    let mut wanted = Vec::new();
+    for step in 0..6 {
+        let turn = f64::from(step) * 6.0;
+        let q = [
+            turn,
+            -56.9 - turn / 3.0,
+            89.3,
+            45.1 + turn,
+            50.0 + turn,
+            57.2 - turn,
+        ]
+        .map(f64::to_radians);
+        let load = Load {
+            force_n: Vector3::new(300.0, -200.0 * f64::from(step), -500.0),
+            torque_nm: Vector3::new(0.0, 20.0, 0.0),
+        };
+        solver
+            .solve(&mut chain.at(&tool), &compliance, &q, &load)
+            .expect("it rests");
+        let state = solver.state();
+        let turned = UnitQuaternion::from_matrix(&state.tool_rotation);
+        let pose = Isometry3::from_parts(state.tool_position.into(), turned);
+        let given = base_from_frame.inverse() * pose;
+        let at = given.translation.vector * 1e3;
+        let Quaternion { coords } = *given.rotation.quaternion();
+        let force = load.force_n;
+        let _ = writeln!(
+            text,
+            "{},{},{},{},{},{},{},{},{},{},0,20,0",
+            at.x, at.y, at.z, coords.w, coords.x, coords.y, coords.z, force.x, force.y, force.z
+        );
+        wanted.push((pose, load));
+    }
+    (text, wanted)
+}
+
+#[test]
+fn the_virtual_robot_stands_where_it_should_under_its_load() {
+    let place = identified();
+    // The virtual robot is the identified one.
+    place.write(
+        "t.toml",
+        scenario_text("kr270_all_joints").replace(
+            &project("models/kr270.xml").to_string_lossy().into_owned(),
+            "true.xml",
+        ),
+    );
+    let scenario = Scenario::load(&place.path("t.toml")).expect("a scenario");
+    let mut robot = VirtualRobot::new(&scenario.truth.robot, "machining_tcp").expect("a robot");
+    let workpiece = elastocal::mujoco::frame(
+        Vector3::new(0.5, -0.2, 0.1),
+        [0.1, 0.2, 0.3].map(f64::to_radians),
+    );
+    for (options, frame) in [
+        ("", Isometry3::identity()),
+        ("--workpiece table=500,-200,100,0.1,0.2,0.3", workpiece),
+    ] {
+        let (text, wanted) = path(&place, &frame);
+        place.write("targets.csv", text);
+        let outcome = place.run(&format!("compensate k.toml --identified i.json --targets targets.csv --angles-out angles.csv --json --quiet {options}"));
+        let json = outcome.json();
+        assert_eq!(place.read("angles.csv").lines().count(), 2 + wanted.len());
+        let said = json["frame"].as_str().expect("a text");
+        assert_eq!(
+            said.contains("the workpiece \"table\""),
+            !options.is_empty(),
+            "{said}"
+        );
+        assert!(
+            place
+                .read("angles.csv")
+                .starts_with("# targets of the tool \"machining_tcp\" in the frame of")
+        );
+        for ((pose, load), target) in wanted
+            .iter()
+            .zip(json["targets"].as_array().expect("a list"))
+        {
+            let commanded: Vec<f64> = numbers(&target["q_commanded_deg"])
+                .iter()
+                .map(|deg| deg.to_radians())
+                .collect();
+            let commanded = DVector::from_vec(commanded);
+            let (position, axes, _) = robot.rest(&commanded, load).expect("it rests");
+            let off_m = (position - pose.translation.vector).norm();
+            let turned = UnitQuaternion::from_matrix(&axes).angle_to(&pose.rotation);
+            assert!(off_m < 1e-8 && turned < 1e-8, "{off_m:e} m, {turned:e} rad");
+        }
+    }
+}
+
+#[test]
+fn what_is_out_of_reach_is_named() {
+    let place = identified();
+    place.write("targets.csv", "x_mm,y_mm,z_mm\n1500,100,1200\n9000,0,0\n");
+    place
+        .run("compensate k.toml --identified i.json --targets targets.csv --angles-out angles.csv --quiet")
+        .ends_with(3)
+        .says("target 2 (line 3) cannot be reached: the tool stays");
+    assert_eq!(place.read("angles.csv").lines().count(), 3);
+    place
+        .run("compensate k.toml --identified i.json --targets targets.csv --quiet --frame instrument")
+        .ends_with(1)
+        .says("was identified from deflections");
+    for (text, said) in [
+        ("x_mm,y_mm\n1,2\n", "z_mm"),
+        (
+            "x_mm,y_mm,z_mm,qw\n1,2,3,1\n",
+            "found \"qw\" without \"qx\"",
+        ),
+        (
+            "x_mm,y_mm,z_mm,qw,qx,qy,qz\n1,2,3,1,1,0,0\n",
+            "line 2: qw,qx,qy,qz: found a quaternion of length 1.414214",
+        ),
+    ] {
+        place.write("targets.csv", text);
+        place
+            .run("compensate k.toml --identified i.json --targets targets.csv --quiet")
+            .ends_with(1)
+            .says(said);
+    }
+}
