@@ -174,11 +174,16 @@ class Scenario:
         method: str | None = None,
         sigma_from_residuals: bool = False,
         parameters: list[str] | None = None,
+        ladder: bool = False,
+        against: FilePath | None = None,
+        plot_out: FilePath | None = None,
     ) -> Identified:
         """Identifies the compliances; ``method`` is ``nonlinear`` or ``linear``, the scenario's if not given.
 
         Absolute readings are a file's: its path in place of ``measurements``. ``parameters`` are then groups such as ``geometry``
-        and ``compliances``, fitted with all frames; the results' ``unknowns`` and ``stations`` say what came of it.
+        and ``compliances``, fitted with all frames; the results' ``unknowns`` and ``stations`` say what came of it. ``ladder``
+        compares models with more and more groups, under ``ladder`` in the results, and fits the one that is recommended. Another
+        series ``against`` which contradicts this one is told under ``contradictions``. A picture goes to ``plot_out``.
         """
         with _folder() as folder:
             if isinstance(measurements, Measurements):
@@ -193,6 +198,9 @@ class Scenario:
                     method=method,
                     sigma_from_residuals=sigma_from_residuals,
                     parameters=parameters,
+                    ladder=ladder,
+                    against=against,
+                    plot_out=plot_out,
                 )
             )
 

@@ -15,9 +15,11 @@ use elastocal::task::Method;
 use elastocal::text::wording::{counted, shell_word};
 use elastocal::workflow::identify::{NotIdentified, identify_measurements, likely};
 
+use super::identify_absolute::Asked;
 use super::table::{number, table};
+use super::written::Written;
 use super::{Common, Report, check_outputs, inputs, named_by_file, without_effect};
-use super::{identify_absolute, residuals};
+use super::{identify_absolute, patterns, residuals, views};
 
 /// Arguments of `identify`.
 #[derive(Debug, Args)]
@@ -40,6 +42,17 @@ pub struct Identify {
     /// name if not given.
     #[arg(long, value_enum, value_name = "GROUPS", value_delimiter = ',')]
     parameters: Vec<ParameterGroup>,
+    /// Compare models with more and more parameters (frames, zeros, links, compliances, springs, payload) by blocks of joint
+    /// space that they were not fitted to, and fit the one that is recommended. Of absolute readings.
+    #[arg(long, conflicts_with = "parameters")]
+    ladder: bool,
+    /// Another series of absolute readings of the same robot, fitted apart in the same way: parameters that contradict each other
+    /// are named.
+    #[arg(long, value_name = "FILE")]
+    against: Option<PathBuf>,
+    /// Where to write a picture (SVG): of the patterns in the residuals; with --ladder, of what each model leaves.
+    #[arg(long, value_name = "FILE")]
+    plot_out: Option<PathBuf>,
     /// Where to write what was identified, for `compensate`.
     #[arg(long, value_name = "FILE")]
     identified_out: Option<PathBuf>,
@@ -47,14 +60,21 @@ pub struct Identify {
 
 impl Identify {
     pub fn execute(&self) -> anyhow::Result<Report> {
+        views::needed_by("--plot-out", self.plot_out.as_ref())?;
         let origin = Origin::read(&self.measurements)?;
         let file = shell_word(&self.measurements.to_string_lossy());
         let usage = format!("elastocal identify SCENARIO --measurements {file}");
         let scenario = (self.common).load_for(&self.measurements, origin.as_ref(), &usage)?;
         let measured = read_measured(&self.measurements, scenario.task.belief.commands())?;
-        let outputs = [("--identified-out", self.identified_out.as_deref())];
+        let outputs = [
+            ("--identified-out", self.identified_out.as_deref()),
+            ("--plot-out", self.plot_out.as_deref()),
+        ];
         let mut roles = inputs(&scenario);
         roles.reads("the measurements", &self.measurements);
+        if let Some(against) = &self.against {
+            roles.reads("the other measurements", against);
+        }
         check_outputs(&mut roles, &outputs)?;
         let mut report = match measured {
             MeasuredFile::Deflections(measurements) => {
@@ -82,7 +102,6 @@ impl Identify {
                 .hint(hint)
                 .into());
         }
-        let groups = &self.parameters;
         let weights = match (self.sigma_from_residuals, self.common.noise_only) {
             (true, _) => ReadingWeights::WithMisfit,
             (false, true) => ReadingWeights::Own,
@@ -92,7 +111,43 @@ impl Identify {
             "fitting the robot to {}",
             counted(readings.len() as u64, "absolute reading")
         ));
-        identify_absolute::execute(scenario, &self.measurements, readings, groups, weights)
+        let asked = Asked {
+            groups: &self.parameters,
+            weights,
+            by_ladder: self.ladder,
+            against: self.against.as_deref(),
+            plot_out: self.plot_out.as_deref(),
+        };
+        identify_absolute::execute(scenario, &self.measurements, readings, &asked)
+    }
+
+    /// Options that are for absolute readings alone.
+    fn refuse_of_deflections(&self) -> Result<(), FileError> {
+        let refused = [
+            (
+                self.ladder,
+                "--ladder",
+                "of which no ladder of models is made",
+            ),
+            (
+                self.against.is_some(),
+                "--against",
+                "which are compared with no other series",
+            ),
+            (
+                !self.parameters.is_empty(),
+                "--parameters",
+                "of which robot.parameters of the scenario says what to identify",
+            ),
+        ];
+        for (is_given, option, why) in refused {
+            if is_given {
+                let problem = format!("holds deflections, {why}");
+                let hint = format!("leave out {option}, which is for absolute readings");
+                return Err(FileError::new(&self.measurements, problem).hint(hint));
+            }
+        }
+        Ok(())
     }
 
     fn of_deflections(
@@ -100,13 +155,7 @@ impl Identify {
         scenario: &Scenario,
         measurements: &[Measurement],
     ) -> anyhow::Result<Report> {
-        if !self.parameters.is_empty() {
-            let problem = "holds deflections, of which robot.parameters of the scenario says what to identify";
-            let hint = "leave out --parameters, which is for absolute readings";
-            return Err(FileError::new(&self.measurements, problem)
-                .hint(hint)
-                .into());
-        }
+        self.refuse_of_deflections()?;
         let loads = measurements.iter().map(|each| &each.load);
         let loads_outside = scenario.task.loads.outside_all("measurement", loads);
         let method = self.method.unwrap_or(scenario.task.belief.method);
@@ -144,11 +193,19 @@ impl Identify {
             text += "  (sigma is the rms of those that the measurements bring)\n";
         }
         text += &format!("\n{}", residuals::describe(identification, residuals));
+        text += &patterns::describe(&identified.patterns);
+        let mut written = Written::default();
+        if let Some(path) = &self.plot_out {
+            let title = format!("{}: patterns in the residuals", scenario.name);
+            let plot = views::write_patterns_plot(path, &title, &identified.patterns)?;
+            text += &written.told(path, plot);
+        }
         Ok(Report {
             json,
             text,
             conditions: (loads_outside.into_iter())
                 .chain(identified.conditions())
+                .chain(written.conditions())
                 .collect(),
         })
     }

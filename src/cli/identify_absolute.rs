@@ -3,35 +3,123 @@
 use std::path::Path;
 
 use elastocal::files::FileError;
-use elastocal::identification::{AbsoluteError, ParameterGroup, ReadingWeights};
-use elastocal::measurement::AbsoluteReading;
-use elastocal::record::absolute::{AbsoluteMessage, LengthsMessage, MountedFrameMessage};
+use elastocal::identification::{AbsoluteError, Ladder, ParameterGroup, ReadingWeights};
+use elastocal::measurement::{AbsoluteReading, MeasuredFile, read_measured};
+use elastocal::record::absolute::{
+    AbsoluteMessage, LengthsMessage, MountedFrameMessage, shown_unit,
+};
+use elastocal::record::contradictions::ContradictionsMessage;
+use elastocal::record::json::merge;
+use elastocal::record::ladder::LadderMessage;
 use elastocal::record::messages::ProvenanceMessage;
 use elastocal::scenario::Scenario;
+use elastocal::task::Belief;
 use elastocal::text::wording::counted;
-use elastocal::workflow::identify_absolute::identify_absolute;
+use elastocal::workflow::identify_absolute::{identify_absolute, ladder};
+use serde_json::json;
 
-use super::Report;
 use super::table::table;
+use super::written::Written;
+use super::{Report, patterns, views};
+
+/// What is asked of absolute readings.
+pub struct Asked<'a> {
+    pub groups: &'a [ParameterGroup],
+    pub weights: ReadingWeights,
+    /// Whether a ladder of models says which groups.
+    pub by_ladder: bool,
+    /// Another series of the same robot.
+    pub against: Option<&'a Path>,
+    /// Where the picture goes.
+    pub plot_out: Option<&'a Path>,
+}
 
 /// Fits a robot to absolute readings.
 pub fn execute(
     scenario: &Scenario,
     file: &Path,
     readings: &[AbsoluteReading],
-    groups: &[ParameterGroup],
-    weights: ReadingWeights,
+    asked: &Asked<'_>,
 ) -> anyhow::Result<Report> {
-    let identified = identify_absolute(&scenario.task.belief, readings, groups, weights)
-        .map_err(|error| explained(file, &error))?;
-    let provenance = ProvenanceMessage::new(scenario).with_input("measurements", file)?;
-    let json = identified.json(scenario, &provenance, groups)?;
+    let belief = &scenario.task.belief;
+    let wrong = |error| explained(file, &error);
+    let mut written = Written::default();
+    let ladder = if asked.by_ladder {
+        Some(ladder(belief, readings, asked.weights).map_err(wrong)?)
+    } else {
+        None
+    };
+    let groups = ladder.as_ref().map_or(asked.groups, Ladder::groups);
+    let mut identified =
+        identify_absolute(belief, readings, groups, asked.weights).map_err(wrong)?;
+    let mut provenance = ProvenanceMessage::new(scenario).with_input("measurements", file)?;
+    if let Some(other) = asked.against {
+        let readings = other_readings(other, belief)?;
+        let between = [file, other].map(|path| format!("in {}", path.display()));
+        let how = (groups, asked.weights);
+        (identified.compare(belief, &readings, how, between))
+            .map_err(|error| explained(other, &error))?;
+        provenance = provenance.with_input("against", other)?;
+    }
+    let mut json = identified.json(scenario, &provenance, groups)?;
     let message = AbsoluteMessage::new(&identified.case, &identified.fit);
+    let mut text = String::new();
+    let plot = |title: &str| format!("{}: {title}", scenario.name);
+    if let Some(ladder) = &ladder {
+        let ladder = LadderMessage::from(ladder);
+        text += &format!("{}\n", super::ladder::describe(&ladder));
+        if let Some(path) = asked.plot_out {
+            let title = plot("which model the readings pay for");
+            let plot = views::write_ladder_plot(path, &title, &ladder)?;
+            text += &written.told(path, plot);
+        }
+        merge(&mut json, json!({ "ladder": ladder }));
+    } else if let Some(path) = asked.plot_out {
+        let title = plot("patterns in the residuals");
+        let plot = views::write_patterns_plot(path, &title, &identified.patterns)?;
+        text += &written.told(path, plot);
+    }
+    text += &describe(&message);
+    text += &patterns::describe(&identified.patterns);
+    for each in &identified.contradictions {
+        text += &compared(each);
+    }
+    let mut conditions = identified.conditions();
+    conditions.extend(written.conditions());
     Ok(Report {
         json,
-        text: describe(&message),
-        conditions: message.conditions,
+        text,
+        conditions,
     })
+}
+
+/// The other series.
+fn other_readings(file: &Path, belief: &Belief) -> Result<Vec<AbsoluteReading>, FileError> {
+    match read_measured(file, belief.commands())? {
+        MeasuredFile::Absolute(readings) => Ok(readings),
+        MeasuredFile::Deflections(_) => {
+            let problem = "holds deflections, and absolute readings are held against it";
+            Err(FileError::new(file, problem).hint("give another file of absolute readings"))
+        }
+    }
+}
+
+/// How many parameters of two series agree; the others are conditions.
+fn compared(message: &ContradictionsMessage) -> String {
+    let ContradictionsMessage {
+        between: [one, other],
+        compared,
+        found,
+    } = message;
+    format!(
+        "  Fitted apart {one} and {other}: of {} {} each other.\n",
+        counted(*compared as u64, "parameter"),
+        match found.len() {
+            0 => "none contradict".to_owned(),
+            1 => "one contradicts".to_owned(),
+            count => format!("{count} contradict"),
+        }
+    )
 }
 
 /// Why there is no fit, with what to do about it.
@@ -116,16 +204,6 @@ fn describe(message: &AbsoluteMessage) -> String {
         );
     }
     text
-}
-
-/// A quantity as a person reads it: the factor and the unit.
-fn shown_unit(unit: &str) -> (f64, &str) {
-    match unit {
-        "m" => (1e3, "mm"),
-        "rad" => (1e3, "mrad"),
-        "rad/(N m)" => (1e6, "1e-6 rad/(N m)"),
-        unit => (1.0, unit),
-    }
 }
 
 fn frames_table(stations: &[MountedFrameMessage], targets: &[MountedFrameMessage]) -> String {

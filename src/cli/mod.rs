@@ -18,10 +18,12 @@ mod import;
 mod init;
 pub mod interruption;
 mod lab;
+mod ladder;
 mod load_model;
 mod measure;
 mod merge;
 mod next;
+mod patterns;
 mod plan;
 mod progress;
 mod proof;
@@ -134,7 +136,7 @@ enum Command {
     Import(import::Import),
     /// Identify the compliances from measurements
     #[command(
-        after_help = "Example:\n  elastocal identify --measurements measurements.csv --identified-out identified.json"
+        after_help = "Examples:\n  elastocal identify --measurements measurements.csv --identified-out identified.json\n  elastocal identify scenarios/ur10.toml --measurements poses.csv --ladder --plot-out ladder.svg"
     )]
     Identify(identify::Identify),
     /// Compensate the test poses with identified compliances

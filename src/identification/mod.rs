@@ -15,13 +15,16 @@ mod extended;
 mod fit;
 mod frames;
 mod gauss_newton;
+pub mod patterns;
 mod prediction;
 mod residuals;
 mod stored;
 
 pub use absolute::{
-    AbsoluteCase, AbsoluteError, AbsoluteFit, DistanceStatistics, LeftOut, Misfit, ParameterGroup,
-    ReadingResidual, ReadingWeights, joint_space_blocks,
+    AbsoluteCase, AbsoluteError, AbsoluteFit, CONTRADICTION, Contradiction, Contradictions,
+    CrossValidation, DistanceStatistics, FEWEST_BLOCKS, Ladder, LeftOut, Misfit, ParameterChange,
+    ParameterGroup, ReadingResidual, ReadingWeights, Recommendation, Rung, RungTest,
+    SeriesEstimates, joint_space_blocks,
 };
 pub use case::{Case, Sigma};
 pub use conditions::IMPLAUSIBLE;

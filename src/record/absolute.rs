@@ -192,10 +192,21 @@ fn unknown(fit: &AbsoluteFit, index: usize) -> UnknownMessage {
 }
 
 /// The unit of the quantity itself, logarithms undone.
-fn quantity_unit(kind: ParameterKind) -> &'static str {
+pub(super) fn quantity_unit(kind: ParameterKind) -> &'static str {
     match kind {
         ParameterKind::LinkMass { .. } | ParameterKind::PayloadMass => "kg",
         kind => kind.unit(false),
+    }
+}
+
+/// A quantity as a person reads it: the factor and the unit.
+#[must_use]
+pub fn shown_unit(unit: &str) -> (f64, &str) {
+    match unit {
+        "m" => (1e3, "mm"),
+        "rad" => (1e3, "mrad"),
+        "rad/(N m)" => (1e6, "1e-6 rad/(N m)"),
+        unit => (1.0, unit),
     }
 }
 

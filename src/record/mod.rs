@@ -3,7 +3,9 @@
 //! - [`messages`]: a calibration, what a plan promises, and where results come from; `--json`,
 //!   results.json and the MCAP file share them.
 //! - [`platform`]: what results may depend on beyond the program, the scenario and the seed.
-//! - [`residuals`]: what `identify` says of residuals and likely mistakes.
+//! - [`contradictions`]: two series of readings that cannot both be right.
+//! - [`ladder`]: models with more and more parameters, compared.
+//! - [`residuals`], [`patterns`]: what `identify` says of residuals and likely mistakes.
 //! - [`study`]: a Monte Carlo study.
 //! - [`tally_file`]: tallies of parts of a study, to join or to go on from.
 //! - [`understanding`]: a robot as it was understood.
@@ -13,11 +15,14 @@
 pub mod absolute;
 pub mod account;
 pub mod campaign;
+pub mod contradictions;
 pub mod evidence;
 pub mod exchanges;
 mod header_check;
 pub mod json;
+pub mod ladder;
 pub mod messages;
+pub mod patterns;
 pub mod platform;
 pub mod residuals;
 pub mod study;

@@ -5,7 +5,7 @@ use thiserror::Error;
 
 use crate::plan::search::{BudgetPoint, repeated_configurations};
 
-const SIZE: (u32, u32) = (800, 500);
+pub(super) const SIZE: (u32, u32) = (800, 500);
 pub(super) const COLOURS: [RGBColor; 5] = [
     RGBColor(0, 114, 178),
     RGBColor(230, 159, 0),
@@ -17,7 +17,7 @@ pub(super) const COLOURS: [RGBColor; 5] = [
 /// A plot could not be drawn.
 #[derive(Debug, Error, Clone, PartialEq, Eq)]
 #[error("the plot could not be drawn: {0}")]
-pub struct PlotError(String);
+pub struct PlotError(pub(super) String);
 
 impl<E: std::error::Error + Send + Sync> From<DrawingAreaErrorKind<E>> for PlotError {
     fn from(error: DrawingAreaErrorKind<E>) -> Self {

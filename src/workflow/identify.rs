@@ -3,12 +3,14 @@
 use serde_json::{Value, json};
 
 use crate::identification::diagnoses::{Diagnosis, diagnoses};
+use crate::identification::patterns::{BLOCKS, looked_at};
 use crate::identification::{
-    Case, Identification, IdentificationError, Residuals, Sigma, residuals,
+    Case, Identification, IdentificationError, Residuals, Sigma, joint_space_blocks, residuals,
 };
 use crate::measurement::Measurement;
 use crate::record::json::{merge, results};
 use crate::record::messages::{FingerprintMessage, IdentificationMessage, ProvenanceMessage};
+use crate::record::patterns::PatternsMessage;
 use crate::record::residuals::ResidualsMessage;
 use crate::scenario::Scenario;
 use crate::task::{Belief, Method};
@@ -22,6 +24,8 @@ pub struct Identified {
     pub residuals: Residuals,
     /// Likely mistakes in the measurements.
     pub diagnoses: Vec<Diagnosis>,
+    /// What the residuals go with.
+    pub patterns: PatternsMessage,
 }
 
 /// Why nothing was identified.
@@ -57,7 +61,15 @@ pub fn identify_measurements(
     let identification = case.identify().map_err(failed)?;
     let residuals = residuals(&case, &identification).map_err(failed)?;
     let diagnoses = diagnoses(&case, Some(&identification));
+    let configurations: Vec<_> = (measurements.iter())
+        .map(|each| &each.configuration_rad)
+        .collect();
+    let blocks = joint_space_blocks(&configurations, BLOCKS.min(configurations.len() / 2));
+    let patterns = looked_at(&case, &identification, &blocks).patterns();
+    let joints = belief.nominal.chain.joints.iter();
+    let joints: Vec<String> = joints.map(|joint| joint.name.clone()).collect();
     Ok(Identified {
+        patterns: PatternsMessage::new(&patterns, &joints, true),
         identification,
         residuals,
         diagnoses,
@@ -99,6 +111,7 @@ impl Identified {
         merge(&mut json, serde_json::to_value(&message)?);
         let more = ResidualsMessage::new(&self.residuals, &self.diagnoses);
         merge(&mut json, serde_json::to_value(&more)?);
+        merge(&mut json, json!({ "patterns": self.patterns }));
         Ok(json)
     }
 }

@@ -3,12 +3,14 @@
 use serde_json::{Value, json};
 
 use crate::identification::{
-    AbsoluteCase, AbsoluteError, AbsoluteFit, ParameterGroup, ReadingWeights,
+    AbsoluteCase, AbsoluteError, AbsoluteFit, FEWEST_BLOCKS, Ladder, ParameterGroup, ReadingWeights,
 };
 use crate::measurement::AbsoluteReading;
 use crate::record::absolute::AbsoluteMessage;
+use crate::record::contradictions::ContradictionsMessage;
 use crate::record::json::{merge, results};
 use crate::record::messages::{FingerprintMessage, ProvenanceMessage};
+use crate::record::patterns::PatternsMessage;
 use crate::scenario::Scenario;
 use crate::task::Belief;
 
@@ -19,6 +21,10 @@ pub struct IdentifiedRobot<'a> {
     pub case: AbsoluteCase<'a>,
     /// The fit.
     pub fit: AbsoluteFit,
+    /// What its residuals go with.
+    pub patterns: PatternsMessage,
+    /// The halves of joint space beside each other, where each has enough readings; and other series.
+    pub contradictions: Vec<ContradictionsMessage>,
 }
 
 /// Fits what a belief leaves open, or groups of parameters, with all frames.
@@ -33,10 +39,103 @@ pub fn identify_absolute<'a>(
 ) -> Result<IdentifiedRobot<'a>, AbsoluteError> {
     let mut case = AbsoluteCase::new(belief, readings)?;
     let fit = case.fit(groups, weights)?;
-    Ok(IdentifiedRobot { case, fit })
+    let patterns = case.looked_at(&fit, readings)?.patterns();
+    let joints = case.arm.chain.joints.iter();
+    let joints: Vec<String> = joints.map(|joint| joint.name.clone()).collect();
+    let halves = halves(&mut case, &fit, &joints);
+    Ok(IdentifiedRobot {
+        patterns: PatternsMessage::new(&patterns, &joints, false),
+        contradictions: halves.into_iter().collect(),
+        case,
+        fit,
+    })
 }
 
-impl IdentifiedRobot<'_> {
+/// The halves of joint space beside each other.
+fn halves(
+    case: &mut AbsoluteCase<'_>,
+    fit: &AbsoluteFit,
+    joints: &[String],
+) -> Option<ContradictionsMessage> {
+    let (half_of, [one, other]) = case.halves(fit)?;
+    let reach = |joint: usize, half: usize| {
+        let all = case.observations.iter().zip(&half_of);
+        let own = all.filter(|(_, other)| **other == half);
+        let angles = own.map(|(each, _)| each.setup.commanded_rad[joint]);
+        angles.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], angle| {
+            [low.min(angle), high.max(angle)]
+        })
+    };
+    let is_apart = |joint: &usize| {
+        let [one, other] = [0, 1].map(|half| reach(*joint, half));
+        one[1] < other[0] || other[1] < one[0]
+    };
+    let joint = (0..joints.len()).find(is_apart)?;
+    let of_half = |half: usize| {
+        let [low, high] = reach(joint, half).map(|angle| shown_angle(case, joint, angle));
+        format!("where {} is {low} to {high}", joints[joint])
+    };
+    let between = [of_half(0), of_half(1)];
+    Some(ContradictionsMessage::new(&one.beside(&other), between))
+}
+
+/// An angle in degrees; of a joint that slides, a length.
+fn shown_angle(case: &AbsoluteCase<'_>, joint: usize, value: f64) -> String {
+    if case.arm.chain.joints[joint].drive.slides {
+        format!("{:.1} mm", value * 1e3)
+    } else {
+        format!("{:.1} deg", value.to_degrees())
+    }
+}
+
+/// Models with more and more parameters, compared by blocks of joint space.
+///
+/// # Errors
+/// See [`AbsoluteError`].
+pub fn ladder(
+    belief: &Belief,
+    readings: &[AbsoluteReading],
+    weights: ReadingWeights,
+) -> Result<Ladder, AbsoluteError> {
+    AbsoluteCase::new(belief, readings)?.ladder(weights)
+}
+
+impl<'a> IdentifiedRobot<'a> {
+    /// Holds another series of readings of the same robot beside this one, each in words; the other one is fitted apart with the
+    /// same groups.
+    ///
+    /// # Errors
+    /// See [`AbsoluteError`]: of the other series.
+    pub fn compare(
+        &mut self,
+        belief: &'a Belief,
+        readings: &[AbsoluteReading],
+        (groups, weights): (&[ParameterGroup], ReadingWeights),
+        between: [String; 2],
+    ) -> Result<(), AbsoluteError> {
+        let mut other = AbsoluteCase::new(belief, readings)?;
+        let fit = other.fit(groups, weights)?;
+        let (Some(own), Some(second)) = (self.case.estimates(&self.fit)?, other.estimates(&fit)?)
+        else {
+            let different = (self.case.different()).min(other.different());
+            let needed = 2 * FEWEST_BLOCKS;
+            return Err(AbsoluteError::TooFewConfigurations { different, needed });
+        };
+        let contradictions = own.beside(&second);
+        let message = ContradictionsMessage::new(&contradictions, between);
+        self.contradictions.push(message);
+        Ok(())
+    }
+
+    /// What does not hold, by name.
+    #[must_use]
+    pub fn conditions(&self) -> Vec<String> {
+        let mut conditions = self.fit.conditions();
+        let contradictions = self.contradictions.iter();
+        conditions.extend(contradictions.flat_map(ContradictionsMessage::conditions));
+        conditions
+    }
+
     /// The record.
     ///
     /// # Errors
@@ -58,6 +157,12 @@ impl IdentifiedRobot<'_> {
             &mut json,
             serde_json::to_value(AbsoluteMessage::new(&self.case, &self.fit))?,
         );
+        let more = json!({
+            "patterns": self.patterns,
+            "contradictions": self.contradictions,
+            "conditions": self.conditions(),
+        });
+        merge(&mut json, more);
         Ok(json)
     }
 }

@@ -22,6 +22,9 @@
 //! - `absolute_targets`: compensated angles for absolute poses.
 //! - `exported_models`: the calibrated robot as MJCF and URDF, read again.
 //! - `foreign_tables`: tables of other programs become measurement files.
+//! - `patterns`: what residuals go with is named where there is something.
+//! - `contradictions`: two series, or the halves of one, that cannot both be right.
+//! - `ladder`: models with more and more parameters, compared by blocks of joint space.
 //! - `gate`: comparing results against tolerances, seen from outside the process.
 //! - `gate_refusals`: results and tolerances that cannot be compared.
 //! - `interruptions`: studies that are killed, disks that fill up.
@@ -93,6 +96,7 @@ mod calibrated_robots;
 mod command_line;
 mod compensation_trust;
 mod compensator;
+mod contradictions;
 mod criteria_bounds;
 mod csv_dialects;
 mod determined;
@@ -117,6 +121,7 @@ mod judge;
 mod judges;
 mod known_optima;
 mod laboratory;
+mod ladder;
 mod left_out;
 mod limits;
 mod load_sets;
@@ -133,6 +138,7 @@ mod one_fit;
 mod origins;
 mod output_files;
 mod parameters;
+mod patterns;
 mod planned_readings;
 mod planning;
 mod priors;

@@ -15,18 +15,18 @@ use rayon::prelude::*;
 
 use crate::support::{Outcome, Workplace, project, scenario, scenario_text};
 
-const SIGMA_M: f64 = 1.5e-5;
-const SIGMA_RAD: f64 = 2e-5;
+pub const SIGMA_M: f64 = 1.5e-5;
+pub const SIGMA_RAD: f64 = 2e-5;
 
-fn between(random: &mut impl Rng, low: f64, high: f64) -> f64 {
+pub fn between(random: &mut impl Rng, low: f64, high: f64) -> f64 {
     random.random_range(low..=high)
 }
 
-fn vector(random: &mut impl Rng, size: f64) -> Vector3<f64> {
+pub fn vector(random: &mut impl Rng, size: f64) -> Vector3<f64> {
     Vector3::from_fn(|_, _| between(random, -size, size))
 }
 
-fn normal(random: &mut impl Rng) -> f64 {
+pub fn normal(random: &mut impl Rng) -> f64 {
     let radius = (-2.0 * (1.0 - between(random, 0.0, 0.999_999_999)).ln()).sqrt();
     radius * between(random, 0.0, std::f64::consts::TAU).cos()
 }
@@ -89,12 +89,12 @@ fn read(random: &mut impl Rng, arm: &ElasticArm, campaign: &Campaign) -> Vec<Abs
         .collect()
 }
 
-fn ur10() -> Scenario {
+pub fn ur10() -> Scenario {
     scenario("ur10")
 }
 
 /// The scenario's arm with one reflector, seen from so many stations somewhere.
-fn seen_arm(
+pub fn seen_arm(
     random: &mut impl Rng,
     scenario: &Scenario,
     stations: usize,

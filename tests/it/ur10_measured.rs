@@ -167,3 +167,36 @@ fn models_of_a_real_ur10_leave_what_they_should() {
         assert!(median_mm < most_mm, "{name}: {median_mm} mm");
     }
 }
+
+/// A ladder over all poses: the geometry pays, masses do not; and what is left of it goes with joint angles.
+#[test]
+fn the_ladder_of_a_real_ur10_is_climbed_as_far_as_it_carries() {
+    let Some(file) = found() else {
+        println!("skipped: series_c.csv of ipa-robot-accuracy is not there");
+        return;
+    };
+    let all = series(&file);
+    let scenario = scenario("ur10");
+    let mut case = AbsoluteCase::new(&scenario.task.belief, &all).expect("readings");
+    let ladder = case.ladder(ReadingWeights::AsNeeded).expect("a ladder");
+    assert_eq!(ladder.judged, all.len());
+    let groups = ladder.groups();
+    assert!(groups.contains(&ParameterGroup::Geometry), "{groups:?}");
+    assert!(!groups.contains(&ParameterGroup::Payload), "{groups:?}");
+    let predicted: Vec<f64> = (ladder.rungs.iter())
+        .map(|rung| {
+            let judged = rung.cross_validation.as_ref().expect("judged");
+            judged.distances.expect("readings").rms * 1e3
+        })
+        .collect();
+    println!("{predicted:.4?} mm");
+    assert!(predicted[0] > 0.7 && predicted[2] < 0.5, "{predicted:?}");
+    let mut case = AbsoluteCase::new(&scenario.task.belief, &all).expect("readings");
+    let fit = case
+        .fit(&[ParameterGroup::Geometry], ReadingWeights::AsNeeded)
+        .expect("a fit");
+    let patterns = case.looked_at(&fit, &all).expect("stable").patterns();
+    assert!(patterns.share > 0.3, "{}", patterns.share);
+    let first = &patterns.found[0];
+    assert_eq!(first.against.kind(), "joint angle", "{}", first.sentence);
+}

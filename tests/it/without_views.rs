@@ -13,6 +13,10 @@ fn options_for_views_say_what_is_missing() {
         ("study s.toml --rerun spawn", 2),
         ("plan s.toml --stills-out s.svg", 1),
         ("budget s.toml --plot-out s.svg", 1),
+        (
+            "identify s.toml --measurements m.csv --ladder --plot-out s.svg",
+            1,
+        ),
     ] {
         let outcome = workplace.run(arguments).ends_with(code);
         let stderr = &outcome.stderr;

@@ -9,10 +9,13 @@ use elastocal::laboratory::Campaign;
 use elastocal::paper::record::ReproductionMessage;
 use elastocal::plan::Plan;
 use elastocal::plan::search::BudgetPoint;
+use elastocal::record::ladder::LadderMessage;
 use elastocal::record::messages::ProvenanceMessage;
+use elastocal::record::patterns::PatternsMessage;
 use elastocal::scenario::Scenario;
 use elastocal::text::wording::shell_word;
 use elastocal::view::mcap_file::write_mcap;
+use elastocal::view::misfit_plots::{ladder_plot, patterns_plot};
 use elastocal::view::plots::budget_plot;
 use elastocal::view::recording::Recording;
 use elastocal::view::report::{RunRecord, StudyPageRecord, run_page};
@@ -150,6 +153,27 @@ pub fn write_budget_plot(
     points: &[BudgetPoint],
 ) -> anyhow::Result<Result<(), FileError>> {
     Ok(write_whole(path, budget_plot(title, points)?.as_bytes()))
+}
+
+/// Draws a ladder of models.
+pub fn write_ladder_plot(
+    path: &Path,
+    title: &str,
+    ladder: &LadderMessage,
+) -> anyhow::Result<Result<(), FileError>> {
+    Ok(write_whole(path, ladder_plot(title, ladder)?.as_bytes()))
+}
+
+/// Draws patterns in residuals.
+pub fn write_patterns_plot(
+    path: &Path,
+    title: &str,
+    patterns: &PatternsMessage,
+) -> anyhow::Result<Result<(), FileError>> {
+    Ok(write_whole(
+        path,
+        patterns_plot(title, patterns)?.as_bytes(),
+    ))
 }
 
 /// The page of a study.

@@ -8,7 +8,9 @@ use elastocal::laboratory::Campaign;
 use elastocal::paper::record::ReproductionMessage;
 use elastocal::plan::Plan;
 use elastocal::plan::search::BudgetPoint;
+use elastocal::record::ladder::LadderMessage;
 use elastocal::record::messages::ProvenanceMessage;
+use elastocal::record::patterns::PatternsMessage;
 use elastocal::record::tally_file::Header;
 use elastocal::scenario::Scenario;
 use elastocal::study::runner::Runner;
@@ -121,6 +123,22 @@ pub fn write_budget_plot(
     path: &Path,
     _: &str,
     _: &[BudgetPoint],
+) -> anyhow::Result<Result<(), FileError>> {
+    Ok(Err(lacking("--plot-out", path)))
+}
+
+pub fn write_ladder_plot(
+    path: &Path,
+    _: &str,
+    _: &LadderMessage,
+) -> anyhow::Result<Result<(), FileError>> {
+    Ok(Err(lacking("--plot-out", path)))
+}
+
+pub fn write_patterns_plot(
+    path: &Path,
+    _: &str,
+    _: &PatternsMessage,
 ) -> anyhow::Result<Result<(), FileError>> {
     Ok(Err(lacking("--plot-out", path)))
 }

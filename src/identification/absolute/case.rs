@@ -268,7 +268,7 @@ impl<'a> AbsoluteCase<'a> {
 }
 
 /// Covariances that were read are positive definite.
-fn whitener(covariance: &Matrix6<f64>) -> Whitener {
+pub(super) fn whitener(covariance: &Matrix6<f64>) -> Whitener {
     Whitener::of_covariance(covariance).unwrap_or_else(|| {
         let deviation = covariance.diagonal().map(f64::sqrt);
         let [position, rotation] = [0, 3].map(|row| deviation.fixed_rows::<3>(row).into_owned());

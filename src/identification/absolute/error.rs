@@ -58,6 +58,17 @@ pub enum AbsoluteError {
         /// Unknowns of the frames.
         unknowns: usize,
     },
+    /// Too few configurations to leave blocks of them out.
+    #[error(
+        "models and series are compared by leaving out blocks of joint space, for which {needed} different configurations are \
+         needed: {different} were read"
+    )]
+    TooFewConfigurations {
+        /// How many there are.
+        different: usize,
+        /// The fewest.
+        needed: usize,
+    },
     /// Readings and robot have nothing to do with each other.
     #[error(
         "no frames bring the robot's positions nearer than {left} mm (rms) to those that were read, which lie {spread} mm about \
@@ -91,6 +102,9 @@ impl AbsoluteError {
             Self::Frames { .. } | Self::TooFew { .. } => Some(
                 "read more configurations in which all joints differ, from each station and of each target",
             ),
+            Self::TooFewConfigurations { .. } => {
+                Some("read more configurations, or name what to fit with --parameters")
+            }
             Self::NoRotationSigma => Some(
                 "give columns srx_mrad,sry_mrad,srz_mrad, or instrument.rotation_sigma_mrad in the scenario",
             ),

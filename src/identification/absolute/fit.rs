@@ -99,7 +99,7 @@ impl AbsoluteCase<'_> {
             }
             other => self.with_misfit(&set, other)?,
         };
-        let left = self.left_of(&fit)?;
+        let left = self.left_by(&fit)?;
         Ok(AbsoluteFit {
             reference: self.arm.clone(),
             arm: fit.belief,
@@ -148,7 +148,7 @@ impl AbsoluteCase<'_> {
     }
 
     /// The fitted frames become those from which their parameters count: the values of a fit (p) there.
-    fn rebased(&mut self, set: &ParameterSet, fit: &ParameterFit) -> DVector<f64> {
+    pub(super) fn rebased(&mut self, set: &ParameterSet, fit: &ParameterFit) -> DVector<f64> {
         self.arm
             .instrument_from_base
             .clone_from(&fit.belief.instrument_from_base);
@@ -158,7 +158,7 @@ impl AbsoluteCase<'_> {
         DVector::from_iterator(set.len(), rebased)
     }
 
-    fn left_of(&self, fit: &ParameterFit) -> Result<Vec<ReadingResidual>, FitError> {
+    pub(super) fn left_by(&self, fit: &ParameterFit) -> Result<Vec<ReadingResidual>, FitError> {
         self.left(&fit.belief)
             .map_err(|(index, source)| FitError::Equilibrium {
                 observation: index + 1,
@@ -168,8 +168,8 @@ impl AbsoluteCase<'_> {
 
     /// What residuals are larger than the readings' own covariances make them, as standard deviations of position (m) and
     /// rotation (rad).
-    fn misfit(&self, fit: &ParameterFit) -> Result<[f64; 2], FitError> {
-        let left = self.left_of(fit)?;
+    pub(super) fn misfit(&self, fit: &ParameterFit) -> Result<[f64; 2], FitError> {
+        let left = self.left_by(fit)?;
         // Each reading has its part in what was fitted.
         let spare = fit.degrees_of_freedom().max(1) as f64 / fit.rows as f64;
         let misfit = Misfit::of(&left, &self.covariances, spare);

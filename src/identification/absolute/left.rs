@@ -3,7 +3,7 @@
 use nalgebra::{Matrix6xX, Vector3};
 
 use super::AbsoluteCase;
-use crate::observation::{Form, ObservationModel, Reading};
+use crate::observation::{Form, Observation, ObservationModel, Reading};
 use crate::parameter::{ElasticArm, ParameterSet};
 use crate::robot::{EquilibriumError, rotation_vector};
 
@@ -69,32 +69,40 @@ impl AbsoluteCase<'_> {
         &self,
         arm: &ElasticArm,
     ) -> Result<Vec<ReadingResidual>, (usize, EquilibriumError)> {
-        let nothing = ParameterSet::empty();
-        let mut model = ObservationModel::new(&nothing, arm, &[]);
-        let mut derivatives = Matrix6xX::zeros(0);
-        (self.observations.iter().enumerate())
-            .map(|(index, each)| {
-                let kind = each.reading.kind();
-                let predicted = model
-                    .predict(Form::AtRest, &each.setup, kind, &mut derivatives)
-                    .map_err(|error| (index, error))?;
-                let (position_m, rotation_rad) = match each.reading {
-                    Reading::Pose {
-                        position_m,
-                        rotation,
-                    } => {
-                        let apart = rotation * predicted.rotation.transpose();
-                        (position_m, Some(rotation_vector(&apart)))
-                    }
-                    Reading::Position { position_m } | Reading::Deflection { position_m, .. } => {
-                        (position_m, None)
-                    }
-                };
-                Ok(ReadingResidual {
-                    position_m: position_m - predicted.position_m,
-                    rotation_rad,
-                })
-            })
-            .collect()
+        left_of(&self.observations, arm)
     }
+}
+
+/// What an arm leaves of some readings; the place of one for which it has no equilibrium.
+pub(super) fn left_of(
+    observations: &[Observation],
+    arm: &ElasticArm,
+) -> Result<Vec<ReadingResidual>, (usize, EquilibriumError)> {
+    let nothing = ParameterSet::empty();
+    let mut model = ObservationModel::new(&nothing, arm, &[]);
+    let mut derivatives = Matrix6xX::zeros(0);
+    (observations.iter().enumerate())
+        .map(|(index, each)| {
+            let kind = each.reading.kind();
+            let predicted = model
+                .predict(Form::AtRest, &each.setup, kind, &mut derivatives)
+                .map_err(|error| (index, error))?;
+            let (position_m, rotation_rad) = match each.reading {
+                Reading::Pose {
+                    position_m,
+                    rotation,
+                } => {
+                    let apart = rotation * predicted.rotation.transpose();
+                    (position_m, Some(rotation_vector(&apart)))
+                }
+                Reading::Position { position_m } | Reading::Deflection { position_m, .. } => {
+                    (position_m, None)
+                }
+            };
+            Ok(ReadingResidual {
+                position_m: position_m - predicted.position_m,
+                rotation_rad,
+            })
+        })
+        .collect()
 }

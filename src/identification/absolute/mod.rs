@@ -5,17 +5,25 @@
 //! reading, such as a joint's zero and the base's rotation about its axis, is left out one by one and named; what these readings
 //! do not determine stays at its nominal value and is named, too.
 
+mod blocks;
 mod case;
+mod contradictions;
 mod error;
 mod fit;
+mod ladder;
 mod left;
+mod looked;
 mod misfit;
 mod transfer;
 mod unknowns;
+mod without;
 
+pub use blocks::FEWEST_BLOCKS;
 pub use case::AbsoluteCase;
+pub use contradictions::{CONTRADICTION, Contradiction, Contradictions, SeriesEstimates};
 pub use error::AbsoluteError;
 pub use fit::{AbsoluteFit, ReadingWeights};
+pub use ladder::{CrossValidation, Ladder, ParameterChange, Recommendation, Rung, RungTest};
 pub use left::{DistanceStatistics, ReadingResidual};
 pub use misfit::{Misfit, joint_space_blocks};
 pub use unknowns::{LeftOut, ParameterGroup};

@@ -42,6 +42,21 @@ pub enum ParameterGroup {
 }
 
 impl ParameterGroup {
+    /// Its word on the command line.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Frames => "frames",
+            Self::Zeros => "zeros",
+            Self::Links => "links",
+            Self::Geometry => "geometry",
+            Self::Compliances => "compliances",
+            Self::Springs => "springs",
+            Self::Payload => "payload",
+            Self::All => "all",
+        }
+    }
+
     /// What it adds to the frames of an arm.
     fn kinds(self, arm: &ElasticArm) -> Vec<ParameterKind> {
         let joints = 0..arm.chain.len();

@@ -1,0 +1,41 @@
+//! Patterns in residuals, for a person.
+
+use elastocal::record::patterns::{PatternMessage, PatternsMessage};
+use elastocal::text::wording::percent;
+
+use super::residuals::probability;
+
+/// What residuals go with; that they go with nothing where much was looked at.
+pub fn describe(patterns: &PatternsMessage) -> String {
+    if patterns.looked_at == 0 {
+        return String::new();
+    }
+    let looked = format!(
+        "{} looked at ({}), false alarms in {} of files",
+        patterns.looked_at,
+        patterns.kinds.join(", "),
+        percent(Some(patterns.false_alarm_rate), 0)
+    );
+    if patterns.found.is_empty() {
+        return format!("  No pattern in the residuals: {looked}.\n");
+    }
+    let row = |pattern: &PatternMessage| {
+        format!(
+            "    {}; {} of what is left, by chance {}\n",
+            pattern.sentence,
+            percent(Some(pattern.share), 1),
+            probability(pattern.probability)
+        )
+    };
+    let rows: String = patterns.found.iter().map(row).collect();
+    let mut causes: Vec<&str> = Vec::new();
+    for pattern in &patterns.found {
+        if !causes.contains(&pattern.cause.as_str()) {
+            causes.push(&pattern.cause);
+        }
+    }
+    format!(
+        "  Residuals have patterns ({looked}), against\n{rows}    perhaps {}\n",
+        causes.join("; ")
+    )
+}

@@ -1,0 +1,172 @@
+//! What a fit of absolute readings leaves, as patterns are looked for in it.
+
+use nalgebra::{Matrix6xX, Vector3, Vector6};
+
+use super::super::gauss_newton::FitError;
+use super::super::patterns::{BLOCKS, LookedAt, ReadingRows, unit};
+use super::case::whitener;
+use super::{AbsoluteCase, AbsoluteError, AbsoluteFit};
+use crate::measurement::AbsoluteReading;
+use crate::observation::{Form, Observation, ObservationModel, Reading};
+use crate::parameter::{ParameterKind, ParameterSet};
+
+impl AbsoluteCase<'_> {
+    /// What a fit leaves of the readings that the case was made of. Each counts by its own covariance and by the fit's misfit,
+    /// those of one stand, too.
+    ///
+    /// # Errors
+    /// The robot has no equilibrium.
+    pub fn looked_at(
+        &self,
+        fit: &AbsoluteFit,
+        readings: &[AbsoluteReading],
+    ) -> Result<LookedAt, AbsoluteError> {
+        let joints = self.arm.chain.len();
+        let (set, places) = with_joints(fit, joints)?;
+        let mut values = set.prior().mean.clone();
+        values.rows_mut(0, fit.set.len()).copy_from(&fit.values());
+        let scales = set.scales();
+        let mut model = ObservationModel::new(&set, &fit.reference, values.as_slice());
+        let mut rows = Matrix6xX::zeros(set.len());
+        let blocks = self.blocks(BLOCKS.min(self.different() / 2).max(1));
+        let mut all = Vec::new();
+        for (index, reading) in readings.iter().enumerate() {
+            let each = self.alone(index, fit.misfit.unwrap_or_default());
+            let kind = each.reading.kind();
+            let predicted = model
+                .predict(Form::AtRest, &each.setup, kind, &mut rows)
+                .map_err(|source| FitError::Equilibrium {
+                    observation: index + 1,
+                    source,
+                })?;
+            let residual = each.whiten(&predicted, &mut rows);
+            let [moved, mut bent] = [0, 1].map(|which| {
+                let chosen = places.iter().map(|place| place[which]);
+                rows.select_columns(&chosen.collect::<Vec<_>>())
+            });
+            for (mut column, [_, place]) in bent.column_iter_mut().zip(&places) {
+                let parameter = &set.parameters()[*place];
+                if parameter.is_logarithmic {
+                    column /= parameter.quantity(&fit.reference, values[*place]);
+                }
+            }
+            let torques = (0..joints)
+                .map(|joint| {
+                    let turned = moved.column(joint);
+                    let square = turned.norm_squared();
+                    let shared = bent.column(joint).dot(&turned);
+                    if square > 0.0 { shared / square } else { 0.0 }
+                })
+                .collect();
+            let mut fitted = Matrix6xX::zeros(fit.set.len());
+            for place in 0..fit.set.len() {
+                fitted.set_column(place, &(rows.column(place) * scales[place]));
+            }
+            all.push(ReadingRows {
+                residual,
+                fitted,
+                moved,
+                bent,
+                placed: placed_columns(&each, fit),
+                angles: each.setup.commanded_rad.clone(),
+                torques,
+                approach: self.approach(reading),
+                range_m: Some(reading.position_m.norm()),
+                time_s: reading.time_s,
+                temperature_c: reading.temperature_c,
+                count: kind.rows(),
+                block: blocks[index],
+            });
+        }
+        let joints = self.arm.chain.joints.iter();
+        Ok(LookedAt {
+            readings: all,
+            joints: joints
+                .map(|joint| {
+                    let is_told = joint.drive.passive_at.is_none();
+                    (joint.name.clone(), is_told && !joint.drive.slides)
+                })
+                .collect(),
+            is_of_deflections: false,
+        })
+    }
+
+    /// A reading as if it shared no misfit with others.
+    fn alone(&self, index: usize, [position_m, rotation_rad]: [f64; 2]) -> Observation {
+        let mut covariance = self.covariances[index];
+        for row in 0..6 {
+            let more = if row < 3 { position_m } else { rotation_rad };
+            covariance[(row, row)] += more * more;
+        }
+        Observation {
+            whitener: whitener(&covariance),
+            ..self.observations[index].clone()
+        }
+    }
+
+    /// The sign of approach of every joint; those that are not commanded have none, and count as positive.
+    fn approach(&self, reading: &AbsoluteReading) -> Option<Vec<bool>> {
+        let mut signs = reading.approach.as_ref()?.0.iter();
+        let joints = self.arm.chain.joints.iter();
+        Some(
+            joints
+                .map(|joint| match joint.drive.passive_at {
+                    Some(_) => true,
+                    None => signs.next().copied().unwrap_or(true),
+                })
+                .collect(),
+        )
+    }
+}
+
+/// Shifts of the station's frame, growth about the base, and an error along the line of sight.
+fn placed_columns(each: &Observation, fit: &AbsoluteFit) -> Matrix6xX<f64> {
+    let (Reading::Pose { position_m, .. }
+    | Reading::Position { position_m }
+    | Reading::Deflection { position_m, .. }) = each.reading;
+    let base = fit.arm.instrument_from_base[each.setup.station]
+        .translation
+        .vector;
+    let directions = [
+        Vector3::x(),
+        Vector3::y(),
+        Vector3::z(),
+        position_m - base,
+        unit(&position_m),
+    ];
+    let mut matrix = *each.whitener.matrix();
+    if each.reading.kind().rows() == 3 {
+        matrix.fixed_view_mut::<3, 6>(3, 0).fill(0.0);
+    }
+    let columns = directions.map(|direction| {
+        let mut column = Vector6::zeros();
+        column.fixed_rows_mut::<3>(0).copy_from(&direction);
+        matrix * column
+    });
+    Matrix6xX::from_columns(&columns)
+}
+
+/// A fit's parameters with every joint's zero and compliance, whose places are told.
+fn with_joints(
+    fit: &AbsoluteFit,
+    joints: usize,
+) -> Result<(ParameterSet, Vec<[usize; 2]>), AbsoluteError> {
+    let mut unknowns: Vec<(ParameterKind, Option<f64>)> = (fit.set.parameters().iter())
+        .map(|each| (each.kind, each.prior_deviation))
+        .collect();
+    let mut places = Vec::new();
+    for joint in 0..joints {
+        let kinds = [
+            ParameterKind::JointZero { joint },
+            ParameterKind::JointCompliance { joint },
+        ];
+        places.push(kinds.map(|kind| {
+            let known = unknowns.iter().position(|(other, _)| *other == kind);
+            known.unwrap_or_else(|| {
+                unknowns.push((kind, None));
+                unknowns.len() - 1
+            })
+        }));
+    }
+    Ok((ParameterSet::new(&fit.reference, unknowns)?, places))
+}

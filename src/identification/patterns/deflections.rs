@@ -1,0 +1,84 @@
+//! What an identification leaves of deflections, as patterns are looked for in it.
+
+use nalgebra::{Matrix6xX, Vector3};
+
+use super::super::{Case, Identification};
+use super::{LookedAt, ReadingRows};
+use crate::observation::{ObservationModel, ReadingKind, Setup};
+use crate::parameter::{ElasticArm, ParameterKind, ParameterSet};
+
+/// The positions' residuals of what was identified, each over its own standard deviation. `blocks` are the measurements'
+/// blocks of joint space.
+#[must_use]
+pub fn looked_at(case: &Case<'_>, identification: &Identification, blocks: &[usize]) -> LookedAt {
+    let chain = &case.nominal.chain;
+    let mut compliances = case.nominal.compliance_rad_per_nm.clone();
+    for (&joint, parameter) in case.parameters.iter().zip(&identification.parameters) {
+        if let Some(estimate) = parameter.estimate {
+            compliances[joint] = estimate.value;
+        }
+    }
+    let arm = ElasticArm::new(chain.clone(), compliances, vec![case.tool.clone()]);
+    let joints = 0..chain.len();
+    let of = |kind: &dyn Fn(usize) -> ParameterKind| {
+        ParameterSet::new(&arm, joints.clone().map(|joint| (kind(joint), None)))
+            .unwrap_or_else(|_| ParameterSet::empty())
+    };
+    let compliance = of(&|joint| ParameterKind::JointCompliance { joint });
+    let zero = of(&|joint| ParameterKind::JointZero { joint });
+    let values = [&compliance, &zero].map(|set| set.prior().mean.clone());
+    let mut bends = ObservationModel::new(&compliance, &arm, values[0].as_slice());
+    let mut turns = ObservationModel::new(&zero, &arm, values[1].as_slice());
+    let mut moved = Matrix6xX::zeros(compliance.len());
+    let mut jacobian = Matrix6xX::zeros(zero.len());
+    let readings = case.measurements.iter().enumerate().map(|(index, each)| {
+        let setup = Setup {
+            commanded_rad: each.configuration_rad.clone(),
+            load: each.load,
+            target: 0,
+            station: 0,
+        };
+        bends.predict_as_planned(&setup, ReadingKind::Deflection, &mut moved);
+        turns.predict_as_planned(&setup, ReadingKind::Pose, &mut jacobian);
+        let sigma = each
+            .sigma_m
+            .unwrap_or_else(|| Vector3::repeat(identification.sigma_m));
+        let mut whitened = Matrix6xX::zeros(moved.ncols());
+        let mut placed = Matrix6xX::zeros(5);
+        let mut residual = nalgebra::Vector6::zeros();
+        for row in 0..3 {
+            whitened.set_row(row, &(moved.row(row) / sigma[row]));
+            placed[(row, row)] = 1.0 / sigma[row];
+            residual[row] = identification.residuals_m[3 * index + row] / sigma[row];
+        }
+        let torques = jacobian.column_iter().map(|column| {
+            let (moves, turns) = (column.fixed_rows::<3>(0), column.fixed_rows::<3>(3));
+            moves.dot(&each.load.force_n) + turns.dot(&each.load.torque_nm)
+        });
+        ReadingRows {
+            residual,
+            fitted: whitened.select_columns(case.parameters),
+            bent: whitened.clone(),
+            moved: whitened,
+            placed,
+            angles: each.configuration_rad.clone(),
+            torques: torques.collect(),
+            approach: None,
+            range_m: None,
+            time_s: None,
+            temperature_c: None,
+            count: 3,
+            block: blocks[index],
+        }
+    });
+    LookedAt {
+        readings: readings.collect(),
+        joints: (chain.joints.iter())
+            .map(|joint| {
+                let is_told = joint.drive.passive_at.is_none();
+                (joint.name.clone(), is_told && !joint.drive.slides)
+            })
+            .collect(),
+        is_of_deflections: true,
+    }
+}

@@ -1,0 +1,182 @@
+//! Patterns in residuals: what a fit leaves, looked at against joint angles, torques, the side of approach, order, time,
+//! temperature and the distance from the instrument.
+//!
+//! A joint whose gear is not round, for example, turns by a sin(k q) + b cos(k q) more than it is told; what that does to a reading
+//! is its own Jacobian times that, and whether residuals go with it is an F test with two degrees of freedom. All
+//! candidates are looked at, the strongest is named if chance would make any of them as strong with a probability below
+//! [`LEVEL`], and taken out of the residuals; then the next is looked for.
+
+mod candidates;
+mod deflections;
+mod rows;
+mod screen;
+mod told;
+
+use nalgebra::DVector;
+
+pub use candidates::{Against, Course, Drifting};
+pub use deflections::looked_at;
+use rows::Projected;
+pub(super) use rows::unit;
+pub use rows::{LookedAt, ReadingRows};
+use screen::{Test, judged, screened};
+pub use told::{PatternPoint, WAVES_TO_SEE};
+
+/// Residuals without any pattern are said to have one in one of a hundred files.
+pub const LEVEL: f64 = 0.01;
+/// So many blocks of joint space tell how far readings are independent, where there are two readings for each.
+pub const BLOCKS: usize = 16;
+/// More patterns than these are not named.
+const MOST: usize = 8;
+/// Of those that pass alone so many are looked at together.
+const LIKELY: usize = 60;
+
+/// A mean whitened square below this is none.
+const NOTHING: f64 = 0.01;
+
+/// Something that residuals go with.
+#[derive(Debug, Clone)]
+pub struct Pattern {
+    /// What.
+    pub against: Against,
+    /// What it does, in words.
+    pub sentence: String,
+    /// What may cause it.
+    pub cause: &'static str,
+    /// How large it is: the amplitude of waves, else the whole range over these readings; rad, m, or 1.
+    pub size: f64,
+    /// The share of the weighted squares that it explains.
+    pub share: f64,
+    /// The statistic F, over the design effect.
+    pub statistic: f64,
+    /// Its first number of degrees of freedom.
+    pub degrees_of_freedom: usize,
+    /// By how much misfits that are alike in a block of joint space count less than independent ones.
+    pub design_effect: f64,
+    /// The probability that chance makes any of all that were looked at as strong.
+    pub probability: f64,
+    /// Means over the readings, for a picture.
+    pub points: Vec<PatternPoint>,
+}
+
+/// What residuals go with.
+#[derive(Debug, Clone)]
+pub struct Patterns {
+    /// The strongest first.
+    pub found: Vec<Pattern>,
+    /// How many candidates were looked at.
+    pub looked_at: usize,
+    /// Which kinds of them.
+    pub kinds: Vec<&'static str>,
+    /// The share of the weighted squares that all found explain together.
+    pub share: f64,
+}
+
+impl LookedAt {
+    /// Looks for patterns.
+    #[must_use]
+    pub fn patterns(&self) -> Patterns {
+        let candidates = self.candidates();
+        let mut projected = Projected::new(self);
+        let square = projected.square();
+        // Residuals that are nothing beside the instrument's noise are rounding.
+        let tests = if square > NOTHING * projected.spare as f64 {
+            screened(self, &projected, &candidates)
+        } else {
+            Vec::new()
+        };
+        let looked_at = tests.len();
+        let level = LEVEL / looked_at.max(1) as f64;
+        let kinds = kinds(&tests);
+        let mut likely = tests;
+        let mut found: Vec<Test> = Vec::new();
+        while found.len() < MOST {
+            likely.retain(|test| test.probability < level);
+            likely.sort_by(|one, other| {
+                (one.probability.total_cmp(&other.probability))
+                    .then(other.statistic.total_cmp(&one.statistic))
+            });
+            likely.truncate(LIKELY);
+            let next = likely.iter().enumerate().find_map(|(place, test)| {
+                let (test, directions) = judged(self, &projected, test.against)?;
+                (test.probability < level).then_some((place, test, directions))
+            });
+            let Some((place, test, directions)) = next else {
+                break;
+            };
+            projected.add(&directions);
+            found.push(test);
+            likely.remove(place);
+            let others: Vec<Against> = likely.iter().map(|test| test.against).collect();
+            likely = screened(self, &projected, &others);
+        }
+        let left = projected.square();
+        let mut found: Vec<Pattern> = (found.iter())
+            .map(|test| Pattern {
+                against: test.against,
+                sentence: self.sentence(test.against, &test.coefficients),
+                cause: self.cause(test.against),
+                size: self.size(test.against, &test.coefficients),
+                share: test.explained / square,
+                statistic: test.statistic,
+                degrees_of_freedom: test.degrees,
+                design_effect: test.design_effect,
+                probability: (test.probability * looked_at as f64).min(1.0),
+                points: self.points(test.against, &test.coefficients, &projected.left),
+            })
+            .collect();
+        found.sort_by(|one, other| other.share.total_cmp(&one.share));
+        Patterns {
+            found,
+            looked_at,
+            kinds,
+            share: if square > 0.0 {
+                1.0 - left / square
+            } else {
+                0.0
+            },
+        }
+    }
+}
+
+/// What was looked at, in words.
+fn kinds(tests: &[Test]) -> Vec<&'static str> {
+    let mut kinds = Vec::new();
+    for test in tests {
+        let kind = test.against.kind();
+        if !kinds.contains(&kind) {
+            kinds.push(kind);
+        }
+    }
+    kinds
+}
+
+impl Against {
+    /// What residuals are looked at against.
+    #[must_use]
+    pub const fn kind(self) -> &'static str {
+        match self {
+            Self::Angle { .. } => "joint angle",
+            Self::Torque { .. } => "joint torque",
+            Self::Approach { .. } => "approach",
+            Self::Course(Course::Order, _) => "order",
+            Self::Course(Course::Time, _) => "time",
+            Self::Course(Course::Temperature, _) => "temperature",
+            Self::Range => "range",
+        }
+    }
+
+    /// Whose pattern it is, where it is a joint's.
+    #[must_use]
+    pub const fn joint(self) -> Option<usize> {
+        match self {
+            Self::Angle { joint, .. }
+            | Self::Torque { joint }
+            | Self::Approach { joint }
+            | Self::Course(_, Drifting::Joint(joint)) => Some(joint),
+            _ => None,
+        }
+    }
+}
+
+type Coefficients = DVector<f64>;

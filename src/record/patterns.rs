@@ -1,0 +1,141 @@
+//! Patterns in residuals, as a record.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::identification::patterns::{
+    Against, Course, Drifting, LEVEL, Pattern, Patterns, WAVES_TO_SEE,
+};
+
+/// What residuals go with.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct PatternsMessage {
+    /// What was found, the strongest first.
+    pub found: Vec<PatternMessage>,
+    /// How many candidates were looked at.
+    pub looked_at: usize,
+    /// Against which things.
+    pub kinds: Vec<String>,
+    /// The probability that anything at all is found in residuals without a pattern.
+    pub false_alarm_rate: f64,
+    /// The share of the residuals' weighted squares that all found explain together.
+    pub share: f64,
+}
+
+/// Something that residuals go with.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct PatternMessage {
+    /// Against what: `joint angle`, `joint torque`, `approach`, `order`, `time`, `temperature` or `range`.
+    pub against: String,
+    /// The joint; null where it is none's.
+    pub joint: Option<String>,
+    /// How many waves in a revolution, against a joint's angle.
+    pub waves: Option<usize>,
+    /// What drifts, with order, time and temperature: `base`, `size` or `joint`.
+    pub drifting: Option<String>,
+    /// The pattern in words.
+    pub sentence: String,
+    /// What may cause it.
+    pub cause: String,
+    /// How large it is: the amplitude of waves, the whole range of all else.
+    pub size: f64,
+    /// The unit of that: `rad`, `m`, `1` or, of deflections, `rad/(N m)`.
+    pub unit: String,
+    /// The share of the residuals' weighted squares that it explains.
+    pub share: f64,
+    /// F, over the design effect.
+    pub statistic: f64,
+    /// Its first number of degrees of freedom.
+    pub degrees_of_freedom: usize,
+    /// By how much misfits that are alike in a block of joint space count less than independent ones.
+    pub design_effect: f64,
+    /// The probability that chance makes any of all that were looked at as strong.
+    pub probability: f64,
+    /// The unit of `at` in the points.
+    pub at_unit: String,
+    /// Means over the readings.
+    pub points: Vec<PatternPointMessage>,
+}
+
+/// The mean of what some readings show.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct PatternPointMessage {
+    /// Where, in `at_unit`.
+    pub at: f64,
+    /// What is seen there, in `unit`; other patterns are taken off.
+    pub seen: f64,
+    /// Its standard error.
+    pub standard_error: f64,
+    /// What the pattern says.
+    pub pattern: f64,
+}
+
+impl PatternsMessage {
+    /// The record of patterns of a robot with these joints; of deflections, or of absolute readings.
+    #[must_use]
+    pub fn new(patterns: &Patterns, joints: &[String], is_of_deflections: bool) -> Self {
+        let found = patterns.found.iter();
+        Self {
+            found: found
+                .map(|pattern| message(pattern, joints, is_of_deflections))
+                .collect(),
+            looked_at: patterns.looked_at,
+            kinds: patterns.kinds.iter().map(|&kind| kind.to_owned()).collect(),
+            false_alarm_rate: LEVEL,
+            share: patterns.share,
+        }
+    }
+}
+
+fn message(pattern: &Pattern, joints: &[String], is_of_deflections: bool) -> PatternMessage {
+    let against = pattern.against;
+    let unit = match against {
+        Against::Range | Against::Course(_, Drifting::Base) => "m",
+        Against::Course(_, Drifting::Size) => "1",
+        _ if is_of_deflections => "rad/(N m)",
+        _ => "rad",
+    };
+    let (at_factor, at_unit) = match against {
+        Against::Angle { waves, .. } if waves > WAVES_TO_SEE => {
+            (1.0_f64.to_degrees(), "deg of one wave")
+        }
+        Against::Angle { .. } => (1.0_f64.to_degrees(), "deg"),
+        Against::Torque { .. } => (1.0, "N m"),
+        Against::Approach { .. } => (1.0, "sign"),
+        Against::Course(Course::Order, _) => (1.0, "reading"),
+        Against::Course(Course::Time, _) => (1.0, "s"),
+        Against::Course(Course::Temperature, _) => (1.0, "deg C"),
+        Against::Range => (1.0, "m"),
+    };
+    let points = pattern.points.iter();
+    PatternMessage {
+        against: against.kind().to_owned(),
+        joint: against.joint().and_then(|joint| joints.get(joint).cloned()),
+        waves: match against {
+            Against::Angle { waves, .. } => Some(waves),
+            _ => None,
+        },
+        drifting: match against {
+            Against::Course(_, drifting) => Some(drifting.word().to_owned()),
+            _ => None,
+        },
+        sentence: pattern.sentence.clone(),
+        cause: pattern.cause.to_owned(),
+        size: pattern.size,
+        unit: unit.to_owned(),
+        share: pattern.share,
+        statistic: pattern.statistic,
+        degrees_of_freedom: pattern.degrees_of_freedom,
+        design_effect: pattern.design_effect,
+        probability: pattern.probability,
+        at_unit: at_unit.to_owned(),
+        points: points
+            .map(|point| PatternPointMessage {
+                at: point.at * at_factor,
+                seen: point.seen,
+                standard_error: point.standard_error,
+                pattern: point.pattern,
+            })
+            .collect(),
+    }
+}

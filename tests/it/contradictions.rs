@@ -1,0 +1,157 @@
+//! Two series, or the halves of one, that cannot both be right.
+
+use elastocal::identification::{AbsoluteCase, Contradictions, ParameterGroup, ReadingWeights};
+use elastocal::measurement::{AbsoluteReading, absolute_table};
+use elastocal::numeric::random::generator;
+use elastocal::parameter::{ElasticArm, ParameterKind};
+use elastocal::scenario::Scenario;
+use rayon::prelude::*;
+
+use crate::ladder::{read_of, waves};
+use crate::one_fit::{seen_arm, ur10, workplace};
+
+const GROUPS: [ParameterGroup; 2] = [ParameterGroup::Zeros, ParameterGroup::Compliances];
+
+fn softer(arm: &ElasticArm, factor: f64) -> ElasticArm {
+    let mut arm = arm.clone();
+    arm.compliance_rad_per_nm[2] *= factor;
+    arm
+}
+
+fn beside(scenario: &Scenario, series: [&[AbsoluteReading]; 2]) -> Contradictions {
+    let [one, other] = series.map(|readings| {
+        let mut case = AbsoluteCase::new(&scenario.task.belief, readings).expect("readings");
+        let fit = case.fit(&GROUPS, ReadingWeights::AsNeeded).expect("a fit");
+        case.estimates(&fit).expect("a fit").expect("blocks")
+    });
+    one.beside(&other)
+}
+
+/// Series of one robot agree, misfit or not; with a compliance that is another one, that one is named.
+#[test]
+fn series_contradict_each_other_where_the_robot_is_another() {
+    let scenario = ur10();
+    let found: Vec<[Contradictions; 2]> = (0..12u64)
+        .into_par_iter()
+        .map(|seed| {
+            let mut random = generator(41, seed);
+            let arm = seen_arm(&mut random, &scenario, 1, 1);
+            let gear = waves(&mut random);
+            let one = read_of(&mut random, &arm, 120, 80.0, &gear);
+            let same = read_of(&mut random, &arm, 120, 80.0, &gear);
+            let other = read_of(&mut random, &softer(&arm, 6.0), 120, 80.0, &gear);
+            [
+                beside(&scenario, [&one, &same]),
+                beside(&scenario, [&one, &other]),
+            ]
+        })
+        .collect();
+    let alarms = found
+        .iter()
+        .filter(|[same, _]| !same.found.is_empty())
+        .count();
+    // 0.1 are expected.
+    assert!(alarms <= 1, "{alarms}");
+    let elbow = ParameterKind::JointCompliance { joint: 2 };
+    let is_named = |[_, other]: &&[Contradictions; 2]| {
+        other.found.first().is_some_and(|first| first.kind == elbow)
+    };
+    let named = found.iter().filter(is_named).count();
+    assert!(named >= 11, "{named}");
+}
+
+/// The halves of one series: the elbow is softer where the shoulder is turned one way.
+#[test]
+fn halves_of_one_series_are_held_beside_each_other() {
+    let scenario = ur10();
+    let mut random = generator(42, 0);
+    let arm = seen_arm(&mut random, &scenario, 1, 1);
+    let all = read_of(&mut random, &arm, 160, 80.0, &|_, _| 0.0);
+    let place = workplace(&all);
+    let command = "identify s.toml --quiet --measurements m.csv --parameters zeros,compliances";
+    let outcome = place.run(command).ends_with(0);
+    assert!(
+        outcome.stdout.contains("none contradict each other"),
+        "{}",
+        outcome.stdout
+    );
+    let json = place.run(&format!("{command} --json")).json();
+    let halves = json["contradictions"][0].clone();
+    assert!(
+        halves["compared"].as_u64().expect("a number") >= 8,
+        "{halves}"
+    );
+
+    // The readings of the one half come from another robot.
+    let soft = softer(&arm, 8.0);
+    let mut random = generator(42, 0);
+    seen_arm(&mut random, &scenario, 1, 1);
+    let others = read_of(&mut random, &soft, 160, 80.0, &|_, _| 0.0);
+    let words = halves["between"][0].as_str().expect("words");
+    let joint = scenario.task.belief.nominal.chain.joints.iter();
+    let joint = joint
+        .map(|joint| joint.name.clone())
+        .position(|name| words.contains(&format!("where {name} is")));
+    let joint = joint.expect("a joint");
+    let mut angles: Vec<f64> = all
+        .iter()
+        .map(|each| each.configuration_rad[joint])
+        .collect();
+    angles.sort_by(f64::total_cmp);
+    let middle = angles[80];
+    let mixed: Vec<AbsoluteReading> = (all.iter().zip(&others))
+        .map(|(one, other)| {
+            let is_low = one.configuration_rad[joint] < middle;
+            (if is_low { one } else { other }).clone()
+        })
+        .collect();
+    place.write("m.csv", absolute_table(&6.into(), &mixed));
+    let outcome = place.run(command).ends_with(3);
+    assert!(
+        outcome
+            .stderr
+            .contains("contradiction: elbow.compliance is"),
+        "{}",
+        outcome.stderr
+    );
+
+    // The same as two files.
+    place.write("m.csv", absolute_table(&6.into(), &all));
+    place.write("n.csv", absolute_table(&6.into(), &others));
+    let outcome = place
+        .run(&format!("{command} --against n.csv"))
+        .ends_with(3);
+    let sentence = "contradiction: elbow.compliance is";
+    assert!(outcome.stderr.contains(sentence), "{}", outcome.stderr);
+    assert!(outcome.stderr.contains("in n.csv"), "{}", outcome.stderr);
+    place
+        .run(&format!("{command} --against m.csv"))
+        .ends_with(0);
+}
+
+#[test]
+fn what_cannot_be_held_against_is_refused() {
+    let scenario = ur10();
+    let mut random = generator(43, 0);
+    let arm = seen_arm(&mut random, &scenario, 1, 1);
+    let all = read_of(&mut random, &arm, 20, 0.0, &|_, _| 0.0);
+    let place = workplace(&all);
+    let command = "identify s.toml --quiet --measurements m.csv --parameters zeros --against n.csv";
+    place.run(command).ends_with(1);
+    place.write("n.csv", "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm,dx_mm,dy_mm,dz_mm\n1,2,3,4,5,6,0,0,-98,0,0,0,0,0,-1\n");
+    let outcome = place.run(command).ends_with(1);
+    assert!(
+        outcome.stderr.contains("another file of absolute readings"),
+        "{}",
+        outcome.stderr
+    );
+    place.write("n.csv", absolute_table(&6.into(), &all[..6]));
+    let outcome = place.run(command).ends_with(1);
+    assert!(
+        outcome
+            .stderr
+            .contains("8 different configurations are needed: 6"),
+        "{}",
+        outcome.stderr
+    );
+}
