@@ -97,6 +97,19 @@ pub fn design(
     Ok(designed)
 }
 
+/// What searches for the plan say, where there were any.
+fn searched(searches: usize, agreeing: usize, elapsed_s: f64) -> String {
+    let found = if searches == 0 {
+        "The plan rounds the weights of the approximate design: no search could end more than 0.1 % lower."
+            .to_owned()
+    } else {
+        format!(
+            "Of {searches} independent searches for the plan, {agreeing} ended within 0.1 % of it."
+        )
+    };
+    format!("{found} It took {elapsed_s:.2} s.\n")
+}
+
 /// The uncertainties that the search leaves out.
 fn left_out(task: &Task) -> String {
     let problem = Problem::new(task, Criterion::TestPose);
@@ -263,9 +276,10 @@ impl PlanCommand {
         text += &self.proof.tell(designed.wanted_bound(), &mut written)?;
         let certificate = (designed.wanted_approximate()).map(|design| &design.certificate);
         text += &rests_on(certificate, &assessment);
-        text += &format!(
-            "Of {} independent searches for the plan, {} ended within 0.1 % of it. It took {:.2} s.\n",
-            designed.exact.searches, designed.exact.agreeing, designed.elapsed_s
+        text += &searched(
+            designed.exact.searches,
+            designed.exact.agreeing,
+            designed.elapsed_s,
         );
         let (exchanges, told) = self.exchanges.prove(
             &self.proof,

@@ -144,6 +144,35 @@ fn many_measurements_come_near_the_bound() {
     }
 }
 
+/// So does one that may take as many configurations as measurements, without a search: the design's weights, rounded.
+#[test]
+fn many_measurements_round_the_design() {
+    let scenario = scenario("klimchik2012");
+    for criterion in [
+        Criterion::TestPose,
+        Criterion::A,
+        Criterion::D,
+        Criterion::O1,
+        Criterion::O5,
+    ] {
+        let problem = Problem::new(&scenario.task, criterion);
+        let design = approximate_design(&problem, 3).expect("there is a design");
+        let m = 1000;
+        let plan = exact(&problem, &design, m, m, 3).expect("there is a plan");
+        assert_eq!(plan.searches, 0, "{criterion:?}");
+        assert_eq!(plan.plan.measurements(), m);
+        let certificate = &design.certificate;
+        let least = certificate.cost.powi(2) / (certificate.largest_inside * f64::from(m));
+        let information = problem.information(&plan.plan);
+        let value = problem.cost().value(&information).expect("regular");
+        let found = efficiency(criterion, value, criterion.value_of_cost(least));
+        assert!(
+            found > 0.999 && found < 1.0 + 1e-6,
+            "{criterion:?}: {found}"
+        );
+    }
+}
+
 /// Costs, their smooth stand-ins and minus their derivatives.
 #[test]
 fn smooth_stand_ins_have_the_derivatives_of_differences() {

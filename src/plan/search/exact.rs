@@ -36,7 +36,7 @@ pub struct ExactDesign {
     pub plan: Plan,
     /// Its cost.
     pub cost: f64,
-    /// How many searches there were that knew nothing of one another.
+    /// How many searches there were that knew nothing of one another; none where rounding the approximate design is enough.
     pub searches: usize,
     /// How many of them ended within 0.1 % of that cost's root.
     pub agreeing: usize,
@@ -105,11 +105,7 @@ pub(super) fn exact_design_from(
     let count = u32::try_from(mandatory.experiments.len()).unwrap_or(u32::MAX);
     let configurations = configurations.saturating_sub(count).min(free);
     let is_worst = problem.criterion.is_worst_of_several();
-    let near = if is_worst {
-        rounded_design(problem, approximate, [experiments, free, configurations])
-    } else {
-        None
-    };
+    let near = rounded_design(problem, approximate, [experiments, free, configurations]);
     let mut ends = SearchEnds::default();
     if near.as_ref().is_none_or(|near| !near.is_enough) {
         let results = known_plans(problem, known);
@@ -119,8 +115,8 @@ pub(super) fn exact_design_from(
     if is_worst {
         let smooth = sharpened_all(problem, &ends.polished);
         ends.polished.extend(smooth);
-        ends.polished.extend(near.map(|near| near.found));
     }
+    ends.polished.extend(near.map(|near| near.found));
     let best = (ends.polished.iter())
         .min_by(|one, other| one.cost.total_cmp(&other.cost))
         .ok_or_else(|| singular.clone())?;

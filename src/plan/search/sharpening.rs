@@ -1,12 +1,14 @@
-//! Plans for criteria that are the worst of several: refined by smooth stand-ins, sharper and sharper, and from a
-//! rounded design.
+//! Plans of many measurements, from a rounded design; and plans for criteria that are the worst of several: refined by
+//! smooth stand-ins, sharper and sharper.
 
 use rayon::prelude::*;
 
 use super::approximate::ApproximateDesign;
 use super::local::Precision;
+use super::point::Point;
 use super::problem::Problem;
 use super::refinement::{Found, Refinement};
+use crate::plan::Criterion;
 
 /// Powers of the stand-ins that refine what was found.
 const SHARPER: [f64; 5] = [32.0, 128.0, 512.0, 2048.0, 16_384.0];
@@ -14,6 +16,8 @@ const SHARPER: [f64; 5] = [32.0, 128.0, 512.0, 2048.0, 16_384.0];
 const SHARPEST: usize = 3;
 /// A plan whose value is within this factor of its bound needs no search.
 const NEAR: f64 = 1.001;
+/// By a criterion that is no worst of several, so many measurements are rounded: fewer are soon searched, and nearer.
+const MANY: u32 = 100;
 
 /// A plan near the weights of an approximate design.
 pub(super) struct RoundedDesign {
@@ -30,16 +34,26 @@ pub(super) fn rounded_design(
     approximate: &ApproximateDesign,
     [measurements, free, configurations]: [u32; 3],
 ) -> Option<RoundedDesign> {
-    if problem.criterion.bounded_as() != Some(approximate.criterion) {
+    let is_worst = problem.criterion.is_worst_of_several();
+    let is_asked_for = is_worst || measurements >= MANY;
+    if !is_asked_for || problem.criterion.bounded_as() != Some(approximate.criterion) {
         return None;
     }
     let experiments = approximate.rounded(free, configurations)?.experiments;
-    let as_it_is = Refinement::new(problem).known(&experiments);
-    let found = sharpened(problem, &as_it_is, &SHARPER[SHARPEST..]);
-    found.cost.is_finite().then(|| RoundedDesign {
-        is_enough: is_near(problem, approximate, measurements, found.cost),
-        found,
-    })
+    let mut refinement = Refinement::new(problem);
+    let as_it_is = refinement.known(&experiments);
+    // The design's experiments may collide, or be out of sight.
+    let clear = (as_it_is.points.iter()).map(|point| refinement.sampler.clear_variant(point));
+    let clear: Option<Vec<Point>> = clear.collect();
+    let rounded = refinement.plan(clear?, as_it_is.repeats);
+    let found = if is_worst {
+        sharpened(problem, &rounded, &SHARPER[SHARPEST..])
+    } else {
+        refinement.refine(rounded, Precision::FINE, f64::INFINITY)
+    };
+    let is_enough = is_near(problem, approximate, [measurements, free], found.cost);
+    let is_kept = is_enough || (is_worst && found.cost.is_finite());
+    is_kept.then_some(RoundedDesign { found, is_enough })
 }
 
 /// Plans, refined by all of the stand-ins.
@@ -49,26 +63,28 @@ pub(super) fn sharpened_all(problem: &Problem<'_>, plans: &[Found]) -> Vec<Found
         .collect()
 }
 
-/// Whether a cost is within 0.1 % (in the root, as for all costs) of what no plan is better than, as far as is known.
+/// Whether a plan of such a cost has a value within 0.1 % of what no plan is better than, as far as is known: of so many
+/// measurements, of them free.
 fn is_near(
     problem: &Problem<'_>,
     approximate: &ApproximateDesign,
-    experiments: u32,
+    [measurements, free]: [u32; 2],
     cost: f64,
 ) -> bool {
     let certificate = &approximate.certificate;
-    if certificate.mandatory.0 > 0 || certificate.prior > 0.0 {
+    if certificate.mandatory.0 > 0 || certificate.prior > 0.0 || free < measurements {
         return false;
     }
-    let least = certificate.cost.powi(2) / (certificate.largest_inside * f64::from(experiments));
-    let [best, found] = [
-        problem.criterion.value_of_cost(least),
-        if problem.criterion.is_maximised() {
-            cost.recip()
-        } else {
-            cost
-        },
-    ];
+    let least = certificate.cost.powi(2) / (certificate.largest_inside * f64::from(measurements));
+    let best = problem.criterion.value_of_cost(least);
+    // A plan's cost is the criterion's value, its inverse, or the square of rho_0.
+    let found = if problem.criterion == Criterion::TestPose {
+        cost.sqrt()
+    } else if problem.criterion.is_maximised() {
+        cost.recip()
+    } else {
+        cost
+    };
     (found / best).max(best / found) <= NEAR
 }
 
