@@ -108,7 +108,7 @@ def threads() -> dict[int, float]:
 LARGE = [
     ("budget up to 60 measurements", "budget scenarios/klimchik2012.toml --up-to 60 --no-proof", 25.0),
     ("plan of 20 experiments, 30 joints", "plan {arm} --no-proof", 40.0),
-    ("run with 200 test poses", "run {poses} --no-proof", 12.0),
+    ("run with 200 test poses", "run {poses} --noise-only --no-proof", 12.0),
 ]
 
 

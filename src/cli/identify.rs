@@ -260,8 +260,8 @@ fn uncertain(identification: &Identification) -> String {
     }
     if silent > 0 {
         text += &format!(
-            "  of {} that is uncertain the measurements say next to nothing\n",
-            counted(silent as u64, "parameter")
+            "  the measurements say next to nothing of {}\n",
+            counted(silent as u64, "other uncertain parameter")
         );
     }
     text
