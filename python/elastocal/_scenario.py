@@ -141,7 +141,8 @@ class Scenario:
         """Designs a plan of ``experiments`` measurements (the scenario's if not given).
 
         Further keywords are the options of ``elastocal plan``: ``configurations``, ``minutes``, ``criterion``, ``prove``,
-        ``prove_time``, ``no_proof``, ``proof_out``, ``plan_out``.
+        ``prove_time``, ``no_proof``, ``proof_out``, ``plan_out``; ``candidates``, a CSV of rows that it is chosen
+        from.
         """
         found = self.command("plan", experiments=experiments, **given)
         return Design(**vars(Assessment.from_results(found)))
@@ -203,6 +204,13 @@ class Scenario:
                     plot_out=plot_out,
                 )
             )
+
+    def select(self, measurements: FilePath, *, parameters: list[str] | None = None, **given: Any) -> Results:
+        """Chooses a few of many absolute readings in several ways, calibrates with each choice, and judges on all others.
+
+        Further keywords are the options of ``elastocal select``: ``sizes``, ``draws``, ``campaigns``, ``plot_out``.
+        """
+        return self.command("select", measurements=measurements, parameters=parameters, **given)
 
     def compensate(self, identified: Identified, *, method: str | None = None) -> Compensation:
         """The angles to command at the test poses, so that the loaded tool stands where it should."""

@@ -4,13 +4,15 @@ use std::path::PathBuf;
 
 use clap::Args;
 use elastocal::plan::search::Bound;
-use elastocal::plan::{Assessment, Criterion, FurtherError, read_plan};
+use elastocal::plan::{Assessment, Criterion, FurtherError, Plan, read_plan};
+use elastocal::record::candidates::CandidatesMessage;
 use elastocal::record::json::merge;
 use elastocal::record::messages::{AssessmentMessage, ProvenanceMessage};
 use elastocal::scenario::Scenario;
 use elastocal::text::wording::counted;
 use serde_json::json;
 
+use super::candidates::{CandidateArgs, told};
 use super::interruption::{STOP, proceed};
 use super::proof::{ExchangeArgs, ProofArgs, leaving_out};
 use super::table::{number, table};
@@ -27,6 +29,8 @@ pub struct Evaluate {
     proof: ProofArgs,
     #[command(flatten)]
     exchanges: ExchangeArgs,
+    #[command(flatten)]
+    candidates: CandidateArgs,
     /// By which criterion no plan is better than the bound that is searched and proved
     #[arg(long, value_enum, default_value_t)]
     criterion: Criterion,
@@ -36,31 +40,47 @@ pub struct Evaluate {
 }
 
 impl Evaluate {
+    /// What no plan of the region is better than.
+    fn searched(&self, scenario: &Scenario, plan: &Plan) -> Bound {
+        self.proof.with_effort(&self.common, &STOP, |proof| {
+            let sizes = [plan.measurements()];
+            Bound::search_and_prove(&scenario.task, self.criterion, scenario.seed, &sizes, proof)
+        })
+    }
+
     pub fn execute(&self) -> anyhow::Result<Report> {
         let scenario = self.common.load()?;
         let mut roles = inputs(&scenario);
         let outputs = [("--proof-out", self.proof.out())];
-        check_outputs(roles.reads("the plan", &self.plan), &outputs)?;
+        roles.reads("the plan", &self.plan);
+        check_outputs(self.candidates.role(&mut roles), &outputs)?;
         let plan = read_plan(&self.plan, scenario.task.belief.commands())?;
+        let candidates = self.candidates.read(&scenario.task)?;
         self.common.say("searching the bound that no plan can beat");
+        let bound_by = |criterion: Criterion| match &candidates {
+            Some(candidates) => candidates.bound(&scenario.task, criterion, &plan),
+            None => Bound::search(&scenario.task, scenario.seed),
+        };
         // Without a bound, the rest still holds.
-        let bound = self.proof.with_effort(&self.common, &STOP, |proof| {
-            let sizes = [plan.measurements()];
-            Bound::search_and_prove(&scenario.task, self.criterion, scenario.seed, &sizes, proof)
-        });
+        let bound = if candidates.is_some() {
+            bound_by(self.criterion)
+        } else {
+            self.searched(&scenario, &plan)
+        };
         proceed()?;
         let assessment = if self.criterion == Criterion::TestPose {
             Assessment::new(&scenario.task, &plan, Some(&bound))
         } else {
-            let rho0 = Bound::search(&scenario.task, scenario.seed);
+            let rho0 = bound_by(Criterion::TestPose);
             Assessment::new(&scenario.task, &plan, Some(&rho0)).beside(&bound, &plan)
         };
         let message = AssessmentMessage::new(&scenario, &assessment);
         let provenance = ProvenanceMessage::new(&scenario).with_input("plan", &self.plan)?;
+        let provenance = self.candidates.of(provenance)?;
         let mut json = results("evaluate", &provenance, json!({ "gate": scenario.gate }));
         merge(&mut json, serde_json::to_value(&message)?);
         let mut written = Written::default();
-        let (exchanges, told) = self.exchanges.prove(
+        let (exchanges, told_of_exchanges) = self.exchanges.prove(
             &self.proof,
             &self.common,
             &STOP,
@@ -68,8 +88,15 @@ impl Evaluate {
             (self.criterion, &plan),
         )?;
         merge(&mut json, json!({ "exchanges": exchanges }));
-        let text =
-            describe(&scenario, &assessment) + &self.proof.tell(&bound, &mut written)? + &told;
+        let proved = match &candidates {
+            Some(candidates) => {
+                let message = CandidatesMessage::new(candidates);
+                merge(&mut json, json!({ "candidates": message }));
+                told(candidates)
+            }
+            None => self.proof.tell(&bound, &mut written)?,
+        };
+        let text = describe(&scenario, &assessment) + &proved + &told_of_exchanges;
         let mut conditions = conditions(&scenario, &assessment);
         conditions.extend(written.conditions());
         Ok(Report {

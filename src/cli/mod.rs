@@ -4,6 +4,7 @@
 //! for stdout as JSON or as text, and the named conditions that did not hold.
 
 mod budget;
+mod candidates;
 mod check;
 mod compare;
 mod compensate;
@@ -32,6 +33,7 @@ mod reproduce;
 mod residuals;
 mod run;
 mod schema;
+mod select;
 mod study;
 mod table;
 mod targets;
@@ -113,7 +115,7 @@ enum Command {
     Check(check::Check),
     /// Design a plan of experiments
     #[command(
-        after_help = "Examples:\n  elastocal plan --experiments 4 --plan-out plan.csv\n  elastocal plan --experiments 12 --configurations 3\n  elastocal plan --minutes 90"
+        after_help = "Examples:\n  elastocal plan --experiments 4 --plan-out plan.csv\n  elastocal plan --experiments 12 --configurations 3\n  elastocal plan --minutes 90\n  elastocal plan --experiments 4 --candidates candidates.csv"
     )]
     Plan(plan::PlanCommand),
     /// How many measurements, and in how many configurations, for a wanted accuracy
@@ -169,6 +171,11 @@ enum Command {
         after_help = "Examples:\n  elastocal study scenarios/klimchik2012.toml\n  elastocal study scenarios/klimchik2012.toml --trials 1000000 --resume tally.json\n  elastocal study --shard 2/8 --tally-out part_2.json"
     )]
     Study(study::StudyCommand),
+    /// Choose a few of many absolute readings in several ways, calibrate with each, and judge on all others
+    #[command(
+        after_help = "Example:\n  elastocal select --measurements measurements.csv --parameters geometry --sizes 20,40 --plot-out select.svg"
+    )]
+    Select(select::Select),
     /// Replay one run of the study on the virtual robot, and record it
     #[command(after_help = "Example:\n  elastocal replay scenarios/klimchik2012.toml --run 777")]
     Replay(replay::Replay),
@@ -274,6 +281,7 @@ impl Arguments {
             Command::Next(command) => command.execute(),
             Command::Validate(command) => command.execute(),
             Command::Study(command) => command.execute(),
+            Command::Select(command) => command.execute(),
             Command::Replay(command) => command.execute(),
             Command::Merge(command) => command.execute(),
             Command::Compare(command) => command.execute(),
@@ -304,6 +312,7 @@ impl Command {
             Self::Next(command) => &command.common,
             Self::Validate(command) => &command.common,
             Self::Study(command) => &command.common,
+            Self::Select(command) => &command.common,
             Self::Replay(command) => &command.common,
             Self::Reproduce(command) => &command.common,
             Self::Init(_)

@@ -8,19 +8,22 @@ use elastocal::files::FileError;
 use elastocal::laboratory::Campaign;
 use elastocal::laboratory::time::{TimedPlan, plans_within};
 use elastocal::plan::search::{
-    ApproximateDesign, Bound, BoundKind, Certificate, ExactDesign, Problem, SearchError, Watch,
+    ApproximateDesign, Bound, BoundKind, Candidates, Certificate, ExactDesign, Problem,
+    SearchError, Watch,
 };
 use elastocal::plan::{Assessment, Criterion, Plan, write_plan};
 use elastocal::quantities::limits::MOST_EXPERIMENTS;
 use elastocal::quantities::plausible::MINUTES;
+use elastocal::record::candidates::CandidatesMessage;
 use elastocal::record::json::merge;
 use elastocal::record::messages::{AssessmentMessage, ProvenanceMessage, plan_messages};
 use elastocal::scenario::Scenario;
 use elastocal::task::Task;
 use elastocal::text::wording::counted;
-use elastocal::workflow::design::{Designed, Onlooker, Wanted, design as design_of};
+use elastocal::workflow::design::{Designed, Onlooker, Wanted, design as design_of, design_among};
 use serde_json::json;
 
+use super::candidates::{CandidateArgs, told};
 use super::evaluate::{conditions, describe};
 use super::interruption::ask_search;
 use super::progress::bar;
@@ -40,6 +43,8 @@ pub struct PlanCommand {
     proof: ProofArgs,
     #[command(flatten)]
     exchanges: ExchangeArgs,
+    #[command(flatten)]
+    candidates: CandidateArgs,
     /// The number m of measurements; the scenario's if not given.
     #[arg(long, value_name = "M", value_parser = clap::value_parser!(u32).range(1..=i64::from(MOST_EXPERIMENTS)))]
     experiments: Option<u32>,
@@ -47,7 +52,7 @@ pub struct PlanCommand {
     #[arg(long, value_name = "C", value_parser = clap::value_parser!(u32).range(1..=i64::from(MOST_EXPERIMENTS)))]
     configurations: Option<u32>,
     /// At most so many minutes, by the table [laboratory] of the scenario, in place of a number of measurements.
-    #[arg(long, value_name = "MIN", value_parser = minutes, conflicts_with_all = ["experiments", "configurations", "criterion"])]
+    #[arg(long, value_name = "MIN", value_parser = minutes, conflicts_with_all = ["experiments", "configurations", "criterion", "candidates"])]
     minutes: Option<f64>,
     /// What makes the plan good.
     #[arg(long, value_enum, default_value_t)]
@@ -216,6 +221,76 @@ impl PlanCommand {
         Ok(timed)
     }
 
+    /// A plan of candidates.
+    fn among(
+        &self,
+        scenario: &Scenario,
+        candidates: &Candidates,
+        wanted: Wanted,
+    ) -> anyhow::Result<Report> {
+        self.common.say(&format!(
+            "designing a plan of {} among {} for the criterion {}",
+            counted(wanted.experiments.into(), "measurement"),
+            counted(candidates.experiments.len() as u64, "candidate"),
+            self.criterion.name()
+        ));
+        let bar = bar(self.common.quiet, "searching the plan");
+        let progress = |done: usize, all: usize, _: f64| {
+            bar.set_length(all as u64);
+            bar.set_position(done as u64);
+        };
+        let watch = Watch {
+            stop: ask_search(),
+            progress: &progress,
+        };
+        let designed = design_among(&scenario.task, candidates, scenario.seed, wanted, watch)?;
+        bar.finish_and_clear();
+        let plan = &designed.exact.plan;
+        let mut assessment = Assessment::new(&scenario.task, plan, Some(&designed.bound));
+        if let Some(bound) = &designed.by_criterion {
+            assessment = assessment.beside(bound, plan);
+        }
+        let mut text = describe(scenario, &assessment) + &left_out(&scenario.task) + "\n";
+        text += &told(candidates);
+        text += &format!(
+            "Of {} searches for the plan, {} ended within 0.1 % of it. It took {:.2} s.\n",
+            designed.exact.searches, designed.exact.agreeing, designed.elapsed_s
+        );
+        let mut written = Written::default();
+        text += &self.write(scenario, plan, &mut written);
+        let different = wanted.configurations.unwrap_or(wanted.experiments);
+        let json = json!({
+            "gate": scenario.gate,
+            "plan": plan_messages(&scenario.task.belief.commands(), plan),
+            "criterion": self.criterion.name(),
+            "minutes": null,
+            "configurations": different.min(wanted.experiments),
+            "exchanges": null,
+            "elapsed_s": designed.elapsed_s,
+            "searches": designed.exact.searches,
+            "searches_agreeing": designed.exact.agreeing,
+            "bound_searches": 0,
+            "bound_searches_agreeing": 0,
+            "candidates": CandidatesMessage::new(candidates),
+        });
+        let provenance = self.candidates.of(ProvenanceMessage::new(scenario))?;
+        let mut json = results("plan", &provenance, json);
+        merge(
+            &mut json,
+            serde_json::to_value(AssessmentMessage::new(scenario, &assessment))?,
+        );
+        let mut conditions = conditions(scenario, &assessment);
+        if designed.is_cut_short {
+            conditions.push("the search was stopped: a better plan may exist".to_owned());
+        }
+        conditions.extend(written.conditions());
+        Ok(Report {
+            json,
+            text,
+            conditions,
+        })
+    }
+
     pub fn execute(&self) -> anyhow::Result<Report> {
         let mut scenario = self.common.load()?;
         let outputs = [
@@ -224,13 +299,32 @@ impl PlanCommand {
             ("--proof-out", self.proof.out()),
         ];
         views::needed_by("--stills-out", self.stills_out.as_ref())?;
-        check_outputs(&mut inputs(&scenario), &outputs)?;
+        let mut roles = inputs(&scenario);
+        check_outputs(self.candidates.role(&mut roles), &outputs)?;
         if let Some(experiments) = self.experiments {
             scenario.task.design.experiments = experiments;
             scenario.task.design.configurations = None;
         }
         let experiments = scenario.task.design.experiments;
         let configurations = self.configurations.or(scenario.task.design.configurations);
+        if let Some(candidates) = self.candidates.read(&scenario.task)? {
+            let wanted = Wanted {
+                criterion: self.criterion,
+                experiments,
+                configurations,
+            };
+            return self.among(&scenario, &candidates, wanted);
+        }
+        self.anywhere(scenario, experiments, configurations)
+    }
+
+    /// A plan anywhere in the scenario's region.
+    fn anywhere(
+        &self,
+        mut scenario: Scenario,
+        experiments: u32,
+        configurations: Option<u32>,
+    ) -> anyhow::Result<Report> {
         let stop = ask_search();
         let (timed, experiments, configurations) = match self.minutes {
             Some(minutes) => {

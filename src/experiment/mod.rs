@@ -1,5 +1,6 @@
 //! Experiments: a configuration and a load, plans of them, and the loads that are allowed.
 
+mod candidates;
 mod file;
 mod load_set;
 mod mandatory;
@@ -8,6 +9,7 @@ use nalgebra::DVector;
 
 use crate::robot::Load;
 
+pub use candidates::{Candidate, read_candidates};
 pub use file::{
     LOAD, configuration, configuration_and_load, experiment_columns, experiment_fields, read_plan,
     write_plan,

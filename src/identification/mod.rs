@@ -23,8 +23,8 @@ mod stored;
 pub use absolute::{
     AbsoluteCase, AbsoluteError, AbsoluteFit, CONTRADICTION, Contradiction, Contradictions,
     CrossValidation, DistanceStatistics, FEWEST_BLOCKS, Ladder, LeftOut, Misfit, ParameterChange,
-    ParameterGroup, ReadingResidual, ReadingWeights, Recommendation, Rung, RungTest,
-    SeriesEstimates, joint_space_blocks,
+    ParameterGroup, PartsOfReadings, ReadingResidual, ReadingWeights, Recommendation, Rung,
+    RungTest, SeriesEstimates, joint_space_blocks,
 };
 pub use case::{Case, Sigma};
 pub use conditions::IMPLAUSIBLE;

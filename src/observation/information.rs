@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector, Matrix6xX, Vector6};
 use rayon::prelude::*;
 
 use super::model::{Form, ObservationModel};
-use super::reading::{Observation, PlannedReading};
+use super::reading::{Observation, PlannedReading, ReadingKind, Setup};
 use crate::parameter::{ElasticArm, ParameterSet};
 use crate::robot::EquilibriumError;
 
@@ -111,29 +111,76 @@ pub fn planned_information(
     values: &DVector<f64>,
     readings: &[PlannedReading],
 ) -> DMatrix<f64> {
-    let first = ObservationModel::new(set, nominal, values.as_slice());
-    let scales = set.scales();
-    let blocks: Vec<NormalEquations> = readings
-        .par_chunks(BLOCK)
-        .map(|readings| {
-            let mut model = first.clone();
-            let mut rows = Matrix6xX::zeros(set.len());
-            let mut sums = NormalEquations::zeros(set.len());
-            for each in readings {
-                model.predict_as_planned(&each.setup, each.kind, &mut rows);
-                let mut residual = Vector6::zeros();
-                each.whitener.whiten(each.kind, &mut residual, &mut rows);
-                in_sizes(&mut rows, &scales);
-                sums.add(&rows, &residual);
-            }
-            sums
-        })
-        .collect();
+    let blocks = sums_of_planned(set, nominal, values, readings, BLOCK);
     let mut sums = NormalEquations::zeros(set.len());
     for block in &blocks {
         sums.join(block);
     }
     sums.finish().information
+}
+
+/// The same of each reading by itself.
+#[must_use]
+pub fn planned_information_of_each(
+    set: &ParameterSet,
+    nominal: &ElasticArm,
+    values: &DVector<f64>,
+    readings: &[PlannedReading],
+) -> Vec<DMatrix<f64>> {
+    (sums_of_planned(set, nominal, values, readings, 1).into_iter())
+        .map(|sums| sums.finish().information)
+        .collect()
+}
+
+/// Of so many planned readings at a time.
+fn sums_of_planned(
+    set: &ParameterSet,
+    nominal: &ElasticArm,
+    values: &DVector<f64>,
+    readings: &[PlannedReading],
+    at_a_time: usize,
+) -> Vec<NormalEquations> {
+    let first = ObservationModel::new(set, nominal, values.as_slice());
+    let scales = set.scales();
+    readings
+        .par_chunks(at_a_time)
+        .map_init(
+            || (first.clone(), Matrix6xX::zeros(set.len())),
+            |(model, rows), readings| {
+                let mut sums = NormalEquations::zeros(set.len());
+                for each in readings {
+                    model.predict_as_planned(&each.setup, each.kind, rows);
+                    let mut residual = Vector6::zeros();
+                    each.whitener.whiten(each.kind, &mut residual, rows);
+                    in_sizes(rows, &scales);
+                    sums.add(rows, &residual);
+                }
+                sums
+            },
+        )
+        .collect()
+}
+
+/// How the positions of targets follow the parameters where readings are planned, as planning sees it: three rows of each setup
+/// (3 n x p, m in units of typical sizes), in the instrument's frame.
+#[must_use]
+pub fn planned_positions(
+    set: &ParameterSet,
+    nominal: &ElasticArm,
+    values: &DVector<f64>,
+    setups: &[&Setup],
+) -> DMatrix<f64> {
+    let mut model = ObservationModel::new(set, nominal, values.as_slice());
+    let scales = set.scales();
+    let mut derivatives = Matrix6xX::zeros(set.len());
+    let mut rows = DMatrix::zeros(3 * setups.len(), set.len());
+    for (index, setup) in setups.iter().enumerate() {
+        model.predict_as_planned(setup, ReadingKind::Position, &mut derivatives);
+        in_sizes(&mut derivatives, &scales);
+        rows.rows_mut(3 * index, 3)
+            .copy_from(&derivatives.fixed_rows::<3>(0));
+    }
+    rows
 }
 
 pub(super) fn in_sizes(rows: &mut Matrix6xX<f64>, scales: &DVector<f64>) {

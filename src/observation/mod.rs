@@ -23,7 +23,10 @@ mod sweep;
 mod tests;
 
 pub use first_order::FirstOrder;
-pub use information::{NormalEquations, normal_equations, planned_information};
+pub use information::{
+    NormalEquations, normal_equations, planned_information, planned_information_of_each,
+    planned_positions,
+};
 pub use model::{Form, ObservationModel};
 pub use observed::ObservedRows;
 pub use planned::PlannedReadings;

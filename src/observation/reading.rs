@@ -177,6 +177,14 @@ impl Whitener {
         &self.matrix
     }
 
+    /// An error with the covariance C, made of six independent standard normal numbers: W^-1 z.
+    #[must_use]
+    pub fn coloured(&self, normal: &Vector6<f64>) -> Vector6<f64> {
+        self.matrix
+            .solve_lower_triangular(normal)
+            .unwrap_or_else(Vector6::zeros)
+    }
+
     /// Makes a residual and derivatives (6 x p) those of whitened rows, in place; rows that the kind
     /// does not have become zero.
     pub(crate) fn whiten(
@@ -221,6 +229,16 @@ pub struct Observation {
 }
 
 impl Observation {
+    /// The position that was read, or the difference of positions (m).
+    #[must_use]
+    pub const fn position_m(&self) -> Vector3<f64> {
+        match self.reading {
+            Reading::Deflection { position_m, .. }
+            | Reading::Position { position_m }
+            | Reading::Pose { position_m, .. } => position_m,
+        }
+    }
+
     /// The same, before it was read.
     #[must_use]
     pub fn planned(&self) -> PlannedReading {

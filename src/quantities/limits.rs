@@ -14,6 +14,8 @@ pub const MOST_STUDIED: usize = 10_000;
 pub const MOST_EXPERIMENTS: u32 = 10_000;
 /// Measurements that a plan file asks for, repeats counted, and that a file holds.
 pub const MOST_MEASUREMENTS: u32 = 1_000_000;
+/// Candidates that a plan is chosen from, each under each load.
+pub const MOST_CANDIDATES: usize = 50_000;
 /// Plans, and test poses, that a scenario names.
 pub const MOST_NAMED: usize = 1000;
 /// Obstacles beside the model: collisions are judged with each.

@@ -68,7 +68,7 @@ impl EvidenceMessage {
         let bound_mm = |m| bound.of_size(m).ok().map(|bound| bound.best * 1e3);
         let (searches, agreeing) = match bound.basis() {
             Basis::Searches(certificate) => (certificate.searches, certificate.agreeing),
-            Basis::Nothing(_) => (0, 0),
+            Basis::Candidates(_) | Basis::Nothing(_) => (0, 0),
         };
         Self {
             bound_searches: searches,

@@ -6,15 +6,18 @@
 //! - [`contradictions`]: two series of readings that cannot both be right.
 //! - [`ladder`]: models with more and more parameters, compared.
 //! - [`residuals`], [`patterns`]: what `identify` says of residuals and likely mistakes.
+//! - [`selection`]: choices of readings, and what came of them.
 //! - [`study`]: a Monte Carlo study.
 //! - [`tally_file`]: tallies of parts of a study, to join or to go on from.
 //! - [`understanding`]: a robot as it was understood.
 //! - [`campaign`]: a plan as it is carried out in the laboratory.
+//! - [`candidates`]: what a plan was chosen from.
 //! - [`evidence`]: what a plan is shown beside; [`exchanges`]: what exchanging one measurement of it can gain.
 
 pub mod absolute;
 pub mod account;
 pub mod campaign;
+pub mod candidates;
 pub mod contradictions;
 pub mod evidence;
 pub mod exchanges;
@@ -25,6 +28,7 @@ pub mod messages;
 pub mod patterns;
 pub mod platform;
 pub mod residuals;
+pub mod selection;
 pub mod study;
 pub mod tally_file;
 pub mod understanding;

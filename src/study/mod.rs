@@ -10,6 +10,7 @@
 //! - [`runner`]: blocks of runs on all threads.
 //! - [`summary`]: means, intervals, quantiles and checks from a tally.
 //! - [`switched_off`]: what each uncertainty leaves, seen: the same runs without it.
+//! - [`selection`]: readings chosen in several ways, the robot calibrated with each, and judged on all others.
 //! - [`evidence`]: what a designed plan is shown beside: rivals, other sizes, many runs.
 
 pub mod account;
@@ -20,6 +21,7 @@ pub mod model_level;
 pub mod ranks;
 pub mod robot_level;
 pub mod runner;
+pub mod selection;
 mod settings;
 pub mod summary;
 pub mod switched_off;

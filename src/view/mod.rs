@@ -5,7 +5,8 @@
 //! - [`rerun_file`], [`mcap_file`]: the recordings.
 //! - [`stills`]: a sheet of pictures of the robot in each configuration of a plan.
 //! - [`run_sheet`]: the sheet to take along into the laboratory.
-//! - [`plots`]: plots as SVG; [`misfit_plots`]: those of what models leave.
+//! - [`plots`]: plots as SVG; [`misfit_plots`]: those of what models leave; [`selection_plot`]: what came of choices of
+//!   readings.
 //! - [`report`]: pages to look at, on [`markup`].
 //! - [`mesh`]: the model's shapes as triangles.
 
@@ -18,5 +19,6 @@ pub mod recording;
 pub mod report;
 pub mod rerun_file;
 pub mod run_sheet;
+pub mod selection_plot;
 pub mod stills;
 pub mod study_recording;

@@ -19,6 +19,14 @@ pub(super) const COLOURS: [RGBColor; 5] = [
 #[error("the plot could not be drawn: {0}")]
 pub struct PlotError(pub(super) String);
 
+impl PlotError {
+    /// For a reason.
+    #[must_use]
+    pub fn new(reason: &str) -> Self {
+        Self(reason.to_owned())
+    }
+}
+
 impl<E: std::error::Error + Send + Sync> From<DrawingAreaErrorKind<E>> for PlotError {
     fn from(error: DrawingAreaErrorKind<E>) -> Self {
         Self(error.to_string())

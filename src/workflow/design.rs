@@ -5,8 +5,8 @@ use std::time::Instant;
 
 use crate::plan::Criterion;
 use crate::plan::search::{
-    ApproximateDesign, Bound, ExactDesign, Problem, SearchError, Watch, approximate_design,
-    exact_design,
+    ApproximateDesign, Bound, Candidates, ExactDesign, Problem, SearchError, Watch,
+    approximate_design, exact_design,
 };
 use crate::task::Task;
 
@@ -131,5 +131,52 @@ pub fn design(
         is_cut_short: onlooker.stop.load(Ordering::Relaxed),
         bound,
         by_criterion: by_criterion.map(|(_, design, bound)| (design, bound)),
+    })
+}
+
+/// A plan of candidates with what was found on the way.
+#[derive(Debug)]
+pub struct DesignedAmong {
+    /// The plan.
+    pub exact: ExactDesign,
+    /// What `rho_0` no plan of the candidates is below.
+    pub bound: Bound,
+    /// Where the plan is wanted by another criterion, what no plan of them is better than by that.
+    pub by_criterion: Option<Bound>,
+    /// How long it took (s).
+    pub elapsed_s: f64,
+    /// Whether the search was cut short.
+    pub is_cut_short: bool,
+}
+
+/// Designs a plan of candidates under a seed, as long as it is not asked to stop.
+///
+/// # Errors
+/// There is no such plan.
+pub fn design_among(
+    task: &Task,
+    candidates: &Candidates,
+    seed: u64,
+    wanted: Wanted,
+    watch: Watch<'_>,
+) -> Result<DesignedAmong, SearchError> {
+    let start = Instant::now();
+    let sizes = [
+        wanted.experiments,
+        wanted.configurations.unwrap_or(wanted.experiments),
+    ];
+    let (exact, bound) = candidates.design(task, wanted.criterion, sizes, seed, watch)?;
+    let (bound, by_criterion) = if wanted.criterion == Criterion::TestPose {
+        (bound, None)
+    } else {
+        let rho0 = candidates.bound(task, Criterion::TestPose, &exact.plan);
+        (rho0, Some(bound))
+    };
+    Ok(DesignedAmong {
+        exact,
+        bound,
+        by_criterion,
+        elapsed_s: start.elapsed().as_secs_f64(),
+        is_cut_short: watch.stop.load(Ordering::Relaxed),
     })
 }

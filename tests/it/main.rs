@@ -64,6 +64,7 @@
 //! - `bounds`: the class of plans that a bound speaks about.
 //! - `left_out`: what a proof takes for certain, by name.
 //! - `proofs`: the bound that is proved, and its proof checked by another program.
+//! - `candidates`: plans that are chosen from a list, held to all plans that there are of it.
 //! - `criteria_bounds`: the bounds by other criteria than `rho_0`.
 //! - `exchanges`: what exchanging one measurement of a plan can gain.
 //! - `force_sizes`: the size of a force is a variable of the design; optima derived by hand.
@@ -93,6 +94,7 @@ mod broken_streams;
 #[cfg(feature = "view")]
 mod browser;
 mod calibrated_robots;
+mod candidates;
 mod command_line;
 mod compensation_trust;
 mod compensator;

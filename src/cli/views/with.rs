@@ -12,6 +12,7 @@ use elastocal::plan::search::BudgetPoint;
 use elastocal::record::ladder::LadderMessage;
 use elastocal::record::messages::ProvenanceMessage;
 use elastocal::record::patterns::PatternsMessage;
+use elastocal::record::selection::SelectionMessage;
 use elastocal::scenario::Scenario;
 use elastocal::text::wording::shell_word;
 use elastocal::view::mcap_file::write_mcap;
@@ -21,6 +22,7 @@ use elastocal::view::recording::Recording;
 use elastocal::view::report::{RunRecord, StudyPageRecord, run_page};
 use elastocal::view::rerun_file::{messages, write_rerun};
 use elastocal::view::run_sheet::run_sheet;
+use elastocal::view::selection_plot::selection_plot;
 use elastocal::view::stills;
 
 use super::{RunShown, StudyShown};
@@ -174,6 +176,18 @@ pub fn write_patterns_plot(
         path,
         patterns_plot(title, patterns)?.as_bytes(),
     ))
+}
+
+/// Draws what came of choices of readings.
+pub fn write_selection_plot(
+    path: &Path,
+    message: &SelectionMessage,
+) -> anyhow::Result<Result<(), FileError>> {
+    let plot = selection_plot(
+        "Calibrated with a few readings, judged on all others",
+        message,
+    )?;
+    Ok(write_whole(path, plot.as_bytes()))
 }
 
 /// The page of a study.

@@ -11,6 +11,7 @@ use elastocal::plan::search::BudgetPoint;
 use elastocal::record::ladder::LadderMessage;
 use elastocal::record::messages::ProvenanceMessage;
 use elastocal::record::patterns::PatternsMessage;
+use elastocal::record::selection::SelectionMessage;
 use elastocal::record::tally_file::Header;
 use elastocal::scenario::Scenario;
 use elastocal::study::runner::Runner;
@@ -139,6 +140,13 @@ pub fn write_patterns_plot(
     path: &Path,
     _: &str,
     _: &PatternsMessage,
+) -> anyhow::Result<Result<(), FileError>> {
+    Ok(Err(lacking("--plot-out", path)))
+}
+
+pub fn write_selection_plot(
+    path: &Path,
+    _: &SelectionMessage,
 ) -> anyhow::Result<Result<(), FileError>> {
     Ok(Err(lacking("--plot-out", path)))
 }

@@ -80,6 +80,9 @@ pub enum AbsoluteError {
         /// How far the positions reach (mm).
         spread: String,
     },
+    /// Readings that cannot be chosen one by one.
+    #[error("rows of one state are readings of one stand, and cannot be chosen one by one")]
+    Together,
     /// A parameter that the robot cannot have.
     #[error(transparent)]
     Parameter(#[from] ParameterError),
@@ -111,6 +114,7 @@ impl AbsoluteError {
             Self::Target { .. } => Some(
                 "add the target to the scenario as a [[robot.tool]], or to the model as a site",
             ),
+            Self::Together => Some("leave the column state out"),
             _ => None,
         }
     }

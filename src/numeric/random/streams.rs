@@ -26,6 +26,24 @@ pub const fn search(index: u64) -> u64 {
     (1 << 48) + index
 }
 
+/// Search number `index` for a plan of a list of candidates.
+#[must_use]
+pub const fn candidate_search(index: u64) -> u64 {
+    (1 << 49) + index
+}
+
+/// Random choice number `index` among readings that there are.
+#[must_use]
+pub const fn random_choice(index: u64) -> u64 {
+    (1 << 60) + index
+}
+
+/// The errors of a robot without misfit, each time that it is read.
+#[must_use]
+pub const fn campaign_of_choices(index: u64) -> u64 {
+    (1 << 61) + index
+}
+
 /// Setups that tell which parameters could be identified.
 pub const UNKNOWNS: u64 = 1 << 62;
 

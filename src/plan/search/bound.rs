@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use thiserror::Error;
 
 use super::approximate::{ApproximateDesign, Certificate, approximate_design};
+use super::finite::FiniteBound;
 use super::problem::{Problem, SearchError};
 use super::provable::ProvableTask;
 use super::proved::ProvedBound;
@@ -13,6 +14,11 @@ use crate::plan::proof::{NoProof, ProofLimits};
 use crate::plan::{Criterion, Feasibility, widened};
 use crate::task::Region;
 use crate::task::Task;
+
+/// Angles of a plan that are so near to a candidate's (rad) are that: they were written and read.
+const SAME_RAD: f64 = 1e-9;
+/// The same for loads, as a share.
+const SAME_SHARE: f64 = 1e-9;
 
 /// What no plan of a class is better than by a criterion, by the number m of measurements.
 ///
@@ -96,8 +102,48 @@ pub struct PlanProof {
 pub enum Basis {
     /// The largest directional derivative that many local searches found: strong evidence, no proof.
     Searches(Certificate),
+    /// All candidates of a list, of which alone plans may be.
+    Candidates(Enumerated),
     /// There is no bound: no design was found, or the criterion is not convex.
     Nothing(SearchError),
+}
+
+/// Candidates of which alone plans may be, and what none of these is better than.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Enumerated {
+    /// The candidates; their repeats are the most that there may be.
+    pub candidates: Vec<Experiment>,
+    /// What no plan of them is below.
+    pub bound: FiniteBound,
+    /// The names of the uncertainties that are taken for certain, which can only make the bound less near.
+    pub left_out: Vec<String>,
+}
+
+impl Enumerated {
+    /// Whether an experiment that is measured so often is a candidate.
+    fn check(&self, index: usize, experiment: &Experiment, times: u32) -> Result<(), NoBound> {
+        let number = index + 1;
+        let is_it = |candidate: &&Experiment| {
+            let apart = &candidate.configuration_rad - &experiment.configuration_rad;
+            let wrench = candidate.load.wrench();
+            let off = wrench - experiment.load.wrench();
+            apart.amax() <= SAME_RAD && off.amax() <= SAME_SHARE * wrench.amax()
+        };
+        let most = self
+            .candidates
+            .iter()
+            .filter(is_it)
+            .map(|each| u64::from(each.repeats));
+        let most = most.reduce(|one, other| one + other);
+        let outside = match most {
+            None => format!("experiment {number} is none of the candidates"),
+            Some(most) if most < u64::from(times) => format!(
+                "experiment {number} is measured {times} times, and may be {most} times at most"
+            ),
+            Some(_) => return Ok(()),
+        };
+        Err(NoBound::Outside(outside))
+    }
 }
 
 /// Why there is no bound for a plan, or for so many measurements.
@@ -133,6 +179,12 @@ impl Bound {
     #[must_use]
     pub fn by(task: &Task, criterion: Criterion, approximate: &ApproximateDesign) -> Self {
         Self::resting_on(task, criterion, Basis::Searches(approximate.certificate))
+    }
+
+    /// The bound for plans of listed candidates alone, with the mandatory experiments as they are.
+    #[must_use]
+    pub fn among(task: &Task, criterion: Criterion, enumerated: Enumerated) -> Self {
+        Self::resting_on(task, criterion, Basis::Candidates(enumerated))
     }
 
     /// There is no bound by a criterion, for a reason.
@@ -286,6 +338,7 @@ impl Bound {
     pub fn of_size(&self, measurements: u32) -> Result<PlanBound, NoBound> {
         let mut certificate = match &self.basis {
             Basis::Searches(certificate) => *certificate,
+            Basis::Candidates(enumerated) => return self.of_candidates(enumerated, measurements),
             Basis::Nothing(error) => return Err(NoBound::NotFound(error.clone())),
         };
         let too_few = NoBound::TooFew {
@@ -317,6 +370,32 @@ impl Bound {
         })
     }
 
+    fn of_candidates(
+        &self,
+        enumerated: &Enumerated,
+        measurements: u32,
+    ) -> Result<PlanBound, NoBound> {
+        let mandatory = self.class.design.mandatory.measurements();
+        let free = measurements
+            .checked_sub(mandatory)
+            .ok_or(NoBound::TooFew { mandatory })?;
+        let Some(cost) = enumerated.bound.least_cost(free) else {
+            let criterion = self.criterion.name();
+            return Err(NoBound::NotFound(SearchError::NotConvex { criterion }));
+        };
+        let best = self.criterion.value_of_cost(cost);
+        Ok(PlanBound {
+            best,
+            kind: BoundKind::Proved,
+            proof: Some(PlanProof {
+                best,
+                gap: 0.0,
+                boxes: enumerated.candidates.len() as u64,
+                left_out: enumerated.left_out.clone(),
+            }),
+        })
+    }
+
     /// The bound for a plan: no plan of the class with as many measurements is better than this.
     ///
     /// # Errors
@@ -330,6 +409,10 @@ impl Bound {
         let mut feasibility = Feasibility::new(&self.class);
         for (index, experiment) in plan.experiments.iter().enumerate() {
             if free[index] == 0 {
+                continue;
+            }
+            if let Basis::Candidates(enumerated) = &self.basis {
+                enumerated.check(index, experiment, free[index])?;
                 continue;
             }
             let loads = &self.class.loads;

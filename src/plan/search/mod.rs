@@ -16,15 +16,20 @@
 //! - `exchange`, `refinement`: one search of a plan of whole experiments, by exchange over a pool and
 //!   refinement by gradients.
 //! - `sharpening`: the same for criteria that are the worst of several.
+//! - `told`, `finite`, `finite_search`, `candidates`: plans of a finite list of candidates, whose bound is proved by looking at all.
 //! - `exact`: the best plan of whole experiments that many such searches find.
 
 mod approximate;
 mod bound;
 mod braced;
 mod budget;
+mod candidates;
 mod criteria;
 mod exact;
 mod exchange;
+mod finite;
+mod finite_error;
+mod finite_search;
 mod joints;
 mod local;
 mod observation;
@@ -39,16 +44,22 @@ mod relevance;
 mod rows;
 mod sampling;
 mod sharpening;
+mod told;
 mod weighing;
 mod worst;
 
 pub use approximate::{ApproximateDesign, Certificate, approximate_design};
-pub use bound::{Basis, Bound, BoundKind, NoBound, PlanBound, PlanProof};
+pub use bound::{Basis, Bound, BoundKind, Enumerated, NoBound, PlanBound, PlanProof};
 pub use budget::{BudgetPoint, budget, budget_and_proof, cheapest, repeated_configurations};
+pub use candidates::{CandidateError, Candidates, LeftOutCandidates};
 pub use criteria::{CriterionPlan, compare_criteria};
 pub use exact::{ExactDesign, Watch, exact_design};
+pub use finite::{FiniteBound, FiniteProblem};
+pub use finite_error::FiniteError;
+pub use finite_search::{FiniteDesign, FiniteEffort};
 pub use observation::MatrixEvaluator;
 pub use one_exchange::{Exchanges, OneExchange};
 pub use problem::{Effort, Problem, SearchError};
 pub use proved::{ProofEffort, ProofExperiment, ProofFile, ProvedBound, TIGHT};
 pub use sampling::{RandomPlans, median_random_rho0, random_plan};
+pub use told::ToldByCandidates;

@@ -3,6 +3,7 @@
 use nalgebra::DMatrix;
 use thiserror::Error;
 
+use super::finite_error::FiniteError;
 use super::joints::{indifferent_joints, random_information};
 use super::observation::MatrixEvaluator;
 use super::point::{LoadChoice, add_information};
@@ -10,7 +11,8 @@ use super::relevance::relevant;
 use crate::compensation::{test_pose_matrix, test_pose_rows};
 use crate::numeric::estimable::Estimable;
 use crate::plan::{
-    Criterion, CriterionFunction, ExperimentModel, Plan, SmoothBound, bounds_of, widened,
+    Criterion, CriterionFunction, Experiment, ExperimentModel, Plan, SmoothBound, bounds_of,
+    widened,
 };
 use crate::task::{Extended, Region, Task, TestPose};
 
@@ -68,6 +70,9 @@ pub enum SearchError {
         /// The criterion's name.
         criterion: &'static str,
     },
+    /// No plan can be made of a list of candidates.
+    #[error("{0}")]
+    Candidates(FiniteError),
     /// So few experiments cannot determine the compliances.
     #[error("{experiments} experiments cannot determine {parameters} compliances in this region")]
     Singular {
@@ -151,6 +156,38 @@ impl<'a> Problem<'a> {
     /// all compliances.
     #[must_use]
     pub fn new(task: &'a Task, criterion: Criterion) -> Self {
+        let mut problem = Self::shown_by(task, criterion, &|problem| {
+            random_information(problem.evaluator(), &problem.ranges, &problem.loads)
+        });
+        if problem.impossible.is_none() {
+            problem.indifferent = indifferent_joints(
+                problem.evaluator(),
+                &problem.ranges,
+                &problem.loads,
+                &problem.bounds,
+            );
+        }
+        problem
+    }
+
+    /// The same for plans of these experiments alone: what none of them shows, no plan does.
+    #[must_use]
+    pub fn among(task: &'a Task, criterion: Criterion, experiments: &[Experiment]) -> Self {
+        Self::shown_by(task, criterion, &|problem| {
+            let size = problem.parameters();
+            let zero = DMatrix::zeros(size, size);
+            experiments
+                .iter()
+                .fold(zero, |sum, each| sum + problem.told(each, 1))
+        })
+    }
+
+    /// The problem within what experiments show that give this information all together.
+    fn shown_by(
+        task: &'a Task,
+        criterion: Criterion,
+        information: &dyn Fn(&Self) -> DMatrix<f64>,
+    ) -> Self {
         let mut problem = Self::of_parameters(task, criterion, &task.belief.parameters);
         let names = (task.belief.uncertain.iter()).flat_map(Extended::further);
         let names: Vec<String> = names.map(str::to_owned).collect();
@@ -158,8 +195,7 @@ impl<'a> Problem<'a> {
             problem.impossible = Some(SearchError::CompliancesAlone { names });
             return problem;
         }
-        let information = random_information(problem.evaluator(), &problem.ranges, &problem.loads)
-            + &problem.prior;
+        let information = information(&problem) + &problem.prior;
         let shown = Estimable::new(&information, &vec![1.0; problem.parameters()]);
         if !shown.is_complete() {
             problem = problem.within(&shown, &information);
@@ -169,12 +205,6 @@ impl<'a> Problem<'a> {
             let share = f64::from(task.design.experiments.max(1));
             problem.beside = Some(&problem.prior / share);
         }
-        problem.indifferent = indifferent_joints(
-            problem.evaluator(),
-            &problem.ranges,
-            &problem.loads,
-            &problem.bounds,
-        );
         problem
     }
 
@@ -498,6 +528,18 @@ impl<'a> Problem<'a> {
     #[must_use]
     pub fn cost_of(&self, criterion: Criterion) -> CriterionFunction {
         CriterionFunction::new(criterion, self.test_poses.clone())
+    }
+
+    /// What an experiment tells that is measured so often, p x p.
+    pub(super) fn told(&self, experiment: &Experiment, repeats: u32) -> DMatrix<f64> {
+        let mut evaluator = self.evaluator();
+        let mut matrix = evaluator.matrix();
+        let mut information = DMatrix::zeros(self.parameters(), self.parameters());
+        evaluator.set_repeats(repeats);
+        evaluator.move_to(experiment.configuration_rad.as_slice());
+        evaluator.observe(&experiment.load, &mut matrix);
+        add_information(&mut information, &matrix, f64::from(repeats));
+        information
     }
 
     /// The scaled information matrix of a plan, with what is known before it.

@@ -26,11 +26,25 @@ impl Weighing {
     /// For a problem whose criterion has a cost that goes with the inverse of the information, see
     /// [`Criterion::bounded_as`].
     pub fn new(problem: &Problem<'_>) -> Self {
-        let size = problem.parameters();
+        Self::of(
+            problem.criterion,
+            problem.cost(),
+            problem.beside.clone(),
+            problem.parameters(),
+        )
+    }
+
+    /// For such a criterion of so many unknowns, with what is told beside.
+    pub fn of(
+        criterion: Criterion,
+        cost: CriterionFunction,
+        beside: Option<DMatrix<f64>>,
+        size: usize,
+    ) -> Self {
         Self {
-            criterion: problem.criterion,
-            cost: problem.cost(),
-            beside: problem.beside.clone(),
+            criterion,
+            cost,
+            beside,
             mean: 0.0,
             information: DMatrix::zeros(size, size),
             directions: DMatrix::zeros(size, size),
@@ -41,9 +55,14 @@ impl Weighing {
     /// experiments is above their mean by more than the tolerance, as a share.
     pub fn optimise(&mut self, support: &[Point], weights: &mut [f64], tolerance: f64) -> f64 {
         let blocks: Vec<DMatrix<f64>> = support.iter().map(Point::information).collect();
+        self.weigh(&blocks, weights, tolerance)
+    }
+
+    /// The same of experiments by what they tell (p x p).
+    pub fn weigh(&mut self, blocks: &[DMatrix<f64>], weights: &mut [f64], tolerance: f64) -> f64 {
         match WorstOfSeveral::of(self.criterion) {
-            Some(worst) => self.weigh_for_worst(worst, &blocks, weights, tolerance),
-            None => self.multiply(&blocks, weights, tolerance),
+            Some(worst) => self.weigh_for_worst(worst, blocks, weights, tolerance),
+            None => self.multiply(blocks, weights, tolerance),
         }
     }
 

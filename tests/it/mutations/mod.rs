@@ -17,6 +17,7 @@ use std::time::{Duration, Instant};
 
 use elastocal::comparison::results::ResultsFile;
 use elastocal::compensation::read_targets;
+use elastocal::experiment::read_candidates;
 use elastocal::files::{FileError, read_text};
 use elastocal::identification::StoredIdentification;
 use elastocal::laboratory::{Dialect, DialectError, Program, ProgramStep};
@@ -97,6 +98,7 @@ fn readers() -> Vec<Reader> {
     vec![
         scenario_reader(),
         plan_reader(),
+        candidates_reader(),
         measurements_reader(&place),
         tally_reader(&place),
         results_reader(&place),
@@ -157,13 +159,36 @@ fn plan_reader() -> Reader {
     Reader {
         name: "plan",
         ending: "csv",
-        share: 32,
+        share: 28,
         read: |path| read_plan(path, 6).map(|plan| format!("{plan:?}")),
         is_well_formed: is_table,
         seeds: vec![
             file("scenarios/plans/klimchik2012_m3.csv"),
             file("scenarios/plans/klimchik2012_m12.csv"),
             file("scenarios/plans/kr270_all_joints.csv"),
+        ],
+    }
+}
+
+fn candidates_reader() -> Reader {
+    let with = |columns: &str, values: &str| {
+        format!(
+            "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg{columns}\n0,-60,90,10,-40,20{values}\n10,-50,80,0,-30,0{values}\n"
+        )
+    };
+    Reader {
+        name: "candidates",
+        ending: "csv",
+        share: 4,
+        read: |path| read_candidates(path, 6).map(|all| format!("{all:?}")),
+        is_well_formed: is_table,
+        seeds: vec![
+            with("", ""),
+            with(
+                ",fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm,repeats",
+                ",0,0,-2500,0,0,0,2",
+            ),
+            with(",target,station", ",reflector,door"),
         ],
     }
 }

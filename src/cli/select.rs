@@ -1,0 +1,243 @@
+//! `select`: does optimal design help on a real robot?
+
+use std::path::PathBuf;
+
+use clap::Args;
+use elastocal::files::FileError;
+use elastocal::identification::ParameterGroup;
+use elastocal::measurement::{MeasuredFile, Origin, read_measured};
+use elastocal::quantities::limits::MOST_EXPERIMENTS;
+use elastocal::record::absolute::LengthsMessage;
+use elastocal::record::json::merge;
+use elastocal::record::messages::ProvenanceMessage;
+use elastocal::record::selection::{PlannedChoiceMessage, SelectionMessage, SelectionSizeMessage};
+use elastocal::scenario::Scenario;
+use elastocal::study::selection::{SelectionOnlooker, SelectionWanted, select};
+use elastocal::text::wording::{counted, shell_word};
+use serde_json::json;
+
+use super::identify_absolute::explained;
+use super::interruption::ask_search;
+use super::progress::bar;
+use super::table::{number, table};
+use super::written::Written;
+use super::{Common, Report, check_outputs, inputs, named_by_file, results, views, without_effect};
+
+/// Arguments of `select`.
+#[derive(Debug, Args)]
+#[command(mut_arg("scenario", named_by_file), mut_args(without_effect(&["out"])))]
+pub struct Select {
+    #[command(flatten)]
+    pub common: Common,
+    /// Absolute readings, of which some are chosen.
+    #[arg(long, value_name = "FILE")]
+    measurements: PathBuf,
+    /// What to fit, frames of stations and targets always among it; what the scenario's robot.parameters name if not given.
+    #[arg(long, value_enum, value_name = "GROUPS", value_delimiter = ',')]
+    parameters: Vec<ParameterGroup>,
+    /// How many readings to choose.
+    #[arg(long, value_name = "M", value_delimiter = ',', default_values_t = [20, 40], value_parser = clap::value_parser!(u32).range(1..=i64::from(MOST_EXPERIMENTS)))]
+    sizes: Vec<u32>,
+    /// How many random choices of each size.
+    #[arg(long, value_name = "N", default_value_t = 200, value_parser = clap::value_parser!(u32).range(0..=10_000))]
+    draws: u32,
+    /// How often to read a robot without misfit, in comparison.
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(0..=1000))]
+    campaigns: u32,
+    /// Where to draw what came of it (SVG).
+    #[arg(long, value_name = "FILE")]
+    plot_out: Option<PathBuf>,
+}
+
+impl Select {
+    pub fn execute(&self) -> anyhow::Result<Report> {
+        let origin = Origin::read(&self.measurements)?;
+        let file = shell_word(&self.measurements.to_string_lossy());
+        let usage = format!("elastocal select SCENARIO --measurements {file}");
+        let scenario = (self.common).load_for(&self.measurements, origin.as_ref(), &usage)?;
+        views::needed_by("--plot-out", self.plot_out.as_ref())?;
+        let mut roles = inputs(&scenario);
+        roles.reads("the measurements", &self.measurements);
+        check_outputs(&mut roles, &[("--plot-out", self.plot_out.as_deref())])?;
+        let wrong = |problem: String| FileError::new(&self.measurements, problem);
+        let MeasuredFile::Absolute(readings) =
+            read_measured(&self.measurements, scenario.task.belief.commands())?
+        else {
+            let problem = "holds deflections, and readings are chosen of absolute ones".to_owned();
+            return Err(wrong(problem).into());
+        };
+        if let Some(size) = self
+            .sizes
+            .iter()
+            .find(|size| **size as usize >= readings.len())
+        {
+            let problem = format!(
+                "holds {}, of which {size} leave none to judge on",
+                counted(readings.len() as u64, "reading")
+            );
+            return Err(wrong(problem).hint("give smaller --sizes").into());
+        }
+        self.common.say(&format!(
+            "choosing among {} in {} ways",
+            counted(readings.len() as u64, "reading"),
+            self.sizes.len() * elastocal::study::selection::CHOICES.len()
+                + self.draws as usize * self.sizes.len()
+        ));
+        let bar = bar(self.common.quiet, "choosing, calibrating, judging");
+        let progress = |done: usize, all: usize| {
+            bar.set_length(all as u64);
+            bar.set_position(done as u64);
+        };
+        let wanted = SelectionWanted {
+            sizes: self.sizes.clone(),
+            draws: self.draws,
+            campaigns: self.campaigns,
+            seed: scenario.seed,
+        };
+        let onlooker = SelectionOnlooker {
+            stop: ask_search(),
+            progress: &progress,
+        };
+        let selection = select(
+            &scenario.task.belief,
+            &readings,
+            &self.parameters,
+            &wanted,
+            onlooker,
+        )
+        .map_err(|error| explained(&self.measurements, &error))?;
+        bar.finish_and_clear();
+        let message = SelectionMessage::new(&selection);
+        let conditions = if selection.is_cut_short {
+            vec!["the study was stopped: not all choices were made".to_owned()]
+        } else {
+            Vec::new()
+        };
+        self.report(&scenario, &message, conditions)
+    }
+
+    fn report(
+        &self,
+        scenario: &Scenario,
+        message: &SelectionMessage,
+        mut conditions: Vec<String>,
+    ) -> anyhow::Result<Report> {
+        let mut text = describe(message);
+        let mut written = Written::default();
+        if let Some(path) = &self.plot_out {
+            let plot = views::write_selection_plot(path, message)?;
+            text += &written.told(path, plot);
+        }
+        let provenance =
+            ProvenanceMessage::new(scenario).with_input("measurements", &self.measurements)?;
+        let mut json = results("select", &provenance, json!({ "groups": self.parameters }));
+        merge(&mut json, serde_json::to_value(message)?);
+        conditions.extend(written.conditions());
+        Ok(Report {
+            json,
+            text,
+            conditions,
+        })
+    }
+}
+
+fn describe(message: &SelectionMessage) -> String {
+    let mut text = format!(
+        "{} unknowns{}; a fit of all {} leaves {:.4} mm on average\n",
+        message.unknowns.len(),
+        match message.known_before {
+            0 => String::new(),
+            known => format!(", of {known} of which something is known before"),
+        },
+        counted(message.readings as u64, "reading"),
+        message.all_mm.mean
+    );
+    for of_size in &message.sizes {
+        text += &format!("\n{}", of_one_size(of_size));
+    }
+    text += "\n  Distances are those at all readings that were not chosen. Promised is what errors that are independent from reading to \
+             reading leave of the\n  robot. From all is the rms distance from the robot that all readings are fitted to; without misfit, the \
+             same for a robot that is exactly as the\n  model says, whose readings have independent errors as large.\n";
+    text
+}
+
+/// What a criterion is called here.
+fn named(choice: &PlannedChoiceMessage) -> &str {
+    match choice.criterion.as_str() {
+        "test_pose" => "absolute accuracy",
+        "d" => "D, O1",
+        "o2" => "O2",
+        "o3" => "O3, E",
+        "o4" => "O4",
+        "o5" => "O5",
+        other => other,
+    }
+}
+
+fn of_one_size(of_size: &SelectionSizeMessage) -> String {
+    let cell = |value: Option<f64>| number(value, 4);
+    let mut problems = String::new();
+    let mut rows = Vec::new();
+    for choice in &of_size.planned {
+        if let Some(problem) = &choice.problem {
+            problems += &format!("  {}: {problem}\n", named(choice));
+        }
+        let of = |get: &dyn Fn(&LengthsMessage) -> f64| cell(choice.distance_mm.as_ref().map(get));
+        rows.push(vec![
+            named(choice).to_owned(),
+            of(&|lengths| lengths.mean),
+            of(&|lengths| lengths.rms),
+            of(&|lengths| lengths.quantile95),
+            of(&|lengths| lengths.largest),
+            number(choice.better_than_random.map(|share| share * 100.0), 0),
+            cell(choice.rho0_mm),
+            cell(choice.from_all_mm),
+            cell(choice.without_misfit_from_true_mm),
+        ]);
+    }
+    let random = &of_size.random;
+    for (place, name) in [
+        "random: 5 % are below",
+        "random: median",
+        "random: 5 % are above",
+    ]
+    .iter()
+    .enumerate()
+    {
+        let of = |spread: Option<[f64; 3]>| cell(spread.map(|spread| spread[place]));
+        rows.push(vec![
+            (*name).to_owned(),
+            of(random.mean_mm),
+            of(random.rms_mm),
+            of(random.quantile95_mm),
+            of(random.largest_mm),
+            String::new(),
+            of(random.rho0_mm),
+            of(random.from_all_mm),
+            of(random.without_misfit_from_true_mm),
+        ]);
+    }
+    let header = [
+        "chosen by",
+        "mean [mm]",
+        "rms",
+        "95 % below",
+        "largest",
+        "better than random [%]",
+        "promised",
+        "from all",
+        "without misfit",
+    ];
+    if random.failed > 0 {
+        problems += &format!(
+            "  {} of {} random choices give no fit.\n",
+            random.failed, random.draws
+        );
+    }
+    format!(
+        "{} of the readings, {} random choices:\n{}{problems}",
+        of_size.size,
+        random.draws,
+        table(&header, &rows)
+    )
+}

@@ -1,0 +1,120 @@
+//! Files of candidates: what may be measured, of which a plan is chosen.
+
+use std::path::Path;
+
+use nalgebra::DVector;
+
+use super::file::{LOAD, configuration, configuration_and_load};
+use crate::csv::{Columns, Row, Table};
+use crate::files::FileError;
+use crate::quantities::limits::{MOST_CANDIDATES, MOST_MEASUREMENTS};
+use crate::quantities::plausible::faint_load;
+use crate::robot::{Commands, Load};
+use crate::text::wrong_name;
+
+/// How often a candidate may be measured.
+const REPEATS: &str = "repeats";
+/// What is read, and from where.
+const PLACES: [&str; 2] = ["target", "station"];
+
+/// One row of a file of candidates.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Candidate {
+    /// Its line.
+    pub line: usize,
+    /// The commanded joint angles q (rad; m where a joint slides).
+    pub configuration_rad: DVector<f64>,
+    /// The load W, in the world frame at the calibration tool; none where the file has no loads.
+    pub load: Option<Load>,
+    /// How often it may be measured; any number of times where the file does not say.
+    pub most: Option<u32>,
+    /// The site of the model that is read, where the file says.
+    pub target: Option<String>,
+    /// Where the instrument stands, where the file says.
+    pub station: Option<String>,
+}
+
+/// Reads candidates for an arm.
+///
+/// # Errors
+/// See [`Table::read`]; the columns of a load come together, `repeats` must be a whole number from 1, and no load faint.
+pub fn read_candidates(
+    path: &Path,
+    commands: impl Into<Commands>,
+) -> Result<Vec<Candidate>, FileError> {
+    let commands = commands.into();
+    let words: Vec<String> = PLACES.map(str::to_owned).into();
+    let optional = LOAD.iter().chain(&[REPEATS]).chain(&PLACES);
+    let columns = Columns {
+        required: commands.columns(),
+        optional: optional.map(|&column| column.to_owned()).collect(),
+        words,
+        ..Columns::default()
+    };
+    let table = Table::read_with(path, &columns)?;
+    let has_load = table.has(&LOAD);
+    if let Some(column) = LOAD.iter().find(|column| !has_load && table.has(&[column])) {
+        let problem = format!("found {column:?} alone; these columns come together: {LOAD:?}");
+        return Err(table.wrong_header(problem));
+    }
+    let has_repeats = table.has(&[REPEATS]);
+    let candidate = |row: Row<'_>| {
+        let (configuration_rad, load) = if has_load {
+            let (configuration_rad, load) = configuration_and_load(&row, &commands);
+            (configuration_rad, Some(load))
+        } else {
+            (configuration(&row, &commands), None)
+        };
+        if let Some(problem) = load.and_then(|load| faint_load(&load.wrench())) {
+            return Err(row.wrong(problem));
+        }
+        let most = if has_repeats {
+            Some(repeats(&row)?)
+        } else {
+            None
+        };
+        let [target, station] = PLACES.map(|column| name(&row, column));
+        Ok(Candidate {
+            line: row.line(),
+            configuration_rad,
+            load,
+            most,
+            target: target?,
+            station: station?,
+        })
+    };
+    let candidates = table.rows().map(candidate).collect::<Result<Vec<_>, _>>()?;
+    if candidates.len() > MOST_CANDIDATES {
+        let found = candidates.len();
+        let problem = format!("found {found} candidates; at most {MOST_CANDIDATES} are allowed");
+        return Err(FileError::new(path, problem));
+    }
+    Ok(candidates)
+}
+
+fn repeats(row: &Row<'_>) -> Result<u32, FileError> {
+    let repeats = row.get(REPEATS);
+    if repeats.fract() != 0.0 || !(1.0..=f64::from(MOST_MEASUREMENTS)).contains(&repeats) {
+        return Err(row.wrong(format!(
+            "{REPEATS}: found {repeats}; a whole number from 1 to {MOST_MEASUREMENTS} is allowed: how often the candidate may \
+             be measured"
+        )));
+    }
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "checked to be a whole number from 1 to 1e6"
+    )]
+    let repeats = repeats as u32;
+    Ok(repeats)
+}
+
+fn name(row: &Row<'_>, column: &str) -> Result<Option<String>, FileError> {
+    match row.word(column) {
+        None => Ok(None),
+        Some(word) => match wrong_name(word) {
+            Some(problem) => Err(row.wrong(format!("{column}: {problem}"))),
+            None => Ok(Some(word.to_owned())),
+        },
+    }
+}

@@ -1,0 +1,395 @@
+//! Plans of a finite list of candidates, and what no plan of them is better than.
+//!
+//! A plan that measures candidate i so often as `n_i` has M = M0 + sum `n_i` `I_i`, where repeats tell `I_i` each at most. The
+//! costs phi of [`Criterion::bounded_as`] are convex in M and of degree -1, so that with any M* and G = -d phi/dM there
+//!
+//! ```text
+//! phi(M) >= phi(M*)^2 / trace(G M),    trace(G M) <= trace(G M0) + sum of the m largest trace(G I_i),
+//! ```
+//!
+//! where each may stand in the sum as often as it may be measured. All candidates are looked through, so that nothing rests on
+//! a search: that is the theorem of the approximate design with a finite set for its region. M* is that of the best
+//! approximate design of the candidates and, where each may be measured a few times only, that of weights which know of it.
+
+use nalgebra::DMatrix;
+
+use super::finite_error::FiniteError;
+use super::told::ToldByCandidates;
+use super::weighing::{Weighing, normalise};
+use crate::numeric::estimable::Estimable;
+use crate::plan::{Criterion, CriterionFunction};
+use crate::quantities::limits::MOST_EXPERIMENTS;
+
+/// Rounds of adding candidates and weighing them.
+const ROUNDS: usize = 100;
+/// The rounds end when no candidate promises more than this share.
+const TOLERANCE: f64 = 1e-4;
+/// Candidates that are added in one round.
+const ADDED: usize = 8;
+/// Weights below this are dropped.
+const SMALLEST_WEIGHT: f64 = 1e-7;
+/// Rounding in all that a bound is computed from, as a share of it.
+const ALLOWANCE: f64 = 1e-7;
+/// Steps towards the best weights where each candidate has a largest one.
+const LIMITED_STEPS: usize = 120;
+/// They end when the bound is so near.
+const NEAR: f64 = 1e-3;
+
+/// What a plan of a list of candidates is for.
+pub struct FiniteProblem<'a> {
+    /// What makes a plan good.
+    pub criterion: Criterion,
+    /// C^T (p x r): [`CriterionFunction::new`].
+    pub test_poses: DMatrix<f64>,
+    /// M0 (p x p): what is known whatever is chosen.
+    pub beside: DMatrix<f64>,
+    /// What one measurement of each candidate tells.
+    pub told: ToldByCandidates,
+    /// How often each may be measured.
+    pub most: Vec<u32>,
+    /// What a candidate tells that is measured so often, where repeats share errors.
+    pub repeated: Option<&'a (dyn Fn(usize, u32) -> DMatrix<f64> + Sync)>,
+}
+
+/// A tangent plane of 1/phi, which bounds phi from below.
+#[derive(Debug, Clone, PartialEq)]
+struct TangentPlane {
+    /// phi(M*).
+    cost: f64,
+    /// trace(G M0).
+    beside: f64,
+    /// The largest trace(G I), in falling order, and how often each may stand in a plan.
+    largest: Vec<(f64, u32)>,
+}
+
+impl TangentPlane {
+    fn least_cost(&self, measurements: u32) -> f64 {
+        let mut left = measurements;
+        let mut sum = self.beside;
+        for &(derivative, most) in &self.largest {
+            let many = most.min(left);
+            sum += f64::from(many) * derivative.max(0.0);
+            left -= many;
+            if left == 0 {
+                break;
+            }
+        }
+        self.cost * self.cost / sum * (1.0 - ALLOWANCE)
+    }
+}
+
+/// What no plan of a list of candidates is below, by the number of measurements.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct FiniteBound {
+    planes: Vec<TangentPlane>,
+}
+
+impl FiniteBound {
+    /// No plan of so many measurements of the candidates has a smaller cost; none where there is no such bound.
+    #[must_use]
+    pub fn least_cost(&self, measurements: u32) -> Option<f64> {
+        let costs = self
+            .planes
+            .iter()
+            .map(|plane| plane.least_cost(measurements));
+        costs.filter(|cost| cost.is_finite()).reduce(f64::max)
+    }
+}
+
+/// The best weights on a list of candidates.
+#[derive(Debug, Clone)]
+pub(super) struct FiniteWeights {
+    /// Candidates with their weights, which sum to one.
+    pub support: Vec<(usize, f64)>,
+}
+
+impl FiniteProblem<'_> {
+    /// The criterion as a cost.
+    #[must_use]
+    pub fn cost(&self) -> CriterionFunction {
+        self.cost_of(self.criterion)
+    }
+
+    fn cost_of(&self, criterion: Criterion) -> CriterionFunction {
+        CriterionFunction::new(criterion, self.test_poses.clone())
+    }
+
+    /// Adds what a candidate tells that is measured so often.
+    pub(super) fn add(&self, sum: &mut DMatrix<f64>, candidate: usize, times: u32) {
+        match self.repeated {
+            Some(repeated) if times > 1 => *sum += repeated(candidate, times),
+            _ => self.told.add_to(sum, candidate, f64::from(times)),
+        }
+    }
+
+    /// What a candidate tells that is measured so often (p x p).
+    pub(super) fn of(&self, candidate: usize, times: u32) -> DMatrix<f64> {
+        let mut told = DMatrix::zeros(self.told.size(), self.told.size());
+        self.add(&mut told, candidate, times);
+        told
+    }
+
+    /// What a plan tells, with what is known whatever is chosen.
+    #[must_use]
+    pub fn information(&self, plan: &[(usize, u32)]) -> DMatrix<f64> {
+        let mut sum = self.beside.clone();
+        for &(candidate, times) in plan {
+            self.add(&mut sum, candidate, times);
+        }
+        sum
+    }
+
+    /// Whether an information matrix of this cost determines what the criterion asks for, beyond rounding.
+    pub(super) fn is_determined_by(&self, information: &DMatrix<f64>, cost: f64) -> bool {
+        if Estimable::surely_all(information) {
+            return true;
+        }
+        let estimable = Estimable::new(information, &vec![1.0; self.told.size()]);
+        match self.criterion {
+            Criterion::TestPose => {
+                (estimable.missing(&self.test_poses.transpose(), cost.sqrt())).is_empty()
+            }
+            _ => estimable.is_complete(),
+        }
+    }
+
+    /// Whether there can be plans of so many measurements in so many different configurations.
+    ///
+    /// # Errors
+    /// The candidates are too few.
+    pub(super) fn check(&self, measurements: u32, configurations: u32) -> Result<(), FiniteError> {
+        let mut most: Vec<u32> = self
+            .most
+            .iter()
+            .map(|most| (*most).min(measurements))
+            .collect();
+        most.sort_unstable_by(|one, other| other.cmp(one));
+        let allowed: u64 = most
+            .iter()
+            .take(configurations as usize)
+            .copied()
+            .map(u64::from)
+            .sum();
+        if allowed < u64::from(measurements) {
+            let wanted = measurements;
+            return Err(FiniteError::TooFew { allowed, wanted });
+        }
+        Ok(())
+    }
+
+    /// The best weights for plans of so many measurements, and what follows from them for all plans; no weights for
+    /// criteria that have no such design.
+    ///
+    /// # Errors
+    /// The candidates do not determine what is asked for.
+    pub(super) fn weigh(
+        &self,
+        measurements: u32,
+    ) -> Result<(FiniteWeights, FiniteBound), FiniteError> {
+        let measurements = f64::from(measurements.max(1));
+        let mean = self.told.mean() + &self.beside / measurements;
+        let mut directions = mean.clone();
+        let Some(criterion) = self.criterion.bounded_as() else {
+            if self.cost().cost(&mean, &mut directions).is_infinite() {
+                return Err(FiniteError::Undetermined);
+            }
+            let support = self.spread(&mean);
+            let weight = (support.len() as f64).recip();
+            let support = support
+                .into_iter()
+                .map(|candidate| (candidate, weight))
+                .collect();
+            return Ok((FiniteWeights { support }, FiniteBound::default()));
+        };
+        if self
+            .cost_of(criterion)
+            .cost(&mean, &mut directions)
+            .is_infinite()
+        {
+            return Err(FiniteError::Undetermined);
+        }
+        let is_informed = self.beside.amax() > 0.0;
+        let beside = is_informed.then(|| &self.beside / measurements);
+        let mut weighing =
+            Weighing::of(criterion, self.cost_of(criterion), beside, self.told.size());
+        let mut support = self.spread(&mean);
+        for candidate in highest(&self.told.derivatives(&directions), ADDED, |_| true) {
+            if !support.contains(&candidate) {
+                support.push(candidate);
+            }
+        }
+        let mut weights = vec![(support.len() as f64).recip(); support.len()];
+        let mut bound = FiniteBound::default();
+        for _ in 0..ROUNDS {
+            let blocks: Vec<DMatrix<f64>> =
+                support.iter().map(|&each| self.told.of(each)).collect();
+            let cost = weighing.weigh(&blocks, &mut weights, 0.1 * TOLERANCE);
+            if !cost.is_finite() {
+                return Err(FiniteError::Undetermined);
+            }
+            let derivatives = self.told.derivatives(&weighing.directions);
+            bound.planes = vec![self.plane(cost, &weighing.directions, &derivatives)];
+            let kept: Vec<bool> = weights
+                .iter()
+                .map(|weight| *weight > SMALLEST_WEIGHT)
+                .collect();
+            let mut keep = kept.iter();
+            support.retain(|_| keep.next().copied().unwrap_or(false));
+            weights.retain(|weight| *weight > SMALLEST_WEIGHT);
+            let least = weighing.mean * (1.0 + TOLERANCE);
+            let is_new =
+                |candidate: usize| derivatives[candidate] > least && !support.contains(&candidate);
+            let new = highest(&derivatives, ADDED, is_new);
+            if new.is_empty() {
+                break;
+            }
+            let weight = (support.len() + new.len()) as f64;
+            weights.extend(new.iter().map(|_| weight.recip()));
+            support.extend(new);
+            normalise(&mut weights);
+        }
+        normalise(&mut weights);
+        let support = support.into_iter().zip(weights).collect();
+        Ok((FiniteWeights { support }, bound))
+    }
+
+    /// What no plan of so many measurements is below, by the best weights.
+    ///
+    /// # Errors
+    /// The candidates do not determine what is asked for.
+    pub fn best_bound(&self, measurements: u32) -> Result<FiniteBound, FiniteError> {
+        Ok(self.weigh(measurements)?.1)
+    }
+
+    /// A bound with what follows from a plan, too, where the criterion is smooth; and where candidates may be measured a few times
+    /// only, from weights that know of it.
+    pub(super) fn bound_near(&self, bound: &mut FiniteBound, plan: &[(usize, u32)]) {
+        let Some(criterion) = self
+            .criterion
+            .bounded_as()
+            .filter(|each| each.is_factored())
+        else {
+            return;
+        };
+        let measurements: u32 = plan.iter().map(|(_, times)| times).sum();
+        if measurements == 0 {
+            return;
+        }
+        let is_limited = self.most.iter().any(|most| *most < measurements);
+        let mut function = self.cost_of(criterion);
+        let mut information = self.information(plan);
+        let mut directions = information.clone();
+        let mut best: Option<TangentPlane> = None;
+        let steps = if is_limited { LIMITED_STEPS } else { 1 };
+        for _ in 0..steps {
+            let cost = function.cost(&information, &mut directions);
+            if !cost.is_finite() {
+                break;
+            }
+            let derivatives = self.told.derivatives(&directions);
+            let plane = self.plane(cost, &directions, &derivatives);
+            let least = plane.least_cost(measurements);
+            if best
+                .as_ref()
+                .is_none_or(|best| least > best.least_cost(measurements))
+            {
+                best = Some(plane);
+            }
+            if least > cost * (1.0 - NEAR) {
+                break;
+            }
+            // Towards the plan that this tangent plane holds for best (Frank and Wolfe).
+            let mut towards = self.beside.clone();
+            let mut left = measurements;
+            for candidate in highest(&derivatives, measurements as usize, |_| true) {
+                let times = self.most[candidate].min(left);
+                self.told.add_to(&mut towards, candidate, f64::from(times));
+                left -= times;
+            }
+            towards -= &information;
+            let length = line_search(&mut function, &information, &towards, cost);
+            if length <= 0.0 {
+                break;
+            }
+            information += towards * length;
+        }
+        bound.planes.extend(best);
+    }
+
+    fn plane(&self, cost: f64, directions: &DMatrix<f64>, derivatives: &[f64]) -> TangentPlane {
+        let mut largest: Vec<(f64, u32)> = derivatives
+            .iter()
+            .copied()
+            .zip(self.most.iter().copied())
+            .collect();
+        largest.sort_by(|one, other| other.0.total_cmp(&one.0));
+        // Plans have no more measurements.
+        let mut sum = 0;
+        largest.retain(|&(_, most)| {
+            let is_needed = sum < u64::from(MOST_EXPERIMENTS);
+            sum += u64::from(most);
+            is_needed
+        });
+        TangentPlane {
+            cost,
+            beside: directions.dot(&self.beside),
+            largest,
+        }
+    }
+
+    /// So many candidates as there are unknowns, each that which tells most where the ones before tell least.
+    fn spread(&self, mean: &DMatrix<f64>) -> Vec<usize> {
+        let size = self.told.size();
+        let mut sum = mean * 1e-6;
+        let mut chosen = Vec::new();
+        for _ in 0..size {
+            let Some(inverse) = sum.clone().cholesky().map(|factor| factor.inverse()) else {
+                break;
+            };
+            let derivatives = self.told.derivatives(&inverse);
+            let Some(&best) = highest(&derivatives, 1, |each| !chosen.contains(&each)).first()
+            else {
+                break;
+            };
+            self.told.add_to(&mut sum, best, 1.0);
+            chosen.push(best);
+        }
+        chosen
+    }
+}
+
+/// The places of the highest values of those that may be, in falling order; of equal ones the first.
+pub(super) fn highest(values: &[f64], count: usize, may_be: impl Fn(usize) -> bool) -> Vec<usize> {
+    let order =
+        |one: &usize, other: &usize| values[*other].total_cmp(&values[*one]).then(one.cmp(other));
+    let mut places: Vec<usize> = (0..values.len()).filter(|&place| may_be(place)).collect();
+    if count > 0 && places.len() > count {
+        places.select_nth_unstable_by(count - 1, order);
+    }
+    places.truncate(count);
+    places.sort_unstable_by(order);
+    places
+}
+
+/// How far to go along a way (1 is its end) for the lowest cost, which is convex; none where nothing is lower.
+fn line_search(
+    function: &mut CriterionFunction,
+    from: &DMatrix<f64>,
+    way: &DMatrix<f64>,
+    cost: f64,
+) -> f64 {
+    const HALVINGS: usize = 14;
+    let mut directions = from.clone();
+    let mut at = |length: f64| function.cost(&(from + way * length), &mut directions);
+    let [mut low, mut high] = [0.0, 1.0];
+    for _ in 0..HALVINGS {
+        let [one, other] = [1.0, 2.0].map(|third| low + (high - low) * third / 3.0);
+        if at(one) <= at(other) {
+            high = other;
+        } else {
+            low = one;
+        }
+    }
+    let length = 0.5 * (low + high);
+    if at(length) < cost { length } else { 0.0 }
+}

@@ -1,0 +1,216 @@
+//! Choices of readings, and what came of them, as a record.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::absolute::LengthsMessage;
+use crate::identification::DistanceStatistics;
+use crate::study::selection::{Chosen, Selection, SelectionOfSize, spread_of};
+
+/// What a twentieth of values stay below, their median, and what a twentieth are above.
+pub type SpreadMessage = [f64; 3];
+
+/// What came of choices of readings.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct SelectionMessage {
+    /// How many readings there are.
+    pub readings: usize,
+    /// The names of what is fitted.
+    pub unknowns: Vec<String>,
+    /// Of how many of them something is known before.
+    pub known_before: usize,
+    /// What was left out since no reading can tell it from others.
+    pub left_out: Vec<String>,
+    /// What no unknown explains, of each coordinate (mm); null where the readings' own deviations explain all.
+    pub misfit_mm: Option<f64>,
+    /// What a fit of all readings leaves of them (mm).
+    pub all_mm: LengthsMessage,
+    /// By size.
+    pub sizes: Vec<SelectionSizeMessage>,
+}
+
+/// What came of choices of one size.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct SelectionSizeMessage {
+    /// How many readings were chosen.
+    pub size: u32,
+    /// Planned choices, by criterion.
+    pub planned: Vec<PlannedChoiceMessage>,
+    /// Random choices.
+    pub random: RandomChoicesMessage,
+}
+
+/// A planned choice.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct PlannedChoiceMessage {
+    /// The criterion; `test_pose` stands for absolute accuracy over all readings.
+    pub criterion: String,
+    /// The chosen readings, from 1.
+    pub readings: Vec<usize>,
+    /// What independent errors leave, rms over all readings (mm).
+    pub rho0_mm: Option<f64>,
+    /// What no choice of as many readings is below (mm), of the choice for absolute accuracy.
+    pub lower_bound_rho0_mm: Option<f64>,
+    /// Distances at all other readings (mm); null where there is no fit.
+    pub distance_mm: Option<LengthsMessage>,
+    /// The rms distance from the robot that all readings are fitted to (mm).
+    pub from_all_mm: Option<f64>,
+    /// The share of random choices whose mean distance is larger.
+    pub better_than_random: Option<f64>,
+    /// The rms distance from the true robot without misfit, over all times that it was read (mm).
+    pub without_misfit_from_true_mm: Option<f64>,
+    /// Why there is no such choice.
+    pub problem: Option<String>,
+}
+
+/// Random choices: each number is of one choice, told by its spread.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct RandomChoicesMessage {
+    /// How many.
+    pub draws: usize,
+    /// Of them without a fit.
+    pub failed: usize,
+    /// What independent errors leave (mm).
+    pub rho0_mm: Option<SpreadMessage>,
+    /// Of the distances at all other readings (mm), the means.
+    pub mean_mm: Option<SpreadMessage>,
+    /// The rms.
+    pub rms_mm: Option<SpreadMessage>,
+    /// What 95 % stay below.
+    pub quantile95_mm: Option<SpreadMessage>,
+    /// The largest.
+    pub largest_mm: Option<SpreadMessage>,
+    /// The rms distances from the robot that all readings are fitted to (mm).
+    pub from_all_mm: Option<SpreadMessage>,
+    /// The same from the true robot without misfit, over all times that it was read.
+    pub without_misfit_from_true_mm: Option<SpreadMessage>,
+    /// The mean of each choice (mm), for the picture.
+    pub means_mm: Vec<f64>,
+}
+
+impl SelectionMessage {
+    /// The record.
+    #[must_use]
+    pub fn new(selection: &Selection<'_>) -> Self {
+        let all = &selection.parts.all;
+        let set = &all.set;
+        let nothing = DistanceStatistics {
+            mean: 0.0,
+            rms: 0.0,
+            quantile95: 0.0,
+            largest: 0.0,
+        };
+        let left = DistanceStatistics::of_positions(&all.left).unwrap_or(nothing);
+        let precision = &set.prior().precision;
+        Self {
+            readings: all.left.len(),
+            unknowns: set
+                .parameters()
+                .iter()
+                .map(|each| each.name.clone())
+                .collect(),
+            known_before: (0..set.len())
+                .filter(|&index| precision[(index, index)] > 0.0)
+                .count(),
+            left_out: all.left_out.iter().map(|each| each.name.clone()).collect(),
+            misfit_mm: all.misfit.map(|[position_m, _]| position_m * 1e3),
+            all_mm: LengthsMessage::in_thousandths(&left),
+            sizes: selection
+                .sizes
+                .iter()
+                .map(SelectionSizeMessage::new)
+                .collect(),
+        }
+    }
+}
+
+/// Over all times that the robot without misfit was read, rms (mm).
+fn without_misfit_mm(chosen: &Chosen) -> Option<f64> {
+    let squares: Vec<f64> = (chosen.without_misfit.iter())
+        .map(|judged| judged.from_all_m.powi(2))
+        .collect();
+    (!squares.is_empty()).then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt() * 1e3)
+}
+
+impl SelectionSizeMessage {
+    fn new(of_size: &SelectionOfSize) -> Self {
+        let random = RandomChoicesMessage::new(&of_size.random);
+        let planned = (of_size.planned.iter())
+            .map(|(criterion, chosen)| {
+                let criterion = criterion.name().to_owned();
+                match chosen {
+                    Ok(chosen) => PlannedChoiceMessage::new(criterion, chosen, &random.means_mm),
+                    Err(problem) => PlannedChoiceMessage::none(criterion, problem),
+                }
+            })
+            .collect();
+        Self {
+            size: of_size.size,
+            planned,
+            random,
+        }
+    }
+}
+
+impl PlannedChoiceMessage {
+    fn new(criterion: String, chosen: &Chosen, means_mm: &[f64]) -> Self {
+        let mean_mm = chosen.judged.map(|judged| judged.distance.mean * 1e3);
+        let better = mean_mm.filter(|_| !means_mm.is_empty()).map(|mean_mm| {
+            let worse = means_mm.iter().filter(|other| **other > mean_mm).count();
+            worse as f64 / means_mm.len() as f64
+        });
+        Self {
+            criterion,
+            readings: chosen.readings.iter().map(|reading| reading + 1).collect(),
+            rho0_mm: chosen.promised_m.map(|value| value * 1e3),
+            lower_bound_rho0_mm: chosen.bound_m.map(|value| value * 1e3),
+            distance_mm: (chosen.judged.as_ref())
+                .map(|judged| LengthsMessage::in_thousandths(&judged.distance)),
+            from_all_mm: chosen.judged.map(|judged| judged.from_all_m * 1e3),
+            better_than_random: better,
+            without_misfit_from_true_mm: without_misfit_mm(chosen),
+            problem: (chosen.judged.is_none()).then(|| "there is no fit".to_owned()),
+        }
+    }
+
+    fn none(criterion: String, problem: &str) -> Self {
+        Self {
+            criterion,
+            readings: Vec::new(),
+            rho0_mm: None,
+            lower_bound_rho0_mm: None,
+            distance_mm: None,
+            from_all_mm: None,
+            better_than_random: None,
+            without_misfit_from_true_mm: None,
+            problem: Some(problem.to_owned()),
+        }
+    }
+}
+
+impl RandomChoicesMessage {
+    fn new(random: &[Chosen]) -> Self {
+        let judged = || random.iter().filter_map(|chosen| chosen.judged);
+        let spread = |of: &dyn Fn(&DistanceStatistics) -> f64| {
+            spread_of(judged().map(|judged| of(&judged.distance) * 1e3).collect())
+        };
+        Self {
+            draws: random.len(),
+            failed: random.len() - judged().count(),
+            rho0_mm: spread_of(
+                (random.iter())
+                    .filter_map(|chosen| Some(chosen.promised_m? * 1e3))
+                    .collect(),
+            ),
+            mean_mm: spread(&|distance| distance.mean),
+            rms_mm: spread(&|distance| distance.rms),
+            quantile95_mm: spread(&|distance| distance.quantile95),
+            largest_mm: spread(&|distance| distance.largest),
+            from_all_mm: spread_of(judged().map(|judged| judged.from_all_m * 1e3).collect()),
+            without_misfit_from_true_mm: spread_of(
+                random.iter().filter_map(without_misfit_mm).collect(),
+            ),
+            means_mm: judged().map(|judged| judged.distance.mean * 1e3).collect(),
+        }
+    }
+}

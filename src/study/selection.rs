@@ -1,0 +1,295 @@
+//! Does optimal design help? Of readings that there are, a few are chosen in several ways; the robot is calibrated with each
+//! choice and judged on all other readings.
+//!
+//! All choices have the same unknowns, the same knowledge before and the same weights. The same is done with a robot that is
+//! exactly as the model says, read with independent errors of the same size: what differs is what misfit does.
+
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+
+use nalgebra::DMatrix;
+use rand::seq::index;
+use rayon::prelude::*;
+
+use crate::identification::{
+    AbsoluteCase, AbsoluteError, DistanceStatistics, ParameterGroup, PartsOfReadings,
+    ReadingResidual,
+};
+use crate::measurement::AbsoluteReading;
+use crate::numeric::random::{generator, streams};
+use crate::observation::Observation;
+use crate::plan::search::{FiniteEffort, FiniteProblem, ToldByCandidates, Watch};
+use crate::plan::{Criterion, CriterionFunction};
+use crate::task::Belief;
+
+/// Searches for one choice.
+const SEARCHES: usize = 4;
+
+/// The ways to choose, each with the criterion that it is best by. O1 chooses as D does, and O3 as E.
+pub const CHOICES: [Criterion; 6] = [
+    Criterion::TestPose,
+    Criterion::D,
+    Criterion::O2,
+    Criterion::O3,
+    Criterion::O4,
+    Criterion::O5,
+];
+
+/// What is compared.
+#[derive(Debug, Clone)]
+pub struct SelectionWanted {
+    /// How many readings are chosen.
+    pub sizes: Vec<u32>,
+    /// How many random choices there are of each size.
+    pub draws: u32,
+    /// How often the robot without misfit is read anew.
+    pub campaigns: u32,
+    /// Of all random numbers.
+    pub seed: u64,
+}
+
+/// How good a robot is that was calibrated with some readings, on all others.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Judged {
+    /// Distances from the positions that were read (m).
+    pub distance: DistanceStatistics,
+    /// The rms distance (m) from where a robot that all readings are fitted to would be; of the robot without misfit, from
+    /// where it is.
+    pub from_all_m: f64,
+}
+
+/// Readings that were chosen, and what came of them.
+#[derive(Debug, Clone)]
+pub struct Chosen {
+    /// The readings by their places, in rising order.
+    pub readings: Vec<usize>,
+    /// `rho_0` (m): what errors that are independent from reading to reading leave, rms over all readings.
+    pub promised_m: Option<f64>,
+    /// The same over what no choice of as many readings is below.
+    pub bound_m: Option<f64>,
+    /// On the readings that there are; none where there is no fit.
+    pub judged: Option<Judged>,
+    /// On those of the robot without misfit, one for each time that it was read.
+    pub without_misfit: Vec<Judged>,
+}
+
+/// All choices of one size.
+#[derive(Debug, Clone)]
+pub struct SelectionOfSize {
+    /// How many readings were chosen.
+    pub size: u32,
+    /// By each of [`CHOICES`]; or why there is none.
+    pub planned: Vec<(Criterion, Result<Chosen, String>)>,
+    /// At random.
+    pub random: Vec<Chosen>,
+}
+
+/// What came of all choices.
+#[derive(Debug, Clone)]
+pub struct Selection<'a> {
+    /// The readings, and what all together say.
+    pub parts: PartsOfReadings<'a>,
+    /// By size.
+    pub sizes: Vec<SelectionOfSize>,
+    /// Whether it was cut short.
+    pub is_cut_short: bool,
+}
+
+/// Who looks on.
+#[derive(Clone, Copy)]
+pub struct SelectionOnlooker<'a> {
+    /// When set, choices that have not begun are left out.
+    pub stop: &'a AtomicBool,
+    /// Hears how many choices are done, and of how many.
+    pub progress: &'a (dyn Fn(usize, usize) + Sync),
+}
+
+/// The readings, ready to be chosen from.
+struct Chooser<'a> {
+    parts: &'a PartsOfReadings<'a>,
+    told: ToldByCandidates,
+    before: DMatrix<f64>,
+    positions: DMatrix<f64>,
+    /// What all readings together leave of each.
+    left_by_all: &'a [ReadingResidual],
+    /// The robot without misfit, each time that it was read.
+    campaigns: Vec<Vec<Observation>>,
+    wanted: &'a SelectionWanted,
+}
+
+/// Chooses, calibrates and judges.
+///
+/// # Errors
+/// The readings cannot be fitted, or not one by one.
+pub fn select<'a>(
+    belief: &'a Belief,
+    readings: &[AbsoluteReading],
+    groups: &[ParameterGroup],
+    wanted: &SelectionWanted,
+    onlooker: SelectionOnlooker<'_>,
+) -> Result<Selection<'a>, AbsoluteError> {
+    let parts = AbsoluteCase::new(belief, readings)?.in_parts(groups)?;
+    let campaigns = (0..u64::from(wanted.campaigns))
+        .map(|campaign| {
+            let mut random = generator(wanted.seed, streams::campaign_of_choices(campaign));
+            parts.without_misfit(&mut random)
+        })
+        .collect::<Result<Vec<_>, _>>()
+        .unwrap_or_default();
+    let mut told = ToldByCandidates::new(parts.set().len());
+    for information in parts.told() {
+        told.push(&information);
+    }
+    let chooser = Chooser {
+        told,
+        before: parts.known_before(),
+        positions: parts.positions(),
+        left_by_all: &parts.all.left,
+        campaigns,
+        wanted,
+        parts: &parts,
+    };
+    let done = AtomicUsize::new(0);
+    let all = wanted.sizes.len() * (CHOICES.len() + wanted.draws as usize);
+    let tell = || (onlooker.progress)(done.fetch_add(1, Ordering::Relaxed) + 1, all);
+    let sizes = (wanted.sizes.iter())
+        .map(|&size| {
+            let planned: Vec<_> = CHOICES
+                .into_par_iter()
+                .map(|criterion| {
+                    let chosen = chooser.planned(criterion, size, onlooker.stop);
+                    tell();
+                    (criterion, chosen)
+                })
+                .collect();
+            let random = (0..wanted.draws)
+                .into_par_iter()
+                .filter(|_| !onlooker.stop.load(Ordering::Relaxed))
+                .map(|draw| {
+                    let chosen = chooser.random(size, draw);
+                    tell();
+                    chosen
+                })
+                .collect();
+            SelectionOfSize {
+                size,
+                planned,
+                random,
+            }
+        })
+        .collect();
+    Ok(Selection {
+        sizes,
+        is_cut_short: onlooker.stop.load(Ordering::Relaxed),
+        parts,
+    })
+}
+
+impl Chooser<'_> {
+    fn problem(&self, criterion: Criterion) -> FiniteProblem<'_> {
+        FiniteProblem {
+            criterion,
+            test_poses: self.positions.clone(),
+            beside: self.before.clone(),
+            told: self.told.clone(),
+            most: vec![1; self.told.len()],
+            repeated: None,
+        }
+    }
+
+    /// The best choice by a criterion.
+    fn planned(
+        &self,
+        criterion: Criterion,
+        size: u32,
+        stop: &AtomicBool,
+    ) -> Result<Chosen, String> {
+        let effort = FiniteEffort {
+            measurements: size,
+            configurations: size,
+            searches: SEARCHES,
+            seed: self.wanted.seed,
+        };
+        let watch = Watch {
+            stop,
+            progress: &|_, _, _| {},
+        };
+        let found = self.problem(criterion).search(effort, watch);
+        let found = found.map_err(|error| error.to_string())?;
+        let readings: Vec<usize> = found.plan.iter().map(|&(reading, _)| reading).collect();
+        let bound_m = (found.bound.least_cost(size))
+            .filter(|_| criterion == Criterion::TestPose)
+            .map(f64::sqrt);
+        Ok(Chosen {
+            bound_m,
+            ..self.judged(readings)
+        })
+    }
+
+    /// A random choice.
+    fn random(&self, size: u32, draw: u32) -> Chosen {
+        let number = (u64::from(size) << 32) + u64::from(draw);
+        let mut random = generator(self.wanted.seed, streams::random_choice(number));
+        let mut readings = index::sample(&mut random, self.told.len(), size as usize).into_vec();
+        readings.sort_unstable();
+        self.judged(readings)
+    }
+
+    fn judged(&self, readings: Vec<usize>) -> Chosen {
+        let mut information = self.before.clone();
+        for &reading in &readings {
+            self.told.add_to(&mut information, reading, 1.0);
+        }
+        let mut function = CriterionFunction::new(Criterion::TestPose, self.positions.clone());
+        let observations = &self.parts.case.observations;
+        let campaigns = self.campaigns.iter();
+        Chosen {
+            promised_m: function.value(&information),
+            bound_m: None,
+            judged: self.judge(&readings, observations),
+            without_misfit: campaigns
+                .filter_map(|observations| self.judge(&readings, observations))
+                .collect(),
+            readings,
+        }
+    }
+
+    /// Calibrates with chosen readings of some, and judges on the others.
+    fn judge(&self, chosen: &[usize], observations: &[Observation]) -> Option<Judged> {
+        let fit = self.parts.fit(observations, chosen).ok()?;
+        let left = self.parts.left_by(&fit).ok()?;
+        let others = || (0..left.len()).filter(|index| chosen.binary_search(index).is_err());
+        let read = &self.parts.case.observations;
+        // Residuals are about the readings that there are, wherever these stand.
+        let distances = others().map(|index| {
+            let moved = observations[index].position_m() - read[index].position_m();
+            (left[index].position_m + moved).norm()
+        });
+        let squares = others().map(|index| {
+            (left[index].position_m - self.left_by_all[index].position_m).norm_squared()
+        });
+        let count = others().count().max(1) as f64;
+        Some(Judged {
+            distance: DistanceStatistics::of(distances.collect())?,
+            from_all_m: (squares.sum::<f64>() / count).sqrt(),
+        })
+    }
+}
+
+/// What random choices come to: the median of a quantity, and what a twentieth of them stay below and above.
+#[must_use]
+pub fn spread_of(mut values: Vec<f64>) -> Option<[f64; 3]> {
+    values.sort_by(f64::total_cmp);
+    let last = values.len().checked_sub(1)?;
+    let at = |share: f64| {
+        let place = share * last as f64;
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "between 0 and the last place"
+        )]
+        let low = place.floor() as usize;
+        let high = (low + 1).min(last);
+        values[low] + (values[high] - values[low]) * place.fract()
+    };
+    Some([0.05, 0.5, 0.95].map(at))
+}
