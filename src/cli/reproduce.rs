@@ -50,9 +50,10 @@ impl Reproduce {
         let reproduction = reproduce(&scenario, trials, watch, &|done, all| {
             bar.set_length(all as u64);
             bar.set_position(done as u64);
-        })?;
+        });
         bar.finish_and_clear();
         proceed()?;
+        let reproduction = reproduction?;
         let message = ReproductionMessage::new(&scenario, &reproduction);
         let provenance = ProvenanceMessage::new(&scenario);
         let mut json = results("reproduce", &provenance, json!({}));

@@ -78,7 +78,7 @@ pub struct Reproduction {
 
 /// Makes all that the paper prints from the scenario of its problem, whose plans
 /// `klimchik2012_m2` to `klimchik2012_m12` are those of Table 4. `progress` hears of the plans that
-/// were designed and of all.
+/// were designed and of all. Asked to stop, it gives up.
 ///
 /// # Errors
 /// See [`ReproductionError`].
@@ -93,7 +93,7 @@ pub fn reproduce(
     let table_5 = standard_errors(&scenario.task, &table_4);
     let table_6 = accuracies(&scenario.task, &table_4);
     let designs = designs(scenario, watch, progress)?;
-    let figure_7 = figure_7(scenario, &table_4, &designs, trials)?;
+    let figure_7 = figure_7(scenario, &table_4, &designs, trials, watch)?;
     Ok(Reproduction {
         equation_23,
         table_4,
@@ -131,6 +131,7 @@ fn figure_7(
     table_4: &[Plan],
     designs: &[DesignedPlan],
     trials: u64,
+    watch: Watch<'_>,
 ) -> Result<Vec<MeanDistance>, ReproductionError> {
     let mut entries = vec![Entry {
         name: "random".to_owned(),
@@ -175,7 +176,7 @@ fn figure_7(
     }
     let conditions = Conditions::plain(&scenario.task, FIGURE_7_EXPERIMENTS);
     let setting = Setting::new(&scenario.task, &scenario.truth, conditions);
-    let distances = distances(&setting, scenario.seed, &entries, trials)?;
+    let distances = distances(&setting, scenario.seed, &entries, trials, Some(watch.stop))?;
     let all = about.into_iter().zip(distances);
     Ok(all
         .map(|((description, printed_um), distances)| MeanDistance {

@@ -1,6 +1,8 @@
 //! What a designed plan is shown beside: other plans over many runs, other criteria's plans, and
 //! other numbers of measurements. All by the linear model, so that it takes seconds.
 
+use std::sync::atomic::AtomicBool;
+
 use thiserror::Error;
 
 use super::model_level::LinearModel;
@@ -99,23 +101,27 @@ pub fn gather(
     let setting = Setting::new(task, truth, conditions);
     Ok(Evidence {
         trials: TRIALS,
-        distances: distances(&setting, seed, &entries, TRIALS)?,
+        distances: distances(&setting, seed, &entries, TRIALS, None)?,
         criteria: compare_criteria(task, approximate, designed, seed, watch),
         accuracy: accuracy(task, (approximate, bound), designed, seed, watch)?,
     })
 }
 
-/// So many runs of each entry in one setting, under a seed.
+/// So many runs of each entry in one setting, under a seed, unless the flag is set meanwhile.
 ///
 /// # Errors
-/// The study cannot be made.
+/// The study cannot be made, or was stopped.
 pub fn distances(
     setting: &Setting<'_>,
     seed: u64,
     entries: &[Entry],
     trials: u64,
+    stop: Option<&AtomicBool>,
 ) -> Result<Vec<Distances>, StudyError> {
-    let runner = Runner::new(std::slice::from_ref(setting), seed, Level::Model, entries)?;
+    let mut runner = Runner::new(std::slice::from_ref(setting), seed, Level::Model, entries)?;
+    if let Some(stop) = stop {
+        runner = runner.stopped_by(stop);
+    }
     let tallies = runner.run(trials, 0..runner.blocks(trials), 1, &|_| ())?;
     let references = references(entries);
     let sum_up = |(index, tally): (usize, &Tally)| {

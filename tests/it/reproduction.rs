@@ -1,6 +1,12 @@
 //! The paper's numbers beside the program's.
 
-use elastocal::paper::{Agreement, Reproduction, accuracies, equation_23, standard_errors};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use elastocal::paper::{
+    Agreement, Reproduction, ReproductionError, accuracies, equation_23, reproduce, standard_errors,
+};
+use elastocal::plan::search::Watch;
+use elastocal::study::StudyError;
 
 use crate::support::{Workplace, numbers, scenario, scenario_text, table4};
 
@@ -137,4 +143,19 @@ fn another_problem_is_refused() {
         outcome.stderr.contains("not the paper's problem"),
         "{outcome:#?}"
     );
+}
+
+/// Whoever asks it to stop does not wait for Fig. 7's runs, which here would take hours.
+#[test]
+fn it_gives_up_where_it_is_asked_to() {
+    let stop = AtomicBool::new(false);
+    let watch = Watch {
+        stop: &stop,
+        progress: &|_, _, _| {},
+    };
+    let found = reproduce(&scenario("klimchik2012"), 1_000_000_000, watch, &|_, _| {
+        stop.store(true, Ordering::Relaxed);
+    });
+    let is_stopped = matches!(found, Err(ReproductionError::Study(StudyError::Stopped)));
+    assert!(is_stopped, "{:?}", found.map(|found| found.trials));
 }
