@@ -12,15 +12,14 @@ use nalgebra::{Point3, Vector3};
 use self::painter::{Camera, Painter};
 use super::markup::escaped;
 use super::mesh::Mesh;
-use crate::mujoco::{Geometry, Model, Shape, State};
+use super::recording::{LAST_SHOWN_GROUP, is_moved};
+use crate::mujoco::{Geometry, Shape, State};
 use crate::plan::{Experiment, Plan};
 use crate::record::messages::ProvenanceMessage;
 use crate::robot::{Commands, SerialChain};
 use crate::scenario::Scenario;
 use crate::text::wording::counted;
 
-/// Geometries of the model in groups up to this one are drawn, as MuJoCo does by default.
-const LAST_SHOWN_GROUP: i32 = 2;
 /// The width of a still and the space between stills (px).
 const STILL_PX: f64 = 400.0;
 const GAP_PX: f64 = 20.0;
@@ -137,7 +136,7 @@ fn scenes(scenario: &Scenario, plan: &Plan) -> Vec<Scene> {
         })
         .collect();
     let moves: Vec<bool> = (shown.iter())
-        .map(|(each, _)| is_moved(&robot.model, each))
+        .map(|(each, _)| is_moved(&robot.model, robot.model.geometry_body(each.id)))
         .collect();
     let largest_n = (plan.experiments.iter())
         .map(|each| each.load.force_n.norm())
@@ -179,17 +178,6 @@ fn tool_at(chain: &SerialChain, scenario: &Scenario, q: &[f64]) -> Point3<f64> {
             .state(q)
             .tool_position,
     )
-}
-
-fn is_moved(model: &Model, geometry: &Geometry) -> bool {
-    let mut body = model.geometry_body(geometry.id);
-    while body > 0 {
-        if model.joints_of(body).next().is_some() {
-            return true;
-        }
-        body = model.parent(body);
-    }
-    false
 }
 
 /// A camera that sees all stills alike, from the side that shows the arms at their widest.

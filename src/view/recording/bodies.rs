@@ -9,7 +9,7 @@ use crate::scenario::Scenario;
 use crate::view::mesh::Mesh;
 
 /// Geometries of the model in groups up to this one are drawn, as MuJoCo does by default.
-const LAST_SHOWN_GROUP: i32 = 2;
+pub const LAST_SHOWN_GROUP: i32 = 2;
 /// The group of the tool that is not mounted; drawn where that tool is at work.
 const UNMOUNTED_GROUP: i32 = 3;
 /// What a plane looks like if its colour comes from a texture, which is not drawn.
@@ -39,7 +39,7 @@ pub(super) fn bodies(scenario: &Scenario) -> Result<(Vec<Body>, Vec<Body>), Cali
     let scenery = model.scenery();
     let (mut surroundings, mut links) = (Vec::new(), Vec::new());
     for id in 0..model.bodies() {
-        let moves = moves(model, id);
+        let moves = is_moved(model, id);
         let world_from_frame = if moves {
             state.body_pose(id)
         } else {
@@ -84,7 +84,8 @@ fn colour(geometry: &Geometry) -> [f32; 4] {
 }
 
 /// Whether a joint moves the body.
-fn moves(model: &Model, mut body: usize) -> bool {
+#[must_use]
+pub fn is_moved(model: &Model, mut body: usize) -> bool {
     while body != 0 {
         if model.joints_of(body).next().is_some() {
             return true;

@@ -14,6 +14,7 @@ use crate::record::messages::{CalibrationMessage, ProvenanceMessage};
 use crate::robot::{Commands, Load};
 use crate::scenario::Scenario;
 use bodies::bodies;
+pub use bodies::{LAST_SHOWN_GROUP, is_moved};
 use steps::{Stage, enlarge, experiment_steps, test_pose_steps};
 
 /// The largest force in experiments, and that in test poses, is drawn this long (m).

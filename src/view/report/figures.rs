@@ -1,8 +1,12 @@
 //! The figures of a calibration's report.
 
+use std::ops::Range;
+
 use plotters::prelude::*;
 
-use super::charts::{ChartAxis, GRID, HALF, INK, Rows, SOFT, drawing, short, text, ticks};
+use super::charts::{
+    Area, Chart, ChartAxis, GRID, HALF, INK, Rows, SOFT, drawing, short, text, ticks,
+};
 use crate::record::evidence::{AccuracyMessage, CriterionPlanMessage};
 use crate::text::wording::{micrometres, percent};
 use crate::view::plots::{COLOURS, PlotError};
@@ -46,32 +50,12 @@ pub fn accuracy_figure(
         (HALF, HEIGHT),
         "Accuracy against the number of measurements",
         |area| {
-            let mut chart = ChartBuilder::on(area)
-                .margin(14)
-                .x_label_area_size(78)
-                .y_label_area_size(104)
-                .build_cartesian_2d(
-                    ChartAxis {
-                        range: x.clone(),
-                        ticks: whole_ticks(x.start, x.end),
-                    },
-                    ChartAxis {
-                        range: 0.0..top,
-                        ticks: ticks(0.0, top, 5),
-                    },
-                )?;
-            chart
-                .configure_mesh()
-                .light_line_style(TRANSPARENT)
-                .bold_line_style(GRID)
-                .axis_style(SOFT)
-                .label_style(text(INK))
-                .axis_desc_style(text(SOFT))
-                .x_desc("measurements")
-                .y_desc("\u{3c1}\u{2080}, rms distance left [\u{b5}m]")
-                .x_label_formatter(&|x| short(*x))
-                .y_label_formatter(&|y| short(*y))
-                .draw()?;
+            let mut chart = over_measurements(area, 14, &x, (0.0..top, 5))?;
+            let names = [
+                "measurements",
+                "\u{3c1}\u{2080}, rms distance left [\u{b5}m]",
+            ];
+            draw_axes(&mut chart, names, true)?;
             let [blue, orange, ..] = COLOURS;
             chart
                 .draw_series(DashedLineSeries::new(bound, 10, 7, INK.stroke_width(3)))?
@@ -232,36 +216,10 @@ pub fn residuals_figure(standardised: &[[f64; 3]]) -> Result<String, PlotError> 
     let high = largest.fold(2.6, f64::max) * 1.12;
     let x = 0.5..count + 0.5;
     drawing((HALF, HEIGHT), "Standardised residuals", |area| {
-        let mut chart = ChartBuilder::on(area)
-            .margin(14)
-            .margin_top(52)
-            .x_label_area_size(78)
-            .y_label_area_size(104)
-            .build_cartesian_2d(
-                ChartAxis {
-                    range: x.clone(),
-                    ticks: whole_ticks(x.start, x.end),
-                },
-                ChartAxis {
-                    range: -high..high,
-                    ticks: ticks(-high, high, 6),
-                },
-            )?;
+        let mut chart = over_measurements(area, 52, &x, (-high..high, 6))?;
         let band = [(x.start, -NORMAL_95), (x.end, NORMAL_95)];
         chart.draw_series([Rectangle::new(band, GRID.mix(0.6).filled())])?;
-        chart
-            .configure_mesh()
-            .disable_x_mesh()
-            .light_line_style(TRANSPARENT)
-            .bold_line_style(GRID)
-            .axis_style(SOFT)
-            .label_style(text(INK))
-            .axis_desc_style(text(SOFT))
-            .x_desc("measurement")
-            .y_desc("residual / sigma")
-            .x_label_formatter(&|x| short(*x))
-            .y_label_formatter(&|y| short(*y))
-            .draw()?;
+        draw_axes(&mut chart, ["measurement", "residual / sigma"], false)?;
         chart.draw_series([PathElement::new([(x.start, 0.0), (x.end, 0.0)], INK)])?;
         for (axis, (name, offset, x)) in AXES.into_iter().enumerate() {
             let colour = COLOURS[axis];
@@ -280,6 +238,48 @@ pub fn residuals_figure(standardised: &[[f64; 3]]) -> Result<String, PlotError> 
         }
         Ok(())
     })
+}
+
+/// A chart over numbers of measurements, with so much room above it and about so many ticks along y.
+fn over_measurements<'a, 'b>(
+    area: &'a Area<'b>,
+    room_above: u32,
+    x: &Range<f64>,
+    (y, about): (Range<f64>, u32),
+) -> Result<Chart<'a, 'b>, PlotError> {
+    let along_x = ChartAxis {
+        range: x.clone(),
+        ticks: whole_ticks(x.start, x.end),
+    };
+    let along_y = ChartAxis {
+        ticks: ticks(y.start, y.end, about),
+        range: y,
+    };
+    Ok(ChartBuilder::on(area)
+        .margin(14)
+        .margin_top(room_above)
+        .x_label_area_size(78)
+        .y_label_area_size(104)
+        .build_cartesian_2d(along_x, along_y)?)
+}
+
+/// Draws its axes with their names and the grid, with or without the lines that go up.
+fn draw_axes(chart: &mut Chart<'_, '_>, [x, y]: [&str; 2], goes_up: bool) -> Result<(), PlotError> {
+    let mut mesh = chart.configure_mesh();
+    if !goes_up {
+        mesh.disable_x_mesh();
+    }
+    mesh.light_line_style(TRANSPARENT)
+        .bold_line_style(GRID)
+        .axis_style(SOFT)
+        .label_style(text(INK))
+        .axis_desc_style(text(SOFT))
+        .x_desc(x)
+        .y_desc(y)
+        .x_label_formatter(&|x| short(*x))
+        .y_label_formatter(&|y| short(*y))
+        .draw()?;
+    Ok(())
 }
 
 /// A mark of its own shape for each coordinate: the colour is not all that tells them apart.

@@ -16,7 +16,7 @@ use re_sdk_types::archetypes::{RecordingInfo, Scalars, SeriesPoints, TextDocumen
 use re_sdk_types::blueprint::components::PlayState;
 use sha2::{Digest, Sha256};
 
-use super::recording::{RecordedCalibration, Recording, Step, StepKind};
+use super::recording::{RecordedCalibration, Recording, ShownTool, Step, StepKind};
 use crate::files::FileError;
 use crate::files::output::write_whole;
 use blueprint::{Clock, SPACE, TEXT, ViewArea};
@@ -160,14 +160,12 @@ fn log_steps(store: &mut Store, recording: &Recording) {
     let mut measurement = 0;
     for (number, calibration, step) in recording.steps() {
         let now = [(STEP, i64::from(number))];
-        scene::log_step(store, recording, step, &mut mounted, &now);
         if named != Some(&calibration.record.name) {
             let results = TextDocument::from_markdown(text::results(&calibration.record));
             store.log("text/results", &now, &results);
             named = Some(&calibration.record.name);
         }
-        let described = TextDocument::from_markdown(text::step(calibration, step));
-        store.log("text/step", &now, &described);
+        log_step(store, recording, (calibration, step), &mut mounted, &now);
         for groups in measured(calibration, step) {
             measurement += 1;
             let now = [(STEP, i64::from(number)), (MEASUREMENT, measurement)];
@@ -179,6 +177,19 @@ fn log_steps(store: &mut Store, recording: &Recording) {
             }
         }
     }
+}
+
+/// The arms in a step, in pictures and in words; `mounted` is the tool of the step before.
+fn log_step(
+    store: &mut Store,
+    recording: &Recording,
+    (calibration, step): (&RecordedCalibration, &Step),
+    mounted: &mut Option<ShownTool>,
+    now: store::Now<'_>,
+) {
+    scene::log_step(store, recording, step, mounted, now);
+    let described = TextDocument::from_markdown(text::step(calibration, step));
+    store.log("text/step", now, &described);
 }
 
 /// What was measured in a step and what identification left of it (mm), measurement by measurement; none in a test pose.

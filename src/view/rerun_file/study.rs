@@ -13,7 +13,7 @@ use re_sdk_types::blueprint::components::PlayState;
 
 use super::blueprint::{BARS, Clock, PLANE, SPACE, TEXT, ViewArea};
 use super::store::Store;
-use super::{STEP, open, scene, study_text, text, write_messages};
+use super::{STEP, log_step, open, scene, study_text, write_messages};
 use crate::files::FileError;
 use crate::record::account::PartMessage;
 use crate::record::study::HistogramMessage;
@@ -118,9 +118,13 @@ impl StudyStream {
         }
         let steps = study.arms.steps().count().max(1);
         if let Some((_, calibration, step)) = study.arms.steps().nth(self.snapshots % steps) {
-            scene::log_step(store, &study.arms, step, &mut self.mounted, &now);
-            let described = TextDocument::from_markdown(text::step(calibration, step));
-            store.log("text/step", &now, &described);
+            log_step(
+                store,
+                &study.arms,
+                (calibration, step),
+                &mut self.mounted,
+                &now,
+            );
         }
         self.snapshots += 1;
     }
@@ -150,9 +154,7 @@ impl StudyStream {
         let mut mounted = None;
         for (number, calibration, step) in study.arms.steps() {
             let now = [(STEP, i64::from(number))];
-            scene::log_step(store, &study.arms, step, &mut mounted, &now);
-            let described = TextDocument::from_markdown(text::step(calibration, step));
-            store.log("text/step", &now, &described);
+            log_step(store, &study.arms, (calibration, step), &mut mounted, &now);
         }
     }
 }
