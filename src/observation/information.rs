@@ -1,5 +1,7 @@
 //! Sums over readings: information, gradient and sum of squares.
 
+use std::convert::Infallible;
+
 use nalgebra::{DMatrix, DVector, Matrix6xX, Vector6};
 use rayon::prelude::*;
 
@@ -24,7 +26,7 @@ pub struct NormalEquations {
 }
 
 impl NormalEquations {
-    pub(super) fn zeros(parameters: usize) -> Self {
+    fn zeros(parameters: usize) -> Self {
         Self {
             information: DMatrix::zeros(parameters, parameters),
             gradient: DVector::zeros(parameters),
@@ -33,7 +35,7 @@ impl NormalEquations {
     }
 
     /// Adds one reading's whitened rows; only the lower triangle of the information is filled.
-    pub(super) fn add(&mut self, rows: &Matrix6xX<f64>, residual: &Vector6<f64>) {
+    fn add(&mut self, rows: &Matrix6xX<f64>, residual: &Vector6<f64>) {
         let residual: [f64; 6] = std::array::from_fn(|row| residual[row]);
         let columns = rows.as_slice().as_chunks::<6>().0;
         for (index, one) in columns.iter().enumerate() {
@@ -49,13 +51,13 @@ impl NormalEquations {
         self.square += dot(&residual, &residual);
     }
 
-    pub(super) fn join(&mut self, other: &Self) {
+    fn join(&mut self, other: &Self) {
         self.information += &other.information;
         self.gradient += &other.gradient;
         self.square += other.square;
     }
 
-    pub(super) fn finish(mut self) -> Self {
+    fn finish(mut self) -> Self {
         self.information.fill_upper_triangle_with_lower_triangle();
         self
     }
@@ -64,6 +66,65 @@ impl NormalEquations {
 fn dot(one: &[f64; 6], other: &[f64; 6]) -> f64 {
     let products: [f64; 6] = std::array::from_fn(|row| one[row] * other[row]);
     (products[0] + products[3]) + (products[1] + products[4]) + (products[2] + products[5])
+}
+
+/// Sums over items, made in blocks that may run at the same time and are joined in their order. `sums_of` gets a block's
+/// items and the place of the first.
+pub(super) fn in_blocks<T: Sync, E: Send>(
+    parameters: usize,
+    items: &[T],
+    block: usize,
+    sums_of: impl Fn(usize, &[T]) -> Result<NormalEquations, E> + Sync,
+) -> Result<NormalEquations, E> {
+    let blocks: Vec<_> = (items.par_chunks(block).enumerate())
+        .map(|(index, items)| sums_of(index * block, items))
+        .collect();
+    let mut sums = NormalEquations::zeros(parameters);
+    for block in blocks {
+        sums.join(&block?);
+    }
+    Ok(sums.finish())
+}
+
+/// The sums of a block of observations, with the room that they are made in.
+pub(super) struct ReadingSums<'a> {
+    model: ObservationModel<'a>,
+    scales: &'a DVector<f64>,
+    /// The whitened rows of the last observation, in units of typical sizes.
+    pub rows: Matrix6xX<f64>,
+    pub sums: NormalEquations,
+}
+
+impl<'a> ReadingSums<'a> {
+    pub fn new(model: &ObservationModel<'a>, scales: &'a DVector<f64>) -> Self {
+        Self {
+            model: model.clone(),
+            scales,
+            rows: Matrix6xX::zeros(scales.len()),
+            sums: NormalEquations::zeros(scales.len()),
+        }
+    }
+
+    /// Adds an observation through the static equilibrium, and returns its whitened residual.
+    pub fn add(&mut self, each: &Observation) -> Result<Vector6<f64>, EquilibriumError> {
+        let (kind, rows) = (each.reading.kind(), &mut self.rows);
+        let predicted = self.model.predict(Form::AtRest, &each.setup, kind, rows)?;
+        let residual = each.whiten(&predicted, rows);
+        self.add_whitened(&residual);
+        Ok(residual)
+    }
+
+    fn add_planned(&mut self, each: &PlannedReading) {
+        let (mut residual, rows) = (Vector6::zeros(), &mut self.rows);
+        self.model.predict_as_planned(&each.setup, each.kind, rows);
+        each.whitener.whiten(each.kind, &mut residual, rows);
+        self.add_whitened(&residual);
+    }
+
+    fn add_whitened(&mut self, residual: &Vector6<f64>) {
+        in_sizes(&mut self.rows, self.scales);
+        self.sums.add(&self.rows, residual);
+    }
 }
 
 /// The normal equations of observations at values of the parameters (p), through the static equilibrium.
@@ -76,29 +137,15 @@ pub fn normal_equations(
     values: &DVector<f64>,
     observations: &[Observation],
 ) -> Result<NormalEquations, (usize, EquilibriumError)> {
-    let first = ObservationModel::new(set, nominal, values.as_slice());
+    let model = ObservationModel::new(set, nominal, values.as_slice());
     let scales = set.scales();
-    let blocks: Vec<_> = (observations.par_chunks(BLOCK).enumerate())
-        .map(|(block, observations)| {
-            let mut model = first.clone();
-            let mut rows = Matrix6xX::zeros(set.len());
-            let mut sums = NormalEquations::zeros(set.len());
-            for (index, each) in observations.iter().enumerate() {
-                let predicted = model
-                    .predict(Form::AtRest, &each.setup, each.reading.kind(), &mut rows)
-                    .map_err(|error| (block * BLOCK + index, error))?;
-                let residual = each.whiten(&predicted, &mut rows);
-                in_sizes(&mut rows, &scales);
-                sums.add(&rows, &residual);
-            }
-            Ok(sums)
-        })
-        .collect();
-    let mut sums = NormalEquations::zeros(set.len());
-    for block in blocks {
-        sums.join(&block?);
-    }
-    Ok(sums.finish())
+    in_blocks(set.len(), observations, BLOCK, |first, observations| {
+        let mut block = ReadingSums::new(&model, &scales);
+        for (index, each) in observations.iter().enumerate() {
+            block.add(each).map_err(|error| (first + index, error))?;
+        }
+        Ok(block.sums)
+    })
 }
 
 /// The information of planned readings (p x p, in units of typical sizes) at values of the parameters,
@@ -111,12 +158,17 @@ pub fn planned_information(
     values: &DVector<f64>,
     readings: &[PlannedReading],
 ) -> DMatrix<f64> {
-    let blocks = sums_of_planned(set, nominal, values, readings, BLOCK);
-    let mut sums = NormalEquations::zeros(set.len());
-    for block in &blocks {
-        sums.join(block);
-    }
-    sums.finish().information
+    let model = ObservationModel::new(set, nominal, values.as_slice());
+    let scales = set.scales();
+    let sums = in_blocks(set.len(), readings, BLOCK, |_, readings| {
+        let mut block = ReadingSums::new(&model, &scales);
+        for each in readings {
+            block.add_planned(each);
+        }
+        Ok::<_, Infallible>(block.sums)
+    });
+    let Ok(sums) = sums;
+    sums.information
 }
 
 /// The same of each reading by itself.
@@ -127,38 +179,15 @@ pub fn planned_information_of_each(
     values: &DVector<f64>,
     readings: &[PlannedReading],
 ) -> Vec<DMatrix<f64>> {
-    (sums_of_planned(set, nominal, values, readings, 1).into_iter())
-        .map(|sums| sums.finish().information)
-        .collect()
-}
-
-/// Of so many planned readings at a time.
-fn sums_of_planned(
-    set: &ParameterSet,
-    nominal: &ElasticArm,
-    values: &DVector<f64>,
-    readings: &[PlannedReading],
-    at_a_time: usize,
-) -> Vec<NormalEquations> {
-    let first = ObservationModel::new(set, nominal, values.as_slice());
+    let model = ObservationModel::new(set, nominal, values.as_slice());
     let scales = set.scales();
-    readings
-        .par_chunks(at_a_time)
-        .map_init(
-            || (first.clone(), Matrix6xX::zeros(set.len())),
-            |(model, rows), readings| {
-                let mut sums = NormalEquations::zeros(set.len());
-                for each in readings {
-                    model.predict_as_planned(&each.setup, each.kind, rows);
-                    let mut residual = Vector6::zeros();
-                    each.whitener.whiten(each.kind, &mut residual, rows);
-                    in_sizes(rows, &scales);
-                    sums.add(rows, &residual);
-                }
-                sums
-            },
-        )
-        .collect()
+    let room = || ReadingSums::new(&model, &scales);
+    let of_one = |block: &mut ReadingSums<'_>, each: &PlannedReading| {
+        block.add_planned(each);
+        let sums = std::mem::replace(&mut block.sums, NormalEquations::zeros(set.len()));
+        sums.finish().information
+    };
+    readings.par_iter().map_init(room, of_one).collect()
 }
 
 /// How the positions of targets follow the parameters where readings are planned, as planning sees it: three rows of each setup
@@ -183,7 +212,7 @@ pub fn planned_positions(
     rows
 }
 
-pub(super) fn in_sizes(rows: &mut Matrix6xX<f64>, scales: &DVector<f64>) {
+fn in_sizes(rows: &mut Matrix6xX<f64>, scales: &DVector<f64>) {
     for (mut column, scale) in rows.column_iter_mut().zip(scales) {
         column *= *scale;
     }

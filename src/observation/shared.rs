@@ -12,10 +12,9 @@
 //! group count: deflections, with the correlation that a common unloaded reading gives them.
 
 use nalgebra::{DVector, Matrix6, Matrix6xX, Vector6};
-use rayon::prelude::*;
 
-use super::information::{NormalEquations, in_sizes};
-use super::model::{Form, ObservationModel};
+use super::information::{NormalEquations, ReadingSums, in_blocks};
+use super::model::ObservationModel;
 use super::reading::Observation;
 use crate::parameter::{ElasticArm, ParameterSet};
 use crate::robot::EquilibriumError;
@@ -43,40 +42,26 @@ pub fn shared_equations(
     observations: &[Observation],
     shared: &SharedErrors,
 ) -> Result<NormalEquations, (usize, EquilibriumError)> {
-    let first = ObservationModel::new(set, nominal, values.as_slice());
+    let model = ObservationModel::new(set, nominal, values.as_slice());
     let scales = set.scales();
-    let blocks: Vec<_> = (shared.groups.par_chunks(BLOCK))
-        .map(|groups| {
-            let mut model = first.clone();
-            let mut rows = Matrix6xX::zeros(set.len());
-            let mut sums = NormalEquations::zeros(set.len());
-            let mut room = SharedSums::new(set.len());
-            for group in groups {
-                room.clear();
-                for &index in group {
-                    let each = &observations[index];
-                    let predicted = model
-                        .predict(Form::AtRest, &each.setup, each.reading.kind(), &mut rows)
-                        .map_err(|error| (index, error))?;
-                    let residual = each.whiten(&predicted, &mut rows);
-                    in_sizes(&mut rows, &scales);
-                    sums.add(&rows, &residual);
-                    if group.len() > 1 {
-                        room.add(each, &rows, &residual);
-                    }
-                }
+    in_blocks(set.len(), &shared.groups, BLOCK, |_, groups| {
+        let mut block = ReadingSums::new(&model, &scales);
+        let mut room = SharedSums::new(set.len());
+        for group in groups {
+            room.clear();
+            for &index in group {
+                let each = &observations[index];
+                let residual = block.add(each).map_err(|error| (index, error))?;
                 if group.len() > 1 {
-                    room.take_from(&mut sums, &shared.precision);
+                    room.add(each, &block.rows, &residual);
                 }
             }
-            Ok(sums)
-        })
-        .collect();
-    let mut sums = NormalEquations::zeros(set.len());
-    for block in blocks {
-        sums.join(&block?);
-    }
-    Ok(sums.finish())
+            if group.len() > 1 {
+                room.take_from(&mut block.sums, &shared.precision);
+            }
+        }
+        Ok(block.sums)
+    })
 }
 
 /// The sums of one group.

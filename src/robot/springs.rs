@@ -158,14 +158,7 @@ fn lengthening(
     velocity: impl Fn(usize, &Vector3<f64>) -> Vector3<f64>,
 ) -> f64 {
     pieces(spring, places)
-        .map(|([from, to], [before, after])| {
-            let way = after - before;
-            let apart = way.norm();
-            if apart == 0.0 {
-                return 0.0;
-            }
-            way.dot(&(velocity(to, after) - velocity(from, before))) / apart
-        })
+        .map(|piece| piece.way.dot(&piece.change(&velocity)) / piece.length_m)
         .sum()
 }
 
@@ -178,27 +171,48 @@ fn bending(
     both: impl Fn(usize, &Vector3<f64>) -> Vector3<f64>,
 ) -> f64 {
     pieces(spring, places)
-        .map(|([from, to], [before, after])| {
-            let way = after - before;
-            let apart = way.norm();
-            if apart == 0.0 {
-                return 0.0;
-            }
-            let along = way / apart;
-            let v = one(to, after) - one(from, before);
-            let w = other(to, after) - other(from, before);
-            let a = both(to, after) - both(from, before);
-            (v.dot(&w) - v.dot(&along) * w.dot(&along)) / apart + along.dot(&a)
+        .map(|piece| {
+            let along = piece.way / piece.length_m;
+            let [v, w] = [piece.change(&one), piece.change(&other)];
+            let a = piece.change(&both);
+            (v.dot(&w) - v.dot(&along) * w.dot(&along)) / piece.length_m + along.dot(&a)
         })
         .sum()
 }
 
-/// The straight pieces of a path: how many joints move their ends, and where these are.
+/// A straight piece of a path.
+struct PathPiece<'a> {
+    /// How many joints move its ends, and where these are.
+    ends: [(usize, &'a Vector3<f64>); 2],
+    /// From the one to the other (m).
+    way: Vector3<f64>,
+    length_m: f64,
+}
+
+impl PathPiece<'_> {
+    /// How a motion changes the way.
+    fn change(&self, velocity: impl Fn(usize, &Vector3<f64>) -> Vector3<f64>) -> Vector3<f64> {
+        let [(from, before), (to, after)] = self.ends;
+        velocity(to, after) - velocity(from, before)
+    }
+}
+
+/// The pieces of a path that have a length: the others have no direction to pull in.
 fn pieces<'a>(
     spring: &'a Spring,
     places: &'a [Vector3<f64>],
-) -> impl Iterator<Item = ([usize; 2], [&'a Vector3<f64>; 2])> {
+) -> impl Iterator<Item = PathPiece<'a>> {
     let joints = spring.path.windows(2);
-    let joints = joints.map(|pair| [pair[0].joints, pair[1].joints]);
-    joints.zip(places.windows(2).map(|pair| [&pair[0], &pair[1]]))
+    let pieces = joints.zip(places.windows(2)).map(|(joints, places)| {
+        let way = places[1] - places[0];
+        PathPiece {
+            ends: [
+                (joints[0].joints, &places[0]),
+                (joints[1].joints, &places[1]),
+            ],
+            way,
+            length_m: way.norm(),
+        }
+    });
+    pieces.filter(|piece| piece.length_m != 0.0)
 }
