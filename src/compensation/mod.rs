@@ -10,10 +10,10 @@ pub use targets::{TargetRow, read_targets};
 use nalgebra::{DMatrix, DVector, Matrix3xX};
 
 use crate::numeric::posterior::{NotDetermined, Posterior};
+use crate::observation::{NOTHING_READ, PlannedReadings};
 use crate::parameter::ElasticArm;
 use crate::robot::{
-    EquilibriumError, EquilibriumSolver, KinematicState, Kinematics, Load, ObservationMatrix,
-    SerialChain, Tool,
+    EquilibriumError, EquilibriumSolver, KinematicState, Kinematics, Load, SerialChain, Tool,
 };
 use crate::task::{Belief, Method, TestPose};
 
@@ -107,18 +107,14 @@ pub fn compensate_arm(
 }
 
 /// The observation matrix of a test pose for the compliances of some joints, `A_0^(p)` (eq. 23), 3 x p; of it what
-/// counts there.
+/// counts there. Where springs beside the joints' own brace the arm, they do so against what is wrong of the
+/// compensation, and not against the load, which is what the joints are commanded back by.
 #[must_use]
 pub fn test_pose_matrix(belief: &Belief, pose: &TestPose, parameters: &[usize]) -> DMatrix<f64> {
-    let arm = belief.nominal.chain.at(&belief.machining_tool);
-    let state = arm.state(pose.configuration_rad.as_slice());
-    let state = state.braced(&belief.nominal.compliance_rad_per_nm);
-    let matrix = ObservationMatrix::new(&state, &pose.load, parameters).position;
-    pose.counted_rows(DMatrix::from_column_slice(
-        3,
-        parameters.len(),
-        matrix.as_slice(),
-    ))
+    let arm = belief.arm_with(&belief.machining_tool);
+    let sizes = vec![1.0; parameters.len()];
+    let model = PlannedReadings::of_compliances(arm, parameters, &sizes, NOTHING_READ);
+    uncompensated_rows(model, pose)
 }
 
 /// The same for all unknowns of a belief, 3 x p: what compensation leaves at a test pose follows from their
@@ -129,7 +125,13 @@ pub fn test_pose_rows(belief: &Belief, pose: &TestPose) -> DMatrix<f64> {
         return test_pose_matrix(belief, pose, &belief.parameters);
     };
     let size = belief.unknowns();
-    let mut model = extended.at_test_pose(&vec![1.0; size]);
+    uncompensated_rows(extended.at_test_pose(&vec![1.0; size]), pose)
+}
+
+/// What compensation leaves at a test pose by the unknowns of a model there; of it what counts.
+#[must_use]
+pub fn uncompensated_rows(mut model: PlannedReadings<'_>, pose: &TestPose) -> DMatrix<f64> {
+    let size = model.parameters();
     let mut matrix = Matrix3xX::zeros(size);
     model.move_to(pose.configuration_rad.as_slice());
     model.uncompensated(&pose.load, &mut matrix);
@@ -151,8 +153,8 @@ pub fn weighted_rows(
     stacked
 }
 
-/// The predicted rms distance `rho_0` (m) that compensation leaves at a test pose (eq. 20), from what is
-/// known of the compliances (rad/(N m)).
+/// The predicted rms distance `rho_0` (m) that compensation leaves at a test pose (eqs. 17 to 20; its mean is zero,
+/// eq. 16), from what is known of the compliances (rad/(N m)).
 ///
 /// # Errors
 /// The test pose depends on compliances that are not determined.

@@ -21,7 +21,7 @@
 use nalgebra::{Cholesky, Matrix3, Matrix3xX, Rotation3, Vector3};
 
 use crate::parameter::{Axis, ElasticArm, ParameterKind, ParameterSet, ReadingSource, along};
-use crate::robot::{KinematicState, Kinematics, Load, SerialChain, Tool};
+use crate::robot::{KinematicState, Load, SerialChain};
 
 /// What a deflection's columns are made of.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -123,7 +123,6 @@ impl Lever {
 #[derive(Debug, Clone)]
 pub struct FirstOrder<'a> {
     chain: &'a SerialChain,
-    tool: &'a Tool,
     compliance: &'a [f64],
     columns: Vec<Column>,
     /// What each column is multiplied by.
@@ -134,8 +133,6 @@ pub struct FirstOrder<'a> {
     sources: &'a [ReadingSource],
     /// How often an experiment is repeated.
     repeats: f64,
-    /// The arm's geometry, where nobody else keeps it.
-    state: KinematicState,
     /// The tool's place at the last configuration (m).
     tool_position: Vector3<f64>,
     joints: Vec<Lever>,
@@ -202,7 +199,6 @@ impl<'a> FirstOrder<'a> {
             });
         Self {
             chain: &arm.chain,
-            tool,
             compliance: &arm.compliance_rad_per_nm,
             factors: factors.collect(),
             whitened: Matrix3xX::zeros(columns.len()),
@@ -212,7 +208,6 @@ impl<'a> FirstOrder<'a> {
             variance_m2: sigma_m * sigma_m,
             sources,
             repeats: 1.0,
-            state: KinematicState::new(arm.chain.len()),
             tool_position: Vector3::zeros(),
             joints: vec![Lever::NONE; arm.chain.len()],
         }
@@ -235,14 +230,6 @@ impl<'a> FirstOrder<'a> {
     #[must_use]
     pub fn parameters(&self) -> usize {
         self.columns.len()
-    }
-
-    /// Moves to the joint angles `q` (rad).
-    pub fn move_to(&mut self, q: &[f64]) {
-        let mut state = std::mem::replace(&mut self.state, KinematicState::new(0));
-        self.chain.at(self.tool).update(q, &mut state);
-        self.stand(q, &state);
-        self.state = state;
     }
 
     /// Moves to the joint angles `q` (rad), where the arm with its tool has this geometry.

@@ -6,10 +6,13 @@
 //! the commanded angles to first order in compliance (eqs. 3 to 8, extended), for planning; and through
 //! the static equilibrium, for identification.
 //!
-//! What is planned is seen as [`PlannedReadings`]: by that model ([`ObservedRows`]) or, where deflections alone are read of
-//! an arm without springs beside the joints' own, in the same form closed ([`FirstOrder`]), with gradients; tests hold the
-//! two together.
+//! What is planned is seen as [`PlannedReadings`]: by that model ([`ObservedRows`]) or in the same form closed, with
+//! gradients: where deflections alone are read of an arm without springs beside the joints' own ([`FirstOrder`]), and
+//! where compliances alone are unknown and only the instrument's noise disturbs ([`ComplianceRows`]). Tests hold the
+//! three together.
 
+mod braced;
+mod compliances;
 mod first_order;
 mod information;
 mod model;
@@ -22,6 +25,8 @@ mod sweep;
 #[cfg(test)]
 mod tests;
 
+pub use braced::BareArm;
+pub use compliances::{ComplianceColumns, ComplianceRows};
 pub use first_order::FirstOrder;
 pub use information::{
     NormalEquations, normal_equations, planned_information, planned_information_of_each,
@@ -29,7 +34,7 @@ pub use information::{
 };
 pub use model::{Form, ObservationModel};
 pub use observed::ObservedRows;
-pub use planned::PlannedReadings;
+pub use planned::{NOTHING_READ, PlannedReadings};
 pub use reading::{
     DeflectionPrecision, Observation, PlannedReading, Prediction, Reading, ReadingKind, Setup,
     Whitener,

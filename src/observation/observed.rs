@@ -98,6 +98,12 @@ impl<'a> ObservedRows<'a> {
         self.sources
     }
 
+    /// The number of a reading's rows: 3, or 6 where rotations are read.
+    #[must_use]
+    pub const fn rows(&self) -> usize {
+        self.precision.rows()
+    }
+
     /// The number p of parameters.
     #[must_use]
     pub const fn parameters(&self) -> usize {
@@ -400,4 +406,4 @@ fn with_zeros(arm: &ElasticArm, wanted: &ParameterSet) -> (ParameterSet, Vec<usi
 }
 
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;

@@ -1,20 +1,41 @@
 //! Readings that are planned: the one way in which planning, promises and studies see them.
 
+use std::borrow::Cow;
+
 use nalgebra::{Matrix3, Matrix3xX, Matrix6, Matrix6xX, Vector3};
 
+use super::braced::BareArm;
+use super::compliances::ComplianceRows;
 use super::first_order::FirstOrder;
 use super::observed::ObservedRows;
 use super::reading::DeflectionPrecision;
 use crate::parameter::{ElasticArm, ParameterSet, ReadingSource};
-use crate::robot::{KinematicState, Load};
+use crate::robot::{KinematicState, Kinematics, Load};
+
+/// The precision where nothing is read, as at a test pose.
+pub const NOTHING_READ: DeflectionPrecision = DeflectionPrecision {
+    sigma_m: 1.0,
+    rotation_sigma_rad: None,
+};
 
 /// The readings of an arm at one of its tools, at nominal parameters: derivatives with respect to parameters in units
 /// of their sizes, and covariances.
 #[derive(Debug, Clone)]
-pub enum PlannedReadings<'a> {
-    /// Deflections of an arm without springs beside the joints' own: the same in closed form, with gradients.
+pub struct PlannedReadings<'a> {
+    arm: BareArm<'a>,
+    /// The arm's geometry at the last configuration.
+    state: KinematicState,
+    rows: PlannedRows<'a>,
+}
+
+/// What the rows of the readings' derivatives come from.
+#[derive(Debug, Clone)]
+enum PlannedRows<'a> {
+    /// Of compliances alone, where only the instrument's noise disturbs: in closed form, with gradients.
+    Compliances(Box<ComplianceRows<'a>>),
+    /// Of any parameters in deflections of an arm without springs beside the joints' own: the same.
     Deflections(Box<FirstOrder<'a>>),
-    /// Any others.
+    /// Of any others.
     Others(Box<ObservedRows<'a>>),
 }
 
@@ -29,13 +50,40 @@ impl<'a> PlannedReadings<'a> {
         precision: DeflectionPrecision,
         sources: &'a [ReadingSource],
     ) -> Self {
-        if precision.rows() == 3 && !arm.chain.elements.has_springs() {
+        let rows = if precision.rows() == 3 && !arm.chain.elements.has_springs() {
             let sigma_m = precision.sigma_m;
             let model = FirstOrder::new(arm, target, set, sizes, sigma_m, sources);
-            Self::Deflections(Box::new(model))
+            PlannedRows::Deflections(Box::new(model))
         } else {
-            let rows = ObservedRows::new(arm, target, set, sizes, precision, sources);
-            Self::Others(Box::new(rows))
+            let model = ObservedRows::new(arm, target, set, sizes, precision, sources);
+            PlannedRows::Others(Box::new(model))
+        };
+        let bare = BareArm {
+            chain: &arm.chain,
+            compliance_rad_per_nm: &arm.compliance_rad_per_nm,
+            tool: &arm.tools[target],
+        };
+        Self::of(bare, rows)
+    }
+
+    /// The readings where the compliances of some joints alone are to be found, and only the instrument's noise
+    /// disturbs.
+    #[must_use]
+    pub fn of_compliances(
+        arm: BareArm<'a>,
+        joints: &[usize],
+        sizes: &[f64],
+        precision: DeflectionPrecision,
+    ) -> Self {
+        let rows = ComplianceRows::new(arm, joints, sizes, precision);
+        Self::of(arm, PlannedRows::Compliances(Box::new(rows)))
+    }
+
+    fn of(arm: BareArm<'a>, rows: PlannedRows<'a>) -> Self {
+        Self {
+            state: KinematicState::new(arm.chain.len()),
+            arm,
+            rows,
         }
     }
 
@@ -47,63 +95,95 @@ impl<'a> PlannedReadings<'a> {
         set: &ParameterSet,
         sizes: &[f64],
     ) -> Self {
-        let precision = DeflectionPrecision {
-            sigma_m: 1.0,
-            rotation_sigma_rad: None,
-        };
-        Self::new(arm, target, set, sizes, precision, &[])
+        Self::new(arm, target, set, sizes, NOTHING_READ, &[])
     }
 
     /// See [`FirstOrder::set_repeats`].
     pub fn set_repeats(&mut self, repeats: u32) {
-        match self {
-            Self::Deflections(model) => model.set_repeats(repeats),
-            Self::Others(model) => model.set_repeats(repeats),
+        match &mut self.rows {
+            // Repeats share nothing of the instrument's noise.
+            PlannedRows::Compliances(_) => {}
+            PlannedRows::Deflections(model) => model.set_repeats(repeats),
+            PlannedRows::Others(model) => model.set_repeats(repeats),
+        }
+    }
+
+    /// The acceleration of gravity (m/s^2).
+    #[must_use]
+    pub const fn gravity_m_s2(&self) -> Vector3<f64> {
+        self.arm.chain.gravity_m_s2
+    }
+
+    /// The number of a reading's rows: 3, or 6 where rotations are read.
+    #[must_use]
+    pub const fn rows(&self) -> usize {
+        match &self.rows {
+            PlannedRows::Compliances(model) => model.rows(),
+            PlannedRows::Deflections(_) => 3,
+            PlannedRows::Others(model) => model.rows(),
         }
     }
 
     /// The number p of parameters.
     #[must_use]
     pub fn parameters(&self) -> usize {
-        match self {
-            Self::Deflections(model) => model.parameters(),
-            Self::Others(model) => model.parameters(),
+        match &self.rows {
+            PlannedRows::Compliances(model) => model.parameters(),
+            PlannedRows::Deflections(model) => model.parameters(),
+            PlannedRows::Others(model) => model.parameters(),
         }
     }
 
     /// Moves to the joint angles `q` (rad).
     pub fn move_to(&mut self, q: &[f64]) {
-        match self {
-            Self::Deflections(model) => model.move_to(q),
-            Self::Others(model) => model.move_to(q),
+        let BareArm { chain, tool, .. } = self.arm;
+        chain.at(tool).update(q, &mut self.state);
+        match &mut self.rows {
+            PlannedRows::Compliances(model) => model.stand(q, &self.state),
+            PlannedRows::Deflections(model) => model.stand(q, &self.state),
+            PlannedRows::Others(model) => model.move_to(q),
         }
     }
 
-    /// Moves to the joint angles `q` (rad), where the arm with its tool has this geometry.
-    pub fn stand(&mut self, q: &[f64], state: &KinematicState) {
-        match self {
-            Self::Deflections(model) => model.stand(q, state),
-            Self::Others(model) => model.move_to(q),
+    /// The arm's geometry at the last configuration.
+    #[must_use]
+    pub const fn state(&self) -> &KinematicState {
+        &self.state
+    }
+
+    /// The same with the springs beside the joints' own at work, see [`KinematicState::brace`].
+    #[must_use]
+    pub fn seen(&self) -> Cow<'_, KinematicState> {
+        if let PlannedRows::Compliances(model) = &self.rows {
+            return Cow::Borrowed(model.seen(&self.state));
         }
+        let mobility = self.state.mobility(self.arm.compliance_rad_per_nm);
+        mobility.map_or(Cow::Borrowed(&self.state), |mobility| {
+            let mut state = self.state.clone();
+            state.brace(&mobility);
+            Cow::Owned(state)
+        })
     }
 
     /// Writes the derivatives of a reading (6 x p); one of three rows leaves the last three to be ignored.
     pub fn derivatives(&self, load: &Load, matrix: &mut Matrix6xX<f64>) {
-        match self {
-            Self::Deflections(model) => {
+        match &self.rows {
+            PlannedRows::Compliances(model) => model.derivatives(&self.state, load, matrix),
+            PlannedRows::Deflections(model) => {
                 let mut three = Matrix3xX::zeros(matrix.ncols());
                 model.derivatives(load, &mut three);
                 matrix.fixed_rows_mut::<3>(0).copy_from(&three);
             }
-            Self::Others(model) => model.derivatives(load, matrix),
+            PlannedRows::Others(model) => model.derivatives(load, matrix),
         }
     }
 
     /// See [`FirstOrder::uncompensated`].
     pub fn uncompensated(&self, load: &Load, matrix: &mut Matrix3xX<f64>) {
-        match self {
-            Self::Deflections(model) => model.uncompensated(load, matrix),
-            Self::Others(model) => model.uncompensated(load, matrix),
+        match &self.rows {
+            PlannedRows::Compliances(model) => model.uncompensated(&self.state, load, matrix),
+            PlannedRows::Deflections(model) => model.uncompensated(load, matrix),
+            PlannedRows::Others(model) => model.uncompensated(load, matrix),
         }
     }
 
@@ -111,9 +191,10 @@ impl<'a> PlannedReadings<'a> {
     /// is shared.
     #[must_use]
     pub fn covariance_of(&self, source: usize, load: &Load) -> Matrix6<f64> {
-        match self {
-            Self::Deflections(model) => of_positions(&model.covariance_of(source, load)),
-            Self::Others(model) => model.covariance_of(source, load),
+        match &self.rows {
+            PlannedRows::Compliances(_) => Matrix6::zeros(),
+            PlannedRows::Deflections(model) => of_positions(&model.covariance_of(source, load)),
+            PlannedRows::Others(model) => model.covariance_of(source, load),
         }
     }
 
@@ -127,9 +208,10 @@ impl<'a> PlannedReadings<'a> {
     /// What the repeats of an experiment share of it.
     #[must_use]
     pub fn covariance_shared(&self, load: &Load) -> Matrix6<f64> {
-        let one = |source: usize| match self {
-            Self::Deflections(model) => of_positions(&model.covariance_of_one(source, load)),
-            Self::Others(model) => model.covariance_of_one(source, load),
+        let one = |source: usize| match &self.rows {
+            PlannedRows::Compliances(_) => Matrix6::zeros(),
+            PlannedRows::Deflections(model) => of_positions(&model.covariance_of_one(source, load)),
+            PlannedRows::Others(model) => model.covariance_of_one(source, load),
         };
         let sources = self.sources().iter().enumerate();
         sources
@@ -139,36 +221,42 @@ impl<'a> PlannedReadings<'a> {
     }
 
     fn sources(&self) -> &[ReadingSource] {
-        match self {
-            Self::Deflections(model) => model.sources(),
-            Self::Others(model) => model.sources(),
+        match &self.rows {
+            PlannedRows::Compliances(_) => &[],
+            PlannedRows::Deflections(model) => model.sources(),
+            PlannedRows::Others(model) => model.sources(),
         }
     }
 
     /// Writes the derivatives of the whitened reading: 3 x p for positions, and 3 x p for rotations beside them.
     pub fn observe(&self, load: &Load, matrix: &mut Matrix3xX<f64>) {
-        match self {
-            Self::Deflections(model) => model.observe(load, matrix),
-            Self::Others(model) => model.observe(load, matrix),
+        match &self.rows {
+            PlannedRows::Compliances(model) => model.observe(&self.state, load, matrix),
+            PlannedRows::Deflections(model) => model.observe(load, matrix),
+            PlannedRows::Others(model) => model.observe(load, matrix),
         }
     }
 
     /// Adds the derivatives of a cost of the information A^T A of the whitened rows A with respect to the joint angles
     /// to `gradient` (n). `factor` is that with respect to A.
     pub fn pull_back(&mut self, load: &Load, factor: &Matrix3xX<f64>, gradient: &mut [f64]) {
-        match self {
-            Self::Deflections(model) => {
+        match &mut self.rows {
+            PlannedRows::Compliances(model) => {
+                model.pull_back(&self.state, load, factor, gradient);
+            }
+            PlannedRows::Deflections(model) => {
                 model.pull_back(load, factor, gradient);
             }
-            Self::Others(model) => model.pull_back(load, factor, gradient),
+            PlannedRows::Others(model) => model.pull_back(load, factor, gradient),
         }
     }
 
     /// The same with respect to the force.
     pub fn force_gradient(&mut self, load: &Load, factor: &Matrix3xX<f64>) -> Vector3<f64> {
-        match self {
-            Self::Deflections(model) => model.pull_back(load, factor, &mut []),
-            Self::Others(model) => model.force_gradient(load, factor),
+        match &mut self.rows {
+            PlannedRows::Compliances(model) => model.force_gradient(&self.state, factor),
+            PlannedRows::Deflections(model) => model.pull_back(load, factor, &mut []),
+            PlannedRows::Others(model) => model.force_gradient(load, factor),
         }
     }
 }

@@ -1,21 +1,16 @@
 //! What a plan promises: the information matrix, and the accuracy that follows from it.
 
-use nalgebra::{DMatrix, Matrix3xX};
+use nalgebra::{DMatrix, Matrix3xX, Matrix6xX};
 
 use super::{Experiment, Plan};
-use crate::observation::{DeflectionPrecision, PlannedReadings};
-use crate::robot::{ObservationMatrix, SerialChain, Tool};
+use crate::observation::{BareArm, DeflectionPrecision, PlannedReadings};
 use crate::task::{Belief, Extended};
 
 /// The planner's model of an experiment: the nominal robot with the calibration tool.
 #[derive(Debug, Clone)]
 pub struct ExperimentModel<'a> {
-    /// The nominal chain.
-    pub chain: &'a SerialChain,
-    /// The nominal compliances of all joints (rad/(N m)).
-    pub compliance_rad_per_nm: &'a [f64],
-    /// The calibration tool.
-    pub tool: &'a Tool,
+    /// The nominal arm with the calibration tool.
+    pub arm: BareArm<'a>,
     /// The identified joints.
     pub parameters: &'a [usize],
     /// The standard deviation of a deflection's coordinates (m).
@@ -31,9 +26,7 @@ impl<'a> ExperimentModel<'a> {
     #[must_use]
     pub fn new(belief: &'a Belief) -> Self {
         Self {
-            chain: &belief.nominal.chain,
-            compliance_rad_per_nm: &belief.nominal.compliance_rad_per_nm,
-            tool: &belief.calibration_tool,
+            arm: belief.arm_with(&belief.calibration_tool),
             parameters: &belief.parameters,
             sigma_m: belief.instrument.sigma_m,
             rotation_sigma_rad: belief.instrument.rotation_sigma_rad,
@@ -68,14 +61,16 @@ impl<'a> ExperimentModel<'a> {
             let model = extended.readings_of_all(self.precision());
             return self.rows_of(model, experiment);
         }
-        let arm = self.chain.at(self.tool);
-        let state = arm.state(experiment.configuration_rad.as_slice());
-        let state = state.braced(self.compliance_rad_per_nm);
-        let observed = ObservationMatrix::new(&state, &experiment.load, self.parameters);
-        let mut rows = DMatrix::zeros(self.rows(), self.parameters.len());
-        rows.rows_mut(0, 3).copy_from(&observed.position);
+        let size = self.parameters.len();
+        let (joints, sizes, precision) = (self.parameters, vec![1.0; size], self.precision());
+        let mut model = PlannedReadings::of_compliances(self.arm, joints, &sizes, precision);
+        let mut observed = Matrix6xX::zeros(size);
+        model.move_to(experiment.configuration_rad.as_slice());
+        model.derivatives(&experiment.load, &mut observed);
+        let mut rows = DMatrix::zeros(self.rows(), size);
+        rows.rows_mut(0, 3).copy_from(&observed.fixed_rows::<3>(0));
         if let Some(sigma_rad) = self.rotation_sigma_rad {
-            let rotation = observed.rotation * (self.sigma_m / sigma_rad);
+            let rotation = observed.fixed_rows::<3>(3) * (self.sigma_m / sigma_rad);
             rows.rows_mut(3, 3).copy_from(&rotation);
         }
         rows

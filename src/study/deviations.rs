@@ -1,9 +1,9 @@
 //! What a run's truth differs in from what is believed to be nominal, and how the linear model sees it.
 
-use nalgebra::{Cholesky, DMatrix, Matrix3xX, Matrix6};
+use nalgebra::{Cholesky, DMatrix, Matrix6};
 
 use super::torque_laws::beyond_springs;
-use crate::compensation::{test_pose_matrix, weighted_rows};
+use crate::compensation::{test_pose_matrix, uncompensated_rows, weighted_rows};
 use crate::numeric::random::normal::LANES;
 use crate::observation::PlannedReadings;
 use crate::parameter::{ElasticArm, ParameterKind, ParameterSet, ReadingSource, Source};
@@ -261,11 +261,8 @@ impl<'a> Deviations<'a> {
             None => test_pose_matrix(self.belief, pose, &self.joints),
             Some(set) => {
                 let sizes = vec![1.0; set.len()];
-                let mut first = PlannedReadings::at_test_pose(&self.arm, target, set, &sizes);
-                let mut matrix = Matrix3xX::zeros(set.len());
-                first.move_to(pose.configuration_rad.as_slice());
-                first.uncompensated(&pose.load, &mut matrix);
-                pose.counted_rows(DMatrix::from_column_slice(3, set.len(), matrix.as_slice()))
+                let model = PlannedReadings::at_test_pose(&self.arm, target, set, &sizes);
+                uncompensated_rows(model, pose)
             }
         };
         self.with_laws(rows, |robot| {

@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
 use super::Extended;
-use crate::observation::DeflectionPrecision;
+use crate::observation::{BareArm, DeflectionPrecision};
 use crate::parameter::{ElasticArm, Prior};
 use crate::robot::{Commands, Robot, Tool};
 
@@ -85,6 +85,16 @@ impl Belief {
     #[must_use]
     pub fn joints(&self) -> usize {
         self.nominal.chain.len()
+    }
+
+    /// The nominal arm with one of its tools.
+    #[must_use]
+    pub fn arm_with<'a>(&'a self, tool: &'a Tool) -> BareArm<'a> {
+        BareArm {
+            chain: &self.nominal.chain,
+            compliance_rad_per_nm: &self.nominal.compliance_rad_per_nm,
+            tool,
+        }
     }
 
     /// The nominal arm: the calibration tool first, then the machining tool where it is another one.

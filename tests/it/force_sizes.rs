@@ -218,9 +218,9 @@ fn derivatives_by_the_size_are_those_of_differences() {
         let difference = (information(size + step).0 - information(size - step).0) / (2.0 * step);
         assert_close("information", slope, difference, 1e-7);
         for bound in bounds_of(&scenario.task.region) {
-            let margin = |size: f64| bound.margin(&evaluator.state, &load(size), &gravity);
+            let margin = |size: f64| bound.margin(evaluator.state(), &load(size), &gravity);
             let difference = (margin(size + step) - margin(size - step)) / (2.0 * step);
-            let slope = (bound.force_derivative(&evaluator.state))
+            let slope = (bound.force_derivative(evaluator.state()))
                 .map_or(0.0, |slope| slope.dot(&direction));
             assert!(
                 (slope - difference).abs() < 1e-9,

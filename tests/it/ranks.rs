@@ -79,7 +79,8 @@ impl<'a> LinearWorld<'a> {
         let mut measurements = Vec::new();
         for experiment in self.plan.experiments.clone() {
             let load = experiment.load;
-            model.move_to(experiment.configuration_rad.as_slice());
+            let q = experiment.configuration_rad.as_slice();
+            model.stand(q, &arm.chain.at(&arm.tools[0]).state(q));
             model.derivatives(&load, &mut jacobian);
             let shared = model.covariance_shared(&load);
             let new = root(to_dynamic(&(model.covariance(&load) - shared)));

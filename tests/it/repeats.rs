@@ -85,20 +85,15 @@ fn identification_weighs_repeats_as_generalised_least_squares() {
 
     let extended = belief.uncertain.as_ref().expect("much is uncertain");
     let size = belief.unknowns();
-    let mut model = FirstOrder::new(
-        extended.arm(),
-        0,
-        extended.set(),
-        &vec![1.0; size],
-        1.0,
-        &[],
-    );
+    let (arm, sizes) = (extended.arm(), vec![1.0; size]);
+    let mut model = FirstOrder::new(arm, 0, extended.set(), &sizes, 1.0, &[]);
     let (mut rows, mut right) = (DMatrix::zeros(36, size), DMatrix::zeros(36, 1));
     let mut covariance = DMatrix::zeros(36, 36);
     let mut jacobian = nalgebra::Matrix3xX::zeros(size);
     let values = belief.values();
     for (index, each) in measurements.iter().enumerate() {
-        model.move_to(each.configuration_rad.as_slice());
+        let q = each.configuration_rad.as_slice();
+        model.stand(q, &arm.chain.at(&arm.tools[0]).state(q));
         model.derivatives(&each.load, &mut jacobian);
         rows.rows_mut(3 * index, 3).copy_from(&jacobian);
         let left = each.deflection_m - model.deflection(&each.load);

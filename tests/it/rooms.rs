@@ -329,3 +329,60 @@ fn what_looks_upward_is_found() {
         assert!(upward(&order, "low", other).is_empty(), "{other}");
     }
 }
+
+/// The numbers of the equations that a text names: "eq. 20", "eqs. 10, 11", "eqs. 3 to 8", "(eqs. 4 and 8)".
+fn equations(text: &str) -> BTreeSet<usize> {
+    let lines = text
+        .lines()
+        .map(|line| line.trim().trim_start_matches(['/', '!']));
+    let words: Vec<String> = lines
+        .flat_map(|line| line.split_whitespace().map(str::to_owned))
+        .collect();
+    let number = |word: &str| -> Option<usize> {
+        word.trim_matches(|letter: char| !letter.is_ascii_digit())
+            .parse()
+            .ok()
+    };
+    let mut found = BTreeSet::new();
+    for (place, word) in words.iter().enumerate() {
+        if !["eq.", "eqs."].contains(&word.trim_start_matches(['(', '"'])) {
+            continue;
+        }
+        let mut last = None;
+        let mut is_range = false;
+        for word in &words[place + 1..] {
+            match (word.as_str(), number(word)) {
+                ("to", _) => is_range = true,
+                ("and", _) => {}
+                (_, Some(next)) => {
+                    found.extend(last.filter(|_| is_range).unwrap_or(next)..=next);
+                    (last, is_range) = (Some(next), false);
+                }
+                _ => break,
+            }
+            // Whatever follows a closing bracket or the end of a sentence is not of the list.
+            if word.ends_with([')', '.', ';', ':']) {
+                break;
+            }
+        }
+    }
+    found
+}
+
+#[test]
+fn named_equations_are_found() {
+    let text = "/// See eqs. 3, 4 and\n/// 7 (eqs. 10 to 12). In eq. 20; 21 things.";
+    assert_eq!(equations(text), BTreeSet::from([3, 4, 7, 10, 11, 12, 20]));
+}
+
+/// Whoever looks for an equation of the paper finds the code that is about it.
+#[test]
+fn every_equation_of_the_paper_has_its_place() {
+    let modules = declared();
+    let texts = modules.iter().flat_map(|module| sources(module));
+    let found: BTreeSet<usize> = texts
+        .flat_map(|file| equations(&std::fs::read_to_string(file).expect("it is there")))
+        .collect();
+    let missing: Vec<usize> = (1..=23).filter(|number| !found.contains(number)).collect();
+    assert_eq!(missing, [] as [usize; 0]);
+}

@@ -6,7 +6,7 @@ use super::FirstOrder;
 use crate::observation::{ObservationModel, ReadingKind, Setup};
 use crate::parameter::arms::{Numbers, heavy, random, random_elastic, ur10};
 use crate::parameter::{Axis, ElasticArm, ParameterKind, ParameterSet, ReadingSource, arms};
-use crate::robot::Load;
+use crate::robot::{KinematicState, Load};
 
 /// Arms as a scenario has them: no zeros, the instrument's frame that of the base; the tool last or in the
 /// middle.
@@ -92,7 +92,7 @@ fn derivatives_are_those_of_the_observation_model() {
             let prediction =
                 model.predict_first_order(&setup, ReadingKind::Deflection, &mut expected);
             let mut found = Matrix3xX::zeros(set.len());
-            first.move_to(q.as_slice());
+            stand(&mut first, &arm, q.as_slice());
             first.derivatives(&load, &mut found);
             assert!((first.deflection(&load) - prediction.position_m).norm() < 1e-13);
             for (index, parameter) in set.parameters().iter().enumerate() {
@@ -115,7 +115,7 @@ fn drifts_are_seen_as_they_are() {
         let mut first = FirstOrder::new(&arm, 0, &set, &[1.0; 3], 1e-5, &[]);
         let q = numbers.configuration(&arm.chain);
         let load = load(&mut numbers, true);
-        first.move_to(q.as_slice());
+        stand(&mut first, &arm, q.as_slice());
         let mut matrix = Matrix3xX::zeros(3);
         first.derivatives(&load, &mut matrix);
         assert!((&matrix - Matrix3xX::identity(3)).amax() == 0.0);
@@ -161,7 +161,7 @@ fn the_tasks_force_acts_at_test_poses_alone() {
         let mut first = FirstOrder::new(&arm, 0, &set, &[1.0; 4], 1e-5, &[]);
         let q = numbers.configuration(&arm.chain);
         let load = load(&mut numbers, true);
-        first.move_to(q.as_slice());
+        stand(&mut first, &arm, q.as_slice());
         let mut matrix = Matrix3xX::zeros(4);
         first.derivatives(&load, &mut matrix);
         assert!(matrix.iter().all(|value| *value == 0.0));
@@ -182,10 +182,20 @@ fn the_tasks_force_acts_at_test_poses_alone() {
     }
 }
 
+/// Moves a model of an arm at its first tool to joint angles (rad).
+pub(in crate::observation) fn stand(
+    first: &mut FirstOrder<'_>,
+    arm: &ElasticArm,
+    q: &[f64],
+) -> KinematicState {
+    let state = arm.chain.at(&arm.tools[0]).state(q);
+    first.stand(q, &state);
+    state
+}
+
 /// trace(G A^T A) for a symmetric G, with the whitened derivatives A.
-fn cost(first: &mut FirstOrder<'_>, q: &[f64], load: &Load, weights: &DMatrix<f64>) -> f64 {
+fn cost(first: &FirstOrder<'_>, load: &Load, weights: &DMatrix<f64>) -> f64 {
     let mut matrix = Matrix3xX::zeros(weights.nrows());
-    first.move_to(q);
     first.observe(load, &mut matrix);
     (&matrix * weights * matrix.transpose()).trace()
 }
@@ -223,7 +233,8 @@ fn gradients_are_those_of_differences() {
             let load = load(&mut numbers, sources.len() % 2 == 0);
             let half = DMatrix::from_fn(set.len(), set.len(), |_, _| numbers.between(-1.0, 1.0));
             let weights = &half * half.transpose();
-            let value = cost(&mut first, q.as_slice(), &load, &weights);
+            stand(&mut first, &arm, q.as_slice());
+            let value = cost(&first, &load, &weights);
             let mut matrix = Matrix3xX::zeros(set.len());
             first.observe(&load, &mut matrix);
             let factor = &matrix * &weights * 2.0;
@@ -233,7 +244,8 @@ fn gradients_are_those_of_differences() {
                 let mut central = |h: f64| {
                     let mut value = |h: f64| {
                         let (q, load) = at(h);
-                        cost(&mut first, q.as_slice(), &load, &weights)
+                        stand(&mut first, &arm, q.as_slice());
+                        cost(&first, &load, &weights)
                     };
                     (value(h) - value(-h)) / (2.0 * h)
                 };
@@ -281,7 +293,7 @@ fn covariances_are_those_of_what_changes() {
         let mut first = FirstOrder::new(&arm, 0, &set, &[1.0], 3e-5, &sources);
         let q = numbers.configuration(&arm.chain);
         let load = load(&mut numbers, true);
-        first.move_to(q.as_slice());
+        let state = stand(&mut first, &arm, q.as_slice());
         let by = |changed: &dyn Fn(f64) -> Load, h: f64| {
             (first.deflection(&changed(h)) - first.deflection(&changed(-h))) / (2.0 * h)
         };
@@ -307,13 +319,13 @@ fn covariances_are_those_of_what_changes() {
             panic!("returning joints come first");
         };
         for (joint, deviation) in deviations.iter().enumerate() {
-            let column = first.state.position_column(joint) * *deviation;
+            let column = state.position_column(joint) * *deviation;
             expected += column * column.transpose();
         }
         let ReadingSource::Range { from_m, per_metre } = &sources[3] else {
             panic!("then the range");
         };
-        let distance = (first.state.tool_position - from_m).norm();
+        let distance = (state.tool_position - from_m).norm();
         expected += nalgebra::Matrix3::identity() * (distance * per_metre).powi(2);
         let (ReadingSource::GearError(gears), ReadingSource::Misfit(misfit)) =
             (&sources[4], &sources[5])
@@ -326,7 +338,7 @@ fn covariances_are_those_of_what_changes() {
             let mut at = |h: f64| {
                 let mut q = q.clone();
                 q[joint] += h;
-                moved.move_to(q.as_slice());
+                stand(&mut moved, &arm, q.as_slice());
                 moved.deflection(&load)
             };
             let column = (at(1e-4) - at(-1e-4)) / 2e-4 * *deviation;

@@ -4,29 +4,29 @@
 use nalgebra::{DMatrix, DVector, Matrix3xX, Matrix6, Matrix6xX, Vector3};
 
 use super::{DeflectionPrecision, ObservedRows};
-use crate::observation::first_order::tests::{arms, every_source, everything, load};
+use crate::observation::first_order::tests::{arms, every_source, everything, load, stand};
 use crate::observation::{FirstOrder, ObservationModel, ReadingKind, Setup};
 use crate::parameter::arms::{Numbers, random_elastic};
 use crate::parameter::{ElasticArm, ParameterKind, ParameterSet};
 use crate::robot::{EquilibriumSolver, Load, Place, Spring};
 
-const DEFLECTIONS: DeflectionPrecision = DeflectionPrecision {
+pub(in crate::observation) const DEFLECTIONS: DeflectionPrecision = DeflectionPrecision {
     sigma_m: 3e-5,
     rotation_sigma_rad: None,
 };
-const ROTATIONS: DeflectionPrecision = DeflectionPrecision {
+pub(in crate::observation) const ROTATIONS: DeflectionPrecision = DeflectionPrecision {
     sigma_m: 3e-5,
     rotation_sigma_rad: Some(2e-5),
 };
 
-fn configuration(numbers: &mut Numbers, arm: &ElasticArm) -> Vec<f64> {
+pub(in crate::observation) fn configuration(numbers: &mut Numbers, arm: &ElasticArm) -> Vec<f64> {
     (0..arm.chain.len())
         .map(|_| numbers.between(-1.0, 1.0))
         .collect()
 }
 
 /// A compensator between the base and a link, and parameters that it has a part in.
-fn with_a_spring(numbers: &mut Numbers) -> (ElasticArm, ParameterSet) {
+pub(in crate::observation) fn with_a_spring(numbers: &mut Numbers) -> (ElasticArm, ParameterSet) {
     let mut arm = random_elastic(numbers, 4);
     arm.zero_rad.fill(0.0);
     arm.instrument_from_base = vec![nalgebra::Isometry3::identity()];
@@ -76,7 +76,7 @@ fn deflections_are_those_of_the_closed_form() {
         let load = load(numbers, true);
         closed.set_repeats(3);
         observed.set_repeats(3);
-        closed.move_to(&q);
+        stand(&mut closed, &arm, &q);
         observed.move_to(&q);
         for source in 0..sources.len() {
             let expected = closed.covariance_of(source, &load);

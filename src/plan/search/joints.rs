@@ -66,7 +66,7 @@ pub(super) fn indifferent_joints(
     let mut told = |q: &[f64], load: &Load| {
         evaluator.move_to(q);
         evaluator.observe(load, &mut matrix);
-        let margin = |bound: &SmoothBound| bound.margin(&evaluator.state, load, &gravity);
+        let margin = |bound: &SmoothBound| bound.margin(evaluator.state(), load, &gravity);
         let mut told: Vec<f64> = bounds.iter().map(margin).collect();
         for first in (0..matrix.ncols()).step_by(size) {
             let rows = matrix.columns(first, size);

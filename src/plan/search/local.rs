@@ -179,7 +179,7 @@ impl<'a> LocalSearch<'a> {
     pub fn is_inside(&self, q: &[f64], load: &Load) -> bool {
         let mut seat = self.evaluator.borrow_mut();
         seat.move_to(q);
-        let state = &seat.evaluator.state;
+        let state = seat.evaluator.state();
         self.bounds
             .iter()
             .all(|bound| bound.margin(state, load, &self.gravity) >= INSET - SLACK)
@@ -195,7 +195,7 @@ impl<'a> LocalSearch<'a> {
     ) -> Option<f64> {
         let mut seat = self.evaluator.borrow_mut();
         seat.move_to(q);
-        let state = &seat.evaluator.state;
+        let state = seat.evaluator.state();
         let (mut least, mut most) = (low, high);
         for bound in &self.bounds {
             let Some(slope) = bound.force_derivative(state) else {
@@ -466,7 +466,7 @@ impl<'a> LocalSearch<'a> {
                 let gradient = gradient.map(|gradient| {
                     let (of_joints, of_load) = gradient.split_at_mut(joints);
                     of_load.fill(0.0);
-                    if let Some(slope) = bound.force_derivative(&seat.evaluator.state) {
+                    if let Some(slope) = bound.force_derivative(seat.evaluator.state()) {
                         free.pull_back(&-slope, of_load);
                     }
                     of_joints
@@ -501,7 +501,7 @@ impl<'a> LocalSearch<'a> {
         load: &Load,
         gradient: Option<&mut [f64]>,
     ) -> f64 {
-        let state = &seat.evaluator.state;
+        let state = seat.evaluator.state();
         if let Some(gradient) = gradient {
             for (joint, slope) in gradient.iter_mut().enumerate() {
                 *slope = -bound.derivative(state, load, &self.gravity, joint);

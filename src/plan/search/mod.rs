@@ -21,7 +21,6 @@
 
 mod approximate;
 mod bound;
-mod braced;
 mod budget;
 mod candidates;
 mod criteria;

@@ -10,9 +10,9 @@ use super::point::{LoadChoice, add_information};
 use super::relevance::relevant;
 use crate::compensation::{test_pose_matrix, test_pose_rows};
 use crate::numeric::estimable::Estimable;
+use crate::observation::{ComplianceColumns, PlannedReadings};
 use crate::plan::{
-    Criterion, CriterionFunction, Experiment, ExperimentModel, Plan, SmoothBound, bounds_of,
-    widened,
+    Criterion, CriterionFunction, Experiment, Plan, SmoothBound, bounds_of, widened,
 };
 use crate::task::{Extended, Region, Task, TestPose};
 
@@ -502,16 +502,18 @@ impl<'a> Problem<'a> {
     /// An evaluator of this problem's experiments.
     #[must_use]
     pub fn evaluator(&self) -> MatrixEvaluator<'a> {
-        let evaluator = MatrixEvaluator::new(
-            ExperimentModel::new(&self.task.belief),
-            &self.parameters,
-            &self.sizes[..self.parameters.len()],
-            self.basis.as_ref(),
+        let belief = &self.task.belief;
+        let (arm, precision) = (
+            belief.arm_with(&belief.calibration_tool),
+            belief.instrument.precision(),
         );
-        match self.extended {
-            Some(extended) => evaluator.extended(extended, &self.considered, &self.sizes),
-            None => evaluator,
-        }
+        let (joints, sizes) = (&self.parameters, &self.sizes);
+        let readings = match self.extended {
+            Some(extended) => extended.readings(&self.considered, sizes, precision),
+            None => PlannedReadings::of_compliances(arm, joints, sizes, precision),
+        };
+        let compliances = ComplianceColumns::new(joints, &sizes[..joints.len()], precision);
+        MatrixEvaluator::new(readings, compliances, self.basis.as_ref())
     }
 
     /// The criterion as a cost.

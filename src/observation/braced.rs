@@ -3,11 +3,21 @@
 
 use nalgebra::{DMatrix, Vector3};
 
-use crate::plan::ExperimentModel;
-use crate::robot::{KinematicState, Kinematics};
+use crate::robot::{KinematicState, Kinematics, SerialChain, Tool};
 
 /// How far joints are moved to see how the springs' stiffness changes (rad, m).
 const SHIFT: f64 = 1e-5;
+
+/// An arm with a tool, of which compliances alone may be unknown.
+#[derive(Debug, Clone, Copy)]
+pub struct BareArm<'a> {
+    /// The chain.
+    pub chain: &'a SerialChain,
+    /// The nominal compliances of all joints (rad/(N m)).
+    pub compliance_rad_per_nm: &'a [f64],
+    /// The tool.
+    pub tool: &'a Tool,
+}
 
 /// The arm at one configuration.
 #[derive(Debug, Clone)]
@@ -29,8 +39,8 @@ pub(super) struct ColumnWorth {
 
 impl BracedArm {
     /// `None` where no spring braces the arm.
-    pub fn new(model: &ExperimentModel<'_>, state: &KinematicState, q: &[f64]) -> Option<Self> {
-        let mobility = state.mobility(model.compliance_rad_per_nm)?;
+    pub fn new(arm: BareArm<'_>, state: &KinematicState, q: &[f64]) -> Option<Self> {
+        let mobility = state.mobility(arm.compliance_rad_per_nm)?;
         let mut state = state.clone();
         state.brace(&mobility);
         Some(Self {
@@ -48,11 +58,11 @@ impl BracedArm {
     ///
     /// a change of J is worth H = G M^T where one of J~ is worth G, and one of the springs' stiffness S costs
     /// `k_a` (`H_b` . `J~_a`) in row a and column b. J's change is known (see
-    /// [`MatrixEvaluator::pull_back`](super::MatrixEvaluator::pull_back)), that of S, which few joints have a
+    /// [`ComplianceRows::pull_back`](super::compliances::ComplianceRows::pull_back)), that of S, which few joints have a
     /// part in, comes from differences.
     pub fn pull_back(
         &self,
-        model: &ExperimentModel<'_>,
+        arm: BareArm<'_>,
         plain: &KinematicState,
         worth: &[ColumnWorth],
         gradient: &mut [f64],
@@ -82,16 +92,16 @@ impl BracedArm {
         }
         let cost = DMatrix::from_fn(joints, joints, |row, column| {
             let [moved, turned] = &worth[column];
-            model.compliance_rad_per_nm[row]
+            arm.compliance_rad_per_nm[row]
                 * (moved.dot(&self.state.position_column(row))
                     + turned.dot(&self.state.rotation_column(row)))
         });
         let mut state = plain.clone();
         let mut q = self.q.clone();
-        for joint in model.chain.elements.joints_of_springs() {
+        for joint in arm.chain.elements.joints_of_springs() {
             let mut cost_at = |shift: f64| {
                 q[joint] = self.q[joint] + shift;
-                model.chain.at(model.tool).update(&q, &mut state);
+                arm.chain.at(arm.tool).update(&q, &mut state);
                 state.spring_stiffness.dot(&cost)
             };
             gradient[joint] -= (cost_at(SHIFT) - cost_at(-SHIFT)) / (2.0 * SHIFT);

@@ -1,0 +1,293 @@
+//! Readings that are planned where compliances alone are to be found and only the instrument's noise disturbs: the
+//! observation matrix of one experiment with its derivatives, without allocation.
+
+use nalgebra::{DMatrix, Matrix3, Matrix3xX, Matrix6xX, Vector3};
+
+use super::braced::{BareArm, BracedArm, ColumnWorth};
+use super::reading::DeflectionPrecision;
+use crate::robot::{KinematicState, Load};
+
+/// Compliances that are to be found, and what their columns of the observation matrix are multiplied by.
+#[derive(Debug, Clone)]
+pub struct ComplianceColumns {
+    /// The joints whose compliances they are.
+    joints: Vec<usize>,
+    /// Size over sigma, one for each compliance.
+    scale: Vec<f64>,
+    /// The same over the sigma of rotations, where they are read.
+    rotation_scale: Option<Vec<f64>>,
+}
+
+impl ComplianceColumns {
+    /// The compliances of some joints in units of their `sizes`, read so precisely.
+    #[must_use]
+    pub fn new(joints: &[usize], sizes: &[f64], precision: DeflectionPrecision) -> Self {
+        let over = |sigma: f64| sizes.iter().map(|size| size / sigma).collect();
+        Self {
+            joints: joints.to_vec(),
+            scale: over(precision.sigma_m),
+            rotation_scale: precision.rotation_sigma_rad.map(over),
+        }
+    }
+
+    /// The matrix Q (3 x 3) with sum(B * A) for B = A G equal to F^T Q F: the information that a
+    /// force F gives in the directions G (p x p, symmetric) where the arm has this geometry, with its springs at
+    /// work, for loads without torque. Its largest eigenvector is the best direction of the force.
+    #[must_use]
+    pub fn force_form(&self, state: &KinematicState, directions: &DMatrix<f64>) -> Matrix3<f64> {
+        let mut form = Matrix3::zeros();
+        let columns = || {
+            (self.joints.iter().enumerate())
+                .map(|(index, &joint)| (index, state.position_column(joint)))
+        };
+        let axis = |index: usize| state.rotation_column(self.joints[index]);
+        for (one, j_one) in columns() {
+            for (other, j_other) in columns() {
+                let mut weight = directions[(one, other)]
+                    * self.scale[one]
+                    * self.scale[other]
+                    * j_one.dot(&j_other);
+                if let Some(scale) = &self.rotation_scale {
+                    weight += directions[(one, other)]
+                        * scale[one]
+                        * scale[other]
+                        * axis(one).dot(&axis(other));
+                }
+                form += j_one * j_other.transpose() * weight;
+            }
+        }
+        (form + form.transpose()) * 0.5
+    }
+}
+
+/// An arm's deflections, and rotations beside them, to first order in compliance. Arms may have springs beside the
+/// joints' own.
+#[derive(Debug, Clone)]
+pub struct ComplianceRows<'a> {
+    arm: BareArm<'a>,
+    columns: ComplianceColumns,
+    sizes: Vec<f64>,
+    /// The compliances by ascending joints.
+    order: Vec<usize>,
+    /// The arm where springs beside the joints' own brace it.
+    braced: Option<Box<BracedArm>>,
+    /// What multiplies the derivatives of the columns, one for each compliance.
+    adjoint: Vec<Vector3<f64>>,
+    twist: Vec<Vector3<f64>>,
+}
+
+impl<'a> ComplianceRows<'a> {
+    /// The compliances of some of the arm's joints. Derivatives are in units of their `sizes` (p).
+    #[must_use]
+    pub fn new(
+        arm: BareArm<'a>,
+        joints: &[usize],
+        sizes: &[f64],
+        precision: DeflectionPrecision,
+    ) -> Self {
+        let count = joints.len();
+        let mut order: Vec<usize> = (0..count).collect();
+        order.sort_by_key(|&index| joints[index]);
+        Self {
+            arm,
+            columns: ComplianceColumns::new(joints, sizes, precision),
+            sizes: sizes.to_vec(),
+            order,
+            braced: None,
+            adjoint: vec![Vector3::zeros(); count],
+            twist: vec![Vector3::zeros(); count],
+        }
+    }
+
+    /// The number p of parameters.
+    #[must_use]
+    pub const fn parameters(&self) -> usize {
+        self.sizes.len()
+    }
+
+    /// The number of a reading's rows: 3, or 6 where rotations are read.
+    #[must_use]
+    pub const fn rows(&self) -> usize {
+        if self.columns.rotation_scale.is_some() {
+            6
+        } else {
+            3
+        }
+    }
+
+    /// Moves to the joint angles `q` (rad), where the arm has this geometry.
+    pub fn stand(&mut self, q: &[f64], state: &KinematicState) {
+        if self.arm.chain.elements.has_springs() {
+            self.braced = BracedArm::new(self.arm, state, q).map(Box::new);
+        }
+    }
+
+    /// The state whose Jacobian tells what the tool is moved by.
+    #[must_use]
+    pub fn seen<'s>(&'s self, state: &'s KinematicState) -> &'s KinematicState {
+        (self.braced.as_ref()).map_or(state, |braced| &braced.state)
+    }
+
+    /// Writes the derivatives of a reading (6 x p), position above rotation: the columns of A (eqs. 4 and 8).
+    pub fn derivatives(&self, state: &KinematicState, load: &Load, matrix: &mut Matrix6xX<f64>) {
+        let seen = self.seen(state);
+        let torque = |joint: usize| seen.load_torque(joint, load);
+        self.write_columns(seen, &torque, matrix);
+    }
+
+    /// Writes the derivatives of what is left at the loaded tool where the nominal deflection is compensated (3 x p):
+    /// the joints are commanded back by k tau with the load's own torques tau, whatever springs brace the arm, which
+    /// then gives way to what is wrong of it.
+    pub fn uncompensated(&self, state: &KinematicState, load: &Load, matrix: &mut Matrix3xX<f64>) {
+        let mut six = Matrix6xX::zeros(matrix.ncols());
+        let torque = |joint: usize| state.load_torque(joint, load);
+        self.write_columns(self.seen(state), &torque, &mut six);
+        matrix.copy_from(&six.fixed_rows::<3>(0));
+    }
+
+    fn write_columns(
+        &self,
+        seen: &KinematicState,
+        torque: &dyn Fn(usize) -> f64,
+        matrix: &mut Matrix6xX<f64>,
+    ) {
+        for (index, (&joint, size)) in self.columns.joints.iter().zip(&self.sizes).enumerate() {
+            let angle = torque(joint) * size;
+            let mut column = matrix.column_mut(index);
+            column
+                .fixed_rows_mut::<3>(0)
+                .copy_from(&(seen.position_column(joint) * angle));
+            column
+                .fixed_rows_mut::<3>(3)
+                .copy_from(&(seen.rotation_column(joint) * angle));
+        }
+    }
+
+    /// Writes the derivatives of the whitened reading: 3 x p for positions, and 3 x p for rotations beside them.
+    pub fn observe(&self, state: &KinematicState, load: &Load, matrix: &mut Matrix3xX<f64>) {
+        let state = self.seen(state);
+        for (index, &joint) in self.columns.joints.iter().enumerate() {
+            let torque = state.load_torque(joint, load);
+            let column = state.position_column(joint);
+            matrix.set_column(index, &(column * (torque * self.columns.scale[index])));
+        }
+        let Some(scale) = &self.columns.rotation_scale else {
+            return;
+        };
+        for (index, &joint) in self.columns.joints.iter().enumerate() {
+            let torque = state.load_torque(joint, load);
+            let axis = state.rotation_column(joint);
+            matrix.set_column(scale.len() + index, &(axis * (torque * scale[index])));
+        }
+    }
+
+    /// Adds the derivative of sum(B * A), taken element by element, with respect to the joint angles
+    /// to `gradient` (n values), in one sweep over the joints.
+    ///
+    /// Column n of A is `J_n` (`J_n` . F + `z_n` . T). With `v_n` = (`J_n` . F + `z_n` . T) `B_n` + (`B_n` . `J_n`) F
+    /// and `dJ_n/dq_j` = `z_j` x `J_n` (j <= n) or `z_n` x `J_j` (j > n), the sum over n becomes
+    /// `z_j` . sum_{n >= j} (`J_n` x `v_n` + (`B_n` . `J_n`) `z_n` x T) + `J_j` . sum_{n < j} (`v_n` x `z_n`).
+    /// Where rotations are measured, with their part `C_n` of B, (`C_n` . `z_n`) F adds to `v_n`, and
+    /// `z_n` x ((`J_n` . F + `z_n` . T) `C_n` + (`C_n` . `z_n`) T) to the first sum.
+    pub fn pull_back(
+        &mut self,
+        state: &KinematicState,
+        load: &Load,
+        factor: &Matrix3xX<f64>,
+        gradient: &mut [f64],
+    ) {
+        if let Some(braced) = &self.braced {
+            let worth = self.worth_of_columns(&braced.state, load, factor);
+            braced.pull_back(self.arm, state, &worth, gradient);
+            return;
+        }
+        let ComplianceColumns {
+            joints,
+            scale,
+            rotation_scale,
+        } = &self.columns;
+        for (index, &joint) in joints.iter().enumerate() {
+            let b = factor.column(index) * scale[index];
+            let column = state.position_column(joint);
+            let along = b.dot(&column);
+            let v = b * state.load_torque(joint, load) + load.force_n * along;
+            let axis = state.rotation_column(joint);
+            self.adjoint[index] = column.cross(&v) + axis.cross(&load.torque_nm) * along;
+            self.twist[index] = v.cross(&axis);
+        }
+        if let Some(scale) = rotation_scale {
+            for (index, &joint) in joints.iter().enumerate() {
+                let column = state.position_column(joint);
+                let axis = state.rotation_column(joint);
+                let c = factor.column(scale.len() + index) * scale[index];
+                let along = c.dot(&axis);
+                let v = load.force_n * along;
+                let of_axis = c * state.load_torque(joint, load) + load.torque_nm * along;
+                self.adjoint[index] += column.cross(&v) + axis.cross(&of_axis);
+                self.twist[index] += v.cross(&axis);
+            }
+        }
+        let mut index = 0;
+        let mut outer: Vector3<f64> = self.adjoint.iter().sum();
+        let mut inner = Vector3::zeros();
+        for (joint, slope) in gradient.iter_mut().enumerate().take(state.joints()) {
+            *slope +=
+                state.rotation_column(joint).dot(&outer) + state.position_column(joint).dot(&inner);
+            if let Some(&next) = self.order.get(index)
+                && joints[next] == joint
+            {
+                outer -= self.adjoint[next];
+                inner += self.twist[next];
+                index += 1;
+            }
+        }
+    }
+
+    /// What a change of each compliance's column of a Jacobian is worth in sum(B * A): `v_n`, and what stands
+    /// beside `z_n` in the first sum.
+    fn worth_of_columns(
+        &self,
+        state: &KinematicState,
+        load: &Load,
+        factor: &Matrix3xX<f64>,
+    ) -> Vec<ColumnWorth> {
+        let columns = &self.columns;
+        let worth = |(index, &joint): (usize, &usize)| {
+            let torque = state.load_torque(joint, load);
+            let b = factor.column(index) * columns.scale[index];
+            let mut along = b.dot(&state.position_column(joint));
+            let mut rotation = Vector3::zeros();
+            if let Some(scale) = &columns.rotation_scale {
+                let c = factor.column(scale.len() + index) * scale[index];
+                along += c.dot(&state.rotation_column(joint));
+                rotation = c * torque;
+            }
+            ColumnWorth {
+                joint,
+                position: b * torque + load.force_n * along,
+                rotation: rotation + load.torque_nm * along,
+            }
+        };
+        columns.joints.iter().enumerate().map(worth).collect()
+    }
+
+    /// The derivative of sum(B * A) with respect to the force F, whatever that is.
+    #[must_use]
+    pub fn force_gradient(&self, state: &KinematicState, factor: &Matrix3xX<f64>) -> Vector3<f64> {
+        let (state, columns) = (self.seen(state), &self.columns);
+        (columns.joints.iter().enumerate())
+            .map(|(index, &joint)| {
+                let column = state.position_column(joint);
+                let mut weight = factor.column(index).dot(&column) * columns.scale[index];
+                if let Some(scale) = &columns.rotation_scale {
+                    let axis = state.rotation_column(joint);
+                    weight += factor.column(scale.len() + index).dot(&axis) * scale[index];
+                }
+                column * weight
+            })
+            .sum()
+    }
+}
+
+#[cfg(test)]
+mod tests;
