@@ -178,13 +178,15 @@ class Scenario:
         ladder: bool = False,
         against: FilePath | None = None,
         plot_out: FilePath | None = None,
+        keep_all: bool = False,
     ) -> Identified:
         """Identifies the compliances; ``method`` is ``nonlinear`` or ``linear``, the scenario's if not given.
 
         Absolute readings are a file's: its path in place of ``measurements``. ``parameters`` are then groups such as ``geometry``
         and ``compliances``, fitted with all frames; the results' ``unknowns`` and ``stations`` say what came of it. ``ladder``
         compares models with more and more groups, under ``ladder`` in the results, and fits the one that is recommended. Another
-        series ``against`` which contradicts this one is told under ``contradictions``. A picture goes to ``plot_out``.
+        series ``against`` which contradicts this one is told under ``contradictions``. A picture goes to ``plot_out``. Readings that
+        lie far out are left out, unless ``keep_all``.
         """
         with _folder() as folder:
             if isinstance(measurements, Measurements):
@@ -202,6 +204,7 @@ class Scenario:
                     ladder=ladder,
                     against=against,
                     plot_out=plot_out,
+                    keep_all=keep_all,
                 )
             )
 

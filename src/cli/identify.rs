@@ -53,6 +53,9 @@ pub struct Identify {
     /// Where to write a picture (SVG): of the patterns in the residuals; with --ladder, of what each model leaves.
     #[arg(long, value_name = "FILE")]
     plot_out: Option<PathBuf>,
+    /// Fit absolute readings that lie far out, too: more than 5 standard deviations from what the others say.
+    #[arg(long)]
+    keep_all: bool,
     /// Where to write what was identified, for `compensate`.
     #[arg(long, value_name = "FILE")]
     identified_out: Option<PathBuf>,
@@ -117,6 +120,7 @@ impl Identify {
             by_ladder: self.ladder,
             against: self.against.as_deref(),
             plot_out: self.plot_out.as_deref(),
+            keeps_all: self.keep_all,
         };
         identify_absolute::execute(scenario, &self.measurements, readings, &asked)
     }
@@ -124,6 +128,7 @@ impl Identify {
     /// Options that are for absolute readings alone.
     fn refuse_of_deflections(&self) -> Result<(), FileError> {
         let refused = [
+            (self.keep_all, "--keep-all", "of which none is left out"),
             (
                 self.ladder,
                 "--ladder",

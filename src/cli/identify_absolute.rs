@@ -6,7 +6,7 @@ use elastocal::files::FileError;
 use elastocal::identification::{AbsoluteError, Ladder, ParameterGroup, ReadingWeights};
 use elastocal::measurement::{AbsoluteReading, MeasuredFile, read_measured};
 use elastocal::record::absolute::{
-    AbsoluteMessage, LengthsMessage, MountedFrameMessage, shown_unit,
+    AbsoluteMessage, LengthsMessage, MountedFrameMessage, UnexplainedMessage, shown_unit,
 };
 use elastocal::record::contradictions::ContradictionsMessage;
 use elastocal::record::json::merge;
@@ -26,6 +26,8 @@ use super::{Report, patterns, views};
 pub struct Asked<'a> {
     pub groups: &'a [ParameterGroup],
     pub weights: ReadingWeights,
+    /// Whether readings that lie far out are fitted, too.
+    pub keeps_all: bool,
     /// Whether a ladder of models says which groups.
     pub by_ladder: bool,
     /// Another series of the same robot.
@@ -51,7 +53,8 @@ pub fn execute(
     };
     let groups = ladder.as_ref().map_or(asked.groups, Ladder::groups);
     let mut identified =
-        identify_absolute(belief, readings, groups, asked.weights).map_err(wrong)?;
+        identify_absolute(belief, readings, groups, (asked.weights, asked.keeps_all))
+            .map_err(wrong)?;
     let mut provenance = ProvenanceMessage::new(scenario).with_input("measurements", file)?;
     if let Some(other) = asked.against {
         let readings = other_readings(other, belief)?;
@@ -203,7 +206,46 @@ fn describe(message: &AbsoluteMessage) -> String {
             turned.unwrap_or_default()
         );
     }
+    if let Some(found) = &message.unexplained {
+        text += &unexplained(found);
+    }
     text
+}
+
+/// What the misfit consists of.
+fn unexplained(found: &UnexplainedMessage) -> String {
+    let rows: Vec<Vec<String>> = (found.joints.iter())
+        .map(|each| {
+            let largest = each
+                .values
+                .iter()
+                .copied()
+                .map(f64::abs)
+                .fold(0.0, f64::max);
+            vec![
+                each.joint.clone(),
+                format!("{:.4}", each.deviation * 1e3),
+                format!("{:.1}", each.length.to_degrees()),
+                format!("{:.4}", largest * 1e3),
+            ]
+        })
+        .collect();
+    let header = [
+        "joint",
+        "off by [mrad]",
+        "alike within [deg]",
+        "largest [mrad]",
+    ];
+    let turned = found.angle_mrad.as_ref();
+    format!(
+        "  Of that, joints are off by functions of their own angles, each as a random one of this size:\n\n{}  \
+         With these, {:.4} mm{} are left on average; {} tell as much as {:.0} with errors of their own would.\n",
+        table(&header, &rows),
+        found.distance_mm.mean,
+        turned.map_or_else(String::new, |angle| format!(", {:.4} mrad", angle.mean)),
+        counted(found.stands as u64, "stand"),
+        found.effective_stands
+    )
 }
 
 fn frames_table(stations: &[MountedFrameMessage], targets: &[MountedFrameMessage]) -> String {
@@ -246,10 +288,7 @@ fn frames_table(stations: &[MountedFrameMessage], targets: &[MountedFrameMessage
 }
 
 /// Distances, and angles where there are any.
-pub fn distances_table(
-    distance_mm: &LengthsMessage,
-    angle_mrad: Option<&LengthsMessage>,
-) -> String {
+fn distances_table(distance_mm: &LengthsMessage, angle_mrad: Option<&LengthsMessage>) -> String {
     let row = |name: &str, lengths: &LengthsMessage| {
         let numbers = [
             lengths.mean,

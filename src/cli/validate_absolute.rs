@@ -3,18 +3,19 @@
 use std::path::Path;
 
 use elastocal::files::FileError;
-use elastocal::identification::DistanceStatistics;
+use elastocal::identification::{DistanceStatistics, ReadingResidual};
 use elastocal::measurement::{MeasuredFile, read_measured};
 use elastocal::record::absolute::LengthsMessage;
 use elastocal::record::messages::ProvenanceMessage;
 use elastocal::scenario::Scenario;
 use elastocal::text::wording::counted;
 use elastocal::workflow::validate_absolute::{
-    AbsoluteValidationError, StoredRobot, validate_absolute,
+    AbsoluteValidation, AbsoluteValidationError, StoredRobot, validate_absolute,
 };
-use serde_json::json;
+use serde_json::{Value, json};
 
-use super::identify_absolute::{distances_table, explained};
+use super::identify_absolute::explained;
+use super::table::table;
 use super::{Report, results};
 
 /// Holds other readings beside a robot that was identified.
@@ -52,39 +53,111 @@ pub fn execute(
         })?;
     let provenance = (ProvenanceMessage::new(scenario).with_input("identified", identified)?)
         .with_input("measurements", file)?;
-    let lengths = |statistics: Option<DistanceStatistics>| {
-        statistics.as_ref().map(LengthsMessage::in_thousandths)
+    let text = describe(&validation);
+    let conditions = validation.conditions();
+    Ok(Report {
+        json: results("validate", &provenance, record(&validation)),
+        text,
+        conditions,
+    })
+}
+
+/// Distances and angles of what is left.
+fn lengths(left: &[ReadingResidual]) -> [Option<LengthsMessage>; 2] {
+    [
+        DistanceStatistics::of_positions(left),
+        DistanceStatistics::of_rotations(left),
+    ]
+    .map(|statistics| statistics.as_ref().map(LengthsMessage::in_thousandths))
+}
+
+fn record(validation: &AbsoluteValidation) -> Value {
+    let both = |left: &[ReadingResidual]| {
+        let [distance_mm, angle_mrad] = lengths(left);
+        json!({ "distance_mm": distance_mm, "angle_mrad": angle_mrad })
     };
-    let distance_mm = lengths(DistanceStatistics::of_positions(&validation.left));
-    let angle_mrad = lengths(DistanceStatistics::of_rotations(&validation.left));
-    let residuals_mm: Vec<[f64; 3]> = validation
-        .left
-        .iter()
-        .map(|each| (each.position_m * 1e3).into())
+    let with_joints: Vec<ReadingResidual> =
+        validation.prognoses.iter().map(|each| each.left).collect();
+    let residuals = |left: &[ReadingResidual]| -> Vec<[f64; 3]> {
+        let position = |each: &ReadingResidual| (each.position_m * 1e3).into();
+        left.iter().map(position).collect()
+    };
+    let moved: Vec<Value> = (validation.moved.iter())
+        .map(|(name, moved)| {
+            json!({
+                "station": name,
+                "position_mm": <[f64; 3]>::from(moved.position_m * 1e3),
+                "rotation_mrad": <[f64; 3]>::from(moved.rotation_rad * 1e3),
+                "probability": moved.probability,
+            })
+        })
         .collect();
-    let mut text = format!(
-        "{} that were not fitted\n",
-        counted(readings.len() as u64, "reading")
-    );
-    if let Some(distance_mm) = &distance_mm {
-        text += &distances_table(distance_mm, angle_mrad.as_ref());
+    let [distance_mm, angle_mrad] = lengths(&validation.left);
+    json!({
+        "kind": "absolute",
+        "distance_mm": distance_mm,
+        "angle_mrad": angle_mrad,
+        "before": validation.before.as_deref().map(both),
+        "with_joint_errors": both(&with_joints),
+        "coverage95": {
+            "positions": validation.coverage(0),
+            "orientations": validation.coverage(1),
+        },
+        "frames_anew": validation.frames_anew,
+        "stations_moved": moved,
+        "residuals_mm": residuals(&validation.left),
+        "residuals_with_joint_errors_mm": residuals(&with_joints),
+    })
+}
+
+fn describe(validation: &AbsoluteValidation) -> String {
+    let with_joints: Vec<ReadingResidual> =
+        validation.prognoses.iter().map(|each| each.left).collect();
+    let mut rows = Vec::new();
+    let mut add = |name: &str, left: &[ReadingResidual]| {
+        for (what, lengths) in ["distance [mm]", "angle [mrad]"]
+            .into_iter()
+            .zip(lengths(left))
+        {
+            let Some(each) = lengths else {
+                continue;
+            };
+            let numbers = [each.mean, each.rms, each.quantile95, each.largest];
+            let cells = numbers.map(|value| format!("{value:.4}"));
+            rows.push([vec![format!("{name}: {what}")], cells.to_vec()].concat());
+        }
+    };
+    if let Some(before) = &validation.before {
+        add("nominal robot in the best frames", before);
     }
+    add("identified robot", &validation.left);
+    add("with what its joints are off by", &with_joints);
+    let header = [
+        "read less predicted",
+        "mean",
+        "rms",
+        "95 % below",
+        "largest",
+    ];
+    let mut text = format!(
+        "{} that were not fitted\n{}",
+        counted(validation.left.len() as u64, "reading"),
+        table(&header, &rows)
+    );
+    let share = |part: usize, name: &str| {
+        let share = validation.coverage(part)?;
+        Some(format!("{:.1} % of the {name}", share * 100.0))
+    };
+    let shares: Vec<String> = [share(0, "positions"), share(1, "orientations")]
+        .into_iter()
+        .flatten()
+        .collect();
+    text += &format!("  In their regions of 95 % lie {}.\n", shares.join(" and "));
     if !validation.frames_anew.is_empty() {
         text += &format!(
             "  fitted to these readings: the frames of {}\n",
             validation.frames_anew.join(", ")
         );
     }
-    let keys = json!({
-        "kind": "absolute",
-        "distance_mm": distance_mm,
-        "angle_mrad": angle_mrad,
-        "frames_anew": validation.frames_anew,
-        "residuals_mm": residuals_mm,
-    });
-    Ok(Report {
-        json: results("validate", &provenance, keys),
-        text,
-        conditions: Vec::new(),
-    })
+    text
 }

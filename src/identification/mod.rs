@@ -22,9 +22,10 @@ mod stored;
 
 pub use absolute::{
     AbsoluteCase, AbsoluteError, AbsoluteFit, CONTRADICTION, Contradiction, Contradictions,
-    CrossValidation, DistanceStatistics, FEWEST_BLOCKS, Ladder, LeftOut, Misfit, ParameterChange,
-    ParameterGroup, PartsOfReadings, ReadingResidual, ReadingWeights, Recommendation, Rung,
-    RungTest, SeriesEstimates, joint_space_blocks,
+    CrossValidation, DistanceStatistics, FAR_OUT, FEWEST_BLOCKS, JointError, Ladder, LeftOut,
+    Misfit, MisfitModel, MovedStation, ParameterChange, ParameterGroup, PartsOfReadings,
+    ReadingPrognosis, ReadingResidual, ReadingWeights, Recommendation, RejectedReading, Rung,
+    RungTest, SQUARE_95, SeriesEstimates, Unexplained, joint_space_blocks,
 };
 pub use case::{Case, Sigma};
 pub use conditions::IMPLAUSIBLE;

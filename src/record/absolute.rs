@@ -4,7 +4,7 @@ use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::identification::{AbsoluteCase, AbsoluteFit, DistanceStatistics};
+use crate::identification::{AbsoluteCase, AbsoluteFit, DistanceStatistics, FAR_OUT, Unexplained};
 use crate::parameter::{Axis, ParameterKind};
 
 /// Standard errors in an interval of 95 %.
@@ -63,6 +63,17 @@ pub struct LengthsMessage {
 }
 
 impl LengthsMessage {
+    /// Of nothing.
+    #[must_use]
+    pub const fn nothing() -> Self {
+        Self {
+            mean: 0.0,
+            rms: 0.0,
+            quantile95: 0.0,
+            largest: 0.0,
+        }
+    }
+
     /// The same in thousandths: mm for m.
     #[must_use]
     pub fn in_thousandths(statistics: &DistanceStatistics) -> Self {
@@ -120,22 +131,77 @@ pub struct AbsoluteMessage {
     pub iterations: usize,
     /// Read less predicted positions (mm), in the station's frame.
     pub residuals_mm: Vec<[f64; 3]>,
+    /// What that misfit consists of, for predictions of other poses; null where there are too few readings to tell.
+    #[serde(default)]
+    pub unexplained: Option<UnexplainedMessage>,
+    /// Readings that were left out, since they lie far out.
+    #[serde(default)]
+    pub rejected: Vec<RejectedMessage>,
     /// What does not hold.
     pub conditions: Vec<String>,
+}
+
+/// What one joint is off by, as a function of its own angle.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct JointErrorMessage {
+    /// The joint's name.
+    pub joint: String,
+    /// The standard deviation of its error (rad; m where it slides).
+    pub deviation: f64,
+    /// The length of the joint's way over which the error forgets (rad; m).
+    pub length: f64,
+    /// Angles in ascending order (rad; m).
+    pub knots: Vec<f64>,
+    /// By how much further than commanded the joint stands there (rad; m).
+    pub values: Vec<f64>,
+}
+
+/// What parameters leave unexplained, told apart.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct UnexplainedMessage {
+    /// What joints are off by.
+    pub joints: Vec<JointErrorMessage>,
+    /// By how much the unknowns, in their order and units, are off together with that.
+    pub shift: Vec<f64>,
+    /// The lower triangle, row by row, of the covariance of the unknowns and of the joints' values at their knots.
+    pub covariance: Vec<Vec<f64>>,
+    /// The standard deviation of each coordinate of a position that joints do not explain either (mm).
+    pub rest_mm: f64,
+    /// The same of rotations (mrad).
+    pub rest_mrad: f64,
+    /// By how much larger the squares of errors of positions and rotations are than computed, where each stand of the robot
+    /// was predicted by the others.
+    pub scale: [f64; 2],
+    /// The shares of positions and of rotations that lay in their regions of 95 % then, before these were scaled.
+    pub predicted_by_others: [Option<f64>; 2],
+    /// Stands of the robot.
+    pub stands: usize,
+    /// As many with errors of their own would tell as much of the unknowns.
+    pub effective_stands: f64,
+    /// Distances from the positions that are predicted with the joints' errors (mm).
+    pub distance_mm: LengthsMessage,
+    /// Angles from such orientations (mrad); null where positions were read.
+    pub angle_mrad: Option<LengthsMessage>,
+}
+
+/// A reading that was left out.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct RejectedMessage {
+    /// Its number, from 1.
+    pub reading: usize,
+    /// How many standard deviations out it lies.
+    pub deviations: f64,
+    /// Why it was left out, in words.
+    pub reason: String,
 }
 
 impl AbsoluteMessage {
     /// The record of a fit.
     #[must_use]
     pub fn new(case: &AbsoluteCase<'_>, fit: &AbsoluteFit) -> Self {
-        let nothing = DistanceStatistics {
-            mean: 0.0,
-            rms: 0.0,
-            quantile95: 0.0,
-            largest: 0.0,
-        };
-        let distances = DistanceStatistics::of_positions(&fit.left).unwrap_or(nothing);
-        let angles = DistanceStatistics::of_rotations(&fit.left);
+        let kept = fit.left_of_kept();
+        let distances = DistanceStatistics::of_positions(&kept);
+        let angles = DistanceStatistics::of_rotations(&kept);
         Self {
             readings: fit.left.len(),
             numbers: fit.rows,
@@ -152,7 +218,9 @@ impl AbsoluteMessage {
                 })
                 .collect(),
             undetermined: fit.undetermined.clone(),
-            distance_mm: LengthsMessage::in_thousandths(&distances),
+            distance_mm: distances
+                .as_ref()
+                .map_or_else(LengthsMessage::nothing, LengthsMessage::in_thousandths),
             angle_mrad: angles.as_ref().map(LengthsMessage::in_thousandths),
             misfit_mm: fit.misfit.map(|[position_m, _]| position_m * 1e3),
             misfit_mrad: (fit.misfit.filter(|_| angles.is_some())).map(|[_, rad]| rad * 1e3),
@@ -162,8 +230,75 @@ impl AbsoluteMessage {
             residuals_mm: (fit.left.iter())
                 .map(|each| (each.position_m * 1e3).into())
                 .collect(),
+            unexplained: fit.unexplained.as_ref().map(|each| unexplained(case, fit, each)),
+            rejected: (fit.rejected.iter())
+                .map(|each| RejectedMessage {
+                    reading: each.reading + 1,
+                    deviations: each.deviations,
+                    reason: format!(
+                        "it lies {:.1} standard deviations from what the other readings say, and {FAR_OUT} are the most",
+                        each.deviations
+                    ),
+                })
+                .collect(),
             conditions: fit.conditions(),
         }
+    }
+}
+
+/// How the parameters' own values become quantities.
+fn factors(fit: &AbsoluteFit) -> Vec<f64> {
+    (fit.set.parameters().iter().enumerate())
+        .map(|(index, parameter)| {
+            if parameter.is_logarithmic {
+                fit.quantity(index)
+            } else {
+                1.0
+            }
+        })
+        .collect()
+}
+
+fn unexplained(
+    case: &AbsoluteCase<'_>,
+    fit: &AbsoluteFit,
+    found: &Unexplained,
+) -> UnexplainedMessage {
+    let model = &found.model;
+    let mut factors = factors(fit);
+    let shift = model.shift.iter().zip(&factors);
+    let shift = shift.map(|(shift, factor)| shift * factor).collect();
+    factors.resize(model.covariance.nrows(), 1.0);
+    let entry = |row: usize, column: usize| {
+        model.covariance[(row, column)] * factors[row] * factors[column]
+    };
+    let lengths = |statistics: Option<DistanceStatistics>| {
+        statistics.as_ref().map(LengthsMessage::in_thousandths)
+    };
+    let joints = &case.arm.chain.joints;
+    UnexplainedMessage {
+        joints: (model.joints.iter())
+            .map(|each| JointErrorMessage {
+                joint: joints[each.joint].name.clone(),
+                deviation: each.deviation,
+                length: each.wandering.length,
+                knots: each.wandering.knots.clone(),
+                values: each.values.clone(),
+            })
+            .collect(),
+        shift,
+        covariance: (0..factors.len())
+            .map(|row| (0..=row).map(|column| entry(row, column)).collect())
+            .collect(),
+        rest_mm: model.rest.position_m * 1e3,
+        rest_mrad: model.rest.rotation_rad * 1e3,
+        scale: model.scale,
+        predicted_by_others: found.predicted_by_others,
+        stands: found.stands,
+        effective_stands: found.effective_stands,
+        distance_mm: lengths(DistanceStatistics::of_positions(&found.left))
+            .unwrap_or_else(LengthsMessage::nothing),
+        angle_mrad: lengths(DistanceStatistics::of_rotations(&found.left)),
     }
 }
 
@@ -213,15 +348,7 @@ pub fn shown_unit(unit: &str) -> (f64, &str) {
 /// The covariance of quantities.
 fn covariance(fit: &AbsoluteFit) -> Vec<Vec<f64>> {
     let size = fit.set.len();
-    let factors: Vec<f64> = (fit.set.parameters().iter().enumerate())
-        .map(|(index, parameter)| {
-            if parameter.is_logarithmic {
-                fit.quantity(index)
-            } else {
-                1.0
-            }
-        })
-        .collect();
+    let factors = factors(fit);
     let of = |row: usize, column: usize| {
         fit.posterior.covariance[(row, column)] * factors[row] * factors[column]
     };

@@ -27,7 +27,8 @@ pub struct IdentifiedRobot<'a> {
     pub contradictions: Vec<ContradictionsMessage>,
 }
 
-/// Fits what a belief leaves open, or groups of parameters, with all frames.
+/// Fits what a belief leaves open, or groups of parameters, with all frames. Readings are weighed so; those that lie far out are
+/// left out, unless all are to be kept.
 ///
 /// # Errors
 /// See [`AbsoluteError`].
@@ -35,9 +36,10 @@ pub fn identify_absolute<'a>(
     belief: &'a Belief,
     readings: &[AbsoluteReading],
     groups: &[ParameterGroup],
-    weights: ReadingWeights,
+    (weights, keeps_all): (ReadingWeights, bool),
 ) -> Result<IdentifiedRobot<'a>, AbsoluteError> {
     let mut case = AbsoluteCase::new(belief, readings)?;
+    case.keeps_all = keeps_all;
     let fit = case.fit(groups, weights)?;
     let patterns = case.looked_at(&fit, readings)?.patterns();
     let joints = case.arm.chain.joints.iter();

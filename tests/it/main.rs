@@ -42,6 +42,7 @@
 //! - `planned_readings`: what else is uncertain where rotations are measured, and on arms with springs.
 //! - `model_features`: what models can say beside the chain: honoured or refused by name.
 //! - `model_messages`: models that cannot serve, and what to do about them.
+//! - `structured_misfit`: robots that are not as their model: regions, intervals and wrong readings.
 //! - `ur10_measured`: real poses of a UR10, where they are there.
 //! - `validation`: other measurements check what an identification promises.
 //! - `understanding`: what `check` says that it understood, and likely mistakes.
@@ -164,6 +165,7 @@ mod schema;
 mod search;
 #[cfg(feature = "view")]
 mod streams;
+mod structured_misfit;
 mod study;
 mod support;
 mod tallies;

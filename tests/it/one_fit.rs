@@ -31,20 +31,20 @@ pub fn normal(random: &mut impl Rng) -> f64 {
     radius * between(random, 0.0, std::f64::consts::TAU).cos()
 }
 
-fn anywhere(random: &mut impl Rng, size_m: f64) -> Isometry3<f64> {
+pub fn anywhere(random: &mut impl Rng, size_m: f64) -> Isometry3<f64> {
     Isometry3::new(vector(random, size_m), vector(random, 3.0))
 }
 
 /// What is read of an arm: which configurations, from which stations, of which of its tools.
-struct Campaign {
-    readings: usize,
-    is_pose: bool,
-    noise: f64,
-    force_n: f64,
+pub struct Campaign {
+    pub readings: usize,
+    pub is_pose: bool,
+    pub noise: f64,
+    pub force_n: f64,
 }
 
 /// Readings of an arm by a random campaign.
-fn read(random: &mut impl Rng, arm: &ElasticArm, campaign: &Campaign) -> Vec<AbsoluteReading> {
+pub fn read(random: &mut impl Rng, arm: &ElasticArm, campaign: &Campaign) -> Vec<AbsoluteReading> {
     let nothing = ParameterSet::empty();
     let mut model = ObservationModel::new(&nothing, arm, &[]);
     let mut ignored = Matrix6xX::zeros(0);
@@ -111,7 +111,7 @@ pub fn seen_arm(
 }
 
 /// What a fit leaves out cannot be told: with everything else of its set somewhere, an arm to read.
-fn changed(
+pub fn changed(
     random: &mut impl Rng,
     fit: &AbsoluteFit,
     nominal: &ElasticArm,
@@ -128,7 +128,7 @@ fn changed(
 }
 
 /// How far off each value of a fit is, in standard errors.
-fn errors(fit: &AbsoluteFit, values: &[f64], truth: &ElasticArm) -> Vec<f64> {
+pub fn errors(fit: &AbsoluteFit, values: &[f64], truth: &ElasticArm) -> Vec<f64> {
     let off = |reference: &Isometry3<f64>, truth: &Isometry3<f64>, axis: Axis, is_turn: bool| {
         let off = reference.inverse() * truth;
         let vector = if is_turn {

@@ -21,7 +21,7 @@ const HALVES: u64 = 20;
 /// The full model's fits take longest, and nothing is promised of them.
 const FULL_HALVES: u64 = 4;
 
-fn found() -> Option<PathBuf> {
+pub fn found() -> Option<PathBuf> {
     let named = std::env::var_os("ELASTOCAL_UR10_IPA").map(PathBuf::from);
     let beside = std::fs::read_dir(project("..")).ok()?.flatten();
     let beside = beside.map(|entry| entry.path().join("data/ur10_ipa"));
@@ -34,7 +34,7 @@ fn found() -> Option<PathBuf> {
 }
 
 /// The poses of a series: semicolons, decimal commas, joint angles in rad, positions in mm, intrinsic x-y-z angles in deg.
-fn series(path: &PathBuf) -> Vec<AbsoluteReading> {
+pub fn series(path: &PathBuf) -> Vec<AbsoluteReading> {
     let text = std::fs::read_to_string(path).expect("it can be read");
     let mut lines = text.lines();
     let header: Vec<&str> = lines.next().expect("a header").split(';').collect();
@@ -91,7 +91,7 @@ fn series(path: &PathBuf) -> Vec<AbsoluteReading> {
 }
 
 /// Two random halves.
-fn halves(all: &[AbsoluteReading], seed: u64) -> [Vec<AbsoluteReading>; 2] {
+pub fn halves(all: &[AbsoluteReading], seed: u64) -> [Vec<AbsoluteReading>; 2] {
     let mut order: Vec<usize> = (0..all.len()).collect();
     let mut random = generator(seed, 0);
     for last in (1..order.len()).rev() {

@@ -39,6 +39,8 @@ pub struct AbsoluteCase<'a> {
     pub covariances: Vec<Matrix6<f64>>,
     /// The readings by their places: those of one state, station and target together.
     pub stands: Vec<Vec<usize>>,
+    /// Whether readings that lie far out are fitted, too.
+    pub keeps_all: bool,
 }
 
 impl<'a> AbsoluteCase<'a> {
@@ -75,6 +77,7 @@ impl<'a> AbsoluteCase<'a> {
             observations: Vec::new(),
             covariances: Vec::new(),
             stands: Vec::new(),
+            keeps_all: false,
         };
         let mut known: BTreeMap<(&str, usize, usize), usize> = BTreeMap::new();
         for (index, reading) in readings.iter().enumerate() {

@@ -1,19 +1,23 @@
 //! The fit itself, with what it leaves.
 
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::super::conditions::IMPLAUSIBLE;
 use super::super::gauss_newton::{
     FitError, ParameterFit, fit_for_residuals, fit_from, fit_parameters,
 };
+use super::mixed::MixedModel;
+use super::rejection::{self, FAR_OUT, RejectedReading};
 use super::unknowns::{LeftOut, ToldApart};
-use super::{AbsoluteCase, AbsoluteError, Misfit, ParameterGroup, ReadingResidual};
+use super::{AbsoluteCase, AbsoluteError, Misfit, MisfitModel, ParameterGroup, ReadingResidual};
 use crate::numeric::posterior::Posterior;
-use crate::parameter::{ElasticArm, Parameter, ParameterKind, ParameterSet};
+use crate::parameter::{ElasticArm, Parameter, ParameterKind, ParameterSet, relative_precision};
 
 /// So often readings are weighed anew by what a fit leaves; the second time changes next to nothing.
 const WEIGHINGS: usize = 3;
+/// Fewer stands of the robot tell nothing of what the parameters leave but its size.
+const LEAST_STANDS: usize = 20;
 
 /// Further from what is believed, in standard deviations of that, is told.
 const FAR: f64 = 2.0;
@@ -35,6 +39,11 @@ fn consistency(fit: &ParameterFit) -> Option<f64> {
     Some(chi_square.sf(fit.square))
 }
 
+/// The share of the numbers that a fit did not use up.
+fn spare(fit: &ParameterFit) -> f64 {
+    fit.degrees_of_freedom().max(1) as f64 / fit.rows as f64
+}
+
 /// What absolute readings tell of a robot.
 #[derive(Debug, Clone)]
 pub struct AbsoluteFit {
@@ -50,11 +59,15 @@ pub struct AbsoluteFit {
     pub left_out: Vec<LeftOut>,
     /// What these readings do not determine, in sentences.
     pub undetermined: Vec<String>,
-    /// What is left of each reading.
+    /// What is left of each reading, those that were rejected among them.
     pub left: Vec<ReadingResidual>,
+    /// The readings that were left out since they lie far out.
+    pub rejected: Vec<RejectedReading>,
     /// The standard deviations of what no parameter explains, of positions (m) and rotations (rad), where they were taken
     /// from the residuals.
     pub misfit: Option<[f64; 2]>,
+    /// What that consists of, where there are readings enough to tell: the covariance counts it then.
+    pub unexplained: Option<Unexplained>,
     /// The number of scalar readings.
     pub rows: usize,
     /// The sum of squares of the weighted residuals.
@@ -64,6 +77,31 @@ pub struct AbsoluteFit {
     pub consistency: Option<f64>,
     /// The number of steps.
     pub iterations: usize,
+}
+
+/// What parameters leave of readings, told apart.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Unexplained {
+    /// Errors of joints and what is new at each stand, to predict with.
+    pub model: MisfitModel,
+    /// The covariance of the parameters (p x p), if that is what they leave.
+    pub covariance: DMatrix<f64>,
+    /// What is left of each reading that was not rejected beside the parameters and the joints' errors.
+    pub left: Vec<ReadingResidual>,
+    /// Stands of the robot.
+    pub stands: usize,
+    /// As many with errors of their own would tell as much of the parameters.
+    pub effective_stands: f64,
+    /// The shares of positions and of rotations that lie in their regions of 95 % as computed, each predicted by the other
+    /// stands.
+    pub predicted_by_others: [Option<f64>; 2],
+}
+
+/// A fit with its weights.
+struct WeighedFit {
+    fit: ParameterFit,
+    misfit: Option<[f64; 2]>,
+    consistency: Option<f64>,
 }
 
 impl AbsoluteCase<'_> {
@@ -78,27 +116,24 @@ impl AbsoluteCase<'_> {
     ) -> Result<AbsoluteFit, AbsoluteError> {
         self.check_frames()?;
         let ToldApart { set, left_out } = self.unknowns(groups)?;
-        let own = match weights {
-            ReadingWeights::WithMisfit => None,
-            _ => match fit_for_residuals(&self.arm, &set, &self.observations) {
-                Ok(fit) => Some(fit),
-                // Readings that the model cannot explain may drive its parameters anywhere.
-                Err(FitError::NotConverged { .. }) if weights == ReadingWeights::AsNeeded => None,
-                Err(error) => return Err(error.into()),
-            },
-        };
-        let consistency = own.as_ref().and_then(consistency);
-        let is_plausible = consistency.is_none_or(|probability| probability >= IMPLAUSIBLE);
-        let (fit, misfit) = match own {
-            Some(fit) if is_plausible || weights == ReadingWeights::Own => {
-                let values = self.rebased(&set, &fit);
-                (
-                    fit_from(&self.arm, &set, &self.observations, None, &values)?,
-                    None,
-                )
-            }
-            other => self.with_misfit(&set, other)?,
-        };
+        let (mut kept, mut rejected) = (self.clone(), Vec::new());
+        let mut weighed = kept.weighed_fit(&set, weights)?;
+        if !self.keeps_all
+            && let Some((other_kept, other_rejected, other)) =
+                self.without_far_out(&set, weights, &weighed)
+        {
+            (kept, rejected, weighed) = (other_kept, other_rejected, other);
+        }
+        let WeighedFit {
+            mut fit,
+            misfit,
+            consistency,
+        } = weighed;
+        let unexplained = misfit.and_then(|misfit| kept.unexplained(&set, &fit, misfit));
+        if let Some(unexplained) = &unexplained {
+            fit.posterior.covariance.clone_from(&unexplained.covariance);
+        }
+        self.arm.clone_from(&kept.arm);
         let left = self.left_by(&fit)?;
         Ok(AbsoluteFit {
             reference: self.arm.clone(),
@@ -109,12 +144,141 @@ impl AbsoluteCase<'_> {
                 .map(|each| each.sentence)
                 .collect(),
             left,
+            rejected,
             misfit,
+            unexplained,
             rows: fit.rows,
             square: fit.square,
             consistency,
             iterations: fit.iterations,
             set,
+        })
+    }
+
+    /// One fit to all readings of the case.
+    fn weighed_fit(
+        &mut self,
+        set: &ParameterSet,
+        weights: ReadingWeights,
+    ) -> Result<WeighedFit, AbsoluteError> {
+        let own = match weights {
+            ReadingWeights::WithMisfit => None,
+            _ => match fit_for_residuals(&self.arm, set, &self.observations) {
+                Ok(fit) => Some(fit),
+                // Readings that the model cannot explain may drive its parameters anywhere.
+                Err(FitError::NotConverged { .. }) if weights == ReadingWeights::AsNeeded => None,
+                Err(error) => return Err(error.into()),
+            },
+        };
+        let consistency = own.as_ref().and_then(consistency);
+        let is_plausible = consistency.is_none_or(|probability| probability >= IMPLAUSIBLE);
+        let (fit, misfit) = match own {
+            Some(fit) if is_plausible || weights == ReadingWeights::Own => {
+                let values = self.rebased(set, &fit);
+                (
+                    fit_from(&self.arm, set, &self.observations, None, &values)?,
+                    None,
+                )
+            }
+            other => self.with_misfit(set, other)?,
+        };
+        Ok(WeighedFit {
+            fit,
+            misfit,
+            consistency,
+        })
+    }
+
+    /// Fits without the readings that lie far out, until the same do. None where none does, where too many do, or where the
+    /// others tell less than all.
+    fn without_far_out(
+        &self,
+        set: &ParameterSet,
+        weights: ReadingWeights,
+        first: &WeighedFit,
+    ) -> Option<(Self, Vec<RejectedReading>, WeighedFit)> {
+        let far_out = |weighed: &WeighedFit| {
+            let left = self.left(&weighed.fit.belief).ok()?;
+            self.far_out(&left, spare(&weighed.fit))
+        };
+        let mut rejected = far_out(first)?;
+        let mut found = None;
+        for _ in 0..rejection::ROUNDS {
+            if rejected.is_empty() {
+                return None;
+            }
+            let mut kept = self.without(&rejected);
+            let weighed = kept.weighed_fit(set, weights).ok()?;
+            let rank = weighed.fit.posterior.estimable.rank();
+            if rank < first.fit.posterior.estimable.rank() {
+                return None;
+            }
+            let next = far_out(&weighed)?;
+            let is_same = next.len() == rejected.len()
+                && next
+                    .iter()
+                    .zip(&rejected)
+                    .all(|(one, other)| one.reading == other.reading);
+            if is_same {
+                return Some((kept, next, weighed));
+            }
+            found = Some((kept, rejected, weighed));
+            rejected = next;
+        }
+        found
+    }
+
+    /// What a mixed model tells of what the parameters leave; none where there is too little to tell.
+    fn unexplained(
+        &self,
+        set: &ParameterSet,
+        fit: &ParameterFit,
+        misfit: [f64; 2],
+    ) -> Option<Unexplained> {
+        let joints = self.commanded_joints();
+        let variances = 2 * (joints.len() + 1);
+        if self.stands.len() < LEAST_STANDS || fit.degrees_of_freedom() < 2 * variances {
+            return None;
+        }
+        let values = &fit.posterior.mean;
+        let rows = self.rows_at(&self.arm, set, values, &joints).ok()?;
+        let estimable = &fit.posterior.estimable;
+        let off = DVector::from_column_slice(values) - &set.prior().mean;
+        let pull = relative_precision(set) * off.component_div(&set.scales());
+        let basis = estimable.basis();
+        let prior = basis.tr_mul(&relative_precision(set)) * basis;
+        let pull = DMatrix::from_columns(&[-basis.tr_mul(&pull)]);
+        let units = estimable.basis_in_units();
+        let [position_m, rotation_rad] = misfit;
+        let misfit = Misfit {
+            position_m,
+            rotation_rad,
+        };
+        let mixed = MixedModel::new(self, &rows, joints, units, [prior, pull]).fit(&misfit)?;
+        let places: Vec<usize> = (0..set.len()).collect();
+        let prognoses = (rows.iter().zip(&self.observations)).map(|(rows, each)| {
+            let q = each.setup.commanded_rad.as_slice();
+            let (left, covariance) = mixed.model.prognosis(rows, &places, q);
+            mixed.model.judged(&left, &covariance).left
+        });
+        let independent = &fit.posterior;
+        let logarithms: Vec<f64> = (0..set.len())
+            .filter(|&index| independent.standard_error(index).is_some())
+            .map(|index| {
+                let [one, other] = [&independent.covariance, &mixed.covariance]
+                    .map(|covariance| covariance[(index, index)]);
+                (one / other).ln()
+            })
+            .filter(|logarithm| logarithm.is_finite())
+            .collect();
+        let ratio = logarithms.iter().sum::<f64>() / logarithms.len().max(1) as f64;
+        Some(Unexplained {
+            left: prognoses.collect(),
+            stands: self.stands.len(),
+            effective_stands: self.stands.len() as f64 * ratio.exp().min(1.0),
+            predicted_by_others: mixed.predicted_by_others,
+            covariance: mixed.covariance,
+            model: mixed.model,
         })
     }
 
@@ -171,8 +335,7 @@ impl AbsoluteCase<'_> {
     pub(super) fn misfit(&self, fit: &ParameterFit) -> Result<[f64; 2], FitError> {
         let left = self.left_by(fit)?;
         // Each reading has its part in what was fitted.
-        let spare = fit.degrees_of_freedom().max(1) as f64 / fit.rows as f64;
-        let misfit = Misfit::of(&left, &self.covariances, spare);
+        let misfit = Misfit::of(&left, &self.covariances, spare(fit));
         Ok([misfit.position_m, misfit.rotation_rad])
     }
 }
@@ -207,6 +370,16 @@ impl AbsoluteFit {
         Some(errors)
     }
 
+    /// What is left of the readings that were fitted.
+    #[must_use]
+    pub fn left_of_kept(&self) -> Vec<ReadingResidual> {
+        let is_kept = |index: usize| self.rejected.iter().all(|each| each.reading != index);
+        let left = self.left.iter().enumerate();
+        left.filter(|(index, _)| is_kept(*index))
+            .map(|(_, each)| *each)
+            .collect()
+    }
+
     /// The parameters that are no frames of stations or targets, with their places in the set.
     pub fn of_the_robot(&self) -> impl Iterator<Item = (usize, &Parameter)> {
         let all = self.set.parameters().iter().enumerate();
@@ -237,6 +410,17 @@ impl AbsoluteFit {
             }
         }
         conditions.extend(self.far_from_belief());
+        if !self.rejected.is_empty() {
+            let rows: Vec<String> = (self.rejected.iter())
+                .map(|each| format!("{} ({:.1})", each.reading + 1, each.deviations))
+                .collect();
+            conditions.push(format!(
+                "{} beyond {FAR_OUT} standard deviations of what the others leave, and {} left out: {}",
+                if rows.len() == 1 { "1 reading lies".to_owned() } else { format!("{} readings lie", rows.len()) },
+                if rows.len() == 1 { "is" } else { "are" },
+                rows.join(", ")
+            ));
+        }
         if let Some(probability) = self.consistency
             && probability < IMPLAUSIBLE
         {

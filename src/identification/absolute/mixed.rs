@@ -1,0 +1,593 @@
+//! The likeliest model of what parameters leave: restricted maximum likelihood for a linear mixed model.
+//!
+//! Parameters (with their priors) are fixed effects, the joints' errors at their knots and what is new at each stand are random
+//! ones. With P = V^-1 - V^-1 X (X^T V^-1 X)^-1 X^T V^-1 for the covariance V of all readings, a variance v of a part
+//! v D of V is improved by
+//!
+//! ```text
+//! v <- v sqrt(y^T P D P y / trace(P D))
+//! ```
+//!
+//! which never makes the likelihood smaller (the minorisation of H. Zhou, L. Hu, J. Zhou, K. Lange, *MM algorithms for
+//! variance components models*, J. Comput. Graph. Stat. 28, 2019). How far the error of a joint reaches follows from its
+//! expected squares at the knots, as in the EM algorithm.
+
+use nalgebra::{Cholesky, DMatrix, DVector};
+use rayon::prelude::*;
+
+use super::joint_errors::{JointError, MisfitModel, SQUARE_95, region_square};
+use super::rows::ReadingRows;
+use super::{AbsoluteCase, Misfit};
+use crate::numeric::wandering::{Tridiagonal, Wandering, knots_among};
+
+/// No joint has more knots.
+const MOST_KNOTS: usize = 48;
+/// A knot stands for so many stands of the robot.
+const STANDS_PER_KNOT: usize = 4;
+/// Improvements of the variances; later ones change intervals by a per cent.
+const ROUNDS: usize = 14;
+/// Deviations that change by less are found.
+const FOUND: f64 = 0.02;
+/// The smallest variance (m^2, rad^2).
+const LEAST: f64 = 1e-18;
+/// From so many readings on, regions are scaled by what was seen.
+const SCALED_FROM: usize = 60;
+/// Pieces of sums, so that bits do not depend on threads.
+const PIECES: usize = 32;
+
+/// Readings that share what is new at a stand.
+struct ReadingStand {
+    /// Read less predicted (m).
+    residual: DVector<f64>,
+    /// Derivatives by what is determined of the parameters (m x r).
+    fixed: DMatrix<f64>,
+    /// Derivatives by each joint's angle (m x k).
+    joints: DMatrix<f64>,
+    /// The readings' own covariance.
+    own: DMatrix<f64>,
+    /// Which coordinate each row is, from 0 to 5.
+    coordinates: Vec<usize>,
+    /// The commanded angles of the joints.
+    angles: Vec<f64>,
+}
+
+/// The variances that are looked for.
+#[derive(Debug, Clone, PartialEq)]
+struct MixedVariances {
+    rest: [f64; 2],
+    joints: Vec<f64>,
+    wandering: Vec<Wandering>,
+}
+
+/// The readings with what is known before of the parameters, in the coordinates of what is determined.
+pub(super) struct MixedModel {
+    stands: Vec<ReadingStand>,
+    /// Precision (r x r) and its pull (r).
+    prior: DMatrix<f64>,
+    pull: DVector<f64>,
+    /// The joints, and how the coordinates become parameters (p x r).
+    joints: Vec<usize>,
+    units: DMatrix<f64>,
+}
+
+/// What the model says with some variances.
+struct MixedSolution {
+    mean: DVector<f64>,
+    covariance: DMatrix<f64>,
+}
+
+/// What a mixed model gives.
+pub(super) struct MixedFit {
+    pub model: MisfitModel,
+    /// The covariance (p x p) of parameters that were fitted with the readings weighed as independent.
+    pub covariance: DMatrix<f64>,
+    /// The shares of readings, and of rotations, that lie in their regions of 95 % as computed, each predicted by the others.
+    pub predicted_by_others: [Option<f64>; 2],
+}
+
+/// A stand's equations at some variances.
+struct StandEquations {
+    index: Vec<usize>,
+    matrix: DMatrix<f64>,
+    covariance: DMatrix<f64>,
+    spare: Vec<f64>,
+}
+
+/// Sums over stands of what improves the variances: numerators and denominators.
+#[derive(Clone)]
+struct VarianceImprovement {
+    rest: [[f64; 2]; 2],
+    joints: Vec<[f64; 2]>,
+}
+
+impl MixedModel {
+    /// Of the readings of a case at what was fitted to them. `units` (p x r) spans what is determined, of which the prior
+    /// knows a precision (r x r) and wants a change (r).
+    pub fn new(
+        case: &AbsoluteCase<'_>,
+        rows: &[ReadingRows],
+        joints: Vec<usize>,
+        units: DMatrix<f64>,
+        [prior, pull]: [DMatrix<f64>; 2],
+    ) -> Self {
+        let stands = (case.stands.iter())
+            .map(|stand| {
+                let size: usize = stand.iter().map(|&index| rows[index].residual.len()).sum();
+                let mut all = ReadingStand {
+                    residual: DVector::zeros(size),
+                    fixed: DMatrix::zeros(size, units.ncols()),
+                    joints: DMatrix::zeros(size, joints.len()),
+                    own: DMatrix::zeros(size, size),
+                    coordinates: Vec::new(),
+                    angles: Vec::new(),
+                };
+                for &index in stand {
+                    let (rows, at) = (&rows[index], all.coordinates.len());
+                    let count = rows.residual.len();
+                    all.residual.rows_mut(at, count).copy_from(&rows.residual);
+                    let fixed = &rows.columns * &units;
+                    all.fixed.rows_mut(at, count).copy_from(&fixed);
+                    all.joints.rows_mut(at, count).copy_from(&rows.joints);
+                    let mut own = all.own.view_mut((at, at), (count, count));
+                    own.copy_from(&rows.own);
+                    all.coordinates.extend(0..count);
+                }
+                let first = stand.first().map(|&index| &case.observations[index].setup);
+                let angle = |&joint: &usize| first.map_or(0.0, |each| each.commanded_rad[joint]);
+                all.angles = joints.iter().map(angle).collect();
+                all
+            })
+            .collect();
+        Self {
+            stands,
+            prior,
+            pull: pull.column(0).into_owned(),
+            joints,
+            units,
+        }
+    }
+
+    /// The likeliest variances with what follows from them; `misfit` is what is unexplained as a whole, and how readings were
+    /// weighed. None where the numbers have no factorisation.
+    pub fn fit(&self, misfit: &Misfit) -> Option<MixedFit> {
+        let mut variances = self.first(misfit);
+        let mut solved = self.solved(&variances)?;
+        for _ in 0..ROUNDS {
+            let next = self.improved(&variances, &solved)?;
+            let change = next.change_from(&variances);
+            variances = next;
+            solved = self.solved(&variances)?;
+            if change < FOUND {
+                break;
+            }
+        }
+        let covariance = self.sandwich(&variances, misfit)?;
+        let mut model = self.model(&variances, &solved);
+        let squares = self.squares_by_others(&variances, &solved);
+        let predicted_by_others = [0, 1].map(|part| {
+            let mut squares: Vec<f64> = squares.iter().filter_map(|each| each[part]).collect();
+            if squares.is_empty() {
+                return None;
+            }
+            squares.sort_by(f64::total_cmp);
+            let within = squares.partition_point(|square| *square <= SQUARE_95);
+            let place = ((squares.len() + 1) * 95).div_ceil(100) - 1;
+            if squares.len() >= SCALED_FROM {
+                model.scale[part] = squares[place] / SQUARE_95;
+            }
+            Some(within as f64 / squares.len() as f64)
+        });
+        Some(MixedFit {
+            model,
+            covariance,
+            predicted_by_others,
+        })
+    }
+
+    /// Half of what is unexplained in the joints.
+    fn first(&self, misfit: &Misfit) -> MixedVariances {
+        let count = (self.stands.len() / STANDS_PER_KNOT).clamp(2, MOST_KNOTS);
+        let wandering: Vec<Wandering> = (0..self.joints.len())
+            .map(|joint| {
+                let angles: Vec<f64> = self.stands.iter().map(|each| each.angles[joint]).collect();
+                let knots = knots_among(&angles, count);
+                Wandering {
+                    length: Wandering::longest(&knots),
+                    knots,
+                }
+            })
+            .collect();
+        let (mut moved, mut rows) = (0.0, 0.0);
+        for stand in &self.stands {
+            for (row, _) in (stand.coordinates.iter().enumerate()).filter(|(_, each)| **each < 3) {
+                moved += stand.joints.row(row).norm_squared();
+                rows += 1.0;
+            }
+        }
+        let [position, rotation] = [misfit.position_m, misfit.rotation_rad].map(|each| each * each);
+        let of_joints = 0.5 * position * rows / f64::max(moved, f64::MIN_POSITIVE);
+        MixedVariances {
+            rest: [0.5 * position, 0.5 * rotation].map(|each| each.max(LEAST)),
+            joints: vec![of_joints.clamp(LEAST, 1e-4); wandering.len()],
+            wandering,
+        }
+    }
+
+    fn offsets(&self, variances: &MixedVariances) -> Vec<usize> {
+        let mut offsets = vec![self.units.ncols()];
+        for each in &variances.wandering {
+            offsets.push(offsets[offsets.len() - 1] + each.knots.len());
+        }
+        offsets
+    }
+
+    fn solved(&self, variances: &MixedVariances) -> Option<MixedSolution> {
+        let offsets = self.offsets(variances);
+        let size = *offsets.last()?;
+        let pieces: Vec<Option<(DMatrix<f64>, DVector<f64>)>> = (self.pieces())
+            .map(|stands| {
+                let mut information = DMatrix::zeros(size, size);
+                let mut gradient = DVector::zeros(size);
+                for stand in stands {
+                    let local = stand.local(variances, &offsets);
+                    let factor = Cholesky::new(local.covariance)?;
+                    let weighed = factor.solve(&local.matrix);
+                    let own = weighed.tr_mul(&local.matrix);
+                    let pull = weighed.tr_mul(&stand.residual);
+                    for (column, &to) in local.index.iter().enumerate() {
+                        gradient[to] += pull[column];
+                        for (row, &from) in local.index.iter().enumerate() {
+                            information[(from, to)] += own[(row, column)];
+                        }
+                    }
+                }
+                Some((information, gradient))
+            })
+            .collect();
+        let mut information = DMatrix::zeros(size, size);
+        let mut gradient = DVector::zeros(size);
+        for piece in pieces {
+            let (one, other) = piece?;
+            information += one;
+            gradient += other;
+        }
+        let fixed = self.units.ncols();
+        let mut before = information.view_mut((0, 0), (fixed, fixed));
+        before += &self.prior;
+        let mut pull = gradient.rows_mut(0, fixed);
+        pull += &self.pull;
+        for (joint, wandering) in variances.wandering.iter().enumerate() {
+            let (precision, _) = wandering.precision();
+            let (at, variance) = (offsets[joint], variances.joints[joint]);
+            for (knot, value) in precision.diagonal.iter().enumerate() {
+                information[(at + knot, at + knot)] += value / variance;
+            }
+            for (knot, value) in precision.beside.iter().enumerate() {
+                information[(at + knot, at + knot + 1)] += value / variance;
+                information[(at + knot + 1, at + knot)] += value / variance;
+            }
+        }
+        // Units apart: parameters in typical sizes, joints in rad.
+        let sizes = information.diagonal().map(|each| each.sqrt().recip());
+        for (index, mut column) in information.column_iter_mut().enumerate() {
+            column.component_mul_assign(&sizes);
+            column *= sizes[index];
+        }
+        let mut covariance = Cholesky::new(information)?.inverse();
+        for (index, mut column) in covariance.column_iter_mut().enumerate() {
+            column.component_mul_assign(&sizes);
+            column *= sizes[index];
+        }
+        Some(MixedSolution {
+            mean: &covariance * gradient,
+            covariance,
+        })
+    }
+
+    fn pieces(&self) -> impl IndexedParallelIterator<Item = &[ReadingStand]> {
+        let size = self.stands.len().div_ceil(PIECES).max(1);
+        self.stands.par_chunks(size)
+    }
+
+    fn improved(
+        &self,
+        variances: &MixedVariances,
+        solved: &MixedSolution,
+    ) -> Option<MixedVariances> {
+        let offsets = self.offsets(variances);
+        let nothing = VarianceImprovement {
+            rest: [[0.0; 2]; 2],
+            joints: vec![[0.0; 2]; self.joints.len()],
+        };
+        let pieces: Vec<Option<VarianceImprovement>> = (self.pieces())
+            .map(|stands| {
+                let mut sum = nothing.clone();
+                for stand in stands {
+                    stand.improve(&stand.local(variances, &offsets), solved, &mut sum)?;
+                }
+                Some(sum)
+            })
+            .collect();
+        let mut sum = nothing;
+        for piece in pieces {
+            let piece = piece?;
+            for (sum, each) in (sum.rest.iter_mut().chain(&mut sum.joints))
+                .zip(piece.rest.iter().chain(&piece.joints))
+            {
+                sum[0] += each[0];
+                sum[1] += each[1];
+            }
+        }
+        let better = |variance: f64, [square, trace]: [f64; 2]| {
+            let ratio = if trace > 0.0 { square / trace } else { 1.0 };
+            (variance * ratio.max(0.0).sqrt()).max(LEAST)
+        };
+        let mut next = variances.clone();
+        for part in 0..2 {
+            next.rest[part] = better(variances.rest[part], sum.rest[part]);
+        }
+        for (joint, wandering) in variances.wandering.iter().enumerate() {
+            let (at, count) = (offsets[joint], wandering.knots.len());
+            let variance = variances.joints[joint];
+            let product = |one: usize, other: usize| solved.mean[one] * solved.mean[other];
+            let mut values = Tridiagonal {
+                diagonal: (at..at + count).map(|each| product(each, each)).collect(),
+                beside: (at + 1..at + count)
+                    .map(|each| product(each - 1, each))
+                    .collect(),
+            };
+            let covariance = Tridiagonal {
+                diagonal: (at..at + count)
+                    .map(|each| solved.covariance[(each, each)])
+                    .collect(),
+                beside: (at + 1..at + count)
+                    .map(|each| solved.covariance[(each - 1, each)])
+                    .collect(),
+            };
+            let (precision, _) = wandering.precision();
+            let square = precision.product_trace(&values) / (variance * variance);
+            let known = precision.product_trace(&covariance) / variance;
+            let mut own = sum.joints[joint];
+            own[0] += square;
+            own[1] += (count as f64 - known).max(0.0) / variance;
+            next.joints[joint] = better(variance, own);
+            let all = values.diagonal.iter_mut().chain(&mut values.beside);
+            for (value, known) in all.zip(covariance.diagonal.iter().chain(&covariance.beside)) {
+                *value += known;
+            }
+            next.wandering[joint].length = wandering.likeliest_length(&values);
+        }
+        Some(next)
+    }
+
+    /// The covariance (p x p) of a fit that took readings of different stands as independent with this misfit, where the
+    /// variances are these: H^-1 (sum A^T V A) H^-1.
+    fn sandwich(&self, variances: &MixedVariances, misfit: &Misfit) -> Option<DMatrix<f64>> {
+        let offsets = self.offsets(variances);
+        let fixed = self.units.ncols();
+        let knots = offsets.last()? - fixed;
+        let assumed = misfit.covariance();
+        let assumed = [assumed[(0, 0)].max(LEAST), assumed[(3, 3)].max(LEAST)];
+        let pieces: Vec<Option<[DMatrix<f64>; 3]>> = (self.pieces())
+            .map(|stands| {
+                let mut sums = [
+                    DMatrix::zeros(fixed, fixed),
+                    DMatrix::zeros(fixed, fixed),
+                    DMatrix::zeros(fixed, knots),
+                ];
+                for stand in stands {
+                    let local = stand.local(variances, &offsets);
+                    let mut weighed_by = stand.own.clone();
+                    stand.add_shared(&mut weighed_by, assumed);
+                    let weighed = Cholesky::new(weighed_by)?.solve(&stand.fixed);
+                    sums[0] += weighed.tr_mul(&stand.fixed);
+                    sums[1] += weighed.tr_mul(&(&local.covariance * &weighed));
+                    let through = weighed.tr_mul(&local.matrix);
+                    for (column, &to) in local.index.iter().enumerate().skip(fixed) {
+                        let mut sum = sums[2].column_mut(to - fixed);
+                        sum += through.column(column);
+                    }
+                }
+                Some(sums)
+            })
+            .collect();
+        let mut curvature = self.prior.clone();
+        let mut square = self.prior.clone();
+        let mut through = DMatrix::zeros(fixed, knots);
+        for piece in pieces {
+            let [one, other, joints] = piece?;
+            curvature += one;
+            square += other;
+            through += joints;
+        }
+        for (joint, wandering) in variances.wandering.iter().enumerate() {
+            let count = wandering.knots.len();
+            let own = through.columns(offsets[joint] - fixed, count);
+            let among = DMatrix::from_fn(count, count, |row, column| {
+                variances.joints[joint] * wandering.correlation(row, column)
+            });
+            square += own * among * own.transpose();
+        }
+        let inverse = &self.units * Cholesky::new(curvature)?.inverse();
+        Some(&inverse * square * inverse.transpose())
+    }
+
+    fn model(&self, variances: &MixedVariances, solved: &MixedSolution) -> MisfitModel {
+        let offsets = self.offsets(variances);
+        let fixed = self.units.ncols();
+        let (parameters, knots) = (self.units.nrows(), solved.mean.len() - fixed);
+        let mut units = DMatrix::zeros(parameters + knots, fixed + knots);
+        units
+            .view_mut((0, 0), (parameters, fixed))
+            .copy_from(&self.units);
+        units
+            .view_mut((parameters, fixed), (knots, knots))
+            .fill_with_identity();
+        let joints = variances.wandering.iter().enumerate();
+        let [position_m, rotation_rad] = variances.rest.map(f64::sqrt);
+        MisfitModel {
+            joints: joints
+                .map(|(joint, wandering)| JointError {
+                    joint: self.joints[joint],
+                    values: (solved.mean.rows_range(offsets[joint]..offsets[joint + 1]))
+                        .iter()
+                        .copied()
+                        .collect(),
+                    wandering: wandering.clone(),
+                    deviation: variances.joints[joint].sqrt(),
+                })
+                .collect(),
+            shift: &self.units * solved.mean.rows(0, fixed),
+            covariance: &units * &solved.covariance * units.transpose(),
+            rest: Misfit {
+                position_m,
+                rotation_rad: if self.has_rotations() {
+                    rotation_rad
+                } else {
+                    0.0
+                },
+            },
+            scale: [1.0; 2],
+        }
+    }
+
+    fn has_rotations(&self) -> bool {
+        let mut coordinates = self.stands.iter().flat_map(|stand| &stand.coordinates);
+        coordinates.any(|coordinate| *coordinate >= 3)
+    }
+
+    /// The squares of position and rotation of each reading over their covariance, predicted by all other stands: exactly what
+    /// leaving the stand out gives, with the variances of all.
+    fn squares_by_others(
+        &self,
+        variances: &MixedVariances,
+        solved: &MixedSolution,
+    ) -> Vec<[Option<f64>; 2]> {
+        let offsets = self.offsets(variances);
+        let each = self.stands.par_iter().map(|stand| {
+            let local = stand.local(variances, &offsets);
+            let known = local.known(solved);
+            let own = Cholesky::new(&local.covariance - &known)?;
+            let left = &stand.residual - &local.matrix * local.mean(solved);
+            let left = &local.covariance * own.solve(&left);
+            let covariance = &local.covariance * own.solve(&local.covariance);
+            let firsts = (stand.coordinates.iter().enumerate()).filter(|(_, each)| **each == 0);
+            Some(
+                firsts
+                    .map(|(at, _)| {
+                        let next = stand.coordinates[at..].iter().skip(1);
+                        let rows = 1 + next.take_while(|each| **each > 0).count();
+                        let left = left.rows(at, rows).into_owned();
+                        let covariance = covariance.view((at, at), (rows, rows)).into_owned();
+                        [0, 3].map(|first| region_square(&left, &covariance, first))
+                    })
+                    .collect::<Vec<_>>(),
+            )
+        });
+        let all: Vec<Option<Vec<[Option<f64>; 2]>>> = each.collect();
+        all.into_iter().flatten().flatten().collect()
+    }
+}
+
+impl MixedVariances {
+    /// The largest change of a deviation that matters, as a share of it.
+    fn change_from(&self, other: &Self) -> f64 {
+        let rest = self.rest.iter().zip(&other.rest);
+        let joints = self.joints.iter().zip(&other.joints);
+        rest.chain(joints)
+            .filter(|(one, _)| **one > 10.0 * LEAST)
+            .map(|(one, other)| ((one / other).sqrt() - 1.0).abs())
+            .fold(0.0, f64::max)
+    }
+}
+
+impl StandEquations {
+    fn mean(&self, solved: &MixedSolution) -> DVector<f64> {
+        DVector::from_iterator(
+            self.index.len(),
+            self.index.iter().map(|&at| solved.mean[at]),
+        )
+    }
+
+    /// The covariance of what is predicted.
+    fn known(&self, solved: &MixedSolution) -> DMatrix<f64> {
+        let index = &self.index;
+        let among = DMatrix::from_fn(index.len(), index.len(), |row, column| {
+            solved.covariance[(index[row], index[column])]
+        });
+        &self.matrix * among * self.matrix.transpose()
+    }
+}
+
+impl ReadingStand {
+    /// Adds what is new at the stand: variances of positions and rotations.
+    fn add_shared(&self, covariance: &mut DMatrix<f64>, variances: [f64; 2]) {
+        for (row, one) in self.coordinates.iter().enumerate() {
+            for (column, other) in self.coordinates.iter().enumerate() {
+                if one == other {
+                    covariance[(row, column)] += variances[one / 3];
+                }
+            }
+        }
+    }
+
+    fn local(&self, variances: &MixedVariances, offsets: &[usize]) -> StandEquations {
+        let fixed = self.fixed.ncols();
+        let mut index: Vec<usize> = (0..fixed).collect();
+        let mut matrix = self
+            .fixed
+            .clone()
+            .resize_horizontally(fixed + 2 * self.angles.len(), 0.0);
+        let mut covariance = self.own.clone();
+        self.add_shared(&mut covariance, variances.rest);
+        let mut spare = Vec::new();
+        for (joint, wandering) in variances.wandering.iter().enumerate() {
+            let between = wandering.between(self.angles[joint]);
+            let moved = self.joints.column(joint);
+            for (knot, weight) in between.knots.into_iter().zip(between.weights) {
+                matrix.column_mut(index.len()).copy_from(&(moved * weight));
+                index.push(offsets[joint] + knot);
+            }
+            let own = variances.joints[joint] * between.spare;
+            covariance.ger(own, &moved, &moved, 1.0);
+            spare.push(between.spare);
+        }
+        StandEquations {
+            index,
+            matrix,
+            covariance,
+            spare,
+        }
+    }
+
+    fn improve(
+        &self,
+        local: &StandEquations,
+        solved: &MixedSolution,
+        sum: &mut VarianceImprovement,
+    ) -> Option<()> {
+        let weight = Cholesky::new(local.covariance.clone())?.inverse();
+        let left = &weight * (&self.residual - &local.matrix * local.mean(solved));
+        let projected = &weight - &weight * local.known(solved) * &weight;
+        for coordinate in 0..6 {
+            let rows: Vec<usize> = (self.coordinates.iter().enumerate())
+                .filter(|(_, each)| **each == coordinate)
+                .map(|(row, _)| row)
+                .collect();
+            let part = &mut sum.rest[coordinate / 3];
+            part[0] += rows.iter().map(|&row| left[row]).sum::<f64>().powi(2);
+            for &row in &rows {
+                part[1] += rows
+                    .iter()
+                    .map(|&other| projected[(row, other)])
+                    .sum::<f64>();
+            }
+        }
+        for (joint, part) in sum.joints.iter_mut().enumerate() {
+            let moved = self.joints.column(joint);
+            part[0] += local.spare[joint] * moved.dot(&left).powi(2);
+            part[1] += local.spare[joint] * moved.dot(&(&projected * moved));
+        }
+        Some(())
+    }
+}
