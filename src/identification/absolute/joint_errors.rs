@@ -15,7 +15,7 @@ use nalgebra::{Cholesky, DMatrix, DVector, Matrix6, Vector3};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::super::FitError;
-use super::rows::ReadingRows;
+use super::rows::LinearReading;
 use super::{AbsoluteCase, Misfit, ReadingResidual};
 use crate::numeric::wandering::Wandering;
 use crate::parameter::{Axis, ElasticArm, ParameterKind, ParameterSet};
@@ -105,7 +105,7 @@ impl MisfitModel {
     }
 
     /// What one reading's rows leave, and what moves that. `places` says which of the parameters (p) each column belongs to.
-    fn local(&self, rows: &ReadingRows, places: &[usize], q: &[f64]) -> LocalRows {
+    fn local(&self, rows: &LinearReading, places: &[usize], q: &[f64]) -> LocalRows {
         let offsets = self.offsets();
         let (mut index, mut columns) = (places.to_vec(), Vec::new());
         columns.extend(rows.columns.column_iter().map(nalgebra::Matrix::into_owned));
@@ -144,7 +144,7 @@ impl MisfitModel {
     /// What one reading's rows leave, and the covariance of that.
     pub(super) fn prognosis(
         &self,
-        rows: &ReadingRows,
+        rows: &LinearReading,
         places: &[usize],
         q: &[f64],
     ) -> (DVector<f64>, DMatrix<f64>) {

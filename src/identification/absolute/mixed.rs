@@ -16,7 +16,7 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::joint_errors::{JointError, MisfitModel, SQUARE_95, region_square};
-use super::rows::ReadingRows;
+use super::rows::LinearReading;
 use super::{AbsoluteCase, Misfit};
 use crate::numeric::wandering::{Tridiagonal, Wandering, knots_among};
 
@@ -105,7 +105,7 @@ impl MixedModel {
     /// knows a precision (r x r) and wants a change (r).
     pub fn new(
         case: &AbsoluteCase<'_>,
-        rows: &[ReadingRows],
+        rows: &[LinearReading],
         joints: Vec<usize>,
         units: DMatrix<f64>,
         [prior, pull]: [DMatrix<f64>; 2],

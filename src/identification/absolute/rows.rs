@@ -9,7 +9,7 @@ use crate::parameter::{ElasticArm, ParameterKind, ParameterSet};
 
 /// One reading at an arm: rows of the position (m) above those of the rotation (rad), where it is read.
 #[derive(Debug, Clone)]
-pub(super) struct ReadingRows {
+pub(super) struct LinearReading {
     /// Read less predicted.
     pub residual: DVector<f64>,
     /// Derivatives of the prediction with respect to the parameters, in their units.
@@ -37,7 +37,7 @@ impl AbsoluteCase<'_> {
         set: &ParameterSet,
         values: &[f64],
         joints: &[usize],
-    ) -> Result<Vec<ReadingRows>, FitError> {
+    ) -> Result<Vec<LinearReading>, FitError> {
         let arm = set.apply(reference, values);
         let zeros = joints
             .iter()
@@ -69,7 +69,7 @@ impl AbsoluteCase<'_> {
                 let top = |matrix: &Matrix6xX<f64>| {
                     DMatrix::from_fn(rows, matrix.ncols(), |row, column| matrix[(row, column)])
                 };
-                Ok(ReadingRows {
+                Ok(LinearReading {
                     residual: DVector::from_fn(rows, |row, _| residual[row]),
                     columns: top(&derivatives),
                     joints: top(&of_joints),
