@@ -21,7 +21,7 @@ use crate::plan::search::{FiniteEffort, FiniteProblem, ToldByCandidates, Watch};
 use crate::plan::{Criterion, CriterionFunction};
 use crate::task::Belief;
 
-/// Searches for one choice.
+/// Searches for one choice, before it is searched for from the others, too.
 const SEARCHES: usize = 4;
 
 /// The ways to choose, each with the criterion that it is best by. O1 chooses as D does, and O3 as E.
@@ -153,14 +153,7 @@ pub fn select<'a>(
     let tell = || (onlooker.progress)(done.fetch_add(1, Ordering::Relaxed) + 1, all);
     let sizes = (wanted.sizes.iter())
         .map(|&size| {
-            let planned: Vec<_> = CHOICES
-                .into_par_iter()
-                .map(|criterion| {
-                    let chosen = chooser.planned(criterion, size, onlooker.stop);
-                    tell();
-                    (criterion, chosen)
-                })
-                .collect();
+            let planned = chooser.planned(size, onlooker.stop, &tell);
             let random = (0..wanted.draws)
                 .into_par_iter()
                 .filter(|_| !onlooker.stop.load(Ordering::Relaxed))
@@ -196,13 +189,17 @@ impl Chooser<'_> {
         }
     }
 
-    /// The best choice by a criterion.
+    /// The best choice by each criterion.
+    ///
+    /// Exchanges end at a choice that no single one betters, of which there are many. What one criterion found is therefore
+    /// offered to all others, which go on from there, until none of them gains: no choice is better by another's criterion than
+    /// that other's own.
     fn planned(
         &self,
-        criterion: Criterion,
         size: u32,
         stop: &AtomicBool,
-    ) -> Result<Chosen, String> {
+        tell: &(dyn Fn() + Sync),
+    ) -> Vec<(Criterion, Result<Chosen, String>)> {
         let effort = FiniteEffort {
             measurements: size,
             configurations: size,
@@ -213,16 +210,46 @@ impl Chooser<'_> {
             stop,
             progress: &|_, _, _| {},
         };
-        let found = self.problem(criterion).search(effort, watch);
-        let found = found.map_err(|error| error.to_string())?;
-        let readings: Vec<usize> = found.plan.iter().map(|&(reading, _)| reading).collect();
-        let bound_m = (found.bound.least_cost(size))
-            .filter(|_| criterion == Criterion::TestPose)
-            .map(f64::sqrt);
-        Ok(Chosen {
-            bound_m,
-            ..self.judged(readings)
-        })
+        let mut found: Vec<_> = CHOICES
+            .into_par_iter()
+            .map(|criterion| {
+                let problem = self.problem(criterion);
+                let found = problem.search(effort, watch);
+                tell();
+                (problem, found)
+            })
+            .collect();
+        let designs = found.iter().filter_map(|(_, found)| found.as_ref().ok());
+        let mut offered: Vec<_> = designs.map(|design| design.plan.clone()).collect();
+        while !offered.is_empty() && !stop.load(Ordering::Relaxed) {
+            let better: Vec<_> = found
+                .par_iter_mut()
+                .map(|(problem, found)| {
+                    let design = found.as_mut().ok()?;
+                    let (plan, cost) = problem.bettered(&offered, effort, design.cost)?;
+                    design.plan.clone_from(&plan);
+                    design.cost = cost;
+                    Some(plan)
+                })
+                .collect();
+            offered = better.into_iter().flatten().collect();
+        }
+        found
+            .into_par_iter()
+            .map(|(problem, found)| {
+                let chosen = found.map_err(|error| error.to_string()).map(|design| {
+                    let readings = design.plan.iter().map(|&(reading, _)| reading).collect();
+                    let bound_m = (design.bound.least_cost(size))
+                        .filter(|_| problem.criterion == Criterion::TestPose)
+                        .map(f64::sqrt);
+                    Chosen {
+                        bound_m,
+                        ..self.judged(readings)
+                    }
+                });
+                (problem.criterion, chosen)
+            })
+            .collect()
     }
 
     /// A random choice.

@@ -60,6 +60,7 @@
 //! - `elastic_beliefs`: beliefs with passive joints, slides, springs, locked branches, tools and payloads.
 //! - `true_models`: virtual robots that are more than a chain, beside MuJoCo's simulation in time.
 //! - `known_optima`: arms of three joints, for which the best plan can be derived by hand.
+//! - `selection`: choices of readings, calibrated with and judged on all others.
 //! - `schema`: the JSON schema of scenarios.
 //! - `search`: the search for plans and its certificate, on the KR-270.
 //! - `bounds`: the class of plans that a bound speaks about.
@@ -163,6 +164,7 @@ mod robots;
 mod rooms;
 mod schema;
 mod search;
+mod selection;
 #[cfg(feature = "view")]
 mod streams;
 mod structured_misfit;

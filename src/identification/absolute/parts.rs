@@ -24,7 +24,7 @@ pub struct PartsOfReadings<'a> {
 }
 
 impl<'a> AbsoluteCase<'a> {
-    /// Fits all readings, and keeps what fits of parts of them share.
+    /// Fits all readings, those far out among them, and keeps what fits of parts of them share.
     ///
     /// # Errors
     /// As [`fit`](Self::fit); or some readings cannot be taken by themselves.
@@ -35,7 +35,12 @@ impl<'a> AbsoluteCase<'a> {
         if self.stands.len() < self.observations.len() {
             return Err(AbsoluteError::Together);
         }
+        self.keeps_all = true;
         let all = self.fit(groups, ReadingWeights::AsNeeded)?;
+        // The fit leaves the readings with their own weights.
+        if let Some(misfit) = all.misfit {
+            self.weigh(misfit);
+        }
         Ok(PartsOfReadings { case: self, all })
     }
 }

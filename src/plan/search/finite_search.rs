@@ -121,6 +121,37 @@ impl FiniteProblem<'_> {
             agreeing,
         })
     }
+
+    /// The best of some plans of as many measurements, as they are and bettered by exchanges, with its cost; none where it is not
+    /// below another cost.
+    #[must_use]
+    pub fn bettered(
+        &self,
+        plans: &[Vec<(usize, u32)>],
+        effort: FiniteEffort,
+        another: f64,
+    ) -> Option<(Vec<(usize, u32)>, f64)> {
+        let measurements = f64::from(effort.measurements.max(1));
+        let floor = (self.told.mean() * measurements + &self.beside) * FLOOR;
+        let configurations = effort.configurations.min(effort.measurements) as usize;
+        let all: Vec<_> = plans
+            .par_iter()
+            .flat_map(|plan| {
+                let mut search = CandidateExchanges::new(self, floor.clone(), configurations);
+                let mut found = search.improved(plan.clone()).plan;
+                found.sort_unstable();
+                [plan.clone(), found]
+            })
+            .map(|plan| {
+                let information = self.information(&plan);
+                let cost = self.cost().cost(&information, &mut information.clone());
+                let is_better =
+                    cost < another * (1.0 - GAIN) && self.is_determined_by(&information, cost);
+                is_better.then_some((plan, cost))
+            })
+            .collect();
+        (all.into_iter().flatten()).min_by(|one, other| one.1.total_cmp(&other.1))
+    }
 }
 
 /// A plan of candidates with its cost.

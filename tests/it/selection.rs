@@ -1,0 +1,145 @@
+//! Choices of readings: what is best by a promise is best by it, promises are kept by a robot that is as the model says, and
+//! threads change nothing.
+
+use elastocal::measurement::{AbsoluteReading, absolute_table};
+use elastocal::numeric::random::generator;
+use elastocal::scenario::Scenario;
+
+use crate::one_fit::{Campaign, plain, read, seen_arm, ur10, workplace};
+use crate::support::{Workplace, project, scenario_text};
+
+const SELECT: &str =
+    "select s.toml --measurements m.csv --parameters zeros --sizes 10,16 --draws 12 --campaigns 40";
+
+fn number(value: &serde_json::Value) -> f64 {
+    value
+        .as_f64()
+        .unwrap_or_else(|| panic!("no number: {value}"))
+}
+
+/// No choice promises more than the planned one, whose bound holds; and on a robot without misfit all keep what they promise.
+#[test]
+fn promises_of_choices_are_kept() {
+    let place = workplace(&plain(150, false));
+    let found = place.json(&format!("{SELECT} --threads 1 --plot-out p.svg"));
+    assert_eq!(found["readings"], 150);
+    assert!(place.read("p.svg").contains("absolute accuracy"));
+    for of_size in found["sizes"].as_array().expect("sizes") {
+        let planned = of_size["planned"].as_array().expect("choices");
+        assert_eq!(planned.len(), 6);
+        let best = &planned[0];
+        assert_eq!(best["criterion"], "test_pose");
+        let rho0 = number(&best["rho0_mm"]);
+        let bound = number(&best["lower_bound_rho0_mm"]);
+        assert!(bound <= rho0 && bound > 0.7 * rho0, "{bound} and {rho0}");
+        for other in planned {
+            let promised = number(&other["rho0_mm"]);
+            assert!(promised >= rho0 * (1.0 - 1e-9), "{other:#}");
+            let kept = number(&other["without_misfit_from_true_mm"]) / promised;
+            assert!((0.65..1.4).contains(&kept), "{kept}: {other:#}");
+            let chosen = other["readings"].as_array().expect("readings").len();
+            assert_eq!(chosen.to_string(), of_size["size"].to_string());
+        }
+        let random = &of_size["random"];
+        assert_eq!(random["draws"], 12);
+        assert!(number(&random["rho0_mm"][0]) > rho0, "{random:#}");
+        let kept =
+            number(&random["without_misfit_from_true_mm"][1]) / number(&random["rho0_mm"][1]);
+        assert!((0.8..1.25).contains(&kept), "{kept}");
+    }
+    let again = place.json(&format!("{SELECT} --threads 2"));
+    assert_eq!(found["sizes"], again["sizes"]);
+}
+
+/// Errors that the readings' deviations do not tell of are promised, too.
+#[test]
+fn promises_count_misfit() {
+    let promised = |noise: f64| {
+        let mut random = generator(11, 0);
+        let arm = seen_arm(&mut random, &ur10(), 1, 1);
+        let campaign = Campaign {
+            readings: 80,
+            is_pose: false,
+            noise,
+            force_n: 0.0,
+        };
+        let place = workplace(&read(&mut random, &arm, &campaign));
+        let found = place.json("select s.toml --measurements m.csv --parameters zeros --sizes 8 --draws 1 --campaigns 20");
+        let best = &found["sizes"][0]["planned"][0];
+        ["rho0_mm", "without_misfit_from_true_mm"].map(|key| number(&best[key]))
+    };
+    let [own, with_misfit] = [1.0, 20.0].map(promised);
+    for (own, with_misfit) in own.into_iter().zip(with_misfit) {
+        let ratio = with_misfit / own;
+        assert!((16.0..24.0).contains(&ratio), "{ratio}");
+    }
+}
+
+/// What is known before takes the place of readings.
+#[test]
+fn a_prior_makes_few_readings_enough() {
+    let place = workplace(&plain(60, false));
+    let prior = "\n[[uncertainty]]\nkind = \"joint_zero\"\nstd_mrad = 1\n\n[[uncertainty]]\nkind = \"link_position\"\nstd_mm = 0.2\n\n[[uncertainty]]\nkind = \"link_rotation\"\nstd_mrad = 0.5\n";
+    place.write("k.toml", scenario_text("ur10") + prior);
+    let found = place.json("select k.toml --measurements m.csv --parameters geometry --sizes 6 --draws 5 --campaigns 0");
+    assert!(number(&found["known_before"]) > 10.0, "{found:#}");
+    let best = &found["sizes"][0]["planned"][0];
+    assert!(number(&best["rho0_mm"]) > 0.0, "{best:#}");
+    assert!(best["without_misfit_from_true_mm"].is_null());
+    // Without it, six positions do not tell so much.
+    let bare = place.json("select s.toml --measurements m.csv --parameters geometry --sizes 6 --draws 5 --campaigns 0");
+    let problem = bare["sizes"][0]["planned"][0]["problem"]
+        .as_str()
+        .expect("a problem");
+    assert!(problem.contains("cannot determine"), "{problem}");
+}
+
+/// Wrong inputs are told.
+#[test]
+fn what_cannot_be_chosen_from_is_refused() {
+    let readings = plain(12, false);
+    let place = workplace(&readings);
+    let run = |place: &Workplace, arguments: &str, wanted: &str| {
+        let outcome = place.run(&format!("{arguments} --quiet")).ends_with(1);
+        assert!(
+            outcome.stderr.contains(wanted),
+            "{wanted}: {}",
+            outcome.stderr
+        );
+    };
+    run(
+        &place,
+        "select s.toml --measurements m.csv --sizes 12",
+        "holds 12 readings, of which 12 leave none to judge on",
+    );
+    place
+        .run("select s.toml --measurements m.csv --sizes 0")
+        .ends_with(2);
+    let together: Vec<_> = (0..readings.len())
+        .map(|index| AbsoluteReading {
+            state: Some(format!("s{}", index.max(1))),
+            ..readings[if index == 1 { 0 } else { index }].clone()
+        })
+        .collect();
+    let scenario = Scenario::load(&project("scenarios/ur10.toml")).expect("valid");
+    let table = absolute_table(&scenario.task.belief.commands(), &together);
+    place.write("t.csv", table);
+    run(
+        &place,
+        "select s.toml --measurements t.csv --sizes 4",
+        "one by one",
+    );
+    let plan = project("scenarios/plans/klimchik2012_m3.csv");
+    place.write("kr.toml", scenario_text("klimchik2012"));
+    place
+        .run(&format!(
+            "measure kr.toml --plan {} --measurements-out d.csv --quiet",
+            plan.display()
+        ))
+        .ends_with(0);
+    run(
+        &place,
+        "select kr.toml --measurements d.csv --sizes 2",
+        "holds deflections",
+    );
+}
