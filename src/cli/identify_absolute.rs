@@ -15,7 +15,7 @@ use elastocal::record::messages::ProvenanceMessage;
 use elastocal::scenario::Scenario;
 use elastocal::task::Belief;
 use elastocal::text::wording::counted;
-use elastocal::workflow::identify_absolute::{identify_absolute, ladder};
+use elastocal::workflow::identify_absolute::{identify_absolute, ladder, uncounted};
 use serde_json::json;
 
 use super::table::table;
@@ -83,6 +83,13 @@ pub fn execute(
         text += &written.told(path, plot);
     }
     text += &describe(&message);
+    let uncounted = uncounted(belief);
+    if !uncounted.is_empty() {
+        text += &format!(
+            "  Not counted but as part of what the residuals show: {}\n",
+            uncounted.join(", ")
+        );
+    }
     text += &patterns::describe(&identified.patterns);
     for each in &identified.contradictions {
         text += &compared(each);

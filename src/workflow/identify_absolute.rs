@@ -90,6 +90,15 @@ fn shown_angle(case: &AbsoluteCase<'_>, joint: usize, value: f64) -> String {
     }
 }
 
+/// The uncertainties that are new in each reading: of absolute readings they are part of what the residuals show, and not counted
+/// by themselves.
+#[must_use]
+pub fn uncounted(belief: &Belief) -> Vec<String> {
+    let uncertain = belief.uncertain.iter();
+    let sources = uncertain.flat_map(|each| each.sources().map(|(name, _)| name.to_owned()));
+    sources.collect()
+}
+
 /// Models with more and more parameters, compared by blocks of joint space.
 ///
 /// # Errors
@@ -162,6 +171,7 @@ impl<'a> IdentifiedRobot<'a> {
         let more = json!({
             "patterns": self.patterns,
             "contradictions": self.contradictions,
+            "not_counted": uncounted(&scenario.task.belief),
             "conditions": self.conditions(),
         });
         merge(&mut json, more);

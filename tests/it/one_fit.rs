@@ -12,6 +12,7 @@ use nalgebra::{
 };
 use rand::{Rng, RngExt};
 use rayon::prelude::*;
+use serde_json::json;
 
 use crate::support::{Outcome, Workplace, project, scenario, scenario_text};
 
@@ -353,6 +354,21 @@ fn the_command_tells_frames_parameters_and_what_is_left() {
     let json = identify(&place, "--parameters geometry --json").json();
     let other = json["distance_mm"]["mean"].as_f64().expect("a number");
     assert!((one - other).abs() < 1e-9, "{one} {other}");
+}
+
+#[test]
+fn what_is_new_in_each_reading_is_said_not_to_be_counted_by_itself() {
+    let place = workplace(&plain(30, true));
+    assert_eq!(identify(&place, "--json").json()["not_counted"], json!([]));
+    let listed = "[[uncertainty]]\nkind = \"joint_return\"\nname = \"gears\"\nstd_mrad = 0.05\n";
+    place.write("s.toml", place.read("s.toml") + "\n" + listed);
+    assert_eq!(
+        identify(&place, "--json").json()["not_counted"],
+        json!(["gears"])
+    );
+    let outcome = identify(&place, "");
+    let words = "Not counted but as part of what the residuals show: gears";
+    assert!(outcome.stdout.contains(words), "{}", outcome.stdout);
 }
 
 /// Where the tracker was moved, its frame is found anew; the robot is the same.
