@@ -274,21 +274,10 @@ impl PlanCommand {
             "candidates": CandidatesMessage::new(candidates),
         });
         let provenance = self.candidates.of(ProvenanceMessage::new(scenario))?;
-        let mut json = results("plan", &provenance, json);
-        merge(
-            &mut json,
-            serde_json::to_value(AssessmentMessage::new(scenario, &assessment))?,
-        );
-        let mut conditions = conditions(scenario, &assessment);
-        if designed.is_cut_short {
-            conditions.push("the search was stopped: a better plan may exist".to_owned());
-        }
-        conditions.extend(written.conditions());
-        Ok(Report {
-            json,
-            text,
-            conditions,
-        })
+        let json = results("plan", &provenance, json);
+        let mut report = reported(scenario, &assessment, designed.is_cut_short, (json, text))?;
+        report.conditions.extend(written.conditions());
+        Ok(report)
     }
 
     pub fn execute(&self) -> anyhow::Result<Report> {
@@ -397,18 +386,29 @@ impl PlanCommand {
             "bound_searches": certificate.map_or(0, |certificate| certificate.searches),
             "bound_searches_agreeing": certificate.map_or(0, |certificate| certificate.agreeing),
         });
-        let mut json = results("plan", &ProvenanceMessage::new(&scenario), json);
-        let message = AssessmentMessage::new(&scenario, &assessment);
-        merge(&mut json, serde_json::to_value(&message)?);
-        let mut conditions = conditions(&scenario, &assessment);
-        if designed.is_cut_short {
-            conditions.push("the search was stopped: a better plan may exist".to_owned());
-        }
-        conditions.extend(written.conditions());
-        Ok(Report {
-            json,
-            text,
-            conditions,
-        })
+        let json = results("plan", &ProvenanceMessage::new(&scenario), json);
+        let mut report = reported(&scenario, &assessment, designed.is_cut_short, (json, text))?;
+        report.conditions.extend(written.conditions());
+        Ok(report)
     }
+}
+
+/// What a plan promises, beside what else is told of it.
+fn reported(
+    scenario: &Scenario,
+    assessment: &Assessment,
+    is_cut_short: bool,
+    (mut json, text): (serde_json::Value, String),
+) -> anyhow::Result<Report> {
+    let message = AssessmentMessage::new(scenario, assessment);
+    merge(&mut json, serde_json::to_value(message)?);
+    let mut conditions = conditions(scenario, assessment);
+    if is_cut_short {
+        conditions.push("the search was stopped: a better plan may exist".to_owned());
+    }
+    Ok(Report {
+        json,
+        text,
+        conditions,
+    })
 }

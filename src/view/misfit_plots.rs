@@ -2,7 +2,7 @@
 
 use plotters::prelude::*;
 
-use super::plots::{COLOURS, PlotError, SIZE};
+use super::plots::{COLOURS, PlotError, SIZE, draw_legend};
 use crate::record::absolute::LengthsMessage;
 use crate::record::ladder::{LadderMessage, RungMessage};
 use crate::record::patterns::{PatternMessage, PatternsMessage};
@@ -78,13 +78,7 @@ pub fn ladder_plot(title: &str, ladder: &LadderMessage) -> Result<String, PlotEr
             .draw_series(chosen.map(|at| Circle::new(at, 9, BLACK.stroke_width(2))))?
             .label("recommended")
             .legend(|(x, y)| Circle::new((x + 10, y), 6, BLACK.stroke_width(2)));
-        chart
-            .configure_series_labels()
-            .position(SeriesLabelPosition::UpperRight)
-            .background_style(WHITE)
-            .border_style(BLACK)
-            .label_font(("sans-serif", 14))
-            .draw()?;
+        draw_legend(&mut chart)?;
         area.present()?;
     }
     Ok(svg)

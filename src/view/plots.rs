@@ -33,6 +33,20 @@ impl<E: std::error::Error + Send + Sync> From<DrawingAreaErrorKind<E>> for PlotE
     }
 }
 
+/// The names of a chart's series, in its upper right corner.
+pub(super) fn draw_legend<'chart, 'svg: 'chart, C: plotters::coord::CoordTranslate>(
+    chart: &mut ChartContext<'chart, SVGBackend<'svg>, C>,
+) -> Result<(), PlotError> {
+    chart
+        .configure_series_labels()
+        .position(SeriesLabelPosition::UpperRight)
+        .background_style(WHITE)
+        .border_style(BLACK)
+        .label_font(("sans-serif", 14))
+        .draw()?;
+    Ok(())
+}
+
 /// `rho_0` against the number of measurements: a line for each number of configurations, and the
 /// bound that no plan can beat. Returns the SVG text.
 ///
@@ -99,13 +113,7 @@ pub fn budget_plot(title: &str, points: &[BudgetPoint]) -> Result<String, PlotEr
             .draw_series(DashedLineSeries::new(bound, 6, 4, BLACK.stroke_width(1)))?
             .label("bound: no plan is below")
             .legend(|(x, y)| PathElement::new([(x, y), (x + 20, y)], BLACK));
-        chart
-            .configure_series_labels()
-            .position(SeriesLabelPosition::UpperRight)
-            .background_style(WHITE)
-            .border_style(BLACK)
-            .label_font(("sans-serif", 14))
-            .draw()?;
+        draw_legend(&mut chart)?;
         area.present()?;
     }
     Ok(svg)

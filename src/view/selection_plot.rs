@@ -2,7 +2,7 @@
 
 use plotters::prelude::*;
 
-use super::plots::{COLOURS, PlotError};
+use super::plots::{COLOURS, PlotError, draw_legend};
 use crate::record::selection::{SelectionMessage, SelectionSizeMessage};
 
 const SIZE: (u32, u32) = (900, 520);
@@ -92,13 +92,7 @@ pub fn selection_plot(title: &str, message: &SelectionMessage) -> Result<String,
                 .label(name)
                 .legend(move |(x, y)| TriangleMarker::new((x + 10, y), 7, colour.filled()));
         }
-        chart
-            .configure_series_labels()
-            .position(SeriesLabelPosition::UpperRight)
-            .background_style(WHITE)
-            .border_style(BLACK)
-            .label_font(("sans-serif", 14))
-            .draw()?;
+        draw_legend(&mut chart)?;
         area.present()?;
     }
     Ok(svg)

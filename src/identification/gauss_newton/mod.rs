@@ -99,11 +99,7 @@ pub fn fit_parameters(
     set: &ParameterSet,
     observations: &[Observation],
 ) -> Result<ParameterFit, FitError> {
-    if observations.is_empty() {
-        return Err(FitError::NoObservations);
-    }
-    let start = frames(nominal, set, observations);
-    fit(nominal, set, observations, None, &start, Haste::None)
+    fit_from_frames(nominal, set, observations, Haste::None)
 }
 
 /// The same, found as soon as a step is short in standard errors as the residuals have them: whether the observations' own
@@ -116,11 +112,21 @@ pub(super) fn fit_for_residuals(
     set: &ParameterSet,
     observations: &[Observation],
 ) -> Result<ParameterFit, FitError> {
+    fit_from_frames(nominal, set, observations, Haste::Residuals)
+}
+
+/// A fit that begins where the frames follow from the readings.
+fn fit_from_frames(
+    nominal: &ElasticArm,
+    set: &ParameterSet,
+    observations: &[Observation],
+    haste: Haste,
+) -> Result<ParameterFit, FitError> {
     if observations.is_empty() {
         return Err(FitError::NoObservations);
     }
     let start = frames(nominal, set, observations);
-    fit(nominal, set, observations, None, &start, Haste::Residuals)
+    fit(nominal, set, observations, None, &start, haste)
 }
 
 /// The same from values (p) that are near; some observations may share an error.
