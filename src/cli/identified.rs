@@ -10,7 +10,7 @@ use elastocal::scenario::Scenario;
 use elastocal::task::Fingerprint;
 use elastocal::text::wording::shell_word;
 use elastocal::workflow::calibrated::CalibratedRobot;
-use elastocal::workflow::validate_absolute::StoredRobot;
+use elastocal::workflow::stored_robot::StoredRobot;
 
 use super::Common;
 

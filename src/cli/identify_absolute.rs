@@ -47,7 +47,8 @@ pub fn execute(
     let wrong = |error| explained(file, &error);
     let mut written = Written::default();
     let ladder = if asked.by_ladder {
-        Some(ladder(belief, readings, asked.weights).map_err(wrong)?)
+        let how = (asked.weights, asked.keeps_all);
+        Some(ladder(belief, readings, how).map_err(wrong)?)
     } else {
         None
     };

@@ -29,6 +29,20 @@ pub fn describe(ladder: &LadderMessage) -> String {
          that, with the standard error of the difference\n",
         ladder.blocks, ladder.readings_judged
     );
+    if !ladder.rejected.is_empty() {
+        let numbers: Vec<String> = (ladder.rejected.iter())
+            .map(|each| each.reading.to_string())
+            .collect();
+        text += &format!(
+            "  left out of all, since they lie far out of the highest: {} {}\n",
+            if numbers.len() == 1 {
+                "reading"
+            } else {
+                "readings"
+            },
+            numbers.join(", ")
+        );
+    }
     for rung in &ladder.rungs {
         if let Some(reason) = &rung.not_judged {
             text += &format!("  {} is not judged: {reason}\n", rung.added);

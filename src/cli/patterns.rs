@@ -1,7 +1,7 @@
 //! Patterns in residuals, for a person.
 
 use elastocal::record::patterns::{PatternMessage, PatternsMessage};
-use elastocal::text::wording::percent;
+use elastocal::text::wording::{counted, percent};
 
 use super::residuals::probability;
 
@@ -16,6 +16,13 @@ pub fn describe(patterns: &PatternsMessage) -> String {
         patterns.kinds.join(", "),
         percent(Some(patterns.false_alarm_rate), 0)
     );
+    let looked = match patterns.without.len() {
+        0 => looked,
+        count => format!(
+            "{looked}, without {}",
+            counted(count as u64, "rejected reading")
+        ),
+    };
     if patterns.found.is_empty() {
         return format!("  No pattern in the residuals: {looked}.\n");
     }

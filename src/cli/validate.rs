@@ -10,7 +10,7 @@ use elastocal::measurement::read_measurements;
 use elastocal::plan::write_plan;
 use elastocal::record::messages::{ProvenanceMessage, plan_messages};
 use elastocal::text::wording::{counted, shell_word};
-use elastocal::workflow::validate_absolute::StoredRobot;
+use elastocal::workflow::stored_robot::StoredRobot;
 use nalgebra::Vector3;
 use serde_json::{Value, json};
 

@@ -9,8 +9,9 @@ use elastocal::record::absolute::LengthsMessage;
 use elastocal::record::messages::ProvenanceMessage;
 use elastocal::scenario::Scenario;
 use elastocal::text::wording::counted;
+use elastocal::workflow::stored_robot::StoredRobot;
 use elastocal::workflow::validate_absolute::{
-    AbsoluteValidation, AbsoluteValidationError, StoredRobot, validate_absolute,
+    AbsoluteValidation, AbsoluteValidationError, validate_absolute,
 };
 use serde_json::{Value, json};
 

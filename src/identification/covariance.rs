@@ -28,6 +28,9 @@ pub fn covariance_of_any(rows: &[Vec<f64>]) -> Result<DMatrix<f64>, (String, Str
 
 fn covariance_within(rows: &[Vec<f64>], kind: &Kind) -> Result<DMatrix<f64>, (String, String)> {
     let size = rows.len();
+    if size == 0 {
+        return Ok(DMatrix::zeros(0, 0));
+    }
     if let Some((row, found)) = (rows.iter().enumerate()).find(|(_, row)| row.len() != size) {
         let problem = format!("found {} numbers; {size} are allowed", found.len());
         return Err((format!("[{row}]"), problem));
@@ -69,7 +72,7 @@ fn covariance_within(rows: &[Vec<f64>], kind: &Kind) -> Result<DMatrix<f64>, (St
     }
     let eigen = finite_eigen(&correlation);
     let smallest = eigen.map_or(f64::NAN, |eigen| eigen.eigenvalues.min());
-    if size == 0 || smallest >= -ROUNDING * size as f64 {
+    if smallest >= -ROUNDING * size as f64 {
         return Ok(matrix);
     }
     let problem = format!(
@@ -108,6 +111,7 @@ mod tests {
             let found = problem(&bad).expect("is none");
             assert!(found.contains(says), "{found}");
         }
+        assert!(covariance_of(&[]).is_ok_and(|nothing| nothing.is_empty()));
         // Each pair is possible, but not all three at once.
         let mut rows = vec![vec![-0.9; 3]; 3];
         (0..3).for_each(|index| rows[index][index] = 1.0);

@@ -15,17 +15,18 @@ mod extended;
 mod fit;
 mod frames;
 mod gauss_newton;
+mod misfit;
 pub mod patterns;
 mod prediction;
+mod rejection;
 mod residuals;
 mod stored;
 
 pub use absolute::{
     AbsoluteCase, AbsoluteError, AbsoluteFit, CONTRADICTION, Contradiction, Contradictions,
-    CrossValidation, DistanceStatistics, FAR_OUT, FEWEST_BLOCKS, JointError, Ladder, LeftOut,
-    Misfit, MisfitModel, MovedStation, ParameterChange, ParameterGroup, PartsOfReadings,
-    ReadingPrognosis, ReadingResidual, ReadingWeights, Recommendation, RejectedReading, Rung,
-    RungTest, SQUARE_95, SeriesEstimates, Unexplained, joint_space_blocks,
+    CrossValidation, DistanceStatistics, FEWEST_BLOCKS, JointError, Ladder, LeftOut, MisfitModel,
+    MovedStation, ParameterChange, ParameterGroup, PartsOfReadings, ReadingPrognosis,
+    ReadingWeights, Recommendation, Rung, RungTest, SQUARE_95, SeriesEstimates, Unexplained,
 };
 pub use case::{Case, Sigma};
 pub use conditions::IMPLAUSIBLE;
@@ -34,6 +35,8 @@ pub use error::IdentificationError;
 pub use estimate::{Estimate, Identification, ParameterEstimate, UncertainEstimate, identify};
 pub use frames::{MountedFrames, Sight};
 pub use gauss_newton::{FitError, ParameterFit, fit_parameters};
+pub use misfit::{Misfit, ReadingResidual, joint_space_blocks};
 pub use prediction::{Predicted, PredictionError, Predictions};
+pub use rejection::RejectedReading;
 pub use residuals::{MeasurementResidual, Residuals, Suspect, residuals};
 pub use stored::{OtherUnknowns, StoredIdentification};

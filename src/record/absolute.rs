@@ -4,7 +4,9 @@ use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::identification::{AbsoluteCase, AbsoluteFit, DistanceStatistics, FAR_OUT, Unexplained};
+use crate::identification::{
+    AbsoluteCase, AbsoluteFit, DistanceStatistics, RejectedReading, Unexplained,
+};
 use crate::parameter::{Axis, ParameterKind};
 
 /// Standard errors in an interval of 95 %.
@@ -195,11 +197,21 @@ pub struct RejectedMessage {
     pub reason: String,
 }
 
+impl From<&RejectedReading> for RejectedMessage {
+    fn from(rejected: &RejectedReading) -> Self {
+        Self {
+            reading: rejected.reading + 1,
+            deviations: rejected.deviations,
+            reason: rejected.reason(),
+        }
+    }
+}
+
 impl AbsoluteMessage {
     /// The record of a fit.
     #[must_use]
     pub fn new(case: &AbsoluteCase<'_>, fit: &AbsoluteFit) -> Self {
-        let kept = fit.left_of_kept();
+        let kept = fit.of_kept(&fit.left);
         let distances = DistanceStatistics::of_positions(&kept);
         let angles = DistanceStatistics::of_rotations(&kept);
         Self {
@@ -230,17 +242,11 @@ impl AbsoluteMessage {
             residuals_mm: (fit.left.iter())
                 .map(|each| (each.position_m * 1e3).into())
                 .collect(),
-            unexplained: fit.unexplained.as_ref().map(|each| unexplained(case, fit, each)),
-            rejected: (fit.rejected.iter())
-                .map(|each| RejectedMessage {
-                    reading: each.reading + 1,
-                    deviations: each.deviations,
-                    reason: format!(
-                        "it lies {:.1} standard deviations from what the other readings say, and {FAR_OUT} are the most",
-                        each.deviations
-                    ),
-                })
-                .collect(),
+            unexplained: fit
+                .unexplained
+                .as_ref()
+                .map(|each| unexplained(case, fit, each)),
+            rejected: fit.rejected.iter().map(RejectedMessage::from).collect(),
             conditions: fit.conditions(),
         }
     }

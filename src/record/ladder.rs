@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::absolute::{LengthsMessage, quantity_unit};
+use super::absolute::{LengthsMessage, RejectedMessage, quantity_unit};
 use crate::identification::{
     CrossValidation, Ladder, ParameterChange, ParameterGroup, Rung, RungTest,
 };
@@ -25,6 +25,9 @@ pub struct LadderMessage {
     pub recommended: Option<usize>,
     /// What is recommended, and why.
     pub sentences: Vec<String>,
+    /// The readings that were left out of all rungs, since they lie far out of the highest.
+    #[serde(default)]
+    pub rejected: Vec<RejectedMessage>,
 }
 
 /// A group of parameters that makes no rung.
@@ -133,6 +136,7 @@ impl From<&Ladder> for LadderMessage {
             best: recommendation.map(|each| each.best),
             recommended: recommendation.map(|each| each.rung),
             sentences: recommendation.map_or_else(Vec::new, |each| each.sentences.clone()),
+            rejected: ladder.rejected.iter().map(RejectedMessage::from).collect(),
         }
     }
 }

@@ -3,6 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::identification::RejectedReading;
 use crate::identification::patterns::{
     Against, Course, Drifting, LEVEL, Pattern, Patterns, WAVES_TO_SEE,
 };
@@ -20,6 +21,9 @@ pub struct PatternsMessage {
     pub false_alarm_rate: f64,
     /// The share of the residuals' weighted squares that all found explain together.
     pub share: f64,
+    /// The numbers, from 1, of readings that were not looked at, since they lie far out of what the others leave.
+    #[serde(default)]
+    pub without: Vec<usize>,
 }
 
 /// Something that residuals go with.
@@ -83,6 +87,16 @@ impl PatternsMessage {
             kinds: patterns.kinds.iter().map(|&kind| kind.to_owned()).collect(),
             false_alarm_rate: LEVEL,
             share: patterns.share,
+            without: Vec::new(),
+        }
+    }
+
+    /// The same of a fit that left out some readings.
+    #[must_use]
+    pub fn without(self, rejected: &[RejectedReading]) -> Self {
+        Self {
+            without: rejected.iter().map(|each| each.reading + 1).collect(),
+            ..self
         }
     }
 }

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use nalgebra::{DMatrix, Isometry3, Matrix3xX};
 
-use super::validate_absolute::StoredRobot;
+use super::stored_robot::{StoredRobot, robot_kinds};
 use crate::calibration::{
     CalibrationError, CompensatedPose, compensate_poses, compensate_poses_by,
 };
@@ -260,11 +260,7 @@ const fn machining_tool(arm: &ElasticArm) -> usize {
 /// Which parameters of an arm the unknowns of a file are: none for the frames of stations. `tools` are the places of the
 /// file's targets among the arm's tools.
 fn kinds(stored: &StoredRobot, arm: &ElasticArm, tools: &[usize]) -> Vec<Option<ParameterKind>> {
-    let mut all = ParameterKind::all_of(arm);
-    for link in 0..arm.chain.len() {
-        all.push(ParameterKind::LinkMass { link });
-        all.extend(Axis::ALL.map(|axis| ParameterKind::LinkCentre { link, axis }));
-    }
+    let all = robot_kinds(arm);
     let message = &stored.message;
     let one = |name: &str| {
         let (owner, last) = name.rsplit_once('.').unwrap_or(("", name));

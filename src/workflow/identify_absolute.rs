@@ -41,12 +41,14 @@ pub fn identify_absolute<'a>(
     let mut case = AbsoluteCase::new(belief, readings)?;
     case.keeps_all = keeps_all;
     let fit = case.fit(groups, weights)?;
-    let patterns = case.looked_at(&fit, readings)?.patterns();
+    // What lies far out is no pattern, and no contradiction.
+    let mut kept = case.kept(&fit);
+    let patterns = (kept.looked_at(&fit, &fit.of_kept(readings))?).patterns();
     let joints = case.arm.chain.joints.iter();
     let joints: Vec<String> = joints.map(|joint| joint.name.clone()).collect();
-    let halves = halves(&mut case, &fit, &joints);
+    let halves = halves(&mut kept, &fit, &joints);
     Ok(IdentifiedRobot {
-        patterns: PatternsMessage::new(&patterns, &joints, false),
+        patterns: PatternsMessage::new(&patterns, &joints, false).without(&fit.rejected),
         contradictions: halves.into_iter().collect(),
         case,
         fit,
@@ -99,16 +101,19 @@ pub fn uncounted(belief: &Belief) -> Vec<String> {
     sources.collect()
 }
 
-/// Models with more and more parameters, compared by blocks of joint space.
+/// Models with more and more parameters, compared by blocks of joint space. Readings are weighed so; those that lie far out are
+/// left out, unless all are to be kept.
 ///
 /// # Errors
 /// See [`AbsoluteError`].
 pub fn ladder(
     belief: &Belief,
     readings: &[AbsoluteReading],
-    weights: ReadingWeights,
+    (weights, keeps_all): (ReadingWeights, bool),
 ) -> Result<Ladder, AbsoluteError> {
-    AbsoluteCase::new(belief, readings)?.ladder(weights)
+    let mut case = AbsoluteCase::new(belief, readings)?;
+    case.keeps_all = keeps_all;
+    case.ladder(weights)
 }
 
 impl<'a> IdentifiedRobot<'a> {
@@ -125,10 +130,11 @@ impl<'a> IdentifiedRobot<'a> {
         between: [String; 2],
     ) -> Result<(), AbsoluteError> {
         let mut other = AbsoluteCase::new(belief, readings)?;
+        other.keeps_all = self.case.keeps_all;
         let fit = other.fit(groups, weights)?;
-        let (Some(own), Some(second)) = (self.case.estimates(&self.fit)?, other.estimates(&fit)?)
-        else {
-            let different = (self.case.different()).min(other.different());
+        let (mut kept, mut other) = (self.case.kept(&self.fit), other.kept(&fit));
+        let (Some(own), Some(second)) = (kept.estimates(&self.fit)?, other.estimates(&fit)?) else {
+            let different = kept.different().min(other.different());
             let needed = 2 * FEWEST_BLOCKS;
             return Err(AbsoluteError::TooFewConfigurations { different, needed });
         };

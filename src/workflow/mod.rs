@@ -8,6 +8,7 @@
 //! - [`calibrated`]: the robot as an identification left it.
 //! - [`export`]: the calibrated robot as a model's file.
 //! - [`identify_absolute`]: a robot with its frames from absolute readings.
+//! - [`stored_robot`]: that robot, from its file.
 //! - [`validate_absolute`]: other readings beside it.
 
 pub mod calibrated;
@@ -17,5 +18,6 @@ pub mod identify;
 pub mod identify_absolute;
 pub mod init;
 pub mod run;
+pub mod stored_robot;
 pub mod study;
 pub mod validate_absolute;

@@ -42,7 +42,9 @@
 //! - `planned_readings`: what else is uncertain where rotations are measured, and on arms with springs.
 //! - `model_features`: what models can say beside the chain: honoured or refused by name.
 //! - `model_messages`: models that cannot serve, and what to do about them.
+//! - `stored_robots`: a robot that was identified, read from its file; moved stations.
 //! - `structured_misfit`: robots that are not as their model: regions, intervals and wrong readings.
+//! - `wrong_readings`: left out of ladder, patterns and contradictions, and named.
 //! - `ur10_measured`: real poses of a UR10, where they are there.
 //! - `validation`: other measurements check what an identification promises.
 //! - `understanding`: what `check` says that it understood, and likely mistakes.
@@ -165,6 +167,7 @@ mod rooms;
 mod schema;
 mod search;
 mod selection;
+mod stored_robots;
 #[cfg(feature = "view")]
 mod streams;
 mod structured_misfit;
@@ -183,3 +186,4 @@ mod ur10_measured;
 mod validation;
 #[cfg(not(feature = "view"))]
 mod without_views;
+mod wrong_readings;

@@ -7,10 +7,13 @@ use super::super::conditions::IMPLAUSIBLE;
 use super::super::gauss_newton::{
     FitError, ParameterFit, fit_for_residuals, fit_from, fit_parameters,
 };
+use super::super::rejection;
 use super::mixed::MixedModel;
-use super::rejection::{self, FAR_OUT, RejectedReading};
 use super::unknowns::{LeftOut, ToldApart};
-use super::{AbsoluteCase, AbsoluteError, Misfit, MisfitModel, ParameterGroup, ReadingResidual};
+use super::{
+    AbsoluteCase, AbsoluteError, Misfit, MisfitModel, ParameterGroup, ReadingResidual,
+    RejectedReading,
+};
 use crate::numeric::posterior::Posterior;
 use crate::parameter::{ElasticArm, Parameter, ParameterKind, ParameterSet, relative_precision};
 
@@ -37,11 +40,6 @@ pub enum ReadingWeights {
 fn consistency(fit: &ParameterFit) -> Option<f64> {
     let chi_square = ChiSquared::new(fit.degrees_of_freedom() as f64).ok()?;
     Some(chi_square.sf(fit.square))
-}
-
-/// The share of the numbers that a fit did not use up.
-fn spare(fit: &ParameterFit) -> f64 {
-    fit.degrees_of_freedom().max(1) as f64 / fit.rows as f64
 }
 
 /// What absolute readings tell of a robot.
@@ -98,7 +96,7 @@ pub struct Unexplained {
 }
 
 /// A fit with its weights.
-struct WeighedFit {
+pub(super) struct WeighedFit {
     fit: ParameterFit,
     misfit: Option<[f64; 2]>,
     consistency: Option<f64>,
@@ -119,10 +117,9 @@ impl AbsoluteCase<'_> {
         let (mut kept, mut rejected) = (self.clone(), Vec::new());
         let mut weighed = kept.weighed_fit(&set, weights)?;
         if !self.keeps_all
-            && let Some((other_kept, other_rejected, other)) =
-                self.without_far_out(&set, weights, &weighed)
+            && let Some(others) = self.without_far_out(&set, weights, &weighed.fit)
         {
-            (kept, rejected, weighed) = (other_kept, other_rejected, other);
+            (kept, rejected, weighed) = others;
         }
         let WeighedFit {
             mut fit,
@@ -189,43 +186,26 @@ impl AbsoluteCase<'_> {
         })
     }
 
-    /// Fits without the readings that lie far out, until the same do. None where none does, where too many do, or where the
-    /// others tell less than all.
-    fn without_far_out(
+    /// Fits without the readings that lie far out of a first fit. None where none does, where too many do, or where the others
+    /// tell less than all.
+    pub(super) fn without_far_out(
         &self,
         set: &ParameterSet,
         weights: ReadingWeights,
-        first: &WeighedFit,
+        first: &ParameterFit,
     ) -> Option<(Self, Vec<RejectedReading>, WeighedFit)> {
-        let far_out = |weighed: &WeighedFit| {
-            let left = self.left(&weighed.fit.belief).ok()?;
-            self.far_out(&left, spare(&weighed.fit))
-        };
-        let mut rejected = far_out(first)?;
-        let mut found = None;
-        for _ in 0..rejection::ROUNDS {
-            if rejected.is_empty() {
-                return None;
-            }
-            let mut kept = self.without(&rejected);
-            let weighed = kept.weighed_fit(set, weights).ok()?;
-            let rank = weighed.fit.posterior.estimable.rank();
-            if rank < first.fit.posterior.estimable.rank() {
-                return None;
-            }
-            let next = far_out(&weighed)?;
-            let is_same = next.len() == rejected.len()
-                && next
-                    .iter()
-                    .zip(&rejected)
-                    .all(|(one, other)| one.reading == other.reading);
-            if is_same {
-                return Some((kept, next, weighed));
-            }
-            found = Some((kept, rejected, weighed));
-            rejected = next;
-        }
-        found
+        let rank = first.posterior.estimable.rank();
+        let (rejected, found) = rejection::until_the_same(
+            self.far_out(first)?,
+            |(_, weighed): &(Self, WeighedFit)| self.far_out(&weighed.fit),
+            |rejected| {
+                let mut kept = self.without(rejected);
+                let weighed = kept.weighed_fit(set, weights).ok()?;
+                (weighed.fit.posterior.estimable.rank() >= rank).then_some((kept, weighed))
+            },
+        )?;
+        let (kept, weighed) = found;
+        Some((kept, rejected, weighed))
     }
 
     /// What a mixed model tells of what the parameters leave; none where there is too little to tell.
@@ -335,7 +315,7 @@ impl AbsoluteCase<'_> {
     pub(super) fn misfit(&self, fit: &ParameterFit) -> Result<[f64; 2], FitError> {
         let left = self.left_by(fit)?;
         // Each reading has its part in what was fitted.
-        let misfit = Misfit::of(&left, &self.covariances, spare(fit));
+        let misfit = Misfit::of(&left, &self.covariances, fit.spare());
         Ok([misfit.position_m, misfit.rotation_rad])
     }
 }
@@ -370,13 +350,13 @@ impl AbsoluteFit {
         Some(errors)
     }
 
-    /// What is left of the readings that were fitted.
+    /// Those of one thing for each reading that belong to the readings that were fitted.
     #[must_use]
-    pub fn left_of_kept(&self) -> Vec<ReadingResidual> {
+    pub fn of_kept<T: Clone>(&self, all: &[T]) -> Vec<T> {
         let is_kept = |index: usize| self.rejected.iter().all(|each| each.reading != index);
-        let left = self.left.iter().enumerate();
-        left.filter(|(index, _)| is_kept(*index))
-            .map(|(_, each)| *each)
+        let all = all.iter().enumerate();
+        all.filter(|(index, _)| is_kept(*index))
+            .map(|(_, each)| each.clone())
             .collect()
     }
 
@@ -410,17 +390,7 @@ impl AbsoluteFit {
             }
         }
         conditions.extend(self.far_from_belief());
-        if !self.rejected.is_empty() {
-            let rows: Vec<String> = (self.rejected.iter())
-                .map(|each| format!("{} ({:.1})", each.reading + 1, each.deviations))
-                .collect();
-            conditions.push(format!(
-                "{} beyond {FAR_OUT} standard deviations of what the others leave, and {} left out: {}",
-                if rows.len() == 1 { "1 reading lies".to_owned() } else { format!("{} readings lie", rows.len()) },
-                if rows.len() == 1 { "is" } else { "are" },
-                rows.join(", ")
-            ));
-        }
+        conditions.extend(RejectedReading::condition(&self.rejected, "reading"));
         if let Some(probability) = self.consistency
             && probability < IMPLAUSIBLE
         {

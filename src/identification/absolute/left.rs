@@ -1,20 +1,11 @@
 //! What a fit leaves of readings.
 
-use nalgebra::{Matrix6xX, Vector3};
+use nalgebra::Matrix6xX;
 
-use super::AbsoluteCase;
+use super::{AbsoluteCase, ReadingResidual};
 use crate::observation::{Form, Observation, ObservationModel, Reading};
 use crate::parameter::{ElasticArm, ParameterSet};
 use crate::robot::{EquilibriumError, rotation_vector};
-
-/// A reading less its prediction, in the instrument's frame.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ReadingResidual {
-    /// Of the position (m).
-    pub position_m: Vector3<f64>,
-    /// Of the orientation, a rotation vector (rad), where poses are read.
-    pub rotation_rad: Option<Vector3<f64>>,
-}
 
 /// How long vectors are.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -88,6 +88,12 @@ impl ParameterFit {
     pub fn degrees_of_freedom(&self) -> usize {
         self.rows.saturating_sub(self.posterior.estimable.rank())
     }
+
+    /// The share of the numbers that the fit did not use up.
+    #[must_use]
+    pub fn spare(&self) -> f64 {
+        self.degrees_of_freedom().max(1) as f64 / self.rows as f64
+    }
 }
 
 /// Fits parameters of a belief to observations.

@@ -31,7 +31,7 @@ use elastocal::record::tally_file::TallyFile;
 use elastocal::scenario::Scenario;
 use elastocal::task::Extended;
 use elastocal::workflow::calibrated::CalibratedRobot;
-use elastocal::workflow::validate_absolute::StoredRobot;
+use elastocal::workflow::stored_robot::StoredRobot;
 use nalgebra::DVector;
 use rayon::prelude::*;
 use serde_json::Value;

@@ -4,6 +4,8 @@
 //! what the highest rung leaves unexplained. What a model leaves is alike in configurations that are near each other, so rungs are
 //! compared by blocks of joint space: each block is predicted by a fit to all others. Of the rungs whose loss is
 //! within one standard error of the smallest (of the difference, from block to block) the lowest is recommended.
+//!
+//! Readings that lie far out of the highest rung are no matter of any: all rungs are fitted to the others and judged by them.
 
 mod climb;
 mod recommendation;
@@ -11,7 +13,7 @@ mod rung;
 mod test;
 
 use super::blocks::FEWEST_BLOCKS;
-use super::{AbsoluteCase, AbsoluteError, ParameterGroup, ReadingWeights};
+use super::{AbsoluteCase, AbsoluteError, ParameterGroup, ReadingWeights, RejectedReading};
 use climb::Climbed;
 pub use recommendation::Recommendation;
 use recommendation::recommended;
@@ -37,6 +39,8 @@ pub struct Ladder {
     pub judged: usize,
     /// Which rung to use.
     pub recommendation: Option<Recommendation>,
+    /// The readings that were left out of all rungs, since they lie far out of the highest.
+    pub rejected: Vec<RejectedReading>,
 }
 
 impl AbsoluteCase<'_> {
@@ -46,17 +50,29 @@ impl AbsoluteCase<'_> {
     /// See [`AbsoluteError`].
     pub fn ladder(&mut self, weights: ReadingWeights) -> Result<Ladder, AbsoluteError> {
         self.check_frames()?;
-        let blocks = self.ladder_blocks()?;
+        self.ladder_blocks()?;
+        let mut case = self.clone();
+        let mut climbed = case.climb(weights)?;
+        let far_out = (climbed.steps.last())
+            .filter(|_| !self.keeps_all)
+            .and_then(|top| self.without_far_out(&top.set, weights, &top.fit));
+        let mut rejected = Vec::new();
+        if let Some((kept, readings, _)) = far_out {
+            (case, rejected) = (kept, readings);
+            climbed = case.climb(weights)?;
+        }
+        self.arm.clone_from(&case.arm);
+        let blocks = case.ladder_blocks()?;
         let count = blocks.iter().max().map_or(0, |&last| last + 1);
         let Climbed {
             steps,
             skipped,
             shared,
-        } = self.climb(weights)?;
-        let unfinished = self.unfinished(&steps, shared.as_ref(), &blocks, count);
+        } = climbed;
+        let unfinished = case.unfinished(&steps, shared.as_ref(), &blocks, count);
         let judged = judged_by_all(&unfinished, &blocks);
         let comparison = RungComparison {
-            case: self,
+            case: &case,
             shared: shared.as_ref(),
             judged: &judged,
             of_readings: &blocks,
@@ -69,6 +85,7 @@ impl AbsoluteCase<'_> {
             blocks: count,
             judged: judged.iter().filter(|&&is_judged| is_judged).count(),
             recommendation,
+            rejected,
         })
     }
 

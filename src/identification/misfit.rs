@@ -1,8 +1,15 @@
 //! What a model leaves of readings beyond their own noise.
 
-use nalgebra::{DVector, Matrix6, Vector6};
+use nalgebra::{DVector, Matrix6, Vector3, Vector6};
 
-use super::ReadingResidual;
+/// A reading less its prediction, in the instrument's frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ReadingResidual {
+    /// Of the position (m).
+    pub position_m: Vector3<f64>,
+    /// Of the orientation, a rotation vector (rad), where poses are read.
+    pub rotation_rad: Option<Vector3<f64>>,
+}
 
 /// The standard deviations of what no parameter explains, of each coordinate.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -112,8 +119,6 @@ fn widest(configurations: &[&DVector<f64>], block: &[usize]) -> Option<usize> {
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::Vector3;
-
     use super::*;
 
     #[test]

@@ -1,0 +1,296 @@
+//! A robot as `identify --identified-out` tells it from absolute readings, read from its file.
+
+use std::path::Path;
+
+use nalgebra::{DMatrix, DVector};
+use serde::Deserialize;
+
+use crate::files::FileError;
+use crate::files::schema::read_results;
+use crate::identification::{JointError, Misfit, MisfitModel, covariance_of_any};
+use crate::measurement::Origin;
+use crate::numeric::wandering::Wandering;
+use crate::parameter::{Axis, ElasticArm, ParameterKind, ParameterSet};
+use crate::record::absolute::{AbsoluteMessage, JointErrorMessage, UnexplainedMessage};
+use crate::task::Fingerprint;
+
+/// A robot as `identify --identified-out` tells it from absolute readings.
+#[derive(Debug, Clone)]
+pub struct StoredRobot {
+    /// What was fitted.
+    pub message: AbsoluteMessage,
+    /// What it rests on.
+    pub identified_with: Fingerprint,
+    /// Under which scenario.
+    pub origin: Option<Origin>,
+}
+
+/// The keys that are read besides.
+#[derive(Deserialize)]
+struct RobotFile {
+    #[serde(flatten)]
+    message: AbsoluteMessage,
+    identified_with: Fingerprint,
+    scenario_file: Option<String>,
+    provenance: RobotProvenance,
+}
+
+#[derive(Deserialize)]
+struct RobotProvenance {
+    scenario_sha256: Option<String>,
+}
+
+#[derive(Deserialize)]
+struct KindOfFile {
+    kind: Option<String>,
+}
+
+impl StoredRobot {
+    /// Reads what `identify --identified-out` wrote; `None` if it is of deflections.
+    ///
+    /// # Errors
+    /// What is wrong with it, with its key.
+    pub fn read(path: &Path) -> Result<Option<Self>, FileError> {
+        let wanted = "the file must be one that `elastocal identify --identified-out` wrote";
+        let (text, _) = read_results(path, &["identify", "run"], wanted)?;
+        let kind = serde_json::from_str::<KindOfFile>(&text)
+            .ok()
+            .and_then(|file| file.kind);
+        if kind.as_deref() != Some("absolute") {
+            return Ok(None);
+        }
+        let stored: RobotFile = serde_json::from_str(&text)
+            .map_err(|error| FileError::new(path, error.to_string()).hint(wanted))?;
+        let hash = stored.provenance.scenario_sha256;
+        Ok(Some(Self {
+            message: stored.message,
+            identified_with: stored.identified_with,
+            origin: stored
+                .scenario_file
+                .zip(hash)
+                .map(|(scenario, scenario_sha256)| Origin {
+                    scenario: scenario.into(),
+                    scenario_sha256,
+                }),
+        }))
+    }
+
+    /// The arm of a belief with all that was fitted but the frames of stations and targets.
+    ///
+    /// # Errors
+    /// A parameter does not exist, or its value is none.
+    pub fn apply(&self, path: &Path, arm: &ElasticArm) -> Result<ElasticArm, FileError> {
+        let wrong = |index: usize, problem: String| {
+            FileError::new(path, problem).at(format!("unknowns[{index}]"))
+        };
+        let kinds = robot_kinds(arm);
+        let (mut found, mut values) = (Vec::new(), Vec::new());
+        for (index, unknown) in self.message.unknowns.iter().enumerate() {
+            if self.is_of_frame(&unknown.name) {
+                continue;
+            }
+            let Some(&kind) = kinds.iter().find(|kind| kind.name(arm) == unknown.name) else {
+                return Err(wrong(index, format!("the robot has no {:?}", unknown.name)));
+            };
+            let is_logarithmic = kind.is_logarithmic(false);
+            let value = if is_logarithmic {
+                (unknown.value / unknown.nominal).ln()
+            } else {
+                unknown.value
+            };
+            if !value.is_finite() {
+                return Err(wrong(index, format!("found the value {}", unknown.value)));
+            }
+            found.push((kind, None));
+            values.push(value);
+        }
+        let set = ParameterSet::new(arm, found).map_err(|error| wrong(0, error.to_string()))?;
+        Ok(set.apply(arm, &values))
+    }
+
+    /// Whether an unknown is one of a station's or a target's frame.
+    pub(super) fn is_of_frame(&self, name: &str) -> bool {
+        let owner = name.rsplit_once('.').map_or("", |(owner, _)| owner);
+        let mut frames = self.message.stations.iter().chain(&self.message.targets);
+        frames.any(|frame| frame.unknowns == owner)
+    }
+
+    /// What is known of the unknowns and of what they leave, for an arm that has their values: masses and springs as
+    /// logarithms, all else in its own unit.
+    ///
+    /// # Errors
+    /// The file's numbers are none, or do not belong together.
+    pub fn misfit_model(&self, path: &Path, arm: &ElasticArm) -> Result<MisfitModel, FileError> {
+        let message = &self.message;
+        let unknowns = message.unknowns.len();
+        let wrong = |key: String, problem: String| FileError::new(path, problem).at(key);
+        let kinds = robot_kinds(arm);
+        let divisors: Vec<f64> = (message.unknowns.iter())
+            .map(|unknown| {
+                let mut kinds = kinds.iter().filter(|kind| kind.is_logarithmic(false));
+                let is_logarithmic = kinds.any(|kind| kind.name(arm) == unknown.name);
+                if is_logarithmic { unknown.value } else { 1.0 }
+            })
+            .collect();
+        let divisor = |index: usize| divisors.get(index).copied().unwrap_or(1.0);
+        let relative = |key: &str, rows: &[Vec<f64>]| {
+            let found = covariance_of_any(rows)
+                .map_err(|(place, problem)| wrong(format!("{key}{place}"), problem))?;
+            let size = found.nrows();
+            Ok(DMatrix::from_fn(size, size, |row, column| {
+                found[(row, column)] / (divisor(row) * divisor(column))
+            }))
+        };
+        let Some(found) = &message.unexplained else {
+            let (key, rows) = ("covariance", &message.covariance);
+            if rows.len() != unknowns {
+                let problem = format!("found {} rows; there are {unknowns} unknowns", rows.len());
+                return Err(wrong(key.to_owned(), problem));
+            }
+            let sizes = [
+                ("misfit_mm", message.misfit_mm),
+                ("misfit_mrad", message.misfit_mrad),
+            ];
+            let rest = rest(sizes.map(|(key, size)| (key, size.unwrap_or(0.0))))
+                .map_err(|(key, problem)| wrong(key, problem))?;
+            return Ok(MisfitModel::plain(relative(key, rows)?, rest));
+        };
+        let unexplained = |(key, problem)| wrong(format!("unexplained.{key}"), problem);
+        let joints = joint_errors(&found.joints, arm).map_err(unexplained)?;
+        let knots = joints.iter().map(|each| each.values.len()).sum::<usize>();
+        let rows = whole(&found.covariance, unknowns + knots).map_err(unexplained)?;
+        Ok(MisfitModel {
+            joints,
+            shift: shift(found, unknowns)
+                .map_err(unexplained)?
+                .component_div(&DVector::from_column_slice(&divisors)),
+            covariance: relative("unexplained.covariance", &rows)?,
+            rest: rest([("rest_mm", found.rest_mm), ("rest_mrad", found.rest_mrad)])
+                .map_err(unexplained)?,
+            scale: scale(found).map_err(unexplained)?,
+        })
+    }
+}
+
+/// A key of the file below some other, and what is wrong with it.
+type KeyProblem = (String, String);
+
+/// What joints are off by.
+fn joint_errors(
+    messages: &[JointErrorMessage],
+    arm: &ElasticArm,
+) -> Result<Vec<JointError>, KeyProblem> {
+    let mut joints: Vec<JointError> = Vec::new();
+    for (index, each) in messages.iter().enumerate() {
+        let wrong = |key: &str, problem: String| Err((format!("joints[{index}].{key}"), problem));
+        let Some(joint) = (arm.chain.joints.iter()).position(|joint| joint.name == each.joint)
+        else {
+            return wrong("joint", format!("the robot has no joint {:?}", each.joint));
+        };
+        if joints.iter().any(|known| known.joint == joint) {
+            return wrong("joint", format!("found {:?} twice", each.joint));
+        }
+        let ascends = each.knots.windows(2).all(|pair| pair[0] < pair[1]);
+        if each.knots.is_empty() || !ascends || !each.knots.iter().all(|knot| knot.is_finite()) {
+            return wrong(
+                "knots",
+                "wants finite numbers in ascending order".to_owned(),
+            );
+        }
+        let [knots, values] = [each.knots.len(), each.values.len()];
+        if knots != values {
+            return wrong("values", format!("found {values}; there are {knots} knots"));
+        }
+        if let Some(value) = each.values.iter().find(|value| !value.is_finite()) {
+            return wrong(
+                "values",
+                format!("found {value}; finite numbers are needed"),
+            );
+        }
+        for (key, size, is_allowed) in [
+            ("length", each.length, each.length > 0.0),
+            ("deviation", each.deviation, each.deviation >= 0.0),
+        ] {
+            if !(is_allowed && size.is_finite()) {
+                return wrong(key, format!("found {size}; a size is needed"));
+            }
+        }
+        joints.push(JointError {
+            joint,
+            wandering: Wandering {
+                knots: each.knots.clone(),
+                length: each.length,
+            },
+            deviation: each.deviation,
+            values: each.values.clone(),
+        });
+    }
+    Ok(joints)
+}
+
+/// By how much unknowns are off together with these.
+fn shift(found: &UnexplainedMessage, unknowns: usize) -> Result<DVector<f64>, KeyProblem> {
+    let wrong = |problem: String| Err(("shift".to_owned(), problem));
+    let count = found.shift.len();
+    if count != unknowns {
+        return wrong(format!(
+            "found {count} numbers; there are {unknowns} unknowns"
+        ));
+    }
+    match found.shift.iter().find(|value| !value.is_finite()) {
+        Some(value) => wrong(format!("found {value}; finite numbers are needed")),
+        None => Ok(DVector::from_column_slice(&found.shift)),
+    }
+}
+
+/// The standard deviations of what joints do not explain, in thousandths.
+fn rest(sizes: [(&str, f64); 2]) -> Result<Misfit, KeyProblem> {
+    for (key, size) in sizes {
+        if !(size >= 0.0 && size.is_finite()) {
+            let problem = format!("found {size}; zero or a size is needed");
+            return Err((key.to_owned(), problem));
+        }
+    }
+    let [(_, position), (_, rotation)] = sizes;
+    Ok(Misfit {
+        position_m: position * 1e-3,
+        rotation_rad: rotation * 1e-3,
+    })
+}
+
+fn scale(found: &UnexplainedMessage) -> Result<[f64; 2], KeyProblem> {
+    let is_one = |scale: &f64| *scale > 0.0 && scale.is_finite();
+    match found.scale.iter().position(|scale| !is_one(scale)) {
+        Some(place) => {
+            let problem = format!("found {}; a positive number is needed", found.scale[place]);
+            Err((format!("scale[{place}]"), problem))
+        }
+        None => Ok(found.scale),
+    }
+}
+
+/// All rows of a symmetric matrix of which the lower triangle is given.
+fn whole(triangle: &[Vec<f64>], size: usize) -> Result<Vec<Vec<f64>>, KeyProblem> {
+    let is_triangle = triangle.len() == size
+        && (triangle.iter().enumerate()).all(|(index, row)| row.len() == index + 1);
+    if !is_triangle {
+        let problem = format!(
+            "wants the lower triangle of {size} rows: of the unknowns, and of the joints' values"
+        );
+        return Err(("covariance".to_owned(), problem));
+    }
+    let entry = |row: usize, column: usize| triangle[row.max(column)][row.min(column)];
+    Ok((0..size)
+        .map(|row| (0..size).map(|column| entry(row, column)).collect())
+        .collect())
+}
+
+/// All that may be unknown about a robot, masses of links among it.
+pub(super) fn robot_kinds(arm: &ElasticArm) -> Vec<ParameterKind> {
+    let mut kinds = ParameterKind::all_of(arm);
+    for link in 0..arm.chain.len() {
+        kinds.push(ParameterKind::LinkMass { link });
+        kinds.extend(Axis::ALL.map(|axis| ParameterKind::LinkCentre { link, axis }));
+    }
+    kinds
+}

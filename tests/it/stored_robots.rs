@@ -1,0 +1,195 @@
+//! A robot that was identified from absolute readings, read from its file: wrong entries are told with their keys, and stations
+//! that were moved with how far.
+
+use elastocal::measurement::{AbsoluteReading, absolute_table};
+use elastocal::numeric::random::generator;
+use nalgebra::{Isometry3, Vector3};
+use serde_json::{Value, json};
+
+use crate::ladder::{read_of, waves};
+use crate::one_fit::{Campaign, read, seen_arm, ur10, workplace};
+use crate::support::{Workplace, numbers};
+
+/// Readings of a robot whose gears are not round, before and after its base was moved along and about its own axes.
+fn not_round(moved: &Isometry3<f64>) -> [Vec<AbsoluteReading>; 2] {
+    let mut random = generator(41, 0);
+    let mut arm = seen_arm(&mut random, &ur10(), 1, 1);
+    let gear = waves(&mut random);
+    let before = read_of(&mut random, &arm, 100, 0.0, &gear);
+    arm.instrument_from_base[0] *= moved;
+    [before, read_of(&mut random, &arm, 100, 0.0, &gear)]
+}
+
+fn identified(readings: &[AbsoluteReading]) -> Workplace {
+    let place = workplace(readings);
+    place.run(
+        "identify s.toml --quiet --measurements m.csv --parameters zeros --identified-out i.json",
+    );
+    place
+}
+
+fn moves() -> Isometry3<f64> {
+    Isometry3::new(
+        Vector3::new(2e-3, -3e-3, 1e-3),
+        Vector3::new(1e-3, 5e-4, -2e-3),
+    )
+}
+
+/// Holds the stations that moved beside what was done to them (mm, mrad), each within so much.
+fn assert_moved(found: &Value, moved: &Isometry3<f64>, within: f64) {
+    let done = [moved.translation.vector, moved.rotation.scaled_axis()];
+    for (key, done) in ["position_mm", "rotation_mrad"].into_iter().zip(done) {
+        for (found, done) in numbers(&found[key]).into_iter().zip(done.iter()) {
+            assert!((found - done * 1e3).abs() < within, "{found} {done}");
+        }
+    }
+}
+
+#[test]
+fn a_moved_station_is_told_with_how_far() {
+    for moved in [moves(), Isometry3::identity()] {
+        let [before, after] = not_round(&moved);
+        let place = identified(&before);
+        assert!(place.read("i.json").contains("\"unexplained\": {"));
+        place.write("other.csv", absolute_table(&6.into(), &after));
+        let validate = "validate --quiet --identified i.json --measurements other.csv --json";
+        let outcome = place.run(validate);
+        let json = outcome.json();
+        let found = &json["stations_moved"][0];
+        // A tenth of what gears leave of a single reading.
+        assert_moved(found, &moved, 0.1);
+        let was_moved = moved != Isometry3::identity();
+        let probability = found["probability"].as_f64().expect("a number");
+        assert_eq!(probability < 1e-6, was_moved, "{probability}");
+        assert_eq!(outcome.stderr.contains("it was moved"), was_moved);
+    }
+}
+
+/// Of two stations the one that was moved is named, by robots that are as their model, too.
+#[test]
+fn of_two_stations_the_moved_one_is_named() {
+    let mut random = generator(42, 0);
+    let mut arm = seen_arm(&mut random, &ur10(), 2, 1);
+    let campaign = Campaign {
+        readings: 60,
+        is_pose: true,
+        noise: 1.0,
+        force_n: 0.0,
+    };
+    let place = identified(&read(&mut random, &arm, &campaign));
+    arm.instrument_from_base[1] *= moves();
+    let after = read(&mut random, &arm, &campaign);
+    place.write("other.csv", absolute_table(&6.into(), &after));
+    let outcome = place.run("validate --quiet --identified i.json --measurements other.csv --json");
+    let json = outcome.json();
+    for (station, moved) in [Isometry3::identity(), moves()].iter().enumerate() {
+        let found = &json["stations_moved"][station];
+        assert_eq!(found["station"], json!(format!("station S{station}")));
+        assert_moved(found, moved, 0.02);
+        let named = format!("station S{station} stands");
+        assert_eq!(outcome.stderr.contains(&named), station == 1);
+    }
+}
+
+/// What is wrong in what a file says of joints' errors and of the rest is told with its key.
+#[test]
+fn wrong_entries_of_what_is_unexplained_are_told() {
+    let [before, after] = not_round(&Isometry3::identity());
+    let place = identified(&before);
+    place.write("other.csv", absolute_table(&6.into(), &after));
+    let right: Value = serde_json::from_str(&place.read("i.json")).expect("JSON");
+    let joint = "/unexplained/joints/0";
+    let first = &right["unexplained"]["joints"][0];
+    let mut knots = first["knots"].clone();
+    knots[1] = knots[0].clone();
+    let mut values = first["values"].as_array().expect("a list").clone();
+    values.pop();
+    let second = right["unexplained"]["joints"][1]["joint"].clone();
+    let mut triangle = right["unexplained"]["covariance"].clone();
+    let last = triangle.as_array().expect("rows").len() - 1;
+    triangle[last][last] = json!(-1.0);
+    let shorter = &right["unexplained"]["covariance"].as_array().expect("rows")[..last];
+    let mut too_alike = right["unexplained"]["covariance"].clone();
+    too_alike[1][0] = json!(1.0);
+    for (key, entry, expected) in [
+        (
+            format!("{joint}/joint"),
+            json!("knee"),
+            "unexplained.joints[0].joint: the robot has no joint \"knee\"",
+        ),
+        (
+            format!("{joint}/joint"),
+            second,
+            "unexplained.joints[1].joint: found",
+        ),
+        (
+            format!("{joint}/knots"),
+            knots,
+            "unexplained.joints[0].knots: wants finite numbers in ascending order",
+        ),
+        (
+            format!("{joint}/knots"),
+            json!([]),
+            "unexplained.joints[0].knots: wants",
+        ),
+        (
+            format!("{joint}/values"),
+            json!(values),
+            "unexplained.joints[0].values: found",
+        ),
+        (
+            format!("{joint}/length"),
+            json!(0.0),
+            "unexplained.joints[0].length: found 0; a size is needed",
+        ),
+        (
+            format!("{joint}/deviation"),
+            json!(-1e-4),
+            "unexplained.joints[0].deviation: found -0.0001",
+        ),
+        (
+            "/unexplained/shift".to_owned(),
+            json!([0.0]),
+            "unexplained.shift: found 1 numbers; there are",
+        ),
+        (
+            "/unexplained/rest_mm".to_owned(),
+            json!(-0.1),
+            "unexplained.rest_mm: found -0.1",
+        ),
+        (
+            "/unexplained/rest_mrad".to_owned(),
+            json!(-0.1),
+            "unexplained.rest_mrad: found -0.1",
+        ),
+        (
+            "/unexplained/scale/1".to_owned(),
+            json!(0.0),
+            "unexplained.scale[1]: found 0; a positive number",
+        ),
+        (
+            "/unexplained/covariance".to_owned(),
+            json!(shorter),
+            "unexplained.covariance: wants the lower triangle",
+        ),
+        (
+            "/unexplained/covariance".to_owned(),
+            triangle,
+            &format!("unexplained.covariance[{last}][{last}]: found"),
+        ),
+        (
+            "/unexplained/covariance".to_owned(),
+            too_alike,
+            "unexplained.covariance[0][1]: found",
+        ),
+    ] {
+        let mut wrong = right.clone();
+        *wrong.pointer_mut(&key).expect("a key") = entry;
+        place.write("w.json", wrong.to_string());
+        let outcome = place.run("validate --quiet --identified w.json --measurements other.csv");
+        outcome.ends_with(1).says(&format!("w.json: {expected}"));
+    }
+    place
+        .run("validate --quiet --identified i.json --measurements other.csv")
+        .ends_with(0);
+}
