@@ -158,7 +158,8 @@ impl KinematicState {
     }
 
     /// Writes where the tool is (m, its axes as columns) that so many joints move; the joints have their
-    /// places by then.
+    /// places by then. Within [`Kinematics::update`] it would take registers from the loop over the joints.
+    #[inline(never)]
     pub(crate) fn place_tool(
         &mut self,
         joints: usize,
@@ -187,7 +188,9 @@ impl KinematicState {
         self.axis.len()
     }
 
-    /// Turns the mass and centre of each single link into those of all that its joint carries.
+    /// Turns the mass and centre of each single link into those of all that its joint carries. Not inlined for the
+    /// same reason as [`Self::place_tool`].
+    #[inline(never)]
     pub(super) fn gather_distal_masses(&mut self) {
         for joint in (1..self.joints()).rev() {
             let (outer, inner) = (self.distal_mass[joint], self.distal_mass[joint - 1]);

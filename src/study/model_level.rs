@@ -340,21 +340,23 @@ pub struct PlanModel {
 
 impl PlanModel {
     /// Several runs at once, from their standard normals (3M numbers of each, 6M where rotations are
-    /// measured; more are left alone)
-    /// and what [`Deviations::values`] gives.
+    /// measured; more are left alone) and what [`Deviations::values`] gives.
     #[must_use]
     pub fn run(&self, normals: &[[f64; LANES]], unknown: &[[f64; LANES]]) -> Batch {
-        let (square, nees) = run(&self.whitener, &self.compensation, normals, unknown);
-        let mut batch = Batch {
-            square,
-            nees,
-            expected: [self.expected; LANES],
-            variance: [self.variance; LANES],
-            freedom: [self.freedom; LANES],
-            intervals: [[0; 2]; LANES],
-            ranks: Vec::new(),
-            failed: [None; LANES],
-        };
+        let mut batch = Batch::default();
+        self.run_into(&mut batch, normals, unknown);
+        batch
+    }
+
+    /// The same in the place of what a batch had.
+    pub fn run_into(&self, batch: &mut Batch, normals: &[[f64; LANES]], unknown: &[[f64; LANES]]) {
+        (batch.square, batch.nees) = run(&self.whitener, &self.compensation, normals, unknown);
+        batch.expected = [self.expected; LANES];
+        batch.variance = [self.variance; LANES];
+        batch.freedom = [self.freedom; LANES];
+        batch.intervals = [[0; 2]; LANES];
+        batch.ranks.clear();
+        batch.failed = [None; LANES];
         if !unknown.is_empty() {
             for lane in 0..LANES {
                 let unknown = DVector::from_fn(unknown.len(), |row, _| unknown[row][lane]);
@@ -363,7 +365,6 @@ impl PlanModel {
                 batch.variance[lane] += 4.0 * (&self.errors * bias).norm_squared();
             }
         }
-        batch
     }
 }
 

@@ -216,9 +216,8 @@ impl<'a> Runner<'a> {
                 if self.stop.is_some_and(|stop| stop.load(Ordering::Relaxed)) {
                     return Err(StudyError::Stopped);
                 }
-                let mut batch = self.batch(workspace, index, first, count);
-                batch.clean(count);
-                workspace.batches[index] = batch;
+                self.batch(workspace, index, first, count);
+                workspace.batches[index].clean(count);
             }
             for (index, (tally, sums)) in tallies.iter_mut().zip(&mut workspace.sums).enumerate() {
                 let reference = self.references[index].map(|other| &workspace.batches[other]);
@@ -239,39 +238,42 @@ impl<'a> Runner<'a> {
         }
     }
 
-    fn batch(
-        &self,
-        workspace: &mut ThreadWorkspace<'_>,
-        index: usize,
-        first: u64,
-        count: usize,
-    ) -> Batch {
+    /// Makes an entry's next runs.
+    fn batch(&self, workspace: &mut ThreadWorkspace<'_>, index: usize, first: u64, count: usize) {
         let entry = &self.entries[index];
-        if let (Some(model), Some(plan)) = (&self.plans[index], entry.kind.plan()) {
-            let mut batch = model.run(&workspace.normals, &workspace.parts[entry.setting].unknown);
-            let is_dropping = (self.parts[entry.setting].model.deviations()).drops_readings();
-            for lane in 0..count {
-                if is_dropping {
-                    match self.without_dropped(workspace, entry.setting, plan, lane) {
-                        Ok(Some(less)) => take_lane(&mut batch, &less, lane),
-                        Ok(None) => {}
-                        Err(failure) => {
-                            batch.failed[lane] = Some(failure);
-                            continue;
-                        }
+        let (Some(model), Some(plan)) = (&self.plans[index], entry.kind.plan()) else {
+            let mut batch = Batch::default();
+            for (lane, run) in (first..).take(count).enumerate() {
+                let made = self.random_run(workspace, entry.setting, &mut batch, lane, run);
+                if let Err(failure) = made {
+                    batch.failed[lane] = Some(failure);
+                }
+            }
+            workspace.batches[index] = batch;
+            return;
+        };
+        let mine = &workspace.parts[entry.setting];
+        let batch = &mut workspace.batches[index];
+        model.run_into(batch, &workspace.normals, &mine.unknown);
+        let is_dropping = (self.parts[entry.setting].model.deviations()).drops_readings();
+        if !is_dropping && mine.robot.is_none() {
+            return;
+        }
+        let mut batch = std::mem::take(batch);
+        for lane in 0..count {
+            if is_dropping {
+                match self.without_dropped(workspace, entry.setting, plan, lane) {
+                    Ok(Some(less)) => take_lane(&mut batch, &less, lane),
+                    Ok(None) => {}
+                    Err(failure) => {
+                        batch.failed[lane] = Some(failure);
+                        continue;
                     }
                 }
-                robot_run(workspace, entry.setting, plan, &mut batch, lane);
             }
-            return batch;
+            robot_run(workspace, entry.setting, plan, &mut batch, lane);
         }
-        let mut batch = Batch::default();
-        for (lane, run) in (first..).take(count).enumerate() {
-            if let Err(failure) = self.random_run(workspace, entry.setting, &mut batch, lane, run) {
-                batch.failed[lane] = Some(failure);
-            }
-        }
-        batch
+        workspace.batches[index] = batch;
     }
 
     /// What the model makes of a run in which readings were dropped; `None` where all are there.
@@ -314,13 +316,13 @@ impl<'a> Runner<'a> {
         let experiments = part.setting.conditions.experiments;
         let drawn = workspace.parts[setting].random.draw(experiments, run);
         let plan = drawn.map_err(|_| Failure::NoPlan)?;
-        let all = match self.without_dropped(workspace, setting, &plan, lane)? {
-            Some(less) => less,
-            None => {
-                (part.model.plan(&plan)?).run(&workspace.normals, &workspace.parts[setting].unknown)
-            }
-        };
-        take_lane(batch, &all, lane);
+        if let Some(less) = self.without_dropped(workspace, setting, &plan, lane)? {
+            take_lane(batch, &less, lane);
+        } else {
+            let unknown = &workspace.parts[setting].unknown;
+            let all = (part.model.plan(&plan)?).run(&workspace.normals, unknown);
+            take_lane(batch, &all, lane);
+        }
         robot_run(workspace, setting, &plan, batch, lane);
         Ok(())
     }

@@ -214,8 +214,10 @@ impl Tally {
             self.runs += 1;
             self.freedom += batch.freedom[lane] as u64;
             self.count_intervals(batch.intervals[lane].map(u64::from));
-            self.ranks
-                .count(batch.ranks.iter().map(|lanes| lanes[lane]));
+            if !batch.ranks.is_empty() {
+                let ranks = batch.ranks.iter().map(|lanes| lanes[lane]);
+                self.ranks.count(ranks);
+            }
             self.pairs +=
                 u64::from(reference.is_some_and(|reference| reference.failed[lane].is_none()));
             self.bins[bin_of(distance)] += 1;
