@@ -40,6 +40,9 @@ TRIGONOMETRY = 1e-14
 TINY = 1e-280
 BATCH = 2048
 PATIENCE = 10
+# As the prover chooses; whatever is chosen, the bound holds.
+RIDGE = 10.0
+NOTABLE = 0.5
 
 
 class Refused(Exception):
@@ -578,7 +581,7 @@ def enclose(question, arm, part, boxes):
     if part["wrench"] is None:
         return form(question, axes, levers, boxes), margins
     turns = question["rotation_scale_m"]
-    columns = [[], []]
+    columns, moments = [[], []], []
     fx, fy, _, _, _, tz = part["wrench"]
     upright = arm.rotation[0] is None and arm.axis[0] == 2
     for joint in parameters:
@@ -587,10 +590,19 @@ def enclose(question, arm, part, boxes):
         if joint >= arm.tool_joints or silent:
             columns[0].append([None] * 3)
             columns[1].append([None] * 3)
+            moments.append(None)
             continue
         moment = add(dot(levers[joint], force), dot(axes[joint], torque))
         columns[0].append([times(x, moment) for x in levers[joint]])
         columns[1].append([times(x, moment) for x in axes[joint]])
+        moments.append(moment)
+    spread = question.get("spread")
+    if spread is not None:
+        if turns:
+            raise Unknown("a covariance beside measured rotations")
+        noise, returns = noise_columns(question, axes, levers, (force, torque))
+        weighed = weighted_rows(question, columns[0], moments, returns, len(noise))
+        return weighted(weighed, noise, spread["everywhere"], boxes), margins
     moved = []
     for row in rows:
         for kind, weight in zip(columns, (1.0, turns)):
@@ -601,13 +613,7 @@ def enclose(question, arm, part, boxes):
                     if column[k] is not None:
                         w = column[k].scaled(factor * weight, 2e-16 * abs(factor * weight))
                         moved[-1][k] = add(moved[-1][k], w)
-    spread = question.get("spread")
-    if spread is None:
-        return or_nought(sum_of_squares(itertools.chain(*moved)), boxes), margins
-    if turns:
-        raise Unknown("a covariance beside measured rotations")
-    noise = noise_columns(spread, axes, levers, (force, torque))
-    return weighted(moved, noise, spread["everywhere"], boxes), margins
+    return or_nought(sum_of_squares(itertools.chain(*moved)), boxes), margins
 
 
 def sum_of_squares(models):
@@ -617,12 +623,43 @@ def sum_of_squares(models):
     return total
 
 
-def noise_columns(spread, axes, levers, load):
+def weighted_rows(question, shares, moments, returns, count):
+    """For each row of B v0 and a with v = v0 + G a: a joint's share of v is b times its torque times its lever, of which a column of
+    G is a multiple where it returns, or else it is in v0."""
+    deviations = question["spread"]["joint_return"]
+    rows = []
+    for row in question["rows"]:
+        rest, factors = [None] * 3, [None] * count
+        for factor, joint, share, moment in zip(row, question["parameters"], shares, moments):
+            if moment is not None and joint in returns:
+                factor = factor / deviations[joint]
+                factors[returns[joint]] = moment.scaled(factor, 2e-16 * abs(factor))
+            elif moment is not None:
+                rest = plus(rest, [None if x is None else x.scaled(factor, 2e-16 * abs(factor)) for x in share])
+        rows.append((rest, factors))
+    return rows
+
+
+def reaches_m(arm):
+    """How far from each joint's axis the tool can be at most."""
+    length = lambda v: math.sqrt(sum(x * x for x in v))
+    reach, reaches = length(arm["tool_offset_m"]), [0.0] * len(arm["joints"])
+    for joint in reversed(range(arm["tool_joints"])):
+        reaches[joint] = reach
+        reach += length(arm["joints"][joint]["offset_m"])
+    return reaches
+
+
+def noise_columns(question, axes, levers, load):
     """The columns g of a covariance s I + sum of g g^T: joints' returns; the load's turns and shifts, whose effect on a joint's
-    torque is F x J + T x z and F x z, times the compliances."""
-    columns = []
-    for lever, deviation in zip(levers, spread["joint_return"]):
+    torque is F x J + T x z and F x z, times the compliances. And where those of joints are that return notably."""
+    spread = question["spread"]
+    columns, returns = [], {}
+    reaches = reaches_m(question["arm"])
+    for joint, (lever, deviation) in enumerate(zip(levers, spread["joint_return"])):
         if deviation:
+            if deviation * reaches[joint] > NOTABLE * math.sqrt(spread["everywhere"]):
+                returns[joint] = len(columns)
             columns.append([scale(deviation, x) for x in lever])
     force, torque = load
     for name in ("turned", "shifted"):
@@ -636,42 +673,54 @@ def noise_columns(spread, axes, levers, load):
                 own = [times(scale(k * deviation, x), moment[part]) for x in lever]
                 follows[part] = plus(follows[part], own)
         columns += follows
-    return columns
+    return columns, returns
 
 
 def weighted(rows, columns, everywhere, boxes):
-    """A bound of the sum of v^T R^-1 v with R = s I + G G^T: |v - G c|^2 / s + |c|^2 for any c, here a linear function of
-    the coordinates, the best one at the centre with its slopes there."""
+    """A bound of the sum of v^T R^-1 v with R = s I + G G^T, each v given as v0 and a with v = v0 + G a: |v0 + G e|^2 / s + |a - e|^2
+    for any e, here a linear function of the coordinates. It is the best one at the centre with its slopes there, for a
+    larger unit the more G changes over the box."""
     if not (math.isfinite(everywhere) and everywhere > 0):
         raise Refused("the covariance is no covariance")
     count, n = boxes.centre.shape
 
     def expanded(vector):
-        value, slopes = np.zeros((count, 3)), np.zeros((count, 3, n))
+        value, slopes = np.zeros((count, len(vector))), np.zeros((count, len(vector), n))
+        off = np.zeros((count, len(vector)))
         for k, model in enumerate(vector):
             if model is not None:
                 value[:, k] = model.c - np.einsum("nii->n", model.h)
                 slopes[:, k] = model.g
-        return value, slopes
+                off[:, k] = model.bend + model.r
+        return value, slopes, off
 
-    values, slopes = (np.stack(each, 2) for each in zip(*map(expanded, columns)))
-    covariance = everywhere * np.eye(3) + np.einsum("niq,nkq->nik", values, values)
+    values, slopes, offs = (np.stack(each, 2) for each in zip(*map(expanded, columns)))
+    ridge = 1 + RIDGE * ((slopes**2).sum((1, 3)) / 3 + (offs**2).sum(1)) / everywhere
+    covariance = everywhere * np.eye(3) + np.einsum("niq,nq,nkq->nik", values, 1 / ridge, values)
+    covariance = np.where(np.isfinite(covariance), covariance, np.eye(3))
     inverse = np.linalg.inv(covariance)
+
+    def solved(y):
+        """(ridge + G^T G / s)^-1 of vectors: (boxes, columns of G, any number)."""
+        z = y / ridge[:, :, None]
+        pull = np.einsum("nik,nkj->nij", inverse, np.einsum("niq,nqj->nij", values, z))
+        return z - np.einsum("niq,nij->nqj", values, pull) / ridge[:, :, None]
+
     total, sizes = None, None
-    for row in rows:
-        value, slope = expanded(row)
-        w = np.einsum("nik,nk->ni", inverse, value)
-        along = np.einsum("niq,ni->nq", values, w)
-        turning = np.einsum("niqj,ni->nqj", slopes, w)
-        moved = np.einsum("niqj,nq->nij", slopes, along) + np.einsum("niq,nqj->nij", values, turning)
-        follows = np.einsum("nik,nkj->nij", inverse, slope - moved)
-        steepness = turning + np.einsum("niq,nij->nqj", values, follows)
-        left = list(row)
-        for q, column in enumerate(columns):
-            # Whatever these numbers are, they are exactly what c is.
-            factor = Model(along[:, q], steepness[:, q], np.zeros((count, n, n)), np.zeros(count))
-            left = minus(left, [times(factor, x) for x in column])
-            sizes = add(sizes, factor * factor)
+    for rest, factors in rows:
+        (value, slope, _), (a, a_slope, _) = expanded(rest), expanded(factors)
+        e = solved((a - np.einsum("niq,ni->nq", values, value) / everywhere)[:, :, None])[:, :, 0]
+        left = value + np.einsum("niq,nq->ni", values, e)
+        moved = slope + np.einsum("niqj,nq->nij", slopes, e)
+        turning = np.einsum("niqj,ni->nqj", slopes, left) + np.einsum("niq,nij->nqj", values, moved)
+        steepness = solved(a_slope - turning / everywhere)
+        left = list(rest)
+        for q, (column, factor) in enumerate(zip(columns, factors)):
+            # Whatever these numbers are, they are exactly what e is.
+            chosen = Model(e[:, q], steepness[:, q], np.zeros((count, n, n)), np.zeros(count))
+            left = plus(left, [times(chosen, x) for x in column])
+            missed = add(factor, negative(chosen))
+            sizes = add(sizes, missed * missed)
         total = add(total, sum_of_squares(left))
     total = or_nought(total, boxes).scaled(1 / everywhere, 1e-15 / everywhere)
     return total if sizes is None else total + sizes
@@ -1041,12 +1090,8 @@ def check_bounds(file):
             index += direction is None or k == 2
     # Fewer than 1000 roundings of terms within `size`.
     trace = abs(trace) - 2e-13 * size
-    arm = question["arm"]
     length = lambda v: math.sqrt(sum(x * x for x in v))
-    reach, reaches = length(arm["tool_offset_m"]), [0.0] * len(arm["joints"])
-    for joint in reversed(range(arm["tool_joints"])):
-        reaches[joint] = reach
-        reach += length(arm["joints"][joint]["offset_m"])
+    reaches = reaches_m(question["arm"])
     turns = question["rotation_scale_m"]
     unit = 0.0
     for row in rows:

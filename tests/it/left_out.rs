@@ -3,7 +3,7 @@
 use serde_json::Value;
 
 use crate::proofs::{checked, python};
-use crate::support::{Workplace, scenario_text};
+use crate::support::{Workplace, project, scenario_text};
 
 const RETURN: &str = "[[uncertainty]]\nkind = \"joint_return\"\nstd_mrad = 0.05\n";
 const DIRECTION: &str = "[[uncertainty]]\nkind = \"load_direction\"\nstd_mrad = 2\n";
@@ -67,6 +67,25 @@ fn the_covariance_of_readings_is_in_the_proof() {
     workplace.write("less.json", file.to_string());
     let (code, text) = checked(&python, &workplace.path("less.json"));
     assert_eq!(code, Some(1), "{text}");
+}
+
+/// Joints that return as they like take a fifth of the boxes that they took while their columns were not told apart from the
+/// torques.
+#[test]
+fn joint_returns_take_few_boxes() {
+    let workplace = Workplace::new();
+    let text = scenario_text("klimchik2012");
+    let (text, _) = text.split_once("\n[[plan]]").expect("it lists plans");
+    workplace.write("uncertain.toml", format!("{text}\n{RETURN}"));
+    let plan = project("scenarios/plans/klimchik2012_m3.csv");
+    let arguments = format!(
+        "evaluate uncertain.toml --plan {} --json --quiet --prove 300%",
+        plan.display()
+    );
+    let json = workplace.run(&arguments).json();
+    let boxes = json["proof"]["boxes"].as_u64().expect("a number");
+    assert!(boxes < 30_000, "{boxes}");
+    assert_eq!(json["proof"]["left_out"], serde_json::json!([]));
 }
 
 /// What the proof does not know is named, in words and in JSON, and only makes it less near.

@@ -1,11 +1,15 @@
-//! The covariance of a reading over boxes, in units of the instrument's noise.
+//! The covariance of a reading over boxes, in units of the instrument's noise, and what is weighed with it.
 
 use super::geometry::BoxGeometry;
-use super::question::ReadingSpread;
+use super::question::{Question, ReadingSpread};
 use super::rounding::UNIT;
 use super::taylor::{ModelVector, ModelWorkspace, TaylorModel, TermSign};
-use super::vectors::cross;
-use super::weighted::SpreadColumns;
+use super::vectors::{NOWHERE, cross};
+use super::weighted::{SpreadColumns, WeightedRow};
+
+/// A joint's share of a row is told by its return where that moves the stretched arm by more than this many of the deviations that
+/// are everywhere: where it is less, the torque times so large a factor has the larger remainder.
+const NOTABLE: f64 = 0.5;
 
 /// The sum of the squares of vectors' parts.
 pub(super) fn squares(workspace: &mut ModelWorkspace, vectors: &[ModelVector]) -> TaylorModel {
@@ -86,4 +90,66 @@ fn followed(
             sum.end()
         })
     })
+}
+
+/// The joints whose shares are told by their returns.
+pub(super) fn notable_returns(question: &Question) -> Vec<bool> {
+    let Some(spread) = &question.spread else {
+        return Vec::new();
+    };
+    let least = NOTABLE * spread.everywhere.sqrt();
+    let reaches = question.reaches_m();
+    let pairs = spread.joint_return.iter().zip(reaches);
+    pairs
+        .map(|(deviation, reach)| deviation * reach > least)
+        .collect()
+}
+
+/// The rows of a question as `v_0` + G a, with the torques about its parameters' joints that there are: a joint's share is its
+/// torque times its lever, of which a column of G is a multiple where it returns notably.
+pub(super) fn weighted_rows(
+    workspace: &mut ModelWorkspace,
+    question: &Question,
+    is_notable: &[bool],
+    (levers, torques): (&[ModelVector], &[Option<TaylorModel>]),
+    columns: usize,
+) -> Vec<WeightedRow> {
+    let deviations: &[f64] = (question.spread.as_ref()).map_or(&[], |spread| &spread.joint_return);
+    let mut next = 0;
+    let mut place = vec![None; question.arm.joints.len()];
+    for (joint, deviation) in deviations.iter().enumerate().take(levers.len()) {
+        if *deviation > 0.0 {
+            place[joint] = is_notable[joint].then_some(next);
+            next += 1;
+        }
+    }
+    let parameters = &question.parameters;
+    let shares: Vec<ModelVector> = (parameters.iter().zip(torques))
+        .map(|(&joint, torque)| match (torque, place[joint]) {
+            (Some(torque), None) => levers[joint].map(|part| {
+                let sum = workspace.sum();
+                sum.product(TermSign::Plus, part, *torque).end()
+            }),
+            _ => NOWHERE,
+        })
+        .collect();
+    let row = |row: &Vec<f64>| {
+        let mut factors = vec![TaylorModel::ZERO; columns];
+        for ((factor, &joint), torque) in row.iter().zip(parameters).zip(torques) {
+            if let (Some(torque), Some(place)) = (torque, place[joint]) {
+                let factor = factor / deviations[joint];
+                let sum = workspace.sum();
+                factors[place] = sum.add_constant(factor, UNIT * factor.abs(), *torque).end();
+            }
+        }
+        let rest = std::array::from_fn(|axis| {
+            let mut sum = workspace.sum();
+            for (factor, share) in row.iter().zip(&shares) {
+                sum = sum.add(*factor, share[axis]);
+            }
+            sum.end()
+        });
+        WeightedRow { rest, factors }
+    };
+    question.rows.iter().map(row).collect()
 }

@@ -2,7 +2,7 @@
 
 use super::chain::Chain;
 use super::constant::vector;
-use super::covariance::{covariance, squares};
+use super::covariance::{covariance, notable_returns, squares, weighted_rows};
 use super::domain::{Domain, LoadCase, needs_tool_axis};
 use super::form::{ENTRIES, place};
 use super::geometry::BoxGeometry;
@@ -10,7 +10,7 @@ use super::question::Question;
 use super::rounding::{UNIT, Waves, sin_cos};
 use super::taylor::{LANES, Lanes, ModelVector, ModelWorkspace, TaylorModel, TermSign, VARIABLES};
 use super::vectors::{Angle, NOWHERE, constant_in, cross, difference, dot, exact};
-use super::weighted::SpreadColumns;
+use super::weighted::{SpreadColumns, WeightedRow};
 
 /// How often a variable can be halved.
 pub(super) const DEEPEST: u8 = 30;
@@ -32,6 +32,8 @@ pub(super) struct ProofTask<'a> {
     pub middle: usize,
     /// Half-width and waves of each variable at each depth.
     widths: Vec<Vec<(f64, Waves)>>,
+    /// The joints whose returns tell their shares, where there is more than noise.
+    is_notable: Vec<bool>,
 }
 
 /// The derivative over boxes.
@@ -42,7 +44,7 @@ pub(super) enum Derivative {
     /// For a force of any direction, the largest eigenvalue of this form: its entries 11, 22, 33, 12, 13, 23.
     Largest([TaylorModel; 6]),
     /// Of rows v, the sum of v^T R^-1 v, R the covariance.
-    Weighted(Vec<ModelVector>, SpreadColumns),
+    Weighted(Vec<WeightedRow>, SpreadColumns),
 }
 
 /// What is known over [`LANES`] boxes.
@@ -71,6 +73,7 @@ impl<'a> ProofTask<'a> {
             .collect();
         Self {
             middle: 0,
+            is_notable: notable_returns(question),
             question,
             chain,
             domain,
@@ -167,13 +170,16 @@ impl<'a> ProofTask<'a> {
         let mut spread = [[0.0; LANES]; VARIABLES];
         let derivative = match &load {
             Some(load) => {
-                let moved = self.moved(workspace, &geometry, &levers, load, &mut spread);
-                match &question.spread {
-                    None => Derivative::Plain(squares(workspace, &moved)),
-                    Some(more) => Derivative::Weighted(
-                        moved,
-                        covariance(workspace, more, &geometry, &levers, load),
-                    ),
+                let torques = self.torques(workspace, &geometry, &levers, load);
+                if let Some(more) = &question.spread {
+                    let covariance = covariance(workspace, more, &geometry, &levers, load);
+                    let told = (levers.as_slice(), torques.as_slice());
+                    let count = covariance.columns.len();
+                    let rows = weighted_rows(workspace, question, &self.is_notable, told, count);
+                    Derivative::Weighted(rows, covariance)
+                } else {
+                    let moved = self.moved(workspace, &geometry, &levers, &torques, &mut spread);
+                    Derivative::Plain(squares(workspace, &moved))
                 }
             }
             None => Derivative::Largest(self.form(workspace, &geometry.axis, &levers, &mut spread)),
@@ -244,31 +250,47 @@ impl<'a> ProofTask<'a> {
         joint == 0 && self.chain.is_upright() && [fx, fy, tz].iter().all(|part| *part == 0.0)
     }
 
-    /// For every row the sum over n of `b_n` `tau_n` `J_n`, and s times that of `b_n` `tau_n` `z_n` where rotations are
-    /// measured. Without more than noise d is the sum of their squares.
-    fn moved(
+    /// The load's torque about the joint of each parameter; none where there is none in any experiment.
+    fn torques(
         &self,
         workspace: &mut ModelWorkspace,
         geometry: &BoxGeometry,
         levers: &[ModelVector],
         [force, torque]: &[ModelVector; 2],
+    ) -> Vec<Option<TaylorModel>> {
+        let parameters = self.question.parameters.iter();
+        parameters
+            .map(|&joint| {
+                let lever = levers.get(joint).filter(|_| !self.is_silent(joint))?;
+                let axis = &geometry.axis[joint];
+                Some(dot(workspace, &[(lever, force), (axis, torque)]))
+            })
+            .collect()
+    }
+
+    /// For every row the sum over n of `b_n` `tau_n` `J_n`, and s times that of `b_n` `tau_n` `z_n` where rotations are
+    /// measured. d is the sum of their squares.
+    fn moved(
+        &self,
+        workspace: &mut ModelWorkspace,
+        geometry: &BoxGeometry,
+        levers: &[ModelVector],
+        torques: &[Option<TaylorModel>],
         spread: &mut [Lanes; VARIABLES],
     ) -> Vec<ModelVector> {
         let scale = self.question.rotation_scale_m;
         let mut columns = [Vec::new(), Vec::new()];
-        for &joint in &self.question.parameters {
-            let Some(lever) = levers.get(joint).filter(|_| !self.is_silent(joint)) else {
+        for (&joint, torque) in self.question.parameters.iter().zip(torques) {
+            let Some(torque) = *torque else {
                 for each in &mut columns {
                     each.push(NOWHERE);
                 }
                 continue;
             };
-            let axis = &geometry.axis[joint];
-            let moment = dot(workspace, &[(lever, force), (axis, torque)]);
-            let mut times = |part| workspace.sum().product(TermSign::Plus, part, moment).end();
-            columns[0].push(lever.map(&mut times));
+            let mut times = |part| workspace.sum().product(TermSign::Plus, part, torque).end();
+            columns[0].push(levers[joint].map(&mut times));
             if scale > 0.0 {
-                columns[1].push(axis.map(&mut times));
+                columns[1].push(geometry.axis[joint].map(&mut times));
             }
         }
         let mut moved = Vec::new();

@@ -118,6 +118,11 @@ impl ModelWorkspace {
         &self.all(model)[self.layout.remainder()]
     }
 
+    /// A bound of a model's part of second order.
+    pub fn bend(&self, model: TaylorModel) -> &Lanes {
+        &self.all(model)[self.layout.sizes() + 2]
+    }
+
     /// Takes a model for exactly its polynomial.
     #[cfg(test)]
     pub fn forget_remainder(&mut self, model: TaylorModel) {
