@@ -136,6 +136,7 @@ fn setups(scenario: &Scenario) -> Vec<Setup> {
             ),
             target: index % 2,
             station: 0,
+            approach: None,
         })
         .collect()
 }

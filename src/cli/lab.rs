@@ -11,6 +11,7 @@ use elastocal::plan::{Feasibility, Plan, read_plan};
 use elastocal::record::campaign::CampaignMessage;
 use elastocal::record::messages::ProvenanceMessage;
 use elastocal::scenario::Scenario;
+use elastocal::task::Extended;
 use elastocal::text::wording::counted;
 
 use super::dialect::dialect;
@@ -133,6 +134,8 @@ impl Lab {
 /// A measurement CSV whose positions are to be filled in: a row for each measurement, in the order of work.
 fn to_fill_in(scenario: &Scenario, plan: &Plan, campaign: &Campaign) -> String {
     let belief = &scenario.task.belief;
+    let says_sides = plan.experiments.iter().any(|each| each.approach.is_some())
+        || (belief.uncertain.as_ref()).is_some_and(Extended::has_backlash);
     let stops = || campaign.stops.iter().enumerate();
     let rows = stops().filter_map(|(place, stop)| Some((place + 1, stop, stop.load.as_ref()?)));
     let rows = rows.flat_map(|(place, stop, load)| {
@@ -143,6 +146,7 @@ fn to_fill_in(scenario: &Scenario, plan: &Plan, campaign: &Campaign) -> String {
                 loaded: [place, reading],
                 configuration_rad: &stop.configuration,
                 load,
+                approach: stop.side.as_approach().filter(|_| says_sides),
             })
         })
     });

@@ -95,15 +95,20 @@ pub fn compensate_arm(
     pose: &TestPose,
     method: Method,
 ) -> Result<DVector<f64>, EquilibriumError> {
-    let zero_rad = DVector::from_column_slice(&arm.zero_rad);
+    // Both are approached with all joints turning positively.
+    let offsets = |load: &Load| {
+        let q = pose.configuration_rad.as_slice();
+        DVector::from_vec(arm.offsets_rad(q, tool, load, None))
+    };
+    let loaded_rad = offsets(&pose.load);
     let standing = TestPose {
-        configuration_rad: &pose.configuration_rad + &zero_rad,
+        configuration_rad: &pose.configuration_rad + offsets(&Load::NONE),
         ..pose.clone()
     };
     let compliance = &arm.compliance_rad_per_nm;
     let tool = &arm.tools[tool];
     let commanded_rad = compensate(&arm.chain, tool, compliance, &standing, method)?;
-    Ok(commanded_rad - zero_rad)
+    Ok(commanded_rad - loaded_rad)
 }
 
 /// The observation matrix of a test pose for the compliances of some joints, `A_0^(p)` (eq. 23), 3 x p; of it what

@@ -4,12 +4,12 @@ use std::path::Path;
 
 use nalgebra::DVector;
 
-use super::file::{LOAD, configuration, configuration_and_load};
+use super::file::{APPROACH, LOAD, approach, configuration, configuration_and_load};
 use crate::csv::{Columns, Row, Table};
 use crate::files::FileError;
 use crate::quantities::limits::{MOST_CANDIDATES, MOST_MEASUREMENTS};
 use crate::quantities::plausible::faint_load;
-use crate::robot::{Commands, Load};
+use crate::robot::{Approach, Commands, Load};
 use crate::text::wrong_name;
 
 /// How often a candidate may be measured.
@@ -32,6 +32,8 @@ pub struct Candidate {
     pub target: Option<String>,
     /// Where the instrument stands, where the file says.
     pub station: Option<String>,
+    /// From which side the configuration is approached, where the file says.
+    pub approach: Option<Approach>,
 }
 
 /// Reads candidates for an arm.
@@ -43,8 +45,10 @@ pub fn read_candidates(
     commands: impl Into<Commands>,
 ) -> Result<Vec<Candidate>, FileError> {
     let commands = commands.into();
-    let words: Vec<String> = PLACES.map(str::to_owned).into();
-    let optional = LOAD.iter().chain(&[REPEATS]).chain(&PLACES);
+    let words: Vec<String> = (PLACES.iter().chain(&[APPROACH]))
+        .map(|&column| column.to_owned())
+        .collect();
+    let optional = LOAD.iter().chain(&[REPEATS, APPROACH]).chain(&PLACES);
     let columns = Columns {
         required: commands.columns(),
         optional: optional.map(|&column| column.to_owned()).collect(),
@@ -81,6 +85,7 @@ pub fn read_candidates(
             most,
             target: target?,
             station: station?,
+            approach: approach(&row, &commands)?,
         })
     };
     let candidates = table.rows().map(candidate).collect::<Result<Vec<_>, _>>()?;

@@ -5,15 +5,19 @@ use std::path::Path;
 use nalgebra::DVector;
 
 use super::{Experiment, Plan};
-use crate::csv::{Row, Table};
+use crate::csv::{Columns, Row, Table};
 use crate::files::FileError;
 use crate::files::output::write_whole;
 use crate::quantities::limits::MOST_MEASUREMENTS;
 use crate::quantities::plausible::faint_load;
-use crate::robot::{Commands, Load};
+use crate::robot::{Approach, Commands, Load};
 
 /// The columns that name a load: force and torque in the world frame.
 pub const LOAD: [&str; 6] = ["fx_n", "fy_n", "fz_n", "tx_nm", "ty_nm", "tz_nm"];
+/// The column of words that says from which side a configuration is approached.
+pub const APPROACH: &str = "approach";
+/// How often an experiment is measured.
+const REPEATS: &str = "repeats";
 
 /// The columns that name a configuration and a load.
 #[must_use]
@@ -41,6 +45,24 @@ pub fn configuration(row: &Row<'_>, commands: &Commands) -> DVector<f64> {
     commands.configuration(&written)
 }
 
+/// The side from which the configuration of a row is approached, where the file says.
+///
+/// # Errors
+/// The word is not a sign for all joints, or one for each.
+pub fn approach(row: &Row<'_>, commands: &Commands) -> Result<Option<Approach>, FileError> {
+    let word = row.word(APPROACH).filter(|word| !word.is_empty());
+    let Some(word) = word else {
+        return Ok(None);
+    };
+    let joints = commands.len();
+    Approach::of_word(word, joints).map(Some).ok_or_else(|| {
+        row.wrong(format!(
+            "{APPROACH}: found {word:?}; + or - for all joints is allowed, or {joints} signs, one for each joint; or nothing \
+             where it is not known"
+        ))
+    })
+}
+
 /// Reads a plan for an arm, which may be given by its number of joints.
 ///
 /// # Errors
@@ -48,12 +70,19 @@ pub fn configuration(row: &Row<'_>, commands: &Commands) -> DVector<f64> {
 pub fn read_plan(path: &Path, commands: impl Into<Commands>) -> Result<Plan, FileError> {
     let commands = commands.into();
     let mut columns = experiment_columns(&commands);
-    columns.push("repeats".to_owned());
-    let table = Table::read(path, &columns, &[])?;
+    columns.push(REPEATS.to_owned());
+    let side = vec![APPROACH.to_owned()];
+    let columns = Columns {
+        required: columns,
+        optional: side.clone(),
+        words: side,
+        ..Columns::default()
+    };
+    let table = Table::read_with(path, &columns)?;
     let experiments = table
         .rows()
         .map(|row| {
-            let repeats = row.get("repeats");
+            let repeats = row.get(REPEATS);
             if repeats.fract() != 0.0 || !(1.0..=f64::from(MOST_MEASUREMENTS)).contains(&repeats) {
                 return Err(row.wrong(format!(
                     "repeats: found {repeats}; a whole number from 1 to {MOST_MEASUREMENTS} is allowed"
@@ -76,6 +105,7 @@ pub fn read_plan(path: &Path, commands: impl Into<Commands>) -> Result<Plan, Fil
                 configuration_rad,
                 load,
                 repeats,
+                approach: approach(&row, &commands)?,
             })
         })
         .collect::<Result<Vec<_>, _>>()?;
@@ -114,10 +144,21 @@ pub fn write_plan(
     plan: &Plan,
 ) -> Result<(), FileError> {
     let commands = commands.into();
-    let mut text = experiment_columns(&commands).join(",") + ",repeats\n";
+    let mut columns = experiment_columns(&commands);
+    columns.push(REPEATS.to_owned());
+    let says_sides = (plan.experiments.iter()).any(|each| each.approach.is_some());
+    if says_sides {
+        columns.push(APPROACH.to_owned());
+    }
+    let mut text = columns.join(",") + "\n";
     for each in &plan.experiments {
         text += &experiment_fields(&commands, &each.configuration_rad, &each.load).join(",");
-        text += &format!(",{}\n", each.repeats);
+        text += &format!(",{}", each.repeats);
+        if says_sides {
+            text.push(',');
+            text += &(each.approach.as_ref()).map_or_else(String::new, Approach::word);
+        }
+        text.push('\n');
     }
     write_whole(path, text.as_bytes())
 }

@@ -7,12 +7,12 @@ mod mandatory;
 
 use nalgebra::DVector;
 
-use crate::robot::Load;
+use crate::robot::{Approach, Load};
 
 pub use candidates::{Candidate, read_candidates};
 pub use file::{
-    LOAD, configuration, configuration_and_load, experiment_columns, experiment_fields, read_plan,
-    write_plan,
+    APPROACH, LOAD, approach, configuration, configuration_and_load, experiment_columns,
+    experiment_fields, read_plan, write_plan,
 };
 pub use load_set::{Loads, in_words, is_printed_as, printed_tolerance};
 pub use mandatory::{NotMandatory, PRINTED_RAD};
@@ -26,6 +26,9 @@ pub struct Experiment {
     pub load: Load,
     /// How often it is measured.
     pub repeats: u32,
+    /// From which side the configuration is approached, unloaded and loaded; with all joints turning positively where nothing
+    /// is said.
+    pub approach: Option<Approach>,
 }
 
 /// A plan of experiments (D1).

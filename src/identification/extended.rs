@@ -48,6 +48,7 @@ impl EquationSource<'_> {
                 load: each.load,
                 target: 0,
                 station: 0,
+                approach: each.approach.clone(),
             };
             let kind = match each.rotation {
                 Some(_) => ReadingKind::DeflectionAndRotation,

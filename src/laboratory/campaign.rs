@@ -9,10 +9,10 @@ use nalgebra::DVector;
 use thiserror::Error;
 
 use super::order::shortest;
-use super::side::Side;
+use super::side::{Side, wanted_side};
 use super::ways::{Way, Ways, apart};
 use super::{Costs, Laboratory};
-use crate::experiment::{Plan, in_words};
+use crate::experiment::{Experiment, Plan, in_words};
 use crate::robot::Load;
 use crate::task::Task;
 
@@ -235,14 +235,18 @@ impl Group {
     }
 }
 
+/// Whether the robot stands alike for two experiments before a load is hung.
+fn stand_alike(one: &Experiment, other: &Experiment) -> bool {
+    one.configuration_rad == other.configuration_rad && one.approach == other.approach
+}
+
 /// All configurations without a load, then those of each load.
 fn groups(plan: &Plan, keep_order: bool) -> Vec<Group> {
     let mut unloaded: Vec<(Vec<usize>, u32)> = Vec::new();
     let mut loaded: Vec<Group> = Vec::new();
     for (index, experiment) in plan.experiments.iter().enumerate() {
-        let q = &experiment.configuration_rad;
         let same = (unloaded.iter_mut())
-            .find(|(members, _)| plan.experiments[members[0]].configuration_rad == *q);
+            .find(|(members, _)| stand_alike(&plan.experiments[members[0]], experiment));
         match same {
             Some((members, readings)) => {
                 // Each measurement has a reading without a load of its own: deflections share no error.
@@ -300,13 +304,23 @@ impl Planner<'_> {
     /// The side from which an experiment's configuration is approached, and where the approach begins: the
     /// same for all experiments at one configuration.
     fn side(&mut self, index: usize) -> (Side, Option<DVector<f64>>) {
-        let q = &self.plan.experiments[index].configuration_rad;
-        let here = (self.plan.experiments.iter()).filter(|each| each.configuration_rad == *q);
+        let own = &self.plan.experiments[index];
+        let q = &own.configuration_rad;
+        let here = (self.plan.experiments.iter()).filter(|each| stand_alike(each, own));
         let loads: Vec<Load> = [Load::NONE]
             .into_iter()
             .chain(here.map(|each| each.load))
             .collect();
-        Side::free(self.task, self.approach, self.ways.judge(), q, &loads)
+        let wanted = wanted_side(self.task, own.approach.as_ref());
+        let judge = self.ways.judge();
+        Side::free(
+            self.task,
+            self.approach,
+            judge,
+            q,
+            &loads,
+            wanted.as_deref(),
+        )
     }
 
     /// The order of a group's members.

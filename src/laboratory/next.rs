@@ -17,7 +17,9 @@ pub fn measured_plan(measurements: &[Measurement]) -> Plan {
     let mut plan = Plan::default();
     for each in measurements {
         let same = plan.experiments.iter_mut().find(|known| {
-            known.configuration_rad == each.configuration_rad && known.load == each.load
+            known.configuration_rad == each.configuration_rad
+                && known.load == each.load
+                && known.approach == each.approach
         });
         match same {
             Some(known) => known.repeats += 1,
@@ -25,6 +27,7 @@ pub fn measured_plan(measurements: &[Measurement]) -> Plan {
                 configuration_rad: each.configuration_rad.clone(),
                 load: each.load,
                 repeats: 1,
+                approach: each.approach.clone(),
             }),
         }
     }
@@ -40,7 +43,10 @@ pub fn not_measured(plan: &Plan, measured: &Plan) -> Plan {
         let mut left = each.clone();
         for known in &mut measured.experiments {
             let apart = (&known.configuration_rad - &each.configuration_rad).amax();
-            if apart <= PRINTED_RAD && is_printed_as(&known.load, &each.load) {
+            let is_same_side = known.approach.is_none()
+                || each.approach.is_none()
+                || known.approach == each.approach;
+            if apart <= PRINTED_RAD && is_same_side && is_printed_as(&known.load, &each.load) {
                 let taken = left.repeats.min(known.repeats);
                 left.repeats -= taken;
                 known.repeats -= taken;

@@ -5,8 +5,8 @@ use std::fmt::{Display, Formatter};
 use nalgebra::DVector;
 
 use super::PathJudge;
-use crate::robot::Load;
-use crate::task::Task;
+use crate::robot::{Approach, Load};
+use crate::task::{Extended, Task};
 
 /// Of the ways to approach a configuration so many are tried.
 const SIDES: usize = 64;
@@ -38,15 +38,35 @@ impl Display for Side {
     }
 }
 
+/// Which joints must turn positively in the end as a configuration is approached: what is said, or all where gaps make the side
+/// count; `None` where any side is as good.
+pub(super) fn wanted_side(task: &Task, approach: Option<&Approach>) -> Option<Vec<bool>> {
+    let belief = &task.belief;
+    let has_backlash = (belief.uncertain.as_ref()).is_some_and(Extended::has_backlash);
+    (has_backlash || approach.is_some()).then(|| Approach::of_all(approach, &belief.nominal.chain))
+}
+
 impl Side {
+    /// As a file has it; `None` where the configuration is reached as it comes. For joints that are commanded.
+    #[must_use]
+    pub fn as_approach(&self) -> Option<Approach> {
+        let signs: Vec<bool> = (self.0.iter())
+            .filter(|sign| **sign != 0)
+            .map(|sign| *sign > 0)
+            .collect();
+        (!signs.is_empty()).then_some(Approach(signs))
+    }
+
     /// A side from which a configuration can be approached by so much (rad, m) under each of the loads, and where
-    /// the approach begins; none where there is no room, or for no approach at all.
+    /// the approach begins; none where there is no room, or for no approach at all. Where it is said which joints turn
+    /// positively in the end (`wanted`), no other side is tried.
     pub(super) fn free(
         task: &Task,
         approach: f64,
         judge: &mut PathJudge<'_>,
         q: &DVector<f64>,
         loads: &[Load],
+        wanted: Option<&[bool]>,
     ) -> (Self, Option<DVector<f64>>) {
         let joints = &task.belief.nominal.chain.joints;
         let moves: Vec<usize> = (0..joints.len())
@@ -59,7 +79,19 @@ impl Side {
         // All positive, all negative, then all others: bit k of the pattern turns joint k round.
         let patterns = 1_usize << moves.len().min(usize::BITS as usize - 2);
         let mixed = 1..patterns.saturating_sub(1);
-        for pattern in [0, patterns - 1].into_iter().chain(mixed).take(SIDES) {
+        let all: Vec<usize> = [0, patterns - 1]
+            .into_iter()
+            .chain(mixed)
+            .take(SIDES)
+            .collect();
+        let of_wanted = |wanted: &[bool]| {
+            let negative = moves
+                .iter()
+                .enumerate()
+                .filter(|(_, joint)| !wanted[**joint]);
+            vec![negative.map(|(bit, _)| 1_usize << bit).sum()]
+        };
+        for pattern in wanted.map_or(all, of_wanted) {
             let mut side = none.clone();
             let mut start = q.clone();
             for (bit, &joint) in moves.iter().enumerate() {

@@ -2,7 +2,7 @@
 
 use nalgebra::DVector;
 
-use super::side::Side;
+use super::side::{Side, wanted_side};
 use super::ways::Ways;
 use super::{CampaignError, Laboratory, Program, ProgramStep};
 use crate::robot::Load;
@@ -41,7 +41,16 @@ pub fn program_to(
         let q = &target.configuration;
         check_range(task, target)?;
         let judge = ways.judge();
-        let (side, approach) = Side::free(task, laboratory.approach, judge, q, &[Load::NONE]);
+        let wanted = wanted_side(task, None);
+        let free = [Load::NONE];
+        let (side, approach) = Side::free(
+            task,
+            laboratory.approach,
+            judge,
+            q,
+            &free,
+            wanted.as_deref(),
+        );
         let end = approach.as_ref().unwrap_or(q);
         steps.push(ProgramStep::Remark(format!(
             "{}, approached with {side}",

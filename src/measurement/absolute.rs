@@ -2,7 +2,7 @@
 
 use nalgebra::{DVector, Matrix6, UnitQuaternion, Vector3};
 
-use crate::robot::Load;
+use crate::robot::{Approach, Load};
 
 /// One row of a file of absolute readings.
 #[derive(Debug, Clone, PartialEq)]
@@ -30,35 +30,4 @@ pub struct AbsoluteReading {
     pub time_s: Option<f64>,
     /// How warm it was (deg C).
     pub temperature_c: Option<f64>,
-}
-
-/// The side from which a configuration was approached: for each commanded joint whether it turned positively in the end.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Approach(pub Vec<bool>);
-
-impl Approach {
-    /// What a word says for so many commanded joints: one sign for all, or one for each.
-    pub(super) fn of_word(word: &str, joints: usize) -> Option<Self> {
-        let signs: Option<Vec<bool>> = (word.chars())
-            .map(|sign| match sign {
-                '+' => Some(true),
-                // As typesetters have it, too.
-                '-' | '\u{2212}' => Some(false),
-                _ => None,
-            })
-            .collect();
-        match signs?.as_slice() {
-            &[one] => Some(Self(vec![one; joints])),
-            all if all.len() == joints => Some(Self(all.to_vec())),
-            _ => None,
-        }
-    }
-
-    /// The word that is read as this: a sign for each joint.
-    #[must_use]
-    pub fn word(&self) -> String {
-        (self.0.iter())
-            .map(|&positive| if positive { '+' } else { '-' })
-            .collect()
-    }
 }

@@ -14,9 +14,9 @@ mod write_absolute;
 
 use nalgebra::{DVector, Vector3};
 
-use crate::robot::Load;
+use crate::robot::{Approach, Load};
 
-pub use absolute::{AbsoluteReading, Approach};
+pub use absolute::AbsoluteReading;
 pub use origin::Origin;
 pub use read::{MeasuredFile, read_measured, read_measurements, read_measurements_so_far};
 pub use write::{
@@ -39,6 +39,8 @@ pub struct Measurement {
     /// The tool's rotation from unloaded to loaded as a rotation vector in the world frame (rad)
     /// with its standard deviations, where rotations are measured too.
     pub rotation: Option<RotationMeasurement>,
+    /// From which side the configuration was approached, unloaded and loaded, where that is known.
+    pub approach: Option<Approach>,
 }
 
 /// A measured rotation of the tool.

@@ -12,7 +12,7 @@ use super::columns::{
 use super::read_absolute::{absolute_columns, absolute_readings};
 use super::{AbsoluteReading, Measurement, RotationMeasurement};
 use crate::csv::{Columns, Row, Table};
-use crate::experiment::{configuration_and_load, experiment_columns};
+use crate::experiment::{APPROACH, approach, configuration_and_load, experiment_columns};
 use crate::files::FileError;
 use crate::quantities::plausible::{DEVIATION, ROTATION_DEVIATION, faint_load};
 use crate::robot::Commands;
@@ -112,10 +112,11 @@ fn deflection_columns(commands: &Commands, may_be_unfinished: bool) -> Columns {
                 &ROTATION,
                 &ROTATION_SIGMA,
                 &PLACES,
+                &[APPROACH],
             ]
             .concat(),
         ),
-        words: Vec::new(),
+        words: owned(&[APPROACH]),
         may_be_unfinished,
     }
 }
@@ -134,6 +135,7 @@ fn deflections(table: &Table<'_>, commands: &Commands) -> Result<Vec<Measurement
             deflection_m: columns.deflection_m(&row),
             sigma_m: columns.sigma_m(&row)?,
             rotation: columns.rotation(&row)?,
+            approach: approach(&row, commands)?,
         });
     }
     if columns.has_positions {

@@ -4,13 +4,13 @@ use std::collections::BTreeMap;
 
 use nalgebra::{DMatrix, Matrix6, Quaternion, SymmetricEigen, UnitQuaternion};
 
-use super::absolute::{AbsoluteReading, Approach};
+use super::absolute::AbsoluteReading;
 use super::columns::{
     DEFLECTION_SIGMA, POSITION, QUATERNION, ROTATION_SIGMA, TEMPERATURE, TIME, WORDS,
     covariance_columns, deviations, whole_group,
 };
 use crate::csv::{Columns, Row, Table};
-use crate::experiment::{LOAD, configuration, configuration_and_load};
+use crate::experiment::{LOAD, approach, configuration, configuration_and_load};
 use crate::files::FileError;
 use crate::quantities::plausible::{DEVIATION, ROTATION_DEVIATION, faint_load, shown};
 use crate::robot::{Commands, Load};
@@ -144,7 +144,7 @@ impl AbsoluteGroups {
         if let Some(problem) = faint_load(&load.wrench()) {
             return Err(row.wrong(problem));
         }
-        let [target, state, station, approach] = WORDS;
+        let [target, state, station, _] = WORDS;
         let number = |column: &str| Some(row.get(column)).filter(|value| !value.is_nan());
         Ok(AbsoluteReading {
             configuration_rad,
@@ -159,7 +159,7 @@ impl AbsoluteGroups {
                 None
             },
             covariance: self.covariance(row)?,
-            approach: side(row, approach, commands.len())?,
+            approach: approach(row, commands)?,
             time_s: number(TIME),
             temperature_c: number(TEMPERATURE),
         })
@@ -236,21 +236,6 @@ fn name(row: &Row<'_>, column: &str) -> Result<Option<String>, FileError> {
         Some(problem) => Err(row.wrong(format!("{column}: {problem}"))),
         None => Ok(Some(word.to_owned())),
     }
-}
-
-fn side(row: &Row<'_>, column: &str, joints: usize) -> Result<Option<Approach>, FileError> {
-    let Some(word) = row.word(column) else {
-        return Ok(None);
-    };
-    if word.is_empty() {
-        return Ok(None);
-    }
-    Approach::of_word(word, joints).map(Some).ok_or_else(|| {
-        row.wrong(format!(
-            "{column}: found {word:?}; + or - for all joints is allowed, or {joints} signs, one for each joint; or nothing \
-             where it is not known"
-        ))
-    })
 }
 
 fn rotation(row: &Row<'_>) -> Result<UnitQuaternion<f64>, FileError> {

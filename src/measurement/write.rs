@@ -8,14 +8,14 @@ use super::columns::{
     DEFLECTION, DEFLECTION_SIGMA, LOADED, PLACES, ROTATION, ROTATION_SIGMA, UNLOADED,
 };
 use super::{Measurement, Origin};
-use crate::experiment::{experiment_columns, experiment_fields};
+use crate::experiment::{APPROACH, experiment_columns, experiment_fields};
 use crate::files::FileError;
 use crate::files::output::write_whole;
 use crate::quantities::units::thousandths;
-use crate::robot::{Commands, Load};
+use crate::robot::{Approach, Commands, Load};
 
 /// A measurement that is to be made.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct RowToFillIn<'a> {
     /// The number of the stop without a load, from 1, and that of the reading there.
     pub unloaded: [usize; 2],
@@ -25,6 +25,8 @@ pub struct RowToFillIn<'a> {
     pub configuration_rad: &'a DVector<f64>,
     /// The load.
     pub load: &'a Load,
+    /// The side from which the configuration is approached, where the table is to say.
+    pub approach: Option<Approach>,
 }
 
 /// A table in which the positions without and with the load are to be filled in; where rotations are measured, with
@@ -54,12 +56,20 @@ pub fn table_to_fill_in<'a>(
         to_fill.resize(9, String::new());
         to_fill.resize(12, thousandths(sigma_rad).to_string());
     }
+    let rows: Vec<RowToFillIn<'_>> = rows.collect();
+    let says_sides = rows.iter().any(|row| row.approach.is_some());
+    if says_sides {
+        columns.push(APPROACH.to_owned());
+    }
     let mut text = columns.join(",") + "\n";
     for row in rows {
         let places = [row.unloaded, row.loaded].concat();
         let mut fields: Vec<String> = places.iter().map(ToString::to_string).collect();
         fields.extend(experiment_fields(commands, row.configuration_rad, row.load));
         fields.extend_from_slice(&to_fill);
+        if says_sides {
+            fields.push((row.approach.as_ref()).map_or_else(String::new, Approach::word));
+        }
         text += &fields.join(",");
         text.push('\n');
     }
@@ -129,6 +139,10 @@ pub fn deflection_table(
         columns.extend(ROTATION.map(str::to_owned));
         columns.extend(ROTATION_SIGMA.map(str::to_owned));
     }
+    let says_sides = measurements.iter().any(|each| each.approach.is_some());
+    if says_sides {
+        columns.push(APPROACH.to_owned());
+    }
     let mut text = columns.join(",") + "\n";
     for each in measurements {
         let mut fields = experiment_fields(commands, &each.configuration_rad, &each.load);
@@ -142,6 +156,9 @@ pub fn deflection_table(
         if let (true, Some(rotation)) = (has_rotation, &each.rotation) {
             push(&rotation.vector_rad);
             push(&rotation.sigma_rad);
+        }
+        if says_sides {
+            fields.push((each.approach.as_ref()).map_or_else(String::new, Approach::word));
         }
         text += &fields.join(",");
         text.push('\n');

@@ -9,7 +9,7 @@ use super::columns::{
 };
 use crate::experiment::LOAD;
 use crate::quantities::units::thousandths;
-use crate::robot::{Commands, Load};
+use crate::robot::{Approach, Commands, Load};
 
 /// The place of the approach among the words.
 const APPROACH: usize = 3;
@@ -89,7 +89,7 @@ fn word(reading: &AbsoluteReading, index: usize) -> Option<String> {
         1 => reading.state.clone(),
         2 => reading.station.clone(),
         // APPROACH
-        _ => reading.approach.as_ref().map(super::Approach::word),
+        _ => reading.approach.as_ref().map(Approach::word),
     }
 }
 

@@ -20,8 +20,10 @@
 
 use nalgebra::{Cholesky, Matrix3, Matrix3xX, Rotation3, Vector3};
 
-use crate::parameter::{Axis, ElasticArm, ParameterKind, ParameterSet, ReadingSource, along};
-use crate::robot::{KinematicState, Load, SerialChain};
+use crate::parameter::{
+    Axis, Backlash, ElasticArm, ParameterKind, ParameterSet, ReadingSource, along,
+};
+use crate::robot::{Approach, KinematicState, Load, SerialChain};
 
 /// What a deflection's columns are made of.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -127,6 +129,8 @@ pub struct FirstOrder<'a> {
     columns: Vec<Column>,
     /// What each column is multiplied by.
     factors: Vec<f64>,
+    /// Columns of gaps, with the joint and the size of each: the side of approach decides on their sign.
+    gaps: Vec<(usize, usize, f64)>,
     places: Vec<FramePlace>,
     /// The variance of each coordinate of a deflection by the instrument alone (m^2).
     variance_m2: f64,
@@ -160,7 +164,9 @@ impl<'a> FirstOrder<'a> {
         let columns: Vec<Column> = (set.parameters().iter())
             .map(|parameter| match parameter.kind {
                 ParameterKind::JointCompliance { joint } => Column::Compliance(joint),
-                ParameterKind::JointZero { joint } => place(joint, PlaceMotion::Joint),
+                ParameterKind::JointZero { joint } | ParameterKind::JointBacklash { joint } => {
+                    place(joint, PlaceMotion::Joint)
+                }
                 ParameterKind::LinkPosition { link, axis } => {
                     place(link, PlaceMotion::LinkAlong(axis))
                 }
@@ -197,10 +203,17 @@ impl<'a> FirstOrder<'a> {
                 }
                 _ => *size,
             });
-        Self {
+        let gaps = (set.parameters().iter().zip(sizes).enumerate()).filter_map(
+            |(column, (parameter, size))| match parameter.kind {
+                ParameterKind::JointBacklash { joint } => Some((column, joint, *size)),
+                _ => None,
+            },
+        );
+        let mut model = Self {
             chain: &arm.chain,
             compliance: &arm.compliance_rad_per_nm,
             factors: factors.collect(),
+            gaps: gaps.collect(),
             whitened: Matrix3xX::zeros(columns.len()),
             columns,
             levers: vec![Lever::NONE; places.len()],
@@ -210,6 +223,20 @@ impl<'a> FirstOrder<'a> {
             repeats: 1.0,
             tool_position: Vector3::zeros(),
             joints: vec![Lever::NONE; arm.chain.len()],
+        };
+        model.come_from(None);
+        model
+    }
+
+    /// Readings are from now on those of configurations that are approached from this side. Where joints have gaps, the side
+    /// alone decides on which side of them they stand.
+    pub fn come_from(&mut self, approach: Option<&Approach>) {
+        if self.gaps.is_empty() {
+            return;
+        }
+        let came = Approach::of_all(approach, self.chain);
+        for &(column, joint, size) in &self.gaps {
+            self.factors[column] = Backlash::NONE.side(came[joint], 0.0) * size;
         }
     }
 

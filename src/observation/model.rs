@@ -37,6 +37,17 @@ pub struct ObservationModel<'a> {
     torque: Vec<f64>,
     unloaded: Matrix6xX<f64>,
     bases: Vec<StationBase>,
+    gaps: Option<Box<Gaps>>,
+}
+
+/// Where joints have gaps: on which sides of them they stand, which is a matter of the nominal arm alone.
+#[derive(Debug, Clone)]
+struct Gaps {
+    nominal: ElasticArm,
+    /// Under the load of the last setup, or without one.
+    sides: Vec<f64>,
+    /// Without a load.
+    unloaded: Vec<f64>,
 }
 
 /// Where the robot's base is in the frame of a station.
@@ -68,6 +79,9 @@ impl<'a> ObservationModel<'a> {
         let belief = set.apply(nominal, values);
         let joints = belief.chain.len();
         let bases = belief.instrument_from_base.iter().map(StationBase::new);
+        let is_gap = |kind| matches!(kind, ParameterKind::JointBacklash { .. });
+        let has_gaps =
+            nominal.has_backlash() || set.parameters().iter().any(|each| is_gap(each.kind));
         Self {
             chain: belief.loaded_chain(),
             solver: EquilibriumSolver::new(joints),
@@ -77,6 +91,13 @@ impl<'a> ObservationModel<'a> {
             torque: vec![0.0; joints],
             unloaded: Matrix6xX::zeros(set.len()),
             bases: bases.collect(),
+            gaps: has_gaps.then(|| {
+                Box::new(Gaps {
+                    nominal: nominal.clone(),
+                    sides: vec![0.0; joints],
+                    unloaded: vec![0.0; joints],
+                })
+            }),
             belief,
             set,
         }
@@ -119,9 +140,11 @@ impl<'a> ObservationModel<'a> {
         };
         let mut prediction = if kind.is_deflection() {
             let mut room = std::mem::replace(&mut self.unloaded, Matrix6xX::zeros(0));
+            self.stand_in_gaps(setup, false);
             let unloaded = self.at_rest(&Load::NONE, setup.target, &mut room);
             self.unloaded = room;
             let unloaded = unloaded?;
+            self.stand_in_gaps(setup, true);
             let loaded = self.at_rest(&load, setup.target, derivatives)?;
             self.deflection(&unloaded, &loaded, kind, derivatives)
         } else {
@@ -166,7 +189,30 @@ impl<'a> ObservationModel<'a> {
         for (joint, commanded) in self.commanded_rad.iter_mut().enumerate() {
             *commanded = setup.commanded_rad[joint] + self.belief.zero_rad[joint];
         }
+        self.stand_in_gaps(setup, true);
         self.belief.acting(&setup.load)
+    }
+
+    /// Moves joints that have gaps to the sides of them where they stand with the load of a setup, or without it.
+    fn stand_in_gaps(&mut self, setup: &Setup, is_loaded: bool) {
+        let Some(gaps) = &mut self.gaps else {
+            return;
+        };
+        let (nominal, approach) = (&gaps.nominal, setup.approach.as_ref());
+        let q = setup.commanded_rad.as_slice();
+        let under = |load: &Load| nominal.sides(q, setup.target, load, approach);
+        let unloaded = under(&Load::NONE);
+        let sides = if is_loaded {
+            under(&nominal.acting(&setup.load))
+        } else {
+            unloaded.clone()
+        };
+        for (joint, side) in sides.iter().enumerate() {
+            self.commanded_rad[joint] = q[joint]
+                + self.belief.zero_rad[joint]
+                + side * self.belief.backlash[joint].half_width_rad;
+        }
+        (gaps.sides, gaps.unloaded) = (sides, unloaded);
     }
 
     /// The target's position and orientation in the base frame, or J k J^T W and the rotation that
@@ -194,6 +240,13 @@ impl<'a> ObservationModel<'a> {
             bent += self.state.position_column(joint) * angle;
             turned += self.state.rotation_column(joint) * angle;
         }
+        if let Some(gaps) = self.gaps.as_ref().filter(|_| !has_rigid_motion) {
+            for (joint, gap) in self.belief.backlash.iter().enumerate() {
+                let crossed = gaps.sides[joint] - gaps.unloaded[joint];
+                bent += self.state.position_column(joint) * (crossed * gap.half_width_rad);
+                turned += self.state.rotation_column(joint) * (crossed * gap.half_width_rad);
+            }
+        }
         self.sweep.respond_rigidly(&self.state);
         let pose = SweepPose {
             set: &self.set,
@@ -205,6 +258,10 @@ impl<'a> ObservationModel<'a> {
             load,
             gravity_m_s2: &gravity,
             torque: &self.torque,
+            gaps: self
+                .gaps
+                .as_ref()
+                .map(|gaps| [gaps.sides.as_slice(), &gaps.unloaded]),
             is_first_order: true,
             has_rigid_motion,
         };
@@ -243,6 +300,10 @@ impl<'a> ObservationModel<'a> {
             load,
             gravity_m_s2: &self.chain.gravity_m_s2,
             torque: self.solver.torque(),
+            gaps: self
+                .gaps
+                .as_ref()
+                .map(|gaps| [gaps.sides.as_slice(), &gaps.unloaded]),
             is_first_order: false,
             has_rigid_motion: true,
         };

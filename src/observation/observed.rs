@@ -12,7 +12,7 @@ use nalgebra::{Cholesky, DVector, Matrix3, Matrix3xX, Matrix6, Matrix6xX, Vector
 use super::model::ObservationModel;
 use super::reading::{DeflectionPrecision, Setup, Whitener};
 use crate::parameter::{Axis, ElasticArm, ParameterKind, ParameterSet, ReadingSource};
-use crate::robot::{EquilibriumSolver, KinematicState, Kinematics, Load};
+use crate::robot::{Approach, EquilibriumSolver, KinematicState, Kinematics, Load};
 
 /// How far joints are moved to see what follows them (rad, m).
 const SHIFT: f64 = 1e-5;
@@ -30,6 +30,8 @@ pub struct ObservedRows<'a> {
     sources: &'a [ReadingSource],
     /// How often an experiment is repeated.
     repeats: f64,
+    /// From which side configurations are approached.
+    approach: Option<Approach>,
     /// What derivatives are multiplied by, one for each of the parameters that are asked for.
     sizes: Vec<f64>,
     /// The parameters, and behind them the zeros of joints whose gears err.
@@ -79,6 +81,7 @@ impl<'a> ObservedRows<'a> {
             precision,
             sources,
             repeats: 1.0,
+            approach: None,
             sizes: sizes.to_vec(),
             set,
             zeros,
@@ -90,6 +93,11 @@ impl<'a> ObservedRows<'a> {
     /// See [`super::FirstOrder::set_repeats`].
     pub fn set_repeats(&mut self, repeats: u32) {
         self.repeats = f64::from(repeats);
+    }
+
+    /// See [`super::FirstOrder::come_from`]; what the arm carries counts, too.
+    pub fn come_from(&mut self, approach: Option<&Approach>) {
+        self.approach = approach.cloned();
     }
 
     /// What is new in each reading besides the instrument's noise.
@@ -303,8 +311,11 @@ impl<'a> ObservedRows<'a> {
         let arm = self.set.apply(self.arm, values);
         let chain = arm.loaded_chain();
         let mut at_tool = chain.at(&arm.tools[self.target]);
-        let commanded: Vec<f64> = (self.q.iter().zip(&arm.zero_rad))
-            .map(|(q, zero)| q + zero)
+        // A gap that the load crosses is compensated, too.
+        let without = arm.offsets_rad(&self.q, self.target, &Load::NONE, self.approach.as_ref());
+        let with = arm.offsets_rad(&self.q, self.target, load, self.approach.as_ref());
+        let commanded: Vec<f64> = (self.q.iter().zip(&without))
+            .map(|(q, offset)| q + offset)
             .collect();
         let compliance = &arm.compliance_rad_per_nm;
         let mut solver = EquilibriumSolver::new(chain.len());
@@ -314,7 +325,9 @@ impl<'a> ObservedRows<'a> {
         } else {
             at_tool.state(&commanded)
         };
-        let angle = |joint: usize, _| compliance[joint] * state.load_torque(joint, load);
+        let angle = |joint: usize, _| {
+            compliance[joint] * state.load_torque(joint, load) + (with[joint] - without[joint])
+        };
         (DVector::from_fn(chain.len(), angle), state)
     }
 }
@@ -327,6 +340,7 @@ impl ObservedRoom {
             load: *load,
             target: of.target,
             station: 0,
+            approach: of.approach.clone(),
         };
         let kind = of.precision.kind();
         self.model.predict_as_planned(&setup, kind, &mut self.rows);

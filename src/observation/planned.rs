@@ -9,8 +9,8 @@ use super::compliances::ComplianceRows;
 use super::first_order::FirstOrder;
 use super::observed::ObservedRows;
 use super::reading::DeflectionPrecision;
-use crate::parameter::{ElasticArm, ParameterSet, ReadingSource};
-use crate::robot::{KinematicState, Kinematics, Load};
+use crate::parameter::{ElasticArm, ParameterKind, ParameterSet, ReadingSource};
+use crate::robot::{Approach, KinematicState, Kinematics, Load};
 
 /// The precision where nothing is read, as at a test pose.
 pub const NOTHING_READ: DeflectionPrecision = DeflectionPrecision {
@@ -50,7 +50,15 @@ impl<'a> PlannedReadings<'a> {
         precision: DeflectionPrecision,
         sources: &'a [ReadingSource],
     ) -> Self {
-        let rows = if precision.rows() == 3 && !arm.chain.elements.has_springs() {
+        // Where loads turn joints over their gaps, the arm's weight counts.
+        let is_turned_over = (set.parameters().iter()).any(|each| match each.kind {
+            ParameterKind::JointBacklash { joint } => {
+                arm.backlash[joint].turned_over_at_nm.is_finite()
+            }
+            _ => false,
+        });
+        let is_bare = !arm.chain.elements.has_springs() && !is_turned_over;
+        let rows = if precision.rows() == 3 && is_bare {
             let sigma_m = precision.sigma_m;
             let model = FirstOrder::new(arm, target, set, sizes, sigma_m, sources);
             PlannedRows::Deflections(Box::new(model))
@@ -105,6 +113,15 @@ impl<'a> PlannedReadings<'a> {
             PlannedRows::Compliances(_) => {}
             PlannedRows::Deflections(model) => model.set_repeats(repeats),
             PlannedRows::Others(model) => model.set_repeats(repeats),
+        }
+    }
+
+    /// See [`FirstOrder::come_from`].
+    pub fn come_from(&mut self, approach: Option<&Approach>) {
+        match &mut self.rows {
+            PlannedRows::Compliances(_) => {}
+            PlannedRows::Deflections(model) => model.come_from(approach),
+            PlannedRows::Others(model) => model.come_from(approach),
         }
     }
 

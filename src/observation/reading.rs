@@ -3,7 +3,7 @@
 use nalgebra::{Cholesky, DVector, Matrix3, Matrix6, Matrix6xX, Vector3, Vector6};
 
 use super::rotation::inverse_left_jacobian;
-use crate::robot::{Load, rotation_vector};
+use crate::robot::{Approach, Load, rotation_vector};
 
 /// What the robot is told, and what hangs on it.
 #[derive(Debug, Clone, PartialEq)]
@@ -16,6 +16,8 @@ pub struct Setup {
     pub target: usize,
     /// At which of the belief's stations the instrument stands.
     pub station: usize,
+    /// From which side the configuration is approached; with all joints turning positively where nothing is said.
+    pub approach: Option<Approach>,
 }
 
 /// What kind of thing an instrument says.

@@ -72,6 +72,8 @@ pub(super) struct SweepPose<'a> {
     pub gravity_m_s2: &'a Vector3<f64>,
     /// The joint torques (N m).
     pub torque: &'a [f64],
+    /// On which sides of their gaps the joints stand, and where they stood without the load; where some have gaps.
+    pub gaps: Option<[&'a [f64]; 2]>,
     /// Whether Y = J, to first order in compliance.
     pub is_first_order: bool,
     /// Whether the target's rigid motion counts, and not its deflection alone.
@@ -158,15 +160,8 @@ impl Sweep {
                     };
                     self.response_to(joint) * (pose.torque[joint] * factor)
                 }
-                ParameterKind::JointZero { joint } => {
-                    let (axis, anchor) = (pose.state.axis[joint], &pose.state.anchor[joint]);
-                    let twist = if pose.state.slides[joint] {
-                        Twist::translation(axis)
-                    } else {
-                        Twist::rotation(axis, anchor)
-                    };
-                    self.beyond(pose, joint, &twist) + self.of_joint_springs(pose, joint)
-                }
+                ParameterKind::JointZero { joint } => self.of_zero(pose, joint),
+                ParameterKind::JointBacklash { joint } => self.of_gap(pose, joint),
                 ParameterKind::SpringStiffness { spring } => {
                     let nominal = &pose.chain.elements.springs[spring];
                     let (tension, stiffness) = Self::tension(pose, spring);
@@ -241,6 +236,35 @@ impl Sweep {
         }
     }
 
+    /// What more of a joint's commanded angle moves.
+    fn of_zero(&self, pose: &SweepPose<'_>, joint: usize) -> Vector6<f64> {
+        let (axis, anchor) = (pose.state.axis[joint], &pose.state.anchor[joint]);
+        let twist = if pose.state.slides[joint] {
+            Twist::translation(axis)
+        } else {
+            Twist::rotation(axis, anchor)
+        };
+        self.beyond(pose, joint, &twist) + self.of_joint_springs(pose, joint)
+    }
+
+    /// What a wider gap of a joint moves: the joint, to the side of it where it stands. Without rigid motion, where a
+    /// deflection is seen, besides by how much it crosses the gap as the load is hung.
+    fn of_gap(&self, pose: &SweepPose<'_>, joint: usize) -> Vector6<f64> {
+        let Some([sides, unloaded]) = pose.gaps else {
+            return Vector6::zeros();
+        };
+        let mut column = self.of_zero(pose, joint) * sides[joint];
+        if !pose.has_rigid_motion {
+            let (moved, turned) = (
+                pose.state.position_column(joint),
+                pose.state.rotation_column(joint),
+            );
+            let whole = Vector6::new(moved.x, moved.y, moved.z, turned.x, turned.y, turned.z);
+            column += whole * (sides[joint] - unloaded[joint]);
+        }
+        column
+    }
+
     /// The twists of the base in the instrument's frame, for a target there: displacement directions
     /// as columns, rotation axes as columns, and where these go through.
     pub fn base_axes(&self, station: usize) -> (&Matrix3<f64>, &Matrix3<f64>) {
@@ -265,6 +289,16 @@ impl Sweep {
         Vector6::from_fn(|row, _| self.response[(joint, row)])
     }
 
+    /// How far a joint crosses its gap as the load is hung, where that is seen beside its deflection (rad).
+    fn crossed(pose: &SweepPose<'_>, joint: usize) -> f64 {
+        match pose.gaps {
+            Some([sides, unloaded]) if !pose.has_rigid_motion => {
+                (sides[joint] - unloaded[joint]) * pose.belief.backlash[joint].half_width_rad
+            }
+            _ => 0.0,
+        }
+    }
+
     fn sum(&mut self, pose: &SweepPose<'_>) {
         let (state, joints) = (pose.state, pose.torque.len());
         let compliance = &pose.belief.compliance_rad_per_nm;
@@ -272,7 +306,8 @@ impl Sweep {
             let moved = self.response_to(joint) * compliance;
             self.inner[joint + 1] = self.inner[joint] + moved * state.turning[joint].transpose();
             self.bent_before[joint + 1] = self.bent_before[joint]
-                + state.rotation_column(joint) * (compliance * pose.torque[joint]);
+                + state.rotation_column(joint)
+                    * (compliance * pose.torque[joint] + Self::crossed(pose, joint));
         }
         for joint in (0..joints).rev() {
             let moved = self.response_to(joint) * compliance[joint];
@@ -281,7 +316,8 @@ impl Sweep {
                 + state.mass_column(joint).cross(pose.gravity_m_s2);
             self.outer[joint] = self.outer[joint + 1] + moved * turned.transpose();
             self.bent_from[joint] = self.bent_from[joint + 1]
-                + state.position_column(joint) * (compliance[joint] * pose.torque[joint]);
+                + state.position_column(joint)
+                    * (compliance[joint] * pose.torque[joint] + Self::crossed(pose, joint));
         }
     }
 

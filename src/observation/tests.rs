@@ -5,9 +5,10 @@ use nalgebra::{Matrix6xX, Vector3, Vector6};
 use super::rotation::inverse_left_jacobian;
 use super::{Form, ObservationModel, Prediction, ReadingKind, Setup};
 use crate::parameter::arms::{Numbers, everything, random, random_elastic, ur10};
-use crate::parameter::{ElasticArm, Parameter, ParameterSet};
+use crate::parameter::{ElasticArm, Parameter, ParameterKind, ParameterSet};
 use crate::robot::{
-    EquilibriumSolver, KinematicState, Kinematics, Load, ObservationMatrix, rotation_vector,
+    Approach, EquilibriumSolver, KinematicState, Kinematics, Load, ObservationMatrix,
+    rotation_vector,
 };
 
 const KINDS: [ReadingKind; 4] = [
@@ -18,7 +19,16 @@ const KINDS: [ReadingKind; 4] = [
 ];
 
 fn setup(numbers: &mut Numbers, belief: &ElasticArm, target: usize, force_n: f64) -> Setup {
+    let commanded = belief
+        .chain
+        .joints
+        .iter()
+        .filter(|joint| joint.drive.passive_at.is_none());
+    let sides = commanded
+        .enumerate()
+        .map(|(index, _)| !(index + target).is_multiple_of(3));
     Setup {
+        approach: Some(Approach(sides.collect())),
         commanded_rad: numbers.configuration(&belief.chain),
         load: Load {
             force_n: numbers.vector(force_n),
@@ -45,6 +55,8 @@ fn difference(one: &Prediction, other: &Prediction, kind: ReadingKind) -> Vector
 /// A tenth of a metre, of a radian or of itself.
 fn step_size(parameter: &Parameter, belief: &ElasticArm) -> f64 {
     match parameter.unit() {
+        // To first order in compliance it is a small angle, too.
+        _ if matches!(parameter.kind, ParameterKind::JointBacklash { .. }) => 1e-5,
         "rad/(N m)" | "N/m" => parameter.kind.typical_size(belief, false),
         _ => 0.1,
     }

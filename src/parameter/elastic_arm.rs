@@ -1,8 +1,11 @@
 //! What planner and identification believe of a robot.
 
+use std::borrow::Cow;
+
 use nalgebra::{Isometry3, Vector3};
 
-use crate::robot::{Load, SerialChain, Tool};
+use super::backlash::Backlash;
+use crate::robot::{Approach, Load, SerialChain, Tool};
 
 /// A mass that is fixed to a link, besides what the model gives the link.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -24,6 +27,8 @@ pub struct ElasticArm {
     pub compliance_rad_per_nm: Vec<f64>,
     /// What is added to each joint's commanded angle (rad).
     pub zero_rad: Vec<f64>,
+    /// The gap of each joint.
+    pub backlash: Vec<Backlash>,
     /// The tools that are measured or loaded.
     pub tools: Vec<Tool>,
     /// The payload, if there is one.
@@ -44,6 +49,7 @@ impl ElasticArm {
     pub fn new(chain: SerialChain, compliance_rad_per_nm: Vec<f64>, tools: Vec<Tool>) -> Self {
         Self {
             zero_rad: vec![0.0; chain.len()],
+            backlash: vec![Backlash::NONE; chain.len()],
             chain,
             compliance_rad_per_nm,
             tools,
@@ -80,6 +86,63 @@ impl ElasticArm {
             link.mass_kg = total;
         }
         chain
+    }
+}
+
+impl ElasticArm {
+    /// On which side of its gap each joint stands at commanded angles `q` (rad), with one of the tools, under a load that acts
+    /// there and the arm's own weight.
+    #[must_use]
+    pub fn sides(
+        &self,
+        q: &[f64],
+        tool: usize,
+        load: &Load,
+        approach: Option<&Approach>,
+    ) -> Vec<f64> {
+        let came = Approach::of_all(approach, &self.chain);
+        let gaps = self.backlash.iter().zip(came);
+        if (self.backlash.iter()).all(|gap| gap.turned_over_at_nm.is_infinite()) {
+            return gaps.map(|(gap, came)| gap.side(came, 0.0)).collect();
+        }
+        let chain = if self.payload.is_some() {
+            Cow::Owned(self.loaded_chain())
+        } else {
+            Cow::Borrowed(&self.chain)
+        };
+        let state = chain.at(&self.tools[tool]).state(q);
+        let torque = |joint: usize| {
+            state.load_torque(joint, load) + state.gravity_torque(joint, &chain.gravity_m_s2)
+        };
+        gaps.enumerate()
+            .map(|(joint, (gap, came))| gap.side(came, torque(joint)))
+            .collect()
+    }
+
+    /// Whether some joint has a gap.
+    #[must_use]
+    pub fn has_backlash(&self) -> bool {
+        self.backlash.iter().any(|gap| gap.half_width_rad != 0.0)
+    }
+
+    /// What is added to each commanded angle `q` (rad): the joints' zeros, and how far they stand in their gaps, see
+    /// [`Self::sides`].
+    #[must_use]
+    pub fn offsets_rad(
+        &self,
+        q: &[f64],
+        tool: usize,
+        load: &Load,
+        approach: Option<&Approach>,
+    ) -> Vec<f64> {
+        let mut offsets = self.zero_rad.clone();
+        if self.has_backlash() {
+            let sides = self.sides(q, tool, load, approach);
+            for ((offset, gap), side) in offsets.iter_mut().zip(&self.backlash).zip(sides) {
+                *offset += side * gap.half_width_rad;
+            }
+        }
+        offsets
     }
 }
 

@@ -50,6 +50,11 @@ pub enum ParameterKind {
         /// The joint.
         joint: usize,
     },
+    /// Half the width of a joint's gap (rad), see [`super::Backlash`].
+    JointBacklash {
+        /// The joint.
+        joint: usize,
+    },
     /// The stiffness of a spring between places of the arm (N/m); with a prior, the logarithm of its ratio to
     /// the nominal one.
     SpringStiffness {
@@ -150,6 +155,7 @@ impl ParameterKind {
             Self::JointCompliance { .. } => "rad/(N m)",
             Self::SpringStiffness { .. } => "N/m",
             Self::JointZero { .. }
+            | Self::JointBacklash { .. }
             | Self::LinkRotation { .. }
             | Self::ToolRotation { .. }
             | Self::BaseRotation { .. } => "rad",
@@ -224,6 +230,7 @@ impl ParameterKind {
         match self {
             Self::JointCompliance { joint: index } => format!("{}.compliance", joint(index)),
             Self::JointZero { joint: index } => format!("{}.zero", joint(index)),
+            Self::JointBacklash { joint: index } => format!("{}.backlash", joint(index)),
             Self::SpringStiffness { spring } => format!("{}.stiffness", named(spring)),
             Self::SpringRest { spring } => format!("{}.rest", named(spring)),
             Self::LinkPosition { link, axis } => format!("link_{}.{axis}", link + 1),
@@ -266,6 +273,7 @@ impl ParameterKind {
                 .abs(),
             Self::JointCompliance { .. } | Self::SpringStiffness { .. } => 1.0,
             Self::LinkPosition { .. } | Self::LinkRotation { .. } => 3e-4,
+            Self::JointBacklash { .. } => 1e-4,
             Self::JointZero { .. } | Self::ToolPosition { .. } => 1e-3,
             Self::ToolRotation { .. }
             | Self::SpringRest { .. }
@@ -334,6 +342,7 @@ impl ParameterKind {
         match self {
             Self::JointCompliance { joint: index } => format!("the compliance of {}", joint(index)),
             Self::JointZero { joint: index } => format!("the zero of {}", joint(index)),
+            Self::JointBacklash { joint: index } => format!("the backlash of {}", joint(index)),
             Self::SpringStiffness { spring } => format!("the stiffness of {}", named(spring)),
             Self::SpringRest { spring } => format!("the rest length of {}", named(spring)),
             Self::LinkPosition { link, axis } => {

@@ -12,6 +12,7 @@
 
 #[cfg(test)]
 pub(crate) mod arms;
+mod backlash;
 mod elastic_arm;
 mod freedoms;
 mod kind;
@@ -20,6 +21,7 @@ mod set;
 mod uncertainty;
 mod words;
 
+pub use backlash::Backlash;
 pub(crate) use elastic_arm::along;
 pub use elastic_arm::{ElasticArm, Payload};
 pub(crate) use freedoms::relative_precision;

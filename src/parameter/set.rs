@@ -70,6 +70,7 @@ impl ParameterSet {
                 }
                 ParameterKind::JointCompliance { joint } => belief.compliance_rad_per_nm[joint],
                 ParameterKind::JointZero { joint } => belief.zero_rad[joint],
+                ParameterKind::JointBacklash { joint } => belief.backlash[joint].half_width_rad,
                 ParameterKind::SpringStiffness { spring } if !is_logarithmic => {
                     belief.chain.elements.springs[spring].stiffness_n_per_m
                 }
@@ -261,6 +262,9 @@ impl ParameterSet {
                     belief.compliance_rad_per_nm[joint] = quantity;
                 }
                 ParameterKind::JointZero { joint } => belief.zero_rad[joint] = quantity,
+                ParameterKind::JointBacklash { joint } => {
+                    belief.backlash[joint].half_width_rad = quantity;
+                }
                 ParameterKind::SpringStiffness { spring } => {
                     belief.chain.elements.springs[spring].stiffness_n_per_m = quantity;
                 }
@@ -378,7 +382,9 @@ fn check(belief: &ElasticArm, kind: ParameterKind) -> Result<(), ParameterError>
     let (joints, tools) = (belief.chain.len(), belief.tools.len());
     let missing = |what| Err(ParameterError::Missing(what, joints, tools));
     match kind {
-        ParameterKind::JointCompliance { joint } | ParameterKind::JointZero { joint }
+        ParameterKind::JointCompliance { joint }
+        | ParameterKind::JointZero { joint }
+        | ParameterKind::JointBacklash { joint }
             if joint >= joints =>
         {
             missing("the joint")

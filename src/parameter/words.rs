@@ -69,6 +69,7 @@ fn keep(kind: ParameterKind) -> usize {
         | ParameterKind::PayloadMass
         | ParameterKind::PayloadCentre { .. } => 2,
         ParameterKind::JointZero { .. }
+        | ParameterKind::JointBacklash { .. }
         | ParameterKind::SpringStiffness { .. }
         | ParameterKind::SpringRest { .. } => 3,
         ParameterKind::JointCompliance { .. } => 4,

@@ -92,6 +92,7 @@ impl<'a> ExperimentModel<'a> {
         let blocks = self.rows() / 3;
         let mut matrix = Matrix3xX::zeros(blocks * size);
         model.set_repeats(experiment.repeats);
+        model.come_from(experiment.approach.as_ref());
         model.move_to(experiment.configuration_rad.as_slice());
         model.observe(&experiment.load, &mut matrix);
         matrix *= self.sigma_m;

@@ -69,6 +69,7 @@ pub fn shares(task: &Task, plan: &Plan, posterior: &Posterior) -> Vec<PromiseSha
     for experiment in &plan.experiments {
         let load = &experiment.load;
         model.set_repeats(experiment.repeats);
+        model.come_from(experiment.approach.as_ref());
         model.move_to(experiment.configuration_rad.as_slice());
         model.derivatives(load, &mut derivatives);
         let covariance = &noise + own(&model.covariance_of_all(load));

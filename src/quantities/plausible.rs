@@ -57,6 +57,8 @@ pub const ROTATION: Kind = Kind::any("mrad", 1e5);
 pub const DEVIATION: Kind = Kind::positive("mm", 1e-9, 1e4);
 /// The standard deviation of a rotation (mrad).
 pub const ROTATION_DEVIATION: Kind = Kind::positive("mrad", 1e-9, 1e4);
+/// The standard deviation of half a joint's gap (arc seconds).
+pub const GAP_DEVIATION: Kind = Kind::positive("arcsec", 1e-6, 1e6);
 /// The standard deviation of something by shares of it.
 pub const RELATIVE_DEVIATION: Kind = Kind::positive("", 1e-9, 1.0);
 /// The standard deviation of a position for each metre of distance (um/m).

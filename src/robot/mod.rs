@@ -6,6 +6,7 @@
 //! the static equilibrium. The virtual robot yields the same [`KinematicState`] from MuJoCo, so that
 //! the two can judge each other.
 
+mod approach;
 mod bracing;
 mod chain;
 mod commands;
@@ -18,6 +19,7 @@ mod mjcf;
 mod springs;
 mod true_robot;
 
+pub use approach::Approach;
 pub use chain::{Drive, Joint, SerialChain, Tool};
 pub use commands::Commands;
 pub use elastic::Robot;

@@ -302,6 +302,7 @@ pub(super) enum UncertaintyKind {
     LoadDirection,
     LoadPoint,
     JointReturn,
+    Backlash,
     TrackerRange,
     Drift,
     GearError,
@@ -331,6 +332,7 @@ impl UncertaintyKind {
             Self::LoadDirection => "load_direction",
             Self::LoadPoint => "load_point",
             Self::JointReturn => "joint_return",
+            Self::Backlash => "backlash",
             Self::TrackerRange => "tracker_range",
             Self::Drift => "drift",
             Self::GearError => "gear_error",
@@ -357,6 +359,7 @@ impl UncertaintyKind {
                 &["std_mrad"]
             }
             Self::JointZero | Self::JointReturn | Self::GearError => &["std_mrad", "std_mm"],
+            Self::Backlash => &["std_arcsec", "std_mm"],
             Self::LoadOffset => &["std_n"],
             Self::TaskForce => &["std_relative", "std_n"],
             Self::TrackerRange => &["std_um_per_m"],
@@ -382,6 +385,7 @@ impl UncertaintyKind {
                 | Self::LinkMass
                 | Self::LinkCentre
                 | Self::JointReturn
+                | Self::Backlash
                 | Self::GearError
         )
     }
@@ -397,21 +401,24 @@ pub(super) struct UncertaintyTable {
     pub std_relative: Option<f64>,
     pub std_mm: Option<f64>,
     pub std_mrad: Option<f64>,
+    pub std_arcsec: Option<f64>,
     pub std_n: Option<f64>,
     pub std_um_per_m: Option<f64>,
     pub std_um_per_h: Option<f64>,
     pub share: Option<f64>,
+    pub turned_over_at_nm: Option<f64>,
     #[serde(default)]
     pub hidden: bool,
 }
 
 impl UncertaintyTable {
     /// The sizes by their keys.
-    pub const fn given(&self) -> [(&'static str, Option<f64>); 7] {
+    pub const fn given(&self) -> [(&'static str, Option<f64>); 8] {
         [
             ("std_relative", self.std_relative),
             ("std_mm", self.std_mm),
             ("std_mrad", self.std_mrad),
+            ("std_arcsec", self.std_arcsec),
             ("std_n", self.std_n),
             ("std_um_per_m", self.std_um_per_m),
             ("std_um_per_h", self.std_um_per_h),

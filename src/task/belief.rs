@@ -68,6 +68,9 @@ pub struct Belief {
     pub prior: Option<Prior>,
     /// What else is uncertain, besides the instrument's noise; it makes the vector of unknowns longer.
     pub uncertain: Option<Extended>,
+    /// The torque (N m; N where it slides) at which what a joint carries decides as much as the side of approach on which side
+    /// of its gap it stands, where it has one; infinite where the side of approach alone decides.
+    pub turned_over_at_nm: Vec<f64>,
     /// How deflections are measured.
     pub instrument: Instrument,
     /// The method of identification and compensation.
@@ -104,11 +107,15 @@ impl Belief {
         if self.machining_tool != self.calibration_tool {
             tools.push(self.machining_tool.clone());
         }
-        ElasticArm::new(
+        let mut arm = ElasticArm::new(
             self.nominal.chain.clone(),
             self.nominal.compliance_rad_per_nm.clone(),
             tools,
-        )
+        );
+        for (gap, &torque_nm) in arm.backlash.iter_mut().zip(&self.turned_over_at_nm) {
+            gap.turned_over_at_nm = torque_nm;
+        }
+        arm
     }
 
     /// The number p of unknowns: the identified compliances, and what else is uncertain and shared by a plan.

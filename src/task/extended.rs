@@ -143,6 +143,13 @@ impl Extended {
         self.sources.iter().any(ReadingSource::is_shared_by_repeats)
     }
 
+    /// Whether joints have gaps, so that the side of approach counts.
+    #[must_use]
+    pub fn has_backlash(&self) -> bool {
+        let is_gap = |kind| matches!(kind, ParameterKind::JointBacklash { .. });
+        self.set.parameters().iter().any(|each| is_gap(each.kind))
+    }
+
     /// The names of what is to be found besides compliances.
     pub fn further(&self) -> impl Iterator<Item = &str> {
         let places = self.identified..self.identified + self.further.len();

@@ -3,7 +3,7 @@
 //! What the whole plan shares is drawn once a run, what is new in each reading for every reading. Frames of links and
 //! tools move in MuJoCo's model; zeros change what the joints are commanded, loads what hangs on the robot.
 
-use nalgebra::{Isometry3, Rotation3, Vector3};
+use nalgebra::{DVector, Isometry3, Rotation3, Vector3};
 use statrs::distribution::{ContinuousCDF, Normal};
 
 use crate::experiment::{Experiment, Plan};
@@ -14,7 +14,7 @@ use crate::parameter::{
     Axis, ElasticArm, FrameChange, ParameterError, ParameterKind, ParameterSet, ReadingSource,
     Source, Uncertainty,
 };
-use crate::robot::Load;
+use crate::robot::{Approach, Load};
 use crate::task::Instrument;
 
 use super::virtual_robot::{MeasurementError, VirtualRobot};
@@ -197,11 +197,23 @@ impl Circumstances {
         links.chain(tools).chain(masses).collect()
     }
 
-    /// What the joints really are commanded (rad) where a controller commands this.
+    /// What the joints really are commanded (rad) where a controller commands this: zeros and gaps are in it. A load acts at
+    /// the calibration tool or, at a test pose, at the machining tool.
     #[must_use]
-    pub fn commanded(&self, q: &nalgebra::DVector<f64>) -> nalgebra::DVector<f64> {
-        let zeros = self.here.zero_rad.iter();
-        nalgebra::DVector::from_iterator(q.len(), q.iter().zip(zeros).map(|(q, zero)| q + zero))
+    pub fn commanded(
+        &self,
+        q: &DVector<f64>,
+        load: &Load,
+        is_test_pose: bool,
+        approach: Option<&Approach>,
+    ) -> DVector<f64> {
+        let tool = if is_test_pose {
+            self.here.tools.len() - 1
+        } else {
+            0
+        };
+        let offsets = (self.here).offsets_rad(q.as_slice(), tool, load, approach);
+        DVector::from_iterator(q.len(), q.iter().zip(offsets).map(|(q, offset)| q + offset))
     }
 
     /// Measures a plan on a virtual robot in this laboratory, without the instrument's own noise.
@@ -241,6 +253,7 @@ impl Circumstances {
                             vector_rad: reading.1,
                             sigma_rad: Vector3::repeat(sigma),
                         }),
+                    approach: experiment.approach.clone(),
                 });
             }
         }
@@ -254,9 +267,15 @@ impl Circumstances {
         experiment: &Experiment,
         [own, shared]: [&[f64]; 2],
     ) -> Result<(Vector3<f64>, Vector3<f64>), MeasurementError> {
-        let mut unloaded = self.commanded(&experiment.configuration_rad);
-        let mut returned = unloaded.map(|_| 0.0);
+        let (q, approach) = (&experiment.configuration_rad, experiment.approach.as_ref());
+        let mut unloaded = self.commanded(q, &Load::NONE, false, approach);
         let mut load: Load = self.here.acting(&experiment.load);
+        // A load that turns joints over their gaps moves them between the two readings.
+        let mut returned = if self.here.has_backlash() {
+            self.commanded(q, &load, false, approach) - &unloaded
+        } else {
+            unloaded.map(|_| 0.0)
+        };
         let mut noise = Vec::new();
         let mut misfit = Vector3::zeros();
         let mut place = 0;

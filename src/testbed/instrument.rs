@@ -50,6 +50,7 @@ impl VirtualRobot {
                         vector_rad: displacement.rotation_rad,
                         sigma_rad: Vector3::repeat(sigma),
                     }),
+                approach: experiment.approach.clone(),
             };
             measurements.extend(std::iter::repeat_n(
                 measurement,

@@ -179,7 +179,7 @@ impl TrueRobots {
         commanded_rad: &DVector<f64>,
         load: &Load,
     ) -> Result<nalgebra::Vector3<f64>, EquilibriumError> {
-        let commanded = self.laboratory.commanded(commanded_rad);
+        let commanded = (self.laboratory).commanded(commanded_rad, load, true, None);
         let (position, _, _) = self.machining.rest(&commanded, load)?;
         Ok(position)
     }

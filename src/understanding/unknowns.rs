@@ -116,6 +116,7 @@ fn setups(task: &Task, seed: u64) -> Vec<Setup> {
             },
             target: 0,
             station: 0,
+            approach: None,
         })
         .collect()
 }

@@ -487,6 +487,7 @@ mod tests {
             configuration_rad: scenario.task.test_poses[0].configuration_rad.clone(),
             load: Load::NONE,
             repeats: 4,
+            approach: None,
         };
         let plan = Plan {
             experiments: vec![experiment],

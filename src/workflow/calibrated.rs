@@ -349,6 +349,9 @@ fn said_apart(kind: ParameterKind, name: &str, value: f64, unit: &str) -> Option
         ParameterKind::LoadScale | ParameterKind::LoadOffset => "of the loads in the laboratory",
         ParameterKind::TaskScale | ParameterKind::TaskForce { .. } => "of the task's loads",
         ParameterKind::Drift { .. } => "of the instrument in the laboratory",
+        ParameterKind::JointBacklash { .. } => {
+            "of the side from which a joint comes, which no model says"
+        }
         ParameterKind::PayloadMass | ParameterKind::PayloadCentre { .. } => {
             "of a payload that the scenario's robot carries beside its model"
         }

@@ -289,6 +289,7 @@ fn whole(triangle: &[Vec<f64>], size: usize) -> Result<Vec<Vec<f64>>, KeyProblem
 pub(super) fn robot_kinds(arm: &ElasticArm) -> Vec<ParameterKind> {
     let mut kinds = ParameterKind::all_of(arm);
     for link in 0..arm.chain.len() {
+        kinds.push(ParameterKind::JointBacklash { joint: link });
         kinds.push(ParameterKind::LinkMass { link });
         kinds.extend(Axis::ALL.map(|axis| ParameterKind::LinkCentre { link, axis }));
     }

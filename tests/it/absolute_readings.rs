@@ -1,9 +1,9 @@
 //! Files of absolute readings: what is read is what was written, and what cannot be is told in words.
 
 use elastocal::measurement::{
-    AbsoluteReading, Approach, MeasuredFile, absolute_table, read_measured, read_measurements,
+    AbsoluteReading, MeasuredFile, absolute_table, read_measured, read_measurements,
 };
-use elastocal::robot::Load;
+use elastocal::robot::{Approach, Load};
 use nalgebra::{DVector, Matrix6, UnitQuaternion, Vector3, Vector6};
 use rand::RngExt;
 

@@ -329,6 +329,7 @@ fn the_bound_holds_for_forces_of_every_size() {
                 configuration_rad: DVector::from_column_slice(&q),
                 load,
                 repeats: 1,
+                approach: None,
             };
             if !feasibility.violations_of(1, &experiment).is_empty() {
                 continue;

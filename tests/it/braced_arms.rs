@@ -242,6 +242,7 @@ fn linear_identification_knows_the_springs() {
                 deflection_m,
                 sigma_m: None,
                 rotation: None,
+                approach: None,
             });
         }
     }

@@ -26,6 +26,7 @@ fn seen(arm: &ElasticArm, q: &DVector<f64>, load: &Load, station: usize) -> Isom
         load: *load,
         target: 0,
         station,
+        approach: None,
     };
     let mut ignored = Matrix6xX::zeros(0);
     let seen = model

@@ -15,6 +15,7 @@ fn rows(task: &Task, count: u32, most: Option<u32>) -> Vec<Candidate> {
     let plan = random_plan(task, count, 7, 0).expect("a plan");
     (plan.experiments.iter().enumerate())
         .map(|(index, each)| Candidate {
+            approach: None,
             line: index + 2,
             configuration_rad: each.configuration_rad.clone(),
             load: Some(each.load),

@@ -475,6 +475,7 @@ fn plan_and_measurements_agree_on_the_directions() {
         configuration_rad: dvector![0.0, 0.0],
         load: Load::force(0.0, 0.0, -500.0),
         repeats: 3,
+        approach: None,
     };
     let plan = Plan {
         experiments: vec![experiment],

@@ -32,6 +32,7 @@ fn varied(scenario: &Scenario, experiments: usize, force_n: f64) -> Plan {
             configuration_rad: DVector::from_iterator(scenario.task.belief.joints(), angles),
             load: Load::force(force.x, force.y, force.z),
             repeats: 1,
+            approach: None,
         }
     };
     Plan {

@@ -97,7 +97,7 @@ fn a_table_is_understood_and_said_in_words() {
         first
             .approach
             .as_ref()
-            .map(elastocal::measurement::Approach::word),
+            .map(elastocal::robot::Approach::word),
         Some("++".to_owned())
     );
     let turn =

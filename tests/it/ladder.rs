@@ -44,6 +44,7 @@ pub fn read_of(
                 },
                 target: 0,
                 station: 0,
+                approach: None,
             };
             let seen = model
                 .predict(Form::AtRest, &setup, ReadingKind::Pose, &mut ignored)

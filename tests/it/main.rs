@@ -40,6 +40,7 @@
 //! - `bad_input`: wrong inputs, seen from outside the process.
 //! - `measured_rotations`: planning, studies and identification use measured rotations alike.
 //! - `planned_readings`: what else is uncertain where rotations are measured, and on arms with springs.
+//! - `backlash`: gaps of joints: sides of approach in files, belief and truth, and loads that turn joints over.
 //! - `model_features`: what models can say beside the chain: honoured or refused by name.
 //! - `model_messages`: models that cannot serve, and what to do about them.
 //! - `stored_robots`: a robot that was identified, read from its file; moved stations.
@@ -91,6 +92,7 @@
 
 mod absolute_readings;
 mod absolute_targets;
+mod backlash;
 mod bad_input;
 mod bounds;
 mod braced_arms;

@@ -377,6 +377,7 @@ fn a_measurement_of_a_geared_arm_is_mujocos() {
         configuration_rad: DVector::from_iterator(3, COMMANDED_DEG.map(f64::to_radians)),
         load: Load::force(x, y, z),
         repeats: 1,
+        approach: None,
     };
     let mut robot = VirtualRobot::new(&scenario.truth.robot, "tool").expect("the site exists");
     let seen = robot

@@ -62,6 +62,7 @@ pub fn read(random: &mut impl Rng, arm: &ElasticArm, campaign: &Campaign) -> Vec
                 },
                 target: (index / stations) % arm.tools.len(),
                 station: index % stations,
+                approach: None,
             };
             let seen = model
                 .predict(Form::AtRest, &setup, ReadingKind::Pose, &mut ignored)
@@ -425,6 +426,7 @@ fn one_joint_moves() -> Vec<AbsoluteReading> {
             load: Load::NONE,
             target: 0,
             station: 0,
+            approach: None,
         };
         let mut ignored = Matrix6xX::zeros(0);
         let seen = model
@@ -608,6 +610,7 @@ fn readings_of_one_state_share_what_the_model_does_not_know() {
                     load,
                     target: 0,
                     station: 0,
+                    approach: None,
                 };
                 let mut ignored = Matrix6xX::zeros(0);
                 let seen = model

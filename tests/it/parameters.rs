@@ -127,6 +127,7 @@ fn every_frame_moves_the_tool_as_mujoco_says() {
                 load: Load::force(10.0, 20.0, 30.0),
                 target: 0,
                 station: 0,
+                approach: None,
             };
             for form in [Form::FirstOrder, Form::AtRest] {
                 let mut derivatives = Matrix6xX::zeros(set.len());

@@ -2,8 +2,9 @@
 
 use elastocal::identification::patterns::{Against, Course, Drifting, LEVEL, Patterns};
 use elastocal::identification::{AbsoluteCase, ParameterGroup, ReadingWeights};
-use elastocal::measurement::{AbsoluteReading, Approach, absolute_table};
+use elastocal::measurement::{AbsoluteReading, absolute_table};
 use elastocal::numeric::random::generator;
+use elastocal::robot::Approach;
 use elastocal::task::Belief;
 use rand::RngExt;
 use rayon::prelude::*;

@@ -401,6 +401,7 @@ fn measurement_files_round_trip() {
             vector_rad: vector(0.7 * angle) * 1e-3,
             sigma_rad: Vector3::new(0.1, 0.2, 0.3) * 1e-3,
         }),
+        approach: None,
     };
     let workplace = Workplace::new();
     let path = workplace.path("m.csv");

@@ -95,6 +95,7 @@ impl<'a> LinearWorld<'a> {
                     deflection_m,
                     sigma_m: None,
                     rotation: None,
+                    approach: None,
                 });
             }
         }

@@ -253,6 +253,7 @@ fn an_uncertain_measurement_hardly_counts() {
         deflection_m: deflection_m + others,
         sigma_m: Some(Vector3::repeat(sigma_m)),
         rotation: None,
+        approach: None,
     };
     let (compliance, sigma_m) = (0.3e-6, 2e-5);
     let measurements = [

@@ -218,6 +218,7 @@ impl Wrong {
                 load: Load::NONE,
                 target: 0,
                 station: 0,
+                approach: None,
             };
             let mut model = ObservationModel::new(&nothing, &arm, &[]);
             let seen = (model.predict(Form::AtRest, &setup, ReadingKind::Pose, &mut ignored))

@@ -18,7 +18,7 @@ use serde_json::Value;
 use crate::support::{Workplace, scenario_text, table4};
 
 /// Sizes that a laboratory would recognise, or larger so that they show; each alone.
-pub const SOURCES: [(&str, &str); 13] = [
+pub const SOURCES: [(&str, &str); 15] = [
     ("compliance", "joints = [\"joint_1\"]\nstd_relative = 0.1"),
     ("compliance", "joints = [\"joint_3\"]\nstd_relative = 0.05"),
     ("joint_zero", "std_mrad = 0.5"),
@@ -32,6 +32,14 @@ pub const SOURCES: [(&str, &str); 13] = [
     ("load_point", "std_mm = 5"),
     ("joint_return", "std_mrad = 0.03"),
     ("drift", "std_um_per_h = 20"),
+    (
+        "backlash",
+        "joints = [\"joint_2\", \"joint_3\"]\nstd_arcsec = 60",
+    ),
+    (
+        "backlash",
+        "joints = [\"joint_1\", \"joint_4\", \"joint_5\", \"joint_6\"]\nstd_arcsec = 20\nturned_over_at_nm = 200",
+    ),
 ];
 
 /// The paper's scenario with a study of Table 4's plan of four, and with uncertainties.
@@ -216,6 +224,7 @@ fn the_posterior_is_that_of_generalised_least_squares() {
             load: experiment.load,
             target: 0,
             station: 0,
+            approach: None,
         };
         let mut derivatives = Matrix6xX::zeros(size);
         let kind = elastocal::observation::ReadingKind::Deflection;

@@ -112,6 +112,7 @@ impl<'a> AbsoluteCase<'a> {
                     load,
                     target,
                     station,
+                    approach: reading.approach.clone(),
                 },
                 reading: match reading.rotation {
                     None => Reading::Position {

@@ -9,6 +9,7 @@ use super::{AbsoluteCase, AbsoluteError, AbsoluteFit};
 use crate::measurement::AbsoluteReading;
 use crate::observation::{Form, Observation, ObservationModel, Reading};
 use crate::parameter::{ParameterKind, ParameterSet};
+use crate::robot::Approach;
 
 impl AbsoluteCase<'_> {
     /// What a fit leaves of the readings that the case was made of. Each counts by its own covariance and by the fit's misfit,
@@ -106,16 +107,8 @@ impl AbsoluteCase<'_> {
 
     /// The sign of approach of every joint; those that are not commanded have none, and count as positive.
     fn approach(&self, reading: &AbsoluteReading) -> Option<Vec<bool>> {
-        let mut signs = reading.approach.as_ref()?.0.iter();
-        let joints = self.arm.chain.joints.iter();
-        Some(
-            joints
-                .map(|joint| match joint.drive.passive_at {
-                    Some(_) => true,
-                    None => signs.next().copied().unwrap_or(true),
-                })
-                .collect(),
-        )
+        let approach = Some(reading.approach.as_ref()?);
+        Some(Approach::of_all(approach, &self.arm.chain))
     }
 }
 

@@ -20,6 +20,7 @@ fn setups(numbers: &mut Numbers, belief: &ElasticArm, count: usize, force_n: f64
             load: Load::force(0.0, 0.0, -numbers.between(0.0, force_n)),
             target: index % belief.tools.len(),
             station: 0,
+            approach: None,
         })
         .collect()
 }

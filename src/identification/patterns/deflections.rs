@@ -37,6 +37,7 @@ pub fn looked_at(case: &Case<'_>, identification: &Identification, blocks: &[usi
             load: each.load,
             target: 0,
             station: 0,
+            approach: None,
         };
         bends.predict_as_planned(&setup, ReadingKind::Deflection, &mut moved);
         turns.predict_as_planned(&setup, ReadingKind::Pose, &mut jacobian);

@@ -5,11 +5,9 @@ use nalgebra::{DVector, Matrix6, SymmetricEigen, Vector3};
 use super::columns::{ReadingColumns, What};
 use super::resolved::{ForeignNumber, Resolver, Word};
 use crate::files::FileError;
-use crate::measurement::{
-    AbsoluteReading, Approach, Measurement, absolute_table, deflection_table,
-};
+use crate::measurement::{AbsoluteReading, Measurement, absolute_table, deflection_table};
 use crate::quantities::plausible::{self, Kind};
-use crate::robot::Load;
+use crate::robot::{Approach, Load};
 use crate::text::wrong_name;
 
 /// Correlations whose smallest eigenvalue is less than this leave some rotation without any error.
@@ -37,6 +35,7 @@ impl ReadingColumns {
                             (1e3, &plausible::DEVIATION),
                         )?,
                         rotation: None,
+                        approach: None,
                     })
                 };
                 let all = rows

@@ -5,8 +5,10 @@ use nalgebra::{DMatrix, DVector, Isometry3, Matrix3xX, Matrix6xX, Vector3};
 use super::FirstOrder;
 use crate::observation::{ObservationModel, ReadingKind, Setup};
 use crate::parameter::arms::{Numbers, heavy, random, random_elastic, ur10};
-use crate::parameter::{Axis, ElasticArm, ParameterKind, ParameterSet, ReadingSource, arms};
-use crate::robot::{KinematicState, Load};
+use crate::parameter::{
+    Axis, Backlash, ElasticArm, ParameterKind, ParameterSet, ReadingSource, arms,
+};
+use crate::robot::{Approach, KinematicState, Load};
 
 /// Arms as a scenario has them: no zeros, the instrument's frame that of the base; the tool last or in the
 /// middle.
@@ -18,6 +20,8 @@ pub(in crate::observation) fn arms(numbers: &mut Numbers) -> Vec<ElasticArm> {
     }
     for arm in &mut arms {
         arm.zero_rad.fill(0.0);
+        // The side of approach alone decides.
+        arm.backlash.fill(Backlash::NONE);
         arm.instrument_from_base = vec![Isometry3::identity()];
         arm.load_scale = 1.0;
         // Long enough lists of compliances above zero for logarithms.
@@ -83,11 +87,17 @@ fn derivatives_are_those_of_the_observation_model() {
             let q = numbers.configuration(&arm.chain);
             let load = load(&mut numbers, has_torque);
             let mut expected = Matrix6xX::zeros(set.len());
+            let joints = arm.chain.joints.iter();
+            let commanded = joints.filter(|joint| joint.drive.passive_at.is_none());
+            let sides = commanded.enumerate().map(|(index, _)| index % 2 == 0);
+            let approach = has_torque.then(|| Approach(sides.collect()));
+            first.come_from(approach.as_ref());
             let setup = Setup {
                 commanded_rad: q.clone(),
                 load,
                 target: 0,
                 station: 0,
+                approach,
             };
             let prediction =
                 model.predict_first_order(&setup, ReadingKind::Deflection, &mut expected);
@@ -126,6 +136,7 @@ fn drifts_are_seen_as_they_are() {
             load,
             target: 0,
             station: 0,
+            approach: None,
         };
         let drift = numbers.vector(1e-4);
         for kind in [

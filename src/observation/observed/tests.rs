@@ -51,6 +51,8 @@ pub(in crate::observation) fn with_a_spring(numbers: &mut Numbers) -> (ElasticAr
         (ParameterKind::JointCompliance { joint: 1 }, None),
         (ParameterKind::JointCompliance { joint: 2 }, Some(0.1)),
         (ParameterKind::JointZero { joint: 1 }, Some(1e-3)),
+        // The load turns it over its gap.
+        (ParameterKind::JointBacklash { joint: 2 }, Some(1e-4)),
         (ParameterKind::SpringStiffness { spring: 0 }, Some(0.1)),
         (ParameterKind::SpringRest { spring: 0 }, Some(1e-2)),
         (ParameterKind::LoadScale, Some(0.01)),
@@ -150,6 +152,7 @@ fn springs_are_seen_at_rest() {
             load,
             target: 0,
             station: 0,
+            approach: None,
         };
         for (index, parameter) in set.parameters().iter().enumerate() {
             let shift = 1e-4 * parameter.scale;
@@ -190,8 +193,9 @@ fn what_compensation_leaves_is_what_the_arm_shows() {
             let chain = truth.loaded_chain();
             let mut solver = EquilibriumSolver::new(chain.len());
             let mut at_tool = chain.at(&truth.tools[0]);
-            let commanded: Vec<f64> = (commanded.iter().zip(&truth.zero_rad))
-                .map(|(q, zero)| q + zero)
+            let offsets = truth.offsets_rad(commanded, 0, load, None);
+            let commanded: Vec<f64> = (commanded.iter().zip(offsets))
+                .map(|(q, offset)| q + offset)
                 .collect();
             let compliance = &truth.compliance_rad_per_nm;
             (solver.solve(&mut at_tool, compliance, &commanded, load)).expect("a rest");
@@ -205,9 +209,13 @@ fn what_compensation_leaves_is_what_the_arm_shows() {
                 values[index] += shift;
                 let believed = set.apply(&arm, &values);
                 let state = rest(&believed, &q, &Load::NONE);
+                let crossed =
+                    [&load, &Load::NONE].map(|load| believed.offsets_rad(&q, 0, load, None));
                 let commanded: Vec<f64> = (q.iter().enumerate())
                     .map(|(joint, q)| {
-                        q - believed.compliance_rad_per_nm[joint] * state.load_torque(joint, &load)
+                        q - (crossed[0][joint] - crossed[1][joint])
+                            - believed.compliance_rad_per_nm[joint]
+                                * state.load_torque(joint, &load)
                     })
                     .collect();
                 rest(&arm, &commanded, &load).tool_position

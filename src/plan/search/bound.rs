@@ -12,8 +12,8 @@ use super::proved::ProvedBound;
 use crate::experiment::{Experiment, NotMandatory, Plan};
 use crate::plan::proof::{NoProof, ProofLimits};
 use crate::plan::{Criterion, Feasibility, widened};
-use crate::task::Region;
-use crate::task::Task;
+use crate::robot::Approach;
+use crate::task::{Extended, Region, Task};
 
 /// Angles of a plan that are so near to a candidate's (rad) are that: they were written and read.
 const SAME_RAD: f64 = 1e-9;
@@ -160,6 +160,12 @@ pub enum NoBound {
         /// The number of mandatory measurements.
         mandatory: u32,
     },
+    /// An experiment is approached from another side.
+    #[error(
+        "the bound speaks about configurations that are approached with all joints turning positively, and experiment {0} is \
+         not"
+    )]
+    Side(usize),
     /// The plan lacks a mandatory experiment.
     #[error("the bound speaks about plans with the mandatory experiments; {0}")]
     NotMandatory(NotMandatory),
@@ -414,6 +420,11 @@ impl Bound {
             if let Basis::Candidates(enumerated) = &self.basis {
                 enumerated.check(index, experiment, free[index])?;
                 continue;
+            }
+            let knows_sides =
+                (self.class.belief.uncertain.as_ref()).is_some_and(Extended::has_backlash);
+            if knows_sides && !Approach::is_usual(experiment.approach.as_ref()) {
+                return Err(NoBound::Side(index + 1));
             }
             let loads = &self.class.loads;
             if let Some(words) = loads.outside(&experiment.load) {

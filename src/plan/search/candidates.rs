@@ -205,6 +205,7 @@ impl Candidates {
                     configuration_rad: row.configuration_rad.clone(),
                     load,
                     repeats: row.most.unwrap_or(MOST_EXPERIMENTS),
+                    approach: row.approach.clone(),
                 });
             all.extend(under.map(|experiment| (line, experiment)));
         }

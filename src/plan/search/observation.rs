@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, Matrix3, Matrix3xX, Vector3};
 
 use crate::observation::{ComplianceColumns, PlannedReadings};
-use crate::robot::{KinematicState, Load};
+use crate::robot::{Approach, KinematicState, Load};
 
 /// Planned readings in the unknowns that a search is about, in units that make the observation matrix dimensionless:
 /// compliances relative to typical ones, deflections and rotations relative to sigma.
@@ -42,6 +42,11 @@ impl<'a> MatrixEvaluator<'a> {
     /// Experiments are from now on repeated so often: what their repeats share, they do not average.
     pub fn set_repeats(&mut self, repeats: u32) {
         self.readings.set_repeats(repeats);
+    }
+
+    /// Configurations are from now on approached from this side, see [`PlannedReadings::come_from`].
+    pub fn come_from(&mut self, approach: Option<&Approach>) {
+        self.readings.come_from(approach);
     }
 
     /// The number p of parameters.

@@ -83,6 +83,7 @@ impl Point {
             configuration_rad: nalgebra::DVector::from_column_slice(&self.q),
             load: self.load,
             repeats,
+            approach: None,
         }
     }
 }

@@ -538,6 +538,7 @@ impl<'a> Problem<'a> {
         let mut matrix = evaluator.matrix();
         let mut information = DMatrix::zeros(self.parameters(), self.parameters());
         evaluator.set_repeats(repeats);
+        evaluator.come_from(experiment.approach.as_ref());
         evaluator.move_to(experiment.configuration_rad.as_slice());
         evaluator.observe(&experiment.load, &mut matrix);
         add_information(&mut information, &matrix, f64::from(repeats));
@@ -552,6 +553,7 @@ impl<'a> Problem<'a> {
         let mut information = self.prior.clone();
         for experiment in &plan.experiments {
             evaluator.set_repeats(experiment.repeats);
+            evaluator.come_from(experiment.approach.as_ref());
             evaluator.move_to(experiment.configuration_rad.as_slice());
             evaluator.observe(&experiment.load, &mut matrix);
             add_information(&mut information, &matrix, f64::from(experiment.repeats));

@@ -100,6 +100,7 @@ impl<'a> Sampler<'a> {
                 configuration_rad: nalgebra::DVector::from_vec(q),
                 load,
                 repeats: 1,
+                approach: None,
             };
             let mut violations: Vec<_> = self
                 .feasibility
@@ -246,6 +247,7 @@ fn draw_plan(
                 configuration_rad: nalgebra::DVector::from_vec(q),
                 load,
                 repeats: 1,
+                approach: None,
             })
         })
         .collect::<Result<_, _>>()?;

@@ -118,6 +118,7 @@ impl Checker<'_> {
         let mut belief = Belief {
             prior: before.prior,
             uncertain: None,
+            turned_over_at_nm: vec![f64::INFINITY; joints],
             nominal,
             calibration_tool,
             machining_tool,
@@ -126,9 +127,7 @@ impl Checker<'_> {
             method: file.identification.method,
         };
         let between_h = laboratory.costs.between_readings_h(design.experiments);
-        let uncertainties = self.uncertainties(&file.uncertainty, &belief, between_h)?;
-        let further = self.further(&belief, &further)?;
-        belief.uncertain = self.extended(&belief, &further, &uncertainties)?;
+        let uncertainties = self.uncertain(&mut belief, &file, &further, between_h)?;
         self.check_directions(&test_poses, &belief)?;
         let truth = Truth {
             uncertainties,

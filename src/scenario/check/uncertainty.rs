@@ -8,10 +8,10 @@ use crate::files::FileError;
 use crate::mujoco::State;
 use crate::parameter::{Axis, ParameterError, ParameterKind, ReadingSource, Source, Uncertainty};
 use crate::quantities::plausible::{
-    DEVIATION, FORCE_LIMIT, Kind, PER_HOUR_DEVIATION, PER_METRE_DEVIATION, READING_SHARE,
-    RELATIVE_DEVIATION, ROTATION_DEVIATION,
+    DEVIATION, FORCE_LIMIT, GAP_DEVIATION, Kind, PER_HOUR_DEVIATION, PER_METRE_DEVIATION,
+    READING_SHARE, RELATIVE_DEVIATION, ROTATION_DEVIATION, TORQUE_LIMIT,
 };
-use crate::scenario::file::{UncertaintyKind, UncertaintyTable};
+use crate::scenario::file::{File, UncertaintyKind, UncertaintyTable};
 use crate::task::{Belief, Extended};
 use crate::text::wrong_name;
 
@@ -19,9 +19,24 @@ use crate::text::wrong_name;
 const MOST: usize = 100;
 
 impl Checker<'_> {
+    /// All uncertainties, and what a belief carries of them, with what else is to be found by name.
+    pub(super) fn uncertain(
+        &self,
+        belief: &mut Belief,
+        file: &File,
+        further: &[&str],
+        between_h: f64,
+    ) -> Result<Vec<Uncertainty>, FileError> {
+        let uncertainties = self.uncertainties(&file.uncertainty, belief, between_h)?;
+        belief.turned_over_at_nm = self.turned_over_at_nm(&file.uncertainty, belief)?;
+        let further = self.further(belief, further)?;
+        belief.uncertain = self.extended(belief, &further, &uncertainties)?;
+        Ok(uncertainties)
+    }
+
     /// All uncertainties, hidden ones among them. Between the unloaded and the loaded reading of a deflection are so many
     /// hours.
-    pub(super) fn uncertainties(
+    fn uncertainties(
         &self,
         tables: &[UncertaintyTable],
         belief: &Belief,
@@ -78,7 +93,7 @@ impl Checker<'_> {
             UncertaintyKind::Misfit => ReadingSource::Misfit(size("std_mm")?),
             UncertaintyKind::JointReturn | UncertaintyKind::GearError => {
                 let mut sizes = vec![0.0; belief.nominal.chain.len()];
-                for (joint, size) in self.joint_sizes(key, table, belief)? {
+                for (joint, size) in self.joint_sizes(key, table, belief, "std_mrad")? {
                     sizes[joint] = size;
                 }
                 if table.kind == UncertaintyKind::GearError {
@@ -105,6 +120,11 @@ impl Checker<'_> {
                 let deviation_m = size("std_um_per_h")? * between_h;
                 let of = |axis| (ParameterKind::Drift { axis }, deviation_m);
                 return Ok(Source::Plan(Axis::ALL.map(of).to_vec()));
+            }
+            UncertaintyKind::Backlash => {
+                let joints = self.joint_sizes(key, table, belief, "std_arcsec")?;
+                let of = |(joint, size)| (ParameterKind::JointBacklash { joint }, size);
+                return Ok(Source::Plan(joints.into_iter().map(of).collect()));
             }
             _ => return Ok(Source::Plan(self.shared(key, table, belief)?)),
         };
@@ -145,7 +165,7 @@ impl Checker<'_> {
                 Ok(joints.into_iter().map(of).collect())
             }
             UncertaintyKind::JointZero => {
-                let joints = self.joint_sizes(key, table, belief)?;
+                let joints = self.joint_sizes(key, table, belief, "std_mrad")?;
                 let of = |(joint, size)| (Of::JointZero { joint }, size);
                 Ok(joints.into_iter().map(of).collect())
             }
@@ -207,6 +227,7 @@ impl Checker<'_> {
                 Ok(parameters)
             }
             UncertaintyKind::Drift
+            | UncertaintyKind::Backlash
             | UncertaintyKind::LoadDirection
             | UncertaintyKind::LoadPoint
             | UncertaintyKind::JointReturn
@@ -265,6 +286,7 @@ impl Checker<'_> {
             "std_relative" => (&RELATIVE_DEVIATION, 1.0),
             "std_mm" => (&DEVIATION, 1e-3),
             "std_mrad" => (&ROTATION_DEVIATION, 1e-3),
+            "std_arcsec" => (&GAP_DEVIATION, (1.0_f64 / 3600.0).to_radians()),
             "std_n" => (&FORCE_LIMIT, 1.0),
             "share" => (&READING_SHARE, 1.0),
             "std_um_per_h" => (&PER_HOUR_DEVIATION, 1e-6),
@@ -335,21 +357,61 @@ impl Checker<'_> {
         Ok(joints)
     }
 
+    /// The torque (N m; N where it slides) at which what each joint carries decides as much as the side of approach on which
+    /// side of its gap it stands; infinite where nothing says so.
+    fn turned_over_at_nm(
+        &self,
+        tables: &[UncertaintyTable],
+        belief: &Belief,
+    ) -> Result<Vec<f64>, FileError> {
+        let mut all: Vec<Option<f64>> = vec![None; belief.nominal.chain.len()];
+        for (index, table) in tables.iter().enumerate() {
+            let key = format!("uncertainty[{index}]");
+            let own = format!("{key}.turned_over_at_nm");
+            if table.kind != UncertaintyKind::Backlash {
+                if table.turned_over_at_nm.is_some() {
+                    let problem = format!("a {} has no gap to be turned over", table.kind.name());
+                    return Err(self.wrong(&own, problem));
+                }
+                continue;
+            }
+            let value = match table.turned_over_at_nm {
+                Some(value) => self.number(&own, value, &TORQUE_LIMIT)?,
+                None => f64::INFINITY,
+            };
+            for (joint, _) in self.joint_sizes(&key, table, belief, "std_arcsec")? {
+                if all[joint].is_some_and(|known| known.total_cmp(&value).is_ne()) {
+                    let name = &belief.nominal.chain.joints[joint].name;
+                    let problem = format!("another backlash says something else of {name}");
+                    let wrong = self.wrong(&own, problem);
+                    return Err(wrong.hint("a joint has one gap: give both the same torque"));
+                }
+                all[joint] = Some(value);
+            }
+        }
+        let value = |each: Option<f64>| each.unwrap_or(f64::INFINITY);
+        Ok(all.into_iter().map(value).collect())
+    }
+
     /// Joints with a size each: angles of those that turn, lengths of those that slide.
     fn joint_sizes(
         &self,
         key: &str,
         table: &UncertaintyTable,
         belief: &Belief,
+        of_angle: &str,
     ) -> Result<Vec<(usize, f64)>, FileError> {
+        let given = |key: &str| {
+            (table.given().into_iter()).any(|(each, value)| each == key && value.is_some())
+        };
         let drive = |joint: usize| &belief.nominal.chain.joints[joint].drive;
         let has_size = |joint: usize| {
             let size = if drive(joint).slides {
-                table.std_mm
+                "std_mm"
             } else {
-                table.std_mrad
+                of_angle
             };
-            size.is_some() && drive(joint).passive_at.is_none()
+            given(size) && drive(joint).passive_at.is_none()
         };
         let is_meant = |joint: usize| table.joints.is_some() || has_size(joint);
         let joints = self.uncertain_joints(key, table, belief, &is_meant)?;
@@ -363,7 +425,7 @@ impl Checker<'_> {
                 let name = if drive(joint).slides {
                     "std_mm"
                 } else {
-                    "std_mrad"
+                    of_angle
                 };
                 Ok((joint, self.size(key, table, name)?))
             })
@@ -371,7 +433,7 @@ impl Checker<'_> {
     }
 
     /// What a belief carries of them.
-    pub(super) fn extended(
+    fn extended(
         &self,
         belief: &Belief,
         further: &[ParameterKind],

@@ -150,6 +150,7 @@ fn scenario_reader() -> Reader {
             scenario_text("planar_3r") + LABORATORY,
             scenario_text("klimchik2012") + LOST_READINGS,
             scenario_text("klimchik2012") + TORQUE_LAWS,
+            scenario_text("klimchik2012") + BACKLASH,
         ])
         .collect(),
     }
@@ -166,6 +167,9 @@ fn plan_reader() -> Reader {
             file("scenarios/plans/klimchik2012_m3.csv"),
             file("scenarios/plans/klimchik2012_m12.csv"),
             file("scenarios/plans/kr270_all_joints.csv"),
+            "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm,repeats,approach\n\
+             0,-60,90,10,-40,20,0,0,-2500,0,0,0,1,+-++-+\n1,-60,90,10,-40,20,0,0,-2500,0,0,0,2,-\n"
+                .to_owned(),
         ],
     }
 }
@@ -188,7 +192,7 @@ fn candidates_reader() -> Reader {
                 ",fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm,repeats",
                 ",0,0,-2500,0,0,0,2",
             ),
-            with(",target,station", ",reflector,door"),
+            with(",target,station,approach", ",reflector,door,-"),
         ],
     }
 }
@@ -212,6 +216,9 @@ fn measurements_reader(place: &Workplace) -> Reader {
             of_positions(&place.read("r.csv")),
             absolute(false),
             absolute(true),
+            "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm,dx_mm,dy_mm,dz_mm,approach\n\
+             0,-60,90,10,-40,20,0,0,-2500,0,0,0,1,2,-3,+-++-+\n1,-60,90,10,-40,20,0,0,-2500,0,0,0,1,0,-4,\n"
+                .to_owned(),
         ],
     }
 }
@@ -379,6 +386,14 @@ hidden = true
 kind = "dropped_reading"
 share = 0.05
 hidden = true
+"#;
+
+const BACKLASH: &str = r#"
+[[uncertainty]]
+kind = "backlash"
+joints = ["joint_1", "joint_2"]
+std_arcsec = 15
+turned_over_at_nm = 100
 "#;
 
 const TORQUE_LAWS: &str = r#"
