@@ -5,7 +5,8 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::super::conditions::IMPLAUSIBLE;
 use super::super::gauss_newton::{
-    FitError, ParameterFit, fit_for_residuals, fit_from, fit_parameters,
+    FitError, ParameterFit, fit_for_residuals, fit_for_weights, fit_from, fit_if_plausible,
+    fit_parameters,
 };
 use super::super::rejection;
 use super::mixed::MixedModel;
@@ -17,7 +18,7 @@ use super::{
 use crate::numeric::posterior::Posterior;
 use crate::parameter::{ElasticArm, Parameter, ParameterKind, ParameterSet, relative_precision};
 
-/// So often readings are weighed anew by what a fit leaves; the second time changes next to nothing.
+/// So often readings are weighed anew by what a fit leaves before the last time; the third time changes next to nothing.
 const WEIGHINGS: usize = 3;
 /// Fewer stands of the robot tell nothing of what the parameters leave but its size.
 const LEAST_STANDS: usize = 20;
@@ -115,7 +116,7 @@ impl AbsoluteCase<'_> {
         self.check_frames()?;
         let ToldApart { set, left_out } = self.unknowns(groups)?;
         let (mut kept, mut rejected) = (self.clone(), Vec::new());
-        let mut weighed = kept.weighed_fit(&set, weights)?;
+        let mut weighed = kept.weighed_fit(&set, weights, None)?;
         if !self.keeps_all
             && let Some(others) = self.without_far_out(&set, weights, &weighed.fit)
         {
@@ -152,20 +153,24 @@ impl AbsoluteCase<'_> {
         })
     }
 
-    /// One fit to all readings of the case.
+    /// One fit to all readings of the case, perhaps near one to nearly the same readings.
     fn weighed_fit(
         &mut self,
         set: &ParameterSet,
         weights: ReadingWeights,
+        near: Option<&ParameterFit>,
     ) -> Result<WeighedFit, AbsoluteError> {
         let own = match weights {
             ReadingWeights::WithMisfit => None,
-            _ => match fit_for_residuals(&self.arm, set, &self.observations) {
-                Ok(fit) => Some(fit),
-                // Readings that the model cannot explain may drive its parameters anywhere.
-                Err(FitError::NotConverged { .. }) if weights == ReadingWeights::AsNeeded => None,
-                Err(error) => return Err(error.into()),
-            },
+            ReadingWeights::Own => Some(fit_for_residuals(&self.arm, set, &self.observations)?),
+            ReadingWeights::AsNeeded => {
+                match fit_if_plausible(&self.arm, set, &self.observations) {
+                    Ok(fit) => Some(fit),
+                    // Readings that the model cannot explain may drive its parameters anywhere.
+                    Err(FitError::NotConverged { .. }) => None,
+                    Err(error) => return Err(error.into()),
+                }
+            }
         };
         let consistency = own.as_ref().and_then(consistency);
         let is_plausible = consistency.is_none_or(|probability| probability >= IMPLAUSIBLE);
@@ -177,7 +182,7 @@ impl AbsoluteCase<'_> {
                     None,
                 )
             }
-            other => self.with_misfit(set, other)?,
+            other => self.with_misfit(set, near.cloned().or(other))?,
         };
         Ok(WeighedFit {
             fit,
@@ -200,7 +205,7 @@ impl AbsoluteCase<'_> {
             |(_, weighed): &(Self, WeighedFit)| self.far_out(&weighed.fit),
             |rejected| {
                 let mut kept = self.without(rejected);
-                let weighed = kept.weighed_fit(set, weights).ok()?;
+                let weighed = kept.weighed_fit(set, weights, Some(first)).ok()?;
                 (weighed.fit.posterior.estimable.rank() >= rank).then_some((kept, weighed))
             },
         )?;
@@ -262,33 +267,33 @@ impl AbsoluteCase<'_> {
         })
     }
 
-    /// A fit that weighs readings by what the model leaves, too; the first weight comes from a fit by the readings' own, or from
-    /// the frames alone where there is none.
+    /// A fit that weighs readings by what the model leaves, too; the first weight comes from another fit, or from the frames alone
+    /// where there is none.
     fn with_misfit(
         &mut self,
         set: &ParameterSet,
-        own: Option<ParameterFit>,
+        other: Option<ParameterFit>,
     ) -> Result<(ParameterFit, Option<[f64; 2]>), AbsoluteError> {
-        let mut fit = if let Some(fit) = own {
-            fit
+        let (mut found, mut values) = if let Some(fit) = other {
+            (self.misfit(&fit)?, self.rebased(set, &fit))
         } else {
             let kinds = self.frame_kinds().into_iter().map(|kind| (kind, None));
             let frames = ParameterSet::new(&self.arm, kinds)?;
             let fit = fit_parameters(&self.arm, &frames, &self.observations)?;
             let found = self.misfit(&fit)?;
-            let shared = self.weigh(found);
             self.rebased(&frames, &fit);
-            let start = &set.prior().mean;
-            fit_from(&self.arm, set, &self.observations, shared.as_ref(), start)?
+            (found, set.prior().mean.clone())
         };
-        let mut misfit = [0.0; 2];
         for _ in 0..WEIGHINGS {
-            misfit = self.misfit(&fit)?;
-            let shared = self.weigh(misfit);
-            let values = self.rebased(set, &fit);
-            fit = fit_from(&self.arm, set, &self.observations, shared.as_ref(), &values)?;
+            let shared = self.weigh(found);
+            let fit =
+                fit_for_weights(&self.arm, set, &self.observations, shared.as_ref(), &values)?;
+            found = self.misfit(&fit)?;
+            values = self.rebased(set, &fit);
         }
-        Ok((fit, Some(misfit)))
+        let shared = self.weigh(found);
+        let fit = fit_from(&self.arm, set, &self.observations, shared.as_ref(), &values)?;
+        Ok((fit, Some(found)))
     }
 
     /// The fitted frames become those from which their parameters count: the values of a fit (p) there.

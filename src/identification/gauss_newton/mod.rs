@@ -9,7 +9,8 @@
 //! stays at its nominal value. That is decided beforehand with the planner's model, and depends on no
 //! reading.
 
-use nalgebra::{Cholesky, DVector, Dyn};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use statrs::distribution::{ChiSquared, ContinuousCDF};
 use thiserror::Error;
 
 use crate::numeric::estimable::Estimable;
@@ -29,12 +30,22 @@ const SHORT: f64 = 1e-3;
 const PATIENCE: usize = 20;
 /// Nearly linear fits take three to six steps; far starts take some more.
 const MAXIMUM_ITERATIONS: usize = 60;
-/// After so many steps those that hardly become shorter are led further than they go.
+/// After so many steps the curvature of what those that hardly become shorter leave is learnt.
 const NEARLY_LINEAR: usize = 6;
 /// The same of fits that begin near.
 const NEAR: usize = 2;
 /// Steps that become no shorter than this share of those before are slow.
 const SLOW: f64 = 0.1;
+/// Weights follow from a fit that is so near in standard errors: its sum of squares is known to the square of that.
+const FOR_WEIGHTS: f64 = 1e-2;
+/// What a linear model says of the smallest sum of squares is believed when it says it twice to this share.
+const SAID_AGAIN: f64 = 1e-2;
+/// A sum of squares is hopeless if so small a share of it would be impossible.
+const HOPELESS: f64 = 0.25;
+/// Directions in which a change of the gradient tells less than this share of itself teach nothing.
+const UNTAUGHT: f64 = 1e-8;
+/// Sums of squares that differ by this share may be the same.
+const ROUNDING: f64 = 1e-12;
 /// The first damping after a step that made the fit worse, relative to the information.
 const FIRST_DAMPING: f64 = 1e-4;
 /// With so much damping a step is none.
@@ -121,6 +132,18 @@ pub(super) fn fit_for_residuals(
     fit_from_frames(nominal, set, observations, Haste::Residuals)
 }
 
+/// The same, ended where it begins as soon as it is clear that the observations' own covariances explain them by no values.
+///
+/// # Errors
+/// See [`FitError`].
+pub(super) fn fit_if_plausible(
+    nominal: &ElasticArm,
+    set: &ParameterSet,
+    observations: &[Observation],
+) -> Result<ParameterFit, FitError> {
+    fit_from_frames(nominal, set, observations, Haste::Plausibility)
+}
+
 /// A fit that begins where the frames follow from the readings.
 fn fit_from_frames(
     nominal: &ElasticArm,
@@ -149,6 +172,20 @@ pub(super) fn fit_from(
     fit(nominal, set, observations, shared, start, Haste::Near)
 }
 
+/// The same, found as soon as weights follow from what it leaves.
+///
+/// # Errors
+/// See [`FitError`].
+pub(super) fn fit_for_weights(
+    nominal: &ElasticArm,
+    set: &ParameterSet,
+    observations: &[Observation],
+    shared: Option<&SharedErrors>,
+    start: &DVector<f64>,
+) -> Result<ParameterFit, FitError> {
+    fit(nominal, set, observations, shared, start, Haste::Weights)
+}
+
 /// What a fit may take for granted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Haste {
@@ -158,6 +195,10 @@ enum Haste {
     Near,
     /// It begins anywhere, and need be no better than its residuals.
     Residuals,
+    /// The same, and it may end where it begins if no values can explain the observations.
+    Plausibility,
+    /// It begins near, and weights follow from it alone.
+    Weights,
 }
 
 fn fit(
@@ -190,7 +231,7 @@ fn fit(
     let off = (start - nominal_values).component_div(&scales);
     let within = estimable.basis() * estimable.basis().tr_mul(&off);
     let start = nominal_values + within.component_mul(&scales);
-    let (values, solved, iterations) = problem.solve(start)?;
+    let (values, solved, iterations) = problem.solve(&start)?;
     let units = estimable.basis_in_units();
     let covariance = &units * solved.factor.inverse() * units.transpose();
     let names = set.parameters().iter().map(|each| each.name.clone());
@@ -253,7 +294,7 @@ fn frames(nominal: &ElasticArm, set: &ParameterSet, observations: &[Observation]
             haste: Haste::None,
         };
         // Where they cannot be found alone, all parameters may still be.
-        if let Ok((values, _, _)) = problem.solve(frames.prior().mean.clone()) {
+        if let Ok((values, _, _)) = problem.solve(&frames.prior().mean) {
             for (&index, value) in is_frame.iter().zip(&values) {
                 start[index] = *value;
             }
@@ -272,13 +313,14 @@ struct FitProblem<'a> {
     haste: Haste,
 }
 
-/// Where a step began, and where to.
+/// Where a step began.
 struct StepBefore {
     values: DVector<f64>,
-    /// The undamped step, in coordinates of the basis.
-    within: DVector<f64>,
-    /// Its length in standard errors.
+    gradient: DVector<f64>,
+    /// The undamped step's length in standard errors.
     steps: f64,
+    /// The smallest sum of squares there is, if the model is linear.
+    promised: f64,
 }
 
 /// The problem at one vector of values, with the next step in coordinates of the basis.
@@ -293,29 +335,46 @@ struct Solved {
     steps: f64,
 }
 
+impl Solved {
+    /// The smallest sum of squares there is, if the model is linear.
+    fn promised(&self) -> f64 {
+        self.cost - self.steps * self.steps
+    }
+}
+
 impl FitProblem<'_> {
-    fn solve(&self, start: DVector<f64>) -> Result<(DVector<f64>, Solved, usize), FitError> {
-        let mut values = start;
+    fn solve(&self, start: &DVector<f64>) -> Result<(DVector<f64>, Solved, usize), FitError> {
+        let mut values = start.clone();
         let mut now = self.at(&values)?;
         let mut damping = 0.0;
+        let mut curvature: Option<DMatrix<f64>> = None;
         let mut before: Option<StepBefore> = None;
         for iterations in 1..=MAXIMUM_ITERATIONS {
             let is_slow = iterations > PATIENCE && now.steps <= SHORT;
-            if now.steps <= CONVERGED * self.tolerance(&now) || is_slow {
+            if now.steps <= self.tolerance(&now) || is_slow {
                 return Ok((values, now, iterations));
             }
-            let own = StepBefore {
+            if let Some(before) = &before {
+                if self.is_hopeless(before, &now) {
+                    return Ok((start.clone(), self.at(start)?, iterations));
+                }
+                let is_slow = iterations > self.fast_steps() && now.steps > SLOW * before.steps;
+                if is_slow || curvature.is_some() {
+                    curvature = self.learnt(before, &values, &now, curvature);
+                }
+            }
+            before = Some(StepBefore {
                 values: values.clone(),
-                within: now.factor.solve(&now.gradient),
+                gradient: now.gradient.clone(),
                 steps: now.steps,
-            };
-            let is_led = damping == 0.0 && iterations > self.fast_steps();
-            let led = before.replace(own).filter(|_| is_led);
-            let led = led.and_then(|before| self.led_further(&before, &values, &now));
-            if let Some((further, found)) = led {
-                (values, now) = (further, found);
+                promised: now.promised(),
+            });
+            let curved = curvature.as_ref();
+            if let Some(found) = curved.and_then(|curved| self.curved_step(curved, &values, &now)) {
+                (values, now) = found;
                 continue;
             }
+            curvature = None;
             loop {
                 let next = self.step(&now, damping).map(|step| &values + step);
                 let found = next.map(|next| (self.at(&next), next));
@@ -367,52 +426,85 @@ impl FitProblem<'_> {
         })
     }
 
-    /// By how much standard errors are larger than the observations' own covariances make them, as far as that counts.
+    /// How short a step has to be in standard errors. Where the residuals alone count, these are larger than the observations' own
+    /// covariances make them.
     fn tolerance(&self, now: &Solved) -> f64 {
-        if self.haste != Haste::Residuals {
-            return 1.0;
+        match self.haste {
+            Haste::None | Haste::Near => CONVERGED,
+            Haste::Weights => FOR_WEIGHTS,
+            Haste::Residuals | Haste::Plausibility => {
+                CONVERGED
+                    * (now.equations.square / self.rows().max(1) as f64)
+                        .sqrt()
+                        .max(1.0)
+            }
         }
-        let rows = self
-            .observations
-            .iter()
-            .map(|each| each.reading.kind().rows());
-        (now.equations.square / rows.sum::<usize>().max(1) as f64)
-            .sqrt()
-            .max(1.0)
+    }
+
+    /// The number of scalar readings.
+    fn rows(&self) -> usize {
+        let readings = self.observations.iter();
+        readings.map(|each| each.reading.kind().rows()).sum()
     }
 
     const fn fast_steps(&self) -> usize {
         match self.haste {
             Haste::None => NEARLY_LINEAR,
-            Haste::Near | Haste::Residuals => NEAR,
+            _ => NEAR,
         }
     }
 
-    /// Where steps that hardly become shorter lead to: residuals that the model cannot explain bend the sum of squares otherwise
-    /// than its linear model, and each step leaves the same share of the way. From two steps that share, and where the way ends,
-    /// is known (Anderson's acceleration of depth one). None where the steps become shorter by themselves, or that is no
-    /// better.
-    fn led_further(
+    /// Whether the smallest sum of squares that the linear model promises is one that no noise makes, by far, and was the same
+    /// a step before.
+    fn is_hopeless(&self, before: &StepBefore, now: &Solved) -> bool {
+        if self.haste != Haste::Plausibility {
+            return false;
+        }
+        let promised = now.promised();
+        let is_said_again = (promised - before.promised).abs() <= SAID_AGAIN * promised;
+        let spare = self.rows().saturating_sub(self.basis.ncols());
+        let chance = ChiSquared::new(spare as f64).map(|chi| chi.sf(HOPELESS * promised));
+        is_said_again && chance == Ok(0.0)
+    }
+
+    /// How the residuals bend the sum of squares otherwise than the linear model, as far as known, corrected by how the gradient
+    /// changed along a step: the symmetric change of rank one that agrees with it. Readings that the model explains badly
+    /// make that matter. What was learnt far away is forgotten where it would make the sum of squares a saddle.
+    fn learnt(
         &self,
         before: &StepBefore,
         values: &DVector<f64>,
         now: &Solved,
-    ) -> Option<(DVector<f64>, Solved)> {
-        if now.steps <= SLOW * before.steps {
-            return None;
-        }
-        let within = now.factor.solve(&now.gradient);
-        let changed = &within - &before.within;
-        let weighed = &now.information * &changed;
-        let share = weighed.dot(&within) / weighed.dot(&changed);
-        if !share.is_finite() {
-            return None;
-        }
+        known: Option<DMatrix<f64>>,
+    ) -> Option<DMatrix<f64>> {
+        let size = now.gradient.len();
         let moved = (values - &before.values).component_div(&self.set.scales());
-        let further = within - (self.basis.tr_mul(&moved) + changed) * share;
-        let next = values + self.limited(&further);
+        let moved = self.basis.tr_mul(&moved);
+        let changed = &before.gradient - &now.gradient - &now.information * &moved;
+        let corrected = |mut known: DMatrix<f64>| {
+            let unknown = &changed - &known * &moved;
+            let along = unknown.dot(&moved);
+            if along.abs() > UNTAUGHT * unknown.norm() * moved.norm() {
+                known.ger(along.recip(), &unknown, &unknown, 1.0);
+            }
+            let is_sound = Cholesky::new(&now.information + &known).is_some();
+            is_sound.then_some(known)
+        };
+        (known.and_then(corrected)).or_else(|| corrected(DMatrix::zeros(size, size)))
+    }
+
+    /// A step by what is known of that, too. None where it is no better.
+    fn curved_step(
+        &self,
+        curvature: &DMatrix<f64>,
+        values: &DVector<f64>,
+        now: &Solved,
+    ) -> Option<(DVector<f64>, Solved)> {
+        let within = Cholesky::new(&now.information + curvature)?.solve(&now.gradient);
+        let next = values + self.limited(&within);
         let found = self.at(&next).ok()?;
-        (found.cost < now.cost).then_some((next, found))
+        let is_nearer = found.steps < now.steps && found.cost <= now.cost * (1.0 + ROUNDING);
+        (found.cost < now.cost || is_nearer).then_some((next, found))
     }
 
     /// The step in the parameters' units, no longer than what the model can follow.

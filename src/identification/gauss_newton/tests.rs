@@ -274,6 +274,47 @@ fn forty_five_parameters_are_recovered() {
     }
 }
 
+/// Readings that the model explains thirty times worse than their covariances say: the residuals bend the sum of squares, and
+/// steps of the linear model alone become shorter hardly, if at all.
+#[test]
+fn badly_explained_readings_take_few_steps() {
+    let (belief, set) = forty_five();
+    let mut numbers = Numbers(11);
+    let truth = changed(&mut numbers, &set, 1.0);
+    let setups = setups(&mut numbers, &belief, 300, 0.0);
+    let observations = observe(&mut numbers, &belief, &set, &truth, &setups, 30.0);
+    let fit = fit_from(&belief, &set, &observations, None, &set.prior().mean).expect("a fit");
+    assert!(fit.iterations <= 12, "{}", fit.iterations);
+    // It is the minimum: no step leads further.
+    let values = DVector::from_vec(fit.posterior.mean.clone());
+    let again = fit_from(&belief, &set, &observations, None, &values).expect("a fit");
+    assert_eq!(again.iterations, 1);
+    // And that no noise makes such residuals is clear long before.
+    let given_up = fit_if_plausible(&belief, &set, &observations).expect("a start");
+    assert!(given_up.iterations <= 4, "{}", given_up.iterations);
+    assert!(given_up.square > 100.0 * given_up.rows as f64);
+}
+
+/// Frames that are half a metre and half a radian away, and residuals that are noise: far is not hopeless.
+#[test]
+fn a_far_start_is_not_given_up() {
+    let (belief, set) = forty_five();
+    let mut numbers = Numbers(12);
+    for sizes in [1.0, 3.0, 10.0] {
+        let mut truth = changed(&mut numbers, &set, sizes);
+        for (value, parameter) in truth.iter_mut().zip(set.parameters()) {
+            if parameter.name.starts_with("base.") {
+                *value += 0.5;
+            }
+        }
+        let setups = setups(&mut numbers, &belief, 100, 0.0);
+        let observations = observe(&mut numbers, &belief, &set, &truth, &setups, 1.0);
+        let fit = fit_if_plausible(&belief, &set, &observations).expect("a fit");
+        let mean_square = fit.square / fit.degrees_of_freedom() as f64;
+        assert!((0.8..1.25).contains(&mean_square), "{sizes}: {mean_square}");
+    }
+}
+
 #[test]
 fn threads_do_not_change_the_bits() {
     let (belief, set) = forty_five();

@@ -139,10 +139,14 @@ impl LookedAt {
         match against {
             Against::Angle { joint, waves } => {
                 let phase = |each: &ReadingRows| waves as f64 * each.angles[joint];
-                vec![
-                    of(Base::Moved(joint), &|each| phase(each).cos()),
-                    of(Base::Moved(joint), &|each| phase(each).sin()),
-                ]
+                let both = self.readings.iter().map(|each| phase(each).sin_cos());
+                let (sines, cosines): (Vec<f64>, Vec<f64>) = both.unzip();
+                [cosines, sines]
+                    .map(|factors| PatternColumn {
+                        base: Base::Moved(joint),
+                        factors,
+                    })
+                    .into()
             }
             Against::Torque { joint } => {
                 let torque = |each: &ReadingRows| each.torques[joint];

@@ -22,12 +22,25 @@ use super::rows::{LookedAt, Projected};
 /// Of a column's square so much has to be left when the fit's directions are taken out: else it cannot be told from them.
 const TOLD_APART: f64 = 1e-4;
 
+/// So many candidates are tested in one piece.
+const BATCH: usize = 16;
+
 /// What each base and the residuals have in common, reading by reading.
 struct Prepared {
-    /// N x r: the base times the fit's directions.
+    /// r x N: the fit's directions times the base.
     with_fit: DMatrix<f64>,
     /// N: the base times what is left.
     with_left: DVector<f64>,
+    /// N: its square.
+    squares: Vec<f64>,
+}
+
+/// What the fit's directions and what is left have in common with a column.
+#[derive(Clone)]
+struct PreparedColumn {
+    /// r.
+    taken: DVector<f64>,
+    gradient: f64,
 }
 
 /// How strongly residuals go with something.
@@ -63,24 +76,64 @@ pub(super) fn screened(
         .map(|&base| (base, prepare(looked, projected, base)))
         .collect();
     let square = projected.square();
-    let tests: Vec<Option<Test>> = (candidates.par_iter())
-        .map(|&against| {
-            let columns = looked.columns(against);
-            let solved = SolvedPattern::new(looked, &prepared, &columns)?;
-            let spare = projected.spare.checked_sub(solved.degrees)?;
-            let statistic = statistic(&solved, square, spare, 1.0)?;
-            Some(Test {
-                against,
-                degrees: solved.degrees,
-                statistic,
-                probability: probability(statistic, [solved.degrees, spare])?,
-                explained: solved.explained,
-                coefficients: solved.coefficients,
-                design_effect: 1.0,
-            })
+    let tests: Vec<Vec<Test>> = (candidates.par_chunks(BATCH))
+        .map(|candidates| {
+            let columns: Vec<_> = (candidates.iter())
+                .map(|&against| looked.columns(against))
+                .collect();
+            let mut parts = prepared_columns(&prepared, &columns).into_iter();
+            let tests = candidates.iter().zip(&columns).map(|(&against, columns)| {
+                let parts: Vec<_> = parts.by_ref().take(columns.len()).collect();
+                let solved = SolvedPattern::new(looked, &prepared, columns, &parts)?;
+                let spare = projected.spare.checked_sub(solved.degrees)?;
+                let statistic = statistic(&solved, square, spare, 1.0)?;
+                Some(Test {
+                    against,
+                    degrees: solved.degrees,
+                    statistic,
+                    probability: probability(statistic, [solved.degrees, spare])?,
+                    explained: solved.explained,
+                    coefficients: solved.coefficients,
+                    design_effect: 1.0,
+                })
+            });
+            tests.flatten().collect()
         })
         .collect();
     tests.into_iter().flatten().collect()
+}
+
+/// The columns of some candidates, one after the other; those of one base together, which is quicker.
+fn prepared_columns(
+    prepared: &BTreeMap<Base, Prepared>,
+    candidates: &[Vec<PatternColumn>],
+) -> Vec<PreparedColumn> {
+    let columns: Vec<&PatternColumn> = candidates.iter().flatten().collect();
+    let nothing = PreparedColumn {
+        taken: DVector::zeros(0),
+        gradient: 0.0,
+    };
+    let mut parts = vec![nothing; columns.len()];
+    for (base, prepared) in prepared {
+        let places: Vec<usize> = (0..columns.len())
+            .filter(|&place| columns[place].base == *base)
+            .collect();
+        if places.is_empty() {
+            continue;
+        }
+        let factors: Vec<_> = (places.iter())
+            .map(|&place| DVector::from_column_slice(&columns[place].factors))
+            .collect();
+        let factors = DMatrix::from_columns(&factors);
+        let taken = &prepared.with_fit * &factors;
+        for (index, &place) in places.iter().enumerate() {
+            parts[place] = PreparedColumn {
+                taken: taken.column(index).into_owned(),
+                gradient: prepared.with_left.dot(&factors.column(index)),
+            };
+        }
+    }
+    parts
 }
 
 fn statistic(solved: &SolvedPattern, square: f64, spare: usize, design_effect: f64) -> Option<f64> {
@@ -97,16 +150,19 @@ fn probability(statistic: f64, [one, other]: [usize; 2]) -> Option<f64> {
 
 fn prepare(looked: &LookedAt, projected: &Projected, base: Base) -> Prepared {
     let directions = projected.basis.first().map_or(0, Matrix6xX::ncols);
-    let mut with_fit = DMatrix::zeros(looked.readings.len(), directions);
+    let mut with_fit = DMatrix::zeros(directions, looked.readings.len());
     let mut with_left = DVector::zeros(looked.readings.len());
+    let mut squares = Vec::with_capacity(looked.readings.len());
     for (index, reading) in looked.readings.iter().enumerate() {
         let column = base.of(reading);
-        with_fit.set_row(index, &projected.basis[index].tr_mul(&column).transpose());
+        with_fit.set_column(index, &projected.basis[index].tr_mul(&column));
         with_left[index] = column.dot(&projected.left[index]);
+        squares.push(column.norm_squared());
     }
     Prepared {
         with_fit,
         with_left,
+        squares,
     }
 }
 
@@ -126,28 +182,29 @@ impl SolvedPattern {
         looked: &LookedAt,
         prepared: &BTreeMap<Base, Prepared>,
         columns: &[PatternColumn],
+        parts: &[PreparedColumn],
     ) -> Option<Self> {
         let size = columns.len();
-        let parts: Option<Vec<(&PatternColumn, &Prepared)>> = (columns.iter())
-            .map(|column| Some((column, prepared.get(&column.base)?)))
-            .collect();
-        let parts = parts?;
-        let factors: Vec<DVector<f64>> = (columns.iter())
-            .map(|column| DVector::from_column_slice(&column.factors))
-            .collect();
-        let taken: Vec<DVector<f64>> = (parts.iter().zip(&factors))
-            .map(|((_, prepared), factors)| prepared.with_fit.tr_mul(factors))
-            .collect();
-        let gradient: Vec<f64> = (parts.iter().zip(&factors))
-            .map(|((_, prepared), factors)| prepared.with_left.dot(factors))
-            .collect();
-        let whole = DMatrix::from_fn(size, size, |row, column| {
-            let (one, other) = (&columns[row], &columns[column]);
-            let pairs = one.factors.iter().zip(&other.factors).zip(&looked.readings);
-            pairs
-                .map(|((a, b), reading)| a * b * one.base.of(reading).dot(&other.base.of(reading)))
-                .sum::<f64>()
-        });
+        let mut whole = DMatrix::zeros(size, size);
+        for row in 0..size {
+            for column in 0..=row {
+                let (one, other) = (&columns[row], &columns[column]);
+                let pairs = one.factors.iter().zip(&other.factors);
+                let product: f64 = if one.base == other.base {
+                    let squares = &prepared.get(&one.base)?.squares;
+                    pairs
+                        .zip(squares)
+                        .map(|((a, b), square)| a * b * square)
+                        .sum()
+                } else {
+                    let both = |reading| one.base.of(reading).dot(&other.base.of(reading));
+                    let pairs = pairs.zip(&looked.readings);
+                    pairs.map(|((a, b), reading)| a * b * both(reading)).sum()
+                };
+                whole[(row, column)] = product;
+                whole[(column, row)] = product;
+            }
+        }
         let scale = DVector::from_fn(size, |place, _| {
             let square = whole[(place, place)];
             if square > 0.0 {
@@ -157,13 +214,14 @@ impl SolvedPattern {
             }
         });
         let apart = DMatrix::from_fn(size, size, |row, column| {
-            (whole[(row, column)] - taken[row].dot(&taken[column])) * scale[row] * scale[column]
+            let taken = parts[row].taken.dot(&parts[column].taken);
+            (whole[(row, column)] - taken) * scale[row] * scale[column]
         });
         if !apart.iter().all(|value| value.is_finite()) {
             return None;
         }
         let eigen = SymmetricEigen::new(apart);
-        let scaled = DVector::from_fn(size, |place, _| gradient[place] * scale[place]);
+        let scaled = DVector::from_fn(size, |place, _| parts[place].gradient * scale[place]);
         let kept: Vec<usize> = (0..size)
             .filter(|&place| eigen.eigenvalues[place] > TOLD_APART)
             .collect();
@@ -182,6 +240,7 @@ impl SolvedPattern {
             coefficients += &combination * (share / value.sqrt());
             combinations.set_column(direction, &combination);
         }
+        let taken: Vec<_> = parts.iter().map(|part| part.taken.clone()).collect();
         Some(Self {
             degrees: kept.len(),
             explained,
@@ -198,11 +257,13 @@ pub(super) fn judged(
     projected: &Projected,
     against: Against,
 ) -> Option<(Test, Vec<Matrix6xX<f64>>)> {
-    let columns = looked.columns(against);
+    let candidates = [looked.columns(against)];
+    let [columns] = &candidates;
     let prepared: BTreeMap<Base, Prepared> = (columns.iter())
         .map(|column| (column.base, prepare(looked, projected, column.base)))
         .collect();
-    let solved = SolvedPattern::new(looked, &prepared, &columns)?;
+    let parts = prepared_columns(&prepared, &candidates);
+    let solved = SolvedPattern::new(looked, &prepared, columns, &parts)?;
     let taken = &solved.taken * &solved.combinations;
     let directions: Vec<Matrix6xX<f64>> = (looked.readings.iter().enumerate())
         .map(|(index, reading)| {
