@@ -15,6 +15,8 @@ What is checked
      all there may be PATIENCE times as many boxes.
   3. The bounds of rho_0, or of the criterion's values, follow from T, and from what mandatory experiments and earlier
      identifications tell, which is worked out here.
+  4. Of exchanges: that there is such a proof for every experiment of the plan that is not mandatory as often as it is measured,
+     with all others as they are, about the same region and the same uncertainties; and the plan's own value, in doubles.
 
 Rounding. Every operation adds ROUNDING times a bound of all that it adds up to the remainder; no operation has more
 than 200 roundings of 1.2e-16 each on the way of one term, and ROUNDING is 1e-13. Sine and cosine are NumPy's, taken
@@ -995,6 +997,13 @@ def best_value(file, total):
 
 
 def target_columns(target, parameters):
+    axes, levers = pose(target)
+    force, torque = np.array(target["wrench"][:3]), np.array(target["wrench"][3:])
+    return [levers[joint] * (levers[joint] @ force + axes[joint] @ torque) for joint in parameters]
+
+
+def pose(target):
+    """The axis of each joint, and how it moves the tool: nought for those that do not."""
     arm = Arm(target["arm"])
     frame = np.eye(3)
     number = lambda vector: np.array([each.value for each in vector])
@@ -1018,23 +1027,73 @@ def target_columns(target, parameters):
         frame = frame @ turn
         if joint + 1 == arm.tool_joints:
             tool = origin + frame @ number(arm.tool)
-    force, torque = np.array(target["wrench"][:3]), np.array(target["wrench"][3:])
-    columns = []
-    for joint in parameters:
-        if joint >= arm.tool_joints:
-            columns.append(np.zeros(3))
-            continue
-        lever = np.cross(axes[joint], tool - anchors[joint])
-        columns.append(lever * (lever @ force + axes[joint] @ torque))
-    return columns
+    moved = range(len(axes))
+    return axes, [np.cross(axes[j], tool - anchors[j]) if j < arm.tool_joints else np.zeros(3) for j in moved]
 
 
-def mandatory_share(file, unit):
+def information(file, experiments):
+    """What experiments tell of the parameters beside what is known before (1 / (rad/(N m))^2), in doubles."""
+    question, sigma = file["proof"]["question"], file["sigma_m"]
+    parameters, turns, spread = question["parameters"], question["rotation_scale_m"], question.get("spread")
+    known = file["prior_precision"]
+    total = np.zeros((len(parameters),) * 2) if known is None else np.array(known, float)
+    for experiment in experiments:
+        axes, levers = pose(dict(experiment, arm=question["arm"]))
+        force, torque = np.array(experiment["wrench"][:3]), np.array(experiment["wrench"][3:])
+        moments = [lever @ force + axis @ torque for lever, axis in zip(levers, axes)]
+        a = np.column_stack([levers[j] * moments[j] for j in parameters])
+        turned = np.column_stack([axes[j] * moments[j] for j in parameters]) * turns
+        covariance = np.eye(3)
+        if spread is not None:
+            covariance = spread["everywhere"] * np.eye(3)
+            columns = [lever * w for lever, w in zip(levers, spread["joint_return"])]
+            for name in ("turned", "shifted"):
+                follows = np.zeros((3, 3))
+                for lever, axis, k in zip(levers, axes, spread["compliance_rad_per_nm"]):
+                    by = np.cross(force, lever) + np.cross(torque, axis) if name == "turned" else np.cross(force, axis)
+                    follows += np.outer(k * lever, by)
+                columns += list((follows * spread[name]).T)
+            covariance = covariance + sum(np.outer(column, column) for column in columns)
+        told = a.T @ np.linalg.solve(covariance, a) + turned.T @ turned
+        total = total + experiment["repeats"] * told / sigma**2
+    return total
+
+
+def plan_value(file, experiments):
+    """A plan's value by the criterion, in doubles."""
+    typical, criterion = np.array(file["typical_rad_per_nm"], float), file["criterion"]
+    scaled = information(file, experiments) * np.outer(typical, typical)
+    if criterion == "test_pose":
+        rows = []
+        for target in file["targets"]:
+            c = np.column_stack(target_columns(target, file["proof"]["question"]["parameters"])) * typical
+            direction = target.get("direction")
+            rows.append(math.sqrt(target["weight"]) * (c if direction is None else np.array([direction]) @ c))
+        rows = np.vstack(rows)
+        return math.sqrt(np.trace(rows @ np.linalg.pinv(scaled, rcond=1e-13) @ rows.T))
+    values, p = np.linalg.eigvalsh(scaled), len(scaled)
+    if not values[0] > 0:
+        raise Refused("the plan does not determine all compliances")
+    base = {"o1": "d", "o3": "e"}.get(criterion, criterion)
+    of = {
+        "a": lambda: (1 / values).sum(),
+        "d": lambda: math.exp(np.log(values).sum() / p),
+        "e": lambda: values[0],
+        "g": lambda: np.diag(np.linalg.inv(scaled)).max(),
+        "o5": lambda: (values**-0.5).sum(),
+    }
+    if base not in of:
+        raise Refused("the criterion has no bound")
+    value = float(of[base]())
+    return value if base == criterion else math.sqrt(value)
+
+
+def mandatory_share(file, unit, exactly=False):
     """The number of mandatory measurements, and a bound of the sum of the derivatives of experiments that are printed as
-    these: over a box about each, under its load and any that differs little."""
+    these: over a box about each, under its load and any that differs little. Or that of just these."""
     question = file["proof"]["question"]
-    within = file["mandatory_within_rad"]
-    if not within >= math.radians(0.1):
+    within = 0.0 if exactly else file["mandatory_within_rad"]
+    if not (exactly or within >= math.radians(0.1)):
         raise Refused("experiments that are printed as the mandatory ones are left out")
     near = dict(question, region={"height_m": [None, None], "radius_m": [None, None], "elevation_sine": None, "torque_nm": None})
     arm = Arm(question["arm"])
@@ -1049,11 +1108,12 @@ def mandatory_share(file, unit):
             raise Refused("a mandatory experiment is none of this arm")
         # Each angle's range in thirds: what second order leaves is then far below the share by which provers end above.
         half = within * (1 + 1e-9) / 3
-        places = np.array(list(itertools.product((-2, 0, 2), repeat=joints))) * half
+        thirds = (0,) if exactly else (-2, 0, 2)
+        places = np.array(list(itertools.product(thirds, repeat=joints))) * half
         boxes = Boxes(np.array(angles) + places, np.full(places.shape, half * (1 + 1e-9)))
         d, _ = enclose(near, arm, dict(part, wrench=wrench), boxes)
         strongest = math.hypot(*wrench[:3]) + math.hypot(*wrench[3:])
-        printed = min(0.05 * math.sqrt(3), 1e-3 * strongest)
+        printed = 0.0 if exactly else min(0.05 * math.sqrt(3), 1e-3 * strongest)
         total += repeats * (math.sqrt(max(float(d.largest().max()), 0.0)) + printed * unit) ** 2
         count += repeats
     return count, total * (1 - 1e-9)
@@ -1071,7 +1131,7 @@ def prior_share(file):
     return float(np.einsum("ri,ij,rj->", rows, precision, rows)) * (1 - 1e-9)
 
 
-def check_bounds(file):
+def check_bounds(file, exactly=False):
     question = file["proof"]["question"]
     rows, parameters = question["rows"], question["parameters"]
     is_rho0 = file.get("criterion", "test_pose") == "test_pose"
@@ -1111,7 +1171,7 @@ def check_bounds(file):
         raise Refused("loads that are printed alike are left out")
     most = (math.sqrt(file["proof"]["largest"]) + file["printed"] * unit) ** 2
     count, derivatives = file["mandatory"]
-    least, told = mandatory_share(file, unit)
+    least, told = mandatory_share(file, unit, exactly)
     if count != least or derivatives < told:
         raise Refused("the mandatory experiments tell more than the file has it")
     prior, told = file["prior"], prior_share(file)
@@ -1145,6 +1205,62 @@ def read(text):
 
 def check(file):
     """What is proved, in lines."""
+    if "exchanges" not in file:
+        return check_bound(file)
+    lines = check_bound(file) if "proof" in file else []
+    return lines + check_exchanges(file["exchanges"], file if lines else None)
+
+
+def about(file):
+    """What two proofs must have alike to be about exchanges in the same plan."""
+    question = {key: value for key, value in file["proof"]["question"].items() if key != "rows"}
+    keys = ("criterion", "typical_rad_per_nm", "targets", "sigma_m", "prior_precision", "left_out")
+    return [question, *(file[key] for key in keys)]
+
+
+def check_exchanges(exchanges, bound):
+    """What is proved of exchanges of one measurement, in lines."""
+    plan, mandatory = exchanges["plan"], exchanges["mandatory"]
+    repeats = [experiment["repeats"] for experiment in plan]
+    counts = [*repeats, *mandatory]
+    if len(plan) != len(mandatory) or not all(isinstance(n, int) and not isinstance(n, bool) and n >= 0 for n in counts):
+        raise Refused("repeats are no numbers of measurements")
+    lines, values, places = [], [], []
+    files = [file for _, file in exchanges["proofs"]]
+    if not files:
+        raise Refused("there are no proofs of exchanges")
+    for place, file in exchanges["proofs"]:
+        if about(file) != about(files[0]):
+            raise Refused("the proofs of exchanges are about different plans")
+        rest = [dict(each, repeats=each["repeats"] - (index == place)) for index, each in enumerate(plan)]
+        if file["mandatory_experiments"] != [each for each in rest if each["repeats"] > 0]:
+            raise Refused(f"the proof for experiment {place + 1} is not beside all others of the plan")
+        lines += [f"in place of experiment {place + 1}: {line}" for line in check_bound(file, exactly=True)]
+        (best,) = [best for m, best in file["bounds"] if m == sum(repeats)]
+        places.append(place)
+        values.append(best)
+    wanted = [index for index in range(len(plan)) if repeats[index] > mandatory[index]]
+    if sorted(places) != wanted:
+        raise Refused("there is no proof for an experiment that may be exchanged")
+    criterion, value = files[0]["criterion"], plan_value(files[0], plan)
+    if exchanges["criterion"] != criterion:
+        raise Refused("the proofs of exchanges are by another criterion")
+    if bound is not None and not bound["left_out"] and about(bound) != about(files[0]):
+        raise Refused("the bound and the exchanges are about different plans")
+    if not abs(exchanges["value"] - value) <= 1e-6 * value:
+        raise Refused(f"the plan's value is {value}")
+    maximised = criterion in ("d", "e", "o1", "o3")
+    best = max(values) if maximised else min(values)
+    stated = exchanges["best"]
+    if not math.isfinite(stated) or (stated < best * (1 - 1e-12) if maximised else stated > best * (1 + 1e-12)):
+        raise Refused("what is said of all exchanges does not follow")
+    gain = max(best / value - 1 if maximised else 1 - best / value, 0.0)
+    beside = f" (mandatory: {mandatory})" if any(mandatory) else ""
+    return [*lines, f"exchanging any one measurement gains at most {100 * gain:.3f} %{beside}"]
+
+
+def check_bound(file, exactly=False):
+    """What is proved of the bound, in lines."""
     for key in ("mandatory_experiments", "mandatory_within_rad", "prior_precision"):
         if key not in file:
             raise Unknown(f"the file lacks {key}: a program of today writes it")
@@ -1173,7 +1289,7 @@ def check(file):
     for part in parts:
         given, looks = check_part(question, arm, part, threshold)
         lines.append(f"{given} boxes hold ({looks} looks)")
-    check_bounds(file)
+    check_bounds(file, exactly)
     criterion = file.get("criterion", "test_pose")
     for m, best in file["bounds"]:
         if criterion == "test_pose":

@@ -140,7 +140,7 @@ impl Budget {
         let needed = self.needed(&scenario, &points);
         let mut text = describe(&points) + &stops_helping(&points);
         let mut written = Written::default();
-        text += &self.proof.tell(&bound, &mut written)?;
+        text += &self.proof.tell(&bound, None, &mut written)?;
         match &needed {
             Some((point, minutes)) => {
                 text += &self.tell(point, *minutes);

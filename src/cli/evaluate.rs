@@ -80,23 +80,23 @@ impl Evaluate {
         let mut json = results("evaluate", &provenance, json!({ "gate": scenario.gate }));
         merge(&mut json, serde_json::to_value(&message)?);
         let mut written = Written::default();
-        let (exchanges, told_of_exchanges) = self.exchanges.prove(
+        let exchanges = self.exchanges.prove(
             &self.proof,
             &self.common,
             &STOP,
             (&scenario.task, scenario.seed),
             (self.criterion, &plan),
         )?;
-        merge(&mut json, json!({ "exchanges": exchanges }));
+        merge(&mut json, json!({ "exchanges": exchanges.json }));
         let proved = match &candidates {
             Some(candidates) => {
                 let message = CandidatesMessage::new(candidates);
                 merge(&mut json, json!({ "candidates": message }));
                 told(candidates)
             }
-            None => self.proof.tell(&bound, &mut written)?,
+            None => self.proof.tell(&bound, exchanges.file, &mut written)?,
         };
-        let text = describe(&scenario, &assessment) + &proved + &told_of_exchanges;
+        let text = describe(&scenario, &assessment) + &proved + &exchanges.text;
         let mut conditions = conditions(&scenario, &assessment);
         conditions.extend(written.conditions());
         Ok(Report {

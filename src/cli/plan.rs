@@ -356,7 +356,14 @@ impl PlanCommand {
         let mut text = tell(&timed) + &describe(&scenario, &assessment);
         text += &(left_out(&scenario.task) + "\n");
         let mut written = Written::default();
-        text += &self.proof.tell(designed.wanted_bound(), &mut written)?;
+        let exchanges = self.exchanges.prove(
+            &self.proof,
+            &self.common,
+            stop,
+            (&scenario.task, scenario.seed),
+            (self.criterion, plan),
+        )?;
+        text += &(self.proof).tell(designed.wanted_bound(), exchanges.file, &mut written)?;
         let certificate = (designed.wanted_approximate()).map(|design| &design.certificate);
         text += &rests_on(certificate, &assessment);
         text += &searched(
@@ -364,14 +371,7 @@ impl PlanCommand {
             designed.exact.agreeing,
             designed.elapsed_s,
         );
-        let (exchanges, told) = self.exchanges.prove(
-            &self.proof,
-            &self.common,
-            stop,
-            (&scenario.task, scenario.seed),
-            (self.criterion, plan),
-        )?;
-        text += &told;
+        text += &exchanges.text;
         text += &self.write(&scenario, plan, &mut written);
         let json = json!({
             "gate": scenario.gate,
@@ -379,7 +379,7 @@ impl PlanCommand {
             "criterion": self.criterion.name(),
             "minutes": minutes,
             "configurations": configurations.unwrap_or(experiments).min(experiments),
-            "exchanges": exchanges,
+            "exchanges": exchanges.json,
             "elapsed_s": designed.elapsed_s,
             "searches": designed.exact.searches,
             "searches_agreeing": designed.exact.agreeing,

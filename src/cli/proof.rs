@@ -8,11 +8,12 @@ use clap::Args;
 use elastocal::files::FileError;
 use elastocal::files::output::write_whole;
 use elastocal::plan::proof::{NoProof, ProofLimits};
-use elastocal::plan::search::{Bound, Exchanges, NoBound, ProofEffort};
+use elastocal::plan::search::{Bound, Exchanges, ExchangesFile, NoBound, ProofEffort, ProofFile};
 use elastocal::plan::{Criterion, Plan};
 use elastocal::record::exchanges::ExchangesMessage;
 use elastocal::task::Task;
 use indicatif::ProgressStyle;
+use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::Common;
@@ -61,13 +62,20 @@ impl ProofArgs {
     }
 
     /// What is proved, in words; writes the proof where that is wanted.
-    pub fn tell(&self, bound: &Bound, files: &mut Written) -> anyhow::Result<String> {
+    pub fn tell(
+        &self,
+        bound: &Bound,
+        exchanges: Option<ExchangesFile>,
+        files: &mut Written,
+    ) -> anyhow::Result<String> {
         let mut text = told(bound);
         if let Some(path) = &self.proof_out {
             let proof = bound.proof().and_then(|proof| proof.as_ref().ok()?.file());
-            let written = match proof {
-                Some(proof) => write_whole(path, &serde_json::to_vec(&proof)?),
-                None => Err(FileError::new(path, "there is no proof to write")),
+            let written = if proof.is_some() || exchanges.is_some() {
+                let both = WrittenProofs { proof, exchanges };
+                write_whole(path, &serde_json::to_vec(&both)?)
+            } else {
+                Err(FileError::new(path, "there is no proof to write"))
             };
             text += &files.told(path, written);
         }
@@ -109,17 +117,34 @@ impl ProofArgs {
     }
 }
 
+/// What a file of proofs has.
+#[derive(Serialize)]
+struct WrittenProofs {
+    #[serde(flatten)]
+    proof: Option<ProofFile>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    exchanges: Option<ExchangesFile>,
+}
+
+/// What came of proving exchanges: as JSON (null where that is not asked for), in words, and for a file.
+#[derive(Default)]
+pub struct ProvedExchanges {
+    pub json: Value,
+    pub text: String,
+    pub file: Option<ExchangesFile>,
+}
+
 /// Whether and what exchanging one measurement of a plan can gain.
 #[derive(Debug, Args)]
 pub struct ExchangeArgs {
     /// Prove that exchanging any one measurement of the plan for any other gains at most so much; each experiment has the
-    /// effort of a bound
+    /// effort of a bound, and its proof is in the file of --proof-out, too
     #[arg(long, conflicts_with = "no_proof")]
     prove_exchanges: bool,
 }
 
 impl ExchangeArgs {
-    /// What is proved of a plan, where that is asked for: as JSON (null otherwise) and in words.
+    /// What is proved of a plan, where that is asked for.
     pub fn prove(
         &self,
         proof: &ProofArgs,
@@ -127,18 +152,21 @@ impl ExchangeArgs {
         stop: &AtomicBool,
         (task, seed): (&Task, u64),
         (criterion, plan): (Criterion, &Plan),
-    ) -> anyhow::Result<(Value, String)> {
+    ) -> anyhow::Result<ProvedExchanges> {
         if !self.prove_exchanges {
-            return Ok((Value::Null, String::new()));
+            return Ok(ProvedExchanges::default());
         }
         let exchanges = proof.with_effort(common, stop, |effort| {
-            effort.map(|(effort, _)| Exchanges::prove(task, criterion, seed, plan, effort))
+            effort.map(|effort| Exchanges::prove(task, criterion, seed, plan, effort))
         });
         let Some(exchanges) = exchanges else {
-            return Ok((Value::Null, String::new()));
+            return Ok(ProvedExchanges::default());
         };
-        let json = serde_json::to_value(ExchangesMessage::new(&exchanges))?;
-        Ok((json, told_of_exchanges(&exchanges)))
+        Ok(ProvedExchanges {
+            json: serde_json::to_value(ExchangesMessage::new(&exchanges))?,
+            text: told_of_exchanges(&exchanges),
+            file: exchanges.as_ref().ok().and_then(Exchanges::file),
+        })
     }
 }
 

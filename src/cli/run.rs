@@ -97,7 +97,7 @@ impl Run {
         write_all(&scenario, &folder, main, &text, &mut written);
         views.write(&folder, self.rerun.as_ref(), &mut written)?;
         let text = summary(&folder, &outcome.tried, random_rho0_m)
-            + &self.proof.tell(&designed.bound, &mut written)?;
+            + &self.proof.tell(&designed.bound, None, &mut written)?;
         let mut conditions = outcome.conditions;
         conditions.extend(written.conditions());
         Ok(Report {

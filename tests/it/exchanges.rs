@@ -6,9 +6,11 @@ use elastocal::plan::proof::ProofLimits;
 use elastocal::plan::search::{Exchanges, NoBound, Problem, RandomPlans};
 use elastocal::plan::{Criterion, Plan};
 use elastocal::scenario::Scenario;
+use serde_json::{Value, json};
 
 use crate::planning::designed;
-use crate::support::{Workplace, project, scenario};
+use crate::proofs::{Edit, checked, python, scale};
+use crate::support::{Workplace, project, scenario, scenario_text};
 
 const LIMITS: ProofLimits<'static> = ProofLimits {
     gap: 1e-3,
@@ -18,7 +20,14 @@ const LIMITS: ProofLimits<'static> = ProofLimits {
 };
 
 fn exchanges(scenario: &Scenario, criterion: Criterion, plan: &Plan) -> Exchanges {
-    Exchanges::prove(&scenario.task, criterion, scenario.seed, plan, LIMITS).expect("a statement")
+    Exchanges::prove(
+        &scenario.task,
+        criterion,
+        scenario.seed,
+        plan,
+        (LIMITS, false),
+    )
+    .expect("a statement")
 }
 
 /// With one unknown, every measurement tells at most L^4 F^2 / sigma^2 of it (see `known_optima`), so that the best exchange
@@ -111,7 +120,13 @@ fn no_exchange_beats_what_is_proved() {
     let lacking = Plan {
         experiments: plan.experiments[1..].to_vec(),
     };
-    let error = Exchanges::prove(&scenario.task, Criterion::TestPose, 1, &lacking, LIMITS);
+    let error = Exchanges::prove(
+        &scenario.task,
+        Criterion::TestPose,
+        1,
+        &lacking,
+        (LIMITS, false),
+    );
     assert!(matches!(error, Err(NoBound::NotMandatory(_))));
 }
 
@@ -152,4 +167,94 @@ fn commands_prove_exchanges_where_asked() {
     assert!(refused.stdout.contains(reason), "{}", refused.stdout);
     let contrary = place.run(&format!("{evaluate} --no-proof --prove-exchanges"));
     assert_eq!(contrary.code, Some(2));
+}
+
+/// Exchanges by `rho_0` with more in each reading than noise, and by another criterion.
+#[test]
+fn another_program_checks_exchanges_and_refuses_what_was_tampered_with() {
+    let Some(python) = python() else { return };
+    let place = Workplace::new();
+    let text = scenario_text("planar_3r");
+    let uncertain = "[[uncertainty]]\nkind = \"joint_return\"\nstd_mrad = 0.05\n";
+    place.write("uncertain.toml", format!("{text}\n{uncertain}"));
+    let plain = project("scenarios/spatial_3r.toml");
+    for (scenario, criterion) in [
+        ("uncertain.toml".to_owned(), "test-pose"),
+        (plain.display().to_string(), "d"),
+        (plain.display().to_string(), "o5"),
+    ] {
+        let options = format!("{scenario} --criterion {criterion} --quiet");
+        let planned = place.run(&format!(
+            "plan {options} --experiments 3 --no-proof --plan-out plan.csv"
+        ));
+        assert_eq!(planned.code, Some(0), "{planned:?}");
+        let judged = place.run(&format!(
+            "evaluate {options} --plan plan.csv --prove 10% --prove-exchanges --proof-out proof.json --json"
+        ));
+        let gain = judged.json()["exchanges"]["proved_largest_gain"].as_f64();
+        let (code, text) = checked(&python, &place.path("proof.json"));
+        assert_eq!(code, Some(0), "{criterion}: {text}");
+        let gain = gain.expect("it is proved") * 100.0;
+        let told = format!("exchanging any one measurement gains at most {gain:.3} %");
+        assert!(text.contains(&told), "{criterion}: {told}: {text}");
+    }
+    let whole: Value = serde_json::from_str(&place.read("proof.json")).expect("it is JSON");
+    let tampered: [(&str, Edit); 12] = [
+        ("a proof left out", &|file| {
+            let proofs = file["exchanges"]["proofs"].as_array_mut();
+            proofs.expect("a list").pop();
+        }),
+        ("all proofs left out", &|file| {
+            file["exchanges"]["proofs"] = json!([]);
+        }),
+        ("a proof in place of another", &|file| {
+            file["exchanges"]["proofs"][0] = file["exchanges"]["proofs"][1].clone();
+        }),
+        ("a proof for another experiment", &|file| {
+            file["exchanges"]["proofs"][0][0] = json!(1);
+        }),
+        ("a smaller largest derivative", &|file| {
+            scale(
+                &mut file["exchanges"]["proofs"][0][1]["proof"]["largest"],
+                0.7,
+            );
+        }),
+        ("less gained in one place", &|file| {
+            scale(
+                &mut file["exchanges"]["proofs"][0][1]["bounds"][0][1],
+                1.001,
+            );
+        }),
+        ("less gained in all", &|file| {
+            scale(&mut file["exchanges"]["best"], 1.001);
+        }),
+        ("a worse plan", &|file| {
+            scale(&mut file["exchanges"]["value"], 0.99);
+        }),
+        ("another plan", &|file| {
+            scale(
+                &mut file["exchanges"]["plan"][0]["configuration_rad"][1],
+                0.9,
+            );
+        }),
+        ("an experiment measured twice", &|file| {
+            file["exchanges"]["plan"][0]["repeats"] = json!(2);
+        }),
+        ("less of the others", &|file| {
+            scale(&mut file["exchanges"]["proofs"][0][1]["mandatory"][1], 0.99);
+        }),
+        ("another region", &|file| {
+            let region = &mut file["exchanges"]["proofs"][0][1]["proof"]["question"]["region"];
+            scale(&mut region["height_m"][0], 1.5);
+        }),
+    ];
+    for (what, tamper) in tampered {
+        let mut file = whole.clone();
+        tamper(&mut file);
+        assert_ne!(file, whole, "{what}");
+        place.write("tampered.json", file.to_string());
+        let (code, text) = checked(&python, &place.path("tampered.json"));
+        assert_eq!(code, Some(1), "{what}: {text}");
+        assert!(text.contains("refused"), "{what}: {text}");
+    }
 }

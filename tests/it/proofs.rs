@@ -322,9 +322,9 @@ pub fn checked(python: &str, proof: &Path) -> (Option<i32>, String) {
 }
 
 /// Something that is done to a proof.
-type Edit<'a> = &'a dyn Fn(&mut Value);
+pub type Edit<'a> = &'a dyn Fn(&mut Value);
 
-fn scale(value: &mut Value, factor: f64) {
+pub fn scale(value: &mut Value, factor: f64) {
     *value = json!(value.as_f64().expect("a number") * factor);
 }
 

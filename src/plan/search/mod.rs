@@ -57,7 +57,7 @@ pub use finite::{FiniteBound, FiniteProblem};
 pub use finite_error::FiniteError;
 pub use finite_search::{FiniteDesign, FiniteEffort};
 pub use observation::MatrixEvaluator;
-pub use one_exchange::{Exchanges, OneExchange};
+pub use one_exchange::{Exchanges, ExchangesFile, OneExchange};
 pub use problem::{Effort, Problem, SearchError};
 pub use proved::{ProofEffort, ProofExperiment, ProofFile, ProvedBound, TIGHT};
 pub use sampling::{RandomPlans, median_random_rho0, random_plan};

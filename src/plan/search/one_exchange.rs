@@ -11,15 +11,34 @@
 //! is that of the approximate design of one measurement beside M0. As that may mix several experiments, the best exchange can
 //! be worse than the bound.
 
+use serde::Serialize;
+
 use super::approximate::{ApproximateDesign, approximate_design};
 use super::bound::{NoBound, PlanProof};
 use super::point::add_information;
 use super::problem::{Problem, SearchError};
-use super::proved::{Fixed, ProvedBound};
+use super::proved::{Fixed, ProofExperiment, ProofFile, ProvedBound};
 use crate::experiment::{Experiment, Plan};
 use crate::plan::Criterion;
 use crate::plan::proof::{NoProof, ProofLimits};
 use crate::task::Task;
+
+/// A proof of what exchanging one measurement of a plan can gain, with all that it takes to check it.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ExchangesFile {
+    /// The criterion's name.
+    pub criterion: &'static str,
+    /// The plan.
+    pub plan: Vec<ProofExperiment>,
+    /// How often each of its experiments is mandatory.
+    pub mandatory: Vec<u32>,
+    /// The plan's own value: a `rho_0` (m), or that of the criterion.
+    pub value: f64,
+    /// No exchange has a better value.
+    pub best: f64,
+    /// For each experiment that may be exchanged its place in the plan, and the bound beside all other measurements.
+    pub proofs: Vec<(usize, ProofFile)>,
+}
 
 /// What one of a plan's measurements can be exchanged for.
 #[derive(Debug, Clone, PartialEq)]
@@ -30,6 +49,8 @@ pub struct OneExchange {
     pub found: f64,
     /// No exchange has a better value, or why that is not proved.
     pub proof: Result<PlanProof, NoProof>,
+    /// The proof for those who want to check it, where it was recorded.
+    pub file: Option<ProofFile>,
 }
 
 /// What exchanging any one measurement of a plan can gain, by a criterion.
@@ -41,10 +62,12 @@ pub struct Exchanges {
     pub value: f64,
     /// For each experiment that is not mandatory as often as it is measured.
     pub each: Vec<OneExchange>,
+    /// The plan, and how often each of its experiments is mandatory.
+    plan: (Vec<ProofExperiment>, Vec<u32>),
 }
 
 impl Exchanges {
-    /// Proves for a plan what exchanging one measurement can gain: with an effort for each experiment.
+    /// Proves for a plan what exchanging one measurement can gain: with an effort for each experiment, recorded if wanted.
     ///
     /// # Errors
     /// The criterion has no bound, the plan lacks a mandatory experiment, or does not determine what is asked for.
@@ -53,7 +76,7 @@ impl Exchanges {
         criterion: Criterion,
         seed: u64,
         plan: &Plan,
-        effort: ProofLimits<'_>,
+        (effort, records): (ProofLimits<'_>, bool),
     ) -> Result<Self, NoBound> {
         let free =
             (plan.beside_mandatory(&task.design.mandatory)).map_err(NoBound::NotMandatory)?;
@@ -69,12 +92,36 @@ impl Exchanges {
             })?;
         let each = (free.iter().enumerate())
             .filter(|(_, repeats)| **repeats > 0)
-            .map(|(experiment, _)| one_exchange(&problem, seed, plan, experiment, effort))
+            .map(|(experiment, _)| {
+                one_exchange(&problem, seed, plan, experiment, (effort, records))
+            })
             .collect::<Result<_, SearchError>>();
         Ok(Self {
             criterion,
             value,
             each: each.map_err(NoBound::NotFound)?,
+            plan: (
+                plan.experiments.iter().map(ProofExperiment::from).collect(),
+                (plan.experiments.iter().zip(&free))
+                    .map(|(experiment, free)| experiment.repeats - free)
+                    .collect(),
+            ),
+        })
+    }
+
+    /// The proof for those who want to check it, where all of it was recorded.
+    #[must_use]
+    pub fn file(&self) -> Option<ExchangesFile> {
+        let (plan, mandatory) = self.plan.clone();
+        let proofs = self.each.iter();
+        let proofs = proofs.map(|each| Some((each.experiment, each.file.clone()?)));
+        Some(ExchangesFile {
+            criterion: self.criterion.name(),
+            plan,
+            mandatory,
+            value: self.value,
+            best: self.best()?,
+            proofs: proofs.collect::<Option<_>>()?,
         })
     }
 
@@ -119,13 +166,16 @@ fn one_exchange(
     seed: u64,
     plan: &Plan,
     experiment: usize,
-    effort: ProofLimits<'_>,
+    (effort, records): (ProofLimits<'_>, bool),
 ) -> Result<OneExchange, SearchError> {
     let rest = without(plan, experiment);
     let beside = problem.beside_plan(&rest);
     let design = approximate_design(&beside, seed)?;
-    let proof = ProvedBound::beside(&beside, &design, Fixed::AsTheyAre(&rest), effort, false);
+    let fixed = Fixed::AsTheyAre(&rest);
+    let proof = ProvedBound::beside(&beside, &design, fixed, effort, records);
+    let file = (proof.as_ref().ok()).and_then(|proof| proof.file_of([plan.measurements()]));
     Ok(OneExchange {
+        file,
         experiment,
         found: best_found(&beside, &design, &plan.experiments[experiment]),
         proof: proof.and_then(|proof| {

@@ -41,6 +41,14 @@ impl<'a> Fixed<'a> {
         let (Self::AsPrinted(plan) | Self::AsTheyAre(plan)) = self;
         plan.experiments.iter()
     }
+
+    /// By how much the angles of those that count as such may differ (rad).
+    const fn within_rad(self) -> f64 {
+        match self {
+            Self::AsPrinted(_) => WIDENED_RAD,
+            Self::AsTheyAre(_) => 0.0,
+        }
+    }
 }
 
 /// A proof that no plan of a class is better by a criterion than a number for its number of measurements.
@@ -60,6 +68,7 @@ pub struct ProvedBound {
     mandatory: (u32, f64),
     /// The experiments that these are.
     fixed: Vec<ProofExperiment>,
+    fixed_within_rad: f64,
     /// A bound of trace(B P B^T) for the precision P of what is known before any measurement.
     prior: f64,
     /// P for the question's compliances.
@@ -92,7 +101,7 @@ pub struct ProofFile {
     pub mandatory: (u32, f64),
     /// The mandatory experiments.
     pub mandatory_experiments: Vec<ProofExperiment>,
-    /// By how much the angles of those that count as such may differ from theirs (rad).
+    /// By how much the angles of those that count as such may differ from theirs (rad); 0 where these are meant as they are.
     pub mandatory_within_rad: f64,
     /// A bound of trace(B P B^T) for the precision P of what is known before any measurement.
     pub prior: f64,
@@ -206,6 +215,7 @@ impl ProvedBound {
             prior: prior(task, precision.as_deref(), &rows),
             precision,
             fixed: fixed.experiments().map(ProofExperiment::from).collect(),
+            fixed_within_rad: fixed.within_rad(),
             criterion: problem.criterion,
             targets: if aim == Aim::TestPoses {
                 targets(task)
@@ -296,6 +306,11 @@ impl ProvedBound {
     /// The proof for those who want to check it, where it was recorded.
     #[must_use]
     pub fn file(&self) -> Option<ProofFile> {
+        self.file_of(1..=12)
+    }
+
+    /// The same for these numbers of measurements.
+    pub(super) fn file_of(&self, sizes: impl IntoIterator<Item = u32>) -> Option<ProofFile> {
         let bound = |m: u32| Some((m, self.of_size(m)?));
         Some(ProofFile {
             proof: self.object.clone()?,
@@ -307,11 +322,11 @@ impl ProvedBound {
             sigma_m: self.sigma_m,
             mandatory: self.mandatory,
             mandatory_experiments: self.fixed.clone(),
-            mandatory_within_rad: WIDENED_RAD,
+            mandatory_within_rad: self.fixed_within_rad,
             prior: self.prior,
             prior_precision: self.precision.clone(),
             left_out: self.left_out.clone(),
-            bounds: (1..=12).filter_map(bound).collect(),
+            bounds: sizes.into_iter().filter_map(bound).collect(),
         })
     }
 
@@ -402,10 +417,11 @@ fn fixed_derivatives(
     question: &Question,
     fixed: Fixed<'_>,
 ) -> Result<(u32, f64), NoProof> {
-    let (plan, off_rad, gap) = match fixed {
-        Fixed::AsPrinted(plan) => (plan, WIDENED_RAD, 1e-3),
-        Fixed::AsTheyAre(plan) => (plan, 0.0, 1e-4),
+    let (plan, gap) = match fixed {
+        Fixed::AsPrinted(plan) => (plan, 1e-3),
+        Fixed::AsTheyAre(plan) => (plan, 1e-4),
     };
+    let off_rad = fixed.within_rad();
     let mut sum = 0.0;
     for experiment in &plan.experiments {
         let mut near = question.clone();
