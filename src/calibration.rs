@@ -249,8 +249,8 @@ pub fn see(
     commanded_rad: &DVector<f64>,
 ) -> Result<SeenPose, EquilibriumError> {
     let wanted = robots.machining_tool(&pose.configuration_rad, &Load::NONE)?;
-    let loaded = robots.machining_tool_at_work(&pose.configuration_rad, &pose.load)?;
-    let compensated = robots.machining_tool_at_work(commanded_rad, &pose.load)?;
+    let loaded = robots.machining_tool_at_work(&pose.configuration_rad, pose)?;
+    let compensated = robots.machining_tool_at_work(commanded_rad, pose)?;
     Ok(SeenPose {
         uncompensated_m: pose.counted(&(loaded - wanted)),
         residual_m: pose.counted(&(compensated - wanted)),

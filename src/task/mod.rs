@@ -6,7 +6,7 @@ mod extended;
 mod fingerprint;
 mod region;
 
-use nalgebra::{DMatrix, DVector, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 use crate::experiment::{Loads, Plan};
 use crate::robot::Load;
@@ -25,6 +25,9 @@ pub struct TestPose {
     pub configuration_rad: DVector<f64>,
     /// The task load `W_0`, in the world frame at the machining tool.
     pub load: Load,
+    /// The nominal axes of the machining tool (as columns, in the world frame), where the load is given in its frame: in truth it
+    /// turns with the true robot's tool.
+    pub load_axes: Option<Matrix3<f64>>,
     /// Its weight among the test poses; the weights sum to one.
     pub weight: f64,
     /// The direction n, a unit vector in the world frame, along which alone the error counts, where it is not all of it:

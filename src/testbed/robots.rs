@@ -12,7 +12,11 @@ use crate::numeric::random::normal::{LANES, fill_normals};
 use crate::numeric::random::streams::Stream;
 use crate::parameter::ParameterKind;
 use crate::robot::{EquilibriumError, Load, TrueRobot};
-use crate::task::{Belief, Instrument};
+use crate::task::{Belief, Instrument, TestPose};
+
+/// How often a load is turned with the tool: it turns by milliradians as it bends the arm, and each time leaves a thousandth of what
+/// is left.
+const TURNS: usize = 3;
 
 /// The virtual robot of one run after another.
 #[derive(Debug)]
@@ -157,16 +161,26 @@ impl TrueRobots {
     }
 
     /// Where the machining tool rests (m) if a controller commands these angles (rad), under what acts in this run where
-    /// a test pose has this load.
+    /// a test pose says what acts there. A load that is given in the tool's frame turns with this robot's tool.
     ///
     /// # Errors
     /// There is no stable equilibrium.
     pub fn machining_tool_at_work(
         &mut self,
         commanded_rad: &DVector<f64>,
-        load: &Load,
+        pose: &TestPose,
     ) -> Result<nalgebra::Vector3<f64>, EquilibriumError> {
-        let load = self.laboratory.acting_at_test_pose(load);
+        let said = self.laboratory.acting_at_test_pose(&pose.load);
+        let mut load = said;
+        for nominal in pose.load_axes.iter().cycle().take(TURNS) {
+            let commanded = (self.laboratory).commanded(commanded_rad, &load, true, None);
+            let (_, axes, _) = self.machining.rest(&commanded, &load)?;
+            let turned = axes * nominal.transpose();
+            load = Load {
+                force_n: turned * said.force_n,
+                torque_nm: turned * said.torque_nm,
+            };
+        }
         self.machining_tool(commanded_rad, &load)
     }
 

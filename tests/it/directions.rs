@@ -2,6 +2,7 @@
 
 use elastocal::plan::Assessment;
 use elastocal::scenario::Scenario;
+use elastocal::testbed::TrueRobots;
 use nalgebra::Vector3;
 use serde_json::Value;
 
@@ -65,6 +66,32 @@ fn the_tools_frame_turns_with_the_tool() {
     let apart = other.direction.expect("one") - target.direction.expect("one");
     assert!(apart.norm() < 1e-12);
     assert!((rho0_m(&tool) / rho0_m(&world) - 1.0).abs() < 1e-9);
+}
+
+/// On a virtual robot that stands turned about its first axis, a load in the tool's frame turns with the tool: all of the robot is
+/// turned, and nothing else. One in the world frame does not.
+#[test]
+fn loads_in_the_tools_frame_turn_with_the_true_tool() {
+    let list = entry(("joint_zero", "joints = [\"joint_1\"]\nstd_mrad = 200"), "");
+    let at_work = |force: &str| {
+        let scenario = loaded(&pose(force, "", &list, "robot", 64));
+        let (belief, target) = (&scenario.task.belief, &scenario.task.test_poses[0]);
+        let mut robots = TrueRobots::new(belief, &scenario.truth).expect("works");
+        let q = &target.configuration_rad;
+        let nominal = robots.machining_tool_at_work(q, target).expect("rests");
+        (robots.become_run_of(&scenario.truth, 1, 1, 3)).expect("works");
+        let seen = [
+            nominal,
+            robots.machining_tool_at_work(q, target).expect("rests"),
+        ];
+        let turned = seen[1].y.atan2(seen[1].x) - seen[0].y.atan2(seen[0].x);
+        assert!(turned.abs() > 0.01, "{turned}");
+        let of_axis = |place: &Vector3<f64>| (place.x.hypot(place.y), place.z);
+        let [one, other] = [of_axis(&seen[0]), of_axis(&seen[1])];
+        (one.0 - other.0).hypot(one.1 - other.1)
+    };
+    assert!(at_work("tool_force_n = [280, 100, -180]") < 1e-9);
+    assert!(at_work("force_n = [280, 100, -180]") > 1e-7);
 }
 
 /// What is promised along a direction is seen in studies at both levels, also where more than the noise is uncertain.

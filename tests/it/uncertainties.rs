@@ -488,7 +488,7 @@ fn wrong_entries() {
         (
             "kind = \"joint_zero\"\nstd_mm = 1",
             "uncertainty[0].joints",
-            "joint_zero",
+            "no joint is left for a joint_zero: none slides",
         ),
         (
             "kind = \"joint_zero\"\njoints = [\"joint_9\"]\nstd_mrad = 1",

@@ -86,7 +86,7 @@ fn the_drawn_force_acts_at_the_test_pose_alone() {
     let (belief, pose) = (&scenario.task.belief, &scenario.task.test_poses[0]);
     let mut robots = TrueRobots::new(belief, &scenario.truth).expect("works");
     let at = |robots: &mut TrueRobots| {
-        let rest = robots.machining_tool_at_work(&pose.configuration_rad, &pose.load);
+        let rest = robots.machining_tool_at_work(&pose.configuration_rad, pose);
         rest.expect("at rest")
     };
     let plan = table4(4);

@@ -56,6 +56,8 @@ impl Checker<'_> {
                     .clone()
                     .unwrap_or_else(|| format!("test pose {}", index + 1)),
                 load: self.test_load(&key, table, axes)?,
+                load_axes: (table.tool_force_n.is_some() || table.tool_torque_nm.is_some())
+                    .then_some(*axes),
                 direction: self.direction(&key, table, axes)?,
                 configuration_rad,
                 weight: self.number(&format!("{key}.weight"), weight, &WEIGHT)?,

@@ -413,6 +413,20 @@ impl Checker<'_> {
             };
             given(size) && drive(joint).passive_at.is_none()
         };
+        let count = belief.nominal.chain.len();
+        if table.joints.is_none() && !(0..count).any(has_size) {
+            let (moves, size, other) = if given("std_mm") {
+                ("slides", "std_mm", of_angle)
+            } else {
+                ("turns", of_angle, "std_mm")
+            };
+            let problem = format!(
+                "no joint is left for a {}: none {moves}, and {size} is the size of those that do",
+                table.kind.name()
+            );
+            let wrong = self.wrong(&format!("{key}.joints"), problem);
+            return Err(wrong.hint(format!("give {other}")));
+        }
         let is_meant = |joint: usize| table.joints.is_some() || has_size(joint);
         let joints = self.uncertain_joints(key, table, belief, &is_meant)?;
         (joints.into_iter())
