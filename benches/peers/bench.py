@@ -157,6 +157,9 @@ def main() -> None:
         print(f"{MEASURED}: SciPy", file=sys.stderr)
         make = lambda: importlib.import_module("fit_measured").beside_scipy(MEASURED, 1)
         results += skipping(MEASURED, "SciPy", make)
+        print(f"{MEASURED}: FIGAROH", file=sys.stderr)
+        make = lambda: importlib.import_module("fit_measured").beside_figaroh(MEASURED)
+        results += skipping(MEASURED, "FIGAROH", make)
     print("searches", file=sys.stderr)
     searches = [
         ("search to a certified plan", "SciPy SLSQP", "beside_scipy", (effort["limit_s"], effort["seeds"])),

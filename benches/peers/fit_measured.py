@@ -1,4 +1,4 @@
-"""A robot from 2773 absolute poses: `elastocal identify` beside SciPy's least_squares on the same rows.
+"""A robot from 2773 absolute poses: `elastocal identify` beside SciPy's least_squares and FIGAROH on the same rows.
 
 The rows are a UR10's that a laser tracker saw (series C of christianlandgraf/ipa-robot-accuracy), where they are: in the
 folder that ELASTOCAL_UR10_IPA names, or in data/ur10_ipa of a folder beside the project. Elsewhere as many rows are made up
@@ -147,14 +147,42 @@ def rows(file: Path):
     return q, of("x_mm", "y_mm", "z_mm") * 1e-3, turned
 
 
-def beside_scipy(name: str, repetitions: int) -> list[Result]:
-    elastocal, table = program(), series()
+def written(folder: str, elastocal: str) -> tuple[Path, str]:
+    """The rows as a file, and what they are."""
+    file, table = Path(folder) / "measurements.csv", series()
+    if table is None:
+        made_up(file)
+        return file, "made-up rows"
+    measured(file, table, elastocal)
+    return file, "a laser tracker's rows"
+
+
+def deviations(found: dict) -> list[float]:
+    """Of positions (m) and rotations (rad), as the fit weighed them."""
+    return [(found["misfit_mm"] or 0.02) * 1e-3, (found["misfit_mrad"] or 0.05) * 1e-3]
+
+
+def beside_figaroh(name: str) -> list[Result]:
+    """Geometry alone, by the whole workflow of either: from files to parameters."""
+    import fit_figaroh
+
+    elastocal = program()
     with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "measurements.csv"
-        if table is None:
-            made_up(file)
-        else:
-            measured(file, table, elastocal)
+        file, what = written(folder, elastocal)
+        found, elapsed = identified(elastocal, file, "geometry")
+        parameters, distance_m, peer_s = fit_figaroh.fitted(arm(), *rows(file), deviations(found), Path(folder))
+        check("mean distance", distance_m * 1e3, found["distance_mm"]["mean"], 1e-2)
+        note = (
+            f"{what}, geometry and frames: {len(found['unknowns'])} parameters leave {found['distance_mm']['mean']:.3f} mm, FIGAROH's"
+            f" {parameters} leave {1e3 * distance_m:.3f} mm; FIGAROH is told weights"
+        )
+    return [Result(name, "FIGAROH", [elapsed], [peer_s], note=note)]
+
+
+def beside_scipy(name: str, repetitions: int) -> list[Result]:
+    elastocal = program()
+    with tempfile.TemporaryDirectory() as folder:
+        file, what = written(folder, elastocal)
         found, _ = identified(elastocal, file, GROUPS)
         result = Result(name, "SciPy least_squares")
         q, position, turned = rows(file)
@@ -169,7 +197,7 @@ def beside_scipy(name: str, repetitions: int) -> list[Result]:
         tool[:3, 3] = np.array(target["position_mm"]) * 1e-3
         # Zeros of joints are rotations of the links that they move.
         fitted = [each for each in found["unknowns"] if each["standard_error"] is not None]
-        sigma = [(found["misfit_mm"] or 0.02) * 1e-3, (found["misfit_mrad"] or 0.05) * 1e-3]
+        sigma = deviations(found)
         scale = lambda each: each["nominal"] or (1e-3 if each["unit"] in ("m", "rad") else 1.0)
         names = [joint["name"] for joint in robot["joints"]]
         parameters = []
@@ -187,7 +215,6 @@ def beside_scipy(name: str, repetitions: int) -> list[Result]:
         distance_mm = np.linalg.norm(left, axis=1).mean()
         check("mean distance", distance_mm, found["distance_mm"]["mean"], 1e-3)
         _, whole_s = identified(elastocal, file, "all")
-        what = "made-up rows" if table is None else "a laser tracker's rows"
         result.note = (
             f"{what}: {len(found['unknowns'])} parameters leave {distance_mm:.3f} mm on both sides; elastocal as a whole"
             f" process, {whole_s:.2f} s with `--parameters all`; SciPy is told frames and weights"

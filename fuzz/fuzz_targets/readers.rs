@@ -16,7 +16,7 @@ use elastocal::plan::read_plan;
 use elastocal::record::tally_file::TallyFile;
 use elastocal::scenario::Scenario;
 use elastocal::workflow::calibrated::CalibratedRobot;
-use elastocal::workflow::validate_absolute::StoredRobot;
+use elastocal::workflow::stored_robot::StoredRobot;
 use libfuzzer_sys::fuzz_target;
 
 /// The file that is read, again and again.

@@ -100,6 +100,25 @@ def test_the_loop_has_the_program_s_bits(tmp_path: Path) -> None:
 
 
 @needs_program
+def test_angles_for_absolute_targets_have_the_program_s_bits(tmp_path: Path) -> None:
+    scenario = ec.Scenario.load(PAPER)
+    measured, identified, targets = (tmp_path / name for name in ("measured.csv", "identified.json", "targets.csv"))
+    program("measure", PAPER, "--plan", TABLE4, "--measurements-out", measured)
+    program("identify", PAPER, "--measurements", measured, "--identified-out", identified)
+    found = scenario.identify(ec.Measurements.load(measured))
+    # The last one is out of reach.
+    targets.write_text("x_mm,y_mm,z_mm\n1500,100,1200\n1500,150,1200\n15000,150,1200\n")
+    angles = [tmp_path / name for name in ("program.csv", "python.csv")]
+    given = ("--identified", identified, "--targets", targets, "--angles-out", angles[0], "--frame", "base")
+    results = scenario.compensate_targets(found, targets, angles_out=angles[1], frame="base")
+    assert same(program("compensate", PAPER, *given), results)
+    assert angles[0].read_text() == angles[1].read_text()
+    assert len(results.conditions) == 1
+    with pytest.raises(ec.ElastocalError, match="instrument"):
+        scenario.compensate_targets(found, targets, frame="instrument")
+
+
+@needs_program
 def test_assessments_studies_and_budgets_have_the_program_s_bits(tmp_path: Path) -> None:
     scenario = ec.Scenario.load(QUICK)
     plan = scenario.design(no_proof=True).plan
