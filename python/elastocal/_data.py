@@ -118,7 +118,7 @@ class Plan:
         """Of the key ``plan`` of a record."""
         return cls(
             _array([each["q_deg"] for each in record]),
-            _array([each["wrench"] for each in record], 6),
+            _array([each["wrench"] or [0.0] * 6 for each in record], 6),
             np.array([each["repeats"] for each in record], dtype=np.int64),
         )
 
@@ -197,13 +197,14 @@ class Assessment:
     lower_bound_rho0_m: float | None
     #: The bound over rho0.
     efficiency: float | None
-    #: The standard error that the plan promises for each parameter (p,), rad/(N m); NaN where not determined.
+    #: The standard error that the plan promises for each parameter (p,), rad/(N m); NaN where not determined. Empty where
+    #: accuracy is absolute.
     compliance_std_rad_per_nm: Array
 
     @classmethod
     def from_results(cls, results: Results) -> Assessment:
-        """Of a record of ``evaluate`` or ``plan``."""
-        errors = [np.nan if each is None else each for each in results["compliance_std_rad_per_nm"]]
+        """Of a record of ``evaluate`` or ``plan``; of absolute readings ``results["unknowns"]`` tells all standard errors."""
+        errors = [np.nan if each is None else each for each in results.get("compliance_std_rad_per_nm", [])]
         return cls(
             results,
             _metres(results["rho0_mm"]),

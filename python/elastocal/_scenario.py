@@ -142,14 +142,19 @@ class Scenario:
 
         Further keywords are the options of ``elastocal plan``: ``configurations``, ``minutes``, ``criterion``, ``prove``,
         ``prove_time``, ``no_proof``, ``proof_out``, ``plan_out``; ``candidates``, a CSV of rows that it is chosen
-        from.
+        from; ``test_poses``, a CSV of poses in place of the scenario's; ``parameters``, groups, where accuracy is absolute.
         """
         found = self.command("plan", experiments=experiments, **given)
         return Design(**vars(Assessment.from_results(found)))
 
-    def evaluate(self, plan: Plan, **given: Any) -> Assessment:
-        """What a plan promises, and the bound that no plan of as many measurements can beat."""
-        return Assessment.from_results(self._with_plan("evaluate", plan, **given))
+    def evaluate(self, plan: Plan | FilePath, **given: Any) -> Assessment:
+        """What a plan promises, and the bound that no plan of as many measurements can beat.
+
+        Where accuracy is absolute, a plan that names targets or stations is a file's: its path, as ``plan_out`` wrote it.
+        """
+        if isinstance(plan, Plan):
+            return Assessment.from_results(self._with_plan("evaluate", plan, **given))
+        return Assessment.from_results(self.command("evaluate", plan=plan, **given))
 
     def budget(self, accuracy_um: float | None = None, up_to: int | None = None, **given: Any) -> Results:
         """How many measurements in how many configurations an accuracy (um, rms) takes."""

@@ -131,6 +131,28 @@ def test_assessments_studies_and_budgets_have_the_program_s_bits(tmp_path: Path)
     assert scenario.check(plan)["ok"] == program("check", QUICK, "--plan", tmp_path / "plan.csv")["ok"]
 
 
+@needs_program
+def test_absolute_plans_have_the_program_s_bits(tmp_path: Path) -> None:
+    text = (ROOT / "scenarios/ur10.toml").read_text(encoding="utf-8").replace("../models", str(ROOT / "models"))
+    (tmp_path / "s.toml").write_text(text.replace("[design]", '[design]\naccuracy = "absolute"'), encoding="utf-8")
+    random = np.random.default_rng(1)
+    rows = random.uniform([-170, -120, 40, -170, -170, -170], [170, -40, 120, 170, 170, 170], (60, 6))
+    names = ",".join(f"q{joint}_deg" for joint in range(1, 7))
+    lines = [",".join([*map(str, row), "spindle", "door"]) for row in rows]
+    (tmp_path / "c.csv").write_text("\n".join([f"{names},target,station", *lines]) + "\n", encoding="utf-8")
+    scenario = ec.Scenario.load(tmp_path / "s.toml")
+    given = {"parameters": ["zeros"], "candidates": tmp_path / "c.csv"}
+    design = scenario.design(experiments=10, plan_out=tmp_path / "p.csv", **given)
+    printed = program(
+        "plan", tmp_path / "s.toml", "--experiments", 10, "--parameters", "zeros", "--candidates", tmp_path / "c.csv"
+    )
+    assert same(design.results, printed)
+    assert design.results["accuracy"] == "absolute" and design.results["frame"] == "door"
+    assert design.plan.measurements == 10 and len(design.compliance_std_rad_per_nm) == 0
+    again = scenario.evaluate(tmp_path / "p.csv", **given)
+    assert again.rho0_m is not None and np.isclose(again.rho0_m, design.rho0_m, rtol=1e-6)
+
+
 def test_messages_are_those_of_the_command_line(tmp_path: Path) -> None:
     with pytest.raises(ec.ElastocalError, match="missing.toml: cannot be read"):
         ec.Scenario.load(tmp_path / "missing.toml")

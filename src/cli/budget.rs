@@ -87,7 +87,7 @@ impl Budget {
     }
 
     pub fn execute(&self) -> anyhow::Result<Report> {
-        let scenario = self.common.load()?;
+        let scenario = self.common.load_relative()?;
         let outputs = [
             ("--plot-out", self.plot_out.as_deref()),
             ("--proof-out", self.proof.out()),

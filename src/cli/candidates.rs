@@ -1,14 +1,16 @@
 //! `--candidates`: what a plan is chosen from.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use elastocal::experiment::read_candidates;
 use elastocal::files::FileError;
 use elastocal::files::roles::Roles;
 use elastocal::plan::search::Candidates;
+use elastocal::quantities::limits::MOST_NAMED;
 use elastocal::record::messages::ProvenanceMessage;
-use elastocal::task::Task;
+use elastocal::robot::Load;
+use elastocal::task::{Task, TestPose};
 use elastocal::text::wording::counted;
 
 /// What a plan is chosen from.
@@ -36,6 +38,11 @@ impl CandidateArgs {
         Ok(Some(candidates))
     }
 
+    /// The file.
+    pub fn path(&self) -> Option<&Path> {
+        self.candidates.as_deref()
+    }
+
     /// The file as one that is read.
     pub fn role<'a>(&self, roles: &'a mut Roles) -> &'a mut Roles {
         if let Some(path) = &self.candidates {
@@ -48,6 +55,79 @@ impl CandidateArgs {
     pub fn of(&self, provenance: ProvenanceMessage) -> Result<ProvenanceMessage, FileError> {
         match &self.candidates {
             Some(path) => provenance.with_input("candidates", path),
+            None => Ok(provenance),
+        }
+    }
+}
+
+/// Where the robot must be accurate, in place of the scenario's test poses.
+#[derive(Debug, Args)]
+pub struct PoseArgs {
+    /// Be accurate at these poses, of a path or a region, in place of the scenario's (CSV: joint angles, and loads at the
+    /// machining tool; without loads, that of the scenario's first test pose)
+    #[arg(long, value_name = "FILE")]
+    test_poses: Option<PathBuf>,
+}
+
+impl PoseArgs {
+    /// The file as one that is read.
+    pub fn role(&self, roles: &mut Roles) {
+        if let Some(path) = &self.test_poses {
+            roles.reads("the test poses", path);
+        }
+    }
+
+    /// Puts the poses of the file in place of a task's, where one was given.
+    pub fn replace(&self, task: &mut Task) -> Result<(), FileError> {
+        let Some(path) = &self.test_poses else {
+            return Ok(());
+        };
+        let rows = read_candidates(path, task.belief.commands())?;
+        if rows.len() > MOST_NAMED {
+            let problem = format!(
+                "found {} poses; at most {MOST_NAMED} are allowed",
+                rows.len()
+            );
+            return Err(FileError::new(path, problem));
+        }
+        let first = task.test_poses.first();
+        let load = first.map_or(Load::NONE, |pose| pose.load);
+        let turns = first.is_some_and(|pose| pose.load_axes.is_some());
+        if turns && rows.iter().any(|row| row.load.is_none()) {
+            let problem = "found no loads, and that of the scenario's first test pose is in the tool's frame, which turns with the pose";
+            let hint = "give the columns fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm";
+            return Err(FileError::new(path, problem).hint(hint));
+        }
+        let weight = (rows.len() as f64).recip();
+        let mut poses = Vec::new();
+        for row in rows {
+            let given = [
+                ("target", row.target.is_some()),
+                ("station", row.station.is_some()),
+                ("repeats", row.most.is_some()),
+                ("approach", row.approach.is_some()),
+            ];
+            if let Some((column, _)) = given.iter().find(|(_, is_given)| *is_given) {
+                let problem = format!("found the column {column:?}, which test poses do not have");
+                return Err(FileError::new(path, problem));
+            }
+            poses.push(TestPose {
+                name: format!("line {}", row.line),
+                configuration_rad: row.configuration_rad,
+                load: row.load.unwrap_or(load),
+                load_axes: None,
+                weight,
+                direction: None,
+            });
+        }
+        task.test_poses = poses;
+        Ok(())
+    }
+
+    /// The provenance of what depends on the file.
+    pub fn of(&self, provenance: ProvenanceMessage) -> Result<ProvenanceMessage, FileError> {
+        match &self.test_poses {
+            Some(path) => provenance.with_input("test_poses", path),
             None => Ok(provenance),
         }
     }

@@ -9,10 +9,12 @@ use elastocal::record::candidates::CandidatesMessage;
 use elastocal::record::json::merge;
 use elastocal::record::messages::{AssessmentMessage, ProvenanceMessage};
 use elastocal::scenario::Scenario;
+use elastocal::task::AccuracyKind;
 use elastocal::text::wording::counted;
 use serde_json::json;
 
-use super::candidates::{CandidateArgs, told};
+use super::absolute_plan::{AbsoluteWanted, UnknownArgs, refuse_options};
+use super::candidates::{CandidateArgs, PoseArgs, told};
 use super::interruption::{STOP, proceed};
 use super::proof::{ExchangeArgs, ProofArgs, leaving_out};
 use super::table::{number, table};
@@ -31,6 +33,10 @@ pub struct Evaluate {
     exchanges: ExchangeArgs,
     #[command(flatten)]
     candidates: CandidateArgs,
+    #[command(flatten)]
+    poses: PoseArgs,
+    #[command(flatten)]
+    unknown: UnknownArgs,
     /// By which criterion no plan is better than the bound that is searched and proved
     #[arg(long, value_enum, default_value_t)]
     criterion: Criterion,
@@ -49,11 +55,28 @@ impl Evaluate {
     }
 
     pub fn execute(&self) -> anyhow::Result<Report> {
-        let scenario = self.common.load()?;
+        let mut scenario = self.common.load()?;
         let mut roles = inputs(&scenario);
         let outputs = [("--proof-out", self.proof.out())];
         roles.reads("the plan", &self.plan);
+        self.poses.role(&mut roles);
         check_outputs(self.candidates.role(&mut roles), &outputs)?;
+        self.poses.replace(&mut scenario.task)?;
+        if scenario.task.design.accuracy == AccuracyKind::Absolute {
+            let given = [("--criterion", self.criterion != Criterion::TestPose)];
+            refuse_options(&scenario, &given)?;
+            refuse_options(&scenario, &self.proof.given())?;
+            refuse_options(&scenario, &self.exchanges.given())?;
+            let wanted = AbsoluteWanted {
+                common: &self.common,
+                scenario: &scenario,
+                unknown: &self.unknown,
+                candidates: self.candidates.path(),
+                poses: &self.poses,
+            };
+            return wanted.evaluate(&self.plan);
+        }
+        self.unknown.refuse(&scenario)?;
         let plan = read_plan(&self.plan, scenario.task.belief.commands())?;
         let candidates = self.candidates.read(&scenario.task)?;
         self.common.say("searching the bound that no plan can beat");
@@ -76,7 +99,7 @@ impl Evaluate {
         };
         let message = AssessmentMessage::new(&scenario, &assessment);
         let provenance = ProvenanceMessage::new(&scenario).with_input("plan", &self.plan)?;
-        let provenance = self.candidates.of(provenance)?;
+        let provenance = self.poses.of(self.candidates.of(provenance)?)?;
         let mut json = results("evaluate", &provenance, json!({ "gate": scenario.gate }));
         merge(&mut json, serde_json::to_value(&message)?);
         let mut written = Written::default();
@@ -207,6 +230,7 @@ pub fn describe(scenario: &Scenario, assessment: &Assessment) -> String {
     if let Some(quantile_m) = assessment.quantile95_m {
         text += &format!("95 % stay below {:.3} um\n", quantile_m * 1e6);
     }
+    text += "A relative accuracy: by how much the load moves the tool, wherever the unloaded robot stands.\n";
     text += &shares(assessment);
     text += &describe_criterion(assessment);
     text.push('\n');

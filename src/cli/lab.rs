@@ -42,7 +42,7 @@ pub struct Lab {
 
 impl Lab {
     pub fn execute(&self) -> anyhow::Result<Report> {
-        let scenario = self.common.load()?;
+        let scenario = self.common.load_relative()?;
         let commands = scenario.task.belief.commands();
         let plan = read_plan(&self.plan, commands.clone())?;
         let dialect = dialect(self.dialect.as_deref(), &scenario)?;

@@ -3,6 +3,7 @@
 //! Every command loads the scenario, says on stderr what it does, and ends in a [`Report`]: results
 //! for stdout as JSON or as text, and the named conditions that did not hold.
 
+mod absolute_plan;
 mod budget;
 mod candidates;
 mod check;
@@ -54,6 +55,7 @@ use elastocal::files::roles::Roles;
 use elastocal::measurement::Origin;
 use elastocal::record::json::results;
 use elastocal::scenario::Scenario;
+use elastocal::task::AccuracyKind;
 use elastocal::text::diagnostics::say;
 use elastocal::text::plain;
 use serde_json::Value;
@@ -331,6 +333,18 @@ impl Common {
     /// Loads the scenario, with the seed replaced where one is given.
     fn load(&self) -> anyhow::Result<Scenario> {
         self.load_file(self.scenario())
+    }
+
+    /// The same for a command that is about deflections alone.
+    fn load_relative(&self) -> anyhow::Result<Scenario> {
+        let scenario = self.load()?;
+        if scenario.task.design.accuracy == AccuracyKind::Absolute {
+            let problem = "is \"absolute\", and this command is about deflections";
+            let wrong = FileError::new(&scenario.path, problem).at("design.accuracy");
+            let hint = "absolute accuracy is for `plan --candidates` and `evaluate`; leave the key out for this command";
+            return Err(wrong.hint(hint).into());
+        }
+        Ok(scenario)
     }
 
     /// The scenario that was given, or the default.

@@ -18,12 +18,13 @@ use elastocal::record::candidates::CandidatesMessage;
 use elastocal::record::json::merge;
 use elastocal::record::messages::{AssessmentMessage, ProvenanceMessage, plan_messages};
 use elastocal::scenario::Scenario;
-use elastocal::task::Task;
+use elastocal::task::{AccuracyKind, Task};
 use elastocal::text::wording::counted;
 use elastocal::workflow::design::{Designed, Onlooker, Wanted, design as design_of, design_among};
 use serde_json::json;
 
-use super::candidates::{CandidateArgs, told};
+use super::absolute_plan::{AbsoluteOutputs, AbsoluteWanted, UnknownArgs, refuse_options};
+use super::candidates::{CandidateArgs, PoseArgs, told};
 use super::evaluate::{conditions, describe};
 use super::interruption::ask_search;
 use super::progress::bar;
@@ -45,6 +46,10 @@ pub struct PlanCommand {
     exchanges: ExchangeArgs,
     #[command(flatten)]
     candidates: CandidateArgs,
+    #[command(flatten)]
+    poses: PoseArgs,
+    #[command(flatten)]
+    unknown: UnknownArgs,
     /// The number m of measurements; the scenario's if not given.
     #[arg(long, value_name = "M", value_parser = clap::value_parser!(u32).range(1..=i64::from(MOST_EXPERIMENTS)))]
     experiments: Option<u32>,
@@ -221,6 +226,29 @@ impl PlanCommand {
         Ok(timed)
     }
 
+    /// A plan of absolute readings.
+    fn absolute(&self, scenario: &Scenario, sizes: [u32; 2]) -> anyhow::Result<Report> {
+        let given = [
+            ("--minutes", self.minutes.is_some()),
+            ("--criterion", self.criterion != Criterion::TestPose),
+        ];
+        refuse_options(scenario, &given)?;
+        refuse_options(scenario, &self.proof.given())?;
+        refuse_options(scenario, &self.exchanges.given())?;
+        let wanted = AbsoluteWanted {
+            common: &self.common,
+            scenario,
+            unknown: &self.unknown,
+            candidates: self.candidates.path(),
+            poses: &self.poses,
+        };
+        let outputs = AbsoluteOutputs {
+            plan: self.plan_out.as_deref(),
+            stills: self.stills_out.as_deref(),
+        };
+        wanted.design(sizes, outputs)
+    }
+
     /// A plan of candidates.
     fn among(
         &self,
@@ -273,7 +301,8 @@ impl PlanCommand {
             "bound_searches_agreeing": 0,
             "candidates": CandidatesMessage::new(candidates),
         });
-        let provenance = self.candidates.of(ProvenanceMessage::new(scenario))?;
+        let provenance = self.poses.of(ProvenanceMessage::new(scenario))?;
+        let provenance = self.candidates.of(provenance)?;
         let json = results("plan", &provenance, json);
         let mut report = reported(scenario, &assessment, designed.is_cut_short, (json, text))?;
         report.conditions.extend(written.conditions());
@@ -289,13 +318,22 @@ impl PlanCommand {
         ];
         views::needed_by("--stills-out", self.stills_out.as_ref())?;
         let mut roles = inputs(&scenario);
+        self.poses.role(&mut roles);
         check_outputs(self.candidates.role(&mut roles), &outputs)?;
+        self.poses.replace(&mut scenario.task)?;
         if let Some(experiments) = self.experiments {
             scenario.task.design.experiments = experiments;
             scenario.task.design.configurations = None;
         }
         let experiments = scenario.task.design.experiments;
         let configurations = self.configurations.or(scenario.task.design.configurations);
+        if scenario.task.design.accuracy == AccuracyKind::Absolute {
+            return self.absolute(
+                &scenario,
+                [experiments, configurations.unwrap_or(experiments)],
+            );
+        }
+        self.unknown.refuse(&scenario)?;
         if let Some(candidates) = self.candidates.read(&scenario.task)? {
             let wanted = Wanted {
                 criterion: self.criterion,
@@ -386,7 +424,8 @@ impl PlanCommand {
             "bound_searches": certificate.map_or(0, |certificate| certificate.searches),
             "bound_searches_agreeing": certificate.map_or(0, |certificate| certificate.agreeing),
         });
-        let json = results("plan", &ProvenanceMessage::new(&scenario), json);
+        let provenance = self.poses.of(ProvenanceMessage::new(&scenario))?;
+        let json = results("plan", &provenance, json);
         let mut report = reported(&scenario, &assessment, designed.is_cut_short, (json, text))?;
         report.conditions.extend(written.conditions());
         Ok(report)

@@ -56,6 +56,16 @@ impl ProofArgs {
         })
     }
 
+    /// Which of them were given.
+    pub fn given(&self) -> [(&'static str, bool); 4] {
+        [
+            ("--prove", self.prove.is_some()),
+            ("--prove-time", self.prove_time.is_some()),
+            ("--no-proof", self.no_proof),
+            ("--proof-out", self.proof_out.is_some()),
+        ]
+    }
+
     /// Where the proof is to be written.
     pub fn out(&self) -> Option<&Path> {
         self.proof_out.as_deref()
@@ -144,6 +154,11 @@ pub struct ExchangeArgs {
 }
 
 impl ExchangeArgs {
+    /// Whether it was given.
+    pub const fn given(&self) -> [(&'static str, bool); 1] {
+        [("--prove-exchanges", self.prove_exchanges)]
+    }
+
     /// What is proved of a plan, where that is asked for.
     pub fn prove(
         &self,

@@ -32,7 +32,7 @@ pub struct Replay {
 impl Replay {
     pub fn execute(&self) -> anyhow::Result<Report> {
         let common = &self.common;
-        let mut scenario = common.load()?;
+        let mut scenario = common.load_relative()?;
         let folder = common.folder(&scenario);
         let record = format!("replay_{}.json", self.run);
         let mut roles = inputs(&scenario);

@@ -57,7 +57,7 @@ impl Run {
 
     pub fn execute(&self) -> anyhow::Result<Report> {
         let common = &self.common;
-        let scenario = common.load()?;
+        let scenario = common.load_relative()?;
         let folder = self.make_folder(&scenario)?;
 
         let experiments = scenario.task.design.experiments;

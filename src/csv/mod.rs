@@ -21,6 +21,17 @@ use dialect::Decimals;
 pub use dialect::Delimiter;
 pub use raw::{RawTable, Separator};
 
+/// A word as a field; quotes within it are left out, since the reader knows none.
+#[must_use]
+pub fn quoted_word(word: &str) -> String {
+    let plain = word.replace('"', "");
+    if plain.contains([',', ';', '\t']) || plain.starts_with('#') {
+        format!("\"{plain}\"")
+    } else {
+        plain
+    }
+}
+
 /// A CSV file of numbers, read whole: its rows with their line numbers, columns found by name.
 #[derive(Debug)]
 pub struct Table<'a> {

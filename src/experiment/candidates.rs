@@ -5,8 +5,9 @@ use std::path::Path;
 use nalgebra::DVector;
 
 use super::file::{APPROACH, LOAD, approach, configuration, configuration_and_load};
-use crate::csv::{Columns, Row, Table};
+use crate::csv::{Columns, Row, Table, quoted_word};
 use crate::files::FileError;
+use crate::files::output::write_whole;
 use crate::quantities::limits::{MOST_CANDIDATES, MOST_MEASUREMENTS};
 use crate::quantities::plausible::faint_load;
 use crate::robot::{Approach, Commands, Load};
@@ -95,6 +96,53 @@ pub fn read_candidates(
         return Err(FileError::new(path, problem));
     }
     Ok(candidates)
+}
+
+/// Writes candidates, or a plan of them, whose repeats are then the most that there may be; columns that nobody needs are left
+/// out.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn write_candidates(
+    path: &Path,
+    commands: impl Into<Commands>,
+    candidates: &[Candidate],
+) -> Result<(), FileError> {
+    let commands = commands.into();
+    let has = |of: &dyn Fn(&Candidate) -> bool| candidates.iter().any(of);
+    let has_load = has(&|each| each.load.is_some());
+    let has_target = has(&|each| each.target.is_some());
+    let has_station = has(&|each| each.station.is_some());
+    let has_approach = has(&|each| each.approach.is_some());
+    let mut columns = commands.columns();
+    columns.extend(
+        LOAD.iter()
+            .filter(|_| has_load)
+            .map(|&column| column.to_owned()),
+    );
+    columns.extend([REPEATS.to_owned()]);
+    let [target, station] = PLACES.map(str::to_owned);
+    columns.extend(has_target.then_some(target));
+    columns.extend(has_station.then_some(station));
+    columns.extend(has_approach.then(|| APPROACH.to_owned()));
+    let mut text = columns.join(",") + "\n";
+    for each in candidates {
+        let mut fields: Vec<String> = (commands.numbers(each.configuration_rad.as_slice()).iter())
+            .map(ToString::to_string)
+            .collect();
+        if has_load {
+            let wrench = each.load.unwrap_or(Load::NONE).wrench();
+            fields.extend(wrench.iter().map(ToString::to_string));
+        }
+        fields.push(each.most.unwrap_or(1).to_string());
+        let word = |word: &Option<String>| quoted_word(word.as_deref().unwrap_or_default());
+        fields.extend(has_target.then(|| word(&each.target)));
+        fields.extend(has_station.then(|| word(&each.station)));
+        let side = || (each.approach.as_ref()).map_or_else(String::new, Approach::word);
+        fields.extend(has_approach.then(side));
+        text += &(fields.join(",") + "\n");
+    }
+    write_whole(path, text.as_bytes())
 }
 
 fn repeats(row: &Row<'_>) -> Result<u32, FileError> {

@@ -9,7 +9,7 @@ use nalgebra::DVector;
 
 use crate::robot::{Approach, Load};
 
-pub use candidates::{Candidate, read_candidates};
+pub use candidates::{Candidate, read_candidates, write_candidates};
 pub use file::{
     APPROACH, LOAD, approach, configuration, configuration_and_load, experiment_columns,
     experiment_fields, read_plan, write_plan,

@@ -7,6 +7,7 @@ use super::columns::{
     DEFLECTION_SIGMA, POSITION, QUATERNION, ROTATION_SIGMA, TEMPERATURE, TIME, WORDS,
     covariance_columns,
 };
+use crate::csv::quoted_word;
 use crate::experiment::LOAD;
 use crate::quantities::units::thousandths;
 use crate::robot::{Approach, Commands, Load};
@@ -64,7 +65,7 @@ pub fn absolute_table(commands: &Commands, readings: &[AbsoluteReading]) -> Stri
         }
         let said = words
             .iter()
-            .map(|&index| quoted(&word(each, index).unwrap_or_default()));
+            .map(|&index| quoted_word(&word(each, index).unwrap_or_default()));
         fields.extend(said);
         let mut push = |values: &[f64]| fields.extend(values.iter().map(ToString::to_string));
         push(each.position_m.map(thousandths).as_slice());
@@ -90,16 +91,6 @@ fn word(reading: &AbsoluteReading, index: usize) -> Option<String> {
         2 => reading.station.clone(),
         // APPROACH
         _ => reading.approach.as_ref().map(Approach::word),
-    }
-}
-
-/// A word as a field; quotes within it are left out, since the reader knows none.
-fn quoted(word: &str) -> String {
-    let plain = word.replace('"', "");
-    if plain.contains([',', ';', '\t']) || plain.starts_with('#') {
-        format!("\"{plain}\"")
-    } else {
-        plain
     }
 }
 

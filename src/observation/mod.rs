@@ -9,8 +9,9 @@
 //! What is planned is seen as [`PlannedReadings`]: by that model ([`ObservedRows`]) or in the same form closed, with
 //! gradients: where deflections alone are read of an arm without springs beside the joints' own ([`FirstOrder`]), and
 //! where compliances alone are unknown and only the instrument's noise disturbs ([`ComplianceRows`]). Tests hold the
-//! three together.
+//! three together. [`AbsoluteErrors`] are what disturbs absolute readings besides the instrument's noise.
 
+mod absolute_errors;
 mod braced;
 mod compliances;
 mod first_order;
@@ -25,6 +26,7 @@ mod sweep;
 #[cfg(test)]
 mod tests;
 
+pub use absolute_errors::AbsoluteErrors;
 pub use braced::BareArm;
 pub use compliances::{ComplianceColumns, ComplianceRows};
 pub use first_order::FirstOrder;

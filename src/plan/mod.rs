@@ -1,5 +1,6 @@
 //! Plans of experiments (D1): which configurations and loads to measure.
 
+pub mod absolute;
 mod accuracy;
 mod assessment;
 mod criterion;

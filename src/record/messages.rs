@@ -21,7 +21,7 @@ use crate::quantities::units;
 use crate::record::platform::platform;
 use crate::robot::{Commands, Load};
 use crate::scenario::Scenario;
-use crate::task::{Fingerprint, Method};
+use crate::task::{AccuracyKind, Fingerprint, Method};
 use crate::{COMMIT, VERSION};
 
 /// What a JSON file holds and in which form, so that another version can tell.
@@ -335,6 +335,9 @@ impl From<Fingerprint> for FingerprintMessage {
 /// What a plan promises; the arrays go by `parameters`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct AssessmentMessage {
+    /// What must be accurate: `relative`, how far the load moves the tool.
+    #[serde(default = "relative")]
+    pub accuracy: String,
     /// The number of measurements.
     pub experiments: u32,
     /// The names of the identified joints.
@@ -448,6 +451,10 @@ pub struct ViolationMessage {
     pub text: String,
 }
 
+fn relative() -> String {
+    AccuracyKind::Relative.name().to_owned()
+}
+
 impl AssessmentMessage {
     /// The record of an assessment.
     #[must_use]
@@ -472,6 +479,7 @@ impl AssessmentMessage {
             }
         };
         Self {
+            accuracy: relative(),
             experiments: assessment.experiments,
             parameters: scenario.task.belief.parameter_names(),
             rho0_mm: assessment.rho0_m.map(|value| value * 1e3),

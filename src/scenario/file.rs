@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use crate::gate::Gate;
 use crate::plan::Criterion;
 use crate::study::Level;
-use crate::task::Method;
+use crate::task::{AccuracyKind, Method};
 
 /// The whole file.
 #[derive(Debug, Deserialize, schemars::JsonSchema)]
@@ -430,6 +430,8 @@ impl UncertaintyTable {
 #[derive(Debug, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct DesignTable {
+    #[serde(default)]
+    pub accuracy: AccuracyKind,
     pub experiments: u32,
     pub configurations: Option<u32>,
     pub mandatory: Option<PathBuf>,

@@ -7,6 +7,7 @@ mod fingerprint;
 mod region;
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+use serde::Deserialize;
 
 use crate::experiment::{Loads, Plan};
 use crate::robot::Load;
@@ -60,9 +61,34 @@ impl TestPose {
     }
 }
 
+/// What must be accurate at the test poses.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, schemars::JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum AccuracyKind {
+    /// How far the task load moves the tool from where it stands without: the paper's accuracy. Where the unloaded robot stands is no
+    /// part of it.
+    #[default]
+    Relative,
+    /// Where the loaded tool is, in the instrument's frame: frames, geometry and elasticity together.
+    Absolute,
+}
+
+impl AccuracyKind {
+    /// Its name in scenarios and records.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Relative => "relative",
+            Self::Absolute => "absolute",
+        }
+    }
+}
+
 /// How large a plan is to be, and what it must contain.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Design {
+    /// What must be accurate.
+    pub accuracy: AccuracyKind,
     /// The number m of measurements.
     pub experiments: u32,
     /// The number of different configurations, where it is bounded.

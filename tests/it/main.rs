@@ -69,6 +69,7 @@
 //! - `bounds`: the class of plans that a bound speaks about.
 //! - `left_out`: what a proof takes for certain, by name.
 //! - `proofs`: the bound that is proved, and its proof checked by another program.
+//! - `absolute_plans`, `absolute_promises`: plans of absolute readings, and robots that keep what they promise.
 //! - `candidates`: plans that are chosen from a list, held to all plans that there are of it.
 //! - `criteria_bounds`: the bounds by other criteria than `rho_0`.
 //! - `exchanges`: what exchanging one measurement of a plan can gain.
@@ -90,6 +91,8 @@
 
 #![expect(clippy::expect_used, reason = "a test that cannot go on fails")]
 
+mod absolute_plans;
+mod absolute_promises;
 mod absolute_readings;
 mod absolute_targets;
 mod backlash;

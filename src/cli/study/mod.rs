@@ -80,7 +80,7 @@ const ROUND_S: f64 = 0.5;
 impl StudyCommand {
     pub fn execute(&self) -> anyhow::Result<Report> {
         let common = &self.common;
-        let scenario = common.load()?;
+        let scenario = common.load_relative()?;
         let folder = common.folder(&scenario);
         let file = self.rerun.as_ref().and_then(ViewerTarget::file);
         let outputs = [

@@ -141,6 +141,13 @@ pub(super) struct ToldApart {
     pub left_out: Vec<LeftOut>,
 }
 
+/// What is unknown, with the deviation of what is known of each by itself.
+struct NamedUnknowns {
+    unknowns: Vec<(ParameterKind, Option<f64>)>,
+    /// What is known besides of the first of them, a precision.
+    besides: DMatrix<f64>,
+}
+
 impl AbsoluteCase<'_> {
     /// The frames of stations and targets; how a target is turned shows in poses alone.
     pub(super) fn frame_kinds(&self) -> Vec<ParameterKind> {
@@ -171,9 +178,20 @@ impl AbsoluteCase<'_> {
         kinds
     }
 
-    /// What the belief leaves open, and of what it knows something before, or what groups name, with the frames: without
-    /// what is redundant.
-    pub(super) fn unknowns(&self, groups: &[ParameterGroup]) -> Result<ToldApart, AbsoluteError> {
+    /// What the belief leaves open, and of what it knows something before, or what groups name, with the frames: without what
+    /// neither these readings nor others that are asked about could tell from the rest.
+    ///
+    /// # Errors
+    /// A parameter that the robot cannot have.
+    pub fn unknowns_beside(
+        &self,
+        groups: &[ParameterGroup],
+        asked: &[PlannedReading],
+    ) -> Result<ParameterSet, AbsoluteError> {
+        Ok(self.told_apart(groups, asked)?.set)
+    }
+
+    fn named_unknowns(&self, groups: &[ParameterGroup]) -> NamedUnknowns {
         let named = of_all(groups, &self.arm);
         let is_loaded = self
             .observations
@@ -207,12 +225,26 @@ impl AbsoluteCase<'_> {
             let all = precision[(places[row], places[column])];
             all - own.map_or(0.0, |deviation| deviation.powi(-2))
         });
+        NamedUnknowns { unknowns, besides }
+    }
+
+    /// The same of these readings alone.
+    pub(super) fn unknowns(&self, groups: &[ParameterGroup]) -> Result<ToldApart, AbsoluteError> {
+        self.told_apart(groups, &[])
+    }
+
+    fn told_apart(
+        &self,
+        groups: &[ParameterGroup],
+        asked: &[PlannedReading],
+    ) -> Result<ToldApart, AbsoluteError> {
+        let NamedUnknowns { unknowns, besides } = self.named_unknowns(groups);
         let with = |unknowns: &[(ParameterKind, Option<f64>)], besides: &DMatrix<f64>| {
             ParameterSet::new(&self.arm, unknowns.iter().copied())
                 .map(|set| set.with_precision(besides))
         };
         let all = with(&unknowns, &besides)?;
-        let left_out = self.redundant(&all);
+        let left_out = self.redundant(&all, asked);
         let is_kept = |place: &usize| {
             left_out.iter().all(|each| each.0 != *place) && self.shows(unknowns[*place].0)
         };
@@ -220,7 +252,7 @@ impl AbsoluteCase<'_> {
         let known: Vec<usize> = kept
             .iter()
             .copied()
-            .filter(|&place| place < places.len())
+            .filter(|&place| place < besides.nrows())
             .collect();
         let besides = besides.select_rows(&known).select_columns(&known);
         let unknowns: Vec<_> = kept.iter().map(|&place| unknowns[place]).collect();
@@ -233,7 +265,7 @@ impl AbsoluteCase<'_> {
     /// The parameters of geometry, by their places in a set, that no reading of a rigid robot can tell from the others, and that no
     /// prior settles. That gravity and loads may tell some of them after all, if hardly, is left aside, so that the same is left
     /// out whatever was read.
-    fn redundant(&self, all: &ParameterSet) -> Vec<(usize, LeftOut)> {
+    fn redundant(&self, all: &ParameterSet, asked: &[PlannedReading]) -> Vec<(usize, LeftOut)> {
         let is_geometry = |kind: ParameterKind| {
             kind.is_mounted()
                 || matches!(
@@ -251,7 +283,9 @@ impl AbsoluteCase<'_> {
         rigid.compliance_rad_per_nm.fill(0.0);
         rigid.chain.elements = Elements::default();
         rigid.chain.gravity_m_s2 = Vector3::zeros();
-        let readings = self.anywhere(&self.planned());
+        let mut readings = self.planned();
+        readings.extend_from_slice(asked);
+        let readings = self.anywhere(&readings);
         let information = planned_information(&set, &rigid, &set.prior().mean, &readings);
         (Freedoms::new(&rigid, &set, &information).named.into_iter())
             .filter(|each| each.is_structural)

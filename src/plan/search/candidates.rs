@@ -115,7 +115,7 @@ impl std::fmt::Display for LeftOutCandidates {
 ///
 /// # Errors
 /// None is possible.
-fn possible_of(
+pub(in crate::plan) fn possible_of(
     task: &Task,
     all: &[(usize, Experiment)],
     may_be_unloaded: bool,

@@ -261,6 +261,16 @@ impl FiniteProblem<'_> {
         Ok(self.weigh(measurements)?.1)
     }
 
+    /// The same, and as a plan of the candidates tells it besides.
+    ///
+    /// # Errors
+    /// The candidates do not determine what is asked for.
+    pub fn bound_of(&self, plan: &[(usize, u32)]) -> Result<FiniteBound, FiniteError> {
+        let mut bound = self.best_bound(plan.iter().map(|(_, times)| times).sum())?;
+        self.bound_near(&mut bound, plan);
+        Ok(bound)
+    }
+
     /// A bound with what follows from a plan, too, where the criterion is smooth; and where candidates may be measured a few times
     /// only, from weights that know of it.
     pub(super) fn bound_near(&self, bound: &mut FiniteBound, plan: &[(usize, u32)]) {

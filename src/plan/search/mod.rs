@@ -50,6 +50,7 @@ mod worst;
 pub use approximate::{ApproximateDesign, Certificate, approximate_design};
 pub use bound::{Basis, Bound, BoundKind, Enumerated, NoBound, PlanBound, PlanProof};
 pub use budget::{BudgetPoint, budget, budget_and_proof, cheapest, repeated_configurations};
+pub(in crate::plan) use candidates::possible_of;
 pub use candidates::{CandidateError, Candidates, LeftOutCandidates};
 pub use criteria::{CriterionPlan, compare_criteria};
 pub use exact::{ExactDesign, Watch, exact_design};

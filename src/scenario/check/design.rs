@@ -62,6 +62,7 @@ impl Checker<'_> {
                 .hint("allow that load in [load] too, as one of kind = \"list\""));
         }
         Ok(Design {
+            accuracy: table.accuracy,
             experiments: table.experiments,
             configurations: table.configurations,
             mandatory,

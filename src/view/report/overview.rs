@@ -50,7 +50,7 @@ fn accuracy_card(calibration: &CalibrationMessage, assessment: &AssessmentMessag
         format!("at \u{201c}{}\u{201d} it bends by {bent}", pose.name)
     });
     let about = format!(
-        "\u{3c1}\u{2080}, the rms distance that {} between the loaded tool and its place{}. Uncompensated, {}.",
+        "\u{3c1}\u{2080}, the rms distance that {} between the loaded tool and its place{}: a relative accuracy, of what the load bends. Uncompensated, {}.",
         if assessment.rho0_shares.len() < 2 {
             "the noise of the measurements leaves"
         } else {

@@ -1,0 +1,118 @@
+//! Why there is no plan of absolute readings.
+
+use thiserror::Error;
+
+use crate::identification::AbsoluteError;
+use crate::mujoco::ModelError;
+use crate::plan::search::{CandidateError, FiniteError};
+
+/// So many names are told one by one.
+const NAMED: usize = 6;
+
+/// Some names, and how many more there are.
+fn some_of(names: &[String]) -> String {
+    let (some, rest) = names.split_at(names.len().min(NAMED));
+    let some = some.join(", ");
+    if rest.is_empty() {
+        some
+    } else {
+        format!("{some} and {} more unknowns", rest.len())
+    }
+}
+
+/// Why there is no plan of absolute readings.
+#[derive(Debug, Error)]
+pub enum AbsolutePlanError {
+    /// The candidates.
+    #[error(transparent)]
+    Candidates(#[from] CandidateError),
+    /// A target that the model does not have.
+    #[error("line {line}: target: {source}")]
+    Target {
+        /// The line of the first candidate of it.
+        line: usize,
+        /// What is wrong.
+        source: ModelError,
+    },
+    /// A target beyond the link that carries the load.
+    #[error(
+        "line {line}: the target {target:?} is carried by a joint beyond the calibration tool's, at which loads act"
+    )]
+    BeyondLoad {
+        /// The line of the candidate.
+        line: usize,
+        /// Its target.
+        target: String,
+    },
+    /// What can be read.
+    #[error(transparent)]
+    Readings(AbsoluteError),
+    /// Experiments that every plan must contain.
+    #[error("design.mandatory: plans of absolute readings have no mandatory experiments")]
+    Mandatory,
+    /// The place of the tool depends on what the candidates do not show.
+    #[error(
+        "the tool's place at the test poses depends on {}, which the candidates do not tell apart{}",
+        some_of(names),
+        unread.as_ref().map_or_else(String::new, |target| format!("; none of them reads {target}"))
+    )]
+    Undetermined {
+        /// The unknowns.
+        names: Vec<String>,
+        /// The machining tool, where no candidate reads it.
+        unread: Option<String>,
+    },
+    /// So few readings do not tell the tool's place.
+    #[error(
+        "no {readings} readings of the candidates were found that tell the tool's place at the test poses: it depends on {} besides",
+        some_of(names)
+    )]
+    TooFew {
+        /// How many.
+        readings: u32,
+        /// The unknowns.
+        names: Vec<String>,
+    },
+    /// There is no such choice.
+    #[error("{0}")]
+    Choice(#[from] FiniteError),
+}
+
+impl AbsolutePlanError {
+    /// What is wrong with candidates in these lines.
+    pub(super) fn of_lines(error: AbsoluteError, lines: &[usize]) -> Self {
+        let line = |reading: usize| lines.get(reading.wrapping_sub(1)).copied().unwrap_or(0);
+        match error {
+            AbsoluteError::Target { reading, source } => Self::Target {
+                line: line(reading),
+                source,
+            },
+            AbsoluteError::BeyondLoad { reading, target } => Self::BeyondLoad {
+                line: line(reading),
+                target,
+            },
+            other => Self::Readings(other),
+        }
+    }
+
+    /// What to do about it.
+    #[must_use]
+    pub const fn hint(&self) -> Option<&'static str> {
+        match self {
+            Self::Candidates(error) => Some(error.hint()),
+            Self::Target { .. } => Some(
+                "add the target to the scenario as a [[robot.tool]], or to the model as a site",
+            ),
+            Self::Readings(error) => error.hint(),
+            Self::Mandatory => Some(
+                "leave it out, and name readings that there are to be among the candidates of `evaluate`",
+            ),
+            Self::Undetermined { .. } => Some(
+                "give candidates in which all joints differ and whose target is the machining site, or say with [[uncertainty]] \
+                 how well joints and links are known",
+            ),
+            Self::TooFew { .. } => Some("give more --experiments, or more candidates"),
+            Self::BeyondLoad { .. } | Self::Choice(_) => None,
+        }
+    }
+}

@@ -1,0 +1,626 @@
+//! Plans of absolute readings: what they leave of the place where the loaded tool is, in the instrument's frame.
+//!
+//! Frames of stations and targets are always unknown, with what else is asked for: geometry, compliances. With the rows C of the
+//! loaded machining tool's place at the test poses by all of these, and what is known before, rho0^2 = trace(C cov C^T) is eq. 20
+//! with the whole vector: compensation takes away what is predicted, so that what is left is what the parameters' errors make.
+//!
+//! The place counts in the frame of a station. Of several, it is that where least is left: each station has a frame of its own,
+//! which only readings from there tell, so that where the instrument stands is chosen with the readings.
+
+mod error;
+mod promise;
+
+use nalgebra::{DMatrix, Matrix3xX, UnitQuaternion, Vector3};
+use rayon::prelude::*;
+
+use super::search::{
+    BoundKind, FiniteBound, FiniteDesign, FiniteEffort, FiniteError, FiniteProblem,
+    LeftOutCandidates, PlanBound, PlanProof, ToldByCandidates, Watch, possible_of,
+};
+use super::{Criterion, Experiment};
+use crate::experiment::Candidate;
+use crate::identification::{AbsoluteCase, ParameterGroup};
+use crate::measurement::AbsoluteReading;
+use crate::numeric::estimable::Estimable;
+use crate::observation::{
+    AbsoluteErrors, BareArm, PlannedReading, ReadingKind, Setup, Whitener,
+    planned_information_of_each, planned_positions,
+};
+use crate::parameter::{ParameterKind, ParameterSet, relative_precision};
+use crate::quantities::limits::MOST_EXPERIMENTS;
+use crate::robot::Load;
+use crate::task::{Belief, Task};
+
+pub use error::AbsolutePlanError;
+pub use promise::AbsolutePromise;
+
+use promise::{PlaceRows, known_after, stacked, stacked_task};
+
+/// Searches for one plan.
+const SEARCHES: usize = 12;
+/// Candidates that are looked at together.
+const TOGETHER: usize = 512;
+/// What stands for nothing known, as a share of what a plan tells on average of what it tells most of: more than costs take for
+/// singular.
+const FAINT: f64 = 1e-8;
+
+/// The readings that may be planned, by what they tell.
+#[derive(Debug)]
+pub struct AbsolutePlanning<'a> {
+    /// How many candidates there were.
+    pub offered: usize,
+    /// Those that are possible.
+    pub candidates: Vec<Candidate>,
+    /// The others, by reason.
+    pub left_out: Vec<LeftOutCandidates>,
+    case: AbsoluteCase<'a>,
+    set: ParameterSet,
+    /// What disturbs a reading of each candidate besides the instrument.
+    errors: Vec<AbsoluteErrors>,
+    poses: Vec<PlaceRows>,
+    before: DMatrix<f64>,
+}
+
+/// A plan of absolute readings.
+#[derive(Debug, Clone)]
+pub struct AbsolutePlan {
+    /// The candidates by their places, and how often each is read.
+    pub plan: Vec<(usize, u32)>,
+    /// What no plan of as many readings is below.
+    pub bound: Option<PlanBound>,
+    /// How many searches there were, and how many ended within 0.1 %.
+    pub searches: [usize; 2],
+}
+
+/// What the candidates can tell at all, and what each tells of that.
+struct Shown {
+    /// Which candidates these are, by their places.
+    places: Vec<usize>,
+    /// Directions of the unknowns (p x d).
+    basis: DMatrix<f64>,
+    told: ToldByCandidates,
+    beside: DMatrix<f64>,
+    /// C^T within these directions (d x 3 poses), in the frame of each station that determines the tool's place, by its number.
+    test_poses: Vec<(usize, DMatrix<f64>)>,
+}
+
+impl<'a> AbsolutePlanning<'a> {
+    /// For a task, the unknowns that groups name besides those of the belief, and candidates.
+    ///
+    /// # Errors
+    /// See [`AbsolutePlanError`].
+    pub fn new(
+        task: &'a Task,
+        groups: &[ParameterGroup],
+        rows: &[Candidate],
+    ) -> Result<Self, AbsolutePlanError> {
+        if !task.design.mandatory.experiments.is_empty() {
+            return Err(AbsolutePlanError::Mandatory);
+        }
+        let (candidates, left_out) = possible(task, rows)?;
+        let is_pose = task.belief.instrument.rotation_sigma_rad.is_some();
+        let readings: Vec<AbsoluteReading> = (candidates.iter())
+            .map(|candidate| reading_of(candidate, is_pose))
+            .collect();
+        let lines: Vec<usize> = candidates.iter().map(|candidate| candidate.line).collect();
+        let mut case = AbsoluteCase::placed(&task.belief, &readings)
+            .map_err(|error| AbsolutePlanError::of_lines(error, &lines))?;
+        let errors = (candidates.iter().zip(&case.observations))
+            .map(|(candidate, observation)| errors_of(&case, candidate, &observation.setup))
+            .collect();
+        let machining = &task.belief.machining_tool;
+        let known = (case.targets.iter()).position(|target| *target == machining.name);
+        let target = known.unwrap_or_else(|| {
+            // It is where the model has it on its link.
+            case.arm.tools.push(machining.clone());
+            case.arm.tools.len() - 1
+        });
+        let asked: Vec<PlannedReading> = (0..case.stations.len())
+            .map(|station| PlannedReading {
+                setup: Setup {
+                    commanded_rad: case.observations[0].setup.commanded_rad.clone(),
+                    load: Load::NONE,
+                    target,
+                    station,
+                    approach: None,
+                },
+                kind: ReadingKind::Position,
+                whitener: case.observations[0].whitener,
+            })
+            .collect();
+        let set = (case.unknowns_beside(groups, &asked))
+            .map_err(|error| AbsolutePlanError::of_lines(error, &lines))?;
+        Ok(Self {
+            poses: place_rows(task, &case, &set, target),
+            before: relative_precision(&set),
+            offered: rows.len(),
+            candidates,
+            left_out,
+            case,
+            set,
+            errors,
+        })
+    }
+
+    /// What is unknown.
+    #[must_use]
+    pub const fn set(&self) -> &ParameterSet {
+        &self.set
+    }
+
+    /// What an unknown is, in words.
+    #[must_use]
+    pub fn words(&self, unknown: usize) -> String {
+        self.set.parameters()[unknown].kind.words(&self.case.arm)
+    }
+
+    /// The names of the stations that candidates are read from; one without a name where they name none.
+    #[must_use]
+    pub fn stations(&self) -> &[Option<String>] {
+        &self.case.stations
+    }
+
+    /// The targets that candidates are read of.
+    #[must_use]
+    pub fn targets(&self) -> &[String] {
+        &self.case.targets
+    }
+
+    /// Whether an unknown is of a station or of a target that no reading of a plan is from or of.
+    #[must_use]
+    pub fn is_elsewhere(&self, unknown: usize, plan: &[(usize, u32)]) -> bool {
+        let mut setups = plan
+            .iter()
+            .map(|&(place, _)| &self.case.observations[place].setup);
+        match self.set.parameters()[unknown].kind {
+            ParameterKind::BasePosition { station, .. }
+            | ParameterKind::BaseRotation { station, .. } => {
+                setups.all(|setup| setup.station != station)
+            }
+            ParameterKind::ToolPosition { tool, .. } | ParameterKind::ToolRotation { tool, .. } => {
+                setups.all(|setup| setup.target != tool)
+            }
+            _ => false,
+        }
+    }
+
+    /// What a promise takes for certain although the scenario says that it is not, or although nobody reads it, in words.
+    #[must_use]
+    pub fn taken_for_certain(&self) -> Vec<String> {
+        let mut words = Vec::new();
+        if let Some(machining) = self.unread() {
+            words.push(format!(
+                "where {machining} is on its link, which no candidate reads"
+            ));
+        }
+        if let Some(extended) = &self.case.belief.uncertain {
+            let is_drift = |place: &usize| {
+                matches!(
+                    extended.set().parameters()[*place].kind,
+                    ParameterKind::Drift { .. }
+                )
+            };
+            let drifts = extended.shared().iter();
+            words.extend(
+                drifts
+                    .filter(|(_, places)| places.iter().any(is_drift))
+                    .map(|(name, _)| format!("{name}, which is told of deflections")),
+            );
+        }
+        words
+    }
+
+    /// The machining tool, where no candidate reads it.
+    fn unread(&self) -> Option<&str> {
+        let machining = &self.case.belief.machining_tool.name;
+        (!self.case.targets.contains(machining)).then_some(machining)
+    }
+
+    /// The reading of a candidate, as the mean of so many.
+    fn reading(&self, place: usize, times: u32) -> PlannedReading {
+        let observation = &self.case.observations[place];
+        let covariance = self.errors[place].of_mean(&self.case.covariances[place], times);
+        let mut planned = observation.planned();
+        if let Some(whitener) = Whitener::of_covariance(&covariance) {
+            planned.whitener = whitener;
+        }
+        planned
+    }
+
+    /// What readings tell (p x p each, in typical sizes).
+    fn told_of(&self, readings: &[PlannedReading]) -> Vec<DMatrix<f64>> {
+        let mean = &self.set.prior().mean;
+        planned_information_of_each(&self.set, &self.case.arm, mean, readings)
+    }
+
+    /// Some candidates by what they tell of what they can tell at all.
+    fn shown(&self, places: Vec<usize>) -> Result<Shown, AbsolutePlanError> {
+        let told_of = |places: &[usize]| {
+            let readings: Vec<PlannedReading> =
+                places.iter().map(|&place| self.reading(place, 1)).collect();
+            self.told_of(&readings)
+        };
+        let mut information = self.before.clone();
+        for some in places.chunks(TOGETHER) {
+            for told in told_of(some) {
+                information += told;
+            }
+        }
+        let estimable = Estimable::new(&information, &vec![1.0; self.set.len()]);
+        let rows: Vec<DMatrix<f64>> = (0..self.case.stations.len())
+            .map(|station| stacked(&self.poses, station))
+            .collect();
+        let missing: Vec<Vec<usize>> = rows
+            .iter()
+            .map(|rows| estimable.missing(rows, 0.0))
+            .collect();
+        if let Some(fewest) = missing.iter().min_by_key(|missing| missing.len())
+            && !fewest.is_empty()
+        {
+            let name = |&index: &usize| self.set.parameters()[index].name.clone();
+            return Err(AbsolutePlanError::Undetermined {
+                names: fewest.iter().map(name).collect(),
+                unread: self.unread().map(str::to_owned),
+            });
+        }
+        let basis = estimable.basis();
+        let within = |matrix: &DMatrix<f64>| basis.tr_mul(matrix) * basis;
+        let mut told = ToldByCandidates::new(basis.ncols());
+        for some in places.chunks(TOGETHER) {
+            let reduced: Vec<DMatrix<f64>> = told_of(some).par_iter().map(within).collect();
+            for information in &reduced {
+                told.push(information);
+            }
+        }
+        let determined =
+            (rows.iter().zip(&missing).enumerate()).filter(|(_, (_, missing))| missing.is_empty());
+        Ok(Shown {
+            beside: within(&self.before),
+            test_poses: determined
+                .map(|(station, (rows, _))| (station, basis.tr_mul(&rows.transpose())))
+                .collect(),
+            basis: basis.clone(),
+            told,
+            places,
+        })
+    }
+
+    /// Does something with these candidates, of which so many are measured, where the tool's place counts in one frame.
+    ///
+    /// The best plans leave undetermined what the tool's place does not need, such as the frames of other stations. A faint
+    /// knowledge of everything keeps the costs finite; it can only lower them, so that bounds hold.
+    fn with_problem<T>(
+        &self,
+        shown: &Shown,
+        test_poses: &DMatrix<f64>,
+        measurements: u32,
+        work: impl FnOnce(&FiniteProblem<'_>) -> T,
+    ) -> T {
+        let repeated = |index: usize, times: u32| {
+            let reading = self.reading(shown.places[index], times);
+            let told = self.told_of(&[reading]).pop();
+            let told = told.unwrap_or_else(|| DMatrix::zeros(self.set.len(), self.set.len()));
+            shown.basis.tr_mul(&told) * &shown.basis
+        };
+        let is_shared = self.errors.iter().any(|errors| !errors.is_new_each_time());
+        let faint = FAINT * f64::from(measurements) * shown.told.mean().diagonal().amax();
+        let size = shown.told.size();
+        let most = |&place: &usize| self.candidates[place].most.unwrap_or(MOST_EXPERIMENTS);
+        work(&FiniteProblem {
+            criterion: Criterion::TestPose,
+            test_poses: test_poses.clone(),
+            beside: &shown.beside + DMatrix::identity(size, size) * faint,
+            told: shown.told.clone(),
+            most: shown.places.iter().map(most).collect(),
+            repeated: is_shared.then_some(&repeated),
+        })
+    }
+
+    /// All candidates.
+    fn places(&self) -> Vec<usize> {
+        (0..self.candidates.len()).collect()
+    }
+
+    /// The best plan of so many readings, of so many different candidates.
+    ///
+    /// # Errors
+    /// The candidates do not determine the tool's place, or allow fewer readings.
+    pub fn design(
+        &self,
+        [measurements, configurations]: [u32; 2],
+        seed: u64,
+        watch: Watch<'_>,
+    ) -> Result<AbsolutePlan, AbsolutePlanError> {
+        let effort = FiniteEffort {
+            measurements,
+            configurations,
+            searches: SEARCHES,
+            seed,
+        };
+        let shown = self.shown(self.places())?;
+        let frames = shown.test_poses.len();
+        let in_frame = |(frame, (station, test_poses)): (usize, &(usize, DMatrix<f64>))| {
+            let progress = |done: usize, all: usize, cost: f64| {
+                (watch.progress)(frame * all + done, frames * all, cost);
+            };
+            let here = Watch {
+                stop: watch.stop,
+                progress: &progress,
+            };
+            self.with_problem(&shown, test_poses, measurements, |problem| {
+                let found = self.search(problem, *station, effort, here);
+                // Where no plan was found, others have a bound there none the less.
+                let bound = match &found {
+                    Ok(design) => Some(design.bound.clone()),
+                    Err(_) => problem.best_bound(measurements).ok(),
+                };
+                (found, bound)
+            })
+        };
+        let found = shown.test_poses.iter().enumerate().map(in_frame);
+        let (designs, bounds): (
+            Vec<Result<FiniteDesign, FiniteError>>,
+            Vec<Option<FiniteBound>>,
+        ) = found.unzip();
+        let best = designs
+            .into_iter()
+            .reduce(|one, other| match (&one, &other) {
+                (Ok(best), Ok(design)) if design.cost < best.cost => other,
+                (Err(_), Ok(_)) => other,
+                _ => one,
+            });
+        let Some(best) = best.transpose()? else {
+            return Err(AbsolutePlanError::Undetermined {
+                names: Vec::new(),
+                unread: None,
+            });
+        };
+        if let Err(names) = self.promise(&best.plan).left {
+            return Err(AbsolutePlanError::TooFew {
+                readings: measurements,
+                names,
+            });
+        }
+        Ok(AbsolutePlan {
+            bound: self.bound_of(&bounds, measurements),
+            plan: best.plan,
+            searches: [best.searches, best.agreeing],
+        })
+    }
+
+    /// Searches among all candidates and, where there are several stations, among those of the one in whose frame the place counts:
+    /// few readings from elsewhere tell of themselves alone, and exchanges of one at a time hardly leave them.
+    fn search(
+        &self,
+        problem: &FiniteProblem<'_>,
+        station: usize,
+        effort: FiniteEffort,
+        watch: Watch<'_>,
+    ) -> Result<FiniteDesign, FiniteError> {
+        let found = problem.search(effort, watch);
+        let mut from_there = self.places();
+        from_there.retain(|&place| self.case.observations[place].setup.station == station);
+        if from_there.len() == self.candidates.len() {
+            return found;
+        }
+        let quietly = Watch {
+            progress: &|_, _, _| {},
+            ..watch
+        };
+        let Ok(shown) = self.shown(from_there) else {
+            return found;
+        };
+        let mut frames = shown.test_poses.iter();
+        let Some((_, test_poses)) = frames.find(|frame| frame.0 == station) else {
+            return found;
+        };
+        let measurements = effort.measurements;
+        let searched = self.with_problem(&shown, test_poses, measurements, |there| {
+            there.search(effort, quietly)
+        });
+        let Ok(mut from_one) = searched else {
+            return found;
+        };
+        for (place, _) in &mut from_one.plan {
+            *place = shown.places[*place];
+        }
+        let another = found.as_ref().map_or(f64::INFINITY, |found| found.cost);
+        match problem.bettered(&[from_one.plan.clone()], effort, another) {
+            None => found,
+            Some((plan, cost)) => Ok(FiniteDesign {
+                bound: problem.bound_of(&plan)?,
+                plan,
+                cost,
+                ..from_one
+            }),
+        }
+    }
+
+    /// What no plan of as many readings of the candidates is below, as a plan of them tells it.
+    ///
+    /// # Errors
+    /// The candidates do not determine the tool's place.
+    pub fn bound(&self, plan: &[(usize, u32)]) -> Result<Option<PlanBound>, AbsolutePlanError> {
+        let measurements = plan.iter().map(|(_, times)| times).sum();
+        let shown = self.shown(self.places())?;
+        let in_frame = |(_, test_poses): &(usize, DMatrix<f64>)| {
+            self.with_problem(&shown, test_poses, measurements, |problem| {
+                problem.bound_of(plan).ok()
+            })
+        };
+        let bounds: Vec<Option<FiniteBound>> = shown.test_poses.iter().map(in_frame).collect();
+        Ok(self.bound_of(&bounds, measurements))
+    }
+
+    /// The lowest of the bounds in all frames; none unless there is one in each.
+    fn bound_of(&self, bounds: &[Option<FiniteBound>], measurements: u32) -> Option<PlanBound> {
+        let each = (bounds.iter()).map(|bound| bound.as_ref()?.least_cost(measurements));
+        let least = each.reduce(|one, other| Some(one?.min(other?)))??;
+        let best = (least + stacked_task(&self.poses).norm_squared()).sqrt();
+        Some(PlanBound {
+            best,
+            kind: BoundKind::Proved,
+            proof: Some(PlanProof {
+                best,
+                gap: 0.0,
+                boxes: self.candidates.len() as u64,
+                left_out: Vec::new(),
+            }),
+        })
+    }
+
+    /// What a plan promises: candidates by their places, and how often each is read.
+    #[must_use]
+    pub fn promise(&self, plan: &[(usize, u32)]) -> AbsolutePromise {
+        let readings: Vec<PlannedReading> = plan
+            .iter()
+            .map(|&(place, times)| self.reading(place, times))
+            .collect();
+        let mut information = self.before.clone();
+        for told in self.told_of(&readings) {
+            information += told;
+        }
+        let posterior = known_after(&self.set, &information);
+        let count = plan.iter().map(|(_, times)| times).sum();
+        AbsolutePromise::new(posterior, &self.poses, &self.set.scales(), count)
+    }
+}
+
+/// The rows that a task allows, and why not the others.
+fn possible(
+    task: &Task,
+    rows: &[Candidate],
+) -> Result<(Vec<Candidate>, Vec<LeftOutCandidates>), AbsolutePlanError> {
+    let experiments: Vec<(usize, Experiment)> = (rows.iter())
+        .map(|row| {
+            let experiment = Experiment {
+                configuration_rad: row.configuration_rad.clone(),
+                load: row.load.unwrap_or(Load::NONE),
+                repeats: row.most.unwrap_or(MOST_EXPERIMENTS),
+                approach: row.approach.clone(),
+            };
+            (row.line, experiment)
+        })
+        .collect();
+    let (places, left_out) = possible_of(task, &experiments, true)?;
+    let candidates = places.into_iter().map(|place| rows[place].clone());
+    Ok((candidates.collect(), left_out))
+}
+
+/// A reading that a candidate would be.
+fn reading_of(candidate: &Candidate, is_pose: bool) -> AbsoluteReading {
+    AbsoluteReading {
+        configuration_rad: candidate.configuration_rad.clone(),
+        load: candidate.load.unwrap_or(Load::NONE),
+        target: candidate.target.clone(),
+        station: candidate.station.clone(),
+        state: None,
+        position_m: Vector3::zeros(),
+        rotation: is_pose.then(UnitQuaternion::identity),
+        covariance: None,
+        approach: candidate.approach.clone(),
+        time_s: None,
+        temperature_c: None,
+    }
+}
+
+/// What disturbs a reading of a candidate besides the instrument.
+fn errors_of(case: &AbsoluteCase<'_>, candidate: &Candidate, setup: &Setup) -> AbsoluteErrors {
+    let Belief {
+        nominal,
+        calibration_tool,
+        uncertain,
+        ..
+    } = case.belief;
+    let Some(extended) = uncertain else {
+        return AbsoluteErrors::NONE;
+    };
+    let arm = BareArm {
+        chain: &nominal.chain,
+        compliance_rad_per_nm: &nominal.compliance_rad_per_nm,
+        tool: &case.arm.tools[setup.target],
+    };
+    let load = candidate.load.unwrap_or(Load::NONE);
+    AbsoluteErrors::new(
+        arm,
+        candidate.configuration_rad.as_slice(),
+        (calibration_tool, &load),
+        None,
+        extended.sources().map(|(_, source)| source),
+    )
+}
+
+/// How the tool's place follows the unknowns at the test poses, in the frame of each station.
+fn place_rows(
+    task: &Task,
+    case: &AbsoluteCase<'_>,
+    set: &ParameterSet,
+    target: usize,
+) -> Vec<PlaceRows> {
+    let by_station: Vec<DMatrix<f64>> = (0..case.stations.len())
+        .map(|station| {
+            let setups: Vec<Setup> = (task.test_poses.iter())
+                .map(|pose| Setup {
+                    commanded_rad: pose.configuration_rad.clone(),
+                    load: pose.load,
+                    target,
+                    station,
+                    approach: None,
+                })
+                .collect();
+            let setups: Vec<&Setup> = setups.iter().collect();
+            let mut rows = planned_positions(set, &case.arm, &set.prior().mean, &setups);
+            for (mut column, parameter) in rows.column_iter_mut().zip(set.parameters()) {
+                // What scales the loads of the readings is not the task's.
+                if matches!(
+                    parameter.kind,
+                    ParameterKind::LoadScale | ParameterKind::LoadOffset
+                ) {
+                    column.fill(0.0);
+                }
+            }
+            rows
+        })
+        .collect();
+    (task.test_poses.iter().zip(by_task(task)).enumerate())
+        .map(|(index, (pose, by_task))| PlaceRows {
+            weight: pose.weight,
+            by_station: (by_station.iter())
+                .map(|rows| pose.counted_rows(rows.rows(3 * index, 3).into_owned()))
+                .collect(),
+            by_task: pose.counted_rows(by_task),
+        })
+        .collect()
+}
+
+/// How the tool's place follows the task's force at each test pose (3 x t, m in standard deviations).
+fn by_task(task: &Task) -> Vec<DMatrix<f64>> {
+    let nothing = || vec![DMatrix::zeros(3, 0); task.test_poses.len()];
+    let Some(extended) = &task.belief.uncertain else {
+        return nothing();
+    };
+    let parameters = extended.set().parameters();
+    let of_task: Vec<usize> = (0..parameters.len())
+        .filter(|&place| {
+            matches!(
+                parameters[place].kind,
+                ParameterKind::TaskScale | ParameterKind::TaskForce { .. }
+            )
+        })
+        .collect();
+    if of_task.is_empty() {
+        return nothing();
+    }
+    let mut readings = extended.at_test_pose(&vec![1.0; parameters.len()]);
+    let mut rows = Matrix3xX::zeros(parameters.len());
+    (task.test_poses.iter())
+        .map(|pose| {
+            readings.move_to(pose.configuration_rad.as_slice());
+            readings.uncompensated(&pose.load, &mut rows);
+            DMatrix::from_fn(3, of_task.len(), |axis, column| {
+                let place = of_task[column];
+                rows[(axis, place)] * extended.prior_deviation(place).unwrap_or(0.0)
+            })
+        })
+        .collect()
+}

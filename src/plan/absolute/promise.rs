@@ -1,0 +1,138 @@
+//! What a plan of absolute readings promises.
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::numeric::estimable::Estimable;
+use crate::numeric::posterior::Posterior;
+use crate::numeric::tolerance::length_quantile;
+use crate::parameter::ParameterSet;
+
+/// What a plan of absolute readings promises.
+#[derive(Debug, Clone)]
+pub struct AbsolutePromise {
+    /// The number of readings.
+    pub readings: u32,
+    /// The station in whose frame the tool's place counts, by its number: that which leaves least.
+    pub station: usize,
+    /// The rms distance (m) over the test poses; or the unknowns that they need and that are not determined.
+    pub left: Result<f64, Vec<String>>,
+    /// What 95 % stay below (m).
+    pub quantile95_m: Option<f64>,
+    /// The rms distance (m) at each test pose.
+    pub poses_m: Vec<Option<f64>>,
+    /// Of that distance, what the task's uncertain force makes by itself (m): no reading shows it.
+    pub task_force_m: f64,
+    /// What is known after it.
+    pub posterior: Posterior,
+}
+
+/// How the tool's place at a test pose follows what nobody knows, what counts of it.
+#[derive(Debug, Clone)]
+pub(super) struct PlaceRows {
+    /// The weight of the test pose.
+    pub weight: f64,
+    /// C (3 x p, m in typical sizes), in the frame of each station.
+    pub by_station: Vec<DMatrix<f64>>,
+    /// By the task's force (3 x t, m in standard deviations), which is off whatever is read.
+    pub by_task: DMatrix<f64>,
+}
+
+/// C of all test poses (3 m x p), each times the root of its weight, in the frame of a station.
+pub(super) fn stacked(poses: &[PlaceRows], station: usize) -> DMatrix<f64> {
+    let blocks = poses
+        .iter()
+        .map(|pose| &pose.by_station[station] * pose.weight.sqrt());
+    joined(blocks)
+}
+
+/// The same by the task's force (3 m x t).
+pub(super) fn stacked_task(poses: &[PlaceRows]) -> DMatrix<f64> {
+    joined(poses.iter().map(|pose| &pose.by_task * pose.weight.sqrt()))
+}
+
+fn joined(blocks: impl Iterator<Item = DMatrix<f64>>) -> DMatrix<f64> {
+    let blocks: Vec<DMatrix<f64>> = blocks.collect();
+    let columns = blocks.first().map_or(0, DMatrix::ncols);
+    let mut all = DMatrix::zeros(3 * blocks.len(), columns);
+    for (index, block) in blocks.iter().enumerate() {
+        all.rows_mut(3 * index, 3).copy_from(block);
+    }
+    all
+}
+
+/// What is known after readings that tell so much, with what was known before (p x p, in typical sizes).
+pub(super) fn known_after(set: &ParameterSet, information: &DMatrix<f64>) -> Posterior {
+    let estimable = Estimable::new(information, set.scales().as_slice());
+    let within = estimable.basis().tr_mul(information) * estimable.basis();
+    let size = within.nrows();
+    let inverse =
+        (within.cholesky()).map_or_else(|| DMatrix::zeros(size, size), |factor| factor.inverse());
+    let units = estimable.basis_in_units();
+    Posterior {
+        names: (set.parameters().iter())
+            .map(|each| each.name.clone())
+            .collect(),
+        mean: set.prior().mean.as_slice().to_vec(),
+        covariance: &units * inverse * units.transpose(),
+        estimable,
+    }
+}
+
+impl AbsolutePromise {
+    /// In the frame of the station where least is left.
+    pub(super) fn new(
+        posterior: Posterior,
+        poses: &[PlaceRows],
+        scales: &DVector<f64>,
+        readings: u32,
+    ) -> Self {
+        let stations = poses.first().map_or(0, |pose| pose.by_station.len());
+        let in_units = |mut rows: DMatrix<f64>| {
+            for (mut column, scale) in rows.column_iter_mut().zip(scales) {
+                column /= *scale;
+            }
+            rows
+        };
+        let left_in = |station: usize| {
+            let rows = in_units(stacked(poses, station));
+            posterior.variance_of(&rows).map(|square| (square, rows))
+        };
+        let mut best = Err(Vec::new());
+        for station in 0..stations {
+            best = match (best, left_in(station)) {
+                (Err(_), Ok((square, rows))) => Ok((station, square, rows)),
+                (Ok((_, least, _)), Ok((square, rows))) if square < least => {
+                    Ok((station, square, rows))
+                }
+                (Err(names), Err(lacking)) if names.is_empty() => Err(lacking.parameters),
+                (best, _) => best,
+            };
+        }
+        let task = stacked_task(poses);
+        let station = best.as_ref().map_or(0, |(station, ..)| *station);
+        let of_pose = |pose: &PlaceRows| {
+            let rows = in_units(pose.by_station[station].clone());
+            let square = posterior.variance_of(&rows).ok()?;
+            Some((square + pose.by_task.norm_squared()).sqrt())
+        };
+        Self {
+            readings,
+            station,
+            quantile95_m: best.as_ref().ok().and_then(|(_, _, rows)| {
+                let covariance =
+                    rows * &posterior.covariance * rows.transpose() + &task * task.transpose();
+                length_quantile(&covariance, 0.95)
+            }),
+            left: best.map(|(_, square, _)| (square + task.norm_squared()).sqrt()),
+            poses_m: poses.iter().map(of_pose).collect(),
+            task_force_m: task.norm(),
+            posterior,
+        }
+    }
+
+    /// The rms distance (m) over the test poses; none where they need what is not determined.
+    #[must_use]
+    pub fn rho0_m(&self) -> Option<f64> {
+        self.left.as_ref().ok().copied()
+    }
+}

@@ -1,0 +1,150 @@
+//! A plan of absolute readings as a record.
+
+use schemars::JsonSchema;
+use serde::Serialize;
+
+use super::candidates::{CandidatesMessage, LeftOutCandidatesMessage};
+use crate::experiment::Candidate;
+use crate::plan::absolute::{AbsolutePlanning, AbsolutePromise};
+use crate::plan::search::PlanBound;
+use crate::robot::{Commands, Load};
+use crate::task::{AccuracyKind, Task};
+
+/// What is read in a plan, and where.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub struct PlannedReadingMessage {
+    /// The commanded joint angles (deg), and lengths (mm) of joints that slide.
+    pub q_deg: Vec<f64>,
+    /// Force (N) and torque (N m) in the world frame at the calibration tool; null without a load.
+    pub wrench: Option<[f64; 6]>,
+    /// The site that is read; null for the calibration tool.
+    pub target: Option<String>,
+    /// Where the instrument stands.
+    pub station: Option<String>,
+    /// How often it is read.
+    pub repeats: u32,
+}
+
+/// How well an unknown is known afterwards.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub struct PromisedUnknownMessage {
+    /// Its name.
+    pub name: String,
+    /// What it is, in words.
+    pub what: String,
+    /// The unit of its value; "1" for a logarithm.
+    pub unit: String,
+    /// Its standard error; null where it is not determined by itself.
+    pub standard_error: Option<f64>,
+}
+
+/// How accurate the tool is at a test pose.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub struct PromisedPoseMessage {
+    /// Its name.
+    pub name: String,
+    /// The rms distance (mm); null where it needs what is not determined.
+    pub rho0_mm: Option<f64>,
+}
+
+/// What a plan of absolute readings promises.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub struct AbsolutePlanMessage {
+    /// What must be accurate: `absolute`, where the loaded tool is.
+    pub accuracy: &'static str,
+    /// The station in whose frame that counts; null where the candidates name none.
+    pub frame: Option<String>,
+    /// The number of readings.
+    pub experiments: u32,
+    /// The rms distance over the test poses (mm).
+    pub rho0_mm: Option<f64>,
+    /// What 95 % stay below (mm).
+    pub quantile95_mm: Option<f64>,
+    /// Of the distance, what the task's uncertain force makes by itself (mm), whatever is read.
+    pub task_force_mm: f64,
+    /// No plan of as many readings of the candidates is below (mm).
+    pub lower_bound_rho0_mm: Option<f64>,
+    /// What that rests on.
+    pub bound_kind: Option<&'static str>,
+    /// The bound over the promise.
+    pub efficiency: Option<f64>,
+    /// At each test pose.
+    pub test_poses: Vec<PromisedPoseMessage>,
+    /// All unknowns.
+    pub unknowns: Vec<PromisedUnknownMessage>,
+    /// The readings.
+    pub plan: Vec<PlannedReadingMessage>,
+    /// What it was chosen from, or what it was read as.
+    pub candidates: CandidatesMessage,
+    /// What the promise takes for certain although it is not, in words.
+    pub taken_for_certain: Vec<String>,
+}
+
+impl PlannedReadingMessage {
+    fn new(commands: &Commands, candidate: &Candidate, repeats: u32) -> Self {
+        let load = candidate.load.filter(|load| *load != Load::NONE);
+        Self {
+            q_deg: commands.numbers(candidate.configuration_rad.as_slice()),
+            wrench: load.map(|load| load.wrench().into()),
+            target: candidate.target.clone(),
+            station: candidate.station.clone(),
+            repeats,
+        }
+    }
+}
+
+impl AbsolutePlanMessage {
+    /// The record of a plan: candidates by their places, and how often each is read.
+    #[must_use]
+    pub fn new(
+        task: &Task,
+        planning: &AbsolutePlanning<'_>,
+        plan: &[(usize, u32)],
+        promise: &AbsolutePromise,
+        bound: Option<&PlanBound>,
+    ) -> Self {
+        let commands = task.belief.commands();
+        let unknowns = (planning.set().parameters().iter().enumerate())
+            .filter(|(index, _)| !planning.is_elsewhere(*index, plan));
+        let poses = task.test_poses.iter().zip(&promise.poses_m);
+        Self {
+            accuracy: AccuracyKind::Absolute.name(),
+            frame: planning.stations().get(promise.station).cloned().flatten(),
+            experiments: promise.readings,
+            rho0_mm: promise.rho0_m().map(|value| value * 1e3),
+            quantile95_mm: promise.quantile95_m.map(|value| value * 1e3),
+            task_force_mm: promise.task_force_m * 1e3,
+            lower_bound_rho0_mm: bound.map(|bound| bound.best * 1e3),
+            bound_kind: bound.map(|bound| bound.kind.name()),
+            efficiency: bound.and_then(|bound| Some(bound.best / promise.rho0_m()?)),
+            test_poses: poses
+                .map(|(pose, rho0_m)| PromisedPoseMessage {
+                    name: pose.name.clone(),
+                    rho0_mm: rho0_m.map(|value| value * 1e3),
+                })
+                .collect(),
+            unknowns: unknowns
+                .map(|(index, each)| PromisedUnknownMessage {
+                    name: each.name.clone(),
+                    what: planning.words(index),
+                    unit: each.unit().to_owned(),
+                    standard_error: promise.posterior.standard_error(index),
+                })
+                .collect(),
+            plan: plan
+                .iter()
+                .map(|&(place, repeats)| {
+                    PlannedReadingMessage::new(&commands, &planning.candidates[place], repeats)
+                })
+                .collect(),
+            candidates: CandidatesMessage {
+                offered: planning.offered,
+                possible: planning.candidates.len(),
+                left_out: (planning.left_out.iter())
+                    .map(LeftOutCandidatesMessage::new)
+                    .collect(),
+            },
+            taken_for_certain: planning.taken_for_certain(),
+        }
+    }
+}

@@ -1,0 +1,294 @@
+//! Plans of absolute readings: what they promise is what the one fit then knows, the best of all plans is found, and targets and
+//! stations are chosen.
+
+use std::fmt::Write as _;
+use std::sync::atomic::AtomicBool;
+
+use elastocal::experiment::Candidate;
+use elastocal::identification::{AbsoluteCase, ParameterGroup, ReadingWeights};
+use elastocal::measurement::AbsoluteReading;
+use elastocal::observation::{Form, ObservationModel, ReadingKind, Setup, planned_positions};
+use elastocal::parameter::{ElasticArm, ParameterSet};
+use elastocal::plan::absolute::{AbsolutePlanError, AbsolutePlanning};
+use elastocal::plan::search::{Watch, random_plan};
+use elastocal::robot::Load;
+use elastocal::scenario::Scenario;
+use nalgebra::{Isometry3, Matrix6xX};
+
+use crate::support::{Workplace, scenario, scenario_text};
+
+const SPINDLE: &str = "spindle";
+
+/// Random feasible rows without a load, of the machining tool and of the reflector in turn.
+fn rows(scenario: &Scenario, count: u32) -> Vec<Candidate> {
+    let plan = random_plan(&scenario.task, count, 5, 0).expect("a plan");
+    (plan.experiments.iter().enumerate())
+        .map(|(index, each)| Candidate {
+            line: index + 2,
+            configuration_rad: each.configuration_rad.clone(),
+            load: None,
+            most: Some(1),
+            target: Some(if index % 2 == 0 { SPINDLE } else { "reflector" }.to_owned()),
+            station: None,
+            approach: None,
+        })
+        .collect()
+}
+
+/// What a robot as it is believed to be, seen from its own base, gives there.
+fn readings(scenario: &Scenario, rows: &[Candidate]) -> Vec<AbsoluteReading> {
+    let belief = &scenario.task.belief;
+    let tools = vec![
+        belief.machining_tool.clone(),
+        belief.calibration_tool.clone(),
+    ];
+    let compliance = belief.nominal.compliance_rad_per_nm.clone();
+    let mut arm = ElasticArm::new(belief.nominal.chain.clone(), compliance, tools);
+    arm.instrument_from_base = vec![Isometry3::identity()];
+    let nothing = ParameterSet::empty();
+    let mut model = ObservationModel::new(&nothing, &arm, &[]);
+    let mut ignored = Matrix6xX::zeros(0);
+    rows.iter()
+        .map(|row| {
+            let setup = Setup {
+                commanded_rad: row.configuration_rad.clone(),
+                load: Load::NONE,
+                target: usize::from(row.target.as_deref() != Some(SPINDLE)),
+                station: 0,
+                approach: None,
+            };
+            let seen = model
+                .predict(Form::AtRest, &setup, ReadingKind::Position, &mut ignored)
+                .expect("stable");
+            AbsoluteReading {
+                configuration_rad: row.configuration_rad.clone(),
+                load: Load::NONE,
+                target: row.target.clone(),
+                station: None,
+                state: None,
+                position_m: seen.position_m,
+                rotation: None,
+                covariance: None,
+                approach: None,
+                time_s: None,
+                temperature_c: None,
+            }
+        })
+        .collect()
+}
+
+/// The promise is the variance of the tool's place by the covariance of the fit, whichever unknowns either leaves out.
+#[test]
+fn the_fit_knows_what_was_promised() {
+    let scenario = scenario("ur10");
+    let task = &scenario.task;
+    for (groups, count) in [
+        (&[ParameterGroup::Zeros][..], 14),
+        (&[ParameterGroup::Geometry][..], 40),
+    ] {
+        let rows = rows(&scenario, count);
+        let planning = AbsolutePlanning::new(task, groups, &rows).expect("candidates");
+        let plan: Vec<(usize, u32)> = (0..rows.len()).map(|place| (place, 1)).collect();
+        let promised_m = planning.promise(&plan).rho0_m().expect("a promise");
+        let mut case =
+            AbsoluteCase::new(&task.belief, &readings(&scenario, &rows)).expect("readings");
+        let fit = case.fit(groups, ReadingWeights::Own).expect("a fit");
+        let target = case
+            .targets
+            .iter()
+            .position(|target| target == SPINDLE)
+            .expect("it was read");
+        let setup = Setup {
+            commanded_rad: task.test_poses[0].configuration_rad.clone(),
+            load: task.test_poses[0].load,
+            target,
+            station: 0,
+            approach: None,
+        };
+        let mut place = planned_positions(&fit.set, &fit.reference, &fit.values(), &[&setup]);
+        for (mut column, scale) in place.column_iter_mut().zip(&fit.set.scales()) {
+            column /= *scale;
+        }
+        let known_m = fit
+            .posterior
+            .variance_of(&place)
+            .expect("determined")
+            .sqrt();
+        assert!(
+            (known_m / promised_m - 1.0).abs() < 0.01,
+            "{groups:?}: {known_m} and {promised_m}"
+        );
+    }
+}
+
+/// All choices of eight of eleven.
+#[test]
+fn the_best_choice_is_found() {
+    let scenario = scenario("ur10");
+    let rows = rows(&scenario, 11);
+    let planning =
+        AbsolutePlanning::new(&scenario.task, &[ParameterGroup::Zeros], &rows).expect("candidates");
+    let stop = AtomicBool::new(false);
+    let watch = Watch {
+        stop: &stop,
+        progress: &|_, _, _| {},
+    };
+    let found = planning.design([8, 8], 1, watch).expect("a plan");
+    let value = planning.promise(&found.plan).rho0_m().expect("a promise");
+    let best = (0_u32..1 << rows.len())
+        .filter(|chosen| chosen.count_ones() == 8)
+        .filter_map(|chosen| {
+            let plan: Vec<(usize, u32)> = (0..rows.len())
+                .filter(|place| chosen >> place & 1 == 1)
+                .map(|place| (place, 1))
+                .collect();
+            planning.promise(&plan).rho0_m()
+        })
+        .fold(f64::INFINITY, f64::min);
+    assert!((value / best - 1.0).abs() < 1e-6, "{value} and {best}");
+    let bound = found.bound.expect("a bound").best;
+    assert!(bound <= best && bound > 0.8 * best, "{bound} and {best}");
+}
+
+/// What only the reflector's readings do not tell of the spindle is named.
+#[test]
+fn what_targets_do_not_show_is_named() {
+    let scenario = scenario("ur10");
+    let mut rows = rows(&scenario, 40);
+    for row in &mut rows {
+        row.target = None;
+    }
+    let planning = AbsolutePlanning::new(&scenario.task, &[ParameterGroup::Geometry], &rows)
+        .expect("candidates");
+    let stop = AtomicBool::new(false);
+    let watch = Watch {
+        stop: &stop,
+        progress: &|_, _, _| {},
+    };
+    match planning.design([30, 30], 1, watch) {
+        Err(error @ AbsolutePlanError::Undetermined { .. }) => {
+            let words = error.to_string();
+            assert!(words.contains("none of them reads spindle"), "{words}");
+            assert!(words.contains("more unknowns"), "{words}");
+        }
+        other => panic!("{other:?}"),
+    }
+}
+
+fn table(rows: &[Candidate], station: &str) -> String {
+    let mut text = String::from("q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,target,station\n");
+    for row in rows {
+        let angles = row
+            .configuration_rad
+            .iter()
+            .map(|q| q.to_degrees().to_string());
+        let angles: Vec<String> = angles.collect();
+        let _ = writeln!(
+            text,
+            "{},{},{station}",
+            angles.join(","),
+            row.target.as_deref().expect("a target")
+        );
+    }
+    text
+}
+
+/// The commands: targets and stations are chosen, paths are judged pose by pose, and the plan's file says the same.
+#[test]
+fn commands_plan_absolute_readings() {
+    let place = Workplace::new();
+    let text = scenario_text("ur10").replace("[design]", "[design]\naccuracy = \"absolute\"");
+    place.write("s.toml", &text);
+    let rows = rows(&scenario("ur10"), 40);
+    place.write(
+        "c.csv",
+        table(&rows, "door") + table(&rows[..16], "wall").split_once('\n').expect("rows").1,
+    );
+    place.write(
+        "path.csv",
+        "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n20,-60,80,-110,-70,30\n25,-62,82,-110,-70,30\n30,-64,84,-110,-70,30\n",
+    );
+    let plan = "plan s.toml --parameters zeros --experiments 12 --candidates c.csv --test-poses path.csv --plan-out p.csv";
+    let one = place.json(&format!("{plan} --threads 1"));
+    let two = place.json(&format!("{plan} --threads 2"));
+    assert_eq!(one["plan"], two["plan"]);
+    assert_eq!(one["accuracy"], "absolute");
+    assert_eq!(one["bound_kind"], "proved");
+    assert_eq!(one["test_poses"].as_array().expect("poses").len(), 3);
+    // One station is enough: a second has a frame of its own to be found.
+    let frame = &one["frame"];
+    let stations: Vec<&serde_json::Value> = one["plan"]
+        .as_array()
+        .expect("readings")
+        .iter()
+        .map(|each| &each["station"])
+        .collect();
+    assert!(
+        stations.iter().all(|station| *station == frame),
+        "{stations:?}"
+    );
+    let again = place.json(
+        "evaluate s.toml --parameters zeros --plan p.csv --candidates c.csv --test-poses path.csv",
+    );
+    let [first, second] = [&one, &again].map(|json| json["rho0_mm"].as_f64().expect("a promise"));
+    assert!((first / second - 1.0).abs() < 1e-6, "{first} and {second}");
+    let efficiency = again["efficiency"].as_f64().expect("a bound");
+    assert!(efficiency > 0.7 && efficiency <= 1.0, "{efficiency}");
+    // Other stations to choose from make nothing worse.
+    place.write("door.csv", table(&rows, "door"));
+    let door = place.json(&plan.replace("c.csv", "door.csv").replace("p.csv", "q.csv"));
+    let among = place.json(
+        "evaluate s.toml --parameters zeros --plan q.csv --candidates c.csv --test-poses path.csv",
+    );
+    let efficiency = among["efficiency"].as_f64().expect("a bound");
+    assert!(efficiency > 0.7 && efficiency <= 1.0, "{efficiency}");
+    let [of_both, of_one] = [&one, &door].map(|json| json["rho0_mm"].as_f64().expect("a promise"));
+    assert!(of_both <= of_one * (1.0 + 1e-6), "{of_both} and {of_one}");
+    let text = place.run(plan).ends_with(0).stdout;
+    assert!(
+        text.contains("An absolute accuracy: where the loaded tool is"),
+        "{text}"
+    );
+    for (arguments, wanted) in [
+        (
+            "plan s.toml --experiments 12",
+            "such plans are chosen from candidates",
+        ),
+        (
+            "plan s.toml --experiments 12 --candidates c.csv --criterion d",
+            "--criterion is for plans of deflections",
+        ),
+        ("run s.toml", "this command is about deflections"),
+        ("budget s.toml", "this command is about deflections"),
+        (
+            "plan s.toml --experiments 1000 --candidates p.csv",
+            "are wanted",
+        ),
+        (
+            "plan s.toml --experiments 4 --candidates c.csv --test-poses c.csv",
+            "which test poses do not have",
+        ),
+    ] {
+        let outcome = place.run(&format!("{arguments} --quiet")).ends_with(1);
+        assert!(
+            outcome.stderr.contains(wanted),
+            "{wanted}: {}",
+            outcome.stderr
+        );
+    }
+    place.write("relative.toml", scenario_text("ur10"));
+    let outcome = place
+        .run("plan relative.toml --parameters zeros --quiet")
+        .ends_with(1);
+    assert!(
+        outcome.stderr.contains("plans deflections"),
+        "{}",
+        outcome.stderr
+    );
+    place.write(
+        "wrong.toml",
+        scenario_text("ur10").replace("[design]", "[design]\naccuracy = \"exact\""),
+    );
+    let outcome = place.run("check wrong.toml").ends_with(1);
+    assert!(outcome.stderr.contains("accuracy"), "{}", outcome.stderr);
+}
