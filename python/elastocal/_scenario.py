@@ -191,7 +191,7 @@ class Scenario:
         and ``compliances``, fitted with all frames; the results' ``unknowns`` and ``stations`` say what came of it. ``ladder``
         compares models with more and more groups, under ``ladder`` in the results, and fits the one that is recommended. Another
         series ``against`` which contradicts this one is told under ``contradictions``. A picture goes to ``plot_out``. Readings that
-        lie far out are left out, unless ``keep_all``.
+        lie far out, deflections too, are left out, unless ``keep_all``.
         """
         with _folder() as folder:
             if isinstance(measurements, Measurements):

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use elastocal::files::FileError;
-use elastocal::identification::{OtherUnknowns, StoredIdentification};
+use elastocal::identification::{Misfit, OtherUnknowns, StoredIdentification};
 use elastocal::numeric::estimable::Estimable;
 use elastocal::numeric::posterior::Posterior;
 use elastocal::scenario::Scenario;
@@ -20,6 +20,8 @@ pub struct IdentifiedCompliances {
     pub compliance_rad_per_nm: Vec<f64>,
     /// What is known of the parameters.
     pub posterior: Posterior,
+    /// What the model leaves unexplained.
+    pub misfit: Misfit,
     /// What speaks against trusting it.
     pub conditions: Vec<String>,
 }
@@ -120,6 +122,7 @@ pub fn read_identified(
         compliance_rad_per_nm = arm.compliance_rad_per_nm;
     }
     Ok(IdentifiedCompliances {
+        misfit: stored.misfit,
         compliance_rad_per_nm,
         posterior,
         conditions,

@@ -6,14 +6,15 @@ use clap::Args;
 use elastocal::files::FileError;
 use elastocal::files::output::write_whole;
 use elastocal::identification::{
-    Identification, IdentificationError, ParameterGroup, ReadingWeights, UncertainEstimate,
+    Identification, IdentificationError, ParameterGroup, ReadingWeights, Robustness,
+    UncertainEstimate,
 };
 use elastocal::measurement::{AbsoluteReading, MeasuredFile, Measurement, Origin, read_measured};
 use elastocal::record::messages::ProvenanceMessage;
 use elastocal::scenario::Scenario;
 use elastocal::task::Method;
 use elastocal::text::wording::{counted, shell_word};
-use elastocal::workflow::identify::{NotIdentified, identify_measurements, likely};
+use elastocal::workflow::identify::{HowIdentified, NotIdentified, identify_measurements, likely};
 
 use super::identify_absolute::Asked;
 use super::table::{number, table};
@@ -53,7 +54,7 @@ pub struct Identify {
     /// Where to write a picture (SVG): of the patterns in the residuals; with --ladder, of what each model leaves.
     #[arg(long, value_name = "FILE")]
     plot_out: Option<PathBuf>,
-    /// Fit absolute readings that lie far out, too: more than 5 standard deviations from what the others say.
+    /// Fit readings that lie far out, too: more than 5 standard deviations from what the others say.
     #[arg(long)]
     keep_all: bool,
     /// Where to write what was identified, for `compensate`.
@@ -128,7 +129,6 @@ impl Identify {
     /// Options that are for absolute readings alone.
     fn refuse_of_deflections(&self) -> Result<(), FileError> {
         let refused = [
-            (self.keep_all, "--keep-all", "of which none is left out"),
             (
                 self.ladder,
                 "--ladder",
@@ -186,9 +186,16 @@ impl Identify {
             return Err(wrong.at(key).hint(hint).into());
         }
         let belief = &scenario.task.belief;
-        let identified =
-            identify_measurements(belief, measurements, method, self.sigma_from_residuals)
-                .map_err(|problem| explained(&self.measurements, &problem))?;
+        let how = HowIdentified {
+            method,
+            sigma_from_residuals: self.sigma_from_residuals,
+            robustness: Robustness {
+                keeps_all: self.keep_all,
+                counts_misfit: !self.common.noise_only,
+            },
+        };
+        let identified = identify_measurements(belief, measurements, how)
+            .map_err(|problem| explained(&self.measurements, &problem))?;
         let provenance =
             ProvenanceMessage::new(scenario).with_input("measurements", &self.measurements)?;
         let json = identified.json(scenario, &provenance, self.sigma_from_residuals)?;
@@ -197,7 +204,10 @@ impl Identify {
         if measurements.iter().any(|each| each.sigma_m.is_some()) {
             text += "  (sigma is the rms of those that the measurements bring)\n";
         }
-        text += &format!("\n{}", residuals::describe(identification, residuals));
+        text += &format!(
+            "\n{}",
+            residuals::describe(identification, residuals, &identified.rejected)
+        );
         text += &patterns::describe(&identified.patterns);
         let mut written = Written::default();
         if let Some(path) = &self.plot_out {
@@ -313,5 +323,11 @@ pub fn describe(identification: &Identification) -> String {
         number(identification.residual_sigma_m.map(|sigma| sigma * 1e3), 4),
         identification.condition
     );
+    if let Some(misfit) = identification.misfit {
+        text += &format!(
+            "  The model leaves {:.4} mm in each coordinate unexplained, which the standard errors count.\n",
+            misfit.position_m * 1e3
+        );
+    }
     text
 }

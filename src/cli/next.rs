@@ -17,7 +17,7 @@ use elastocal::record::messages::{ProvenanceMessage, plan_messages};
 use elastocal::scenario::Scenario;
 use elastocal::task::Task;
 use elastocal::text::wording::{counted, shell_word};
-use elastocal::workflow::identify::identify_measurements;
+use elastocal::workflow::identify::{HowIdentified, identify_measurements};
 use serde_json::json;
 
 use super::identify::explained;
@@ -93,8 +93,9 @@ impl Next {
             belief.parameter_names().join(", "),
             counted(measurements.len() as u64, "measurement")
         ));
-        let identified = identify_measurements(belief, &measurements, belief.method, false)
-            .map_err(|problem| explained(&self.measurements, &problem))?;
+        let identified =
+            identify_measurements(belief, &measurements, HowIdentified::plainly(belief.method))
+                .map_err(|problem| explained(&self.measurements, &problem))?;
         let identification = &identified.identification;
         let so_far = measured_plan(&measurements);
         let measured = so_far.measurements();

@@ -1,6 +1,6 @@
 //! Residuals by measurement, for a person.
 
-use elastocal::identification::{Identification, MeasurementResidual, Residuals};
+use elastocal::identification::{Identification, MeasurementResidual, RejectedReading, Residuals};
 
 use super::table::{number, table};
 
@@ -10,7 +10,11 @@ const LISTED: usize = 6;
 const BY_CHANCE: f64 = 0.01;
 
 /// The residuals that are farthest from what chance explains, and what would be without the farthest.
-pub fn describe(identification: &Identification, residuals: &Residuals) -> String {
+pub fn describe(
+    identification: &Identification,
+    residuals: &Residuals,
+    rejected: &[RejectedReading],
+) -> String {
     let mut order: Vec<usize> = (0..residuals.measurements.len()).collect();
     let rank = |index: usize| residuals.measurements[index].probability.unwrap_or(1.0);
     let far = |index: usize| residuals.measurements[index].distance;
@@ -21,7 +25,13 @@ pub fn describe(identification: &Identification, residuals: &Residuals) -> Strin
     order.truncate(LISTED);
     let rows: Vec<Vec<String>> = order
         .into_iter()
-        .map(|index| row(identification, index, &residuals.measurements[index]))
+        .map(|index| {
+            let mut row = row(identification, index, &residuals.measurements[index]);
+            if rejected.iter().any(|each| each.reading == index) {
+                row[0] += " (left out)";
+            }
+            row
+        })
         .collect();
     let mut text = table(
         &[

@@ -12,7 +12,7 @@ use elastocal::mujoco::frame;
 use elastocal::parameter::ElasticArm;
 use elastocal::record::messages::ProvenanceMessage;
 use elastocal::scenario::Scenario;
-use elastocal::workflow::calibrated::{CalibratedRobot, IdentifiedStation};
+use elastocal::workflow::calibrated::{ArmWithJointErrors, CalibratedRobot, IdentifiedStation};
 use nalgebra::{DVector, Isometry3, Vector3};
 use serde_json::{Value, json};
 
@@ -91,7 +91,7 @@ pub fn compensate_targets(
     let name = &robot.arm.tools[tool].name;
     let (base_from_frame, said) = base_from_frame(robot, question)?;
     let rows = read_targets(question.targets)?;
-    let found = commands(scenario, &robot.arm, tool, &base_from_frame, &rows);
+    let found = commands(scenario, robot, tool, &base_from_frame, &rows);
     let names = scenario.task.belief.commands();
     let mut csv = format!(
         "# targets of the tool {name:?} in {said}\ntarget,line,{}\n",
@@ -123,6 +123,15 @@ pub fn compensate_targets(
             &format!("The place of {name:?} on its link was not read: it is the nominal one.\n");
     }
     text += &taken_as_believed(robot);
+    if let Some(errors) = &robot.with_joint_errors {
+        let largest = (errors.joints.iter())
+            .flat_map(|joint| joint.values.iter().map(|value| value.abs()))
+            .fold(0.0, f64::max);
+        text += &format!(
+            "Commands correct what joints are off by over their own angles, {:.3} mrad at most.\n",
+            largest * 1e3
+        );
+    }
     if let Some(path) = question.angles_out {
         write_whole(path, csv.as_bytes())?;
         text += &format!("wrote {}\n", path.display());
@@ -131,6 +140,7 @@ pub fn compensate_targets(
         "tool": name,
         "tool_is_identified": robot.found_tools[tool],
         "frame": said,
+        "corrects_joint_errors": robot.with_joint_errors.is_some(),
         "targets": list,
         "conditions": conditions,
     });
@@ -205,13 +215,16 @@ fn station<'a>(
     question: &TargetQuestion<'_>,
 ) -> Result<&'a IdentifiedStation, FileError> {
     let wrong = |problem: &str| FileError::new(question.identified, problem);
-    let names: Vec<&str> = robot
-        .stations
+    let stations = match &robot.with_joint_errors {
+        Some(other) => &other.stations,
+        None => &robot.stations,
+    };
+    let names: Vec<&str> = stations
         .iter()
         .filter_map(|each| each.name.as_deref())
         .collect();
     let several = format!("name one of them with --station: {}", names.join(", "));
-    match (question.station, robot.stations.as_slice()) {
+    match (question.station, stations.as_slice()) {
         (_, []) => Err(wrong(
             "was identified from deflections, which do not tell where the robot stands in the instrument's frame",
         )
@@ -228,11 +241,13 @@ type FoundCommands = Result<DVector<f64>, Unreachable>;
 /// The commands for each row, begun where the one before ended.
 fn commands(
     scenario: &Scenario,
-    arm: &ElasticArm,
+    robot: &CalibratedRobot,
     tool: usize,
     base_from_frame: &Isometry3<f64>,
     rows: &[TargetRow],
 ) -> Vec<FoundCommands> {
+    let errors = robot.with_joint_errors.as_ref();
+    let arm = errors.map_or(&robot.arm, |errors| &errors.arm);
     let mut solver = InverseKinematics::new(arm, &arm.tools[tool]);
     let own = (scenario.task.test_poses.iter()).map(|pose| pose.configuration_rad.clone());
     let mut starts: Vec<DVector<f64>> = own.collect();
@@ -248,9 +263,26 @@ fn commands(
             }
             starts.insert(0, commands.clone());
         }
-        all.push(found);
+        all.push(found.and_then(|stands| match errors {
+            None => Ok(stands),
+            Some(errors) => corrected(stands, errors),
+        }));
     }
     all
+}
+
+/// The commands with which joints stand so that are off by functions of their own angles.
+fn corrected(mut stands: DVector<f64>, errors: &ArmWithJointErrors) -> FoundCommands {
+    for error in &errors.joints {
+        let joint = error.joint;
+        let coordinate = error.command_for(stands[joint]);
+        let [low, high] = errors.arm.chain.joints[joint].range_rad;
+        if !(low..=high).contains(&coordinate) {
+            return Err(Unreachable::BeyondRange { joint, coordinate });
+        }
+        stands[joint] = coordinate;
+    }
+    Ok(stands)
 }
 
 fn reason(failure: &Unreachable, arm: &ElasticArm) -> String {

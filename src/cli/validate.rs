@@ -86,6 +86,9 @@ impl Validate {
             });
         };
         let measurements = read_measurements(path, commands)?;
+        // What the model left unexplained is in other measurements, too.
+        let sigma_m = task.belief.instrument.sigma_m;
+        let measurements = identified.misfit.weighed(&measurements, sigma_m);
         provenance = provenance.with_input("measurements", path)?;
         let validation = validate(&task.belief, &identified.posterior, &measurements)
             .map_err(|error| FileError::new(path, error.to_string()))?;

@@ -41,9 +41,16 @@ impl Identification {
         if let Some(probability) = self.consistency
             && probability < IMPLAUSIBLE
         {
+            let counted = self.misfit.map_or_else(String::new, |misfit| {
+                format!(
+                    "; measurements are weighed by the {:.4} mm that are unexplained of each coordinate, too, and errors count \
+                     them",
+                    misfit.position_m * 1e3
+                )
+            });
             doubts.push(format!(
                 "the residuals are too large for sigma = {sigma_mm:.4} mm (probability {probability:.1e}): the \
-                 model or sigma is wrong"
+                 model or sigma is wrong{counted}"
             ));
         }
         if let Some(probability) = self.consistency_lower

@@ -1,6 +1,6 @@
 //! The measurements as whitened equations in the unknown compliances.
 
-use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, Matrix6xX, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, Matrix6, Matrix6xX, Vector3};
 
 use super::error::IdentificationError;
 use crate::measurement::Measurement;
@@ -229,14 +229,17 @@ impl EquationSource<'_> {
 
     /// The covariance of each measured deflection (m^2), whatever repeats it.
     pub(super) fn covariances(&self) -> Vec<Matrix3<f64>> {
+        let all = self.covariances_of_all().into_iter();
+        all.map(|whole| whole.fixed_view::<3, 3>(0, 0).into_owned())
+            .collect()
+    }
+
+    /// The same together with its rotation (m^2, m rad, rad^2).
+    pub(super) fn covariances_of_all(&self) -> Vec<Matrix6<f64>> {
         let mut model = (self.uncertain).map(|extended| self.readings(extended));
-        let covariance = |each: &Measurement| {
-            if let Some(model) = &mut model {
-                let whole = self.extended_covariance(model, each);
-                return whole.fixed_view::<3, 3>(0, 0).into_owned();
-            }
-            let sigma = self.sigma(each);
-            Matrix3::from_diagonal(&sigma.component_mul(&sigma))
+        let covariance = |each: &Measurement| match &mut model {
+            Some(model) => self.extended_covariance(model, each),
+            None => self.noise(each),
         };
         self.measurements.iter().map(covariance).collect()
     }

@@ -7,6 +7,7 @@ use super::case::{Case, Sigma};
 use super::equations::EquationSource;
 use super::error::IdentificationError;
 use super::fit::{Fit, fit_linear, fit_nonlinear};
+use super::misfit::Misfit;
 use crate::measurement::Measurement;
 use crate::numeric::posterior::Posterior;
 use crate::robot::{Robot, Tool};
@@ -76,6 +77,8 @@ pub struct Identification {
     /// The probability of residuals at least this small if sigma is as known; a small value says that
     /// the measurements, or sigma, are not what they are held to be.
     pub consistency_lower: Option<f64>,
+    /// What the model leaves unexplained besides, where errors count it.
+    pub misfit: Option<Misfit>,
     /// Measured minus modelled deflections (m), three for each measurement, rotations left out.
     pub residuals_m: Vec<f64>,
     /// The number of independent combinations of compliances that the measurements determine.
@@ -223,6 +226,7 @@ fn report(
         residual_sigma_m: ratio.map(|ratio| ratio * sigma_m),
         consistency: chi_square.map(|chi| chi.sf(sum_of_squares)),
         consistency_lower: chi_square.map(|chi| chi.cdf(sum_of_squares)),
+        misfit: None,
         residuals_m,
         rank,
         condition: fit.least_squares.condition,

@@ -150,7 +150,7 @@ impl EquationSource<'_> {
     }
 
     /// That of the instrument alone.
-    fn noise(&self, measurement: &Measurement) -> Matrix6<f64> {
+    pub(super) fn noise(&self, measurement: &Measurement) -> Matrix6<f64> {
         let position = self.sigma(measurement);
         let rotation = (measurement.rotation).map_or_else(Vector3::zeros, |each| each.sigma_rad);
         let (p, r) = (

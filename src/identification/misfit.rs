@@ -2,6 +2,11 @@
 
 use nalgebra::{DVector, Matrix6, Vector3, Vector6};
 
+use crate::measurement::Measurement;
+
+/// So often readings are weighed anew by what a fit leaves before the last time; the third time changes next to nothing.
+pub(super) const WEIGHINGS: usize = 3;
+
 /// A reading less its prediction, in the instrument's frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ReadingResidual {
@@ -52,6 +57,24 @@ impl Misfit {
         }
     }
 
+    /// Measured deflections with standard deviations that count it; `sigma_m` is that of deflections which bring none of their own.
+    /// Repeats of one experiment share a misfit s: each of r counts r s^2 besides its own variance, so that their mean has s^2.
+    #[must_use]
+    pub fn weighed(&self, measurements: &[Measurement], sigma_m: f64) -> Vec<Measurement> {
+        let weighed = |each: &Measurement| {
+            let repeats = repeats(each, measurements).sqrt();
+            let mut weighed = each.clone();
+            let own = each.sigma_m.unwrap_or_else(|| Vector3::repeat(sigma_m));
+            weighed.sigma_m = Some(own.map(|own| own.hypot(self.position_m * repeats)));
+            if let Some(rotation) = &mut weighed.rotation {
+                let more = self.rotation_rad * repeats;
+                rotation.sigma_rad = rotation.sigma_rad.map(|own| own.hypot(more));
+            }
+            weighed
+        };
+        measurements.iter().map(weighed).collect()
+    }
+
     /// Its covariance in a reading: position above rotation (m^2, rad^2).
     #[must_use]
     pub fn covariance(&self) -> Matrix6<f64> {
@@ -64,6 +87,14 @@ impl Misfit {
             deviation * deviation
         }))
     }
+}
+
+/// How many of some measurements are of one experiment, which is among them.
+pub(super) fn repeats(each: &Measurement, measurements: &[Measurement]) -> f64 {
+    let is_same = |other: &&Measurement| {
+        other.configuration_rad == each.configuration_rad && other.load == each.load
+    };
+    measurements.iter().filter(is_same).count() as f64
 }
 
 /// Parts of joint space: the number of the block of each configuration (rad; m where joints slide). The largest block is cut

@@ -20,6 +20,7 @@ pub mod patterns;
 mod prediction;
 mod rejection;
 mod residuals;
+mod robust;
 mod stored;
 
 pub use absolute::{
@@ -39,4 +40,5 @@ pub use misfit::{Misfit, ReadingResidual, joint_space_blocks};
 pub use prediction::{Predicted, PredictionError, Predictions};
 pub use rejection::RejectedReading;
 pub use residuals::{MeasurementResidual, Residuals, Suspect, residuals};
+pub use robust::{RobustIdentification, Robustness};
 pub use stored::{OtherUnknowns, StoredIdentification};

@@ -103,7 +103,7 @@ impl Case<'_> {
     }
 
     /// The whitened rows of the measurements alone at values of the unknowns (p), and what is left of each.
-    fn against(
+    pub(super) fn against(
         &self,
         source: &EquationSource<'_>,
         values: &[f64],

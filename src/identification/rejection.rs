@@ -5,13 +5,18 @@
 //! standard deviations count fully, those beyond not at all.
 
 use nalgebra::Matrix6;
+use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 
 use super::misfit::{Misfit, ReadingResidual};
 
 /// Beyond so many standard deviations no correct reading lies: the probability is 5.7e-7, one in 1.7 million.
 const FAR_OUT: f64 = 5.0;
+/// That probability.
+const BY_CHANCE: f64 = 5.733_031e-7;
 /// The square of three coordinates that is as improbable.
 const FAR_SQUARE: f64 = 31.812_3;
+/// A median tells as much of a variance as about so many of the residuals do by their squares.
+const OF_A_MEDIAN: f64 = 0.5;
 /// Half of the squares of three coordinates lie below.
 const MEDIAN_SQUARE: f64 = 2.365_973_884_375_34;
 /// Fits that are made; the first few leave out nearly all.
@@ -57,24 +62,42 @@ impl RejectedReading {
 }
 
 /// The readings that lie far out of what a fit leaves of all. `square_of` is what is left of a reading over a covariance, of position
-/// or of rotation the larger; `spare` as in [`Misfit::of`]. None where so many lie there that nothing can be said of single ones.
+/// or of rotation the larger; `spare` as in [`Misfit::of`]. Where a misfit comes from residuals of few degrees of freedom, larger
+/// squares are as improbable. None where so many lie there that nothing can be said of single ones.
 pub(super) fn far_out(
     left: &[ReadingResidual],
     own: &[Matrix6<f64>],
-    spare: f64,
+    (spare, freedom): (f64, f64),
     square_of: impl Fn(usize, &Matrix6<f64>) -> f64,
 ) -> Option<Vec<RejectedReading>> {
-    let misfit = robust_misfit(left, own, spare).covariance();
+    let misfit = robust_misfit(left, own, spare);
+    let is_known = misfit.position_m.max(misfit.rotation_rad) <= 0.0;
+    let far = if is_known {
+        FAR_SQUARE
+    } else {
+        far_square(freedom)
+    };
+    let misfit = misfit.covariance();
     let found: Vec<RejectedReading> = (own.iter().enumerate())
         .filter_map(|(reading, own)| {
             let square = square_of(reading, &(own + misfit));
-            (square > FAR_SQUARE).then(|| RejectedReading {
+            (square > far).then(|| RejectedReading {
                 reading,
-                deviations: FAR_OUT * (square / FAR_SQUARE).sqrt(),
+                deviations: FAR_OUT * (square / far).sqrt(),
             })
         })
         .collect();
     (found.len() as f64 <= MOST * left.len() as f64).then_some(found)
+}
+
+/// The square of three coordinates over a variance from so many degrees of freedom that is as improbable.
+fn far_square(freedom: f64) -> f64 {
+    if freedom.is_infinite() {
+        return FAR_SQUARE;
+    }
+    FisherSnedecor::new(3.0, OF_A_MEDIAN * freedom).map_or(f64::INFINITY, |distribution| {
+        (3.0 * distribution.inverse_cdf(1.0 - BY_CHANCE)).max(FAR_SQUARE)
+    })
 }
 
 /// Fits anew without what lies far out, until the same does; what was left out, with the last fit. `rejected` lies far out of a first
@@ -101,6 +124,15 @@ pub(super) fn until_the_same<Fit>(
         rejected = next;
     }
     found
+}
+
+/// Those of one thing for each reading that belong to readings that were not rejected.
+pub(super) fn kept<T: Clone>(all: &[T], rejected: &[RejectedReading]) -> Vec<T> {
+    let is_kept = |index: usize| rejected.iter().all(|each| each.reading != index);
+    let all = all.iter().enumerate();
+    all.filter(|(index, _)| is_kept(*index))
+        .map(|(_, each)| each.clone())
+        .collect()
 }
 
 /// What is unexplained of most readings.

@@ -8,6 +8,7 @@ use super::case::Sigma;
 use super::equations::{Equations, rows_of};
 use super::error::IdentificationError;
 use super::estimate::Identification;
+use super::rejection::RejectedReading;
 use crate::numeric::least_squares::LeastSquares;
 use crate::task::Method;
 
@@ -103,6 +104,43 @@ pub fn residuals(
         measurements: judged,
         suspect,
     })
+}
+
+impl Residuals {
+    /// Together with the measurements that were left out of the fit, each in its place; `case` has all, these were of the others.
+    ///
+    /// # Errors
+    /// The robot gives way under a load.
+    pub fn with_rejected(
+        mut self,
+        case: &Case<'_>,
+        identification: &Identification,
+        rejected: &[RejectedReading],
+    ) -> Result<Self, IdentificationError> {
+        let posterior = &identification.posterior;
+        for each in rejected {
+            let alone = [case.measurements[each.reading].clone()];
+            let alone = case.with(&alone);
+            let source = alone.equation_source();
+            let (matrix, residual) = alone.against(&source, &posterior.mean)?;
+            let own = match case.sigma {
+                Sigma::Known(_) => 1.0,
+                Sigma::FromResiduals(_) => {
+                    (identification.sigma_m / source.typical_sigma_m()).powi(2)
+                }
+            };
+            let known = &matrix * &posterior.covariance * matrix.transpose();
+            let covariance = DMatrix::identity(residual.len(), residual.len()) * own + known;
+            let judged = Judge::KnownVariance.residual(&residual, covariance);
+            self.measurements.insert(each.reading, judged);
+            if let Some(suspect) = &mut self.suspect
+                && suspect.measurement >= each.reading
+            {
+                suspect.measurement += 1;
+            }
+        }
+        Ok(self)
+    }
 }
 
 /// What whitened residuals are compared with.

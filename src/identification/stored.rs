@@ -5,6 +5,7 @@ use std::path::Path;
 use nalgebra::DMatrix;
 use serde::Deserialize;
 
+use super::misfit::Misfit;
 use super::{covariance_of, covariance_of_any};
 use crate::files::FileError;
 use crate::files::schema::read_results;
@@ -29,6 +30,8 @@ pub struct StoredIdentification {
     pub others: Option<OtherUnknowns>,
     /// The conditions that did not hold when it was made.
     pub conditions: Vec<String>,
+    /// What the model leaves unexplained; nothing where the measurements did not show any.
+    pub misfit: Misfit,
     /// What it rests on; files of earlier versions do not say.
     pub identified_with: Option<Fingerprint>,
 }
@@ -74,6 +77,8 @@ struct IdentificationFile {
     covariance_of_all: Vec<Vec<f64>>,
     #[expect(dead_code, reason = "must be a number")]
     rank: usize,
+    misfit_mm: Option<f64>,
+    misfit_mrad: Option<f64>,
     #[serde(default)]
     conditions: Vec<String>,
     identified_with: Option<Fingerprint>,
@@ -113,10 +118,24 @@ impl StoredIdentification {
             posterior: posterior(path, &stored, &joints, robot)?,
             others: others(path, &stored)?,
             joints,
+            misfit: Misfit {
+                position_m: size(path, "misfit_mm", stored.misfit_mm)? * 1e-3,
+                rotation_rad: size(path, "misfit_mrad", stored.misfit_mrad)? * 1e-3,
+            },
             conditions: stored.conditions,
             identified_with: stored.identified_with,
         })
     }
+}
+
+/// Zero where the file has none.
+fn size(path: &Path, key: &str, size: Option<f64>) -> Result<f64, FileError> {
+    let size = size.unwrap_or(0.0);
+    if size >= 0.0 && size.is_finite() {
+        return Ok(size);
+    }
+    let problem = format!("found {size}; zero or a size is needed");
+    Err(FileError::new(path, problem).at(key))
 }
 
 fn read(path: &Path) -> Result<IdentificationFile, FileError> {

@@ -17,7 +17,7 @@ use crate::identification::{
 use crate::measurement::AbsoluteReading;
 use crate::numeric::random::{generator, streams};
 use crate::observation::Observation;
-use crate::plan::search::{FiniteEffort, FiniteProblem, ToldByCandidates, Watch};
+use crate::plan::search::{ExchangesTry, FiniteEffort, FiniteProblem, ToldByCandidates, Watch};
 use crate::plan::{Criterion, CriterionFunction};
 use crate::task::Belief;
 
@@ -142,7 +142,7 @@ pub fn select<'a>(
     let chooser = Chooser {
         told,
         before: parts.known_before(),
-        positions: parts.positions(),
+        positions: in_fewest_columns(parts.positions()),
         left_by_all: &parts.all.left,
         campaigns,
         wanted,
@@ -205,6 +205,7 @@ impl Chooser<'_> {
             configurations: size,
             searches: SEARCHES,
             seed: self.wanted.seed,
+            exchanges: ExchangesTry::Promising,
         };
         let watch = Watch {
             stop,
@@ -221,18 +222,34 @@ impl Chooser<'_> {
             .collect();
         let designs = found.iter().filter_map(|(_, found)| found.as_ref().ok());
         let mut offered: Vec<_> = designs.map(|design| design.plan.clone()).collect();
-        while !offered.is_empty() && !stop.load(Ordering::Relaxed) {
+        // All that may help is tried from what was found in the end: that takes longer.
+        let mut exchanges = ExchangesTry::Promising;
+        while !stop.load(Ordering::Relaxed) {
+            let effort = FiniteEffort {
+                exchanges,
+                ..effort
+            };
             let better: Vec<_> = found
                 .par_iter_mut()
                 .map(|(problem, found)| {
                     let design = found.as_mut().ok()?;
-                    let (plan, cost) = problem.bettered(&offered, effort, design.cost)?;
+                    let own = [design.plan.clone()];
+                    let from = match exchanges {
+                        ExchangesTry::Promising => offered.as_slice(),
+                        ExchangesTry::AllThatMayHelp => &own,
+                    };
+                    let (plan, cost) = problem.bettered(from, effort, design.cost)?;
                     design.plan.clone_from(&plan);
                     design.cost = cost;
                     Some(plan)
                 })
                 .collect();
             offered = better.into_iter().flatten().collect();
+            exchanges = match (exchanges, offered.is_empty()) {
+                (_, false) => ExchangesTry::Promising,
+                (ExchangesTry::Promising, true) => ExchangesTry::AllThatMayHelp,
+                (ExchangesTry::AllThatMayHelp, true) => break,
+            };
         }
         found
             .into_par_iter()
@@ -300,6 +317,14 @@ impl Chooser<'_> {
             from_all_m: (squares.sum::<f64>() / count).sqrt(),
         })
     }
+}
+
+/// A matrix (p x r) of no more columns than rows, with the same product with its transpose.
+fn in_fewest_columns(matrix: DMatrix<f64>) -> DMatrix<f64> {
+    if matrix.ncols() <= matrix.nrows() {
+        return matrix;
+    }
+    matrix.transpose().qr().r().transpose()
 }
 
 /// What random choices come to: the median of a quantity, and what a twentieth of them stay below and above.

@@ -10,11 +10,12 @@ use crate::calibration::{
 };
 use crate::compensation::{compensate_arm, predicted_error};
 use crate::files::FileError;
-use crate::identification::covariance_of_any;
+use crate::identification::{JointError, covariance_of_any};
 use crate::numeric::estimable::Estimable;
 use crate::numeric::posterior::{NotDetermined, Posterior};
 use crate::observation::PlannedReadings;
 use crate::parameter::{Axis, ElasticArm, Parameter, ParameterKind, ParameterSet};
+use crate::record::absolute::UnexplainedMessage;
 use crate::robot::SerialChain;
 use crate::task::{Belief, Method, Task, TestPose};
 use crate::testbed::TrueRobots;
@@ -41,6 +42,17 @@ pub struct IdentifiedStation {
     pub instrument_from_base: Isometry3<f64>,
 }
 
+/// An arm whose joints stand off their commands.
+#[derive(Debug, Clone)]
+pub struct ArmWithJointErrors {
+    /// The arm, its parameters off together with the joints.
+    pub arm: ElasticArm,
+    /// Where the instrument stood beside that.
+    pub stations: Vec<IdentifiedStation>,
+    /// What joints are off by.
+    pub joints: Vec<JointError>,
+}
+
 /// A robot as an identification left it.
 #[derive(Debug, Clone)]
 pub struct CalibratedRobot {
@@ -60,6 +72,8 @@ pub struct CalibratedRobot {
     pub apart: Vec<String>,
     /// The joints whose compliances absolute readings were not asked for: the nominal ones hold, for certain.
     pub taken_as_believed: Vec<String>,
+    /// What joints are off by over their own angles, with the arm and the stations that belong to that; where it was told apart.
+    pub with_joint_errors: Option<ArmWithJointErrors>,
     /// Where the instrument stood; nowhere if deflections were measured, which do not tell.
     pub stations: Vec<IdentifiedStation>,
     known: Knowledge,
@@ -119,6 +133,7 @@ impl CalibratedRobot {
             covariance: posterior.covariance.clone(),
             apart,
             taken_as_believed: Vec::new(),
+            with_joint_errors: None,
             stations: Vec::new(),
             known: Knowledge::OfBelief(posterior, compliance_rad_per_nm),
             nominal,
@@ -158,16 +173,18 @@ impl CalibratedRobot {
         let mut found_tools = vec![false; nominal.tools.len()];
         for (index, (target, &place)) in message.targets.iter().zip(&places).enumerate() {
             let link_from_tool = &mut reference.tools[place].link_from_tool;
-            *link_from_tool = (target.frame(link_from_tool))
+            let frame = (target.frame(link_from_tool))
                 .ok_or_else(|| wrong(format!("targets[{index}]"), no_frame.to_owned()))?;
+            *link_from_tool = stored.shifted(frame, &target.unknowns);
             found_tools[place] = true;
         }
         let mut stations = Vec::new();
         for (index, station) in message.stations.iter().enumerate() {
+            let frame = (station.frame(&Isometry3::identity()))
+                .ok_or_else(|| wrong(format!("stations[{index}]"), no_frame.to_owned()))?;
             stations.push(IdentifiedStation {
                 name: station.name.clone(),
-                instrument_from_base: (station.frame(&Isometry3::identity()))
-                    .ok_or_else(|| wrong(format!("stations[{index}]"), no_frame.to_owned()))?,
+                instrument_from_base: stored.shifted(frame, &station.unknowns),
             });
         }
         let covariance = covariance_of_any(&message.covariance)
@@ -183,6 +200,7 @@ impl CalibratedRobot {
                 said_apart((*kind)?, &unknown.name, unknown.value, &unknown.unit)
             })
             .chain(stations.iter().map(told_station))
+            .chain(stored.message.unexplained.as_ref().map(told_joint_errors))
             .collect();
         let is_asked = |joint| kinds.contains(&Some(ParameterKind::JointCompliance { joint }));
         let joints = nominal.chain.joints.iter().enumerate();
@@ -191,8 +209,22 @@ impl CalibratedRobot {
             .map(|(_, each)| each.name.clone())
             .collect();
         let known = known(path, stored, &reference, &covariance, &kinds)?;
+        let arm = stored.apply(path, &reference)?;
+        let with_joint_errors = match stored.beside_joint_errors() {
+            None => None,
+            Some(other) => {
+                let joints = stored.misfit_model(path, &arm)?.joints;
+                let other = Self::of_absolute(belief, path, &other)?;
+                (!joints.is_empty()).then_some(ArmWithJointErrors {
+                    arm: other.arm,
+                    stations: other.stations,
+                    joints,
+                })
+            }
+        };
         Ok(Self {
-            arm: stored.apply(path, &reference)?,
+            arm,
+            with_joint_errors,
             nominal,
             machining_tool,
             found_tools,
@@ -358,6 +390,18 @@ fn said_apart(kind: ParameterKind, name: &str, value: f64, unit: &str) -> Option
         _ => return None,
     };
     Some(format!("{name} = {value:.6e} {unit}: {reason}"))
+}
+
+fn told_joint_errors(found: &UnexplainedMessage) -> String {
+    let joints: Vec<&str> = found
+        .joints
+        .iter()
+        .map(|each| each.joint.as_str())
+        .collect();
+    format!(
+        "what {} are off by as functions of their own angles: `compensate --targets` corrects it, no model has it",
+        joints.join(", ")
+    )
 }
 
 fn told_station(station: &IdentifiedStation) -> String {

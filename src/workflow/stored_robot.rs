@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Isometry3, Vector3};
 use serde::Deserialize;
 
 use crate::files::FileError;
@@ -23,6 +23,8 @@ pub struct StoredRobot {
     pub identified_with: Fingerprint,
     /// Under which scenario.
     pub origin: Option<Origin>,
+    /// How far frames, by the beginning of their unknowns' names, stand along and about their own axes from where the file has them.
+    frame_shifts: Vec<(String, Isometry3<f64>)>,
 }
 
 /// The keys that are read besides.
@@ -65,6 +67,7 @@ impl StoredRobot {
         Ok(Some(Self {
             message: stored.message,
             identified_with: stored.identified_with,
+            frame_shifts: Vec::new(),
             origin: stored
                 .scenario_file
                 .zip(hash)
@@ -106,6 +109,38 @@ impl StoredRobot {
         }
         let set = ParameterSet::new(arm, found).map_err(|error| wrong(0, error.to_string()))?;
         Ok(set.apply(arm, &values))
+    }
+
+    /// The robot to which what joints are off by belongs: parameters and frames are off together with that. None where nothing is
+    /// told of joints.
+    #[must_use]
+    pub fn beside_joint_errors(&self) -> Option<Self> {
+        let found = self.message.unexplained.as_ref()?;
+        let mut other = self.clone();
+        let message = &mut other.message;
+        message.unexplained = None;
+        let shift_of = |name: String| {
+            let place = (self.message.unknowns.iter()).position(|each| each.name == name);
+            place.and_then(|place| found.shift.get(place).copied())
+        };
+        for unknown in &mut message.unknowns {
+            unknown.value += shift_of(unknown.name.clone()).unwrap_or(0.0);
+        }
+        for frame in self.message.stations.iter().chain(&self.message.targets) {
+            let [moved, turned] = ["", "r"].map(|turn| {
+                let shift = |axis| shift_of(format!("{}.{turn}{axis}", frame.unknowns));
+                Vector3::from(["x", "y", "z"].map(|axis| shift(axis).unwrap_or(0.0)))
+            });
+            let shift = Isometry3::new(moved, turned);
+            other.frame_shifts.push((frame.unknowns.clone(), shift));
+        }
+        Some(other)
+    }
+
+    /// A frame of the file beside what joints are off by.
+    pub(super) fn shifted(&self, frame: Isometry3<f64>, unknowns: &str) -> Isometry3<f64> {
+        let shift = self.frame_shifts.iter().find(|(own, _)| own == unknowns);
+        shift.map_or(frame, |(_, shift)| frame * shift)
     }
 
     /// Whether an unknown is one of a station's or a target's frame.

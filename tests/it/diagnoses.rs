@@ -474,6 +474,10 @@ fn identify_says_what_is_wrong() {
     wrong[7].deflection_m.y += 0.6e-3;
     write(&wrong);
     let outcome = workplace.run(identify).ends_with(3);
+    assert!(outcome.stdout.contains("8 (left out)"), "{outcome:#?}");
+    assert!(!outcome.stderr.contains("likely mistake"), "{outcome:#?}");
+    let identify = &format!("{identify} --keep-all");
+    let outcome = workplace.run(identify).ends_with(3);
     let says = "Measurement 8 fits least: chance puts one as far out with a probability of";
     assert!(outcome.stdout.contains(says), "{outcome:#?}");
     assert!(

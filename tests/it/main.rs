@@ -2,6 +2,7 @@
 //!
 //! - `absolute_readings`: files of positions and poses in the instrument's own frame.
 //! - `published`: numbers that the paper prints, with the tolerance that its printing supports.
+//! - `joint_errors`: what joints are off by is corrected for absolute targets, and named elsewhere.
 //! - `judges`: the analytic model and MuJoCo judge each other.
 //! - `recordings`: the rerun and MCAP files, read with their own tools.
 //! - `ranks`: true values lie evenly in what is known of them.
@@ -43,6 +44,7 @@
 //! - `backlash`: gaps of joints: sides of approach in files, belief and truth, and loads that turn joints over.
 //! - `model_features`: what models can say beside the chain: honoured or refused by name.
 //! - `model_messages`: models that cannot serve, and what to do about them.
+//! - `robust_deflections`: wrong deflections and misfit in fits of deflections.
 //! - `stored_robots`: a robot that was identified, read from its file; moved stations.
 //! - `structured_misfit`: robots that are not as their model: regions, intervals and wrong readings.
 //! - `wrong_readings`: left out of ladder, patterns and contradictions, and named.
@@ -128,6 +130,7 @@ mod identifiability;
 mod implausible_input;
 mod init;
 mod interruptions;
+mod joint_errors;
 mod judge;
 mod judges;
 mod known_optima;
@@ -168,6 +171,7 @@ mod repeats;
 mod report;
 mod reproduction;
 mod robots;
+mod robust_deflections;
 mod rooms;
 mod schema;
 mod search;

@@ -8,6 +8,7 @@ use super::super::gauss_newton::{
     FitError, ParameterFit, fit_for_residuals, fit_for_weights, fit_from, fit_if_plausible,
     fit_parameters,
 };
+use super::super::misfit::WEIGHINGS;
 use super::super::rejection;
 use super::mixed::MixedModel;
 use super::unknowns::{LeftOut, ToldApart};
@@ -18,8 +19,6 @@ use super::{
 use crate::numeric::posterior::Posterior;
 use crate::parameter::{ElasticArm, Parameter, ParameterKind, ParameterSet, relative_precision};
 
-/// So often readings are weighed anew by what a fit leaves before the last time; the third time changes next to nothing.
-const WEIGHINGS: usize = 3;
 /// Fewer stands of the robot tell nothing of what the parameters leave but its size.
 const LEAST_STANDS: usize = 20;
 
@@ -358,11 +357,7 @@ impl AbsoluteFit {
     /// Those of one thing for each reading that belong to the readings that were fitted.
     #[must_use]
     pub fn of_kept<T: Clone>(&self, all: &[T]) -> Vec<T> {
-        let is_kept = |index: usize| self.rejected.iter().all(|each| each.reading != index);
-        let all = all.iter().enumerate();
-        all.filter(|(index, _)| is_kept(*index))
-            .map(|(_, each)| each.clone())
-            .collect()
+        rejection::kept(all, &self.rejected)
     }
 
     /// The parameters that are no frames of stations or targets, with their places in the set.

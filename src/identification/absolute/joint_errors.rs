@@ -23,6 +23,9 @@ use crate::parameter::{Axis, ElasticArm, ParameterKind, ParameterSet};
 /// The square that 95 % of normal errors of three coordinates stay below, over their variance.
 pub const SQUARE_95: f64 = 7.814_727_903_251_18;
 
+/// Commands are corrected so often: each time what is left is smaller by the error's slope.
+const CORRECTIONS: usize = 8;
+
 /// What one joint is off by.
 #[derive(Debug, Clone, PartialEq)]
 pub struct JointError {
@@ -34,6 +37,26 @@ pub struct JointError {
     pub deviation: f64,
     /// Its values at the knots: the joint stands by so much further than commanded.
     pub values: Vec<f64>,
+}
+
+impl JointError {
+    /// By how much further than commanded the joint stands there (rad; m where it slides).
+    #[must_use]
+    pub fn at(&self, commanded: f64) -> f64 {
+        let between = self.wandering.between(commanded);
+        let each = between.knots.into_iter().zip(between.weights);
+        each.map(|(knot, weight)| weight * self.values[knot]).sum()
+    }
+
+    /// The command with which the joint stands there.
+    #[must_use]
+    pub fn command_for(&self, stands: f64) -> f64 {
+        let mut commanded = stands;
+        for _ in 0..CORRECTIONS {
+            commanded = stands - self.at(commanded);
+        }
+        commanded
+    }
 }
 
 /// What readings leave unexplained by parameters, for predictions elsewhere.

@@ -10,7 +10,9 @@ impl AbsoluteCase<'_> {
     /// The readings that lie far out of what a fit leaves of all.
     pub(super) fn far_out(&self, fit: &ParameterFit) -> Option<Vec<RejectedReading>> {
         let left = self.left(&fit.belief).ok()?;
-        rejection::far_out(&left, &self.covariances, fit.spare(), |reading, all| {
+        // Of readings enough for a fit with frames their number makes next to no difference.
+        let spare = (fit.spare(), f64::INFINITY);
+        rejection::far_out(&left, &self.covariances, spare, |reading, all| {
             largest_square(&left[reading], all)
         })
     }

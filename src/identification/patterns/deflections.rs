@@ -7,10 +7,15 @@ use super::{LookedAt, ReadingRows};
 use crate::observation::{ObservationModel, ReadingKind, Setup};
 use crate::parameter::{ElasticArm, ParameterKind, ParameterSet};
 
-/// The positions' residuals of what was identified, each over its own standard deviation. `blocks` are the measurements'
+/// The positions' residuals of what was identified (m), each over its own standard deviation. `blocks` are the measurements'
 /// blocks of joint space.
 #[must_use]
-pub fn looked_at(case: &Case<'_>, identification: &Identification, blocks: &[usize]) -> LookedAt {
+pub fn looked_at(
+    case: &Case<'_>,
+    identification: &Identification,
+    left_m: &[[f64; 3]],
+    blocks: &[usize],
+) -> LookedAt {
     let chain = &case.nominal.chain;
     let mut compliances = case.nominal.compliance_rad_per_nm.clone();
     for (&joint, parameter) in case.parameters.iter().zip(&identification.parameters) {
@@ -50,7 +55,7 @@ pub fn looked_at(case: &Case<'_>, identification: &Identification, blocks: &[usi
         for row in 0..3 {
             whitened.set_row(row, &(moved.row(row) / sigma[row]));
             placed[(row, row)] = 1.0 / sigma[row];
-            residual[row] = identification.residuals_m[3 * index + row] / sigma[row];
+            residual[row] = left_m[index][row] / sigma[row];
         }
         let torques = jacobian.column_iter().map(|column| {
             let (moves, turns) = (column.fixed_rows::<3>(0), column.fixed_rows::<3>(3));

@@ -7,7 +7,7 @@ use thiserror::Error;
 use super::bound::{Bound, Enumerated};
 use super::exact::{ExactDesign, Watch};
 use super::finite::{FiniteBound, FiniteProblem};
-use super::finite_search::FiniteEffort;
+use super::finite_search::{ExchangesTry, FiniteEffort};
 use super::point::LoadChoice;
 use super::problem::{Problem, SearchError};
 use super::told::ToldByCandidates;
@@ -245,6 +245,7 @@ impl Candidates {
             configurations: configurations.saturating_sub(count),
             searches: SEARCHES,
             seed,
+            exchanges: ExchangesTry::AllThatMayHelp,
         };
         let problem = Problem::among(task, criterion, &self.experiments);
         problem.check_excited()?;

@@ -1,5 +1,9 @@
 //! The search for the best plan of a finite list of candidates: rounded weights, the greedy plan and random ones, each bettered by
 //! exchanges until none helps.
+//!
+//! Exchanges try the few candidates that promise most by the cost's derivative. Where none of these helps any more, a thorough pass
+//! tries all that may help: the costs are convex and of degree -1, phi(M') >= phi(M)^2 / trace(G M') with trace(G M) = phi(M), so
+//! that an exchange can lower phi only if what comes has a larger derivative trace(G I) than what goes.
 
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -29,6 +33,13 @@ const SHORT_LIST: usize = 1000;
 const TRIED: usize = 24;
 /// The same for criteria that take eigenvalues.
 const TRIED_OF_OTHERS: usize = 8;
+/// A thorough pass tries so many for each exchange, at most; of large problems, as many as take this many multiplications.
+const THOROUGHLY_TRIED: usize = 2000;
+const THOROUGH_WORK: usize = 20_000_000;
+/// The same for criteria that take eigenvalues.
+const THOROUGHLY_TRIED_OF_OTHERS: usize = 48;
+/// Thorough passes, at most; each but the last has found something.
+const THOROUGH_PASSES: usize = 20;
 /// Costs within this factor agree: 0.1 % in `rho_0`, the cost's root.
 const SAME: f64 = 1.002;
 
@@ -47,6 +58,15 @@ pub struct FiniteDesign {
     pub agreeing: usize,
 }
 
+/// Which candidates exchanges try.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ExchangesTry {
+    /// Those that promise most.
+    Promising,
+    /// In the end all that may help, too.
+    AllThatMayHelp,
+}
+
 /// How a plan of a list of candidates is searched.
 #[derive(Debug, Clone, Copy)]
 pub struct FiniteEffort {
@@ -58,6 +78,8 @@ pub struct FiniteEffort {
     pub searches: usize,
     /// Of random numbers.
     pub seed: u64,
+    /// What its exchanges try.
+    pub exchanges: ExchangesTry,
 }
 
 impl FiniteProblem<'_> {
@@ -87,7 +109,7 @@ impl FiniteProblem<'_> {
                 let mut search =
                     CandidateExchanges::new(self, floor.clone(), configurations as usize);
                 let start = search.start(index, effort, &weights);
-                let found = search.improved(start);
+                let found = search.improved(start, effort.exchanges);
                 if let Ok(mut lowest) = lowest.lock() {
                     *lowest = lowest.min(found.cost);
                     let done = done.fetch_add(1, Ordering::Relaxed) + 1;
@@ -138,7 +160,7 @@ impl FiniteProblem<'_> {
             .par_iter()
             .flat_map(|plan| {
                 let mut search = CandidateExchanges::new(self, floor.clone(), configurations);
-                let mut found = search.improved(plan.clone()).plan;
+                let mut found = search.improved(plan.clone(), effort.exchanges).plan;
                 found.sort_unstable();
                 [plan.clone(), found]
             })
@@ -264,33 +286,48 @@ impl<'p, 'a> CandidateExchanges<'p, 'a> {
         let rest = self.information(plan);
         self.cost.cost(&rest, &mut self.directions);
         let derivatives = self.problem.told.derivatives(&self.directions);
-        if let Some((candidate, _)) = self.best_addition(plan, &rest, 1, &derivatives, None) {
+        let promising = Promising::new(&derivatives, None);
+        if let Some((candidate, _)) = self.best_addition(plan, &rest, 1, promising) {
             measure(plan, candidate, 1);
         }
     }
 
-    /// CandidateExchanges measurements, one at a time and all of a configuration at once, until none helps.
-    fn improved(&mut self, mut plan: Vec<(usize, u32)>) -> FoundAmong {
+    /// Exchanges measurements until none helps.
+    fn improved(&mut self, plan: Vec<(usize, u32)>, tried: ExchangesTry) -> FoundAmong {
+        let mut found = self.improved_by_promising(plan);
+        if tried == ExchangesTry::Promising {
+            return found;
+        }
+        for _ in 0..THOROUGH_PASSES {
+            let before = found.cost;
+            self.pass(&mut found, Listed::AllThatMayHelp);
+            if found.cost >= before {
+                break;
+            }
+            found = self.improved_by_promising(found.plan);
+        }
+        found
+    }
+
+    /// Exchanges measurements for those that promise most, one at a time and all of a configuration at once, until none helps.
+    fn improved_by_promising(&mut self, plan: Vec<(usize, u32)>) -> FoundAmong {
         let is_few = self.problem.told.len() <= FEW;
         let mut is_complete = is_few;
-        let mut cost = f64::INFINITY;
+        let mut found = FoundAmong {
+            plan,
+            cost: f64::INFINITY,
+        };
         for _ in 0..PASSES {
-            let information = self.information(&plan);
-            cost = self.cost.cost(&information, &mut self.directions);
+            let information = self.information(&found.plan);
+            found.cost = self.cost.cost(&information, &mut self.directions);
             let listed = (!is_complete).then(|| {
                 let derivatives = self.problem.told.derivatives(&self.directions);
                 highest(&derivatives, SHORT_LIST, |_| true)
             });
-            let before = cost;
-            let mut place = 0;
-            while place < plan.len() {
-                self.exchange(&mut plan, place, 1, listed.as_deref(), &mut cost);
-                if let Some(&(_, times)) = plan.get(place).filter(|(_, times)| *times > 1) {
-                    self.exchange(&mut plan, place, times, listed.as_deref(), &mut cost);
-                }
-                place += 1;
-            }
-            if cost < before {
+            let listed = listed.as_deref().map_or(Listed::All, Listed::These);
+            let before = found.cost;
+            self.pass(&mut found, listed);
+            if found.cost < before {
                 is_complete = is_few;
             } else if is_complete {
                 break;
@@ -298,37 +335,46 @@ impl<'p, 'a> CandidateExchanges<'p, 'a> {
                 is_complete = true;
             }
         }
-        FoundAmong { plan, cost }
+        found
+    }
+
+    /// Every measurement of a plan in its turn.
+    fn pass(&mut self, found: &mut FoundAmong, listed: Listed<'_>) {
+        let mut place = 0;
+        while place < found.plan.len() {
+            self.exchange(found, place, 1, listed);
+            if let Some(&(_, times)) = found.plan.get(place).filter(|(_, times)| *times > 1) {
+                self.exchange(found, place, times, listed);
+            }
+            place += 1;
+        }
     }
 
     /// Puts so many measurements of a place of the plan elsewhere, where that lowers the cost.
-    fn exchange(
-        &mut self,
-        plan: &mut Vec<(usize, u32)>,
-        place: usize,
-        moved: u32,
-        listed: Option<&[usize]>,
-        cost: &mut f64,
-    ) {
-        let mut others = plan.clone();
+    fn exchange(&mut self, found: &mut FoundAmong, place: usize, moved: u32, listed: Listed<'_>) {
+        let mut others = found.plan.clone();
         let from = others[place].0;
         others[place].1 -= moved;
         others.retain(|(_, times)| *times > 0);
         self.cost
-            .cost(&self.information(plan), &mut self.directions);
+            .cost(&self.information(&found.plan), &mut self.directions);
         let told = &self.problem.told;
         let derivatives = match listed {
-            None => told.derivatives(&self.directions),
-            Some(listed) => told.derivatives_of(&self.directions, listed),
+            Listed::These(listed) => told.derivatives_of(&self.directions, listed),
+            _ => told.derivatives(&self.directions),
         };
+        let mut promising = Promising::new(&derivatives, Some(from));
+        if let Listed::AllThatMayHelp = listed {
+            promising.above = derivatives[from];
+        }
         let rest = self.information(&others);
-        let best = self.best_addition(&others, &rest, moved, &derivatives, Some(from));
-        if let Some((candidate, found)) = best
-            && found < *cost * (1.0 - GAIN)
+        let best = self.best_addition(&others, &rest, moved, promising);
+        if let Some((candidate, cost)) = best
+            && cost < found.cost * (1.0 - GAIN)
         {
-            *cost = found;
+            found.cost = cost;
             measure(&mut others, candidate, moved);
-            *plan = others;
+            found.plan = others;
         }
     }
 
@@ -339,25 +385,28 @@ impl<'p, 'a> CandidateExchanges<'p, 'a> {
         plan: &[(usize, u32)],
         rest: &DMatrix<f64>,
         times: u32,
-        derivatives: &[f64],
-        without: Option<usize>,
+        promising: Promising<'_>,
     ) -> Option<(usize, f64)> {
         let problem = self.problem;
         let is_full = plan.len() >= self.configurations;
         let may_be = |candidate: usize| {
             let known = times_in(plan, candidate);
-            without != Some(candidate)
-                && derivatives[candidate] > f64::NEG_INFINITY
+            promising.without != Some(candidate)
+                && promising.derivatives[candidate] > promising.above
                 && (known > 0 || !is_full)
                 && known + times <= problem.most[candidate]
         };
-        let tried = if problem.criterion.is_factored() {
-            TRIED
-        } else {
-            TRIED_OF_OTHERS
+        let tried = match (problem.criterion.is_factored(), promising.is_thorough()) {
+            (true, false) => TRIED,
+            (false, false) => TRIED_OF_OTHERS,
+            (true, true) => {
+                let work = problem.told.size().pow(3).max(1);
+                THOROUGHLY_TRIED.min(THOROUGH_WORK / work).max(TRIED)
+            }
+            (false, true) => THOROUGHLY_TRIED_OF_OTHERS,
         };
         let mut best: Option<(usize, f64)> = None;
-        for candidate in highest(derivatives, tried, may_be) {
+        for candidate in highest(promising.derivatives, tried, may_be) {
             let mut sum = rest.clone();
             let known = times_in(plan, candidate);
             if known > 0 && problem.repeated.is_some() {
@@ -375,6 +424,42 @@ impl<'p, 'a> CandidateExchanges<'p, 'a> {
             }
         }
         best
+    }
+}
+
+/// Among which candidates an exchange looks.
+#[derive(Clone, Copy)]
+enum Listed<'l> {
+    /// All, of which a few are tried.
+    All,
+    /// These, of which a few are tried.
+    These(&'l [usize]),
+    /// All that may help, which are tried.
+    AllThatMayHelp,
+}
+
+/// What candidates promise.
+#[derive(Clone, Copy)]
+struct Promising<'d> {
+    /// The cost's derivatives; minus infinity of those that are not listed.
+    derivatives: &'d [f64],
+    /// The one that goes.
+    without: Option<usize>,
+    /// What is no larger does not help.
+    above: f64,
+}
+
+impl<'d> Promising<'d> {
+    const fn new(derivatives: &'d [f64], without: Option<usize>) -> Self {
+        Self {
+            derivatives,
+            without,
+            above: f64::NEG_INFINITY,
+        }
+    }
+
+    fn is_thorough(&self) -> bool {
+        self.above > f64::NEG_INFINITY
     }
 }
 

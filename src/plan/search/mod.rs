@@ -56,7 +56,7 @@ pub use criteria::{CriterionPlan, compare_criteria};
 pub use exact::{ExactDesign, Watch, exact_design};
 pub use finite::{FiniteBound, FiniteProblem};
 pub use finite_error::FiniteError;
-pub use finite_search::{FiniteDesign, FiniteEffort};
+pub use finite_search::{ExchangesTry, FiniteDesign, FiniteEffort};
 pub use observation::MatrixEvaluator;
 pub use one_exchange::{Exchanges, ExchangesFile, OneExchange};
 pub use problem::{Effort, Problem, SearchError};

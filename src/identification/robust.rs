@@ -1,0 +1,302 @@
+//! Deflections fitted without those that lie far out, with what the model leaves in the errors.
+//!
+//! The rules are those of absolute readings: who lies far out is decided by [`rejection`], how large a misfit is by
+//! [`Misfit`]. Deflections are few and often single ones hold a compliance, so that each is judged by the covariance of what a fit leaves of
+//! it, R - A cov A^T, and one that was left out by R + A cov A^T.
+
+use nalgebra::{DMatrix, Matrix3, Matrix6, SymmetricEigen, Vector3};
+use statrs::distribution::{ContinuousCDF, StudentsT};
+
+use super::case::{Case, Sigma};
+use super::conditions::IMPLAUSIBLE;
+use super::equations::rows_of;
+use super::error::IdentificationError;
+use super::estimate::{Estimate, Identification};
+use super::misfit::{Misfit, ReadingResidual, WEIGHINGS, repeats};
+use super::rejection::{self, RejectedReading, kept};
+use crate::measurement::Measurement;
+
+/// What is left of a direction of a reading that the fit goes through is rounding.
+const NO_VARIANCE: f64 = 1e-8;
+
+/// How measurements are fitted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Robustness {
+    /// Whether those that lie far out are fitted, too.
+    pub keeps_all: bool,
+    /// Whether errors count what the model leaves, where residuals are too large for what is believed of them.
+    pub counts_misfit: bool,
+}
+
+/// What was identified, without what lies far out.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RobustIdentification {
+    /// What all measurements say, as they are.
+    pub of_all: Identification,
+    /// What the measurements that were not left out say; residuals are of all.
+    pub identification: Identification,
+    /// Those that were left out, since they lie far out.
+    pub rejected: Vec<RejectedReading>,
+    /// All measurements, each with the standard deviation that it was weighed with.
+    pub weighed: Vec<Measurement>,
+}
+
+impl RobustIdentification {
+    /// Those of one thing for each measurement that belong to the measurements that were fitted.
+    #[must_use]
+    pub fn of_kept<T: Clone>(&self, all: &[T]) -> Vec<T> {
+        kept(all, &self.rejected)
+    }
+}
+
+/// A fit of some measurements.
+struct SomeFitted {
+    identification: Identification,
+    rejected: Vec<RejectedReading>,
+    /// What is left of all measurements.
+    left: Vec<ReadingResidual>,
+    /// The covariances of what is predicted for them.
+    known: Vec<Matrix6<f64>>,
+    /// The share of the numbers that were fitted which the fit did not use up, and how many it did not.
+    spare: f64,
+    freedom: f64,
+}
+
+impl Case<'_> {
+    /// Identifies what is unknown from the measurements that do not lie far out.
+    ///
+    /// # Errors
+    /// As [`identify`](Self::identify).
+    pub fn identify_robustly(
+        &self,
+        robustness: Robustness,
+    ) -> Result<RobustIdentification, IdentificationError> {
+        let known = Case {
+            sigma: Sigma::Known(self.sigma.weight_m()),
+            ..*self
+        };
+        let own = self.equation_source().covariances_of_all();
+        let of_all = self.identify()?;
+        let mut fitted = match self.sigma {
+            Sigma::Known(_) => known.looked_at_all(of_all.clone(), self.measurements, &[])?,
+            Sigma::FromResiduals(_) => known.fitted(self.measurements, &[])?,
+        };
+        if !robustness.keeps_all
+            && let Some(others) = known.without_far_out(&fitted, &own)
+        {
+            fitted = others;
+        }
+        let mut weighed = self.measurements.to_vec();
+        let is_implausible = |found: &Identification| {
+            found
+                .consistency
+                .is_some_and(|probability| probability < IMPLAUSIBLE)
+        };
+        let rejected = fitted.rejected.clone();
+        let mut identification = match self.sigma {
+            Sigma::Known(_) => fitted.identification.clone(),
+            Sigma::FromResiduals(_) if rejected.is_empty() => of_all.clone(),
+            Sigma::FromResiduals(_) => self.with(&kept(self.measurements, &rejected)).identify()?,
+        };
+        if robustness.counts_misfit && is_implausible(&identification) {
+            let plain = identification;
+            let mut misfit = fitted.misfit(&own);
+            for _ in 0..WEIGHINGS {
+                misfit = fitted.misfit(&own);
+                weighed = misfit.weighed(self.measurements, self.sigma.weight_m());
+                fitted = known.fitted(&weighed, &rejected)?;
+            }
+            identification = fitted.identification.clone();
+            identification.misfit = Some(misfit);
+            identification.widen(fitted.freedom);
+            // How far residuals are from what is believed is told of that.
+            identification.sigma_m = plain.sigma_m;
+            identification.residual_sigma_m = plain.residual_sigma_m;
+            identification.consistency = plain.consistency;
+            identification.consistency_lower = plain.consistency_lower;
+        }
+        if identification.misfit.is_some() || !rejected.is_empty() {
+            let left = fitted.left.iter();
+            identification.residuals_m = left.flat_map(|each| each.position_m.data.0[0]).collect();
+        }
+        Ok(RobustIdentification {
+            of_all,
+            identification,
+            rejected,
+            weighed,
+        })
+    }
+
+    /// Fits those of `weighed` that are not rejected, and looks at what that leaves of all.
+    fn fitted(
+        &self,
+        weighed: &[Measurement],
+        rejected: &[RejectedReading],
+    ) -> Result<SomeFitted, IdentificationError> {
+        let identification = self.with(&kept(weighed, rejected)).identify()?;
+        self.looked_at_all(identification, weighed, rejected)
+    }
+
+    /// What was identified from those of `weighed` that are not rejected, with what it leaves of all.
+    fn looked_at_all(
+        &self,
+        identification: Identification,
+        weighed: &[Measurement],
+        rejected: &[RejectedReading],
+    ) -> Result<SomeFitted, IdentificationError> {
+        let measurements = kept(weighed, rejected);
+        let posterior = &identification.posterior;
+        let all = self.with(weighed);
+        let source = all.equation_source();
+        let (mut matrix, residual) = all.against(&source, &posterior.mean)?;
+        let mut residual = DMatrix::from_columns(&[residual]);
+        // What repeats share is spread over their rows: the fit's own are whitened without those that were left out.
+        let of_kept = self.with(&measurements);
+        let kept_source = of_kept.equation_source();
+        let (own_rows, _) = of_kept.against(&kept_source, &posterior.mean)?;
+        // Repeats share what the model leaves.
+        let numbers: f64 = (measurements.iter())
+            .map(|each| rows_of(each) as f64 / repeats(each, &measurements))
+            .sum();
+        let used = (&own_rows * &posterior.covariance)
+            .component_mul(&own_rows)
+            .sum();
+        let freedom = (numbers - used).max(1.0);
+        source.take_weights_off(&mut matrix);
+        source.take_weights_off(&mut residual);
+        let (mut left, mut known) = (Vec::new(), Vec::new());
+        for (each, row) in weighed.iter().zip(source.first_rows()) {
+            let part = |first: usize| Vector3::from_fn(|axis, _| residual[(row + first + axis, 0)]);
+            left.push(ReadingResidual {
+                position_m: part(0),
+                rotation_rad: each.rotation.is_some().then(|| part(3)),
+            });
+            let count = rows_of(each);
+            let own = matrix.rows(row, count);
+            let predicted = own * &posterior.covariance * own.transpose();
+            known.push(Matrix6::from_fn(|row, column| {
+                if row.max(column) < count {
+                    predicted[(row, column)]
+                } else {
+                    0.0
+                }
+            }));
+        }
+        Ok(SomeFitted {
+            left,
+            known,
+            spare: freedom / numbers,
+            freedom,
+            rejected: rejected.to_vec(),
+            identification,
+        })
+    }
+
+    /// Fits without the measurements that lie far out of a first fit. None where none does, where too many do, or where the
+    /// others tell less than all.
+    fn without_far_out(&self, first: &SomeFitted, own: &[Matrix6<f64>]) -> Option<SomeFitted> {
+        let mut rejected = first.far_out(own)?;
+        if rejected.is_empty() {
+            // One among few draws the fit to itself, and hides in what that leaves of the others.
+            rejected.push(first.farthest(own)?);
+        }
+        let (rejected, mut fitted) = rejection::until_the_same(
+            rejected,
+            |fitted: &SomeFitted| fitted.far_out(own),
+            |rejected| {
+                let fitted = self.fitted(self.measurements, rejected).ok()?;
+                (fitted.identification.rank >= first.identification.rank).then_some(fitted)
+            },
+        )?;
+        fitted.rejected = rejected;
+        Some(fitted)
+    }
+}
+
+impl SomeFitted {
+    fn far_out(&self, own: &[Matrix6<f64>]) -> Option<Vec<RejectedReading>> {
+        let spare = (self.spare, self.freedom);
+        rejection::far_out(&self.left, own, spare, |reading, all| {
+            self.square(reading, &own[reading], all)
+        })
+    }
+
+    /// The measurement without which the weighted squares are smallest.
+    fn farthest(&self, own: &[Matrix6<f64>]) -> Option<RejectedReading> {
+        let squares = own.iter().enumerate();
+        let squares = squares.map(|(reading, own)| (reading, self.square(reading, own, own)));
+        let (reading, square) = squares.max_by(|one, other| one.1.total_cmp(&other.1))?;
+        Some(RejectedReading {
+            reading,
+            deviations: square.sqrt(),
+        })
+    }
+
+    /// What is left of a measurement over its covariance, of position or of rotation the larger.
+    fn square(&self, reading: usize, own: &Matrix6<f64>, whole: &Matrix6<f64>) -> f64 {
+        let is_rejected = self.rejected.iter().any(|each| each.reading == reading);
+        let left = &self.left[reading];
+        let square = |vector: &Vector3<f64>, first: usize| {
+            let [whole, own, known] = [whole, own, &self.known[reading]]
+                .map(|each| each.fixed_view::<3, 3>(first, first).into_owned());
+            let known = if is_rejected { -known } else { known };
+            square_of(vector, &whole, &own, &known)
+        };
+        let rotation = (left.rotation_rad).map_or(0.0, |vector| square(&vector, 3));
+        square(&left.position_m, 0).max(rotation)
+    }
+
+    /// By how much what is left of the measurements that were fitted is larger than it should be.
+    fn misfit(&self, own: &[Matrix6<f64>]) -> Misfit {
+        let left = kept(&self.left, &self.rejected);
+        Misfit::of(&left, &kept(own, &self.rejected), self.spare)
+    }
+}
+
+/// What is left of a reading over the covariance of that. Of the reading's own covariance a fit takes up the share `known`; of the whole
+/// one, which counts what is unexplained, it takes up as much.
+fn square_of(
+    left: &Vector3<f64>,
+    whole: &Matrix3<f64>,
+    own: &Matrix3<f64>,
+    known: &Matrix3<f64>,
+) -> f64 {
+    let factors = whole.cholesky().zip(own.cholesky());
+    let Some((whole, own)) = factors.map(|(whole, own)| (whole.l(), own.l())) else {
+        return 0.0;
+    };
+    let (Some(left), Some(half)) = (
+        whole.solve_lower_triangular(left),
+        own.solve_lower_triangular(known),
+    ) else {
+        return 0.0;
+    };
+    let Some(share) = own.solve_lower_triangular(&half.transpose()) else {
+        return 0.0;
+    };
+    let eigen = SymmetricEigen::new(Matrix3::identity() - share);
+    let coordinates = eigen.eigenvectors.tr_mul(&left);
+    (eigen.eigenvalues.iter().zip(&coordinates))
+        .filter(|(variance, _)| **variance > NO_VARIANCE)
+        .map(|(variance, coordinate)| coordinate * coordinate / variance)
+        .sum()
+}
+
+impl Identification {
+    /// Intervals as wide as they are where the variance is known from so many degrees of freedom only.
+    fn widen(&mut self, freedom: f64) {
+        let quantile = StudentsT::new(0.0, 1.0, freedom)
+            .map_or(f64::INFINITY, |student| student.inverse_cdf(0.975));
+        let of_parameters = self.parameters.iter_mut().map(|each| &mut each.estimate);
+        let of_others = self.uncertain.iter_mut().map(|each| &mut each.estimate);
+        for estimate in of_parameters.chain(of_others).flatten() {
+            let Estimate {
+                value,
+                standard_error,
+                ..
+            } = *estimate;
+            let half = quantile * standard_error;
+            estimate.interval95 = [value - half, value + half];
+        }
+    }
+}

@@ -1,0 +1,104 @@
+//! What joints are off by over their own angles is corrected where absolute targets are asked for, and named where it cannot be.
+
+use std::fmt::Write as _;
+
+use elastocal::numeric::random::generator;
+use elastocal::observation::{Form, ObservationModel, ReadingKind, Setup};
+use elastocal::parameter::{ElasticArm, ParameterSet};
+use elastocal::robot::Load;
+use nalgebra::{DVector, Isometry3, Matrix6xX, Rotation3, UnitQuaternion};
+use serde_json::{Value, json};
+
+use crate::ladder::{Gear, read_of, waves};
+use crate::one_fit::{between, seen_arm, ur10, workplace};
+use crate::support::numbers;
+
+/// Where the tool of a robot is that is told to stand so, as the instrument sees it.
+fn stands(arm: &ElasticArm, gear: Gear<'_>, told: &DVector<f64>) -> Isometry3<f64> {
+    let nothing = ParameterSet::empty();
+    let mut model = ObservationModel::new(&nothing, arm, &[]);
+    let setup = Setup {
+        commanded_rad: DVector::from_fn(told.len(), |joint, _| {
+            told[joint] + gear(joint, told[joint])
+        }),
+        load: Load::NONE,
+        target: 0,
+        station: 0,
+        approach: None,
+    };
+    let mut ignored = Matrix6xX::zeros(0);
+    let seen =
+        (model.predict(Form::AtRest, &setup, ReadingKind::Pose, &mut ignored)).expect("stable");
+    let rotation = Rotation3::from_matrix_unchecked(seen.rotation);
+    Isometry3::from_parts(
+        seen.position_m.into(),
+        UnitQuaternion::from_rotation_matrix(&rotation),
+    )
+}
+
+#[test]
+fn absolute_targets_are_reached_by_joints_that_are_off() {
+    let mut random = generator(71, 0);
+    let arm = seen_arm(&mut random, &ur10(), 1, 1);
+    let gear = waves(&mut random);
+    let place = workplace(&read_of(&mut random, &arm, 250, 0.0, &gear));
+    place.run(
+        "identify s.toml --quiet --measurements m.csv --parameters zeros --identified-out i.json",
+    );
+    let identified: Value = serde_json::from_str(&place.read("i.json")).expect("JSON");
+    let tool = identified["targets"][0]["name"].as_str().expect("a name");
+    let mut plain = identified.clone();
+    plain["unexplained"] = Value::Null;
+    place.write("plain.json", plain.to_string());
+    let mut table = "x_mm,y_mm,z_mm,qw,qx,qy,qz\n".to_owned();
+    let mut wanted = Vec::new();
+    for _ in 0..40 {
+        let told = DVector::from_fn(6, |_, _| between(&mut random, -2.2, 2.2));
+        let pose = stands(&arm, &gear, &told);
+        let ([x, y, z], q) = ((pose.translation.vector * 1e3).into(), pose.rotation);
+        let _: [f64; 3] = [x, y, z];
+        let _ = writeln!(table, "{x},{y},{z},{},{},{},{}", q.w, q.i, q.j, q.k);
+        wanted.push(pose);
+    }
+    place.write("t.csv", table);
+    let mean_mm = |file: &str, is_corrected: bool| {
+        let outcome = place.run(&format!(
+            "compensate s.toml --quiet --identified {file} --targets t.csv --tool {tool} --json"
+        ));
+        let json = outcome.json();
+        assert_eq!(json["corrects_joint_errors"], json!(is_corrected));
+        let found = json["targets"].as_array().expect("targets");
+        let off = found.iter().zip(&wanted).map(|(found, wanted)| {
+            let told = numbers(&found["q_commanded_deg"]);
+            let told = told.into_iter().map(f64::to_radians);
+            let pose = stands(&arm, &gear, &DVector::from_iterator(6, told));
+            (pose.translation.vector - wanted.translation.vector).norm()
+        });
+        off.sum::<f64>() / wanted.len() as f64 * 1e3
+    };
+    let (corrected, plain) = (mean_mm("i.json", true), mean_mm("plain.json", false));
+    println!("{corrected:.4} mm, {plain:.4} mm without");
+    assert!(
+        plain > 0.1 && corrected < 0.4 * plain,
+        "{corrected} {plain}"
+    );
+    let outcome = place.run(&format!(
+        "compensate s.toml --quiet --identified i.json --targets t.csv --tool {tool}"
+    ));
+    assert!(
+        outcome.stdout.contains("what joints are off by"),
+        "{}",
+        outcome.stdout
+    );
+    // A model has no such errors, which is said.
+    let json = place
+        .run("export s.toml --quiet --identified i.json --model-out c.xml --json")
+        .json();
+    let said = json["not_expressed"].as_array().expect("a list").iter();
+    let said: Vec<&str> = said.filter_map(Value::as_str).collect();
+    assert!(
+        said.iter()
+            .any(|each| each.contains("off by as functions of their own angles")),
+        "{said:?}"
+    );
+}
