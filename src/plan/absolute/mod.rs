@@ -14,7 +14,7 @@ use nalgebra::{DMatrix, Matrix3xX, UnitQuaternion, Vector3};
 use rayon::prelude::*;
 
 use super::search::{
-    BoundKind, FiniteBound, FiniteDesign, FiniteEffort, FiniteError, FiniteProblem,
+    BoundKind, ExchangesTry, FiniteBound, FiniteDesign, FiniteEffort, FiniteError, FiniteProblem,
     LeftOutCandidates, PlanBound, PlanProof, ToldByCandidates, Watch, possible_of,
 };
 use super::{Criterion, Experiment};
@@ -336,6 +336,7 @@ impl<'a> AbsolutePlanning<'a> {
             configurations,
             searches: SEARCHES,
             seed,
+            exchanges: ExchangesTry::Promising,
         };
         let shown = self.shown(self.places())?;
         let frames = shown.test_poses.len();
