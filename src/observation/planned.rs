@@ -53,7 +53,7 @@ impl<'a> PlannedReadings<'a> {
         // Where loads turn joints over their gaps, the arm's weight counts.
         let is_turned_over = (set.parameters().iter()).any(|each| match each.kind {
             ParameterKind::JointBacklash { joint } => {
-                arm.backlash[joint].turned_over_at_nm.is_finite()
+                arm.backlash[joint].turned_over_at_nm.is_some()
             }
             _ => false,
         });

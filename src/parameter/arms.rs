@@ -162,7 +162,7 @@ pub(crate) fn random(numbers: &mut Numbers, joints: usize) -> ElasticArm {
     belief.instrument_from_base = vec![Isometry3::new(numbers.vector(2.0), numbers.vector(1.5))];
     belief.zero_rad = (0..joints).map(|_| numbers.between(-0.05, 0.05)).collect();
     for gap in belief.backlash.iter_mut().step_by(2) {
-        gap.turned_over_at_nm = 100.0;
+        gap.turned_over_at_nm = Some(100.0);
     }
     belief.load_scale = numbers.between(0.8, 1.2);
     belief.payload = Some(Payload {

@@ -18,25 +18,25 @@ pub struct Backlash {
     /// Half of its width (rad; m where the joint slides).
     pub half_width_rad: f64,
     /// The torque (N m; N where it slides) at which what the joint carries decides as much as the side of approach on which
-    /// side of the gap it stands; infinite where the side of approach alone decides.
-    pub turned_over_at_nm: f64,
+    /// side of the gap it stands; none where the side of approach alone decides.
+    pub turned_over_at_nm: Option<f64>,
 }
 
 impl Backlash {
     /// No gap.
     pub const NONE: Self = Self {
         half_width_rad: 0.0,
-        turned_over_at_nm: f64::INFINITY,
+        turned_over_at_nm: None,
     };
 
     /// On which side of the gap the joint stands, -1 to 1, after it came turning positively or not, under a torque (N m).
     #[must_use]
     pub fn side(&self, came_positively: bool, torque_nm: f64) -> f64 {
         let of_approach = if came_positively { -1.0 } else { 1.0 };
-        if self.turned_over_at_nm.is_infinite() {
+        let Some(turned_over_at_nm) = self.turned_over_at_nm else {
             return of_approach;
-        }
-        let ratio = torque_nm / self.turned_over_at_nm;
+        };
+        let ratio = torque_nm / turned_over_at_nm;
         (of_approach + ratio * ratio.abs()) / (1.0 + ratio * ratio)
     }
 }

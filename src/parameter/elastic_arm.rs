@@ -102,7 +102,7 @@ impl ElasticArm {
     ) -> Vec<f64> {
         let came = Approach::of_all(approach, &self.chain);
         let gaps = self.backlash.iter().zip(came);
-        if (self.backlash.iter()).all(|gap| gap.turned_over_at_nm.is_infinite()) {
+        if (self.backlash.iter()).all(|gap| gap.turned_over_at_nm.is_none()) {
             return gaps.map(|(gap, came)| gap.side(came, 0.0)).collect();
         }
         let chain = if self.payload.is_some() {

@@ -69,8 +69,8 @@ pub struct Belief {
     /// What else is uncertain, besides the instrument's noise; it makes the vector of unknowns longer.
     pub uncertain: Option<Extended>,
     /// The torque (N m; N where it slides) at which what a joint carries decides as much as the side of approach on which side
-    /// of its gap it stands, where it has one; infinite where the side of approach alone decides.
-    pub turned_over_at_nm: Vec<f64>,
+    /// of its gap it stands, where it has one; none where the side of approach alone decides.
+    pub turned_over_at_nm: Vec<Option<f64>>,
     /// How deflections are measured.
     pub instrument: Instrument,
     /// The method of identification and compensation.

@@ -45,8 +45,7 @@ impl Belief {
                 belief.text(&name);
             }
             belief.numbers(extended.set().prior().precision.iter().copied());
-            let torques = self.turned_over_at_nm.iter().copied();
-            belief.numbers(torques.filter(|torque_nm| torque_nm.is_finite()));
+            belief.numbers(self.turned_over_at_nm.iter().copied().flatten());
         }
         let rotation = self.instrument.rotation_sigma_rad;
         belief.numbers([self.instrument.sigma_m].into_iter().chain(rotation));

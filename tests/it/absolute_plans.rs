@@ -13,7 +13,7 @@ use elastocal::plan::absolute::{AbsolutePlanError, AbsolutePlanning};
 use elastocal::plan::search::{Watch, random_plan};
 use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
-use nalgebra::{Isometry3, Matrix6xX};
+use nalgebra::{DVector, Isometry3, Matrix6xX};
 
 use crate::support::{Workplace, scenario, scenario_text};
 
@@ -173,6 +173,82 @@ fn what_targets_do_not_show_is_named() {
         }
         other => panic!("{other:?}"),
     }
+}
+
+/// Stands far from the test pose (deg), of which positions of one target hardly show the last link apart from it.
+const FAR_STANDS_DEG: [[i16; 6]; 30] = [
+    [-278, -174, 21, -158, 31, 138],
+    [-182, -100, 78, -186, 87, 4],
+    [-208, -181, 40, -140, 91, 50],
+    [-183, -93, 130, -155, 79, 63],
+    [-221, -151, 9, -243, 56, 69],
+    [-245, -137, 108, -116, 31, 93],
+    [-263, -155, 59, -244, 32, 33],
+    [-263, -168, 130, -120, 56, 81],
+    [-199, -114, 46, -136, 63, 138],
+    [-218, -139, 90, -158, 67, -9],
+    [-189, -134, 118, -83, 77, 13],
+    [-223, -150, 127, -122, 75, 40],
+    [-201, -127, 118, -161, 82, 135],
+    [-214, -93, 116, -126, 94, 6],
+    [-244, -96, 42, -93, 44, 72],
+    [-246, -147, 129, -107, 76, 79],
+    [-202, -107, 104, -171, 103, 3],
+    [-223, -120, 93, -75, 89, -31],
+    [-185, -142, 2, -42, 34, 140],
+    [-272, -178, 12, -181, 85, 8],
+    [-198, -172, 34, -32, 44, 12],
+    [-180, -159, 15, -142, 101, -42],
+    [-278, -139, 92, -206, 41, 122],
+    [-282, -175, 29, -233, 13, -40],
+    [-192, -183, 95, -185, 26, -10],
+    [-191, -162, 0, -152, 85, -39],
+    [-184, -154, 38, -241, 10, 38],
+    [-207, -105, 28, -177, 53, 75],
+    [-282, -146, 114, -109, 108, 104],
+    [-191, -180, 67, -57, 61, 109],
+];
+
+/// What the candidates do not tell apart and what moves the tool by thousandths of what a plan leaves does not stand in its way,
+/// and carries no number.
+#[test]
+fn what_hardly_moves_the_tool_may_stay_hidden() {
+    let scenario = scenario("ur10");
+    let rows: Vec<Candidate> = (FAR_STANDS_DEG.iter().enumerate())
+        .map(|(index, stand)| Candidate {
+            line: index + 2,
+            configuration_rad: DVector::from_iterator(
+                6,
+                stand.iter().map(|&q| f64::from(q).to_radians()),
+            ),
+            load: None,
+            most: None,
+            target: Some(SPINDLE.to_owned()),
+            station: None,
+            approach: None,
+        })
+        .collect();
+    let planning = AbsolutePlanning::new(&scenario.task, &[ParameterGroup::Geometry], &rows)
+        .expect("candidates");
+    let stop = AtomicBool::new(false);
+    let watch = Watch {
+        stop: &stop,
+        progress: &|_, _, _| {},
+    };
+    let design = planning.design([28, 28], 1, watch).expect("a plan");
+    let promise = planning.promise(&design.plan);
+    let rho0_m = promise.rho0_m().expect("a promise");
+    let bound_m = design.bound.expect("a bound").best;
+    assert!(
+        bound_m <= rho0_m && bound_m > 0.9 * rho0_m,
+        "{bound_m} and {rho0_m}"
+    );
+    let names = planning.set().parameters();
+    let without: Vec<&str> = (names.iter().enumerate())
+        .filter(|(index, _)| promise.posterior.standard_error(*index).is_none())
+        .map(|(_, each)| each.name.as_str())
+        .collect();
+    assert!(without.contains(&"link_6.rx"), "{without:?}");
 }
 
 fn table(rows: &[Candidate], station: &str) -> String {

@@ -152,7 +152,7 @@ fn promises_hold_from_any_side() {
 fn sides_of_a_gap() {
     let gap = Backlash {
         half_width_rad: 1e-4,
-        turned_over_at_nm: 50.0,
+        turned_over_at_nm: Some(50.0),
     };
     for came in [false, true] {
         let of_approach = if came { -1.0 } else { 1.0 };

@@ -233,26 +233,37 @@ impl<'a> AbsolutePlanning<'a> {
         planned_information_of_each(&self.set, &self.case.arm, mean, readings)
     }
 
-    /// Some candidates by what they tell of what they can tell at all.
-    fn shown(&self, places: Vec<usize>) -> Result<Shown, AbsolutePlanError> {
+    /// Some candidates, of which so many are to be measured, by what they tell of what they can tell at all.
+    fn shown(&self, places: Vec<usize>, measurements: u32) -> Result<Shown, AbsolutePlanError> {
         let told_of = |places: &[usize]| {
             let readings: Vec<PlannedReading> =
                 places.iter().map(|&place| self.reading(place, 1)).collect();
             self.told_of(&readings)
         };
-        let mut information = self.before.clone();
+        let mut all = DMatrix::zeros(self.set.len(), self.set.len());
         for some in places.chunks(TOGETHER) {
             for told in told_of(some) {
-                information += told;
+                all += told;
             }
         }
-        let estimable = Estimable::new(&information, &vec![1.0; self.set.len()]);
+        let estimable = Estimable::new(&(&self.before + &all), &vec![1.0; self.set.len()]);
+        // What is hidden matters beside what a plan leaves, and that is what so many average readings do.
+        let share = f64::from(measurements) / places.len().max(1) as f64;
+        let average = &self.before + all * share.min(1.0);
+        let likely = known_after(&self.set, &average).covariance;
+        let scales = self.set.scales();
+        let likely = DMatrix::from_fn(scales.len(), scales.len(), |row, column| {
+            likely[(row, column)] / (scales[row] * scales[column])
+        });
         let rows: Vec<DMatrix<f64>> = (0..self.case.stations.len())
             .map(|station| stacked(&self.poses, station))
             .collect();
         let missing: Vec<Vec<usize>> = rows
             .iter()
-            .map(|rows| estimable.missing(rows, 0.0))
+            .map(|rows| {
+                let variance = (rows * &likely * rows.transpose()).trace();
+                estimable.missing(rows, variance.max(0.0).sqrt())
+            })
             .collect();
         if let Some(fewest) = missing.iter().min_by_key(|missing| missing.len())
             && !fewest.is_empty()
@@ -338,7 +349,7 @@ impl<'a> AbsolutePlanning<'a> {
             seed,
             exchanges: ExchangesTry::Promising,
         };
-        let shown = self.shown(self.places())?;
+        let shown = self.shown(self.places(), measurements)?;
         let frames = shown.test_poses.len();
         let in_frame = |(frame, (station, test_poses)): (usize, &(usize, DMatrix<f64>))| {
             let progress = |done: usize, all: usize, cost: f64| {
@@ -408,7 +419,7 @@ impl<'a> AbsolutePlanning<'a> {
             progress: &|_, _, _| {},
             ..watch
         };
-        let Ok(shown) = self.shown(from_there) else {
+        let Ok(shown) = self.shown(from_there, effort.measurements) else {
             return found;
         };
         let mut frames = shown.test_poses.iter();
@@ -443,7 +454,7 @@ impl<'a> AbsolutePlanning<'a> {
     /// The candidates do not determine the tool's place.
     pub fn bound(&self, plan: &[(usize, u32)]) -> Result<Option<PlanBound>, AbsolutePlanError> {
         let measurements = plan.iter().map(|(_, times)| times).sum();
-        let shown = self.shown(self.places())?;
+        let shown = self.shown(self.places(), measurements)?;
         let in_frame = |(_, test_poses): &(usize, DMatrix<f64>)| {
             self.with_problem(&shown, test_poses, measurements, |problem| {
                 problem.bound_of(plan).ok()

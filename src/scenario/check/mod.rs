@@ -118,7 +118,7 @@ impl Checker<'_> {
         let mut belief = Belief {
             prior: before.prior,
             uncertain: None,
-            turned_over_at_nm: vec![f64::INFINITY; joints],
+            turned_over_at_nm: vec![None; joints],
             nominal,
             calibration_tool,
             machining_tool,

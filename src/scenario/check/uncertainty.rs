@@ -358,13 +358,13 @@ impl Checker<'_> {
     }
 
     /// The torque (N m; N where it slides) at which what each joint carries decides as much as the side of approach on which
-    /// side of its gap it stands; infinite where nothing says so.
+    /// side of its gap it stands; none where nothing says so.
     fn turned_over_at_nm(
         &self,
         tables: &[UncertaintyTable],
         belief: &Belief,
-    ) -> Result<Vec<f64>, FileError> {
-        let mut all: Vec<Option<f64>> = vec![None; belief.nominal.chain.len()];
+    ) -> Result<Vec<Option<f64>>, FileError> {
+        let mut all: Vec<Option<Option<f64>>> = vec![None; belief.nominal.chain.len()];
         for (index, table) in tables.iter().enumerate() {
             let key = format!("uncertainty[{index}]");
             let own = format!("{key}.turned_over_at_nm");
@@ -375,12 +375,11 @@ impl Checker<'_> {
                 }
                 continue;
             }
-            let value = match table.turned_over_at_nm {
-                Some(value) => self.number(&own, value, &TORQUE_LIMIT)?,
-                None => f64::INFINITY,
-            };
+            let value = (table.turned_over_at_nm)
+                .map(|value| self.number(&own, value, &TORQUE_LIMIT))
+                .transpose()?;
             for (joint, _) in self.joint_sizes(&key, table, belief, "std_arcsec")? {
-                if all[joint].is_some_and(|known| known.total_cmp(&value).is_ne()) {
+                if all[joint].is_some_and(|known| known != value) {
                     let name = &belief.nominal.chain.joints[joint].name;
                     let problem = format!("another backlash says something else of {name}");
                     let wrong = self.wrong(&own, problem);
@@ -389,8 +388,7 @@ impl Checker<'_> {
                 all[joint] = Some(value);
             }
         }
-        let value = |each: Option<f64>| each.unwrap_or(f64::INFINITY);
-        Ok(all.into_iter().map(value).collect())
+        Ok(all.into_iter().map(Option::flatten).collect())
     }
 
     /// Joints with a size each: angles of those that turn, lengths of those that slide.
