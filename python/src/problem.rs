@@ -117,6 +117,7 @@ impl PlanningProblem {
                 configuration_rad: self.configuration(q)?.into(),
                 load: Load::from_wrench(wrench),
                 repeats,
+                approach: None,
             });
         }
         Ok(py.detach(|| self.value_and_gradient(&Plan { experiments })))
