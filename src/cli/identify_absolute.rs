@@ -205,6 +205,9 @@ fn describe(message: &AbsoluteMessage) -> String {
         "\n{}",
         distances_table(&message.distance_mm, message.angle_mrad.as_ref())
     );
+    if message.consistency.is_none() && message.numbers <= message.unknowns.len() {
+        text += "  There are no more numbers than unknowns: nothing is left over that could show an error.\n";
+    }
     if let Some(misfit_mm) = message.misfit_mm {
         let turned = message
             .misfit_mrad

@@ -491,6 +491,18 @@ fn what_frames_need_is_told() {
     }
 }
 
+/// Readings that are just enough leave nothing by which they could be wrong, and that is said.
+#[test]
+fn that_nothing_is_left_over_is_said() {
+    let of = |readings: usize| {
+        let place = workplace(&plain(readings, false));
+        identify(&place, "--parameters frames").ends_with(0).stdout
+    };
+    let words = "nothing is left over that could show an error";
+    assert!(of(3).contains(words), "{}", of(3));
+    assert!(!of(4).contains(words), "{}", of(4));
+}
+
 /// What is asked for and cannot be done with such a file.
 #[test]
 fn options_that_do_not_fit_are_refused() {
