@@ -17,7 +17,7 @@ use elastocal::scenario::Scenario;
 use elastocal::text::wording::counted;
 use serde_json::json;
 
-use super::candidates::PoseArgs;
+use super::candidates::{PoseArgs, left_out};
 use super::interruption::ask_search;
 use super::progress::bar;
 use super::table::{number, table};
@@ -240,9 +240,11 @@ impl AbsoluteWanted<'_> {
             })
             .into_iter()
             .collect();
+        let offered = counted(planning.offered as u64, "candidate");
+        let left = planning.offered - planning.candidates.len();
         Ok(Report {
             json,
-            text: describe(&message),
+            text: describe(&message) + &left_out(&offered, left, &planning.left_out),
             conditions,
         })
     }
@@ -336,19 +338,5 @@ fn describe(message: &AbsolutePlanMessage) -> String {
         "\n{}\n",
         table(&["unknown", "standard error", "unit"], &rows)
     );
-    let from = &message.candidates;
-    if !from.left_out.is_empty() {
-        let left = from.offered - from.possible;
-        text += &format!(
-            "Of {}, {left} are left out:\n",
-            counted(from.offered as u64, "candidate")
-        );
-        for each in &from.left_out {
-            text += &format!(
-                "  {} for {} (the first in line {}: {})\n",
-                each.count, each.what, each.line, each.first
-            );
-        }
-    }
     text
 }

@@ -6,7 +6,7 @@ use clap::Args;
 use elastocal::experiment::read_candidates;
 use elastocal::files::FileError;
 use elastocal::files::roles::Roles;
-use elastocal::plan::search::Candidates;
+use elastocal::plan::search::{Candidates, LeftOutCandidates};
 use elastocal::quantities::limits::MOST_NAMED;
 use elastocal::record::messages::ProvenanceMessage;
 use elastocal::robot::Load;
@@ -140,11 +140,18 @@ pub fn told(candidates: &Candidates) -> String {
         counted(candidates.experiments.len() as u64, "candidate")
     );
     let left = candidates.offered - candidates.experiments.len();
-    if left > 0 {
-        text += &format!("Of {}, {left} are left out:\n", candidates.offered);
-        for reason in &candidates.left_out {
-            text += &format!("  {reason}\n");
-        }
+    text += &left_out(&candidates.offered.to_string(), left, &candidates.left_out);
+    text
+}
+
+/// How many of so many candidates are left out, and why; nothing where none is.
+pub fn left_out(of: &str, left: usize, reasons: &[LeftOutCandidates]) -> String {
+    if left == 0 {
+        return String::new();
+    }
+    let mut text = format!("Of {of}, {left} are left out:\n");
+    for reason in reasons {
+        text += &format!("  {reason}\n");
     }
     text
 }

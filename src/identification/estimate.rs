@@ -246,6 +246,7 @@ fn two_sided_normal() -> f64 {
     Normal::standard().inverse_cdf(0.975)
 }
 
-fn two_sided_student(freedom: f64) -> f64 {
+/// What 95 % of a variable of Student's t stay within, to either side.
+pub(super) fn two_sided_student(freedom: f64) -> f64 {
     StudentsT::new(0.0, 1.0, freedom).map_or(f64::INFINITY, |student| student.inverse_cdf(0.975))
 }

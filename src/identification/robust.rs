@@ -5,13 +5,12 @@
 //! it, R - A cov A^T, and one that was left out by R + A cov A^T.
 
 use nalgebra::{DMatrix, Matrix3, Matrix6, SymmetricEigen, Vector3};
-use statrs::distribution::{ContinuousCDF, StudentsT};
 
 use super::case::{Case, Sigma};
 use super::conditions::IMPLAUSIBLE;
 use super::equations::rows_of;
 use super::error::IdentificationError;
-use super::estimate::{Estimate, Identification};
+use super::estimate::{Estimate, Identification, two_sided_student};
 use super::misfit::{Misfit, ReadingResidual, WEIGHINGS, repeats};
 use super::rejection::{self, RejectedReading, kept};
 use crate::measurement::Measurement;
@@ -285,8 +284,7 @@ fn square_of(
 impl Identification {
     /// Intervals as wide as they are where the variance is known from so many degrees of freedom only.
     fn widen(&mut self, freedom: f64) {
-        let quantile = StudentsT::new(0.0, 1.0, freedom)
-            .map_or(f64::INFINITY, |student| student.inverse_cdf(0.975));
+        let quantile = two_sided_student(freedom);
         let of_parameters = self.parameters.iter_mut().map(|each| &mut each.estimate);
         let of_others = self.uncertain.iter_mut().map(|each| &mut each.estimate);
         for estimate in of_parameters.chain(of_others).flatten() {

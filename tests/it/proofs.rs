@@ -289,15 +289,7 @@ fn another_program_checks_arms_of_every_kind() {
             file["prior_precision"] = json!([[1e12, 0, 0], [0, 1e12, 0], [0, 0, 1e12]]);
         }),
     ];
-    for (what, tamper) in tampered {
-        let mut file = whole.clone();
-        tamper(&mut file);
-        assert_ne!(file, whole, "{what}");
-        place.write("tampered.json", file.to_string());
-        let (code, text) = checked(&python, &place.path("tampered.json"));
-        assert_eq!(code, Some(1), "{what}: {text}");
-        assert!(text.contains("refused"), "{what}: {text}");
-    }
+    all_are_refused(&place, &python, &whole, &tampered);
     // JSON has no such numbers, but Python reads them; nothing is above or below them.
     for number in ["NaN", "Infinity", "1e999"] {
         let mut file = whole.clone();
@@ -323,6 +315,19 @@ pub fn checked(python: &str, proof: &Path) -> (Option<i32>, String) {
 
 /// Something that is done to a proof.
 pub type Edit<'a> = &'a dyn Fn(&mut Value);
+
+/// Each change makes another file, which the checker refuses.
+pub fn all_are_refused(place: &Workplace, python: &str, whole: &Value, changes: &[(&str, Edit)]) {
+    for (what, tamper) in changes {
+        let mut file = whole.clone();
+        tamper(&mut file);
+        assert_ne!(file, *whole, "{what}");
+        place.write("tampered.json", file.to_string());
+        let (code, text) = checked(python, &place.path("tampered.json"));
+        assert_eq!(code, Some(1), "{what}: {text}");
+        assert!(text.contains("refused"), "{what}: {text}");
+    }
+}
 
 pub fn scale(value: &mut Value, factor: f64) {
     *value = json!(value.as_f64().expect("a number") * factor);

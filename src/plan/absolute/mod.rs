@@ -34,7 +34,7 @@ use crate::task::{Belief, Task};
 pub use error::AbsolutePlanError;
 pub use promise::AbsolutePromise;
 
-use promise::{PlaceRows, known_after, stacked, stacked_task};
+use promise::{PlaceRows, in_units, known_after, stacked, stacked_task};
 
 /// Searches for one plan.
 const SEARCHES: usize = 12;
@@ -252,16 +252,14 @@ impl<'a> AbsolutePlanning<'a> {
         let average = &self.before + all * share.min(1.0);
         let likely = known_after(&self.set, &average).covariance;
         let scales = self.set.scales();
-        let likely = DMatrix::from_fn(scales.len(), scales.len(), |row, column| {
-            likely[(row, column)] / (scales[row] * scales[column])
-        });
         let rows: Vec<DMatrix<f64>> = (0..self.case.stations.len())
             .map(|station| stacked(&self.poses, station))
             .collect();
         let missing: Vec<Vec<usize>> = rows
             .iter()
             .map(|rows| {
-                let variance = (rows * &likely * rows.transpose()).trace();
+                let own = in_units(rows.clone(), &scales);
+                let variance = (&own * &likely * own.transpose()).trace();
                 estimable.missing(rows, variance.max(0.0).sqrt())
             })
             .collect();

@@ -60,6 +60,14 @@ fn joined(blocks: impl Iterator<Item = DMatrix<f64>>) -> DMatrix<f64> {
     all
 }
 
+/// Rows in typical sizes by the parameters' own units.
+pub(super) fn in_units(mut rows: DMatrix<f64>, scales: &DVector<f64>) -> DMatrix<f64> {
+    for (mut column, scale) in rows.column_iter_mut().zip(scales) {
+        column /= *scale;
+    }
+    rows
+}
+
 /// What is known after readings that tell so much, with what was known before (p x p, in typical sizes).
 pub(super) fn known_after(set: &ParameterSet, information: &DMatrix<f64>) -> Posterior {
     let estimable = Estimable::new(information, set.scales().as_slice());
@@ -87,14 +95,8 @@ impl AbsolutePromise {
         readings: u32,
     ) -> Self {
         let stations = poses.first().map_or(0, |pose| pose.by_station.len());
-        let in_units = |mut rows: DMatrix<f64>| {
-            for (mut column, scale) in rows.column_iter_mut().zip(scales) {
-                column /= *scale;
-            }
-            rows
-        };
         let left_in = |station: usize| {
-            let rows = in_units(stacked(poses, station));
+            let rows = in_units(stacked(poses, station), scales);
             posterior.variance_of(&rows).map(|square| (square, rows))
         };
         let mut best = Err(Vec::new());
@@ -111,7 +113,7 @@ impl AbsolutePromise {
         let task = stacked_task(poses);
         let station = best.as_ref().map_or(0, |(station, ..)| *station);
         let of_pose = |pose: &PlaceRows| {
-            let rows = in_units(pose.by_station[station].clone());
+            let rows = in_units(pose.by_station[station].clone(), scales);
             let square = posterior.variance_of(&rows).ok()?;
             Some((square + pose.by_task.norm_squared()).sqrt())
         };
