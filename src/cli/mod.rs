@@ -140,7 +140,7 @@ enum Command {
     Import(import::Import),
     /// Identify the compliances from measurements
     #[command(
-        after_help = "Examples:\n  elastocal identify --measurements measurements.csv --identified-out identified.json\n  elastocal identify scenarios/ur10.toml --measurements poses.csv --ladder --plot-out ladder.svg"
+        after_help = "Examples:\n  elastocal identify --measurements measurements.csv --identified-out identified.json\n  elastocal identify scenarios/ur10.toml --measurements poses.csv --ladder --plot-out ladder.svg\n  elastocal identify scenarios/ur10.toml --measurements poses.csv --parameters geometry,compliances --against later_poses.csv\n  elastocal identify --measurements measurements.csv --method linear --sigma-from-residuals --keep-all"
     )]
     Identify(identify::Identify),
     /// Compensate the test poses with identified compliances
@@ -165,7 +165,7 @@ enum Command {
     Next(next::Next),
     /// Check that the robot keeps what its identification promises, by other measurements
     #[command(
-        after_help = "Examples:\n  elastocal validate --identified identified.json --plan-out validation.csv\n  elastocal validate --identified identified.json --measurements validation_measured.csv"
+        after_help = "Examples:\n  elastocal validate --identified identified.json --experiments 4 --plan-out validation.csv\n  elastocal validate --identified identified.json --measurements validation_measured.csv"
     )]
     Validate(validate::Validate),
     /// Compare plans over many runs (Monte Carlo)
@@ -175,7 +175,7 @@ enum Command {
     Study(study::StudyCommand),
     /// Choose a few of many absolute readings in several ways, calibrate with each, and judge on all others
     #[command(
-        after_help = "Example:\n  elastocal select --measurements measurements.csv --parameters geometry --sizes 20,40 --plot-out select.svg"
+        after_help = "Examples:\n  elastocal select --measurements poses.csv --parameters geometry --sizes 20,40 --plot-out select.svg\n  elastocal select --measurements poses.csv --sizes 12 --draws 1000 --campaigns 3"
     )]
     Select(select::Select),
     /// Replay one run of the study on the virtual robot, and record it

@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, Matrix6, Matrix6xX, Vector3, Vector6};
 
 use super::equations::{EquationSource, Equations, Writer, rows_of};
 use super::error::IdentificationError;
-use crate::measurement::Measurement;
+use crate::measurement::{Measurement, by_experiment};
 use crate::observation::{
     DeflectionPrecision, Form, ObservationModel, PlannedReadings, Prediction, ReadingKind, Setup,
 };
@@ -165,27 +165,21 @@ impl EquationSource<'_> {
         if !extended.is_shared_by_repeats() {
             return Vec::new();
         }
-        let mut groups: Vec<Repeated> = Vec::new();
-        for (index, (each, row)) in self.measurements.iter().zip(self.first_rows()).enumerate() {
-            let is_same = |group: &&mut Repeated| {
-                let first = &self.measurements[group.members[0]];
-                first.configuration_rad == each.configuration_rad
-                    && first.load == each.load
-                    && rows_of(first) == rows_of(each)
-            };
-            let rows = row..row + rows_of(each);
-            if let Some(group) = groups.iter_mut().find(is_same) {
-                group.members.push(index);
-                group.rows.extend(rows);
-            } else {
-                groups.push(Repeated {
-                    members: vec![index],
-                    rows: rows.collect(),
+        let firsts: Vec<usize> = self.first_rows().collect();
+        let mut groups = by_experiment(self.measurements);
+        groups.retain(|members| members.len() > 1);
+        (groups.into_iter())
+            .map(|members| {
+                let rows = members.iter().flat_map(|&index| {
+                    let first = firsts[index];
+                    first..first + rows_of(&self.measurements[index])
                 });
-            }
-        }
-        groups.retain(|group| group.members.len() > 1);
-        groups
+                Repeated {
+                    rows: rows.collect(),
+                    members,
+                }
+            })
+            .collect()
     }
 
     /// L for the covariance L L^T of all readings of a group (m): what is new in each on the diagonal, and what they share
@@ -195,17 +189,22 @@ impl EquationSource<'_> {
         model.move_to(first.configuration_rad.as_slice());
         let shared = model.covariance_shared(&first.load);
         let new = model.covariance_of_all(&first.load) - shared;
-        let (count, rows) = (group.members.len(), rows_of(first));
-        let mut covariance = DMatrix::zeros(rows * count, rows * count);
-        for one in 0..count {
-            for other in 0..count {
+        let mut covariance = DMatrix::zeros(group.rows.len(), group.rows.len());
+        let mut at = 0;
+        for (place, &one) in group.members.iter().enumerate() {
+            let rows = rows_of(&self.measurements[one]);
+            let mut beside = 0;
+            for (other_place, &other) in group.members.iter().enumerate() {
+                let columns = rows_of(&self.measurements[other]);
                 let mut block = shared;
-                if one == other {
-                    block += new + self.noise(&self.measurements[group.members[one]]);
+                if place == other_place {
+                    block += new + self.noise(&self.measurements[one]);
                 }
-                let mut place = covariance.view_mut((rows * one, rows * other), (rows, rows));
-                place.copy_from(&block.view((0, 0), (rows, rows)));
+                let mut entries = covariance.view_mut((at, beside), (rows, columns));
+                entries.copy_from(&block.view((0, 0), (rows, columns)));
+                beside += columns;
             }
+            at += rows;
         }
         let typical = covariance.diagonal().map(f64::sqrt);
         let factor = covariance.cholesky().map(|factor| factor.l());

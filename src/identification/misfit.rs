@@ -2,7 +2,7 @@
 
 use nalgebra::{DVector, Matrix6, Vector3, Vector6};
 
-use crate::measurement::Measurement;
+use crate::measurement::{Measurement, by_experiment};
 
 /// So often readings are weighed anew by what a fit leaves before the last time; the third time changes next to nothing.
 pub(super) const WEIGHINGS: usize = 3;
@@ -61,18 +61,17 @@ impl Misfit {
     /// Repeats of one experiment share a misfit s: each of r counts r s^2 besides its own variance, so that their mean has s^2.
     #[must_use]
     pub fn weighed(&self, measurements: &[Measurement], sigma_m: f64) -> Vec<Measurement> {
-        let weighed = |each: &Measurement| {
-            let repeats = repeats(each, measurements).sqrt();
-            let mut weighed = each.clone();
+        let mut all = measurements.to_vec();
+        for (each, [deflections, rotations]) in all.iter_mut().zip(repeats(measurements)) {
             let own = each.sigma_m.unwrap_or_else(|| Vector3::repeat(sigma_m));
-            weighed.sigma_m = Some(own.map(|own| own.hypot(self.position_m * repeats)));
-            if let Some(rotation) = &mut weighed.rotation {
-                let more = self.rotation_rad * repeats;
+            let more = self.position_m * deflections.sqrt();
+            each.sigma_m = Some(own.map(|own| own.hypot(more)));
+            if let Some(rotation) = &mut each.rotation {
+                let more = self.rotation_rad * rotations.sqrt();
                 rotation.sigma_rad = rotation.sigma_rad.map(|own| own.hypot(more));
             }
-            weighed
-        };
-        measurements.iter().map(weighed).collect()
+        }
+        all
     }
 
     /// Its covariance in a reading: position above rotation (m^2, rad^2).
@@ -89,12 +88,19 @@ impl Misfit {
     }
 }
 
-/// How many of some measurements are of one experiment, which is among them.
-pub(super) fn repeats(each: &Measurement, measurements: &[Measurement]) -> f64 {
-    let is_same = |other: &&Measurement| {
-        other.configuration_rad == each.configuration_rad && other.load == each.load
-    };
-    measurements.iter().filter(is_same).count() as f64
+/// For each measurement how many are of its experiment, itself among them: deflections and rotations.
+pub(super) fn repeats(measurements: &[Measurement]) -> Vec<[f64; 2]> {
+    let mut repeats = vec![[0.0; 2]; measurements.len()];
+    for members in by_experiment(measurements) {
+        let rotations = members
+            .iter()
+            .filter(|&&each| measurements[each].rotation.is_some());
+        let counts = [members.len() as f64, rotations.count() as f64];
+        for each in members {
+            repeats[each] = counts;
+        }
+    }
+    repeats
 }
 
 /// Parts of joint space: the number of the block of each configuration (rad; m where joints slide). The largest block is cut

@@ -154,8 +154,11 @@ impl Case<'_> {
         let kept_source = of_kept.equation_source();
         let (own_rows, _) = of_kept.against(&kept_source, &posterior.mean)?;
         // Repeats share what the model leaves.
-        let numbers: f64 = (measurements.iter())
-            .map(|each| rows_of(each) as f64 / repeats(each, &measurements))
+        let numbers: f64 = (measurements.iter().zip(repeats(&measurements)))
+            .map(|(each, [deflections, rotations])| {
+                let rotation = each.rotation.map_or(0.0, |_| 3.0 / rotations);
+                3.0 / deflections + rotation
+            })
             .sum();
         let used = (&own_rows * &posterior.covariance)
             .component_mul(&own_rows)

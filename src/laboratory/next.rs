@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, DVector};
 use crate::compensation::{predicted_error, test_pose_rows};
 use crate::experiment::{Experiment, PRINTED_RAD, Plan, is_printed_as};
 use crate::identification::{Case, Identification, Sigma};
-use crate::measurement::Measurement;
+use crate::measurement::{Measurement, by_experiment};
 use crate::numeric::posterior::{NotDetermined, Posterior};
 use crate::plan::search::{Bound, Problem, SearchError, Watch, approximate_design, exact_design};
 use crate::plan::{Criterion, posterior};
@@ -14,24 +14,18 @@ use crate::task::{Forbidden, Method, Task};
 /// The plan that measurements have carried out: experiments in the order of their first measurement.
 #[must_use]
 pub fn measured_plan(measurements: &[Measurement]) -> Plan {
-    let mut plan = Plan::default();
-    for each in measurements {
-        let same = plan.experiments.iter_mut().find(|known| {
-            known.configuration_rad == each.configuration_rad
-                && known.load == each.load
-                && known.approach == each.approach
-        });
-        match same {
-            Some(known) => known.repeats += 1,
-            None => plan.experiments.push(Experiment {
-                configuration_rad: each.configuration_rad.clone(),
-                load: each.load,
-                repeats: 1,
-                approach: each.approach.clone(),
-            }),
+    let experiments = by_experiment(measurements).into_iter().map(|members| {
+        let first = &measurements[members[0]];
+        Experiment {
+            configuration_rad: first.configuration_rad.clone(),
+            load: first.load,
+            repeats: u32::try_from(members.len()).unwrap_or(u32::MAX),
+            approach: first.approach.clone(),
         }
+    });
+    Plan {
+        experiments: experiments.collect(),
     }
-    plan
 }
 
 /// What of a plan is not measured yet: experiments with angles within [`PRINTED_RAD`] and the same load are the same.

@@ -14,6 +14,7 @@ mod write_absolute;
 
 use nalgebra::{DVector, Vector3};
 
+use crate::experiment::Experiment;
 use crate::robot::{Approach, Load};
 
 pub use absolute::AbsoluteReading;
@@ -41,6 +42,57 @@ pub struct Measurement {
     pub rotation: Option<RotationMeasurement>,
     /// From which side the configuration was approached, unloaded and loaded, where that is known.
     pub approach: Option<Approach>,
+}
+
+impl Measurement {
+    /// Whether both are of one experiment: the same configuration, load and side of approach, to the bit. What is new in each
+    /// configuration, as misfit and gears' errors are, repeats share.
+    #[must_use]
+    pub fn repeats(&self, other: &Self) -> bool {
+        self.is_made_at(
+            &other.configuration_rad,
+            &other.load,
+            other.approach.as_ref(),
+        )
+    }
+
+    /// Whether it is of an experiment, as [`repeats`](Self::repeats) has it.
+    #[must_use]
+    pub fn is_of(&self, experiment: &Experiment) -> bool {
+        let Experiment {
+            configuration_rad,
+            load,
+            approach,
+            ..
+        } = experiment;
+        self.is_made_at(configuration_rad, load, approach.as_ref())
+    }
+
+    fn is_made_at(
+        &self,
+        configuration_rad: &DVector<f64>,
+        load: &Load,
+        approach: Option<&Approach>,
+    ) -> bool {
+        self.configuration_rad == *configuration_rad
+            && self.load == *load
+            && Approach::is_same(self.approach.as_ref(), approach)
+    }
+}
+
+/// The places of measurements, those that [repeat](Measurement::repeats) one another together, experiments in the order of their
+/// first measurement.
+#[must_use]
+pub fn by_experiment(measurements: &[Measurement]) -> Vec<Vec<usize>> {
+    let mut experiments: Vec<Vec<usize>> = Vec::new();
+    for (index, each) in measurements.iter().enumerate() {
+        let known = (experiments.iter_mut()).find(|known| measurements[known[0]].repeats(each));
+        match known {
+            Some(known) => known.push(index),
+            None => experiments.push(vec![index]),
+        }
+    }
+    experiments
 }
 
 /// A measured rotation of the tool.

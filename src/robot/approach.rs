@@ -45,6 +45,12 @@ impl Approach {
             .collect()
     }
 
+    /// Whether both are one side: where nothing is said, all joints turn positively in the end.
+    #[must_use]
+    pub fn is_same(one: Option<&Self>, other: Option<&Self>) -> bool {
+        one == other || (Self::is_usual(one) && Self::is_usual(other))
+    }
+
     /// Whether all joints turn positively in the end, as they are taken to where nothing is said.
     #[must_use]
     pub fn is_usual(approach: Option<&Self>) -> bool {

@@ -2,12 +2,16 @@
 //! configuration.
 
 use elastocal::experiment::{Experiment, Plan};
-use elastocal::identification::{Case, Sigma};
+use elastocal::identification::{Case, Robustness, Sigma};
+use elastocal::laboratory::next::measured_plan;
+use elastocal::measurement::{Measurement, RotationMeasurement, by_experiment};
 use elastocal::observation::FirstOrder;
 use elastocal::plan::posterior;
+use elastocal::robot::Approach;
+use elastocal::scenario::Scenario;
 use elastocal::task::Method;
 use elastocal::testbed::{TrueRobots, add_noise_of};
-use nalgebra::{DMatrix, Matrix3};
+use nalgebra::{DMatrix, Matrix3, Vector3};
 use serde_json::Value;
 
 use crate::support::{Workplace, table4};
@@ -170,4 +174,99 @@ fn plans_know_of_what_repeats_share() {
         .filter_map(|share| share["name"].as_str())
         .collect();
     assert_eq!(shares, ["noise", "misfit", "gear_error"]);
+}
+
+/// Deflections of a plan without the instrument's noise, each with this standard deviation (m).
+fn noise_free(scenario: &Scenario, plan: &Plan, sigma_m: f64) -> Vec<Measurement> {
+    let belief = &scenario.task.belief;
+    let mut robots = TrueRobots::new(belief, &scenario.truth).expect("a robot");
+    let count = plan.measurements() as usize;
+    let normals = (robots.become_run_of(&scenario.truth, count, 1, 0)).expect("a run");
+    let measured = robots.measure_noise_free(plan, &belief.instrument, &normals, 0);
+    let mut measurements = measured.expect("measurements");
+    for each in &mut measurements {
+        each.sigma_m = Some(Vector3::repeat(sigma_m));
+    }
+    measurements
+}
+
+/// The standard error of a compliance.
+fn standard_error(scenario: &Scenario, measurements: &[Measurement]) -> f64 {
+    let belief = &scenario.task.belief;
+    let sigma = Sigma::Known(belief.instrument.sigma_m);
+    let case = Case::of_belief(belief, measurements, sigma, Method::Linear);
+    let found = case.identify().expect("an identification");
+    found.posterior.standard_error(2).expect("it is determined")
+}
+
+/// What is one experiment is the same for the plan that is measured, for what repeats share, and for what the model leaves: a
+/// configuration, a load, and a side of approach, all joints turning positively where none is told.
+#[test]
+fn the_side_of_approach_makes_another_experiment() {
+    let (sigma, misfit): (f64, f64) = (1e-5, 4e-5);
+    let scenario = loaded(&with(MISFIT, "model", 64));
+    let with_sides = |second: Option<&str>| {
+        let mut measurements = noise_free(&scenario, &repeated(2), sigma);
+        for each in measurements.iter_mut().skip(1).step_by(2) {
+            each.approach = second.map(|word| Approach::of_word(word, 6).expect("signs"));
+        }
+        measurements
+    };
+    let [silent, usual, other] = [None, Some("+"), Some("-")].map(with_sides);
+    for (measurements, experiments) in [(&silent, 4), (&usual, 4), (&other, 8)] {
+        assert_eq!(by_experiment(measurements).len(), experiments);
+        assert_eq!(measured_plan(measurements).experiments.len(), experiments);
+        assert_eq!(measured_plan(measurements).measurements(), 8);
+    }
+    let [silent_error, usual_error, other_error] =
+        [&silent, &usual, &other].map(|each| standard_error(&scenario, each));
+    assert!((usual_error / silent_error - 1.0).abs() < 1e-9);
+    // Of one experiment noise alone is averaged, of two all.
+    let shared = misfit.hypot(sigma / 2.0_f64.sqrt());
+    let apart = misfit.hypot(sigma) / 2.0_f64.sqrt();
+    let ratio = other_error / silent_error / (apart / shared);
+    assert!((ratio - 1.0).abs() < 1e-9, "{ratio}");
+
+    // The same where it is the residuals that tell of a misfit.
+    let plain = loaded(&with("", "model", 64));
+    let counted = |measurements: &[Measurement]| {
+        let mut measurements = measurements.to_vec();
+        for (index, each) in measurements.iter_mut().enumerate() {
+            // Another misfit in each pair.
+            let off = [0.31, -0.27, 0.22, -0.35][index / 2] * 1e-3;
+            each.deflection_m += Vector3::new(off, -off, off);
+        }
+        let belief = &plain.task.belief;
+        let sigma = Sigma::Known(belief.instrument.sigma_m);
+        let case = Case::of_belief(belief, &measurements, sigma, Method::Linear);
+        let asked = Robustness {
+            keeps_all: true,
+            counts_misfit: true,
+        };
+        let found = case.identify_robustly(asked).expect("identified");
+        let misfit = found.identification.misfit.expect("a misfit");
+        let weighed = found.weighed[0].sigma_m.expect("its own").x;
+        weighed.powi(2) / misfit.position_m.powi(2)
+    };
+    assert!((counted(&silent) - 2.0).abs() < 0.02);
+    assert!((counted(&other) - 1.0).abs() < 0.02);
+}
+
+/// Of two readings of one experiment one lacks the rotation: they share the misfit all the same.
+#[test]
+fn repeats_share_their_misfit_with_rotations_or_without() {
+    let scenario = loaded(&with(MISFIT, "model", 64));
+    let without = noise_free(&scenario, &repeated(2), 1e-8);
+    let mixed: Vec<Measurement> = (without.iter().enumerate())
+        .map(|(index, each)| Measurement {
+            // So uncertain that it tells nothing.
+            rotation: (index % 2 == 1).then_some(RotationMeasurement {
+                vector_rad: Vector3::zeros(),
+                sigma_rad: Vector3::repeat(10.0),
+            }),
+            ..each.clone()
+        })
+        .collect();
+    let ratio = standard_error(&scenario, &mixed) / standard_error(&scenario, &without);
+    assert!((ratio - 1.0).abs() < 1e-6, "{ratio}");
 }

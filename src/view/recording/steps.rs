@@ -71,9 +71,7 @@ pub(super) fn experiment_steps(
     let mut steps = Vec::new();
     for (number, experiment) in (1..).zip(&calibration.plan.experiments) {
         // Readings may have been dropped.
-        let is_own = |each: &&Measurement| {
-            each.configuration_rad == experiment.configuration_rad && each.load == experiment.load
-        };
+        let is_own = |each: &&Measurement| each.is_of(experiment);
         let left = calibration.measurements.iter().skip(first);
         let own = left.take(experiment.repeats as usize).take_while(is_own);
         let measurements = first..first + own.count();
