@@ -3,12 +3,13 @@
 
 use std::path::{Path, PathBuf};
 
-use serde::de::{DeserializeOwned, IgnoredAny};
+use serde::de::IgnoredAny;
 use serde::{Deserialize, Deserializer};
 use serde_json::Value;
 
 use crate::files::FileError;
 use crate::files::schema::read_results;
+use crate::files::typed::from_json;
 use crate::gate::{Gate, Quantity};
 use crate::record::messages::{ProvenanceMessage, SchemaMessage};
 
@@ -124,8 +125,8 @@ impl ResultsFile {
     /// The file is not such results.
     pub fn read(path: &Path) -> Result<Self, FileError> {
         let hint = "files to compare are results.json, study.json, or what --json prints";
-        let (_, json) = read_results(path, &["run", "plan", "evaluate", "study"], hint)?;
-        let head: Head = typed(path, &json)?;
+        let (text, _) = read_results(path, &["run", "plan", "evaluate", "study"], hint)?;
+        let head: Head = from_json(path, &text)?;
         head.gate
             .check()
             .map_err(|(key, problem)| FileError::new(path, problem).at(format!("gate.{key}")))?;
@@ -139,17 +140,17 @@ impl ResultsFile {
             numbers: Vec::new(),
         };
         match file.schema.name.as_str() {
-            "elastocal.run" => file.run(typed(path, &json)?)?,
-            "elastocal.study" => file.study(typed(path, &json)?),
+            "elastocal.run" => file.run(from_json(path, &text)?)?,
+            "elastocal.study" => file.study(from_json(path, &text)?),
             "elastocal.plan" => {
-                let designed: DesignedResults = typed(path, &json)?;
+                let designed: DesignedResults = from_json(path, &text)?;
                 file.settings.push(("criterion", designed.criterion.into()));
                 let configurations = designed.configurations;
                 file.settings
                     .extend(configurations.map(|count| ("configurations", count.into())));
-                file.single(typed(path, &json)?)?;
+                file.single(from_json(path, &text)?)?;
             }
-            _ => file.single(typed(path, &json)?)?,
+            _ => file.single(from_json(path, &text)?)?,
         }
         Ok(file)
     }
@@ -255,14 +256,4 @@ impl ResultsFile {
         self.plans.push(own.clone());
         own
     }
-}
-
-fn typed<T: DeserializeOwned>(path: &Path, json: &Value) -> Result<T, FileError> {
-    serde_path_to_error::deserialize(json).map_err(|error| {
-        let wrong = FileError::new(path, error.inner().to_string());
-        match error.path().to_string().as_str() {
-            "." => wrong,
-            key => wrong.at(key),
-        }
-    })
 }

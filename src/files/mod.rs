@@ -4,6 +4,7 @@
 //! - [`roles`]: what a command reads and what it writes; no output overwrites an input.
 //! - [`schema`]: which JSON files of its own this program reads.
 //! - [`source`]: what is read, up to a size that no text has.
+//! - [`typed`]: what texts say, as types.
 //! - `destination`: where an output goes: links, devices, a file's mode.
 //! - `temporary`: unfinished files, and how none is left when the program is ended.
 
@@ -13,6 +14,7 @@ pub mod roles;
 pub mod schema;
 pub mod source;
 mod temporary;
+pub mod typed;
 
 use std::path::{Component, Path, PathBuf};
 

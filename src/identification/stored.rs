@@ -9,6 +9,7 @@ use super::misfit::Misfit;
 use super::{covariance_of, covariance_of_any};
 use crate::files::FileError;
 use crate::files::schema::read_results;
+use crate::files::typed::from_json;
 use crate::measurement::Origin;
 use crate::numeric::estimable::Estimable;
 use crate::numeric::posterior::Posterior;
@@ -144,14 +145,7 @@ fn read(path: &Path) -> Result<IdentificationFile, FileError> {
         let problem = "was identified from absolute readings; what is identified from deflections is needed here";
         return Err(FileError::new(path, problem).at("kind"));
     }
-    let reader = &mut serde_json::Deserializer::from_str(&text);
-    serde_path_to_error::deserialize(reader).map_err(|error| {
-        let wrong = FileError::new(path, error.inner().to_string()).hint(WANTED);
-        match error.path().to_string().as_str() {
-            "." => wrong,
-            key => wrong.at(key),
-        }
-    })
+    from_json(path, &text).map_err(|wrong: FileError| wrong.hint(WANTED))
 }
 
 fn joints_of(path: &Path, names: &[String], robot: &Robot) -> Result<Vec<usize>, FileError> {

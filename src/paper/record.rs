@@ -1,6 +1,5 @@
 //! The records of the paper's reproduction. What does not exist is `null`.
 
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::paper::{
@@ -14,7 +13,8 @@ use crate::robot::Commands;
 use crate::scenario::Scenario;
 
 /// The paper's numbers beside this program's.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct ReproductionMessage {
     /// Whether everything agrees that should.
     pub agrees: bool,
@@ -35,7 +35,8 @@ pub struct ReproductionMessage {
 }
 
 /// A number of eq. 23 (N m^2).
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct NumberMessage {
     /// As printed.
     pub printed_nm2: f64,
@@ -48,7 +49,8 @@ pub struct NumberMessage {
 }
 
 /// A plan of Table 4.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct PlanMessage {
     /// The number of measurements.
     pub experiments: u32,
@@ -59,7 +61,8 @@ pub struct PlanMessage {
 }
 
 /// A row of Table 5.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct StandardErrorsMessage {
     /// The number of measurements.
     pub experiments: u32,
@@ -74,7 +77,8 @@ pub struct StandardErrorsMessage {
 }
 
 /// A number of Table 6.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct TableSixMessage {
     /// The number of measurements.
     pub experiments: u32,
@@ -99,7 +103,8 @@ pub struct TableSixMessage {
 }
 
 /// A plan of Fig. 7.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct FigureSevenMessage {
     /// What the plan is.
     pub description: String,

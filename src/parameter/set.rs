@@ -49,6 +49,14 @@ impl ParameterSet {
         belief: &ElasticArm,
         unknowns: impl IntoIterator<Item = (ParameterKind, Option<f64>)>,
     ) -> Result<Self, ParameterError> {
+        Self::of(belief, unknowns.into_iter().collect())
+    }
+
+    /// The same of a list: compiled once, and not for every way to write one.
+    fn of(
+        belief: &ElasticArm,
+        unknowns: Vec<(ParameterKind, Option<f64>)>,
+    ) -> Result<Self, ParameterError> {
         let mut parameters: Vec<Parameter> = Vec::new();
         for (kind, prior_deviation) in unknowns {
             check(belief, kind)?;

@@ -1,7 +1,6 @@
 //! What absolute readings tell of a robot, as a record, and the robot that a record tells of.
 
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::identification::{
@@ -13,7 +12,8 @@ use crate::parameter::{Axis, ParameterKind};
 const NORMAL_95: f64 = 1.959_963_984_540_054;
 
 /// A parameter that was fitted.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct UnknownMessage {
     /// Its name, such as `elbow.zero`, `link_3.x` or `base.rz`.
     pub name: String,
@@ -33,7 +33,8 @@ pub struct UnknownMessage {
 }
 
 /// Where a station or a target is.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct MountedFrameMessage {
     /// The station's word, or the target's site; null for the only station of a file that names none.
     pub name: Option<String>,
@@ -52,7 +53,8 @@ pub struct MountedFrameMessage {
 }
 
 /// How long vectors are.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct LengthsMessage {
     /// The mean.
     pub mean: f64,
@@ -89,7 +91,8 @@ impl LengthsMessage {
 }
 
 /// What was left out as redundant.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct LeftOutMessage {
     /// The parameter.
     pub name: String,
@@ -98,7 +101,8 @@ pub struct LeftOutMessage {
 }
 
 /// What absolute readings tell of a robot.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct AbsoluteMessage {
     /// How many readings.
     pub readings: usize,
@@ -144,7 +148,8 @@ pub struct AbsoluteMessage {
 }
 
 /// What one joint is off by, as a function of its own angle.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct JointErrorMessage {
     /// The joint's name.
     pub joint: String,
@@ -159,7 +164,8 @@ pub struct JointErrorMessage {
 }
 
 /// What parameters leave unexplained, told apart.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct UnexplainedMessage {
     /// What joints are off by.
     pub joints: Vec<JointErrorMessage>,
@@ -187,7 +193,8 @@ pub struct UnexplainedMessage {
 }
 
 /// A reading that was left out.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct RejectedMessage {
     /// Its number, from 1.
     pub reading: usize,

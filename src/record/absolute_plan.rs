@@ -1,6 +1,5 @@
 //! A plan of absolute readings as a record.
 
-use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::candidates::{CandidatesMessage, LeftOutCandidatesMessage};
@@ -11,7 +10,8 @@ use crate::robot::{Commands, Load};
 use crate::task::{AccuracyKind, Task};
 
 /// What is read in a plan, and where.
-#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct PlannedReadingMessage {
     /// The commanded joint angles (deg), and lengths (mm) of joints that slide.
     pub q_deg: Vec<f64>,
@@ -26,7 +26,8 @@ pub struct PlannedReadingMessage {
 }
 
 /// How well an unknown is known afterwards.
-#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct PromisedUnknownMessage {
     /// Its name.
     pub name: String,
@@ -39,7 +40,8 @@ pub struct PromisedUnknownMessage {
 }
 
 /// How accurate the tool is at a test pose.
-#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct PromisedPoseMessage {
     /// Its name.
     pub name: String,
@@ -48,7 +50,8 @@ pub struct PromisedPoseMessage {
 }
 
 /// What a plan of absolute readings promises.
-#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct AbsolutePlanMessage {
     /// What must be accurate: `absolute`, where the loaded tool is.
     pub accuracy: &'static str,

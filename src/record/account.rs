@@ -1,6 +1,5 @@
 //! What a plan promises and what its errors are made of in truth, in tallies and results.
 
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::study::account::{Account, AccountPart};
@@ -28,7 +27,8 @@ struct PartHeader {
 }
 
 /// A part of a plan's errors.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct PartMessage {
     /// What leaves it: "noise", "earlier identification", "true robot", or the name of an uncertainty.
     pub name: String,

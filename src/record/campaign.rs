@@ -1,13 +1,13 @@
 //! A plan as it is carried out in the laboratory.
 
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::laboratory::{Campaign, Costs, Stop};
 use crate::robot::Commands;
 
 /// One place where the robot stands and is measured.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct StopMessage {
     /// Its number, from 1.
     pub stop: usize,
@@ -30,7 +30,8 @@ pub struct StopMessage {
 }
 
 /// What work in the laboratory costs (minutes).
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct CostsMessage {
     /// To set up a station of the instrument.
     pub station_min: f64,
@@ -43,7 +44,8 @@ pub struct CostsMessage {
 }
 
 /// A plan as it is carried out.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct CampaignMessage {
     /// How long it takes.
     pub minutes: f64,

@@ -1,12 +1,12 @@
 //! Candidates as a record.
 
-use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::plan::search::{Candidates, LeftOutCandidates};
 
 /// What a plan was chosen from.
-#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct CandidatesMessage {
     /// How many there were, each row of the file under each load.
     pub offered: usize,
@@ -17,7 +17,8 @@ pub struct CandidatesMessage {
 }
 
 /// Candidates that are not possible for one reason.
-#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct LeftOutCandidatesMessage {
     /// What is violated.
     pub what: String,

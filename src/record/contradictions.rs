@@ -1,13 +1,13 @@
 //! Series that contradict each other, as a record.
 
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::absolute::{quantity_unit, shown_unit};
 use crate::identification::Contradictions;
 
 /// Two series of readings beside each other.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct ContradictionsMessage {
     /// Which series, in words.
     pub between: [String; 2],
@@ -18,7 +18,8 @@ pub struct ContradictionsMessage {
 }
 
 /// A parameter of which two series say different things.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct ContradictionMessage {
     /// Its name.
     pub name: String,

@@ -1,6 +1,5 @@
 //! The records of what a designed plan is shown beside.
 
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::messages::{ExperimentMessage, plan_messages};
@@ -12,7 +11,8 @@ use crate::study::Conditions;
 use crate::study::evidence::{Distances, Evidence};
 
 /// What a designed plan is shown beside, and what its bound rests on.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct EvidenceMessage {
     /// The number of local searches that the lower bound rests on.
     pub bound_searches: usize,
@@ -31,7 +31,8 @@ pub struct EvidenceMessage {
 }
 
 /// The best plan for a criterion, judged at the test poses.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct CriterionPlanMessage {
     /// The criteria that the plan is best for.
     pub criteria: Vec<String>,
@@ -47,7 +48,8 @@ pub struct CriterionPlanMessage {
 }
 
 /// The best accuracy that was found for a number of measurements.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct AccuracyMessage {
     /// The number of measurements.
     pub experiments: u32,

@@ -1,6 +1,5 @@
 //! The record of what exchanges of one measurement can gain.
 
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::messages::ProofMessage;
@@ -9,7 +8,8 @@ use crate::plan::search::{Exchanges, NoBound, OneExchange};
 
 /// What exchanging any one measurement of a plan can gain. Values are `rho0_mm` for the criterion `test_pose`, and for others
 /// as in `criteria`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct ExchangesMessage {
     /// No exchange has a better value; null where that is not proved for every experiment, or none may be exchanged.
     pub proved_best: Option<f64>,
@@ -24,7 +24,8 @@ pub struct ExchangesMessage {
 }
 
 /// What one measurement of an experiment can be exchanged for.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct ExchangeMessage {
     /// The experiment's number, from 1.
     pub experiment: usize,

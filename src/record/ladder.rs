@@ -1,6 +1,5 @@
 //! A ladder of models, as a record.
 
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::absolute::{LengthsMessage, RejectedMessage, quantity_unit};
@@ -9,7 +8,8 @@ use crate::identification::{
 };
 
 /// Models with more and more parameters.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct LadderMessage {
     /// From frames alone upwards.
     pub rungs: Vec<RungMessage>,
@@ -31,7 +31,8 @@ pub struct LadderMessage {
 }
 
 /// A group of parameters that makes no rung.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct SkippedRungMessage {
     /// The group.
     pub added: String,
@@ -40,7 +41,8 @@ pub struct SkippedRungMessage {
 }
 
 /// A model of the ladder.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct RungMessage {
     /// What it has more than the one below.
     pub added: String,
@@ -69,7 +71,8 @@ pub struct RungMessage {
 }
 
 /// What a rung leaves of blocks that it was not fitted to.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct CrossValidationMessage {
     /// Distances from the predicted positions (mm).
     pub distance_mm: Option<LengthsMessage>,
@@ -86,7 +89,8 @@ pub struct CrossValidationMessage {
 }
 
 /// An F test with the misfit's variance as yardstick.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct RungTestMessage {
     /// How many more combinations of parameters are determined.
     pub more: usize,
@@ -101,7 +105,8 @@ pub struct RungTestMessage {
 }
 
 /// A parameter that a rung moves out of its interval.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct ParameterChangeMessage {
     /// Its name.
     pub name: String,

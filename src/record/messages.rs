@@ -7,7 +7,6 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use nalgebra::{DMatrix, Vector3};
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::calibration::{Calibration, CompensatedPose};
@@ -25,7 +24,8 @@ use crate::task::{AccuracyKind, Fingerprint, Method};
 use crate::{COMMIT, VERSION};
 
 /// What a JSON file holds and in which form, so that another version can tell.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct SchemaMessage {
     /// "elastocal." and the command that makes such results.
     pub name: String,
@@ -45,7 +45,8 @@ impl SchemaMessage {
 }
 
 /// Where an output comes from.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct ProvenanceMessage {
     /// The version of elastocal.
     pub version: String,
@@ -98,7 +99,8 @@ impl ProvenanceMessage {
 }
 
 /// One configuration and load of a plan.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct ExperimentMessage {
     /// The commanded joint angles (deg), and lengths (mm) of joints that slide.
     pub q_deg: Vec<f64>,
@@ -130,7 +132,8 @@ pub fn plan_messages(commands: &Commands, plan: &Plan) -> Vec<ExperimentMessage>
 }
 
 /// One experiment's outcome.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct MeasurementMessage {
     /// The commanded joint angles (deg), and lengths (mm) of joints that slide.
     pub q_deg: Vec<f64>,
@@ -166,7 +169,8 @@ impl MeasurementMessage {
 }
 
 /// What was identified, and how well; the arrays go by `parameters`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct IdentificationMessage {
     /// `linear` or `nonlinear`.
     pub method: String,
@@ -287,7 +291,8 @@ fn rows_of(matrix: &DMatrix<f64>) -> Vec<Vec<f64>> {
 }
 
 /// What measurements say of something that is uncertain besides the identified compliances.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct UncertainMessage {
     /// Its name, such as "load.scale" or "joint_1.compliance".
     pub name: String,
@@ -314,7 +319,8 @@ impl From<&UncertainEstimate> for UncertainMessage {
 }
 
 /// What an identification rests on, so that it is not taken for another robot's.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct FingerprintMessage {
     /// SHA-256 of the robot's kinematics: its joints' names, axes and places.
     pub robot_sha256: String,
@@ -333,7 +339,8 @@ impl From<Fingerprint> for FingerprintMessage {
 }
 
 /// What a plan promises; the arrays go by `parameters`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct AssessmentMessage {
     /// What must be accurate: `relative`, how far the load moves the tool.
     #[serde(default = "relative")]
@@ -393,7 +400,8 @@ pub struct AssessmentMessage {
 }
 
 /// How well a plan determines something that is to be found besides compliances.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct FurtherMessage {
     /// Its name, as in `robot.parameters`.
     pub name: String,
@@ -404,7 +412,8 @@ pub struct FurtherMessage {
 }
 
 /// A part of a promise.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct ShareMessage {
     /// What leaves it: "noise", "earlier identification", or the name of an uncertainty.
     pub name: String,
@@ -413,7 +422,8 @@ pub struct ShareMessage {
 }
 
 /// How near a proof of a bound is.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct ProofMessage {
     /// How far the proved bound of the largest directional derivative is above the largest found, as a share.
     pub gap: f64,
@@ -435,7 +445,8 @@ impl From<&PlanProof> for ProofMessage {
 }
 
 /// One bound that an experiment of a plan does not keep, or a load that is not allowed.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct ViolationMessage {
     /// The experiment's number, from 1; null where the plan as a whole is impossible.
     pub experiment: Option<usize>,
@@ -527,7 +538,8 @@ impl AssessmentMessage {
 }
 
 /// What compensation achieves at a test pose.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct TestPoseMessage {
     /// The test pose's name.
     pub name: String,
@@ -569,7 +581,8 @@ impl TestPoseMessage {
 }
 
 /// One calibration from plan to compensated test poses.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct CalibrationMessage {
     /// The plan's name.
     pub name: String,

@@ -1,6 +1,5 @@
 //! Patterns in residuals, as a record.
 
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::identification::RejectedReading;
@@ -9,7 +8,8 @@ use crate::identification::patterns::{
 };
 
 /// What residuals go with.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct PatternsMessage {
     /// What was found, the strongest first.
     pub found: Vec<PatternMessage>,
@@ -27,7 +27,8 @@ pub struct PatternsMessage {
 }
 
 /// Something that residuals go with.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct PatternMessage {
     /// Against what: `joint angle`, `joint torque`, `approach`, `order`, `time`, `temperature` or `range`.
     pub against: String,
@@ -62,7 +63,8 @@ pub struct PatternMessage {
 }
 
 /// The mean of what some readings show.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct PatternPointMessage {
     /// Where, in `at_unit`.
     pub at: f64,

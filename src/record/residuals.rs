@@ -1,13 +1,13 @@
 //! Residuals by measurement and likely mistakes, the record of `identify`.
 
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::identification::Residuals;
 use crate::identification::diagnoses::{Diagnosis, Mistake};
 
 /// The residual of one measurement against its own uncertainty.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct ResidualMessage {
     /// The measurement's number, from 1.
     pub measurement: usize,
@@ -23,7 +23,8 @@ pub struct ResidualMessage {
 }
 
 /// The measurement that fits least, and what would be without it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct SuspectMessage {
     /// The measurement's number, from 1.
     pub measurement: usize,
@@ -36,7 +37,8 @@ pub struct SuspectMessage {
 }
 
 /// A likely mistake.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct DiagnosisMessage {
     /// What kind of mistake.
     pub kind: String,
@@ -48,7 +50,8 @@ pub struct DiagnosisMessage {
 }
 
 /// What `identify` says of residuals and mistakes.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct ResidualsMessage {
     /// Each measurement's residual.
     pub residuals: Vec<ResidualMessage>,

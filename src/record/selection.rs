@@ -1,6 +1,5 @@
 //! Choices of readings, and what came of them, as a record.
 
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::absolute::LengthsMessage;
@@ -11,7 +10,8 @@ use crate::study::selection::{Chosen, Selection, SelectionOfSize, spread_of};
 pub type SpreadMessage = [f64; 3];
 
 /// What came of choices of readings.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct SelectionMessage {
     /// How many readings there are.
     pub readings: usize,
@@ -30,7 +30,8 @@ pub struct SelectionMessage {
 }
 
 /// What came of choices of one size.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct SelectionSizeMessage {
     /// How many readings were chosen.
     pub size: u32,
@@ -41,7 +42,8 @@ pub struct SelectionSizeMessage {
 }
 
 /// A planned choice.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct PlannedChoiceMessage {
     /// The criterion; `test_pose` stands for absolute accuracy over all readings.
     pub criterion: String,
@@ -64,7 +66,8 @@ pub struct PlannedChoiceMessage {
 }
 
 /// Random choices: each number is of one choice, told by its spread.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct RandomChoicesMessage {
     /// How many.
     pub draws: usize,

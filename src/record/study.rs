@@ -2,7 +2,6 @@
 
 use std::fmt::Write;
 
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::account::{PartMessage, verdict};
@@ -14,7 +13,8 @@ use crate::study::switched_off::SeenShare;
 use crate::study::tally::{Failure, Tally};
 
 /// What many runs of one plan say. Numbers that do not exist are `null`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct StudyPlanMessage {
     /// The plan's name.
     pub name: String,
@@ -86,7 +86,8 @@ pub struct StudyPlanMessage {
 
 /// Simulation-based calibration of one unknown: the distribution function of what is known of it, at its true value, is
 /// uniform over runs whose true values are drawn from what was known before.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct RankMessage {
     /// The unknown's name.
     pub name: String,
@@ -97,7 +98,8 @@ pub struct RankMessage {
 }
 
 /// A histogram of distances; bins grow with the distance, 8 an octave.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
 pub struct HistogramMessage {
     /// The edges of the bins (mm), one more than there are bins.
     pub edges_mm: Vec<f64>,

@@ -13,6 +13,7 @@ use super::account::AccountHeader;
 use super::messages::ProvenanceMessage;
 use crate::files::output::write_whole;
 use crate::files::schema::check_version;
+use crate::files::typed::from_json;
 use crate::files::{FileError, hexadecimal, is_plain_name, read_text};
 use crate::gate::Gate;
 use crate::plan::{Plan, posterior, quantile95_m};
@@ -319,27 +320,18 @@ impl TallyFile {
     /// It is not a tally, or what it says cannot be.
     pub fn read(path: &Path) -> Result<Self, FileError> {
         let text = read_text(path)?;
-        let no_tally = |error: serde_json::Error| {
-            FileError::new(path, format!("is not a tally: {error}")).hint(
+        let no_tally = |wrong: FileError| {
+            let problem = format!("is not a tally: {}", wrong.problem);
+            FileError { problem, ..wrong }.hint(
                 "the file must be one that `elastocal study` wrote with --tally-out or --resume",
             )
         };
         // Another version may have other keys.
-        let Version { elastocal_tally } = serde_json::from_str(&text).map_err(no_tally)?;
-        let readable = FORMAT.into()..=FORMAT.into();
         let key = "elastocal_tally";
+        let Version { elastocal_tally } = from_json(path, &text).map_err(no_tally)?;
+        let readable = FORMAT.into()..=FORMAT.into();
         check_version(path, key, &elastocal_tally, readable, "elastocal study")?;
-        let deserializer = &mut serde_json::Deserializer::from_str(&text);
-        let stored: WrittenTallyFile =
-            serde_path_to_error::deserialize(deserializer).map_err(|error| {
-                let wrong = FileError::new(path, format!("is not a tally: {}", error.inner())).hint(
-                "the file must be one that `elastocal study` wrote with --tally-out or --resume",
-            );
-                match error.path().to_string().as_str() {
-                    "." => wrong,
-                    key => wrong.at(key),
-                }
-            })?;
+        let stored: WrittenTallyFile = from_json(path, &text).map_err(no_tally)?;
         let file = stored.restore().map_err(|(key, problem)| {
             FileError::new(path, problem)
                 .at(key)

@@ -7,6 +7,7 @@ use serde::Deserialize;
 
 use crate::files::FileError;
 use crate::files::schema::read_results;
+use crate::files::typed::from_json;
 use crate::identification::{JointError, Misfit, MisfitModel, covariance_of_any};
 use crate::measurement::Origin;
 use crate::numeric::wandering::Wandering;
@@ -42,11 +43,6 @@ struct RobotProvenance {
     scenario_sha256: Option<String>,
 }
 
-#[derive(Deserialize)]
-struct KindOfFile {
-    kind: Option<String>,
-}
-
 impl StoredRobot {
     /// Reads what `identify --identified-out` wrote; `None` if it is of deflections.
     ///
@@ -54,15 +50,12 @@ impl StoredRobot {
     /// What is wrong with it, with its key.
     pub fn read(path: &Path) -> Result<Option<Self>, FileError> {
         let wanted = "the file must be one that `elastocal identify --identified-out` wrote";
-        let (text, _) = read_results(path, &["identify", "run"], wanted)?;
-        let kind = serde_json::from_str::<KindOfFile>(&text)
-            .ok()
-            .and_then(|file| file.kind);
-        if kind.as_deref() != Some("absolute") {
+        let (text, json) = read_results(path, &["identify", "run"], wanted)?;
+        if json["kind"] != "absolute" {
             return Ok(None);
         }
-        let stored: RobotFile = serde_json::from_str(&text)
-            .map_err(|error| FileError::new(path, error.to_string()).hint(wanted))?;
+        let stored: RobotFile =
+            from_json(path, &text).map_err(|wrong: FileError| wrong.hint(wanted))?;
         let hash = stored.provenance.scenario_sha256;
         Ok(Some(Self {
             message: stored.message,

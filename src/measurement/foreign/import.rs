@@ -7,6 +7,7 @@ use super::mapping::MappingFile;
 use super::resolved::{Resolver, separator};
 use super::told::{ColumnRange, in_words, ranges};
 use crate::csv::{RawTable, Separator};
+use crate::files::typed::from_toml;
 use crate::files::{FileError, read_text};
 
 /// What became of a table.
@@ -31,7 +32,7 @@ pub struct ImportedTable {
 /// # Errors
 /// What is wrong with the mapping, by key, or with the table, by line.
 pub fn import(table: &Path, mapping: &Path) -> Result<ImportedTable, FileError> {
-    let file = read_mapping(mapping)?;
+    let file: MappingFile = from_toml(mapping, &read_text(mapping)?)?;
     let separator = separator(mapping, &file)?;
     let comma = match file.decimal.as_str() {
         "." => false,
@@ -77,29 +78,5 @@ pub fn import(table: &Path, mapping: &Path) -> Result<ImportedTable, FileError> 
             .collect(),
         understood,
         text,
-    })
-}
-
-fn read_mapping(path: &Path) -> Result<MappingFile, FileError> {
-    let text = read_text(path)?;
-    let wrong = |error: &toml::de::Error| {
-        let wrong = FileError::new(path, error.message().replace('\n', "; "));
-        let line = error
-            .span()
-            .map(|span| 1 + text[..span.start].matches('\n').count());
-        match line {
-            Some(line) => wrong.at(format!("line {line}")),
-            None => wrong,
-        }
-    };
-    let deserializer = toml::Deserializer::parse(&text).map_err(|error| wrong(&error))?;
-    serde_path_to_error::deserialize(deserializer).map_err(|error| {
-        let key = error.path().to_string();
-        let own = wrong(error.inner());
-        match (own.place.clone(), key.as_str()) {
-            (_, "." | "") => own,
-            (Some(line), key) => own.at(format!("{key} ({line})")),
-            (None, key) => own.at(key),
-        }
     })
 }

@@ -370,15 +370,20 @@ impl FiniteProblem<'_> {
 
 /// The places of the highest values of those that may be, in falling order; of equal ones the first.
 pub(super) fn highest(values: &[f64], count: usize, may_be: impl Fn(usize) -> bool) -> Vec<usize> {
+    let mut places: Vec<usize> = (0..values.len()).filter(|&place| may_be(place)).collect();
+    keep_highest(values, count, &mut places);
+    places
+}
+
+/// The same of these places. Sorting is compiled once, and not for every condition.
+fn keep_highest(values: &[f64], count: usize, places: &mut Vec<usize>) {
     let order =
         |one: &usize, other: &usize| values[*other].total_cmp(&values[*one]).then(one.cmp(other));
-    let mut places: Vec<usize> = (0..values.len()).filter(|&place| may_be(place)).collect();
     if count > 0 && places.len() > count {
         places.select_nth_unstable_by(count - 1, order);
     }
     places.truncate(count);
     places.sort_unstable_by(order);
-    places
 }
 
 /// How far to go along a way (1 is its end) for the lowest cost, which is convex; none where nothing is lower.

@@ -25,6 +25,7 @@ use self::inputs::Inputs;
 use super::Scenario;
 use super::file::{Actuators, File};
 use crate::experiment::{Plan, read_plan};
+use crate::files::typed::from_toml;
 use crate::files::{FileError, read_text};
 use crate::mujoco::{Additions, ModelError};
 use crate::robot::{Commands, Robot};
@@ -187,29 +188,9 @@ impl Checker<'_> {
     }
 
     fn parse(&self, text: &str) -> Result<File, FileError> {
-        let syntax = |error: &toml::de::Error| {
-            let place = error.span().map(|span| line_of(text, span.start));
-            let wrong = FileError::new(self.path, error.message().replace('\n', "; "));
-            match place {
-                Some(line) => wrong.at(format!("line {line}")),
-                None => wrong,
-            }
-        };
-        let deserializer = toml::Deserializer::parse(text).map_err(|error| syntax(&error))?;
-        serde_path_to_error::deserialize(deserializer).map_err(|error| {
-            let key = error.path().to_string();
-            let wrong = syntax(error.inner());
-            let place = match (&wrong.place, key.as_str()) {
-                (Some(line), "." | "") => line.clone(),
-                (Some(line), key) => format!("{key} ({line})"),
-                (None, key) => key.to_owned(),
-            };
-            let hint = hint_for(&wrong.problem);
-            let wrong = wrong.at(place);
-            match hint {
-                Some(hint) => wrong.hint(hint),
-                None => wrong,
-            }
+        from_toml(self.path, text).map_err(|wrong| match hint_for(&wrong.problem) {
+            Some(hint) => wrong.hint(hint),
+            None => wrong,
         })
     }
 
@@ -256,14 +237,6 @@ impl Checker<'_> {
             None => wrong,
         }
     }
-}
-
-fn line_of(text: &str, offset: usize) -> usize {
-    1 + text
-        .bytes()
-        .take(offset)
-        .filter(|&byte| byte == b'\n')
-        .count()
 }
 
 /// For serde's "unknown field `x`, expected one of `a`, `b`": the likeliest of those allowed.
