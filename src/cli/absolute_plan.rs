@@ -93,6 +93,11 @@ impl AbsoluteWanted<'_> {
             .map_err(|error| explained(path, &error))
     }
 
+    fn of_plan(&self, path: &Path, rows: &[Candidate]) -> Result<AbsolutePlanning<'_>, FileError> {
+        AbsolutePlanning::of_plan(&self.scenario.task, &self.unknown.parameters, rows)
+            .map_err(|error| explained(path, &error))
+    }
+
     /// Designs a plan of candidates.
     pub fn design(
         &self,
@@ -185,7 +190,7 @@ impl AbsoluteWanted<'_> {
     /// Says what a plan promises, and how near it is to the best of the candidates, where there are some.
     pub fn evaluate(&self, plan: &Path) -> anyhow::Result<Report> {
         let rows = self.read(plan)?;
-        let planning = self.planning(plan, &rows)?;
+        let planning = self.of_plan(plan, &rows)?;
         if !planning.left_out.is_empty() {
             let reasons: Vec<String> = planning.left_out.iter().map(ToString::to_string).collect();
             let problem = format!("readings that are not possible: {}", reasons.join("; "));

@@ -24,6 +24,24 @@ pub enum Shape {
     Mesh(Vec<[f32; 3]>, Vec<[u32; 3]>),
 }
 
+impl Shape {
+    /// Whether a point (m, in the shape's own frame) is inside; of a mesh nobody looks.
+    #[must_use]
+    pub fn has_inside(&self, point_m: &Vector3<f64>) -> bool {
+        let [x, y, z] = (*point_m).into();
+        let beside = x.hypot(y);
+        match self {
+            Self::Plane => z < 0.0,
+            Self::Sphere(radius) => point_m.norm() < *radius,
+            Self::Capsule(radius, half) => beside.hypot((z.abs() - half).max(0.0)) < *radius,
+            Self::Cylinder(radius, half) => beside < *radius && z.abs() < *half,
+            Self::Ellipsoid(axes) => point_m.component_div(axes).norm() < 1.0,
+            Self::Box(half) => (half - point_m.abs()).min() > 0.0,
+            Self::Mesh(..) => false,
+        }
+    }
+}
+
 /// One geometry of the model, fixed to a body.
 #[derive(Debug, Clone)]
 pub struct Geometry {

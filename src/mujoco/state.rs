@@ -126,12 +126,12 @@ impl State {
 
     /// Follows a ray from a point along a vector, both in the world frame, and returns the first
     /// shown geometry (groups 0 to 2) that it meets with the distance in lengths of the vector;
-    /// geometries of the body `transparent` do not stop it.
+    /// geometries of the body `transparent`, where there is one, do not stop it.
     pub fn ray(
         &mut self,
         from: &Vector3<f64>,
         along: &Vector3<f64>,
-        transparent: usize,
+        transparent: Option<usize>,
     ) -> Option<(usize, f64)> {
         const SHOWN: [u8; 6] = [1, 1, 1, 0, 0, 0];
         let (hit, distance) = self.data.ray(
@@ -139,7 +139,7 @@ impl State {
             &(*along).into(),
             Some(&SHOWN),
             true,
-            Some(transparent),
+            transparent,
             None,
         );
         hit.map(|geometry| (geometry, distance))

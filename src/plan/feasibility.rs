@@ -8,8 +8,8 @@ use nalgebra::Vector3;
 use super::region::{SmoothBound, bounds_of};
 use super::{Experiment, Plan};
 use crate::mujoco::State;
-use crate::robot::{EquilibriumError, EquilibriumSolver, KinematicState, Kinematics, Load};
-use crate::task::{Belief, Task};
+use crate::robot::{EquilibriumError, EquilibriumSolver, KinematicState, Kinematics, Load, Tool};
+use crate::task::{Belief, Station, Task};
 
 /// Bounds may be missed by this much (m, sine, or share of a torque) through rounding alone.
 const ROUNDING: f64 = 1e-9;
@@ -81,6 +81,35 @@ impl std::fmt::Display for Violation {
     }
 }
 
+/// What the instrument looks at, and from where.
+#[derive(Debug, Clone, Copy)]
+pub struct LookingAt<'a> {
+    /// What is read.
+    pub target: &'a Tool,
+    /// The station; none for the scenario's one tracker.
+    pub station: Option<&'a Station>,
+}
+
+impl<'a> LookingAt<'a> {
+    /// What is looked at where deflections are read: the calibration tool, by the one tracker.
+    const fn of_deflections(task: &'a Task) -> Self {
+        Self {
+            target: &task.belief.calibration_tool,
+            station: None,
+        }
+    }
+
+    /// Whether a station says from how far, or at which angle, it can read.
+    const fn has_limits(&self) -> bool {
+        match self.station {
+            None => false,
+            Some(station) => {
+                station.incidence_max_rad.is_some() || !matches!(station.range_m, [None, None])
+            }
+        }
+    }
+}
+
 /// Judges experiments against a task's region.
 #[derive(Debug)]
 pub struct Feasibility<'a> {
@@ -124,6 +153,17 @@ impl<'a> Feasibility<'a> {
 
     /// Every violation of one experiment, whose number in the plan is given.
     pub fn violations_of(&mut self, number: usize, experiment: &Experiment) -> Vec<Violation> {
+        let looking = LookingAt::of_deflections(self.task);
+        self.violations_of_reading(number, experiment, looking)
+    }
+
+    /// The same where something may be read, from somewhere.
+    pub fn violations_of_reading(
+        &mut self,
+        number: usize,
+        experiment: &Experiment,
+        looking: LookingAt<'_>,
+    ) -> Vec<Violation> {
         let words = self.task.loads.outside(&experiment.load);
         let mut violations: Vec<_> = words
             .map(|words| Violation::in_words(Some(number), "load", words))
@@ -144,9 +184,9 @@ impl<'a> Feasibility<'a> {
                 words: None,
             }
         }));
-        if self.simulation.is_some() {
+        if self.simulation.is_some() || looking.has_limits() {
             for load in [Load::NONE, experiment.load] {
-                match self.seen_violations(number, q, &load) {
+                match self.seen_violations(number, q, &load, looking) {
                     Ok(found) => violations.extend(found),
                     Err(error) => {
                         let error = error.to_string();
@@ -165,9 +205,10 @@ impl<'a> Feasibility<'a> {
         if self.forbidden(q).is_some() {
             return false;
         }
+        let looking = LookingAt::of_deflections(self.task);
         self.simulation.is_none()
             || [Load::NONE, *load].iter().all(|load| {
-                self.seen_violations(0, q, load)
+                self.seen_violations(0, q, load, looking)
                     .is_ok_and(|violations| violations.is_empty())
             })
     }
@@ -278,28 +319,41 @@ impl<'a> Feasibility<'a> {
             .collect()
     }
 
-    /// Collisions and hidden reflectors of the nominal robot at rest.
+    /// Collisions of the nominal robot at rest, and what keeps the instrument from reading a target.
     fn seen_violations(
         &mut self,
         number: usize,
         q: &[f64],
         load: &Load,
+        looking: LookingAt<'_>,
     ) -> Result<Vec<Violation>, EquilibriumError> {
-        let Some(simulation) = &mut self.simulation else {
-            return Ok(Vec::new());
-        };
-        let region = &self.task.region;
         let Belief {
             nominal,
             calibration_tool,
             instrument,
             ..
         } = &self.task.belief;
+        let region = &self.task.region;
         let mut arm = nominal.chain.at(calibration_tool);
         self.solver
             .solve(&mut arm, &nominal.compliance_rad_per_nm, q, load)?;
-        simulation.move_to(self.solver.q());
+        let seen = if looking.target.name == calibration_tool.name {
+            self.solver.state()
+        } else {
+            let mut arm = nominal.chain.at(looking.target);
+            arm.update(self.solver.q(), &mut self.state);
+            &self.state
+        };
+        let reflector = seen.tool_position;
         let mut violations = Vec::new();
+        if let Some(station) = looking.station {
+            let facing = seen.tool_rotation.column(2).into_owned();
+            violations.extend(out_of_reach(number, station, &reflector, &facing));
+        }
+        let Some(simulation) = &mut self.simulation else {
+            return Ok(violations);
+        };
+        simulation.move_to(self.solver.q());
         if let Some(clearance) = region.collision_clearance_m {
             let contact = simulation.nearest_contact(clearance);
             violations.extend(contact.map(|contact| Violation {
@@ -314,9 +368,11 @@ impl<'a> Feasibility<'a> {
                 words: None,
             }));
         }
-        if let (true, Some(tracker)) = (region.line_of_sight, instrument.tracker_site) {
-            let reflector = self.solver.state().tool_position;
-            let hidden = hidden_by(simulation, tracker, &reflector);
+        if region.line_of_sight
+            && let Some(viewpoint) =
+                Viewpoint::new(simulation, looking.station, instrument.tracker_site)
+        {
+            let hidden = hidden_by(simulation, &viewpoint, &reflector);
             violations.extend(hidden.map(|(name, free_m, length_m)| Violation {
                 experiment: Some(number),
                 what: format!("free line of sight from the reflector (blocked by {name})"),
@@ -330,22 +386,96 @@ impl<'a> Feasibility<'a> {
     }
 }
 
-/// What stands between the tracker and the reflector: the first geometry on the line of sight, the
+/// What of a station's range and of a reflector's is exceeded, for a reflector that faces along a unit vector.
+fn out_of_reach(
+    number: usize,
+    station: &Station,
+    reflector: &Vector3<f64>,
+    facing: &Vector3<f64>,
+) -> Vec<Violation> {
+    let ray = station.position_m - reflector;
+    let range = ray.norm();
+    let violation = |what: String, found: f64, bound: f64, unit: &'static str| Violation {
+        experiment: Some(number),
+        what,
+        found,
+        bound,
+        unit,
+        words: None,
+    };
+    let name = &station.name;
+    let [least, most] = station.range_m;
+    let missed = (least.filter(|least| range < least - ROUNDING))
+        .or_else(|| most.filter(|most| range > most + ROUNDING));
+    let mut violations: Vec<Violation> = missed
+        .map(|bound| {
+            violation(
+                format!("range from station {name:?}"),
+                range * 1e3,
+                bound * 1e3,
+                "mm",
+            )
+        })
+        .into_iter()
+        .collect();
+    let incidence = facing.angle(&ray);
+    violations.extend(
+        (station
+            .incidence_max_rad
+            .filter(|most| incidence > most + ROUNDING))
+        .map(|most| {
+            let [found, bound] = [incidence, most].map(f64::to_degrees);
+            violation(
+                format!("incidence to station {name:?}"),
+                found,
+                bound,
+                "deg",
+            )
+        }),
+    );
+    violations
+}
+
+/// From where the instrument looks.
+struct Viewpoint {
+    from_m: Vector3<f64>,
+    /// The body of the model's tracker, which hides nothing: it is the instrument.
+    tracker: Option<usize>,
+}
+
+impl Viewpoint {
+    /// At a station, or else at the site of the model's tracker.
+    fn new(simulation: &State, station: Option<&Station>, site: Option<usize>) -> Option<Self> {
+        let tracker = site.map(|site| simulation.model().site_body(site).0);
+        match (station, site) {
+            // A site of the world itself says nothing of what the tracker is.
+            (Some(station), _) => Some(Self {
+                from_m: station.position_m,
+                tracker: tracker.filter(|body| *body != 0),
+            }),
+            (None, Some(site)) => Some(Self {
+                from_m: simulation.site(site).0,
+                tracker,
+            }),
+            (None, None) => None,
+        }
+    }
+}
+
+/// What stands between the instrument and the reflector: the first geometry on the line of sight, the
 /// length of the line that is free before it, and the whole length (m). The tracker itself and what
 /// lies within a reflector's radius of the reflector do not hide it.
 fn hidden_by(
     simulation: &mut State,
-    tracker: usize,
+    viewpoint: &Viewpoint,
     reflector: &Vector3<f64>,
 ) -> Option<(String, f64, f64)> {
     /// A 1.5 inch reflector's radius, and a little (m).
     const REFLECTOR_M: f64 = 0.025;
-    let (from, _) = simulation.site(tracker);
-    let (tracker_body, _) = simulation.model().site_body(tracker);
-    let ray = from - reflector;
+    let ray = viewpoint.from_m - reflector;
     let length = ray.norm();
     let start = reflector + ray * (REFLECTOR_M / length);
-    let (geometry, distance) = simulation.ray(&start, &ray, tracker_body)?;
+    let (geometry, distance) = simulation.ray(&start, &ray, viewpoint.tracker)?;
     let free = distance * length + REFLECTOR_M;
     (free < length).then(|| (simulation.model().geometry_name(geometry), free, length))
 }

@@ -17,7 +17,7 @@ pub use accuracy::ExperimentModel;
 pub use assessment::{Assessment, FurtherError};
 pub use criterion::{Criterion, CriterionFunction};
 pub use factorisation::LANES;
-pub use feasibility::{Feasibility, Violation};
+pub use feasibility::{Feasibility, LookingAt, Violation};
 pub use promise::{posterior, quantile95_m, rho0_m};
 pub use region::{SmoothBound, WIDENED_M, WIDENED_RAD, WIDENED_SHARE, bounds_of, widened};
 pub use shares::{EARLIER, NOISE, PromiseShare, shares};

@@ -32,6 +32,8 @@ pub(super) struct File {
     #[serde(default)]
     pub obstacle: Vec<ObstacleTable>,
     #[serde(default)]
+    pub station: Vec<StationTable>,
+    #[serde(default)]
     pub uncertainty: Vec<UncertaintyTable>,
     pub design: DesignTable,
     #[serde(default)]
@@ -278,6 +280,17 @@ pub(super) struct ObstacleTable {
     pub length_mm: Option<f64>,
     pub position_mm: Vec<f64>,
     pub rpy_deg: Option<Vec<f64>>,
+}
+
+/// One of `[[station]]`.
+#[derive(Debug, Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct StationTable {
+    pub name: String,
+    pub position_mm: Vec<f64>,
+    pub range_min_mm: Option<f64>,
+    pub range_max_mm: Option<f64>,
+    pub incidence_max_deg: Option<f64>,
 }
 
 /// What is uncertain.

@@ -5,6 +5,7 @@ mod belief;
 mod extended;
 mod fingerprint;
 mod region;
+mod station;
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use serde::Deserialize;
@@ -16,6 +17,7 @@ pub use belief::{Belief, Instrument, Method};
 pub use extended::Extended;
 pub use fingerprint::{Fingerprint, robot_sha256};
 pub use region::{Forbidden, Region};
+pub use station::{Station, station_named};
 
 /// A test pose (D3): where the robot must machine.
 #[derive(Debug, Clone, PartialEq)]
@@ -108,6 +110,8 @@ pub struct Task {
     pub loads: Loads,
     /// Where experiments are possible.
     pub region: Region,
+    /// Where the instrument may stand for absolute readings; none where the scenario does not say.
+    pub stations: Vec<Station>,
     /// How large a plan is to be, and what it must contain.
     pub design: Design,
 }

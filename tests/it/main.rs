@@ -71,7 +71,8 @@
 //! - `bounds`: the class of plans that a bound speaks about.
 //! - `left_out`: what a proof takes for certain, by name.
 //! - `proofs`: the bound that is proved, and its proof checked by another program.
-//! - `absolute_plans`, `absolute_promises`: plans of absolute readings, and robots that keep what they promise.
+//! - `absolute_plans`, `absolute_promises`, `stations`: plans of absolute readings, robots that keep what they promise, and where the
+//!   instrument stands.
 //! - `candidates`: plans that are chosen from a list, held to all plans that there are of it.
 //! - `criteria_bounds`: the bounds by other criteria than `rho_0`.
 //! - `exchanges`: what exchanging one measurement of a plan can gain.
@@ -176,6 +177,7 @@ mod rooms;
 mod schema;
 mod search;
 mod selection;
+mod stations;
 mod stored_robots;
 #[cfg(feature = "view")]
 mod streams;

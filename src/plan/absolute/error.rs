@@ -1,10 +1,13 @@
 //! Why there is no plan of absolute readings.
 
+use std::borrow::Cow;
+
 use thiserror::Error;
 
 use crate::identification::AbsoluteError;
 use crate::mujoco::ModelError;
 use crate::plan::search::{CandidateError, FiniteError};
+use crate::quantities::limits::MOST_CANDIDATES;
 
 /// So many names are told one by one.
 const NAMED: usize = 6;
@@ -43,6 +46,40 @@ pub enum AbsolutePlanError {
         line: usize,
         /// Its target.
         target: String,
+    },
+    /// A station that the scenario does not have.
+    #[error(
+        "line {line}: station: found {found:?}; the scenario has {}",
+        some_of(known)
+    )]
+    Station {
+        /// The line.
+        line: usize,
+        /// What it says.
+        found: String,
+        /// What was likely meant.
+        likely: Option<String>,
+        /// What there is.
+        known: Vec<String>,
+    },
+    /// A reading of a plan that does not say where the instrument stands.
+    #[error(
+        "line {line}: station: is missing; the scenario has {}",
+        some_of(known)
+    )]
+    NoStation {
+        /// The line.
+        line: usize,
+        /// What there is.
+        known: Vec<String>,
+    },
+    /// Too many, each row from each station.
+    #[error(
+        "there are {found} candidates, each row from each station of the scenario; at most {MOST_CANDIDATES} are allowed"
+    )]
+    TooMany {
+        /// How many.
+        found: usize,
     },
     /// What can be read.
     #[error(transparent)]
@@ -97,8 +134,21 @@ impl AbsolutePlanError {
 
     /// What to do about it.
     #[must_use]
-    pub const fn hint(&self) -> Option<&'static str> {
+    pub fn hint(&self) -> Option<Cow<'static, str>> {
+        if let Self::Station { likely, .. } = self {
+            let likely = likely.as_ref();
+            return Some(likely.map_or(
+                Cow::Borrowed("a scenario with [[station]] has each station that candidates name"),
+                |likely| Cow::Owned(format!("did you mean {likely:?}?")),
+            ));
+        }
+        self.fixed_hint().map(Cow::Borrowed)
+    }
+
+    const fn fixed_hint(&self) -> Option<&'static str> {
         match self {
+            Self::NoStation { .. } => Some("give the column station"),
+            Self::TooMany { .. } => Some("give fewer rows, or the station of each"),
             Self::Candidates(error) => Some(error.hint()),
             Self::Target { .. } => Some(
                 "add the target to the scenario as a [[robot.tool]], or to the model as a site",
@@ -112,7 +162,7 @@ impl AbsolutePlanError {
                  how well joints and links are known",
             ),
             Self::TooFew { .. } => Some("give more --experiments, or more candidates"),
-            Self::BeyondLoad { .. } | Self::Choice(_) => None,
+            Self::Station { .. } | Self::BeyondLoad { .. } | Self::Choice(_) => None,
         }
     }
 }

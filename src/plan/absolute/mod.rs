@@ -9,32 +9,34 @@
 
 mod error;
 mod promise;
+mod readable;
 
-use nalgebra::{DMatrix, Matrix3xX, UnitQuaternion, Vector3};
+use nalgebra::{DMatrix, Matrix3xX};
 use rayon::prelude::*;
 
+use super::Criterion;
 use super::search::{
     BoundKind, ExchangesTry, FiniteBound, FiniteDesign, FiniteEffort, FiniteError, FiniteProblem,
-    LeftOutCandidates, PlanBound, PlanProof, ToldByCandidates, Watch, possible_of,
+    LeftOutCandidates, PlanBound, PlanProof, ToldByCandidates, Watch,
 };
-use super::{Criterion, Experiment};
 use crate::experiment::Candidate;
 use crate::identification::{AbsoluteCase, ParameterGroup};
 use crate::measurement::AbsoluteReading;
 use crate::numeric::estimable::Estimable;
 use crate::observation::{
-    AbsoluteErrors, BareArm, PlannedReading, ReadingKind, Setup, Whitener,
-    planned_information_of_each, planned_positions,
+    AbsoluteErrors, PlannedReading, ReadingKind, Setup, Whitener, planned_information_of_each,
+    planned_positions,
 };
 use crate::parameter::{ParameterKind, ParameterSet, relative_precision};
 use crate::quantities::limits::MOST_EXPERIMENTS;
 use crate::robot::Load;
-use crate::task::{Belief, Task};
+use crate::task::Task;
 
 pub use error::AbsolutePlanError;
 pub use promise::AbsolutePromise;
 
 use promise::{PlaceRows, in_units, known_after, stacked, stacked_task};
+use readable::{check_stations, errors_of, from_stations, possible, reading_of};
 
 /// Searches for one plan.
 const SEARCHES: usize = 12;
@@ -97,7 +99,9 @@ impl<'a> AbsolutePlanning<'a> {
         if !task.design.mandatory.experiments.is_empty() {
             return Err(AbsolutePlanError::Mandatory);
         }
-        let (candidates, left_out) = possible(task, rows)?;
+        let rows = from_stations(task, rows)?;
+        let offered = rows.len();
+        let (candidates, left_out) = possible(task, &rows)?;
         let is_pose = task.belief.instrument.rotation_sigma_rad.is_some();
         let readings: Vec<AbsoluteReading> = (candidates.iter())
             .map(|candidate| reading_of(candidate, is_pose))
@@ -106,7 +110,9 @@ impl<'a> AbsolutePlanning<'a> {
         let mut case = AbsoluteCase::placed(&task.belief, &readings)
             .map_err(|error| AbsolutePlanError::of_lines(error, &lines))?;
         let errors = (candidates.iter().zip(&case.observations))
-            .map(|(candidate, observation)| errors_of(&case, candidate, &observation.setup))
+            .map(|(candidate, observation)| {
+                errors_of(&case, &task.stations, candidate, &observation.setup)
+            })
             .collect();
         let machining = &task.belief.machining_tool;
         let known = (case.targets.iter()).position(|target| *target == machining.name);
@@ -133,13 +139,26 @@ impl<'a> AbsolutePlanning<'a> {
         Ok(Self {
             poses: place_rows(task, &case, &set, target),
             before: relative_precision(&set),
-            offered: rows.len(),
+            offered,
             candidates,
             left_out,
             case,
             set,
             errors,
         })
+    }
+
+    /// The same of the readings of one plan, each of which says from which of several stations it is.
+    ///
+    /// # Errors
+    /// See [`AbsolutePlanError`].
+    pub fn of_plan(
+        task: &'a Task,
+        groups: &[ParameterGroup],
+        rows: &[Candidate],
+    ) -> Result<Self, AbsolutePlanError> {
+        check_stations(task, rows)?;
+        Self::new(task, groups, rows)
     }
 
     /// What is unknown.
@@ -494,70 +513,6 @@ impl<'a> AbsolutePlanning<'a> {
         let count = plan.iter().map(|(_, times)| times).sum();
         AbsolutePromise::new(posterior, &self.poses, &self.set.scales(), count)
     }
-}
-
-/// The rows that a task allows, and why not the others.
-fn possible(
-    task: &Task,
-    rows: &[Candidate],
-) -> Result<(Vec<Candidate>, Vec<LeftOutCandidates>), AbsolutePlanError> {
-    let experiments: Vec<(usize, Experiment)> = (rows.iter())
-        .map(|row| {
-            let experiment = Experiment {
-                configuration_rad: row.configuration_rad.clone(),
-                load: row.load.unwrap_or(Load::NONE),
-                repeats: row.most.unwrap_or(MOST_EXPERIMENTS),
-                approach: row.approach.clone(),
-            };
-            (row.line, experiment)
-        })
-        .collect();
-    let (places, left_out) = possible_of(task, &experiments, true)?;
-    let candidates = places.into_iter().map(|place| rows[place].clone());
-    Ok((candidates.collect(), left_out))
-}
-
-/// A reading that a candidate would be.
-fn reading_of(candidate: &Candidate, is_pose: bool) -> AbsoluteReading {
-    AbsoluteReading {
-        configuration_rad: candidate.configuration_rad.clone(),
-        load: candidate.load.unwrap_or(Load::NONE),
-        target: candidate.target.clone(),
-        station: candidate.station.clone(),
-        state: None,
-        position_m: Vector3::zeros(),
-        rotation: is_pose.then(UnitQuaternion::identity),
-        covariance: None,
-        approach: candidate.approach.clone(),
-        time_s: None,
-        temperature_c: None,
-    }
-}
-
-/// What disturbs a reading of a candidate besides the instrument.
-fn errors_of(case: &AbsoluteCase<'_>, candidate: &Candidate, setup: &Setup) -> AbsoluteErrors {
-    let Belief {
-        nominal,
-        calibration_tool,
-        uncertain,
-        ..
-    } = case.belief;
-    let Some(extended) = uncertain else {
-        return AbsoluteErrors::NONE;
-    };
-    let arm = BareArm {
-        chain: &nominal.chain,
-        compliance_rad_per_nm: &nominal.compliance_rad_per_nm,
-        tool: &case.arm.tools[setup.target],
-    };
-    let load = candidate.load.unwrap_or(Load::NONE);
-    AbsoluteErrors::new(
-        arm,
-        candidate.configuration_rad.as_slice(),
-        (calibration_tool, &load),
-        None,
-        extended.sources().map(|(_, source)| source),
-    )
 }
 
 /// How the tool's place follows the unknowns at the test poses, in the frame of each station.

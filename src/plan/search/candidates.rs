@@ -14,7 +14,6 @@ use super::told::ToldByCandidates;
 use crate::experiment::{Candidate, Experiment, Loads};
 use crate::plan::{Criterion, Feasibility, Plan, Violation};
 use crate::quantities::limits::{MOST_CANDIDATES, MOST_EXPERIMENTS};
-use crate::robot::Load;
 use crate::task::Task;
 
 /// Searches for one plan.
@@ -110,22 +109,27 @@ impl std::fmt::Display for LeftOutCandidates {
     }
 }
 
-/// Which experiments, with the lines that they are in, a task allows, by their places; and why not the others. Some may be
-/// without a load.
+/// Which experiments, with the lines that they are in, a task allows, by their places; and why not the others: what a judge
+/// finds first.
 ///
 /// # Errors
 /// None is possible.
 pub(in crate::plan) fn possible_of(
     task: &Task,
     all: &[(usize, Experiment)],
-    may_be_unloaded: bool,
+    first_violation: impl Fn(&mut Feasibility<'_>, usize) -> Option<Violation> + Sync,
 ) -> Result<(Vec<usize>, Vec<LeftOutCandidates>), CandidateError> {
-    let wrong: Vec<Option<(String, String)>> = all
-        .par_iter()
+    let wrong: Vec<Option<(String, String)>> = (0..all.len())
+        .into_par_iter()
         .map_init(
             || Feasibility::new(task),
-            |feasibility, (_, experiment)| {
-                first_violation(feasibility, experiment, may_be_unloaded)
+            |feasibility, place| {
+                let violation = first_violation(feasibility, place)?;
+                let words = Violation {
+                    experiment: None,
+                    ..violation.clone()
+                };
+                Some((violation.kind(), words.to_string()))
             },
         )
         .collect();
@@ -154,22 +158,6 @@ pub(in crate::plan) fn possible_of(
         });
     }
     Ok((places, left_out))
-}
-
-/// What is wrong with one candidate first.
-fn first_violation(
-    feasibility: &mut Feasibility<'_>,
-    experiment: &Experiment,
-    may_be_unloaded: bool,
-) -> Option<(String, String)> {
-    let is_fine = may_be_unloaded && experiment.load == Load::NONE;
-    let mut violations = feasibility.violations_of(1, experiment).into_iter();
-    let violation = violations.find(|violation| !(is_fine && violation.what == "load"))?;
-    let words = Violation {
-        experiment: None,
-        ..violation.clone()
-    };
-    Some((violation.kind(), words.to_string()))
 }
 
 impl Candidates {
@@ -213,7 +201,10 @@ impl Candidates {
         if offered > MOST_CANDIDATES {
             return Err(CandidateError::TooMany { found: offered });
         }
-        let (places, left_out) = possible_of(task, &all, false)?;
+        let (places, left_out) = possible_of(task, &all, |feasibility, place| {
+            let violations = feasibility.violations_of(1, &all[place].1);
+            violations.into_iter().next()
+        })?;
         let experiments = places
             .into_iter()
             .map(|place| all[place].1.clone())

@@ -4,16 +4,12 @@ use super::Checker;
 use crate::files::FileError;
 use crate::mujoco::Model;
 use crate::quantities::plausible::{DEVIATION, ROTATION_DEVIATION};
-use crate::scenario::file::{InstrumentTable, RegionTable};
+use crate::scenario::file::File;
 use crate::task::Instrument;
 
 impl Checker<'_> {
-    pub(super) fn instrument(
-        &self,
-        table: &InstrumentTable,
-        region: &RegionTable,
-        model: &Model,
-    ) -> Result<Instrument, FileError> {
+    pub(super) fn instrument(&self, file: &File, model: &Model) -> Result<Instrument, FileError> {
+        let table = &file.instrument;
         let sigma_m = self.number("instrument.sigma_mm", table.sigma_mm, &DEVIATION)? * 1e-3;
         let key = "instrument.tracker_site";
         let tracker_site = table
@@ -25,7 +21,8 @@ impl Checker<'_> {
                     .map_err(|error| self.model_error(key, &error))
             })
             .transpose()?;
-        if region.line_of_sight && tracker_site.is_none() {
+        // Stations are seen from where they are.
+        if file.region.line_of_sight && tracker_site.is_none() && file.station.is_empty() {
             return Err(self.wrong(key, "is missing, and region.line_of_sight needs it"));
         }
         Ok(Instrument {

@@ -13,6 +13,7 @@ mod obstacle;
 mod prior;
 mod region;
 mod robot;
+mod station;
 mod study;
 mod test_pose;
 mod torque_law;
@@ -22,6 +23,7 @@ use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 
 use self::inputs::Inputs;
+use self::uncertainty::ReadingPlaces;
 use super::Scenario;
 use super::file::{Actuators, File};
 use crate::experiment::{Plan, read_plan};
@@ -68,22 +70,7 @@ impl Checker<'_> {
 
         let additions = self.additions(&file)?;
         let locked = self.locked(&file.robot)?;
-        let model = self.model("robot.model", &file.robot.model, &additions)?;
-        let model = match file.robot.actuators {
-            Actuators::Model => model,
-            Actuators::Ignored => model.without_actuators(),
-        };
-        let model = self.lock(&model, &locked)?;
-        let chain = self.serial_chain("robot.model", &model)?;
-        let mut nominal = Robot {
-            compliance_rad_per_nm: self.compliances(
-                "robot.compliance_rad_per_nm",
-                &chain,
-                file.robot.compliance_rad_per_nm.as_deref(),
-            )?,
-            chain,
-            model,
-        };
+        let mut nominal = self.nominal(&file, &additions, &locked)?;
         let calibration_tool = self.tool(
             "robot.calibration_site",
             &nominal.model,
@@ -104,7 +91,8 @@ impl Checker<'_> {
         let loads = self.loads(&file.load)?;
         let design = self.design(&file.design, to_find, &commands, &loads)?;
         let plans = self.plans(&file.plan, &commands)?;
-        let instrument = self.instrument(&file.instrument, &file.region, &nominal.model)?;
+        let instrument = self.instrument(&file, &nominal.model)?;
+        let stations = self.stations(&file, &nominal.model, instrument.tracker_site)?;
         let context = study::Context {
             sigma_m: instrument.sigma_m,
             sigma_of: file.instrument.sigma_of,
@@ -127,8 +115,11 @@ impl Checker<'_> {
             instrument,
             method: file.identification.method,
         };
-        let between_h = laboratory.costs.between_readings_h(design.experiments);
-        let uncertainties = self.uncertain(&mut belief, &file, &further, between_h)?;
+        let places = ReadingPlaces {
+            between_h: laboratory.costs.between_readings_h(design.experiments),
+            stations: &stations,
+        };
+        let uncertainties = self.uncertain(&mut belief, &file, &further, places)?;
         self.check_directions(&test_poses, &belief)?;
         let truth = Truth {
             uncertainties,
@@ -148,6 +139,7 @@ impl Checker<'_> {
                 test_poses,
                 loads,
                 region,
+                stations,
                 design,
             },
             is_noise_only: false,
@@ -162,6 +154,31 @@ impl Checker<'_> {
                 ..additions
             },
             files: self.inputs.borrow().files(),
+        })
+    }
+
+    /// The robot as it is taken to be.
+    fn nominal(
+        &self,
+        file: &File,
+        additions: &Additions,
+        locked: &[(String, f64, String)],
+    ) -> Result<Robot, FileError> {
+        let model = self.model("robot.model", &file.robot.model, additions)?;
+        let model = match file.robot.actuators {
+            Actuators::Model => model,
+            Actuators::Ignored => model.without_actuators(),
+        };
+        let model = self.lock(&model, locked)?;
+        let chain = self.serial_chain("robot.model", &model)?;
+        Ok(Robot {
+            compliance_rad_per_nm: self.compliances(
+                "robot.compliance_rad_per_nm",
+                &chain,
+                file.robot.compliance_rad_per_nm.as_deref(),
+            )?,
+            chain,
+            model,
         })
     }
 

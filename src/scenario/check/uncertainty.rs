@@ -12,8 +12,16 @@ use crate::quantities::plausible::{
     READING_SHARE, RELATIVE_DEVIATION, ROTATION_DEVIATION, TORQUE_LIMIT,
 };
 use crate::scenario::file::{File, UncertaintyKind, UncertaintyTable};
-use crate::task::{Belief, Extended};
+use crate::task::{Belief, Extended, Station};
 use crate::text::wrong_name;
+
+/// What readings are beside the robot: the hours between the unloaded and the loaded one of a deflection, and where the
+/// instrument may stand.
+#[derive(Clone, Copy)]
+pub(super) struct ReadingPlaces<'a> {
+    pub between_h: f64,
+    pub stations: &'a [Station],
+}
 
 /// More are no list of what is uncertain.
 const MOST: usize = 100;
@@ -25,22 +33,21 @@ impl Checker<'_> {
         belief: &mut Belief,
         file: &File,
         further: &[&str],
-        between_h: f64,
+        places: ReadingPlaces<'_>,
     ) -> Result<Vec<Uncertainty>, FileError> {
-        let uncertainties = self.uncertainties(&file.uncertainty, belief, between_h)?;
+        let uncertainties = self.uncertainties(&file.uncertainty, belief, places)?;
         belief.turned_over_at_nm = self.turned_over_at_nm(&file.uncertainty, belief)?;
         let further = self.further(belief, further)?;
         belief.uncertain = self.extended(belief, &further, &uncertainties)?;
         Ok(uncertainties)
     }
 
-    /// All uncertainties, hidden ones among them. Between the unloaded and the loaded reading of a deflection are so many
-    /// hours.
+    /// All uncertainties, hidden ones among them.
     fn uncertainties(
         &self,
         tables: &[UncertaintyTable],
         belief: &Belief,
-        between_h: f64,
+        places: ReadingPlaces<'_>,
     ) -> Result<Vec<Uncertainty>, FileError> {
         self.at_most("uncertainty", tables.len(), MOST)?;
         let mut all: Vec<Uncertainty> = Vec::new();
@@ -68,7 +75,7 @@ impl Checker<'_> {
             all.push(Uncertainty {
                 name: name.to_owned(),
                 is_hidden: table.hidden,
-                source: self.source(&key, table, belief, between_h)?,
+                source: self.source(&key, table, belief, places)?,
             });
         }
         Ok(all)
@@ -79,7 +86,7 @@ impl Checker<'_> {
         key: &str,
         table: &UncertaintyTable,
         belief: &Belief,
-        between_h: f64,
+        places: ReadingPlaces<'_>,
     ) -> Result<Source, FileError> {
         self.check_sizes(key, table)?;
         if table.joints.is_some() && !table.kind.is_of_joints() {
@@ -104,7 +111,7 @@ impl Checker<'_> {
             }
             UncertaintyKind::TrackerRange => {
                 let per_metre = size("std_um_per_m")?;
-                let from_m = tracker_m(belief).ok_or_else(|| {
+                let from_m = tracker_m(belief, places.stations).ok_or_else(|| {
                     let problem = "the noise grows with the distance from the tracker, and nothing says where it stands";
                     let wrong = self.wrong(&format!("{key}.kind"), problem);
                     wrong.hint("name a site of the model by instrument.tracker_site")
@@ -117,7 +124,7 @@ impl Checker<'_> {
             },
             UncertaintyKind::DroppedReading => ReadingSource::Dropped(size("share")?),
             UncertaintyKind::Drift => {
-                let deviation_m = size("std_um_per_h")? * between_h;
+                let deviation_m = size("std_um_per_h")? * places.between_h;
                 let of = |axis| (ParameterKind::Drift { axis }, deviation_m);
                 return Ok(Source::Plan(Axis::ALL.map(of).to_vec()));
             }
@@ -470,8 +477,10 @@ impl Checker<'_> {
     }
 }
 
-/// Where the tracker stands, if the scenario says so.
-fn tracker_m(belief: &Belief) -> Option<Vector3<f64>> {
-    let site = belief.instrument.tracker_site?;
-    Some(State::new(&belief.nominal.model).site(site).0)
+/// Where the tracker stands, if the scenario says so: its site, or the first of its stations.
+fn tracker_m(belief: &Belief, stations: &[Station]) -> Option<Vector3<f64>> {
+    match belief.instrument.tracker_site {
+        Some(site) => Some(State::new(&belief.nominal.model).site(site).0),
+        None => stations.first().map(|station| station.position_m),
+    }
 }

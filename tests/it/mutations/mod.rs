@@ -121,7 +121,7 @@ fn scenario_reader() -> Reader {
                 "{:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?}",
                 scenario.task.test_poses,
                 scenario.task.loads,
-                scenario.task.region,
+                (scenario.task.region, scenario.task.stations),
                 scenario.task.belief.instrument,
                 scenario.study,
                 scenario.laboratory,
@@ -151,6 +151,8 @@ fn scenario_reader() -> Reader {
             scenario_text("klimchik2012") + LOST_READINGS,
             scenario_text("klimchik2012") + TORQUE_LAWS,
             scenario_text("klimchik2012") + BACKLASH,
+            scenario_text("ur10").replace("[design]", "[design]\naccuracy = \"absolute\"")
+                + STATIONS,
         ])
         .collect(),
     }
@@ -386,6 +388,19 @@ hidden = true
 kind = "dropped_reading"
 share = 0.05
 hidden = true
+"#;
+
+const STATIONS: &str = r#"
+[[station]]
+name = "door"
+position_mm = [2600, 300, 1200]
+range_min_mm = 1000
+range_max_mm = 15000
+incidence_max_deg = 30
+
+[[station]]
+name = "wall"
+position_mm = [-500, -4000, 1500.5]
 "#;
 
 const BACKLASH: &str = r#"

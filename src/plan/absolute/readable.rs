@@ -1,0 +1,171 @@
+//! What may be read: candidates from each station, those that are possible, and what disturbs a reading of each.
+
+use std::collections::BTreeMap;
+
+use nalgebra::{UnitQuaternion, Vector3};
+
+use super::error::AbsolutePlanError;
+use crate::experiment::{Candidate, Experiment};
+use crate::identification::AbsoluteCase;
+use crate::measurement::AbsoluteReading;
+use crate::observation::{AbsoluteErrors, BareArm, Setup};
+use crate::plan::search::{LeftOutCandidates, possible_of};
+use crate::plan::{Feasibility, LookingAt};
+use crate::quantities::limits::{MOST_CANDIDATES, MOST_EXPERIMENTS};
+use crate::robot::{Load, SerialChain, Tool};
+use crate::task::{Belief, Station, Task, station_named};
+use crate::text::nearest;
+
+/// Rows as readings from stations: where a task says what stations there are, a row that names none is one from each.
+pub(super) fn from_stations(
+    task: &Task,
+    rows: &[Candidate],
+) -> Result<Vec<Candidate>, AbsolutePlanError> {
+    if task.stations.is_empty() {
+        return Ok(rows.to_vec());
+    }
+    let mut all = Vec::new();
+    for row in rows {
+        let Some(name) = &row.station else {
+            all.extend(task.stations.iter().map(|station| Candidate {
+                station: Some(station.name.clone()),
+                ..row.clone()
+            }));
+            continue;
+        };
+        if station_named(&task.stations, Some(name)).is_none() {
+            let known = task.stations.iter().map(|station| station.name.as_str());
+            return Err(AbsolutePlanError::Station {
+                line: row.line,
+                found: name.clone(),
+                likely: nearest(name, known.clone()).map(str::to_owned),
+                known: known.map(str::to_owned).collect(),
+            });
+        }
+        all.push(row.clone());
+    }
+    if all.len() > MOST_CANDIDATES {
+        return Err(AbsolutePlanError::TooMany { found: all.len() });
+    }
+    Ok(all)
+}
+
+/// Refuses readings of a plan that do not say from which of several stations they are.
+pub(super) fn check_stations(task: &Task, rows: &[Candidate]) -> Result<(), AbsolutePlanError> {
+    let nowhere = rows.iter().find(|row| row.station.is_none());
+    match nowhere {
+        Some(row) if task.stations.len() > 1 => Err(AbsolutePlanError::NoStation {
+            line: row.line,
+            known: (task.stations.iter())
+                .map(|station| station.name.clone())
+                .collect(),
+        }),
+        _ => Ok(()),
+    }
+}
+
+/// The rows that a task allows, and why not the others.
+pub(super) fn possible(
+    task: &Task,
+    rows: &[Candidate],
+) -> Result<(Vec<Candidate>, Vec<LeftOutCandidates>), AbsolutePlanError> {
+    let experiments: Vec<(usize, Experiment)> = (rows.iter())
+        .map(|row| {
+            let experiment = Experiment {
+                configuration_rad: row.configuration_rad.clone(),
+                load: row.load.unwrap_or(Load::NONE),
+                repeats: row.most.unwrap_or(MOST_EXPERIMENTS),
+                approach: row.approach.clone(),
+            };
+            (row.line, experiment)
+        })
+        .collect();
+    let targets = targets(&task.belief, rows)?;
+    let first_violation = |feasibility: &mut Feasibility<'_>, place: usize| {
+        let row = &rows[place];
+        let known = row.target.as_deref().and_then(|name| targets.get(name));
+        let looking = LookingAt {
+            target: known.unwrap_or(&task.belief.calibration_tool),
+            station: station_named(&task.stations, row.station.as_deref()),
+        };
+        let experiment = &experiments[place].1;
+        let violations = feasibility.violations_of_reading(1, experiment, looking);
+        // Without a load there is none that is not allowed.
+        let is_fine = |what: &str| what == "load" && experiment.load == Load::NONE;
+        (violations.into_iter()).find(|violation| !is_fine(&violation.what))
+    };
+    let (places, left_out) = possible_of(task, &experiments, first_violation)?;
+    let candidates = places.into_iter().map(|place| rows[place].clone());
+    Ok((candidates.collect(), left_out))
+}
+
+/// The sites of the model that rows name.
+fn targets<'a>(
+    belief: &Belief,
+    rows: &'a [Candidate],
+) -> Result<BTreeMap<&'a str, Tool>, AbsolutePlanError> {
+    let mut known = BTreeMap::new();
+    for row in rows {
+        let Some(name) = row.target.as_deref() else {
+            continue;
+        };
+        if !known.contains_key(name) {
+            let tool = SerialChain::tool(&belief.nominal.model, name);
+            let tool = tool.map_err(|source| AbsolutePlanError::Target {
+                line: row.line,
+                source,
+            })?;
+            known.insert(name, tool);
+        }
+    }
+    Ok(known)
+}
+
+/// A reading that a candidate would be.
+pub(super) fn reading_of(candidate: &Candidate, is_pose: bool) -> AbsoluteReading {
+    AbsoluteReading {
+        configuration_rad: candidate.configuration_rad.clone(),
+        load: candidate.load.unwrap_or(Load::NONE),
+        target: candidate.target.clone(),
+        station: candidate.station.clone(),
+        state: None,
+        position_m: Vector3::zeros(),
+        rotation: is_pose.then(UnitQuaternion::identity),
+        covariance: None,
+        approach: candidate.approach.clone(),
+        time_s: None,
+        temperature_c: None,
+    }
+}
+
+/// What disturbs a reading of a candidate besides the instrument, which stands at one of the stations where there are some.
+pub(super) fn errors_of(
+    case: &AbsoluteCase<'_>,
+    stations: &[Station],
+    candidate: &Candidate,
+    setup: &Setup,
+) -> AbsoluteErrors {
+    let Belief {
+        nominal,
+        calibration_tool,
+        uncertain,
+        ..
+    } = case.belief;
+    let Some(extended) = uncertain else {
+        return AbsoluteErrors::NONE;
+    };
+    let arm = BareArm {
+        chain: &nominal.chain,
+        compliance_rad_per_nm: &nominal.compliance_rad_per_nm,
+        tool: &case.arm.tools[setup.target],
+    };
+    let load = candidate.load.unwrap_or(Load::NONE);
+    let station = station_named(stations, candidate.station.as_deref());
+    AbsoluteErrors::new(
+        arm,
+        candidate.configuration_rad.as_slice(),
+        (calibration_tool, &load),
+        station.map(|station| &station.position_m),
+        extended.sources().map(|(_, source)| source),
+    )
+}
