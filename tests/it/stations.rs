@@ -48,6 +48,32 @@ fn planning<'a>(scenario: &'a Scenario, rows: &[Candidate]) -> AbsolutePlanning<
     AbsolutePlanning::new(&scenario.task, &[ParameterGroup::Frames], rows).expect("candidates")
 }
 
+fn of_all(scenario: &Scenario, rows: &[Candidate]) -> f64 {
+    let planning = planning(scenario, rows);
+    let all: Vec<(usize, u32)> = (0..planning.candidates.len())
+        .map(|place| (place, 1))
+        .collect();
+    planning.promise(&all).rho0_m().expect("a promise")
+}
+
+/// A station where the model's tracker is says what the tracker says; one that is far away, less.
+#[test]
+fn each_station_has_its_own_distance() {
+    let place = Workplace::new();
+    let without = of_all(&loaded(&place, RANGE), &rows(10, Some("door")));
+    let at = |position_mm: [f64; 3]| {
+        let scenario = loaded(&place, &(station("door", position_mm, "") + RANGE));
+        of_all(&scenario, &rows(10, Some("door")))
+    };
+    let there = at([-3500.0, -2500.0, 1200.0]);
+    assert!((there / without - 1.0).abs() < 1e-12, "{there} {without}");
+    let [near, far] = [[-1800.0, 0.0, 800.0], [-9000.0, -6000.0, 1200.0]].map(at);
+    assert!(
+        near < 0.7 * there && there < 0.7 * far,
+        "{near} {there} {far}"
+    );
+}
+
 /// Every plan of a few readings of few rows, each from each of three stations: the best is found, and none is below the bound.
 #[test]
 fn the_best_of_all_plans_from_all_stations_is_found() {

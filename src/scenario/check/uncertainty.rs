@@ -480,7 +480,11 @@ impl Checker<'_> {
 /// Where the tracker stands, if the scenario says so: its site, or the first of its stations.
 fn tracker_m(belief: &Belief, stations: &[Station]) -> Option<Vector3<f64>> {
     match belief.instrument.tracker_site {
-        Some(site) => Some(State::new(&belief.nominal.model).site(site).0),
+        Some(site) => {
+            let mut state = State::new(&belief.nominal.model);
+            state.update_kinematics();
+            Some(state.site(site).0)
+        }
         None => stations.first().map(|station| station.position_m),
     }
 }
