@@ -19,19 +19,26 @@ What is checked
      with all others as they are, about the same region and the same uncertainties; and the plan's own value, in doubles.
 
 Rounding. Every operation adds ROUNDING times a bound of all that it adds up to the remainder; no operation has more
-than 200 roundings of 1.2e-16 each on the way of one term, and ROUNDING is 1e-13. Sine and cosine are NumPy's, taken
+than 200 roundings of 1.2e-16 each on the way of one term, and ROUNDING is 1e-13. A sum of products of models is one operation, and
+has more of both where its terms are many (see `roundings`). Sine and cosine are NumPy's, taken
 to be within 1e-14, Bessel's functions are summed up here. Underflow adds less than TINY.
 
 Exit codes: 0 the proof holds; 1 it does not, with the reason; 2 it cannot be checked here.
 """
 
+import collections
+import concurrent.futures
+import functools
 import itertools
 import json
 import math
+import os
 import sys
 from fractions import Fraction
 
 try:
+    # Batches are what threads share.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     import numpy as np
 except ImportError:
     print("check_proof: NumPy is needed (pip install numpy)", file=sys.stderr)
@@ -40,7 +47,10 @@ except ImportError:
 ROUNDING = 1e-13
 TRIGONOMETRY = 1e-14
 TINY = 1e-280
-BATCH = 2048
+BATCH = 512
+# How many batches are looked at beside each other, and how many are made ahead.
+WORKERS = min(os.cpu_count() or 1, 8)
+WINDOW = 16
 PATIENCE = 10
 # As the prover chooses; whatever is chosen, the bound holds.
 RIDGE = 10.0
@@ -55,121 +65,277 @@ class Unknown(Exception):
     """The proof is of a kind that this checker does not know."""
 
 
-# --- Taylor models: c + g.x + sum_{i<j} h_ij x_i x_j + sum_i h_ii T2(x_i), within r, over -1 <= x <= 1
+# --- Taylor models: c + g.x + sum_i h_i T2(x_i) + sum_{i<j} h_ij x_i x_j, within r, over -1 <= x <= 1
+
+
+@functools.lru_cache(maxsize=None)
+def layout(n):
+    """The pairs i < j of n variables in the order in which their coefficients stand, and the place of each x_i x_j among h."""
+    first, second = np.triu_indices(n, 1)
+    full = np.empty((n, n), int)
+    full[range(n), range(n)] = range(n)
+    full[first, second] = full[second, first] = n + np.arange(len(first))
+    return first, second, full
+
+
+@functools.lru_cache(maxsize=None)
+def places(some, variables):
+    """Where the coefficients of models of some variables stand in models of more of them."""
+    n, at = len(variables), [variables.index(v) for v in some]
+    first, second, _ = layout(len(some))
+    full = layout(n)[2]
+    pairs = [1 + n + full[at[i], at[j]] for i, j in zip(first, second)]
+    return np.array([0, *(1 + i for i in at), *(1 + n + i for i in at), *pairs])
+
+
+@functools.lru_cache(maxsize=None)
+def norms_of(n):
+    """The matrix that makes norms of the coefficients' absolute values. x T2(x) and x (x y) leave half of themselves linear."""
+    first, second, _ = layout(n)
+    matrix = np.zeros((2 + n, coefficients_of(n)))
+    matrix[0] = matrix[1:, 1 + n :] = 1.0
+    for i in range(n):
+        matrix[2 + i, 1 + n + i] = 0.5
+        matrix[2 + i, 1 + 2 * n :][(first == i) | (second == i)] = 0.5
+    return matrix
+
+
+def coefficients_of(n):
+    return 1 + 2 * n + n * (n - 1) // 2
+
+
+def union(*models):
+    return tuple(sorted({variable for model in models for variable in model.variables}))
 
 
 class Model:
-    """Models of one quantity over many boxes: c (N), g (N, n), h (N, n, n) symmetric, r (N)."""
+    """Models of quantities over many boxes, of which the first axes count quantities and the last one boxes: coefficients
+    (..., 1 + 2 n + n (n - 1) / 2, N) of the n variables that matter to them, r (..., N), and rough (..., N), a bound of their sizes
+    that need not be near. Models that have no variables may have N = 1 and stand for all boxes."""
 
-    def __init__(self, c, g, h, r):
-        self.c, self.g, self.h, self.r = c, g, h, r
-        self.linear = np.abs(g).sum(1)
-        rows = np.abs(h).sum(2)
-        own = np.abs(np.einsum("nii->ni", h))
-        # Each x_i x_j stands twice in h.
-        self.bend = (rows.sum(1) + own.sum(1)) / 2
-        self.unfolded = self.bend[:, None] * (1 + ROUNDING) - rows / 2
+    def __init__(self, variables, coefficients, r, rough, is_linear=False, norms=None):
+        self.variables, self.coefficients, self.r, self.rough = variables, coefficients, r, rough
+        self.is_linear = is_linear
+        self.known_norms = norms
 
+    def __getitem__(self, index):
+        return self.with_arrays(lambda array, _: array[index])
+
+    def with_arrays(self, change):
+        """The same change of the axes of quantities in all arrays; it is told how many axes follow them."""
+        norms = None if self.known_norms is None else change(self.known_norms, 2)
+        r, rough = change(self.r, 1), change(self.rough, 1)
+        return Model(self.variables, change(self.coefficients, 2), r, rough, self.is_linear, norms)
+
+    def flat(self):
+        """With one axis of quantities."""
+        return self.with_arrays(lambda array, after: array.reshape(-1, *array.shape[-after:]))
+
+    def as_term(self):
+        """With a last axis of one, of sums of one product."""
+        return self.with_arrays(lambda array, after: array[..., None, :] if after == 1 else array[..., None, :, :])
+
+    @property
+    def c(self):
+        return self.coefficients[..., 0, :]
+
+    @property
+    def g(self):
+        return self.coefficients[..., 1 : 1 + len(self.variables), :]
+
+    @property
+    def h(self):
+        """All x_i x_j, those with i > j, too: (..., n, n, N)."""
+        n = len(self.variables)
+        return self.coefficients[..., 1 + n + layout(n)[2], :]
+
+    @property
+    def norms(self):
+        """The size of all, the sum of |h|, and for each x_i what its products with the second order leave beyond it."""
+        if self.known_norms is None:
+            self.known_norms = np.matmul(norms_of(len(self.variables)), np.abs(self.coefficients))
+        return self.known_norms
+
+    @property
     def size(self):
-        return np.abs(self.c) + self.linear + self.bend
+        return self.norms[..., 0, :]
+
+    @property
+    def bend(self):
+        return self.norms[..., 1, :]
+
+    @property
+    def unfolded(self):
+        return self.norms[..., 2:, :]
+
+    def of(self, variables):
+        """The same as models of more variables."""
+        if variables == self.variables:
+            return self
+        wide = np.zeros((*self.coefficients.shape[:-2], coefficients_of(len(variables)), self.coefficients.shape[-1]))
+        wide[..., places(self.variables, variables), :] = self.coefficients
+        return Model(variables, wide, self.r, self.rough, self.is_linear)
 
     def scaled(self, factor, error=0.0):
+        """Times numbers, one for all boxes or for each."""
         factor = np.asarray(factor, float)
-        size = self.size()
+        deep = factor[..., None, :] if factor.ndim else factor
         wide = np.abs(factor)
-        column = factor[..., None] if factor.ndim else factor
-        deep = factor[..., None, None] if factor.ndim else factor
-        r = wide * self.r + error * (size + self.r) + ROUNDING * wide * size + TINY
-        return Model(self.c * factor, self.g * column, self.h * deep, r * (1 + ROUNDING))
+        r = wide * self.r + error * (self.rough + self.r) + ROUNDING * wide * self.rough + TINY
+        return Model(self.variables, self.coefficients * deep, r * (1 + ROUNDING), (wide + error) * self.rough)
 
     def __neg__(self):
-        return Model(-self.c, -self.g, -self.h, self.r)
+        return Model(self.variables, -self.coefficients, self.r, self.rough)
 
     def __add__(self, other):
-        if other is None:
-            return self
-        r = self.r + other.r + ROUNDING * (self.size() + other.size())
-        return Model(self.c + other.c, self.g + other.g, self.h + other.h, r * (1 + ROUNDING))
+        variables = union(self, other)
+        one, other = self.of(variables), other.of(variables)
+        rough = one.rough + other.rough
+        r = one.r + other.r + ROUNDING * rough
+        total = one.coefficients + other.coefficients
+        return Model(variables, total, r * (1 + ROUNDING), rough)
 
     def __sub__(self, other):
         return self + (-other)
 
     def shifted(self, value, error=0.0):
-        r = self.r + error + ROUNDING * (self.size() + abs(value))
-        return Model(self.c + value, self.g, self.h, r * (1 + ROUNDING))
-
-    def __mul__(self, other):
-        a, b = self, other
-        outer = a.g[:, :, None] * b.g[:, None, :]
-        cross = outer + outer.transpose(0, 2, 1)
-        squares = np.einsum("nii->ni", outer)
-        h = a.c[:, None, None] * b.h + b.c[:, None, None] * a.h + cross
-        # x^2 = (1 + T2)/2: the diagonal of `cross` is twice what is wanted as T2's factor 1/2.
-        index = np.arange(h.shape[1])
-        h[:, index, index] += squares / 2 - 2 * squares
-        c = a.c * b.c + squares.sum(1) / 2
-        # x T2(x) and x (x y) leave half of themselves linear.
-        g = a.c[:, None] * b.g + b.c[:, None] * a.g
-        g = g + (np.einsum("ni,nij->nj", a.g, b.h) + np.einsum("ni,nij->nj", b.g, a.h)) / 2
-        third = (np.abs(a.g) * b.unfolded).sum(1) + (np.abs(b.g) * a.unfolded).sum(1)
-        a_size, b_size = a.size(), b.size()
-        r = third + a.bend * b.bend + a.r * (b_size + b.r) + a_size * b.r
-        r = (r + ROUNDING * a_size * b_size + TINY) * (1 + ROUNDING)
-        return Model(c, g, h, r)
+        rough = self.rough + abs(value)
+        r = self.r + error + ROUNDING * rough
+        total = self.coefficients.copy()
+        total[..., 0, :] += value
+        return Model(self.variables, total, r * (1 + ROUNDING), rough)
 
     def largest(self):
         """A bound of the largest value over each box."""
-        index = np.arange(self.g.shape[1])
-        own = self.h[:, index, index]
-        bend = (np.abs(self.h).sum(2) - np.abs(own)) / 2
+        n = len(self.variables)
+        first, second, _ = layout(n)
+        slope, own = np.abs(self.g), self.coefficients[..., 1 + n : 1 + 2 * n, :]
+        pairs = np.abs(self.coefficients[..., 1 + 2 * n :, :])
+        # Half of |h_ij| for each of its two variables.
+        bend = np.zeros_like(slope)
+        for k, (i, j) in enumerate(zip(first, second)):
+            bend[..., i, :] += pairs[..., k, :] / 2
+            bend[..., j, :] += pairs[..., k, :] / 2
         square = 2 * own + bend
-        slope = np.abs(self.g)
         corner = slope + square
         with np.errstate(divide="ignore", invalid="ignore"):
             vertex = slope * slope / (-4 * square)
         inside = (square < 0) & (slope < -2 * square)
         top = np.where(inside, vertex, corner) - own
-        bound = self.c + self.r + top.sum(1)
-        bound = bound + ROUNDING * (self.size() + self.bend + self.r) * 4 + TINY
+        bound = self.c + self.r + top.sum(-2)
+        bound = bound + ROUNDING * (self.size + self.bend + self.r) * 4 + TINY
         return np.where(np.isfinite(bound), bound, np.inf)
 
+    def shares(self):
+        """By how much each of the variables moves it, those of others left out: (..., n, N)."""
+        return np.abs(self.g) + np.abs(self.h).sum(-2)
 
-def constant(value, boxes, error=0.0):
-    count, n = boxes.centre.shape
-    c = np.broadcast_to(np.asarray(value, float), (count,)).copy()
-    r = np.broadcast_to(np.asarray(error, float), (count,)).copy()
-    return Model(c, np.zeros((count, n)), np.zeros((count, n, n)), r)
+
+def constant(value, error=0.0):
+    """Constants, of any number of axes, for all boxes."""
+    value = np.asarray(value, float)
+    r = np.broadcast_to(np.asarray(error, float), value.shape)
+    return Model((), value[..., None, None], r[..., None].copy(), np.abs(value)[..., None] + r[..., None])
+
+
+def stacked(models, axis=0):
+    """Models side by side, along a new axis."""
+    variables = union(*models)
+    shape = np.broadcast_shapes(*(model.r.shape for model in models))
+    coefficients = np.zeros((len(models), *shape[:-1], coefficients_of(len(variables)), shape[-1]))
+    r, rough = np.empty((2, len(models), *shape))
+    for index, model in enumerate(models):
+        coefficients[index][..., places(model.variables, variables), :] = model.coefficients
+        r[index], rough[index] = model.r, model.rough
+    whole = Model(variables, coefficients, r, rough)
+    return whole if axis == 0 else whole.with_arrays(lambda array, _: np.moveaxis(array, 0, axis))
+
+
+def summed(a, b):
+    """The sum of products over the last axis of quantities."""
+    if not a.variables or (a.is_linear and b.variables):
+        a, b = b, a
+    if not b.variables:
+        total = np.einsum("...kn,...kqn->...qn", b.c, a.coefficients)
+        wide = np.abs(b.c)
+        rough = np.einsum("...kn,...kn->...n", wide, a.size)
+        r = np.einsum("...kn,...kn->...n", wide, a.r) + np.einsum("...kn,...kn->...n", b.r, a.size + a.r)
+        r = r + roundings(a.r.shape[-2], 1) * rough + TINY
+        return Model(a.variables, total, r * (1 + ROUNDING), rough)
+    variables, is_square = union(a, b), a is b
+    a, b = a.of(variables), b.of(variables)
+    n = len(variables)
+    first, second, _ = layout(n)
+    total = np.einsum("...kn,...kqn->...qn", b.c, a.coefficients)
+    here = slice(1, 1 + n if b.is_linear else None)
+    total[..., here, :] += np.einsum("...kn,...kqn->...qn", a.c, b.coefficients[..., here, :])
+    outer = np.einsum("...kin,...kjn->...ijn", a.g, b.g)
+    # x^2 = (1 + T2)/2
+    squares = outer[..., range(n), range(n), :] / 2
+    total[..., 0, :] += squares.sum(-2)
+    total[..., 1 + n : 1 + 2 * n, :] += squares
+    total[..., 1 + 2 * n :, :] += outer[..., first, second, :] + outer[..., second, first, :]
+    # x T2(x) and x (x y) leave half of themselves linear.
+    linear = np.einsum("...kin,...kijn->...jn", b.g, a.h)
+    third = np.einsum("...kin,...kin->...n", np.abs(b.g), a.unfolded)
+    if is_square:
+        linear, third = 2 * linear, 2 * third
+    elif not b.is_linear:
+        linear += np.einsum("...kin,...kijn->...jn", a.g, b.h)
+        third += np.einsum("...kin,...kin->...n", np.abs(a.g), b.unfolded)
+    total[..., 1 : 1 + n, :] += linear / 2
+    fourth = np.einsum("...kn,...kn->...n", a.bend, b.bend)
+    rough = np.einsum("...kn,...kn->...n", a.size, b.size)
+    r = third + fourth + np.einsum("...kn,...kn->...n", a.r, b.size + b.r) + np.einsum("...kn,...kn->...n", a.size, b.r)
+    r = (r + roundings(max(a.r.shape[-2], b.r.shape[-2]), n) * rough + TINY) * (1 + ROUNDING)
+    return Model(variables, total, r, rough)
+
+
+def roundings(terms, n):
+    """More than what a sum of products loses: a term passes through less than 2 terms * n + 200 roundings."""
+    return ROUNDING * (1 + terms * n / 200)
+
+
+
+def times(a, b):
+    return summed(a.as_term(), b.as_term())
+
+
+def combined(matrix, model):
+    """Sums over a model's first axis with the factors of a matrix's rows, which may be off by 4e-16 of themselves."""
+    matrix = np.asarray(matrix, float)
+    wide = np.abs(matrix)
+    total = np.einsum("rk,k...->r...", matrix, model.coefficients)
+    rough = np.einsum("rk,k...->r...", wide, model.rough)
+    r = np.einsum("rk,k...->r...", wide, model.r) + (4e-16 + roundings(matrix.shape[1], 1)) * rough + TINY
+    return Model(model.variables, total, r * (1 + ROUNDING), rough)
 
 
 class Boxes:
+    """Boxes by their centres and half-widths: (variables, N)."""
+
     def __init__(self, centre, half):
         self.centre, self.half = centre, half
 
     def coordinate(self, j):
-        model = constant(self.centre[:, j], self)
-        g = model.g.copy()
-        g[:, j] = self.half[:, j]
-        return Model(model.c, g, model.h, model.r)
+        centre, half = self.centre[j], self.half[j]
+        coefficients = np.array([centre, half, np.zeros_like(half)])
+        return Model((j,), coefficients, np.zeros_like(half), np.abs(centre) + half)
 
     def sine_cosine(self, j):
         """Jacobi-Anger: cos(hx) = J0 - 2 J2 T2 + ..., sin(hx) = 2 J1 x - ...; |J_n(h)| <= (h/2)^n / n!."""
-        centre, half = self.centre[:, j], self.half[:, j]
+        centre, half = self.centre[j], self.half[j]
         wide = half > 2.0
         z = np.where(wide, 0.0, half) / 2
-        j0, j1, j2 = (bessel(n, z) for n in range(3))
-        even = z**4 / 12 / (1 - z * z / 30) + 1e-14
-        odd = z**3 / 3 / (1 - z * z / 20) + 1e-14
-        j0, j1, j2 = (np.where(wide, 0.0, value) for value in (j0, j1, j2))
-        even, odd = (np.where(wide, 1.0, value) for value in (even, odd))
+        j0, j1, j2 = (np.where(wide, 0.0, bessel(n, z)) for n in range(3))
+        even = np.where(wide, 1.0, z**4 / 12 / (1 - z * z / 30) + 1e-14)
+        odd = np.where(wide, 1.0, z**3 / 3 / (1 - z * z / 20) + 1e-14)
         s, c = np.sin(centre), np.cos(centre)
 
         def wave(first, second):
-            model = constant(first * j0, self)
-            g, h = model.g.copy(), model.h.copy()
-            g[:, j] = second * 2 * j1
-            h[:, j, j] = -2 * first * j2
+            coefficients = np.array([first * j0, second * 2 * j1, -2 * first * j2])
             r = np.abs(first) * even + np.abs(second) * odd + 8 * TRIGONOMETRY
-            return Model(model.c, g, h, r)
+            return Model((j,), coefficients, r, np.abs(coefficients).sum(0))
 
         return wave(s, c), wave(c, -s)
 
@@ -183,47 +349,16 @@ def bessel(n, z):
     return total
 
 
-# --- vectors: lists of three models, or None for nought
+# --- vectors: models with an axis of three
 
 
-def add(one, other):
-    return other if one is None else one if other is None else one + other
-
-
-def times(one, other):
-    return None if one is None or other is None else one * other
-
-
-def scale(factor, model):
-    return None if model is None or factor == 0.0 else model.scaled(factor)
-
-
-def or_nought(model, boxes):
-    return constant(0.0, boxes) if model is None else model
+NOUGHT = constant([0.0, 0.0, 0.0])
 
 
 def cross(a, b):
-    pairs = [(1, 2), (2, 0), (0, 1)]
-    return [add(times(a[i], b[j]), negative(times(a[j], b[i]))) for i, j in pairs]
-
-
-def negative(model):
-    return None if model is None else -model
-
-
-def dot(a, b):
-    total = None
-    for one, other in zip(a, b):
-        total = add(total, times(one, other))
-    return total
-
-
-def minus(a, b):
-    return [add(one, negative(other)) for one, other in zip(a, b)]
-
-
-def plus(a, b):
-    return [add(one, other) for one, other in zip(a, b)]
+    one, other = a[[[1, 2], [2, 0], [0, 1]]], b[[[2, 1], [0, 2], [1, 0]]]
+    other.coefficients[:, 1] *= -1
+    return summed(one, other)
 
 
 class Entry:
@@ -237,15 +372,11 @@ class Entry:
 
 
 def in_frame(frame, vector):
-    """A vector of constants, or of models, in a frame of three columns."""
-    total = [None, None, None]
+    """A vector of entries in a frame of three columns."""
+    total = NOUGHT
     for column, part in zip(frame, vector):
-        if part is None or (isinstance(part, Entry) and part.is_nought()):
-            continue
-        if isinstance(part, Entry):
-            total = plus(total, [None if row is None else row.scaled(part.value, part.error) for row in column])
-        else:
-            total = plus(total, [times(row, part) for row in column])
+        if not part.is_nought():
+            total = total + column.scaled(part.value, part.error)
     return total
 
 
@@ -262,9 +393,10 @@ def turned(frame, axis, sine, cosine, back=False):
     one, other = (axis + 1) % 3, (axis + 2) % 3
     if back:
         sine = -sine
+    waves = stacked([cosine, sine, -sine, cosine])[[[[0, 1]], [[2, 3]]]]
+    columns = summed(stacked([frame[one], frame[other]], 1)[None], waves)
     result = list(frame)
-    result[one] = plus([times(x, cosine) for x in frame[one]], [times(x, sine) for x in frame[other]])
-    result[other] = minus([times(x, cosine) for x in frame[other]], [times(x, sine) for x in frame[one]])
+    result[one], result[other] = columns[0], columns[1]
     return result
 
 
@@ -508,31 +640,30 @@ def check_domain(question, arm, part):
 
 
 def enclose(question, arm, part, boxes):
-    """Models of d (or of the form whose largest eigenvalue it is) and of the margins."""
+    """What gives d (or the form whose largest eigenvalue it is), when it is called, and such functions of the margins."""
     variables, middle = part["variables"], part["middle"]
     count = len(variables)
     waves = [boxes.sine_cosine(v) for v in range(len(part["ranges"])) if v != part["share"]]
     angle = [None if v is None else waves[v] for v in variables]
-    one = constant(1.0, boxes)
-    home = [[one if k == row else None for row in range(3)] for k in range(3)]
+    home = [constant([float(k == row) for row in range(3)]) for k in range(3)]
     axes, anchors, centres = [None] * count, [None] * count, [None] * count
     tool = tool_axis = None
-    frame, origin, run = home, [None] * 3, home
+    frame, origin, run = home, NOUGHT, home
     if middle == arm.tool_joints:
         tool, tool_axis = in_frame(frame, arm.tool), in_frame(frame, arm.tool_axis)
     for joint in range(middle, count):
-        origin = plus(origin, in_frame(frame, arm.offset[joint]))
+        origin = origin + in_frame(frame, arm.offset[joint])
         frame = turned_by(frame, arm.rotation[joint])
         if arm.starts_run(joint) or joint == middle:
             run = frame
         anchors[joint] = origin
-        axes[joint] = [scale(arm.sign[joint], x) for x in run[arm.axis[joint]]]
+        axes[joint] = run[arm.axis[joint]].scaled(arm.sign[joint])
         if angle[joint] is not None:
             frame = turned(run, arm.axis[joint], *angle[joint])
-        centres[joint] = plus(origin, in_frame(frame, arm.centre[joint]))
+        centres[joint] = origin + in_frame(frame, arm.centre[joint])
         if joint + 1 == arm.tool_joints:
-            tool, tool_axis = plus(origin, in_frame(frame, arm.tool)), in_frame(frame, arm.tool_axis)
-    frame, origin, end = home, [None] * 3, middle
+            tool, tool_axis = origin + in_frame(frame, arm.tool), in_frame(frame, arm.tool_axis)
+    frame, origin, end = home, NOUGHT, middle
     while end > 0:
         first = end - 1
         while not arm.starts_run(first):
@@ -541,105 +672,87 @@ def enclose(question, arm, part, boxes):
         run = frame if angle[end - 1] is None else turned(frame, axis, *angle[end - 1], back=True)
         for joint in range(end - 1, first - 1, -1):
             anchors[joint] = origin
-            axes[joint] = [scale(arm.sign[joint], x) for x in run[axis]]
+            axes[joint] = run[axis].scaled(arm.sign[joint])
             after = run if angle[joint] is None else turned(run, axis, *angle[joint])
-            centres[joint] = plus(origin, in_frame(after, arm.centre[joint]))
+            centres[joint] = origin + in_frame(after, arm.centre[joint])
             if joint == first:
                 here = turned_by(run, transposed(arm.rotation[first]))
             else:
                 here = run if angle[joint - 1] is None else turned(run, axis, *angle[joint - 1])
-            origin = minus(origin, in_frame(here, arm.offset[joint]))
+            origin = origin - in_frame(here, arm.offset[joint])
         frame, end = here, first
     up = frame[2]
-    levers = [cross(axes[j], minus(tool, anchors[j])) for j in range(arm.tool_joints)]
+    levers = [cross(axes[j], tool - anchors[j]) for j in range(arm.tool_joints)]
     margins = []
     region = question["region"]
     low, high = region["height_m"]
     if low is not None or high is not None:
-        height = or_nought(dot(up, minus(tool, origin)), boxes)
-        margins += [height.shifted(-low)] if low is not None else []
-        margins += [(-height).shifted(high)] if high is not None else []
-    low, high = region["radius_m"]
-    if low is not None or high is not None:
-        squared = or_nought(dot(levers[0], levers[0]), boxes)
-        margins += [squared.shifted(-low * low)] if low is not None else []
-        margins += [(-squared).shifted(high * high)] if high is not None else []
+        height = functools.cache(lambda: summed(up, tool - origin))
+        margins += [lambda: height().shifted(-low)] if low is not None else []
+        margins += [lambda: (-height()).shifted(high)] if high is not None else []
+    near, far = region["radius_m"]
+    if near is not None or far is not None:
+        squared = functools.cache(lambda: summed(levers[0], levers[0]))
+        margins += [lambda: squared().shifted(-near * near)] if near is not None else []
+        margins += [lambda: (-squared()).shifted(far * far)] if far is not None else []
     if region["elevation_sine"] is not None:
-        rise = or_nought(dot(up, tool_axis), boxes)
+        rise = functools.cache(lambda: summed(up, tool_axis))
         sine = region["elevation_sine"]
-        margins += [rise.shifted(sine), (-rise).shifted(sine)]
+        margins += [lambda: rise().shifted(sine), lambda: (-rise()).shifted(sine)]
     force = torque = None
     if part["wrench"] is not None:
         force, torque = (in_frame(frame, [Entry(float(x)) for x in part["wrench"][k : k + 3]]) for k in (0, 3))
         if part["share"] is not None:
             share = boxes.coordinate(part["share"])
-            force, torque = ([times(x, share) for x in each] for each in (force, torque))
+            force, torque = (each if each is NOUGHT else times(each, share) for each in (force, torque))
         if region["torque_nm"] is not None:
-            margins += torque_margins(arm, frame, axes, anchors, centres, levers, (force, torque), region["torque_nm"], boxes)
-    for later, earlier, (low, high) in part["differences"]:
-        difference = boxes.coordinate(later) - boxes.coordinate(earlier)
-        margins += [difference.shifted(-low), (-difference).shifted(high)]
-    rows, parameters = question["rows"], question["parameters"]
+            margins += torque_margins(arm, frame, axes, anchors, centres, levers, (force, torque), region["torque_nm"])
+    for later, earlier, limits in part["differences"]:
+        margins += difference_margins(boxes, later, earlier, limits)
     if part["wrench"] is None:
-        return form(question, axes, levers, boxes), margins
-    turns = question["rotation_scale_m"]
-    columns, moments = [[], []], []
+        return lambda: form(question, axes, levers), margins
+    # Nothing turns about the vertical under a vertical force.
     fx, fy, _, _, _, tz = part["wrench"]
     upright = arm.rotation[0] is None and arm.axis[0] == 2
-    for joint in parameters:
-        # Nothing turns about the vertical under a vertical force.
-        silent = joint == 0 and upright and fx == fy == tz == 0
-        if joint >= arm.tool_joints or silent:
-            columns[0].append([None] * 3)
-            columns[1].append([None] * 3)
-            moments.append(None)
-            continue
-        moment = add(dot(levers[joint], force), dot(axes[joint], torque))
-        columns[0].append([times(x, moment) for x in levers[joint]])
-        columns[1].append([times(x, moment) for x in axes[joint]])
-        moments.append(moment)
+    silent = [0] if upright and fx == fy == tz == 0 else []
+    return lambda: derivative(question, axes, levers, (force, torque), silent), margins
+
+
+def difference_margins(boxes, later, earlier, limits):
+    low, high = limits
+    difference = functools.cache(lambda: boxes.coordinate(later) - boxes.coordinate(earlier))
+    return [lambda: difference().shifted(-low), lambda: (-difference()).shifted(high)]
+
+
+def derivative(question, axes, levers, load, silent):
+    """d: the sum over rows of |sum of b tau J|^2 and of what rotations add, or of these by their covariance."""
+    rows, parameters, turns = question["rows"], question["parameters"], question["rotation_scale_m"]
+    rows = np.array(rows, float).reshape(len(rows), len(parameters))
+    moved = [index for index, joint in enumerate(parameters) if joint < len(levers) and joint not in silent]
+    if not moved:
+        return constant(0.0)
+    own_levers = stacked([levers[parameters[index]] for index in moved])
+    own_axes = stacked([axes[parameters[index]] for index in moved])
+    moments = summed(own_levers, load[0])
+    if load[1] is not NOUGHT:
+        moments = moments + summed(own_axes, load[1])
+    shares = times(own_levers, moments[:, None])
     spread = question.get("spread")
     if spread is not None:
         if turns:
             raise Unknown("a covariance beside measured rotations")
-        noise, returns = noise_columns(question, axes, levers, (force, torque))
-        weighed = weighted_rows(question, columns[0], moments, returns, len(noise))
-        return weighted(weighed, noise, spread["everywhere"], boxes), margins
-    moved = []
-    for row in rows:
-        for kind, weight in zip(columns, (1.0, turns)):
-            if weight:
-                moved.append([None] * 3)
-            for k in range(3) if weight else ():
-                for factor, column in zip(row, kind):
-                    if column[k] is not None:
-                        w = column[k].scaled(factor * weight, 2e-16 * abs(factor * weight))
-                        moved[-1][k] = add(moved[-1][k], w)
-    return or_nought(sum_of_squares(itertools.chain(*moved)), boxes), margins
-
-
-def sum_of_squares(models):
-    total = None
-    for model in models:
-        total = add(total, times(model, model))
+        columns, returns = noise_columns(question, axes, levers, load)
+        return weighted(question, rows[:, moved], [parameters[index] for index in moved], moments, shares, columns, returns)
+    total = sum_of_squares(combined(rows[:, moved], shares))
+    if turns:
+        total = total + sum_of_squares(combined(rows[:, moved] * turns, times(own_axes, moments[:, None])))
     return total
 
 
-def weighted_rows(question, shares, moments, returns, count):
-    """For each row of B v0 and a with v = v0 + G a: a joint's share of v is b times its torque times its lever, of which a column of
-    G is a multiple where it returns, or else it is in v0."""
-    deviations = question["spread"]["joint_return"]
-    rows = []
-    for row in question["rows"]:
-        rest, factors = [None] * 3, [None] * count
-        for factor, joint, share, moment in zip(row, question["parameters"], shares, moments):
-            if moment is not None and joint in returns:
-                factor = factor / deviations[joint]
-                factors[returns[joint]] = moment.scaled(factor, 2e-16 * abs(factor))
-            elif moment is not None:
-                rest = plus(rest, [None if x is None else x.scaled(factor, 2e-16 * abs(factor)) for x in share])
-        rows.append((rest, factors))
-    return rows
+def sum_of_squares(models):
+    """The sum of the squares of all components."""
+    every = models.flat()
+    return summed(every, every)
 
 
 def reaches_m(arm):
@@ -653,8 +766,9 @@ def reaches_m(arm):
 
 
 def noise_columns(question, axes, levers, load):
-    """The columns g of a covariance s I + sum of g g^T: joints' returns; the load's turns and shifts, whose effect on a joint's
-    torque is F x J + T x z and F x z, times the compliances. And where those of joints are that return notably."""
+    """The columns g of a covariance s I + sum of g g^T, as an axis of three by one of columns: joints' returns; the load's turns
+    and shifts, whose effect on a joint's torque is F x J + T x z and F x z, times the compliances. And where those of joints are
+    that return notably."""
     spread = question["spread"]
     columns, returns = [], {}
     reaches = reaches_m(question["arm"])
@@ -662,154 +776,166 @@ def noise_columns(question, axes, levers, load):
         if deviation:
             if deviation * reaches[joint] > NOTABLE * math.sqrt(spread["everywhere"]):
                 returns[joint] = len(columns)
-            columns.append([scale(deviation, x) for x in lever])
+            columns.append(lever.scaled(deviation))
     force, torque = load
     for name in ("turned", "shifted"):
         deviation = spread[name]
         if not deviation:
             continue
-        follows = [[None] * 3 for _ in range(3)]
-        for lever, axis, k in zip(levers, axes, spread["compliance_rad_per_nm"]):
-            moment = plus(cross(force, lever), cross(torque, axis)) if name == "turned" else cross(force, axis)
-            for part in range(3):
-                own = [times(scale(k * deviation, x), moment[part]) for x in lever]
-                follows[part] = plus(follows[part], own)
-        columns += follows
+        moments = []
+        for lever, axis in zip(levers, axes):
+            moment = cross(force, lever if name == "turned" else axis)
+            moments.append(moment + cross(torque, axis) if name == "turned" and torque is not NOUGHT else moment)
+        follows = [lever.scaled(k * deviation) for lever, k in zip(levers, spread["compliance_rad_per_nm"])]
+        # Sums over joints: (part, component).
+        follows = summed(stacked(follows, 1)[None], stacked(moments, 1)[:, None])
+        columns += [follows[part] for part in range(3)]
     return columns, returns
 
 
-def weighted(rows, columns, everywhere, boxes):
-    """A bound of the sum of v^T R^-1 v with R = s I + G G^T, each v given as v0 and a with v = v0 + G a: |v0 + G e|^2 / s + |a - e|^2
-    for any e, here a linear function of the coordinates. It is the best one at the centre with its slopes there, for a
-    larger unit the more G changes over the box."""
+def weighted(question, rows, joints, moments, shares, columns, returns):
+    """A bound of the sum of v^T R^-1 v with R = s I + G G^T, each v = v0 + G a: |v0 + G e|^2 / s + |a - e|^2 for any e, here a
+    linear function of the coordinates. It is the best one at the centre with its slopes there, for a larger unit the more G changes
+    over the box. A joint's share of v is b times its torque times its lever, of which a column of G is a multiple where it returns,
+    or else it is in v0."""
+    everywhere, deviations = question["spread"]["everywhere"], question["spread"]["joint_return"]
     if not (math.isfinite(everywhere) and everywhere > 0):
         raise Refused("the covariance is no covariance")
-    count, n = boxes.centre.shape
+    back = [index for index, joint in enumerate(joints) if joint in returns]
+    still = [index for index in range(len(joints)) if index not in back]
+    rest = combined(rows[:, still], shares[still])
+    returned = [returns[joints[index]] for index in back]
+    factors = rows[:, back] / np.array([deviations[joints[index]] for index in back])
+    factors = times(constant(factors, 4e-16 * np.abs(factors)), moments[back])
+    columns = stacked(columns, 1)
+    variables = union(rest, factors, columns)
+    rest, factors, columns = (each.of(variables) for each in (rest, factors, columns))
+    chosen = best_linear(everywhere, rest, factors, columns, returned)
+    # Whatever the numbers in `chosen` are, they are exactly what e is.
+    total = sum_of_squares(rest + summed(chosen[:, None], columns[None])).scaled(1 / everywhere, 1e-15 / everywhere)
+    others = [q for q in range(columns.r.shape[1]) if q not in returned]
+    return total + sum_of_squares(factors - chosen[:, returned]) + sum_of_squares(chosen[:, others])
 
-    def expanded(vector):
-        value, slopes = np.zeros((count, len(vector))), np.zeros((count, len(vector), n))
-        off = np.zeros((count, len(vector)))
-        for k, model in enumerate(vector):
-            if model is not None:
-                value[:, k] = model.c - np.einsum("nii->n", model.h)
-                slopes[:, k] = model.g
-                off[:, k] = model.bend + model.r
-        return value, slopes, off
 
-    values, slopes, offs = (np.stack(each, 2) for each in zip(*map(expanded, columns)))
-    ridge = 1 + RIDGE * ((slopes**2).sum((1, 3)) / 3 + (offs**2).sum(1)) / everywhere
-    covariance = everywhere * np.eye(3) + np.einsum("niq,nq,nkq->nik", values, 1 / ridge, values)
-    covariance = np.where(np.isfinite(covariance), covariance, np.eye(3))
-    inverse = np.linalg.inv(covariance)
+def best_linear(everywhere, rest, factors, columns, returned):
+    """For each row and column of G what is best at the boxes' centres, with its slopes there."""
+
+    def expanded(models):
+        n = len(models.variables)
+        return models.c - models.coefficients[..., 1 + n : 1 + 2 * n, :].sum(-2), models.g
+
+    (values, slopes), offs = expanded(columns), columns.bend + columns.r
+    ridge = 1 + RIDGE * ((slopes**2).sum((0, 2)) / 3 + (offs**2).sum(0)) / everywhere
+    covariance = everywhere * np.eye(3) + np.einsum("iqn,kqn->nik", values / ridge, values)
+    inverse = np.linalg.inv(np.where(np.isfinite(covariance), covariance, np.eye(3)))
+    inverse = np.ascontiguousarray(np.moveaxis(inverse, 0, 2))
 
     def solved(y):
-        """(ridge + G^T G / s)^-1 of vectors: (boxes, columns of G, any number)."""
-        z = y / ridge[:, :, None]
-        pull = np.einsum("nik,nkj->nij", inverse, np.einsum("niq,nqj->nij", values, z))
-        return z - np.einsum("niq,nij->nqj", values, pull) / ridge[:, :, None]
+        """(ridge + G^T G / s)^-1 of vectors: (rows, columns of G, any number, boxes)."""
+        z = y / ridge[:, None]
+        pull = np.einsum("ikn,rkmn->rimn", inverse, np.einsum("kqn,rqmn->rkmn", values, z))
+        return z - np.einsum("iqn,rimn->rqmn", values, pull) / ridge[:, None]
 
-    total, sizes = None, None
-    for rest, factors in rows:
-        (value, slope, _), (a, a_slope, _) = expanded(rest), expanded(factors)
-        e = solved((a - np.einsum("niq,ni->nq", values, value) / everywhere)[:, :, None])[:, :, 0]
-        left = value + np.einsum("niq,nq->ni", values, e)
-        moved = slope + np.einsum("niqj,nq->nij", slopes, e)
-        turning = np.einsum("niqj,ni->nqj", slopes, left) + np.einsum("niq,nij->nqj", values, moved)
-        steepness = solved(a_slope - turning / everywhere)
-        left = list(rest)
-        for q, (column, factor) in enumerate(zip(columns, factors)):
-            # Whatever these numbers are, they are exactly what e is.
-            chosen = Model(e[:, q], steepness[:, q], np.zeros((count, n, n)), np.zeros(count))
-            left = plus(left, [times(chosen, x) for x in column])
-            missed = add(factor, negative(chosen))
-            sizes = add(sizes, missed * missed)
-        total = add(total, sum_of_squares(left))
-    total = or_nought(total, boxes).scaled(1 / everywhere, 1e-15 / everywhere)
-    return total if sizes is None else total + sizes
+    value, slope = expanded(rest)
+    shape = (len(value), *slopes.shape[1:])
+    a, a_slope = np.zeros((*shape[:2], shape[3])), np.zeros(shape)
+    a[:, returned], a_slope[:, returned] = expanded(factors)
+    e = solved((a - np.einsum("iqn,rin->rqn", values, value) / everywhere)[:, :, None])[:, :, 0]
+    left = value + np.einsum("iqn,rqn->rin", values, e)
+    moved = slope + np.einsum("iqjn,rqn->rijn", slopes, e)
+    turning = np.einsum("iqjn,rin->rqjn", slopes, left) + np.einsum("iqn,rijn->rqjn", values, moved)
+    steepness = solved(a_slope - turning / everywhere)
+    n = shape[2]
+    chosen = np.zeros((*shape[:2], columns.coefficients.shape[-2], shape[3]))
+    chosen[:, :, 0], chosen[:, :, 1 : 1 + n] = e, steepness
+    return Model(columns.variables, chosen, np.zeros(e.shape), np.abs(chosen).sum(2), is_linear=True)
 
 
-def torque_margins(arm, frame, axes, anchors, centres, levers, load, limits, boxes):
+def torque_margins(arm, frame, axes, anchors, centres, levers, load, limits):
     """limit + torque and limit - torque about each joint, from the last to the first: of gravity on the links behind it
     and of the load."""
     gravity = in_frame(frame, [Entry(x) for x in arm.gravity])
+
+    def torque(joint):
+        total = constant(0.0)
+        for link in range(joint, len(axes)):
+            if arm.mass[link] != 0.0:
+                weight = cross(centres[link] - anchors[joint], gravity)
+                total = total + summed(axes[joint], weight).scaled(arm.mass[link])
+        if joint < len(levers):
+            total = total + summed(levers[joint], load[0]) + summed(axes[joint], load[1])
+        return total
+
     margins = []
     for joint in reversed(range(len(axes))):
         if joint >= len(limits) or limits[joint] is None or not math.isfinite(limits[joint]):
             continue
-        total = None
-        for link in range(joint, len(axes)):
-            if arm.mass[link] != 0.0:
-                weight = cross(minus(centres[link], anchors[joint]), gravity)
-                total = add(total, scale(arm.mass[link], dot(axes[joint], weight)))
-        if joint < len(levers):
-            total = add(add(total, dot(levers[joint], load[0])), dot(axes[joint], load[1]))
-        total = or_nought(total, boxes)
-        margins += [total.shifted(limits[joint]), (-total).shifted(limits[joint])]
+        about = functools.cache(functools.partial(torque, joint))
+        margins.append(lambda about=about, limit=limits[joint]: about().shifted(limit))
+        margins.append(lambda about=about, limit=limits[joint]: (-about()).shifted(limit))
     return margins
 
 
-def form(question, axes, levers, boxes):
+# The entries of a symmetric matrix that are told, and where each of all nine is among them.
+UPPER = ([0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2])
+SYMMETRIC = [[0, 3, 4], [3, 1, 5], [4, 5, 2]]
+
+
+def form(question, axes, levers):
     """The entries of Q with d = F^T Q F: the sum over rows of W^T W, W = sum b J J^T, times the force squared, and
     with s z in place of the first J where rotations are measured."""
     size, turns = question["loads"]["any_force"], question["rotation_scale_m"]
-    q = [[None] * 3 for _ in range(3)]
+    rows, parameters = question["rows"], question["parameters"]
+    rows = np.array(rows, float).reshape(len(rows), len(parameters))
+    moved = [index for index, joint in enumerate(parameters) if joint < len(levers)]
+    total = constant([0.0] * 6)
+    own = stacked([levers[parameters[index]] for index in moved]) if moved else None
     for vectors, weight in ((levers, size), (axes, size * turns)):
-        if not weight:
+        if not weight or not moved:
             continue
-        dyads = {
-            joint: [[times(vectors[joint][i], levers[joint][j]) for j in range(3)] for i in range(3)]
-            for joint in question["parameters"]
-            if joint < len(levers)
-        }
-        for row in question["rows"]:
-            w = [[None] * 3 for _ in range(3)]
-            for factor, joint in zip(row, question["parameters"]):
-                for i in range(3) if joint in dyads else ():
-                    for j in range(3):
-                        part = dyads[joint][i][j]
-                        if part is not None:
-                            w[i][j] = add(w[i][j], part.scaled(factor * weight, 4e-16 * abs(factor * weight)))
-            for i in range(3):
-                for j in range(3):
-                    q[i][j] = add(q[i][j], dot([w[k][i] for k in range(3)], [w[k][j] for k in range(3)]))
-    nought = constant(0.0, boxes)
-    return [[entry if entry is not None else nought for entry in line] for line in q]
+        if vectors is levers:
+            w = combined(rows[:, moved] * weight, times(own[:, UPPER[0]], own[:, UPPER[1]]))[:, SYMMETRIC]
+        else:
+            turning = stacked([vectors[parameters[index]] for index in moved])
+            w = combined(rows[:, moved] * weight, times(turning[:, :, None], own[:, None]))
+        columns = stacked([w[:, :, k].flat() for k in range(3)])
+        total = total + summed(columns[UPPER[0]], columns[UPPER[1]])
+    return total
 
 
 def largest_eigenvalue(q, threshold):
     """A scalar model whose largest value bounds the largest eigenvalue of Q, if that is above the threshold."""
-    count = len(q[0][0].c)
-    index = np.arange(q[0][0].g.shape[1])
-    centre = np.zeros((count, 3, 3))
-    for i in range(3):
-        for j in range(3):
-            m = q[min(i, j)][max(i, j)]
-            centre[:, i, j] = m.c - m.h[:, index, index].sum(1)
+    n = len(q.variables)
+    centre = np.moveaxis((q.c - q.coefficients[:, 1 + n : 1 + 2 * n].sum(1))[SYMMETRIC], 2, 0)
     good = np.isfinite(centre).all((1, 2))
     _, vectors = np.linalg.eigh(np.where(good[:, None, None], centre, 0.0))
     u = vectors[:, :, ::-1]
     off = np.abs(np.einsum("nki,nkj->nij", u, u) - np.eye(3)).max((1, 2)) + 1e-15
     good &= off < 1e-13
-    bound = sum((q[i][j].size() + q[i][j].r) for i in range(3) for j in range(3))
-    turned_q = {}
-    for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)):
-        total = None
+    u = np.ascontiguousarray(np.moveaxis(u, 0, 2))
+    factor, wide = np.zeros((2, 6, 6, len(good)))
+    for out, (i, j) in enumerate(zip(*UPPER)):
         for k in range(3):
             for l in range(3):
-                total = add(total, q[min(k, l)][max(k, l)].scaled(u[:, k, i] * u[:, l, j], 2e-16))
-        total.r = total.r + 8e-13 * bound
-        turned_q[i, j] = total
-    size = {key: m.size() + m.r for key, m in turned_q.items()}
-    least = threshold * (1 - 1e-12) - (np.maximum(size[1, 1], size[2, 2]) + size[1, 2]) * (1 + ROUNDING)
+                factor[out, SYMMETRIC[k][l]] += u[k, i] * u[l, j]
+                wide[out, SYMMETRIC[k][l]] += np.abs(u[k, i] * u[l, j])
+    sizes = q.size + q.r
+    # What the columns of u lack to be orthonormal, and what their products are rounded by.
+    r = np.einsum("oin,in->on", wide, q.r) + 1e-12 * (sizes.sum(0) + sizes[3:].sum(0))
+    turned_q = Model(q.variables, np.einsum("oin,iqn->oqn", factor, q.coefficients), r, np.einsum("oin,in->on", wide, q.rough))
+    size = turned_q.size + turned_q.r
+    least = threshold * (1 - 1e-12) - (np.maximum(size[1], size[2]) + size[5]) * (1 + ROUNDING)
     good &= least > 0
     inverse = np.where(good, (1 + ROUNDING) / np.where(least > 0, least, 1.0), 0.0)
-    squares = turned_q[0, 1] * turned_q[0, 1] + turned_q[0, 2] * turned_q[0, 2]
-    model = turned_q[0, 0] + squares.scaled(inverse)
+    model = turned_q[0] + sum_of_squares(turned_q[3:5]).scaled(inverse)
     model.r = np.where(good, model.r, np.inf)
     return model
 
 
 # --- the tree
+
+# What stands in place of a margin's number.
+DERIVATIVE = -1
 
 
 def leaves(part):
@@ -875,34 +1001,63 @@ def leaves(part):
         raise Refused("the tree goes on behind its end")
 
 
-def check_batch(question, arm, part, batch, threshold):
-    """Which boxes of a batch do not hold as they are, with the variable to halve."""
-    boxes = Boxes(np.array([b[0] for b in batch]), np.array([b[1] for b in batch]))
-    d, margins = enclose(question, arm, part, boxes)
-    total = largest_eigenvalue(d, threshold) if isinstance(d, list) else d
-    excluded = np.array([b[2] for b in batch])
-    weights = np.zeros((len(margins), len(batch)))
-    for index, (_, _, margin, multipliers) in enumerate(batch):
-        if margin >= len(margins):
-            raise Refused("a margin is named that there is not")
-        for k, value in multipliers:
-            if k >= len(margins):
-                raise Refused("a margin is named that there is not")
-            weights[k, index] += value
-    for k, margin in enumerate(margins):
-        if weights[k].any():
-            total = total + margin.scaled(weights[k])
-    holds = total.largest() <= threshold
-    for k, margin in enumerate(margins):
-        named = excluded == k
-        if named.any():
-            holds |= named & (margin.largest() < 0)
-    share = np.abs(total.g) + np.abs(total.h).sum(2) + boxes.half * (np.abs(total.r) / boxes.half.sum(1))[:, None]
-    share = np.where(np.isfinite(share), share, 0.0)
-    for k, margin in enumerate(margins):
-        named = excluded == k
-        share[named] = (np.abs(margin.g) + np.abs(margin.h).sum(2))[named] + 1e-9 * boxes.half[named]
-    return np.flatnonzero(~holds), np.argmax(share, 1)
+def check_batch(question, arm, part, threshold, kind, batch):
+    """Which boxes of a batch do not hold as they are, with the variable to halve: by d and multipliers, or by the margin that they
+    name; if the batch is of a margin's kind, by that alone."""
+    boxes = Boxes(*(np.array([box[k] for box in batch]).T.copy() for k in (0, 1)))
+    derivative, margins = enclose(question, arm, part, boxes)
+    if any(box[2] >= len(margins) or any(k >= len(margins) for k, _ in box[3]) for box in batch):
+        raise Refused("a margin is named that there is not")
+    holds, share = np.zeros(len(batch), bool), np.zeros(boxes.half.shape)
+    if kind == DERIVATIVE:
+        total = derivative() if part["wrench"] is not None else largest_eigenvalue(derivative(), threshold)
+        weights = np.zeros((len(margins), len(batch)))
+        for index, box in enumerate(batch):
+            for k, value in box[3]:
+                weights[k, index] += value
+        for k in np.flatnonzero(weights.any(1)):
+            total = total + margins[k]().scaled(weights[k])
+        holds |= total.largest() <= threshold
+        share[list(total.variables)] = total.shares()
+        share += boxes.half * (np.abs(total.r) / boxes.half.sum(0))
+        share = np.where(np.isfinite(share), share, 0.0)
+    excluded = np.array([box[2] for box in batch])
+    for k in sorted({*excluded.tolist()} - {DERIVATIVE}):
+        margin, named = margins[k](), excluded == k
+        holds |= named & (margin.largest() < 0)
+        moved = 1e-9 * boxes.half
+        moved[list(margin.variables)] += margin.shares()
+        share = np.where(named, moved, share)
+    return np.flatnonzero(~holds), np.argmax(share, 0)
+
+
+def next_batch(source, queues):
+    """A kind, some boxes of it, and how many of them were read. Those that name a margin stand apart, and are judged by that alone: it
+    costs a fraction of d."""
+    given = 0
+    while all(len(queue) < BATCH for queue in queues.values()):
+        box = next(source, None)
+        if box is None:
+            break
+        given += 1
+        queues.setdefault(box[2], []).append(box)
+    kind = max(queues, key=lambda each: len(queues[each]), default=DERIVATIVE)
+    queue = queues.pop(kind, [])
+    if len(queue) > BATCH:
+        queues[kind] = queue[:-BATCH]
+    return kind, queue[-BATCH:], given
+
+
+def halves_of(box, j):
+    centre, half, margin, multipliers = box
+    width = list(half)
+    width[j] /= 2
+    if width[j] < 1e-7:
+        raise Refused(f"a box about {list(centre)} does not hold")
+    for side in (1, -1):
+        where = list(centre)
+        where[j] += side * width[j]
+        yield tuple(where), tuple(width), margin, multipliers
 
 
 def check_part(question, arm, part, threshold):
@@ -912,36 +1067,28 @@ def check_part(question, arm, part, threshold):
         raise Refused("there is no such middle")
     if part["middle"] < len(part["variables"]) and not arm.starts_run(part["middle"]):
         raise Unknown("the middle stands inside a run")
-    todo, looks, given = [], 0, 0
-    source = leaves(part)
-    exhausted = False
-    while todo or not exhausted:
-        while len(todo) < BATCH and not exhausted:
-            box = next(source, None)
-            if box is None:
-                exhausted = True
-            else:
-                todo.append(box)
-                given += 1
-        batch, todo = todo[-BATCH:], todo[:-BATCH]
-        if not batch:
-            break
-        looks += len(batch)
-        if looks > PATIENCE * given + 100:
-            raise Refused("a box does not hold, however small it is cut")
-        open_boxes, halves = check_batch(question, arm, part, batch, threshold)
-        for index in open_boxes:
-            c, h, margin, multipliers = batch[index]
-            j = halves[index]
-            width = list(h)
-            width[j] /= 2
-            if width[j] < 1e-7:
-                raise Refused(f"a box about {list(c)} does not hold")
-            for side in (1, -1):
-                where = list(c)
-                where[j] += side * width[j]
-                todo.append((tuple(where), tuple(width), margin, multipliers))
-    return given, looks
+    looks, given, source, queues, running = 0, 0, leaves(part), {}, collections.deque()
+    # NumPy lets other threads work while it does. Batches are made and taken in an order that does not depend on them.
+    pool = concurrent.futures.ThreadPoolExecutor(WORKERS)
+    try:
+        while True:
+            while len(running) < WINDOW:
+                kind, batch, read = next_batch(source, queues)
+                given += read
+                looks += len(batch)
+                if looks > PATIENCE * given + 100:
+                    raise Refused("a box does not hold, however small it is cut")
+                if not batch:
+                    break
+                running.append((batch, pool.submit(check_batch, question, arm, part, threshold, kind, batch)))
+            if not running:
+                return given, looks
+            batch, found = running.popleft()
+            open_boxes, variables = found.result()
+            for index in open_boxes:
+                queues.setdefault(DERIVATIVE, []).extend(halves_of(batch[index], variables[index]))
+    finally:
+        pool.shutdown(cancel_futures=True)
 
 
 # --- the bound of rho_0 and of other criteria
@@ -1110,11 +1257,11 @@ def mandatory_share(file, unit, exactly=False):
         half = within * (1 + 1e-9) / 3
         thirds = (0,) if exactly else (-2, 0, 2)
         places = np.array(list(itertools.product(thirds, repeat=joints))) * half
-        boxes = Boxes(np.array(angles) + places, np.full(places.shape, half * (1 + 1e-9)))
-        d, _ = enclose(near, arm, dict(part, wrench=wrench), boxes)
+        boxes = Boxes((np.array(angles) + places).T.copy(), np.full(places.T.shape, half * (1 + 1e-9)))
+        derivative_of, _ = enclose(near, arm, dict(part, wrench=wrench), boxes)
         strongest = math.hypot(*wrench[:3]) + math.hypot(*wrench[3:])
         printed = 0.0 if exactly else min(0.05 * math.sqrt(3), 1e-3 * strongest)
-        total += repeats * (math.sqrt(max(float(d.largest().max()), 0.0)) + printed * unit) ** 2
+        total += repeats * (math.sqrt(max(float(derivative_of().largest().max()), 0.0)) + printed * unit) ** 2
         count += repeats
     return count, total * (1 - 1e-9)
 
