@@ -21,6 +21,7 @@ mod prediction;
 mod rejection;
 mod residuals;
 mod robust;
+mod spread;
 mod stored;
 
 pub use absolute::{
@@ -41,4 +42,5 @@ pub use prediction::{Predicted, PredictionError, Predictions};
 pub use rejection::RejectedReading;
 pub use residuals::{MeasurementResidual, Residuals, Suspect, residuals};
 pub use robust::{RobustIdentification, Robustness};
+pub use spread::SPREAD_ORDERS;
 pub use stored::{OtherUnknowns, StoredIdentification};

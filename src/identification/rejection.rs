@@ -4,10 +4,11 @@
 //! few readings that are wrong by much, all to one side too, hide neither themselves nor others. Readings within five
 //! standard deviations count fully, those beyond not at all.
 
-use nalgebra::Matrix6;
+use nalgebra::{Matrix3, Matrix6, SymmetricEigen, Vector3};
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 
 use super::misfit::{Misfit, ReadingResidual};
+use super::spread::{ErrorSpread, LEAST_SQUARES};
 
 /// Beyond so many standard deviations no correct reading lies: the probability is 5.7e-7, one in 1.7 million.
 const FAR_OUT: f64 = 5.0;
@@ -19,6 +20,10 @@ const FAR_SQUARE: f64 = 31.812_3;
 const OF_A_MEDIAN: f64 = 0.5;
 /// Half of the squares of three coordinates lie below.
 const MEDIAN_SQUARE: f64 = 2.365_973_884_375_34;
+/// So often readings are looked at to find out where it is.
+const LOOKS: usize = 4;
+/// What is left of a direction of a reading that the fit goes through is rounding.
+const NO_VARIANCE: f64 = 1e-8;
 /// Fits that are made; the first few leave out nearly all.
 const ROUNDS: usize = 12;
 /// A larger share of readings is not wrong: the model is.
@@ -61,33 +66,105 @@ impl RejectedReading {
     }
 }
 
-/// The readings that lie far out of what a fit leaves of all. `square_of` is what is left of a reading over a covariance, of position
-/// or of rotation the larger; `spare` as in [`Misfit::of`]. Where a misfit comes from residuals of few degrees of freedom, larger
-/// squares are as improbable. None where so many lie there that nothing can be said of single ones.
+/// Readings as what lies far out of them is looked for.
+pub(super) struct LookedOver<'a> {
+    /// What a fit leaves of them.
+    pub left: &'a [ReadingResidual],
+    /// Their own covariances.
+    pub own: &'a [Matrix6<f64>],
+    /// The commanded angles of each.
+    pub angles: &'a [&'a [f64]],
+    /// As in [`Misfit::of`].
+    pub spare: f64,
+    /// Degrees of freedom.
+    pub freedom: f64,
+}
+
+/// The readings that lie far out of what a fit leaves of all. `squares_of` is what is left of a reading over a covariance, of position
+/// and of rotation. Where a misfit comes from residuals of few degrees of freedom, larger squares are as improbable; where what is left is
+/// larger at some angles than at others, the yardstick there is. None where so many lie far out that nothing can be said of
+/// single ones.
 pub(super) fn far_out(
-    left: &[ReadingResidual],
-    own: &[Matrix6<f64>],
-    (spare, freedom): (f64, f64),
-    square_of: impl Fn(usize, &Matrix6<f64>) -> f64,
+    readings: &LookedOver<'_>,
+    squares_of: impl Fn(usize, &Matrix6<f64>) -> [f64; 2],
 ) -> Option<Vec<RejectedReading>> {
-    let misfit = robust_misfit(left, own, spare);
+    let LookedOver { own, freedom, .. } = *readings;
+    let misfit = robust_misfit(readings.left, own, readings.spare);
     let is_known = misfit.position_m.max(misfit.rotation_rad) <= 0.0;
     let far = if is_known {
         FAR_SQUARE
     } else {
         far_square(freedom)
     };
-    let misfit = misfit.covariance();
-    let found: Vec<RejectedReading> = (own.iter().enumerate())
-        .filter_map(|(reading, own)| {
-            let square = square_of(reading, &(own + misfit));
+    let covariance = misfit.covariance();
+    let mut squares: Vec<[f64; 2]> = (own.iter().enumerate())
+        .map(|(reading, own)| squares_of(reading, &(own + covariance)))
+        .collect();
+    for (part, size) in [misfit.position_m, misfit.rotation_rad]
+        .into_iter()
+        .enumerate()
+    {
+        if size > 0.0 {
+            let own: Vec<f64> = squares.iter().map(|each| each[part]).collect();
+            let factors = local_factors(&own, readings.angles, far);
+            for (each, factor) in squares.iter_mut().zip(factors) {
+                each[part] /= factor;
+            }
+        }
+    }
+    let found: Vec<RejectedReading> = (squares.iter().enumerate())
+        .filter_map(|(reading, [position, rotation])| {
+            let square = position.max(*rotation);
             (square > far).then(|| RejectedReading {
                 reading,
                 deviations: FAR_OUT * (square / far).sqrt(),
             })
         })
         .collect();
-    (found.len() as f64 <= MOST * left.len() as f64).then_some(found)
+    (found.len() as f64 <= MOST * own.len() as f64).then_some(found)
+}
+
+/// By how much larger squares are where each reading is than they are on the whole, at least one: as those say that do not lie far out there.
+fn local_factors(squares: &[f64], angles: &[&[f64]], far: f64) -> Vec<f64> {
+    let mut factors = vec![1.0; squares.len()];
+    let commands = angles.first().map_or(0, |each| each.len());
+    let ranges: Vec<[f64; 2]> = (0..commands)
+        .map(|joint| {
+            let angles = angles.iter().map(|each| each[joint]);
+            let both = (f64::INFINITY, f64::NEG_INFINITY);
+            let (low, high) =
+                angles.fold(both, |(low, high), angle| (low.min(angle), high.max(angle)));
+            [low, high]
+        })
+        .collect();
+    for _ in 0..LOOKS {
+        let kept: Vec<usize> = (0..squares.len())
+            .filter(|&each| squares[each] <= far * factors[each])
+            .collect();
+        if kept.len() < LEAST_SQUARES {
+            break;
+        }
+        let own: Vec<f64> = kept.iter().map(|&each| squares[each]).collect();
+        let places: Vec<&[f64]> = kept.iter().map(|&each| angles[each]).collect();
+        let Some(spread) = ErrorSpread::of_logarithms(&own, &places, &ranges) else {
+            break;
+        };
+        let relative: Vec<f64> = (angles.iter())
+            .map(|angles| spread.logarithm_at(angles, &ranges).exp())
+            .collect();
+        let Some(middle) = median(
+            kept.iter()
+                .map(|&each| squares[each] / relative[each])
+                .collect(),
+        ) else {
+            break;
+        };
+        let found = relative
+            .iter()
+            .map(|relative| (relative * middle / MEDIAN_SQUARE).max(1.0));
+        factors = found.collect();
+    }
+    factors
 }
 
 /// The square of three coordinates over a variance from so many degrees of freedom that is as improbable.
@@ -133,6 +210,53 @@ pub(super) fn kept<T: Clone>(all: &[T], rejected: &[RejectedReading]) -> Vec<T> 
     all.filter(|(index, _)| is_kept(*index))
         .map(|(_, each)| each.clone())
         .collect()
+}
+
+/// What is left of a reading, of position and of rotation, over the covariance of that: R - A cov A^T with the covariance `known`
+/// of what is predicted; of one that was left out R + A cov A^T, with a `known` that is negative. `own` is R as the reading was weighed,
+/// `whole` what it is to be.
+pub(super) fn squares_of(
+    left: &ReadingResidual,
+    own: &Matrix6<f64>,
+    whole: &Matrix6<f64>,
+    known: &Matrix6<f64>,
+) -> [f64; 2] {
+    let square = |vector: &Vector3<f64>, first: usize| {
+        let [whole, own, known] =
+            [whole, own, known].map(|each| each.fixed_view::<3, 3>(first, first).into_owned());
+        square_of(vector, &whole, &own, &known)
+    };
+    let rotation = left.rotation_rad.map_or(0.0, |vector| square(&vector, 3));
+    [square(&left.position_m, 0), rotation]
+}
+
+/// What is left of a reading over the covariance of that. Of the reading's own covariance a fit takes up the share `known`; of the whole
+/// one, which counts what is unexplained, it takes up as much.
+fn square_of(
+    left: &Vector3<f64>,
+    whole: &Matrix3<f64>,
+    own: &Matrix3<f64>,
+    known: &Matrix3<f64>,
+) -> f64 {
+    let factors = whole.cholesky().zip(own.cholesky());
+    let Some((whole, own)) = factors.map(|(whole, own)| (whole.l(), own.l())) else {
+        return 0.0;
+    };
+    let (Some(left), Some(half)) = (
+        whole.solve_lower_triangular(left),
+        own.solve_lower_triangular(known),
+    ) else {
+        return 0.0;
+    };
+    let Some(share) = own.solve_lower_triangular(&half.transpose()) else {
+        return 0.0;
+    };
+    let eigen = SymmetricEigen::new(Matrix3::identity() - share);
+    let coordinates = eigen.eigenvectors.tr_mul(&left);
+    (eigen.eigenvalues.iter().zip(&coordinates))
+        .filter(|(variance, _)| **variance > NO_VARIANCE)
+        .map(|(variance, coordinate)| coordinate * coordinate / variance)
+        .sum()
 }
 
 /// What is unexplained of most readings.

@@ -4,7 +4,7 @@
 //! [`Misfit`]. Deflections are few and often single ones hold a compliance, so that each is judged by the covariance of what a fit leaves of
 //! it, R - A cov A^T, and one that was left out by R + A cov A^T.
 
-use nalgebra::{DMatrix, Matrix3, Matrix6, SymmetricEigen, Vector3};
+use nalgebra::{DMatrix, Matrix6, Vector3};
 
 use super::case::{Case, Sigma};
 use super::conditions::IMPLAUSIBLE;
@@ -12,11 +12,8 @@ use super::equations::rows_of;
 use super::error::IdentificationError;
 use super::estimate::{Estimate, Identification, two_sided_student};
 use super::misfit::{Misfit, ReadingResidual, WEIGHINGS, repeats};
-use super::rejection::{self, RejectedReading, kept};
+use super::rejection::{self, LookedOver, RejectedReading, kept, squares_of};
 use crate::measurement::Measurement;
-
-/// What is left of a direction of a reading that the fit goes through is rounding.
-const NO_VARIANCE: f64 = 1e-8;
 
 /// How measurements are fitted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -197,14 +194,14 @@ impl Case<'_> {
     /// Fits without the measurements that lie far out of a first fit. None where none does, where too many do, or where the
     /// others tell less than all.
     fn without_far_out(&self, first: &SomeFitted, own: &[Matrix6<f64>]) -> Option<SomeFitted> {
-        let mut rejected = first.far_out(own)?;
+        let mut rejected = first.far_out(self.measurements, own)?;
         if rejected.is_empty() {
             // One among few draws the fit to itself, and hides in what that leaves of the others.
             rejected.push(first.farthest(own)?);
         }
         let (rejected, mut fitted) = rejection::until_the_same(
             rejected,
-            |fitted: &SomeFitted| fitted.far_out(own),
+            |fitted: &SomeFitted| fitted.far_out(self.measurements, own),
             |rejected| {
                 let fitted = self.fitted(self.measurements, rejected).ok()?;
                 (fitted.identification.rank >= first.identification.rank).then_some(fitted)
@@ -216,17 +213,33 @@ impl Case<'_> {
 }
 
 impl SomeFitted {
-    fn far_out(&self, own: &[Matrix6<f64>]) -> Option<Vec<RejectedReading>> {
-        let spare = (self.spare, self.freedom);
-        rejection::far_out(&self.left, own, spare, |reading, all| {
-            self.square(reading, &own[reading], all)
+    fn far_out(
+        &self,
+        measurements: &[Measurement],
+        own: &[Matrix6<f64>],
+    ) -> Option<Vec<RejectedReading>> {
+        let angles: Vec<&[f64]> = (measurements.iter())
+            .map(|each| each.configuration_rad.as_slice())
+            .collect();
+        let readings = LookedOver {
+            left: &self.left,
+            own,
+            angles: &angles,
+            spare: self.spare,
+            freedom: self.freedom,
+        };
+        rejection::far_out(&readings, |reading, all| {
+            self.squares(reading, &own[reading], all)
         })
     }
 
     /// The measurement without which the weighted squares are smallest.
     fn farthest(&self, own: &[Matrix6<f64>]) -> Option<RejectedReading> {
         let squares = own.iter().enumerate();
-        let squares = squares.map(|(reading, own)| (reading, self.square(reading, own, own)));
+        let squares = squares.map(|(reading, own)| {
+            let [position, rotation] = self.squares(reading, own, own);
+            (reading, position.max(rotation))
+        });
         let (reading, square) = squares.max_by(|one, other| one.1.total_cmp(&other.1))?;
         Some(RejectedReading {
             reading,
@@ -234,18 +247,11 @@ impl SomeFitted {
         })
     }
 
-    /// What is left of a measurement over its covariance, of position or of rotation the larger.
-    fn square(&self, reading: usize, own: &Matrix6<f64>, whole: &Matrix6<f64>) -> f64 {
+    /// What is left of a measurement over its covariance, of position and of rotation.
+    fn squares(&self, reading: usize, own: &Matrix6<f64>, whole: &Matrix6<f64>) -> [f64; 2] {
         let is_rejected = self.rejected.iter().any(|each| each.reading == reading);
-        let left = &self.left[reading];
-        let square = |vector: &Vector3<f64>, first: usize| {
-            let [whole, own, known] = [whole, own, &self.known[reading]]
-                .map(|each| each.fixed_view::<3, 3>(first, first).into_owned());
-            let known = if is_rejected { -known } else { known };
-            square_of(vector, &whole, &own, &known)
-        };
-        let rotation = (left.rotation_rad).map_or(0.0, |vector| square(&vector, 3));
-        square(&left.position_m, 0).max(rotation)
+        let known = self.known[reading] * if is_rejected { -1.0 } else { 1.0 };
+        squares_of(&self.left[reading], own, whole, &known)
     }
 
     /// By how much what is left of the measurements that were fitted is larger than it should be.
@@ -253,35 +259,6 @@ impl SomeFitted {
         let left = kept(&self.left, &self.rejected);
         Misfit::of(&left, &kept(own, &self.rejected), self.spare)
     }
-}
-
-/// What is left of a reading over the covariance of that. Of the reading's own covariance a fit takes up the share `known`; of the whole
-/// one, which counts what is unexplained, it takes up as much.
-fn square_of(
-    left: &Vector3<f64>,
-    whole: &Matrix3<f64>,
-    own: &Matrix3<f64>,
-    known: &Matrix3<f64>,
-) -> f64 {
-    let factors = whole.cholesky().zip(own.cholesky());
-    let Some((whole, own)) = factors.map(|(whole, own)| (whole.l(), own.l())) else {
-        return 0.0;
-    };
-    let (Some(left), Some(half)) = (
-        whole.solve_lower_triangular(left),
-        own.solve_lower_triangular(known),
-    ) else {
-        return 0.0;
-    };
-    let Some(share) = own.solve_lower_triangular(&half.transpose()) else {
-        return 0.0;
-    };
-    let eigen = SymmetricEigen::new(Matrix3::identity() - share);
-    let coordinates = eigen.eigenvectors.tr_mul(&left);
-    (eigen.eigenvalues.iter().zip(&coordinates))
-        .filter(|(variance, _)| **variance > NO_VARIANCE)
-        .map(|(variance, coordinate)| coordinate * coordinate / variance)
-        .sum()
 }
 
 impl Identification {

@@ -103,6 +103,12 @@ impl Wandering {
         }
     }
 
+    /// The first knot and the last.
+    #[must_use]
+    pub fn range(&self) -> [f64; 2] {
+        [self.knots[0], self.knots[self.knots.len() - 1]]
+    }
+
     /// The correlation of the values at two knots.
     #[must_use]
     pub fn correlation(&self, one: usize, other: usize) -> f64 {

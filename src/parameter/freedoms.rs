@@ -1,7 +1,8 @@
 //! What cannot be told apart.
 //!
 //! Two classes. *Structural*: a frame that is moved along or about its own joint's axis, and put back
-//! beyond the joint; a zero and its link's rotation about the axis; the base and the first link; all
+//! beyond the joint; a zero and its link's rotation about the axis, or its shift along it where the joint slides, which may be shifted in
+//! any direction; the base and the first link; all
 //! compliances against the size of all loads. These are known beforehand, as directions of the
 //! parameters, and are named. That gravity acts on a link that was moved, or that a known load does not
 //! turn with the base, tells some of them apart after all, if hardly: they count as not told apart
@@ -161,6 +162,10 @@ fn generators(belief: &ElasticArm, set: &ParameterSet) -> Vec<Generator> {
     let joints = &belief.chain.joints;
     for (index, joint) in joints.iter().enumerate() {
         let axis = joint.axis.into_inner();
+        if joint.drive.slides {
+            all.extend(of_slide(belief, index, &axis));
+            continue;
+        }
         // A shift along the axis, taken back beyond the joint.
         let mut shift = link(index, &axis, &Vector3::zeros());
         shift.extend(taken_back(belief, index, &axis, &Vector3::zeros()));
@@ -215,6 +220,24 @@ fn generators(belief: &ElasticArm, set: &ParameterSet) -> Vec<Generator> {
             ParameterKind::PayloadMass,
         ]));
     }
+    all
+}
+
+/// Where a joint slides, its link may be shifted anywhere and turned about the axis: all of that is taken back beyond the joint. Its zero
+/// is a shift along the axis.
+fn of_slide(belief: &ElasticArm, index: usize, axis: &Vector3<f64>) -> Vec<Generator> {
+    let none = Vector3::zeros();
+    let shifts = Axis::ALL.map(|axis| (Vector3::ith(axis.index(), 1.0), none));
+    let mut all: Vec<Generator> = (shifts.into_iter().chain([(none, *axis)]))
+        .map(|(velocity, omega)| {
+            let mut motion = link(index, &velocity, &omega);
+            motion.extend(taken_back(belief, index, &velocity, &omega));
+            motion
+        })
+        .collect();
+    let mut zero = vec![(ParameterKind::JointZero { joint: index }, 1.0)];
+    zero.extend(link(index, &-axis, &none));
+    all.push(zero);
     all
 }
 

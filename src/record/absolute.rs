@@ -161,6 +161,13 @@ pub struct JointErrorMessage {
     pub knots: Vec<f64>,
     /// By how much further than commanded the joint stands there (rad; m).
     pub values: Vec<f64>,
+    /// How much larger or smaller all errors of positions are at its angles: coefficients of Legendre polynomials P_k / k from the
+    /// first order, from the first knot to the last, whose sum is the logarithm of a factor of their squares.
+    #[serde(default)]
+    pub spread_of_positions: Vec<f64>,
+    /// The same of rotations.
+    #[serde(default)]
+    pub spread_of_rotations: Vec<f64>,
 }
 
 /// What parameters leave unexplained, told apart.
@@ -297,6 +304,8 @@ fn unexplained(
                 length: each.wandering.length,
                 knots: each.wandering.knots.clone(),
                 values: each.values.clone(),
+                spread_of_positions: each.spread[0].clone(),
+                spread_of_rotations: each.spread[1].clone(),
             })
             .collect(),
         shift,

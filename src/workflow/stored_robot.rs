@@ -8,7 +8,7 @@ use serde::Deserialize;
 use crate::files::FileError;
 use crate::files::schema::read_results;
 use crate::files::typed::from_json;
-use crate::identification::{JointError, Misfit, MisfitModel, covariance_of_any};
+use crate::identification::{JointError, Misfit, MisfitModel, SPREAD_ORDERS, covariance_of_any};
 use crate::measurement::Origin;
 use crate::numeric::wandering::Wandering;
 use crate::parameter::{Axis, ElasticArm, ParameterKind, ParameterSet};
@@ -203,6 +203,9 @@ impl StoredRobot {
 /// A key of the file below some other, and what is wrong with it.
 type KeyProblem = (String, String);
 
+/// No factor of errors' squares depends more on a joint's angle, as a logarithm.
+const MOST_SPREAD: f64 = 30.0;
+
 /// What joints are off by.
 fn joint_errors(
     messages: &[JointErrorMessage],
@@ -235,6 +238,25 @@ fn joint_errors(
                 format!("found {value}; finite numbers are needed"),
             );
         }
+        for (key, coefficients) in [
+            ("spread_of_positions", &each.spread_of_positions),
+            ("spread_of_rotations", &each.spread_of_rotations),
+        ] {
+            let is_none = |value: &&f64| value.is_nan() || value.abs() > MOST_SPREAD;
+            if let Some(value) = coefficients.iter().find(is_none) {
+                let most = format!(
+                    "found {value}; numbers from -{MOST_SPREAD} to {MOST_SPREAD} are needed"
+                );
+                return wrong(key, most);
+            }
+            let count = coefficients.len();
+            if count > SPREAD_ORDERS {
+                return wrong(
+                    key,
+                    format!("found {count} numbers; {SPREAD_ORDERS} are the most"),
+                );
+            }
+        }
         for (key, size, is_allowed) in [
             ("length", each.length, each.length > 0.0),
             ("deviation", each.deviation, each.deviation >= 0.0),
@@ -251,6 +273,10 @@ fn joint_errors(
             },
             deviation: each.deviation,
             values: each.values.clone(),
+            spread: [
+                each.spread_of_positions.clone(),
+                each.spread_of_rotations.clone(),
+            ],
         });
     }
     Ok(joints)

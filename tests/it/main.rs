@@ -44,6 +44,7 @@
 //! - `backlash`: gaps of joints: sides of approach in files, belief and truth, and loads that turn joints over.
 //! - `model_features`: what models can say beside the chain: honoured or refused by name.
 //! - `model_messages`: models that cannot serve, and what to do about them.
+//! - `few_readings`: wrong readings of an arm with a slide, among few and many, spread or in one place.
 //! - `robust_deflections`: wrong deflections and misfit in fits of deflections.
 //! - `stored_robots`: a robot that was identified, read from its file; moved stations.
 //! - `structured_misfit`: robots that are not as their model: regions, intervals and wrong readings.
@@ -123,6 +124,7 @@ mod error_sources;
 mod exchanges;
 mod exported_models;
 mod faults;
+mod few_readings;
 mod force_sizes;
 mod foreign_tables;
 mod gate;

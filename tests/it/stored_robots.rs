@@ -193,3 +193,43 @@ fn wrong_entries_of_what_is_unexplained_are_told() {
         .run("validate --quiet --identified i.json --measurements other.csv")
         .ends_with(0);
 }
+
+/// The same of how errors are spread over a joint's angles; an older file says nothing of that.
+#[test]
+fn wrong_entries_of_spreads_are_told() {
+    let [before, after] = not_round(&Isometry3::identity());
+    let place = identified(&before);
+    place.write("other.csv", absolute_table(&6.into(), &after));
+    let right: Value = serde_json::from_str(&place.read("i.json")).expect("JSON");
+    let validate = |stored: &Value| {
+        place.write("w.json", stored.to_string());
+        place.run("validate --quiet --identified w.json --measurements other.csv")
+    };
+    for (key, entry, expected) in [
+        (
+            "spread_of_positions",
+            json!([0.1, 1e3]),
+            "found 1000; numbers from -30 to 30",
+        ),
+        (
+            "spread_of_rotations",
+            json!([0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1]),
+            "found 7 numbers; 6 are the most",
+        ),
+    ] {
+        let mut wrong = right.clone();
+        wrong["unexplained"]["joints"][0][key] = entry;
+        let outcome = validate(&wrong).ends_with(1);
+        outcome.says(&format!("w.json: unexplained.joints[0].{key}: {expected}"));
+    }
+    let mut older = right.clone();
+    for joint in older["unexplained"]["joints"]
+        .as_array_mut()
+        .expect("a list")
+    {
+        let joint = joint.as_object_mut().expect("a joint");
+        joint.remove("spread_of_positions").expect("it is there");
+        joint.remove("spread_of_rotations").expect("it is there");
+    }
+    validate(&older).ends_with(0);
+}

@@ -235,7 +235,8 @@ impl Wrong {
     }
 }
 
-/// Six robots with gear errors, six with bending links, six with both; 250 poses or positions fitted, 500 predicted.
+/// Six robots with gear errors, six with bending links, six with both; 250 poses or positions fitted, 1500 predicted, 900 in each tenth
+/// of a joint's angles.
 #[test]
 fn regions_hold_on_robots_that_their_model_does_not_know() {
     for (gear_rad, bend_rad, is_pose) in [(3e-4, 0.0, true), (0.0, 4e-4, false), (2e-4, 3e-4, true)]
@@ -254,7 +255,7 @@ fn regions_hold_on_robots_that_their_model_does_not_know() {
                     force_n: 0.0,
                 };
                 let fit = fitted(belief, &GEOMETRY, &wrong.read(&mut random, &campaign));
-                campaign.readings = 500;
+                campaign.readings = 1500;
                 let other = wrong.read(&mut random, &campaign);
                 let found = prognoses(belief, &fit, &other);
                 outcomes(&other, &found)
@@ -267,8 +268,8 @@ fn regions_hold_on_robots_that_their_model_does_not_know() {
             .take(1 + usize::from(is_pose))
         {
             assert!((0.92..=0.98).contains(&overall), "{overall}");
-            // Where links bend least, regions are larger than they need to be.
-            assert!(low >= 0.85 && high <= 1.0, "{low} {high}");
+            // Where 99 % lie in their regions, 900 say more than 99.5 % with a probability of 5 %.
+            assert!(low >= 0.85 && high <= 0.995, "{low} {high}");
         }
     }
 }

@@ -117,7 +117,8 @@ impl AbsoluteCase<'_> {
         let (mut kept, mut rejected) = (self.clone(), Vec::new());
         let mut weighed = kept.weighed_fit(&set, weights, None)?;
         if !self.keeps_all
-            && let Some(others) = self.without_far_out(&set, weights, &weighed.fit)
+            && let Some(others) =
+                self.without_far_out(&set, weights, (&weighed.fit, weighed.misfit))
         {
             (kept, rejected, weighed) = others;
         }
@@ -190,25 +191,33 @@ impl AbsoluteCase<'_> {
         })
     }
 
-    /// Fits without the readings that lie far out of a first fit. None where none does, where too many do, or where the others
+    /// Fits without the readings that lie far out of a first fit with its misfit. None where none does, where too many do, or where the others
     /// tell less than all.
     pub(super) fn without_far_out(
         &self,
         set: &ParameterSet,
         weights: ReadingWeights,
-        first: &ParameterFit,
+        first: (&ParameterFit, Option<[f64; 2]>),
     ) -> Option<(Self, Vec<RejectedReading>, WeighedFit)> {
-        let rank = first.posterior.estimable.rank();
+        let rank = first.0.posterior.estimable.rank();
+        let mut rejected = self.far_out(set, first, &[])?;
+        if rejected.is_empty() && first.1.is_some() {
+            // One among few draws the fit to itself, and hides in what that leaves of the others.
+            rejected.extend(self.farthest(set, first));
+        }
         let (rejected, found) = rejection::until_the_same(
-            self.far_out(first)?,
-            |(_, weighed): &(Self, WeighedFit)| self.far_out(&weighed.fit),
+            rejected,
+            |(_, rejected, weighed): &(Self, Vec<RejectedReading>, WeighedFit)| {
+                self.far_out(set, (&weighed.fit, weighed.misfit), rejected)
+            },
             |rejected| {
                 let mut kept = self.without(rejected);
-                let weighed = kept.weighed_fit(set, weights, Some(first)).ok()?;
-                (weighed.fit.posterior.estimable.rank() >= rank).then_some((kept, weighed))
+                let weighed = kept.weighed_fit(set, weights, Some(first.0)).ok()?;
+                let is_as_good = weighed.fit.posterior.estimable.rank() >= rank;
+                is_as_good.then(|| (kept, rejected.to_vec(), weighed))
             },
         )?;
-        let (kept, weighed) = found;
+        let (kept, _, weighed) = found;
         Some((kept, rejected, weighed))
     }
 
@@ -243,7 +252,7 @@ impl AbsoluteCase<'_> {
         let prognoses = (rows.iter().zip(&self.observations)).map(|(rows, each)| {
             let q = each.setup.commanded_rad.as_slice();
             let (left, covariance) = mixed.model.prognosis(rows, &places, q);
-            mixed.model.judged(&left, &covariance).left
+            mixed.model.judged(&left, &covariance, q).left
         });
         let independent = &fit.posterior;
         let logarithms: Vec<f64> = (0..set.len())

@@ -15,6 +15,7 @@ use nalgebra::{Cholesky, DMatrix, DVector, Matrix6, Vector3};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::super::FitError;
+use super::super::spread::logarithm;
 use super::rows::LinearReading;
 use super::{AbsoluteCase, Misfit, ReadingResidual};
 use crate::numeric::wandering::Wandering;
@@ -37,6 +38,9 @@ pub struct JointError {
     pub deviation: f64,
     /// Its values at the knots: the joint stands by so much further than commanded.
     pub values: Vec<f64>,
+    /// How much larger or smaller all errors of positions and of rotations are at its angles: coefficients of Legendre polynomials
+    /// P_k / k from the first order, from the first knot to the last, whose sum is the logarithm of a factor of their squares.
+    pub spread: [Vec<f64>; 2],
 }
 
 impl JointError {
@@ -46,6 +50,11 @@ impl JointError {
         let between = self.wandering.between(commanded);
         let each = between.knots.into_iter().zip(between.weights);
         each.map(|(knot, weight)| weight * self.values[knot]).sum()
+    }
+
+    /// The logarithm of the factor by which squares of errors of positions (0) or rotations (1) are larger there.
+    fn spread_at(&self, part: usize, commanded: f64) -> f64 {
+        logarithm(&self.spread[part], commanded, self.wandering.range())
     }
 
     /// The command with which the joint stands there.
@@ -71,7 +80,8 @@ pub struct MisfitModel {
     /// What joints do not explain.
     pub rest: Misfit,
     /// By how much larger than computed the squares of errors are that were seen where each stand of the robot was
-    /// predicted by the others: of positions and of rotations. Regions are larger by the root.
+    /// predicted by the others: of positions and of rotations, where joints do not say that they are larger or smaller. Regions are
+    /// larger by the root.
     pub scale: [f64; 2],
 }
 
@@ -183,18 +193,26 @@ impl MisfitModel {
         (left, new + &matrix * among * matrix.transpose())
     }
 
-    /// A residual with its covariance, beside the regions of 95 %.
+    /// By how much larger than computed squares of errors of positions (0) or rotations (1) are at commanded angles.
+    fn scale_at(&self, part: usize, q: &[f64]) -> f64 {
+        let joints = self.joints.iter();
+        let logarithm: f64 = joints.map(|each| each.spread_at(part, q[each.joint])).sum();
+        self.scale[part] * logarithm.exp()
+    }
+
+    /// A residual at commanded angles with its covariance, beside the regions of 95 %.
     pub(super) fn judged(
         &self,
         residual: &DVector<f64>,
         covariance: &DMatrix<f64>,
+        q: &[f64],
     ) -> ReadingPrognosis {
         let part = |first: usize| -> Option<Vector3<f64>> {
             (residual.len() > first).then(|| residual.fixed_rows::<3>(first).into_owned())
         };
         let is_within = [0, 1].map(|part| {
             let square = region_square(residual, covariance, 3 * part)?;
-            Some(square <= SQUARE_95 * self.scale[part])
+            Some(square <= SQUARE_95 * self.scale_at(part, q))
         });
         ReadingPrognosis {
             left: ReadingResidual {
@@ -267,9 +285,11 @@ impl AbsoluteCase<'_> {
                 }
             }
         }
-        Ok(found
-            .iter()
-            .map(|(left, covariance)| misfit.judged(left, covariance))
+        let readings = found.iter().zip(&self.observations);
+        Ok(readings
+            .map(|((left, covariance), each)| {
+                misfit.judged(left, covariance, each.setup.commanded_rad.as_slice())
+            })
             .collect())
     }
 

@@ -15,6 +15,7 @@
 use nalgebra::{Cholesky, DMatrix, DVector};
 use rayon::prelude::*;
 
+use super::super::spread::{ErrorSpread, LEAST_SQUARES};
 use super::joint_errors::{JointError, MisfitModel, SQUARE_95, region_square};
 use super::rows::LinearReading;
 use super::{AbsoluteCase, Misfit};
@@ -31,7 +32,7 @@ const FOUND: f64 = 0.02;
 /// The smallest variance (m^2, rad^2).
 const LEAST: f64 = 1e-18;
 /// From so many readings on, regions are scaled by what was seen.
-const SCALED_FROM: usize = 60;
+const SCALED_FROM: usize = 40;
 /// Pieces of sums, so that bits do not depend on threads.
 const PIECES: usize = 32;
 
@@ -165,17 +166,10 @@ impl MixedModel {
         let mut model = self.model(&variances, &solved);
         let squares = self.squares_by_others(&variances, &solved);
         let predicted_by_others = [0, 1].map(|part| {
-            let mut squares: Vec<f64> = squares.iter().filter_map(|each| each[part]).collect();
-            if squares.is_empty() {
-                return None;
-            }
-            squares.sort_by(f64::total_cmp);
-            let within = squares.partition_point(|square| *square <= SQUARE_95);
-            let place = ((squares.len() + 1) * 95).div_ceil(100) - 1;
-            if squares.len() >= SCALED_FROM {
-                model.scale[part] = squares[place] / SQUARE_95;
-            }
-            Some(within as f64 / squares.len() as f64)
+            let own = squares
+                .iter()
+                .filter_map(|(stand, squares)| Some((*stand, squares[part]?)));
+            model.seen(part, &own.collect::<Vec<_>>(), &self.stands)
         });
         Some(MixedFit {
             model,
@@ -435,6 +429,7 @@ impl MixedModel {
                         .collect(),
                     wandering: wandering.clone(),
                     deviation: variances.joints[joint].sqrt(),
+                    spread: [Vec::new(), Vec::new()],
                 })
                 .collect(),
             shift: &self.units * solved.mean.rows(0, fixed),
@@ -456,15 +451,15 @@ impl MixedModel {
         coordinates.any(|coordinate| *coordinate >= 3)
     }
 
-    /// The squares of position and rotation of each reading over their covariance, predicted by all other stands: exactly what
-    /// leaving the stand out gives, with the variances of all.
+    /// The squares of position and rotation of each reading over their covariance, with its stand, predicted by all other stands: exactly
+    /// what leaving the stand out gives, with the variances of all.
     fn squares_by_others(
         &self,
         variances: &MixedVariances,
         solved: &MixedSolution,
-    ) -> Vec<[Option<f64>; 2]> {
+    ) -> Vec<(usize, [Option<f64>; 2])> {
         let offsets = self.offsets(variances);
-        let each = self.stands.par_iter().map(|stand| {
+        let each = self.stands.par_iter().enumerate().map(|(number, stand)| {
             let local = stand.local(variances, &offsets);
             let known = local.known(solved);
             let own = Cholesky::new(&local.covariance - &known)?;
@@ -479,13 +474,69 @@ impl MixedModel {
                         let rows = 1 + next.take_while(|each| **each > 0).count();
                         let left = left.rows(at, rows).into_owned();
                         let covariance = covariance.view((at, at), (rows, rows)).into_owned();
-                        [0, 3].map(|first| region_square(&left, &covariance, first))
+                        let squares = [0, 3].map(|first| region_square(&left, &covariance, first));
+                        (number, squares)
                     })
                     .collect::<Vec<_>>(),
             )
         });
-        let all: Vec<Option<Vec<[Option<f64>; 2]>>> = each.collect();
+        let all: Vec<Option<Vec<_>>> = each.collect();
         all.into_iter().flatten().flatten().collect()
+    }
+}
+
+impl MisfitModel {
+    /// Takes over how large errors were that were seen: squares of positions (0) or rotations (1), each with its stand. Returns the share
+    /// that lies in regions of 95 % as computed.
+    fn seen(
+        &mut self,
+        part: usize,
+        squares: &[(usize, f64)],
+        stands: &[ReadingStand],
+    ) -> Option<f64> {
+        if squares.is_empty() {
+            return None;
+        }
+        let count = squares.len();
+        let mut all: Vec<f64> = squares.iter().map(|each| each.1).collect();
+        let within = all.iter().filter(|square| **square <= SQUARE_95).count();
+        let share = Some(within as f64 / count as f64);
+        if count < SCALED_FROM {
+            return share;
+        }
+        self.spread(part, squares, &mut all, stands);
+        all.sort_by(f64::total_cmp);
+        let place = ((count + 1) * 95).div_ceil(100) - 1;
+        self.scale[part] = all[place.min(count - 1)] / SQUARE_95;
+        share
+    }
+
+    /// How errors are spread over joint space, where there are enough to tell; `all` are the squares, then without that.
+    fn spread(
+        &mut self,
+        part: usize,
+        squares: &[(usize, f64)],
+        all: &mut [f64],
+        stands: &[ReadingStand],
+    ) {
+        if all.len() < LEAST_SQUARES {
+            return;
+        }
+        let angles: Vec<&[f64]> = (squares.iter())
+            .map(|(stand, _)| stands[*stand].angles.as_slice())
+            .collect();
+        let ranges: Vec<[f64; 2]> = (self.joints.iter())
+            .map(|each| each.wandering.range())
+            .collect();
+        let Some(spread) = ErrorSpread::of_means(all, &angles, &ranges) else {
+            return;
+        };
+        for (joint, coefficients) in self.joints.iter_mut().zip(spread.of_joints) {
+            joint.spread[part] = coefficients;
+        }
+        for (square, logarithm) in all.iter_mut().zip(spread.by_others) {
+            *square /= logarithm.exp();
+        }
     }
 }
 

@@ -55,7 +55,10 @@ impl AbsoluteCase<'_> {
         let mut climbed = case.climb(weights)?;
         let far_out = (climbed.steps.last())
             .filter(|_| !self.keeps_all)
-            .and_then(|top| self.without_far_out(&top.set, weights, &top.fit));
+            .and_then(|top| {
+                let misfit = case.misfit(&top.fit).ok();
+                self.without_far_out(&top.set, weights, (&top.fit, misfit))
+            });
         let mut rejected = Vec::new();
         if let Some((kept, readings, _)) = far_out {
             (case, rejected) = (kept, readings);

@@ -1,0 +1,342 @@
+//! Wrong readings of an arm that slides in one of its joints: among few and many, spread or in one configuration, of positions and of
+//! rotations, absolute and of deflections.
+
+use elastocal::identification::{
+    AbsoluteCase, AbsoluteFit, Case, ParameterGroup, ReadingWeights, Robustness, Sigma,
+};
+use elastocal::measurement::{AbsoluteReading, Measurement, RotationMeasurement};
+use elastocal::numeric::random::generator;
+use elastocal::observation::{Form, ObservationModel, ReadingKind, Setup};
+use elastocal::parameter::ParameterSet;
+use elastocal::robot::{Load, rotation_vector};
+use elastocal::scenario::Scenario;
+use elastocal::task::Belief;
+use nalgebra::{DVector, Matrix6, Matrix6xX, Rotation3, UnitQuaternion, Vector3, Vector6};
+use rand::{Rng, RngExt};
+use rayon::prelude::*;
+
+use crate::one_fit::{anywhere, between, normal, vector};
+use crate::support::Workplace;
+
+const SIGMA_M: f64 = 2e-5;
+const SIGMA_RAD: f64 = 3e-5;
+
+const ARM: &str = r#"<mujoco><compiler angle="radian"/><worldbody>
+<body name="column" pos="0 0 0.4"><inertial pos="0.2 0 0" mass="9" diaginertia="0.1 0.1 0.1"/>
+<joint name="shoulder" axis="0 0 1" armature="10" damping="100" range="-2.4 2.4"/>
+<body name="forearm" pos="0.45 0 0.05"><inertial pos="0.15 0 0.05" mass="6" diaginertia="0.1 0.1 0.1"/>
+<joint name="elbow" axis="0 0 1" armature="5" damping="50" range="-2.6 2.6"/>
+<body name="quill" pos="0.4 0 0.02"><inertial pos="0 0 0" mass="2" diaginertia="0.01 0.01 0.01"/>
+<joint name="lift" type="slide" axis="0 0 1" armature="100" damping="2000" range="-0.2 0.1"/>
+<body name="hand" pos="0 0 -0.1"><inertial pos="0 0 -0.05" mass="1" diaginertia="0.01 0.01 0.01"/>
+<joint name="spin" axis="0 0 1" armature="1" damping="20" range="-3.1 3.1"/>
+<site name="reflector" pos="0.06 0.02 -0.1"/></body></body></body></body></worldbody><actuator>
+<position joint="shoulder" kp="60000"/><position joint="elbow" kp="40000"/>
+<position joint="lift" kp="400000"/><position joint="spin" kp="8000"/></actuator></mujoco>"#;
+
+const SCENARIO: &str = r#"
+[robot]
+model = "arm.xml"
+calibration_site = "reflector"
+machining_site = "reflector"
+parameters = ["shoulder", "elbow", "spin"]
+[instrument]
+sigma_mm = 0.02
+sigma_of = "deflection"
+rotation_sigma_mrad = 0.03
+[[test_pose]]
+name = "screwing"
+q_deg = [20, -60, 0, 30]
+force_n = [40, 30, 0]
+[load]
+kind = "fixed"
+force_n = [120, 60, 0]
+[design]
+experiments = 4
+"#;
+
+fn scara() -> Scenario {
+    let place = Workplace::new();
+    place.write("arm.xml", ARM);
+    place.write("s.toml", SCENARIO);
+    Scenario::load(&place.path("s.toml")).expect("a scenario")
+}
+
+/// Which readings are wrong, and how.
+#[derive(Clone, Copy, Debug)]
+struct Trial {
+    readings: usize,
+    has_rotations: bool,
+    of_rotations: bool,
+    in_one_place: bool,
+}
+
+fn trials(readings: usize) -> Vec<Trial> {
+    let mut all = Vec::new();
+    for (has_rotations, of_rotations) in [(false, false), (true, false), (true, true)] {
+        for in_one_place in [false, true] {
+            all.push(Trial {
+                readings,
+                has_rotations,
+                of_rotations,
+                in_one_place,
+            });
+        }
+    }
+    all
+}
+
+impl Trial {
+    /// One in twenty, at least one.
+    fn wrong(&self, random: &mut impl Rng) -> Vec<usize> {
+        let count = (self.readings / 20).max(1);
+        let first = random.random_range(0..self.readings);
+        let mut wrong: Vec<usize> = (0..count)
+            .map(|each| (first + each * (self.readings / count)) % self.readings)
+            .collect();
+        wrong.sort_unstable();
+        wrong
+    }
+
+    /// Configurations: those of wrong readings are one and the same, perhaps.
+    fn configurations(&self, random: &mut impl Rng, wrong: &[usize]) -> Vec<DVector<f64>> {
+        let mut anywhere = || {
+            DVector::from_fn(4, |joint, _| {
+                if joint == 2 {
+                    between(random, -0.15, 0.08)
+                } else {
+                    between(random, -2.3, 2.3)
+                }
+            })
+        };
+        let there = anywhere();
+        (0..self.readings)
+            .map(|index| {
+                let own = anywhere();
+                let is_there = self.in_one_place && wrong.contains(&index);
+                if is_there { there.clone() } else { own }
+            })
+            .collect()
+    }
+}
+
+fn noise(random: &mut impl Rng, size: f64) -> Vector3<f64> {
+    Vector3::from_fn(|_, _| size * normal(random))
+}
+
+/// An error to one side, of 1 to 50 mm or mrad.
+fn error(random: &mut impl Rng) -> Vector3<f64> {
+    let side = Vector3::new(0.6, -0.5, 0.6).normalize();
+    side * (1e-3 * 50.0_f64.powf(between(random, 0.0, 1.0)))
+}
+
+fn setup(q: &DVector<f64>, load: Load) -> Setup {
+    Setup {
+        commanded_rad: q.clone(),
+        load,
+        target: 0,
+        station: 0,
+        approach: None,
+    }
+}
+
+/// Right readings, and the same with wrong ones.
+fn absolute(
+    random: &mut impl Rng,
+    belief: &Belief,
+    trial: &Trial,
+    wrong: &[usize],
+) -> [Vec<AbsoluteReading>; 2] {
+    let mut arm = belief.arm();
+    arm.tools.truncate(1);
+    arm.tools[0].link_from_tool = anywhere(random, 0.1);
+    arm.instrument_from_base = vec![anywhere(random, 3.0)];
+    let nothing = ParameterSet::empty();
+    let mut model = ObservationModel::new(&nothing, &arm, &[]);
+    let mut ignored = Matrix6xX::zeros(0);
+    let variances = [SIGMA_M, SIGMA_RAD].map(|sigma| sigma * sigma);
+    let covariance = Matrix6::from_diagonal(&Vector6::from_fn(|row, _| variances[row / 3]));
+    let configurations = trial.configurations(random, wrong);
+    let right: Vec<AbsoluteReading> = (configurations.iter())
+        .map(|q| {
+            let setup = setup(q, Load::NONE);
+            let seen = (model.predict(Form::AtRest, &setup, ReadingKind::Pose, &mut ignored))
+                .expect("stable");
+            let turn = Rotation3::from_scaled_axis(noise(random, SIGMA_RAD));
+            let rotation = turn * Rotation3::from_matrix_unchecked(seen.rotation);
+            AbsoluteReading {
+                configuration_rad: q.clone(),
+                load: Load::NONE,
+                target: None,
+                station: None,
+                state: None,
+                position_m: seen.position_m + noise(random, SIGMA_M),
+                rotation: (trial.has_rotations)
+                    .then(|| UnitQuaternion::from_rotation_matrix(&rotation)),
+                covariance: Some(covariance),
+                approach: None,
+                time_s: None,
+                temperature_c: None,
+            }
+        })
+        .collect();
+    let mut readings = right.clone();
+    for &index in wrong {
+        let off = error(random);
+        let reading = &mut readings[index];
+        if trial.of_rotations {
+            let turn = UnitQuaternion::from_scaled_axis(off);
+            reading.rotation = reading.rotation.map(|rotation| turn * rotation);
+        } else {
+            reading.position_m += off;
+        }
+    }
+    [right, readings]
+}
+
+fn deflections(
+    random: &mut impl Rng,
+    belief: &Belief,
+    trial: &Trial,
+    wrong: &[usize],
+) -> [Vec<Measurement>; 2] {
+    let arm = belief.arm();
+    let nothing = ParameterSet::empty();
+    let mut model = ObservationModel::new(&nothing, &arm, &[]);
+    let mut ignored = Matrix6xX::zeros(0);
+    let configurations = trial.configurations(random, wrong);
+    let right: Vec<Measurement> = (configurations.iter())
+        .map(|q| {
+            let load = Load {
+                force_n: vector(random, 120.0),
+                torque_nm: Vector3::zeros(),
+            };
+            let kind = ReadingKind::DeflectionAndRotation;
+            let seen =
+                (model.predict(Form::AtRest, &setup(q, load), kind, &mut ignored)).expect("stable");
+            let rotation = RotationMeasurement {
+                vector_rad: rotation_vector(&seen.rotation) + noise(random, SIGMA_RAD),
+                sigma_rad: Vector3::repeat(SIGMA_RAD),
+            };
+            Measurement {
+                configuration_rad: q.clone(),
+                load,
+                deflection_m: seen.position_m + noise(random, SIGMA_M),
+                sigma_m: None,
+                rotation: trial.has_rotations.then_some(rotation),
+                approach: None,
+            }
+        })
+        .collect();
+    let mut readings = right.clone();
+    for &index in wrong {
+        let off = error(random);
+        match &mut readings[index].rotation {
+            Some(rotation) if trial.of_rotations => rotation.vector_rad += off,
+            _ => readings[index].deflection_m += off,
+        }
+    }
+    [right, readings]
+}
+
+fn fitted(belief: &Belief, readings: &[AbsoluteReading]) -> AbsoluteFit {
+    let groups = [ParameterGroup::Geometry];
+    let case = AbsoluteCase::new(belief, readings);
+    case.and_then(|mut case| case.fit(&groups, ReadingWeights::AsNeeded))
+        .expect("a fit")
+}
+
+/// The readings that are not among these.
+fn others<T: Clone>(all: &[T], wrong: &[usize]) -> Vec<T> {
+    let all = all.iter().enumerate();
+    all.filter(|(index, _)| !wrong.contains(index))
+        .map(|(_, each)| each.clone())
+        .collect()
+}
+
+/// Each wrong reading is named and no other; what is fitted is what the right ones alone say.
+#[test]
+fn wrong_absolute_readings_of_a_scara_are_named() {
+    let scenario = scara();
+    let belief = &scenario.task.belief;
+    for (readings, runs) in [(15, 12), (60, 4), (400, 1)] {
+        for trial in trials(readings) {
+            (0..runs).into_par_iter().for_each(|seed: u64| {
+                let mut random = generator(81, seed);
+                let wrong = trial.wrong(&mut random);
+                let [right, all] = absolute(&mut random, belief, &trial, &wrong);
+                let fit = fitted(belief, &all);
+                let named: Vec<usize> = fit.rejected.iter().map(|each| each.reading).collect();
+                assert_eq!(named, wrong, "{trial:?} {seed}");
+                let alone = fitted(belief, &others(&right, &wrong));
+                assert!(alone.rejected.is_empty(), "{trial:?} {seed}");
+                assert!(fitted(belief, &right).rejected.is_empty());
+                assert!(
+                    (fit.square / alone.square - 1.0).abs() < 1e-4,
+                    "{trial:?} {seed}"
+                );
+            });
+        }
+    }
+}
+
+/// The same of deflections: no compliance moves by a standard error from where all right readings have it.
+#[test]
+fn wrong_deflections_of_a_scara_are_named() {
+    let scenario = scara();
+    let belief = &scenario.task.belief;
+    for (readings, runs) in [(15, 12), (60, 4), (2000, 1)] {
+        for trial in trials(readings) {
+            (0..runs).into_par_iter().for_each(|seed: u64| {
+                let mut random = generator(82, seed);
+                let wrong = trial.wrong(&mut random);
+                let [right, all] = deflections(&mut random, belief, &trial, &wrong);
+                let identified = |measurements: &[Measurement]| {
+                    let asked = Robustness {
+                        keeps_all: false,
+                        counts_misfit: true,
+                    };
+                    let sigma = Sigma::Known(SIGMA_M);
+                    Case::of_belief(belief, measurements, sigma, belief.method)
+                        .identify_robustly(asked)
+                        .expect("identified")
+                };
+                let found = identified(&all);
+                let named: Vec<usize> = found.rejected.iter().map(|each| each.reading).collect();
+                assert_eq!(named, wrong, "{trial:?} {seed}");
+                let alone = identified(&others(&right, &wrong))
+                    .identification
+                    .parameters;
+                let found = found.identification.parameters;
+                for (one, other) in alone.iter().zip(&found) {
+                    let [one, other] = [one, other].map(|each| each.estimate.expect("determined"));
+                    let moved = (one.value - other.value).abs() / one.standard_error;
+                    assert!(moved < 1e-3, "{trial:?} {seed}: {moved}");
+                }
+            });
+        }
+    }
+}
+
+/// A slide may be shifted anywhere and turned about its axis without that anybody sees it: that is left out, and all else is determined.
+#[test]
+fn of_a_slide_what_nobody_can_tell_is_left_out() {
+    let scenario = scara();
+    let belief = &scenario.task.belief;
+    for (has_rotations, unknowns) in [(false, 17), (true, 20)] {
+        let trial = Trial {
+            readings: 80,
+            has_rotations,
+            of_rotations: false,
+            in_one_place: false,
+        };
+        let [right, _] = absolute(&mut generator(83, 0), belief, &trial, &[]);
+        let fit = fitted(belief, &right);
+        assert_eq!(fit.undetermined, Vec::<String>::new());
+        // Four of each joint that turns, two of one that slides, six of the frames; of positions alone no turn of the target.
+        assert_eq!(fit.set.len(), unknowns);
+        for name in ["lift.zero", "link_3.x", "link_3.y", "link_3.z", "link_3.rz"] {
+            assert!(fit.left_out.iter().any(|each| each.name == name), "{name}");
+        }
+    }
+}
