@@ -89,15 +89,17 @@ def places(some, variables):
 
 
 @functools.lru_cache(maxsize=None)
-def norms_of(n):
-    """The matrix that makes norms of the coefficients' absolute values. x T2(x) and x (x y) leave half of themselves linear."""
-    first, second, _ = layout(n)
-    matrix = np.zeros((2 + n, coefficients_of(n)))
-    matrix[0] = matrix[1:, 1 + n :] = 1.0
-    for i in range(n):
-        matrix[2 + i, 1 + n + i] = 0.5
-        matrix[2 + i, 1 + 2 * n :][(first == i) | (second == i)] = 0.5
-    return matrix
+def thirds(n):
+    """Where the products x_i h_jk, n times those of h, are that make up each of T3(x_i); T2(x_i) x_j, with half of the second; and
+    x_i x_j x_k. And those that leave half of themselves linear: x_i h_ij, in columns j."""
+    full, count = layout(n)[2], n * (n + 1) // 2
+    at = lambda i, j, k: i * count + full[j, k]
+    two = [(i, j) for i in range(n) for j in range(n) if i != j]
+    three = list(itertools.combinations(range(n), 3))
+    alone = np.array([at(i, i, i) for i in range(n)], int)
+    pairs = np.array([[at(j, i, i), at(i, i, j)] for i, j in two], int).reshape(-1, 2)
+    triples = np.array([[at(i, j, k), at(j, i, k), at(k, i, j)] for i, j, k in three], int).reshape(-1, 3)
+    return alone, pairs, triples, np.array([[at(i, i, j) for j in range(n)] for i in range(n)])
 
 
 def coefficients_of(n):
@@ -151,9 +153,11 @@ class Model:
 
     @property
     def norms(self):
-        """The size of all, the sum of |h|, and for each x_i what its products with the second order leave beyond it."""
+        """The size of all, and the sum of |h|."""
         if self.known_norms is None:
-            self.known_norms = np.matmul(norms_of(len(self.variables)), np.abs(self.coefficients))
+            wide = np.abs(self.coefficients)
+            bend = wide[..., 1 + len(self.variables) :, :].sum(-2)
+            self.known_norms = np.stack([wide[..., : 1 + len(self.variables), :].sum(-2) + bend, bend], -2)
         return self.known_norms
 
     @property
@@ -163,10 +167,6 @@ class Model:
     @property
     def bend(self):
         return self.norms[..., 1, :]
-
-    @property
-    def unfolded(self):
-        return self.norms[..., 2:, :]
 
     def of(self, variables):
         """The same as models of more variables."""
@@ -275,15 +275,18 @@ def summed(a, b):
     total[..., 0, :] += squares.sum(-2)
     total[..., 1 + n : 1 + 2 * n, :] += squares
     total[..., 1 + 2 * n :, :] += outer[..., first, second, :] + outer[..., second, first, :]
-    # x T2(x) and x (x y) leave half of themselves linear.
-    linear = np.einsum("...kin,...kijn->...jn", b.g, a.h)
-    third = np.einsum("...kin,...kin->...n", np.abs(b.g), a.unfolded)
+    # The third order, of all products together: x T2(x) and x (x y) leave half of themselves linear.
+    order = np.einsum("...kin,...kpn->...ipn", b.g, a.coefficients[..., 1 + n :, :])
     if is_square:
-        linear, third = 2 * linear, 2 * third
+        order *= 2
     elif not b.is_linear:
-        linear += np.einsum("...kin,...kijn->...jn", a.g, b.h)
-        third += np.einsum("...kin,...kin->...n", np.abs(a.g), b.unfolded)
-    total[..., 1 : 1 + n, :] += linear / 2
+        order += np.einsum("...kin,...kpn->...ipn", a.g, b.coefficients[..., 1 + n :, :])
+    order = order.reshape(*order.shape[:-3], -1, order.shape[-1])
+    alone, pairs, triples, linear = thirds(n)
+    total[..., 1 : 1 + n, :] += order[..., linear, :].sum(-3) / 2
+    third = np.abs(order[..., alone, :]).sum(-2) / 2
+    third += np.abs(order[..., pairs[:, 0], :] + order[..., pairs[:, 1], :] / 2).sum(-2)
+    third += np.abs(order[..., triples, :].sum(-2)).sum(-2)
     fourth = np.einsum("...kn,...kn->...n", a.bend, b.bend)
     rough = np.einsum("...kn,...kn->...n", a.size, b.size)
     r = third + fourth + np.einsum("...kn,...kn->...n", a.r, b.size + b.r) + np.einsum("...kn,...kn->...n", a.size, b.r)
@@ -743,9 +746,23 @@ def derivative(question, axes, levers, load, silent):
             raise Unknown("a covariance beside measured rotations")
         columns, returns = noise_columns(question, axes, levers, load)
         return weighted(question, rows[:, moved], [parameters[index] for index in moved], moments, shares, columns, returns)
-    total = sum_of_squares(combined(rows[:, moved], shares))
+    total = squares_of_rows(rows[:, moved], shares)
     if turns:
-        total = total + sum_of_squares(combined(rows[:, moved] * turns, times(own_axes, moments[:, None])))
+        total = total + squares_of_rows(rows[:, moved] * turns, times(own_axes, moments[:, None]))
+    return total
+
+
+def squares_of_rows(rows, shares):
+    """The sum over rows of |sum of b v|^2, with v = p + e about polynomials p and y = sum of b p: |y|^2 + 2 e . w + |sum of b e|^2, w the
+    sum over rows of b y, in which rows may cancel."""
+    polynomials = Model(shares.variables, shares.coefficients, np.zeros_like(shares.r), shares.rough)
+    sums = combined(rows, polynomials)
+    weights = combined(rows.T, sums)
+    off = 2 * (shares.r * (weights.size + weights.r)).sum((0, 1))
+    off += (np.einsum("rk,kin->rin", np.abs(rows) * (1 + 4e-16), shares.r) ** 2).sum((0, 1))
+    total = sum_of_squares(sums)
+    # Roundings of what is not negative, of more terms than there are here.
+    total.r = total.r + off * (1 + roundings(rows.size, 3))
     return total
 
 

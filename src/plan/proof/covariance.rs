@@ -11,15 +11,6 @@ use super::weighted::{SpreadColumns, WeightedRow};
 /// are everywhere: where it is less, the torque times so large a factor has the larger remainder.
 const NOTABLE: f64 = 0.5;
 
-/// The sum of the squares of vectors' parts.
-pub(super) fn squares(workspace: &mut ModelWorkspace, vectors: &[ModelVector]) -> TaylorModel {
-    let mut sum = workspace.sum();
-    for part in vectors.iter().flatten() {
-        sum = sum.square(*part);
-    }
-    sum.end()
-}
-
 /// R, in the frame of the middle.
 pub(super) fn covariance(
     workspace: &mut ModelWorkspace,

@@ -2,12 +2,13 @@
 
 use super::chain::Chain;
 use super::constant::vector;
-use super::covariance::{covariance, notable_returns, squares, weighted_rows};
+use super::covariance::{covariance, notable_returns, weighted_rows};
 use super::domain::{Domain, LoadCase, needs_tool_axis};
 use super::form::{ENTRIES, place};
 use super::geometry::BoxGeometry;
 use super::question::Question;
 use super::rounding::{UNIT, Waves, sin_cos};
+use super::rows::squares_of_rows;
 use super::taylor::{LANES, Lanes, ModelVector, ModelWorkspace, TaylorModel, TermSign, VARIABLES};
 use super::vectors::{Angle, NOWHERE, constant_in, cross, difference, dot, exact};
 use super::weighted::{SpreadColumns, WeightedRow};
@@ -178,8 +179,8 @@ impl<'a> ProofTask<'a> {
                     let rows = weighted_rows(workspace, question, &self.is_notable, told, count);
                     Derivative::Weighted(rows, covariance)
                 } else {
-                    let moved = self.moved(workspace, &geometry, &levers, &torques, &mut spread);
-                    Derivative::Plain(squares(workspace, &moved))
+                    let told = (levers.as_slice(), torques.as_slice());
+                    Derivative::Plain(self.plain(workspace, &geometry, told, &mut spread))
                 }
             }
             None => Derivative::Largest(self.form(workspace, &geometry.axis, &levers, &mut spread)),
@@ -268,16 +269,15 @@ impl<'a> ProofTask<'a> {
             .collect()
     }
 
-    /// For every row the sum over n of `b_n` `tau_n` `J_n`, and s times that of `b_n` `tau_n` `z_n` where rotations are
-    /// measured. d is the sum of their squares.
-    fn moved(
+    /// d: the sum over rows of |sum over n of `b_n` `tau_n` `J_n`|^2, and s^2 times that of `b_n` `tau_n` `z_n` where rotations are
+    /// measured.
+    fn plain(
         &self,
         workspace: &mut ModelWorkspace,
         geometry: &BoxGeometry,
-        levers: &[ModelVector],
-        torques: &[Option<TaylorModel>],
+        (levers, torques): (&[ModelVector], &[Option<TaylorModel>]),
         spread: &mut [Lanes; VARIABLES],
-    ) -> Vec<ModelVector> {
+    ) -> TaylorModel {
         let scale = self.question.rotation_scale_m;
         let mut columns = [Vec::new(), Vec::new()];
         for (&joint, torque) in self.question.parameters.iter().zip(torques) {
@@ -293,28 +293,14 @@ impl<'a> ProofTask<'a> {
                 columns[1].push(geometry.axis[joint].map(&mut times));
             }
         }
-        let mut moved = Vec::new();
-        for row in &self.question.rows {
-            for (columns, scale) in columns.iter().zip([None, Some(scale)]) {
-                if columns.is_empty() {
-                    continue;
-                }
-                moved.push(std::array::from_fn(|axis| {
-                    let mut sum = workspace.sum();
-                    for (factor, column) in row.iter().zip(columns) {
-                        let (factor, error) = match scale {
-                            None => (*factor, 0.0),
-                            Some(scale) => (factor * scale, UNIT * (factor * scale).abs()),
-                        };
-                        sum = sum.add_constant(factor, error, column[axis]);
-                    }
-                    let part = sum.end();
-                    workspace.add_spread(part, spread);
-                    part
-                }));
-            }
+        let rows = &self.question.rows;
+        let [moved, turned] = columns;
+        let moved = squares_of_rows(workspace, rows, 1.0, &moved, spread);
+        if scale == 0.0 {
+            return moved;
         }
-        moved
+        let turned = squares_of_rows(workspace, rows, scale, &turned, spread);
+        workspace.sum().add(1.0, moved).add(1.0, turned).end()
     }
 
     /// The form Q with d = F^T Q F: the sum over rows of the squares of W = sum over n of `b_n` `J_n` `J_n^T`, times

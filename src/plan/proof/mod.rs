@@ -34,7 +34,7 @@
 //! - `rounding`: what double precision can lose; sine and cosine; `taylor`: the models; `vectors`: with three parts.
 //! - [`question`](Question): what is to be proved, in plain numbers; `constant`, `chain`: the arm in simple frames; `domain`: the
 //!   variables, and what symmetry leaves of their ranges.
-//! - `geometry`: where everything is over a box, told in a frame in the middle of the chain; `enclosure`: d and the margins;
+//! - `geometry`: where everything is over a box, told in a frame in the middle of the chain; `enclosure`: d and the margins, `rows`: its sum of squares;
 //!   `form`: d for a force of any direction; `weighted`: where more is new in each reading than the instrument's noise.
 //! - `polynomial`, `judgement`: the largest value over a box, with multipliers; [`branching`](prove): all boxes.
 //! - `tree`: the proof as an object that can be checked by others.
@@ -56,6 +56,7 @@ mod judgement;
 mod polynomial;
 mod question;
 mod rounding;
+mod rows;
 mod taylor;
 #[cfg(test)]
 mod tests;

@@ -7,8 +7,9 @@
 //! ```
 //!
 //! with T2(x) = 2 x^2 - 1. A product's terms of third order are folded as far as they go, with
-//! `x T2(x)` = (x + `T3(x)`)/2 and `x_i (x_i x_j)` = (`x_j` + `x_j T2(x_i)`)/2, and their rest, the terms of
-//! fourth order and all rounding go into the remainder.
+//! `x T2(x)` = (x + `T3(x)`)/2 and `x_i (x_i x_j)` = (`x_j` + `x_j T2(x_i)`)/2. Their rest goes into the remainder, but
+//! only when a sum of products is complete: until then the terms of each kind are added up, and may cancel. The terms of
+//! fourth order and all rounding go into the remainder at once.
 
 use multiversion::multiversion;
 
@@ -34,6 +35,39 @@ pub(super) const fn linear(j: usize) -> usize {
 /// Where the coefficient of `x_i x_j` stands, i <= j; for i = j that of T2(`x_j`).
 pub(super) const fn second(i: usize, j: usize) -> usize {
     linear(j) + 1 + i
+}
+
+/// The number of products of three of so many variables: T3(`x_i`), T2(`x_i`) `x_j` and `x_i x_j x_k`.
+const fn thirds(variables: usize) -> usize {
+    variables * (variables + 1) * (variables + 2) / 6
+}
+
+/// Where the coefficient of the third order of `x_i`, `x_j` and `x_k` stands: T2 of one that is there twice, T3 of one that is
+/// there three times.
+static THIRD: [[[u8; VARIABLES]; VARIABLES]; VARIABLES] = third_places();
+
+const fn third_places() -> [[[u8; VARIABLES]; VARIABLES]; VARIABLES] {
+    let mut places = [[[0; VARIABLES]; VARIABLES]; VARIABLES];
+    let (mut k, mut next) = (0, 0);
+    while k < VARIABLES {
+        let mut j = 0;
+        while j <= k {
+            let mut i = 0;
+            while i <= j {
+                places[i][j][k] = next;
+                places[i][k][j] = next;
+                places[j][i][k] = next;
+                places[j][k][i] = next;
+                places[k][i][j] = next;
+                places[k][j][i] = next;
+                next += 1;
+                i += 1;
+            }
+            j += 1;
+        }
+        k += 1;
+    }
+    places
 }
 
 /// One model of a [`ModelWorkspace`].
@@ -90,6 +124,9 @@ pub(super) struct ModelWorkspace {
     layout: ModelLayout,
     numbers: Vec<Lanes>,
     used: usize,
+    /// The third order of the sum that is being made, and whether there is any.
+    third: Vec<Lanes>,
+    has_third: bool,
 }
 
 impl ModelWorkspace {
@@ -100,6 +137,8 @@ impl ModelWorkspace {
             layout,
             numbers: vec![ZERO; layout.length()],
             used: 1,
+            third: vec![ZERO; thirds(variables)],
+            has_third: false,
         }
     }
 
@@ -116,6 +155,18 @@ impl ModelWorkspace {
     /// A model's remainder.
     pub fn remainder(&self, model: TaylorModel) -> &Lanes {
         &self.all(model)[self.layout.remainder()]
+    }
+
+    /// A model's polynomial, exactly.
+    pub fn polynomial_of(&mut self, model: TaylorModel) -> TaylorModel {
+        if model == TaylorModel::ZERO {
+            return model;
+        }
+        let layout = self.layout;
+        let (known, top) = self.begin();
+        let numbers = &known[model.index * layout.length()..][..layout.remainder()];
+        top[..layout.remainder()].copy_from_slice(numbers);
+        self.push(model.first, model.last)
     }
 
     /// A bound of a model's part of second order.
@@ -225,6 +276,10 @@ impl ModelWorkspace {
     /// Begins a sum of products.
     pub fn sum(&mut self) -> ModelSum<'_> {
         self.begin();
+        if self.has_third {
+            self.third.fill(ZERO);
+            self.has_third = false;
+        }
         ModelSum {
             workspace: self,
             first: 0,
@@ -253,6 +308,13 @@ impl ModelWorkspace {
         let length = self.layout.length();
         let (known, rest) = self.numbers.split_at_mut(self.used * length);
         (known, &mut rest[..length])
+    }
+
+    /// The same with the third order of the sum that is being made, to be added to.
+    fn top_and_third(&mut self) -> (&[Lanes], &mut [Lanes], &mut [Lanes]) {
+        let length = self.layout.length();
+        let (known, rest) = self.numbers.split_at_mut(self.used * length);
+        (known, &mut rest[..length], &mut self.third)
     }
 
     /// Keeps the model that was begun.
@@ -313,10 +375,11 @@ impl ModelSum<'_> {
         }
         self.widen(one);
         self.widen(other);
-        // Two products of constants with each part, up to 8 terms of each kind of the others.
-        self.roundings += 20;
+        // Two products of constants with each part, up to 8 terms of each kind and order of the others.
+        self.roundings += 24;
+        self.workspace.has_third = true;
         let layout = self.workspace.layout;
-        let (known, top) = self.workspace.top();
+        let (known, top, third) = self.workspace.top_and_third();
         let numbers =
             |model: TaylorModel| &known[model.index * layout.length()..][..layout.length()];
         let sign = match sign {
@@ -325,7 +388,7 @@ impl ModelSum<'_> {
         };
         add_product(
             layout,
-            top,
+            (top, third),
             sign,
             (numbers(one), range(one)),
             (numbers(other), range(other)),
@@ -339,11 +402,12 @@ impl ModelSum<'_> {
             return self;
         }
         self.widen(model);
-        self.roundings += 20;
+        self.roundings += 24;
+        self.workspace.has_third = true;
         let layout = self.workspace.layout;
-        let (known, top) = self.workspace.top();
+        let (known, top, third) = self.workspace.top_and_third();
         let numbers = &known[model.index * layout.length()..][..layout.length()];
-        add_square(layout, top, (numbers, range(model)));
+        add_square(layout, (top, third), (numbers, range(model)));
         self
     }
 
@@ -353,12 +417,25 @@ impl ModelSum<'_> {
             return TaylorModel::ZERO;
         }
         let layout = self.workspace.layout;
-        let (_, top) = self.workspace.top();
+        let used = if self.workspace.has_third {
+            thirds(self.last)
+        } else {
+            0
+        };
+        let (_, top, third) = self.workspace.top_and_third();
+        let mut left = ZERO;
+        for terms in &third[..used] {
+            for lane in 0..LANES {
+                left[lane] += terms[lane].abs();
+            }
+        }
         // (1 + UNIT)^k - 1 <= k UNIT times less than 1 + 1e-10, which the slack of 8 covers.
         let relative = UNIT * f64::from(self.roundings + 8);
         let magnitude = top[layout.magnitude()];
-        for (remainder, magnitude) in top[layout.remainder()].iter_mut().zip(magnitude) {
-            *remainder = (*remainder + magnitude * relative + UNDERFLOW) * UP;
+        let remainders = &mut top[layout.remainder()];
+        for lane in 0..LANES {
+            let lost = magnitude[lane] * relative + UNDERFLOW;
+            remainders[lane] = (remainders[lane] + left[lane] * UP + lost) * UP;
         }
         self.workspace.push(self.first, self.last)
     }
@@ -459,7 +536,7 @@ fn add_scaled(
 #[multiversion(targets("x86_64+avx512f+avx512dq+avx512vl", "x86_64+avx2", "aarch64+neon"))]
 fn add_product(
     layout: ModelLayout,
-    sum: &mut [Lanes],
+    (sum, third): (&mut [Lanes], &mut [Lanes]),
     sign: f64,
     (one, one_range): (&[Lanes], [usize; 2]),
     (other, other_range): (&[Lanes], [usize; 2]),
@@ -492,19 +569,15 @@ fn add_product(
     for lane in 0..LANES {
         sum[0][lane] += sign * constant[lane];
     }
-    fold(sum, 0.5 * sign, (one, one_range), (other, other_range));
-    fold(sum, 0.5 * sign, (other, other_range), (one, one_range));
-    let mut third = ZERO;
-    add_unfolded(layout, &mut third, (one, one_range), (other, other_range));
-    add_unfolded(layout, &mut third, (other, other_range), (one, one_range));
+    add_third(sum, third, sign, (one, one_range), (other, other_range));
+    add_third(sum, third, sign, (other, other_range), (one, one_range));
     let (remainder, sizes) = (layout.remainder(), layout.sizes());
     for lane in 0..LANES {
         let size =
             |model: &[Lanes]| model[sizes][lane] + model[sizes + 1][lane] + model[sizes + 2][lane];
         let (one_size, other_size) = (size(one), size(other));
         let (one_rest, other_rest) = (one[remainder][lane], other[remainder][lane]);
-        sum[remainder][lane] += third[lane]
-            + one[sizes + 2][lane] * other[sizes + 2][lane]
+        sum[remainder][lane] += one[sizes + 2][lane] * other[sizes + 2][lane]
             + one_rest * (other_size + other_rest)
             + one_size * other_rest;
         sum[layout.magnitude()][lane] += one_size * other_size;
@@ -514,7 +587,7 @@ fn add_product(
 #[multiversion(targets("x86_64+avx512f+avx512dq+avx512vl", "x86_64+avx2", "aarch64+neon"))]
 fn add_square(
     layout: ModelLayout,
-    sum: &mut [Lanes],
+    (sum, third): (&mut [Lanes], &mut [Lanes]),
     (model, [first, last]): (&[Lanes], [usize; 2]),
 ) {
     let mut constant = ZERO;
@@ -542,14 +615,12 @@ fn add_square(
         sum[0][lane] += constant[lane];
     }
     let itself = (model, [first, last]);
-    fold(sum, 1.0, itself, itself);
-    let mut third = ZERO;
-    add_unfolded(layout, &mut third, itself, itself);
+    add_third(sum, third, 2.0, itself, itself);
     let (remainder, sizes) = (layout.remainder(), layout.sizes());
     for lane in 0..LANES {
         let size = model[sizes][lane] + model[sizes + 1][lane] + model[sizes + 2][lane];
         let (bend, rest) = (model[sizes + 2][lane], model[remainder][lane]);
-        sum[remainder][lane] += 2.0 * third[lane] + bend * bend + rest * (2.0 * size + rest);
+        sum[remainder][lane] += bend * bend + rest * (2.0 * size + rest);
         sum[layout.magnitude()][lane] += size * size;
     }
 }
@@ -573,48 +644,36 @@ fn add_constant_times(
     }
 }
 
-/// Adds what stays linear of the linear part of one times the part of second order of the other:
-/// `factor` times `x_i` for `x_i` T2(`x_i`), and `x_j` for `x_i` (`x_i x_j`).
+/// Adds so many times the linear part of one with the part of second order of the other: x T2(x) = (x + T3(x))/2, `x_i (x_i x_j)` =
+/// (`x_j` + `x_j T2(x_i)`)/2.
 #[inline(always)]
-fn fold(
+fn add_third(
     sum: &mut [Lanes],
+    third: &mut [Lanes],
     factor: f64,
     (one, [one_first, one_last]): (&[Lanes], [usize; 2]),
     (other, [other_first, other_last]): (&[Lanes], [usize; 2]),
 ) {
-    let (first, last) = (one_first.max(other_first), one_last.min(other_last));
-    for j in other_first..other_last {
-        let mut folded = ZERO;
-        for i in first..last {
-            let (slope, bend) = (&one[linear(i)], &other[second(i.min(j), i.max(j))]);
-            for lane in 0..LANES {
-                folded[lane] += slope[lane] * bend[lane];
+    for i in one_first..one_last {
+        let slope = one[linear(i)].map(|slope| factor * slope);
+        for j in other_first..other_last {
+            for k in other_first..=j {
+                let bend = &other[second(k, j)];
+                let place = &mut third[usize::from(THIRD[i][j][k])];
+                if i != j && i != k {
+                    for lane in 0..LANES {
+                        place[lane] += slope[lane] * bend[lane];
+                    }
+                } else {
+                    // What stays linear is that of the other of the two.
+                    let sum = &mut sum[linear(j + k - i)];
+                    for lane in 0..LANES {
+                        let half = 0.5 * (slope[lane] * bend[lane]);
+                        place[lane] += half;
+                        sum[lane] += half;
+                    }
+                }
             }
-        }
-        let sum = &mut sum[linear(j)];
-        for lane in 0..LANES {
-            sum[lane] += factor * folded[lane];
-        }
-    }
-}
-
-/// Adds a bound of what [`fold`] leaves out.
-#[inline(always)]
-fn add_unfolded(
-    layout: ModelLayout,
-    third: &mut Lanes,
-    (one, [first, last]): (&[Lanes], [usize; 2]),
-    (other, [other_first, other_last]): (&[Lanes], [usize; 2]),
-) {
-    for i in first..last {
-        let slope = &one[linear(i)];
-        let bend = if (other_first..other_last).contains(&i) {
-            &other[layout.unfolded() + i]
-        } else {
-            &other[layout.sizes() + 2]
-        };
-        for lane in 0..LANES {
-            third[lane] += slope[lane].abs() * bend[lane];
         }
     }
 }

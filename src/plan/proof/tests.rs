@@ -9,7 +9,10 @@ use super::constant::{Constant, IDENTITY, rotation_of, towards, turned, vector};
 use super::polynomial::Polynomial;
 use super::question::{Arm, ProofJoint};
 use super::rounding::{SIN_COS_ERROR, Waves, sin_cos};
-use super::taylor::{LANES, Lanes, ModelWorkspace, TaylorModel, TermSign, linear, second};
+use super::rows::squares_of_rows;
+use super::taylor::{
+    LANES, Lanes, ModelVector, ModelWorkspace, TaylorModel, TermSign, VARIABLES, linear, second,
+};
 
 /// Random numbers, as many as wanted.
 struct Random(u64);
@@ -168,6 +171,50 @@ fn products_squares_and_sums_enclose_the_truth() {
     }
 }
 
+/// Each product of a coordinate and one of second order, alone, up to the corners; and what cancels leaves nothing but rounding.
+#[test]
+fn terms_of_third_order_are_told_apart_and_cancel() {
+    let n = 4;
+    let corners: Vec<Vec<BigRational>> = (0..1 << n)
+        .map(|corner| {
+            (0..n)
+                .map(|j| whole(if corner >> j & 1 == 0 { 1 } else { -1 }))
+                .collect()
+        })
+        .chain(points(&mut Random(8), n))
+        .collect();
+    let mut workspace = ModelWorkspace::new(n);
+    let coordinates: Vec<TaylorModel> = (0..n)
+        .map(|j| workspace.variable(j, &[0.0; LANES], &[1.0; LANES]))
+        .collect();
+    for i in 0..n {
+        for j in 0..n {
+            for k in 0..=j {
+                let pair = (workspace.sum())
+                    .product(TermSign::Plus, coordinates[j], coordinates[k])
+                    .end();
+                let product = (workspace.sum())
+                    .product(TermSign::Plus, coordinates[i], pair)
+                    .end();
+                for x in &corners {
+                    let truth = &x[i] * &x[j] * &x[k];
+                    assert_inside(&workspace, product, 0, x, &truth);
+                }
+                // 1 where all three differ, or half of 1 and of what stays linear.
+                assert!(workspace.remainder(product)[0] < 1.0 + 1e-9);
+            }
+        }
+    }
+    let mut random = Random(9);
+    let [one, other] = [(); 2].map(|()| model(&mut workspace, &mut random, [1.0, 1.0, 0.25], n));
+    let nothing = (workspace.sum())
+        .product(TermSign::Plus, one, other)
+        .product(TermSign::Minus, one, other)
+        .end();
+    let fourth = workspace.bend(one)[0] * workspace.bend(other)[0];
+    assert!(workspace.remainder(nothing)[0] < 2.0 * fourth + 1e-12);
+}
+
 #[test]
 fn remainders_and_errors_of_constants_are_passed_on() {
     let mut random = Random(2);
@@ -200,6 +247,62 @@ fn remainders_and_errors_of_constants_are_passed_on() {
             }
         }
     }
+}
+
+/// Vectors that are anywhere within their remainders, in rows that share them.
+#[test]
+fn squares_of_rows_enclose_the_truth() {
+    let mut random = Random(10);
+    for round in 0..30 {
+        let n = 2;
+        let mut workspace = ModelWorkspace::new(n);
+        let (scales, _) = SCALES[round % SCALES.len()];
+        // Without a width, nothing but rounding is left for remainders where there are only constants.
+        let width = if round < 12 { 0.0 } else { 0.125 };
+        let scale = if round % 2 == 0 { 1.0 } else { 0.3 };
+        let loose = workspace.constants(&[0.0; LANES], &[width; LANES]);
+        let plain: [ModelVector; 2] = std::array::from_fn(|_| {
+            std::array::from_fn(|_| model(&mut workspace, &mut random, scales, n))
+        });
+        let vectors = plain
+            .map(|vector| vector.map(|part| workspace.sum().add(1.0, part).add(1.0, loose).end()));
+        let rows: Vec<Vec<f64>> = (0..3)
+            .map(|_| vec![random.number(), random.number()])
+            .collect();
+        let mut spread = [[0.0; LANES]; VARIABLES];
+        let total = squares_of_rows(&mut workspace, &rows, scale, &vectors, &mut spread);
+        for x in points(&mut random, n) {
+            for lane in 0..LANES {
+                let values = vectors.map(|vector| {
+                    vector.map(|part| {
+                        let sign = whole(if random.number() > 0.0 { 1 } else { -1 });
+                        value(&|k| workspace.coefficients(part)[k][lane], &x) + exact(width) * sign
+                    })
+                });
+                let mut truth = whole(0);
+                for row in &rows {
+                    for (one, other) in values[0].iter().zip(&values[1]) {
+                        let sum = exact(row[0]) * one + exact(row[1]) * other;
+                        truth += exact(scale) * exact(scale) * &sum * &sum;
+                    }
+                }
+                assert_inside(&workspace, total, lane, &x, &truth);
+            }
+        }
+    }
+}
+
+/// What is in two rows with opposite signs can be off by anything there: it cancels.
+#[test]
+fn remainders_cancel_between_rows() {
+    let mut workspace = ModelWorkspace::new(1);
+    let far = workspace.constant(1.0, 0.0);
+    let loose = workspace.constants(&[0.0; LANES], &[1e-3; LANES]);
+    let vectors = [[far, far, far], [loose, loose, loose]];
+    let rows = vec![vec![1.0, 1.0], vec![1.0, -1.0]];
+    let mut spread = [[0.0; LANES]; VARIABLES];
+    let total = squares_of_rows(&mut workspace, &rows, 1.0, &vectors, &mut spread);
+    assert!(workspace.remainder(total)[0] < 6.001e-6);
 }
 
 /// Sine and cosine of a rational of at most 130, to 2^-300.
