@@ -7,18 +7,21 @@ use clap::Args;
 use elastocal::experiment::{Candidate, Experiment, Plan, read_candidates, write_candidates};
 use elastocal::files::FileError;
 use elastocal::identification::ParameterGroup;
-use elastocal::plan::absolute::{AbsolutePlanError, AbsolutePlanning};
+use elastocal::plan::absolute::{AbsolutePlanError, AbsolutePlanning, DrawnWanted};
 use elastocal::plan::search::{PlanBound, Watch};
-use elastocal::record::absolute_plan::AbsolutePlanMessage;
+use elastocal::record::absolute_plan::{AbsolutePlanMessage, DrawnMessage};
+use elastocal::record::absolute_trials::AbsoluteTrialsMessage;
+use elastocal::record::candidates::CandidatesMessage;
 use elastocal::record::json::merge;
 use elastocal::record::messages::ProvenanceMessage;
 use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
+use elastocal::study::absolute::{AbsoluteTrials, Kept, PlanOnTrial, TrialError, try_plan};
 use elastocal::text::wording::counted;
 use serde_json::json;
 
 use super::candidates::{PoseArgs, left_out};
-use super::interruption::ask_search;
+use super::interruption::{Interrupted, STOP, ask_search};
 use super::progress::bar;
 use super::table::{number, table};
 use super::views;
@@ -58,6 +61,19 @@ pub fn refuse_options(scenario: &Scenario, given: &[(&str, bool)]) -> Result<(),
     )))
 }
 
+/// Refuses options that are about absolute readings alone, each with what is there instead.
+pub fn refuse_where_relative(
+    scenario: &Scenario,
+    given: &[(&str, bool, &str)],
+) -> Result<(), FileError> {
+    let Some((option, _, instead)) = given.iter().find(|(_, is_given, _)| *is_given) else {
+        return Ok(());
+    };
+    let problem = format!("is \"relative\", and {option} is for plans of absolute readings");
+    let wrong = FileError::new(&scenario.path, problem).at("design.accuracy");
+    Err(wrong.hint(format!("leave out {option}: {instead}")))
+}
+
 /// What is written of a plan besides its record.
 #[derive(Clone, Copy)]
 pub struct AbsoluteOutputs<'a> {
@@ -72,6 +88,13 @@ pub struct AbsoluteWanted<'a> {
     pub unknown: &'a UnknownArgs,
     pub candidates: Option<&'a Path>,
     pub poses: &'a PoseArgs,
+}
+
+/// What is reported on: a command, the plan's file, and how candidates were drawn.
+struct AskedFor<'a> {
+    command: &'static str,
+    plan: Option<&'a Path>,
+    drawn: Option<DrawnMessage>,
 }
 
 /// Why there is none, with the file that it is about.
@@ -98,25 +121,13 @@ impl AbsoluteWanted<'_> {
             .map_err(|error| explained(path, &error))
     }
 
-    /// Designs a plan of candidates.
+    /// Designs a plan of candidates, or of so many configurations that are drawn.
     pub fn design(
         &self,
         [experiments, configurations]: [u32; 2],
+        drawn: u32,
         outputs: AbsoluteOutputs<'_>,
     ) -> anyhow::Result<Report> {
-        let Some(path) = self.candidates else {
-            let problem = "is \"absolute\", and such plans are chosen from candidates";
-            let wrong = FileError::new(&self.scenario.path, problem).at("design.accuracy");
-            return Err(wrong
-                .hint("give --candidates FILE: joint angles, and where they are to be chosen, targets and stations")
-                .into());
-        };
-        let planning = self.planning(path, &self.read(path)?)?;
-        self.common.say(&format!(
-            "designing a plan of {} among {}",
-            counted(experiments.into(), "absolute reading"),
-            counted(planning.candidates.len() as u64, "candidate")
-        ));
         let bar = bar(self.common.quiet, "searching the plan");
         let progress = |done: usize, all: usize, _: f64| {
             bar.set_length(all as u64);
@@ -127,11 +138,40 @@ impl AbsoluteWanted<'_> {
             stop,
             progress: &progress,
         };
-        let found = planning
-            .design([experiments, configurations], self.scenario.seed, watch)
-            .map_err(|error| explained(path, &error))?;
+        let sizes = [experiments, configurations];
+        let readings = counted(experiments.into(), "absolute reading");
+        let (planning, found) = if let Some(path) = self.candidates {
+            let planning = self.planning(path, &self.read(path)?)?;
+            self.common.say(&format!(
+                "designing a plan of {readings} among {}",
+                counted(planning.candidates.len() as u64, "candidate")
+            ));
+            let found = planning
+                .design(sizes, self.scenario.seed, watch)
+                .map_err(|error| explained(path, &error))?;
+            (planning, found)
+        } else {
+            self.common.say(&format!(
+                "designing a plan of {readings} at configurations that are drawn"
+            ));
+            let wanted = DrawnWanted {
+                configurations: drawn,
+                seed: self.scenario.seed,
+            };
+            let (task, groups) = (&self.scenario.task, &self.unknown.parameters);
+            AbsolutePlanning::design_anywhere(task, groups, wanted, sizes, watch)
+                .map_err(|error| explained(&self.scenario.path, &error))?
+        };
         bar.finish_and_clear();
-        let mut report = self.report("plan", path, &planning, &found.plan, found.bound.as_ref())?;
+        let asked = AskedFor {
+            command: "plan",
+            plan: None,
+            drawn: (self.candidates.is_none()).then_some(DrawnMessage {
+                configurations: drawn,
+                seed: self.scenario.seed,
+            }),
+        };
+        let mut report = self.report(&asked, &planning, &found.plan, found.bound.as_ref())?;
         let [searches, agreeing] = found.searches;
         merge(
             &mut report.json,
@@ -188,7 +228,7 @@ impl AbsoluteWanted<'_> {
     }
 
     /// Says what a plan promises, and how near it is to the best of the candidates, where there are some.
-    pub fn evaluate(&self, plan: &Path) -> anyhow::Result<Report> {
+    pub fn evaluate(&self, plan: &Path, robots: Option<u64>) -> anyhow::Result<Report> {
         let rows = self.read(plan)?;
         let planning = self.of_plan(plan, &rows)?;
         if !planning.left_out.is_empty() {
@@ -210,31 +250,76 @@ impl AbsoluteWanted<'_> {
                     .map_err(|error| explained(path, &error))?
             }
         };
-        self.report("evaluate", plan, &planning, &all, bound.as_ref())
+        let asked = AskedFor {
+            command: "evaluate",
+            plan: Some(plan),
+            drawn: None,
+        };
+        let mut report = self.report(&asked, &planning, &all, bound.as_ref())?;
+        let trials = match robots {
+            Some(robots) => Some(self.try_plan(&planning, &all, robots)?),
+            None => None,
+        };
+        let message = trials.as_ref().map(AbsoluteTrialsMessage::new);
+        merge(&mut report.json, json!({ "trials": message }));
+        if let (Some(trials), Some(message)) = (&trials, &message) {
+            report.text += &describe_trials(message);
+            report.conditions.extend(unkept(trials, message));
+        }
+        Ok(report)
+    }
+
+    /// Draws robots that are read as a plan says, and looks at what is left.
+    fn try_plan(
+        &self,
+        planning: &AbsolutePlanning<'_>,
+        plan: &[(usize, u32)],
+        robots: u64,
+    ) -> anyhow::Result<AbsoluteTrials> {
+        let promise = planning.promise(plan);
+        let tried = PlanOnTrial {
+            task: &self.scenario.task,
+            truth: &self.scenario.truth,
+            groups: &self.unknown.parameters,
+            planning,
+            plan,
+            promise: &promise,
+            seed: self.scenario.seed,
+        };
+        let bar = bar(self.common.quiet, "robots");
+        bar.set_length(robots);
+        let trials = try_plan(&tried, robots, (&STOP, &|| bar.inc(1)));
+        bar.finish_and_clear();
+        match trials {
+            Err(TrialError::Stopped) => Err(Interrupted.into()),
+            other => Ok(other?),
+        }
     }
 
     fn report(
         &self,
-        command: &str,
-        path: &Path,
+        asked: &AskedFor<'_>,
         planning: &AbsolutePlanning<'_>,
         plan: &[(usize, u32)],
         bound: Option<&PlanBound>,
     ) -> anyhow::Result<Report> {
         let task = &self.scenario.task;
         let promise = planning.promise(plan);
-        let message = AbsolutePlanMessage::new(task, planning, plan, &promise, bound);
-        let role = if command == "plan" {
-            "candidates"
-        } else {
-            "plan"
-        };
-        let mut provenance = ProvenanceMessage::new(self.scenario).with_input(role, path)?;
+        let mut message = AbsolutePlanMessage::new(task, planning, plan, &promise, bound);
+        message.drawn = asked.drawn;
+        let mut provenance = ProvenanceMessage::new(self.scenario);
+        if let Some(plan) = asked.plan {
+            provenance = provenance.with_input("plan", plan)?;
+        }
         provenance = self.poses.of(provenance)?;
         if let Some(candidates) = self.candidates {
             provenance = provenance.with_input("candidates", candidates)?;
         }
-        let mut json = results(command, &provenance, json!({ "gate": self.scenario.gate }));
+        let mut json = results(
+            asked.command,
+            &provenance,
+            json!({ "gate": self.scenario.gate }),
+        );
         merge(&mut json, serde_json::to_value(&message)?);
         let conditions = (promise.left.as_ref().err())
             .map(|names| {
@@ -247,9 +332,14 @@ impl AbsoluteWanted<'_> {
             .collect();
         let offered = counted(planning.offered as u64, "candidate");
         let left = planning.offered - planning.candidates.len();
+        let left_out = if asked.drawn.is_some() {
+            drawn_words(&message)
+        } else {
+            left_out(&offered, left, &planning.left_out)
+        };
         Ok(Report {
             json,
-            text: describe(&message) + &left_out(&offered, left, &planning.left_out),
+            text: describe(&message) + &left_out,
             conditions,
         })
     }
@@ -309,7 +399,12 @@ fn describe(message: &AbsolutePlanMessage) -> String {
     );
     if let (Some(bound), Some(efficiency)) = (message.lower_bound_rho0_mm, message.efficiency) {
         text += &format!(
-            "; no plan of as many candidates is below {bound:.5} mm (efficiency {efficiency:.4}), proved by looking at all"
+            "; no plan of as many candidates is below {bound:.5} mm (efficiency {efficiency:.4}), {}",
+            if message.drawn.is_some() {
+                "which were drawn: evidence, no proof"
+            } else {
+                "proved by looking at all"
+            }
         );
     }
     text.push('\n');
@@ -344,4 +439,59 @@ fn describe(message: &AbsolutePlanMessage) -> String {
         table(&["unknown", "standard error", "unit"], &rows)
     );
     text
+}
+
+/// How candidates were drawn, and what is not said of others.
+fn drawn_words(message: &AbsolutePlanMessage) -> String {
+    let Some(drawn) = &message.drawn else {
+        return String::new();
+    };
+    let CandidatesMessage {
+        offered, possible, ..
+    } = &message.candidates;
+    format!(
+        "The candidates are {} at random (seed {}), without and with a load: {possible} of {offered} are possible; and others near those that \
+         were chosen. The region has more: the bound is evidence, no proof.\n",
+        counted(drawn.configurations.into(), "configuration"),
+        drawn.seed
+    )
+}
+
+/// What was seen of a promise, for a person.
+fn describe_trials(trials: &AbsoluteTrialsMessage) -> String {
+    let judged = trials.robots - trials.failed;
+    let mut text = format!(
+        "\nOf {} that were drawn, read as the plan says, and identified: {:.5} +- {:.5} mm rms are left where {:.5} mm are promised",
+        counted(judged, "virtual robot"),
+        trials.rms_mm,
+        trials.rms_std_mm,
+        trials.promised_rms_mm
+    );
+    if let Some(share) = trials.below_quantile95 {
+        text += &format!("; {:.1} % stay below what 95 % should", share * 100.0);
+    }
+    text + &format!(
+        ". The promise {}.\n",
+        match trials.promise {
+            "holds" => "holds".to_owned(),
+            other => format!("is {other}"),
+        }
+    )
+}
+
+/// Conditions that virtual robots do not meet.
+fn unkept(trials: &AbsoluteTrials, message: &AbsoluteTrialsMessage) -> Vec<String> {
+    let mut conditions = Vec::new();
+    if trials.failed > 0 {
+        let first = message.first_failure.as_deref().unwrap_or_default();
+        conditions.push(format!(
+            "{} of {} could not be judged; the first: {first}",
+            trials.failed,
+            counted(trials.robots, "virtual robot")
+        ));
+    }
+    if trials.kept() == Kept::Broken {
+        conditions.push("virtual robots are left with more than is promised".to_owned());
+    }
+    conditions
 }

@@ -13,7 +13,7 @@ use elastocal::task::AccuracyKind;
 use elastocal::text::wording::counted;
 use serde_json::json;
 
-use super::absolute_plan::{AbsoluteWanted, UnknownArgs, refuse_options};
+use super::absolute_plan::{AbsoluteWanted, UnknownArgs, refuse_options, refuse_where_relative};
 use super::candidates::{CandidateArgs, PoseArgs, told};
 use super::interruption::{STOP, proceed};
 use super::proof::{ExchangeArgs, ProofArgs, leaving_out};
@@ -40,6 +40,10 @@ pub struct Evaluate {
     /// By which criterion no plan is better than the bound that is searched and proved
     #[arg(long, value_enum, default_value_t)]
     criterion: Criterion,
+    /// With design.accuracy = "absolute", draw so many virtual robots, read each as the plan says, identify it, and tell what is left
+    /// of what is promised
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(2..=1_000_000))]
+    trials: Option<u64>,
     /// The plan to assess.
     #[arg(long, value_name = "FILE")]
     plan: PathBuf,
@@ -74,9 +78,17 @@ impl Evaluate {
                 candidates: self.candidates.path(),
                 poses: &self.poses,
             };
-            return wanted.evaluate(&self.plan);
+            return wanted.evaluate(&self.plan, self.trials);
         }
         self.unknown.refuse(&scenario)?;
+        refuse_where_relative(
+            &scenario,
+            &[(
+                "--trials",
+                self.trials.is_some(),
+                "`study` draws robots for plans of deflections",
+            )],
+        )?;
         let plan = read_plan(&self.plan, scenario.task.belief.commands())?;
         let candidates = self.candidates.read(&scenario.task)?;
         self.common.say("searching the bound that no plan can beat");

@@ -117,7 +117,7 @@ enum Command {
     Check(check::Check),
     /// Design a plan of experiments
     #[command(
-        after_help = "Examples:\n  elastocal plan --experiments 4 --plan-out plan.csv\n  elastocal plan --experiments 12 --configurations 3\n  elastocal plan --minutes 90\n  elastocal plan --experiments 4 --candidates candidates.csv"
+        after_help = "Examples:\n  elastocal plan --experiments 4 --plan-out plan.csv\n  elastocal plan --experiments 12 --configurations 3\n  elastocal plan --minutes 90\n  elastocal plan --experiments 4 --candidates candidates.csv\n  elastocal plan absolute.toml --candidates stops.csv --parameters zeros --plan-out readings.csv\n  elastocal plan absolute.toml --draw 300 --parameters geometry --test-poses path.csv"
     )]
     Plan(plan::PlanCommand),
     /// How many measurements, and in how many configurations, for a wanted accuracy
@@ -125,7 +125,7 @@ enum Command {
     Budget(budget::Budget),
     /// Assess a plan: accuracy at the test pose, standard errors, criteria, violations
     #[command(
-        after_help = "Example:\n  elastocal evaluate --plan scenarios/plans/klimchik2012_m3.csv"
+        after_help = "Examples:\n  elastocal evaluate --plan scenarios/plans/klimchik2012_m3.csv\n  elastocal evaluate absolute.toml --plan readings.csv --parameters zeros --trials 400\n  elastocal evaluate absolute.toml --plan readings.csv --candidates stops.csv --test-poses path.csv"
     )]
     Evaluate(evaluate::Evaluate),
     /// Measure a plan on the virtual robot
@@ -341,7 +341,7 @@ impl Common {
         if scenario.task.design.accuracy == AccuracyKind::Absolute {
             let problem = "is \"absolute\", and this command is about deflections";
             let wrong = FileError::new(&scenario.path, problem).at("design.accuracy");
-            let hint = "absolute accuracy is for `plan --candidates` and `evaluate`; leave the key out for this command";
+            let hint = "absolute accuracy is for `plan` and `evaluate`; leave the key out for this command";
             return Err(wrong.hint(hint).into());
         }
         Ok(scenario)

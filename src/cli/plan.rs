@@ -23,7 +23,9 @@ use elastocal::text::wording::counted;
 use elastocal::workflow::design::{Designed, Onlooker, Wanted, design as design_of, design_among};
 use serde_json::json;
 
-use super::absolute_plan::{AbsoluteOutputs, AbsoluteWanted, UnknownArgs, refuse_options};
+use super::absolute_plan::{
+    AbsoluteOutputs, AbsoluteWanted, UnknownArgs, refuse_options, refuse_where_relative,
+};
 use super::candidates::{CandidateArgs, PoseArgs, told};
 use super::evaluate::{conditions, describe};
 use super::interruption::ask_search;
@@ -33,6 +35,9 @@ use super::table::table;
 use super::views;
 use super::written::Written;
 use super::{Common, Report, check_outputs, inputs, results, without_effect};
+
+/// So many configurations are drawn where nothing else is said.
+const DRAWN: u32 = 200;
 
 /// Arguments of `plan`.
 #[derive(Debug, Args)]
@@ -59,6 +64,9 @@ pub struct PlanCommand {
     /// At most so many minutes, by the table [laboratory] of the scenario, in place of a number of measurements.
     #[arg(long, value_name = "MIN", value_parser = minutes, conflicts_with_all = ["experiments", "configurations", "criterion", "candidates"])]
     minutes: Option<f64>,
+    /// With design.accuracy = "absolute" and without --candidates, begin with so many configurations at random [default: 200]
+    #[arg(long, value_name = "N", conflicts_with = "candidates", value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    draw: Option<u32>,
     /// What makes the plan good.
     #[arg(long, value_enum, default_value_t)]
     criterion: Criterion,
@@ -246,7 +254,7 @@ impl PlanCommand {
             plan: self.plan_out.as_deref(),
             stills: self.stills_out.as_deref(),
         };
-        wanted.design(sizes, outputs)
+        wanted.design(sizes, self.draw.unwrap_or(DRAWN), outputs)
     }
 
     /// A plan of candidates.
@@ -334,6 +342,8 @@ impl PlanCommand {
             );
         }
         self.unknown.refuse(&scenario)?;
+        let instead = "plans of deflections are searched in the whole region";
+        refuse_where_relative(&scenario, &[("--draw", self.draw.is_some(), instead)])?;
         if let Some(candidates) = self.candidates.read(&scenario.task)? {
             let wanted = Wanted {
                 criterion: self.criterion,

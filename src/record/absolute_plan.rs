@@ -49,6 +49,16 @@ pub struct PromisedPoseMessage {
     pub rho0_mm: Option<f64>,
 }
 
+/// How candidates were drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
+pub struct DrawnMessage {
+    /// So many configurations at random from the scenario's region, and then others near those that were chosen.
+    pub configurations: u32,
+    /// Under this seed.
+    pub seed: u64,
+}
+
 /// What a plan of absolute readings promises.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
@@ -79,6 +89,8 @@ pub struct AbsolutePlanMessage {
     pub plan: Vec<PlannedReadingMessage>,
     /// What it was chosen from, or what it was read as.
     pub candidates: CandidatesMessage,
+    /// How the candidates were drawn; null where they are a file's.
+    pub drawn: Option<DrawnMessage>,
     /// What the promise takes for certain although it is not, in words.
     pub taken_for_certain: Vec<String>,
 }
@@ -147,6 +159,7 @@ impl AbsolutePlanMessage {
                     .map(LeftOutCandidatesMessage::new)
                     .collect(),
             },
+            drawn: None,
             taken_for_certain: planning.taken_for_certain(),
         }
     }

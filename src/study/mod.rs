@@ -11,8 +11,10 @@
 //! - [`summary`]: means, intervals, quantiles and checks from a tally.
 //! - [`switched_off`]: what each uncertainty leaves, seen: the same runs without it.
 //! - [`selection`]: readings chosen in several ways, the robot calibrated with each, and judged on all others.
+//! - [`absolute`]: robots that are read as a plan of absolute readings says, identified and looked at.
 //! - [`evidence`]: what a designed plan is shown beside: rivals, other sizes, many runs.
 
+pub mod absolute;
 pub mod account;
 mod counts;
 pub mod deviations;

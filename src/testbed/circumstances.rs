@@ -19,6 +19,9 @@ use crate::task::Instrument;
 
 use super::virtual_robot::{MeasurementError, VirtualRobot};
 
+/// Two readings make a deflection: each has this share of the standard deviation of what is new in both.
+const OF_ONE_READING: f64 = std::f64::consts::FRAC_1_SQRT_2;
+
 /// Where a run's robot, loads and instrument differ from what is said of them.
 #[derive(Debug, Clone)]
 pub struct Circumstances {
@@ -334,6 +337,90 @@ impl Circumstances {
             base.rotation * moved + self.here.drift_m,
             base.rotation * displacement.rotation_rad,
         ))
+    }
+}
+
+/// What differs when a target is read by itself, not twice for a deflection.
+#[derive(Debug, Clone)]
+pub(super) struct Disturbed {
+    /// What the joints are commanded (rad).
+    pub commanded_rad: DVector<f64>,
+    /// What hangs on the calibration tool.
+    pub load: Load,
+    /// What the place that is read is off by (m, world frame) ...
+    pub off_m: Vector3<f64>,
+    /// ... and what per metre of the distance from the instrument, which stands at the point (m) where nobody says otherwise.
+    pub by_distance: Vec<(Vector3<f64>, Vector3<f64>)>,
+}
+
+impl Circumstances {
+    /// A reading of a target by itself. Of what is told of deflections, joints that return and the instrument's range, it has half
+    /// the variance. `own` and `shared` are the numbers of the reading, and of the first at its stand.
+    pub(super) fn disturbed(
+        &self,
+        experiment: &Experiment,
+        normals: &[[f64; LANES]],
+        lane: usize,
+        [own, shared]: [usize; 2],
+    ) -> Disturbed {
+        let size = self.numbers_of_reading();
+        let number = |reading: usize, place: usize| {
+            normals[self.shared.len() + reading * size + place][lane]
+        };
+        let (q, approach) = (&experiment.configuration_rad, experiment.approach.as_ref());
+        let mut load = self.here.acting(&experiment.load);
+        let mut commanded_rad = self.commanded(q, &load, false, approach);
+        let (mut off_m, mut by_distance) = (Vector3::zeros(), Vec::new());
+        let mut place = 0;
+        for source in &self.sources {
+            let reading = if source.is_shared_by_repeats() {
+                shared
+            } else {
+                own
+            };
+            let mut next = |deviation: f64| {
+                place += 1;
+                deviation * number(reading, place - 1)
+            };
+            let mut three = |deviation: f64| Vector3::from_fn(|_, _| next(deviation));
+            match source {
+                ReadingSource::JointReturn(deviations) => {
+                    for (angle, &deviation) in commanded_rad.iter_mut().zip(deviations) {
+                        *angle += next(deviation * OF_ONE_READING);
+                    }
+                }
+                ReadingSource::GearError(deviations) => {
+                    for (angle, &deviation) in commanded_rad.iter_mut().zip(deviations) {
+                        *angle += next(deviation);
+                    }
+                }
+                ReadingSource::Misfit(deviation) => off_m += three(*deviation),
+                ReadingSource::Wrong { share, deviation_m } => {
+                    let wrong = three(*deviation_m);
+                    if happens(next(1.0), *share) {
+                        off_m += wrong;
+                    }
+                }
+                ReadingSource::Dropped(_) => place += source.numbers(),
+                ReadingSource::LoadDirection(deviation) => {
+                    let turn = Rotation3::new(three(*deviation));
+                    load.force_n = turn * load.force_n;
+                    load.torque_nm = turn * load.torque_nm;
+                }
+                ReadingSource::LoadPoint(deviation) => {
+                    load.torque_nm += three(*deviation).cross(&load.force_n);
+                }
+                ReadingSource::Range { from_m, per_metre } => {
+                    by_distance.push((*from_m, three(per_metre * OF_ONE_READING)));
+                }
+            }
+        }
+        Disturbed {
+            commanded_rad,
+            load,
+            off_m,
+            by_distance,
+        }
     }
 }
 

@@ -8,6 +8,7 @@ mod arm;
 mod chain;
 mod circumstances;
 mod instrument;
+mod read_robots;
 mod rest;
 mod robots;
 mod settle;
@@ -16,6 +17,7 @@ mod virtual_robot;
 
 pub use circumstances::Circumstances;
 pub use instrument::{add_noise, add_noise_of, numbers};
+pub use read_robots::{ReadRobots, SeenFrom};
 pub use robots::TrueRobots;
 pub use settle::{SettleError, Settled, settle};
 pub use truth::{DrawnCompliances, Truth};

@@ -327,10 +327,6 @@ fn commands_plan_absolute_readings() {
     );
     for (arguments, wanted) in [
         (
-            "plan s.toml --experiments 12",
-            "such plans are chosen from candidates",
-        ),
-        (
             "plan s.toml --experiments 12 --candidates c.csv --criterion d",
             "--criterion is for plans of deflections",
         ),

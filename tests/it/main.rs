@@ -72,8 +72,8 @@
 //! - `bounds`: the class of plans that a bound speaks about.
 //! - `left_out`: what a proof takes for certain, by name.
 //! - `proofs`: the bound that is proved, and its proof checked by another program.
-//! - `absolute_plans`, `absolute_promises`, `stations`: plans of absolute readings, robots that keep what they promise, and where the
-//!   instrument stands.
+//! - `absolute_plans`, `absolute_promises`, `absolute_trials`, `stations`: plans of absolute readings, robots that keep what they promise,
+//!   virtual ones of the program among them, and where the instrument stands.
 //! - `candidates`: plans that are chosen from a list, held to all plans that there are of it.
 //! - `criteria_bounds`: the bounds by other criteria than `rho_0`.
 //! - `exchanges`: what exchanging one measurement of a plan can gain.
@@ -99,6 +99,7 @@ mod absolute_plans;
 mod absolute_promises;
 mod absolute_readings;
 mod absolute_targets;
+mod absolute_trials;
 mod backlash;
 mod bad_input;
 mod bounds;

@@ -32,6 +32,18 @@ pub const fn candidate_search(index: u64) -> u64 {
     (1 << 49) + index
 }
 
+/// The instrument's frames of trial number `index` of a plan of absolute readings.
+#[must_use]
+pub const fn frames_of_trial(index: u64) -> u64 {
+    (1 << 59) + index
+}
+
+/// Candidates that are drawn for a plan of absolute readings, in round number `index`.
+#[must_use]
+pub const fn drawn_candidates(index: u64) -> u64 {
+    (1 << 58) + index
+}
+
 /// Random choice number `index` among readings that there are.
 #[must_use]
 pub const fn random_choice(index: u64) -> u64 {

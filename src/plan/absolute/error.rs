@@ -73,6 +73,9 @@ pub enum AbsolutePlanError {
         /// What there is.
         known: Vec<String>,
     },
+    /// No candidates could be drawn.
+    #[error("no candidates could be drawn: {0}")]
+    Drawn(String),
     /// Too many, each row from each station.
     #[error(
         "there are {found} candidates, each row from each station of the scenario; at most {MOST_CANDIDATES} are allowed"
@@ -162,7 +165,9 @@ impl AbsolutePlanError {
                  how well joints and links are known",
             ),
             Self::TooFew { .. } => Some("give more --experiments, or more candidates"),
-            Self::Station { .. } | Self::BeyondLoad { .. } | Self::Choice(_) => None,
+            Self::Drawn(_) | Self::Station { .. } | Self::BeyondLoad { .. } | Self::Choice(_) => {
+                None
+            }
         }
     }
 }

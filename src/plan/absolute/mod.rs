@@ -7,11 +7,12 @@
 //! The place counts in the frame of a station. Of several, it is that where least is left: each station has a frame of its own,
 //! which only readings from there tell, so that where the instrument stands is chosen with the readings.
 
+mod drawn;
 mod error;
 mod promise;
 mod readable;
 
-use nalgebra::{DMatrix, Matrix3xX};
+use nalgebra::{DMatrix, Matrix3xX, Matrix6};
 use rayon::prelude::*;
 
 use super::Criterion;
@@ -32,6 +33,7 @@ use crate::quantities::limits::MOST_EXPERIMENTS;
 use crate::robot::Load;
 use crate::task::Task;
 
+pub use drawn::DrawnWanted;
 pub use error::AbsolutePlanError;
 pub use promise::AbsolutePromise;
 
@@ -235,10 +237,16 @@ impl<'a> AbsolutePlanning<'a> {
         (!self.case.targets.contains(machining)).then_some(machining)
     }
 
+    /// The covariance of the mean of so many readings of a candidate (m^2, m rad, rad^2), in the world frame.
+    #[must_use]
+    pub fn covariance(&self, place: usize, times: u32) -> Matrix6<f64> {
+        self.errors[place].of_mean(&self.case.covariances[place], times)
+    }
+
     /// The reading of a candidate, as the mean of so many.
     fn reading(&self, place: usize, times: u32) -> PlannedReading {
         let observation = &self.case.observations[place];
-        let covariance = self.errors[place].of_mean(&self.case.covariances[place], times);
+        let covariance = self.covariance(place, times);
         let mut planned = observation.planned();
         if let Some(whitener) = Whitener::of_covariance(&covariance) {
             planned.whitener = whitener;
@@ -355,6 +363,17 @@ impl<'a> AbsolutePlanning<'a> {
     /// The candidates do not determine the tool's place, or allow fewer readings.
     pub fn design(
         &self,
+        sizes: [u32; 2],
+        seed: u64,
+        watch: Watch<'_>,
+    ) -> Result<AbsolutePlan, AbsolutePlanError> {
+        self.design_by(SEARCHES, sizes, seed, watch)
+    }
+
+    /// The same by so many searches.
+    fn design_by(
+        &self,
+        searches: usize,
         [measurements, configurations]: [u32; 2],
         seed: u64,
         watch: Watch<'_>,
@@ -362,7 +381,7 @@ impl<'a> AbsolutePlanning<'a> {
         let effort = FiniteEffort {
             measurements,
             configurations,
-            searches: SEARCHES,
+            searches,
             seed,
             exchanges: ExchangesTry::Promising,
         };

@@ -61,5 +61,5 @@ pub use observation::MatrixEvaluator;
 pub use one_exchange::{Exchanges, ExchangesFile, OneExchange};
 pub use problem::{Effort, Problem, SearchError};
 pub use proved::{ProofEffort, ProofExperiment, ProofFile, ProvedBound, TIGHT};
-pub use sampling::{RandomPlans, median_random_rho0, random_plan};
+pub use sampling::{RandomPlans, median_random_rho0, random_experiments, random_plan};
 pub use told::ToldByCandidates;

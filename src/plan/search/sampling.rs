@@ -186,7 +186,12 @@ impl<'a> RandomPlans<'a> {
     /// # Errors
     /// No feasible experiment is found.
     pub fn draw(&mut self, experiments: u32, run: u64) -> Result<Plan, SearchError> {
-        draw_plan(&mut self.sampler, experiments, self.seed, run)
+        draw_plan(
+            &mut self.sampler,
+            experiments,
+            self.seed,
+            streams::random_plan(run),
+        )
     }
 }
 
@@ -202,7 +207,23 @@ pub fn random_plan(
     run: u64,
 ) -> Result<Plan, SearchError> {
     let problem = Problem::new(task, Criterion::TestPose);
-    draw_plan(&mut Sampler::new(&problem), experiments, seed, run)
+    let stream = streams::random_plan(run);
+    draw_plan(&mut Sampler::new(&problem), experiments, seed, stream)
+}
+
+/// Random feasible experiments of a task, of a stream under a seed.
+///
+/// # Errors
+/// No feasible experiment is found.
+pub fn random_experiments(
+    task: &Task,
+    count: u32,
+    seed: u64,
+    stream: u64,
+) -> Result<Vec<Experiment>, SearchError> {
+    let problem = Problem::new(task, Criterion::TestPose);
+    let plan = draw_plan(&mut Sampler::new(&problem), count, seed, stream)?;
+    Ok(plan.experiments)
 }
 
 /// The median of the accuracies `rho_0` (m) that so many random plans promise, drawn on all threads.
@@ -221,7 +242,7 @@ pub fn median_random_rho0(
         .map_init(
             || (Sampler::new(&problem), problem.cost()),
             |(sampler, cost), run| {
-                let plan = draw_plan(sampler, experiments, seed, run)?;
+                let plan = draw_plan(sampler, experiments, seed, streams::random_plan(run))?;
                 let rho0 = cost.value(&problem.information(&plan));
                 Ok(rho0.unwrap_or(f64::INFINITY))
             },
@@ -235,9 +256,9 @@ fn draw_plan(
     sampler: &mut Sampler<'_>,
     experiments: u32,
     seed: u64,
-    run: u64,
+    stream: u64,
 ) -> Result<Plan, SearchError> {
-    let mut random = generator(seed, streams::random_plan(run));
+    let mut random = generator(seed, stream);
     let experiments = (0..experiments)
         .map(|_| {
             let (q, load) = sampler

@@ -1,0 +1,176 @@
+//! Plans without a list of candidates: at configurations that are drawn from the task's region, and at others near those that
+//! are chosen.
+//!
+//! What comes of it is evidence, and no proof: the region has more configurations than are looked at.
+
+use nalgebra::DVector;
+use rand::RngExt;
+use rand_distr::{Distribution, StandardNormal};
+
+use super::error::AbsolutePlanError;
+use super::{AbsolutePlan, AbsolutePlanning};
+use crate::experiment::Candidate;
+use crate::identification::ParameterGroup;
+use crate::numeric::random::generator;
+use crate::numeric::random::streams::drawn_candidates;
+use crate::plan::search::{BoundKind, Watch, random_experiments};
+use crate::robot::Load;
+use crate::task::Task;
+
+/// After the first search, so many more, each nearer to the plan that was best: the standard deviation of each joint's step, as a share
+/// of its range.
+const STEPS: [f64; 5] = [0.06, 0.03, 0.015, 0.008, 0.004];
+/// Searches in each round: rounds better what one leaves.
+const SEARCHES: usize = 3;
+/// So many configurations are tried near each that is chosen.
+const NEAR: usize = 12;
+
+/// How configurations are drawn.
+#[derive(Debug, Clone, Copy)]
+pub struct DrawnWanted {
+    /// So many configurations at first.
+    pub configurations: u32,
+    /// Under a seed.
+    pub seed: u64,
+}
+
+impl<'a> AbsolutePlanning<'a> {
+    /// The best plan that is found of so many readings, of so many different candidates, which are drawn: each configuration without
+    /// and with a load, of the calibration and of the machining tool, from each station.
+    ///
+    /// # Errors
+    /// No configuration is possible; and see [`AbsolutePlanError`].
+    pub fn design_anywhere(
+        task: &'a Task,
+        groups: &[ParameterGroup],
+        wanted: DrawnWanted,
+        sizes: [u32; 2],
+        watch: Watch<'_>,
+    ) -> Result<(Self, AbsolutePlan), AbsolutePlanError> {
+        let mut rows = drawn(task, wanted)?;
+        let planning = Self::new(task, groups, &rows)?;
+        let rounds = STEPS.len() + 1;
+        let stop = watch.stop;
+        let in_round = |round: usize| {
+            move |done: usize, all: usize, cost: f64| {
+                (watch.progress)(round * all + done, rounds * all, cost);
+            }
+        };
+        let mut found = planning.design_by(
+            SEARCHES,
+            sizes,
+            wanted.seed,
+            Watch {
+                stop,
+                progress: &in_round(0),
+            },
+        )?;
+        let mut best: Vec<Candidate> = (found.plan.iter())
+            .map(|&(place, _)| planning.candidates[place].clone())
+            .collect();
+        let mut least = planning.promise(&found.plan).rho0_m();
+        for (round, step) in STEPS.iter().enumerate() {
+            if stop.load(std::sync::atomic::Ordering::Relaxed) {
+                break;
+            }
+            let near = near(task, &best, *step, [wanted.seed, round as u64 + 1]);
+            let Ok(local) = Self::new(task, groups, &near) else {
+                continue;
+            };
+            let progress = in_round(round + 1);
+            let here = Watch {
+                stop,
+                progress: &progress,
+            };
+            let Ok(searched) = local.design_by(SEARCHES, sizes, wanted.seed, here) else {
+                continue;
+            };
+            let rho0_m = local.promise(&searched.plan).rho0_m();
+            if rho0_m.is_some_and(|rho0_m| least.is_none_or(|least| rho0_m < least)) {
+                least = rho0_m;
+                best = (searched.plan.iter())
+                    .map(|&(place, _)| local.candidates[place].clone())
+                    .collect();
+                found = searched;
+            }
+        }
+        let offered = rows.len();
+        rows.extend(best);
+        let all = Self::new(task, groups, &rows)?;
+        // Those that were chosen are possible, and stand behind all others.
+        let chosen = all.candidates.len() - (rows.len() - offered);
+        for (index, (place, _)) in found.plan.iter_mut().enumerate() {
+            *place = chosen + index;
+        }
+        found.bound = all.bound(&found.plan)?.map(|mut bound| {
+            // All that were drawn were looked at, and there are others.
+            bound.kind = BoundKind::Evidence;
+            bound.proof = None;
+            bound
+        });
+        Ok((all, found))
+    }
+}
+
+/// Each of some configurations without and with a load, of each of the two tools.
+fn drawn(task: &Task, wanted: DrawnWanted) -> Result<Vec<Candidate>, AbsolutePlanError> {
+    // Stations have a sight of their own, which candidates are held to.
+    let mut anywhere = task.clone();
+    anywhere.region.line_of_sight &= task.stations.is_empty();
+    let stream = drawn_candidates(0);
+    let experiments = random_experiments(&anywhere, wanted.configurations, wanted.seed, stream)
+        .map_err(|error| AbsolutePlanError::Drawn(error.to_string()))?;
+    let belief = &task.belief;
+    let carried = belief.calibration_tool.joints;
+    let mut targets = vec![&belief.calibration_tool, &belief.machining_tool];
+    targets.dedup_by(|one, other| one.name == other.name);
+    let mut rows = Vec::new();
+    for (index, experiment) in experiments.iter().enumerate() {
+        for target in &targets {
+            // A load acts at the calibration tool, and no further.
+            let loads = [
+                Some(Load::NONE),
+                (target.joints <= carried).then_some(experiment.load),
+            ];
+            rows.extend(loads.into_iter().flatten().map(|load| Candidate {
+                line: index + 1,
+                configuration_rad: experiment.configuration_rad.clone(),
+                load: Some(load),
+                most: None,
+                target: Some(target.name.clone()),
+                station: None,
+                approach: None,
+            }));
+        }
+    }
+    Ok(rows)
+}
+
+/// Some candidates, and others near each: a step of each joint by a share of its range.
+fn near(task: &Task, best: &[Candidate], step: f64, [seed, round]: [u64; 2]) -> Vec<Candidate> {
+    let mut random = generator(seed, drawn_candidates(round));
+    let ranges = &task.region.joint_range_rad;
+    let mut all = best.to_vec();
+    for row in best {
+        for _ in 0..NEAR {
+            // One joint at a time as often as all together.
+            let alone = (random.random::<f64>() < 0.5)
+                .then(|| random.random_range(0..row.configuration_rad.len()));
+            let moved = row.configuration_rad.iter().zip(ranges).enumerate();
+            let moved: Vec<f64> = moved
+                .map(|(joint, (angle, [low, high]))| {
+                    let normal: f64 = StandardNormal.sample(&mut random);
+                    if alone.is_some_and(|alone| alone != joint) {
+                        return *angle;
+                    }
+                    (angle + step * (high - low) * normal).clamp(*low, *high)
+                })
+                .collect();
+            all.push(Candidate {
+                configuration_rad: DVector::from_vec(moved),
+                ..row.clone()
+            });
+        }
+    }
+    all
+}

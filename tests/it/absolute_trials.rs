@@ -1,0 +1,167 @@
+//! Virtual robots in MuJoCo that are read as plans of absolute readings say: they keep what is promised, and break it where the
+//! planner does not know of what they are like; and plans at configurations that nobody listed.
+
+use serde_json::Value;
+
+use crate::support::{Workplace, scenario_text};
+
+fn absolute(more: &str) -> String {
+    scenario_text("ur10")
+        .replace("[design]", "[design]\naccuracy = \"absolute\"")
+        .replace("experiments = 4", "experiments = 14")
+        + more
+}
+
+/// What a laboratory may know before, and what disturbs its readings.
+const KNOWN: &str = r#"
+[[uncertainty]]
+kind = "joint_zero"
+std_mrad = 1
+
+[[uncertainty]]
+kind = "link_position"
+std_mm = 0.2
+
+[[uncertainty]]
+kind = "compliance"
+std_relative = 0.2
+
+[[uncertainty]]
+kind = "joint_return"
+std_mrad = 0.05
+
+[[uncertainty]]
+kind = "gear_error"
+std_mrad = 0.03
+
+[[uncertainty]]
+kind = "tracker_range"
+std_um_per_m = 6
+
+[[uncertainty]]
+kind = "task_force"
+std_n = 5
+
+[[station]]
+name = "near"
+position_mm = [-1800, 500, 900]
+
+[[station]]
+name = "far"
+position_mm = [-6000, -3000, 1500]
+"#;
+
+fn number(value: &Value) -> f64 {
+    value.as_f64().expect("a number")
+}
+
+/// Within three standard errors and 2 %, by the numbers themselves; and as many as promised stay below the quantile.
+fn holds(trials: &Value) {
+    let [promised, seen, error] =
+        ["promised_rms_mm", "rms_mm", "rms_std_mm"].map(|key| number(&trials[key]));
+    assert!(error < 0.06 * seen, "{trials}");
+    assert!(
+        (seen - promised).abs() <= 3.0 * error + 0.02 * promised,
+        "{trials}"
+    );
+    let robots = number(&trials["robots"]);
+    let below = number(&trials["below_quantile95"]);
+    assert!(
+        (below - 0.95).abs() <= 3.0 * (0.95_f64 * 0.05 / robots).sqrt() + 0.01,
+        "{trials}"
+    );
+    assert_eq!(trials["promise"], "holds");
+    assert_eq!(trials["failed"], 0);
+}
+
+/// A plan at drawn configurations: robots of which nothing is known keep its promise, and with the same readings those that are known
+/// to a degree, with all that disturbs them.
+#[test]
+fn drawn_robots_keep_what_is_promised() {
+    let place = Workplace::new();
+    place.write("s.toml", absolute(""));
+    place.write("k.toml", absolute(KNOWN));
+    let plan = "plan s.toml --parameters zeros --draw 40 --plan-out p.csv";
+    let planned = place.json(plan);
+    assert_eq!(planned["bound_kind"], "evidence");
+    assert_eq!(planned["drawn"]["configurations"], 40);
+    let efficiency = number(&planned["efficiency"]);
+    assert!(efficiency > 0.3 && efficiency <= 1.0, "{efficiency}");
+    let evaluate = "evaluate s.toml --parameters zeros --plan p.csv --trials 300";
+    let [one, two] = [1, 2].map(|threads| place.json(&format!("{evaluate} --threads {threads}")));
+    assert!((number(&one["rho0_mm"]) / number(&planned["rho0_mm"]) - 1.0).abs() < 1e-6);
+    holds(&one["trials"]);
+    assert_eq!(one["trials"], two["trials"]);
+    let from_near: Vec<String> = (place.read("p.csv").lines().enumerate())
+        .map(|(line, row)| row.to_owned() + if line == 0 { ",station" } else { ",near" })
+        .collect();
+    place.write("near.csv", from_near.join("\n") + "\n");
+    let known = place.json(
+        "evaluate k.toml --parameters frames,zeros,links,compliances --plan near.csv --trials 200",
+    );
+    assert!(number(&known["rho0_mm"]) > 2.0 * number(&one["rho0_mm"]));
+    holds(&known["trials"]);
+}
+
+/// What the planner does not know of breaks the promise, which is a condition.
+#[test]
+fn what_is_hidden_breaks_the_promise() {
+    let place = Workplace::new();
+    let hidden = "\n[[uncertainty]]\nkind = \"gear_error\"\nstd_mrad = 0.3\nhidden = true\n";
+    place.write("s.toml", absolute(hidden));
+    let plan = "plan s.toml --parameters zeros --draw 30 --plan-out p.csv --quiet";
+    place.run(plan).ends_with(0);
+    let evaluate = "evaluate s.toml --parameters zeros --plan p.csv --trials 60";
+    let broken = place.run(&format!("{evaluate} --quiet")).ends_with(3);
+    let broken = broken.says("virtual robots are left with more than is promised");
+    assert!(
+        broken.stdout.contains("The promise is broken"),
+        "{}",
+        broken.stdout
+    );
+    let text = place.run(&plan.replace("--quiet", "")).ends_with(0).stdout;
+    for words in [
+        "which were drawn: evidence, no proof",
+        "The candidates are 30 configurations at random (seed 1)",
+    ] {
+        assert!(text.contains(words), "{words}: {text}");
+    }
+}
+
+/// Options where they say nothing.
+#[test]
+fn options_that_do_not_fit_are_told() {
+    let place = Workplace::new();
+    place.write("s.toml", absolute(""));
+    place.write("r.toml", scenario_text("ur10"));
+    place.write(
+        "c.csv",
+        "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n20,-60,80,-110,-70,30\n",
+    );
+    for (arguments, words) in [
+        (
+            "plan r.toml --draw 20",
+            "--draw is for plans of absolute readings",
+        ),
+        (
+            "evaluate r.toml --plan c.csv --trials 20",
+            "--trials is for plans of absolute readings",
+        ),
+        (
+            "plan s.toml --candidates c.csv --draw 20",
+            "cannot be used with",
+        ),
+        ("evaluate s.toml --plan c.csv --trials 1", "1 is not in 2.."),
+    ] {
+        let outcome = place.run(&format!("{arguments} --quiet"));
+        assert!(
+            outcome.code == Some(1) || outcome.code == Some(2),
+            "{outcome:?}"
+        );
+        assert!(
+            outcome.stderr.contains(words),
+            "{words}: {}",
+            outcome.stderr
+        );
+    }
+}
