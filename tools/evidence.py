@@ -50,21 +50,24 @@ SOURCES = {
     "misfit": 'kind = "misfit"\nstd_mm = 0.02',
     "tracker_range": 'kind = "tracker_range"\nstd_um_per_m = 3',
 }
-# The same in rows of their own, of one robot: "all of these" is without them.
-HEAVY = "KR-270"
+# The same in rows of their own: "all of these" is without them.
 ALONE = {
     "drift": 'kind = "drift"\nstd_um_per_h = 20',
-    "backlash": 'kind = "backlash"\nstd_arcsec = 15\nturned_over_at_nm = 100',
+    "backlash": 'kind = "backlash"\nstd_arcsec = 15\nturned_over_at_nm = {turning}',
+    "stiffening": 'kind = "stiffening"\nstd_relative = 0.01\nat_nm = {carried}',
 }
+# Some percent of what each robot's joints carry, from where on that decides on which side of a gap one stands, and most of it.
+TORQUES = {"KR-270": ("100", "8000"), "UR10": ("10", "200"), "planar arm": ("20", "600")}
 # The planar arm has no tracker, and no first joint that nothing bends.
 LACKING = {"planar arm": {"compliance of the first joint", "tracker_range"}}
-# Joints of the virtual robot that are no springs. Runs take MuJoCo's forward dynamics, some four times as long, and a model with
-# actuators.
+# Joints of the virtual robot that are no springs, of one robot. A dead band takes MuJoCo's forward dynamics, some four times as long, and a
+# model with actuators.
 LAWS = {
     "stiffens at 5 mrad": "stiffens_at_mrad = 5",
     "softens at 20 mrad": "softens_at_mrad = 20",
     "dead band of 0.02 mrad": "dead_band_mrad = 0.02",
 }
+HEAVY = "KR-270"
 LAW_RUNS = 1_000
 
 
@@ -73,7 +76,15 @@ def sources(robot, alone=False):
     first = ROBOTS[robot][1]
     lacking = LACKING.get(robot, set())
     listed = SOURCES | ALONE if alone else SOURCES
-    filled = {name: text.replace("{first}", first or "") for name, text in listed.items()}
+    turning, carried = TORQUES[robot]
+    places = {"{first}": first or "", "{turning}": turning, "{carried}": carried}
+
+    def fill(text):
+        for place, value in places.items():
+            text = text.replace(place, value)
+        return text
+
+    filled = {name: fill(text) for name, text in listed.items()}
     return {name: text for name, text in filled.items() if name not in lacking}
 
 
@@ -181,7 +192,7 @@ def rows(table):
             names = list(LAWS) if robot == HEAVY else []
         else:
             names = list(sources(robot)) + (["all of these"] if table == "held" else [])
-            names += list(ALONE) if robot == HEAVY else []
+            names += list(ALONE)
         yield from ((robot, name) for name in names)
 
 
@@ -204,9 +215,10 @@ SECTIONS = {
 `make evidence` makes this page: every row is {RUNS} runs of the whole loop on the virtual robot in MuJoCo, which is
 drawn in every run. Plans are the best for noise alone, four measurements, each twice. A promise holds if what is seen is within
 three standard errors and 2 % of it: the model is linear, and the virtual robot is not. NEES is the mean square of the estimation
-error in units of its own covariance, over what is expected of it. A load cell of the UR10 that is 5 N off at 98 N is the one case
+error in units of its own covariance, over what is expected of it. A load cell of the UR10 that is 5 N off at 98 N is one case
 where that is not one: the offset multiplies compliances, and their best known combination bends within what is unknown of it;
-intervals and promise hold. The drift of the instrument and gaps of joints, which the load turns over, are rows of the KR-270 alone.
+joints of the KR-270 that carry more than the torque at which they stiffen are the other. Intervals and promises hold. The drift of the instrument, gaps of joints, which the load turns over, and joints that stiffen by a share
+that nobody knows are in rows of their own: "all of these" is without them.
 
 ## What the belief knows of
 
@@ -239,7 +251,7 @@ The same plans where the belief knows of the noise alone. What is seen is what t
 ## Joints that are no springs
 
 The same plans and belief, on a virtual robot of which joints 2 and 3 hold by another
-[law](uncertainties.md#joints-that-are-no-springs): {LAW_RUNS} runs each, in MuJoCo's forward dynamics. The account computes it to first order.
+[law](uncertainties.md#joints-that-are-no-springs): {LAW_RUNS} runs each, that with a dead band in MuJoCo's forward dynamics. The account computes it to first order.
 
 """,
 }

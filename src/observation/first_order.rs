@@ -20,6 +20,7 @@
 
 use nalgebra::{Cholesky, Matrix3, Matrix3xX, Rotation3, Vector3};
 
+use super::off_springs::OffSpring;
 use crate::parameter::{
     Axis, Backlash, ElasticArm, ParameterKind, ParameterSet, ReadingSource, along,
 };
@@ -32,6 +33,8 @@ enum Column {
     Compliance(usize),
     /// What a motion of all beyond a place changes.
     Place(usize),
+    /// What a joint stands off its spring by as weight and load have it.
+    OffSpring(usize),
     /// The deflection itself.
     LoadScale,
     /// The deflection under a force of 1 N along the load's.
@@ -131,6 +134,8 @@ pub struct FirstOrder<'a> {
     factors: Vec<f64>,
     /// Columns of gaps, with the joint and the size of each: the side of approach decides on their sign.
     gaps: Vec<(usize, usize, f64)>,
+    /// Joints that stand off their springs as weight and load have it.
+    off_springs: Vec<OffSpring>,
     places: Vec<FramePlace>,
     /// The variance of each coordinate of a deflection by the instrument alone (m^2).
     variance_m2: f64,
@@ -161,8 +166,13 @@ impl<'a> FirstOrder<'a> {
             Column::Place(places.len() - 1)
         };
         let tool = &arm.tools[target];
+        let mut off_springs: Vec<OffSpring> = Vec::new();
         let columns: Vec<Column> = (set.parameters().iter())
             .map(|parameter| match parameter.kind {
+                kind if let Some(each) = OffSpring::of(arm, kind) => {
+                    off_springs.push(each);
+                    Column::OffSpring(off_springs.len() - 1)
+                }
                 ParameterKind::JointCompliance { joint } => Column::Compliance(joint),
                 ParameterKind::JointZero { joint } | ParameterKind::JointBacklash { joint } => {
                     place(joint, PlaceMotion::Joint)
@@ -192,6 +202,7 @@ impl<'a> FirstOrder<'a> {
                 | ParameterKind::LinkCentre { .. }
                 | ParameterKind::PayloadMass
                 | ParameterKind::PayloadCentre { .. }
+                | ParameterKind::JointStiffening { .. }
                 | ParameterKind::SpringStiffness { .. }
                 | ParameterKind::SpringRest { .. } => Column::Silent,
             })
@@ -205,7 +216,11 @@ impl<'a> FirstOrder<'a> {
             });
         let gaps = (set.parameters().iter().zip(sizes).enumerate()).filter_map(
             |(column, (parameter, size))| match parameter.kind {
-                ParameterKind::JointBacklash { joint } => Some((column, joint, *size)),
+                ParameterKind::JointBacklash { joint }
+                    if matches!(columns[column], Column::Place(_)) =>
+                {
+                    Some((column, joint, *size))
+                }
                 _ => None,
             },
         );
@@ -214,6 +229,7 @@ impl<'a> FirstOrder<'a> {
             compliance: &arm.compliance_rad_per_nm,
             factors: factors.collect(),
             gaps: gaps.collect(),
+            off_springs,
             whitened: Matrix3xX::zeros(columns.len()),
             columns,
             levers: vec![Lever::NONE; places.len()],
@@ -228,13 +244,16 @@ impl<'a> FirstOrder<'a> {
         model
     }
 
-    /// Readings are from now on those of configurations that are approached from this side. Where joints have gaps, the side
-    /// alone decides on which side of them they stand.
+    /// Readings are from now on those of configurations that are approached from this side. Where joints have gaps, it decides on
+    /// which side of them they stand: alone, or beside what they carry.
     pub fn come_from(&mut self, approach: Option<&Approach>) {
-        if self.gaps.is_empty() {
+        if self.gaps.is_empty() && self.off_springs.is_empty() {
             return;
         }
         let came = Approach::of_all(approach, self.chain);
+        for each in &mut self.off_springs {
+            each.come_from(&came);
+        }
         for &(column, joint, size) in &self.gaps {
             self.factors[column] = Backlash::NONE.side(came[joint], 0.0) * size;
         }
@@ -264,6 +283,9 @@ impl<'a> FirstOrder<'a> {
         self.tool_position = state.tool_position;
         for (joint, lever) in self.joints.iter_mut().enumerate() {
             *lever = Lever::at(state.position_column(joint), state.rotation_column(joint));
+        }
+        for each in &mut self.off_springs {
+            each.stand(state, &self.chain.gravity_m_s2);
         }
         let mut before = Rotation3::identity();
         for (index, (joint, &angle)) in self.chain.joints.iter().zip(q).enumerate() {
@@ -309,6 +331,13 @@ impl<'a> FirstOrder<'a> {
                 Column::Place(place) => {
                     self.of_motion(self.places[place].moved_from, &self.levers[place], load)
                 }
+                Column::OffSpring(place) => {
+                    let each = &self.off_springs[place];
+                    let lever = &self.joints[each.joint];
+                    let shape = each.under(lever.torque(load));
+                    self.of_motion(each.joint, lever, load) * shape.loaded
+                        + lever.position * shape.crossed()
+                }
                 Column::LoadScale => deflection,
                 Column::LoadOffset => self.deflection(&along),
                 Column::Turned(axis) => axis.cross(&deflection),
@@ -330,7 +359,17 @@ impl<'a> FirstOrder<'a> {
                     let joint = &self.joints[joint];
                     joint.position * joint.torque(load)
                 }
-                Column::Place(place) => self.torques_of_place(place, load),
+                Column::Place(place) => {
+                    self.torques_of_motion(self.places[place].moved_from, &self.levers[place], load)
+                }
+                // It stands off its spring before the load acts; what that adds is compensated, too.
+                Column::OffSpring(place) => {
+                    let each = &self.off_springs[place];
+                    let lever = &self.joints[each.joint];
+                    let shape = each.under(lever.torque(load));
+                    self.torques_of_motion(each.joint, lever, load) * shape.unloaded
+                        + lever.position * shape.crossed()
+                }
                 Column::TaskScale => self.deflection(load),
                 Column::TaskForce(axis) => self.deflection(&Load {
                     force_n: Vector3::ith(axis.index(), 1.0),
@@ -346,9 +385,8 @@ impl<'a> FirstOrder<'a> {
         }
     }
 
-    /// How the motion of a place changes the joints' own deflections.
-    fn torques_of_place(&self, place: usize, load: &Load) -> Vector3<f64> {
-        let (from, v) = (self.places[place].moved_from, &self.levers[place]);
+    /// How a motion with this lever of all that is beyond a joint changes the joints' own deflections.
+    fn torques_of_motion(&self, from: usize, v: &Lever, load: &Load) -> Vector3<f64> {
         let mut sum = Vector3::zeros();
         for (index, (joint, &k)) in self.joints.iter().zip(self.compliance).enumerate() {
             let (moved, turned) = joint.moved_by(v, index < from);
@@ -492,12 +530,18 @@ impl<'a> FirstOrder<'a> {
             lever.of_position = Vector3::zeros();
             lever.of_rotation = Vector3::zeros();
         }
+        for each in &mut self.off_springs {
+            each.forget();
+        }
         let mut of_force = self.adjoint_of_derivatives(load, &(whitener.transpose() * factor));
         let mut of_tool = Vector3::zeros();
         for source in 0..self.sources.len() {
             of_force += self.adjoint_of_covariance(source, load, &of_covariance, &mut of_tool);
         }
         self.sweep(&of_tool, gradient);
+        for each in &self.off_springs {
+            each.add_to(gradient);
+        }
         of_force
     }
 
@@ -521,6 +565,7 @@ impl<'a> FirstOrder<'a> {
                     self.levers[place].of_position += position;
                     self.levers[place].of_rotation += rotation;
                 }
+                Column::OffSpring(place) => of_force += self.adjoint_of_off_spring(place, load, &b),
                 Column::LoadScale => of_deflection += b,
                 Column::LoadOffset => of_unit += b,
                 Column::Turned(axis) => of_deflection += b.cross(&axis),
@@ -540,6 +585,27 @@ impl<'a> FirstOrder<'a> {
             of_force += (of_unit_force - unit * unit.dot(&of_unit_force)) / size;
         }
         of_force
+    }
+
+    /// Adds the adjoints for b . (the column of a joint that stands off its spring), and returns that of the force.
+    fn adjoint_of_off_spring(
+        &mut self,
+        place: usize,
+        load: &Load,
+        b: &Vector3<f64>,
+    ) -> Vector3<f64> {
+        let joint = self.off_springs[place].joint;
+        let lever = self.joints[joint];
+        let shape = self.off_springs[place].under(lever.torque(load));
+        let along = b.dot(&lever.position);
+        let of_loaded = along + b.dot(&self.of_motion(joint, &lever, load));
+        let turned = b * shape.loaded;
+        let (force, position, rotation) = self.adjoint_of_motion(joint, &lever, load, &turned);
+        let of_load = self.off_springs[place].weigh(&shape, of_loaded, -along);
+        let own = &mut self.joints[joint];
+        own.of_position += position + b * shape.crossed() + load.force_n * of_load;
+        own.of_rotation += rotation + load.torque_nm * of_load;
+        force + lever.position * of_load
     }
 
     /// The same for b . (what a motion with a lever changes of the deflection); besides the adjoint of the force those of the

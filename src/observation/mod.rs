@@ -18,6 +18,7 @@ mod first_order;
 mod information;
 mod model;
 mod observed;
+mod off_springs;
 mod planned;
 mod reading;
 mod rotation;

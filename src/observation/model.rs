@@ -7,7 +7,7 @@ use nalgebra::{Isometry3, Matrix3, Matrix6xX, Rotation3, Vector3};
 use super::reading::{Prediction, ReadingKind, Setup};
 use super::rotation::{exponential, inverse_left_jacobian};
 use super::sweep::{Sweep, SweepPose};
-use crate::parameter::{ElasticArm, ParameterKind, ParameterSet};
+use crate::parameter::{ElasticArm, Leaning, ParameterKind, ParameterSet};
 use crate::robot::{
     EquilibriumError, EquilibriumSolver, KinematicState, Kinematics, Load, SerialChain,
 };
@@ -37,17 +37,17 @@ pub struct ObservationModel<'a> {
     torque: Vec<f64>,
     unloaded: Matrix6xX<f64>,
     bases: Vec<StationBase>,
-    gaps: Option<Box<Gaps>>,
+    off_springs: Option<Box<OffSprings>>,
 }
 
-/// Where joints have gaps: on which sides of them they stand, which is a matter of the nominal arm alone.
+/// Where joints have gaps, or give besides their springs: how they stand off these, which is a matter of the nominal arm alone.
 #[derive(Debug, Clone)]
-struct Gaps {
+struct OffSprings {
     nominal: ElasticArm,
     /// Under the load of the last setup, or without one.
-    sides: Vec<f64>,
+    here: Vec<Leaning>,
     /// Without a load.
-    unloaded: Vec<f64>,
+    unloaded: Vec<Leaning>,
 }
 
 /// Where the robot's base is in the frame of a station.
@@ -79,9 +79,7 @@ impl<'a> ObservationModel<'a> {
         let belief = set.apply(nominal, values);
         let joints = belief.chain.len();
         let bases = belief.instrument_from_base.iter().map(StationBase::new);
-        let is_gap = |kind| matches!(kind, ParameterKind::JointBacklash { .. });
-        let has_gaps =
-            nominal.has_backlash() || set.parameters().iter().any(|each| is_gap(each.kind));
+        let leans = nominal.leans() || set.parameters().iter().any(|each| each.kind.leans());
         Self {
             chain: belief.loaded_chain(),
             solver: EquilibriumSolver::new(joints),
@@ -91,11 +89,11 @@ impl<'a> ObservationModel<'a> {
             torque: vec![0.0; joints],
             unloaded: Matrix6xX::zeros(set.len()),
             bases: bases.collect(),
-            gaps: has_gaps.then(|| {
-                Box::new(Gaps {
+            off_springs: leans.then(|| {
+                Box::new(OffSprings {
                     nominal: nominal.clone(),
-                    sides: vec![0.0; joints],
-                    unloaded: vec![0.0; joints],
+                    here: vec![Leaning::default(); joints],
+                    unloaded: vec![Leaning::default(); joints],
                 })
             }),
             belief,
@@ -140,11 +138,11 @@ impl<'a> ObservationModel<'a> {
         };
         let mut prediction = if kind.is_deflection() {
             let mut room = std::mem::replace(&mut self.unloaded, Matrix6xX::zeros(0));
-            self.stand_in_gaps(setup, false);
+            self.stand_off_springs(setup, false);
             let unloaded = self.at_rest(&Load::NONE, setup.target, &mut room);
             self.unloaded = room;
             let unloaded = unloaded?;
-            self.stand_in_gaps(setup, true);
+            self.stand_off_springs(setup, true);
             let loaded = self.at_rest(&load, setup.target, derivatives)?;
             self.deflection(&unloaded, &loaded, kind, derivatives)
         } else {
@@ -189,30 +187,29 @@ impl<'a> ObservationModel<'a> {
         for (joint, commanded) in self.commanded_rad.iter_mut().enumerate() {
             *commanded = setup.commanded_rad[joint] + self.belief.zero_rad[joint];
         }
-        self.stand_in_gaps(setup, true);
+        self.stand_off_springs(setup, true);
         self.belief.acting(&setup.load)
     }
 
-    /// Moves joints that have gaps to the sides of them where they stand with the load of a setup, or without it.
-    fn stand_in_gaps(&mut self, setup: &Setup, is_loaded: bool) {
-        let Some(gaps) = &mut self.gaps else {
+    /// Moves joints that have gaps, or give besides their springs, to where they stand with the load of a setup, or without it.
+    fn stand_off_springs(&mut self, setup: &Setup, is_loaded: bool) {
+        let Some(off_springs) = &mut self.off_springs else {
             return;
         };
-        let (nominal, approach) = (&gaps.nominal, setup.approach.as_ref());
+        let (nominal, approach) = (&off_springs.nominal, setup.approach.as_ref());
         let q = setup.commanded_rad.as_slice();
-        let under = |load: &Load| nominal.sides(q, setup.target, load, approach);
+        let under = |load: &Load| nominal.leanings(q, setup.target, load, approach);
         let unloaded = under(&Load::NONE);
-        let sides = if is_loaded {
+        let here = if is_loaded {
             under(&nominal.acting(&setup.load))
         } else {
             unloaded.clone()
         };
-        for (joint, side) in sides.iter().enumerate() {
-            self.commanded_rad[joint] = q[joint]
-                + self.belief.zero_rad[joint]
-                + side * self.belief.backlash[joint].half_width_rad;
+        for (joint, leaning) in here.iter().enumerate() {
+            self.commanded_rad[joint] =
+                q[joint] + self.belief.zero_rad[joint] + self.belief.leans_by(joint, leaning);
         }
-        (gaps.sides, gaps.unloaded) = (sides, unloaded);
+        (off_springs.here, off_springs.unloaded) = (here, unloaded);
     }
 
     /// The target's position and orientation in the base frame, or J k J^T W and the rotation that
@@ -240,11 +237,13 @@ impl<'a> ObservationModel<'a> {
             bent += self.state.position_column(joint) * angle;
             turned += self.state.rotation_column(joint) * angle;
         }
-        if let Some(gaps) = self.gaps.as_ref().filter(|_| !has_rigid_motion) {
-            for (joint, gap) in self.belief.backlash.iter().enumerate() {
-                let crossed = gaps.sides[joint] - gaps.unloaded[joint];
-                bent += self.state.position_column(joint) * (crossed * gap.half_width_rad);
-                turned += self.state.rotation_column(joint) * (crossed * gap.half_width_rad);
+        if let Some(off_springs) = self.off_springs.as_ref().filter(|_| !has_rigid_motion) {
+            let leanings = off_springs.here.iter().zip(&off_springs.unloaded);
+            for (joint, (here, unloaded)) in leanings.enumerate() {
+                let crossed =
+                    self.belief.leans_by(joint, here) - self.belief.leans_by(joint, unloaded);
+                bent += self.state.position_column(joint) * crossed;
+                turned += self.state.rotation_column(joint) * crossed;
             }
         }
         self.sweep.respond_rigidly(&self.state);
@@ -258,10 +257,8 @@ impl<'a> ObservationModel<'a> {
             load,
             gravity_m_s2: &gravity,
             torque: &self.torque,
-            gaps: self
-                .gaps
-                .as_ref()
-                .map(|gaps| [gaps.sides.as_slice(), &gaps.unloaded]),
+            leanings: (self.off_springs.as_ref())
+                .map(|leanings| [leanings.here.as_slice(), &leanings.unloaded]),
             is_first_order: true,
             has_rigid_motion,
         };
@@ -300,10 +297,8 @@ impl<'a> ObservationModel<'a> {
             load,
             gravity_m_s2: &self.chain.gravity_m_s2,
             torque: self.solver.torque(),
-            gaps: self
-                .gaps
-                .as_ref()
-                .map(|gaps| [gaps.sides.as_slice(), &gaps.unloaded]),
+            leanings: (self.off_springs.as_ref())
+                .map(|leanings| [leanings.here.as_slice(), &leanings.unloaded]),
             is_first_order: false,
             has_rigid_motion: true,
         };

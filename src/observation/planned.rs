@@ -8,8 +8,9 @@ use super::braced::BareArm;
 use super::compliances::ComplianceRows;
 use super::first_order::FirstOrder;
 use super::observed::ObservedRows;
+use super::off_springs::OffSpring;
 use super::reading::DeflectionPrecision;
-use crate::parameter::{ElasticArm, ParameterKind, ParameterSet, ReadingSource};
+use crate::parameter::{ElasticArm, ParameterSet, ReadingSource};
 use crate::robot::{Approach, KinematicState, Kinematics, Load};
 
 /// The precision where nothing is read, as at a test pose.
@@ -50,14 +51,10 @@ impl<'a> PlannedReadings<'a> {
         precision: DeflectionPrecision,
         sources: &'a [ReadingSource],
     ) -> Self {
-        // Where loads turn joints over their gaps, the arm's weight counts.
-        let is_turned_over = (set.parameters().iter()).any(|each| match each.kind {
-            ParameterKind::JointBacklash { joint } => {
-                arm.backlash[joint].turned_over_at_nm.is_some()
-            }
-            _ => false,
-        });
-        let is_bare = !arm.chain.elements.has_springs() && !is_turned_over;
+        // Where joints stand off their springs by what they carry, the arm's weight counts, and with it what it carries.
+        let is_laden = arm.payload.is_some()
+            && (set.parameters().iter()).any(|each| OffSpring::of(arm, each.kind).is_some());
+        let is_bare = !arm.chain.elements.has_springs() && !is_laden;
         let rows = if precision.rows() == 3 && is_bare {
             let sigma_m = precision.sigma_m;
             let model = FirstOrder::new(arm, target, set, sizes, sigma_m, sources);

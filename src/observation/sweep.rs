@@ -16,7 +16,7 @@
 use nalgebra::{DMatrix, Isometry3, Matrix3, Matrix6x3, Matrix6xX, Rotation3, Vector3, Vector6};
 
 use super::rotation::left_jacobian;
-use crate::parameter::{Axis, ElasticArm, ParameterKind, ParameterSet, Payload, along};
+use crate::parameter::{Axis, ElasticArm, Leaning, ParameterKind, ParameterSet, Payload, along};
 use crate::robot::{KinematicState, Load, Motion, SerialChain};
 
 /// The directions of a frame's displacement and rotation parameters.
@@ -72,8 +72,8 @@ pub(super) struct SweepPose<'a> {
     pub gravity_m_s2: &'a Vector3<f64>,
     /// The joint torques (N m).
     pub torque: &'a [f64],
-    /// On which sides of their gaps the joints stand, and where they stood without the load; where some have gaps.
-    pub gaps: Option<[&'a [f64]; 2]>,
+    /// How the joints stand off their springs, and how they stood without the load; where some do.
+    pub leanings: Option<[&'a [Leaning]; 2]>,
     /// Whether Y = J, to first order in compliance.
     pub is_first_order: bool,
     /// Whether the target's rigid motion counts, and not its deflection alone.
@@ -161,7 +161,12 @@ impl Sweep {
                     self.response_to(joint) * (pose.torque[joint] * factor)
                 }
                 ParameterKind::JointZero { joint } => self.of_zero(pose, joint),
-                ParameterKind::JointBacklash { joint } => self.of_gap(pose, joint),
+                ParameterKind::JointBacklash { joint } => {
+                    self.of_leaning(pose, joint, |leaning| leaning.side)
+                }
+                ParameterKind::JointStiffening { joint } => {
+                    self.of_leaning(pose, joint, |leaning| leaning.gives)
+                }
                 ParameterKind::SpringStiffness { spring } => {
                     let nominal = &pose.chain.elements.springs[spring];
                     let (tension, stiffness) = Self::tension(pose, spring);
@@ -247,20 +252,26 @@ impl Sweep {
         self.beyond(pose, joint, &twist) + self.of_joint_springs(pose, joint)
     }
 
-    /// What a wider gap of a joint moves: the joint, to the side of it where it stands. Without rigid motion, where a
-    /// deflection is seen, besides by how much it crosses the gap as the load is hung.
-    fn of_gap(&self, pose: &SweepPose<'_>, joint: usize) -> Vector6<f64> {
-        let Some([sides, unloaded]) = pose.gaps else {
+    /// What more of what a joint stands off its spring by moves: the joint, by so much. Without rigid motion, where a
+    /// deflection is seen, besides by how much more that is than without the load.
+    fn of_leaning(
+        &self,
+        pose: &SweepPose<'_>,
+        joint: usize,
+        by: impl Fn(&Leaning) -> f64,
+    ) -> Vector6<f64> {
+        let Some(leanings) = pose.leanings else {
             return Vector6::zeros();
         };
-        let mut column = self.of_zero(pose, joint) * sides[joint];
+        let [here, unloaded] = leanings.map(|all| by(&all[joint]));
+        let mut column = self.of_zero(pose, joint) * here;
         if !pose.has_rigid_motion {
             let (moved, turned) = (
                 pose.state.position_column(joint),
                 pose.state.rotation_column(joint),
             );
             let whole = Vector6::new(moved.x, moved.y, moved.z, turned.x, turned.y, turned.z);
-            column += whole * (sides[joint] - unloaded[joint]);
+            column += whole * (here - unloaded);
         }
         column
     }
@@ -289,11 +300,12 @@ impl Sweep {
         Vector6::from_fn(|row, _| self.response[(joint, row)])
     }
 
-    /// How far a joint crosses its gap as the load is hung, where that is seen beside its deflection (rad).
+    /// How far a joint stands off its spring under the load and not without it, where that is seen beside its deflection (rad).
     fn crossed(pose: &SweepPose<'_>, joint: usize) -> f64 {
-        match pose.gaps {
-            Some([sides, unloaded]) if !pose.has_rigid_motion => {
-                (sides[joint] - unloaded[joint]) * pose.belief.backlash[joint].half_width_rad
+        match pose.leanings {
+            Some(leanings) if !pose.has_rigid_motion => {
+                let [here, unloaded] = leanings.map(|all| pose.belief.leans_by(joint, &all[joint]));
+                here - unloaded
             }
             _ => 0.0,
         }

@@ -164,6 +164,9 @@ pub(crate) fn random(numbers: &mut Numbers, joints: usize) -> ElasticArm {
     for gap in belief.backlash.iter_mut().step_by(2) {
         gap.turned_over_at_nm = Some(100.0);
     }
+    for each in belief.stiffening.iter_mut().skip(1).step_by(2) {
+        each.at_nm = Some(1000.0);
+    }
     belief.load_scale = numbers.between(0.8, 1.2);
     belief.payload = Some(Payload {
         link: joints - 1,
@@ -224,6 +227,7 @@ pub(crate) fn everything(belief: &ElasticArm) -> Vec<ParameterKind> {
     let mut kinds = ParameterKind::all_of(belief);
     kinds.extend(masses);
     kinds.extend((0..belief.chain.len()).map(|joint| ParameterKind::JointBacklash { joint }));
+    kinds.extend((0..belief.chain.len()).map(|joint| ParameterKind::JointStiffening { joint }));
     kinds
 }
 

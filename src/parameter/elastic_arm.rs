@@ -5,6 +5,7 @@ use std::borrow::Cow;
 use nalgebra::{Isometry3, Vector3};
 
 use super::backlash::Backlash;
+use super::stiffening::Stiffening;
 use crate::robot::{Approach, Load, SerialChain, Tool};
 
 /// A mass that is fixed to a link, besides what the model gives the link.
@@ -29,6 +30,8 @@ pub struct ElasticArm {
     pub zero_rad: Vec<f64>,
     /// The gap of each joint.
     pub backlash: Vec<Backlash>,
+    /// What each joint gives besides its spring.
+    pub stiffening: Vec<Stiffening>,
     /// The tools that are measured or loaded.
     pub tools: Vec<Tool>,
     /// The payload, if there is one.
@@ -50,6 +53,7 @@ impl ElasticArm {
         Self {
             zero_rad: vec![0.0; chain.len()],
             backlash: vec![Backlash::NONE; chain.len()],
+            stiffening: vec![Stiffening::NONE; chain.len()],
             chain,
             compliance_rad_per_nm,
             tools,
@@ -89,21 +93,37 @@ impl ElasticArm {
     }
 }
 
+/// How far a joint stands off where its spring has it, for one of each.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Leaning {
+    /// On which side of its gap it stands, -1 to 1: for half a width of one.
+    pub side: f64,
+    /// What it gives besides its spring for a share of one (rad; m where it slides), see [`Stiffening`].
+    pub gives: f64,
+}
+
 impl ElasticArm {
-    /// On which side of its gap each joint stands at commanded angles `q` (rad), with one of the tools, under a load that acts
-    /// there and the arm's own weight.
+    /// How each joint stands off its spring at commanded angles `q` (rad), with one of the tools, under a load that acts there and
+    /// the arm's own weight.
     #[must_use]
-    pub fn sides(
+    pub fn leanings(
         &self,
         q: &[f64],
         tool: usize,
         load: &Load,
         approach: Option<&Approach>,
-    ) -> Vec<f64> {
+    ) -> Vec<Leaning> {
         let came = Approach::of_all(approach, &self.chain);
         let gaps = self.backlash.iter().zip(came);
-        if (self.backlash.iter()).all(|gap| gap.turned_over_at_nm.is_none()) {
-            return gaps.map(|(gap, came)| gap.side(came, 0.0)).collect();
+        let is_weighed = (self.backlash.iter()).any(|gap| gap.turned_over_at_nm.is_some())
+            || (self.stiffening.iter()).any(|each| each.at_nm.is_some());
+        if !is_weighed {
+            let side = |(gap, came): (&Backlash, bool)| gap.side(came, 0.0);
+            let leaning = |each| Leaning {
+                side: side(each),
+                gives: 0.0,
+            };
+            return gaps.map(leaning).collect();
         }
         let chain = if self.payload.is_some() {
             Cow::Owned(self.loaded_chain())
@@ -111,22 +131,34 @@ impl ElasticArm {
             Cow::Borrowed(&self.chain)
         };
         let state = chain.at(&self.tools[tool]).state(q);
-        let torque = |joint: usize| {
-            state.load_torque(joint, load) + state.gravity_torque(joint, &chain.gravity_m_s2)
+        let leaning = |(joint, (gap, came)): (usize, (&Backlash, bool))| {
+            let torque =
+                state.load_torque(joint, load) + state.gravity_torque(joint, &chain.gravity_m_s2);
+            let compliance = self.compliance_rad_per_nm[joint];
+            Leaning {
+                side: gap.side(came, torque),
+                gives: self.stiffening[joint].gives(compliance, torque).0,
+            }
         };
-        gaps.enumerate()
-            .map(|(joint, (gap, came))| gap.side(came, torque(joint)))
-            .collect()
+        gaps.enumerate().map(leaning).collect()
     }
 
-    /// Whether some joint has a gap.
+    /// How far a joint stands off its spring (rad; m where it slides).
     #[must_use]
-    pub fn has_backlash(&self) -> bool {
-        self.backlash.iter().any(|gap| gap.half_width_rad != 0.0)
+    pub fn leans_by(&self, joint: usize, leaning: &Leaning) -> f64 {
+        let (gap, stiffening) = (&self.backlash[joint], &self.stiffening[joint]);
+        leaning.side * gap.half_width_rad + leaning.gives * stiffening.share
     }
 
-    /// What is added to each commanded angle `q` (rad): the joints' zeros, and how far they stand in their gaps, see
-    /// [`Self::sides`].
+    /// Whether some joint has a gap, or gives besides its spring.
+    #[must_use]
+    pub fn leans(&self) -> bool {
+        self.backlash.iter().any(|gap| gap.half_width_rad != 0.0)
+            || self.stiffening.iter().any(|each| each.share != 0.0)
+    }
+
+    /// What is added to each commanded angle `q` (rad): the joints' zeros, and how far they stand off their springs, see
+    /// [`Self::leanings`].
     #[must_use]
     pub fn offsets_rad(
         &self,
@@ -136,10 +168,10 @@ impl ElasticArm {
         approach: Option<&Approach>,
     ) -> Vec<f64> {
         let mut offsets = self.zero_rad.clone();
-        if self.has_backlash() {
-            let sides = self.sides(q, tool, load, approach);
-            for ((offset, gap), side) in offsets.iter_mut().zip(&self.backlash).zip(sides) {
-                *offset += side * gap.half_width_rad;
+        if self.leans() {
+            let leanings = self.leanings(q, tool, load, approach);
+            for (joint, (offset, leaning)) in offsets.iter_mut().zip(&leanings).enumerate() {
+                *offset += self.leans_by(joint, leaning);
             }
         }
         offsets

@@ -55,6 +55,11 @@ pub enum ParameterKind {
         /// The joint.
         joint: usize,
     },
+    /// By what share of what its spring gives at a torque a joint gives less there, see [`super::Stiffening`].
+    JointStiffening {
+        /// The joint.
+        joint: usize,
+    },
     /// The stiffness of a spring between places of the arm (N/m); with a prior, the logarithm of its ratio to
     /// the nominal one.
     SpringStiffness {
@@ -166,7 +171,11 @@ impl ParameterKind {
             | Self::LinkCentre { .. }
             | Self::PayloadCentre { .. }
             | Self::Drift { .. } => "m",
-            Self::LinkMass { .. } | Self::PayloadMass | Self::LoadScale | Self::TaskScale => "1",
+            Self::JointStiffening { .. }
+            | Self::LinkMass { .. }
+            | Self::PayloadMass
+            | Self::LoadScale
+            | Self::TaskScale => "1",
             Self::LoadOffset | Self::TaskForce { .. } => "N",
         }
     }
@@ -231,6 +240,7 @@ impl ParameterKind {
             Self::JointCompliance { joint: index } => format!("{}.compliance", joint(index)),
             Self::JointZero { joint: index } => format!("{}.zero", joint(index)),
             Self::JointBacklash { joint: index } => format!("{}.backlash", joint(index)),
+            Self::JointStiffening { joint: index } => format!("{}.stiffening", joint(index)),
             Self::SpringStiffness { spring } => format!("{}.stiffness", named(spring)),
             Self::SpringRest { spring } => format!("{}.rest", named(spring)),
             Self::LinkPosition { link, axis } => format!("link_{}.{axis}", link + 1),
@@ -281,6 +291,7 @@ impl ParameterKind {
             | Self::BaseRotation { .. }
             | Self::LinkCentre { .. }
             | Self::PayloadCentre { .. }
+            | Self::JointStiffening { .. }
             | Self::LoadScale
             | Self::TaskScale => 1e-2,
             Self::LoadOffset | Self::TaskForce { .. } => 10.0,
@@ -314,6 +325,15 @@ impl ParameterKind {
         )
     }
 
+    /// Whether it is of what a joint stands off its spring by: its gap, or what it gives besides.
+    #[must_use]
+    pub const fn leans(self) -> bool {
+        matches!(
+            self,
+            Self::JointBacklash { .. } | Self::JointStiffening { .. }
+        )
+    }
+
     /// Whether it is of what weighs: of a link with all that is fixed to it, or of a payload.
     #[must_use]
     pub const fn is_of_mass(self) -> bool {
@@ -343,6 +363,9 @@ impl ParameterKind {
             Self::JointCompliance { joint: index } => format!("the compliance of {}", joint(index)),
             Self::JointZero { joint: index } => format!("the zero of {}", joint(index)),
             Self::JointBacklash { joint: index } => format!("the backlash of {}", joint(index)),
+            Self::JointStiffening { joint: index } => {
+                format!("the stiffening of {}", joint(index))
+            }
             Self::SpringStiffness { spring } => format!("the stiffness of {}", named(spring)),
             Self::SpringRest { spring } => format!("the rest length of {}", named(spring)),
             Self::LinkPosition { link, axis } => {

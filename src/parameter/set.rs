@@ -79,6 +79,7 @@ impl ParameterSet {
                 ParameterKind::JointCompliance { joint } => belief.compliance_rad_per_nm[joint],
                 ParameterKind::JointZero { joint } => belief.zero_rad[joint],
                 ParameterKind::JointBacklash { joint } => belief.backlash[joint].half_width_rad,
+                ParameterKind::JointStiffening { joint } => belief.stiffening[joint].share,
                 ParameterKind::SpringStiffness { spring } if !is_logarithmic => {
                     belief.chain.elements.springs[spring].stiffness_n_per_m
                 }
@@ -273,6 +274,9 @@ impl ParameterSet {
                 ParameterKind::JointBacklash { joint } => {
                     belief.backlash[joint].half_width_rad = quantity;
                 }
+                ParameterKind::JointStiffening { joint } => {
+                    belief.stiffening[joint].share = quantity;
+                }
                 ParameterKind::SpringStiffness { spring } => {
                     belief.chain.elements.springs[spring].stiffness_n_per_m = quantity;
                 }
@@ -393,6 +397,7 @@ fn check(belief: &ElasticArm, kind: ParameterKind) -> Result<(), ParameterError>
         ParameterKind::JointCompliance { joint }
         | ParameterKind::JointZero { joint }
         | ParameterKind::JointBacklash { joint }
+        | ParameterKind::JointStiffening { joint }
             if joint >= joints =>
         {
             missing("the joint")

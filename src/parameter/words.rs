@@ -70,6 +70,7 @@ fn keep(kind: ParameterKind) -> usize {
         | ParameterKind::PayloadCentre { .. } => 2,
         ParameterKind::JointZero { .. }
         | ParameterKind::JointBacklash { .. }
+        | ParameterKind::JointStiffening { .. }
         | ParameterKind::SpringStiffness { .. }
         | ParameterKind::SpringRest { .. } => 3,
         ParameterKind::JointCompliance { .. } => 4,

@@ -316,6 +316,7 @@ pub(super) enum UncertaintyKind {
     LoadPoint,
     JointReturn,
     Backlash,
+    Stiffening,
     TrackerRange,
     Drift,
     GearError,
@@ -346,6 +347,7 @@ impl UncertaintyKind {
             Self::LoadPoint => "load_point",
             Self::JointReturn => "joint_return",
             Self::Backlash => "backlash",
+            Self::Stiffening => "stiffening",
             Self::TrackerRange => "tracker_range",
             Self::Drift => "drift",
             Self::GearError => "gear_error",
@@ -358,9 +360,11 @@ impl UncertaintyKind {
     /// The keys that its size may have.
     pub const fn sizes(self) -> &'static [&'static str] {
         match self {
-            Self::Compliance | Self::LinkMass | Self::SpringStiffness | Self::LoadScale => {
-                &["std_relative"]
-            }
+            Self::Compliance
+            | Self::LinkMass
+            | Self::SpringStiffness
+            | Self::Stiffening
+            | Self::LoadScale => &["std_relative"],
             Self::LinkPosition
             | Self::LinkCentre
             | Self::SpringRest
@@ -399,6 +403,7 @@ impl UncertaintyKind {
                 | Self::LinkCentre
                 | Self::JointReturn
                 | Self::Backlash
+                | Self::Stiffening
                 | Self::GearError
         )
     }
@@ -420,6 +425,7 @@ pub(super) struct UncertaintyTable {
     pub std_um_per_h: Option<f64>,
     pub share: Option<f64>,
     pub turned_over_at_nm: Option<f64>,
+    pub at_nm: Option<f64>,
     #[serde(default)]
     pub hidden: bool,
 }

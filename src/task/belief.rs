@@ -71,6 +71,9 @@ pub struct Belief {
     /// The torque (N m; N where it slides) at which what a joint carries decides as much as the side of approach on which side
     /// of its gap it stands, where it has one; none where the side of approach alone decides.
     pub turned_over_at_nm: Vec<Option<f64>>,
+    /// The torque (N m; N where it slides) at which it is said by what share a joint gives less than its spring would; none where
+    /// it is a spring.
+    pub stiffening_at_nm: Vec<Option<f64>>,
     /// How deflections are measured.
     pub instrument: Instrument,
     /// The method of identification and compensation.
@@ -114,6 +117,9 @@ impl Belief {
         );
         for (gap, &torque_nm) in arm.backlash.iter_mut().zip(&self.turned_over_at_nm) {
             gap.turned_over_at_nm = torque_nm;
+        }
+        for (each, &torque_nm) in arm.stiffening.iter_mut().zip(&self.stiffening_at_nm) {
+            each.at_nm = torque_nm;
         }
         arm
     }

@@ -46,6 +46,7 @@ impl Belief {
             }
             belief.numbers(extended.set().prior().precision.iter().copied());
             belief.numbers(self.turned_over_at_nm.iter().copied().flatten());
+            belief.numbers(self.stiffening_at_nm.iter().copied().flatten());
         }
         let rotation = self.instrument.rotation_sigma_rad;
         belief.numbers([self.instrument.sigma_m].into_iter().chain(rotation));

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::rest::{RestError, RestSolver};
-use crate::mujoco::{GivingWay, Model, ModelChange, ModelError, State};
+use crate::mujoco::{GivingWay, Model, ModelChange, ModelError, State, TorqueLaw};
 use crate::robot::{Equilibrium, EquilibriumError, Load, TrueRobot};
 
 /// A robot with closed loops is driven to its commands in steps no longer than this (rad, m), so that
@@ -65,6 +65,17 @@ impl MujocoRest {
     pub fn set_compliance(&mut self, compliance_rad_per_nm: &[f64]) {
         // The joints are held: `new` has seen that.
         let _ = self.become_compliant(compliance_rad_per_nm);
+    }
+
+    /// Lets joints hold by laws of their own, by the belief's numbers of them; those that it has.
+    pub fn set_torque_laws(&mut self, laws: &[(usize, TorqueLaw)]) {
+        let own = |&(index, law): &(usize, TorqueLaw)| {
+            let place = self.present.iter().position(|&each| each == index)?;
+            Some((self.joints[place], law))
+        };
+        let own: Vec<(usize, TorqueLaw)> = laws.iter().filter_map(own).collect();
+        self.state.set_torque_laws(&own);
+        self.driven = None;
     }
 
     /// Makes the robot another than the model says.

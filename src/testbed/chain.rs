@@ -2,10 +2,15 @@
 //! not know.
 
 use super::arm::MujocoArm;
-use crate::mujoco::{ModelChange, ModelError, State};
+use crate::mujoco::{ModelChange, ModelError, State, TorqueLaw};
 use crate::robot::{
     Equilibrium, EquilibriumError, EquilibriumSolver, KinematicState, Load, SerialChain, TrueRobot,
 };
+
+/// Joints that are no springs are where their law has them if that no longer changes by more (rad, m).
+const LAW_CONVERGED: f64 = 1e-12;
+/// Torques hardly follow what a law adds to a spring's deflection: a few rounds do.
+const LAW_ROUNDS: usize = 40;
 
 /// A chain and the last of its equilibria.
 #[derive(Debug)]
@@ -17,6 +22,8 @@ pub(super) struct ChainRest {
     /// What the joints are commanded; where passive ones are relaxed.
     commanded: Vec<f64>,
     compliance: Vec<f64>,
+    /// Its joints that hold by laws of their own, without dead bands.
+    laws: Vec<(usize, TorqueLaw)>,
 }
 
 impl ChainRest {
@@ -39,8 +46,10 @@ impl ChainRest {
             compliance: joints
                 .map(|joint| joint.model_compliance_rad_per_nm.unwrap_or(0.0))
                 .collect(),
+            laws: Vec::new(),
         };
         rest.set_compliance(&robot.compliance_rad_per_nm);
+        rest.set_torque_laws(&robot.torque_laws);
         rest
     }
 
@@ -50,6 +59,12 @@ impl ChainRest {
                 self.compliance[index] = value;
             }
         }
+    }
+
+    /// Lets joints hold by laws of their own, by the belief's numbers of them.
+    pub fn set_torque_laws(&mut self, laws: &[(usize, TorqueLaw)]) {
+        let known = |&(joint, law): &(usize, TorqueLaw)| Some((self.known[joint]?.0, law));
+        self.laws = laws.iter().filter_map(known).collect();
     }
 
     /// Makes the robot another than the model says.
@@ -69,7 +84,38 @@ impl ChainRest {
                 self.commanded[index] = value;
             }
         }
-        (self.solver).solve(&mut self.arm, &self.compliance, &self.commanded, load)
+        if self.laws.is_empty() {
+            return (self.solver).solve(&mut self.arm, &self.compliance, &self.commanded, load);
+        }
+        self.rest_by_laws(load)
+    }
+
+    /// Lets the robot come to rest where joints hold by laws: as one of springs whose commands are moved by what the laws add
+    /// to the springs' deflections.
+    fn rest_by_laws(&mut self, load: &Load) -> Result<Equilibrium, EquilibriumError> {
+        let mut moved = self.commanded.clone();
+        let mut iterations = 0;
+        for _ in 0..LAW_ROUNDS {
+            let found = (self.solver).solve(&mut self.arm, &self.compliance, &moved, load)?;
+            iterations += found.iterations;
+            let mut change: f64 = 0.0;
+            for &(joint, law) in &self.laws {
+                let spring = self.compliance[joint] * self.solver.torque()[joint];
+                if law.softens_at.is_some_and(|at| 2.0 * spring.abs() >= at) {
+                    return Err(EquilibriumError::Unstable);
+                }
+                let at = self.commanded[joint] + law.deflection(spring) - spring;
+                change = change.max((at - moved[joint]).abs());
+                moved[joint] = at;
+            }
+            if change <= LAW_CONVERGED {
+                return Ok(Equilibrium {
+                    iterations,
+                    last_step_rad: found.last_step_rad.max(change),
+                });
+            }
+        }
+        Err(EquilibriumError::Unstable)
     }
 
     /// The geometry at rest.

@@ -8,7 +8,7 @@ use statrs::distribution::{ContinuousCDF, Normal};
 
 use crate::experiment::{Experiment, Plan};
 use crate::measurement::{Measurement, RotationMeasurement};
-use crate::mujoco::ModelChange;
+use crate::mujoco::{ModelChange, TorqueLaw};
 use crate::numeric::random::normal::LANES;
 use crate::parameter::{
     Axis, ElasticArm, FrameChange, ParameterError, ParameterKind, ParameterSet, ReadingSource,
@@ -126,6 +126,36 @@ impl Circumstances {
             *value += parameter.nominal;
         }
         self.here = self.set.apply(&self.nominal, &self.values);
+        // The virtual robot's joints hold by their laws: what they give follows from these.
+        for each in &mut self.here.stiffening {
+            each.share = 0.0;
+        }
+    }
+
+    /// Whether joints hold by laws that each run draws.
+    #[must_use]
+    pub fn draws_laws(&self) -> bool {
+        let is_law = |kind| matches!(kind, ParameterKind::JointStiffening { .. });
+        self.set.parameters().iter().any(|each| is_law(each.kind))
+    }
+
+    /// The laws by which joints hold in this run, whose compliances are these (rad/(N m)).
+    #[must_use]
+    pub fn torque_laws(&self, compliance_rad_per_nm: &[f64]) -> Vec<(usize, TorqueLaw)> {
+        let law = |joint: usize| {
+            let kind = ParameterKind::JointStiffening { joint };
+            let share = self.set.index_of(kind).map(|_| self.difference(kind))?;
+            let at_nm = self.nominal.stiffening[joint].at_nm?;
+            // What its spring would give there, over the root of the share.
+            let at = compliance_rad_per_nm[joint] * at_nm / share.abs().sqrt();
+            let law = TorqueLaw {
+                dead_band: 0.0,
+                stiffens_at: (share > 0.0).then_some(at),
+                softens_at: (share < 0.0).then_some(at),
+            };
+            Some((joint, law))
+        };
+        (0..compliance_rad_per_nm.len()).filter_map(law).collect()
     }
 
     /// By how much a parameter differs in this run from what is nominal, in its unit; nothing where it is not uncertain.
@@ -274,7 +304,7 @@ impl Circumstances {
         let mut unloaded = self.commanded(q, &Load::NONE, false, approach);
         let mut load: Load = self.here.acting(&experiment.load);
         // A load that turns joints over their gaps moves them between the two readings.
-        let mut returned = if self.here.has_backlash() {
+        let mut returned = if self.here.leans() {
             self.commanded(q, &load, false, approach) - &unloaded
         } else {
             unloaded.map(|_| 0.0)

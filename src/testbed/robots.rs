@@ -11,7 +11,7 @@ use crate::mujoco::ModelError;
 use crate::numeric::random::normal::{LANES, fill_normals};
 use crate::numeric::random::streams::Stream;
 use crate::parameter::ParameterKind;
-use crate::robot::{EquilibriumError, Load, TrueRobot};
+use crate::robot::{EquilibriumError, Load, Tool, TrueRobot};
 use crate::task::{Belief, Instrument, TestPose};
 
 /// How often a load is turned with the tool: it turns by milliradians as it bends the arm, and each time leaves a thousandth of what
@@ -42,9 +42,10 @@ impl TrueRobots {
             path: robot.model.path().to_owned(),
             reason: error.to_string(),
         })?;
+        let of_tool = |tool: &Tool| VirtualRobot::new(robot, &tool.name);
         Ok(Self {
-            measuring: VirtualRobot::new(robot, &belief.calibration_tool.name)?,
-            machining: VirtualRobot::new(robot, &belief.machining_tool.name)?,
+            measuring: of_tool(&belief.calibration_tool)?,
+            machining: of_tool(&belief.machining_tool)?,
             compliance_rad_per_nm: robot.compliance_rad_per_nm.clone(),
             robot: robot.clone(),
             laboratory,
@@ -84,6 +85,12 @@ impl TrueRobots {
         }
         self.measuring.set_compliance(&self.compliance_rad_per_nm);
         self.machining.set_compliance(&self.compliance_rad_per_nm);
+        if self.laboratory.draws_laws() {
+            let mut laws = self.laboratory.torque_laws(&self.compliance_rad_per_nm);
+            laws.extend(&self.robot.torque_laws);
+            self.measuring.set_torque_laws(&laws);
+            self.machining.set_torque_laws(&laws);
+        }
         Ok(())
     }
 

@@ -7,7 +7,7 @@ use thiserror::Error;
 use super::any_model::MujocoRest;
 use super::chain::ChainRest;
 use crate::experiment::Experiment;
-use crate::mujoco::{GivingWay, ModelChange, ModelError, State};
+use crate::mujoco::{GivingWay, ModelChange, ModelError, State, TorqueLaw};
 use crate::robot::{Equilibrium, EquilibriumError, Load, TrueRobot, rotation_vector};
 
 /// The tool's motion from the unloaded to the loaded equilibrium, in the world frame.
@@ -59,8 +59,13 @@ impl VirtualRobot {
     pub fn new(robot: &TrueRobot, site: &str) -> Result<Self, ModelError> {
         let site_id = robot.model.site(site)?;
         let body = match &robot.chain {
-            // The chain's solver knows springs alone.
-            Ok(chain) if robot.torque_laws.is_empty() => {
+            // Within a dead band nothing but the balance of all forces says where a joint stands.
+            Ok(chain)
+                if robot
+                    .torque_laws
+                    .iter()
+                    .all(|(_, law)| law.dead_band == 0.0) =>
+            {
                 RestMethod::Chain(Box::new(ChainRest::new(robot, chain, site_id)))
             }
             _ => return Self::of_any_model(robot, site),
@@ -93,6 +98,14 @@ impl VirtualRobot {
         match &mut self.body {
             RestMethod::Chain(rest) => rest.set_compliance(compliance_rad_per_nm),
             RestMethod::Any(rest) => rest.set_compliance(compliance_rad_per_nm),
+        }
+    }
+
+    /// Lets joints hold by laws of their own, by the belief's numbers of them.
+    pub fn set_torque_laws(&mut self, laws: &[(usize, TorqueLaw)]) {
+        match &mut self.body {
+            RestMethod::Chain(rest) => rest.set_torque_laws(laws),
+            RestMethod::Any(rest) => rest.set_torque_laws(laws),
         }
     }
 

@@ -384,6 +384,7 @@ fn said_apart(kind: ParameterKind, name: &str, value: f64, unit: &str) -> Option
         ParameterKind::JointBacklash { .. } => {
             "of the side from which a joint comes, which no model says"
         }
+        ParameterKind::JointStiffening { .. } => "of a joint that is no spring, as the model's are",
         ParameterKind::PayloadMass | ParameterKind::PayloadCentre { .. } => {
             "of a payload that the scenario's robot carries beside its model"
         }

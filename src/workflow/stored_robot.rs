@@ -344,6 +344,7 @@ pub(super) fn robot_kinds(arm: &ElasticArm) -> Vec<ParameterKind> {
     let mut kinds = ParameterKind::all_of(arm);
     for link in 0..arm.chain.len() {
         kinds.push(ParameterKind::JointBacklash { joint: link });
+        kinds.push(ParameterKind::JointStiffening { joint: link });
         kinds.push(ParameterKind::LinkMass { link });
         kinds.extend(Axis::ALL.map(|axis| ParameterKind::LinkCentre { link, axis }));
     }

@@ -46,6 +46,7 @@
 //! - `model_messages`: models that cannot serve, and what to do about them.
 //! - `few_readings`: wrong readings of an arm with a slide, among few and many, spread or in one place.
 //! - `robust_deflections`: wrong deflections and misfit in fits of deflections.
+//! - `stiffening`: joints that stiffen or soften by a share that nobody knows, by their law and as a parameter.
 //! - `stored_robots`: a robot that was identified, read from its file; moved stations.
 //! - `structured_misfit`: robots that are not as their model: regions, intervals and wrong readings.
 //! - `wrong_readings`: left out of ladder, patterns and contradictions, and named.
@@ -181,6 +182,7 @@ mod schema;
 mod search;
 mod selection;
 mod stations;
+mod stiffening;
 mod stored_robots;
 #[cfg(feature = "view")]
 mod streams;

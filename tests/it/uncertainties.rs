@@ -18,7 +18,7 @@ use serde_json::Value;
 use crate::support::{Workplace, scenario_text, table4};
 
 /// Sizes that a laboratory would recognise, or larger so that they show; each alone.
-pub const SOURCES: [(&str, &str); 15] = [
+pub const SOURCES: [(&str, &str); 16] = [
     ("compliance", "joints = [\"joint_1\"]\nstd_relative = 0.1"),
     ("compliance", "joints = [\"joint_3\"]\nstd_relative = 0.05"),
     ("joint_zero", "std_mrad = 0.5"),
@@ -40,6 +40,7 @@ pub const SOURCES: [(&str, &str); 15] = [
         "backlash",
         "joints = [\"joint_1\", \"joint_4\", \"joint_5\", \"joint_6\"]\nstd_arcsec = 20\nturned_over_at_nm = 200",
     ),
+    ("stiffening", "std_relative = 0.01\nat_nm = 8000"),
 ];
 
 /// The paper's scenario with a study of Table 4's plan of four, and with uncertainties.

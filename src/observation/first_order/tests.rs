@@ -6,7 +6,7 @@ use super::FirstOrder;
 use crate::observation::{ObservationModel, ReadingKind, Setup};
 use crate::parameter::arms::{Numbers, heavy, random, random_elastic, ur10};
 use crate::parameter::{
-    Axis, Backlash, ElasticArm, ParameterKind, ParameterSet, ReadingSource, arms,
+    Axis, Backlash, ElasticArm, ParameterKind, ParameterSet, ReadingSource, Stiffening, arms,
 };
 use crate::robot::{Approach, KinematicState, Load};
 
@@ -20,8 +20,9 @@ pub(in crate::observation) fn arms(numbers: &mut Numbers) -> Vec<ElasticArm> {
     }
     for arm in &mut arms {
         arm.zero_rad.fill(0.0);
-        // The side of approach alone decides.
+        // The side of approach alone decides, and joints are springs.
         arm.backlash.fill(Backlash::NONE);
+        arm.stiffening.fill(Stiffening::NONE);
         arm.instrument_from_base = vec![Isometry3::identity()];
         arm.load_scale = 1.0;
         // Long enough lists of compliances above zero for logarithms.
@@ -33,6 +34,29 @@ pub(in crate::observation) fn arms(numbers: &mut Numbers) -> Vec<ElasticArm> {
     middle.tools.swap(0, 1);
     arms.push(middle);
     arms
+}
+
+/// The same where joints stand off their springs as weight and load have it.
+pub(in crate::observation) fn arms_off_springs(numbers: &mut Numbers) -> Vec<ElasticArm> {
+    let mut arms = arms(numbers);
+    for arm in &mut arms {
+        // What an arm carries is then its own weight.
+        arm.payload = None;
+        for (joint, gap) in arm.backlash.iter_mut().enumerate() {
+            gap.turned_over_at_nm = (joint % 3 != 1).then(|| numbers.between(30.0, 300.0));
+        }
+        for each in &mut arm.stiffening {
+            each.at_nm = Some(numbers.between(500.0, 2000.0));
+        }
+    }
+    arms
+}
+
+/// All of them.
+pub(in crate::observation) fn all_arms(numbers: &mut Numbers) -> Vec<ElasticArm> {
+    let mut all = arms(numbers);
+    all.extend(arms_off_springs(numbers));
+    all
 }
 
 pub(in crate::observation) fn load(numbers: &mut Numbers, has_torque: bool) -> Load {
@@ -77,7 +101,7 @@ pub(in crate::observation) fn every_source(
 #[test]
 fn derivatives_are_those_of_the_observation_model() {
     let mut numbers = Numbers(5);
-    for arm in arms(&mut numbers) {
+    for arm in all_arms(&mut numbers) {
         let set = everything(&arm);
         let values = set.prior().mean.clone();
         let mut model = ObservationModel::new(&set, &arm, values.as_slice());
@@ -216,7 +240,7 @@ fn cost(first: &FirstOrder<'_>, load: &Load, weights: &DMatrix<f64>) -> f64 {
 #[test]
 fn gradients_are_those_of_differences() {
     let mut numbers = Numbers(6);
-    for arm in arms(&mut numbers) {
+    for arm in all_arms(&mut numbers) {
         let all = everything(&arm);
         let sources = every_source(&mut numbers, &arm);
         let each_parameter = (0..all.len()).map(|index| (vec![index], Vec::new()));
@@ -260,7 +284,7 @@ fn gradients_are_those_of_differences() {
                     };
                     (value(h) - value(-h)) / (2.0 * h)
                 };
-                let h = 1e-3 * size;
+                let h = 5e-4 * size;
                 (central(h) * 4.0 - central(2.0 * h)) / 3.0
             };
             let names: Vec<&str> = set.parameters().iter().map(|each| &*each.name).collect();

@@ -4,7 +4,9 @@
 use nalgebra::{DMatrix, DVector, Matrix3xX, Matrix6, Matrix6xX, Vector3};
 
 use super::{DeflectionPrecision, ObservedRows};
-use crate::observation::first_order::tests::{arms, every_source, everything, load, stand};
+use crate::observation::first_order::tests::{
+    all_arms, arms, every_source, everything, load, stand,
+};
 use crate::observation::{FirstOrder, ObservationModel, ReadingKind, Setup};
 use crate::parameter::arms::{Numbers, random_elastic};
 use crate::parameter::{ElasticArm, ParameterKind, ParameterSet};
@@ -65,7 +67,7 @@ pub(in crate::observation) fn with_a_spring(numbers: &mut Numbers) -> (ElasticAr
 #[test]
 fn deflections_are_those_of_the_closed_form() {
     let numbers = &mut Numbers(41);
-    for arm in arms(numbers) {
+    for arm in all_arms(numbers) {
         if arm.chain.elements.has_springs() {
             continue;
         }

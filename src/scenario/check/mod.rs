@@ -108,6 +108,7 @@ impl Checker<'_> {
             prior: before.prior,
             uncertain: None,
             turned_over_at_nm: vec![None; joints],
+            stiffening_at_nm: vec![None; joints],
             nominal,
             calibration_tool,
             machining_tool,
@@ -119,7 +120,7 @@ impl Checker<'_> {
             between_h: laboratory.costs.between_readings_h(design.experiments),
             stations: &stations,
         };
-        let uncertainties = self.uncertain(&mut belief, &file, &further, places)?;
+        let uncertainties = self.uncertain(&mut belief, (&file, &true_robot), &further, places)?;
         self.check_directions(&test_poses, &belief)?;
         let truth = Truth {
             uncertainties,

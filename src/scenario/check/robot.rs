@@ -265,6 +265,7 @@ impl Checker<'_> {
         let laws = table.map_or(&[][..], |table| &table.torque_law);
         let compliance = &robot.compliance_rad_per_nm;
         robot.torque_laws = self.torque_laws(laws, &nominal.chain, compliance)?;
+        self.dead_bands_are_held(&robot, &nominal.chain)?;
         Ok(robot)
     }
 

@@ -5,7 +5,7 @@ use super::robot::names_of;
 use crate::files::FileError;
 use crate::mujoco::TorqueLaw;
 use crate::quantities::plausible::{DEVIATION, ROTATION_DEVIATION};
-use crate::robot::SerialChain;
+use crate::robot::{SerialChain, TrueRobot};
 use crate::scenario::file::TorqueLawTable;
 
 impl Checker<'_> {
@@ -51,6 +51,31 @@ impl Checker<'_> {
         }
         laws.sort_by_key(|(joint, _)| *joint);
         Ok(laws)
+    }
+
+    /// Within dead bands the balance of all of MuJoCo's forces says where joints stand: of actuators among them.
+    pub(super) fn dead_bands_are_held(
+        &self,
+        robot: &TrueRobot,
+        chain: &SerialChain,
+    ) -> Result<(), FileError> {
+        if robot
+            .torque_laws
+            .iter()
+            .all(|(_, law)| law.dead_band == 0.0)
+        {
+            return Ok(());
+        }
+        for index in chain.commanded() {
+            let held =
+                robot.joints[index].map_or(Ok(()), |joint| robot.model.check_commanded(joint));
+            if let Err(error) = held {
+                let wrong = self.wrong("true_robot.torque_law", error.to_string());
+                let hint = "a dead band needs a model with position actuators; stiffens_at and softens_at do not";
+                return Err(wrong.hint(hint));
+            }
+        }
+        Ok(())
     }
 
     /// The law of one joint, with the unit of its coordinate.

@@ -11,6 +11,7 @@ use crate::quantities::plausible::{
     DEVIATION, FORCE_LIMIT, GAP_DEVIATION, Kind, PER_HOUR_DEVIATION, PER_METRE_DEVIATION,
     READING_SHARE, RELATIVE_DEVIATION, ROTATION_DEVIATION, TORQUE_LIMIT,
 };
+use crate::robot::TrueRobot;
 use crate::scenario::file::{File, UncertaintyKind, UncertaintyTable};
 use crate::task::{Belief, Extended, Station};
 use crate::text::wrong_name;
@@ -26,17 +27,51 @@ pub(super) struct ReadingPlaces<'a> {
 /// More are no list of what is uncertain.
 const MOST: usize = 100;
 
+/// A torque that some uncertainties of joints come with.
+struct TorqueKey {
+    kind: UncertaintyKind,
+    key: &'static str,
+    given: fn(&UncertaintyTable) -> Option<f64>,
+    is_needed: bool,
+    /// Why others do not.
+    others: &'static str,
+    /// Why a joint has one.
+    one: &'static str,
+}
+
+/// At which what a joint carries decides as much as the side of approach on which side of its gap it stands.
+const TURNED_OVER: TorqueKey = TorqueKey {
+    kind: UncertaintyKind::Backlash,
+    key: "turned_over_at_nm",
+    given: |table| table.turned_over_at_nm,
+    is_needed: false,
+    others: "has no gap to be turned over",
+    one: "a joint has one gap: give both the same torque",
+};
+
+/// At which a share is one of what the joint's spring gives.
+const STIFFENING: TorqueKey = TorqueKey {
+    kind: UncertaintyKind::Stiffening,
+    key: "at_nm",
+    given: |table| table.at_nm,
+    is_needed: true,
+    others: "is not one at a torque",
+    one: "a joint has one law: give both the same torque",
+};
+
 impl Checker<'_> {
     /// All uncertainties, and what a belief carries of them, with what else is to be found by name.
     pub(super) fn uncertain(
         &self,
         belief: &mut Belief,
-        file: &File,
+        (file, true_robot): (&File, &TrueRobot),
         further: &[&str],
         places: ReadingPlaces<'_>,
     ) -> Result<Vec<Uncertainty>, FileError> {
         let uncertainties = self.uncertainties(&file.uncertainty, belief, places)?;
-        belief.turned_over_at_nm = self.turned_over_at_nm(&file.uncertainty, belief)?;
+        self.one_law(belief, true_robot, &uncertainties)?;
+        belief.turned_over_at_nm = self.torques(&file.uncertainty, belief, &TURNED_OVER)?;
+        belief.stiffening_at_nm = self.torques(&file.uncertainty, belief, &STIFFENING)?;
         let further = self.further(belief, further)?;
         belief.uncertain = self.extended(belief, &further, &uncertainties)?;
         Ok(uncertainties)
@@ -131,6 +166,12 @@ impl Checker<'_> {
             UncertaintyKind::Backlash => {
                 let joints = self.joint_sizes(key, table, belief, "std_arcsec")?;
                 let of = |(joint, size)| (ParameterKind::JointBacklash { joint }, size);
+                return Ok(Source::Plan(joints.into_iter().map(of).collect()));
+            }
+            UncertaintyKind::Stiffening => {
+                let size = size("std_relative")?;
+                let joints = self.stiffening_joints(key, table, belief)?;
+                let of = |joint| (ParameterKind::JointStiffening { joint }, size);
                 return Ok(Source::Plan(joints.into_iter().map(of).collect()));
             }
             _ => return Ok(Source::Plan(self.shared(key, table, belief)?)),
@@ -235,6 +276,7 @@ impl Checker<'_> {
             }
             UncertaintyKind::Drift
             | UncertaintyKind::Backlash
+            | UncertaintyKind::Stiffening
             | UncertaintyKind::LoadDirection
             | UncertaintyKind::LoadPoint
             | UncertaintyKind::JointReturn
@@ -364,38 +406,102 @@ impl Checker<'_> {
         Ok(joints)
     }
 
-    /// The torque (N m; N where it slides) at which what each joint carries decides as much as the side of approach on which
-    /// side of its gap it stands; none where nothing says so.
-    fn turned_over_at_nm(
+    /// The torque (N m; N where it slides) that uncertainties of a kind give by a key for each of their joints; none where nothing
+    /// says so.
+    fn torques(
         &self,
         tables: &[UncertaintyTable],
         belief: &Belief,
+        of: &TorqueKey,
     ) -> Result<Vec<Option<f64>>, FileError> {
         let mut all: Vec<Option<Option<f64>>> = vec![None; belief.nominal.chain.len()];
         for (index, table) in tables.iter().enumerate() {
             let key = format!("uncertainty[{index}]");
-            let own = format!("{key}.turned_over_at_nm");
-            if table.kind != UncertaintyKind::Backlash {
-                if table.turned_over_at_nm.is_some() {
-                    let problem = format!("a {} has no gap to be turned over", table.kind.name());
+            let own = format!("{key}.{}", of.key);
+            let given = (of.given)(table);
+            if table.kind != of.kind {
+                if given.is_some() {
+                    let problem = format!("a {} {}", table.kind.name(), of.others);
                     return Err(self.wrong(&own, problem));
                 }
                 continue;
             }
-            let value = (table.turned_over_at_nm)
+            let value = given
                 .map(|value| self.number(&own, value, &TORQUE_LIMIT))
                 .transpose()?;
-            for (joint, _) in self.joint_sizes(&key, table, belief, "std_arcsec")? {
+            if value.is_none() && of.is_needed {
+                let problem = "is missing: the torque (N m; N where a joint slides) at which a joint gives less by \
+                               this share than its spring would";
+                return Err(self.wrong(&own, problem));
+            }
+            let joints = if table.kind == UncertaintyKind::Stiffening {
+                self.stiffening_joints(&key, table, belief)?
+            } else {
+                let sizes = self.joint_sizes(&key, table, belief, "std_arcsec")?;
+                sizes.into_iter().map(|(joint, _)| joint).collect()
+            };
+            for joint in joints {
                 if all[joint].is_some_and(|known| known != value) {
                     let name = &belief.nominal.chain.joints[joint].name;
-                    let problem = format!("another backlash says something else of {name}");
+                    let kind = of.kind.name();
+                    let problem = format!("another {kind} says something else of {name}");
                     let wrong = self.wrong(&own, problem);
-                    return Err(wrong.hint("a joint has one gap: give both the same torque"));
+                    return Err(wrong.hint(of.one));
                 }
                 all[joint] = Some(value);
             }
         }
         Ok(all.into_iter().map(Option::flatten).collect())
+    }
+
+    /// The elastic joints that a stiffening names, or all that are commanded.
+    fn stiffening_joints(
+        &self,
+        key: &str,
+        table: &UncertaintyTable,
+        belief: &Belief,
+    ) -> Result<Vec<usize>, FileError> {
+        let chain = &belief.nominal.chain;
+        let is_passive = |joint: usize| chain.joints[joint].drive.passive_at.is_some();
+        let is_meant = |joint: usize| {
+            belief.nominal.compliance_rad_per_nm[joint] > 0.0
+                && (table.joints.is_some() || !is_passive(joint))
+        };
+        let joints = self.uncertain_joints(key, table, belief, &is_meant)?;
+        if let Some(&joint) = joints.iter().find(|&&joint| is_passive(joint)) {
+            let name = &chain.joints[joint].name;
+            let problem = format!("{name} is passive: its spring is the model's");
+            return Err(self.wrong(&format!("{key}.joints"), problem));
+        }
+        Ok(joints)
+    }
+
+    /// A joint of the virtual robot has one law.
+    fn one_law(
+        &self,
+        belief: &Belief,
+        true_robot: &TrueRobot,
+        uncertainties: &[Uncertainty],
+    ) -> Result<(), FileError> {
+        let of_plan = |each: &Uncertainty| match &each.source {
+            Source::Plan(parameters) => parameters.clone(),
+            Source::Reading(_) => Vec::new(),
+        };
+        for (index, each) in uncertainties.iter().enumerate() {
+            for (kind, _) in of_plan(each) {
+                let ParameterKind::JointStiffening { joint } = kind else {
+                    continue;
+                };
+                if (true_robot.torque_laws.iter()).any(|(other, _)| *other == joint) {
+                    let name = &belief.nominal.chain.joints[joint].name;
+                    let problem =
+                        format!("{name} has a law of its own, by true_robot.torque_law already");
+                    let wrong = self.wrong(&format!("uncertainty[{index}].joints"), problem);
+                    return Err(wrong.hint("a joint has one law: leave it out of one of the two"));
+                }
+            }
+        }
+        Ok(())
     }
 
     /// Joints with a size each: angles of those that turn, lengths of those that slide.

@@ -409,6 +409,12 @@ kind = "backlash"
 joints = ["joint_1", "joint_2"]
 std_arcsec = 15
 turned_over_at_nm = 100
+
+[[uncertainty]]
+kind = "stiffening"
+joints = ["joint_2", "joint_3"]
+std_relative = 0.01
+at_nm = 8000
 "#;
 
 const TORQUE_LAWS: &str = r#"

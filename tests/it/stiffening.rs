@@ -1,0 +1,184 @@
+//! Joints that stiffen or soften by a share that nobody knows: in truth by their law, in belief as a parameter.
+
+use elastocal::mujoco::TorqueLaw;
+use elastocal::parameter::Stiffening;
+use elastocal::robot::Load;
+use elastocal::testbed::{VirtualRobot, settle};
+use serde_json::Value;
+
+use crate::support::{Workplace, scenario_text, table4};
+use crate::uncertainties::{assert_holds, assert_refused, entry, loaded, study, with};
+
+const SHARES: &str = "std_relative = 0.01\nat_nm = 4000";
+
+fn number(plan: &Value, key: &str) -> f64 {
+    plan[key].as_f64().expect("a number")
+}
+
+/// What is seen on the virtual robot is what the account computes, within its errors and some percent.
+fn assert_accounted_for(plan: &Value) {
+    let parts = plan["parts"].as_array().expect("parts");
+    let square = |part: &Value| number(part, "rms_mm").powi(2);
+    let expected = parts.iter().map(square).sum::<f64>().sqrt();
+    let room = 3.0 * number(plan, "rms_std_mm") + 0.03 * expected;
+    assert!((number(plan, "rms_mm") - expected).abs() < room, "{plan}");
+}
+
+/// Known, the promise holds; hidden it is broken, by what the account says.
+#[test]
+fn promises_hold_and_are_broken_by_what_is_hidden() {
+    let known = study(&with(&entry(("stiffening", SHARES), ""), "robot", 800));
+    assert_holds(&known, "stiffening");
+    let noise = number(&study(&with("", "model", 4096)), "rms_mm");
+    assert!(number(&known, "promised_rms_mm") > 1.1 * noise);
+    let hidden = study(&with(
+        &entry(("stiffening", SHARES), "hidden = true"),
+        "robot",
+        800,
+    ));
+    assert_accounted_for(&hidden);
+    let verdict = hidden["verdict"].as_str().expect("a verdict");
+    assert!(
+        verdict.starts_with("broken") && verdict.contains("stiffening"),
+        "{verdict}"
+    );
+    let exact = study(&with(&entry(("stiffening", SHARES), ""), "model", 20_000));
+    let off = (number(&exact, "rms_mm") - number(&exact, "promised_rms_mm"))
+        / number(&exact, "rms_std_mm");
+    assert!(off.abs() < 4.5, "{off}");
+}
+
+/// So on a robot of another kind, of which a file says it and of which nothing holds the joints but their compliances.
+#[test]
+fn other_robots_stiffen_too() {
+    let text = scenario_text("ur10");
+    let head = text.split("[study]").next().expect("a head");
+    let study_of = "\n[study]\nlevel = \"robot\"\ntrials = 800\nexperiments = 8\n[[study.plan]]\nname = \"best\"\n\
+                    kind = \"optimal\"\nexperiments = 4\nnoise_only = true\n";
+    let list = entry(("stiffening", "std_relative = 0.01\nat_nm = 200"), "");
+    assert_holds(&study(&format!("{head}{study_of}{list}")), "UR10");
+}
+
+/// One law: the chain's solver, MuJoCo's forces at rest and MuJoCo's simulation in time leave the robot in the same place, and
+/// its beginning is what the belief has.
+#[test]
+fn one_law_at_rest_and_in_time() {
+    let shares = "std_relative = 0.01\nat_nm = 8000";
+    let scenario = loaded(&with(&entry(("stiffening", shares), ""), "robot", 64));
+    let belief = &scenario.task.belief;
+    let arm = belief.arm();
+    let (plain, tool) = (&scenario.truth.robot, &belief.calibration_tool.name);
+    let experiment = &table4(3).experiments[1];
+    let (q, load) = (&experiment.configuration_rad, &experiment.load);
+    let compliance = &plain.compliance_rad_per_nm;
+    let law = |joint: usize, share: f64| {
+        let at = compliance[joint] * 8000.0 / share.abs().sqrt();
+        let law = TorqueLaw {
+            dead_band: 0.0,
+            stiffens_at: (share > 0.0).then_some(at),
+            softens_at: (share < 0.0).then_some(at),
+        };
+        (joint, law)
+    };
+    let laws = [law(1, 0.06), law(2, -0.04), law(4, 0.02)];
+    let mut chain = VirtualRobot::new(plain, tool).expect("the site exists");
+    let springs = chain.rest(q, load).expect("stable").0;
+    chain.set_torque_laws(&laws);
+    let position = chain.rest(q, load).expect("stable").0;
+    assert!((position - springs).norm() > 1e-6);
+    let mut robot = plain.clone();
+    robot.torque_laws = laws.to_vec();
+    let mut any = VirtualRobot::of_any_model(&robot, tool).expect("the site exists");
+    assert!((any.rest(q, load).expect("stable").0 - position).norm() < 1e-9);
+    // Laws that are drawn take the place of those before.
+    any.set_torque_laws(&laws[..1]);
+    assert!((any.rest(q, load).expect("stable").0 - position).norm() > 1e-8);
+    let settled = settle(&robot, tool, q, load).expect("settles");
+    assert!((settled.tool_position_m - position).norm() < 1e-9);
+    // Small shares give what the belief has.
+    let torque = 6000.0;
+    for share in [1e-4, -1e-4] {
+        let spring = compliance[1] * torque;
+        let given = law(1, share).1.deflection(spring) - spring;
+        let believed = arm.stiffening[1].gives(compliance[1], torque).0 * share;
+        assert!((given / believed - 1.0).abs() < 1e-3, "{given} {believed}");
+    }
+    assert_eq!(Stiffening::NONE.gives(1e-6, 1e4), (0.0, 0.0));
+    // A load that a softening joint cannot hold.
+    chain.set_torque_laws(&[law(1, -0.9)]);
+    assert!(chain.rest(q, &Load::force(0.0, 0.0, -9000.0)).is_err());
+}
+
+/// A law that is told needs no actuators, but for a dead band, of which the check says so.
+#[test]
+fn robots_without_actuators_have_laws() {
+    let text = scenario_text("ur10");
+    let head = text.split("[study]").next().expect("a head");
+    let plan = "\n[study]\nlevel = \"robot\"\ntrials = 64\n[[study.plan]]\nname = \"best\"\nkind = \"optimal\"\n";
+    let law = |text: &str| {
+        format!("{head}{plan}[[true_robot.torque_law]]\njoints = [\"elbow\"]\n{text}\n")
+    };
+    assert_accounted_for(&study(&law("stiffens_at_mrad = 60")));
+    let place = Workplace::new();
+    place.write("s.toml", law("dead_band_mrad = 0.1"));
+    let said = place.run("check s.toml").ends_with(1).stderr;
+    for part in ["true_robot.torque_law", "no actuator", "stiffens_at"] {
+        assert!(said.contains(part), "{part}: {said}");
+    }
+}
+
+/// Wrong entries are named with their key and what is allowed.
+#[test]
+fn wrong_entries() {
+    for (text, key, says) in [
+        ("std_relative = 0.01", "uncertainty[0].at_nm", "is missing"),
+        (
+            "at_nm = 100",
+            "uncertainty[0]",
+            "needs its standard deviation",
+        ),
+        (
+            "std_relative = -0.1\nat_nm = 100",
+            "uncertainty[0].std_relative",
+            "-0.1",
+        ),
+        (
+            "std_relative = 0.1\nat_nm = 0",
+            "uncertainty[0].at_nm",
+            "a positive number",
+        ),
+        (
+            "std_mrad = 0.1\nat_nm = 10",
+            "uncertainty[0].std_mrad",
+            "it has std_relative",
+        ),
+        (
+            "joints = [\"joint_9\"]\nstd_relative = 0.1\nat_nm = 10",
+            "uncertainty[0].joints",
+            "the robot's joints are",
+        ),
+        (
+            "std_relative = 0.1\nat_nm = 10\nturned_over_at_nm = 5",
+            "uncertainty[0].turned_over_at_nm",
+            "no gap",
+        ),
+        (
+            "std_relative = 0.1\nat_nm = 10\n[[uncertainty]]\nkind = \"load_scale\"\nstd_relative = 0.1\nat_nm = 5",
+            "uncertainty[1].at_nm",
+            "not one at a torque",
+        ),
+        (
+            "std_relative = 0.1\nat_nm = 10\n[[uncertainty]]\nkind = \"stiffening\"\nname = \"more\"\nstd_relative = 0.1\n\
+             at_nm = 20\nhidden = true",
+            "uncertainty[1].at_nm",
+            "something else of joint_1",
+        ),
+        (
+            "std_relative = 0.1\nat_nm = 10\n[[true_robot.torque_law]]\njoints = [\"joint_2\"]\nstiffens_at_mrad = 5",
+            "uncertainty[0].joints",
+            "joint_2 has a law of its own",
+        ),
+    ] {
+        assert_refused(&format!("kind = \"stiffening\"\n{text}"), key, says);
+    }
+}
