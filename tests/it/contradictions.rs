@@ -1,6 +1,8 @@
 //! Two series, or the halves of one, that cannot both be right.
 
-use elastocal::identification::{AbsoluteCase, Contradictions, ParameterGroup, ReadingWeights};
+use elastocal::identification::{
+    AbsoluteCase, Contradictions, ParameterGroup, ReadingWeights, SeriesEstimates,
+};
 use elastocal::measurement::{AbsoluteReading, absolute_table};
 use elastocal::numeric::random::generator;
 use elastocal::parameter::{ElasticArm, ParameterKind};
@@ -18,13 +20,10 @@ fn softer(arm: &ElasticArm, joint: usize, factor: f64) -> ElasticArm {
     arm
 }
 
-fn beside(scenario: &Scenario, series: [&[AbsoluteReading]; 2]) -> Contradictions {
-    let [one, other] = series.map(|readings| {
-        let mut case = AbsoluteCase::new(&scenario.task.belief, readings).expect("readings");
-        let fit = case.fit(&GROUPS, ReadingWeights::AsNeeded).expect("a fit");
-        case.estimates(&fit).expect("a fit").expect("blocks")
-    });
-    one.beside(&other)
+fn estimates(scenario: &Scenario, readings: &[AbsoluteReading]) -> SeriesEstimates {
+    let mut case = AbsoluteCase::new(&scenario.task.belief, readings).expect("readings");
+    let fit = case.fit(&GROUPS, ReadingWeights::AsNeeded).expect("a fit");
+    case.estimates(&fit).expect("a fit").expect("blocks")
 }
 
 /// Series of one robot agree, misfit or not; with a compliance that is another one, a second joint that is twice as soft or an elbow that is six
@@ -32,9 +31,10 @@ fn beside(scenario: &Scenario, series: [&[AbsoluteReading]; 2]) -> Contradiction
 #[test]
 fn series_contradict_each_other_where_the_robot_is_another() {
     const SERIES: u64 = 20;
+    const OTHERS: u64 = 8;
     let others = [(1, 2.0), (2, 6.0)];
     let scenario = ur10();
-    let found: Vec<(Contradictions, [Contradictions; 2])> = (0..SERIES)
+    let found: Vec<(Contradictions, Vec<Contradictions>)> = (0..SERIES)
         .into_par_iter()
         .map(|seed| {
             let mut random = generator(41, seed);
@@ -42,12 +42,15 @@ fn series_contradict_each_other_where_the_robot_is_another() {
             let gear = waves(&mut random);
             let one = read_of(&mut random, &arm, 120, 80.0, &gear);
             let same = read_of(&mut random, &arm, 120, 80.0, &gear);
-            let others = others.map(|(joint, factor)| {
+            let one = estimates(&scenario, &one);
+            let others = others.iter().filter(|_| seed < OTHERS);
+            let others = others.map(|&(joint, factor)| {
                 let other = softer(&arm, joint, factor);
                 let other = read_of(&mut random, &other, 120, 80.0, &gear);
-                beside(&scenario, [&one, &other])
+                one.beside(&estimates(&scenario, &other))
             });
-            (beside(&scenario, [&one, &same]), others)
+            let others = others.collect();
+            (one.beside(&estimates(&scenario, &same)), others)
         })
         .collect();
     let alarms = found
@@ -59,12 +62,12 @@ fn series_contradict_each_other_where_the_robot_is_another() {
     for (place, (joint, factor)) in others.into_iter().enumerate() {
         let kind = ParameterKind::JointCompliance { joint };
         let named = found.iter().filter(|(_, others)| {
-            let first = others[place].found.first();
+            let first = others.get(place).and_then(|each| each.found.first());
             first.is_some_and(|first| first.kind == kind)
         });
         let named = named.count();
-        println!("joint {} times {factor}: {named} of {SERIES}", joint + 1);
-        assert!(named >= 18, "joint {} times {factor}: {named}", joint + 1);
+        println!("joint {} times {factor}: {named} of {OTHERS}", joint + 1);
+        assert!(named >= 7, "joint {} times {factor}: {named}", joint + 1);
     }
 }
 
