@@ -16,7 +16,8 @@ What is checked
   3. The bounds of rho_0, or of the criterion's values, follow from T, and from what mandatory experiments and earlier
      identifications tell, which is worked out here.
   4. Of exchanges: that there is such a proof for every experiment of the plan that is not mandatory as often as it is measured,
-     with all others as they are, about the same region and the same uncertainties; and the plan's own value, in doubles.
+     with all others as they are, about the same region and the same uncertainties; and the plan's own value, in doubles. Where
+     uncertainties are taken for certain, only that the plan's value is not better than without them.
 
 Rounding. Every operation adds ROUNDING times a bound of all that it adds up to the remainder; no operation has more
 than 200 roundings of 1.2e-16 each on the way of one term, and ROUNDING is 1e-13. A sum of products of models is one operation, and
@@ -471,6 +472,10 @@ class Arm:
         self.offset, self.rotation, self.axis, self.sign, self.range = [], [], [], [], []
         self.mass, self.centre = [], []
         frame = STRAIGHT
+        if arm.get("springs") is not None:
+            raise Unknown("springs beside the joints' own")
+        if any(joint.get("slides") or joint.get("held_at") is not None for joint in arm["joints"]):
+            raise Unknown("joints that slide or are held")
         self.tool_joints = arm["tool_joints"]
         if not 0 < self.tool_joints <= len(arm["joints"]):
             raise Refused("the tool is moved by joints that there are not")
@@ -1376,10 +1381,15 @@ def check(file):
 
 
 def about(file):
-    """What two proofs must have alike to be about exchanges in the same plan."""
-    question = {key: value for key, value in file["proof"]["question"].items() if key != "rows"}
-    keys = ("criterion", "typical_rad_per_nm", "targets", "sigma_m", "prior_precision", "left_out")
-    return [question, *(file[key] for key in keys)]
+    """What two proofs must have alike to be about exchanges in the same plan, and what beside, where they leave out the same."""
+    question = {key: value for key, value in file["proof"]["question"].items() if key not in ("rows", "spread")}
+    keys = ("criterion", "typical_rad_per_nm", "targets", "sigma_m", "prior_precision")
+    return [question, *(file[key] for key in keys)], file["proof"]["question"].get("spread")
+
+
+def are_about_the_same(one, other):
+    (plan, spread), (other_plan, other_spread) = about(one), about(other)
+    return plan == other_plan and (spread == other_spread or one["left_out"] != other["left_out"])
 
 
 def check_exchanges(exchanges, bound):
@@ -1394,7 +1404,7 @@ def check_exchanges(exchanges, bound):
     if not files:
         raise Refused("there are no proofs of exchanges")
     for place, file in exchanges["proofs"]:
-        if about(file) != about(files[0]):
+        if not are_about_the_same(file, files[0]):
             raise Refused("the proofs of exchanges are about different plans")
         rest = [dict(each, repeats=each["repeats"] - (index == place)) for index, each in enumerate(plan)]
         if file["mandatory_experiments"] != [each for each in rest if each["repeats"] > 0]:
@@ -1406,20 +1416,27 @@ def check_exchanges(exchanges, bound):
     wanted = [index for index in range(len(plan)) if repeats[index] > mandatory[index]]
     if sorted(places) != wanted:
         raise Refused("there is no proof for an experiment that may be exchanged")
-    criterion, value = files[0]["criterion"], plan_value(files[0], plan)
+    criterion, value = files[0]["criterion"], exchanges["value"]
     if exchanges["criterion"] != criterion:
         raise Refused("the proofs of exchanges are by another criterion")
-    if bound is not None and not bound["left_out"] and about(bound) != about(files[0]):
+    if bound is not None and not bound["left_out"] and not are_about_the_same(bound, files[0]):
         raise Refused("the bound and the exchanges are about different plans")
-    if not abs(exchanges["value"] - value) <= 1e-6 * value:
-        raise Refused(f"the plan's value is {value}")
     maximised = criterion in ("d", "e", "o1", "o3")
+    for file in files:
+        own = plan_value(file, plan)
+        # With less taken for certain a plan can only be worse.
+        worse = value <= own if maximised else value >= own
+        if not abs(value - own) <= 1e-6 * own and not (file["left_out"] and worse):
+            raise Refused(f"the plan's value is {own}")
     best = max(values) if maximised else min(values)
     stated = exchanges["best"]
     if not math.isfinite(stated) or (stated < best * (1 - 1e-12) if maximised else stated > best * (1 + 1e-12)):
         raise Refused("what is said of all exchanges does not follow")
     gain = max(best / value - 1 if maximised else 1 - best / value, 0.0)
     beside = f" (mandatory: {mandatory})" if any(mandatory) else ""
+    left_out = list(dict.fromkeys(name for file in files for name in file["left_out"]))
+    if left_out:
+        beside += f" of the value {value}, which is the file's own word; taken for certain: {', '.join(left_out)}"
     return [*lines, f"exchanging any one measurement gains at most {100 * gain:.3f} %{beside}"]
 
 

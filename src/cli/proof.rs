@@ -200,10 +200,11 @@ fn told_of_exchanges(exchanges: &Result<Exchanges, NoBound>) -> String {
     };
     if let (Some(gain), Some(best)) = (exchanges.largest_gain(), exchanges.best()) {
         return format!(
-            "Proved: exchanging any one measurement for any other gains at most {} ({} at best; {} boxes).\n",
+            "Proved: exchanging any one measurement for any other gains at most {} ({} at best; {} boxes){}.\n",
             percent(gain),
             value(best),
-            exchanges.boxes()
+            exchanges.boxes(),
+            leaving_out(&exchanges.left_out())
         );
     }
     let mut text = String::new();

@@ -71,6 +71,7 @@
 //! - `schema`: the JSON schema of scenarios.
 //! - `search`: the search for plans and its certificate, on the KR-270.
 //! - `bounds`: the class of plans that a bound speaks about.
+//! - `sprung_proofs`: proofs of arms with springs, slides and passive joints.
 //! - `left_out`: what a proof takes for certain, by name.
 //! - `proofs`: the bound that is proved, and its proof checked by another program.
 //! - `absolute_plans`, `absolute_promises`, `absolute_trials`, `stations`: plans of absolute readings, robots that keep what they promise,
@@ -181,6 +182,7 @@ mod rooms;
 mod schema;
 mod search;
 mod selection;
+mod sprung_proofs;
 mod stations;
 mod stiffening;
 mod stored_robots;

@@ -2,14 +2,15 @@
 
 use serde::Serialize;
 
+use super::bracing::Bracing;
 use super::chain::Chain;
 use super::constant::{Constant, vector};
 use super::domain::{Domain, LoadCase};
-use super::geometry::BoxGeometry;
+use super::geometry::{BoxGeometry, JointMotion};
 use super::question::Arm;
 use super::rounding::{LARGEST_ANGLE, UNIT, UP, Waves, sin_cos};
-use super::taylor::{LANES, ModelWorkspace, TaylorModel};
-use super::vectors::{Angle, NOWHERE, constant_in, cross, difference, dot};
+use super::taylor::{LANES, ModelVector, ModelWorkspace, TaylorModel};
+use super::vectors::{NOWHERE, constant_in, dot};
 
 /// What must be accurate: a tool at a configuration under a load.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -76,7 +77,8 @@ impl Ingredients<'_> {
     }
 }
 
-/// The columns of the target's matrix: `tau_n` `J_n` for each parameter n, in the world frame.
+/// The columns of the target's matrix: `tau_n` `J_n` for each parameter n, in the world frame, `J_n` with the springs beside the
+/// joints' own and `tau_n` without.
 fn columns(target: &Target, parameters: &[usize]) -> Option<Vec<[Constant; 3]>> {
     let arm = &target.arm;
     let mut chain = Chain::new(arm, arm.joints.len());
@@ -89,28 +91,65 @@ fn columns(target: &Target, parameters: &[usize]) -> Option<Vec<[Constant; 3]>> 
     {
         return None;
     }
+    let coordinates = || arm.joints.iter().zip(&target.configuration_rad);
+    // What holds a joint is in the chain's frames.
+    let is_held = |joint: usize| arm.joints[joint].held_at.is_some();
+    if coordinates().any(|(joint, angle)| {
+        joint
+            .held_at
+            .is_some_and(|held| held.to_bits() != angle.to_bits())
+    }) {
+        return None;
+    }
     // One point is a box of no width, in whatever variable.
     let mut workspace = ModelWorkspace::new(1);
-    let angles: Vec<Angle> = chain
+    let motions: Vec<JointMotion> = chain
         .links
         .iter()
         .zip(&target.configuration_rad)
         .map(|(link, angle)| {
-            workspace.sin_cos(
+            if link.slides {
+                return JointMotion::Slides(workspace.constant(link.sign * angle, 0.0));
+            }
+            JointMotion::Turns(workspace.sin_cos(
                 0,
                 &[sin_cos(link.sign * angle); LANES],
                 &[Waves::new(0.0); LANES],
-            )
+            ))
         })
         .collect();
     let domain = Domain {
         load: LoadCase::Wrench(target.wrench, None),
-        variable: (0..count).map(Some).collect(),
+        variable: (0..count)
+            .map(|joint| (!is_held(joint)).then_some(joint))
+            .collect(),
         share: None,
         ranges: Vec::new(),
         differences: Vec::new(),
     };
-    let geometry = BoxGeometry::new(&mut workspace, &chain, &domain, &angles, 0, false);
+    let motion = |joint: usize, _| motions[joint];
+    let geometry = BoxGeometry::new(&mut workspace, &chain, &domain, &motion, 0, false);
+    let plain: Vec<ModelVector> = (0..arm.tool_joints)
+        .map(|joint| geometry.moves(&mut workspace, &chain, joint, &geometry.tool))
+        .collect();
+    // Compensation commands by the load's own torques; the arm with its springs gives way to what is wrong of it.
+    let levers = match &arm.springs {
+        Some(springs) => {
+            let coordinates: Vec<TaylorModel> = (target.configuration_rad.iter())
+                .map(|&coordinate| workspace.constant(coordinate, 0.0))
+                .collect();
+            Bracing::new(
+                &mut workspace,
+                springs,
+                &chain,
+                &geometry,
+                &coordinates,
+                None,
+            )
+            .braced(&mut workspace, &plain)
+        }
+        None => plain.clone(),
+    };
     let [fx, fy, fz, tx, ty, tz] = target.wrench;
     let [force, torque] = [[fx, fy, fz], [tx, ty, tz]].map(|each| {
         constant_in(
@@ -125,11 +164,9 @@ fn columns(target: &Target, parameters: &[usize]) -> Option<Vec<[Constant; 3]>> 
         if joint >= arm.tool_joints {
             return [Constant::exact(0.0); 3];
         }
-        let lever = difference(&mut workspace, &geometry.tool, &geometry.anchor[joint]);
-        let lever = cross(&mut workspace, &geometry.axis[joint], &lever);
-        let pairs = [(&lever, &force), (&geometry.axis[joint], &torque)];
+        let pairs = [(&plain[joint], &force), (&geometry.turning[joint], &torque)];
         let moment = dot(&mut workspace, &pairs);
-        lever.map(|part| {
+        levers[joint].map(|part| {
             let product = workspace
                 .sum()
                 .product(super::taylor::TermSign::Plus, part, moment)

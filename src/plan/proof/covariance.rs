@@ -26,7 +26,7 @@ pub(super) fn covariance(
         }
     }
     if spread.turned > 0.0 {
-        let by_turn: Vec<ModelVector> = (levers.iter().zip(&geometry.axis))
+        let by_turn: Vec<ModelVector> = (levers.iter().zip(&geometry.turning))
             .map(|(lever, axis)| {
                 let [one, other] = [(force, lever), (torque, axis)]
                     .map(|(one, other)| cross(workspace, one, other));
@@ -36,7 +36,7 @@ pub(super) fn covariance(
         columns.extend(followed(workspace, spread, spread.turned, levers, &by_turn));
     }
     if spread.shifted > 0.0 {
-        let by_shift: Vec<ModelVector> = (geometry.axis.iter())
+        let by_shift: Vec<ModelVector> = (geometry.turning.iter())
             .take(levers.len())
             .map(|axis| cross(workspace, force, axis))
             .collect();

@@ -8,7 +8,7 @@ use super::approximate::{ApproximateDesign, Certificate, approximate_design};
 use super::finite::FiniteBound;
 use super::problem::{Problem, SearchError};
 use super::provable::ProvableTask;
-use super::proved::ProvedBound;
+use super::proved::{Fixed, ProvedBound};
 use crate::experiment::{Experiment, NotMandatory, Plan};
 use crate::plan::proof::{NoProof, ProofLimits};
 use crate::plan::{Criterion, Feasibility, widened};
@@ -263,15 +263,16 @@ impl Bound {
         }
         if let Some(proof) = proof {
             for simpler in ProvableTask::simpler(&problem) {
-                if !matches!(self.proof(), Some(Ok(_))) {
-                    self.prove_simpler(&simpler, seed, proof);
-                }
+                self.prove_simpler(&simpler, seed, proof);
+            }
+            if self.proof().is_none() {
+                self.proof = Some(Err(ProvableTask::refusal(&problem)));
             }
         }
         self
     }
 
-    /// Proves the bound of a simpler task, whose plans leave no more, for the numbers of measurements that have no proof.
+    /// Proves the bound of a simpler task, whose plans leave no more, and keeps it where it is the higher one.
     fn prove_simpler(
         &mut self,
         simpler: &ProvableTask,
@@ -279,26 +280,28 @@ impl Bound {
         (effort, records): (ProofLimits<'_>, bool),
     ) {
         let problem = Problem::new(&simpler.task, self.criterion);
-        let proved = |problem: &Problem<'_>| {
-            let approximate = approximate_design(problem, seed).map_err(|_| NoProof::Singular)?;
-            let proved = ProvedBound::new(problem, &approximate, effort, records)?;
-            Ok(proved.leaving_out(&simpler.left_out))
+        let nearer = |problem: &Problem<'_>, known: Option<&ProvedBound>, size: u32| {
+            let fixed = Fixed::AsPrinted(&problem.task.design.mandatory);
+            let limits = (effort, records);
+            ProvedBound::of_simpler(problem, simpler, fixed, limits, seed, (known, size))
         };
-        let is_proved = |proof: &Option<Result<_, _>>| matches!(proof, Some(Ok(_)));
         let mut is_general = true;
-        for (size, known) in &mut self.sizes {
-            if let Some(problem) = problem.beside_known(*size) {
+        for (&size, of_size) in &mut self.sizes {
+            if let Some(problem) = problem.beside_known(size) {
                 is_general = false;
-                if !is_proved(&known.proof) {
-                    known.proof = Some(proved(&problem));
-                }
+                let known = of_size.proof.as_ref().and_then(|proof| proof.as_ref().ok());
+                of_size.proof = nearer(&problem, known, size).or(of_size.proof.take());
             }
         }
-        if is_general && !is_proved(&self.proof) {
-            for known in self.sizes.values_mut() {
-                known.proof = None;
+        if is_general {
+            let largest = self.sizes.last_key_value().map_or(1, |(size, _)| *size);
+            let known = self.proof().and_then(|proof| proof.as_ref().ok());
+            if let Some(proof) = nearer(&problem, known, largest) {
+                for of_size in self.sizes.values_mut() {
+                    of_size.proof = None;
+                }
+                self.proof = Some(proof);
             }
-            self.proof = Some(proved(&problem));
         }
     }
 

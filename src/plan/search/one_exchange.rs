@@ -10,6 +10,9 @@
 //! for every experiment x in place of the one that is left out, and alike by the other criteria that have a bound. The best B
 //! is that of the approximate design of one measurement beside M0. As that may mix several experiments, the best exchange can
 //! be worse than the bound.
+//!
+//! Where some uncertainties cannot be in a proof, they are taken for certain in it. No plan that differs in one experiment leaves
+//! less with all of them than without some: the bound holds for it, too, and the gain is told against the plan's own value with all.
 
 use serde::Serialize;
 
@@ -17,6 +20,7 @@ use super::approximate::{ApproximateDesign, approximate_design};
 use super::bound::{NoBound, PlanProof};
 use super::point::add_information;
 use super::problem::{Problem, SearchError};
+use super::provable::ProvableTask;
 use super::proved::{Fixed, ProofExperiment, ProofFile, ProvedBound};
 use crate::experiment::{Experiment, Plan};
 use crate::plan::Criterion;
@@ -90,10 +94,17 @@ impl Exchanges {
                     parameters: problem.parameters(),
                 })
             })?;
+        let simpler = ProvableTask::simpler(&problem);
         let each = (free.iter().enumerate())
             .filter(|(_, repeats)| **repeats > 0)
             .map(|(experiment, _)| {
-                one_exchange(&problem, seed, plan, experiment, (effort, records))
+                one_exchange(
+                    &problem,
+                    &simpler,
+                    seed,
+                    (plan, experiment),
+                    (effort, records),
+                )
             })
             .collect::<Result<_, SearchError>>();
         Ok(Self {
@@ -153,6 +164,19 @@ impl Exchanges {
         Some(gain.max(0.0))
     }
 
+    /// The names of the uncertainties that any of the proofs takes for certain, which can only make what is proved less near.
+    #[must_use]
+    pub fn left_out(&self) -> Vec<String> {
+        let proofs = self.each.iter().filter_map(|each| each.proof.as_ref().ok());
+        let mut names: Vec<String> = Vec::new();
+        for name in proofs.flat_map(|proof| &proof.left_out) {
+            if !names.contains(name) {
+                names.push(name.clone());
+            }
+        }
+        names
+    }
+
     /// The number of boxes that the proofs took.
     #[must_use]
     pub fn boxes(&self) -> u64 {
@@ -163,29 +187,41 @@ impl Exchanges {
 
 fn one_exchange(
     problem: &Problem<'_>,
+    simpler: &[ProvableTask],
     seed: u64,
-    plan: &Plan,
-    experiment: usize,
+    (plan, experiment): (&Plan, usize),
     (effort, records): (ProofLimits<'_>, bool),
 ) -> Result<OneExchange, SearchError> {
+    let measurements = plan.measurements();
     let rest = without(plan, experiment);
     let beside = problem.beside_plan(&rest);
     let design = approximate_design(&beside, seed)?;
     let fixed = Fixed::AsTheyAre(&rest);
-    let proof = ProvedBound::beside(&beside, &design, fixed, effort, records);
-    let file = (proof.as_ref().ok()).and_then(|proof| proof.file_of([plan.measurements()]));
+    let mut proof = if ProvableTask::is_itself(problem) {
+        ProvedBound::beside(&beside, &design, fixed, effort, records)
+    } else {
+        Err(ProvableTask::refusal(problem))
+    };
+    for simpler in simpler {
+        let problem = Problem::new(&simpler.task, problem.criterion).beside_plan(&rest);
+        let known = (proof.as_ref().ok(), measurements);
+        let limits = (effort, records);
+        if let Some(nearer) = ProvedBound::of_simpler(&problem, simpler, fixed, limits, seed, known)
+        {
+            proof = nearer;
+        }
+    }
+    let file = (proof.as_ref().ok()).and_then(|proof| proof.file_of([measurements]));
     Ok(OneExchange {
         file,
         experiment,
         found: best_found(&beside, &design, &plan.experiments[experiment]),
         proof: proof.and_then(|proof| {
             Ok(PlanProof {
-                best: proof
-                    .of_size(plan.measurements())
-                    .ok_or(NoProof::Singular)?,
+                best: proof.of_size(measurements).ok_or(NoProof::Singular)?,
                 gap: proof.gap(),
                 boxes: proof.boxes(),
-                left_out: Vec::new(),
+                left_out: proof.left_out().to_vec(),
             })
         }),
     })

@@ -5,7 +5,7 @@ use nalgebra::DVector;
 
 use crate::experiment::Loads;
 use crate::parameter::{ParameterKind, Prior, ReadingSource, Source, Uncertainty};
-use crate::plan::proof::{Question, ReadingSpread};
+use crate::plan::proof::{NoProof, Question, ReadingSpread};
 use crate::task::{Extended, Task};
 
 use super::problem::Problem;
@@ -23,11 +23,22 @@ impl ProvableTask {
         (problem.extended()).is_none_or(|extended| is_provable(problem.task, extended))
     }
 
+    /// Why none of a problem can be proved as it is.
+    pub fn refusal(problem: &Problem<'_>) -> NoProof {
+        match problem.extended() {
+            Some(extended) if !is_alike(problem.task, extended) => NoProof::RestsElsewhere,
+            _ => NoProof::Uncertain,
+        }
+    }
+
     /// Those of a problem in which more is uncertain, the nearest first. Compliances that are uncertain stay, identified or
     /// not, with what is known of them, and so does, in the first, what the covariance of readings can be told of.
     pub fn simpler(problem: &Problem<'_>) -> Vec<Self> {
         let task = problem.task;
-        let Some(extended) = problem.extended() else {
+        let Some(extended) = problem
+            .extended()
+            .filter(|extended| is_alike(task, extended))
+        else {
             return Vec::new();
         };
         let parameters = parameters_left_out(extended);
@@ -88,9 +99,22 @@ fn is_known(task: &Task, source: &ReadingSource) -> bool {
         }
 }
 
+/// Whether what compensation leaves is told of the compliances just as where nothing else is uncertain: without what makes it
+/// depend on where the arm rests.
+fn is_alike(task: &Task, extended: &Extended) -> bool {
+    let is_turned_over = (extended.set().parameters().iter()).any(|each| match each.kind {
+        ParameterKind::JointBacklash { joint } => {
+            extended.arm().backlash[joint].turned_over_at_nm.is_some()
+        }
+        _ => false,
+    });
+    !is_turned_over && !task.belief.nominal.chain.elements.has_springs()
+}
+
 /// Whether nothing has to be left out.
 pub(super) fn is_provable(task: &Task, extended: &Extended) -> bool {
-    extended.set().len() == extended.identified()
+    is_alike(task, extended)
+        && extended.set().len() == extended.identified()
         && extended.further().next().is_none()
         && extended.sources().all(|(_, source)| is_known(task, source))
 }

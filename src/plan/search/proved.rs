@@ -7,21 +7,24 @@ use serde::Serialize;
 
 use crate::experiment::{Experiment, Loads, Plan, printed_tolerance};
 use crate::plan::proof::{
-    Aim, Arm, Ingredients, NoProof, ProofJoint, ProofLimits, ProofLoads, ProofObject, Proved,
-    Question, SmoothRegion, Target, prove, prove_and_record,
+    Aim, Arm, Ingredients, NoProof, ProofJoint, ProofLimits, ProofLoads, ProofObject, ProofSpring,
+    ProofSprings, Proved, Question, SmoothRegion, Target, largest_mobility, prove,
+    prove_and_record,
 };
 use crate::plan::{Criterion, WIDENED_RAD, widened};
-use crate::robot::{Load, SerialChain, Tool};
-use crate::task::Task;
+use crate::robot::{Elements, Load, Tool};
+use crate::task::{Belief, Task};
 
-use super::approximate::ApproximateDesign;
+use super::approximate::{ApproximateDesign, approximate_design};
 use super::point::information_in;
 use super::problem::Problem;
-use super::provable::{is_provable, spread};
+use super::provable::{ProvableTask, is_provable, spread};
 use super::rows::BoundRows;
 
 /// A proof replaces what searches found where its gap is at most this.
 pub const TIGHT: f64 = 1e-3;
+/// A proof that is so near is not tried again with less in it.
+const NEAR: f64 = 0.01;
 /// More rows for each parameter than this are gathered into fewer.
 const MANY_ROWS: usize = 4;
 /// After how many boxes the bound of the derivative about a fixed experiment is given up.
@@ -180,9 +183,6 @@ impl ProvedBound {
         records: bool,
     ) -> Result<Self, NoProof> {
         let task = problem.task;
-        if !task.belief.nominal.chain.is_plain() {
-            return Err(NoProof::NotPlain);
-        }
         if (problem.extended()).is_some_and(|extended| !is_provable(task, extended)) {
             return Err(NoProof::Uncertain);
         }
@@ -235,11 +235,48 @@ impl ProvedBound {
         })
     }
 
-    /// The same of a task in which these uncertainties are taken for certain.
-    #[must_use]
-    pub(super) fn leaving_out(mut self, names: &[String]) -> Self {
-        self.left_out = names.to_vec();
-        self
+    /// The same for a task in which some uncertainties are taken for certain, where more follows for so many measurements than from
+    /// what is known, if anything is; else `None`, or the reason why nothing is proved of either.
+    pub(super) fn of_simpler(
+        problem: &Problem<'_>,
+        simpler: &ProvableTask,
+        fixed: Fixed<'_>,
+        (effort, records): (ProofLimits<'_>, bool),
+        seed: u64,
+        (known, measurements): (Option<&Self>, u32),
+    ) -> Option<Result<Self, NoProof>> {
+        let criterion = problem.criterion;
+        let is_nearer =
+            |value: Option<f64>, known: &Self| match (value, known.of_size(measurements)) {
+                (Some(value), Some(known)) if criterion.is_maximised() => value < known,
+                (Some(value), Some(known)) => value > known,
+                (value, None) => value.is_some(),
+                (None, Some(_)) => false,
+            };
+        if known.is_some_and(|known| known.gap() <= NEAR) {
+            return None;
+        }
+        let proved = match approximate_design(problem, seed) {
+            Ok(design) => {
+                // The same rows would give so much if no derivative were above the largest found.
+                let most = design.certificate.lower_bound(measurements);
+                let most = most.map(|cost| criterion.value_of_cost(cost));
+                if known.is_some_and(|known| !is_nearer(most, known)) {
+                    return None;
+                }
+                Self::beside(problem, &design, fixed, effort, records)
+            }
+            Err(_) => Err(NoProof::Singular),
+        };
+        match (proved, known) {
+            (Ok(proved), Some(known)) if !is_nearer(proved.of_size(measurements), known) => None,
+            (Err(_), Some(_)) => None,
+            (Ok(proved), _) => Some(Ok(Self {
+                left_out: simpler.left_out.clone(),
+                ..proved
+            })),
+            (Err(reason), None) => Some(Err(reason)),
+        }
     }
 
     /// The names of the uncertainties that are taken for certain, which can only make the bound less near.
@@ -347,7 +384,9 @@ fn prove_printed(
     effort: ProofLimits<'_>,
     records: bool,
 ) -> Result<(Proved, Option<ProofObject>), NoProof> {
-    let more = printed * question.root_of_unit_load() * (1.0 + f64::EPSILON);
+    let mobility = largest_mobility(question)?;
+    let unit = question.root_of_unit_load(mobility.as_deref());
+    let more = printed * unit * (1.0 + f64::EPSILON);
     let without = |derivative: f64| {
         (derivative.sqrt() - more)
             .max(0.5 * derivative.sqrt())
@@ -377,7 +416,7 @@ fn question(problem: &Problem<'_>, rows: Vec<Vec<f64>>) -> Question {
     let upright = std::f64::consts::FRAC_PI_2;
     Question {
         arm: arm(
-            &task.belief.nominal.chain,
+            &task.belief,
             &task.belief.calibration_tool,
             &region.joint_range_rad,
         ),
@@ -533,9 +572,15 @@ fn derivative(
 }
 
 fn targets(task: &Task) -> Vec<Target> {
-    let chain = &task.belief.nominal.chain;
-    let ranges: Vec<[f64; 2]> = chain.joints.iter().map(|joint| joint.range_rad).collect();
-    let arm = arm(chain, &task.belief.machining_tool, &ranges);
+    let belief = &task.belief;
+    let ranges: Vec<[f64; 2]> = belief
+        .nominal
+        .chain
+        .joints
+        .iter()
+        .map(|joint| joint.range_rad)
+        .collect();
+    let arm = arm(belief, &belief.machining_tool, &ranges);
     (task.test_poses.iter())
         .map(|pose| Target {
             arm: arm.clone(),
@@ -551,11 +596,14 @@ fn wrench(load: &Load) -> [f64; 6] {
     load.wrench().into()
 }
 
-fn arm(chain: &SerialChain, tool: &Tool, ranges_rad: &[[f64; 2]]) -> Arm {
+fn arm(belief: &Belief, tool: &Tool, ranges_rad: &[[f64; 2]]) -> Arm {
+    let chain = &belief.nominal.chain;
     let joints = chain.joints.iter().zip(ranges_rad);
     Arm {
         joints: joints
             .map(|(joint, &range_rad)| ProofJoint {
+                slides: joint.drive.slides,
+                held_at: joint.drive.passive_at,
                 offset_m: joint.previous_from_link.translation.vector.into(),
                 rotation: joint.previous_from_link.rotation.coords.into(),
                 axis: joint.axis.into_inner().into(),
@@ -568,6 +616,26 @@ fn arm(chain: &SerialChain, tool: &Tool, ranges_rad: &[[f64; 2]]) -> Arm {
         tool_offset_m: tool.link_from_tool.translation.vector.into(),
         tool_rotation: tool.link_from_tool.rotation.coords.into(),
         gravity_m_s2: chain.gravity_m_s2.into(),
+        springs: (chain.elements.has_springs())
+            .then(|| springs(&chain.elements, &belief.nominal.compliance_rad_per_nm)),
+    }
+}
+
+/// Constant forces of actuators change nothing that is planned with.
+fn springs(elements: &Elements, compliance: &[f64]) -> ProofSprings {
+    let between = elements.springs.iter().map(|spring| ProofSpring {
+        stiffness_n_per_m: spring.stiffness_n_per_m,
+        rest_m: spring.rest_m,
+        path: (spring.path.iter())
+            .map(|place| (place.joints, place.position_m.into()))
+            .collect(),
+    });
+    ProofSprings {
+        compliance: compliance.to_vec(),
+        in_joints: (elements.joint_springs.iter())
+            .map(|spring| (spring.joint, spring.stiffness, spring.rest))
+            .collect(),
+        between: between.collect(),
     }
 }
 
