@@ -61,7 +61,7 @@ impl Bracing {
         everywhere: Option<&MobilityRange>,
     ) -> Self {
         let count = chain.links.len();
-        let mut all = Stiffness {
+        let mut all = SpringStiffness {
             entries: vec![vec![TaylorModel::ZERO; count]; count],
             torque: vec![TaylorModel::ZERO; count],
         };
@@ -195,7 +195,7 @@ fn groups(springs: &ProofSprings, count: usize) -> Vec<Vec<usize>> {
 }
 
 /// The springs' stiffness about the joints, and their torques.
-struct Stiffness {
+struct SpringStiffness {
     entries: Vec<Vec<TaylorModel>>,
     torque: Vec<TaylorModel>,
 }
@@ -210,7 +210,7 @@ struct Piece {
     inverse: TaylorModel,
 }
 
-impl Stiffness {
+impl SpringStiffness {
     fn stiffen(&mut self, workspace: &mut ModelWorkspace, [i, j]: [usize; 2], by: TaylorModel) {
         let sum = workspace.sum().add(1.0, self.entries[i][j]);
         let entry = sum.add(1.0, by).end();
