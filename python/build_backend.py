@@ -1,6 +1,5 @@
-"""Builds with maturin, linked against the MuJoCo library of the pip package that is a requirement of the build."""
+"""Builds with maturin, without MuJoCo: its library is pip's, and is there before the extension is loaded (`_load.py`)."""
 
-import importlib.util
 import os
 import tempfile
 from pathlib import Path
@@ -15,21 +14,20 @@ prepare_metadata_for_build_editable = maturin.prepare_metadata_for_build_editabl
 build_sdist = maturin.build_sdist
 
 
+#: An archive of nothing: what the linker takes for MuJoCo's library. Its functions are found when the extension is loaded.
+_NOTHING = b"!<arch>\n"
+
+
 def _linked(build, *arguments, **options):
-    """Builds with a folder in which the linker finds libmujoco.so."""
+    """Builds with a folder in which the linker finds a libmujoco.so."""
     if os.environ.get("MUJOCO_DYNAMIC_LINK_DIR"):
         return build(*arguments, **options)
-    spec = importlib.util.find_spec("mujoco")
-    if spec is None or not spec.submodule_search_locations:
-        raise RuntimeError("pip's mujoco is not there; it is a requirement of the build")
-    library = next(Path(spec.submodule_search_locations[0]).glob("libmujoco.so.*"))
     # The same name in every build: another one would compile what links against it anew.
     folder = Path(tempfile.gettempdir()) / f"elastocal-mujoco-{os.getuid()}"
     folder.mkdir(mode=0o700, exist_ok=True)
-    for name in (library.name, "libmujoco.so"):
-        link = folder / name
-        link.unlink(missing_ok=True)
-        link.symlink_to(library)
+    library = folder / "libmujoco.so"
+    library.unlink(missing_ok=True)
+    library.write_bytes(_NOTHING)
     os.environ["MUJOCO_DYNAMIC_LINK_DIR"] = str(folder)
     return build(*arguments, **options)
 
