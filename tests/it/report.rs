@@ -96,6 +96,13 @@ fn assert_agrees(page: &str, results: &Value) {
     for plan in results["criteria_compared"].as_array().expect("an array") {
         texts.push(micro(&plan["rho0_mm"]));
     }
+    if let Some(boxes) = results["proof"]["boxes"].as_u64() {
+        texts.push(format!("{boxes} boxes"));
+        if results["bound_kind"] == "evidence" {
+            let proved = micro(&results["proved_lower_bound_rho0_mm"]);
+            texts.push(format!("none can be below {proved}"));
+        }
+    }
     for section in SECTIONS {
         texts.push(format!("<section id=\"{section}\">"));
     }

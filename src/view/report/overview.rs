@@ -97,7 +97,8 @@ fn proof_card(run: &RunRecord<'_>, assessment: &AssessmentMessage) -> String {
         ),
         None => format!(
             "The bound rests on {searches} local searches for a more telling experiment; {agreeing} ended in the same \
-             best one. Strong evidence, no proof."
+             best one: strong evidence. {}",
+            proved_of_it(assessment)
         ),
     };
     let tone = if proved.is_some() || agreeing as f64 >= MANY * searches as f64 {
@@ -114,6 +115,23 @@ fn proof_card(run: &RunRecord<'_>, assessment: &AssessmentMessage) -> String {
             micrometres(Some(bound)),
             percent(Some(efficiency), 1),
         ),
+    )
+}
+
+/// What a proof says that does not reach the bound, and what it takes for certain.
+fn proved_of_it(assessment: &AssessmentMessage) -> String {
+    let (Some(proof), Some(bound)) = (&assessment.proof, assessment.proved_lower_bound_rho0_mm)
+    else {
+        return "There is no proof.".to_owned();
+    };
+    let certain = match proof.left_out.as_slice() {
+        [] => String::new(),
+        left_out => format!(", with {} taken for certain", left_out.join(", ")),
+    };
+    format!(
+        "Proved, by branch and bound over {} boxes of configurations: none can be below {}{certain}.",
+        proof.boxes,
+        micrometres(Some(bound)),
     )
 }
 
