@@ -170,10 +170,9 @@ pub fn try_plan(
         ..tried.truth.clone()
     };
     let targets: Vec<String> = rows.iter().map(|row| target_of(row)).collect();
-    let new_robots =
-        || ReadRobots::new(belief, &truth, targets.iter().map(String::as_str)).map_err(Some);
+    let new_robots = || ReadRobots::new(belief, &truth, targets.iter().map(String::as_str));
     // What the model lacks is told once.
-    new_robots().map_err(|error| error.map_or(TrialError::Stopped, TrialError::Model))?;
+    new_robots()?;
     let squares: Vec<Result<f64, String>> = (0..robots)
         .into_par_iter()
         .map_init(new_robots, |drawn, run| {
@@ -188,7 +187,7 @@ pub fn try_plan(
                     run,
                 }
                 .square(drawn),
-                Err(error) => Err(format!("{error:?}")),
+                Err(error) => Err(error.to_string()),
             };
             progress();
             seen

@@ -309,57 +309,16 @@ impl Circumstances {
         } else {
             unloaded.map(|_| 0.0)
         };
-        let mut noise = Vec::new();
-        let mut misfit = Vector3::zeros();
-        let mut place = 0;
-        for source in &self.sources {
-            let numbers = if source.is_shared_by_repeats() {
-                shared
-            } else {
-                own
-            };
-            let mut next = |deviation: f64| {
-                place += 1;
-                deviation * numbers[place - 1]
-            };
-            let mut three = |deviation: f64| Vector3::from_fn(|_, _| next(deviation));
-            match source {
-                ReadingSource::JointReturn(deviations) => {
-                    for (angle, &deviation) in returned.iter_mut().zip(deviations) {
-                        *angle += next(deviation);
-                    }
-                }
-                ReadingSource::GearError(deviations) => {
-                    for (angle, &deviation) in unloaded.iter_mut().zip(deviations) {
-                        *angle += next(deviation);
-                    }
-                }
-                ReadingSource::Misfit(deviation) => misfit += three(*deviation),
-                ReadingSource::Wrong { share, deviation_m } => {
-                    let wrong = three(*deviation_m);
-                    if happens(next(1.0), *share) {
-                        misfit += wrong;
-                    }
-                }
-                // Who reads knows nothing of what is not there, see `kept`.
-                ReadingSource::Dropped(_) => place += source.numbers(),
-                ReadingSource::LoadDirection(deviation) => {
-                    let turn = Rotation3::new(three(*deviation));
-                    load.force_n = turn * load.force_n;
-                    load.torque_nm = turn * load.torque_nm;
-                }
-                ReadingSource::LoadPoint(deviation) => {
-                    load.torque_nm += three(*deviation).cross(&load.force_n);
-                }
-                ReadingSource::Range { from_m, per_metre } => {
-                    noise.push((*from_m, three(*per_metre)));
-                }
-            }
-        }
+        let normal =
+            |is_shared: bool, place: usize| if is_shared { shared[place] } else { own[place] };
+        let noise = self.noise(&mut load, 1.0, normal, |cause, joint, by_rad| match cause {
+            OffBy::Return => returned[joint] += by_rad,
+            OffBy::Gear => unloaded[joint] += by_rad,
+        });
         let loaded = &unloaded + returned;
         let displacement = robot.displacement_between(number, (&unloaded, &loaded), &load)?;
-        let mut moved = displacement.position_m + misfit;
-        for (from, per_metre) in noise {
+        let mut moved = displacement.position_m + noise.off_m;
+        for (from, per_metre) in noise.by_distance {
             moved += per_metre * (displacement.at_m - from).norm();
         }
         let base: &Isometry3<f64> = &self.here.instrument_from_base[0];
@@ -377,10 +336,26 @@ pub(super) struct Disturbed {
     pub commanded_rad: DVector<f64>,
     /// What hangs on the calibration tool.
     pub load: Load,
-    /// What the place that is read is off by (m, world frame) ...
+    /// What the place that is read is off by.
+    pub noise: ReadingNoise,
+}
+
+/// What the place that is read is off by, besides what joints and loads do.
+#[derive(Debug, Clone)]
+pub(super) struct ReadingNoise {
+    /// Everywhere (m, world frame) ...
     pub off_m: Vector3<f64>,
-    /// ... and what per metre of the distance from the instrument, which stands at the point (m) where nobody says otherwise.
+    /// ... and per metre of the distance from the instrument, which stands at the point (m) where nobody says otherwise.
     pub by_distance: Vec<(Vector3<f64>, Vector3<f64>)>,
+}
+
+/// Why a joint is elsewhere.
+#[derive(Debug, Clone, Copy)]
+enum OffBy {
+    /// It does not come back.
+    Return,
+    /// Its gear.
+    Gear,
 }
 
 impl Circumstances {
@@ -394,34 +369,50 @@ impl Circumstances {
         [own, shared]: [usize; 2],
     ) -> Disturbed {
         let size = self.numbers_of_reading();
-        let number = |reading: usize, place: usize| {
+        let number = |is_shared: bool, place: usize| {
+            let reading = if is_shared { shared } else { own };
             normals[self.shared.len() + reading * size + place][lane]
         };
         let (q, approach) = (&experiment.configuration_rad, experiment.approach.as_ref());
         let mut load = self.here.acting(&experiment.load);
         let mut commanded_rad = self.commanded(q, &load, false, approach);
+        let noise = self.noise(&mut load, OF_ONE_READING, number, |_, joint, by_rad| {
+            commanded_rad[joint] += by_rad;
+        });
+        Disturbed {
+            commanded_rad,
+            load,
+            noise,
+        }
+    }
+
+    /// What is new in a reading, or at its stand: what acts is moved, and so are the joints. What is told of deflections counts by
+    /// `of_deflection`; numbers are those of the reading or of what its repeats share, by their place.
+    fn noise(
+        &self,
+        load: &mut Load,
+        of_deflection: f64,
+        number: impl Fn(bool, usize) -> f64,
+        mut turn: impl FnMut(OffBy, usize, f64),
+    ) -> ReadingNoise {
         let (mut off_m, mut by_distance) = (Vector3::zeros(), Vec::new());
         let mut place = 0;
         for source in &self.sources {
-            let reading = if source.is_shared_by_repeats() {
-                shared
-            } else {
-                own
-            };
+            let is_shared = source.is_shared_by_repeats();
             let mut next = |deviation: f64| {
                 place += 1;
-                deviation * number(reading, place - 1)
+                deviation * number(is_shared, place - 1)
             };
             let mut three = |deviation: f64| Vector3::from_fn(|_, _| next(deviation));
             match source {
                 ReadingSource::JointReturn(deviations) => {
-                    for (angle, &deviation) in commanded_rad.iter_mut().zip(deviations) {
-                        *angle += next(deviation * OF_ONE_READING);
+                    for (joint, &deviation) in deviations.iter().enumerate() {
+                        turn(OffBy::Return, joint, next(deviation * of_deflection));
                     }
                 }
                 ReadingSource::GearError(deviations) => {
-                    for (angle, &deviation) in commanded_rad.iter_mut().zip(deviations) {
-                        *angle += next(deviation);
+                    for (joint, &deviation) in deviations.iter().enumerate() {
+                        turn(OffBy::Gear, joint, next(deviation));
                     }
                 }
                 ReadingSource::Misfit(deviation) => off_m += three(*deviation),
@@ -431,6 +422,7 @@ impl Circumstances {
                         off_m += wrong;
                     }
                 }
+                // Who reads knows nothing of what is not there, see `kept`.
                 ReadingSource::Dropped(_) => place += source.numbers(),
                 ReadingSource::LoadDirection(deviation) => {
                     let turn = Rotation3::new(three(*deviation));
@@ -441,16 +433,11 @@ impl Circumstances {
                     load.torque_nm += three(*deviation).cross(&load.force_n);
                 }
                 ReadingSource::Range { from_m, per_metre } => {
-                    by_distance.push((*from_m, three(per_metre * OF_ONE_READING)));
+                    by_distance.push((*from_m, three(per_metre * of_deflection)));
                 }
             }
         }
-        Disturbed {
-            commanded_rad,
-            load,
-            off_m,
-            by_distance,
-        }
+        ReadingNoise { off_m, by_distance }
     }
 }
 

@@ -126,8 +126,7 @@ impl ReadRobots {
         let Disturbed {
             commanded_rad,
             load,
-            off_m,
-            by_distance,
+            noise,
         } = (self.laboratory).disturbed(experiment, &self.normals, 0, [own, shared]);
         let place = self.bodies.iter().position(|(name, _)| name == seen.target);
         let place = place.unwrap_or(0);
@@ -143,10 +142,10 @@ impl ReadRobots {
             }
         }
         let (at_m, axes, _) = rest;
-        let off_by_distance: Vector3<f64> = (by_distance.into_iter())
+        let off_by_distance: Vector3<f64> = (noise.by_distance.into_iter())
             .map(|(from_m, per_metre)| per_metre * (at_m - seen.station_m.unwrap_or(from_m)).norm())
             .sum();
-        Ok((at_m + off_m + off_by_distance, axes))
+        Ok((at_m + noise.off_m + off_by_distance, axes))
     }
 
     /// Where the machining tool rests (m, world frame) where a test pose is commanded, under what acts there in this run. A load that

@@ -586,6 +586,16 @@ fn boxes_enclose_the_experiments_of_arms() {
     }
 }
 
+fn random_configuration(question: &Question, random: &mut RandomArms) -> Vec<f64> {
+    (question.arm.joints.iter())
+        .map(|joint| {
+            let [low, high] = joint.range_rad;
+            let between = low + (high - low) * (random.number() + 1.0) / 2.0;
+            joint.held_at.unwrap_or(between)
+        })
+        .collect()
+}
+
 /// The largest d at random experiments, with the best of them.
 fn sampled(question: &Question, count: usize, seed: u64) -> Vec<(f64, Vec<f64>, [f64; 6])> {
     let mut random = RandomArms(seed);
@@ -596,13 +606,7 @@ fn sampled(question: &Question, count: usize, seed: u64) -> Vec<(f64, Vec<f64>, 
     };
     let mut found = Vec::new();
     for _ in 0..count {
-        let q: Vec<f64> = (question.arm.joints.iter())
-            .map(|joint| {
-                let [low, high] = joint.range_rad;
-                let between = low + (high - low) * (random.number() + 1.0) / 2.0;
-                joint.held_at.unwrap_or(between)
-            })
-            .collect();
+        let q = random_configuration(question, &mut random);
         let load = loads[random.below(loads.len())];
         let (d, margins) = experiment(question, &q, &load);
         if margins.iter().all(|margin| *margin >= 0.0) {
@@ -792,13 +796,7 @@ fn what_springs_make_of_columns_is_bounded() -> Result<(), NoProof> {
         };
         told += 1;
         for _ in 0..50 {
-            let q: Vec<f64> = (question.arm.joints.iter())
-                .map(|joint| {
-                    let [low, high] = joint.range_rad;
-                    let between = low + (high - low) * (random.number() + 1.0) / 2.0;
-                    joint.held_at.unwrap_or(between)
-                })
-                .collect();
+            let q = random_configuration(&question, &mut random);
             let Some(mobility) = state(&question.arm, &q).mobility(&springs.compliance) else {
                 continue;
             };
