@@ -6,6 +6,7 @@
 use nalgebra::{Matrix6, Vector3, Vector6};
 
 use super::braced::BareArm;
+use super::planned::of_positions;
 use crate::parameter::ReadingSource;
 use crate::robot::{KinematicState, Kinematics, Load, Tool};
 
@@ -90,13 +91,13 @@ impl AbsoluteErrors {
                         at_target(Vector3::zeros(), shift.cross(&load.force_n))
                     });
                 }
-                ReadingSource::Range { from_m, per_metre } => {
-                    let from_m = station_m.unwrap_or(from_m);
-                    let deviation = (plain.tool_position - from_m).norm() * per_metre;
-                    errors.own += of_positions(deviation * deviation * HALF);
+                ReadingSource::Range(noise) => {
+                    let apart = plain.tool_position - station_m.unwrap_or(&noise.from_m);
+                    errors.own += of_positions(&(noise.covariance(&apart) * HALF));
                 }
-                ReadingSource::Misfit(deviation) => {
-                    errors.shared += of_positions(deviation * deviation);
+                ReadingSource::Misfit(_) => {
+                    let own = source.covariance_of_positions(&plain.tool_position);
+                    errors.shared += own.as_ref().map_or_else(Matrix6::zeros, of_positions);
                 }
                 // No belief carries these.
                 ReadingSource::Wrong { .. } | ReadingSource::Dropped(_) => {}
@@ -116,9 +117,4 @@ impl AbsoluteErrors {
     pub fn of_mean(&self, instrument: &Matrix6<f64>, readings: u32) -> Matrix6<f64> {
         self.shared + (instrument + self.own) / f64::from(readings.max(1))
     }
-}
-
-fn of_positions(variance: f64) -> Matrix6<f64> {
-    let v = variance;
-    Matrix6::from_diagonal(&Vector6::new(v, v, v, 0.0, 0.0, 0.0))
 }

@@ -462,8 +462,8 @@ impl<'a> FirstOrder<'a> {
                 })
                 .sum(),
             other => {
-                let variance = other.variance_of_positions(&self.tool_position);
-                Matrix3::identity() * variance.unwrap_or(0.0)
+                let own = other.covariance_of_positions(&self.tool_position);
+                own.unwrap_or_else(Matrix3::zeros)
             }
         }
     }
@@ -705,9 +705,8 @@ impl<'a> FirstOrder<'a> {
                     }
                 }
             }
-            ReadingSource::Range { from_m, per_metre } => {
-                let apart = self.tool_position - from_m;
-                *of_tool += apart * (2.0 * of_covariance.trace() * per_metre * per_metre);
+            ReadingSource::Range(noise) => {
+                *of_tool += noise.adjoint(&(self.tool_position - noise.from_m), of_covariance);
             }
         }
         of_force

@@ -10,6 +10,7 @@ use std::cell::RefCell;
 use nalgebra::{Cholesky, DVector, Matrix3, Matrix3xX, Matrix6, Matrix6xX, Vector3, Vector6};
 
 use super::model::ObservationModel;
+use super::planned::of_positions;
 use super::reading::{DeflectionPrecision, Setup, Whitener};
 use crate::parameter::{Axis, ElasticArm, ParameterKind, ParameterSet, ReadingSource};
 use crate::robot::{Approach, EquilibriumSolver, KinematicState, Kinematics, Load};
@@ -181,9 +182,8 @@ impl<'a> ObservedRows<'a> {
             }
             other => {
                 work.stand(self, q);
-                let variance = other.variance_of_positions(&work.state.tool_position);
-                let v = variance.unwrap_or(0.0);
-                Matrix6::from_diagonal(&Vector6::new(v, v, v, 0.0, 0.0, 0.0))
+                let own = other.covariance_of_positions(&work.state.tool_position);
+                own.map_or_else(Matrix6::zeros, |own| of_positions(&own))
             }
         }
     }

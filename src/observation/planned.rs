@@ -275,7 +275,8 @@ impl<'a> PlannedReadings<'a> {
     }
 }
 
-fn of_positions(covariance: &Matrix3<f64>) -> Matrix6<f64> {
+/// Of positions alone: rotations are not disturbed.
+pub(super) fn of_positions(covariance: &Matrix3<f64>) -> Matrix6<f64> {
     let mut whole = Matrix6::zeros();
     whole.fixed_view_mut::<3, 3>(0, 0).copy_from(covariance);
     whole

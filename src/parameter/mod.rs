@@ -32,5 +32,5 @@ pub use prior::Prior;
 pub(crate) use set::FrameChange;
 pub use set::{ParameterError, ParameterSet};
 pub use stiffening::Stiffening;
-pub use uncertainty::{ReadingSource, Source, Uncertainty};
+pub use uncertainty::{RangeNoise, ReadingSource, Source, Uncertainty};
 pub use words::Freedom;

@@ -3,7 +3,7 @@
 //! Three classes average differently: what is new in each reading belongs to the reading's covariance; what
 //! is shared by the whole plan is a parameter with a prior, and no number of readings averages it away.
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 
 use super::ParameterKind;
 
@@ -54,12 +54,7 @@ pub enum ReadingSource {
     /// The load acts at another point: the standard deviation (m) of each coordinate.
     LoadPoint(f64),
     /// The instrument's noise grows with the distance from where it stands.
-    Range {
-        /// Where the instrument stands, in the world frame (m).
-        from_m: Vector3<f64>,
-        /// The standard deviation of each coordinate of a deflection per metre of distance.
-        per_metre: f64,
-    },
+    Range(RangeNoise),
     /// Each joint stands where it stands with an error of its gear (rad; m where it slides) that is another one in each
     /// configuration, loaded and unloaded the same, in all repeats. One for each joint.
     GearError(Vec<f64>),
@@ -77,6 +72,69 @@ pub enum ReadingSource {
     Misfit(f64),
 }
 
+/// Noise of an instrument that grows with the distance of what it reads. A laser tracker tells distances by its beam's
+/// length, and what is across the beam by its angles, far less well.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RangeNoise {
+    /// Where the instrument stands, in the world frame (m).
+    pub from_m: Vector3<f64>,
+    /// The standard deviation of each coordinate of a deflection across the line of sight, per metre of distance.
+    pub per_metre: f64,
+    /// That of the coordinate along it.
+    pub along_per_metre: f64,
+}
+
+impl RangeNoise {
+    /// So many times the noise.
+    #[must_use]
+    pub fn scaled(self, by: f64) -> Self {
+        Self {
+            per_metre: self.per_metre * by,
+            along_per_metre: self.along_per_metre * by,
+            ..self
+        }
+    }
+
+    /// By how much its variance along the line of sight is more than across it, per square metre of distance.
+    fn more_along(&self) -> f64 {
+        self.along_per_metre * self.along_per_metre - self.per_metre * self.per_metre
+    }
+
+    /// The covariance of a deflection (m^2) that is read so far apart from the instrument (m).
+    #[must_use]
+    pub fn covariance(&self, apart_m: &Vector3<f64>) -> Matrix3<f64> {
+        let across = apart_m.norm_squared() * self.per_metre * self.per_metre;
+        let alike = Matrix3::identity() * across;
+        match self.more_along() {
+            0.0 => alike,
+            more => alike + apart_m * apart_m.transpose() * more,
+        }
+    }
+
+    /// The derivative of sum(B * covariance) with respect to where the reading is taken, for a symmetric B.
+    #[must_use]
+    pub fn adjoint(&self, apart_m: &Vector3<f64>, of_covariance: &Matrix3<f64>) -> Vector3<f64> {
+        let alike = apart_m * (2.0 * of_covariance.trace() * self.per_metre * self.per_metre);
+        match self.more_along() {
+            0.0 => alike,
+            more => alike + of_covariance * apart_m * (2.0 * more),
+        }
+    }
+
+    /// The noise of a deflection (m), or of a reading by itself, that is so far apart: of three standard normal numbers.
+    #[must_use]
+    pub fn drawn(&self, normals: &Vector3<f64>, apart_m: &Vector3<f64>) -> Vector3<f64> {
+        let distance = apart_m.norm();
+        let alike = normals * self.per_metre * distance;
+        match self.along_per_metre - self.per_metre {
+            0.0 => alike,
+            more => {
+                alike + apart_m * (apart_m.dot(normals) / distance.max(f64::MIN_POSITIVE) * more)
+            }
+        }
+    }
+}
+
 impl ReadingSource {
     fn switch_off(&mut self) {
         match self {
@@ -86,23 +144,22 @@ impl ReadingSource {
             | Self::Misfit(deviation) => {
                 *deviation = 0.0;
             }
-            Self::Range { per_metre, .. } => *per_metre = 0.0,
+            Self::Range(noise) => (noise.per_metre, noise.along_per_metre) = (0.0, 0.0),
             Self::Wrong { share, .. } | Self::Dropped(share) => *share = 0.0,
         }
     }
 
-    /// The variance of each coordinate of a position (m^2) of what moves nothing, where the tool stands there; `None` of
-    /// what moves the robot, its load or its joints.
+    /// The covariance of a deflection's position (m^2) of what moves nothing, where the tool stands there; `None` of what
+    /// moves the robot, its load or its joints.
     #[must_use]
-    pub fn variance_of_positions(&self, tool_m: &Vector3<f64>) -> Option<f64> {
+    pub fn covariance_of_positions(&self, tool_m: &Vector3<f64>) -> Option<Matrix3<f64>> {
+        let alike = |variance: f64| Some(Matrix3::identity() * variance);
         match self {
-            Self::Misfit(deviation) => Some(deviation * deviation),
-            Self::Range { from_m, per_metre } => {
-                Some((tool_m - from_m).norm_squared() * per_metre * per_metre)
-            }
-            Self::Wrong { share, deviation_m } => Some(share * deviation_m * deviation_m),
+            Self::Misfit(deviation) => alike(deviation * deviation),
+            Self::Range(noise) => Some(noise.covariance(&(tool_m - noise.from_m))),
+            Self::Wrong { share, deviation_m } => alike(share * deviation_m * deviation_m),
             // What is not there has no error.
-            Self::Dropped(_) => Some(0.0),
+            Self::Dropped(_) => alike(0.0),
             _ => None,
         }
     }
@@ -112,7 +169,7 @@ impl ReadingSource {
     pub const fn numbers(&self) -> usize {
         match self {
             Self::JointReturn(deviations) | Self::GearError(deviations) => deviations.len(),
-            Self::LoadDirection(_) | Self::LoadPoint(_) | Self::Range { .. } | Self::Misfit(_) => 3,
+            Self::LoadDirection(_) | Self::LoadPoint(_) | Self::Range(_) | Self::Misfit(_) => 3,
             Self::Wrong { .. } => 4,
             Self::Dropped(_) => 1,
         }

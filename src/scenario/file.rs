@@ -379,7 +379,7 @@ impl UncertaintyKind {
             Self::Backlash => &["std_arcsec", "std_mm"],
             Self::LoadOffset => &["std_n"],
             Self::TaskForce => &["std_relative", "std_n"],
-            Self::TrackerRange => &["std_um_per_m"],
+            Self::TrackerRange => &["std_um_per_m", "along_um_per_m"],
             Self::Drift => &["std_um_per_h"],
             Self::WrongReading => &["share", "std_mm"],
             Self::DroppedReading => &["share"],
@@ -422,6 +422,7 @@ pub(super) struct UncertaintyTable {
     pub std_arcsec: Option<f64>,
     pub std_n: Option<f64>,
     pub std_um_per_m: Option<f64>,
+    pub along_um_per_m: Option<f64>,
     pub std_um_per_h: Option<f64>,
     pub share: Option<f64>,
     pub turned_over_at_nm: Option<f64>,
@@ -432,7 +433,7 @@ pub(super) struct UncertaintyTable {
 
 impl UncertaintyTable {
     /// The sizes by their keys.
-    pub const fn given(&self) -> [(&'static str, Option<f64>); 8] {
+    pub const fn given(&self) -> [(&'static str, Option<f64>); 9] {
         [
             ("std_relative", self.std_relative),
             ("std_mm", self.std_mm),
@@ -440,6 +441,7 @@ impl UncertaintyTable {
             ("std_arcsec", self.std_arcsec),
             ("std_n", self.std_n),
             ("std_um_per_m", self.std_um_per_m),
+            ("along_um_per_m", self.along_um_per_m),
             ("std_um_per_h", self.std_um_per_h),
             ("share", self.share),
         ]

@@ -11,8 +11,8 @@ use crate::measurement::{Measurement, RotationMeasurement};
 use crate::mujoco::{ModelChange, TorqueLaw};
 use crate::numeric::random::normal::LANES;
 use crate::parameter::{
-    Axis, ElasticArm, FrameChange, ParameterError, ParameterKind, ParameterSet, ReadingSource,
-    Source, Uncertainty,
+    Axis, ElasticArm, FrameChange, ParameterError, ParameterKind, ParameterSet, RangeNoise,
+    ReadingSource, Source, Uncertainty,
 };
 use crate::robot::{Approach, Load};
 use crate::task::Instrument;
@@ -318,8 +318,8 @@ impl Circumstances {
         let loaded = &unloaded + returned;
         let displacement = robot.displacement_between(number, (&unloaded, &loaded), &load)?;
         let mut moved = displacement.position_m + noise.off_m;
-        for (from, per_metre) in noise.by_distance {
-            moved += per_metre * (displacement.at_m - from).norm();
+        for (range, normals) in noise.by_distance {
+            moved += range.drawn(&normals, &(displacement.at_m - range.from_m));
         }
         let base: &Isometry3<f64> = &self.here.instrument_from_base[0];
         Ok((
@@ -345,8 +345,8 @@ pub(super) struct Disturbed {
 pub(super) struct ReadingNoise {
     /// Everywhere (m, world frame) ...
     pub off_m: Vector3<f64>,
-    /// ... and per metre of the distance from the instrument, which stands at the point (m) where nobody says otherwise.
-    pub by_distance: Vec<(Vector3<f64>, Vector3<f64>)>,
+    /// ... and by the distance from the instrument, with its three numbers each.
+    pub by_distance: Vec<(RangeNoise, Vector3<f64>)>,
 }
 
 /// Why a joint is elsewhere.
@@ -432,8 +432,8 @@ impl Circumstances {
                 ReadingSource::LoadPoint(deviation) => {
                     load.torque_nm += three(*deviation).cross(&load.force_n);
                 }
-                ReadingSource::Range { from_m, per_metre } => {
-                    by_distance.push((*from_m, three(per_metre * of_deflection)));
+                ReadingSource::Range(noise) => {
+                    by_distance.push((noise.scaled(of_deflection), three(1.0)));
                 }
             }
         }

@@ -143,7 +143,10 @@ impl ReadRobots {
         }
         let (at_m, axes, _) = rest;
         let off_by_distance: Vector3<f64> = (noise.by_distance.into_iter())
-            .map(|(from_m, per_metre)| per_metre * (at_m - seen.station_m.unwrap_or(from_m)).norm())
+            .map(|(range, normals)| {
+                let apart_m = at_m - seen.station_m.unwrap_or(range.from_m);
+                range.drawn(&normals, &apart_m)
+            })
             .sum();
         Ok((at_m + noise.off_m + off_by_distance, axes))
     }

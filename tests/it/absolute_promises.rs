@@ -6,7 +6,7 @@ use elastocal::identification::{AbsoluteCase, ParameterGroup, ReadingWeights};
 use elastocal::measurement::AbsoluteReading;
 use elastocal::numeric::random::generator;
 use elastocal::observation::{AbsoluteErrors, BareArm, Form, ObservationModel, ReadingKind, Setup};
-use elastocal::parameter::{ElasticArm, ParameterKind, ParameterSet, ReadingSource};
+use elastocal::parameter::{ElasticArm, ParameterKind, ParameterSet, RangeNoise, ReadingSource};
 use elastocal::plan::absolute::AbsolutePlanning;
 use elastocal::plan::search::random_plan;
 use elastocal::robot::Load;
@@ -258,10 +258,11 @@ fn sources() -> [ReadingSource; 6] {
         ReadingSource::GearError(deviations.clone()),
         ReadingSource::LoadDirection(0.01),
         ReadingSource::LoadPoint(0.005),
-        ReadingSource::Range {
+        ReadingSource::Range(RangeNoise {
             from_m: Vector3::zeros(),
             per_metre: 6e-6,
-        },
+            along_per_metre: 2e-6,
+        }),
         ReadingSource::Misfit(4e-5),
     ]
 }
@@ -343,8 +344,12 @@ fn readings_are_disturbed_as_much_as_planned() {
                 ReadingSource::LoadPoint(deviation) => {
                     acting.torque_nm += three(*deviation).cross(&load.force_n);
                 }
-                ReadingSource::Range { per_metre, .. } => {
-                    added = three(half * per_metre * (right.position_m - station).norm());
+                ReadingSource::Range(noise) => {
+                    let apart = right.position_m - station;
+                    let sight = apart.normalize();
+                    let numbers = three(half * apart.norm());
+                    let along = sight * sight.dot(&numbers);
+                    added = along * noise.along_per_metre + (numbers - along) * noise.per_metre;
                 }
                 ReadingSource::Misfit(deviation) => added = three(*deviation),
                 other => panic!("{other:?}"),

@@ -118,6 +118,31 @@ fn promises_hold_on_a_robot_that_is_drawn_in_every_run() {
     assert_holds(&plan, "everything");
 }
 
+/// A tracker reads along its beam better than across it, or worse: each is seen where it points.
+#[test]
+fn a_tracker_errs_along_its_beam_as_told() {
+    let [mut along, mut across] = [0.0; 2];
+    for (size, promised) in [
+        ("std_um_per_m = 0.001\nalong_um_per_m = 40", &mut along),
+        ("std_um_per_m = 40\nalong_um_per_m = 0.001", &mut across),
+    ] {
+        let text = with(&entry(("tracker_range", size), ""), "robot", 600);
+        let text = text.replace("sigma_of", "tracker_site = \"tracker\"\nsigma_of");
+        let plan = study(&text);
+        assert_holds(&plan, size);
+        *promised = plan["promised_rms_mm"].as_f64().expect("a number");
+    }
+    // As much in all directions is both, where the plan's noise is small beside them.
+    let all = with(
+        &entry(("tracker_range", "std_um_per_m = 40"), ""),
+        "model",
+        64,
+    );
+    let plan = study(&all.replace("sigma_of", "tracker_site = \"tracker\"\nsigma_of"));
+    let all = plan["promised_rms_mm"].as_f64().expect("a number");
+    assert!(all > 1.05 * along.max(across), "{along} {across} {all}");
+}
+
 /// By the linear model the promise is exact, and the errors are as large as their covariance says.
 #[test]
 fn promises_are_exact_in_the_linear_model() {
@@ -505,6 +530,16 @@ fn wrong_entries() {
             "kind = \"tracker_range\"\nstd_um_per_m = 6",
             "uncertainty[0].kind",
             "tracker_site",
+        ),
+        (
+            "kind = \"tracker_range\"\nalong_um_per_m = 0.3",
+            "uncertainty[0].std_um_per_m",
+            "is missing",
+        ),
+        (
+            "kind = \"tracker_range\"\nstd_um_per_m = 3\nalong_um_per_m = -1",
+            "uncertainty[0].along_um_per_m",
+            "-1",
         ),
         (
             "kind = \"load_scale\"\nstd_relative = 0.01\n[[uncertainty]]\nkind = \"load_scale\"\nstd_relative = 0.02",

@@ -6,7 +6,8 @@ use super::FirstOrder;
 use crate::observation::{ObservationModel, ReadingKind, Setup};
 use crate::parameter::arms::{Numbers, heavy, random, random_elastic, ur10};
 use crate::parameter::{
-    Axis, Backlash, ElasticArm, ParameterKind, ParameterSet, ReadingSource, Stiffening, arms,
+    Axis, Backlash, ElasticArm, ParameterKind, ParameterSet, RangeNoise, ReadingSource, Stiffening,
+    arms,
 };
 use crate::robot::{Approach, KinematicState, Load};
 
@@ -84,10 +85,11 @@ pub(in crate::observation) fn every_source(
         ),
         ReadingSource::LoadDirection(0.02),
         ReadingSource::LoadPoint(0.05),
-        ReadingSource::Range {
+        ReadingSource::Range(RangeNoise {
             from_m: numbers.vector(3.0),
             per_metre: 2e-5,
-        },
+            along_per_metre: 5e-6,
+        }),
         ReadingSource::GearError(
             (0..arm.chain.len())
                 .map(|_| numbers.between(0.0, 1e-2))
@@ -357,11 +359,20 @@ fn covariances_are_those_of_what_changes() {
             let column = state.position_column(joint) * *deviation;
             expected += column * column.transpose();
         }
-        let ReadingSource::Range { from_m, per_metre } = &sources[3] else {
+        let ReadingSource::Range(range) = &sources[3] else {
             panic!("then the range");
         };
-        let distance = (state.tool_position - from_m).norm();
-        expected += nalgebra::Matrix3::identity() * (distance * per_metre).powi(2);
+        // Axes of which the first is the line of sight.
+        let apart = state.tool_position - range.from_m;
+        let across = apart.cross(&Vector3::x()).normalize();
+        for (axis, per_metre) in [
+            (apart.normalize(), range.along_per_metre),
+            (across, range.per_metre),
+            (apart.normalize().cross(&across), range.per_metre),
+        ] {
+            let column = axis * (apart.norm() * per_metre);
+            expected += column * column.transpose();
+        }
         let (ReadingSource::GearError(gears), ReadingSource::Misfit(misfit)) =
             (&sources[4], &sources[5])
         else {

@@ -92,7 +92,7 @@ fn is_known(task: &Task, source: &ReadingSource) -> bool {
             | ReadingSource::LoadPoint(_)
             | ReadingSource::Misfit(_) => true,
             // Noise that depends on where the instrument stands has not the symmetries that the proof rests on.
-            ReadingSource::Range { .. }
+            ReadingSource::Range(_)
             | ReadingSource::GearError(_)
             | ReadingSource::Wrong { .. }
             | ReadingSource::Dropped(_) => false,
@@ -151,7 +151,7 @@ pub(super) fn spread(
             ReadingSource::LoadDirection(deviation) => turned = turned.hypot(over(*deviation)),
             ReadingSource::LoadPoint(deviation) => shifted = shifted.hypot(over(*deviation)),
             ReadingSource::Misfit(deviation) => everywhere += over(*deviation).powi(2),
-            ReadingSource::Range { .. }
+            ReadingSource::Range(_)
             | ReadingSource::GearError(_)
             | ReadingSource::Wrong { .. }
             | ReadingSource::Dropped(_) => {}

@@ -6,7 +6,9 @@ use super::Checker;
 use super::robot::names_of;
 use crate::files::FileError;
 use crate::mujoco::State;
-use crate::parameter::{Axis, ParameterError, ParameterKind, ReadingSource, Source, Uncertainty};
+use crate::parameter::{
+    Axis, ParameterError, ParameterKind, RangeNoise, ReadingSource, Source, Uncertainty,
+};
 use crate::quantities::plausible::{
     DEVIATION, FORCE_LIMIT, GAP_DEVIATION, Kind, PER_HOUR_DEVIATION, PER_METRE_DEVIATION,
     READING_SHARE, RELATIVE_DEVIATION, ROTATION_DEVIATION, TORQUE_LIMIT,
@@ -146,12 +148,20 @@ impl Checker<'_> {
             }
             UncertaintyKind::TrackerRange => {
                 let per_metre = size("std_um_per_m")?;
+                let along_per_metre = match table.along_um_per_m {
+                    Some(_) => size("along_um_per_m")?,
+                    None => per_metre,
+                };
                 let from_m = tracker_m(belief, places.stations).ok_or_else(|| {
                     let problem = "the noise grows with the distance from the tracker, and nothing says where it stands";
                     let wrong = self.wrong(&format!("{key}.kind"), problem);
                     wrong.hint("name a site of the model by instrument.tracker_site")
                 })?;
-                ReadingSource::Range { from_m, per_metre }
+                ReadingSource::Range(RangeNoise {
+                    from_m,
+                    per_metre,
+                    along_per_metre,
+                })
             }
             UncertaintyKind::WrongReading => ReadingSource::Wrong {
                 share: size("share")?,

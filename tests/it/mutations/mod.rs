@@ -401,6 +401,11 @@ incidence_max_deg = 30
 [[station]]
 name = "wall"
 position_mm = [-500, -4000, 1500.5]
+
+[[uncertainty]]
+kind = "tracker_range"
+std_um_per_m = 3
+along_um_per_m = 0.15
 "#;
 
 const BACKLASH: &str = r#"
