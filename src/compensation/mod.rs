@@ -108,7 +108,15 @@ pub fn compensate_arm(
     let compliance = &arm.compliance_rad_per_nm;
     let tool = &arm.tools[tool];
     let commanded_rad = compensate(&arm.chain, tool, compliance, &standing, method)?;
-    Ok(commanded_rad - loaded_rad)
+    let mut commanded_rad = commanded_rad - loaded_rad;
+    if !arm.gear_waves.is_empty() {
+        // Gears are off by what they are off by where the joints are commanded now.
+        for (joint, commanded) in commanded_rad.iter_mut().enumerate() {
+            let at_pose = arm.gear_error_rad(joint, pose.configuration_rad[joint]);
+            *commanded = arm.before_gear(joint, *commanded + at_pose);
+        }
+    }
+    Ok(commanded_rad)
 }
 
 /// The observation matrix of a test pose for the compliances of some joints, `A_0^(p)` (eq. 23), 3 x p; of it what

@@ -18,11 +18,13 @@
 //! d/dq_j = z_j . sum (J_n x a_n + z_n x c_n)  over what is at or beyond j   +   J_j . sum a_n x z_n  over the rest
 //! ```
 
+use std::cell::RefCell;
+
 use nalgebra::{Cholesky, Matrix3, Matrix3xX, Rotation3, Vector3};
 
 use super::off_springs::OffSpring;
 use crate::parameter::{
-    Axis, Backlash, ElasticArm, ParameterKind, ParameterSet, ReadingSource, along,
+    Axis, Backlash, ElasticArm, GearWave, ParameterKind, ParameterSet, ReadingSource, along,
 };
 use crate::robot::{Approach, KinematicState, Load, SerialChain};
 
@@ -35,6 +37,8 @@ enum Column {
     Place(usize),
     /// What a joint stands off its spring by as weight and load have it.
     OffSpring(usize),
+    /// What a wave in a joint's gear moves.
+    Wave(usize),
     /// The deflection itself.
     LoadScale,
     /// The deflection under a force of 1 N along the load's.
@@ -69,6 +73,28 @@ enum PlaceMotion {
     LinkAbout(Axis),
     /// Along an axis of the tool.
     ToolAlong(Axis),
+}
+
+/// A wave in the gear of a joint, at the angle (rad) that is commanded.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct WaveHere {
+    column: usize,
+    /// Whose the wave is, among the joints that have some.
+    owner: usize,
+    wave: GearWave,
+    angle: f64,
+    value: f64,
+    slope: f64,
+}
+
+/// A joint whose gear has waves, with what their columns are worth in a cost, by their values and by their slopes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct WavyJoint {
+    joint: usize,
+    of_values: Vector3<f64>,
+    of_slopes: Vector3<f64>,
+    /// What turning the joint is worth by the slopes.
+    of_angle: f64,
 }
 
 /// Columns of a Jacobian, position rows above rotation rows, and the adjoints of both.
@@ -136,6 +162,11 @@ pub struct FirstOrder<'a> {
     gaps: Vec<(usize, usize, f64)>,
     /// Joints that stand off their springs as weight and load have it.
     off_springs: Vec<OffSpring>,
+    /// Where some do: the angular velocities of all beyond each joint, and how the arm's weight turns about these.
+    turning: Vec<Vector3<f64>>,
+    weight_turning: Vec<Vector3<f64>>,
+    waves: Vec<WaveHere>,
+    wavy_joints: Vec<WavyJoint>,
     places: Vec<FramePlace>,
     /// The variance of each coordinate of a deflection by the instrument alone (m^2).
     variance_m2: f64,
@@ -146,6 +177,17 @@ pub struct FirstOrder<'a> {
     tool_position: Vector3<f64>,
     joints: Vec<Lever>,
     levers: Vec<Lever>,
+    /// What was seen last: its gradient is asked for next.
+    seen: RefCell<SeenHere>,
+}
+
+/// What is seen at a configuration under a load.
+#[derive(Debug, Clone)]
+struct SeenHere {
+    /// The load; none where nothing was seen yet.
+    load: Option<Load>,
+    whitener: Matrix3<f64>,
+    /// L^-1 J (3 x p).
     whitened: Matrix3xX<f64>,
 }
 
@@ -167,13 +209,17 @@ impl<'a> FirstOrder<'a> {
         };
         let tool = &arm.tools[target];
         let mut off_springs: Vec<OffSpring> = Vec::new();
-        let columns: Vec<Column> = (set.parameters().iter())
-            .map(|parameter| match parameter.kind {
+        let (waves, wavy_joints) = waves_of(set);
+        let columns: Vec<Column> = (set.parameters().iter().enumerate())
+            .map(|(index, parameter)| match parameter.kind {
                 kind if let Some(each) = OffSpring::of(arm, kind) => {
                     off_springs.push(each);
                     Column::OffSpring(off_springs.len() - 1)
                 }
                 ParameterKind::JointCompliance { joint } => Column::Compliance(joint),
+                ParameterKind::JointWave { .. } => {
+                    Column::Wave(waves.partition_point(|wave| wave.column < index))
+                }
                 ParameterKind::JointZero { joint } | ParameterKind::JointBacklash { joint } => {
                     place(joint, PlaceMotion::Joint)
                 }
@@ -230,7 +276,15 @@ impl<'a> FirstOrder<'a> {
             factors: factors.collect(),
             gaps: gaps.collect(),
             off_springs,
-            whitened: Matrix3xX::zeros(columns.len()),
+            waves,
+            wavy_joints,
+            turning: Vec::new(),
+            weight_turning: Vec::new(),
+            seen: RefCell::new(SeenHere {
+                load: None,
+                whitener: Matrix3::zeros(),
+                whitened: Matrix3xX::zeros(columns.len()),
+            }),
             columns,
             levers: vec![Lever::NONE; places.len()],
             places,
@@ -250,6 +304,7 @@ impl<'a> FirstOrder<'a> {
         if self.gaps.is_empty() && self.off_springs.is_empty() {
             return;
         }
+        self.seen.get_mut().load = None;
         let came = Approach::of_all(approach, self.chain);
         for each in &mut self.off_springs {
             each.come_from(&came);
@@ -263,6 +318,7 @@ impl<'a> FirstOrder<'a> {
     /// covariance as often as it is shared: then r readings that are taken as independent tell as much as the r repeats
     /// do, J^T (`R_shared` + `R_new`/r)^-1 J.
     pub fn set_repeats(&mut self, repeats: u32) {
+        self.seen.get_mut().load = None;
         self.repeats = f64::from(repeats);
     }
 
@@ -280,12 +336,24 @@ impl<'a> FirstOrder<'a> {
 
     /// Moves to the joint angles `q` (rad), where the arm with its tool has this geometry.
     pub fn stand(&mut self, q: &[f64], state: &KinematicState) {
+        self.seen.get_mut().load = None;
         self.tool_position = state.tool_position;
         for (joint, lever) in self.joints.iter_mut().enumerate() {
             *lever = Lever::at(state.position_column(joint), state.rotation_column(joint));
         }
         for each in &mut self.off_springs {
             each.stand(state, &self.chain.gravity_m_s2);
+        }
+        if !self.off_springs.is_empty() {
+            let joints = 0..self.joints.len();
+            let turned = |joint| state.mass_column(joint).cross(&self.chain.gravity_m_s2);
+            self.turning.clone_from(&state.turning);
+            self.weight_turning.clear();
+            self.weight_turning.extend(joints.map(turned));
+        }
+        for wave in &mut self.waves {
+            wave.angle = q[self.wavy_joints[wave.owner].joint];
+            (wave.value, wave.slope) = wave.wave.at(wave.angle);
         }
         let mut before = Rotation3::identity();
         for (index, (joint, &angle)) in self.chain.joints.iter().zip(q).enumerate() {
@@ -322,6 +390,8 @@ impl<'a> FirstOrder<'a> {
             force_n: along(load),
             torque_nm: Vector3::zeros(),
         };
+        // The waves of a joint move it alike.
+        let mut moved: Option<(usize, Vector3<f64>)> = None;
         for (index, (column, factor)) in self.columns.iter().zip(&self.factors).enumerate() {
             let value = match *column {
                 Column::Compliance(joint) => {
@@ -337,6 +407,15 @@ impl<'a> FirstOrder<'a> {
                     let shape = each.under(lever.torque(load));
                     self.of_motion(each.joint, lever, load) * shape.loaded
                         + lever.position * shape.crossed()
+                }
+                Column::Wave(wave) => {
+                    let wave = &self.waves[wave];
+                    if moved.is_none_or(|(owner, _)| owner != wave.owner) {
+                        let joint = self.wavy_joints[wave.owner].joint;
+                        let all = self.of_motion(joint, &self.joints[joint], load);
+                        moved = Some((wave.owner, all));
+                    }
+                    moved.map_or_else(Vector3::zeros, |(_, all)| all * wave.value)
                 }
                 Column::LoadScale => deflection,
                 Column::LoadOffset => self.deflection(&along),
@@ -369,6 +448,15 @@ impl<'a> FirstOrder<'a> {
                     let shape = each.under(lever.torque(load));
                     self.torques_of_motion(each.joint, lever, load) * shape.unloaded
                         + lever.position * shape.crossed()
+                }
+                // Where the joint is commanded back by what its spring gives, its gear errs by more or less.
+                Column::Wave(wave) => {
+                    let wave = &self.waves[wave];
+                    let joint = self.wavy_joints[wave.owner].joint;
+                    let lever = &self.joints[joint];
+                    let back = self.compliance[joint] * lever.torque(load);
+                    self.torques_of_motion(joint, lever, load) * wave.value
+                        + lever.position * (wave.wave.at(wave.angle - back).0 - wave.value)
                 }
                 Column::TaskScale => self.deflection(load),
                 Column::TaskForce(axis) => self.deflection(&Load {
@@ -502,6 +590,10 @@ impl<'a> FirstOrder<'a> {
             let white = whitener * &column;
             column.copy_from(&white);
         }
+        let mut seen = self.seen.borrow_mut();
+        seen.load = Some(*load);
+        seen.whitener = whitener;
+        seen.whitened.copy_from(matrix);
     }
 
     /// Adds the derivatives of a cost of the information A^T A, A = L^-1 J, with respect to the joint
@@ -516,14 +608,16 @@ impl<'a> FirstOrder<'a> {
         factor: &Matrix3xX<f64>,
         gradient: &mut [f64],
     ) -> Vector3<f64> {
-        let mut whitened = std::mem::replace(&mut self.whitened, Matrix3xX::zeros(0));
-        self.derivatives(load, &mut whitened);
-        let whitener = self.whitener(load);
-        let mut product = Matrix3::zeros();
-        for (one, other) in factor.column_iter().zip(whitened.column_iter()) {
-            product += one * (whitener * other).transpose();
+        if self.seen.get_mut().load != Some(*load) {
+            let mut room = Matrix3xX::zeros(self.columns.len());
+            self.observe(load, &mut room);
         }
-        self.whitened = whitened;
+        let seen = self.seen.get_mut();
+        let whitener = seen.whitener;
+        let mut product = Matrix3::zeros();
+        for (one, other) in factor.column_iter().zip(seen.whitened.column_iter()) {
+            product += one * other.transpose();
+        }
         let of_covariance = whitener.transpose() * product * whitener * -0.5;
         let of_covariance = (of_covariance + of_covariance.transpose()) * 0.5;
         for lever in self.joints.iter_mut().chain(&mut self.levers) {
@@ -533,6 +627,9 @@ impl<'a> FirstOrder<'a> {
         for each in &mut self.off_springs {
             each.forget();
         }
+        for each in &mut self.wavy_joints {
+            (each.of_values, each.of_slopes) = (Vector3::zeros(), Vector3::zeros());
+        }
         let mut of_force = self.adjoint_of_derivatives(load, &(whitener.transpose() * factor));
         let mut of_tool = Vector3::zeros();
         for source in 0..self.sources.len() {
@@ -540,7 +637,12 @@ impl<'a> FirstOrder<'a> {
         }
         self.sweep(&of_tool, gradient);
         for each in &self.off_springs {
-            each.add_to(gradient);
+            each.add_to(gradient, &self.turning, &self.weight_turning);
+        }
+        for each in &self.wavy_joints {
+            if let Some(slope) = gradient.get_mut(each.joint) {
+                *slope += each.of_angle;
+            }
         }
         of_force
     }
@@ -566,11 +668,20 @@ impl<'a> FirstOrder<'a> {
                     self.levers[place].of_rotation += rotation;
                 }
                 Column::OffSpring(place) => of_force += self.adjoint_of_off_spring(place, load, &b),
+                Column::Wave(wave) => {
+                    let wave = &self.waves[wave];
+                    let owner = &mut self.wavy_joints[wave.owner];
+                    owner.of_values += b * wave.value;
+                    owner.of_slopes += b * wave.slope;
+                }
                 Column::LoadScale => of_deflection += b,
                 Column::LoadOffset => of_unit += b,
                 Column::Turned(axis) => of_deflection += b.cross(&axis),
                 Column::TaskScale | Column::TaskForce(_) | Column::Seen(_) | Column::Silent => {}
             }
+        }
+        for owner in 0..self.wavy_joints.len() {
+            of_force += self.adjoint_of_waves(owner, load);
         }
         let along = Load {
             force_n: unit,
@@ -606,6 +717,24 @@ impl<'a> FirstOrder<'a> {
         own.of_position += position + b * shape.crossed() + load.force_n * of_load;
         own.of_rotation += rotation + load.torque_nm * of_load;
         force + lever.position * of_load
+    }
+
+    /// Adds the adjoints for all columns of the waves in a joint's gear, and returns that of the force.
+    fn adjoint_of_waves(&mut self, owner: usize, load: &Load) -> Vector3<f64> {
+        let WavyJoint {
+            joint,
+            of_values,
+            of_slopes,
+            ..
+        } = self.wavy_joints[owner];
+        let lever = self.joints[joint];
+        let of_angle = of_slopes.dot(&self.of_motion(joint, &lever, load));
+        self.wavy_joints[owner].of_angle = of_angle;
+        let (force, position, rotation) = self.adjoint_of_motion(joint, &lever, load, &of_values);
+        let own = &mut self.joints[joint];
+        own.of_position += position;
+        own.of_rotation += rotation;
+        force
     }
 
     /// The same for b . (what a motion with a lever changes of the deflection); besides the adjoint of the force those of the
@@ -732,6 +861,35 @@ impl<'a> FirstOrder<'a> {
             before += lever.carried();
         }
     }
+}
+
+/// The waves among parameters, and the joints whose they are, in the order of their first.
+fn waves_of(set: &ParameterSet) -> (Vec<WaveHere>, Vec<WavyJoint>) {
+    let (mut waves, mut joints) = (Vec::new(), Vec::<WavyJoint>::new());
+    for (column, parameter) in set.parameters().iter().enumerate() {
+        let ParameterKind::JointWave { joint, wave } = parameter.kind else {
+            continue;
+        };
+        let known = joints.iter().position(|each| each.joint == joint);
+        let owner = known.unwrap_or_else(|| {
+            joints.push(WavyJoint {
+                joint,
+                of_values: Vector3::zeros(),
+                of_slopes: Vector3::zeros(),
+                of_angle: 0.0,
+            });
+            joints.len() - 1
+        });
+        waves.push(WaveHere {
+            column,
+            owner,
+            wave,
+            angle: 0.0,
+            value: 0.0,
+            slope: 0.0,
+        });
+    }
+    (waves, joints)
 }
 
 impl FramePlace {

@@ -33,6 +33,8 @@ pub struct ObservationModel<'a> {
     solver: EquilibriumSolver,
     state: KinematicState,
     sweep: Sweep,
+    /// What the joints are commanded, and where they stand by that before anything holds them.
+    asked_rad: Vec<f64>,
     commanded_rad: Vec<f64>,
     torque: Vec<f64>,
     unloaded: Matrix6xX<f64>,
@@ -85,6 +87,7 @@ impl<'a> ObservationModel<'a> {
             solver: EquilibriumSolver::new(joints),
             state: KinematicState::new(joints),
             sweep: Sweep::new(&set, nominal, values),
+            asked_rad: vec![0.0; joints],
             commanded_rad: vec![0.0; joints],
             torque: vec![0.0; joints],
             unloaded: Matrix6xX::zeros(set.len()),
@@ -184,8 +187,10 @@ impl<'a> ObservationModel<'a> {
 
     /// Sets the joints' angles, and returns the load that acts.
     fn command(&mut self, setup: &Setup) -> Load {
+        self.asked_rad
+            .copy_from_slice(setup.commanded_rad.as_slice());
         for (joint, commanded) in self.commanded_rad.iter_mut().enumerate() {
-            *commanded = setup.commanded_rad[joint] + self.belief.zero_rad[joint];
+            *commanded = self.belief.stands_at(joint, setup.commanded_rad[joint]);
         }
         self.stand_off_springs(setup, true);
         self.belief.acting(&setup.load)
@@ -207,7 +212,7 @@ impl<'a> ObservationModel<'a> {
         };
         for (joint, leaning) in here.iter().enumerate() {
             self.commanded_rad[joint] =
-                q[joint] + self.belief.zero_rad[joint] + self.belief.leans_by(joint, leaning);
+                self.belief.stands_at(joint, q[joint]) + self.belief.leans_by(joint, leaning);
         }
         (off_springs.here, off_springs.unloaded) = (here, unloaded);
     }
@@ -254,6 +259,7 @@ impl<'a> ObservationModel<'a> {
             state: &self.state,
             q: &self.commanded_rad,
             target,
+            asked_rad: &self.asked_rad,
             load,
             gravity_m_s2: &gravity,
             torque: &self.torque,
@@ -294,6 +300,7 @@ impl<'a> ObservationModel<'a> {
             state: self.solver.state(),
             q: self.solver.q(),
             target,
+            asked_rad: &self.asked_rad,
             load,
             gravity_m_s2: &self.chain.gravity_m_s2,
             torque: self.solver.torque(),

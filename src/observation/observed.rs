@@ -269,7 +269,8 @@ impl<'a> ObservedRows<'a> {
         let nominal: Vec<f64> = (self.set.parameters().iter())
             .map(|each| each.nominal)
             .collect();
-        let at_rest = self.compensated(&nominal, load);
+        let standing = DVector::zeros(self.q.len());
+        let at_rest = self.compensated(&nominal, load, &standing);
         let mut state = at_rest.1;
         if let Some(mobility) = state.mobility(&self.arm.compliance_rad_per_nm) {
             state.brace(&mobility);
@@ -289,14 +290,14 @@ impl<'a> ObservedRows<'a> {
                         force_n: Vector3::ith(axis.index(), 1.0),
                         torque_nm: Vector3::zeros(),
                     };
-                    seen(&self.compensated(&nominal, &newton).0)
+                    seen(&self.compensated(&nominal, &newton, &standing).0)
                 }
                 _ => {
                     let shift = PARAMETER_SHIFT * parameter.scale;
                     let at = |shift: f64| {
                         let mut values = nominal.clone();
                         values[index] += shift;
-                        self.compensated(&values, load).0
+                        self.compensated(&values, load, &at_rest.0).0
                     };
                     seen(&((at(shift) - at(-shift)) / (2.0 * shift)))
                 }
@@ -306,8 +307,14 @@ impl<'a> ObservedRows<'a> {
     }
 
     /// The joints' own deflections (rad, m) that are compensated under a load at values of the parameters, and the arm's
-    /// geometry where it rests without the load.
-    fn compensated(&self, values: &[f64], load: &Load) -> (DVector<f64>, KinematicState) {
+    /// geometry where it rests without the load. The joints are commanded back by so much (rad, m), where their gears err by more
+    /// or less.
+    fn compensated(
+        &self,
+        values: &[f64],
+        load: &Load,
+        back: &DVector<f64>,
+    ) -> (DVector<f64>, KinematicState) {
         let arm = self.set.apply(self.arm, values);
         let chain = arm.loaded_chain();
         let mut at_tool = chain.at(&arm.tools[self.target]);
@@ -325,8 +332,14 @@ impl<'a> ObservedRows<'a> {
         } else {
             at_tool.state(&commanded)
         };
+        let gear = |joint: usize| {
+            arm.gear_error_rad(joint, self.q[joint] - back[joint])
+                - arm.gear_error_rad(joint, self.q[joint])
+        };
         let angle = |joint: usize, _| {
-            compliance[joint] * state.load_torque(joint, load) + (with[joint] - without[joint])
+            compliance[joint] * state.load_torque(joint, load)
+                + (with[joint] - without[joint])
+                + gear(joint)
         };
         (DVector::from_fn(chain.len(), angle), state)
     }

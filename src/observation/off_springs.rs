@@ -13,7 +13,7 @@
 use nalgebra::Vector3;
 
 use crate::parameter::{Backlash, ElasticArm, ParameterKind, Stiffening};
-use crate::robot::{KinematicState, Load};
+use crate::robot::KinematicState;
 
 /// How a joint leans by a torque.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -40,9 +40,8 @@ pub struct OffSpring {
     /// The joint.
     pub joint: usize,
     law: LeaningLaw,
-    /// The torque of the arm's weight about the joint (N m), and how it follows each joint (N m/rad).
+    /// The torque of the arm's weight about the joint (N m).
     weight_nm: f64,
-    weight_slopes_nm: Vec<f64>,
     /// What the torque of the weight is worth in a cost.
     of_weight: f64,
 }
@@ -86,7 +85,6 @@ impl OffSpring {
             joint,
             law,
             weight_nm: 0.0,
-            weight_slopes_nm: vec![0.0; arm.chain.len()],
             of_weight: 0.0,
         })
     }
@@ -101,9 +99,6 @@ impl OffSpring {
     /// Takes the arm's weight where it has this geometry.
     pub fn stand(&mut self, state: &KinematicState, gravity_m_s2: &Vector3<f64>) {
         self.weight_nm = state.gravity_torque(self.joint, gravity_m_s2);
-        for (by, slope) in self.weight_slopes_nm.iter_mut().enumerate() {
-            *slope = state.torque_derivative(self.joint, by, &Load::NONE, gravity_m_s2);
-        }
     }
 
     /// The shape where a load turns the joint with a torque (N m).
@@ -132,10 +127,17 @@ impl OffSpring {
         of_load
     }
 
-    /// Adds what turning each joint is worth by the weight to a gradient.
-    pub fn add_to(&self, gradient: &mut [f64]) {
-        for (slope, by_joint) in gradient.iter_mut().zip(&self.weight_slopes_nm) {
-            *slope += self.of_weight * by_joint;
+    /// Adds what turning each joint is worth by the weight to a gradient, where the joints turn what is beyond them so and the
+    /// weight turns about them, see [`KinematicState::torque_derivative`].
+    pub fn add_to(
+        &self,
+        gradient: &mut [f64],
+        turning: &[Vector3<f64>],
+        weight_turning: &[Vector3<f64>],
+    ) {
+        for (by, slope) in gradient.iter_mut().enumerate() {
+            let (inner, outer) = (self.joint.min(by), self.joint.max(by));
+            *slope += self.of_weight * turning[inner].dot(&weight_turning[outer]);
         }
     }
 }

@@ -66,6 +66,8 @@ pub(super) struct SweepPose<'a> {
     pub chain: &'a SerialChain,
     pub state: &'a KinematicState,
     pub q: &'a [f64],
+    /// What the joints are commanded (rad), by which gears err.
+    pub asked_rad: &'a [f64],
     pub target: usize,
     /// The load that acts, its scale included.
     pub load: &'a Load,
@@ -161,6 +163,9 @@ impl Sweep {
                     self.response_to(joint) * (pose.torque[joint] * factor)
                 }
                 ParameterKind::JointZero { joint } => self.of_zero(pose, joint),
+                ParameterKind::JointWave { joint, wave } => {
+                    self.of_zero(pose, joint) * wave.at(pose.asked_rad[joint]).0
+                }
                 ParameterKind::JointBacklash { joint } => {
                     self.of_leaning(pose, joint, |leaning| leaning.side)
                 }

@@ -1,10 +1,11 @@
 //! Arms for tests, and numbers at random for them.
 
 use std::f64::consts::{FRAC_PI_2, PI};
+use std::num::NonZeroU32;
 
 use nalgebra::{DVector, Isometry3, Translation3, Unit, UnitQuaternion, Vector3};
 
-use super::{Axis, ElasticArm, ParameterKind, Payload};
+use super::{Axis, ElasticArm, GearWave, ParameterKind, Payload};
 use crate::robot::{Drive, Elements, Joint, JointSpring, Offset, Place, SerialChain, Spring, Tool};
 
 /// A small generator (`SplitMix64`) of reproducible numbers.
@@ -228,6 +229,14 @@ pub(crate) fn everything(belief: &ElasticArm) -> Vec<ParameterKind> {
     kinds.extend(masses);
     kinds.extend((0..belief.chain.len()).map(|joint| ParameterKind::JointBacklash { joint }));
     kinds.extend((0..belief.chain.len()).map(|joint| ParameterKind::JointStiffening { joint }));
+    let turning = (0..belief.chain.len()).filter(|&joint| !belief.chain.joints[joint].drive.slides);
+    kinds.extend(turning.flat_map(|joint| {
+        let waves = [NonZeroU32::MIN, NonZeroU32::MIN.saturating_add(2)];
+        waves
+            .into_iter()
+            .flat_map(GearWave::both)
+            .map(move |wave| ParameterKind::JointWave { joint, wave })
+    }));
     kinds
 }
 

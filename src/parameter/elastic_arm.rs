@@ -5,8 +5,12 @@ use std::borrow::Cow;
 use nalgebra::{Isometry3, Vector3};
 
 use super::backlash::Backlash;
+use super::gear::{GearWave, WaveError};
 use super::stiffening::Stiffening;
 use crate::robot::{Approach, Load, SerialChain, Tool};
+
+/// How often a command is corrected by what the gear is off by there.
+const GEAR_STEPS: usize = 20;
 
 /// A mass that is fixed to a link, besides what the model gives the link.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -32,6 +36,8 @@ pub struct ElasticArm {
     pub backlash: Vec<Backlash>,
     /// What each joint gives besides its spring.
     pub stiffening: Vec<Stiffening>,
+    /// The waves in the joints' gears.
+    pub gear_waves: Vec<WaveError>,
     /// The tools that are measured or loaded.
     pub tools: Vec<Tool>,
     /// The payload, if there is one.
@@ -54,6 +60,7 @@ impl ElasticArm {
             zero_rad: vec![0.0; chain.len()],
             backlash: vec![Backlash::NONE; chain.len()],
             stiffening: vec![Stiffening::NONE; chain.len()],
+            gear_waves: Vec::new(),
             chain,
             compliance_rad_per_nm,
             tools,
@@ -157,8 +164,58 @@ impl ElasticArm {
             || self.stiffening.iter().any(|each| each.share != 0.0)
     }
 
-    /// What is added to each commanded angle `q` (rad): the joints' zeros, and how far they stand off their springs, see
-    /// [`Self::leanings`].
+    /// How large a wave in a joint's gear is (rad).
+    #[must_use]
+    pub fn amplitude_rad(&self, joint: usize, wave: GearWave) -> f64 {
+        let mut waves = self.gear_waves.iter();
+        let found = waves.find(|each| (each.joint, each.wave) == (joint, wave));
+        found.map_or(0.0, |each| each.amplitude_rad)
+    }
+
+    /// Makes a wave in a joint's gear so large (rad).
+    pub fn set_amplitude(&mut self, joint: usize, wave: GearWave, amplitude_rad: f64) {
+        let mut waves = self.gear_waves.iter_mut();
+        match waves.find(|each| (each.joint, each.wave) == (joint, wave)) {
+            Some(found) => found.amplitude_rad = amplitude_rad,
+            None => self.gear_waves.push(WaveError {
+                joint,
+                wave,
+                amplitude_rad,
+            }),
+        }
+    }
+
+    /// How far a joint's gear is off where the joint is commanded an angle (rad).
+    #[must_use]
+    pub fn gear_error_rad(&self, joint: usize, commanded_rad: f64) -> f64 {
+        (self.gear_waves.iter().filter(|each| each.joint == joint))
+            .map(|each| each.amplitude_rad * each.wave.at(commanded_rad).0)
+            .sum()
+    }
+
+    /// Where a joint with its zero and its gear stands that is commanded an angle (rad; m where it slides), without what it carries.
+    #[must_use]
+    pub fn stands_at(&self, joint: usize, commanded: f64) -> f64 {
+        let at_zero = commanded + self.zero_rad[joint];
+        if self.gear_waves.is_empty() {
+            return at_zero;
+        }
+        at_zero + self.gear_error_rad(joint, commanded)
+    }
+
+    /// What to command a joint (rad) so that its gear has it where another command without gear error would.
+    #[must_use]
+    pub(crate) fn before_gear(&self, joint: usize, wanted_rad: f64) -> f64 {
+        let mut commanded = wanted_rad;
+        // Gears follow their commands nearly: each step leaves the share of itself by which the error has a slope.
+        for _ in 0..GEAR_STEPS {
+            commanded = wanted_rad - self.gear_error_rad(joint, commanded);
+        }
+        commanded
+    }
+
+    /// What is added to each commanded angle `q` (rad): the joints' zeros, what their gears are off by there, and how far they
+    /// stand off their springs, see [`Self::leanings`].
     #[must_use]
     pub fn offsets_rad(
         &self,
@@ -168,6 +225,9 @@ impl ElasticArm {
         approach: Option<&Approach>,
     ) -> Vec<f64> {
         let mut offsets = self.zero_rad.clone();
+        for each in &self.gear_waves {
+            offsets[each.joint] += each.amplitude_rad * each.wave.at(q[each.joint]).0;
+        }
         if self.leans() {
             let leanings = self.leanings(q, tool, load, approach);
             for (joint, (offset, leaning)) in offsets.iter_mut().zip(&leanings).enumerate() {

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use super::ElasticArm;
+use super::{ElasticArm, GearWave};
 
 /// An axis of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -59,6 +59,13 @@ pub enum ParameterKind {
     JointStiffening {
         /// The joint.
         joint: usize,
+    },
+    /// A wave of a joint's gear error over the joint's own angle (rad), see [`GearWave`].
+    JointWave {
+        /// The joint, which turns.
+        joint: usize,
+        /// Which wave.
+        wave: GearWave,
     },
     /// The stiffness of a spring between places of the arm (N/m); with a prior, the logarithm of its ratio to
     /// the nominal one.
@@ -161,6 +168,7 @@ impl ParameterKind {
             Self::SpringStiffness { .. } => "N/m",
             Self::JointZero { .. }
             | Self::JointBacklash { .. }
+            | Self::JointWave { .. }
             | Self::LinkRotation { .. }
             | Self::ToolRotation { .. }
             | Self::BaseRotation { .. } => "rad",
@@ -230,6 +238,20 @@ impl ParameterKind {
         kinds
     }
 
+    /// The parameter of this name, of those in a list and of waves in the gears of joints that turn.
+    #[must_use]
+    pub fn named(name: &str, listed: &[Self], belief: &ElasticArm) -> Option<Self> {
+        let wave = || {
+            let (owner, word) = name.rsplit_once('.')?;
+            let is_owner = |joint: &crate::robot::Joint| joint.name == owner && !joint.drive.slides;
+            let joint = belief.chain.joints.iter().position(is_owner)?;
+            let wave = GearWave::named(word)?;
+            Some(Self::JointWave { joint, wave })
+        };
+        let known = listed.iter().find(|kind| kind.name(belief) == name);
+        known.copied().or_else(wave)
+    }
+
     /// Its unique name, such as `joint_3.compliance`, `link_3.x`, `tool.ry`, `base.z`.
     #[must_use]
     pub fn name(self, belief: &ElasticArm) -> String {
@@ -241,6 +263,7 @@ impl ParameterKind {
             Self::JointZero { joint: index } => format!("{}.zero", joint(index)),
             Self::JointBacklash { joint: index } => format!("{}.backlash", joint(index)),
             Self::JointStiffening { joint: index } => format!("{}.stiffening", joint(index)),
+            Self::JointWave { joint: index, wave } => format!("{}.{}", joint(index), wave.name()),
             Self::SpringStiffness { spring } => format!("{}.stiffness", named(spring)),
             Self::SpringRest { spring } => format!("{}.rest", named(spring)),
             Self::LinkPosition { link, axis } => format!("link_{}.{axis}", link + 1),
@@ -283,7 +306,7 @@ impl ParameterKind {
                 .abs(),
             Self::JointCompliance { .. } | Self::SpringStiffness { .. } => 1.0,
             Self::LinkPosition { .. } | Self::LinkRotation { .. } => 3e-4,
-            Self::JointBacklash { .. } => 1e-4,
+            Self::JointBacklash { .. } | Self::JointWave { .. } => 1e-4,
             Self::JointZero { .. } | Self::ToolPosition { .. } => 1e-3,
             Self::ToolRotation { .. }
             | Self::SpringRest { .. }
@@ -366,6 +389,12 @@ impl ParameterKind {
             Self::JointStiffening { joint: index } => {
                 format!("the stiffening of {}", joint(index))
             }
+            Self::JointWave { joint: index, wave } => format!(
+                "the {} in {}'s gear that comes {} a turn",
+                wave.phase.word(),
+                joint(index),
+                times(wave.per_turn.get())
+            ),
             Self::SpringStiffness { spring } => format!("the stiffness of {}", named(spring)),
             Self::SpringRest { spring } => format!("the rest length of {}", named(spring)),
             Self::LinkPosition { link, axis } => {
@@ -398,6 +427,14 @@ impl ParameterKind {
             Self::TaskForce { axis } => format!("the task's force along {axis}"),
             Self::Drift { axis } => format!("the instrument's drift along {axis}"),
         }
+    }
+}
+
+/// How often, in words.
+fn times(count: u32) -> String {
+    match count {
+        1 => "once".to_owned(),
+        count => format!("{count} times"),
     }
 }
 

@@ -21,6 +21,9 @@ pub enum ParameterError {
     /// A mass's or a centre of mass's parameter of a link without one.
     #[error("link_{0} has no mass")]
     NoMass(usize),
+    /// A gear's wave of a joint that does not turn.
+    #[error("{0} slides: its gear has no waves in a turn")]
+    NoTurns(String),
     /// A relative prior of something that is nominally zero.
     #[error("{0} has a relative prior, which a nominal value of zero cannot have")]
     RigidWithPrior(String),
@@ -80,6 +83,7 @@ impl ParameterSet {
                 ParameterKind::JointZero { joint } => belief.zero_rad[joint],
                 ParameterKind::JointBacklash { joint } => belief.backlash[joint].half_width_rad,
                 ParameterKind::JointStiffening { joint } => belief.stiffening[joint].share,
+                ParameterKind::JointWave { joint, wave } => belief.amplitude_rad(joint, wave),
                 ParameterKind::SpringStiffness { spring } if !is_logarithmic => {
                     belief.chain.elements.springs[spring].stiffness_n_per_m
                 }
@@ -277,6 +281,9 @@ impl ParameterSet {
                 ParameterKind::JointStiffening { joint } => {
                     belief.stiffening[joint].share = quantity;
                 }
+                ParameterKind::JointWave { joint, wave } => {
+                    belief.set_amplitude(joint, wave, quantity);
+                }
                 ParameterKind::SpringStiffness { spring } => {
                     belief.chain.elements.springs[spring].stiffness_n_per_m = quantity;
                 }
@@ -398,9 +405,14 @@ fn check(belief: &ElasticArm, kind: ParameterKind) -> Result<(), ParameterError>
         | ParameterKind::JointZero { joint }
         | ParameterKind::JointBacklash { joint }
         | ParameterKind::JointStiffening { joint }
+        | ParameterKind::JointWave { joint, .. }
             if joint >= joints =>
         {
             missing("the joint")
+        }
+        ParameterKind::JointWave { joint, .. } if belief.chain.joints[joint].drive.slides => {
+            let name = &belief.chain.joints[joint].name;
+            Err(ParameterError::NoTurns(name.clone()))
         }
         ParameterKind::SpringStiffness { spring } | ParameterKind::SpringRest { spring }
             if spring >= belief.chain.elements.springs.len() =>

@@ -71,6 +71,7 @@ fn keep(kind: ParameterKind) -> usize {
         ParameterKind::JointZero { .. }
         | ParameterKind::JointBacklash { .. }
         | ParameterKind::JointStiffening { .. }
+        | ParameterKind::JointWave { .. }
         | ParameterKind::SpringStiffness { .. }
         | ParameterKind::SpringRest { .. } => 3,
         ParameterKind::JointCompliance { .. } => 4,

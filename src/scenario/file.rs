@@ -425,6 +425,7 @@ pub(super) struct UncertaintyTable {
     pub along_um_per_m: Option<f64>,
     pub std_um_per_h: Option<f64>,
     pub share: Option<f64>,
+    pub harmonics: Option<Vec<i64>>,
     pub turned_over_at_nm: Option<f64>,
     pub at_nm: Option<f64>,
     #[serde(default)]

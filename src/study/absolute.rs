@@ -232,7 +232,8 @@ fn uncertainties(tried: &PlanOnTrial<'_>) -> Vec<Uncertainty> {
         .filter_map(|parameter| match parameter.kind {
             kind @ (ParameterKind::JointZero { .. }
             | ParameterKind::LinkPosition { .. }
-            | ParameterKind::LinkRotation { .. }) => Some((kind, SHARE_OF_SIZE * parameter.scale)),
+            | ParameterKind::LinkRotation { .. }
+            | ParameterKind::JointWave { .. }) => Some((kind, SHARE_OF_SIZE * parameter.scale)),
             kind @ ParameterKind::JointCompliance { .. } => Some((kind, COMPLIANCE_SPREAD)),
             _ => None,
         })

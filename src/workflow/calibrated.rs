@@ -304,7 +304,7 @@ fn kinds(stored: &StoredRobot, arm: &ElasticArm, tools: &[usize]) -> Vec<Option<
             .iter()
             .position(|each| each.unknowns == owner);
         let Some(target) = target else {
-            return all.iter().copied().find(|kind| kind.name(arm) == name);
+            return ParameterKind::named(name, &all, arm);
         };
         let tool = *tools.get(target)?;
         let axis = |word: &str| Axis::ALL.into_iter().find(|axis| axis.to_string() == word);
@@ -385,6 +385,9 @@ fn said_apart(kind: ParameterKind, name: &str, value: f64, unit: &str) -> Option
             "of the side from which a joint comes, which no model says"
         }
         ParameterKind::JointStiffening { .. } => "of a joint that is no spring, as the model's are",
+        ParameterKind::JointWave { .. } => {
+            "of a gear, which no model has: `compensate` corrects it"
+        }
         ParameterKind::PayloadMass | ParameterKind::PayloadCentre { .. } => {
             "of a payload that the scenario's robot carries beside its model"
         }

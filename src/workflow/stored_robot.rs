@@ -85,7 +85,7 @@ impl StoredRobot {
             if self.is_of_frame(&unknown.name) {
                 continue;
             }
-            let Some(&kind) = kinds.iter().find(|kind| kind.name(arm) == unknown.name) else {
+            let Some(kind) = ParameterKind::named(&unknown.name, &kinds, arm) else {
                 return Err(wrong(index, format!("the robot has no {:?}", unknown.name)));
             };
             let is_logarithmic = kind.is_logarithmic(false);

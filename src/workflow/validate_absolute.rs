@@ -201,9 +201,7 @@ pub fn validate_absolute(
     let arm = case.arm.clone();
     for (place, unknown) in stored.message.unknowns.iter().enumerate() {
         let kinds = robot_kinds(&nominal);
-        if let Some(kind) = kinds
-            .into_iter()
-            .find(|kind| kind.name(&nominal) == unknown.name)
+        if let Some(kind) = ParameterKind::named(&unknown.name, &kinds, &nominal)
             && !stored.is_of_frame(&unknown.name)
         {
             known.kinds.push(kind);

@@ -271,7 +271,7 @@ fn absolute_readings_find_gaps() {
 }
 
 /// The pose of an arm without a load, with its precision.
-fn pose_of(
+pub fn pose_of(
     arm: &elastocal::parameter::ElasticArm,
     told: &nalgebra::DVector<f64>,
 ) -> elastocal::measurement::AbsoluteReading {

@@ -11,6 +11,7 @@ const POINT: &str = "[[uncertainty]]\nkind = \"load_point\"\nstd_mm = 2\n";
 const MISFIT: &str = "[[uncertainty]]\nkind = \"misfit\"\nstd_mm = 0.02\n";
 const GEAR: &str = "[[uncertainty]]\nkind = \"gear_error\"\nstd_mrad = 0.1\n";
 const PLACES: &str = "[[uncertainty]]\nkind = \"link_position\"\nstd_mm = 0.3\n";
+const WAVES: &str = "[[uncertainty]]\nkind = \"gear_error\"\nname = \"waves\"\nstd_mrad = 0.3\nharmonics = [1, 40]\n";
 
 /// What `plan` says of a scenario with these uncertainties.
 fn planned(workplace: &Workplace, name: &str, list: &[&str], options: &str) -> Value {
@@ -105,10 +106,10 @@ fn what_is_left_out_is_named() {
     let told = ", with link_position, gear_error taken for certain";
     assert!(words.stdout.contains(told), "{}", words.stdout);
     // Under a force of any direction the covariance of readings is left out, too.
-    let any = planned(&workplace, "spatial_3r", &[RETURN, PLACES], "");
+    let any = planned(&workplace, "spatial_3r", &[RETURN, PLACES, WAVES], "");
     assert_eq!(
         names(&any["proof"]["left_out"]),
-        ["link_position", "joint_return"]
+        ["link_position", "waves", "joint_return"]
     );
     assert!(number(&any["proved_lower_bound_rho0_mm"]) < number(&any["rho0_mm"]));
 }

@@ -42,6 +42,7 @@
 //! - `measured_rotations`: planning, studies and identification use measured rotations alike.
 //! - `planned_readings`: what else is uncertain where rotations are measured, and on arms with springs.
 //! - `backlash`: gaps of joints: sides of approach in files, belief and truth, and loads that turn joints over.
+//! - `gear_waves`: gear error as waves over the joint's own angle, in promises and found in absolute readings.
 //! - `model_features`: what models can say beside the chain: honoured or refused by name.
 //! - `model_messages`: models that cannot serve, and what to do about them.
 //! - `few_readings`: wrong readings of an arm with a slide, among few and many, spread or in one place.
@@ -132,6 +133,7 @@ mod force_sizes;
 mod foreign_tables;
 mod gate;
 mod gate_refusals;
+mod gear_waves;
 mod identifiability;
 mod implausible_input;
 mod init;

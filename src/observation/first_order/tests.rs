@@ -6,8 +6,8 @@ use super::FirstOrder;
 use crate::observation::{ObservationModel, ReadingKind, Setup};
 use crate::parameter::arms::{Numbers, heavy, random, random_elastic, ur10};
 use crate::parameter::{
-    Axis, Backlash, ElasticArm, ParameterKind, ParameterSet, RangeNoise, ReadingSource, Stiffening,
-    arms,
+    Axis, Backlash, ElasticArm, Parameter, ParameterKind, ParameterSet, RangeNoise, ReadingSource,
+    Stiffening, arms,
 };
 use crate::robot::{Approach, KinematicState, Load};
 
@@ -243,8 +243,9 @@ fn cost(first: &FirstOrder<'_>, load: &Load, weights: &DMatrix<f64>) -> f64 {
 fn gradients_are_those_of_differences() {
     let mut numbers = Numbers(6);
     for arm in all_arms(&mut numbers) {
-        let all = everything(&arm);
-        let sources = every_source(&mut numbers, &arm);
+        let (all, sources) = (everything(&arm), every_source(&mut numbers, &arm));
+        let steady = |index: &usize| !is_wave(&all.parameters()[*index]);
+        let all = all.subset(&(0..all.len()).filter(steady).collect::<Vec<_>>());
         let each_parameter = (0..all.len()).map(|index| (vec![index], Vec::new()));
         let each_source = (sources.iter()).map(|source| {
             let compliances = (0..all.len()).filter(|&index| {
@@ -261,61 +262,100 @@ fn gradients_are_those_of_differences() {
             .chain([everything])
             .collect();
         for (indices, sources) in cases {
-            let set = all.subset(&indices);
-            let sizes: Vec<f64> = (set.parameters().iter())
-                .map(|each| each.kind.typical_size(&arm, each.is_logarithmic))
-                .collect();
-            let mut first = FirstOrder::new(&arm, 0, &set, &sizes, 2e-5, &sources);
-            let q = numbers.configuration(&arm.chain);
-            let load = load(&mut numbers, sources.len() % 2 == 0);
-            let half = DMatrix::from_fn(set.len(), set.len(), |_, _| numbers.between(-1.0, 1.0));
-            let weights = &half * half.transpose();
-            stand(&mut first, &arm, q.as_slice());
-            let value = cost(&first, &load, &weights);
-            let mut matrix = Matrix3xX::zeros(set.len());
-            first.observe(&load, &mut matrix);
-            let factor = &matrix * &weights * 2.0;
-            let mut gradient = vec![0.0; q.len()];
-            let of_force = first.pull_back(&load, &factor, &mut gradient);
-            let mut slope = |at: &dyn Fn(f64) -> (DVector<f64>, Load), size: f64| {
-                let mut central = |h: f64| {
-                    let mut value = |h: f64| {
-                        let (q, load) = at(h);
-                        stand(&mut first, &arm, q.as_slice());
-                        cost(&first, &load, &weights)
-                    };
-                    (value(h) - value(-h)) / (2.0 * h)
-                };
-                let h = 5e-4 * size;
-                (central(h) * 4.0 - central(2.0 * h)) / 3.0
-            };
-            let names: Vec<&str> = set.parameters().iter().map(|each| &*each.name).collect();
-            let size = value.abs().max(1e-12);
-            for joint in 0..q.len() {
-                let at = |h: f64| {
-                    let mut q = q.clone();
-                    q[joint] += h;
-                    (q, load)
-                };
-                let error = (slope(&at, 1.0) - gradient[joint]).abs();
-                assert!(
-                    error < 1e-6 * size,
-                    "{names:?} {sources:?} joint {joint}: {error}"
-                );
-            }
-            for axis in 0..3 {
-                let at = |h: f64| {
-                    let mut load = load;
-                    load.force_n += Vector3::ith(axis, h);
-                    (q.clone(), load)
-                };
-                let error = (slope(&at, 100.0) - of_force[axis]).abs();
-                assert!(
-                    error < 1e-6 * size,
-                    "{names:?} {sources:?} force {axis}: {error}"
-                );
+            assert_gradient(&mut numbers, &arm, &all.subset(&indices), &sources, 0.0);
+        }
+    }
+}
+
+/// So for waves in gears, each alone, those of each joint and beside all else. At its nodes a wave is worth nothing, and its slope
+/// is all there is.
+#[test]
+fn gradients_by_waves_are_those_of_differences() {
+    let mut numbers = Numbers(61);
+    for arm in all_arms(&mut numbers) {
+        let (all, sources) = (everything(&arm), every_source(&mut numbers, &arm));
+        let waves: Vec<usize> = (0..all.len())
+            .filter(|&index| is_wave(&all.parameters()[index]))
+            .collect();
+        let mut cases: Vec<Vec<usize>> = waves.iter().map(|&index| vec![index]).collect();
+        cases.extend(waves.chunks(4).map(<[usize]>::to_vec));
+        cases.push((0..all.len()).collect());
+        for indices in cases {
+            assert_gradient(&mut numbers, &arm, &all.subset(&indices), &sources, 1.0);
+            if let [_] = indices.as_slice() {
+                assert_gradient(&mut numbers, &arm, &all.subset(&indices), &[], 1.0);
             }
         }
+    }
+}
+
+fn is_wave(parameter: &Parameter) -> bool {
+    matches!(parameter.kind, ParameterKind::JointWave { .. })
+}
+
+/// Differences are as precise as the cost, and as so much of its slope per radian.
+fn assert_gradient(
+    numbers: &mut Numbers,
+    arm: &ElasticArm,
+    set: &ParameterSet,
+    sources: &[ReadingSource],
+    of_slope: f64,
+) {
+    let sizes: Vec<f64> = (set.parameters().iter())
+        .map(|each| each.kind.typical_size(arm, each.is_logarithmic))
+        .collect();
+    let mut first = FirstOrder::new(arm, 0, set, &sizes, 2e-5, sources);
+    let q = numbers.configuration(&arm.chain);
+    let load = load(numbers, sources.len().is_multiple_of(2));
+    let half = DMatrix::from_fn(set.len(), set.len(), |_, _| numbers.between(-1.0, 1.0));
+    let weights = &half * half.transpose();
+    stand(&mut first, arm, q.as_slice());
+    let value = cost(&first, &load, &weights);
+    let mut matrix = Matrix3xX::zeros(set.len());
+    first.observe(&load, &mut matrix);
+    let factor = &matrix * &weights * 2.0;
+    let mut gradient = vec![0.0; q.len()];
+    let of_force = first.pull_back(&load, &factor, &mut gradient);
+    let mut slope = |at: &dyn Fn(f64) -> (DVector<f64>, Load), size: f64| {
+        let mut central = |h: f64| {
+            let mut value = |h: f64| {
+                let (q, load) = at(h);
+                stand(&mut first, arm, q.as_slice());
+                cost(&first, &load, &weights)
+            };
+            (value(h) - value(-h)) / (2.0 * h)
+        };
+        let h = 5e-4 * size;
+        (central(h) * 4.0 - central(2.0 * h)) / 3.0
+    };
+    let names: Vec<&str> = set.parameters().iter().map(|each| &*each.name).collect();
+    let steepest = gradient
+        .iter()
+        .fold(0.0, |most: f64, each| most.max(each.abs()));
+    let size = value.abs().max(of_slope * steepest).max(1e-12);
+    for joint in 0..q.len() {
+        let at = |h: f64| {
+            let mut q = q.clone();
+            q[joint] += h;
+            (q, load)
+        };
+        let error = (slope(&at, 1.0) - gradient[joint]).abs();
+        assert!(
+            error < 1e-6 * size,
+            "{names:?} {sources:?} joint {joint}: {error}"
+        );
+    }
+    for axis in 0..3 {
+        let at = |h: f64| {
+            let mut load = load;
+            load.force_n += Vector3::ith(axis, h);
+            (q.clone(), load)
+        };
+        let error = (slope(&at, 100.0) - of_force[axis]).abs();
+        assert!(
+            error < 1e-6 * size,
+            "{names:?} {sources:?} force {axis}: {error}"
+        );
     }
 }
 

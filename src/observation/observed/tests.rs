@@ -1,6 +1,8 @@
 //! What is planned by the observation model against the closed form, against differences, and against an arm that is
 //! brought to rest.
 
+use std::num::NonZeroU32;
+
 use nalgebra::{DMatrix, DVector, Matrix3xX, Matrix6, Matrix6xX, Vector3};
 
 use super::{DeflectionPrecision, ObservedRows};
@@ -9,7 +11,7 @@ use crate::observation::first_order::tests::{
 };
 use crate::observation::{FirstOrder, ObservationModel, ReadingKind, Setup};
 use crate::parameter::arms::{Numbers, random_elastic};
-use crate::parameter::{ElasticArm, ParameterKind, ParameterSet};
+use crate::parameter::{ElasticArm, GearWave, ParameterKind, ParameterSet};
 use crate::robot::{EquilibriumSolver, Load, Place, Spring};
 
 pub(in crate::observation) const DEFLECTIONS: DeflectionPrecision = DeflectionPrecision {
@@ -55,6 +57,14 @@ pub(in crate::observation) fn with_a_spring(numbers: &mut Numbers) -> (ElasticAr
         (ParameterKind::JointZero { joint: 1 }, Some(1e-3)),
         // The load turns it over its gap.
         (ParameterKind::JointBacklash { joint: 2 }, Some(1e-4)),
+        // A wave that changes within what compensation moves the joint.
+        (
+            ParameterKind::JointWave {
+                joint: 2,
+                wave: GearWave::both(NonZeroU32::MIN.saturating_add(39))[0],
+            },
+            Some(1e-4),
+        ),
         (ParameterKind::SpringStiffness { spring: 0 }, Some(0.1)),
         (ParameterKind::SpringRest { spring: 0 }, Some(1e-2)),
         (ParameterKind::LoadScale, Some(0.01)),
@@ -215,9 +225,11 @@ fn what_compensation_leaves_is_what_the_arm_shows() {
                     [&load, &Load::NONE].map(|load| believed.offsets_rad(&q, 0, load, None));
                 let commanded: Vec<f64> = (q.iter().enumerate())
                     .map(|(joint, q)| {
-                        q - (crossed[0][joint] - crossed[1][joint])
-                            - believed.compliance_rad_per_nm[joint]
-                                * state.load_torque(joint, &load)
+                        let back = (crossed[0][joint] - crossed[1][joint])
+                            + believed.compliance_rad_per_nm[joint]
+                                * state.load_torque(joint, &load);
+                        let wanted = q + believed.gear_error_rad(joint, *q) - back;
+                        believed.before_gear(joint, wanted)
                     })
                     .collect();
                 rest(&arm, &commanded, &load).tool_position

@@ -207,9 +207,9 @@ impl Checker<'_> {
         let key = "robot.parameters";
         let arm = belief.arm();
         let all = ParameterKind::all_of(&arm);
-        let mut found: Vec<usize> = Vec::new();
+        let mut found: Vec<(usize, ParameterKind)> = Vec::new();
         for name in names {
-            let Some(place) = all.iter().position(|kind| kind.name(&arm) == *name) else {
+            let Some(kind) = ParameterKind::named(name, &all, &arm) else {
                 let wrong = self.wrong(
                     key,
                     format!(
@@ -219,16 +219,19 @@ impl Checker<'_> {
                 );
                 return Err(wrong.hint(
                     "a joint's name stands for its compliance; `elastocal check --parameters` lists what else may be \
-                     unknown",
+                     unknown, and `joint_3.gear_40_sine` is a wave in a gear that comes 40 times a turn",
                 ));
             };
-            if found.contains(&place) {
+            // Waves in gears behind all that is listed, in their order.
+            let place = all.iter().position(|other| *other == kind);
+            let each = (place.unwrap_or(all.len()), kind);
+            if found.contains(&each) {
                 return Err(self.wrong(key, format!("found {name:?} twice")));
             }
-            found.push(place);
+            found.push(each);
         }
         found.sort_unstable();
-        Ok(found.into_iter().map(|place| all[place]).collect())
+        Ok(found.into_iter().map(|(_, kind)| kind).collect())
     }
 
     pub(super) fn true_robot(

@@ -1,5 +1,7 @@
 //! The tables `[[uncertainty]]`: what nobody knows exactly.
 
+use std::num::NonZeroU32;
+
 use nalgebra::Vector3;
 
 use super::Checker;
@@ -7,7 +9,7 @@ use super::robot::names_of;
 use crate::files::FileError;
 use crate::mujoco::State;
 use crate::parameter::{
-    Axis, ParameterError, ParameterKind, RangeNoise, ReadingSource, Source, Uncertainty,
+    Axis, GearWave, ParameterError, ParameterKind, RangeNoise, ReadingSource, Source, Uncertainty,
 };
 use crate::quantities::plausible::{
     DEVIATION, FORCE_LIMIT, GAP_DEVIATION, Kind, PER_HOUR_DEVIATION, PER_METRE_DEVIATION,
@@ -28,6 +30,11 @@ pub(super) struct ReadingPlaces<'a> {
 
 /// More are no list of what is uncertain.
 const MOST: usize = 100;
+
+/// More waves are no list of what a gear has ...
+const MOST_WAVES: usize = 20;
+/// ... and more of one in a turn than any gear has teeth.
+const MOST_PER_TURN: u32 = 1000;
 
 /// A torque that some uncertainties of joints come with.
 struct TorqueKey {
@@ -129,6 +136,9 @@ impl Checker<'_> {
         if table.joints.is_some() && !table.kind.is_of_joints() {
             let problem = format!("a {} is not one of joints", table.kind.name());
             return Err(self.wrong(&format!("{key}.joints"), problem));
+        }
+        if let Some(harmonics) = &table.harmonics {
+            return Ok(Source::Plan(self.waves(key, table, belief, harmonics)?));
         }
         let size = |name: &str| self.size(key, table, name);
         let source = match table.kind {
@@ -296,6 +306,75 @@ impl Checker<'_> {
             | UncertaintyKind::WrongReading
             | UncertaintyKind::DroppedReading => Ok(Vec::new()),
         }
+    }
+
+    /// Gear error in waves of which so many come in a turn: two parameters for each of them and each joint.
+    fn waves(
+        &self,
+        key: &str,
+        table: &UncertaintyTable,
+        belief: &Belief,
+        harmonics: &[i64],
+    ) -> Result<Vec<(ParameterKind, f64)>, FileError> {
+        let own = format!("{key}.harmonics");
+        if table.kind != UncertaintyKind::GearError {
+            let problem = format!("a {} has no waves", table.kind.name());
+            return Err(self.wrong(&own, problem));
+        }
+        if table.std_mm.is_some() {
+            let problem =
+                "a joint that slides has no turn in which waves of its gear could be counted";
+            let wrong = self.wrong(&format!("{key}.std_mm"), problem);
+            return Err(
+                wrong.hint("give std_mrad, and slides a gear_error of their own without harmonics")
+            );
+        }
+        self.at_most(&own, harmonics.len(), MOST_WAVES)?;
+        let mut counts: Vec<NonZeroU32> = Vec::new();
+        for (index, &count) in harmonics.iter().enumerate() {
+            let own = format!("{own}[{index}]");
+            let per_turn = u32::try_from(count).ok().and_then(NonZeroU32::new);
+            let Some(per_turn) = per_turn.filter(|count| count.get() <= MOST_PER_TURN) else {
+                let problem = format!(
+                    "found {count}; a whole number of waves in a turn from 1 to {MOST_PER_TURN} is needed"
+                );
+                let wrong = self.wrong(&own, problem);
+                return Err(match count {
+                    0 => wrong.hint("what a gear is off by everywhere alike is a joint_zero"),
+                    _ => wrong,
+                });
+            };
+            if counts.contains(&per_turn) {
+                return Err(self.wrong(&own, format!("found {per_turn} twice")));
+            }
+            counts.push(per_turn);
+        }
+        if counts.is_empty() {
+            let wrong = self.wrong(&own, "is empty");
+            return Err(wrong
+                .hint("leave it out for a gear error that is another one in each configuration"));
+        }
+        let slides = |joint: usize| belief.nominal.chain.joints[joint].drive.slides;
+        if table.joints.is_some()
+            && let Some(joint) = (self
+                .uncertain_joints(key, table, belief, &|_| true)?
+                .into_iter())
+            .find(|&joint| slides(joint))
+        {
+            let name = &belief.nominal.chain.joints[joint].name;
+            let problem = format!(
+                "{name} slides: it has no turn in which waves of its gear could be counted"
+            );
+            return Err(self.wrong(&format!("{key}.joints"), problem));
+        }
+        // All waves together are off by the size that is given, at every angle.
+        let share = (counts.len() as f64).sqrt().recip();
+        let joints = self.joint_sizes(key, table, belief, "std_mrad")?;
+        let of = |(joint, size): (usize, f64)| {
+            let waves = counts.iter().flat_map(|&count| GearWave::both(count));
+            waves.map(move |wave| (ParameterKind::JointWave { joint, wave }, size * share))
+        };
+        Ok(joints.into_iter().flat_map(of).collect())
     }
 
     /// A parameter of each spring between places of the arm.

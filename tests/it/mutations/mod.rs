@@ -416,6 +416,13 @@ std_arcsec = 15
 turned_over_at_nm = 100
 
 [[uncertainty]]
+kind = "gear_error"
+name = "gear_waves"
+joints = ["joint_2", "joint_3"]
+std_mrad = 0.05
+harmonics = [1, 2, 40]
+
+[[uncertainty]]
 kind = "stiffening"
 joints = ["joint_2", "joint_3"]
 std_relative = 0.01
