@@ -47,6 +47,18 @@ impl Violation {
         }
     }
 
+    /// What is found of an experiment, with its bound in the same unit.
+    fn of_size(number: usize, what: String, found: f64, bound: f64, unit: &'static str) -> Self {
+        Self {
+            experiment: Some(number),
+            what,
+            found,
+            bound,
+            unit,
+            words: None,
+        }
+    }
+
     /// The constraint that is violated, without the names of the geometries.
     #[must_use]
     pub fn kind(&self) -> String {
@@ -175,14 +187,13 @@ impl<'a> Feasibility<'a> {
         violations.extend(self.forbidden(q).map(|(index, (joint, found), bound)| {
             let drive = self.task.belief.nominal.chain.joints[joint].drive;
             let (found, unit) = drive.shown(found);
-            Violation {
-                experiment: Some(number),
-                what: format!("largest joint distance from forbidden configuration {index}"),
+            Violation::of_size(
+                number,
+                format!("largest joint distance from forbidden configuration {index}"),
                 found,
-                bound: drive.shown(bound).0,
+                drive.shown(bound).0,
                 unit,
-                words: None,
-            }
+            )
         }));
         if self.simulation.is_some() || looking.has_limits() {
             for load in [Load::NONE, experiment.load] {
@@ -279,14 +290,13 @@ impl<'a> Feasibility<'a> {
                     return None;
                 };
                 let (found, unit) = joint.drive.shown(angle);
-                Some(Violation {
-                    experiment: Some(number),
-                    what: joint.name.clone(),
+                Some(Violation::of_size(
+                    number,
+                    joint.name.clone(),
                     found,
-                    bound: joint.drive.shown(bound).0,
+                    joint.drive.shown(bound).0,
                     unit,
-                    words: None,
-                })
+                ))
             })
             .collect()
     }
@@ -307,14 +317,7 @@ impl<'a> Feasibility<'a> {
             .filter(|bound| bound.margin(&self.state, load, &gravity) < -ROUNDING)
             .map(|bound| {
                 let (what, found, bound, unit) = bound.describe(&self.state, load, &gravity);
-                Violation {
-                    experiment: Some(number),
-                    what,
-                    found,
-                    bound,
-                    unit,
-                    words: None,
-                }
+                Violation::of_size(number, what, found, bound, unit)
             })
             .collect()
     }
@@ -356,16 +359,17 @@ impl<'a> Feasibility<'a> {
         simulation.move_to(self.solver.q());
         if let Some(clearance) = region.collision_clearance_m {
             let contact = simulation.nearest_contact(clearance);
-            violations.extend(contact.map(|contact| Violation {
-                experiment: Some(number),
-                what: format!(
-                    "distance of {} and {}",
-                    contact.between[0], contact.between[1]
-                ),
-                found: contact.distance_m * 1e3,
-                bound: clearance * 1e3,
-                unit: "mm",
-                words: None,
+            violations.extend(contact.map(|contact| {
+                Violation::of_size(
+                    number,
+                    format!(
+                        "distance of {} and {}",
+                        contact.between[0], contact.between[1]
+                    ),
+                    contact.distance_m * 1e3,
+                    clearance * 1e3,
+                    "mm",
+                )
             }));
         }
         if region.line_of_sight
@@ -373,13 +377,14 @@ impl<'a> Feasibility<'a> {
                 Viewpoint::new(simulation, looking.station, instrument.tracker_site)
         {
             let hidden = hidden_by(simulation, &viewpoint, &reflector);
-            violations.extend(hidden.map(|(name, free_m, length_m)| Violation {
-                experiment: Some(number),
-                what: format!("free line of sight from the reflector (blocked by {name})"),
-                found: free_m * 1e3,
-                bound: length_m * 1e3,
-                unit: "mm",
-                words: None,
+            violations.extend(hidden.map(|(name, free_m, length_m)| {
+                Violation::of_size(
+                    number,
+                    format!("free line of sight from the reflector (blocked by {name})"),
+                    free_m * 1e3,
+                    length_m * 1e3,
+                    "mm",
+                )
             }));
         }
         Ok(violations)
@@ -395,13 +400,8 @@ fn out_of_reach(
 ) -> Vec<Violation> {
     let ray = station.position_m - reflector;
     let range = ray.norm();
-    let violation = |what: String, found: f64, bound: f64, unit: &'static str| Violation {
-        experiment: Some(number),
-        what,
-        found,
-        bound,
-        unit,
-        words: None,
+    let violation = |what: String, found: f64, bound: f64, unit: &'static str| {
+        Violation::of_size(number, what, found, bound, unit)
     };
     let name = &station.name;
     let [least, most] = station.range_m;
