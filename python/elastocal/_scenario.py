@@ -80,6 +80,7 @@ class Problem:
         """rho0^2 (m^2), and its gradient by every coordinate of every experiment (m, joints), m^2/rad; slides m^2/m.
 
         It has all that the scenario lists as uncertain; passive joints, which nothing commands, have columns, too.
+        Experiments of one configuration that share errors turn together: each has the gradient of all of them.
         """
         wrenches = plan.wrench.tolist()
         value, gradient = self._problem.objective(plan.q_deg.tolist(), wrenches, plan.repeats.tolist())

@@ -6,7 +6,7 @@ use elastocal::plan::search::Problem;
 use elastocal::plan::{Criterion, Experiment, Plan};
 use elastocal::robot::{Load, ObservationMatrix};
 use elastocal::scenario::Scenario;
-use nalgebra::{DMatrix, Dim, Matrix, Matrix3xX, RawStorage};
+use nalgebra::{Dim, Matrix, RawStorage};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
@@ -98,7 +98,8 @@ impl PlanningProblem {
         task.test_poses.iter().map(matrix).collect()
     }
 
-    /// rho0^2 (m^2) of experiments, and its gradient by every joint of every experiment (m^2/rad, m).
+    /// rho0^2 (m^2) of experiments, and its gradient by every joint of every experiment (m^2/rad, m). Experiments of one
+    /// configuration that share errors turn together: each has the gradient of all of them.
     fn objective(
         &self,
         py: Python<'_>,
@@ -139,28 +140,7 @@ impl PlanningProblem {
 
     fn value_and_gradient(&self, plan: &Plan) -> (f64, Rows) {
         let problem = Problem::new(&self.scenario.task, Criterion::TestPose);
-        let mut evaluator = problem.evaluator();
-        let size = problem.parameters();
-        let information = problem.information(plan);
-        let mut directions = DMatrix::zeros(size, size);
-        let value = problem.cost().cost(&information, &mut directions);
-        let (mut matrix, mut factor) = (Matrix3xX::zeros(size), Matrix3xX::zeros(size));
-        let joints = self.scenario.task.belief.joints();
-        let gradient = plan.experiments.iter().map(|experiment| {
-            let mut gradient = vec![0.0; joints];
-            evaluator.set_repeats(experiment.repeats);
-            evaluator.move_to(experiment.configuration_rad.as_slice());
-            evaluator.observe(&experiment.load, &mut matrix);
-            factor.gemm(
-                -2.0 * f64::from(experiment.repeats),
-                &matrix,
-                &directions,
-                0.0,
-            );
-            evaluator.pull_back(&experiment.load, &factor, &mut gradient);
-            gradient
-        });
-        (value, gradient.collect())
+        problem.cost_and_gradient(plan)
     }
 }
 

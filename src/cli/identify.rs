@@ -69,7 +69,7 @@ impl Identify {
         let file = shell_word(&self.measurements.to_string_lossy());
         let usage = format!("elastocal identify SCENARIO --measurements {file}");
         let scenario = (self.common).load_for(&self.measurements, origin.as_ref(), &usage)?;
-        let measured = read_measured(&self.measurements, scenario.task.belief.commands())?;
+        let measured = read_measured(&self.measurements, &scenario.task.belief)?;
         let outputs = [
             ("--identified-out", self.identified_out.as_deref()),
             ("--plot-out", self.plot_out.as_deref()),

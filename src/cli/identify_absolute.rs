@@ -106,7 +106,7 @@ pub fn execute(
 
 /// The other series.
 fn other_readings(file: &Path, belief: &Belief) -> Result<Vec<AbsoluteReading>, FileError> {
-    match read_measured(file, belief.commands())? {
+    match read_measured(file, belief)? {
         MeasuredFile::Absolute(readings) => Ok(readings),
         MeasuredFile::Deflections(_) => {
             let problem = "holds deflections, and absolute readings are held against it";

@@ -7,6 +7,7 @@ use elastocal::files::output::write_whole;
 use elastocal::files::{FileError, make_folder};
 use elastocal::laboratory::{Campaign, CampaignError, Program, ProgramFile, program};
 use elastocal::measurement::{RowToFillIn, table_to_fill_in};
+use elastocal::parameter::Unloaded;
 use elastocal::plan::{Feasibility, Plan, read_plan};
 use elastocal::record::campaign::CampaignMessage;
 use elastocal::record::messages::ProvenanceMessage;
@@ -142,7 +143,10 @@ fn to_fill_in(scenario: &Scenario, plan: &Plan, campaign: &Campaign) -> String {
         (stop.experiments.iter()).flat_map(move |&index| {
             let (unloaded, before) = campaign.without_load(plan, index);
             (1..=plan.experiments[index].repeats as usize).map(move |reading| RowToFillIn {
-                unloaded: [unloaded + 1, before as usize + reading],
+                unloaded: match belief.instrument.unloaded {
+                    Unloaded::Own => [unloaded + 1, before as usize + reading],
+                    Unloaded::Shared => [unloaded + 1, 1],
+                },
                 loaded: [place, reading],
                 configuration_rad: &stop.configuration,
                 load,

@@ -80,7 +80,7 @@ impl Next {
         let usage = format!("elastocal next SCENARIO --measurements {file}");
         let scenario = (self.common).load_for(&self.measurements, origin.as_ref(), &usage)?;
         let (task, commands) = (&scenario.task, scenario.task.belief.commands());
-        let measurements = read_measurements_so_far(&self.measurements, commands.clone())?;
+        let measurements = read_measurements_so_far(&self.measurements, &task.belief)?;
         let given = match &self.plan {
             Some(path) => Some(read_plan(path, commands.clone())?),
             None => None,

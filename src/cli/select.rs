@@ -61,7 +61,7 @@ impl Select {
         check_outputs(&mut roles, &[("--plot-out", self.plot_out.as_deref())])?;
         let wrong = |problem: String| FileError::new(&self.measurements, problem);
         let MeasuredFile::Absolute(readings) =
-            read_measured(&self.measurements, scenario.task.belief.commands())?
+            read_measured(&self.measurements, &scenario.task.belief)?
         else {
             let problem = "holds deflections, and readings are chosen of absolute ones".to_owned();
             return Err(wrong(problem).into());

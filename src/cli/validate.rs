@@ -85,7 +85,7 @@ impl Validate {
                 conditions,
             });
         };
-        let measurements = read_measurements(path, commands)?;
+        let measurements = read_measurements(path, &task.belief)?;
         // What the model left unexplained is in other measurements, too.
         let sigma_m = task.belief.instrument.sigma_m;
         let measurements = identified.misfit.weighed(&measurements, sigma_m);

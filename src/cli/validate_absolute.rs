@@ -40,7 +40,7 @@ pub fn execute(
         let hint = "give other absolute readings with --measurements";
         return Err(FileError::new(identified, problem).hint(hint).into());
     };
-    let readings = match read_measured(file, belief.commands())? {
+    let readings = match read_measured(file, belief)? {
         MeasuredFile::Absolute(readings) => readings,
         MeasuredFile::Deflections(_) => {
             let problem = "holds deflections, and what was identified rests on absolute readings";

@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, Matrix6, Matrix6xX, Vector3, Vector6};
 
 use super::equations::{EquationSource, Equations, Writer, rows_of};
 use super::error::IdentificationError;
-use crate::measurement::{Measurement, by_experiment};
+use crate::measurement::{Measurement, by_configuration};
 use crate::observation::{
     DeflectionPrecision, Form, ObservationModel, PlannedReadings, Prediction, ReadingKind, Setup,
 };
@@ -41,7 +41,7 @@ impl EquationSource<'_> {
         let mut covariances = self.readings(extended);
         let mut derivatives = Matrix6xX::zeros(size);
         let mut writer = Writer::new(self.rows(), size);
-        let groups = self.repeated(extended);
+        let groups = self.sharing(extended);
         for (index, each) in self.measurements.iter().enumerate() {
             let setup = Setup {
                 commanded_rad: each.configuration_rad.clone(),
@@ -66,11 +66,11 @@ impl EquationSource<'_> {
                         source,
                     })?,
             };
-            let is_repeated = groups.iter().any(|group| group.members.contains(&index));
+            let is_sharing = groups.iter().any(|group| group.members.contains(&index));
             let left_m = each.deflection_m - position_m;
             let left_rad = (each.rotation.as_ref())
                 .map(|measured| measured.vector_rad - rotation_vector(&rotation));
-            let whitener = if is_repeated {
+            let whitener = if is_sharing {
                 DMatrix::identity(rows_of(each), rows_of(each))
             } else {
                 self.whitener(&mut covariances, each)
@@ -102,6 +102,7 @@ impl EquationSource<'_> {
         extended.readings_of_all(DeflectionPrecision {
             sigma_m: self.sigma_m,
             rotation_sigma_rad: has_rotations.then_some(1.0),
+            unloaded: extended.unloaded(),
         })
     }
 
@@ -120,7 +121,7 @@ impl EquationSource<'_> {
     /// Takes the weights off the whitened rows, which are then in the readings' own units.
     pub(super) fn take_extended_weights_off(&self, extended: &Extended, rows: &mut DMatrix<f64>) {
         let mut covariances = self.readings(extended);
-        let groups = self.repeated(extended);
+        let groups = self.sharing(extended);
         for group in &groups {
             let factor = self.shared_factor(&mut covariances, group);
             let unweighted = factor * rows.select_rows(&group.rows);
@@ -151,22 +152,27 @@ impl EquationSource<'_> {
 
     /// That of the instrument alone.
     pub(super) fn noise(&self, measurement: &Measurement) -> Matrix6<f64> {
-        let position = self.sigma(measurement);
-        let rotation = (measurement.rotation).map_or_else(Vector3::zeros, |each| each.sigma_rad);
-        let (p, r) = (
-            position.component_mul(&position),
-            rotation.component_mul(&rotation),
-        );
+        self.shared_noise(measurement, measurement)
+    }
+
+    /// What the covariance of two readings by the instrument would be, were all their noise the same. Of readings with deviations of
+    /// their own, the unloaded one has a part of each: the readings' correlation is that part.
+    fn shared_noise(&self, one: &Measurement, other: &Measurement) -> Matrix6<f64> {
+        let rotation = |each: &Measurement| {
+            (each.rotation).map_or_else(Vector3::zeros, |rotation| rotation.sigma_rad)
+        };
+        let p = self.sigma(one).component_mul(&self.sigma(other));
+        let r = rotation(one).component_mul(&rotation(other));
         Matrix6::from_diagonal(&Vector6::new(p.x, p.y, p.z, r.x, r.y, r.z))
     }
 
-    /// Measurements that repeat one another, two or more, where repeats share something; else none.
-    fn repeated(&self, extended: &Extended) -> Vec<Repeated> {
-        if !extended.is_shared_by_repeats() {
+    /// Measurements of one configuration, two or more, where they share something; else none.
+    fn sharing(&self, extended: &Extended) -> Vec<SharingMeasurements> {
+        if !extended.is_shared_by_configuration() {
             return Vec::new();
         }
         let firsts: Vec<usize> = self.first_rows().collect();
-        let mut groups = by_experiment(self.measurements);
+        let mut groups = by_configuration(self.measurements);
         groups.retain(|members| members.len() > 1);
         (groups.into_iter())
             .map(|members| {
@@ -174,7 +180,7 @@ impl EquationSource<'_> {
                     let first = firsts[index];
                     first..first + rows_of(&self.measurements[index])
                 });
-                Repeated {
+                SharingMeasurements {
                     rows: rows.collect(),
                     members,
                 }
@@ -182,13 +188,16 @@ impl EquationSource<'_> {
             .collect()
     }
 
-    /// L for the covariance L L^T of all readings of a group (m): what is new in each on the diagonal, and what they share
-    /// everywhere.
-    fn shared_factor(&self, model: &mut PlannedReadings<'_>, group: &Repeated) -> DMatrix<f64> {
+    /// L for the covariance L L^T of all readings of a group (m): what each reads on the diagonal, and what two of them share
+    /// beside it.
+    fn shared_factor(
+        &self,
+        model: &mut PlannedReadings<'_>,
+        group: &SharingMeasurements,
+    ) -> DMatrix<f64> {
         let first = &self.measurements[group.members[0]];
         model.move_to(first.configuration_rad.as_slice());
-        let shared = model.covariance_shared(&first.load);
-        let new = model.covariance_of_all(&first.load) - shared;
+        let part = model.unloaded().shared_part();
         let mut covariance = DMatrix::zeros(group.rows.len(), group.rows.len());
         let mut at = 0;
         for (place, &one) in group.members.iter().enumerate() {
@@ -196,9 +205,13 @@ impl EquationSource<'_> {
             let mut beside = 0;
             for (other_place, &other) in group.members.iter().enumerate() {
                 let columns = rows_of(&self.measurements[other]);
-                let mut block = shared;
+                let [own, another] = [one, other].map(|index| &self.measurements[index]);
+                let mut block = model.covariance_shared([&own.load, &another.load]);
                 if place == other_place {
-                    block += new + self.noise(&self.measurements[one]);
+                    let new = model.covariance_of_all(&own.load) - block;
+                    block += new + self.noise(own);
+                } else {
+                    block += self.shared_noise(own, another) * part;
                 }
                 let mut entries = covariance.view_mut((at, beside), (rows, columns));
                 entries.copy_from(&block.view((0, 0), (rows, columns)));
@@ -212,8 +225,8 @@ impl EquationSource<'_> {
     }
 }
 
-/// Measurements that repeat one another, and their rows.
-struct Repeated {
+/// Measurements of one configuration, and their rows.
+struct SharingMeasurements {
     members: Vec<usize>,
     rows: Vec<usize>,
 }

@@ -13,6 +13,7 @@ use super::side::{Side, wanted_side};
 use super::ways::{Way, Ways, apart};
 use super::{Costs, Laboratory};
 use crate::experiment::{Experiment, Plan, in_words};
+use crate::parameter::Unloaded;
 use crate::robot::Load;
 use crate::task::Task;
 
@@ -112,10 +113,11 @@ impl Campaign {
             home: laboratory.safe_poses.first().cloned(),
         };
         let mut stops = Vec::new();
+        let unloaded = task.belief.instrument.unloaded;
         let sides: Vec<(Side, Option<DVector<f64>>)> = (0..plan.experiments.len())
             .map(|index| planner.side(index))
             .collect();
-        for (number, group) in groups(plan, keep_order).into_iter().enumerate() {
+        for (number, group) in groups(plan, unloaded, keep_order).into_iter().enumerate() {
             let order = if keep_order {
                 (0..group.members.len()).collect()
             } else {
@@ -158,7 +160,7 @@ impl Campaign {
     }
 
     /// At which stop an experiment is measured without a load, as an index, and how many readings of other experiments
-    /// come before its own there.
+    /// come before its own there, where readings are no one else's.
     #[must_use]
     pub fn without_load(&self, plan: &Plan, experiment: usize) -> (usize, u32) {
         let is_here = |stop: &Stop| stop.load.is_none() && stop.experiments.contains(&experiment);
@@ -235,25 +237,29 @@ impl Group {
     }
 }
 
-/// Whether the robot stands alike for two experiments before a load is hung.
+/// Whether the robot is approached alike for two experiments before a load is hung.
 fn stand_alike(one: &Experiment, other: &Experiment) -> bool {
     one.configuration_rad == other.configuration_rad && one.approach == other.approach
 }
 
 /// All configurations without a load, then those of each load.
-fn groups(plan: &Plan, keep_order: bool) -> Vec<Group> {
+fn groups(plan: &Plan, unloaded_reading: Unloaded, keep_order: bool) -> Vec<Group> {
     let mut unloaded: Vec<(Vec<usize>, u32)> = Vec::new();
     let mut loaded: Vec<Group> = Vec::new();
     for (index, experiment) in plan.experiments.iter().enumerate() {
         let same = (unloaded.iter_mut())
             .find(|(members, _)| stand_alike(&plan.experiments[members[0]], experiment));
+        let needed = match unloaded_reading {
+            // Each measurement has a reading without a load of its own: deflections share no error.
+            Unloaded::Own => experiment.repeats,
+            Unloaded::Shared => u32::from(same.is_none()),
+        };
         match same {
             Some((members, readings)) => {
-                // Each measurement has a reading without a load of its own: deflections share no error.
                 members.push(index);
-                *readings += experiment.repeats;
+                *readings += needed;
             }
-            None => unloaded.push((vec![index], experiment.repeats)),
+            None => unloaded.push((vec![index], needed)),
         }
         let member = (vec![index], experiment.repeats);
         let known = (loaded.iter().enumerate())

@@ -14,12 +14,14 @@ mod write_absolute;
 
 use nalgebra::{DVector, Vector3};
 
-use crate::experiment::Experiment;
+use crate::experiment::{Experiment, is_one_configuration, together};
 use crate::robot::{Approach, Load};
 
 pub use absolute::AbsoluteReading;
 pub use origin::Origin;
-pub use read::{MeasuredFile, read_measured, read_measurements, read_measurements_so_far};
+pub use read::{
+    MeasuredArm, MeasuredFile, read_measured, read_measurements, read_measurements_so_far,
+};
 pub use write::{
     RowToFillIn, deflection_table, table_to_fill_in, write_measurements, write_measurements_under,
 };
@@ -45,8 +47,7 @@ pub struct Measurement {
 }
 
 impl Measurement {
-    /// Whether both are of one experiment: the same configuration, load and side of approach, to the bit. What is new in each
-    /// configuration, as misfit and gears' errors are, repeats share.
+    /// Whether both are of one experiment: the same configuration, load and side of approach, to the bit.
     #[must_use]
     pub fn repeats(&self, other: &Self) -> bool {
         self.is_made_at(
@@ -74,9 +75,16 @@ impl Measurement {
         load: &Load,
         approach: Option<&Approach>,
     ) -> bool {
-        self.configuration_rad == *configuration_rad
-            && self.load == *load
-            && Approach::is_same(self.approach.as_ref(), approach)
+        self.load == *load && self.stands_at(configuration_rad, approach)
+    }
+
+    /// Whether it was made in a [configuration](is_one_configuration), whatever hung there.
+    #[must_use]
+    pub fn stands_at(&self, configuration_rad: &DVector<f64>, approach: Option<&Approach>) -> bool {
+        is_one_configuration(
+            (&self.configuration_rad, self.approach.as_ref()),
+            (configuration_rad, approach),
+        )
     }
 }
 
@@ -84,15 +92,18 @@ impl Measurement {
 /// first measurement.
 #[must_use]
 pub fn by_experiment(measurements: &[Measurement]) -> Vec<Vec<usize>> {
-    let mut experiments: Vec<Vec<usize>> = Vec::new();
-    for (index, each) in measurements.iter().enumerate() {
-        let known = (experiments.iter_mut()).find(|known| measurements[known[0]].repeats(each));
-        match known {
-            Some(known) => known.push(index),
-            None => experiments.push(vec![index]),
-        }
-    }
-    experiments
+    together(measurements.len(), |one, other| {
+        measurements[one].repeats(&measurements[other])
+    })
+}
+
+/// The places of measurements, those of one configuration together, whatever hung there, in the order of the first.
+#[must_use]
+pub fn by_configuration(measurements: &[Measurement]) -> Vec<Vec<usize>> {
+    together(measurements.len(), |one, other| {
+        let other = &measurements[other];
+        measurements[one].stands_at(&other.configuration_rad, other.approach.as_ref())
+    })
 }
 
 /// A measured rotation of the tool.

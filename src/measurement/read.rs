@@ -10,12 +10,14 @@ use super::columns::{
     UNLOADED, UNLOADED_SIGMA, deviations, whole_group,
 };
 use super::read_absolute::{absolute_columns, absolute_readings};
-use super::{AbsoluteReading, Measurement, RotationMeasurement};
+use super::{AbsoluteReading, Measurement, RotationMeasurement, by_configuration};
 use crate::csv::{Columns, Row, Table};
 use crate::experiment::{APPROACH, approach, configuration_and_load, experiment_columns};
 use crate::files::FileError;
+use crate::parameter::Unloaded;
 use crate::quantities::plausible::{DEVIATION, ROTATION_DEVIATION, faint_load};
 use crate::robot::Commands;
+use crate::task::Belief;
 
 /// Reads measurements of an arm, which may be given by its number of joints: deflections, or the positions without and
 /// with the load of which they are the differences.
@@ -23,12 +25,46 @@ use crate::robot::Commands;
 /// # Errors
 /// See [`Table::read`]; a standard deviation must be positive, the columns of a group
 /// (`sx_mm,sy_mm,sz_mm`; `rx_mrad,ry_mrad,rz_mrad,srx_mrad,sry_mrad,srz_mrad`) come together, and no two rows have
-/// the same reading without a load.
+/// the same reading without a load, or all of one configuration have, as deflections rest on one of their own or on one that they
+/// share.
 pub fn read_measurements(
     path: &Path,
-    commands: impl Into<Commands>,
+    of: impl Into<MeasuredArm>,
 ) -> Result<Vec<Measurement>, FileError> {
-    deflections_of(path, read(path, &commands.into(), false)?)
+    deflections_of(path, read(path, &of.into(), false)?)
+}
+
+/// What measurement files are taken of.
+#[derive(Debug, Clone)]
+pub struct MeasuredArm {
+    /// How the arm is commanded.
+    pub commands: Commands,
+    /// Which reading without the load deflections rest on.
+    pub unloaded: Unloaded,
+}
+
+impl From<Commands> for MeasuredArm {
+    fn from(commands: Commands) -> Self {
+        Self {
+            commands,
+            unloaded: Unloaded::Own,
+        }
+    }
+}
+
+impl From<usize> for MeasuredArm {
+    fn from(joints: usize) -> Self {
+        Commands::from(joints).into()
+    }
+}
+
+impl From<&Belief> for MeasuredArm {
+    fn from(belief: &Belief) -> Self {
+        Self {
+            commands: belief.commands(),
+            unloaded: belief.instrument.unloaded,
+        }
+    }
 }
 
 /// What a measurement file holds.
@@ -45,11 +81,8 @@ pub enum MeasuredFile {
 /// # Errors
 /// As [`read_measurements`]; of absolute readings a quaternion must be of length 1, a covariance positive definite, and
 /// rows of one state of one configuration.
-pub fn read_measured(
-    path: &Path,
-    commands: impl Into<Commands>,
-) -> Result<MeasuredFile, FileError> {
-    read(path, &commands.into(), false)
+pub fn read_measured(path: &Path, of: impl Into<MeasuredArm>) -> Result<MeasuredFile, FileError> {
+    read(path, &of.into(), false)
 }
 
 /// The deflections of a file for a command that takes no others.
@@ -74,14 +107,14 @@ fn deflections_of(path: &Path, measured: MeasuredFile) -> Result<Vec<Measurement
 /// As [`read_measurements`]; and no row is filled in.
 pub fn read_measurements_so_far(
     path: &Path,
-    commands: impl Into<Commands>,
+    of: impl Into<MeasuredArm>,
 ) -> Result<Vec<Measurement>, FileError> {
-    deflections_of(path, read(path, &commands.into(), true)?)
+    deflections_of(path, read(path, &of.into(), true)?)
 }
 
 fn read(
     path: &Path,
-    commands: &Commands,
+    MeasuredArm { commands, unloaded }: &MeasuredArm,
     may_be_unfinished: bool,
 ) -> Result<MeasuredFile, FileError> {
     let table = Table::read_as(path, |header| {
@@ -95,7 +128,7 @@ fn read(
     if table.has(&POSITION) {
         return absolute_readings(&table, commands).map(MeasuredFile::Absolute);
     }
-    deflections(&table, commands).map(MeasuredFile::Deflections)
+    deflections(&table, commands, *unloaded).map(MeasuredFile::Deflections)
 }
 
 /// The columns that a file of deflections may have.
@@ -121,7 +154,11 @@ fn deflection_columns(commands: &Commands, may_be_unfinished: bool) -> Columns {
     }
 }
 
-fn deflections(table: &Table<'_>, commands: &Commands) -> Result<Vec<Measurement>, FileError> {
+fn deflections(
+    table: &Table<'_>,
+    commands: &Commands,
+    unloaded: Unloaded,
+) -> Result<Vec<Measurement>, FileError> {
     let columns = Given::new(table)?;
     let mut measurements = Vec::new();
     for row in table.rows() {
@@ -139,7 +176,10 @@ fn deflections(table: &Table<'_>, commands: &Commands) -> Result<Vec<Measurement
         });
     }
     if columns.has_positions {
-        apart(table, &columns, &measurements)?;
+        match unloaded {
+            Unloaded::Own => apart(table, &columns, &measurements)?,
+            Unloaded::Shared => on_one(table, &columns, &measurements)?,
+        }
     }
     Ok(measurements)
 }
@@ -192,6 +232,20 @@ impl Given {
         Ok(given)
     }
 
+    /// What tells the reading without a load from others, and in words: its number, or else its configuration and what it shows.
+    fn unloaded(&self, row: &Row<'_>, measurement: &Measurement) -> (Vec<u64>, String) {
+        let bits = |value: &f64| value.to_bits();
+        if self.has_places {
+            let place = [PLACES[0], PLACES[1]].map(|column| row.get(column));
+            let words = format!("reading {} at stop {}", place[1], place[0]);
+            return (place.iter().map(bits).collect(), words);
+        }
+        let q = measurement.configuration_rad.iter().map(bits);
+        let shown = row.vector(UNLOADED);
+        let words = format!("{}, {}, {}", shown.x, shown.y, shown.z);
+        (q.chain(shown.iter().map(bits)).collect(), words)
+    }
+
     fn deflection_m(&self, row: &Row<'_>) -> Vector3<f64> {
         if self.has_positions {
             (row.vector(LOADED) - row.vector(UNLOADED)) * 1e-3
@@ -233,29 +287,75 @@ fn apart(
 ) -> Result<(), FileError> {
     let mut known = BTreeMap::new();
     for (row, measurement) in table.rows().zip(measurements) {
-        let bits = |value: &f64| value.to_bits();
-        let (key, words): (Vec<u64>, String) = if columns.has_places {
-            let place = [PLACES[0], PLACES[1]].map(|column| row.get(column));
-            let words = format!("reading {} at stop {}", place[1], place[0]);
-            (place.iter().map(bits).collect(), words)
-        } else {
-            let q = measurement.configuration_rad.iter().map(bits);
-            let shown = row.vector(UNLOADED);
-            let words = format!("{}, {}, {}", shown.x, shown.y, shown.z);
-            (q.chain(shown.iter().map(bits)).collect(), words)
-        };
+        let (key, words) = columns.unloaded(&row, measurement);
         if let Some(line) = known.insert(key, row.line()) {
             let problem = format!(
                 "the reading without a load ({words}) is that of line {line}, too: both deflections would share its \
                  error, and are taken for independent"
             );
-            let hint = if columns.has_places {
-                "read the instrument once without a load for each row"
-            } else {
-                "read the instrument once without a load for each row; readings that are different and show the same \
-                 are told apart by the columns unloaded_stop,unloaded_reading,loaded_stop,loaded_reading"
-            };
+            let first = known_at(measurements, table, line);
+            let is_one = first.is_some_and(|first| {
+                first.stands_at(
+                    &measurement.configuration_rad,
+                    measurement.approach.as_ref(),
+                )
+            });
+            let mut hint = "read the instrument once without a load for each row".to_owned();
+            if is_one {
+                hint += ", or say instrument.unloaded = \"shared\" in the scenario, where all of a configuration rest on one";
+            }
+            if !columns.has_places {
+                hint += "; readings that are different and show the same are told apart by the columns \
+                         unloaded_stop,unloaded_reading,loaded_stop,loaded_reading";
+            }
             return Err(row.wrong(problem).hint(hint));
+        }
+    }
+    Ok(())
+}
+
+/// The measurement in a line.
+fn known_at<'m>(
+    measurements: &'m [Measurement],
+    table: &Table<'_>,
+    line: usize,
+) -> Option<&'m Measurement> {
+    let mut rows = table.rows().zip(measurements);
+    rows.find_map(|(row, measurement)| (row.line() == line).then_some(measurement))
+}
+
+/// All rows of one configuration have one reading without a load, as all that rests on them takes for granted, and no two
+/// configurations have the same.
+fn on_one(
+    table: &Table<'_>,
+    columns: &Given,
+    measurements: &[Measurement],
+) -> Result<(), FileError> {
+    let rows: Vec<Row<'_>> = table.rows().collect();
+    let read: Vec<(Vec<u64>, String)> = (rows.iter().zip(measurements))
+        .map(|(row, measurement)| columns.unloaded(row, measurement))
+        .collect();
+    let mut known: BTreeMap<&[u64], usize> = BTreeMap::new();
+    for members in by_configuration(measurements) {
+        let first = members[0];
+        if let Some(other) = members.iter().find(|&&each| read[each].0 != read[first].0) {
+            let problem = format!(
+                "the reading without a load ({}) is not that of line {} ({}), and with instrument.unloaded = \"shared\" all \
+                 deflections of one configuration rest on one",
+                read[*other].1,
+                rows[first].line(),
+                read[first].1
+            );
+            let hint = "say instrument.unloaded = \"own\" in the scenario where each row has one of its own";
+            return Err(rows[*other].wrong(problem).hint(hint));
+        }
+        if let Some(line) = known.insert(&read[first].0, rows[first].line()) {
+            let problem = format!(
+                "the reading without a load ({}) is that of line {line}, too, which is of another configuration",
+                read[first].1
+            );
+            let hint = "read the instrument once without a load in each configuration";
+            return Err(rows[first].wrong(problem).hint(hint));
         }
     }
     Ok(())

@@ -24,7 +24,8 @@ use nalgebra::{Cholesky, Matrix3, Matrix3xX, Rotation3, Vector3};
 
 use super::off_springs::OffSpring;
 use crate::parameter::{
-    Axis, Backlash, ElasticArm, GearWave, ParameterKind, ParameterSet, ReadingSource, along,
+    Axis, Backlash, ElasticArm, GearWave, ParameterKind, ParameterSet, ReadingSource, Unloaded,
+    along, counted_times,
 };
 use crate::robot::{Approach, KinematicState, Load, SerialChain};
 
@@ -171,6 +172,8 @@ pub struct FirstOrder<'a> {
     /// The variance of each coordinate of a deflection by the instrument alone (m^2).
     variance_m2: f64,
     sources: &'a [ReadingSource],
+    /// Which reading without the load deflections rest on.
+    unloaded: Unloaded,
     /// How often an experiment is repeated.
     repeats: f64,
     /// The tool's place at the last configuration (m).
@@ -290,6 +293,7 @@ impl<'a> FirstOrder<'a> {
             places,
             variance_m2: sigma_m * sigma_m,
             sources,
+            unloaded: Unloaded::Own,
             repeats: 1.0,
             tool_position: Vector3::zeros(),
             joints: vec![Lever::NONE; arm.chain.len()],
@@ -312,6 +316,13 @@ impl<'a> FirstOrder<'a> {
         for &(column, joint, size) in &self.gaps {
             self.factors[column] = Backlash::NONE.side(came[joint], 0.0) * size;
         }
+    }
+
+    /// Deflections rest on such readings without the load.
+    #[must_use]
+    pub const fn resting_on(mut self, unloaded: Unloaded) -> Self {
+        self.unloaded = unloaded;
+        self
     }
 
     /// Readings are from now on those of experiments with so many repeats. What repeats share counts in each reading's
@@ -498,7 +509,18 @@ impl<'a> FirstOrder<'a> {
     /// The covariance of a deflection's reading (m^2), the instrument's noise among it.
     #[must_use]
     pub fn covariance(&self, load: &Load) -> Matrix3<f64> {
-        Matrix3::identity() * self.variance_m2 + self.covariance_of_all(load)
+        Matrix3::identity() * self.noise_m2() + self.covariance_of_all(load)
+    }
+
+    /// The variance of each coordinate by the instrument alone (m^2), what repeats share as often as it is shared.
+    fn noise_m2(&self) -> f64 {
+        self.variance_m2 * counted_times(self.unloaded.shared_part(), self.repeats)
+    }
+
+    /// How many times the variance of a source counts.
+    fn times(&self, source: usize) -> f64 {
+        let part = self.sources[source].shared_part(self.unloaded);
+        counted_times(part, self.repeats)
     }
 
     /// What all sources add to the instrument's noise.
@@ -508,24 +530,40 @@ impl<'a> FirstOrder<'a> {
         sources.map(|source| self.covariance_of(source, load)).sum()
     }
 
-    /// What the repeats of an experiment share of it.
+    /// The covariance by one of the sources of two deflections of this configuration under these loads (m^2), the one's rows
+    /// by the other's columns: what of it all deflections of one configuration share.
     #[must_use]
-    pub fn covariance_shared(&self, load: &Load) -> Matrix3<f64> {
-        (self.sources.iter().enumerate())
-            .filter(|(_, source)| source.is_shared_by_repeats())
-            .map(|(index, _)| self.covariance_of_one(index, load))
+    pub fn covariance_between(&self, source: usize, [one, other]: [&Load; 2]) -> Matrix3<f64> {
+        if let ReadingSource::GearError(deviations) = &self.sources[source] {
+            let seen = |joint: usize, load: &Load| {
+                self.of_motion(joint, &self.joints[joint], load) * deviations[joint]
+            };
+            return (0..deviations.len())
+                .map(|joint| seen(joint, one) * seen(joint, other).transpose())
+                .sum();
+        }
+        let part = self.sources[source].shared_part(self.unloaded);
+        if part > 0.0 {
+            // No load decides on any other.
+            self.covariance_of_one(source, one) * part
+        } else {
+            Matrix3::zeros()
+        }
+    }
+
+    /// The same by all sources.
+    #[must_use]
+    pub fn covariance_shared(&self, loads: [&Load; 2]) -> Matrix3<f64> {
+        let sources = 0..self.sources.len();
+        sources
+            .map(|source| self.covariance_between(source, loads))
             .sum()
     }
 
     /// What one of the sources adds to it.
     #[must_use]
     pub fn covariance_of(&self, source: usize, load: &Load) -> Matrix3<f64> {
-        let own = self.covariance_of_one(source, load);
-        if self.sources[source].is_shared_by_repeats() {
-            own * self.repeats
-        } else {
-            own
-        }
+        self.covariance_of_one(source, load) * self.times(source)
     }
 
     /// What one of the sources adds to a reading, whatever is repeated.
@@ -575,11 +613,11 @@ impl<'a> FirstOrder<'a> {
     /// L^-1 for the reading's covariance L L^T (1/m).
     fn whitener(&self, load: &Load) -> Matrix3<f64> {
         if self.sources.is_empty() {
-            return Matrix3::identity() * self.variance_m2.sqrt().recip();
+            return Matrix3::identity() * self.noise_m2().sqrt().recip();
         }
         (Cholesky::new(self.covariance(load)))
             .and_then(|factor| factor.l().try_inverse())
-            .unwrap_or_else(|| Matrix3::identity() * self.variance_m2.sqrt().recip())
+            .unwrap_or_else(|| Matrix3::identity() * self.noise_m2().sqrt().recip())
     }
 
     /// Writes the derivatives of the whitened deflection, L^-1 J with the covariance L L^T (3 x p).
@@ -790,14 +828,14 @@ impl<'a> FirstOrder<'a> {
     ) -> Vector3<f64> {
         let mut of_force = Vector3::zeros();
         let sources = self.sources;
+        let times = self.times(source);
         match &sources[source] {
             ReadingSource::Misfit(_) | ReadingSource::Wrong { .. } | ReadingSource::Dropped(_) => {}
             ReadingSource::GearError(deviations) => {
                 for (index, deviation) in deviations.iter().enumerate() {
                     let lever = self.joints[index];
                     let seen = self.of_motion(index, &lever, load);
-                    // Repeats share it.
-                    let weight = 2.0 * self.repeats * deviation * deviation;
+                    let weight = 2.0 * times * deviation * deviation;
                     let b = of_covariance * seen * weight;
                     let (force, position, rotation) =
                         self.adjoint_of_motion(index, &lever, load, &b);
@@ -809,7 +847,7 @@ impl<'a> FirstOrder<'a> {
             ReadingSource::JointReturn(deviations) => {
                 for (joint, deviation) in self.joints.iter_mut().zip(deviations) {
                     joint.of_position +=
-                        of_covariance * joint.position * (2.0 * deviation * deviation);
+                        of_covariance * joint.position * (2.0 * times * deviation * deviation);
                 }
             }
             ReadingSource::LoadDirection(_) | ReadingSource::LoadPoint(_) => {
@@ -835,7 +873,8 @@ impl<'a> FirstOrder<'a> {
                 }
             }
             ReadingSource::Range(noise) => {
-                *of_tool += noise.adjoint(&(self.tool_position - noise.from_m), of_covariance);
+                let apart = self.tool_position - noise.from_m;
+                *of_tool += noise.adjoint(&apart, of_covariance) * times;
             }
         }
         of_force

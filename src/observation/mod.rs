@@ -37,7 +37,7 @@ pub use information::{
 };
 pub use model::{Form, ObservationModel};
 pub use observed::ObservedRows;
-pub use planned::{NOTHING_READ, PlannedReadings};
+pub use planned::{CovarianceTogether, NOTHING_READ, PlannedReadings};
 pub use reading::{
     DeflectionPrecision, Observation, PlannedReading, Prediction, Reading, ReadingKind, Setup,
     Whitener,

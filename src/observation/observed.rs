@@ -12,7 +12,9 @@ use nalgebra::{Cholesky, DVector, Matrix3, Matrix3xX, Matrix6, Matrix6xX, Vector
 use super::model::ObservationModel;
 use super::planned::of_positions;
 use super::reading::{DeflectionPrecision, Setup, Whitener};
-use crate::parameter::{Axis, ElasticArm, ParameterKind, ParameterSet, ReadingSource};
+use crate::parameter::{
+    Axis, ElasticArm, ParameterKind, ParameterSet, ReadingSource, counted_times,
+};
 use crate::robot::{Approach, EquilibriumSolver, KinematicState, Kinematics, Load};
 
 /// How far joints are moved to see what follows them (rad, m).
@@ -188,6 +190,29 @@ impl<'a> ObservedRows<'a> {
         }
     }
 
+    /// See [`super::FirstOrder::covariance_between`].
+    #[must_use]
+    pub fn covariance_between(&self, source: usize, [one, other]: [&Load; 2]) -> Matrix6<f64> {
+        if let ReadingSource::GearError(deviations) = &self.sources[source] {
+            let seen = |load: &Load| -> Vec<Vector6<f64>> {
+                let work = &mut *self.work.borrow_mut();
+                work.predict(self, &self.q, load);
+                (self.zeros.iter().zip(deviations))
+                    .map(|(&place, deviation)| work.rows.column(place) * *deviation)
+                    .collect()
+            };
+            let pairs = seen(one).into_iter().zip(seen(other));
+            return pairs.map(|(one, other)| one * other.transpose()).sum();
+        }
+        let part = self.sources[source].shared_part(self.precision.unloaded);
+        if part > 0.0 {
+            // No load decides on any other.
+            self.covariance_of_one(source, one) * part
+        } else {
+            Matrix6::zeros()
+        }
+    }
+
     /// What one of the sources adds to it; what repeats share as often as it is shared.
     #[must_use]
     pub fn covariance_of(&self, source: usize, load: &Load) -> Matrix6<f64> {
@@ -195,16 +220,14 @@ impl<'a> ObservedRows<'a> {
     }
 
     fn times(&self, source: usize) -> f64 {
-        if self.sources[source].is_shared_by_repeats() {
-            self.repeats
-        } else {
-            1.0
-        }
+        let part = self.sources[source].shared_part(self.precision.unloaded);
+        counted_times(part, self.repeats)
     }
 
     /// W with W C W^T = I for a reading's covariance C; rows that it does not have are zero.
     fn whitener_at(&self, q: &[f64], load: &Load) -> Matrix6<f64> {
-        let mut covariance = self.precision.covariance();
+        let of_noise = counted_times(self.precision.unloaded.shared_part(), self.repeats);
+        let mut covariance = self.precision.covariance() * of_noise;
         for source in 0..self.sources.len() {
             covariance += self.covariance_at(q, source, load) * self.times(source);
         }

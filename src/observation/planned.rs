@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use nalgebra::{Matrix3, Matrix3xX, Matrix6, Matrix6xX, Vector3};
+use nalgebra::{DMatrix, Matrix3, Matrix3xX, Matrix6, Matrix6xX, Vector3};
 
 use super::braced::BareArm;
 use super::compliances::ComplianceRows;
@@ -10,13 +10,14 @@ use super::first_order::FirstOrder;
 use super::observed::ObservedRows;
 use super::off_springs::OffSpring;
 use super::reading::DeflectionPrecision;
-use crate::parameter::{ElasticArm, ParameterSet, ReadingSource};
+use crate::parameter::{ElasticArm, ParameterSet, ReadingSource, Unloaded, counted_times};
 use crate::robot::{Approach, KinematicState, Kinematics, Load};
 
 /// The precision where nothing is read, as at a test pose.
 pub const NOTHING_READ: DeflectionPrecision = DeflectionPrecision {
     sigma_m: 1.0,
     rotation_sigma_rad: None,
+    unloaded: Unloaded::Own,
 };
 
 /// The readings of an arm at one of its tools, at nominal parameters: derivatives with respect to parameters in units
@@ -26,6 +27,7 @@ pub struct PlannedReadings<'a> {
     arm: BareArm<'a>,
     /// The arm's geometry at the last configuration.
     state: KinematicState,
+    precision: DeflectionPrecision,
     rows: PlannedRows<'a>,
 }
 
@@ -58,7 +60,7 @@ impl<'a> PlannedReadings<'a> {
         let rows = if precision.rows() == 3 && is_bare {
             let sigma_m = precision.sigma_m;
             let model = FirstOrder::new(arm, target, set, sizes, sigma_m, sources);
-            PlannedRows::Deflections(Box::new(model))
+            PlannedRows::Deflections(Box::new(model.resting_on(precision.unloaded)))
         } else {
             let model = ObservedRows::new(arm, target, set, sizes, precision, sources);
             PlannedRows::Others(Box::new(model))
@@ -68,7 +70,7 @@ impl<'a> PlannedReadings<'a> {
             compliance_rad_per_nm: &arm.compliance_rad_per_nm,
             tool: &arm.tools[target],
         };
-        Self::of(bare, rows)
+        Self::of(bare, precision, rows)
     }
 
     /// The readings where the compliances of some joints alone are to be found, and only the instrument's noise
@@ -81,13 +83,14 @@ impl<'a> PlannedReadings<'a> {
         precision: DeflectionPrecision,
     ) -> Self {
         let rows = ComplianceRows::new(arm, joints, sizes, precision);
-        Self::of(arm, PlannedRows::Compliances(Box::new(rows)))
+        Self::of(arm, precision, PlannedRows::Compliances(Box::new(rows)))
     }
 
-    fn of(arm: BareArm<'a>, rows: PlannedRows<'a>) -> Self {
+    fn of(arm: BareArm<'a>, precision: DeflectionPrecision, rows: PlannedRows<'a>) -> Self {
         Self {
             state: KinematicState::new(arm.chain.len()),
             arm,
+            precision,
             rows,
         }
     }
@@ -219,19 +222,101 @@ impl<'a> PlannedReadings<'a> {
         sources.map(|source| self.covariance_of(source, load)).sum()
     }
 
-    /// What the repeats of an experiment share of it.
+    /// Which reading without the load deflections rest on.
     #[must_use]
-    pub fn covariance_shared(&self, load: &Load) -> Matrix6<f64> {
-        let one = |source: usize| match &self.rows {
+    pub const fn unloaded(&self) -> Unloaded {
+        self.precision.unloaded
+    }
+
+    /// What one of the sources adds to the covariance of two deflections of this configuration under these loads.
+    #[must_use]
+    pub fn covariance_between(&self, source: usize, loads: [&Load; 2]) -> Matrix6<f64> {
+        match &self.rows {
             PlannedRows::Compliances(_) => Matrix6::zeros(),
-            PlannedRows::Deflections(model) => of_positions(&model.covariance_of_one(source, load)),
-            PlannedRows::Others(model) => model.covariance_of_one(source, load),
-        };
-        let sources = self.sources().iter().enumerate();
+            PlannedRows::Deflections(model) => {
+                of_positions(&model.covariance_between(source, loads))
+            }
+            PlannedRows::Others(model) => model.covariance_between(source, loads),
+        }
+    }
+
+    /// What all sources add to it.
+    #[must_use]
+    pub fn covariance_shared(&self, loads: [&Load; 2]) -> Matrix6<f64> {
+        let sources = 0..self.sources().len();
         sources
-            .filter(|(_, source)| source.is_shared_by_repeats())
-            .map(|(index, _)| one(index))
+            .map(|source| self.covariance_between(source, loads))
             .sum()
+    }
+
+    /// The covariance of the readings of this configuration's experiments: loads, and how often they are measured.
+    pub fn covariance_together(&mut self, experiments: &[(Load, u32)]) -> CovarianceTogether {
+        let precision = self.precision;
+        let rows = self.rows();
+        let parts = precision.unloaded.shared_part();
+        let noise = precision.covariance();
+        let blocks = |one: &mut dyn FnMut(&mut Self, usize) -> Matrix6<f64>,
+                      between: &dyn Fn(&Self, usize, usize) -> Matrix6<f64>,
+                      model: &mut Self| {
+            let mut all = DMatrix::zeros(rows * experiments.len(), rows * experiments.len());
+            for (row, &(_, repeats)) in experiments.iter().enumerate() {
+                for (column, &(_, others)) in experiments.iter().enumerate() {
+                    let block = if row == column {
+                        one(model, row)
+                    } else {
+                        between(model, row, column)
+                            * (f64::from(repeats) * f64::from(others)).sqrt()
+                    };
+                    let mut place = all.view_mut((rows * row, rows * column), (rows, rows));
+                    place.copy_from(&block.view((0, 0), (rows, rows)));
+                }
+            }
+            all
+        };
+        let noise = blocks(
+            &mut |_, place| noise * counted_times(parts, f64::from(experiments[place].1)),
+            &|_, _, _| noise * parts,
+            self,
+        );
+        let sources: Vec<DMatrix<f64>> = (0..self.sources().len())
+            .map(|source| {
+                let mut one = |model: &mut Self, place: usize| {
+                    let (load, repeats) = &experiments[place];
+                    model.set_repeats(*repeats);
+                    model.covariance_of(source, load)
+                };
+                let between = |model: &Self, row: usize, column: usize| {
+                    model.covariance_between(source, [&experiments[row].0, &experiments[column].0])
+                };
+                blocks(&mut one, &between, self)
+            })
+            .collect();
+        CovarianceTogether { noise, sources }
+    }
+
+    /// The derivatives of the readings of this configuration's experiments, one below the other.
+    #[must_use]
+    pub fn derivatives_together(&self, experiments: &[(Load, u32)]) -> DMatrix<f64> {
+        let (rows, size) = (self.rows(), self.parameters());
+        let mut all = DMatrix::zeros(rows * experiments.len(), size);
+        let mut derivatives = Matrix6xX::zeros(size);
+        for (place, (load, _)) in experiments.iter().enumerate() {
+            self.derivatives(load, &mut derivatives);
+            let mut own = all.rows_mut(rows * place, rows);
+            own.copy_from(&derivatives.rows(0, rows));
+        }
+        all
+    }
+
+    /// The rows of each of this configuration's experiments, whitened together: the sum of r A^T A over them is what they tell.
+    pub fn observe_together(&mut self, experiments: &[(Load, u32)]) -> Vec<DMatrix<f64>> {
+        let mut derivatives = self.derivatives_together(experiments);
+        let covariance = self.covariance_together(experiments);
+        covariance.whiten(experiments, &mut derivatives);
+        let rows = self.rows();
+        (0..experiments.len())
+            .map(|place| derivatives.rows(rows * place, rows).into_owned())
+            .collect()
     }
 
     fn sources(&self) -> &[ReadingSource] {
@@ -272,6 +357,51 @@ impl<'a> PlannedReadings<'a> {
             PlannedRows::Deflections(model) => model.pull_back(load, factor, &mut []),
             PlannedRows::Others(model) => model.force_gradient(load, factor),
         }
+    }
+}
+
+/// The covariance of the readings of all experiments of one configuration, taken so that r readings of each that are independent
+/// of one another tell as much as they do: with the mean readings' covariance C and the repeats D, it is D^1/2 C D^1/2.
+#[derive(Debug, Clone)]
+pub struct CovarianceTogether {
+    /// By the instrument's own noise.
+    pub noise: DMatrix<f64>,
+    /// By each of the sources.
+    pub sources: Vec<DMatrix<f64>>,
+}
+
+impl CovarianceTogether {
+    /// By all.
+    #[must_use]
+    pub fn all(&self) -> DMatrix<f64> {
+        let nothing = DMatrix::zeros(self.noise.nrows(), self.noise.ncols());
+        let of_sources = self
+            .sources
+            .iter()
+            .fold(nothing, |sum, source| sum + source);
+        &self.noise + of_sources
+    }
+
+    /// Makes columns (of readings, one experiment's below the other's) those of whitened readings, each of as many as there are
+    /// repeats.
+    pub fn whiten(&self, experiments: &[(Load, u32)], columns: &mut DMatrix<f64>) {
+        let rows = columns.nrows() / experiments.len();
+        weigh_repeats(experiments, rows, columns, 1.0);
+        let covariance = self.all();
+        let typical = covariance.diagonal().map(f64::sqrt);
+        let factor = covariance.cholesky().map(nalgebra::Cholesky::unpack);
+        // It is positive definite: the instrument's noise is in it.
+        let factor = factor.unwrap_or_else(|| DMatrix::from_diagonal(&typical));
+        factor.solve_lower_triangular_mut(columns);
+        weigh_repeats(experiments, rows, columns, -1.0);
+    }
+}
+
+/// Rows of each experiment times the root of its repeats, or over it.
+fn weigh_repeats(experiments: &[(Load, u32)], rows: usize, columns: &mut DMatrix<f64>, power: f64) {
+    for (place, &(_, repeats)) in experiments.iter().enumerate() {
+        let mut own = columns.rows_mut(rows * place, rows);
+        own *= f64::from(repeats).sqrt().powf(power);
     }
 }
 

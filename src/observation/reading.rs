@@ -3,6 +3,7 @@
 use nalgebra::{Cholesky, DVector, Matrix3, Matrix6, Matrix6xX, Vector3, Vector6};
 
 use super::rotation::inverse_left_jacobian;
+use crate::parameter::Unloaded;
 use crate::robot::{Approach, Load, rotation_vector};
 
 /// What the robot is told, and what hangs on it.
@@ -68,6 +69,8 @@ pub struct DeflectionPrecision {
     pub sigma_m: f64,
     /// The standard deviation of each coordinate of a rotation (rad), where rotations are read, too.
     pub rotation_sigma_rad: Option<f64>,
+    /// Which reading without the load deflections rest on.
+    pub unloaded: Unloaded,
 }
 
 impl DeflectionPrecision {

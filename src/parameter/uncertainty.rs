@@ -1,7 +1,8 @@
 //! What nobody knows exactly, besides the instrument's noise.
 //!
-//! Three classes average differently: what is new in each reading belongs to the reading's covariance; what
-//! is shared by the whole plan is a parameter with a prior, and no number of readings averages it away.
+//! Three classes average differently: what is new in each reading belongs to the reading's covariance; what is shared by one
+//! configuration to that of all its readings, so that repeats do not average it; what is shared by the whole plan is a parameter
+//! with a prior, and no number of readings averages it away.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -38,11 +39,11 @@ pub enum Source {
     /// Shared by the whole plan: parameters, each with its standard deviation in its own unit; positive
     /// ones in their logarithm.
     Plan(Vec<(ParameterKind, f64)>),
-    /// New in each reading, or in each experiment.
+    /// New in each reading, or in each configuration.
     Reading(ReadingSource),
 }
 
-/// What is new in each reading of a deflection, or in each experiment and shared by its repeats.
+/// What is new in each reading of a deflection, or in each configuration and shared by its readings.
 #[derive(Debug, Clone, PartialEq)]
 pub enum ReadingSource {
     /// Each joint comes back to its command only within a standard deviation (rad; m where it slides)
@@ -56,7 +57,7 @@ pub enum ReadingSource {
     /// The instrument's noise grows with the distance from where it stands.
     Range(RangeNoise),
     /// Each joint stands where it stands with an error of its gear (rad; m where it slides) that is another one in each
-    /// configuration, loaded and unloaded the same, in all repeats. One for each joint.
+    /// configuration, loaded and unloaded the same, under all loads and in all repeats. One for each joint.
     GearError(Vec<f64>),
     /// A reading is wrong: nobody notices that the reflector was touched, or the wrong place read.
     Wrong {
@@ -67,8 +68,8 @@ pub enum ReadingSource {
     },
     /// This share of the readings is not there: the beam was lost.
     Dropped(f64),
-    /// What no parameter explains is another deflection in each configuration, the same in all repeats: the standard
-    /// deviation (m) of each coordinate.
+    /// What no parameter explains is another deflection in each configuration, the same under all loads and in all repeats: the
+    /// standard deviation (m) of each coordinate.
     Misfit(f64),
 }
 
@@ -175,9 +176,66 @@ impl ReadingSource {
         }
     }
 
-    /// Whether repeats of an experiment share it, so that they do not average it.
+    /// Whether all deflections of one configuration share it, under whatever load, so that repeats do not average it.
     #[must_use]
-    pub const fn is_shared_by_repeats(&self) -> bool {
+    pub const fn is_of_configuration(&self) -> bool {
         matches!(self, Self::GearError(_) | Self::Misfit(_))
     }
+
+    /// Whether the two readings that make a deflection have half of its variance each.
+    #[must_use]
+    pub const fn is_of_both_readings(&self) -> bool {
+        matches!(self, Self::JointReturn(_) | Self::Range(_))
+    }
+
+    /// What part of its variance all deflections of one configuration share.
+    #[must_use]
+    pub const fn shared_part(&self, unloaded: Unloaded) -> f64 {
+        if self.is_of_configuration() {
+            1.0
+        } else if self.is_of_both_readings() {
+            unloaded.shared_part()
+        } else {
+            0.0
+        }
+    }
+}
+
+/// Which reading without the load a deflection rests on.
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    Default,
+    serde::Deserialize,
+    serde::Serialize,
+    schemars::JsonSchema,
+)]
+#[serde(rename_all = "snake_case")]
+pub enum Unloaded {
+    /// One of its own.
+    #[default]
+    Own,
+    /// The one that all deflections of its configuration rest on, whatever the load.
+    Shared,
+}
+
+impl Unloaded {
+    /// What part of the variance of a deflection that two like readings make all deflections of one configuration share.
+    #[must_use]
+    pub const fn shared_part(self) -> f64 {
+        match self {
+            Self::Own => 0.0,
+            Self::Shared => 0.5,
+        }
+    }
+}
+
+/// How many times a variance counts in readings of which so many repeats are taken as independent, where they share this part
+/// of it.
+#[must_use]
+pub fn counted_times(shared_part: f64, repeats: f64) -> f64 {
+    (1.0 - shared_part) + shared_part * repeats
 }

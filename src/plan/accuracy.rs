@@ -4,6 +4,8 @@ use nalgebra::{DMatrix, Matrix3xX, Matrix6xX};
 
 use super::{Experiment, Plan};
 use crate::observation::{BareArm, DeflectionPrecision, PlannedReadings};
+use crate::parameter::Unloaded;
+use crate::robot::Load;
 use crate::task::{Belief, Extended};
 
 /// The planner's model of an experiment: the nominal robot with the calibration tool.
@@ -17,6 +19,8 @@ pub struct ExperimentModel<'a> {
     pub sigma_m: f64,
     /// The standard deviation of a rotation's coordinates (rad), where rotations are measured.
     pub rotation_sigma_rad: Option<f64>,
+    /// Which reading without the load deflections rest on.
+    pub unloaded: Unloaded,
     /// What else is uncertain.
     pub uncertain: Option<&'a Extended>,
 }
@@ -30,6 +34,7 @@ impl<'a> ExperimentModel<'a> {
             parameters: &belief.parameters,
             sigma_m: belief.instrument.sigma_m,
             rotation_sigma_rad: belief.instrument.rotation_sigma_rad,
+            unloaded: belief.instrument.unloaded,
             uncertain: belief.uncertain.as_ref(),
         }
     }
@@ -82,7 +87,55 @@ impl<'a> ExperimentModel<'a> {
         DeflectionPrecision {
             sigma_m: self.sigma_m,
             rotation_sigma_rad: self.rotation_sigma_rad,
+            unloaded: self.unloaded,
         }
+    }
+
+    /// The observation matrices of all experiments of a plan, in its order: as [`Self::observation_matrix`], those of one
+    /// configuration whitened together where they share something, so that the sum of r A^T A is what they tell.
+    #[must_use]
+    pub fn observation_matrices(&self, plan: &Plan) -> Vec<DMatrix<f64>> {
+        let all: Vec<&Experiment> = plan.experiments.iter().collect();
+        let is_shared = (self.uncertain).is_some_and(Extended::is_shared_by_configuration);
+        if !is_shared {
+            return self.observation_matrices_of(&all);
+        }
+        let mut matrices = vec![DMatrix::zeros(0, 0); all.len()];
+        for group in plan.by_configuration() {
+            let experiments: Vec<&Experiment> = group.iter().map(|&place| all[place]).collect();
+            let own = self.observation_matrices_of(&experiments);
+            for (place, own) in group.into_iter().zip(own) {
+                matrices[place] = own;
+            }
+        }
+        matrices
+    }
+
+    /// The same of experiments of one configuration.
+    #[must_use]
+    pub fn observation_matrices_of(&self, experiments: &[&Experiment]) -> Vec<DMatrix<f64>> {
+        let extended = (self.uncertain).filter(|each| each.is_shared_by_configuration());
+        match extended.filter(|_| experiments.len() > 1) {
+            Some(extended) => {
+                self.rows_together(extended.readings_of_all(self.precision()), experiments)
+            }
+            None => (experiments.iter())
+                .map(|experiment| self.observation_matrix(experiment))
+                .collect(),
+        }
+    }
+
+    /// As [`Self::rows_of`], for the experiments of one configuration, whitened together.
+    #[must_use]
+    pub fn rows_together(
+        &self,
+        mut model: PlannedReadings<'_>,
+        experiments: &[&Experiment],
+    ) -> Vec<DMatrix<f64>> {
+        model.come_from(experiments[0].approach.as_ref());
+        model.move_to(experiments[0].configuration_rad.as_slice());
+        let rows = model.observe_together(&hung(experiments));
+        rows.into_iter().map(|rows| rows * self.sigma_m).collect()
     }
 
     /// `sigma_m` times the whitened rows of an experiment, those of rotations below those of positions.
@@ -109,10 +162,39 @@ impl<'a> ExperimentModel<'a> {
     pub fn information(&self, plan: &Plan) -> DMatrix<f64> {
         let size = self.columns();
         let mut information = DMatrix::zeros(size, size);
-        for experiment in &plan.experiments {
-            let matrix = self.observation_matrix(experiment);
+        let matrices = self.observation_matrices(plan);
+        for (experiment, matrix) in plan.experiments.iter().zip(matrices) {
             information += f64::from(experiment.repeats) * matrix.tr_mul(&matrix);
         }
         information
     }
+}
+
+/// The experiments of a plan that are alone in their configuration, and those of each configuration that are not, where
+/// deflections of one configuration share something; else all are alone.
+#[must_use]
+pub fn alone_and_together(
+    plan: &Plan,
+    is_shared: bool,
+) -> (Vec<&Experiment>, Vec<Vec<&Experiment>>) {
+    if !is_shared {
+        return (plan.experiments.iter().collect(), Vec::new());
+    }
+    let groups = plan.by_configuration().into_iter();
+    let groups = groups.map(|group| -> Vec<&Experiment> {
+        group
+            .into_iter()
+            .map(|place| &plan.experiments[place])
+            .collect()
+    });
+    let (alone, together): (Vec<_>, Vec<_>) = groups.partition(|group| group.len() == 1);
+    (alone.into_iter().flatten().collect(), together)
+}
+
+/// What hangs in a configuration, and how often it is measured.
+#[must_use]
+pub fn hung(experiments: &[&Experiment]) -> Vec<(Load, u32)> {
+    let each = experiments.iter();
+    each.map(|experiment| (experiment.load, experiment.repeats))
+        .collect()
 }

@@ -13,7 +13,7 @@ pub mod search;
 mod shares;
 
 pub use crate::experiment::{Experiment, Plan, read_plan, write_plan};
-pub use accuracy::ExperimentModel;
+pub use accuracy::{ExperimentModel, alone_and_together, hung};
 pub use assessment::{Assessment, FurtherError};
 pub use criterion::{Criterion, CriterionFunction};
 pub use factorisation::LANES;

@@ -19,8 +19,9 @@ pub fn posterior(belief: &Belief, plan: &Plan) -> Posterior {
     let before = belief.prior_rows();
     let known = rows * plan.experiments.len().max(1);
     let mut matrix = DMatrix::zeros(known + before.nrows(), belief.unknowns());
-    for (index, experiment) in plan.experiments.iter().enumerate() {
-        let block = model.observation_matrix(experiment) * f64::from(experiment.repeats).sqrt();
+    let matrices = model.observation_matrices(plan);
+    for (index, (experiment, own)) in plan.experiments.iter().zip(matrices).enumerate() {
+        let block = own * f64::from(experiment.repeats).sqrt();
         matrix.rows_mut(rows * index, rows).copy_from(&block);
     }
     let sigma_m = belief.instrument.sigma_m;

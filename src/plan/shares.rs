@@ -14,9 +14,10 @@
 
 use nalgebra::{DMatrix, Matrix6, Matrix6xX};
 
-use super::{ExperimentModel, Plan};
+use super::{ExperimentModel, Plan, alone_and_together, hung};
 use crate::compensation::{test_pose_rows, weighted_rows};
 use crate::numeric::posterior::Posterior;
+use crate::parameter::counted_times;
 use crate::task::Task;
 
 /// What the instrument's own noise is called.
@@ -66,12 +67,39 @@ pub fn shares(task: &Task, plan: &Plan, posterior: &Posterior) -> Vec<PromiseSha
     let noise = own(&precision.covariance());
     let mut model = extended.readings_of_all(precision);
     let mut derivatives = Matrix6xX::zeros(size);
-    for experiment in &plan.experiments {
+    let (alone, together) = alone_and_together(plan, extended.is_shared_by_configuration());
+    for experiments in together {
+        model.come_from(experiments[0].approach.as_ref());
+        model.move_to(experiments[0].configuration_rad.as_slice());
+        let hung = hung(&experiments);
+        let covariance = model.covariance_together(&hung);
+        let Some(inverse) = covariance.all().cholesky().map(|factor| factor.inverse()) else {
+            continue;
+        };
+        let mut seen = model.derivatives_together(&hung);
+        for (place, (_, repeats)) in hung.iter().enumerate() {
+            seen.rows_mut(rows * place, rows)
+                .scale_mut(f64::from(*repeats).sqrt());
+        }
+        let weighted = &gain * seen.transpose() * inverse;
+        let added = |covariance: &DMatrix<f64>| (&weighted * covariance).dot(&weighted);
+        squares[0] += added(&covariance.noise);
+        for (square, source) in squares[1..].iter_mut().zip(&covariance.sources) {
+            *square += added(source);
+        }
+    }
+    for experiment in alone {
         let load = &experiment.load;
         model.set_repeats(experiment.repeats);
         model.come_from(experiment.approach.as_ref());
         model.move_to(experiment.configuration_rad.as_slice());
         model.derivatives(load, &mut derivatives);
+        // Repeats may share a part of the noise, too.
+        let times = counted_times(
+            extended.unloaded().shared_part(),
+            f64::from(experiment.repeats),
+        );
+        let noise = &noise * times;
         let covariance = &noise + own(&model.covariance_of_all(load));
         let Some(inverse) = covariance.cholesky().map(|factor| factor.inverse()) else {
             continue;

@@ -8,6 +8,7 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 
 use crate::gate::Gate;
+use crate::parameter::Unloaded;
 use crate::plan::Criterion;
 use crate::study::Level;
 use crate::task::{AccuracyKind, Method};
@@ -155,6 +156,8 @@ pub(super) struct InstrumentTable {
     pub sigma_of: SigmaOf,
     pub rotation_sigma_mrad: Option<f64>,
     pub tracker_site: Option<String>,
+    #[serde(default)]
+    pub unloaded: Unloaded,
 }
 
 #[derive(Debug, Default, Deserialize, schemars::JsonSchema)]

@@ -12,10 +12,12 @@
 
 use nalgebra::{Cholesky, DMatrix};
 
-use super::deviations::Deviations;
+use super::deviations::{Deviations, by_repeats};
 use crate::compensation::{test_pose_rows, weighted_rows};
 use crate::parameter::{ParameterKind, ReadingSource, Source};
-use crate::plan::{EARLIER, Experiment, ExperimentModel, NOISE, Plan, posterior};
+use crate::plan::{
+    EARLIER, Experiment, ExperimentModel, NOISE, Plan, alone_and_together, posterior,
+};
 use crate::task::Task;
 use crate::testbed::Truth;
 
@@ -65,19 +67,33 @@ impl Account {
         let mut noise = 0.0;
         let mut of_sources = vec![0.0; readings.len()];
         let mut foreign = -deviations.test_poses(task);
-        for experiment in &plan.experiments {
-            let repeats = f64::from(experiment.repeats);
-            let matrix = model.observation_matrix(experiment);
-            let weighted = &gain * matrix.transpose() / sigma_m.powi(2);
-            foreign += &weighted * deviations.observation_matrix(&model, experiment) * repeats;
-            let covariances = deviations.covariances(experiment);
+        let is_shared = deviations.is_shared_by_configuration();
+        let (alone, together) = alone_and_together(plan, is_shared);
+        let groups = alone.into_iter().map(|only| vec![only]).chain(together);
+        for group in groups {
+            let matrices = model.observation_matrices_of(&group);
+            let rows = model.rows();
+            let mut weighted = DMatrix::zeros(gain.nrows(), rows * group.len());
+            let seen = deviations.observation_matrices(&model, &group);
+            for (place, (matrix, seen)) in matrices.iter().zip(seen).enumerate() {
+                let own = &gain * matrix.transpose() / sigma_m.powi(2);
+                foreign += &own * seen * f64::from(group[place].repeats);
+                weighted.columns_mut(rows * place, rows).copy_from(&own);
+            }
+            let covariances = deviations.covariances(&group);
             let believed = Cholesky::new(covariances.believed)?.l().try_inverse()?;
+            let believed = by_repeats(&group, believed, |one, other| (one / other).sqrt());
             // K J^T R^-1: from weighted rows, sigma L^-1 J, to readings.
             let weighted = weighted * (believed * sigma_m);
-            let added =
-                |covariance: &DMatrix<f64>| (&weighted * covariance).dot(&weighted) * repeats;
-            noise += added(&covariances.noise);
-            for (sum, covariance) in of_sources.iter_mut().zip(&covariances.sources) {
+            let repeats = f64::from(group[0].repeats);
+            let added = |covariance: DMatrix<f64>| {
+                let all = by_repeats(&group, covariance, |one, other| {
+                    (one * other).sqrt() / repeats
+                });
+                (&weighted * all).dot(&weighted) * repeats
+            };
+            noise += added(covariances.noise);
+            for (sum, covariance) in of_sources.iter_mut().zip(covariances.sources) {
                 *sum += added(covariance);
             }
         }

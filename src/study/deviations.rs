@@ -1,13 +1,13 @@
 //! What a run's truth differs in from what is believed to be nominal, and how the linear model sees it.
 
-use nalgebra::{Cholesky, DMatrix, Matrix6};
+use nalgebra::{Cholesky, DMatrix};
 
 use super::torque_laws::beyond_springs;
 use crate::compensation::{test_pose_matrix, uncompensated_rows, weighted_rows};
 use crate::numeric::random::normal::LANES;
-use crate::observation::PlannedReadings;
-use crate::parameter::{ElasticArm, ParameterKind, ParameterSet, ReadingSource, Source};
-use crate::plan::{Experiment, ExperimentModel};
+use crate::observation::{CovarianceTogether, PlannedReadings};
+use crate::parameter::{ElasticArm, ParameterKind, ParameterSet, ReadingSource, Source, Unloaded};
+use crate::plan::{Experiment, ExperimentModel, hung};
 use crate::robot::TrueRobot;
 use crate::task::{Belief, Task, TestPose};
 use crate::testbed::{Circumstances, Truth};
@@ -23,7 +23,8 @@ enum Deviation {
     TorqueLaws,
 }
 
-/// The covariances of a reading (m^2, m rad, rad^2), 3 x 3, or 6 x 6 where rotations are read.
+/// The covariances of the readings of one configuration (m^2, m rad, rad^2), three rows each, or six where rotations are read; as
+/// [`crate::observation::CovarianceTogether`] has them.
 #[derive(Debug, Clone)]
 pub struct Covariances {
     /// As it is believed.
@@ -91,7 +92,8 @@ impl<'a> Deviations<'a> {
             tied: tied(belief, truth),
             laboratory: (!truth.uncertainties.is_empty())
                 .then(|| Circumstances::new(arm.clone(), &truth.uncertainties).ok())
-                .flatten(),
+                .flatten()
+                .map(|laboratory| laboratory.resting_on(belief.instrument.unloaded)),
             believed: extended.map_or_else(Vec::new, |extended| {
                 extended
                     .sources()
@@ -197,9 +199,47 @@ impl<'a> Deviations<'a> {
         self.foreign.iter().chain(tied).map(value).collect()
     }
 
-    /// The whitened observation matrix of what is foreign, like [`ExperimentModel::observation_matrix`].
+    /// The whitened observation matrices of what is foreign, of experiments of one configuration, like
+    /// [`ExperimentModel::observation_matrices_of`].
     #[must_use]
-    pub fn observation_matrix(
+    pub fn observation_matrices(
+        &self,
+        model: &ExperimentModel<'_>,
+        experiments: &[&Experiment],
+    ) -> Vec<DMatrix<f64>> {
+        let Some(set) = self.set.as_ref().filter(|_| experiments.len() > 1) else {
+            let each = experiments.iter();
+            return each
+                .map(|experiment| self.observation_matrix(model, experiment))
+                .collect();
+        };
+        let rows = model.rows_together(self.readings_of(set, 0, &self.believed), experiments);
+        let Some(robot) = &self.unlike_springs else {
+            return rows;
+        };
+        let height = model.rows();
+        let mut seen = DMatrix::zeros(height * experiments.len(), 1);
+        for (place, experiment) in experiments.iter().enumerate() {
+            let q = experiment.configuration_rad.as_slice();
+            let own = beyond_springs(&self.arm, robot, 0, q, &experiment.load);
+            let own = DMatrix::from_column_slice(6, 1, own.as_slice());
+            seen.rows_mut(height * place, height)
+                .copy_from(&own.rows(0, height));
+        }
+        (self.together(&self.believed, experiments)).whiten(&hung(experiments), &mut seen);
+        seen *= self.belief.instrument.sigma_m;
+        (rows.into_iter().enumerate())
+            .map(|(place, rows)| {
+                let last = rows.ncols();
+                let mut rows = rows.insert_column(last, 0.0);
+                rows.column_mut(last)
+                    .copy_from(&seen.rows(height * place, height).column(0));
+                rows
+            })
+            .collect()
+    }
+
+    fn observation_matrix(
         &self,
         model: &ExperimentModel<'_>,
         experiment: &Experiment,
@@ -217,7 +257,7 @@ impl<'a> Deviations<'a> {
             let q = experiment.configuration_rad.as_slice();
             let seen = beyond_springs(&self.arm, robot, 0, q, &experiment.load);
             let seen = DMatrix::from_column_slice(6, 1, seen.as_slice());
-            let factor = Cholesky::new(self.covariances(experiment).believed);
+            let factor = Cholesky::new(self.covariances(&[experiment]).believed);
             let mut seen = seen.rows(0, model.rows()).into_owned();
             // It is positive definite: the instrument's noise is in it.
             let whitened =
@@ -349,40 +389,50 @@ impl<'a> Deviations<'a> {
         &self.sources
     }
 
-    /// The covariance of a reading as it is believed, and what each source adds in truth (m^2).
+    /// Whether deflections of one configuration share errors, in truth or by the belief.
     #[must_use]
-    pub fn covariances(&self, experiment: &Experiment) -> Covariances {
-        let at = |sources| {
-            let mut model = self.readings_of(&self.empty, 0, sources);
-            model.set_repeats(experiment.repeats);
-            model.move_to(experiment.configuration_rad.as_slice());
-            model
-        };
-        let (load, precision) = (&experiment.load, self.belief.instrument.precision());
-        let rows = precision.rows();
-        let own = |matrix: &Matrix6<f64>| matrix.view((0, 0), (rows, rows)).into_owned();
-        let noise = own(&precision.covariance());
-        let truth = at(&self.sources);
-        let sources = 0..self.sources.len();
+    pub fn is_shared_by_configuration(&self) -> bool {
+        let sources = self.sources.iter().chain(&self.believed);
+        self.belief.instrument.unloaded == Unloaded::Shared
+            || sources.into_iter().any(ReadingSource::is_of_configuration)
+    }
+
+    fn together(
+        &self,
+        sources: &[ReadingSource],
+        experiments: &[&Experiment],
+    ) -> CovarianceTogether {
+        let mut model = self.readings_of(&self.empty, 0, sources);
+        model.move_to(experiments[0].configuration_rad.as_slice());
+        model.covariance_together(&hung(experiments))
+    }
+
+    /// The covariance of the readings of experiments of one configuration as it is believed, and what each source adds in truth
+    /// (m^2).
+    #[must_use]
+    pub fn covariances(&self, experiments: &[&Experiment]) -> Covariances {
+        let truth = self.together(&self.sources, experiments);
         Covariances {
-            believed: &noise + own(&at(&self.believed).covariance_of_all(load)),
-            sources: sources
-                .map(|source| own(&truth.covariance_of(source, load)))
-                .collect(),
-            all: &noise + own(&truth.covariance_of_all(load)),
-            noise,
+            believed: self.together(&self.believed, experiments).all(),
+            all: truth.all(),
+            sources: truth.sources,
+            noise: truth.noise,
         }
     }
 
-    /// H with H H^T the covariance of a reading's whitened noise, where that is not what the belief whitens it with.
+    /// H with H H^T the covariance of the whitened noise of the readings of experiments of one configuration, where that is not what
+    /// the belief whitens it with. Between experiments it counts as the root of their repeats' ratio.
     #[must_use]
-    pub fn coloured(&self, experiment: &Experiment) -> Option<DMatrix<f64>> {
+    pub fn coloured(&self, experiments: &[&Experiment]) -> Option<DMatrix<f64>> {
         if self.believed == self.sources {
             return None;
         }
-        let covariances = self.covariances(experiment);
+        let covariances = self.covariances(experiments);
         let believed = Cholesky::new(covariances.believed)?.l().try_inverse()?;
-        Some(believed * Cholesky::new(covariances.all)?.l())
+        let half = believed * Cholesky::new(covariances.all)?.l();
+        Some(by_repeats(experiments, half, |one, other| {
+            (one / other).sqrt()
+        }))
     }
 
     fn readings_of<'b>(
@@ -395,6 +445,24 @@ impl<'a> Deviations<'a> {
         let precision = self.belief.instrument.precision();
         PlannedReadings::new(&self.arm, target, set, &sizes, precision, sources)
     }
+}
+
+/// Every block of a matrix for experiments of one configuration, times a factor of the repeats of both.
+#[must_use]
+pub fn by_repeats(
+    experiments: &[&Experiment],
+    mut matrix: DMatrix<f64>,
+    factor: impl Fn(f64, f64) -> f64,
+) -> DMatrix<f64> {
+    let rows = matrix.nrows() / experiments.len();
+    for (row, one) in experiments.iter().enumerate() {
+        for (column, other) in experiments.iter().enumerate() {
+            let factor = factor(f64::from(one.repeats), f64::from(other.repeats));
+            let mut block = matrix.view_mut((rows * row, rows * column), (rows, rows));
+            block *= factor;
+        }
+    }
+    matrix
 }
 
 /// What runs draw of parameters that the whole plan shares.

@@ -35,7 +35,7 @@ use crate::compensation::{test_pose_rows, weighted_rows};
 use crate::numeric::estimable::Estimable;
 use crate::numeric::factorisation::finite_eigen;
 use crate::numeric::random::normal::LANES;
-use crate::plan::{ExperimentModel, Plan};
+use crate::plan::{Experiment, ExperimentModel, Plan, alone_and_together};
 use crate::task::Task;
 use crate::testbed::Truth;
 
@@ -127,33 +127,21 @@ impl<'a> LinearModel<'a> {
         let mut coloured: Option<DMatrix<f64>> = None;
         // The noise of all deflections comes before that of all rotations.
         let mut of_rotations = vec![ThreeRows::new(); padded / 3];
-        for experiment in &plan.experiments {
-            let observed = self.experiments.observation_matrix(experiment);
-            let mut columns = match &part {
-                None => observed.transpose(),
-                Some((_, basis)) => (observed * basis).transpose(),
-            };
-            if !factor.solve_lower_triangular_mut(&mut columns) {
-                return Err(Failure::Undetermined);
-            }
-            if foreign > 0 {
-                let deviations = &self.deviations;
-                let seen = &columns * deviations.observation_matrix(&self.experiments, experiment);
-                let mut biases = biases.columns_mut(0, foreign);
-                biases += seen * f64::from(experiment.repeats);
-            }
-            if let Some(half) = self.deviations.coloured(experiment) {
-                columns *= half;
-                let more = (&columns * columns.transpose()) * f64::from(experiment.repeats);
-                coloured = Some(coloured.map_or(more.clone(), |sum| sum + more));
-            }
-            let columns = columns.resize_vertically(padded, 0.0);
-            for _ in 0..experiment.repeats {
-                for (group, rows) in whitener.iter_mut().enumerate() {
-                    rows.extend(threes(&columns, 3 * group).take(3));
-                }
-                for (group, rows) in of_rotations.iter_mut().enumerate() {
-                    rows.extend(threes(&columns, 3 * group).skip(3));
+        let is_shared = self.deviations.is_shared_by_configuration();
+        let (alone, together) = alone_and_together(plan, is_shared);
+        let groups = alone.into_iter().map(|only| vec![only]).chain(together);
+        for group in groups {
+            let mut room = (&mut biases, &mut coloured);
+            let each = self.whitened(&group, &factor, part.as_ref(), &mut room)?;
+            for (experiment, columns) in group.iter().zip(each) {
+                let columns = columns.resize_vertically(padded, 0.0);
+                for _ in 0..experiment.repeats {
+                    for (group, rows) in whitener.iter_mut().enumerate() {
+                        rows.extend(threes(&columns, 3 * group).take(3));
+                    }
+                    for (group, rows) in of_rotations.iter_mut().enumerate() {
+                        rows.extend(threes(&columns, 3 * group).skip(3));
+                    }
                 }
             }
         }
@@ -196,6 +184,53 @@ impl<'a> LinearModel<'a> {
             bias,
             errors,
         })
+    }
+
+    /// L^-1 A^T of each of the experiments of one configuration, as the noise is in truth; adds what foreign parameters do to the
+    /// biases, and the whitened noise to its covariance.
+    fn whitened(
+        &self,
+        group: &[&Experiment],
+        factor: &DMatrix<f64>,
+        part: Option<&(Estimable, DMatrix<f64>)>,
+        (biases, coloured): &mut (&mut DMatrix<f64>, &mut Option<DMatrix<f64>>),
+    ) -> Result<Vec<DMatrix<f64>>, Failure> {
+        let mut each = Vec::new();
+        for observed in self.experiments.observation_matrices_of(group) {
+            let mut columns = match part {
+                None => observed.transpose(),
+                Some((_, basis)) => (observed * basis).transpose(),
+            };
+            if !factor.solve_lower_triangular_mut(&mut columns) {
+                return Err(Failure::Undetermined);
+            }
+            each.push(columns);
+        }
+        let foreign = self.deviations.foreign();
+        if foreign > 0 {
+            let deviations = &self.deviations;
+            let all = deviations.observation_matrices(&self.experiments, group);
+            for ((experiment, columns), own) in group.iter().zip(&each).zip(all) {
+                let seen = columns * own;
+                let mut biases = biases.columns_mut(0, foreign);
+                biases += seen * f64::from(experiment.repeats);
+            }
+        }
+        let Some(half) = self.deviations.coloured(group) else {
+            return Ok(each);
+        };
+        let rows = self.experiments.rows();
+        let mut all = DMatrix::zeros(factor.nrows(), rows * group.len());
+        for (place, columns) in each.iter().enumerate() {
+            all.columns_mut(rows * place, rows).copy_from(columns);
+        }
+        all *= half;
+        for (place, columns) in each.iter_mut().enumerate() {
+            columns.copy_from(&all.columns(rows * place, rows));
+            let more = (&*columns * columns.transpose()) * f64::from(group[place].repeats);
+            **coloured = Some((coloured.take()).map_or(more.clone(), |sum| sum + more));
+        }
+        Ok(each)
     }
 
     /// What the noise alone leaves, where the truth is given: from the errors L^-1 `A_0^T` that all leaves, with the information

@@ -185,7 +185,7 @@ impl Chooser<'_> {
             beside: self.before.clone(),
             told: self.told.clone(),
             most: vec![1; self.told.len()],
-            repeated: None,
+            sharing: None,
         }
     }
 

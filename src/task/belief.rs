@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Extended;
 use crate::observation::{BareArm, DeflectionPrecision};
-use crate::parameter::{ElasticArm, Prior};
+use crate::parameter::{ElasticArm, Prior, Unloaded};
 use crate::robot::{Commands, Robot, Tool};
 
 /// How deflections are measured.
@@ -17,6 +17,8 @@ pub struct Instrument {
     pub rotation_sigma_rad: Option<f64>,
     /// The site of the model where the tracker stands.
     pub tracker_site: Option<usize>,
+    /// Which reading without the load deflections rest on.
+    pub unloaded: Unloaded,
 }
 
 impl Instrument {
@@ -26,6 +28,7 @@ impl Instrument {
         DeflectionPrecision {
             sigma_m: self.sigma_m,
             rotation_sigma_rad: self.rotation_sigma_rad,
+            unloaded: self.unloaded,
         }
     }
 }

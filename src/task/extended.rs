@@ -6,7 +6,7 @@ use nalgebra::DMatrix;
 use crate::observation::{DeflectionPrecision, PlannedReadings};
 use crate::parameter::{
     ElasticArm, ParameterError, ParameterKind, ParameterSet, Prior, ReadingSource, Source,
-    Uncertainty,
+    Uncertainty, Unloaded,
 };
 
 /// Which of the arm's tools is measured.
@@ -32,6 +32,8 @@ pub struct Extended {
     /// The names of those that are new in each reading.
     source_names: Vec<String>,
     sources: Vec<ReadingSource>,
+    /// Which reading without the load deflections rest on.
+    unloaded: Unloaded,
 }
 
 impl Extended {
@@ -118,17 +120,32 @@ impl Extended {
             own_precision,
             source_names,
             sources,
+            unloaded: Unloaded::Own,
         })
     }
 
+    /// The same where deflections rest on such readings without the load.
+    #[must_use]
+    pub const fn resting_on(mut self, unloaded: Unloaded) -> Self {
+        self.unloaded = unloaded;
+        self
+    }
+
+    /// Which reading without the load deflections rest on.
+    #[must_use]
+    pub const fn unloaded(&self) -> Unloaded {
+        self.unloaded
+    }
+
     /// The same vector where only the instrument's noise is believed in, with what is known of the compliances before:
-    /// what is to be found stays. `None` where that is compliances alone.
+    /// what is to be found stays. `None` where that is compliances alone, and each deflection has its own noise.
     #[must_use]
     pub fn noise_only(&self, identified: &[usize], prior: Option<&Prior>) -> Option<Self> {
-        if self.further.is_empty() {
+        if self.further.is_empty() && self.unloaded == Unloaded::Own {
             return None;
         }
-        Self::new(self.arm.clone(), identified, &self.further, prior, &[]).ok()
+        let noise_only = Self::new(self.arm.clone(), identified, &self.further, prior, &[]).ok();
+        noise_only.map(|extended| extended.resting_on(self.unloaded))
     }
 
     /// Whether nothing but the instrument's noise is uncertain.
@@ -137,10 +154,11 @@ impl Extended {
         self.shared.is_empty() && self.sources.is_empty()
     }
 
-    /// Whether repeats of an experiment share something that they do not average.
+    /// Whether deflections of one configuration share something that repeats do not average.
     #[must_use]
-    pub fn is_shared_by_repeats(&self) -> bool {
-        self.sources.iter().any(ReadingSource::is_shared_by_repeats)
+    pub fn is_shared_by_configuration(&self) -> bool {
+        self.unloaded == Unloaded::Shared
+            || self.sources.iter().any(ReadingSource::is_of_configuration)
     }
 
     /// Whether joints have gaps, so that the side of approach counts.

@@ -5,6 +5,7 @@ use sha2::{Digest, Sha256};
 
 use super::Belief;
 use crate::files::hexadecimal;
+use crate::parameter::Unloaded;
 use crate::robot::{SerialChain, Tool};
 
 /// What an identification rests on. Neither test poses nor loads, plans, surroundings or a description
@@ -47,6 +48,9 @@ impl Belief {
             belief.numbers(extended.set().prior().precision.iter().copied());
             belief.numbers(self.turned_over_at_nm.iter().copied().flatten());
             belief.numbers(self.stiffening_at_nm.iter().copied().flatten());
+        }
+        if self.instrument.unloaded == Unloaded::Shared {
+            belief.text("deflections of one configuration rest on one unloaded reading");
         }
         let rotation = self.instrument.rotation_sigma_rad;
         belief.numbers([self.instrument.sigma_m].into_iter().chain(rotation));

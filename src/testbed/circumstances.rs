@@ -12,7 +12,7 @@ use crate::mujoco::{ModelChange, TorqueLaw};
 use crate::numeric::random::normal::LANES;
 use crate::parameter::{
     Axis, ElasticArm, FrameChange, ParameterError, ParameterKind, ParameterSet, RangeNoise,
-    ReadingSource, Source, Uncertainty,
+    ReadingSource, Source, Uncertainty, Unloaded,
 };
 use crate::robot::{Approach, Load};
 use crate::task::Instrument;
@@ -20,7 +20,7 @@ use crate::task::Instrument;
 use super::virtual_robot::{MeasurementError, VirtualRobot};
 
 /// Two readings make a deflection: each has this share of the standard deviation of what is new in both.
-const OF_ONE_READING: f64 = std::f64::consts::FRAC_1_SQRT_2;
+pub(super) const OF_ONE_READING: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
 /// Where a run's robot, loads and instrument differ from what is said of them.
 #[derive(Debug, Clone)]
@@ -31,6 +31,8 @@ pub struct Circumstances {
     /// For each number that a run shares: which parameter it moves, and by how much.
     shared: Vec<(usize, f64)>,
     sources: Vec<ReadingSource>,
+    /// Which reading without the load deflections rest on.
+    unloaded: Unloaded,
     /// What differs in this run, in the parameters' units.
     values: Vec<f64>,
     /// The nominal arm with that.
@@ -70,7 +72,25 @@ impl Circumstances {
             set,
             shared,
             sources,
+            unloaded: Unloaded::Own,
         })
+    }
+
+    /// The same where deflections rest on such readings without the load.
+    #[must_use]
+    pub const fn resting_on(mut self, unloaded: Unloaded) -> Self {
+        self.unloaded = unloaded;
+        self
+    }
+
+    /// Whether a source's part in the unloaded reading is that of all deflections of one configuration.
+    fn is_halved(&self, source: &ReadingSource) -> bool {
+        self.unloaded == Unloaded::Shared && source.is_of_both_readings()
+    }
+
+    /// How many normal numbers a reading takes for a source: as many again for the unloaded one, where that is another's, too.
+    fn numbers_for(&self, source: &ReadingSource) -> usize {
+        source.numbers() * if self.is_halved(source) { 2 } else { 1 }
     }
 
     /// Whether nothing is uncertain.
@@ -86,7 +106,8 @@ impl Circumstances {
     }
 
     fn numbers_of_reading(&self) -> usize {
-        self.sources.iter().map(ReadingSource::numbers).sum()
+        let each = self.sources.iter();
+        each.map(|source| self.numbers_for(source)).sum()
     }
 
     /// Whether readings may be missing.
@@ -110,7 +131,7 @@ impl Circumstances {
                 if let ReadingSource::Dropped(share) = source {
                     *is_there &= !happens(normals[place][lane], *share);
                 }
-                place += source.numbers();
+                place += self.numbers_for(source);
             }
         }
         kept
@@ -269,9 +290,10 @@ impl Circumstances {
         let size = self.numbers_of_reading();
         let of_reading = |number: usize| &normals[number * size..(number + 1) * size];
         let mut measurements = Vec::new();
+        let firsts = self.first_of_configuration(plan);
         for (index, experiment) in plan.experiments.iter().enumerate() {
-            // What repeats share is drawn with the first of them.
-            let first = measurements.len();
+            // What one configuration shares is drawn with the first of its measurements.
+            let first = firsts[index];
             for _ in 0..experiment.repeats {
                 let numbers = [of_reading(measurements.len()), of_reading(first)];
                 let reading = self.read(robot, index + 1, experiment, numbers)?;
@@ -291,6 +313,28 @@ impl Circumstances {
             }
         }
         Ok(measurements)
+    }
+
+    /// The number of the first measurement in the configuration of each experiment.
+    fn first_of_configuration(&self, plan: &Plan) -> Vec<usize> {
+        let mut count = 0;
+        let own: Vec<usize> = (plan.experiments.iter())
+            .map(|experiment| {
+                count += experiment.repeats as usize;
+                count - experiment.repeats as usize
+            })
+            .collect();
+        let is_shared = |source: &ReadingSource| source.shared_part(self.unloaded) > 0.0;
+        if !self.sources.iter().any(is_shared) {
+            return own;
+        }
+        let mut firsts = own.clone();
+        for members in plan.by_configuration() {
+            for &member in &members {
+                firsts[member] = own[members[0]];
+            }
+        }
+        firsts
     }
 
     fn read(
@@ -398,10 +442,16 @@ impl Circumstances {
         let (mut off_m, mut by_distance) = (Vector3::zeros(), Vec::new());
         let mut place = 0;
         for source in &self.sources {
-            let is_shared = source.is_shared_by_repeats();
+            let is_shared = source.is_of_configuration();
+            let is_halved = self.is_halved(source);
             let mut next = |deviation: f64| {
                 place += 1;
-                deviation * number(is_shared, place - 1)
+                if !is_halved {
+                    return deviation * number(is_shared, place - 1);
+                }
+                place += 1;
+                let [loaded, unloaded] = [number(false, place - 2), number(true, place - 1)];
+                deviation * (loaded - unloaded) * OF_ONE_READING
             };
             let mut three = |deviation: f64| Vector3::from_fn(|_, _| next(deviation));
             match source {

@@ -2,11 +2,13 @@
 
 use nalgebra::Vector3;
 
+use super::circumstances::OF_ONE_READING;
 use super::virtual_robot::{MeasurementError, VirtualRobot};
 use crate::experiment::Plan;
-use crate::measurement::{Measurement, RotationMeasurement};
+use crate::measurement::{Measurement, RotationMeasurement, by_configuration};
 use crate::numeric::random::normal::{LANES, fill_normals};
 use crate::numeric::random::streams::Stream;
+use crate::parameter::Unloaded;
 use crate::task::Instrument;
 
 impl VirtualRobot {
@@ -65,7 +67,12 @@ impl VirtualRobot {
 #[must_use]
 pub fn numbers(instrument: &Instrument, measurements: usize) -> usize {
     let rotations = instrument.rotation_sigma_rad.is_some();
-    measurements * if rotations { 6 } else { 3 }
+    let readings = match instrument.unloaded {
+        Unloaded::Own => 1,
+        // The loaded one, and for each of them, if it is the first of its configuration, the unloaded one.
+        Unloaded::Shared => 2,
+    };
+    readings * measurements * if rotations { 6 } else { 3 }
 }
 
 /// Adds the instrument's noise of run `run` under a seed to measurements, see [`add_noise`].
@@ -81,7 +88,8 @@ pub fn add_noise_of(
 }
 
 /// Adds the instrument's noise to measurements (eq. 10): independent and normal for every coordinate. The
-/// first numbers of a lane are those of the deflections, the next those of the rotations.
+/// first numbers of a lane are those of the deflections, the next those of the rotations. Where deflections of one configuration
+/// rest on one unloaded reading, these are the loaded ones' halves of the variance, and the next as many the unloaded ones'.
 pub fn add_noise(
     measurements: &mut [Measurement],
     instrument: &Instrument,
@@ -90,10 +98,32 @@ pub fn add_noise(
 ) {
     let count = measurements.len();
     let noise = |index: usize| Vector3::from_fn(|axis, _| normals[3 * index + axis][lane]);
+    let mut unloaded: Option<Vec<usize>> = None;
+    if instrument.unloaded == Unloaded::Shared {
+        let mut first = vec![0; count];
+        for members in by_configuration(measurements) {
+            for &member in &members {
+                first[member] = members[0];
+            }
+        }
+        unloaded = Some(first);
+    }
+    let readings = if instrument.rotation_sigma_rad.is_some() {
+        2 * count
+    } else {
+        count
+    };
+    let noise = |index: usize, of_rotations: usize| match &unloaded {
+        None => noise(of_rotations + index),
+        Some(first) => {
+            let [loaded, unloaded] = [index, readings + first[index]];
+            (noise(of_rotations + loaded) - noise(of_rotations + unloaded)) * OF_ONE_READING
+        }
+    };
     for (index, each) in measurements.iter_mut().enumerate() {
-        each.deflection_m += noise(index) * instrument.sigma_m;
+        each.deflection_m += noise(index, 0) * instrument.sigma_m;
         if let Some(rotation) = &mut each.rotation {
-            rotation.vector_rad += noise(count + index).component_mul(&rotation.sigma_rad);
+            rotation.vector_rad += noise(index, count).component_mul(&rotation.sigma_rad);
         }
     }
 }

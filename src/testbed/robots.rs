@@ -42,6 +42,7 @@ impl TrueRobots {
             path: robot.model.path().to_owned(),
             reason: error.to_string(),
         })?;
+        let laboratory = laboratory.resting_on(belief.instrument.unloaded);
         let of_tool = |tool: &Tool| VirtualRobot::new(robot, &tool.name);
         Ok(Self {
             measuring: of_tool(&belief.calibration_tool)?,

@@ -320,7 +320,7 @@ fn readings_are_disturbed_as_much_as_planned() {
     for source in &sources {
         let calibration = &belief.calibration_tool;
         let errors = AbsoluteErrors::new(bare, q, (calibration, &load), Some(&station), [source]);
-        let is_shared = source.is_shared_by_repeats();
+        let is_shared = source.is_of_configuration();
         assert_eq!(errors.own.amax() == 0.0, is_shared, "{source:?}");
         assert_eq!(errors.is_new_each_time(), !is_shared, "{source:?}");
         let expected = errors.own + errors.shared;

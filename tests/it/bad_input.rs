@@ -114,6 +114,7 @@ const SCENARIO_EDITS: &[Edit] = &[
     (Q, "q_deg = [0, -56.9, 89.3, 45.1, 76]", &["test_pose[0].q_deg", "found 5 numbers", "6 joints"], None),
     (Q, "q_deg = [nan, -56.9, 89.3, 45.1, 76, 57.2]", &["test_pose[0].q_deg", "found NaN", "finite"], None),
     ("machining_tcp", "milling_tcp", &["robot.machining_site", "\"milling_tcp\"", "calibration_tcp, machining_tcp"], None),
+    ("sigma_of", "unloaded = \"shard\"\nsigma_of", &["instrument.unloaded", "`shard`", "`own` or `shared`"], Some("did you mean `shared`?")),
     ("sigma_of", "tracker_site = \"trakcer\"\nsigma_of", &["instrument.tracker_site", "\"trakcer\"", "tracker"], None),
     ("tool_elevation_max_deg = 30", "line_of_sight = true", &["instrument.tracker_site", "region.line_of_sight"], None),
     (PARAMETERS, "[]", &["robot.parameters", "is empty", "joint_1, joint_2"], None),

@@ -115,6 +115,7 @@ mod candidates;
 mod command_line;
 mod compensation_trust;
 mod compensator;
+mod configurations;
 mod contradictions;
 mod criteria_bounds;
 mod csv_dialects;

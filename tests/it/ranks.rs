@@ -82,7 +82,7 @@ impl<'a> LinearWorld<'a> {
             let q = experiment.configuration_rad.as_slice();
             model.stand(q, &arm.chain.at(&arm.tools[0]).state(q));
             model.derivatives(&load, &mut jacobian);
-            let shared = model.covariance_shared(&load);
+            let shared = model.covariance_shared([&load, &load]);
             let new = root(to_dynamic(&(model.covariance(&load) - shared)));
             let exact: Vector3<f64> = model.deflection(&load)
                 + &jacobian * &differs

@@ -434,7 +434,7 @@ fn covariances_are_those_of_what_changes() {
         let error = (first.covariance(&load) - expected).amax();
         assert!(error < 1e-6 * expected.amax(), "{error}");
         // Of three repeats as of so many independent readings: what they share counts three times.
-        let shared = first.covariance_shared(&load);
+        let shared = first.covariance_shared([&load, &load]);
         first.set_repeats(3);
         let error = (first.covariance(&load) - expected - shared * 2.0).amax();
         assert!(error < 1e-6 * expected.amax(), "{error}");

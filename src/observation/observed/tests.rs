@@ -11,16 +11,18 @@ use crate::observation::first_order::tests::{
 };
 use crate::observation::{FirstOrder, ObservationModel, ReadingKind, Setup};
 use crate::parameter::arms::{Numbers, random_elastic};
-use crate::parameter::{ElasticArm, GearWave, ParameterKind, ParameterSet};
+use crate::parameter::{ElasticArm, GearWave, ParameterKind, ParameterSet, Unloaded};
 use crate::robot::{EquilibriumSolver, Load, Place, Spring};
 
 pub(in crate::observation) const DEFLECTIONS: DeflectionPrecision = DeflectionPrecision {
     sigma_m: 3e-5,
     rotation_sigma_rad: None,
+    unloaded: Unloaded::Own,
 };
 pub(in crate::observation) const ROTATIONS: DeflectionPrecision = DeflectionPrecision {
     sigma_m: 3e-5,
     rotation_sigma_rad: Some(2e-5),
+    unloaded: Unloaded::Own,
 };
 
 pub(in crate::observation) fn configuration(numbers: &mut Numbers, arm: &ElasticArm) -> Vec<f64> {

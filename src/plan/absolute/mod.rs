@@ -18,7 +18,7 @@ use rayon::prelude::*;
 use super::Criterion;
 use super::search::{
     BoundKind, ExchangesTry, FiniteBound, FiniteDesign, FiniteEffort, FiniteError, FiniteProblem,
-    LeftOutCandidates, PlanBound, PlanProof, ToldByCandidates, Watch,
+    LeftOutCandidates, PlanBound, PlanProof, SharingCandidates, ToldByCandidates, Watch,
 };
 use crate::experiment::Candidate;
 use crate::identification::{AbsoluteCase, ParameterGroup};
@@ -332,7 +332,10 @@ impl<'a> AbsolutePlanning<'a> {
         measurements: u32,
         work: impl FnOnce(&FiniteProblem<'_>) -> T,
     ) -> T {
-        let repeated = |index: usize, times: u32| {
+        // No two of them are of one place.
+        let configurations = self.places();
+        let repeated = |measured: &[(usize, u32)]| {
+            let (index, times) = measured[0];
             let reading = self.reading(shown.places[index], times);
             let told = self.told_of(&[reading]).pop();
             let told = told.unwrap_or_else(|| DMatrix::zeros(self.set.len(), self.set.len()));
@@ -348,7 +351,10 @@ impl<'a> AbsolutePlanning<'a> {
             beside: &shown.beside + DMatrix::identity(size, size) * faint,
             told: shown.told.clone(),
             most: shown.places.iter().map(most).collect(),
-            repeated: is_shared.then_some(&repeated),
+            sharing: is_shared.then_some(SharingCandidates {
+                configurations: &configurations,
+                told: &repeated,
+            }),
         })
     }
 

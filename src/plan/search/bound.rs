@@ -26,6 +26,8 @@ const SAME_SHARE: f64 = 1e-9;
 /// - under loads of the task, or such as are printed alike ([`crate::experiment::Loads`]);
 /// - with all mandatory experiments of the task, each at least as often as there (angles within
 ///   [`PRINTED_RAD`](crate::experiment::PRINTED_RAD), loads printed alike);
+/// - that hang one load in each configuration, where deflections of one share errors: two loads there may tell more than they
+///   would apart;
 /// - whose other experiments keep the smooth bounds of the region (joint ranges, the tool's height,
 ///   radius and elevation, torques), widened as [`widened`] says.
 ///
@@ -166,6 +168,17 @@ pub enum NoBound {
          not"
     )]
     Side(usize),
+    /// Two experiments hang different loads in one configuration, where they share errors.
+    #[error(
+        "the bound speaks about plans that hang one load in each configuration: experiments {one} and {other} hang two in theirs, and \
+         what deflections of one configuration share may tell more than it costs"
+    )]
+    SeveralLoads {
+        /// The number of one, from 1.
+        one: usize,
+        /// That of the other.
+        other: usize,
+    },
     /// The plan lacks a mandatory experiment.
     #[error("the bound speaks about plans with the mandatory experiments; {0}")]
     NotMandatory(NotMandatory),
@@ -345,6 +358,7 @@ impl Bound {
     /// # Errors
     /// The class has no such plan, or there is no bound.
     pub fn of_size(&self, measurements: u32) -> Result<PlanBound, NoBound> {
+        one_load_each(&self.class, self.criterion, &self.class.design.mandatory)?;
         let mut certificate = match &self.basis {
             Basis::Searches(certificate) => *certificate,
             Basis::Candidates(enumerated) => return self.of_candidates(enumerated, measurements),
@@ -411,6 +425,7 @@ impl Bound {
     /// The plan is not of the class, or there is no bound.
     pub fn of_plan(&self, plan: &Plan) -> Result<PlanBound, NoBound> {
         let bound = self.of_size(plan.measurements())?;
+        one_load_each(&self.class, self.criterion, plan)?;
         let mandatory = &self.class.design.mandatory;
         let free = plan
             .beside_mandatory(mandatory)
@@ -445,5 +460,25 @@ impl Bound {
             }
         }
         Ok(bound)
+    }
+}
+
+/// Whether a plan hangs one load in each configuration, where deflections of one configuration share errors by the belief.
+///
+/// # Errors
+/// The first two experiments that do not.
+pub(super) fn one_load_each(task: &Task, criterion: Criterion, plan: &Plan) -> Result<(), NoBound> {
+    let extended = task.belief.uncertain.as_ref();
+    let is_shared = extended.is_some_and(Extended::is_shared_by_configuration);
+    // The criteria of Table 1 are about each deflection's own noise.
+    if criterion != Criterion::TestPose || !is_shared {
+        return Ok(());
+    }
+    match plan.several_loads() {
+        None => Ok(()),
+        Some([one, other]) => Err(NoBound::SeveralLoads {
+            one: one + 1,
+            other: other + 1,
+        }),
     }
 }

@@ -6,12 +6,12 @@ use thiserror::Error;
 
 use super::bound::{Bound, Enumerated};
 use super::exact::{ExactDesign, Watch};
-use super::finite::{FiniteBound, FiniteProblem};
+use super::finite::{FiniteBound, FiniteProblem, SharingCandidates};
 use super::finite_search::{ExchangesTry, FiniteEffort};
 use super::point::LoadChoice;
 use super::problem::{Problem, SearchError};
 use super::told::ToldByCandidates;
-use crate::experiment::{Candidate, Experiment, Loads};
+use crate::experiment::{Candidate, Experiment, Loads, together};
 use crate::plan::{Criterion, Feasibility, Plan, Violation};
 use crate::quantities::limits::{MOST_CANDIDATES, MOST_EXPERIMENTS};
 use crate::task::Task;
@@ -312,15 +312,39 @@ impl Candidates {
         for information in &each {
             told.push(information);
         }
-        let repeated =
-            |candidate: usize, times: u32| problem.told(&self.experiments[candidate], times);
+        let is_shared = problem.is_shared_by_configuration();
+        let mut configurations = vec![0; self.experiments.len()];
+        if is_shared {
+            let all = together(self.experiments.len(), |one, other| {
+                self.experiments[one].stands_as(&self.experiments[other])
+            });
+            for (number, members) in all.into_iter().enumerate() {
+                for member in members {
+                    configurations[member] = number;
+                }
+            }
+        }
+        let told_by = |measured: &[(usize, u32)]| {
+            if let [(only, times)] = *measured {
+                return problem.told(&self.experiments[only], times);
+            }
+            let each = measured.iter().map(|&(candidate, repeats)| Experiment {
+                repeats,
+                ..self.experiments[candidate].clone()
+            });
+            problem.told_by(each.collect())
+        };
+        let sharing = SharingCandidates {
+            configurations: &configurations,
+            told: &told_by,
+        };
         work(&FiniteProblem {
             criterion: problem.criterion,
             test_poses: problem.test_poses().clone(),
             beside: problem.information(&problem.task.design.mandatory),
             told,
             most: self.experiments.iter().map(|each| each.repeats).collect(),
-            repeated: problem.is_shared_by_repeats().then_some(&repeated),
+            sharing: is_shared.then_some(sharing),
         })
     }
 }

@@ -145,6 +145,8 @@ impl Refinement<'_> {
                 {
                     if let Some(point) = self.take_clear(pool, better) {
                         let cost = self.cost_with(&information, &point, repeats[index], cost);
+                        let found = (&points[..], &repeats[..]);
+                        let cost = self.cost_in_place(found, index, &point, cost);
                         if cost < lowest {
                             points[index] = point;
                             lowest = cost;

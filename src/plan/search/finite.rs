@@ -47,8 +47,29 @@ pub struct FiniteProblem<'a> {
     pub told: ToldByCandidates,
     /// How often each may be measured.
     pub most: Vec<u32>,
-    /// What a candidate tells that is measured so often, where repeats share errors.
-    pub repeated: Option<&'a (dyn Fn(usize, u32) -> DMatrix<f64> + Sync)>,
+    /// Where readings share errors, which do, and what they tell.
+    pub sharing: Option<SharingCandidates<'a>>,
+}
+
+/// What candidates tell together that are measured so often (p x p).
+type ToldTogether<'a> = dyn Fn(&[(usize, u32)]) -> DMatrix<f64> + Sync + 'a;
+
+/// Candidates whose readings share errors where they are of one configuration.
+#[derive(Clone, Copy)]
+pub struct SharingCandidates<'a> {
+    /// The number of each candidate's configuration.
+    pub configurations: &'a [usize],
+    /// What those of one configuration tell together.
+    pub told: &'a ToldTogether<'a>,
+}
+
+impl SharingCandidates<'_> {
+    /// Those of a plan that are of a candidate's configuration.
+    pub(super) fn beside(&self, plan: &[(usize, u32)], candidate: usize) -> Vec<(usize, u32)> {
+        let here = self.configurations[candidate];
+        let is_here = |&&(each, _): &&(usize, u32)| self.configurations[each] == here;
+        plan.iter().filter(is_here).copied().collect()
+    }
 }
 
 /// A tangent plane of 1/phi, which bounds phi from below.
@@ -116,25 +137,56 @@ impl FiniteProblem<'_> {
 
     /// Adds what a candidate tells that is measured so often.
     pub(super) fn add(&self, sum: &mut DMatrix<f64>, candidate: usize, times: u32) {
-        match self.repeated {
-            Some(repeated) if times > 1 => *sum += repeated(candidate, times),
+        match self.sharing {
+            Some(sharing) if times > 1 => *sum += (sharing.told)(&[(candidate, times)]),
             _ => self.told.add_to(sum, candidate, f64::from(times)),
         }
-    }
-
-    /// What a candidate tells that is measured so often (p x p).
-    pub(super) fn of(&self, candidate: usize, times: u32) -> DMatrix<f64> {
-        let mut told = DMatrix::zeros(self.told.size(), self.told.size());
-        self.add(&mut told, candidate, times);
-        told
     }
 
     /// What a plan tells, with what is known whatever is chosen.
     #[must_use]
     pub fn information(&self, plan: &[(usize, u32)]) -> DMatrix<f64> {
         let mut sum = self.beside.clone();
-        for &(candidate, times) in plan {
-            self.add(&mut sum, candidate, times);
+        for (place, &(candidate, times)) in plan.iter().enumerate() {
+            let together = self.sharing.map(|sharing| {
+                let before = sharing.beside(&plan[..place], candidate);
+                (sharing, before, sharing.beside(plan, candidate))
+            });
+            match together {
+                // The first adds what all of its configuration tell.
+                Some((_, before, _)) if !before.is_empty() => {}
+                Some((sharing, _, all)) if all.len() > 1 => sum += (sharing.told)(&all),
+                _ => self.add(&mut sum, candidate, times),
+            }
+        }
+        sum
+    }
+
+    /// The same of a plan with so many measurements of a candidate more, from what the plan tells.
+    pub(super) fn with(
+        &self,
+        rest: &DMatrix<f64>,
+        plan: &[(usize, u32)],
+        (candidate, times): (usize, u32),
+    ) -> DMatrix<f64> {
+        let mut sum = rest.clone();
+        let beside = self
+            .sharing
+            .map(|sharing| (sharing, sharing.beside(plan, candidate)));
+        match beside {
+            Some((sharing, mut here)) if !here.is_empty() => {
+                match here[..] {
+                    [(only, times)] => {
+                        let mut told = DMatrix::zeros(self.told.size(), self.told.size());
+                        self.add(&mut told, only, times);
+                        sum -= told;
+                    }
+                    _ => sum -= (sharing.told)(&here),
+                }
+                measure(&mut here, candidate, times);
+                sum += (sharing.told)(&here);
+            }
+            _ => self.add(&mut sum, candidate, times),
         }
         sum
     }
@@ -365,6 +417,14 @@ impl FiniteProblem<'_> {
             chosen.push(best);
         }
         chosen
+    }
+}
+
+/// Measures a candidate so often more.
+pub(super) fn measure(plan: &mut Vec<(usize, u32)>, candidate: usize, times: u32) {
+    match plan.iter_mut().find(|(each, _)| *each == candidate) {
+        Some((_, known)) => *known += times,
+        None => plan.push((candidate, times)),
     }
 }
 

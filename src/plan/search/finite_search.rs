@@ -14,7 +14,7 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use super::exact::Watch;
-use super::finite::{FiniteBound, FiniteProblem, FiniteWeights, highest};
+use super::finite::{FiniteBound, FiniteProblem, FiniteWeights, highest, measure};
 use super::finite_error::FiniteError;
 use crate::numeric::random::{generator, streams};
 use crate::plan::CriterionFunction;
@@ -407,17 +407,7 @@ impl<'p, 'a> CandidateExchanges<'p, 'a> {
         };
         let mut best: Option<(usize, f64)> = None;
         for candidate in highest(promising.derivatives, tried, may_be) {
-            let mut sum = rest.clone();
-            let known = times_in(plan, candidate);
-            if known > 0 && problem.repeated.is_some() {
-                sum -= problem.of(candidate, known);
-            }
-            let all = if problem.repeated.is_some() {
-                known + times
-            } else {
-                times
-            };
-            problem.add(&mut sum, candidate, all);
+            let sum = problem.with(rest, plan, (candidate, times));
             let cost = self.cost.cost(&sum, &mut self.directions);
             if best.is_none_or(|(_, lowest)| cost < lowest) {
                 best = Some((candidate, cost));
@@ -466,11 +456,4 @@ impl<'d> Promising<'d> {
 fn times_in(plan: &[(usize, u32)], candidate: usize) -> u32 {
     let known = plan.iter().find(|(each, _)| *each == candidate);
     known.map_or(0, |(_, times)| *times)
-}
-
-fn measure(plan: &mut Vec<(usize, u32)>, candidate: usize, times: u32) {
-    match plan.iter_mut().find(|(each, _)| *each == candidate) {
-        Some((_, known)) => *known += times,
-        None => plan.push((candidate, times)),
-    }
 }

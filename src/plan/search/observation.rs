@@ -5,6 +5,9 @@ use nalgebra::{DMatrix, Matrix3, Matrix3xX, Vector3};
 use crate::observation::{ComplianceColumns, PlannedReadings};
 use crate::robot::{Approach, KinematicState, Load};
 
+/// How far joints are moved to see what follows them (rad, m).
+const SHIFT: f64 = 1e-5;
+
 /// Planned readings in the unknowns that a search is about, in units that make the observation matrix dimensionless:
 /// compliances relative to typical ones, deflections and rotations relative to sigma.
 ///
@@ -98,6 +101,41 @@ impl<'a> MatrixEvaluator<'a> {
                 self.readings.observe(load, &mut of_unknowns);
                 times(&of_unknowns, basis, matrix);
             }
+        }
+    }
+
+    /// What experiments of the last configuration tell together, p x p: loads, and how often each is measured.
+    pub fn told_together(&mut self, experiments: &[(Load, u32)]) -> DMatrix<f64> {
+        let size = self.readings.parameters();
+        let rows = self.readings.observe_together(experiments);
+        let each = rows.iter().zip(experiments);
+        let told = each.fold(DMatrix::zeros(size, size), |sum, (rows, &(_, repeats))| {
+            sum + rows.tr_mul(rows) * f64::from(repeats)
+        });
+        match &self.basis {
+            None => told,
+            Some(basis) => basis.tr_mul(&told) * basis,
+        }
+    }
+
+    /// Adds the derivatives of a cost with respect to the joint angles of a configuration in which several experiments share
+    /// errors, by differences; the cost's with respect to the information are -G (p x p). Leaves the configuration.
+    pub fn gradient_together(
+        &mut self,
+        q: &[f64],
+        experiments: &[(Load, u32)],
+        directions: &DMatrix<f64>,
+        gradient: &mut [f64],
+    ) {
+        let mut moved = q.to_vec();
+        for (joint, slope) in gradient.iter_mut().enumerate() {
+            let mut at = |shift: f64| {
+                moved[joint] = q[joint] + shift;
+                self.move_to(&moved);
+                self.told_together(experiments).dot(directions)
+            };
+            *slope -= (at(SHIFT) - at(-SHIFT)) / (2.0 * SHIFT);
+            moved[joint] = q[joint];
         }
     }
 

@@ -17,7 +17,7 @@
 use serde::Serialize;
 
 use super::approximate::{ApproximateDesign, approximate_design};
-use super::bound::{NoBound, PlanProof};
+use super::bound::{NoBound, PlanProof, one_load_each};
 use super::point::add_information;
 use super::problem::{Problem, SearchError};
 use super::provable::ProvableTask;
@@ -84,6 +84,7 @@ impl Exchanges {
     ) -> Result<Self, NoBound> {
         let free =
             (plan.beside_mandatory(&task.design.mandatory)).map_err(NoBound::NotMandatory)?;
+        one_load_each(task, criterion, plan)?;
         let problem = Problem::new(task, criterion);
         problem.check_excited().map_err(NoBound::NotFound)?;
         let value = (problem.cost().value(&problem.information(plan)))

@@ -6,13 +6,14 @@ use thiserror::Error;
 use super::finite_error::FiniteError;
 use super::joints::{indifferent_joints, random_information};
 use super::observation::MatrixEvaluator;
-use super::point::{LoadChoice, add_information};
+use super::point::{LoadChoice, add_information, in_directions};
 use super::relevance::relevant;
 use crate::compensation::{test_pose_matrix, test_pose_rows};
 use crate::numeric::estimable::Estimable;
 use crate::observation::{ComplianceColumns, PlannedReadings};
 use crate::plan::{
-    Criterion, CriterionFunction, Experiment, Plan, SmoothBound, bounds_of, widened,
+    Criterion, CriterionFunction, Experiment, Plan, SmoothBound, alone_and_together, bounds_of,
+    hung, widened,
 };
 use crate::task::{Extended, Region, Task, TestPose};
 
@@ -412,9 +413,10 @@ impl<'a> Problem<'a> {
         self.extended
     }
 
-    /// Whether repeats of an experiment share something that they do not average.
-    pub(super) fn is_shared_by_repeats(&self) -> bool {
-        self.extended.is_some_and(Extended::is_shared_by_repeats)
+    /// Whether deflections of one configuration share something that repeats do not average.
+    pub(super) fn is_shared_by_configuration(&self) -> bool {
+        self.extended
+            .is_some_and(Extended::is_shared_by_configuration)
     }
 
     /// Whether bounds of the region depend on the load.
@@ -551,14 +553,56 @@ impl<'a> Problem<'a> {
         let mut evaluator = self.evaluator();
         let mut matrix = evaluator.matrix();
         let mut information = self.prior.clone();
-        for experiment in &plan.experiments {
+        let (alone, together) = alone_and_together(plan, self.is_shared_by_configuration());
+        for experiment in alone {
             evaluator.set_repeats(experiment.repeats);
             evaluator.come_from(experiment.approach.as_ref());
             evaluator.move_to(experiment.configuration_rad.as_slice());
             evaluator.observe(&experiment.load, &mut matrix);
             add_information(&mut information, &matrix, f64::from(experiment.repeats));
         }
+        for experiments in together {
+            evaluator.come_from(experiments[0].approach.as_ref());
+            evaluator.move_to(experiments[0].configuration_rad.as_slice());
+            information += evaluator.told_together(&hung(&experiments));
+        }
         information
+    }
+
+    /// What experiments tell together, p x p; those of one configuration may share errors.
+    pub(super) fn told_by(&self, experiments: Vec<Experiment>) -> DMatrix<f64> {
+        self.information(&Plan { experiments }) - &self.prior
+    }
+
+    /// A plan's cost, and its derivatives with respect to the joint angles of each of its experiments. Those of one configuration
+    /// that share errors turn together: each has the derivatives of all of them.
+    #[must_use]
+    pub fn cost_and_gradient(&self, plan: &Plan) -> (f64, Vec<Vec<f64>>) {
+        let size = self.parameters();
+        let mut directions = DMatrix::zeros(size, size);
+        let cost = self.cost().cost(&self.information(plan), &mut directions);
+        let mut evaluator = self.evaluator();
+        let (mut matrix, mut factor) = (evaluator.matrix(), evaluator.matrix());
+        let joints = self.task.belief.joints();
+        let (_, together) = alone_and_together(plan, self.is_shared_by_configuration());
+        let gradient = plan.experiments.iter().map(|experiment| {
+            let mut gradient = vec![0.0; joints];
+            evaluator.come_from(experiment.approach.as_ref());
+            let q = experiment.configuration_rad.as_slice();
+            let group = together.iter().find(|group| group[0].stands_as(experiment));
+            if let Some(group) = group {
+                evaluator.gradient_together(q, &hung(group), &directions, &mut gradient);
+                return gradient;
+            }
+            evaluator.set_repeats(experiment.repeats);
+            evaluator.move_to(q);
+            evaluator.observe(&experiment.load, &mut matrix);
+            let weight = -2.0 * f64::from(experiment.repeats);
+            in_directions(&mut factor, weight, &matrix, &directions);
+            evaluator.pull_back(&experiment.load, &factor, &mut gradient);
+            gradient
+        });
+        (cost, gradient.collect())
     }
 }
 

@@ -4,11 +4,14 @@
 use nalgebra::DVector;
 
 use crate::experiment::Loads;
-use crate::parameter::{ParameterKind, Prior, ReadingSource, Source, Uncertainty};
+use crate::parameter::{ParameterKind, Prior, ReadingSource, Source, Uncertainty, Unloaded};
 use crate::plan::proof::{NoProof, Question, ReadingSpread};
 use crate::task::{Extended, Task};
 
 use super::problem::Problem;
+
+/// What a proof takes each deflection to have of its own is called.
+const UNLOADED: &str = "shared unloaded reading";
 
 /// A task of which bounds can be proved, and of which no plan leaves more than of the task that it was made of.
 pub(super) struct ProvableTask {
@@ -41,7 +44,10 @@ impl ProvableTask {
         else {
             return Vec::new();
         };
-        let parameters = parameters_left_out(extended);
+        let mut parameters = parameters_left_out(extended);
+        if extended.unloaded() == Unloaded::Shared {
+            parameters.push(UNLOADED.to_owned());
+        }
         let certain = about_compliances(task, extended);
         let weighted = with_readings(&certain, extended)
             .filter(|_| !is_provable(task, extended))
@@ -114,6 +120,7 @@ fn is_alike(task: &Task, extended: &Extended) -> bool {
 /// Whether nothing has to be left out.
 pub(super) fn is_provable(task: &Task, extended: &Extended) -> bool {
     is_alike(task, extended)
+        && extended.unloaded() == Unloaded::Own
         && extended.set().len() == extended.identified()
         && extended.further().next().is_none()
         && extended.sources().all(|(_, source)| is_known(task, source))
@@ -225,6 +232,8 @@ fn about_compliances(task: &Task, extended: &Extended) -> Task {
     let mut certain = task.clone();
     let belief = &mut certain.belief;
     belief.uncertain = None;
+    // In plans that hang one load in each configuration repeats then tell no less.
+    belief.instrument.unloaded = Unloaded::Own;
     belief.prior = (precision.amax() > 0.0).then(|| Prior {
         mean: DVector::from_iterator(joints.len(), joints.iter().map(|&joint| nominal[joint])),
         precision,

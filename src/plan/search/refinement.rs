@@ -36,7 +36,7 @@ pub(super) struct Refinement<'a> {
     pub local: LocalSearch<'a>,
     pub sampler: Sampler<'a>,
     /// Whether a point tells something else where it is repeated more often.
-    is_shared_by_repeats: bool,
+    is_shared_by_configuration: bool,
     /// The information of the mandatory experiments.
     pub mandatory: DMatrix<f64>,
     pub work: RefCell<Work>,
@@ -55,7 +55,7 @@ impl<'a> Refinement<'a> {
             problem,
             local: LocalSearch::new(problem),
             sampler: Sampler::new(problem),
-            is_shared_by_repeats: problem.is_shared_by_repeats(),
+            is_shared_by_configuration: problem.is_shared_by_configuration(),
             mandatory: problem.information(&problem.task.design.mandatory),
             work: RefCell::new(Work {
                 cost: problem.cost(),
@@ -248,6 +248,9 @@ impl<'a> Refinement<'a> {
         lowest: &mut f64,
     ) -> bool {
         let mut best = None;
+        if self.has_coincident(points) {
+            return false;
+        }
         let mut moved = information.clone();
         for from in (0..points.len()).filter(|&from| repeats[from] > 1) {
             for to in (0..points.len()).filter(|&to| to != from) {
@@ -277,7 +280,7 @@ impl<'a> Refinement<'a> {
         repeats: u32,
         change: i32,
     ) {
-        if self.is_shared_by_repeats {
+        if self.is_shared_by_configuration {
             self.add(information, point, repeats, -1.0);
             self.add(
                 information,
@@ -293,7 +296,7 @@ impl<'a> Refinement<'a> {
     /// Adds so many times what a point tells that is repeated so often.
     fn add(&self, information: &mut DMatrix<f64>, point: &Point, repeats: u32, times: f64) {
         let weight = times * f64::from(repeats);
-        if self.is_shared_by_repeats && repeats != 1 {
+        if self.is_shared_by_configuration && repeats != 1 {
             add_information(information, &self.repeated(point, repeats).matrix, weight);
         } else {
             add_information(information, &point.matrix, weight);
@@ -302,7 +305,7 @@ impl<'a> Refinement<'a> {
 
     /// How many readings of a point that share nothing so many repeats are worth.
     pub fn worth_of_repeats(&self, point: &Point, repeats: u32) -> f64 {
-        if self.is_shared_by_repeats && repeats != 1 {
+        if self.is_shared_by_configuration && repeats != 1 {
             let repeated = self.repeated(point, repeats).matrix.norm_squared();
             f64::from(repeats) * repeated / point.matrix.norm_squared()
         } else {
@@ -318,7 +321,7 @@ impl<'a> Refinement<'a> {
         repeats: u32,
         as_independent: f64,
     ) -> f64 {
-        if !self.is_shared_by_repeats || repeats == 1 {
+        if !self.is_shared_by_configuration || repeats == 1 {
             return as_independent;
         }
         let mut information = rest.clone();
@@ -351,10 +354,46 @@ impl<'a> Refinement<'a> {
         total: &mut DMatrix<f64>,
     ) {
         total.copy_from(&self.mandatory);
+        if self.has_coincident(points) {
+            let left = points.iter().zip(repeats).enumerate();
+            let left = left.filter(|(index, _)| Some(*index) != left_out);
+            *total += (self.problem).told_by(
+                left.map(|(_, (point, &repeats))| point.experiment(repeats))
+                    .collect(),
+            );
+            return;
+        }
         for (index, (point, &repeats)) in points.iter().zip(repeats).enumerate() {
             if Some(index) != left_out {
                 self.add(total, point, repeats, 1.0);
             }
+        }
+    }
+
+    /// Whether some points are one configuration, where those share errors.
+    fn has_coincident(&self, points: &[Point]) -> bool {
+        let is_earlier =
+            |(place, point): (usize, &Point)| points[..place].iter().any(|each| each.q == point.q);
+        self.is_shared_by_configuration && points.iter().enumerate().any(is_earlier)
+    }
+
+    /// The cost with a point in place of another; `apart` where it stands in none of the others' configurations.
+    pub fn cost_in_place(
+        &self,
+        found: (&[Point], &[u32]),
+        index: usize,
+        point: &Point,
+        apart: f64,
+    ) -> f64 {
+        if !self.is_shared_by_configuration {
+            return apart;
+        }
+        let mut points = found.0.to_vec();
+        points[index] = point.clone();
+        if self.has_coincident(&points) {
+            self.plan(points, found.1.to_vec()).cost
+        } else {
+            apart
         }
     }
 
@@ -366,7 +405,7 @@ impl<'a> Refinement<'a> {
         repeats: u32,
         precision: Precision,
     ) -> Option<Point> {
-        if self.is_shared_by_repeats && repeats != 1 {
+        if self.is_shared_by_configuration && repeats != 1 {
             let present = self.repeated(present, repeats);
             self.local.set_repeats(repeats);
             let better = self.improve_here(&present, rest, f64::from(repeats), precision);

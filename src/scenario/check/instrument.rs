@@ -35,6 +35,7 @@ impl Checker<'_> {
                 .transpose()?
                 .map(|value| value * 1e-3),
             tracker_site,
+            unloaded: table.unloaded,
         })
     }
 }

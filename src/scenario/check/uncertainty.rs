@@ -10,6 +10,7 @@ use crate::files::FileError;
 use crate::mujoco::State;
 use crate::parameter::{
     Axis, GearWave, ParameterError, ParameterKind, RangeNoise, ReadingSource, Source, Uncertainty,
+    Unloaded,
 };
 use crate::quantities::plausible::{
     DEVIATION, FORCE_LIMIT, GAP_DEVIATION, Kind, PER_HOUR_DEVIATION, PER_METRE_DEVIATION,
@@ -655,12 +656,14 @@ impl Checker<'_> {
     ) -> Result<Option<Extended>, FileError> {
         let known = uncertainties.iter().filter(|each| !each.is_hidden);
         let known: Vec<Uncertainty> = known.cloned().collect();
-        if known.is_empty() && further.is_empty() {
+        let unloaded = belief.instrument.unloaded;
+        if known.is_empty() && further.is_empty() && unloaded == Unloaded::Own {
             return Ok(None);
         }
         let (joints, prior) = (&belief.parameters, belief.prior.as_ref());
         let extended = Extended::new(belief.arm(), joints, further, prior, &known);
-        extended.map(Some).map_err(|error| {
+        let extended = extended.map(|extended| Some(extended.resting_on(unloaded)));
+        extended.map_err(|error| {
             let hint = matches!(error, ParameterError::Twice(_))
                 .then_some("two uncertainties are about the same: leave one out, or hide it");
             let wrong = self.wrong("uncertainty", error.to_string());
