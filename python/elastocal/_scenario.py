@@ -143,7 +143,8 @@ class Scenario:
 
         Further keywords are the options of ``elastocal plan``: ``configurations``, ``minutes``, ``criterion``, ``prove``,
         ``prove_time``, ``no_proof``, ``proof_out``, ``plan_out``; ``candidates``, a CSV of rows that it is chosen
-        from; ``test_poses``, a CSV of poses in place of the scenario's; ``parameters``, groups, where accuracy is absolute.
+        from; ``test_poses``, a CSV of poses in place of the scenario's. Where accuracy is absolute also ``parameters``, groups of
+        unknowns; ``draw``, how many configurations are drawn where there are no ``candidates``; ``report_out``, a page about the plan.
         """
         found = self.command("plan", experiments=experiments, **given)
         return Design(**vars(Assessment.from_results(found)))
@@ -151,7 +152,9 @@ class Scenario:
     def evaluate(self, plan: Plan | FilePath, **given: Any) -> Assessment:
         """What a plan promises, and the bound that no plan of as many measurements can beat.
 
-        Where accuracy is absolute, a plan that names targets or stations is a file's: its path, as ``plan_out`` wrote it.
+        Where accuracy is absolute, a plan that names targets or stations is a file's: its path, as ``plan_out`` wrote it. Keywords
+        are then also ``parameters``, groups of unknowns; ``trials``, how many virtual robots are drawn, read as the plan says and
+        identified, to see whether it keeps its promise (``results["trials"]``); ``report_out``, a page about all that.
         """
         if isinstance(plan, Plan):
             return Assessment.from_results(self._with_plan("evaluate", plan, **given))
@@ -270,6 +273,7 @@ class Scenario:
     def study(self, *, out: FilePath | None = None, **given: Any) -> Results:
         """Compares the scenario's plans over many runs: ``trials``, ``level``, ``resume``, ``shard``, ... as ``elastocal study``.
 
+        Where accuracy is absolute also ``parameters``, ``candidates`` and ``draw``, as of :meth:`design`.
         Without ``out`` no file stays.
         """
         return self._into("study", out, given)

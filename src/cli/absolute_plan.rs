@@ -4,19 +4,23 @@ use std::path::Path;
 use std::sync::atomic::Ordering;
 
 use clap::Args;
-use elastocal::experiment::{Candidate, Experiment, Plan, read_candidates, write_candidates};
+use elastocal::experiment::{Candidate, read_candidates, write_candidates};
 use elastocal::files::FileError;
 use elastocal::identification::ParameterGroup;
 use elastocal::plan::absolute::{AbsolutePlanError, AbsolutePlanning, DrawnWanted};
 use elastocal::plan::search::{PlanBound, Watch};
 use elastocal::record::absolute_plan::{AbsolutePlanMessage, DrawnMessage};
-use elastocal::record::absolute_trials::AbsoluteTrialsMessage;
+use elastocal::record::absolute_trials::{AbsoluteTrialsMessage, as_study};
 use elastocal::record::candidates::CandidatesMessage;
 use elastocal::record::json::merge;
 use elastocal::record::messages::ProvenanceMessage;
+use elastocal::record::study::StudyPlanMessage;
 use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
-use elastocal::study::absolute::{AbsoluteTrials, Kept, PlanOnTrial, TrialError, try_plan};
+use elastocal::study::StudyError;
+use elastocal::study::absolute::{AbsoluteEntry, AbsoluteRunner, AbsoluteTrials, TrialError};
+use elastocal::study::account::Account;
+use elastocal::study::verdict::Kept;
 use elastocal::text::wording::counted;
 use serde_json::json;
 
@@ -24,9 +28,15 @@ use super::candidates::{PoseArgs, left_out};
 use super::interruption::{Interrupted, STOP, ask_search};
 use super::progress::bar;
 use super::table::{number, table};
-use super::views;
+use super::views::{self, AbsoluteShown};
 use super::written::Written;
 use super::{Common, Report, results};
+
+/// Where there is a page about a plan of deflections.
+pub const RUN_REPORTS: &str = "`run` writes a page about plans of deflections";
+
+/// Which accuracy it is.
+pub const ABSOLUTE: &str = "An absolute accuracy: where the loaded tool is, with frames, geometry and elasticity as far as they are unknown.";
 
 /// What is unknown where the tool's place must be accurate.
 #[derive(Debug, Args)]
@@ -34,7 +44,7 @@ pub struct UnknownArgs {
     /// With design.accuracy = "absolute", what is unknown, frames of stations and targets always among it; what the scenario's
     /// robot.parameters name if not given.
     #[arg(long, value_enum, value_name = "GROUPS", value_delimiter = ',')]
-    parameters: Vec<ParameterGroup>,
+    pub parameters: Vec<ParameterGroup>,
 }
 
 impl UnknownArgs {
@@ -79,6 +89,7 @@ pub fn refuse_where_relative(
 pub struct AbsoluteOutputs<'a> {
     pub plan: Option<&'a Path>,
     pub stills: Option<&'a Path>,
+    pub report: Option<&'a Path>,
 }
 
 /// A plan of absolute readings that is wanted.
@@ -88,6 +99,19 @@ pub struct AbsoluteWanted<'a> {
     pub unknown: &'a UnknownArgs,
     pub candidates: Option<&'a Path>,
     pub poses: &'a PoseArgs,
+}
+
+/// What trials of a plan came to.
+struct TriedAbsolute {
+    message: AbsoluteTrialsMessage,
+    /// The same as a study has it.
+    as_study: StudyPlanMessage,
+}
+
+/// What is reported of a plan.
+struct ReportedPlan {
+    message: AbsolutePlanMessage,
+    provenance: ProvenanceMessage,
 }
 
 /// What is reported on: a command, the plan's file, and how candidates were drawn.
@@ -171,7 +195,8 @@ impl AbsoluteWanted<'_> {
                 seed: self.scenario.seed,
             }),
         };
-        let mut report = self.report(&asked, &planning, &found.plan, found.bound.as_ref())?;
+        let (mut report, shown) =
+            self.report(&asked, &planning, &found.plan, found.bound.as_ref())?;
         let [searches, agreeing] = found.searches;
         merge(
             &mut report.json,
@@ -184,27 +209,49 @@ impl AbsoluteWanted<'_> {
             report.conditions.push(condition.to_owned());
         }
         let mut written = Written::default();
-        report.text += &self.write(&planning, &found.plan, outputs, &mut written);
+        let readings = planning.readings(&found.plan);
+        report.text += &self.write(&readings, outputs, &mut written);
+        if let Some(path) = outputs.report {
+            let conditions = &report.conditions;
+            let page = self.page(path, &shown, &readings, (None, conditions))?;
+            report.text += &written.told(path, page);
+        }
         report.conditions.extend(written.conditions());
         Ok(report)
+    }
+
+    /// Writes the page of a plan.
+    fn page(
+        &self,
+        path: &Path,
+        shown: &ReportedPlan,
+        readings: &[(&Candidate, u32)],
+        (trials, conditions): (Option<&TriedAbsolute>, &[String]),
+    ) -> anyhow::Result<Result<(), FileError>> {
+        views::write_absolute_page(
+            path,
+            &AbsoluteShown {
+                scenario: self.scenario,
+                plan: &shown.message,
+                readings,
+                trials: trials.map(|tried| (&tried.message, &tried.as_study)),
+                provenance: &shown.provenance,
+                conditions,
+            },
+        )
     }
 
     /// Writes a plan and its pictures where that is wanted, and tells of it.
     fn write(
         &self,
-        planning: &AbsolutePlanning<'_>,
-        plan: &[(usize, u32)],
+        readings: &[(&Candidate, u32)],
         outputs: AbsoluteOutputs<'_>,
         written: &mut Written,
     ) -> String {
         let mut text = String::new();
-        let chosen = || {
-            plan.iter()
-                .map(|&(place, repeats)| (&planning.candidates[place], repeats))
-        };
         if let Some(path) = outputs.plan {
-            let rows: Vec<Candidate> = chosen()
-                .map(|(candidate, repeats)| Candidate {
+            let rows: Vec<Candidate> = (readings.iter())
+                .map(|&(candidate, repeats)| Candidate {
                     most: Some(repeats),
                     ..candidate.clone()
                 })
@@ -213,32 +260,25 @@ impl AbsoluteWanted<'_> {
             text += &written.told(path, rows);
         }
         if let Some(path) = outputs.stills {
-            let experiments = chosen().map(|(candidate, repeats)| Experiment {
-                configuration_rad: candidate.configuration_rad.clone(),
-                load: candidate.load.unwrap_or(Load::NONE),
-                repeats,
-                approach: candidate.approach.clone(),
-            });
-            let plan = Plan {
-                experiments: experiments.collect(),
-            };
-            text += &written.told(path, views::write_stills(path, self.scenario, &plan));
+            let stills = views::write_stills_of_readings(path, self.scenario, readings);
+            text += &written.told(path, stills);
         }
         text
     }
 
     /// Says what a plan promises, and how near it is to the best of the candidates, where there are some.
-    pub fn evaluate(&self, plan: &Path, robots: Option<u64>) -> anyhow::Result<Report> {
+    pub fn evaluate(
+        &self,
+        plan: &Path,
+        robots: Option<u64>,
+        page: Option<&Path>,
+    ) -> anyhow::Result<Report> {
         let rows = self.read(plan)?;
         let planning = self.of_plan(plan, &rows)?;
-        if !planning.left_out.is_empty() {
-            let reasons: Vec<String> = planning.left_out.iter().map(ToString::to_string).collect();
-            let problem = format!("readings that are not possible: {}", reasons.join("; "));
-            return Err(FileError::new(plan, problem).into());
-        }
-        let all: Vec<(usize, u32)> = (planning.candidates.iter().enumerate())
-            .map(|(place, each)| (place, each.most.unwrap_or(1)))
-            .collect();
+        planning
+            .check_whole()
+            .map_err(|error| explained(plan, &error))?;
+        let all = planning.whole();
         let bound = match self.candidates {
             None => None,
             Some(path) => {
@@ -255,16 +295,27 @@ impl AbsoluteWanted<'_> {
             plan: Some(plan),
             drawn: None,
         };
-        let mut report = self.report(&asked, &planning, &all, bound.as_ref())?;
+        let (mut report, shown) = self.report(&asked, &planning, &all, bound.as_ref())?;
         let trials = match robots {
-            Some(robots) => Some(self.try_plan(&planning, &all, robots)?),
+            Some(robots) => Some(self.try_plan(planning, all, robots)?),
             None => None,
         };
-        let message = trials.as_ref().map(AbsoluteTrialsMessage::new);
+        let message = (trials.as_ref()).map(|tried| &tried.message);
         merge(&mut report.json, json!({ "trials": message }));
-        if let (Some(trials), Some(message)) = (&trials, &message) {
+        if let Some(message) = message {
             report.text += &describe_trials(message);
-            report.conditions.extend(unkept(trials, message));
+            report.conditions.extend(unkept(message));
+        }
+        if let Some(path) = page {
+            let mut written = Written::default();
+            let readings: Vec<(&Candidate, u32)> = rows
+                .iter()
+                .map(|row| (row, row.most.unwrap_or(1)))
+                .collect();
+            let conditions = &report.conditions;
+            let page = self.page(path, &shown, &readings, (trials.as_ref(), conditions))?;
+            report.text += &written.told(path, page);
+            report.conditions.extend(written.conditions());
         }
         Ok(report)
     }
@@ -272,28 +323,38 @@ impl AbsoluteWanted<'_> {
     /// Draws robots that are read as a plan says, and looks at what is left.
     fn try_plan(
         &self,
-        planning: &AbsolutePlanning<'_>,
-        plan: &[(usize, u32)],
+        planning: AbsolutePlanning<'_>,
+        plan: Vec<(usize, u32)>,
         robots: u64,
-    ) -> anyhow::Result<AbsoluteTrials> {
-        let promise = planning.promise(plan);
-        let tried = PlanOnTrial {
-            task: &self.scenario.task,
-            truth: &self.scenario.truth,
-            groups: &self.unknown.parameters,
+    ) -> anyhow::Result<TriedAbsolute> {
+        let Scenario {
+            task, truth, seed, ..
+        } = self.scenario;
+        let entries = [AbsoluteEntry {
+            name: "plan".to_owned(),
             planning,
             plan,
-            promise: &promise,
-            seed: self.scenario.seed,
-        };
+            is_random: false,
+        }];
+        let runner = AbsoluteRunner::new((task, truth), &self.unknown.parameters, *seed, &entries)?;
+        let runner = runner.stopped_by(&STOP);
         let bar = bar(self.common.quiet, "robots");
         bar.set_length(robots);
-        let trials = try_plan(&tried, robots, (&STOP, &|| bar.inc(1)));
+        let trials = AbsoluteTrials::new(&runner, robots, &|done| bar.inc(done));
         bar.finish_and_clear();
-        match trials {
-            Err(TrialError::Stopped) => Err(Interrupted.into()),
-            other => Ok(other?),
-        }
+        let trials = match trials {
+            Err(TrialError::Runs(StudyError::Stopped)) => return Err(Interrupted.into()),
+            other => other?,
+        };
+        let promise = runner.promises().next();
+        let account = promise
+            .and_then(|promise| Account::of_absolute(task, truth, &entries[0], promise))
+            .ok_or(TrialError::NoPromise)?;
+        let readings = entries[0].plan.iter().map(|(_, times)| times).sum();
+        Ok(TriedAbsolute {
+            message: AbsoluteTrialsMessage::new(&trials, &account),
+            as_study: as_study(&trials, &account, readings),
+        })
     }
 
     fn report(
@@ -302,7 +363,7 @@ impl AbsoluteWanted<'_> {
         planning: &AbsolutePlanning<'_>,
         plan: &[(usize, u32)],
         bound: Option<&PlanBound>,
-    ) -> anyhow::Result<Report> {
+    ) -> anyhow::Result<(Report, ReportedPlan)> {
         let task = &self.scenario.task;
         let promise = planning.promise(plan);
         let mut message = AbsolutePlanMessage::new(task, planning, plan, &promise, bound);
@@ -337,11 +398,16 @@ impl AbsoluteWanted<'_> {
         } else {
             left_out(&offered, left, &planning.left_out)
         };
-        Ok(Report {
+        let report = Report {
             json,
             text: describe(&message) + &left_out,
             conditions,
-        })
+        };
+        let shown = ReportedPlan {
+            message,
+            provenance,
+        };
+        Ok((report, shown))
     }
 }
 
@@ -411,13 +477,14 @@ fn describe(message: &AbsolutePlanMessage) -> String {
     if let Some(quantile) = message.quantile95_mm {
         text += &format!("95 % stay below {quantile:.5} mm\n");
     }
-    text += "An absolute accuracy: where the loaded tool is, with frames, geometry and elasticity as far as they are unknown.\n";
+    text += &format!("{ABSOLUTE}\n");
     if message.task_force_mm > 0.0 {
         text += &format!(
             "Of it, {:.5} mm are what the task's force is uncertain by, whatever is read\n",
             message.task_force_mm
         );
     }
+    text += &shares(message);
     for certain in &message.taken_for_certain {
         text += &format!("Taken for certain: {certain}\n");
     }
@@ -439,6 +506,25 @@ fn describe(message: &AbsolutePlanMessage) -> String {
         table(&["unknown", "standard error", "unit"], &rows)
     );
     text
+}
+
+/// What a promise is made of, where it is more than the instrument's noise.
+fn shares(message: &AbsolutePlanMessage) -> String {
+    let Some(rho0_mm) = message.rho0_mm.filter(|_| message.rho0_shares.len() > 1) else {
+        return String::new();
+    };
+    let rows: Vec<Vec<String>> = (message.rho0_shares.iter())
+        .map(|share| {
+            let part = (share.rho0_mm / rho0_mm).powi(2) * 100.0;
+            vec![
+                share.name.clone(),
+                number(Some(share.rho0_mm), 5),
+                number(Some(part), 1),
+            ]
+        })
+        .collect();
+    let header = ["of it", "alone [mm]", "share of the square [%]"];
+    format!("\n{}\n", table(&header, &rows))
 }
 
 /// How candidates were drawn, and what is not said of others.
@@ -474,23 +560,23 @@ fn describe_trials(trials: &AbsoluteTrialsMessage) -> String {
         ". The promise {}.\n",
         match trials.promise {
             "holds" => "holds".to_owned(),
-            other => format!("is {other}"),
+            _ => format!("is {}", trials.verdict),
         }
     )
 }
 
 /// Conditions that virtual robots do not meet.
-fn unkept(trials: &AbsoluteTrials, message: &AbsoluteTrialsMessage) -> Vec<String> {
+fn unkept(trials: &AbsoluteTrialsMessage) -> Vec<String> {
     let mut conditions = Vec::new();
     if trials.failed > 0 {
-        let first = message.first_failure.as_deref().unwrap_or_default();
+        let first = trials.first_failure.as_deref().unwrap_or_default();
         conditions.push(format!(
             "{} of {} could not be judged; the first: {first}",
             trials.failed,
             counted(trials.robots, "virtual robot")
         ));
     }
-    if trials.kept() == Kept::Broken {
+    if trials.promise == Kept::Broken.name() {
         conditions.push("virtual robots are left with more than is promised".to_owned());
     }
     conditions

@@ -13,11 +13,14 @@ use elastocal::task::AccuracyKind;
 use elastocal::text::wording::counted;
 use serde_json::json;
 
-use super::absolute_plan::{AbsoluteWanted, UnknownArgs, refuse_options, refuse_where_relative};
+use super::absolute_plan::{
+    AbsoluteWanted, RUN_REPORTS, UnknownArgs, refuse_options, refuse_where_relative,
+};
 use super::candidates::{CandidateArgs, PoseArgs, told};
 use super::interruption::{STOP, proceed};
 use super::proof::{ExchangeArgs, ProofArgs, leaving_out};
 use super::table::{number, table};
+use super::views;
 use super::written::Written;
 use super::{Common, Report, check_outputs, inputs, results, without_effect};
 
@@ -44,6 +47,9 @@ pub struct Evaluate {
     /// of what is promised
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(2..=1_000_000))]
     trials: Option<u64>,
+    /// With design.accuracy = "absolute", where to write a page about the plan (HTML).
+    #[arg(long, value_name = "FILE")]
+    report_out: Option<PathBuf>,
     /// The plan to assess.
     #[arg(long, value_name = "FILE")]
     plan: PathBuf,
@@ -61,7 +67,11 @@ impl Evaluate {
     pub fn execute(&self) -> anyhow::Result<Report> {
         let mut scenario = self.common.load()?;
         let mut roles = inputs(&scenario);
-        let outputs = [("--proof-out", self.proof.out())];
+        views::needed_by("--report-out", self.report_out.as_ref())?;
+        let outputs = [
+            ("--proof-out", self.proof.out()),
+            ("--report-out", self.report_out.as_deref()),
+        ];
         roles.reads("the plan", &self.plan);
         self.poses.role(&mut roles);
         check_outputs(self.candidates.role(&mut roles), &outputs)?;
@@ -78,16 +88,19 @@ impl Evaluate {
                 candidates: self.candidates.path(),
                 poses: &self.poses,
             };
-            return wanted.evaluate(&self.plan, self.trials);
+            return wanted.evaluate(&self.plan, self.trials, self.report_out.as_deref());
         }
         self.unknown.refuse(&scenario)?;
         refuse_where_relative(
             &scenario,
-            &[(
-                "--trials",
-                self.trials.is_some(),
-                "`study` draws robots for plans of deflections",
-            )],
+            &[
+                (
+                    "--trials",
+                    self.trials.is_some(),
+                    "`study` draws robots for plans of deflections",
+                ),
+                ("--report-out", self.report_out.is_some(), RUN_REPORTS),
+            ],
         )?;
         let plan = read_plan(&self.plan, scenario.task.belief.commands())?;
         let candidates = self.candidates.read(&scenario.task)?;

@@ -117,7 +117,7 @@ enum Command {
     Check(check::Check),
     /// Design a plan of experiments
     #[command(
-        after_help = "Examples:\n  elastocal plan --experiments 4 --plan-out plan.csv\n  elastocal plan --experiments 12 --configurations 3\n  elastocal plan --minutes 90\n  elastocal plan --experiments 4 --candidates candidates.csv\n  elastocal plan absolute.toml --candidates stops.csv --parameters zeros --plan-out readings.csv\n  elastocal plan absolute.toml --draw 300 --parameters geometry --test-poses path.csv"
+        after_help = "Examples:\n  elastocal plan --experiments 4 --plan-out plan.csv\n  elastocal plan --experiments 12 --configurations 3\n  elastocal plan --minutes 90\n  elastocal plan --experiments 4 --candidates candidates.csv\n  elastocal plan absolute.toml --candidates stops.csv --parameters zeros --plan-out readings.csv\n  elastocal plan absolute.toml --draw 300 --parameters geometry --test-poses path.csv --report-out plan.html"
     )]
     Plan(plan::PlanCommand),
     /// How many measurements, and in how many configurations, for a wanted accuracy
@@ -125,7 +125,7 @@ enum Command {
     Budget(budget::Budget),
     /// Assess a plan: accuracy at the test pose, standard errors, criteria, violations
     #[command(
-        after_help = "Examples:\n  elastocal evaluate --plan scenarios/plans/klimchik2012_m3.csv\n  elastocal evaluate absolute.toml --plan readings.csv --parameters zeros --trials 400\n  elastocal evaluate absolute.toml --plan readings.csv --candidates stops.csv --test-poses path.csv"
+        after_help = "Examples:\n  elastocal evaluate --plan scenarios/plans/klimchik2012_m3.csv\n  elastocal evaluate absolute.toml --plan readings.csv --parameters zeros --trials 400 --report-out trials.html\n  elastocal evaluate absolute.toml --plan readings.csv --candidates stops.csv --test-poses path.csv"
     )]
     Evaluate(evaluate::Evaluate),
     /// Measure a plan on the virtual robot
@@ -170,7 +170,7 @@ enum Command {
     Validate(validate::Validate),
     /// Compare plans over many runs (Monte Carlo)
     #[command(
-        after_help = "Examples:\n  elastocal study scenarios/klimchik2012.toml\n  elastocal study scenarios/klimchik2012.toml --trials 1000000 --resume tally.json\n  elastocal study --shard 2/8 --tally-out part_2.json"
+        after_help = "Examples:\n  elastocal study scenarios/klimchik2012.toml\n  elastocal study scenarios/klimchik2012.toml --trials 1000000 --resume tally.json\n  elastocal study --shard 2/8 --tally-out part_2.json\n  elastocal study absolute.toml --parameters zeros --candidates stops.csv"
     )]
     Study(study::StudyCommand),
     /// Choose a few of many absolute readings in several ways, calibrate with each, and judge on all others
@@ -341,7 +341,7 @@ impl Common {
         if scenario.task.design.accuracy == AccuracyKind::Absolute {
             let problem = "is \"absolute\", and this command is about deflections";
             let wrong = FileError::new(&scenario.path, problem).at("design.accuracy");
-            let hint = "absolute accuracy is for `plan` and `evaluate`; leave the key out for this command";
+            let hint = "absolute accuracy is for `plan`, `evaluate` and `study`; leave the key out for this command";
             return Err(wrong.hint(hint).into());
         }
         Ok(scenario)

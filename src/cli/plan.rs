@@ -24,7 +24,8 @@ use elastocal::workflow::design::{Designed, Onlooker, Wanted, design as design_o
 use serde_json::json;
 
 use super::absolute_plan::{
-    AbsoluteOutputs, AbsoluteWanted, UnknownArgs, refuse_options, refuse_where_relative,
+    AbsoluteOutputs, AbsoluteWanted, RUN_REPORTS, UnknownArgs, refuse_options,
+    refuse_where_relative,
 };
 use super::candidates::{CandidateArgs, PoseArgs, told};
 use super::evaluate::{conditions, describe};
@@ -37,7 +38,7 @@ use super::written::Written;
 use super::{Common, Report, check_outputs, inputs, results, without_effect};
 
 /// So many configurations are drawn where nothing else is said.
-const DRAWN: u32 = 200;
+pub const DRAWN: u32 = 200;
 
 /// Arguments of `plan`.
 #[derive(Debug, Args)]
@@ -76,6 +77,9 @@ pub struct PlanCommand {
     /// Where to draw the robot in each configuration of the plan (SVG).
     #[arg(long, value_name = "FILE")]
     stills_out: Option<PathBuf>,
+    /// With design.accuracy = "absolute", where to write a page about the plan (HTML).
+    #[arg(long, value_name = "FILE")]
+    report_out: Option<PathBuf>,
 }
 
 /// Designs a plan with a progress bar, as long as it is not asked to stop.
@@ -253,6 +257,7 @@ impl PlanCommand {
         let outputs = AbsoluteOutputs {
             plan: self.plan_out.as_deref(),
             stills: self.stills_out.as_deref(),
+            report: self.report_out.as_deref(),
         };
         wanted.design(sizes, self.draw.unwrap_or(DRAWN), outputs)
     }
@@ -322,9 +327,11 @@ impl PlanCommand {
         let outputs = [
             ("--plan-out", self.plan_out.as_deref()),
             ("--stills-out", self.stills_out.as_deref()),
+            ("--report-out", self.report_out.as_deref()),
             ("--proof-out", self.proof.out()),
         ];
         views::needed_by("--stills-out", self.stills_out.as_ref())?;
+        views::needed_by("--report-out", self.report_out.as_ref())?;
         let mut roles = inputs(&scenario);
         self.poses.role(&mut roles);
         check_outputs(self.candidates.role(&mut roles), &outputs)?;
@@ -343,7 +350,11 @@ impl PlanCommand {
         }
         self.unknown.refuse(&scenario)?;
         let instead = "plans of deflections are searched in the whole region";
-        refuse_where_relative(&scenario, &[("--draw", self.draw.is_some(), instead)])?;
+        let given = [
+            ("--draw", self.draw.is_some(), instead),
+            ("--report-out", self.report_out.is_some(), RUN_REPORTS),
+        ];
+        refuse_where_relative(&scenario, &given)?;
         if let Some(candidates) = self.candidates.read(&scenario.task)? {
             let wanted = Wanted {
                 criterion: self.criterion,

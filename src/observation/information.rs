@@ -199,17 +199,36 @@ pub fn planned_positions(
     values: &DVector<f64>,
     setups: &[&Setup],
 ) -> DMatrix<f64> {
-    let mut model = ObservationModel::new(set, nominal, values.as_slice());
-    let scales = set.scales();
-    let mut derivatives = Matrix6xX::zeros(set.len());
+    let wanted: Vec<(&Setup, ReadingKind)> = (setups.iter())
+        .map(|&setup| (setup, ReadingKind::Position))
+        .collect();
     let mut rows = DMatrix::zeros(3 * setups.len(), set.len());
-    for (index, setup) in setups.iter().enumerate() {
-        model.predict_as_planned(setup, ReadingKind::Position, &mut derivatives);
-        in_sizes(&mut derivatives, &scales);
+    for (index, each) in (planned_rows(set, nominal, values, &wanted).iter()).enumerate() {
         rows.rows_mut(3 * index, 3)
-            .copy_from(&derivatives.fixed_rows::<3>(0));
+            .copy_from(&each.fixed_rows::<3>(0));
     }
     rows
+}
+
+/// The same of readings of any kind: the rows of each (6 x p, m and rad in units of typical sizes), of which those of a position
+/// alone are the first three.
+#[must_use]
+pub fn planned_rows(
+    set: &ParameterSet,
+    nominal: &ElasticArm,
+    values: &DVector<f64>,
+    wanted: &[(&Setup, ReadingKind)],
+) -> Vec<Matrix6xX<f64>> {
+    let mut model = ObservationModel::new(set, nominal, values.as_slice());
+    let scales = set.scales();
+    (wanted.iter())
+        .map(|&(setup, kind)| {
+            let mut derivatives = Matrix6xX::zeros(set.len());
+            model.predict_as_planned(setup, kind, &mut derivatives);
+            in_sizes(&mut derivatives, &scales);
+            derivatives
+        })
+        .collect()
 }
 
 fn in_sizes(rows: &mut Matrix6xX<f64>, scales: &DVector<f64>) {

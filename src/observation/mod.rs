@@ -33,7 +33,7 @@ pub use compliances::{ComplianceColumns, ComplianceRows};
 pub use first_order::FirstOrder;
 pub use information::{
     NormalEquations, normal_equations, planned_information, planned_information_of_each,
-    planned_positions,
+    planned_positions, planned_rows,
 };
 pub use model::{Form, ObservationModel};
 pub use observed::ObservedRows;

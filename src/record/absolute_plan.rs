@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use super::candidates::{CandidatesMessage, LeftOutCandidatesMessage};
+use super::messages::ShareMessage;
 use crate::experiment::Candidate;
 use crate::plan::absolute::{AbsolutePlanning, AbsolutePromise};
 use crate::plan::search::PlanBound;
@@ -75,6 +76,8 @@ pub struct AbsolutePlanMessage {
     pub quantile95_mm: Option<f64>,
     /// Of the distance, what the task's uncertain force makes by itself (mm), whatever is read.
     pub task_force_mm: f64,
+    /// What it is made of: noise, an earlier identification, each uncertainty; their squares add up to that of `rho0_mm`.
+    pub rho0_shares: Vec<ShareMessage>,
     /// No plan of as many readings of the candidates is below (mm).
     pub lower_bound_rho0_mm: Option<f64>,
     /// What that rests on.
@@ -129,6 +132,9 @@ impl AbsolutePlanMessage {
             rho0_mm: promise.rho0_m().map(|value| value * 1e3),
             quantile95_mm: promise.quantile95_m.map(|value| value * 1e3),
             task_force_mm: promise.task_force_m * 1e3,
+            rho0_shares: (planning.shares(plan, promise).iter())
+                .map(ShareMessage::from)
+                .collect(),
             lower_bound_rho0_mm: bound.map(|bound| bound.best * 1e3),
             bound_kind: bound.map(|bound| bound.kind.name()),
             efficiency: bound.and_then(|bound| Some(bound.best / promise.rho0_m()?)),

@@ -3,12 +3,10 @@
 use serde::{Deserialize, Serialize};
 
 use crate::study::account::{Account, AccountPart};
+use crate::study::summary::Measured;
 use crate::study::tally_check::{Wrong, within, wrong};
+use crate::study::verdict::Kept;
 use crate::text::wrong_name;
-
-/// A study that sees a promise within this share of it, and three standard errors, says that it holds.
-const HOLDS: f64 = 0.02;
-const STANDARD_ERRORS: f64 = 3.0;
 
 /// The account of a plan in a tally. Floats are strings, with all their digits.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -111,25 +109,27 @@ pub(super) fn size(key: String, text: &str) -> Result<(), Wrong> {
     }
 }
 
-/// What an observed rms distance (m) with its standard error says of the promise.
+/// What an observed rms distance (m) says of the promise, in words.
 #[must_use]
-pub fn verdict(account: &Account, observed_m: f64, standard_error_m: f64) -> String {
-    let promised_m = account.promised_m;
-    let room = STANDARD_ERRORS * standard_error_m + HOLDS * promised_m;
-    let ratio = observed_m / promised_m;
-    if (observed_m - promised_m).abs() <= room {
-        return "holds".to_owned();
-    }
-    if observed_m < promised_m {
-        return format!("too careful: {ratio:.3} of the promise");
+pub fn verdict(account: &Account, observed_m: Measured) -> String {
+    let ratio = observed_m.value / account.promised_m;
+    match Kept::of(account.promised_m, observed_m) {
+        Kept::Holds => return "holds".to_owned(),
+        Kept::TooCareful => return format!("too careful: {ratio:.3} of the promise"),
+        Kept::Broken => {}
     }
     let hidden = account.parts.iter().filter(|part| part.is_hidden);
     let worst = hidden.max_by(|one, other| one.rms_m.total_cmp(&other.rms_m));
-    match worst.filter(|part| part.rms_m > 0.0) {
-        Some(part) => format!(
+    match worst {
+        Some(part) if part.rms_m > 0.0 => format!(
             "broken: {ratio:.3} times the promise, most by {:?}, which alone leaves {:.3} um and is hidden",
             part.name,
             part.rms_m * 1e6
+        ),
+        // What it leaves was not computed, or is no first order.
+        Some(part) => format!(
+            "broken: {ratio:.3} times the promise; {:?} is hidden",
+            part.name
         ),
         None => format!(
             "broken: {ratio:.3} times the promise, though nothing is hidden: the model is not linear enough"
@@ -160,10 +160,19 @@ mod tests {
     #[test]
     fn verdicts_name_what_breaks_a_promise() {
         let account = account();
-        assert_eq!(verdict(&account, 6.1e-6, 1e-9), "holds");
-        assert_eq!(verdict(&account, 6.4e-6, 1e-7), "holds");
-        assert!(verdict(&account, 5.5e-6, 1e-8).starts_with("too careful: 0.917"));
-        let broken = verdict(&account, 1e-5, 1e-7);
+        let said = |value, standard_error| {
+            verdict(
+                &account,
+                Measured {
+                    value,
+                    standard_error,
+                },
+            )
+        };
+        assert_eq!(said(6.1e-6, 1e-9), "holds");
+        assert_eq!(said(6.4e-6, 1e-7), "holds");
+        assert!(said(5.5e-6, 1e-8).starts_with("too careful: 0.917"));
+        let broken = said(1e-5, 1e-7);
         assert!(
             broken.contains("1.667 times") && broken.contains("\"scale\""),
             "{broken}"

@@ -3,10 +3,9 @@
 use super::account::size;
 use super::tally_file::{Header, PlanHeader};
 use crate::quantities::limits::{
-    MOST_EXPERIMENTS, MOST_JOINTS, MOST_SHARDS, MOST_STUDIED, MOST_TRIALS,
+    MOST_EXPERIMENTS, MOST_JOINTS, MOST_NAMED, MOST_SHARDS, MOST_STUDIED, MOST_TRIALS,
 };
 use crate::quantities::plausible::{DEVIATION, FACTOR};
-use crate::study::runner::block_runs;
 use crate::study::tally_check::{Wrong, within, wrong};
 use crate::text::{is_unseen, wrong_name};
 
@@ -31,6 +30,17 @@ impl Header {
         }
         if let Some(name) = self.others.iter().find(|name| name.contains(is_unseen)) {
             return wrong("study.others", format!("found {name:?}"));
+        }
+        if let Some(absolute) = &self.absolute {
+            within(
+                "study.absolute.test_poses",
+                absolute.test_poses,
+                [1, MOST_NAMED],
+            )?;
+            let hash = absolute.candidates_sha256.as_ref();
+            if hash.is_some_and(|hash| hash.contains(is_unseen)) {
+                return wrong("study.absolute.candidates_sha256", "is none");
+            }
         }
         let provenance = &self.provenance;
         for (key, text) in [
@@ -115,7 +125,7 @@ impl Header {
     /// The runs in the first blocks of a shard.
     #[must_use]
     pub fn runs_of(&self, shard: u64, blocks_done: u64) -> u64 {
-        let size = block_runs(self.level);
+        let size = self.block_runs();
         let last = shard - 1 + blocks_done.saturating_sub(1) * self.shards;
         // The study's last block may be smaller.
         let beyond = ((last + 1) * size).saturating_sub(self.trials);

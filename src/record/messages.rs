@@ -15,7 +15,7 @@ use crate::files::{FileError, hexadecimal, sha256_of};
 use crate::identification::{Identification, UncertainEstimate};
 use crate::measurement::Measurement;
 use crate::plan::search::PlanProof;
-use crate::plan::{Assessment, Criterion, Experiment, Plan};
+use crate::plan::{Assessment, Criterion, Experiment, Plan, PromiseShare};
 use crate::quantities::units;
 use crate::record::platform::platform;
 use crate::robot::{Commands, Load};
@@ -421,6 +421,15 @@ pub struct ShareMessage {
     pub rho0_mm: f64,
 }
 
+impl From<&PromiseShare> for ShareMessage {
+    fn from(share: &PromiseShare) -> Self {
+        Self {
+            name: share.name.clone(),
+            rho0_mm: share.rho0_m * 1e3,
+        }
+    }
+}
+
 /// How near a proof of a bound is.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
@@ -495,12 +504,7 @@ impl AssessmentMessage {
             parameters: scenario.task.belief.parameter_names(),
             rho0_mm: assessment.rho0_m.map(|value| value * 1e3),
             quantile95_mm: assessment.quantile95_m.map(|value| value * 1e3),
-            rho0_shares: (assessment.shares.iter())
-                .map(|share| ShareMessage {
-                    name: share.name.clone(),
-                    rho0_mm: share.rho0_m * 1e3,
-                })
-                .collect(),
+            rho0_shares: (assessment.shares.iter()).map(ShareMessage::from).collect(),
             compliance_std_rad_per_nm: assessment.standard_errors.clone(),
             further_std: (assessment.further.iter())
                 .map(|each| FurtherMessage {

@@ -153,9 +153,7 @@ impl StudyPlanMessage {
             parts: account.map_or_else(Vec::new, |account| {
                 account.parts.iter().map(PartMessage::from).collect()
             }),
-            verdict: (account.zip(summary)).map(|(account, each)| {
-                verdict(account, each.rms_m.value, each.rms_m.standard_error)
-            }),
+            verdict: (account.zip(summary)).map(|(account, each)| verdict(account, each.rms_m)),
             quantiles_mm: summary.map(|each| each.quantiles_m.map(|value| value * 1e3)),
             histogram: HistogramMessage::new(tally, conditions.sigma_m),
             z: of(&|each| each.z),

@@ -16,8 +16,12 @@ use crate::files::schema::check_version;
 use crate::files::typed::from_json;
 use crate::files::{FileError, hexadecimal, is_plain_name, read_text};
 use crate::gate::Gate;
-use crate::plan::{Plan, posterior, quantile95_m};
+use crate::identification::ParameterGroup;
+use crate::plan::absolute::AbsolutePromise;
+use crate::plan::{Experiment, Plan, posterior, quantile95_m};
+use crate::robot::Load;
 use crate::scenario::Scenario;
+use crate::study::absolute::{AbsoluteEntry, AbsoluteRunner, BLOCK_RUNS};
 use crate::study::account::Account;
 use crate::study::ranks::{RANKS, Ranks};
 use crate::study::tally::{BINS, Failure, SUMS, Tally};
@@ -34,6 +38,9 @@ pub struct Header {
     pub trials: u64,
     /// What the runs are made of.
     pub level: Level,
+    /// What a study of absolute readings depends on besides; nothing in one of deflections.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub absolute: Option<AbsoluteStudyHeader>,
     /// The names of the compliances.
     pub parameters: Vec<String>,
     /// The number of all unknowns, where more than these compliances is uncertain.
@@ -48,6 +55,20 @@ pub struct Header {
     pub shards: u64,
     /// How much worse results may get: no number depends on it.
     pub gate: Gate,
+}
+
+/// What the numbers of a study of absolute readings depend on besides.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AbsoluteStudyHeader {
+    /// The number of test poses.
+    pub test_poses: usize,
+    /// What was named as unknown besides what the scenario names.
+    pub groups: Vec<ParameterGroup>,
+    /// SHA-256 of the file that plans were chosen from, where there was one.
+    pub candidates_sha256: Option<String>,
+    /// How many configurations were drawn where there was none.
+    pub drawn: Option<u32>,
 }
 
 /// What a plan's numbers depend on. Floats are strings, with all their digits.
@@ -126,6 +147,7 @@ impl Header {
             provenance: ProvenanceMessage::new(scenario),
             trials,
             level,
+            absolute: None,
             parameters: scenario.task.belief.parameter_names(),
             unknowns: (scenario.task.belief.uncertain.as_ref()).map(|all| all.set().len()),
             others: (scenario.task.belief.uncertain.as_ref())
@@ -135,6 +157,66 @@ impl Header {
                 .collect(),
             shards,
             gate: scenario.gate.clone(),
+        }
+    }
+
+    /// The same of a study of absolute readings, on virtual robots.
+    #[must_use]
+    pub fn of_absolute(
+        scenario: &Scenario,
+        absolute: AbsoluteStudyHeader,
+        [trials, shards]: [u64; 2],
+        (entries, runner): (&[AbsoluteEntry<'_>], &AbsoluteRunner<'_>),
+    ) -> Self {
+        let conditions = Conditions::plain(&scenario.task, 0);
+        let header = Self::new(scenario, &[], Level::Robot, trials, shards, &[]);
+        let plan = |((entry, promise), reference): ((&AbsoluteEntry<'_>, _), _)| {
+            let promise: &AbsolutePromise = promise;
+            let account = Account::of_absolute(&scenario.task, &scenario.truth, entry, promise);
+            PlanHeader {
+                name: entry.name.clone(),
+                experiments: promise.readings,
+                sigma_m: format!("{:e}", conditions.sigma_m),
+                load_scale: format!("{:e}", conditions.load_scale),
+                reference,
+                sha256: Some(fingerprint_of_readings(entry)),
+                account: account.map(|account| AccountHeader::new(&account)),
+                promised_quantile95_m: (promise.quantile95_m)
+                    .map(|quantile_m| format!("{quantile_m:.9e}")),
+            }
+        };
+        Self {
+            absolute: Some(absolute),
+            plans: (entries.iter().zip(runner.promises()))
+                .zip(runner.references())
+                .map(plan)
+                .collect(),
+            ..header
+        }
+    }
+
+    /// The number of runs of a block.
+    #[must_use]
+    pub const fn block_runs(&self) -> u64 {
+        match self.absolute {
+            Some(_) => BLOCK_RUNS,
+            None => runner::block_runs(self.level),
+        }
+    }
+
+    /// What is determined in a run at most.
+    const fn most_freedom(&self, unknowns: usize) -> u64 {
+        match &self.absolute {
+            Some(absolute) => 3 * absolute.test_poses as u64,
+            None => unknowns as u64,
+        }
+    }
+
+    /// How many 95 % intervals, or regions, a run has at most.
+    const fn most_intervals(&self) -> u64 {
+        match &self.absolute {
+            Some(absolute) => absolute.test_poses as u64,
+            None => self.parameters.len() as u64,
         }
     }
 
@@ -187,7 +269,7 @@ impl Header {
     /// The number of blocks of shard `shard`, from 1.
     #[must_use]
     pub const fn blocks_of(&self, shard: u64) -> u64 {
-        let blocks = self.trials.div_ceil(runner::block_runs(self.level));
+        let blocks = self.trials.div_ceil(self.block_runs());
         (blocks + self.shards).saturating_sub(shard) / self.shards
     }
 
@@ -221,6 +303,27 @@ fn fingerprint(plan: &Plan) -> String {
         hash.update(experiment.repeats.to_le_bytes());
     }
     hexadecimal(&hash.finalize())
+}
+
+/// The same of a plan of absolute readings.
+fn fingerprint_of_readings(entry: &AbsoluteEntry<'_>) -> String {
+    let experiments = entry.plan.iter().map(|&(place, repeats)| {
+        let row = &entry.planning.candidates[place];
+        Experiment {
+            configuration_rad: row.configuration_rad.clone(),
+            load: row.load.unwrap_or(Load::NONE),
+            repeats,
+            approach: None,
+        }
+    });
+    let mut words = fingerprint(&Plan {
+        experiments: experiments.collect(),
+    });
+    for &(place, _) in &entry.plan {
+        let row = &entry.planning.candidates[place];
+        words += &format!("{:?}", (&row.target, &row.station, &row.approach));
+    }
+    hexadecimal(&Sha256::digest(words))
 }
 
 /// A part of a study: the first blocks of one shard.
@@ -502,10 +605,10 @@ impl WrittenTallyFile {
                 .check(runs, reference)
                 .map_err(|(key, problem)| (format!("tallies[{index}].{key}"), problem))?;
             // Each run determines so many combinations at most.
-            let most = tally.runs.saturating_mul(header.unknowns() as u64);
+            let most = (tally.runs).saturating_mul(header.most_freedom(header.unknowns()));
             is_within(&format!("tallies[{index}].freedom"), tally.freedom, 0, most)?;
             let [all, holding] = tally.intervals;
-            let most = tally.runs.saturating_mul(header.parameters.len() as u64);
+            let most = tally.runs.saturating_mul(header.most_intervals());
             is_within(&format!("tallies[{index}].intervals[0]"), all, 0, most)?;
             is_within(&format!("tallies[{index}].intervals[1]"), holding, 0, all)?;
             check_ranks(tally, &header)

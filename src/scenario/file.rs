@@ -474,8 +474,7 @@ pub(super) struct PlanTable {
 pub(super) struct StudyTable {
     pub trials: Option<u64>,
     pub experiments: Option<u32>,
-    #[serde(default)]
-    pub level: Level,
+    pub level: Option<Level>,
     #[serde(default)]
     pub compliance_spread: Spread,
     #[serde(default)]

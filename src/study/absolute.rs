@@ -5,19 +5,26 @@
 //! before is drawn by shares of its typical size, and the instrument's frames are anywhere. The one fit sees readings with the covariance
 //! that they were planned with, and what it then says of the loaded tool's place is compared with where the virtual robot has it.
 
+use std::ops::Range;
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use nalgebra::{
-    Isometry3, Matrix3, Matrix6, Matrix6xX, Quaternion, Rotation3, Translation3, UnitQuaternion,
-    Vector3,
+    Isometry3, Matrix3, Matrix6, Matrix6xX, Quaternion, Rotation3, SymmetricEigen, Translation3,
+    UnitQuaternion, Vector3,
 };
 use rand::{Rng, RngExt};
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 use thiserror::Error;
 
+use super::StudyError;
+use super::runner::{RunsInBlocks, merge};
+use super::summary::Summary;
+use super::tally::{Batch, BlockSums, Failure, Tally};
 use super::true_compliances::truth_of_run;
-use crate::experiment::{Candidate, Experiment};
+use super::verdict::Kept;
+use crate::experiment::Experiment;
 use crate::identification::{AbsoluteCase, ParameterGroup, ReadingWeights};
 use crate::measurement::AbsoluteReading;
 use crate::mujoco::ModelError;
@@ -27,7 +34,7 @@ use crate::numeric::random::streams::{Stream, frames_of_trial};
 use crate::observation::{Form, ObservationModel, ReadingKind, Setup};
 use crate::parameter::{ParameterKind, ParameterSet, Source, Uncertainty};
 use crate::plan::absolute::{AbsolutePlanning, AbsolutePromise};
-use crate::robot::Load;
+use crate::robot::{EquilibriumError, Load};
 use crate::task::{Task, station_named};
 use crate::testbed::{ReadRobots, SeenFrom, Truth};
 
@@ -37,28 +44,20 @@ const SHARE_OF_SIZE: f64 = 0.3;
 const COMPLIANCE_SPREAD: f64 = 0.1;
 /// The instrument is within such a cube about the robot (m).
 const AWAY_M: f64 = 3.0;
-/// More standard errors than this are not chance ...
-const STANDARD_ERRORS: f64 = 3.0;
-/// ... nor are they what linear propagation leaves out, beyond this share.
-const LINEAR: f64 = 0.02;
+/// The runs of a block, the unit of work: a run takes longer than one of deflections. Sums depend on it, so it is fixed.
+pub const BLOCK_RUNS: u64 = LANES as u64;
 
-/// A plan of absolute readings that is tried.
-#[derive(Debug, Clone, Copy)]
-pub struct PlanOnTrial<'a> {
-    /// The task.
-    pub task: &'a Task,
-    /// The virtual robot.
-    pub truth: &'a Truth,
-    /// What is unknown besides what the belief says.
-    pub groups: &'a [ParameterGroup],
+/// A plan of absolute readings that takes part in a study.
+#[derive(Debug)]
+pub struct AbsoluteEntry<'a> {
+    /// Its name.
+    pub name: String,
     /// The readings that there may be.
-    pub planning: &'a AbsolutePlanning<'a>,
+    pub planning: AbsolutePlanning<'a>,
     /// The plan: candidates by their places, and how often each is read.
-    pub plan: &'a [(usize, u32)],
-    /// What it promises.
-    pub promise: &'a AbsolutePromise,
-    /// Of all random numbers.
-    pub seed: u64,
+    pub plan: Vec<(usize, u32)>,
+    /// Whether it was drawn at random.
+    pub is_random: bool,
 }
 
 /// Why no robots can be drawn.
@@ -81,9 +80,277 @@ pub enum TrialError {
         /// What the first failed by.
         first: String,
     },
-    /// It was asked to stop.
-    #[error("interrupted")]
-    Stopped,
+    /// The runs could not be made.
+    #[error(transparent)]
+    Runs(#[from] StudyError),
+}
+
+/// A plan made ready: what is drawn, read and held against what.
+#[derive(Debug)]
+struct JudgedPlan<'a> {
+    entry: &'a AbsoluteEntry<'a>,
+    promise: AbsolutePromise,
+    promised_m: f64,
+    /// What each row of the plan reads.
+    targets: Vec<String>,
+    truth: Truth,
+    /// Where the tool is promised to be at each test pose.
+    regions: Vec<PlaceRegion>,
+}
+
+/// A region in which the tool is promised to be.
+#[derive(Debug, Clone, Copy)]
+struct PlaceRegion {
+    /// Turns what is left into numbers of unit variance.
+    whitener: Matrix3<f64>,
+    /// How many of them there are.
+    freedom: usize,
+}
+
+/// The 95 % quantiles of chi-squares of one, two and three degrees of freedom.
+const CHI_SQUARE_95: [f64; 3] = [
+    3.841_458_820_694_124,
+    5.991_464_547_107_979,
+    7.814_727_903_251_179,
+];
+/// Directions of a region in which less than this share of the largest variance is left do not count.
+const FLAT: f64 = 1e-9;
+
+impl PlaceRegion {
+    fn new(covariance: &Matrix3<f64>) -> Self {
+        let eigen = SymmetricEigen::new(*covariance);
+        let least = FLAT * eigen.eigenvalues.max();
+        let mut whitener = Matrix3::zeros();
+        let mut freedom = 0;
+        for (axis, variance) in eigen.eigenvectors.column_iter().zip(&eigen.eigenvalues) {
+            if *variance > least {
+                whitener.set_row(freedom, &(axis.transpose() / variance.sqrt()));
+                freedom += 1;
+            }
+        }
+        Self { whitener, freedom }
+    }
+
+    /// The normalised square of an error, and whether it is within the region of 95 %.
+    fn look(&self, off: &Vector3<f64>) -> (f64, bool) {
+        let square = (self.whitener * off).norm_squared();
+        let most = self.freedom.checked_sub(1).map(|last| CHI_SQUARE_95[last]);
+        (square, most.is_none_or(|most| square <= most))
+    }
+}
+
+/// Runs of plans of absolute readings on virtual robots, in blocks.
+#[derive(Debug)]
+pub struct AbsoluteRunner<'a> {
+    task: &'a Task,
+    groups: &'a [ParameterGroup],
+    seed: u64,
+    tried: Vec<JudgedPlan<'a>>,
+    stop: Option<&'a AtomicBool>,
+    /// The first run that failed, and why.
+    first_failure: Mutex<Option<(u64, String)>>,
+}
+
+impl<'a> AbsoluteRunner<'a> {
+    /// Prepares plans for a task, a virtual robot, what is unknown besides what the belief says, and a seed.
+    ///
+    /// # Errors
+    /// See [`TrialError`].
+    pub fn new(
+        (task, truth): (&'a Task, &Truth),
+        groups: &'a [ParameterGroup],
+        seed: u64,
+        entries: &'a [AbsoluteEntry<'a>],
+    ) -> Result<Self, TrialError> {
+        let tried = (entries.iter())
+            .map(|entry| JudgedPlan::new(task, truth, entry))
+            .collect::<Result<Vec<_>, _>>()?;
+        // What the model lacks is told before the work.
+        for each in &tried {
+            each.robots(task)?;
+        }
+        Ok(Self {
+            task,
+            groups,
+            seed,
+            tried,
+            stop: None,
+            first_failure: Mutex::new(None),
+        })
+    }
+
+    /// The same, which gives up when the flag is set.
+    #[must_use]
+    pub fn stopped_by(self, stop: &'a AtomicBool) -> Self {
+        Self {
+            stop: Some(stop),
+            ..self
+        }
+    }
+
+    /// What each plan promises.
+    pub fn promises(&self) -> impl Iterator<Item = &AbsolutePromise> {
+        self.tried.iter().map(|each| &each.promise)
+    }
+
+    /// Why the first of the runs that were made and failed did so.
+    #[must_use]
+    pub fn first_failure(&self) -> Option<String> {
+        let first = self.first_failure.lock().ok()?;
+        first.as_ref().map(|(_, reason)| reason.clone())
+    }
+
+    fn note(&self, run: u64, reason: String) {
+        if let Ok(mut first) = self.first_failure.lock()
+            && first.as_ref().is_none_or(|(known, _)| run < *known)
+        {
+            *first = Some((run, reason));
+        }
+    }
+
+    /// For each plan, the one that it is compared with: the first random one.
+    #[must_use]
+    pub fn references(&self) -> Vec<Option<usize>> {
+        let random = self.tried.iter().position(|each| each.entry.is_random);
+        vec![random; self.tried.len()]
+    }
+
+    /// A block's runs in their order.
+    fn block(
+        &self,
+        robots: &mut [ReadRobots],
+        first: u64,
+        count: usize,
+    ) -> Result<Vec<Tally>, StudyError> {
+        let mut batches = Vec::with_capacity(self.tried.len());
+        for (tried, robots) in self.tried.iter().zip(robots) {
+            let mut batch = Batch::default();
+            for (lane, run) in (first..).take(count).enumerate() {
+                if self.stop.is_some_and(|stop| stop.load(Ordering::Relaxed)) {
+                    return Err(StudyError::Stopped);
+                }
+                self.run_of(tried, robots, run, (&mut batch, lane));
+            }
+            batch.clean(count);
+            batches.push(batch);
+        }
+        let references = self.references();
+        let tallies = batches.iter().zip(references).map(|(batch, reference)| {
+            let (mut tally, mut sums) = (Tally::default(), BlockSums::default());
+            let reference = reference.map(|other| &batches[other]);
+            tally.add(&mut sums, batch, reference, count);
+            tally.close(&mut sums);
+            tally
+        });
+        Ok(tallies.collect())
+    }
+
+    /// One run of one plan.
+    fn run_of(
+        &self,
+        tried: &JudgedPlan<'_>,
+        robots: &mut ReadRobots,
+        run: u64,
+        (batch, lane): (&mut Batch, usize),
+    ) {
+        let variance_m2 = self.task.belief.instrument.sigma_m.powi(2);
+        let trial = Trial {
+            task: self.task,
+            groups: self.groups,
+            seed: self.seed,
+            tried,
+            run,
+        };
+        match trial.see(robots) {
+            Ok(seen) => {
+                batch.square[lane] = seen.square_m2 / variance_m2;
+                batch.nees[lane] = seen.nees;
+                batch.freedom[lane] = tried.regions.iter().map(|region| region.freedom).sum();
+                batch.intervals[lane] = seen.regions;
+                batch.expected[lane] = tried.promised_m.powi(2) / variance_m2;
+                let variance_m4 = tried.promise.square_variance_m4.unwrap_or(0.0);
+                batch.variance[lane] = variance_m4 / variance_m2.powi(2);
+            }
+            Err((failure, reason)) => {
+                batch.failed[lane] = Some(failure);
+                self.note(run, reason);
+            }
+        }
+    }
+}
+
+impl RunsInBlocks for AbsoluteRunner<'_> {
+    fn block_runs(&self) -> u64 {
+        BLOCK_RUNS
+    }
+
+    fn run(
+        &self,
+        trials: u64,
+        blocks: Range<u64>,
+        step: u64,
+        progress: &(dyn Fn(u64) + Sync),
+    ) -> Result<Vec<Tally>, StudyError> {
+        let step = step.max(1);
+        let count = blocks.end.saturating_sub(blocks.start).div_ceil(step);
+        let new_robots = || {
+            let robots = self.tried.iter().map(|each| each.robots(self.task));
+            robots.collect::<Result<Vec<_>, _>>()
+        };
+        (0..count)
+            .into_par_iter()
+            .map(|index| blocks.start + index * step)
+            .map_init(new_robots, |robots, block| {
+                let robots = robots
+                    .as_mut()
+                    .map_err(|error| StudyError::Model(error.to_string()))?;
+                let first = block * BLOCK_RUNS;
+                let runs = BLOCK_RUNS.min(trials.saturating_sub(first));
+                let count = usize::try_from(runs).unwrap_or(LANES);
+                let tallies = self.block(robots, first, count)?;
+                progress(runs);
+                Ok(tallies)
+            })
+            .try_reduce(|| vec![Tally::default(); self.tried.len()], merge)
+    }
+}
+
+impl<'a> JudgedPlan<'a> {
+    fn new(task: &Task, truth: &Truth, entry: &'a AbsoluteEntry<'a>) -> Result<Self, TrialError> {
+        let belief = &task.belief;
+        let target_of = |place: usize| match &entry.planning.candidates[place].target {
+            Some(target) => target.clone(),
+            None => belief.calibration_tool.name.clone(),
+        };
+        let targets: Vec<String> = (entry.plan.iter())
+            .map(|&(place, _)| target_of(place))
+            .collect();
+        let machining = &belief.machining_tool.name;
+        if !targets.contains(machining) {
+            return Err(TrialError::Unread(machining.clone()));
+        }
+        let promise = entry.planning.promise(&entry.plan);
+        let promised_m = promise.rho0_m().ok_or(TrialError::NoPromise)?;
+        let no_place = Matrix3::zeros();
+        Ok(Self {
+            regions: (promise.places_m2.iter())
+                .map(|place| PlaceRegion::new(place.as_ref().unwrap_or(&no_place)))
+                .collect(),
+            truth: Truth {
+                uncertainties: uncertainties(truth, &entry.planning),
+                ..truth.clone()
+            },
+            entry,
+            promise,
+            promised_m,
+            targets,
+        })
+    }
+
+    fn robots(&self, task: &Task) -> Result<ReadRobots, ModelError> {
+        let targets = self.targets.iter().map(String::as_str);
+        ReadRobots::new(&task.belief, &self.truth, targets)
+    }
 }
 
 /// What was seen of a plan's promise.
@@ -91,142 +358,65 @@ pub enum TrialError {
 pub struct AbsoluteTrials {
     /// How many robots were drawn.
     pub robots: u64,
-    /// How many of them could not be identified, or not looked at.
-    pub failed: u64,
-    /// What the first of these failed by.
+    /// Why the first of those that could not be identified, or not looked at, could not be.
     pub first_failure: Option<String>,
     /// The promised rms distance (m).
     pub promised_m: f64,
-    /// The rms distance that was left (m), over robots and test poses.
-    pub seen_m: f64,
-    /// Its standard error (m).
-    pub seen_std_m: f64,
-    /// The share of robots that stayed below what 95 % were promised to.
-    pub below_quantile95: Option<f64>,
-}
-
-/// How a promise came off.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kept {
-    /// Within three standard errors and 2 %.
-    Holds,
-    /// More is left.
-    Broken,
-    /// Less is left.
-    TooCareful,
-}
-
-impl Kept {
-    /// Its name in records.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Holds => "holds",
-            Self::Broken => "broken",
-            Self::TooCareful => "too careful",
-        }
-    }
+    /// What 95 % were promised to stay below (m).
+    pub quantile95_m: Option<f64>,
+    /// What is kept of the runs, whose distances are in units of the instrument's sigma.
+    pub tally: Tally,
+    /// What it says.
+    pub summary: Summary,
+    /// The instrument's sigma (m).
+    pub sigma_m: f64,
 }
 
 impl AbsoluteTrials {
+    /// Draws so many robots for the first plan of a runner, and looks at each.
+    ///
+    /// # Errors
+    /// None of them could be looked at, or it was asked to stop.
+    pub fn new(
+        runner: &AbsoluteRunner<'_>,
+        robots: u64,
+        progress: &(dyn Fn(u64) + Sync),
+    ) -> Result<Self, TrialError> {
+        let blocks = 0..robots.div_ceil(BLOCK_RUNS);
+        let tallies = runner.run(robots, blocks, 1, progress)?;
+        let tally = tallies.into_iter().next().ok_or(StudyError::NoPlan)?;
+        let tried = runner.tried.first().ok_or(StudyError::NoPlan)?;
+        let sigma_m = runner.task.belief.instrument.sigma_m;
+        Ok(Self {
+            robots,
+            first_failure: runner.first_failure(),
+            promised_m: tried.promised_m,
+            quantile95_m: tried.promise.quantile95_m,
+            summary: Summary::new(&tally, sigma_m, None).ok_or_else(|| TrialError::AllFailed {
+                robots,
+                first: runner.first_failure().unwrap_or_default(),
+            })?,
+            tally,
+            sigma_m,
+        })
+    }
+
     /// Whether the promise was kept.
     #[must_use]
     pub fn kept(&self) -> Kept {
-        let room = STANDARD_ERRORS * self.seen_std_m + LINEAR * self.promised_m;
-        if self.seen_m > self.promised_m + room {
-            Kept::Broken
-        } else if self.seen_m < self.promised_m - room {
-            Kept::TooCareful
-        } else {
-            Kept::Holds
-        }
+        Kept::of(self.promised_m, self.summary.rms_m)
     }
-}
 
-/// Draws so many robots, and looks at each.
-///
-/// # Errors
-/// See [`TrialError`].
-pub fn try_plan(
-    tried: &PlanOnTrial<'_>,
-    robots: u64,
-    (stop, progress): (&AtomicBool, &(dyn Fn() + Sync)),
-) -> Result<AbsoluteTrials, TrialError> {
-    let belief = &tried.task.belief;
-    let machining = &belief.machining_tool.name;
-    let rows: Vec<&Candidate> = (tried.plan.iter())
-        .map(|&(place, _)| &tried.planning.candidates[place])
-        .collect();
-    let target_of = |row: &Candidate| match &row.target {
-        Some(target) => target.clone(),
-        None => belief.calibration_tool.name.clone(),
-    };
-    if !rows.iter().any(|row| target_of(row) == *machining) {
-        return Err(TrialError::Unread(machining.clone()));
+    /// The share of robots that stayed below what 95 % were promised to.
+    #[must_use]
+    pub fn below_quantile95(&self) -> Option<f64> {
+        self.tally.share_below(self.quantile95_m? / self.sigma_m)
     }
-    let promised_m = tried.promise.rho0_m().ok_or(TrialError::NoPromise)?;
-    let truth = Truth {
-        uncertainties: uncertainties(tried),
-        ..tried.truth.clone()
-    };
-    let targets: Vec<String> = rows.iter().map(|row| target_of(row)).collect();
-    let new_robots = || ReadRobots::new(belief, &truth, targets.iter().map(String::as_str));
-    // What the model lacks is told once.
-    new_robots()?;
-    let squares: Vec<Result<f64, String>> = (0..robots)
-        .into_par_iter()
-        .map_init(new_robots, |drawn, run| {
-            if stop.load(Ordering::Relaxed) {
-                return Err(String::new());
-            }
-            let seen = match drawn {
-                Ok(drawn) => Trial {
-                    tried,
-                    truth: &truth,
-                    targets: &targets,
-                    run,
-                }
-                .square(drawn),
-                Err(error) => Err(error.to_string()),
-            };
-            progress();
-            seen
-        })
-        .collect();
-    if stop.load(Ordering::Relaxed) {
-        return Err(TrialError::Stopped);
-    }
-    let first_failure = squares.iter().find_map(|each| each.as_ref().err().cloned());
-    let seen: Vec<f64> = squares.into_iter().flatten().collect();
-    let count = seen.len() as f64;
-    if seen.is_empty() {
-        return Err(TrialError::AllFailed {
-            robots,
-            first: first_failure.unwrap_or_default(),
-        });
-    }
-    let mean = seen.iter().sum::<f64>() / count;
-    let variance =
-        seen.iter().map(|each| (each - mean).powi(2)).sum::<f64>() / (count - 1.0).max(1.0);
-    let seen_m = mean.sqrt();
-    let below = |quantile_m: f64| {
-        let is_below = |each: &&f64| each.sqrt() <= quantile_m;
-        seen.iter().filter(is_below).count() as f64 / count
-    };
-    Ok(AbsoluteTrials {
-        robots,
-        failed: robots - seen.len() as u64,
-        first_failure,
-        promised_m,
-        seen_m,
-        seen_std_m: (variance / count).sqrt() / (2.0 * seen_m),
-        below_quantile95: tried.promise.quantile95_m.map(below),
-    })
 }
 
 /// What the virtual robots differ in: what the scenario lists, and what is unknown and of which nothing is known.
-fn uncertainties(tried: &PlanOnTrial<'_>) -> Vec<Uncertainty> {
-    let unknown = tried.planning.set().parameters().iter();
+fn uncertainties(truth: &Truth, planning: &AbsolutePlanning<'_>) -> Vec<Uncertainty> {
+    let unknown = planning.set().parameters().iter();
     let drawn: Vec<(ParameterKind, f64)> = unknown
         .filter(|parameter| parameter.prior_deviation.is_none())
         .filter_map(|parameter| match parameter.kind {
@@ -238,7 +428,7 @@ fn uncertainties(tried: &PlanOnTrial<'_>) -> Vec<Uncertainty> {
             _ => None,
         })
         .collect();
-    let mut all = tried.truth.uncertainties.clone();
+    let mut all = truth.uncertainties.clone();
     if !drawn.is_empty() {
         all.push(Uncertainty {
             name: "unknown".to_owned(),
@@ -251,37 +441,60 @@ fn uncertainties(tried: &PlanOnTrial<'_>) -> Vec<Uncertainty> {
 
 /// One robot.
 struct Trial<'a> {
-    tried: &'a PlanOnTrial<'a>,
-    truth: &'a Truth,
-    /// What each row of the plan reads.
-    targets: &'a [String],
+    task: &'a Task,
+    groups: &'a [ParameterGroup],
+    seed: u64,
+    tried: &'a JudgedPlan<'a>,
     run: u64,
 }
 
+/// What is left of one robot.
+struct SeenPlaces {
+    /// The weighted mean square (m^2) over the test poses.
+    square_m2: f64,
+    /// The normalised square, over them.
+    nees: f64,
+    /// How many regions of 95 % there are, and in how many of them the tool is.
+    regions: [u32; 2],
+}
+
+/// Why nothing is, in words too.
+type Unseen = (Failure, String);
+
+fn unseen(failure: Failure) -> impl Fn(&dyn std::error::Error) -> Unseen {
+    move |error| (failure, error.to_string())
+}
+
 impl Trial<'_> {
-    /// The weighted mean square (m^2) of what is left at the test poses.
-    fn square(&self, robots: &mut ReadRobots) -> Result<f64, String> {
-        let PlanOnTrial {
-            task, groups, seed, ..
-        } = *self.tried;
-        let times = self.tried.plan.iter().map(|(_, times)| *times as usize);
+    /// Draws, reads, identifies, and looks.
+    fn see(&self, robots: &mut ReadRobots) -> Result<SeenPlaces, Unseen> {
+        let Self {
+            task, tried, seed, ..
+        } = *self;
+        let AbsoluteEntry { planning, plan, .. } = tried.entry;
+        let times = plan.iter().map(|(_, times)| *times as usize);
         let readings: usize = times.sum();
-        let compliance = truth_of_run(self.truth, seed, self.run)
+        let compliance = truth_of_run(&tried.truth, seed, self.run)
             .robot
             .compliance_rad_per_nm;
         (robots.become_run_of(&compliance, readings, [seed, self.run]))
-            .map_err(|error| error.to_string())?;
-        let stations = self.tried.planning.stations();
+            .map_err(|error| unseen(Failure::Measurement)(&error))?;
+        let stations = planning.stations();
         let mut random = generator(seed, frames_of_trial(self.run));
         let frames: Vec<Isometry3<f64>> = stations.iter().map(|_| anywhere(&mut random)).collect();
-        let read = self.read(robots, &frames, readings)?;
+        let read = (self.read(robots, &frames, readings))
+            .map_err(|error| unseen(Failure::Measurement)(&error))?;
         let belief = &task.belief;
-        let mut case = AbsoluteCase::new(belief, &read).map_err(|error| error.to_string())?;
+        let no_fit = unseen(Failure::Identification);
+        let mut case = AbsoluteCase::new(belief, &read).map_err(|error| no_fit(&error))?;
         let fit = case
-            .fit(groups, ReadingWeights::AsNeeded)
-            .map_err(|error| error.to_string())?;
-        let frame = self.tried.promise.station;
-        let lost = || "no reading that counts is there".to_owned();
+            .fit(self.groups, ReadingWeights::AsNeeded)
+            .map_err(|error| no_fit(&error))?;
+        let frame = tried.promise.station;
+        let lost = || {
+            let reason = "no reading that counts is there".to_owned();
+            (Failure::Dropped, reason)
+        };
         let station = case
             .stations
             .iter()
@@ -295,8 +508,13 @@ impl Trial<'_> {
         let nothing = ParameterSet::empty();
         let mut model = ObservationModel::new(&nothing, &arm, &[]);
         let mut ignored = Matrix6xX::zeros(0);
-        let mut square = 0.0;
-        for pose in &task.test_poses {
+        let mut seen = SeenPlaces {
+            square_m2: 0.0,
+            nees: 0.0,
+            regions: [0; 2],
+        };
+        let no_rest = unseen(Failure::TestPose);
+        for (pose, region) in task.test_poses.iter().zip(&tried.regions) {
             let setup = Setup {
                 commanded_rad: pose.configuration_rad.clone(),
                 load: pose.load,
@@ -306,16 +524,18 @@ impl Trial<'_> {
             };
             let said = model
                 .predict(Form::AtRest, &setup, ReadingKind::Position, &mut ignored)
-                .map_err(|error| error.to_string())?;
-            let is_at = robots
-                .at_test_pose(pose)
-                .map_err(|error| error.to_string())?;
+                .map_err(|error| no_rest(&error))?;
+            let is_at = robots.at_test_pose(pose).map_err(|error| no_rest(&error))?;
             let frame = &frames[frame];
             let off = (frame * nalgebra::Point3::from(is_at)).coords - said.position_m;
             let counted = pose.counted(&(frame.rotation.inverse() * off));
-            square += pose.weight * counted.norm_squared();
+            seen.square_m2 += pose.weight * counted.norm_squared();
+            let (nees, is_inside) = region.look(&counted);
+            seen.nees += nees;
+            seen.regions[0] += 1;
+            seen.regions[1] += u32::from(is_inside);
         }
-        Ok(square)
+        Ok(seen)
     }
 
     /// What the instrument says: of each row, the mean of all its readings that are there.
@@ -324,14 +544,11 @@ impl Trial<'_> {
         robots: &mut ReadRobots,
         frames: &[Isometry3<f64>],
         readings: usize,
-    ) -> Result<Vec<AbsoluteReading>, String> {
-        let PlanOnTrial {
-            task,
-            planning,
-            plan,
-            seed,
-            ..
-        } = *self.tried;
+    ) -> Result<Vec<AbsoluteReading>, EquilibriumError> {
+        let Self {
+            task, tried, seed, ..
+        } = *self;
+        let AbsoluteEntry { planning, plan, .. } = tried.entry;
         let sigma = &task.belief.instrument;
         // One of the two readings that make a deflection.
         let half = std::f64::consts::FRAC_1_SQRT_2;
@@ -341,7 +558,7 @@ impl Trial<'_> {
         let kept = robots.kept(readings);
         let mut next = 0;
         let mut read = Vec::new();
-        for (&(place, times), target) in plan.iter().zip(self.targets) {
+        for (&(place, times), target) in plan.iter().zip(&tried.targets) {
             let row = &planning.candidates[place];
             let experiment = Experiment {
                 configuration_rad: row.configuration_rad.clone(),
@@ -369,9 +586,7 @@ impl Trial<'_> {
                 if !kept[own] {
                     continue;
                 }
-                let (at_m, axes) = robots
-                    .read(&experiment, seen, [own, first])
-                    .map_err(|error| error.to_string())?;
+                let (at_m, axes) = robots.read(&experiment, seen, [own, first])?;
                 let three =
                     |from: usize| Vector3::from_fn(|axis, _| noise[6 * own + from + axis][0]);
                 sum_m += (frame * nalgebra::Point3::from(at_m)).coords

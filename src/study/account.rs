@@ -12,11 +12,13 @@
 
 use nalgebra::{Cholesky, DMatrix};
 
+use super::absolute::AbsoluteEntry;
 use super::deviations::{Deviations, by_repeats};
 use crate::compensation::{test_pose_rows, weighted_rows};
-use crate::parameter::{ParameterKind, ReadingSource, Source};
+use crate::parameter::{ParameterKind, ReadingSource, Source, Uncertainty};
+use crate::plan::absolute::AbsolutePromise;
 use crate::plan::{
-    EARLIER, Experiment, ExperimentModel, NOISE, Plan, alone_and_together, posterior,
+    EARLIER, Experiment, ExperimentModel, NOISE, Plan, PromiseShare, alone_and_together, posterior,
 };
 use crate::task::Task;
 use crate::testbed::Truth;
@@ -47,6 +49,57 @@ impl Account {
     pub fn expected_m(&self) -> f64 {
         let squares = self.parts.iter().map(|part| part.rms_m * part.rms_m);
         squares.sum::<f64>().sqrt()
+    }
+
+    /// The account of a plan of absolute readings; `None` where it promises nothing.
+    #[must_use]
+    pub fn of_absolute(
+        task: &Task,
+        truth: &Truth,
+        entry: &AbsoluteEntry<'_>,
+        promise: &AbsolutePromise,
+    ) -> Option<Self> {
+        let (planning, plan) = (&entry.planning, &entry.plan);
+        let believed = planning.shares(plan, promise).into_iter();
+        let hidden: Vec<&Uncertainty> = (truth.uncertainties.iter())
+            .filter(|each| each.is_hidden || task.belief.uncertain.is_none())
+            .collect();
+        let hidden = planning.left_by_hidden(task, (plan, promise), &hidden);
+        let part = |is_hidden| {
+            move |share: PromiseShare| AccountPart {
+                name: share.name,
+                is_hidden,
+                rms_m: share.rho0_m,
+            }
+        };
+        let mut parts: Vec<AccountPart> = believed
+            .map(part(false))
+            .chain(hidden.into_iter().map(part(true)))
+            .collect();
+        // How much a robot of another kind leaves is not computed.
+        let nominal = &task.belief.nominal;
+        let is_found = |joint: usize| {
+            let kind = ParameterKind::JointCompliance { joint };
+            planning.set().index_of(kind).is_some()
+        };
+        let softer = (truth.robot.compliance_rad_per_nm.iter())
+            .zip(&nominal.compliance_rad_per_nm)
+            .enumerate()
+            .any(|(joint, (own, believed))| (own - believed).abs() > 0.0 && !is_found(joint));
+        let is_another = softer
+            || !truth.robot.torque_laws.is_empty()
+            || truth.robot.model.path() != nominal.model.path();
+        if is_another {
+            parts.push(AccountPart {
+                name: "true robot".to_owned(),
+                is_hidden: true,
+                rms_m: 0.0,
+            });
+        }
+        Some(Self {
+            promised_m: promise.rho0_m()?,
+            parts,
+        })
     }
 
     /// The account of a plan; `None` where it does not determine what the test poses need.

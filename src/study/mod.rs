@@ -9,6 +9,7 @@
 //! - [`ranks`]: where the true values lie in what is known of them.
 //! - [`runner`]: blocks of runs on all threads.
 //! - [`summary`]: means, intervals, quantiles and checks from a tally.
+//! - [`verdict`]: whether a promise is kept.
 //! - [`switched_off`]: what each uncertainty leaves, seen: the same runs without it.
 //! - [`selection`]: readings chosen in several ways, the robot calibrated with each, and judged on all others.
 //! - [`absolute`]: robots that are read as a plan of absolute readings says, identified and looked at.
@@ -31,6 +32,7 @@ pub mod tally;
 pub(crate) mod tally_check;
 mod torque_laws;
 pub mod true_compliances;
+pub mod verdict;
 
 use thiserror::Error;
 

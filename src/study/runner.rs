@@ -16,6 +16,25 @@ use crate::plan::search::{Problem, RandomPlans};
 use crate::plan::{Criterion, Experiment, Plan};
 use crate::testbed::numbers;
 
+/// What makes the runs of a study in blocks, all plans of each.
+pub trait RunsInBlocks {
+    /// The number of runs of a block.
+    fn block_runs(&self) -> u64;
+
+    /// Makes the runs of every `step`-th block of a range and tallies each plan; after every block,
+    /// `progress` is told how many runs it had.
+    ///
+    /// # Errors
+    /// The virtual robot's model lacks something, or it was asked to stop.
+    fn run(
+        &self,
+        trials: u64,
+        blocks: Range<u64>,
+        step: u64,
+        progress: &(dyn Fn(u64) + Sync),
+    ) -> Result<Vec<Tally>, StudyError>;
+}
+
 /// A study made ready to run.
 #[derive(Debug)]
 pub struct Runner<'a> {
@@ -328,6 +347,22 @@ impl<'a> Runner<'a> {
     }
 }
 
+impl RunsInBlocks for Runner<'_> {
+    fn block_runs(&self) -> u64 {
+        Runner::block_runs(self)
+    }
+
+    fn run(
+        &self,
+        trials: u64,
+        blocks: Range<u64>,
+        step: u64,
+        progress: &(dyn Fn(u64) + Sync),
+    ) -> Result<Vec<Tally>, StudyError> {
+        Runner::run(self, trials, blocks, step, progress)
+    }
+}
+
 /// Puts another batch's outcome of a run in the place of its own.
 fn take_lane(batch: &mut Batch, other: &Batch, lane: usize) {
     batch.square[lane] = other.square[lane];
@@ -431,7 +466,7 @@ pub fn references(entries: &[Entry]) -> Vec<Option<usize>> {
     clippy::needless_pass_by_value,
     reason = "rayon's shape"
 )]
-fn merge(mut one: Vec<Tally>, other: Vec<Tally>) -> Result<Vec<Tally>, StudyError> {
+pub(super) fn merge(mut one: Vec<Tally>, other: Vec<Tally>) -> Result<Vec<Tally>, StudyError> {
     for (one, other) in one.iter_mut().zip(&other) {
         one.merge(other);
     }

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::experiment::Candidate;
 use crate::plan::{Criterion, Plan};
 use crate::task::Task;
 
@@ -32,8 +33,8 @@ pub enum Level {
 pub struct StudySettings {
     /// The number of runs.
     pub trials: u64,
-    /// What the runs are made of.
-    pub level: Level,
+    /// What the runs are made of, where the scenario says.
+    pub level: Option<Level>,
     /// The conditions that every plan is studied under.
     pub conditions: Vec<Conditions>,
     /// The plans.
@@ -88,7 +89,12 @@ pub struct StudyPlan {
 #[derive(Debug, Clone, PartialEq)]
 pub enum StudySource {
     /// A plan file, repeated as a whole.
-    File(Plan),
+    File {
+        /// What is measured.
+        plan: Plan,
+        /// The same with what is read from where, of absolute readings; nothing of deflections.
+        readings: Vec<Candidate>,
+    },
     /// The best plan of m measurements, repeated as a whole.
     Optimal {
         /// What makes it good.
@@ -111,7 +117,7 @@ impl StudySource {
     #[must_use]
     pub fn fits(&self, experiments: u32) -> bool {
         let once = match self {
-            Self::File(plan) => plan.measurements(),
+            Self::File { plan, .. } => plan.measurements(),
             Self::Optimal { experiments, .. } => experiments.unwrap_or(1),
             Self::Random | Self::RandomEach => 1,
         };

@@ -295,6 +295,19 @@ impl Tally {
         (edges, coarse[first..=last].to_vec())
     }
 
+    /// The share of the runs whose distance (in sigma) does not exceed this, from the histogram as [`Self::quantile`]; `None`
+    /// without runs.
+    #[must_use]
+    pub fn share_below(&self, distance: f64) -> Option<f64> {
+        let total: u64 = self.bins.iter().sum();
+        let own = bin_of(distance);
+        let below: u64 = self.bins[..own].iter().sum();
+        let (low, high) = (lower_edge(own), lower_edge(own + 1));
+        let within = ((distance - low) / (high - low)).clamp(0.0, 1.0);
+        let counted = count_to_f64(below) + within * count_to_f64(self.bins[own]);
+        (total > 0).then(|| counted / count_to_f64(total))
+    }
+
     /// The distance (in sigma) that a share of the runs does not exceed, from the histogram: within
     /// its bin, 1/64 octave, the runs are taken as spread evenly.
     #[must_use]
@@ -405,5 +418,10 @@ mod tests {
         let (edges, counts) = tally.histogram();
         assert_eq!((&*counts, edges[0]), (&[3][..], 2.0));
         assert!((edges[1] - 2.0 * (1.0 + 1.0 / 8.0)).abs() < 1e-12);
+        // All three are in the bin from 2 to 2 + 1/32.
+        let below = |distance| tally.share_below(distance).expect("there are runs");
+        assert!(below(1.9) < 1e-12 && below(2.0) < 1e-12 && (below(3.0) - 1.0).abs() < 1e-12);
+        assert!((below(2.0 + 1.0 / 64.0) - 0.5).abs() < 1e-12);
+        assert_eq!(Tally::default().share_below(1.0), None);
     }
 }

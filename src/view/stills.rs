@@ -13,11 +13,13 @@ use self::painter::{Camera, Painter};
 use super::markup::escaped;
 use super::mesh::Mesh;
 use super::recording::{LAST_SHOWN_GROUP, is_moved};
+use crate::experiment::Candidate;
 use crate::mujoco::{Geometry, Shape, State};
 use crate::plan::{Experiment, Plan};
 use crate::record::messages::ProvenanceMessage;
-use crate::robot::{Commands, SerialChain};
+use crate::robot::{Commands, Load, SerialChain, Tool};
 use crate::scenario::Scenario;
+use crate::task::station_named;
 use crate::text::wording::counted;
 
 /// The width of a still and the space between stills (px).
@@ -36,6 +38,9 @@ const ARROW_M: f64 = 0.55;
 const GRID_M: f64 = 0.5;
 /// Fixed things whose middle is nearer to axis 1 than this are always in the picture (m).
 const NEAR_M: f64 = 1.0;
+/// A station that is further away from what is read is not in the picture, but so much of the line of sight (m).
+const FAR_M: f64 = 5.0;
+const LEAVES_M: f64 = 1.5;
 
 /// What a still shows.
 struct Scene {
@@ -45,29 +50,63 @@ struct Scene {
     is_robot: Vec<bool>,
     tool: Point3<f64>,
     arrow_end: Point3<f64>,
+    /// What is read.
+    read: Point3<f64>,
+    /// Where the instrument stands.
     tracker: Option<Point3<f64>>,
+    /// Whether the plan says so: the model has nothing there.
+    is_planned: bool,
 }
 
 /// The sheet as an SVG document.
 #[must_use]
 pub fn sheet(scenario: &Scenario, plan: &Plan) -> String {
-    let scenes = scenes(scenario, plan);
+    sheet_of(scenario, plan, &[])
+}
+
+/// The sheet of a plan of absolute readings, each so often: with what is read, and from where.
+#[must_use]
+pub fn sheet_of_readings(scenario: &Scenario, readings: &[(&Candidate, u32)]) -> String {
+    let experiments = readings.iter().map(|(row, repeats)| Experiment {
+        configuration_rad: row.configuration_rad.clone(),
+        load: row.load.unwrap_or(Load::NONE),
+        repeats: *repeats,
+        approach: row.approach.clone(),
+    });
+    let plan = Plan {
+        experiments: experiments.collect(),
+    };
+    let rows: Vec<&Candidate> = readings.iter().map(|(row, _)| *row).collect();
+    sheet_of(scenario, &plan, &rows)
+}
+
+/// The sheet of a plan; of absolute readings, `rows` say what is read in each experiment, and from where.
+fn sheet_of(scenario: &Scenario, plan: &Plan, rows: &[&Candidate]) -> String {
+    let scenes = scenes(scenario, plan, rows);
     let camera = camera(&scenes);
     let [still_width, still_height] = camera.size_px;
     let columns = plan.experiments.len().clamp(1, COLUMNS);
-    let rows = plan.experiments.len().div_ceil(columns);
+    let lines = plan.experiments.len().div_ceil(columns);
     let place =
         |count: usize, size: f64| f64::from(u32::try_from(count).unwrap_or(u32::MAX)) * size;
     // The heading needs the room of two stills.
     let width = GAP_PX + place(columns, still_width + GAP_PX).max(2.0 * (STILL_PX + GAP_PX));
-    let height = HEADING_PX + place(rows, CAPTION_PX + still_height + GAP_PX);
+    let height = HEADING_PX + place(lines, CAPTION_PX + still_height + GAP_PX);
     let mut svg = String::new();
     let _ = write!(
         svg,
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width:.0} {height:.0}\" \
          width=\"{width:.0}\" height=\"{height:.0}\" font-family=\"Helvetica, Arial, sans-serif\">\n\
          <rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>\n{}",
-        heading(scenario, plan)
+        heading(
+            scenario,
+            plan,
+            if rows.is_empty() {
+                "measurement"
+            } else {
+                "absolute reading"
+            }
+        )
     );
     let _ = writeln!(svg, "{}", shared(&camera));
     for (index, (experiment, scene)) in plan.experiments.iter().zip(&scenes).enumerate() {
@@ -78,7 +117,9 @@ pub fn sheet(scenario: &Scenario, plan: &Plan) -> String {
             "<g class=\"still\" transform=\"translate({x:.1} {y:.1})\">"
         );
         let commands = scenario.task.belief.commands();
-        caption(&mut svg, &commands, index + 1, experiment, still_width);
+        let of_reading = rows.get(index).map(|row| read_words(scenario, row));
+        let shown = (experiment, of_reading.as_deref());
+        caption(&mut svg, &commands, index + 1, shown, still_width);
         picture(&mut svg, &camera, scene);
         svg.push_str("</g>\n");
     }
@@ -89,7 +130,7 @@ pub fn sheet(scenario: &Scenario, plan: &Plan) -> String {
 /// Single pictures of what a sheet shows, for one page: for each experiment without and with its load.
 #[must_use]
 pub fn pictures(scenario: &Scenario, plan: &Plan) -> Vec<[String; 2]> {
-    let scenes = scenes(scenario, plan);
+    let scenes = scenes(scenario, plan, &[]);
     let camera = camera(&scenes);
     let [width, height] = camera.size_px;
     let drawn = |index: usize, scene: &Scene, words: &str| {
@@ -126,8 +167,11 @@ fn shared(camera: &Camera) -> String {
 }
 
 /// The robot in every configuration.
-fn scenes(scenario: &Scenario, plan: &Plan) -> Vec<Scene> {
+fn scenes(scenario: &Scenario, plan: &Plan, rows: &[&Candidate]) -> Vec<Scene> {
     let robot = &scenario.task.belief.nominal;
+    let targets: Vec<Option<Tool>> = (rows.iter())
+        .map(|row| SerialChain::tool(&robot.model, row.target.as_ref()?).ok())
+        .collect();
     let shown: Vec<(Geometry, Mesh)> = (robot.model.scenery().into_iter())
         .filter(|each| each.group <= LAST_SHOWN_GROUP && each.shape != Shape::Plane)
         .map(|each| {
@@ -142,11 +186,14 @@ fn scenes(scenario: &Scenario, plan: &Plan) -> Vec<Scene> {
         .map(|each| each.load.force_n.norm())
         .fold(f64::MIN_POSITIVE, f64::max);
     let mut state = State::new(&robot.model);
-    plan.experiments
-        .iter()
-        .map(|experiment| {
+    (plan.experiments.iter().enumerate())
+        .map(|(index, experiment)| {
             let q = experiment.configuration_rad.as_slice();
-            let tool = tool_at(&robot.chain, scenario, q);
+            let calibration = &scenario.task.belief.calibration_tool;
+            let tool = place_of(&robot.chain, calibration, q);
+            let target = targets.get(index).and_then(Option::as_ref);
+            let station = (rows.get(index))
+                .and_then(|row| station_named(&scenario.task.stations, row.station.as_deref()));
             state.move_to(q);
             let posed = |(each, mesh): &(Geometry, Mesh)| {
                 let mesh = mesh.clone().transformed(&state.geometry_pose(each.id));
@@ -164,20 +211,31 @@ fn scenes(scenario: &Scenario, plan: &Plan) -> Vec<Scene> {
                 surfaces,
                 arrow_end: tool + experiment.load.force_n * (ARROW_M / largest_n),
                 tool,
-                tracker: (scenario.task.belief.instrument.tracker_site)
-                    .map(|site| Point3::from(state.site(site).0)),
+                read: target.map_or(tool, |target| place_of(&robot.chain, target, q)),
+                // Where no station has a place of its own, the model's tracker is where all are.
+                tracker: match station {
+                    Some(station) => Some(Point3::from(station.position_m)),
+                    None => (scenario.task.belief.instrument.tracker_site)
+                        .map(|site| Point3::from(state.site(site).0)),
+                },
+                is_planned: station.is_some(),
             }
         })
         .collect()
 }
 
-fn tool_at(chain: &SerialChain, scenario: &Scenario, q: &[f64]) -> Point3<f64> {
-    Point3::from(
-        chain
-            .at(&scenario.task.belief.calibration_tool)
-            .state(q)
-            .tool_position,
-    )
+fn place_of(chain: &SerialChain, tool: &Tool, q: &[f64]) -> Point3<f64> {
+    Point3::from(chain.at(tool).state(q).tool_position)
+}
+
+/// What a reading is of, and from where.
+fn read_words(scenario: &Scenario, row: &Candidate) -> String {
+    let own = &scenario.task.belief.calibration_tool.name;
+    let target = row.target.as_ref().unwrap_or(own);
+    match &row.station {
+        Some(station) => format!("reads {target} from {station}"),
+        None => format!("reads {target}"),
+    }
 }
 
 /// A camera that sees all stills alike, from the side that shows the arms at their widest.
@@ -208,7 +266,14 @@ fn camera(scenes: &[Scene]) -> Camera {
         }
         // A place for the arrow and the tripod.
         points.push(scene.arrow_end);
+        points.push(scene.read);
         if let Some(tracker) = scene.tracker {
+            let away = tracker - scene.read;
+            if scene.is_planned && away.norm() > FAR_M {
+                // The line leaves the picture: the robot would be lost in it.
+                points.push(scene.read + away * (LEAVES_M / away.norm()));
+                continue;
+            }
             for (x, y) in [(-0.5, -0.5), (-0.5, 0.5), (0.5, -0.5), (0.5, 0.5)] {
                 points.push(tracker + Vector3::new(x, y, 0.2));
                 points.push(Point3::new(tracker.x + x, tracker.y + y, 0.0));
@@ -223,7 +288,7 @@ fn camera(scenes: &[Scene]) -> Camera {
 }
 
 /// What the sheet is about.
-fn heading(scenario: &Scenario, plan: &Plan) -> String {
+fn heading(scenario: &Scenario, plan: &Plan, what: &str) -> String {
     let ProvenanceMessage {
         version,
         commit,
@@ -234,7 +299,7 @@ fn heading(scenario: &Scenario, plan: &Plan) -> String {
     let name = escaped(&scenario.name);
     let title = format!(
         "{name}: {} in {}",
-        counted(plan.measurements().into(), "measurement"),
+        counted(plan.measurements().into(), what),
         counted(plan.experiments.len() as u64, "configuration")
     );
     format!(
@@ -252,7 +317,7 @@ fn caption(
     svg: &mut String,
     commands: &Commands,
     number: usize,
-    experiment: &Experiment,
+    (experiment, read): (&Experiment, Option<&str>),
     width: f64,
 ) {
     let q = commands.shown(experiment.configuration_rad.as_slice());
@@ -262,9 +327,15 @@ fn caption(
         values.join(", ")
     };
     let load = &experiment.load;
-    let mut loads = format!("F = {} N", vector(&load.force_n));
+    let mut loads = match read {
+        Some(_) if *load == Load::NONE => "no load".to_owned(),
+        _ => format!("F = {} N", vector(&load.force_n)),
+    };
     if load.torque_nm != Vector3::zeros() {
         let _ = write!(loads, ", T = {} N m", vector(&load.torque_nm));
+    }
+    if let Some(read) = read {
+        let _ = write!(loads, "; {}", escaped(read));
     }
     let _ = write!(
         svg,
@@ -331,7 +402,7 @@ fn picture(svg: &mut String, camera: &Camera, scene: &Scene) {
          stroke-linejoin=\"round\">{}</g>",
         painter.paint()
     );
-    let [x, y, _] = camera.see(&scene.tool);
+    let [x, y, _] = camera.see(&scene.read);
     if let Some(tracker) = &scene.tracker {
         let [from_x, from_y, _] = camera.see(tracker);
         let _ = write!(
@@ -339,6 +410,12 @@ fn picture(svg: &mut String, camera: &Camera, scene: &Scene) {
             "<path stroke=\"#0a7d4f\" stroke-width=\"1.2\" stroke-dasharray=\"5 3\" \
              d=\"M{from_x:.1},{from_y:.1}L{x:.1},{y:.1}\"/>"
         );
+        if scene.is_planned {
+            let _ = write!(
+                svg,
+                "<circle class=\"station\" cx=\"{from_x:.1}\" cy=\"{from_y:.1}\" r=\"5\" fill=\"#0a7d4f\"/>"
+            );
+        }
     }
     arrow(svg, camera, scene);
     let _ = write!(

@@ -4,6 +4,7 @@
 //! - [`design`]: a plan with its bound.
 //! - [`run`]: the designed plan beside others, through the whole loop.
 //! - [`study`]: the plans of a study, and what its runs come to.
+//! - [`absolute_study`]: the plans of a study of absolute readings.
 //! - [`identify`]: compliances from measurements, with residuals and likely mistakes.
 //! - [`calibrated`]: the robot as an identification left it.
 //! - [`export`]: the calibrated robot as a model's file.
@@ -11,6 +12,7 @@
 //! - [`stored_robot`]: that robot, from its file.
 //! - [`validate_absolute`]: other readings beside it.
 
+pub mod absolute_study;
 pub mod calibrated;
 pub mod design;
 pub mod export;

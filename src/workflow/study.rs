@@ -14,7 +14,7 @@ use crate::scenario::Scenario;
 use crate::study::summary::Summary;
 use crate::study::tally::Tally;
 use crate::study::{Conditions, Entry, EntryKind, Setting, StudyPlan, StudySource, repeated};
-use crate::task::Task;
+use crate::task::{AccuracyKind, Task};
 
 /// Why a plan of a study is none.
 #[derive(Debug, Error)]
@@ -88,7 +88,7 @@ fn entry_kind(
         repeated(plan, wanted).ok_or(EntryError::Repetitions { found, wanted })
     };
     Ok(match &plan.source {
-        StudySource::File(plan) => {
+        StudySource::File { plan, .. } => {
             let mut plan = whole(plan)?;
             for experiment in &mut plan.experiments {
                 experiment.load = experiment.load.scaled(conditions.load_scale);
@@ -120,7 +120,9 @@ fn entry_kind(
 /// What is wrong with the loads of a study's plan files.
 pub fn foreign_loads(scenario: &Scenario) -> impl Iterator<Item = String> {
     let wrong = |plan: &StudyPlan| match &plan.source {
-        StudySource::File(file) => scenario.task.loads.outside_plan(file, Some(&plan.name)),
+        StudySource::File { plan: file, .. } => {
+            scenario.task.loads.outside_plan(file, Some(&plan.name))
+        }
         _ => None,
     };
     scenario.study.plans.iter().filter_map(wrong)
@@ -154,6 +156,10 @@ pub fn plan_messages(header: &Header, tallies: &[Tally]) -> Result<Vec<StudyPlan
             (account.as_ref(), quantile95_m),
         );
         message.rank(&header.unknown_names(), &tally.ranks);
+        if header.absolute.is_some() {
+            // What is left at several test poses is one robot's: its squares are not independent.
+            message.nees_z = None;
+        }
         Ok(message)
     };
     header.plans.iter().zip(tallies).map(message).collect()
@@ -181,6 +187,14 @@ pub fn study_json(header: &Header, plans: &[StudyPlanMessage], timing: Option<Ti
         "plans": plans,
     });
     let mut json = results("study", &header.provenance, json);
+    if let Some(absolute) = &header.absolute {
+        let accuracy = AccuracyKind::Absolute.name();
+        let (test_poses, groups) = (absolute.test_poses, &absolute.groups);
+        merge(
+            &mut json,
+            json!({ "accuracy": accuracy, "test_poses": test_poses, "groups": groups }),
+        );
+    }
     if let Some(timing) = timing {
         let runs_per_s = timing.runs as f64 / timing.elapsed_s;
         let timing = json!({ "elapsed_s": timing.elapsed_s, "runs_per_s": runs_per_s });

@@ -20,6 +20,7 @@
 //! - `command_line`: the commands, seen from outside the process.
 //! - `calibrated_robots`: a robot from absolute readings as a model, and compensated with.
 //! - `init`: a first scenario for models of all kinds, and URDF.
+//! - `absolute_studies`: studies of absolute plans, and their pages.
 //! - `absolute_targets`: compensated angles for absolute poses.
 //! - `exported_models`: the calibrated robot as MJCF and URDF, read again.
 //! - `foreign_tables`: tables of other programs become measurement files.
@@ -101,6 +102,7 @@
 mod absolute_plans;
 mod absolute_promises;
 mod absolute_readings;
+mod absolute_studies;
 mod absolute_targets;
 mod absolute_trials;
 mod backlash;

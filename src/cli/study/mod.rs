@@ -1,5 +1,6 @@
 //! `study`: how good are the scenario's plans over many runs?
 
+mod absolute;
 pub mod results;
 
 use std::path::{Path, PathBuf};
@@ -12,10 +13,10 @@ use elastocal::record::json::merge;
 use elastocal::record::messages::SchemaMessage;
 use elastocal::record::tally_file::{Header, TallyFile};
 use elastocal::scenario::Scenario;
-use elastocal::study::runner::Runner;
+use elastocal::study::runner::{Runner, RunsInBlocks};
 use elastocal::study::switched_off::{Runs, SeenShare};
 use elastocal::study::{Entry, Level, Setting, StudyError};
-use elastocal::task::Task;
+use elastocal::task::{AccuracyKind, Task};
 use elastocal::text::diagnostics::say;
 use elastocal::text::wording::counted;
 use elastocal::workflow::design::Wanted;
@@ -23,6 +24,7 @@ use elastocal::workflow::study::{self, EntryError, Timing, foreign_loads};
 use indicatif::ProgressStyle;
 use serde_json::json;
 
+use self::absolute::AbsoluteStudyArgs;
 use self::results::{Results, describe, describe_level, write};
 use super::interruption::{Interrupted, STOP, ask_work, keeps, proceed};
 use super::plan::design;
@@ -58,6 +60,8 @@ pub struct StudyCommand {
     /// Show the study in a rerun viewer while it runs: start one, connect to one, or write a file.
     #[arg(long, value_name = TARGETS)]
     rerun: Option<ViewerTarget>,
+    #[command(flatten)]
+    absolute: AbsoluteStudyArgs,
 }
 
 fn parse_shard(text: &str) -> Result<(u64, u64), String> {
@@ -80,7 +84,13 @@ const ROUND_S: f64 = 0.5;
 impl StudyCommand {
     pub fn execute(&self) -> anyhow::Result<Report> {
         let common = &self.common;
-        let scenario = common.load_relative()?;
+        let scenario = common.load()?;
+        let is_absolute = scenario.task.design.accuracy == AccuracyKind::Absolute;
+        if is_absolute {
+            self.refuse_where_absolute(&scenario)?;
+        } else {
+            self.absolute.refuse(&scenario)?;
+        }
         let folder = common.folder(&scenario);
         let file = self.rerun.as_ref().and_then(ViewerTarget::file);
         let outputs = [
@@ -92,8 +102,11 @@ impl StudyCommand {
         if self.shard.is_none() {
             roles.writes_to(&folder, &results::FILES);
             roles.writes_to(&folder, views::STUDY_PAGE);
-            roles.writes_to(&folder, views::STUDY_FILES);
+            if !is_absolute {
+                roles.writes_to(&folder, views::STUDY_FILES);
+            }
         }
+        self.absolute.role(&mut roles);
         check_outputs(&mut roles, &outputs)?;
         if self.shard.is_none() {
             make_folder(&folder)?;
@@ -106,8 +119,11 @@ impl StudyCommand {
         }
         self.promise(None);
         let trials = self.trials.unwrap_or(scenario.study.trials);
-        let level = self.level.unwrap_or(scenario.study.level);
         let (shard, shards) = self.shard.unwrap_or((1, 1));
+        if is_absolute {
+            return self.absolute_readings(&scenario, &folder, [trials, shard, shards]);
+        }
+        let level = (self.level.or(scenario.study.level)).unwrap_or_default();
 
         let settings = scenario.settings();
         let entries = entries(common, &scenario, &settings)?;
@@ -132,14 +148,9 @@ impl StudyCommand {
         let start = Instant::now();
         let done_before: u64 = runs_of(&part);
         let mut written = Written::default();
-        if let Err(error) = self.run(&runner, &mut part, observer.as_mut(), &mut written) {
-            let is_stopped = matches!(error.downcast_ref(), Some(StudyError::Stopped));
-            return Err(if is_stopped {
-                self.interrupted(&part)
-            } else {
-                error
-            });
-        }
+        let seen = observer.as_mut().map(|observer| (observer, &runner));
+        self.run(&runner, &mut part, seen, &mut written)
+            .map_err(|error| self.unless_stopped(error, &part))?;
         let elapsed_s = start.elapsed().as_secs_f64();
         if let Some(path) = &self.tally_out {
             written.note(path, part.write(path));
@@ -161,8 +172,16 @@ impl StudyCommand {
         if let Some(observer) = observer {
             observer.finish(own_folder, target, &mut written);
         }
-        let mut report = results.report(&folder);
-        if self.shard.is_some() {
+        let mut report = self.reported(&results, &folder);
+        report.conditions.extend(foreign_loads(&scenario));
+        report.conditions.extend(written.conditions());
+        Ok(report)
+    }
+
+    /// What is printed of the results, or of a shard's part of them.
+    fn reported(&self, results: &Results, folder: &Path) -> Report {
+        let mut report = results.report(folder);
+        if let Some((shard, shards)) = self.shard {
             report.text = format!(
                 "shard {shard} of {shards}:\n{}",
                 describe(&results.messages)
@@ -172,20 +191,27 @@ impl StudyCommand {
                 json!({ "schema": SchemaMessage::new("shard"), "shard": shard, "shards": shards }),
             );
         }
-        report.conditions.extend(foreign_loads(&scenario));
-        report.conditions.extend(written.conditions());
-        Ok(report)
+        report
+    }
+
+    /// What ended the runs: what is done is kept where it was the user.
+    fn unless_stopped(&self, error: anyhow::Error, part: &TallyFile) -> anyhow::Error {
+        match error.downcast_ref() {
+            Some(StudyError::Stopped) => self.interrupted(part),
+            _ => error,
+        }
     }
 
     /// Makes what is left of the shard's blocks, and saves and shows it from time to
     /// time.
     fn run(
         &self,
-        runner: &Runner<'_>,
+        runner: &impl RunsInBlocks,
         part: &mut TallyFile,
-        mut observer: Option<&mut StudyObserver>,
+        observed: Option<(&mut StudyObserver, &Runner<'_>)>,
         written: &mut Written,
     ) -> anyhow::Result<()> {
+        let (mut observer, seen) = observed.unzip();
         let (trials, step) = (part.header.trials, part.header.shards);
         let all = part.header.blocks_of(part.shard);
         let bar = bar(self.common.quiet, "runs");
@@ -194,9 +220,9 @@ impl StudyCommand {
         bar.set_length((all * runner.block_runs()).min(trials));
         bar.set_position(part.blocks_done * runner.block_runs());
         bar.reset_eta();
-        if let Some(observer) = &mut observer {
+        if let (Some(observer), Some(seen)) = (&mut observer, seen) {
             bar.suspend(|| match part.blocks_done {
-                0 => observer.first_runs(runner, part.shard - 1),
+                0 => observer.first_runs(seen, part.shard - 1),
                 _ => observer.observe(&part.tallies),
             })?;
         }

@@ -8,11 +8,13 @@ use elastocal::record::tally_file::Header;
 use elastocal::study::Level;
 use elastocal::study::switched_off::SeenShare;
 use elastocal::study::tally::Tally;
+use elastocal::task::AccuracyKind;
 use elastocal::text::wording::inverse_interval;
 use elastocal::workflow::study::{Timing, plan_messages, study_json};
 use serde_json::Value;
 
 use crate::cli::Report;
+use crate::cli::absolute_plan::ABSOLUTE;
 use crate::cli::table::{number, table};
 use crate::cli::views::{STUDY_PAGE, StudyShown, study_page};
 use crate::cli::written::Written;
@@ -57,13 +59,21 @@ impl Results {
             text: format!(
                 "{}\n{}{}{} runs of each plan, {}{took}. Results are in {}\n",
                 describe(&self.messages),
-                promises(&self.messages),
+                promises(&self.messages, self.accuracy()),
                 sentence(&self.messages, &self.header),
                 self.header.trials,
                 describe_level(self.header.level),
                 folder.display()
             ),
             conditions: self.conditions(),
+        }
+    }
+
+    /// What is accurate here.
+    fn accuracy(&self) -> AccuracyKind {
+        match self.header.absolute {
+            Some(_) => AccuracyKind::Absolute,
+            None => AccuracyKind::Relative,
         }
     }
 
@@ -198,8 +208,11 @@ fn tolerance(message: &StudyPlanMessage) -> String {
 }
 
 /// What each plan promised, what its errors are made of, and whether the promise holds.
-fn promises(messages: &[StudyPlanMessage]) -> String {
-    let mut text = String::new();
+fn promises(messages: &[StudyPlanMessage], accuracy: AccuracyKind) -> String {
+    let mut text = match accuracy {
+        AccuracyKind::Absolute => format!("{ABSOLUTE}\n"),
+        AccuracyKind::Relative => String::new(),
+    };
     let micro = |value: f64| format!("{:.3}", value * 1e3);
     let promised = messages
         .iter()
@@ -213,8 +226,14 @@ fn promises(messages: &[StudyPlanMessage]) -> String {
         );
         if let Some(share) = message.coverage95 {
             let percent = share * 100.0;
-            text +=
-                &format!("  95 % intervals of compliances hold the true ones in {percent:.1} %\n");
+            text += &match accuracy {
+                AccuracyKind::Relative => format!(
+                    "  95 % intervals of compliances hold the true ones in {percent:.1} %\n"
+                ),
+                AccuracyKind::Absolute => format!(
+                    "  at the test poses, the tool is within the promised region of 95 % in {percent:.1} %\n"
+                ),
+            };
         }
         if let (Some(worst), Some(chance)) =
             (message.worst_rank(), message.rank_deviation_by_chance)

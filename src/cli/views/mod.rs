@@ -11,7 +11,11 @@ mod with;
 mod without;
 
 use elastocal::calibration::Calibration;
+use elastocal::experiment::Candidate;
+use elastocal::record::absolute_plan::AbsolutePlanMessage;
+use elastocal::record::absolute_trials::AbsoluteTrialsMessage;
 use elastocal::record::evidence::EvidenceMessage;
+use elastocal::record::messages::ProvenanceMessage;
 use elastocal::record::study::StudyPlanMessage;
 use elastocal::record::tally_file::Header;
 use elastocal::scenario::Scenario;
@@ -49,5 +53,20 @@ pub struct StudyShown<'a> {
     pub header: &'a Header,
     pub level: &'a str,
     pub plans: &'a [StudyPlanMessage],
+    pub conditions: &'a [String],
+}
+
+/// What is shown of a plan of absolute readings.
+#[derive(Debug, Clone, Copy)]
+#[cfg_attr(not(feature = "view"), expect(dead_code, reason = "nothing is shown"))]
+pub struct AbsoluteShown<'a> {
+    pub scenario: &'a Scenario,
+    pub plan: &'a AbsolutePlanMessage,
+    /// What is read, and how often.
+    pub readings: &'a [(&'a Candidate, u32)],
+    /// What virtual robots made of it, and the same as a study has it.
+    pub trials: Option<(&'a AbsoluteTrialsMessage, &'a StudyPlanMessage)>,
+    pub provenance: &'a ProvenanceMessage,
+    /// The named conditions that did not hold.
     pub conditions: &'a [String],
 }

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use elastocal::calibration::Calibration;
+use elastocal::experiment::Candidate;
 use elastocal::files::FileError;
 use elastocal::files::output::write_whole;
 use elastocal::laboratory::Campaign;
@@ -19,13 +20,15 @@ use elastocal::view::mcap_file::write_mcap;
 use elastocal::view::misfit_plots::{ladder_plot, patterns_plot};
 use elastocal::view::plots::budget_plot;
 use elastocal::view::recording::Recording;
-use elastocal::view::report::{RunRecord, StudyPageRecord, run_page};
+use elastocal::view::report::{
+    AbsolutePageRecord, RunRecord, StudyPageRecord, absolute_page, run_page,
+};
 use elastocal::view::rerun_file::{messages, write_rerun};
 use elastocal::view::run_sheet::run_sheet;
 use elastocal::view::selection_plot::selection_plot;
 use elastocal::view::stills;
 
-use super::{RunShown, StudyShown};
+use super::{AbsoluteShown, RunShown, StudyShown};
 use crate::cli::written::{Written, warn};
 
 pub use super::study::StudyObserver;
@@ -135,6 +138,36 @@ pub fn write_stills(path: &Path, scenario: &Scenario, plan: &Plan) -> Result<(),
     write_whole(path, stills::sheet(scenario, plan).as_bytes())
 }
 
+/// The same of a plan of absolute readings, each so often: with what is read, and from where.
+pub fn write_stills_of_readings(
+    path: &Path,
+    scenario: &Scenario,
+    readings: &[(&Candidate, u32)],
+) -> Result<(), FileError> {
+    write_whole(
+        path,
+        stills::sheet_of_readings(scenario, readings).as_bytes(),
+    )
+}
+
+/// Writes the page of a plan of absolute readings.
+pub fn write_absolute_page(
+    path: &Path,
+    shown: &AbsoluteShown<'_>,
+) -> anyhow::Result<Result<(), FileError>> {
+    let stills = stills::sheet_of_readings(shown.scenario, shown.readings);
+    let page = absolute_page(&AbsolutePageRecord {
+        scenario: shown.scenario,
+        plan: shown.plan,
+        trials: shown.trials,
+        provenance: shown.provenance,
+        stills: &stills,
+        conditions: shown.conditions,
+        command: &command_line(),
+    })?;
+    Ok(write_whole(path, page.as_bytes()))
+}
+
 /// The sheet of a campaign.
 pub const RUN_SHEET: Option<&str> = Some("run_sheet.html");
 
@@ -199,6 +232,7 @@ pub fn study_page(study: &StudyShown<'_>) -> anyhow::Result<Option<String>> {
         trials: study.header.trials,
         experiments: first.experiments,
         level: study.level,
+        is_absolute: study.header.absolute.is_some(),
         reference: first.reference.map(|index| &*plans[index].name),
         plans: study.plans,
         conditions: study.conditions,

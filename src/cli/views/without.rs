@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use elastocal::calibration::Calibration;
+use elastocal::experiment::Candidate;
 use elastocal::files::FileError;
 use elastocal::laboratory::Campaign;
 use elastocal::paper::record::ReproductionMessage;
@@ -18,7 +19,7 @@ use elastocal::study::runner::Runner;
 use elastocal::study::tally::Tally;
 use elastocal::study::{Entry, Setting};
 
-use super::{RunShown, StudyShown};
+use super::{AbsoluteShown, RunShown, StudyShown};
 use crate::cli::written::Written;
 
 /// Views of `run` are not written.
@@ -111,6 +112,21 @@ impl ReplayViews {
 
 pub fn write_stills(path: &Path, _: &Scenario, _: &Plan) -> Result<(), FileError> {
     Err(lacking("--stills-out", path))
+}
+
+pub fn write_stills_of_readings(
+    path: &Path,
+    _: &Scenario,
+    _: &[(&Candidate, u32)],
+) -> Result<(), FileError> {
+    Err(lacking("--stills-out", path))
+}
+
+pub fn write_absolute_page(
+    path: &Path,
+    _: &AbsoluteShown<'_>,
+) -> anyhow::Result<Result<(), FileError>> {
+    Ok(Err(lacking("--report-out", path)))
 }
 
 /// No sheet.

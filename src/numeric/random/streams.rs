@@ -44,6 +44,9 @@ pub const fn drawn_candidates(index: u64) -> u64 {
     (1 << 58) + index
 }
 
+/// A random plan of absolute readings.
+pub const RANDOM_READINGS: u64 = 1 << 57;
+
 /// Random choice number `index` among readings that there are.
 #[must_use]
 pub const fn random_choice(index: u64) -> u64 {

@@ -12,8 +12,9 @@ use super::{AbsolutePlan, AbsolutePlanning};
 use crate::experiment::Candidate;
 use crate::identification::ParameterGroup;
 use crate::numeric::random::generator;
-use crate::numeric::random::streams::drawn_candidates;
+use crate::numeric::random::streams::{RANDOM_READINGS, drawn_candidates};
 use crate::plan::search::{BoundKind, Watch, random_experiments};
+use crate::quantities::limits::MOST_EXPERIMENTS;
 use crate::robot::Load;
 use crate::task::Task;
 
@@ -25,6 +26,9 @@ const SEARCHES: usize = 3;
 /// So many configurations are tried near each that is chosen.
 const NEAR: usize = 12;
 
+/// So many random plans are tried for one that tells the tool's place.
+const RANDOM_PLANS: usize = 200;
+
 /// How configurations are drawn.
 #[derive(Debug, Clone, Copy)]
 pub struct DrawnWanted {
@@ -35,6 +39,58 @@ pub struct DrawnWanted {
 }
 
 impl<'a> AbsolutePlanning<'a> {
+    /// What may be read at configurations that are drawn.
+    ///
+    /// # Errors
+    /// No configuration is possible; and see [`AbsolutePlanError`].
+    pub fn anywhere(
+        task: &'a Task,
+        groups: &[ParameterGroup],
+        wanted: DrawnWanted,
+    ) -> Result<Self, AbsolutePlanError> {
+        Self::new(task, groups, &drawn(task, wanted)?)
+    }
+
+    /// A plan of so many readings as nobody thought of it: all from one station, which is drawn as the readings are, among them one of
+    /// the machining tool; the first that tells the tool's place.
+    ///
+    /// # Errors
+    /// None of those that are drawn does.
+    pub fn random(&self, readings: u32, seed: u64) -> Result<Vec<(usize, u32)>, AbsolutePlanError> {
+        let mut random = generator(seed, RANDOM_READINGS);
+        let machining = &self.case.belief.machining_tool.name;
+        for _ in 0..RANDOM_PLANS {
+            let station = random.random_range(0..self.case.stations.len().max(1));
+            let setup = |place: usize| &self.case.observations[place].setup;
+            let mut places = self.places();
+            places.retain(|&place| setup(place).station == station);
+            let mut plan: Vec<(usize, u32)> = Vec::new();
+            let mut drawn = 0;
+            while drawn < readings && !places.is_empty() {
+                let place = places[random.random_range(0..places.len())];
+                let most = self.candidates[place].most.unwrap_or(MOST_EXPERIMENTS);
+                match plan.iter_mut().find(|known| known.0 == place) {
+                    Some(known) if known.1 >= most => {
+                        places.retain(|&each| each != place);
+                        continue;
+                    }
+                    Some(known) => known.1 += 1,
+                    None => plan.push((place, 1)),
+                }
+                drawn += 1;
+            }
+            let reads =
+                |&(place, _): &(usize, u32)| self.case.targets[setup(place).target] == *machining;
+            if drawn == readings && plan.iter().any(reads) && self.promise(&plan).left.is_ok() {
+                return Ok(plan);
+            }
+        }
+        Err(AbsolutePlanError::NoRandom {
+            readings,
+            tries: RANDOM_PLANS,
+        })
+    }
+
     /// The best plan that is found of so many readings, of so many different candidates, which are drawn: each configuration without
     /// and with a load, of the calibration and of the machining tool, from each station.
     ///

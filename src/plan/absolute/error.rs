@@ -73,6 +73,19 @@ pub enum AbsolutePlanError {
         /// What there is.
         known: Vec<String>,
     },
+    /// A plan has readings that are not possible.
+    #[error("readings that are not possible: {0}")]
+    NotPossible(String),
+    /// No random plan tells the tool's place.
+    #[error(
+        "of {tries} plans of {readings} readings that were drawn, none tells the tool's place at the test poses"
+    )]
+    NoRandom {
+        /// How many readings each has.
+        readings: u32,
+        /// How many plans there were.
+        tries: usize,
+    },
     /// No candidates could be drawn.
     #[error("no candidates could be drawn: {0}")]
     Drawn(String),
@@ -165,9 +178,12 @@ impl AbsolutePlanError {
                  how well joints and links are known",
             ),
             Self::TooFew { .. } => Some("give more --experiments, or more candidates"),
-            Self::Drawn(_) | Self::Station { .. } | Self::BeyondLoad { .. } | Self::Choice(_) => {
-                None
-            }
+            Self::NoRandom { .. } => Some("give more readings (study.experiments)"),
+            Self::NotPossible(_)
+            | Self::Drawn(_)
+            | Self::Station { .. }
+            | Self::BeyondLoad { .. }
+            | Self::Choice(_) => None,
         }
     }
 }

@@ -11,6 +11,7 @@ mod drawn;
 mod error;
 mod promise;
 mod readable;
+mod shares;
 
 use nalgebra::{DMatrix, Matrix3xX, Matrix6};
 use rayon::prelude::*;
@@ -31,13 +32,15 @@ use crate::observation::{
 use crate::parameter::{ParameterKind, ParameterSet, relative_precision};
 use crate::quantities::limits::MOST_EXPERIMENTS;
 use crate::robot::Load;
-use crate::task::Task;
+use crate::task::{Station, Task};
 
 pub use drawn::DrawnWanted;
 pub use error::AbsolutePlanError;
 pub use promise::AbsolutePromise;
 
 use promise::{PlaceRows, in_units, known_after, stacked, stacked_task};
+use shares::is_of_task;
+
 use readable::{check_stations, errors_of, from_stations, possible, reading_of};
 
 /// Searches for one plan.
@@ -61,6 +64,10 @@ pub struct AbsolutePlanning<'a> {
     set: ParameterSet,
     /// What disturbs a reading of each candidate besides the instrument.
     errors: Vec<AbsoluteErrors>,
+    /// The stations that the task describes.
+    stations: &'a [Station],
+    /// The machining tool, by its place among the arm's.
+    target: usize,
     poses: Vec<PlaceRows>,
     before: DMatrix<f64>,
 }
@@ -140,6 +147,8 @@ impl<'a> AbsolutePlanning<'a> {
             .map_err(|error| AbsolutePlanError::of_lines(error, &lines))?;
         Ok(Self {
             poses: place_rows(task, &case, &set, target),
+            stations: &task.stations,
+            target,
             before: relative_precision(&set),
             offered,
             candidates,
@@ -161,6 +170,34 @@ impl<'a> AbsolutePlanning<'a> {
     ) -> Result<Self, AbsolutePlanError> {
         check_stations(task, rows)?;
         Self::new(task, groups, rows)
+    }
+
+    /// All candidates as one plan, each as often as its file says, or once.
+    #[must_use]
+    pub fn whole(&self) -> Vec<(usize, u32)> {
+        (self.candidates.iter().enumerate())
+            .map(|(place, each)| (place, each.most.unwrap_or(1)))
+            .collect()
+    }
+
+    /// What a plan reads, and how often.
+    #[must_use]
+    pub fn readings(&self, plan: &[(usize, u32)]) -> Vec<(&Candidate, u32)> {
+        (plan.iter())
+            .map(|&(place, times)| (&self.candidates[place], times))
+            .collect()
+    }
+
+    /// Refuses a plan of which some readings are not possible.
+    ///
+    /// # Errors
+    /// Which they are, and why.
+    pub fn check_whole(&self) -> Result<(), AbsolutePlanError> {
+        if self.left_out.is_empty() {
+            return Ok(());
+        }
+        let reasons: Vec<String> = self.left_out.iter().map(ToString::to_string).collect();
+        Err(AbsolutePlanError::NotPossible(reasons.join("; ")))
     }
 
     /// What is unknown.
@@ -591,12 +628,7 @@ fn by_task(task: &Task) -> Vec<DMatrix<f64>> {
     };
     let parameters = extended.set().parameters();
     let of_task: Vec<usize> = (0..parameters.len())
-        .filter(|&place| {
-            matches!(
-                parameters[place].kind,
-                ParameterKind::TaskScale | ParameterKind::TaskForce { .. }
-            )
-        })
+        .filter(|&place| is_of_task(parameters[place].kind))
         .collect();
     if of_task.is_empty() {
         return nothing();

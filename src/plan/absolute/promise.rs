@@ -1,6 +1,6 @@
 //! What a plan of absolute readings promises.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Matrix3};
 
 use crate::numeric::estimable::Estimable;
 use crate::numeric::posterior::Posterior;
@@ -18,8 +18,12 @@ pub struct AbsolutePromise {
     pub left: Result<f64, Vec<String>>,
     /// What 95 % stay below (m).
     pub quantile95_m: Option<f64>,
+    /// The variance of the squared distance (m^4), weighted over the test poses, of normal errors.
+    pub square_variance_m4: Option<f64>,
     /// The rms distance (m) at each test pose.
     pub poses_m: Vec<Option<f64>>,
+    /// The covariance (m^2) of what counts of the place at each test pose, in the world frame.
+    pub places_m2: Vec<Option<Matrix3<f64>>>,
     /// Of that distance, what the task's uncertain force makes by itself (m): no reading shows it.
     pub task_force_m: f64,
     /// What is known after it.
@@ -117,16 +121,26 @@ impl AbsolutePromise {
             let square = posterior.variance_of(&rows).ok()?;
             Some((square + pose.by_task.norm_squared()).sqrt())
         };
+        let place = |pose: &PlaceRows| {
+            let rows = in_units(pose.by_station[station].clone(), scales);
+            posterior.variance_of(&rows).ok()?;
+            let known = &rows * &posterior.covariance * rows.transpose();
+            let task = &pose.by_task * pose.by_task.transpose();
+            let all: Matrix3<f64> = (known + task).fixed_view::<3, 3>(0, 0).into();
+            Some(all)
+        };
+        let covariance = best.as_ref().ok().map(|(_, _, rows)| {
+            rows * &posterior.covariance * rows.transpose() + &task * task.transpose()
+        });
         Self {
             readings,
             station,
-            quantile95_m: best.as_ref().ok().and_then(|(_, _, rows)| {
-                let covariance =
-                    rows * &posterior.covariance * rows.transpose() + &task * task.transpose();
-                length_quantile(&covariance, 0.95)
-            }),
+            quantile95_m: (covariance.as_ref())
+                .and_then(|covariance| length_quantile(covariance, 0.95)),
+            square_variance_m4: covariance.map(|covariance| 2.0 * covariance.norm_squared()),
             left: best.map(|(_, square, _)| (square + task.norm_squared()).sqrt()),
             poses_m: poses.iter().map(of_pose).collect(),
+            places_m2: poses.iter().map(place).collect(),
             task_force_m: task.norm(),
             posterior,
         }

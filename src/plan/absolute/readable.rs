@@ -9,6 +9,7 @@ use crate::experiment::{Candidate, Experiment};
 use crate::identification::AbsoluteCase;
 use crate::measurement::AbsoluteReading;
 use crate::observation::{AbsoluteErrors, BareArm, Setup};
+use crate::parameter::ReadingSource;
 use crate::plan::search::{LeftOutCandidates, possible_of};
 use crate::plan::{Feasibility, LookingAt};
 use crate::quantities::limits::{MOST_CANDIDATES, MOST_EXPERIMENTS};
@@ -145,27 +146,38 @@ pub(super) fn errors_of(
     candidate: &Candidate,
     setup: &Setup,
 ) -> AbsoluteErrors {
+    let Some(extended) = &case.belief.uncertain else {
+        return AbsoluteErrors::NONE;
+    };
+    let station = station_named(stations, candidate.station.as_deref());
+    let sources = extended.sources().map(|(_, source)| source);
+    disturbed(case, station, candidate, setup, sources)
+}
+
+/// What some sources disturb a reading of a candidate by, from a station.
+pub(super) fn disturbed<'s>(
+    case: &AbsoluteCase<'_>,
+    station: Option<&Station>,
+    candidate: &Candidate,
+    setup: &Setup,
+    sources: impl IntoIterator<Item = &'s ReadingSource>,
+) -> AbsoluteErrors {
     let Belief {
         nominal,
         calibration_tool,
-        uncertain,
         ..
     } = case.belief;
-    let Some(extended) = uncertain else {
-        return AbsoluteErrors::NONE;
-    };
     let arm = BareArm {
         chain: &nominal.chain,
         compliance_rad_per_nm: &nominal.compliance_rad_per_nm,
         tool: &case.arm.tools[setup.target],
     };
     let load = candidate.load.unwrap_or(Load::NONE);
-    let station = station_named(stations, candidate.station.as_deref());
     AbsoluteErrors::new(
         arm,
         candidate.configuration_rad.as_slice(),
         (calibration_tool, &load),
         station.map(|station| &station.position_m),
-        extended.sources().map(|(_, source)| source),
+        sources,
     )
 }

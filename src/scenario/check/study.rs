@@ -1,18 +1,23 @@
 //! The table `[study]`: which plans a Monte Carlo study compares, over how many runs.
 
+use std::path::Path;
+
 use super::Checker;
+use crate::experiment::{Candidate, read_candidates};
 use crate::files::FileError;
-use crate::plan::Criterion;
+use crate::plan::{Criterion, Experiment, Plan};
 use crate::quantities::limits::{MOST_CONDITIONS, MOST_EXPERIMENTS, MOST_STUDIED, MOST_TRIALS};
 use crate::quantities::plausible::{DEVIATION, FACTOR, SPREAD};
-use crate::robot::Commands;
+use crate::robot::{Commands, Load};
 use crate::scenario::PlanFile;
 use crate::scenario::file::{SigmaOf, Spread, StudyPlanTable, StudyTable, SweepTable};
 use crate::study::{Conditions, StudyPlan, StudySettings, StudySource};
-use crate::task::Design;
+use crate::task::{AccuracyKind, Design};
 
 /// Without the key `trials`.
 const DEFAULT_TRIALS: u64 = 10_000;
+/// The same of absolute readings: each robot is drawn, read and fitted.
+const DEFAULT_ROBOTS: u64 = 2_000;
 
 /// What the rest of the scenario says that the study depends on.
 pub(super) struct Context<'a> {
@@ -30,7 +35,11 @@ impl Checker<'_> {
         table: &StudyTable,
         context: &Context<'_>,
     ) -> Result<StudySettings, FileError> {
-        let trials = table.trials.unwrap_or(DEFAULT_TRIALS);
+        let trials = table.trials.unwrap_or(if is_absolute(context) {
+            DEFAULT_ROBOTS
+        } else {
+            DEFAULT_TRIALS
+        });
         if !(1..=MOST_TRIALS).contains(&trials) {
             let problem = format!("found {trials}; 1 to {MOST_TRIALS} are allowed");
             return Err(self.wrong("study.trials", problem));
@@ -162,11 +171,12 @@ impl Checker<'_> {
     ) -> Result<Vec<StudyPlan>, FileError> {
         let mut plans = Vec::new();
         for (index, file) in context.plans.iter().enumerate() {
-            let plan = self.plan(&format!("plan[{index}].file"), &file.path, context.commands)?;
+            let (plan, readings) =
+                self.study_file(&format!("plan[{index}].file"), &file.path, context)?;
             if fits_any(plan.measurements(), conditions) {
                 plans.push(StudyPlan {
                     name: file.name.clone(),
-                    source: StudySource::File(plan),
+                    source: StudySource::File { plan, readings },
                 });
             }
         }
@@ -178,10 +188,13 @@ impl Checker<'_> {
             experiments: None,
             noise_only: false,
         };
-        for (name, source) in [
-            ("optimal", optimal),
-            ("random_each", StudySource::RandomEach),
-        ] {
+        // A plan of absolute readings takes long to be judged: one random plan stands for all.
+        let random = if is_absolute(context) {
+            ("random", StudySource::Random)
+        } else {
+            ("random_each", StudySource::RandomEach)
+        };
+        for (name, source) in [("optimal", optimal), random] {
             if plans.iter().all(|plan| plan.name != name) {
                 let name = name.to_owned();
                 plans.push(StudyPlan { name, source });
@@ -218,6 +231,32 @@ impl Checker<'_> {
         Ok(plans)
     }
 
+    /// A plan's file; of absolute readings with what is read from where.
+    fn study_file(
+        &self,
+        key: &str,
+        path: &Path,
+        context: &Context<'_>,
+    ) -> Result<(Plan, Vec<Candidate>), FileError> {
+        if !is_absolute(context) {
+            let plan = self.plan(key, path, context.commands)?;
+            return Ok((plan, Vec::new()));
+        }
+        let rows = read_candidates(path, context.commands.clone());
+        let rows = rows.map_err(|error| self.named_file(key, error))?;
+        self.inputs.borrow_mut().add(path)?;
+        let experiments = rows.iter().map(|row| Experiment {
+            configuration_rad: row.configuration_rad.clone(),
+            load: row.load.unwrap_or(Load::NONE),
+            repeats: row.most.unwrap_or(1),
+            approach: row.approach.clone(),
+        });
+        let plan = Plan {
+            experiments: experiments.collect(),
+        };
+        Ok((plan, rows))
+    }
+
     fn study_source<'a>(
         &self,
         key: &str,
@@ -230,9 +269,9 @@ impl Checker<'_> {
             StudyPlanTable::RandomEach { name } => (name, StudySource::RandomEach),
             StudyPlanTable::File { name, file } => {
                 let key = format!("{key}.file");
-                let plan = self.plan(&key, &self.resolve(file), context.commands)?;
+                let (plan, readings) = self.study_file(&key, &self.resolve(file), context)?;
                 self.divides(&key, plan.measurements(), conditions)?;
-                (name, StudySource::File(plan))
+                (name, StudySource::File { plan, readings })
             }
             StudyPlanTable::Optimal {
                 name,
@@ -291,6 +330,10 @@ impl Checker<'_> {
         );
         Err(self.wrong(key, problem))
     }
+}
+
+fn is_absolute(context: &Context<'_>) -> bool {
+    context.design.accuracy == AccuracyKind::Absolute
 }
 
 fn fits_any(measurements: u32, conditions: &[Conditions]) -> bool {

@@ -5,7 +5,7 @@ use std::ops::Range;
 use plotters::prelude::*;
 
 use super::charts::{
-    Area, Chart, ChartAxis, GRID, HALF, INK, Rows, SOFT, drawing, short, text, ticks,
+    Area, Chart, ChartAxis, GRID, HALF, INK, Rows, SOFT, WHOLE, drawing, short, text, ticks,
 };
 use crate::record::evidence::{AccuracyMessage, CriterionPlanMessage};
 use crate::text::wording::{micrometres, percent};
@@ -95,6 +95,30 @@ pub fn accuracy_figure(
             Ok(())
         },
     )
+}
+
+/// What is promised along a path, or over a region (um), by the number of each pose, and over all of them.
+pub fn path_figure(values_um: &[f64], over_all_um: Option<f64>) -> Result<String, PlotError> {
+    let points: Vec<(f64, f64)> = (1..)
+        .map(f64::from)
+        .zip(values_um.iter().copied())
+        .collect();
+    let last = values_um.len() as f64;
+    let top = values_um.iter().copied().fold(0.0, f64::max) * 1.12;
+    let x = 0.0..last + 1.0;
+    drawing((WHOLE, HEIGHT), "Accuracy along the test poses", |area| {
+        let mut chart = over_measurements(area, 14, &x, (0.0..top.max(f64::MIN_POSITIVE), 5))?;
+        let names = ["test pose", "\u{3c1}\u{2080} [\u{b5}m]"];
+        draw_axes(&mut chart, names, true)?;
+        let blue = COLOURS[0];
+        if let Some(all) = over_all_um {
+            let across = [(x.start, all), (x.end, all)];
+            chart.draw_series(DashedLineSeries::new(across, 10, 7, INK.stroke_width(3)))?;
+        }
+        chart.draw_series(LineSeries::new(points.clone(), blue.stroke_width(2)))?;
+        chart.draw_series(points.iter().map(|at| Circle::new(*at, 5, blue.filled())))?;
+        Ok(())
+    })
 }
 
 /// The accuracy of the best plan for each criterion.

@@ -1,11 +1,13 @@
 //! Pages to look at and to hand on: one file each that loads nothing, with figures as SVG.
 //!
 //! - [`run_page`]: a designed plan, its calibration, and what it is shown beside.
+//! - [`absolute_page`]: a plan of absolute readings.
 //! - [`study_page`]: a Monte Carlo study.
 //! - [`reproduction_page`]: the paper's numbers beside this program's.
 //!
 //! The numbers are those of the JSON records.
 
+mod absolute;
 mod charts;
 mod distances;
 mod figures;
@@ -26,6 +28,7 @@ use figures::{
     residuals_figure,
 };
 
+pub use absolute::{AbsolutePageRecord, absolute_page};
 pub use reproduction::reproduction_page;
 pub use study::{StudyPageRecord, study_page};
 

@@ -1,5 +1,6 @@
 //! The page of a Monte Carlo study.
 
+use super::absolute::ABSOLUTE_ACCURACY;
 use super::distances::{Line, Role, distances_figure, distances_table};
 use super::{provenance, sources};
 use crate::record::messages::ProvenanceMessage;
@@ -19,6 +20,8 @@ pub struct StudyPageRecord<'a> {
     pub experiments: u32,
     /// What the runs are made of, in words.
     pub level: &'a str,
+    /// Whether it is about absolute readings.
+    pub is_absolute: bool,
     /// The name of the plan that others are compared with.
     pub reference: Option<&'a str>,
     /// What the runs say.
@@ -53,13 +56,20 @@ pub fn study_page(study: &StudyPageRecord<'_>) -> Result<String, PlotError> {
          left; the dark line is the mean.",
         study.trials,
         study.level,
-        counted(study.experiments.into(), "measurement")
+        counted(
+            study.experiments.into(),
+            if study.is_absolute {
+                "absolute reading"
+            } else {
+                "measurement"
+            }
+        )
     );
     let mut body = format!(
         "<header><h1>Plans compared: {}</h1>\n<p class=\"lead\">{}</p></header>\n<div class=\"cards\">\n{}</div>\n",
         escaped(&study.provenance.scenario),
         escaped(&caption),
-        cards(study)
+        accuracy_card(study.is_absolute) + &cards(study)
     );
     body += &section(
         "distances",
@@ -85,6 +95,19 @@ fn role(runs: &StudyPlanMessage, best: Option<&StudyPlanMessage>, reference: Opt
     } else {
         Role::Other
     }
+}
+
+/// Which accuracy the study is about.
+fn accuracy_card(is_absolute: bool) -> String {
+    let (answer, about) = if is_absolute {
+        ("absolute", ABSOLUTE_ACCURACY)
+    } else {
+        (
+            "relative",
+            "By how much the task load moves the tool, as in the paper, wherever the unloaded robot stands.",
+        )
+    };
+    card("", "Accuracy", answer, about)
 }
 
 /// The best plan, how much better than random it is, and whether the prediction holds.

@@ -1,0 +1,147 @@
+//! `study` of plans of absolute readings.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use clap::Args;
+use elastocal::experiment::read_candidates;
+use elastocal::files::roles::Roles;
+use elastocal::files::{FileError, hexadecimal, sha256_of};
+use elastocal::plan::search::Watch;
+use elastocal::record::tally_file::{AbsoluteStudyHeader, Header, TallyFile};
+use elastocal::scenario::Scenario;
+use elastocal::study::Level;
+use elastocal::study::absolute::AbsoluteRunner;
+use elastocal::text::wording::counted;
+use elastocal::workflow::absolute_study::{AbsoluteStudyWanted, check, entries, explained};
+use elastocal::workflow::study::Timing;
+
+use super::results::{Results, write};
+use super::{StudyCommand, runs_of};
+use crate::cli::Report;
+use crate::cli::absolute_plan::{UnknownArgs, refuse_options, refuse_where_relative};
+use crate::cli::interruption::{STOP, ask_work, proceed};
+use crate::cli::plan::DRAWN;
+use crate::cli::written::Written;
+
+/// What a study of absolute readings takes besides.
+#[derive(Debug, Args)]
+pub struct AbsoluteStudyArgs {
+    #[command(flatten)]
+    unknown: UnknownArgs,
+    /// With design.accuracy = "absolute", choose plans from these rows alone (CSV: joint angles, loads, targets, stations)
+    #[arg(long, value_name = "FILE")]
+    candidates: Option<PathBuf>,
+    /// With design.accuracy = "absolute" and without --candidates, begin with so many configurations at random [default: 200]
+    #[arg(long, value_name = "N", conflicts_with = "candidates", value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    draw: Option<u32>,
+}
+
+impl AbsoluteStudyArgs {
+    /// Refuses them where deflections are studied.
+    pub fn refuse(&self, scenario: &Scenario) -> Result<(), FileError> {
+        self.unknown.refuse(scenario)?;
+        let instead = "plans of deflections are searched in the whole region";
+        let given = [
+            ("--candidates", self.candidates.is_some(), instead),
+            ("--draw", self.draw.is_some(), instead),
+        ];
+        refuse_where_relative(scenario, &given)
+    }
+
+    /// The file as one that is read.
+    pub fn role(&self, roles: &mut Roles) {
+        if let Some(path) = &self.candidates {
+            roles.reads("the candidates", path);
+        }
+    }
+}
+
+impl StudyCommand {
+    /// Refuses what there is for deflections alone.
+    pub(super) fn refuse_where_absolute(&self, scenario: &Scenario) -> Result<(), FileError> {
+        let given = [
+            ("--level model", self.level == Some(Level::Model)),
+            ("--shares", self.shares),
+            ("--rerun", self.rerun.is_some()),
+        ];
+        refuse_options(scenario, &given)?;
+        check(scenario)
+    }
+
+    /// So many runs of each plan, or a shard of them.
+    pub(super) fn absolute_readings(
+        &self,
+        scenario: &Scenario,
+        folder: &Path,
+        [trials, shard, shards]: [u64; 3],
+    ) -> anyhow::Result<Report> {
+        let common = &self.common;
+        let given = &self.absolute;
+        let rows = match &given.candidates {
+            Some(path) => Some(read_candidates(path, scenario.task.belief.commands())?),
+            None => None,
+        };
+        let configurations = given.draw.unwrap_or(DRAWN);
+        let groups = &given.unknown.parameters;
+        let wanted = AbsoluteStudyWanted {
+            groups,
+            candidates: rows.as_deref(),
+            configurations,
+        };
+        let quiet = |_: usize, _: usize, _: f64| {};
+        let watch = |name: &str, readings: u32| {
+            let readings = counted(readings.into(), "absolute reading");
+            common.say(&format!("designing the plan {name:?} of {readings}"));
+            Watch {
+                stop: &STOP,
+                progress: &quiet,
+            }
+        };
+        let path = given.candidates.as_deref().unwrap_or(&scenario.path);
+        let entries =
+            entries(scenario, &wanted, &watch).map_err(|error| explained(path, &error))?;
+        proceed()?;
+        let (task, truth, seed) = (&scenario.task, &scenario.truth, scenario.seed);
+        let runner = AbsoluteRunner::new((task, truth), groups, seed, &entries)?;
+        let runner = runner.stopped_by(ask_work());
+        let absolute = AbsoluteStudyHeader {
+            test_poses: task.test_poses.len(),
+            groups: groups.clone(),
+            candidates_sha256: match &given.candidates {
+                Some(path) => Some(hexadecimal(&sha256_of(path)?)),
+                None => None,
+            },
+            drawn: given.candidates.is_none().then_some(configurations),
+        };
+        let sizes = [trials, shards];
+        let header = Header::of_absolute(scenario, absolute, sizes, (&entries, &runner));
+        let mut part = match &self.resume {
+            Some(path) => TallyFile::resume(path, header, shard)?,
+            None => TallyFile::empty(header, shard),
+        };
+        common.say(&format!(
+            "{trials} virtual robots for {}",
+            part.header.title()
+        ));
+        let start = Instant::now();
+        let done_before = runs_of(&part);
+        let mut written = Written::default();
+        self.run(&runner, &mut part, None, &mut written)
+            .map_err(|error| self.unless_stopped(error, &part))?;
+        if let Some(path) = &self.tally_out {
+            written.note(path, part.write(path));
+        }
+        let timing = Timing {
+            elapsed_s: start.elapsed().as_secs_f64(),
+            runs: runs_of(&part) - done_before,
+        };
+        let results = Results::new(&part.header, &part.tallies, Some(timing), &[])?;
+        if self.shard.is_none() {
+            write(folder, &results, &mut written)?;
+        }
+        let mut report = self.reported(&results, folder);
+        report.conditions.extend(written.conditions());
+        Ok(report)
+    }
+}

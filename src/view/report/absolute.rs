@@ -1,0 +1,369 @@
+//! The page of a plan of absolute readings: what is promised, of what it is made, what to read, and what virtual robots make of it.
+
+use plotters::prelude::*;
+
+use super::charts::{ChartAxis, Rows, WHOLE, drawing, short, ticks};
+use super::distances::{Line, Role, distances_figure, distances_table};
+use super::figures::path_figure;
+use super::{provenance, sources};
+use crate::record::absolute::shown_unit;
+use crate::record::absolute_plan::{AbsolutePlanMessage, PlannedReadingMessage};
+use crate::record::absolute_trials::AbsoluteTrialsMessage;
+use crate::record::messages::ProvenanceMessage;
+use crate::record::study::StudyPlanMessage;
+use crate::scenario::Scenario;
+use crate::text::wording::{counted, dash, micrometres, number, percent};
+use crate::view::markup::{card, escaped, figure, page, paragraph, section, table};
+use crate::view::plots::{COLOURS, PlotError};
+
+/// What the page of a plan of absolute readings is made of.
+#[derive(Debug, Clone, Copy)]
+pub struct AbsolutePageRecord<'a> {
+    /// The scenario.
+    pub scenario: &'a Scenario,
+    /// What the plan promises.
+    pub plan: &'a AbsolutePlanMessage,
+    /// What virtual robots made of it, where some were drawn, and the same as a study has it.
+    pub trials: Option<(&'a AbsoluteTrialsMessage, &'a StudyPlanMessage)>,
+    /// Where it comes from.
+    pub provenance: &'a ProvenanceMessage,
+    /// The robot in each configuration (SVG).
+    pub stills: &'a str,
+    /// The named conditions that did not hold.
+    pub conditions: &'a [String],
+    /// The command that made the page.
+    pub command: &'a str,
+}
+
+/// More test poses are a path or a region, and drawn as one.
+const FEW_POSES: usize = 12;
+/// Half of a bar's height, where rows have height one.
+const HALF_BAR: f64 = 0.3;
+
+/// Which accuracy a page of absolute readings is about.
+pub const ABSOLUTE_ACCURACY: &str = "An absolute accuracy: where the loaded tool is, with frames, geometry and elasticity as far as they are unknown.";
+
+/// The page of a plan of absolute readings as HTML.
+///
+/// # Errors
+/// A figure cannot be drawn.
+pub fn absolute_page(shown: &AbsolutePageRecord<'_>) -> Result<String, PlotError> {
+    let plan = shown.plan;
+    let mut body = format!(
+        "<header><h1>Plan of absolute readings: {}</h1>\n<p class=\"lead\">{}</p></header>\n<div class=\"cards\">\n{}</div>\n",
+        escaped(&shown.scenario.name),
+        escaped(&shown.scenario.description),
+        cards(shown)
+    );
+    if let Some((trials, runs)) = shown.trials {
+        body += &section(
+            "trials",
+            "Do virtual robots keep it?",
+            &of_trials(trials, runs)?,
+        );
+    }
+    let bars = sources::sorted(plan.rho0_shares.iter().map(Into::into));
+    let caption = "What the promise is made of: what the instrument's noise and each thing that is uncertain alone leave, to \
+                   first order; squares add up. Frames, and what else nothing is known of before, are found from readings: they are \
+                   in the share of what disturbs these.";
+    let of_promise = sources::sources_figure(&bars, caption)?;
+    if !of_promise.is_empty() {
+        body += &section("sources", "Where the error comes from", &of_promise);
+    }
+    if plan.test_poses.len() > 1 {
+        body += &section("poses", "At each test pose", &test_poses(plan)?);
+    }
+    body += &section("readings", "What to read", &readings(shown));
+    body += &section("unknowns", "What is found", &unknowns(plan));
+    body += &provenance(shown.provenance, shown.command);
+    Ok(page(
+        &format!("{}: plan of absolute readings", shown.scenario.name),
+        &body,
+    ))
+}
+
+fn cards(shown: &AbsolutePageRecord<'_>) -> String {
+    let mut cards = plan_card(shown.plan) + &accuracy_card(shown.plan) + &bound_card(shown.plan);
+    if let Some((trials, _)) = shown.trials {
+        let is_kept = trials.promise == "holds";
+        let about = format!(
+            "{} were drawn in MuJoCo, read as the plan says, and identified: {} rms are left where {} are promised.",
+            counted(trials.robots, "virtual robot"),
+            micrometres(Some(trials.rms_mm)),
+            micrometres(Some(trials.promised_rms_mm))
+        );
+        let tone = if is_kept { "good" } else { "bad" };
+        cards += &card(tone, "Does the promise hold?", &trials.verdict, &about);
+    }
+    if !shown.plan.taken_for_certain.is_empty() {
+        let about = shown.plan.taken_for_certain.join("; ") + ".";
+        cards += &card(
+            "bad",
+            "Taken for certain",
+            "not all is in the promise",
+            &about,
+        );
+    }
+    if !shown.conditions.is_empty() {
+        let about = shown.conditions.join("; ") + ".";
+        cards += &card("bad", "Conditions", "not all hold", &about);
+    }
+    cards
+}
+
+/// The words that rows have in a column, each once.
+fn words<'a>(
+    plan: &'a AbsolutePlanMessage,
+    of: impl Fn(&'a PlannedReadingMessage) -> Option<&'a String>,
+) -> Vec<&'a str> {
+    let mut known: Vec<&str> = Vec::new();
+    for word in plan.plan.iter().filter_map(of) {
+        if !known.contains(&word.as_str()) {
+            known.push(word);
+        }
+    }
+    known
+}
+
+fn plan_card(plan: &AbsolutePlanMessage) -> String {
+    let mut configurations: Vec<&Vec<f64>> = Vec::new();
+    for row in &plan.plan {
+        if !configurations.contains(&&row.q_deg) {
+            configurations.push(&row.q_deg);
+        }
+    }
+    let loaded = plan.plan.iter().filter(|row| row.wrench.is_some()).count();
+    let listed = |title: &str, words: &[&str]| match words {
+        [] => String::new(),
+        words => format!(" {title}: {}.", words.join(", ")),
+    };
+    let about = format!(
+        "{loaded} of {} under a load.{}{}",
+        counted(plan.plan.len() as u64, "row"),
+        listed("Reflectors", &words(plan, |row| row.target.as_ref())),
+        listed("Stations", &words(plan, |row| row.station.as_ref()))
+    );
+    let answer = format!(
+        "{} in {}",
+        counted(plan.experiments.into(), "reading"),
+        counted(configurations.len() as u64, "configuration")
+    );
+    card("", "Plan", &answer, &about)
+}
+
+fn accuracy_card(plan: &AbsolutePlanMessage) -> String {
+    let frame = plan.frame.as_ref().map_or_else(
+        || "the instrument's frame".to_owned(),
+        |station| format!("the frame of station \u{201c}{station}\u{201d}"),
+    );
+    let mut about = format!(
+        "\u{3c1}\u{2080}, the rms distance of the loaded tool from where it should be in {frame}: an absolute accuracy. Frames, \
+         geometry and elasticity count as far as they are unknown; in a relative one, as in the paper, only what the load bends."
+    );
+    if let Some(quantile) = plan.quantile95_mm {
+        about += &format!(" 95 % stay below {}.", micrometres(Some(quantile)));
+    }
+    if plan.task_force_mm > 0.0 {
+        about += &format!(
+            " Of it, {} are the task's uncertain force, whatever is read.",
+            micrometres(Some(plan.task_force_mm))
+        );
+    }
+    if plan.rho0_shares.len() == 1 {
+        about +=
+            " It is the noise of the readings alone: the scenario lists nothing else as uncertain.";
+    }
+    let answer = micrometres(plan.rho0_mm) + " rms";
+    card("", "Absolute accuracy", &answer, &about)
+}
+
+fn bound_card(plan: &AbsolutePlanMessage) -> String {
+    let (Some(bound), Some(efficiency)) = (plan.lower_bound_rho0_mm, plan.efficiency) else {
+        let about = "Without candidates, nothing is said about better plans: give --candidates.";
+        return card("", "Is it the best?", "no bound", about);
+    };
+    let possible = counted(plan.candidates.possible as u64, "possible candidate");
+    let basis = match &plan.drawn {
+        Some(drawn) => format!(
+            "Looked at were {possible}, at {} drawn at random and others near those that were chosen: evidence, no proof, for \
+             the region has more.",
+            counted(drawn.configurations.into(), "configuration")
+        ),
+        None => format!("Proved by looking at all {possible}, of which it speaks alone."),
+    };
+    let tone = if plan.drawn.is_some() { "" } else { "good" };
+    let better = percent(Some((1.0 - efficiency).max(0.0)), 1);
+    card(
+        tone,
+        "Is it the best?",
+        &format!("at most {better} can be gained"),
+        &format!(
+            "No plan of as many candidates is below {}: efficiency {}. {basis}",
+            micrometres(Some(bound)),
+            percent(Some(efficiency), 1)
+        ),
+    )
+}
+
+/// The verdict in words, the distances that were left, and the numbers.
+fn of_trials(trials: &AbsoluteTrialsMessage, runs: &StudyPlanMessage) -> Result<String, PlotError> {
+    let mut said = format!(
+        "Promised {} rms, seen {} \u{b1} {}: the promise {}.",
+        micrometres(Some(trials.promised_rms_mm)),
+        micrometres(Some(trials.rms_mm)),
+        micrometres(Some(trials.rms_std_mm)),
+        match trials.promise {
+            "holds" => "holds".to_owned(),
+            _ => format!("is {}", trials.verdict),
+        }
+    );
+    if let Some(share) = trials.below_quantile95 {
+        let share = percent(Some(share), 1);
+        said += &format!(" {share} of the robots stay below what 95 % should;");
+    }
+    if let Some(share) = trials.coverage95 {
+        let share = percent(Some(share), 1);
+        said += &format!(
+            " at {share} of the test poses the tool is within the region of 95 % that is promised there."
+        );
+    }
+    if trials.failed > 0 {
+        let failed = counted(trials.failed, "robot");
+        said += &format!(" {failed} could not be judged.");
+    }
+    let lines = [Line::new(runs, Role::Own)];
+    let caption = "How far the loaded tool is from where the identified robot is said to have it, rms over the test poses, of each \
+                   virtual robot. The hill shows how often which distance was left; the dark line is the mean.";
+    let parts = sources::sorted(
+        sources::of_runs(runs)
+            .into_iter()
+            .filter(|bar| bar.is_hidden),
+    );
+    let hidden: Vec<String> = (parts.iter())
+        .map(|bar| match bar.expected_mm {
+            left if left > 0.0 => format!("{} (alone {})", bar.name, micrometres(Some(left))),
+            _ => bar.name.clone(),
+        })
+        .collect();
+    let mut body = paragraph(&said);
+    if !hidden.is_empty() {
+        body += &paragraph(&format!(
+            "Of this the planner does not know: {}.",
+            hidden.join(", ")
+        ));
+    }
+    Ok(body + &distances_figure(&lines, caption)? + &distances_table(&lines))
+}
+
+/// What is promised at each test pose.
+fn test_poses(plan: &AbsolutePlanMessage) -> Result<String, PlotError> {
+    let values: Vec<f64> = (plan.test_poses.iter())
+        .map(|pose| pose.rho0_mm.unwrap_or(0.0) * 1e3)
+        .collect();
+    let caption = format!(
+        "\u{3c1}\u{2080} at each of {}, in their order; over all it is {}.",
+        counted(values.len() as u64, "test pose"),
+        micrometres(plan.rho0_mm)
+    );
+    let rows: Vec<Vec<String>> = (plan.test_poses.iter())
+        .map(|pose| vec![pose.name.clone(), micrometres(pose.rho0_mm)])
+        .collect();
+    let header = ["test pose", "\u{3c1}\u{2080}"];
+    if values.len() > FEW_POSES {
+        let svg = path_figure(&values, plan.rho0_mm.map(|all| all * 1e3))?;
+        let numbers = table(&header, &rows);
+        return Ok(figure(&svg, &caption)
+            + &format!("<details><summary>The numbers</summary>\n{numbers}</details>\n"));
+    }
+    let names: Vec<String> = (plan.test_poses.iter())
+        .map(|pose| pose.name.clone())
+        .collect();
+    let notes: Vec<String> = (plan.test_poses.iter())
+        .map(|pose| micrometres(pose.rho0_mm))
+        .collect();
+    let longest = values.iter().copied().fold(0.0, f64::max) * 1.04;
+    let rows = Rows {
+        names: &names,
+        notes: &notes,
+        width: WHOLE,
+        axis: ChartAxis {
+            range: 0.0..longest.max(f64::MIN_POSITIVE),
+            ticks: ticks(0.0, longest, 8),
+        },
+        title: "\u{3c1}\u{2080}, rms distance that is promised [\u{b5}m]".to_owned(),
+    };
+    let svg = drawing(rows.size(), "Accuracy at each test pose", |area| {
+        let mut chart = rows.draw(area, &|tick| short(*tick))?;
+        for (row, value) in values.iter().enumerate() {
+            let middle = rows.middle(row);
+            let corners = [(0.0, middle - HALF_BAR), (*value, middle + HALF_BAR)];
+            chart.draw_series([Rectangle::new(corners, COLOURS[0].mix(0.75).filled())])?;
+        }
+        Ok(())
+    })?;
+    Ok(figure(&svg, &caption))
+}
+
+/// The stills, and the plan as a table.
+fn readings(shown: &AbsolutePageRecord<'_>) -> String {
+    let mut header = vec!["row".to_owned()];
+    let columns = shown.scenario.task.belief.commands().columns();
+    header.extend(columns.iter().map(|column| column.replace('_', " [") + "]"));
+    header
+        .extend(["force [N]", "torque [N m]", "reflector", "station", "times"].map(str::to_owned));
+    let header: Vec<&str> = header.iter().map(String::as_str).collect();
+    let vector = |values: &[f64]| {
+        let values: Vec<String> = values.iter().map(|&value| short(value)).collect();
+        values.join(", ")
+    };
+    let own = &shown.scenario.task.belief.calibration_tool.name;
+    let rows: Vec<Vec<String>> = (shown.plan.plan.iter().enumerate())
+        .map(|(index, reading)| {
+            let mut row = vec![(index + 1).to_string()];
+            row.extend(reading.q_deg.iter().map(|&angle| number(Some(angle), 3)));
+            let wrench = reading.wrench.as_ref();
+            row.push(wrench.map_or_else(dash, |wrench| vector(&wrench[..3])));
+            row.push(wrench.map_or_else(dash, |wrench| vector(&wrench[3..])));
+            row.push(reading.target.clone().unwrap_or_else(|| own.clone()));
+            row.push(reading.station.clone().unwrap_or_else(dash));
+            row.push(reading.repeats.to_string());
+            row
+        })
+        .collect();
+    format!(
+        "<div class=\"wide stills\" role=\"img\" aria-label=\"The robot at each reading\">{}</div>\n{}{}",
+        shown.stills,
+        paragraph(
+            "Green: the line of sight from where the instrument stands to the reflector that is read. Loads act at the calibration \
+             tool, in the world frame, z up. --plan-out writes the same numbers."
+        ),
+        table(&header, &rows)
+    )
+}
+
+/// All unknowns, with how well each is known afterwards.
+fn unknowns(plan: &AbsolutePlanMessage) -> String {
+    let rows: Vec<Vec<String>> = (plan.unknowns.iter())
+        .map(|unknown| {
+            let (factor, unit) = shown_unit(&unknown.unit);
+            let error = unknown.standard_error;
+            vec![
+                unknown.name.clone(),
+                error.map_or_else(
+                    || "not by itself".to_owned(),
+                    |error| format!("{:.3e}", error * factor),
+                ),
+                unit.to_owned(),
+                unknown.what.clone(),
+            ]
+        })
+        .collect();
+    let numbers = table(&["unknown", "standard error", "unit", "what it is"], &rows);
+    let count = counted(rows.len() as u64, "unknown");
+    paragraph(&format!(
+        "{count}: the frames of stations and reflectors, which every such plan finds, and what else is unknown of the robot. Of a \
+         logarithm the unit is 1."
+    )) + &format!(
+        "<details><summary>How well each is known afterwards</summary>\n{numbers}</details>\n"
+    )
+}

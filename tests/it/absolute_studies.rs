@@ -1,0 +1,290 @@
+//! Studies of absolute plans, and their pages: the same runs as `evaluate --trials`, in shards and resumed to the same bits; what is
+//! promised is the sum of what it is made of; and what there is for deflections alone is refused by its name.
+
+use serde_json::{Value, json};
+
+use crate::browser::looks_well;
+use crate::support::{Workplace, numbers, scenario_text};
+
+const KNOWN: &str = r#"
+[[uncertainty]]
+kind = "joint_zero"
+std_mrad = 1
+
+[[uncertainty]]
+kind = "joint_return"
+std_mrad = 0.05
+
+[[uncertainty]]
+kind = "gear_error"
+std_mrad = 0.03
+
+[[uncertainty]]
+kind = "task_force"
+std_n = 5
+
+[[station]]
+name = "near"
+position_mm = [-1800, 500, 900]
+
+[[station]]
+name = "far"
+position_mm = [-7000, -3000, 1500]
+"#;
+
+fn absolute(more: &str) -> String {
+    scenario_text("ur10")
+        .replace("[design]", "[design]\naccuracy = \"absolute\"")
+        .replace("experiments = 4", "experiments = 14")
+        + more
+}
+
+fn number(value: &Value) -> f64 {
+    value.as_f64().expect("a number")
+}
+
+/// A folder with a plan from two stations that was designed from few drawn configurations, and a path.
+fn planned() -> (Workplace, Value) {
+    let place = Workplace::new();
+    place.write("s.toml", absolute(KNOWN));
+    place.write(
+        "path.csv",
+        "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n20,-60,80,-110,-70,30\n25,-62,82,-110,-70,30\n",
+    );
+    let planned = place.json(
+        "plan s.toml --draw 20 --test-poses path.csv --plan-out p.csv --stills-out p.svg --report-out p.html",
+    );
+    (place, planned)
+}
+
+#[test]
+fn a_promise_is_split_and_shown() {
+    let (place, planned) = planned();
+    let shares = planned["rho0_shares"].as_array().expect("shares");
+    let names: Vec<&str> = (shares.iter())
+        .map(|share| share["name"].as_str().expect("a name"))
+        .collect();
+    assert_eq!(
+        names,
+        [
+            "noise",
+            "joint_return",
+            "gear_error",
+            "joint_zero",
+            "task_force"
+        ]
+    );
+    let squares: f64 = (shares.iter())
+        .map(|share| number(&share["rho0_mm"]).powi(2))
+        .sum();
+    let whole = number(&planned["rho0_mm"]).powi(2);
+    assert!((squares / whole - 1.0).abs() < 1e-6, "{squares} {whole}");
+    assert!(shares.iter().all(|share| number(&share["rho0_mm"]) > 0.0));
+    let task = number(&shares[4]["rho0_mm"]) / number(&planned["task_force_mm"]);
+    assert!((task - 1.0).abs() < 1e-9, "{task}");
+
+    // The line of sight ends where the plan has the instrument stand.
+    let rows = planned["plan"].as_array().expect("readings");
+    let svg = place.read("p.svg");
+    assert_eq!(svg.matches("class=\"station\"").count(), rows.len());
+    for row in rows {
+        let (target, station) = (&row["target"], &row["station"]);
+        let words = format!(
+            "reads {} from {}",
+            target.as_str().expect("a target"),
+            station.as_str().expect("a station")
+        );
+        assert!(svg.contains(&words), "{words}");
+    }
+    let page = place.read("p.html");
+    assert!(page.starts_with("<!DOCTYPE html>") && !page.contains("<script"));
+    for words in [
+        "an absolute accuracy",
+        "evidence, no proof",
+        "<section id=\"sources\">",
+        "<section id=\"poses\">",
+        "<section id=\"readings\">",
+        "<section id=\"unknowns\">",
+        "line 3",
+    ] {
+        assert!(page.contains(words), "{words}");
+    }
+    looks_well(&place.path("p.html"), 3);
+}
+
+/// What `evaluate --trials` sees is what a study of the same readings sees, which shards and interruptions leave as it is.
+#[test]
+fn a_study_is_of_the_same_robots() {
+    let place = Workplace::new();
+    place.write("k.toml", absolute(KNOWN));
+    place
+        .run("plan k.toml --draw 20 --plan-out p.csv --quiet")
+        .ends_with(0);
+    let study = "\n[study]\nexperiments = 14\ntrials = 40\n[[study.plan]]\nkind = \"file\"\nname = \"mine\"\nfile = \"p.csv\"\n\
+        [[study.plan]]\nkind = \"random\"\nname = \"any\"\n";
+    place.write("s.toml", absolute(KNOWN) + study);
+    let asked = "study s.toml --draw 30";
+    let whole = place.json(asked);
+    assert_eq!(whole["accuracy"], "absolute");
+    assert_eq!(whole["level"], "robot");
+    assert_eq!(whole["reference"], "any");
+    let plan = &whole["plans"][0];
+    assert_eq!((&plan["name"], &plan["runs"]), (&json!("mine"), &json!(40)));
+    let judged = place.json("evaluate s.toml --plan p.csv --trials 40 --report-out t.html");
+    for key in ["rms_mm", "rms_std_mm", "promised_rms_mm", "coverage95"] {
+        assert_eq!(plan[key], judged["trials"][key], "{key}");
+    }
+    assert_eq!(plan["verdict"], judged["trials"]["verdict"]);
+    assert_eq!(plan["histogram"], judged["trials"]["histogram"]);
+    let parts = |of: &Value| of["parts"].as_array().expect("parts").len();
+    assert_eq!(parts(plan), 5);
+    let (seen, nees) = (number(&plan["rms_mm"]), number(&plan["nees"]));
+    let promised = number(&plan["promised_rms_mm"]);
+    // Forty robots: the mean square of three numbers is right within four of its standard errors.
+    let room = 4.0 * (2.0_f64 / 3.0 / 40.0).sqrt();
+    assert!((nees / 3.0 - 1.0).abs() < room, "{nees}");
+    assert!(((seen / promised).powi(2) - 1.0).abs() < 4.0 * (2.0_f64 / 40.0).sqrt());
+    looks_well(&place.path("t.html"), 3);
+    assert!(place.read("t.html").contains("Do virtual robots keep it?"));
+    let page = place.read("out/s/study.html");
+    assert!(page.contains("An absolute accuracy: where the loaded tool is"));
+    assert!(!place.listing().contains(&"out/s/study.rrd".to_owned()));
+
+    for shard in [1, 2] {
+        place
+            .run(&format!(
+                "{asked} --shard {shard}/2 --tally-out {shard}.json --quiet"
+            ))
+            .ends_with(0);
+    }
+    let merged = place.json("merge 1.json 2.json");
+    assert_eq!(merged["plans"], whole["plans"]);
+    let resumed = place.json(&format!("{asked} --resume r.json"));
+    assert_eq!(resumed["plans"], whole["plans"]);
+    assert_eq!(
+        place.json(&format!("{asked} --resume r.json"))["plans"],
+        whole["plans"]
+    );
+    let other = place.run(&format!(
+        "{asked} --parameters zeros --resume r.json --quiet"
+    ));
+    other.ends_with(1).says("is of another study: absolute is");
+    let quantiles = numbers(&plan["quantiles_mm"]);
+    assert!(quantiles[0] < seen && seen < quantiles[3]);
+}
+
+/// What the belief does not know of is named, with what it leaves.
+#[test]
+fn what_breaks_a_promise_is_named() {
+    let place = Workplace::new();
+    let hidden = "\n[[uncertainty]]\nkind = \"gear_error\"\nstd_mrad = 0.3\nhidden = true\n";
+    let more = "\n[study]\ntrials = 40\n[[study.plan]]\nkind = \"optimal\"\nname = \"best\"\n";
+    place.write("s.toml", absolute(hidden) + more);
+    let study = place.json("study s.toml --parameters zeros --draw 20");
+    let plan = &study["plans"][0];
+    let verdict = plan["verdict"].as_str().expect("words");
+    assert!(
+        verdict.starts_with("broken: ") && verdict.contains("most by \"gear_error\""),
+        "{verdict}"
+    );
+    let parts = plan["parts"].as_array().expect("parts");
+    let last = parts.last().expect("the hidden one");
+    assert_eq!(last["hidden"], true);
+    // To first order, what is seen is what is promised and what is hidden.
+    let squares: f64 = parts
+        .iter()
+        .map(|part| number(&part["rms_mm"]).powi(2))
+        .sum();
+    let seen = number(&plan["rms_mm"]).powi(2);
+    assert!(
+        (seen / squares - 1.0).abs() < 4.0 * (2.0_f64 / 40.0).sqrt(),
+        "{seen} {squares}"
+    );
+}
+
+/// What is there for deflections alone is refused by its name, and what is for absolute readings where deflections are studied.
+#[test]
+fn what_does_not_fit_is_refused() {
+    let place = Workplace::new();
+    let plan = |kind: &str| format!("[[study.plan]]\nname = \"p\"\n{kind}\n");
+    let text = |study: String| absolute("\n[study]\n") + &study;
+    place.write("r.toml", scenario_text("ur10"));
+    place.write(
+        "c.csv",
+        "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,target,repeats\n\
+         -10,-65,110,-160,120,-20,reflector,2\n70,-120,100,-150,-60,-50,reflector,1\n",
+    );
+    place.write("a.toml", absolute(""));
+    for (study, arguments, words) in [
+        (
+            plan("kind = \"random\""),
+            "--level model",
+            "--level model is for plans of deflections",
+        ),
+        (
+            plan("kind = \"random\""),
+            "--shares",
+            "--shares is for plans of deflections",
+        ),
+        (
+            plan("kind = \"random\""),
+            "--rerun save=a.rrd",
+            "--rerun is for plans of deflections",
+        ),
+        ("level = \"model\"\n".to_owned(), "", "study.level"),
+        (
+            "sweep = { sigma_mm = [0.01, 0.02] }\n".to_owned(),
+            "",
+            "study.sweep",
+        ),
+        (plan("kind = \"random_each\""), "", "study.plan[0].kind"),
+        (
+            plan("kind = \"optimal\"\ncriterion = \"d\""),
+            "",
+            "study.plan[0].criterion",
+        ),
+        (
+            plan("kind = \"optimal\"\nnoise_only = true"),
+            "",
+            "study.plan[0].noise_only",
+        ),
+        (
+            plan("kind = \"file\"\nfile = \"c.csv\""),
+            "",
+            "whole repetitions must make up",
+        ),
+    ] {
+        place.write("s.toml", text(study));
+        place
+            .run(&format!("study s.toml --quiet {arguments}"))
+            .ends_with(1)
+            .says(words);
+    }
+    for (arguments, words) in [
+        (
+            "study r.toml --draw 20",
+            "--draw is for plans of absolute readings",
+        ),
+        (
+            "study r.toml --candidates c.csv",
+            "--candidates is for plans of absolute readings",
+        ),
+        (
+            "study r.toml --parameters zeros",
+            "robot.parameters says what is unknown",
+        ),
+        (
+            "plan r.toml --report-out a.html",
+            "--report-out is for plans of absolute readings",
+        ),
+        (
+            "evaluate a.toml --parameters frames --plan c.csv --trials 10",
+            "no reading of the plan is of spindle, whose place is promised: it is taken for certain",
+        ),
+    ] {
+        place
+            .run(&format!("{arguments} --quiet"))
+            .ends_with(1)
+            .says(words);
+    }
+}
