@@ -6,7 +6,7 @@
 use nalgebra::{Matrix6, Vector3, Vector6};
 
 use super::braced::BareArm;
-use super::planned::of_positions;
+use super::reading::of_positions;
 use crate::parameter::ReadingSource;
 use crate::robot::{KinematicState, Kinematics, Load, Tool};
 

@@ -10,8 +10,7 @@ use std::cell::RefCell;
 use nalgebra::{Cholesky, DVector, Matrix3, Matrix3xX, Matrix6, Matrix6xX, Vector3, Vector6};
 
 use super::model::ObservationModel;
-use super::planned::of_positions;
-use super::reading::{DeflectionPrecision, Setup, Whitener};
+use super::reading::{DeflectionPrecision, Setup, Whitener, of_positions};
 use crate::parameter::{
     Axis, ElasticArm, ParameterKind, ParameterSet, ReadingSource, counted_times,
 };

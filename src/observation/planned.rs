@@ -2,14 +2,14 @@
 
 use std::borrow::Cow;
 
-use nalgebra::{DMatrix, Matrix3, Matrix3xX, Matrix6, Matrix6xX, Vector3};
+use nalgebra::{DMatrix, Matrix3xX, Matrix6, Matrix6xX, Vector3};
 
 use super::braced::BareArm;
 use super::compliances::ComplianceRows;
 use super::first_order::FirstOrder;
 use super::observed::ObservedRows;
 use super::off_springs::OffSpring;
-use super::reading::DeflectionPrecision;
+use super::reading::{DeflectionPrecision, of_positions};
 use crate::parameter::{ElasticArm, ParameterSet, ReadingSource, Unloaded, counted_times};
 use crate::robot::{Approach, KinematicState, Kinematics, Load};
 
@@ -403,11 +403,4 @@ fn weigh_repeats(experiments: &[(Load, u32)], rows: usize, columns: &mut DMatrix
         let mut own = columns.rows_mut(rows * place, rows);
         own *= f64::from(repeats).sqrt().powf(power);
     }
-}
-
-/// Of positions alone: rotations are not disturbed.
-pub(super) fn of_positions(covariance: &Matrix3<f64>) -> Matrix6<f64> {
-    let mut whole = Matrix6::zeros();
-    whole.fixed_view_mut::<3, 3>(0, 0).copy_from(covariance);
-    whole
 }
