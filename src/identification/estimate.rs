@@ -246,7 +246,13 @@ fn two_sided_normal() -> f64 {
     Normal::standard().inverse_cdf(0.975)
 }
 
+/// With so many degrees of freedom Student's t is normal.
+const MANY: f64 = 1e6;
+
 /// What 95 % of a variable of Student's t stay within, to either side.
 pub(super) fn two_sided_student(freedom: f64) -> f64 {
+    if freedom >= MANY {
+        return two_sided_normal();
+    }
     StudentsT::new(0.0, 1.0, freedom).map_or(f64::INFINITY, |student| student.inverse_cdf(0.975))
 }

@@ -8,9 +8,6 @@ use crate::identification::{
 };
 use crate::parameter::{Axis, ParameterKind};
 
-/// Standard errors in an interval of 95 %.
-const NORMAL_95: f64 = 1.959_963_984_540_054;
-
 /// A parameter that was fitted.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
@@ -330,11 +327,12 @@ fn unknown(fit: &AbsoluteFit, index: usize) -> UnknownMessage {
     let error = fit.standard_error(index);
     // Of a logarithm the interval is that of the logarithm.
     let interval95 = error.map(|error| {
+        let reach = fit.reach95(index) * error;
         if parameter.is_logarithmic && value != 0.0 {
-            let factor = (NORMAL_95 * error / value).exp();
+            let factor = (reach / value).exp();
             [value / factor, value * factor]
         } else {
-            [value - NORMAL_95 * error, value + NORMAL_95 * error]
+            [value - reach, value + reach]
         }
     });
     UnknownMessage {

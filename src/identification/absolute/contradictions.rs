@@ -1,13 +1,23 @@
 //! Two series of readings, or the halves of joint space of one, whose parameters contradict each other.
 //!
-//! Each parameter of the robot that both tell has a value and a standard error on either side; these count what the model leaves,
-//! and how much the value changes when blocks of joint space are left out one by one. Student's t of the difference, over
-//! all parameters that are compared (Bonferroni), says whether both can be right.
+//! Each parameter of the robot that both tell has a value on either side. How far these may lie apart is asked of two yardsticks:
+//!
+//! - how much each value changes when blocks of joint space are left out one by one. That needs no model of what is unexplained, but takes
+//!   blocks as independent;
+//! - one mixed model of both series together, whose joints err in both alike. A gear that is not round errs in all blocks
+//!   where its joint has the same angle, and, where it is so once or twice a turn, one way in the one half and the other way in the
+//!   other.
+//!
+//! Student's t of the difference, over all parameters that are compared (Bonferroni), says whether both can be right; by that yardstick
+//! which makes it more probable.
 
+use nalgebra::DMatrix;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
+use super::super::estimate::two_sided_student;
 use super::super::gauss_newton::{ParameterFit, fit_from};
 use super::blocks::FEWEST_BLOCKS;
+use super::mixed::{MixedModel, SumVariances};
 use super::without::{Blocks, Fitted};
 use super::{AbsoluteCase, AbsoluteError, AbsoluteFit};
 use crate::observation::SharedErrors;
@@ -17,16 +27,29 @@ use crate::parameter::{ElasticArm, Parameter, ParameterKind, ParameterSet};
 pub const CONTRADICTION: f64 = 0.01;
 /// At most so many blocks of each series are left out.
 const BLOCKS: usize = 16;
-/// Of intervals of 95 %.
-const UPPER: f64 = 0.975;
+
+/// What a series says of a parameter.
+#[derive(Debug, Clone)]
+struct SeriesEstimate {
+    parameter: Parameter,
+    /// Its place among all that were fitted.
+    place: usize,
+    value: f64,
+    /// By leaving out blocks, in the unit of the value.
+    error: f64,
+}
 
 /// What a series says of the robot's own parameters.
 #[derive(Debug, Clone)]
 pub struct SeriesEstimates {
-    /// Each with its value and its standard error, in the unit of its value; none where it is not determined.
-    pub parameters: Vec<(Parameter, f64, Option<f64>)>,
+    /// Those that it determines.
+    parameters: Vec<SeriesEstimate>,
+    /// How many parameters were fitted, those of frames among them.
+    fitted: usize,
     /// The number of blocks that were left out.
-    pub blocks: usize,
+    blocks: usize,
+    /// Its readings with what their errors have in common, where there are enough to tell.
+    mixed: Option<MixedModel>,
     /// The arm from which values count.
     reference: ElasticArm,
 }
@@ -44,6 +67,15 @@ pub struct Contradiction {
     pub intervals95: [[f64; 2]; 2],
     /// The probability of a difference as large, of any of those that were compared.
     pub probability: f64,
+}
+
+/// A parameter of two series.
+struct Compared<'a>([&'a SeriesEstimate; 2]);
+
+/// A standard error, known from so many degrees of freedom.
+struct Yardstick {
+    error: f64,
+    degrees: f64,
 }
 
 /// Two series beside each other.
@@ -73,7 +105,7 @@ impl AbsoluteCase<'_> {
             shared.as_ref(),
             &values,
         )?;
-        self.by_blocks(&fit.set, &again, shared.as_ref())
+        self.by_blocks(&fit.set, &again, (shared.as_ref(), fit.misfit))
     }
 
     /// The halves of joint space, across the joint that moves furthest: which half each reading is in, and what each half says.
@@ -92,7 +124,7 @@ impl AbsoluteCase<'_> {
                 shared.as_ref(),
                 &fit.values(),
             );
-            case.by_blocks(&fit.set, &fitted.ok()?, shared.as_ref())
+            case.by_blocks(&fit.set, &fitted.ok()?, (shared.as_ref(), fit.misfit))
                 .ok()?
         };
         let both = [half(0)?, half(1)?];
@@ -133,7 +165,7 @@ impl AbsoluteCase<'_> {
         &self,
         set: &ParameterSet,
         fit: &ParameterFit,
-        shared: Option<&SharedErrors>,
+        (shared, misfit): (Option<&SharedErrors>, Option<[f64; 2]>),
     ) -> Result<Option<SeriesEstimates>, AbsoluteError> {
         let count = BLOCKS.min(self.different() / 2);
         if count < FEWEST_BLOCKS {
@@ -143,17 +175,26 @@ impl AbsoluteCase<'_> {
         let blocks = Blocks::new(self, shared, &of_readings, count);
         let fitted = Fitted { set, fit };
         let without = blocks.without(fitted)?;
+        let mixed = misfit.and_then(|misfit| {
+            let (_, mixed) = self.mixed(set, fit, misfit)?;
+            Some(mixed.with_waves(&self.commanded_turns()))
+        });
         let own = set.parameters().iter().enumerate();
         let own = own.filter(|(_, parameter)| !parameter.kind.is_mounted());
         Ok(Some(SeriesEstimates {
             parameters: own
-                .map(|(place, parameter)| {
-                    let value = fit.posterior.mean[place];
-                    let error = fitted.standard_error(place, &without);
-                    (parameter.clone(), value, error)
+                .filter_map(|(place, parameter)| {
+                    Some(SeriesEstimate {
+                        parameter: parameter.clone(),
+                        place,
+                        value: fit.posterior.mean[place],
+                        error: fitted.standard_error(place, &without)?,
+                    })
                 })
                 .collect(),
+            fitted: set.len(),
             blocks: count,
+            mixed,
             reference: self.arm.clone(),
         }))
     }
@@ -165,39 +206,49 @@ impl SeriesEstimates {
     #[must_use]
     pub fn beside(&self, other: &Self) -> Contradictions {
         let is_same = geometry(self) == geometry(other);
-        let mut compared = Vec::new();
-        for (parameter, value, error) in &self.parameters {
-            let kind = parameter.kind;
-            let twin = other.parameters.iter().find(|(each, ..)| each.kind == kind);
-            if let Some(error) = error
-                && let Some((_, second, Some(second_error))) = twin
-                && (is_same || !is_geometry(kind))
-            {
-                compared.push((parameter, [*value, *second], [*error, *second_error]));
-            }
-        }
+        let twins = self.parameters.iter().filter_map(|one| {
+            let kind = one.parameter.kind;
+            let twin = (other.parameters.iter()).find(|each| each.parameter.kind == kind)?;
+            (is_same || !is_geometry(kind)).then_some(Compared([one, twin]))
+        });
+        let compared: Vec<Compared<'_>> = twins.collect();
+        let together = self.together(other, &compared);
         let degrees = self.blocks.min(other.blocks) as f64 - 1.0;
         let mut found = Vec::new();
-        if let Ok(distribution) = StudentsT::new(0.0, 1.0, degrees) {
-            let half = distribution.inverse_cdf(UPPER);
-            for (parameter, values, errors) in &compared {
-                let distance = (values[0] - values[1]).abs() / errors[0].hypot(errors[1]);
-                let alone = 2.0 * distribution.sf(distance);
-                let probability = (alone * compared.len() as f64).min(1.0);
-                if probability < CONTRADICTION {
-                    let quantity = |value: f64| parameter.quantity(&self.reference, value);
-                    let interval = |side: usize| {
-                        let width = half * errors[side];
-                        [values[side] - width, values[side] + width].map(quantity)
-                    };
-                    found.push(Contradiction {
-                        name: parameter.name.clone(),
-                        kind: parameter.kind,
-                        values: values.map(quantity),
-                        intervals95: [interval(0), interval(1)],
-                        probability,
-                    });
-                }
+        for (at, Compared(both)) in compared.iter().enumerate() {
+            let yardsticks = |error: f64, which: usize| {
+                let by_blocks = Yardstick { error, degrees };
+                let together = together.as_ref().map(|found| {
+                    let place = which * compared.len() + at;
+                    Yardstick {
+                        error: found.variances[place].sqrt(),
+                        degrees: found.degrees[place],
+                    }
+                });
+                [Some(by_blocks), together].into_iter().flatten()
+            };
+            let [one, second] = both.map(|each| each.value);
+            let alone = yardsticks(both[0].error.hypot(both[1].error), 0)
+                .map(|each| each.probability(one - second))
+                .fold(0.0, f64::max);
+            let probability = (alone * compared.len() as f64).min(1.0);
+            if probability < CONTRADICTION {
+                let parameter = &both[0].parameter;
+                let quantity = |value: f64| parameter.quantity(&self.reference, value);
+                let interval = |side: usize| {
+                    let SeriesEstimate { value, error, .. } = *both[side];
+                    let half = yardsticks(error, 1 + side)
+                        .map(|each| each.half_width())
+                        .fold(0.0, f64::max);
+                    [value - half, value + half].map(quantity)
+                };
+                found.push(Contradiction {
+                    name: parameter.name.clone(),
+                    kind: parameter.kind,
+                    values: [one, second].map(quantity),
+                    intervals95: [interval(0), interval(1)],
+                    probability,
+                });
             }
         }
         found.sort_by(|one, other| one.probability.total_cmp(&other.probability));
@@ -205,6 +256,34 @@ impl SeriesEstimates {
             compared: compared.len(),
             found,
         }
+    }
+
+    /// What one mixed model of both says: of the differences of what is compared, then of what the one says, then of the other.
+    fn together(&self, other: &Self, compared: &[Compared<'_>]) -> Option<SumVariances> {
+        let count = compared.len();
+        let mut sums = DMatrix::zeros(self.fitted + other.fitted, 3 * count);
+        for (at, Compared([one, second])) in compared.iter().enumerate() {
+            let (one, second) = (one.place, self.fitted + second.place);
+            sums[(one, at)] = 1.0;
+            sums[(second, at)] = -1.0;
+            sums[(one, count + at)] = 1.0;
+            sums[(second, 2 * count + at)] = 1.0;
+        }
+        let (one, second) = (self.mixed.as_ref()?, other.mixed.as_ref()?);
+        one.beside(second).of_sums(&sums)
+    }
+}
+
+impl Yardstick {
+    /// The probability of a value at least as far from nothing.
+    fn probability(&self, value: f64) -> f64 {
+        let distance = value.abs() / self.error;
+        StudentsT::new(0.0, 1.0, self.degrees).map_or(1.0, |student| 2.0 * student.sf(distance))
+    }
+
+    /// How far an interval of 95 % reaches to either side.
+    fn half_width(&self) -> f64 {
+        self.error * two_sided_student(self.degrees)
     }
 }
 
@@ -218,9 +297,6 @@ const fn is_geometry(kind: ParameterKind) -> bool {
 }
 
 fn geometry(series: &SeriesEstimates) -> Vec<ParameterKind> {
-    let kinds = series
-        .parameters
-        .iter()
-        .map(|(parameter, ..)| parameter.kind);
+    let kinds = series.parameters.iter().map(|each| each.parameter.kind);
     kinds.filter(|kind| is_geometry(*kind)).collect()
 }

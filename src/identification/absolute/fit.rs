@@ -4,6 +4,7 @@ use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::super::conditions::IMPLAUSIBLE;
+use super::super::estimate::two_sided_student;
 use super::super::gauss_newton::{
     FitError, ParameterFit, fit_for_residuals, fit_for_weights, fit_from, fit_if_plausible,
     fit_parameters,
@@ -11,6 +12,7 @@ use super::super::gauss_newton::{
 use super::super::misfit::WEIGHINGS;
 use super::super::rejection;
 use super::mixed::MixedModel;
+use super::rows::LinearReading;
 use super::unknowns::{LeftOut, ToldApart};
 use super::{
     AbsoluteCase, AbsoluteError, Misfit, MisfitModel, ParameterGroup, ReadingResidual,
@@ -84,6 +86,8 @@ pub struct Unexplained {
     pub model: MisfitModel,
     /// The covariance of the parameters (p x p), if that is what they leave.
     pub covariance: DMatrix<f64>,
+    /// The degrees of freedom of each parameter's variance.
+    pub degrees: Vec<f64>,
     /// What is left of each reading that was not rejected beside the parameters and the joints' errors.
     pub left: Vec<ReadingResidual>,
     /// Stands of the robot.
@@ -221,13 +225,13 @@ impl AbsoluteCase<'_> {
         Some((kept, rejected, weighed))
     }
 
-    /// What a mixed model tells of what the parameters leave; none where there is too little to tell.
-    fn unexplained(
+    /// A mixed model of what the parameters leave, with the readings; none where there is too little to tell.
+    pub(super) fn mixed(
         &self,
         set: &ParameterSet,
         fit: &ParameterFit,
-        misfit: [f64; 2],
-    ) -> Option<Unexplained> {
+        [position_m, rotation_rad]: [f64; 2],
+    ) -> Option<(Vec<LinearReading>, MixedModel)> {
         let joints = self.commanded_joints();
         let variances = 2 * (joints.len() + 1);
         if self.stands.len() < LEAST_STANDS || fit.degrees_of_freedom() < 2 * variances {
@@ -242,23 +246,36 @@ impl AbsoluteCase<'_> {
         let prior = basis.tr_mul(&relative_precision(set)) * basis;
         let pull = DMatrix::from_columns(&[-basis.tr_mul(&pull)]);
         let units = estimable.basis_in_units();
-        let [position_m, rotation_rad] = misfit;
         let misfit = Misfit {
             position_m,
             rotation_rad,
         };
-        let mixed = MixedModel::new(self, &rows, joints, units, [prior, pull]).fit(&misfit)?;
+        let mixed = MixedModel::new(self, &rows, joints, units, [prior, pull], &misfit);
+        Some((rows, mixed))
+    }
+
+    /// What a mixed model tells of what the parameters leave; none where there is too little to tell.
+    fn unexplained(
+        &self,
+        set: &ParameterSet,
+        fit: &ParameterFit,
+        misfit: [f64; 2],
+    ) -> Option<Unexplained> {
+        let (rows, mixed) = self.mixed(set, fit, misfit)?;
+        let found = mixed.fit()?;
+        let turns = self.commanded_turns();
+        let (covariance, degrees) = mixed.with_waves(&turns).of_parameters()?;
         let places: Vec<usize> = (0..set.len()).collect();
         let prognoses = (rows.iter().zip(&self.observations)).map(|(rows, each)| {
             let q = each.setup.commanded_rad.as_slice();
-            let (left, covariance) = mixed.model.prognosis(rows, &places, q);
-            mixed.model.judged(&left, &covariance, q).left
+            let (left, covariance) = found.model.prognosis(rows, &places, q);
+            found.model.judged(&left, &covariance, q).left
         });
         let independent = &fit.posterior;
         let logarithms: Vec<f64> = (0..set.len())
             .filter(|&index| independent.standard_error(index).is_some())
             .map(|index| {
-                let [one, other] = [&independent.covariance, &mixed.covariance]
+                let [one, other] = [&independent.covariance, &covariance]
                     .map(|covariance| covariance[(index, index)]);
                 (one / other).ln()
             })
@@ -269,9 +286,10 @@ impl AbsoluteCase<'_> {
             left: prognoses.collect(),
             stands: self.stands.len(),
             effective_stands: self.stands.len() as f64 * ratio.exp().min(1.0),
-            predicted_by_others: mixed.predicted_by_others,
-            covariance: mixed.covariance,
-            model: mixed.model,
+            predicted_by_others: found.predicted_by_others,
+            covariance,
+            degrees,
+            model: found.model,
         })
     }
 
@@ -351,6 +369,13 @@ impl AbsoluteFit {
         } else {
             error
         })
+    }
+
+    /// By how many standard errors the interval of 95 % of a parameter reaches to either side.
+    #[must_use]
+    pub fn reach95(&self, index: usize) -> f64 {
+        let unexplained = self.unexplained.as_ref();
+        two_sided_student(unexplained.map_or(f64::INFINITY, |each| each.degrees[index]))
     }
 
     /// The standard errors of three parameters together, where all are in the fit and determined.

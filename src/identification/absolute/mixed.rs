@@ -12,7 +12,7 @@
 //! variance components models*, J. Comput. Graph. Stat. 28, 2019). How far the error of a joint reaches follows from its
 //! expected squares at the knots, as in the EM algorithm.
 
-use nalgebra::{Cholesky, DMatrix, DVector};
+use nalgebra::{Cholesky, DMatrix, DVector, DVectorView};
 use rayon::prelude::*;
 
 use super::super::spread::{ErrorSpread, LEAST_SQUARES};
@@ -23,6 +23,8 @@ use crate::numeric::wandering::{Tridiagonal, Wandering, knots_among};
 
 /// No joint has more knots.
 const MOST_KNOTS: usize = 48;
+/// Nor beside slow waves: errors that reach no further than between knots are nearly new at each stand.
+const MOST_BESIDE_WAVES: usize = 16;
 /// A knot stands for so many stands of the robot.
 const STANDS_PER_KNOT: usize = 4;
 /// Improvements of the variances; later ones change intervals by a per cent.
@@ -33,10 +35,14 @@ const FOUND: f64 = 0.02;
 const LEAST: f64 = 1e-18;
 /// From so many readings on, regions are scaled by what was seen.
 const SCALED_FROM: usize = 40;
+/// Waves that come round so often in a turn, or less, hide in parameters: a gear that is not round once in a turn looks like a joint that gives way
+/// to gravity. What is left tells next to nothing of them.
+const HIDDEN_WAVES: usize = 3;
 /// Pieces of sums, so that bits do not depend on threads.
 const PIECES: usize = 32;
 
 /// Readings that share what is new at a stand.
+#[derive(Debug, Clone)]
 struct ReadingStand {
     /// Read less predicted (m).
     residual: DVector<f64>,
@@ -44,12 +50,16 @@ struct ReadingStand {
     fixed: DMatrix<f64>,
     /// Derivatives by each joint's angle (m x k).
     joints: DMatrix<f64>,
+    /// The same by waves of those joints' errors that have them (m x w).
+    waves: DMatrix<f64>,
     /// The readings' own covariance.
     own: DMatrix<f64>,
     /// Which coordinate each row is, from 0 to 5.
     coordinates: Vec<usize>,
     /// The commanded angles of the joints.
     angles: Vec<f64>,
+    /// Variances of what is new at it, of positions and of rotations, that its readings were weighed with.
+    assumed: [f64; 2],
 }
 
 /// The variances that are looked for.
@@ -57,10 +67,12 @@ struct ReadingStand {
 struct MixedVariances {
     rest: [f64; 2],
     joints: Vec<f64>,
+    waves: Vec<f64>,
     wandering: Vec<Wandering>,
 }
 
 /// The readings with what is known before of the parameters, in the coordinates of what is determined.
+#[derive(Debug, Clone)]
 pub(super) struct MixedModel {
     stands: Vec<ReadingStand>,
     /// Precision (r x r) and its pull (r).
@@ -69,6 +81,26 @@ pub(super) struct MixedModel {
     /// The joints, and how the coordinates become parameters (p x r).
     joints: Vec<usize>,
     units: DMatrix<f64>,
+    /// Variances to start from, of positions and of rotations.
+    unexplained: [f64; 2],
+    /// No joint has more knots.
+    most_knots: usize,
+}
+
+/// The variances of some sums of parameters, and how well they are known.
+pub(super) struct SumVariances {
+    /// The variance of each.
+    pub variances: Vec<f64>,
+    /// Degrees of freedom of each, after F. E. Satterthwaite (*An approximate distribution of estimates of variance components*,
+    /// Biometrics Bulletin 2, 1946).
+    pub degrees: Vec<f64>,
+}
+
+/// Variances after one more improvement.
+struct ImprovedVariances {
+    next: MixedVariances,
+    /// How many numbers told each of those before: of what is new at stands, then of the joints.
+    told: Vec<f64>,
 }
 
 /// What the model says with some variances.
@@ -80,8 +112,6 @@ struct MixedSolution {
 /// What a mixed model gives.
 pub(super) struct MixedFit {
     pub model: MisfitModel,
-    /// The covariance (p x p) of parameters that were fitted with the readings weighed as independent.
-    pub covariance: DMatrix<f64>,
     /// The shares of readings, and of rotations, that lie in their regions of 95 % as computed, each predicted by the others.
     pub predicted_by_others: [Option<f64>; 2],
 }
@@ -110,7 +140,10 @@ impl MixedModel {
         joints: Vec<usize>,
         units: DMatrix<f64>,
         [prior, pull]: [DMatrix<f64>; 2],
+        misfit: &Misfit,
     ) -> Self {
+        let assumed = misfit.covariance();
+        let unexplained = [assumed[(0, 0)], assumed[(3, 3)]];
         let stands = (case.stands.iter())
             .map(|stand| {
                 let size: usize = stand.iter().map(|&index| rows[index].residual.len()).sum();
@@ -118,9 +151,11 @@ impl MixedModel {
                     residual: DVector::zeros(size),
                     fixed: DMatrix::zeros(size, units.ncols()),
                     joints: DMatrix::zeros(size, joints.len()),
+                    waves: DMatrix::zeros(size, 0),
                     own: DMatrix::zeros(size, size),
                     coordinates: Vec::new(),
                     angles: Vec::new(),
+                    assumed: unexplained.map(|each| each.max(LEAST)),
                 };
                 for &index in stand {
                     let (rows, at) = (&rows[index], all.coordinates.len());
@@ -145,16 +180,98 @@ impl MixedModel {
             pull: pull.column(0).into_owned(),
             joints,
             units,
+            unexplained,
+            most_knots: MOST_KNOTS,
         }
     }
 
-    /// The likeliest variances with what follows from them; `misfit` is what is unexplained as a whole, and how readings were
-    /// weighed. None where the numbers have no factorisation.
-    pub fn fit(&self, misfit: &Misfit) -> Option<MixedFit> {
-        let mut variances = self.first(misfit);
+    /// The same with slow waves in the error of each joint that turns, as many as hide in parameters.
+    pub fn with_waves(mut self, turns: &[bool]) -> Self {
+        let turning: Vec<usize> = (0..turns.len()).filter(|&joint| turns[joint]).collect();
+        for stand in &mut self.stands {
+            let waves = turning.iter().flat_map(|&joint| {
+                let (moved, angle) = (stand.joints.column(joint), stand.angles[joint]);
+                (1..=HIDDEN_WAVES).flat_map(move |order| {
+                    let (sine, cosine) = (order as f64 * angle).sin_cos();
+                    [moved * sine, moved * cosine]
+                })
+            });
+            stand.waves = DMatrix::from_iterator(
+                stand.residual.len(),
+                2 * HIDDEN_WAVES * turning.len(),
+                waves.flat_map(|column| column.data.as_vec().clone()),
+            );
+        }
+        self.most_knots = MOST_BESIDE_WAVES;
+        self
+    }
+
+    /// Two series of one robot, which share the errors of its joints and nothing else: all parameters of the one (p) above all
+    /// of the other.
+    pub fn beside(&self, other: &Self) -> Self {
+        let corner = |one: &DMatrix<f64>, other: &DMatrix<f64>| {
+            let (rows, columns) = (one.nrows(), one.ncols());
+            let mut both = DMatrix::zeros(rows + other.nrows(), columns + other.ncols());
+            both.view_mut((0, 0), one.shape()).copy_from(one);
+            both.view_mut((rows, columns), other.shape())
+                .copy_from(other);
+            both
+        };
+        let (own, others) = (self.units.ncols(), other.units.ncols());
+        let wide = |stand: &ReadingStand, before: usize| ReadingStand {
+            fixed: (stand.fixed.clone())
+                .insert_columns(0, before, 0.0)
+                .resize_horizontally(own + others, 0.0),
+            ..stand.clone()
+        };
+        let stands = self.stands.iter().map(|each| wide(each, 0));
+        let stands = stands.chain(other.stands.iter().map(|each| wide(each, own)));
+        let mut pull = self.pull.clone().resize_vertically(own + others, 0.0);
+        pull.rows_mut(own, others).copy_from(&other.pull);
+        Self {
+            stands: stands.collect(),
+            prior: corner(&self.prior, &other.prior),
+            pull,
+            joints: self.joints.clone(),
+            units: corner(&self.units, &other.units),
+            unexplained: [0, 1]
+                .map(|part| f64::midpoint(self.unexplained[part], other.unexplained[part])),
+            most_knots: self.most_knots.min(other.most_knots),
+        }
+    }
+
+    /// The variances of sums of parameters (p x n) that were fitted with readings weighed as independent. None where the numbers have no
+    /// factorisation.
+    pub fn of_sums(&self, sums: &DMatrix<f64>) -> Option<SumVariances> {
+        let (variances, solved) = self.likeliest()?;
+        let parts = self.parts(&variances, sums)?;
+        let ImprovedVariances { told, .. } = self.improved(&variances, &solved)?;
+        let (variances, degrees) = parts
+            .column_iter()
+            .map(|parts| satterthwaite(parts, &told))
+            .unzip();
+        Some(SumVariances { variances, degrees })
+    }
+
+    /// The covariance (p x p) of parameters that were fitted with readings weighed as independent, with the degrees of freedom of each
+    /// variance. None where the numbers have no factorisation.
+    pub fn of_parameters(&self) -> Option<(DMatrix<f64>, Vec<f64>)> {
+        let (variances, solved) = self.likeliest()?;
+        let each = DMatrix::identity(self.units.nrows(), self.units.nrows());
+        let ImprovedVariances { told, .. } = self.improved(&variances, &solved)?;
+        let parts = self.parts(&variances, &each)?;
+        let degrees = parts
+            .column_iter()
+            .map(|parts| satterthwaite(parts, &told).1);
+        Some((self.sandwich(&variances)?, degrees.collect()))
+    }
+
+    /// The likeliest variances, with what the model says then.
+    fn likeliest(&self) -> Option<(MixedVariances, MixedSolution)> {
+        let mut variances = self.first();
         let mut solved = self.solved(&variances)?;
         for _ in 0..ROUNDS {
-            let next = self.improved(&variances, &solved)?;
+            let ImprovedVariances { next, .. } = self.improved(&variances, &solved)?;
             let change = next.change_from(&variances);
             variances = next;
             solved = self.solved(&variances)?;
@@ -162,7 +279,12 @@ impl MixedModel {
                 break;
             }
         }
-        let covariance = self.sandwich(&variances, misfit)?;
+        Some((variances, solved))
+    }
+
+    /// The likeliest variances with what follows from them. None where the numbers have no factorisation.
+    pub fn fit(&self) -> Option<MixedFit> {
+        let (variances, solved) = self.likeliest()?;
         let mut model = self.model(&variances, &solved);
         let squares = self.squares_by_others(&variances, &solved);
         let predicted_by_others = [0, 1].map(|part| {
@@ -173,14 +295,13 @@ impl MixedModel {
         });
         Some(MixedFit {
             model,
-            covariance,
             predicted_by_others,
         })
     }
 
     /// Half of what is unexplained in the joints.
-    fn first(&self, misfit: &Misfit) -> MixedVariances {
-        let count = (self.stands.len() / STANDS_PER_KNOT).clamp(2, MOST_KNOTS);
+    fn first(&self) -> MixedVariances {
+        let count = (self.stands.len() / STANDS_PER_KNOT).clamp(2, self.most_knots);
         let wandering: Vec<Wandering> = (0..self.joints.len())
             .map(|joint| {
                 let angles: Vec<f64> = self.stands.iter().map(|each| each.angles[joint]).collect();
@@ -198,20 +319,28 @@ impl MixedModel {
                 rows += 1.0;
             }
         }
-        let [position, rotation] = [misfit.position_m, misfit.rotation_rad].map(|each| each * each);
+        let [position, rotation] = self.unexplained;
         let of_joints = 0.5 * position * rows / f64::max(moved, f64::MIN_POSITIVE);
         MixedVariances {
             rest: [0.5 * position, 0.5 * rotation].map(|each| each.max(LEAST)),
             joints: vec![of_joints.clamp(LEAST, 1e-4); wandering.len()],
+            waves: vec![of_joints.clamp(LEAST, 1e-4); self.waves() / (2 * HIDDEN_WAVES)],
             wandering,
         }
     }
 
+    /// The number of waves of all joints.
+    fn waves(&self) -> usize {
+        self.stands.first().map_or(0, |stand| stand.waves.ncols())
+    }
+
+    /// Where the knots of each joint begin among all unknowns, where all waves do, and the number of unknowns.
     fn offsets(&self, variances: &MixedVariances) -> Vec<usize> {
         let mut offsets = vec![self.units.ncols()];
         for each in &variances.wandering {
             offsets.push(offsets[offsets.len() - 1] + each.knots.len());
         }
+        offsets.push(offsets[offsets.len() - 1] + self.waves());
         offsets
     }
 
@@ -261,6 +390,10 @@ impl MixedModel {
                 information[(at + knot + 1, at + knot)] += value / variance;
             }
         }
+        let first = offsets[variances.wandering.len()];
+        for at in first..size {
+            information[(at, at)] += variances.of_wave(at - first).recip();
+        }
         // Units apart: parameters in typical sizes, joints in rad.
         let sizes = information.diagonal().map(|each| each.sqrt().recip());
         for (index, mut column) in information.column_iter_mut().enumerate() {
@@ -287,7 +420,7 @@ impl MixedModel {
         &self,
         variances: &MixedVariances,
         solved: &MixedSolution,
-    ) -> Option<MixedVariances> {
+    ) -> Option<ImprovedVariances> {
         let offsets = self.offsets(variances);
         let nothing = VarianceImprovement {
             rest: [[0.0; 2]; 2],
@@ -317,7 +450,9 @@ impl MixedModel {
             (variance * ratio.max(0.0).sqrt()).max(LEAST)
         };
         let mut next = variances.clone();
+        let mut told = Vec::new();
         for part in 0..2 {
+            told.push(variances.rest[part] * sum.rest[part][1]);
             next.rest[part] = better(variances.rest[part], sum.rest[part]);
         }
         for (joint, wandering) in variances.wandering.iter().enumerate() {
@@ -344,6 +479,7 @@ impl MixedModel {
             let mut own = sum.joints[joint];
             own[0] += square;
             own[1] += (count as f64 - known).max(0.0) / variance;
+            told.push(variance * own[1]);
             next.joints[joint] = better(variance, own);
             let all = values.diagonal.iter_mut().chain(&mut values.beside);
             for (value, known) in all.zip(covariance.diagonal.iter().chain(&covariance.beside)) {
@@ -351,17 +487,24 @@ impl MixedModel {
             }
             next.wandering[joint].length = wandering.likeliest_length(&values);
         }
-        Some(next)
+        for (joint, &variance) in variances.waves.iter().enumerate() {
+            let count = 2 * HIDDEN_WAVES;
+            let at = offsets[variances.wandering.len()] + joint * count;
+            let square = solved.mean.rows(at, count).norm_squared() / (variance * variance);
+            let own = solved.covariance.view((at, at), (count, count)).trace();
+            let trace = (count as f64 - own / variance).max(0.0) / variance;
+            told.push(variance * trace);
+            next.waves[joint] = better(variance, [square, trace]);
+        }
+        Some(ImprovedVariances { next, told })
     }
 
     /// The covariance (p x p) of a fit that took readings of different stands as independent with this misfit, where the
     /// variances are these: H^-1 (sum A^T V A) H^-1.
-    fn sandwich(&self, variances: &MixedVariances, misfit: &Misfit) -> Option<DMatrix<f64>> {
+    fn sandwich(&self, variances: &MixedVariances) -> Option<DMatrix<f64>> {
         let offsets = self.offsets(variances);
         let fixed = self.units.ncols();
         let knots = offsets.last()? - fixed;
-        let assumed = misfit.covariance();
-        let assumed = [assumed[(0, 0)].max(LEAST), assumed[(3, 3)].max(LEAST)];
         let pieces: Vec<Option<[DMatrix<f64>; 3]>> = (self.pieces())
             .map(|stands| {
                 let mut sums = [
@@ -371,9 +514,7 @@ impl MixedModel {
                 ];
                 for stand in stands {
                     let local = stand.local(variances, &offsets);
-                    let mut weighed_by = stand.own.clone();
-                    stand.add_shared(&mut weighed_by, assumed);
-                    let weighed = Cholesky::new(weighed_by)?.solve(&stand.fixed);
+                    let weighed = stand.weighed()?;
                     sums[0] += weighed.tr_mul(&stand.fixed);
                     sums[1] += weighed.tr_mul(&(&local.covariance * &weighed));
                     let through = weighed.tr_mul(&local.matrix);
@@ -402,8 +543,68 @@ impl MixedModel {
             });
             square += own * among * own.transpose();
         }
+        let first = offsets[variances.wandering.len()] - fixed;
+        for wave in 0..self.waves() {
+            let own = through.column(first + wave);
+            square += own * variances.of_wave(wave) * own.transpose();
+        }
         let inverse = &self.units * Cholesky::new(curvature)?.inverse();
         Some(&inverse * square * inverse.transpose())
+    }
+
+    /// The parts of the variances of sums (p x n) of parameters: what is known before and of the readings themselves, what is new at
+    /// stands, of positions and of rotations, and each joint's error.
+    fn parts(&self, variances: &MixedVariances, sums: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+        let offsets = self.offsets(variances);
+        let fixed = self.units.ncols();
+        let mut curvature = self.prior.clone();
+        for stand in &self.stands {
+            curvature += stand.weighed()?.tr_mul(&stand.fixed);
+        }
+        let sums = Cholesky::new(curvature)?.solve(&self.units.tr_mul(sums));
+        let joints = variances.wandering.len();
+        let mut parts = DMatrix::zeros(3 + joints + variances.waves.len(), sums.ncols());
+        let mut through = DMatrix::zeros(sums.ncols(), offsets.last()? - fixed);
+        for stand in &self.stands {
+            let local = stand.local(variances, &offsets);
+            let gains = stand.weighed()? * &sums;
+            let moved = gains.tr_mul(&local.matrix);
+            for (column, &to) in local.index.iter().enumerate().skip(fixed) {
+                let mut sum = through.column_mut(to - fixed);
+                sum += moved.column(column);
+            }
+            for (at, gain) in gains.column_iter().enumerate() {
+                parts[(0, at)] += gain.dot(&(&stand.own * gain));
+                for coordinate in 0..6 {
+                    let rows = stand.coordinates.iter().zip(gain.iter());
+                    let shared = rows.filter(|(each, _)| **each == coordinate);
+                    let shared = shared.map(|(_, gain)| gain).sum::<f64>();
+                    let part = coordinate / 3;
+                    parts[(1 + part, at)] += variances.rest[part] * shared * shared;
+                }
+                for joint in 0..joints {
+                    let own = variances.joints[joint] * local.spare[joint];
+                    parts[(3 + joint, at)] += own * gain.dot(&stand.joints.column(joint)).powi(2);
+                }
+            }
+        }
+        for (at, sum) in sums.column_iter().enumerate() {
+            parts[(0, at)] += sum.dot(&(&self.prior * sum));
+            for (joint, wandering) in variances.wandering.iter().enumerate() {
+                let count = wandering.knots.len();
+                let own = through.view((at, offsets[joint] - fixed), (1, count));
+                let among = DMatrix::from_fn(count, count, |row, column| {
+                    variances.joints[joint] * wandering.correlation(row, column)
+                });
+                parts[(3 + joint, at)] += (own * among * own.transpose())[(0, 0)];
+            }
+            for wave in 0..self.waves() {
+                let own = through[(at, offsets[joints] - fixed + wave)];
+                let part = 3 + joints + wave / (2 * HIDDEN_WAVES);
+                parts[(part, at)] += variances.of_wave(wave) * own * own;
+            }
+        }
+        Some(parts)
     }
 
     fn model(&self, variances: &MixedVariances, solved: &MixedSolution) -> MisfitModel {
@@ -485,6 +686,17 @@ impl MixedModel {
     }
 }
 
+/// The sum of a variance's parts, the first of them known and the others told by so many numbers, and its degrees of freedom.
+fn satterthwaite(parts: DVectorView<'_, f64>, told: &[f64]) -> (f64, f64) {
+    let variance = parts.sum();
+    let estimated = parts.iter().skip(1).zip(told);
+    let spread: f64 = estimated
+        .filter(|(part, _)| **part > 0.0)
+        .map(|(part, told)| part * part / told)
+        .sum();
+    (variance, variance * variance / spread)
+}
+
 impl MisfitModel {
     /// Takes over how large errors were that were seen: squares of positions (0) or rotations (1), each with its stand. Returns the share
     /// that lies in regions of 95 % as computed.
@@ -541,11 +753,18 @@ impl MisfitModel {
 }
 
 impl MixedVariances {
+    /// Of a wave: all of one joint have one.
+    fn of_wave(&self, wave: usize) -> f64 {
+        self.waves[wave / (2 * HIDDEN_WAVES)]
+    }
+
     /// The largest change of a deviation that matters, as a share of it.
     fn change_from(&self, other: &Self) -> f64 {
         let rest = self.rest.iter().zip(&other.rest);
         let joints = self.joints.iter().zip(&other.joints);
+        let waves = self.waves.iter().zip(&other.waves);
         rest.chain(joints)
+            .chain(waves)
             .filter(|(one, _)| **one > 10.0 * LEAST)
             .map(|(one, other)| ((one / other).sqrt() - 1.0).abs())
             .fold(0.0, f64::max)
@@ -571,6 +790,13 @@ impl StandEquations {
 }
 
 impl ReadingStand {
+    /// What is determined of the parameters (m x r), weighed as it was fitted.
+    fn weighed(&self) -> Option<DMatrix<f64>> {
+        let mut by = self.own.clone();
+        self.add_shared(&mut by, self.assumed);
+        Some(Cholesky::new(by)?.solve(&self.fixed))
+    }
+
     /// Adds what is new at the stand: variances of positions and rotations.
     fn add_shared(&self, covariance: &mut DMatrix<f64>, variances: [f64; 2]) {
         for (row, one) in self.coordinates.iter().enumerate() {
@@ -588,7 +814,7 @@ impl ReadingStand {
         let mut matrix = self
             .fixed
             .clone()
-            .resize_horizontally(fixed + 2 * self.angles.len(), 0.0);
+            .resize_horizontally(fixed + 2 * self.angles.len() + self.waves.ncols(), 0.0);
         let mut covariance = self.own.clone();
         self.add_shared(&mut covariance, variances.rest);
         let mut spare = Vec::new();
@@ -602,6 +828,11 @@ impl ReadingStand {
             let own = variances.joints[joint] * between.spare;
             covariance.ger(own, &moved, &moved, 1.0);
             spare.push(between.spare);
+        }
+        let first = offsets[variances.wandering.len()];
+        for (wave, moved) in self.waves.column_iter().enumerate() {
+            matrix.column_mut(index.len()).copy_from(&moved);
+            index.push(first + wave);
         }
         StandEquations {
             index,

@@ -30,6 +30,14 @@ impl AbsoluteCase<'_> {
             .collect()
     }
 
+    /// Which of these turn; the others slide.
+    pub(super) fn commanded_turns(&self) -> Vec<bool> {
+        let joints = self.commanded_joints().into_iter();
+        joints
+            .map(|joint| !self.arm.chain.joints[joint].drive.slides)
+            .collect()
+    }
+
     /// All readings at the values (p) of a set's parameters, which count from `reference`.
     pub(super) fn rows_at(
         &self,
