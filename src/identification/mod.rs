@@ -23,6 +23,7 @@ mod residuals;
 mod robust;
 mod spread;
 mod stored;
+mod tails;
 
 pub use absolute::{
     AbsoluteCase, AbsoluteError, AbsoluteFit, CONTRADICTION, Contradiction, Contradictions,

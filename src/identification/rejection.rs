@@ -8,7 +8,7 @@ use nalgebra::{Matrix3, Matrix6, SymmetricEigen, Vector3};
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 
 use super::misfit::{Misfit, ReadingResidual};
-use super::spread::{ErrorSpread, LEAST_SQUARES};
+use super::spread::ErrorSpread;
 
 /// Beyond so many standard deviations no correct reading lies: the probability is 5.7e-7, one in 1.7 million.
 const FAR_OUT: f64 = 5.0;
@@ -20,6 +20,8 @@ const FAR_SQUARE: f64 = 31.812_3;
 const OF_A_MEDIAN: f64 = 0.5;
 /// Half of the squares of three coordinates lie below.
 const MEDIAN_SQUARE: f64 = 2.365_973_884_375_34;
+/// Fewer squares do not tell where a few that are large are wrong, and where errors are large.
+const LEAST_SQUARES: usize = 100;
 /// So often readings are looked at to find out where it is.
 const LOOKS: usize = 4;
 /// What is left of a direction of a reading that the fit goes through is rounding.

@@ -14,8 +14,6 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 
 /// So many orders of polynomials of each joint's angle tell how large errors are there.
 pub const SPREAD_ORDERS: usize = 6;
-/// Fewer squares do not tell what they depend on.
-pub(super) const LEAST_SQUARES: usize = 100;
 /// Improvements of the variances.
 const ROUNDS: usize = 40;
 /// The variance of a logarithm of a square of three normal coordinates is 0.93.

@@ -94,7 +94,7 @@ pub struct Unexplained {
     pub stands: usize,
     /// As many with errors of their own would tell as much of the parameters.
     pub effective_stands: f64,
-    /// The shares of positions and of rotations that lie in their regions of 95 % as computed, each predicted by the other
+    /// The shares of positions and of rotations that lie in their regions of 95 % as computed, each predicted by a fit to other
     /// stands.
     pub predicted_by_others: [Option<f64>; 2],
 }
@@ -131,7 +131,8 @@ impl AbsoluteCase<'_> {
             misfit,
             consistency,
         } = weighed;
-        let unexplained = misfit.and_then(|misfit| kept.unexplained(&set, &fit, misfit));
+        let far_out = self.only(&rejected);
+        let unexplained = misfit.and_then(|misfit| kept.unexplained(&set, &fit, misfit, &far_out));
         if let Some(unexplained) = &unexplained {
             fit.posterior.covariance.clone_from(&unexplained.covariance);
         }
@@ -254,15 +255,19 @@ impl AbsoluteCase<'_> {
         Some((rows, mixed))
     }
 
-    /// What a mixed model tells of what the parameters leave; none where there is too little to tell.
+    /// What a mixed model tells of what the parameters leave; none where there is too little to tell. `left_out` are readings that were not
+    /// fitted.
     fn unexplained(
         &self,
         set: &ParameterSet,
         fit: &ParameterFit,
         misfit: [f64; 2],
+        left_out: &Self,
     ) -> Option<Unexplained> {
         let (rows, mixed) = self.mixed(set, fit, misfit)?;
-        let found = mixed.fit()?;
+        let values = &fit.posterior.mean;
+        let others = left_out.rows_at(&self.arm, set, values, &self.commanded_joints());
+        let found = mixed.fit(&mixed.stands_of(left_out, &others.ok()?))?;
         let turns = self.commanded_turns();
         let (covariance, degrees) = mixed.with_waves(&turns).of_parameters()?;
         let places: Vec<usize> = (0..set.len()).collect();

@@ -53,7 +53,7 @@ impl JointError {
     }
 
     /// The logarithm of the factor by which squares of errors of positions (0) or rotations (1) are larger there.
-    fn spread_at(&self, part: usize, commanded: f64) -> f64 {
+    pub(super) fn spread_at(&self, part: usize, commanded: f64) -> f64 {
         logarithm(&self.spread[part], commanded, self.wandering.range())
     }
 
@@ -79,8 +79,8 @@ pub struct MisfitModel {
     pub covariance: DMatrix<f64>,
     /// What joints do not explain.
     pub rest: Misfit,
-    /// By how much larger than computed the squares of errors are that were seen where each stand of the robot was
-    /// predicted by the others: of positions and of rotations, where joints do not say that they are larger or smaller. Regions are
+    /// By how much larger than computed the squares of errors are that were seen where stands of the robot were
+    /// predicted by a fit to the others: of positions and of rotations, where joints do not say that they are larger or smaller. Regions are
     /// larger by the root.
     pub scale: [f64; 2],
 }

@@ -14,8 +14,10 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector, DVectorView};
 use rayon::prelude::*;
+use statrs::distribution::{Beta, ContinuousCDF};
 
-use super::super::spread::{ErrorSpread, LEAST_SQUARES};
+use super::super::spread::ErrorSpread;
+use super::super::tails::shares_of_tail;
 use super::joint_errors::{JointError, MisfitModel, SQUARE_95, region_square};
 use super::rows::LinearReading;
 use super::{AbsoluteCase, Misfit};
@@ -35,6 +37,14 @@ const FOUND: f64 = 0.02;
 const LEAST: f64 = 1e-18;
 /// From so many readings on, regions are scaled by what was seen.
 const SCALED_FROM: usize = 40;
+/// Parts of the stands, each predicted by a fit to the others: so many where that takes no more than the fits of so many stands, and at least two.
+const PARTS: usize = 10;
+const STANDS_OF_PARTS: usize = 1000;
+/// A reading that was left out says how large errors are where it stands, if it is likelier one of them than a wrong one.
+const LIKELIER: f64 = 0.5;
+/// Regions of 95 % hold less than this share with no more than this probability.
+const LEAST_HELD: f64 = 0.92;
+const SELDOM: f64 = 0.1;
 /// Waves that come round so often in a turn, or less, hide in parameters: a gear that is not round once in a turn looks like a joint that gives way
 /// to gravity. What is left tells next to nothing of them.
 const HIDDEN_WAVES: usize = 3;
@@ -43,7 +53,7 @@ const PIECES: usize = 32;
 
 /// Readings that share what is new at a stand.
 #[derive(Debug, Clone)]
-struct ReadingStand {
+pub(super) struct ReadingStand {
     /// Read less predicted (m).
     residual: DVector<f64>,
     /// Derivatives by what is determined of the parameters (m x r).
@@ -112,7 +122,7 @@ struct MixedSolution {
 /// What a mixed model gives.
 pub(super) struct MixedFit {
     pub model: MisfitModel,
-    /// The shares of readings, and of rotations, that lie in their regions of 95 % as computed, each predicted by the others.
+    /// The shares of readings, and of rotations, that lie in their regions of 95 % as computed, each predicted by a fit to the others.
     pub predicted_by_others: [Option<f64>; 2],
 }
 
@@ -143,8 +153,23 @@ impl MixedModel {
         misfit: &Misfit,
     ) -> Self {
         let assumed = misfit.covariance();
-        let unexplained = [assumed[(0, 0)], assumed[(3, 3)]];
-        let stands = (case.stands.iter())
+        let mut model = Self {
+            stands: Vec::new(),
+            prior,
+            pull: pull.column(0).into_owned(),
+            joints,
+            units,
+            unexplained: [assumed[(0, 0)], assumed[(3, 3)]],
+            most_knots: MOST_KNOTS,
+        };
+        model.stands = model.stands_of(case, rows);
+        model
+    }
+
+    /// Stands of readings at what was fitted, perhaps to others.
+    pub fn stands_of(&self, case: &AbsoluteCase<'_>, rows: &[LinearReading]) -> Vec<ReadingStand> {
+        let (joints, units) = (&self.joints, &self.units);
+        (case.stands.iter())
             .map(|stand| {
                 let size: usize = stand.iter().map(|&index| rows[index].residual.len()).sum();
                 let mut all = ReadingStand {
@@ -155,13 +180,13 @@ impl MixedModel {
                     own: DMatrix::zeros(size, size),
                     coordinates: Vec::new(),
                     angles: Vec::new(),
-                    assumed: unexplained.map(|each| each.max(LEAST)),
+                    assumed: self.unexplained.map(|each| each.max(LEAST)),
                 };
                 for &index in stand {
                     let (rows, at) = (&rows[index], all.coordinates.len());
                     let count = rows.residual.len();
                     all.residual.rows_mut(at, count).copy_from(&rows.residual);
-                    let fixed = &rows.columns * &units;
+                    let fixed = &rows.columns * units;
                     all.fixed.rows_mut(at, count).copy_from(&fixed);
                     all.joints.rows_mut(at, count).copy_from(&rows.joints);
                     let mut own = all.own.view_mut((at, at), (count, count));
@@ -173,15 +198,20 @@ impl MixedModel {
                 all.angles = joints.iter().map(angle).collect();
                 all
             })
-            .collect();
+            .collect()
+    }
+
+    /// The same of some of the stands.
+    fn of_stands(&self, is_in: impl Fn(usize) -> bool) -> Self {
+        let stands = self.stands.iter().enumerate();
+        let stands = stands.filter(|(number, _)| is_in(*number));
         Self {
-            stands,
-            prior,
-            pull: pull.column(0).into_owned(),
-            joints,
-            units,
-            unexplained,
-            most_knots: MOST_KNOTS,
+            stands: stands.map(|(_, stand)| stand.clone()).collect(),
+            prior: self.prior.clone(),
+            pull: self.pull.clone(),
+            joints: self.joints.clone(),
+            units: self.units.clone(),
+            ..*self
         }
     }
 
@@ -282,17 +312,15 @@ impl MixedModel {
         Some((variances, solved))
     }
 
-    /// The likeliest variances with what follows from them. None where the numbers have no factorisation.
-    pub fn fit(&self) -> Option<MixedFit> {
+    /// The likeliest variances with what follows from them; of some readings that were left out, too. None where the numbers have no factorisation.
+    pub fn fit(&self, left_out: &[ReadingStand]) -> Option<MixedFit> {
         let (variances, solved) = self.likeliest()?;
         let mut model = self.model(&variances, &solved);
-        let squares = self.squares_by_others(&variances, &solved);
-        let predicted_by_others = [0, 1].map(|part| {
-            let own = squares
-                .iter()
-                .filter_map(|(stand, squares)| Some((*stand, squares[part]?)));
-            model.seen(part, &own.collect::<Vec<_>>(), &self.stands)
-        });
+        let kept = self.squares_by_others();
+        let left_out: Vec<PredictedSquares<'_>> = (left_out.iter())
+            .flat_map(|stand| self.squares_at(stand, &variances, &solved))
+            .collect();
+        let predicted_by_others = [0, 1].map(|part| model.seen(part, &kept, &left_out));
         Some(MixedFit {
             model,
             predicted_by_others,
@@ -652,38 +680,52 @@ impl MixedModel {
         coordinates.any(|coordinate| *coordinate >= 3)
     }
 
-    /// The squares of position and rotation of each reading over their covariance, with its stand, predicted by all other stands: exactly
-    /// what leaving the stand out gives, with the variances of all.
-    fn squares_by_others(
-        &self,
-        variances: &MixedVariances,
-        solved: &MixedSolution,
-    ) -> Vec<(usize, [Option<f64>; 2])> {
-        let offsets = self.offsets(variances);
-        let each = self.stands.par_iter().enumerate().map(|(number, stand)| {
-            let local = stand.local(variances, &offsets);
-            let known = local.known(solved);
-            let own = Cholesky::new(&local.covariance - &known)?;
-            let left = &stand.residual - &local.matrix * local.mean(solved);
-            let left = &local.covariance * own.solve(&left);
-            let covariance = &local.covariance * own.solve(&local.covariance);
-            let firsts = (stand.coordinates.iter().enumerate()).filter(|(_, each)| **each == 0);
-            Some(
-                firsts
-                    .map(|(at, _)| {
-                        let next = stand.coordinates[at..].iter().skip(1);
-                        let rows = 1 + next.take_while(|each| **each > 0).count();
-                        let left = left.rows(at, rows).into_owned();
-                        let covariance = covariance.view((at, at), (rows, rows)).into_owned();
-                        let squares = [0, 3].map(|first| region_square(&left, &covariance, first));
-                        (number, squares)
-                    })
-                    .collect::<Vec<_>>(),
-            )
+    /// The squares of position and rotation of each reading over their covariance, predicted by stands that its own was not among, variances
+    /// and knots, too: those are chosen so that they suit what was fitted, at the angles where that stood.
+    fn squares_by_others(&self) -> Vec<PredictedSquares<'_>> {
+        let parts = (STANDS_OF_PARTS / self.stands.len().max(1)).clamp(2, PARTS);
+        let each = (0..parts).into_par_iter().map(|part| {
+            let others = self.of_stands(|number| number % parts != part);
+            let (variances, solved) = others.likeliest()?;
+            let own = self.stands.iter().skip(part).step_by(parts);
+            let squares = own.flat_map(|stand| others.squares_at(stand, &variances, &solved));
+            Some(squares.collect::<Vec<_>>())
         });
         let all: Vec<Option<Vec<_>>> = each.collect();
         all.into_iter().flatten().flatten().collect()
     }
+
+    /// The same of a stand that was not fitted.
+    fn squares_at<'a>(
+        &self,
+        stand: &'a ReadingStand,
+        variances: &MixedVariances,
+        solved: &MixedSolution,
+    ) -> Vec<PredictedSquares<'a>> {
+        let local = stand.local(variances, &self.offsets(variances));
+        let left = &stand.residual - &local.matrix * local.mean(solved);
+        let covariance = &local.covariance + local.known(solved);
+        let firsts = (stand.coordinates.iter().enumerate()).filter(|(_, each)| **each == 0);
+        firsts
+            .map(|(at, _)| {
+                let next = stand.coordinates[at..].iter().skip(1);
+                let rows = 1 + next.take_while(|each| **each > 0).count();
+                let left = left.rows(at, rows).into_owned();
+                let covariance = covariance.view((at, at), (rows, rows)).into_owned();
+                PredictedSquares {
+                    angles: &stand.angles,
+                    squares: [0, 3].map(|first| region_square(&left, &covariance, first)),
+                }
+            })
+            .collect()
+    }
+}
+
+/// Squares of a position and a rotation over the covariance of what was predicted for them.
+struct PredictedSquares<'a> {
+    /// The commanded angles of the joints.
+    angles: &'a [f64],
+    squares: [Option<f64>; 2],
 }
 
 /// The sum of a variance's parts, the first of them known and the others told by so many numbers, and its degrees of freedom.
@@ -698,58 +740,90 @@ fn satterthwaite(parts: DVectorView<'_, f64>, told: &[f64]) -> (f64, f64) {
 }
 
 impl MisfitModel {
-    /// Takes over how large errors were that were seen: squares of positions (0) or rotations (1), each with its stand. Returns the share
-    /// that lies in regions of 95 % as computed.
+    /// Takes over how large errors of positions (0) or rotations (1) were that were seen: of readings that were fitted, and of others that were left
+    /// out and count as far as they are no wrong ones but of a tail that the errors have. Returns the share of the former that lies in regions of
+    /// 95 % as computed.
     fn seen(
         &mut self,
         part: usize,
-        squares: &[(usize, f64)],
-        stands: &[ReadingStand],
+        kept: &[PredictedSquares<'_>],
+        left_out: &[PredictedSquares<'_>],
     ) -> Option<f64> {
-        if squares.is_empty() {
+        let squares = |all: &[PredictedSquares<'_>]| -> Vec<f64> {
+            all.iter().filter_map(|each| each.squares[part]).collect()
+        };
+        let kept_squares = squares(kept);
+        if kept_squares.is_empty() {
             return None;
         }
-        let count = squares.len();
-        let mut all: Vec<f64> = squares.iter().map(|each| each.1).collect();
-        let within = all.iter().filter(|square| **square <= SQUARE_95).count();
-        let share = Some(within as f64 / count as f64);
+        let count = kept_squares.len();
+        let within = kept_squares.iter().filter(|each| **each <= SQUARE_95);
+        let share = Some(within.count() as f64 / count as f64);
         if count < SCALED_FROM {
             return share;
         }
-        self.spread(part, squares, &mut all, stands);
-        all.sort_by(f64::total_cmp);
-        let place = ((count + 1) * 95).div_ceil(100) - 1;
-        self.scale[part] = all[place.min(count - 1)] / SQUARE_95;
+        let of_tail = shares_of_tail(&kept_squares, &squares(left_out));
+        let has_part = |each: &&PredictedSquares<'_>| each.squares[part].is_some();
+        let (sure, doubtful): (Vec<_>, Vec<_>) =
+            (kept.iter().filter(has_part).zip(vec![1.0; count]))
+                .chain(left_out.iter().filter(has_part).zip(of_tail))
+                .map(|(each, share)| (each.angles, each.squares[part].unwrap_or_default(), share))
+                .partition(|(.., share)| *share > LIKELIER);
+        let mut all: Vec<[f64; 2]> = (sure.iter().zip(self.spread(part, &sure)))
+            .map(|((_, square, share), factor)| [square / factor, *share])
+            .collect();
+        all.extend(
+            doubtful
+                .iter()
+                .map(|(angles, square, share)| [square / self.relative_at(part, angles), *share]),
+        );
+        self.scale[part] = quantile_95(all) / SQUARE_95;
         share
     }
 
-    /// How errors are spread over joint space, where there are enough to tell; `all` are the squares, then without that.
-    fn spread(
-        &mut self,
-        part: usize,
-        squares: &[(usize, f64)],
-        all: &mut [f64],
-        stands: &[ReadingStand],
-    ) {
-        if all.len() < LEAST_SQUARES {
-            return;
-        }
-        let angles: Vec<&[f64]> = (squares.iter())
-            .map(|(stand, _)| stands[*stand].angles.as_slice())
-            .collect();
+    /// How errors are spread over joint space: by how much larger squares are where each is, as the others have it.
+    fn spread(&mut self, part: usize, all: &[(&[f64], f64, f64)]) -> Vec<f64> {
+        let angles: Vec<&[f64]> = all.iter().map(|each| each.0).collect();
+        let squares: Vec<f64> = all.iter().map(|each| each.1).collect();
         let ranges: Vec<[f64; 2]> = (self.joints.iter())
             .map(|each| each.wandering.range())
             .collect();
-        let Some(spread) = ErrorSpread::of_means(all, &angles, &ranges) else {
-            return;
+        let Some(spread) = ErrorSpread::of_means(&squares, &angles, &ranges) else {
+            return vec![1.0; all.len()];
         };
         for (joint, coefficients) in self.joints.iter_mut().zip(spread.of_joints) {
             joint.spread[part] = coefficients;
         }
-        for (square, logarithm) in all.iter_mut().zip(spread.by_others) {
-            *square /= logarithm.exp();
-        }
+        spread.by_others.into_iter().map(f64::exp).collect()
     }
+
+    /// The same at the angles (of these joints) of one that is none of them.
+    fn relative_at(&self, part: usize, angles: &[f64]) -> f64 {
+        let joints = self.joints.iter().zip(angles);
+        let logarithm: f64 = joints
+            .map(|(joint, &angle)| joint.spread_at(part, angle))
+            .sum();
+        logarithm.exp()
+    }
+}
+
+/// What a new square stays below with a probability of 95 %, as squares say that count by shares: of n that count fully, the one with
+/// the rank 0.95 (n + 1). Of few, the share that stays below it is uncertain, beta distributed: then a larger one, so that it is seldom much
+/// smaller; the largest that counts fully where that is beyond all.
+fn quantile_95(mut squares: Vec<[f64; 2]>) -> f64 {
+    squares.sort_by(|one, other| one[0].total_cmp(&other[0]));
+    let all = squares.iter().map(|each| each[1]).sum::<f64>();
+    let is_enough = |below: f64| {
+        let held = Beta::new(below, all + 1.0 - below);
+        below >= 0.95 * (all + 1.0) && held.is_ok_and(|held| held.cdf(LEAST_HELD) <= SELDOM)
+    };
+    let mut below = 0.0;
+    let found = squares.iter().find(|[_, share]| {
+        below += share;
+        is_enough(below)
+    });
+    let largest = || squares.iter().rfind(|[_, share]| *share >= 1.0);
+    found.or_else(largest).map_or(SQUARE_95, |each| each[0])
 }
 
 impl MixedVariances {
@@ -871,5 +945,23 @@ impl ReadingStand {
             part[1] += local.spare[joint] * moved.dot(&(&projected * moved));
         }
         Some(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Of 998 squares the 950th, of 60 the last but one, since 58 hold less than 92 % of others with a probability of 13 %; one that hardly
+    /// counts is none of them.
+    #[test]
+    fn quantiles_of_few_are_larger_ones() {
+        let squares = |count: i32| (1..=count).map(|each| [f64::from(each), 1.0]).collect();
+        for (count, expected) in [(998, 950.0), (250, 239.0), (60, 59.0), (40, 40.0)] {
+            let mut all: Vec<[f64; 2]> = squares(count);
+            assert!((quantile_95(all.clone()) - expected).abs() < 0.5, "{count}");
+            all.push([1e6, 1e-3]);
+            assert!((quantile_95(all) - expected).abs() < 0.5, "{count}");
+        }
     }
 }

@@ -111,12 +111,21 @@ impl AbsoluteCase<'_> {
 
     /// The same case without some of its readings.
     pub(super) fn without(&self, rejected: &[RejectedReading]) -> Self {
+        self.part_of(|index| rejected.iter().all(|each| each.reading != index))
+    }
+
+    /// The same case with some of its readings alone.
+    pub(super) fn only(&self, rejected: &[RejectedReading]) -> Self {
+        self.part_of(|index| rejected.iter().any(|each| each.reading == index))
+    }
+
+    fn part_of(&self, is_in: impl Fn(usize) -> bool) -> Self {
         let mut place = vec![None; self.observations.len()];
         let mut case = self.clone();
         case.observations.clear();
         case.covariances.clear();
         for (index, place) in place.iter_mut().enumerate() {
-            if rejected.iter().all(|each| each.reading != index) {
+            if is_in(index) {
                 *place = Some(case.observations.len());
                 case.observations.push(self.observations[index].clone());
                 case.covariances.push(self.covariances[index]);
