@@ -102,6 +102,7 @@
 mod absolute_plans;
 mod absolute_promises;
 mod absolute_readings;
+#[cfg(feature = "view")]
 mod absolute_studies;
 mod absolute_targets;
 mod absolute_trials;
