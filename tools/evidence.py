@@ -349,7 +349,8 @@ def main():
     given = arguments.parse_args()
     if given.check:
         for table, robot, name in [("held", "UR10", "load_scale"), ("held", "KR-270", "backlash"),
-                                   ("hidden", "UR10", "joint_return"), ("laws", "KR-270", "softens at 20 mrad")]:
+                                   ("absolute", "planar arm", "positions"), ("hidden", "UR10", "joint_return"),
+                                   ("laws", "KR-270", "softens at 20 mrad")]:
             row = TABLES[table][0](robot, name)
             if not any(agrees(row, other) for other in stored(table)):
                 sys.exit(f"error: {PAGE.name} has no row that agrees with\n{line(row)}hint: make evidence")
