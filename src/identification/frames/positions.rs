@@ -2,9 +2,11 @@
 //!
 //! With y = B (f + F x), turned round, G y + g = f + F x is linear in G = B^T, g and x. Left to be any matrix, G comes
 //! from least squares; made a rotation again, it starts turns of two steps that each are solved exactly: the stations
-//! where the targets are known (two clouds of points), and all translations where the stations' orientations are.
+//! where the targets are known (two clouds of points), and all translations where the stations' orientations are. Where all
+//! axes are parallel, no reading tells how far along them a target is: it is where it is believed to be, whichever start
+//! was the best.
 
-use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, SymmetricEigen, Vector3};
+use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, SymmetricEigen, Translation3, Vector3};
 
 use super::{MountedFrames, Sight, isometry, nearest};
 
@@ -12,8 +14,10 @@ use super::{MountedFrames, Sight, isometry, nearest};
 const SETTLED: f64 = 1e-9;
 /// Nothing is gained by more.
 const MOST_TURNS: usize = 200;
-/// Eigenvalues below this share of the largest are directions that are not seen: they stay zero.
+/// Eigenvalues below this share of the largest are directions that are not seen: they stay as they are.
 const UNSEEN: f64 = 1e-10;
+/// What is believed of a target counts as much as this share of the readings.
+const BELIEVED: f64 = 1e-8;
 
 /// Frames from several starts.
 pub(super) fn solved(
@@ -25,24 +29,26 @@ pub(super) fn solved(
         instrument_from_base: vec![Isometry3::identity(); stations],
         link_from_tool,
     };
+    let on_the_link =
+        |tool: &Isometry3<f64>| Isometry3::from_parts(Translation3::identity(), tool.rotation);
     let mut starts = vec![
         start(tools.to_vec()),
-        start(vec![Isometry3::identity(); tools.len()]),
+        start(tools.iter().map(on_the_link).collect()),
     ];
     for each in &mut starts {
         place_stations(each, sights);
     }
     starts.push(relaxed(sights, stations, tools));
     for each in &mut starts {
-        settle(each, sights);
+        settle(each, sights, tools);
     }
     starts
 }
 
-fn settle(frames: &mut MountedFrames, sights: &[Sight]) {
+fn settle(frames: &mut MountedFrames, sights: &[Sight], tools: &[Isometry3<f64>]) {
     let mut cost = f64::INFINITY;
     for _ in 0..MOST_TURNS {
-        translate(frames, sights);
+        translate(frames, sights, tools);
         place_stations(frames, sights);
         let now = left(frames, sights);
         if now >= cost * (1.0 - SETTLED) {
@@ -85,8 +91,9 @@ fn place_stations(frames: &mut MountedFrames, sights: &[Sight]) {
     }
 }
 
-/// The translations of stations and targets that fit best where the stations are turned as they are.
-pub(super) fn translate(frames: &mut MountedFrames, sights: &[Sight]) {
+/// The translations of stations and targets that fit best where the stations are turned as they are; the targets are believed to be
+/// where `tools` are.
+pub(super) fn translate(frames: &mut MountedFrames, sights: &[Sight], tools: &[Isometry3<f64>]) {
     let stations = frames.instrument_from_base.len();
     let size = 3 * (stations + frames.link_from_tool.len());
     let mut sums = LinearSums::zeros(size);
@@ -101,7 +108,14 @@ pub(super) fn translate(frames: &mut MountedFrames, sights: &[Sight]) {
         (row.fixed_view_mut::<3, 3>(0, 3 * (stations + sight.target))).copy_from(link.matrix());
         sums.add(&row, &right);
     }
-    // What is not seen stays as it is.
+    let weight = BELIEVED * sums.information.amax();
+    for (target, tool) in tools.iter().enumerate() {
+        for axis in 0..3 {
+            let place = 3 * (stations + target) + axis;
+            sums.information[(place, place)] += weight;
+            sums.right[place] += weight * tool.translation.vector[axis];
+        }
+    }
     let mut known = DVector::zeros(size);
     let tools = frames.link_from_tool.iter();
     let places =

@@ -25,7 +25,7 @@ pub(super) fn solved(
     for part in tied(sights, stations, tools.len()) {
         orient(&mut frames, sights, stations, &part)?;
     }
-    positions::translate(&mut frames, sights);
+    positions::translate(&mut frames, sights, tools);
     Some(frames)
 }
 

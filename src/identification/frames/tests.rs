@@ -81,3 +81,47 @@ fn stations_with_targets_of_their_own_are_apart() {
     let found = MountedFrames::guessed(&seen, 2, &[Isometry3::identity(); 2]);
     assert!(found.cost(&seen) < 1e-12, "{}", found.cost(&seen));
 }
+
+/// Along parallel axes nobody sees where a target is: it stays where it is believed to be, with and without noise, and however its
+/// frame is turned.
+#[test]
+fn what_is_not_seen_is_as_believed() {
+    let mut numbers = Numbers(23);
+    for case in 0..20 {
+        let noise_m = if case % 2 == 0 { 0.0 } else { 1e-4 };
+        let base = anywhere(&mut numbers, 1, 5.0)[0];
+        let along = |height_m: f64| Isometry3::translation(0.1, -0.05, height_m);
+        let turn = anywhere(&mut numbers, 1, 0.0)[0];
+        let (true_m, believed_m) = (0.4 + 0.02 * f64::from(case), 0.15);
+        let seen: Vec<Sight> = (0..60)
+            .map(|_| {
+                let angles = numbers.vector(2.0);
+                let shoulder = Isometry3::rotation(Vector3::z() * angles.x);
+                let elbow = Isometry3::rotation(Vector3::z() * angles.y);
+                let forearm = Isometry3::translation(0.45, 0.0, 0.05);
+                let hand = Isometry3::translation(0.4, 0.0, angles.z);
+                let wrist = Isometry3::rotation(Vector3::z() * (angles.x + 2.0 * angles.z));
+                let base_from_link = shoulder * forearm * elbow * hand * wrist;
+                let read = base * base_from_link * along(true_m);
+                Sight {
+                    station: 0,
+                    target: 0,
+                    base_from_link,
+                    position_m: read.translation.vector + numbers.vector(noise_m),
+                    rotation: None,
+                }
+            })
+            .collect();
+        let believed =
+            Isometry3::from_parts(Translation3::new(0.0, 0.0, believed_m), turn.rotation);
+        let found = MountedFrames::guessed(&seen, 1, &[believed]);
+        let place = found.link_from_tool[0].translation.vector;
+        let off = place - Vector3::new(0.1, -0.05, believed_m);
+        assert!(
+            off.norm() < 1e-3 && off.z.abs() < 1e-6,
+            "case {case}: {place}"
+        );
+        let left = (found.cost(&seen) / 60.0).sqrt();
+        assert!(left < 2.0 * noise_m + 1e-6, "case {case}: {left} m");
+    }
+}
