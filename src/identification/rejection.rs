@@ -7,7 +7,7 @@
 use nalgebra::{Matrix3, Matrix6, SymmetricEigen, Vector3};
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 
-use super::misfit::{Misfit, ReadingResidual};
+use super::misfit::ReadingResidual;
 use super::spread::ErrorSpread;
 
 /// Beyond so many standard deviations no correct reading lies: the probability is 5.7e-7, one in 1.7 million.
@@ -20,6 +20,10 @@ const FAR_SQUARE: f64 = 31.812_3;
 const OF_A_MEDIAN: f64 = 0.5;
 /// Half of the squares of three coordinates lie below.
 const MEDIAN_SQUARE: f64 = 2.365_973_884_375_34;
+/// Fewer vectors do not tell which directions they prefer.
+const LEAST_OF_A_SHAPE: usize = 40;
+/// Each brings a shape nearer to that which the vectors have by more than a half.
+const SHAPINGS: usize = 30;
 /// Fewer squares do not tell where a few that are large are wrong, and where errors are large.
 const LEAST_SQUARES: usize = 100;
 /// So often readings are looked at to find out where it is.
@@ -76,7 +80,7 @@ pub(super) struct LookedOver<'a> {
     pub own: &'a [Matrix6<f64>],
     /// The commanded angles of each.
     pub angles: &'a [&'a [f64]],
-    /// As in [`Misfit::of`].
+    /// As in [`Misfit::of`](super::Misfit::of).
     pub spare: f64,
     /// Degrees of freedom.
     pub freedom: f64,
@@ -92,21 +96,21 @@ pub(super) fn far_out(
 ) -> Option<Vec<RejectedReading>> {
     let LookedOver { own, freedom, .. } = *readings;
     let misfit = robust_misfit(readings.left, own, readings.spare);
-    let is_known = misfit.position_m.max(misfit.rotation_rad) <= 0.0;
+    let is_known = misfit.iter().all(|part| *part == Matrix3::zeros());
     let far = if is_known {
         FAR_SQUARE
     } else {
         far_square(freedom)
     };
-    let covariance = misfit.covariance();
+    let mut covariance = Matrix6::zeros();
+    for (part, misfit) in misfit.iter().enumerate() {
+        (covariance.fixed_view_mut::<3, 3>(3 * part, 3 * part)).copy_from(misfit);
+    }
     let mut squares: Vec<[f64; 2]> = (own.iter().enumerate())
         .map(|(reading, own)| squares_of(reading, &(own + covariance)))
         .collect();
-    for (part, size) in [misfit.position_m, misfit.rotation_rad]
-        .into_iter()
-        .enumerate()
-    {
-        if size > 0.0 {
+    for (part, misfit) in misfit.iter().enumerate() {
+        if *misfit != Matrix3::zeros() {
             let own: Vec<f64> = squares.iter().map(|each| each[part]).collect();
             let factors = local_factors(&own, readings.angles, far);
             for (each, factor) in squares.iter_mut().zip(factors) {
@@ -261,25 +265,58 @@ fn square_of(
         .sum()
 }
 
-/// What is unexplained of most readings.
-fn robust_misfit(left: &[ReadingResidual], own: &[Matrix6<f64>], spare: f64) -> Misfit {
-    let positions = left.iter().map(|each| each.position_m.norm_squared());
-    let rotations = left
-        .iter()
-        .filter_map(|each| Some(each.rotation_rad?.norm_squared()));
-    let of = |squares: Vec<f64>, first: usize| {
+/// What is unexplained of most readings, of position and of rotation: covariances.
+fn robust_misfit(left: &[ReadingResidual], own: &[Matrix6<f64>], spare: f64) -> [Matrix3<f64>; 2] {
+    let positions = left.iter().map(|each| each.position_m).collect();
+    let rotations = left.iter().filter_map(|each| each.rotation_rad).collect();
+    let of = |vectors: Vec<Vector3<f64>>, first: usize| {
         let own = own
             .iter()
             .map(|covariance| (covariance.fixed_view::<3, 3>(first, first).trace()) / 3.0);
-        let all = median(squares).unwrap_or(0.0) / MEDIAN_SQUARE;
-        (all / spare - median(own.collect()).unwrap_or(0.0))
-            .max(0.0)
-            .sqrt()
+        let own = median(own.collect()).unwrap_or(0.0);
+        let size = |square: &dyn Fn(&Vector3<f64>) -> f64| {
+            median(vectors.iter().map(square).collect()).unwrap_or(0.0) / MEDIAN_SQUARE / spare
+        };
+        let least = size(&Vector3::norm_squared);
+        if least <= own {
+            return Matrix3::zeros();
+        }
+        let shape = shape_of(&vectors);
+        let inverse = shape.try_inverse().unwrap_or_else(Matrix3::identity);
+        let all = shape * size(&|vector| vector.dot(&(inverse * vector)));
+        let mut eigen = SymmetricEigen::new(all);
+        // Errors are larger in some directions where they are elsewhere, perhaps: nowhere are they taken for smaller than on the whole.
+        eigen
+            .eigenvalues
+            .apply(|value| *value = value.max(least) - own);
+        eigen.recompose()
     };
-    Misfit {
-        position_m: of(positions.collect(), 0),
-        rotation_rad: of(rotations.collect(), 3),
+    [of(positions, 0), of(rotations, 3)]
+}
+
+/// The shape of the covariance of vectors, of determinant one, by their directions alone (Tyler 1987): far ones count no more than others.
+/// Errors of parallel joints lie within a plane.
+fn shape_of(vectors: &[Vector3<f64>]) -> Matrix3<f64> {
+    let mut shape = Matrix3::identity();
+    if vectors.len() < LEAST_OF_A_SHAPE {
+        return shape;
     }
+    for _ in 0..SHAPINGS {
+        let Some(inverse) = shape.try_inverse() else {
+            return Matrix3::identity();
+        };
+        let sum: Matrix3<f64> = (vectors.iter())
+            .map(|vector| (vector, vector.dot(&(inverse * vector))))
+            .filter(|(_, square)| *square > 0.0)
+            .map(|(vector, square)| vector * vector.transpose() / square)
+            .sum();
+        let size = sum.determinant().cbrt();
+        if !(size > 0.0) {
+            return Matrix3::identity();
+        }
+        shape = sum / size;
+    }
+    shape
 }
 
 fn median(mut values: Vec<f64>) -> Option<f64> {

@@ -302,6 +302,58 @@ fn wrong_absolute_readings_of_a_scara_are_named() {
     }
 }
 
+/// Gears that are not round turn the hand of such an arm about one axis and move it within a plane: that right readings lie far from the model
+/// within it is no reason to leave them out, and that is none to keep those that are wrong by far.
+#[test]
+fn errors_within_a_plane_are_none_of_readings() {
+    let scenario = scara();
+    let belief = &scenario.task.belief;
+    for has_rotations in [false, true] {
+        let trial = Trial {
+            readings: 60,
+            has_rotations,
+            of_rotations: false,
+            in_one_place: false,
+        };
+        (0..12).into_par_iter().for_each(|seed: u64| {
+            let mut random = generator(91, seed);
+            let wrong = trial.wrong(&mut random);
+            let [mut right, mut all] = absolute(&mut random, belief, &trial, &wrong);
+            let phases: Vec<[f64; 4]> = (0..4)
+                .map(|_| [(); 4].map(|()| between(&mut random, 0.0, std::f64::consts::TAU)))
+                .collect();
+            for (one, other) in right.iter_mut().zip(&mut all) {
+                for joint in [0, 1, 3] {
+                    let angle = one.configuration_rad[joint];
+                    let waves = phases[joint].iter().zip([3.0, 5.0, 7.0, 9.0]);
+                    let told: f64 = waves
+                        .map(|(phase, turns)| (turns * angle + phase).sin())
+                        .sum();
+                    one.configuration_rad[joint] += 2e-4 * told;
+                    other.configuration_rad[joint] += 2e-4 * told;
+                }
+            }
+            assert!(
+                fitted(belief, &right).rejected.is_empty(),
+                "{has_rotations} {seed}"
+            );
+            let fit = fitted(belief, &all);
+            let named: Vec<usize> = fit.rejected.iter().map(|each| each.reading).collect();
+            assert!(
+                named.iter().all(|each| wrong.contains(each)),
+                "{has_rotations} {seed}"
+            );
+            for each in wrong {
+                let off_m = (all[each].position_m - right[each].position_m).norm();
+                assert!(
+                    off_m < 2e-3 || named.contains(&each),
+                    "{has_rotations} {seed} {each}"
+                );
+            }
+        });
+    }
+}
+
 /// The same of deflections: no compliance moves by a standard error from where all right readings have it.
 #[test]
 fn wrong_deflections_of_a_scara_are_named() {
