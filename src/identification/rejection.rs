@@ -311,7 +311,7 @@ fn shape_of(vectors: &[Vector3<f64>]) -> Matrix3<f64> {
             .map(|(vector, square)| vector * vector.transpose() / square)
             .sum();
         let size = sum.determinant().cbrt();
-        if !(size > 0.0) {
+        if size.is_nan() || size <= 0.0 {
             return Matrix3::identity();
         }
         shape = sum / size;
