@@ -9,7 +9,7 @@ use elastocal::parameter::{ElasticArm, ParameterKind};
 use elastocal::scenario::Scenario;
 use rayon::prelude::*;
 
-use crate::ladder::{read_of, waves};
+use crate::ladder::{read_of, read_within, waves};
 use crate::one_fit::{between, seen_arm, ur10, workplace};
 
 const GROUPS: [ParameterGroup; 2] = [ParameterGroup::Zeros, ParameterGroup::Compliances];
@@ -124,6 +124,58 @@ fn slow_waves_of_gears_are_no_contradiction() {
     assert!(alarms <= 1, "{alarms}");
     // A robot's compliances hang together: with 95 % of each, fewer than 90 % of all by chance with a probability of a few per cent.
     assert!(all >= 90 && 10 * held >= 9 * all, "{held} of {all}");
+}
+
+/// Over a quarter of a turn slow waves of any size add up to next to nothing: intervals are as wide as errors are, and not as those
+/// could be.
+#[test]
+fn intervals_over_a_part_of_a_turn_are_no_wider_than_errors() {
+    const SERIES: u64 = 8;
+    let scenario = ur10();
+    let groups = [ParameterGroup::Geometry, ParameterGroup::Compliances];
+    let found: Vec<(f64, usize)> = (0..SERIES)
+        .into_par_iter()
+        .map(|seed| {
+            let mut random = generator(45, seed);
+            let arm = seen_arm(&mut random, &scenario, 1, 1);
+            let phases: Vec<f64> = (0..18)
+                .map(|_| between(&mut random, 0.0, std::f64::consts::TAU))
+                .collect();
+            let gear = |joint: usize, angle: f64| {
+                let waves = [6.0, 11.0, 20.0].into_iter().zip(&phases[3 * joint..]);
+                waves
+                    .map(|(turns, phase): (f64, &f64)| 1.5e-4 * (turns * angle + phase).sin())
+                    .sum()
+            };
+            let all = read_within(&mut random, &arm, [0.3, 1.9], (300, 0.0), &gear);
+            let mut case = AbsoluteCase::new(&scenario.task.belief, &all).expect("readings");
+            let fit = case.fit(&groups, ReadingWeights::AsNeeded).expect("a fit");
+            let of: Vec<f64> = fit
+                .of_the_robot()
+                .filter_map(|(index, each)| {
+                    let error = fit.posterior.standard_error(index)?;
+                    Some((fit.posterior.mean[index] - each.nominal) / error)
+                })
+                .collect();
+            let stands = fit
+                .unexplained
+                .as_ref()
+                .expect("told apart")
+                .effective_stands;
+            let squares: f64 = of.iter().map(|each| each * each).sum();
+            println!(
+                "{stands:.1} {:.3} {}",
+                (squares / of.len() as f64).sqrt(),
+                of.len()
+            );
+            (squares, of.len())
+        })
+        .collect();
+    let squares: f64 = found.iter().map(|each| each.0).sum();
+    let count: usize = found.iter().map(|each| each.1).sum();
+    let deviations = (squares / count as f64).sqrt();
+    println!("{deviations} standard errors, rms of {count}");
+    assert!((0.5..1.5).contains(&deviations), "{deviations}");
 }
 
 /// The halves of one series: the elbow is softer where the shoulder is turned one way.

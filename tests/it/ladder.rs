@@ -26,6 +26,17 @@ pub fn read_of(
     force_n: f64,
     gear: Gear<'_>,
 ) -> Vec<AbsoluteReading> {
+    read_within(random, arm, [-2.6, 2.6], (readings, force_n), gear)
+}
+
+/// The same where all joints stand between two angles.
+pub fn read_within(
+    random: &mut impl Rng,
+    arm: &ElasticArm,
+    [low, high]: [f64; 2],
+    (readings, force_n): (usize, f64),
+    gear: Gear<'_>,
+) -> Vec<AbsoluteReading> {
     let nothing = ParameterSet::empty();
     let mut model = ObservationModel::new(&nothing, arm, &[]);
     let mut ignored = Matrix6xX::zeros(0);
@@ -33,7 +44,7 @@ pub fn read_of(
     let covariance = Matrix6::from_diagonal(&Vector6::from_fn(|row, _| variances[row / 3]));
     (0..readings)
         .map(|_| {
-            let told = DVector::from_fn(arm.chain.len(), |_, _| between(random, -2.6, 2.6));
+            let told = DVector::from_fn(arm.chain.len(), |_, _| between(random, low, high));
             let setup = Setup {
                 commanded_rad: DVector::from_fn(told.len(), |joint, _| {
                     told[joint] + gear(joint, told[joint])

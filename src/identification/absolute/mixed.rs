@@ -48,6 +48,8 @@ const SELDOM: f64 = 0.1;
 /// Waves that come round so often in a turn, or less, hide in parameters: a gear that is not round once in a turn looks like a joint that gives way
 /// to gravity. What is left tells next to nothing of them.
 const HIDDEN_WAVES: usize = 3;
+/// The largest variance of one of them, over that of what the joint is seen to be off by.
+const LARGEST_WAVES: f64 = 4.0;
 /// Pieces of sums, so that bits do not depend on threads.
 const PIECES: usize = 32;
 
@@ -95,6 +97,8 @@ pub(super) struct MixedModel {
     unexplained: [f64; 2],
     /// No joint has more knots.
     most_knots: usize,
+    /// The joints with waves, by their places among all.
+    waving: Vec<usize>,
 }
 
 /// The variances of some sums of parameters, and how well they are known.
@@ -161,6 +165,7 @@ impl MixedModel {
             units,
             unexplained: [assumed[(0, 0)], assumed[(3, 3)]],
             most_knots: MOST_KNOTS,
+            waving: Vec::new(),
         };
         model.stands = model.stands_of(case, rows);
         model
@@ -211,6 +216,7 @@ impl MixedModel {
             pull: self.pull.clone(),
             joints: self.joints.clone(),
             units: self.units.clone(),
+            waving: self.waving.clone(),
             ..*self
         }
     }
@@ -233,7 +239,20 @@ impl MixedModel {
             );
         }
         self.most_knots = MOST_BESIDE_WAVES;
+        self.waving = turning;
         self
+    }
+
+    fn without_waves(&self) -> Self {
+        let mut stands = self.stands.clone();
+        for stand in &mut stands {
+            stand.waves = DMatrix::zeros(stand.residual.len(), 0);
+        }
+        Self {
+            stands,
+            waving: Vec::new(),
+            ..self.clone()
+        }
     }
 
     /// Two series of one robot, which share the errors of its joints and nothing else: all parameters of the one (p) above all
@@ -267,6 +286,7 @@ impl MixedModel {
             unexplained: [0, 1]
                 .map(|part| f64::midpoint(self.unexplained[part], other.unexplained[part])),
             most_knots: self.most_knots.min(other.most_knots),
+            waving: self.waving.clone(),
         }
     }
 
@@ -296,12 +316,29 @@ impl MixedModel {
         Some((self.sandwich(&variances)?, degrees.collect()))
     }
 
-    /// The likeliest variances, with what the model says then.
+    /// The likeliest variances, with what the model says then. Over a part of a turn large waves add up to next to nothing, and what hides in
+    /// parameters is no reason against them: no joint has larger ones than what it is seen to be off by without.
     fn likeliest(&self) -> Option<(MixedVariances, MixedSolution)> {
+        let most = if self.waving.is_empty() {
+            Vec::new()
+        } else {
+            let (seen, _) = self.without_waves().likeliest()?;
+            self.waving
+                .iter()
+                .map(|&joint| seen.joints[joint])
+                .collect()
+        };
         let mut variances = self.first();
+        let limit = |variances: &mut MixedVariances| {
+            for (variance, &most) in variances.waves.iter_mut().zip(&most) {
+                *variance = variance.min(most * LARGEST_WAVES).max(LEAST);
+            }
+        };
+        limit(&mut variances);
         let mut solved = self.solved(&variances)?;
         for _ in 0..ROUNDS {
-            let ImprovedVariances { next, .. } = self.improved(&variances, &solved)?;
+            let ImprovedVariances { mut next, .. } = self.improved(&variances, &solved)?;
+            limit(&mut next);
             let change = next.change_from(&variances);
             variances = next;
             solved = self.solved(&variances)?;
