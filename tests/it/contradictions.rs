@@ -157,17 +157,7 @@ fn intervals_over_a_part_of_a_turn_are_no_wider_than_errors() {
                     Some((fit.posterior.mean[index] - each.nominal) / error)
                 })
                 .collect();
-            let stands = fit
-                .unexplained
-                .as_ref()
-                .expect("told apart")
-                .effective_stands;
             let squares: f64 = of.iter().map(|each| each * each).sum();
-            println!(
-                "{stands:.1} {:.3} {}",
-                (squares / of.len() as f64).sqrt(),
-                of.len()
-            );
             (squares, of.len())
         })
         .collect();
