@@ -57,6 +57,8 @@ ALONE = {
     "stiffening": 'kind = "stiffening"\nstd_relative = 0.01\nat_nm = {carried}',
     "gear waves": 'kind = "gear_error"\nname = "gear waves"\nstd_mrad = 0.5\nharmonics = [1, 2, 40]',
 }
+# What two loaded readings share that have one unloaded reading, with how joints came back for that.
+UNLOADED = "one unloaded reading"
 # Some percent of what each robot's joints carry, from where on that decides on which side of a gap one stands, and most of it.
 TORQUES = {"KR-270": ("100", "8000"), "UR10": ("10", "200"), "planar arm": ("20", "600")}
 # The planar arm has no tracker, and no first joint that nothing bends.
@@ -115,11 +117,12 @@ def scenario(robot, uncertainties, hidden, level="robot", more=""):
     return text + study + more + "".join(f"\n[[uncertainty]]\n{each}{mark}\n" for each in uncertainties)
 
 
-def study(robot, uncertainties, hidden, *options, level="robot", runs=RUNS, more=""):
+def study(robot, uncertainties, hidden, *options, level="robot", runs=RUNS, more="", instrument=""):
     """What a study says of the plan."""
     with tempfile.TemporaryDirectory() as folder:
         path = pathlib.Path(folder) / "evidence.toml"
-        path.write_text(scenario(robot, uncertainties, hidden, level, more))
+        text = scenario(robot, uncertainties, hidden, level, more)
+        path.write_text(text.replace("[instrument]", "[instrument]\n" + instrument))
         command = [PROGRAM, "study", path, "--trials", str(runs), "--json", "--quiet", "--out", folder, *options]
         ended = subprocess.run(command, capture_output=True, text=True, check=False)
         if ended.returncode not in (0, 3):
@@ -129,8 +132,11 @@ def study(robot, uncertainties, hidden, *options, level="robot", runs=RUNS, more
 
 def held(robot, name):
     """A row of what holds: what the belief knows of."""
-    listed = sources(robot).values() if name == "all of these" else [sources(robot, alone=True)[name]]
-    plan = study(robot, listed, hidden=False)
+    if name == UNLOADED:
+        plan = study(robot, [SOURCES["joint_return"]], hidden=False, instrument='unloaded = "shared"')
+    else:
+        listed = sources(robot).values() if name == "all of these" else [sources(robot, alone=True)[name]]
+        plan = study(robot, listed, hidden=False)
     promised, seen, error = (plan[key] * 1e3 for key in ("promised_rms_mm", "rms_mm", "rms_std_mm"))
     room = 3 * error + 0.02 * promised
     nees = plan["nees"] / plan["nees_expected"]
@@ -239,7 +245,7 @@ def rows(table):
             names = list(LAWS) if robot == HEAVY else []
         else:
             names = list(sources(robot)) + (["all of these"] if table == "held" else [])
-            names += list(ALONE)
+            names += list(ALONE) + ([UNLOADED] if table == "held" else [])
         yield from ((robot, name) for name in names)
 
 
@@ -265,7 +271,8 @@ three standard errors and 2 % of it: the model is linear, and the virtual robot 
 error in units of its own covariance, over what is expected of it. A load cell of the UR10 that is 5 N off at 98 N is one case
 where that is not one: the offset multiplies compliances, and their best known combination bends within what is unknown of it;
 joints of the KR-270 that carry more than the torque at which they stiffen are the other. Intervals and promises hold. The drift of the instrument, gaps of joints, which the load turns over, joints that stiffen by a share
-that nobody knows, and gear error in waves are in rows of their own: "all of these" is without them.
+that nobody knows, and gear error in waves are in rows of their own: "all of these" is without them. So is
+what the two readings of a configuration share that have one unloaded reading (`unloaded = "shared"`), with joint_return.
 
 ## What the belief knows of
 
