@@ -420,7 +420,8 @@ impl MixedModel {
                     let local = stand.local(variances, &offsets);
                     let factor = Cholesky::new(local.covariance)?;
                     let weighed = factor.solve(&local.matrix);
-                    let own = weighed.tr_mul(&local.matrix);
+                    // Many columns, few rows: faster than `tr_mul`.
+                    let own = weighed.transpose() * &local.matrix;
                     let pull = weighed.tr_mul(&stand.residual);
                     for (column, &to) in local.index.iter().enumerate() {
                         gradient[to] += pull[column];
