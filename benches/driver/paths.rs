@@ -12,7 +12,7 @@ use elastocal::plan::search::{Problem, Watch, approximate_design, exact_design, 
 use elastocal::plan::{Criterion, Plan, read_plan};
 use elastocal::robot::{KinematicState, Kinematics, Load};
 use elastocal::scenario::Scenario;
-use elastocal::study::runner::{Runner, block_runs};
+use elastocal::study::runner::{Runner, RunsInBlocks, block_runs};
 use elastocal::study::{Conditions, Entry, EntryKind, Level, Setting, repeated};
 use elastocal::task::Method;
 use elastocal::testbed::{VirtualRobot, settle};

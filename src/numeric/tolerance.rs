@@ -17,6 +17,13 @@ use nalgebra::{Complex, DMatrix};
 
 use crate::numeric::factorisation::finite_eigen;
 
+/// The squares that 95 % of normal errors of one, two and three coordinates stay below, over their variance.
+pub const CHI_SQUARE_95: [f64; 3] = [
+    3.841_458_820_694_124,
+    5.991_464_547_107_979,
+    7.814_727_903_251_18,
+];
+
 /// 3.89^-24 is 7e-15; more nodes would lose as much to rounding.
 const NODES: u32 = 24;
 /// Halvings of the interval in which a quantile lies: to its last digits.

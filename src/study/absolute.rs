@@ -15,11 +15,10 @@ use nalgebra::{
 };
 use rand::{Rng, RngExt};
 use rand_distr::{Distribution, StandardNormal};
-use rayon::prelude::*;
 use thiserror::Error;
 
 use super::StudyError;
-use super::runner::{RunsInBlocks, merge};
+use super::runner::{Blocks, RunsInBlocks};
 use super::summary::Summary;
 use super::tally::{Batch, BlockSums, Failure, Tally};
 use super::true_compliances::truth_of_run;
@@ -31,6 +30,7 @@ use crate::mujoco::ModelError;
 use crate::numeric::random::generator;
 use crate::numeric::random::normal::{LANES, fill_normals};
 use crate::numeric::random::streams::{Stream, frames_of_trial};
+use crate::numeric::tolerance::CHI_SQUARE_95;
 use crate::observation::{Form, ObservationModel, ReadingKind, Setup};
 use crate::parameter::{ParameterKind, ParameterSet, Source, Uncertainty};
 use crate::plan::absolute::{AbsolutePlanning, AbsolutePromise};
@@ -107,12 +107,6 @@ struct PlaceRegion {
     freedom: usize,
 }
 
-/// The 95 % quantiles of chi-squares of one, two and three degrees of freedom.
-const CHI_SQUARE_95: [f64; 3] = [
-    3.841_458_820_694_124,
-    5.991_464_547_107_979,
-    7.814_727_903_251_179,
-];
 /// Directions of a region in which less than this share of the largest variance is left do not count.
 const FLAT: f64 = 1e-9;
 
@@ -220,8 +214,9 @@ impl<'a> AbsoluteRunner<'a> {
         &self,
         robots: &mut [ReadRobots],
         first: u64,
-        count: usize,
+        runs: u64,
     ) -> Result<Vec<Tally>, StudyError> {
+        let count = usize::try_from(runs).unwrap_or(LANES);
         let mut batches = Vec::with_capacity(self.tried.len());
         for (tried, robots) in self.tried.iter().zip(robots) {
             let mut batch = Batch::default();
@@ -291,27 +286,23 @@ impl RunsInBlocks for AbsoluteRunner<'_> {
         step: u64,
         progress: &(dyn Fn(u64) + Sync),
     ) -> Result<Vec<Tally>, StudyError> {
-        let step = step.max(1);
-        let count = blocks.end.saturating_sub(blocks.start).div_ceil(step);
+        let blocks = Blocks {
+            block_runs: BLOCK_RUNS,
+            trials,
+            numbers: blocks,
+            step,
+        };
         let new_robots = || {
             let robots = self.tried.iter().map(|each| each.robots(self.task));
-            robots.collect::<Result<Vec<_>, _>>()
+            let robots = robots.collect::<Result<Vec<_>, _>>();
+            robots.map_err(|error| StudyError::Model(error.to_string()))
         };
-        (0..count)
-            .into_par_iter()
-            .map(|index| blocks.start + index * step)
-            .map_init(new_robots, |robots, block| {
-                let robots = robots
-                    .as_mut()
-                    .map_err(|error| StudyError::Model(error.to_string()))?;
-                let first = block * BLOCK_RUNS;
-                let runs = BLOCK_RUNS.min(trials.saturating_sub(first));
-                let count = usize::try_from(runs).unwrap_or(LANES);
-                let tallies = self.block(robots, first, count)?;
-                progress(runs);
-                Ok(tallies)
-            })
-            .try_reduce(|| vec![Tally::default(); self.tried.len()], merge)
+        blocks.run(
+            self.tried.len(),
+            new_robots,
+            |robots, first, runs| self.block(robots, first, runs),
+            progress,
+        )
     }
 }
 
@@ -382,7 +373,7 @@ impl AbsoluteTrials {
         robots: u64,
         progress: &(dyn Fn(u64) + Sync),
     ) -> Result<Self, TrialError> {
-        let blocks = 0..robots.div_ceil(BLOCK_RUNS);
+        let blocks = 0..runner.blocks(robots);
         let tallies = runner.run(robots, blocks, 1, progress)?;
         let tally = tallies.into_iter().next().ok_or(StudyError::NoPlan)?;
         let tried = runner.tried.first().ok_or(StudyError::NoPlan)?;

@@ -6,7 +6,7 @@ use std::sync::atomic::AtomicBool;
 use thiserror::Error;
 
 use super::model_level::LinearModel;
-use super::runner::{Runner, references};
+use super::runner::{Runner, RunsInBlocks, references};
 use super::summary::Summary;
 use super::tally::Tally;
 use super::{Conditions, Entry, EntryKind, Level, Setting, StudyError};

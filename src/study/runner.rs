@@ -33,6 +33,45 @@ pub trait RunsInBlocks {
         step: u64,
         progress: &(dyn Fn(u64) + Sync),
     ) -> Result<Vec<Tally>, StudyError>;
+
+    /// The number of blocks of so many runs.
+    fn blocks(&self, trials: u64) -> u64 {
+        trials.div_ceil(self.block_runs())
+    }
+}
+
+/// Which blocks are run, of so many runs each.
+pub(super) struct Blocks {
+    pub block_runs: u64,
+    pub trials: u64,
+    pub numbers: Range<u64>,
+    pub step: u64,
+}
+
+impl Blocks {
+    /// Runs them side by side, each in a workspace of its thread, from its first run on, and merges the tallies of so many plans.
+    pub(super) fn run<Workspace>(
+        self,
+        plans: usize,
+        workspace: impl Fn() -> Result<Workspace, StudyError> + Send + Sync,
+        block: impl Fn(&mut Workspace, u64, u64) -> Result<Vec<Tally>, StudyError> + Send + Sync,
+        progress: &(dyn Fn(u64) + Sync),
+    ) -> Result<Vec<Tally>, StudyError> {
+        let step = self.step.max(1);
+        let count = (self.numbers.end.saturating_sub(self.numbers.start)).div_ceil(step);
+        (0..count)
+            .into_par_iter()
+            .map(|index| self.numbers.start + index * step)
+            .map_init(workspace, |workspace, number| {
+                let workspace = workspace.as_mut().map_err(|error| error.clone())?;
+                let first = number * self.block_runs;
+                let runs = self.block_runs.min(self.trials.saturating_sub(first));
+                let tallies = block(workspace, first, runs)?;
+                progress(runs);
+                Ok(tallies)
+            })
+            .try_reduce(|| vec![Tally::default(); plans], merge)
+    }
 }
 
 /// A study made ready to run.
@@ -124,49 +163,6 @@ impl<'a> Runner<'a> {
             stop: Some(stop),
             ..self
         }
-    }
-
-    /// The number of runs of a block.
-    #[must_use]
-    pub const fn block_runs(&self) -> u64 {
-        block_runs(self.level)
-    }
-
-    /// The number of blocks of so many runs.
-    #[must_use]
-    pub const fn blocks(&self, trials: u64) -> u64 {
-        trials.div_ceil(self.block_runs())
-    }
-
-    /// Makes the runs of every `step`-th block of a range and tallies each plan; after every block,
-    /// `progress` is told how many runs it had.
-    ///
-    /// # Errors
-    /// The virtual robot's model lacks something, or the flag of [`Self::stopped_by`] is set.
-    pub fn run(
-        &self,
-        trials: u64,
-        blocks: Range<u64>,
-        step: u64,
-        progress: &(dyn Fn(u64) + Sync),
-    ) -> Result<Vec<Tally>, StudyError> {
-        let step = step.max(1);
-        let count = blocks.end.saturating_sub(blocks.start).div_ceil(step);
-        (0..count)
-            .into_par_iter()
-            .map(|index| blocks.start + index * step)
-            .map_init(
-                || self.workspace(),
-                |workspace, block| {
-                    let workspace = workspace.as_mut().map_err(|error| error.clone())?;
-                    let first = block * self.block_runs();
-                    let runs = self.block_runs().min(trials.saturating_sub(first));
-                    let tallies = self.block(workspace, first, runs)?;
-                    progress(runs);
-                    Ok(tallies)
-                },
-            )
-            .try_reduce(|| vec![Tally::default(); self.entries.len()], merge)
     }
 
     fn workspace(&self) -> Result<ThreadWorkspace<'_>, StudyError> {
@@ -349,7 +345,7 @@ impl<'a> Runner<'a> {
 
 impl RunsInBlocks for Runner<'_> {
     fn block_runs(&self) -> u64 {
-        Runner::block_runs(self)
+        block_runs(self.level)
     }
 
     fn run(
@@ -359,7 +355,18 @@ impl RunsInBlocks for Runner<'_> {
         step: u64,
         progress: &(dyn Fn(u64) + Sync),
     ) -> Result<Vec<Tally>, StudyError> {
-        Runner::run(self, trials, blocks, step, progress)
+        let blocks = Blocks {
+            block_runs: self.block_runs(),
+            trials,
+            numbers: blocks,
+            step,
+        };
+        blocks.run(
+            self.entries.len(),
+            || self.workspace(),
+            |workspace, first, runs| self.block(workspace, first, runs),
+            progress,
+        )
     }
 }
 
@@ -466,7 +473,7 @@ pub fn references(entries: &[Entry]) -> Vec<Option<usize>> {
     clippy::needless_pass_by_value,
     reason = "rayon's shape"
 )]
-pub(super) fn merge(mut one: Vec<Tally>, other: Vec<Tally>) -> Result<Vec<Tally>, StudyError> {
+fn merge(mut one: Vec<Tally>, other: Vec<Tally>) -> Result<Vec<Tally>, StudyError> {
     for (one, other) in one.iter_mut().zip(&other) {
         one.merge(other);
     }

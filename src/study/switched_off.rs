@@ -4,7 +4,7 @@
 use std::sync::atomic::AtomicBool;
 
 use super::counts::count_to_f64;
-use super::runner::Runner;
+use super::runner::{Runner, RunsInBlocks};
 use super::tally::{Sum, Tally};
 use super::{Entry, Level, Setting, StudyError};
 use crate::plan::NOISE;
@@ -39,7 +39,7 @@ impl Runs<'_> {
     /// each of the truth's uncertainties. After every block of runs `progress` is told how many it had.
     ///
     /// # Errors
-    /// See [`Runner::run`].
+    /// See [`RunsInBlocks::run`].
     pub fn shares(
         &self,
         tallies: &[Tally],

@@ -15,7 +15,7 @@ use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
 use nalgebra::{DVector, Isometry3, Matrix6xX};
 
-use crate::support::{Workplace, scenario, scenario_text};
+use crate::support::{Workplace, absolute_scenario_text, scenario, scenario_text};
 
 const SPINDLE: &str = "spindle";
 
@@ -273,7 +273,7 @@ fn table(rows: &[Candidate], station: &str) -> String {
 #[test]
 fn commands_plan_absolute_readings() {
     let place = Workplace::new();
-    let text = scenario_text("ur10").replace("[design]", "[design]\naccuracy = \"absolute\"");
+    let text = absolute_scenario_text("ur10");
     place.write("s.toml", &text);
     let rows = rows(&scenario("ur10"), 40);
     place.write(

@@ -4,7 +4,7 @@
 use serde_json::{Value, json};
 
 use crate::browser::looks_well;
-use crate::support::{Workplace, numbers, scenario_text};
+use crate::support::{Workplace, absolute_scenario_text, number, numbers, scenario_text};
 
 const KNOWN: &str = r#"
 [[uncertainty]]
@@ -33,14 +33,7 @@ position_mm = [-7000, -3000, 1500]
 "#;
 
 fn absolute(more: &str) -> String {
-    scenario_text("ur10")
-        .replace("[design]", "[design]\naccuracy = \"absolute\"")
-        .replace("experiments = 4", "experiments = 14")
-        + more
-}
-
-fn number(value: &Value) -> f64 {
-    value.as_f64().expect("a number")
+    absolute_scenario_text("ur10").replace("experiments = 4", "experiments = 14") + more
 }
 
 /// A folder with a plan from two stations that was designed from few drawn configurations, and a path.

@@ -3,13 +3,10 @@
 
 use serde_json::Value;
 
-use crate::support::{Workplace, scenario_text};
+use crate::support::{Workplace, absolute_scenario_text, number, scenario_text};
 
 fn absolute(more: &str) -> String {
-    scenario_text("ur10")
-        .replace("[design]", "[design]\naccuracy = \"absolute\"")
-        .replace("experiments = 4", "experiments = 14")
-        + more
+    absolute_scenario_text("ur10").replace("experiments = 4", "experiments = 14") + more
 }
 
 /// What a laboratory may know before, and what disturbs its readings.
@@ -50,10 +47,6 @@ position_mm = [-1800, 500, 900]
 name = "far"
 position_mm = [-6000, -3000, 1500]
 "#;
-
-fn number(value: &Value) -> f64 {
-    value.as_f64().expect("a number")
-}
 
 /// Within three standard errors and 2 %, by the numbers themselves; and as many as promised stay below the quantile.
 fn holds(trials: &Value) {

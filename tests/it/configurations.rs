@@ -15,6 +15,7 @@ use elastocal::testbed::{TrueRobots, add_noise_of};
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, Vector3};
 use serde_json::Value;
 
+use crate::repeats::linear_equations;
 use crate::support::{Workplace, scenario_text, table4};
 use crate::uncertainties::assert_holds;
 
@@ -239,19 +240,8 @@ fn identification_and_promises_are_those_of_the_whole_covariance() {
             let case = Case::of_belief(belief, &measurements, sigma, Method::Linear);
             let found = case.identify().expect("an identification");
 
-            let extended = belief.uncertain.as_ref().expect("much is uncertain");
-            let (size, arm) = (belief.unknowns(), extended.arm());
-            let mut model = FirstOrder::new(arm, 0, extended.set(), &vec![1.0; size], 1.0, &[]);
-            let (mut rows, mut right) = (DMatrix::zeros(36, size), DVector::zeros(36));
-            let mut jacobian = Matrix3xX::zeros(size);
-            for (index, each) in measurements.iter().enumerate() {
-                let q = each.configuration_rad.as_slice();
-                model.stand(q, &arm.chain.at(&arm.tools[0]).state(q));
-                model.derivatives(&each.load, &mut jacobian);
-                rows.rows_mut(3 * index, 3).copy_from(&jacobian);
-                let left = each.deflection_m - model.deflection(&each.load);
-                right.rows_mut(3 * index, 3).copy_from(&left);
-            }
+            let size = belief.unknowns();
+            let (rows, right) = linear_equations(belief, &measurements);
             let inverse = written_out(&scenario, &measurements).try_inverse();
             let weighted = rows.transpose() * inverse.expect("regular");
             let covariance = (&weighted * &rows).try_inverse().expect("determined");

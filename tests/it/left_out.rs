@@ -3,7 +3,7 @@
 use serde_json::Value;
 
 use crate::proofs::{checked, python};
-use crate::support::{Workplace, project, scenario_text};
+use crate::support::{Workplace, number, project, scenario_text};
 
 const RETURN: &str = "[[uncertainty]]\nkind = \"joint_return\"\nstd_mrad = 0.05\n";
 const DIRECTION: &str = "[[uncertainty]]\nkind = \"load_direction\"\nstd_mrad = 2\n";
@@ -21,10 +21,6 @@ fn planned(workplace: &Workplace, name: &str, list: &[&str], options: &str) -> V
         format!("plan uncertain.toml --experiments 3 --json --quiet --seed 1 {options}");
     let outcome = workplace.run(&arguments).ends_with(0);
     serde_json::from_str(&outcome.stdout).expect("JSON")
-}
-
-fn number(value: &Value) -> f64 {
-    value.as_f64().expect("a number")
 }
 
 fn names(value: &Value) -> Vec<&str> {

@@ -9,9 +9,9 @@ use elastocal::observation::FirstOrder;
 use elastocal::plan::posterior;
 use elastocal::robot::Approach;
 use elastocal::scenario::Scenario;
-use elastocal::task::Method;
+use elastocal::task::{Belief, Method};
 use elastocal::testbed::{TrueRobots, add_noise_of};
-use nalgebra::{DMatrix, Matrix3, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, Vector3};
 use serde_json::Value;
 
 use crate::support::{Workplace, table4};
@@ -27,6 +27,29 @@ fn repeated(repeats: u32) -> Plan {
             .map(|each| Experiment { repeats, ..each })
             .collect(),
     }
+}
+
+/// What measurements say of all that a belief has unknown, to first order: a row for each number that was measured, and what is left of it
+/// at what is believed.
+pub fn linear_equations(
+    belief: &Belief,
+    measurements: &[Measurement],
+) -> (DMatrix<f64>, DVector<f64>) {
+    let extended = belief.uncertain.as_ref().expect("much is uncertain");
+    let (size, arm) = (belief.unknowns(), extended.arm());
+    let mut model = FirstOrder::new(arm, 0, extended.set(), &vec![1.0; size], 1.0, &[]);
+    let count = 3 * measurements.len();
+    let (mut rows, mut right) = (DMatrix::zeros(count, size), DVector::zeros(count));
+    let mut jacobian = Matrix3xX::zeros(size);
+    for (index, each) in measurements.iter().enumerate() {
+        let q = each.configuration_rad.as_slice();
+        model.stand(q, &arm.chain.at(&arm.tools[0]).state(q));
+        model.derivatives(&each.load, &mut jacobian);
+        rows.rows_mut(3 * index, 3).copy_from(&jacobian);
+        let left = each.deflection_m - model.deflection(&each.load);
+        right.rows_mut(3 * index, 3).copy_from(&left);
+    }
+    (rows, right)
 }
 
 /// On the virtual robot, drawn in every run, and in the linear model: what is seen is what is promised.
@@ -87,21 +110,11 @@ fn identification_weighs_repeats_as_generalised_least_squares() {
     let case = Case::of_belief(belief, &measurements, sigma, Method::Linear);
     let found = case.identify().expect("an identification");
 
-    let extended = belief.uncertain.as_ref().expect("much is uncertain");
     let size = belief.unknowns();
-    let (arm, sizes) = (extended.arm(), vec![1.0; size]);
-    let mut model = FirstOrder::new(arm, 0, extended.set(), &sizes, 1.0, &[]);
-    let (mut rows, mut right) = (DMatrix::zeros(36, size), DMatrix::zeros(36, 1));
+    let (rows, right) = linear_equations(belief, &measurements);
     let mut covariance = DMatrix::zeros(36, 36);
-    let mut jacobian = nalgebra::Matrix3xX::zeros(size);
     let values = belief.values();
     for (index, each) in measurements.iter().enumerate() {
-        let q = each.configuration_rad.as_slice();
-        model.stand(q, &arm.chain.at(&arm.tools[0]).state(q));
-        model.derivatives(&each.load, &mut jacobian);
-        rows.rows_mut(3 * index, 3).copy_from(&jacobian);
-        let left = each.deflection_m - model.deflection(&each.load);
-        right.rows_mut(3 * index, 3).copy_from(&left);
         for (other, another) in measurements.iter().enumerate() {
             let mut block = Matrix3::zeros();
             if another.configuration_rad == each.configuration_rad {

@@ -9,7 +9,7 @@ use elastocal::plan::search::{Watch, random_plan};
 use elastocal::scenario::Scenario;
 use serde_json::Value;
 
-use crate::support::{Workplace, scenario, scenario_text};
+use crate::support::{Workplace, absolute_scenario_text, scenario, scenario_text};
 
 /// What grows with the distance matters beside the rest.
 const RANGE: &str = "\n[[uncertainty]]\nkind = \"tracker_range\"\nstd_um_per_m = 60\n";
@@ -20,7 +20,7 @@ fn station(name: &str, position_mm: [f64; 3], more: &str) -> String {
 
 /// The UR10's scenario for absolute accuracy, with more tables.
 fn text(more: &str) -> String {
-    scenario_text("ur10").replace("[design]", "[design]\naccuracy = \"absolute\"") + more
+    absolute_scenario_text("ur10") + more
 }
 
 fn loaded(place: &Workplace, more: &str) -> Scenario {

@@ -6,7 +6,7 @@ use elastocal::numeric::random::streams::Stream;
 use elastocal::scenario::Scenario;
 use elastocal::study::model_level::LinearModel;
 use elastocal::study::robot_level::RobotRuns;
-use elastocal::study::runner::Runner;
+use elastocal::study::runner::{Runner, RunsInBlocks};
 use elastocal::study::summary::Summary;
 use elastocal::study::tally::{Sum, Tally};
 use elastocal::study::{Entry, EntryKind, Level, Setting, StudyError, repeated};

@@ -157,11 +157,18 @@ impl Outcome {
     }
 }
 
+/// A scenario of the repository whose plan is for an absolute accuracy.
+pub fn absolute_scenario_text(name: &str) -> String {
+    scenario_text(name).replace("[design]", "[design]\naccuracy = \"absolute\"")
+}
+
+/// A number of JSON.
+pub fn number(value: &Value) -> f64 {
+    value.as_f64().expect("a number")
+}
+
 /// The numbers of a JSON array.
 pub fn numbers(value: &Value) -> Vec<f64> {
     let array = value.as_array().expect("an array");
-    array
-        .iter()
-        .map(|each| each.as_f64().expect("a number"))
-        .collect()
+    array.iter().map(number).collect()
 }

@@ -1,15 +1,10 @@
 //! A promise as a tolerance: the distance that 95 % of all draws of what is uncertain stay below.
 
 use elastocal::plan::Assessment;
-use serde_json::Value;
 
 use crate::directions::{FORCE, pose};
-use crate::support::{Workplace, numbers, project, table4};
+use crate::support::{Workplace, number, numbers, project, table4};
 use crate::uncertainties::{entry, loaded, study, with};
-
-fn number(value: &Value) -> f64 {
-    value.as_f64().expect("a number")
-}
 
 /// Along a direction the error is a normal number; in space it lies between one that is and three alike.
 #[test]

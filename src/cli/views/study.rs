@@ -6,7 +6,7 @@ use elastocal::calibration::calibrate;
 use elastocal::plan::search::random_plan;
 use elastocal::record::tally_file::Header;
 use elastocal::scenario::Scenario;
-use elastocal::study::runner::Runner;
+use elastocal::study::runner::{Runner, RunsInBlocks};
 use elastocal::study::tally::Tally;
 use elastocal::study::{Entry, Setting};
 use elastocal::view::mcap_file::study::write_study_mcap;

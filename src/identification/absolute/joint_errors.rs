@@ -18,11 +18,12 @@ use super::super::FitError;
 use super::super::spread::logarithm;
 use super::rows::LinearReading;
 use super::{AbsoluteCase, Misfit, ReadingResidual};
+use crate::numeric::tolerance::CHI_SQUARE_95;
 use crate::numeric::wandering::Wandering;
 use crate::parameter::{Axis, ElasticArm, ParameterKind, ParameterSet};
 
 /// The square that 95 % of normal errors of three coordinates stay below, over their variance.
-pub const SQUARE_95: f64 = 7.814_727_903_251_18;
+pub const SQUARE_95: f64 = CHI_SQUARE_95[2];
 
 /// Commands are corrected so often: each time what is left is smaller by the error's slope.
 const CORRECTIONS: usize = 8;

@@ -244,15 +244,12 @@ impl MixedModel {
     }
 
     fn without_waves(&self) -> Self {
-        let mut stands = self.stands.clone();
-        for stand in &mut stands {
+        let mut model = self.clone();
+        for stand in &mut model.stands {
             stand.waves = DMatrix::zeros(stand.residual.len(), 0);
         }
-        Self {
-            stands,
-            waving: Vec::new(),
-            ..self.clone()
-        }
+        model.waving.clear();
+        model
     }
 
     /// Two series of one robot, which share the errors of its joints and nothing else: all parameters of the one (p) above all
@@ -317,7 +314,7 @@ impl MixedModel {
     }
 
     /// The likeliest variances, with what the model says then. Over a part of a turn large waves add up to next to nothing, and what hides in
-    /// parameters is no reason against them: no joint has larger ones than what it is seen to be off by without.
+    /// parameters is no reason against them: no joint's are more than twice as large as what it is seen to be off by without.
     fn likeliest(&self) -> Option<(MixedVariances, MixedSolution)> {
         let most = if self.waving.is_empty() {
             Vec::new()
