@@ -21,7 +21,7 @@
 //! k^  = k_0 + (sum A^(p)T A^(p))^-1 sum A^(p)T eps         its error                    (10, 11)
 //! cov(k^) = sigma^2 (sum A^(p)T A^(p))^-1                   its covariance               (12, 13)
 //! q   = q_0 - k_theta J_0^T W_0                             compensation                 (15)
-//! rho_0^2 = sigma^2 trace(A_0 (sum A^(p)T A^(p))^-1 A_0^T)  what it leaves, mean square  (16 to 20)
+//! rho_0^2 = sigma^2 trace(A_0 (sum A^(p)T A^(p))^-1 A_0^T)  residual error, mean square (16 to 20)
 //! rho_0 -> min over {q_i, W_i}                              the plan                     (21, 22)
 //! ```
 //!
@@ -33,22 +33,22 @@
 //!
 //! Each module uses only those that stand before it.
 //!
-//! - [`quantities`], [`text`], [`files`], [`csv`]: what every stage needs to read and to tell: ranges and
+//! - [`quantities`], [`text`], [`files`], [`csv`]: what every stage needs to read and to print: ranges and
 //!   units, names and words, whole files, tables.
-//! - [`numeric`]: what measurements determine, the fit within it, and what is known afterwards; random
+//! - [`numeric`]: identifiable subspace, least squares, posterior; random
 //!   streams. It knows of no robot.
 //! - [`mujoco`]: MJCF models in MuJoCo; the only user of the simulator's bindings.
 //! - [`robot`]: the serial chain read from the model; Jacobians, elastostatics, static equilibrium.
-//! - [`parameter`]: what may be unknown about a robot, priors, and what cannot be told apart.
+//! - [`parameter`]: kinds of parameters, priors, error sources with their levels, and what is unidentifiable.
 //! - [`observation`]: readings, predicted with derivatives by any parameters.
 //! - [`experiment`]: plans of experiments, their files, and the set of loads that they may use.
-//! - [`task`]: what planner and identification believe, what must be accurate, and which experiments may
+//! - [`task`]: the planner's model, what must be accurate (the quantity of interest), and which experiments may
 //!   be made.
 //! - [`measurement`]: measured deflections, the laboratory's or the virtual robot's.
-//! - [`testbed`]: the truth: the virtual robot in MuJoCo, its instrument, and its dynamics as judge.
+//! - [`testbed`]: the simulated truth: the virtual robot in MuJoCo, its instrument, and the reference simulation in time.
 //! - [`identification`]: compliances with their uncertainty, and what cannot be identified.
 //! - [`compensation`]: the joint angles to command at a test pose.
-//! - [`plan`]: what plans promise, whether they are possible, and [`plan::search`] for the best one with
+//! - [`plan`]: predicted accuracy of plans with its uncertainty budget, feasibility, and [`plan::search`] for the best one with
 //!   its certificate.
 //! - [`laboratory`]: a plan as it is carried out: the order of its stops, the ways there, the minutes, and the
 //!   robot's program.
@@ -59,7 +59,7 @@
 //!   the truth, a study, a gate. Only what follows knows all of them.
 //! - [`understanding`]: the robot as a scenario was understood, and what is implausible about it.
 //! - [`record`]: results as JSON records, and tallies of studies as files.
-//! - [`workflow`]: the use cases, run, plan, study and identify, without a word to anybody.
+//! - [`workflow`]: the use cases, run, plan, study and identify; they print nothing.
 //! - [`paper`]: the published numbers, and the same by this program.
 //! - [`comparison`]: two results files against the gate.
 //! - [`view`]: recordings, pages and pictures of records; computes nothing. It is there with the feature
@@ -70,7 +70,7 @@
 //! - Identification and planning see a [`Belief`](task::Belief) and measurements, never the
 //!   [`Truth`](testbed::Truth).
 //! - One MJCF file is the only source of a robot's geometry and masses.
-//! - Nothing in a model that can move the robot's rest is left out without a word: it is honoured, or
+//! - Nothing in a model that can move the robot's rest is ignored silently: it is honoured, or
 //!   refused by name.
 //! - Random numbers are a function of the seed and the run alone, and results do not depend on the
 //!   number of threads, to the bit.

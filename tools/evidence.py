@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Whether promises hold on robots that are drawn in every run: docs/evidence.md.
+"""Predicted and observed accuracy on robots that are sampled in every run: docs/evidence.md.
 
     tools/evidence.py                    all rows, some ten minutes of two cores; writes docs/evidence.md
     tools/evidence.py --only gap ranks   these tables alone; the others stay as the page has them
@@ -220,14 +220,14 @@ def ranks(robot, _):
 
 
 TABLES = {
-    "held": (held, ["robot", "uncertain", "promised [um]", "seen [um]", "off by", "NEES / expected", "95 % intervals hold in",
+    "held": (held, ["robot", "error source", "predicted [um]", "observed [um]", "off by", "NEES / expected", "coverage of 95 %",
                      "holds"]),
-    "absolute": (absolute, ["robot", "read are", "promised [um]", "seen [um]", "off by", "NEES / expected",
-                            "places within their region of 95 %", "holds"]),
-    "gap": (gap, ["robot", "spread of", "promised [um]", "off by", "7/8 of the spread's square"]),
-    "ranks": (ranks, ["robot", "unknowns", "the least even", "its deviation", "what chance leaves", "unknowns beyond that"]),
-    "hidden": (hidden, ["robot", "hidden", "promised [um]", "seen [um]", "computed [um]", "seen / promised"]),
-    "laws": (laws, ["robot", "joints", "promised [um]", "seen [um]", "computed [um]", "seen / promised"]),
+    "absolute": (absolute, ["robot", "read are", "predicted [um]", "observed [um]", "off by", "NEES / expected",
+                            "coverage of 95 %", "holds"]),
+    "gap": (gap, ["robot", "spread of", "predicted [um]", "off by", "7/8 of the spread's square"]),
+    "ranks": (ranks, ["robot", "unknowns", "the least even", "its deviation", "by chance", "unknowns beyond that"]),
+    "hidden": (hidden, ["robot", "hidden source", "predicted [um]", "observed [um]", "computed [um]", "observed / predicted"]),
+    "laws": (laws, ["robot", "joints", "predicted [um]", "observed [um]", "computed [um]", "observed / predicted"]),
 }
 
 
@@ -263,58 +263,54 @@ def agrees(row, stored):
 
 
 SECTIONS = {
-    "held": f"""# Evidence: do promises hold?
+    "held": f"""# Evidence: prediction and simulation
 
-`make evidence` makes this page: every row is {RUNS} runs of the whole loop on the virtual robot in MuJoCo, which is
-drawn in every run. Plans are the best for noise alone, four measurements, each twice. A promise holds if what is seen is within
-three standard errors and 2 % of it: the model is linear, and the virtual robot is not. NEES is the mean square of the estimation
-error in units of its own covariance, over what is expected of it. A load cell of the UR10 that is 5 N off at 98 N is one case
-where that is not one: the offset multiplies compliances, and their best known combination bends within what is unknown of it;
-joints of the KR-270 that carry more than the torque at which they stiffen are the other. Intervals and promises hold. The drift of the instrument, gaps of joints, which the load turns over, joints that stiffen by a share
-that nobody knows, and gear error in waves are in rows of their own: "all of these" is without them. So is
-what the two readings of a configuration share that have one unloaded reading (`unloaded = "shared"`), with joint_return.
+`make evidence` makes this page: every row is {RUNS} runs of the whole loop on the virtual robot in MuJoCo, sampled anew in every run.
+Plans are the best for noise alone, four measurements, each twice. A row *holds* if the observed rms is within three standard errors and
+2 % of the predicted one: the model is linear, and the virtual robot is not. NEES is the mean square of the estimation error in units of
+its own covariance, over its expectation. It is not one for a load cell of the UR10 that is 5 N off at 98 N (the offset multiplies
+compliances), and for joints of the KR-270 that carry more than the torque at which they stiffen; intervals and predictions hold. Drift,
+backlash with `turned_over_at_nm`, stiffening and harmonics are in rows of their own: "all of these" is without them. So is one unloaded
+reading (`unloaded = "shared"`), with joint repeatability.
 
-## What the belief knows of
+## Error sources that the planner's model has
 
 """,
     "absolute": f"""
-## Where the loaded tool is
+## Absolute accuracy
 
-The same of [absolute plans](plans.md#absolute-accuracy): {READINGS} readings at configurations that are drawn, from which joint zeros and all frames are found. Joints come back within
-0.0485 mrad, gears err by 0.05 mrad, and links are known to 0.1 mm. {ROBOTS_READ} robots each are drawn in MuJoCo, read, identified by the one fit, and looked at at the test pose.
-NEES and regions are of the tool's place, by what is promised there.
+The same of [absolute plans](absolute_plans.md): {READINGS} readings at sampled configurations, from which joint zeros and all
+frames are identified, with a joint repeatability of 0.0485 mrad, transmission errors of 0.05 mrad, and links known to 0.1 mm.
+{ROBOTS_READ} robots each. NEES and coverage are of the tool's place.
 
 """,
     "gap": f"""
 ## Where the model is not linear
 
-The largest gaps: a log-normal compliance of a joint that no measurement shows, where the linear model misses 7/8 of the spread's
-square: half the spread leaves a quarter. And shares by which all joints of the KR-270 stiffen, or soften, at 8000 N m, of which its second one carries
-more: with 2 % the few that soften most are not far from giving way, and make the gap; half of it leaves a thirtieth. {PARTS * RUNS // 4} runs, each beside the
-linear model's with the same random numbers, which leaves less to chance.
+The largest gaps: a log-normal compliance of a joint that no measurement shows, where the linear model misses 7/8 of the spread's square,
+and shares by which all joints of the KR-270 stiffen, or soften, at 8000 N m, of which its second one carries more: with 2 % the few that
+soften most are not far from giving way. {PARTS * RUNS // 4} runs, each with the random numbers of the linear model's.
 
 """,
     "ranks": """
-## Where the true values lie in what is known
+## Where the true values lie in their posterior
 
-Simulation-based calibration: with everything of the first table drawn and known, and a prior of 10 % on each compliance that is
-identified, the distribution function of what is known of an unknown is uniform at its true value if what is known is right. In
-the linearised model it is (a test with a derived bound sees to that). Here it is off at most by this much for the worst
-unknown; chance leaves that much in 95 of 100 studies of so many unknowns. True compliances are log-normal, and those that are
-identified are believed to be normal, as the paper has them.
+Simulation-based calibration, with everything of the first table known and a prior of 10 % on each identified compliance: the rank of the
+true value in its posterior is uniform if the posterior is right. The largest deviation over all unknowns, beside what 95 of 100 studies
+stay below by chance. True compliances are log-normal, and the posterior takes them as normal, as the paper has them.
 
 """,
     "hidden": """
-## What it does not know of
+## Error sources that the planner's model does not have
 
-The same plans where the belief knows of the noise alone. What is seen is what the account of the errors computes.
+The same plans, planned for the noise alone. *Computed* is the uncertainty budget with the hidden source.
 
 """,
     "laws": f"""
-## Joints that are no springs
+## Nonlinear joint stiffness
 
-The same plans and belief, on a virtual robot of which joints 2 and 3 hold by another
-[law](uncertainties.md#joints-that-are-no-springs): {LAW_RUNS} runs each, that with a dead band in MuJoCo's forward dynamics. The account computes it to first order.
+The same plans, on a virtual robot of which joints 2 and 3 have another [law](joint_errors.md#on-the-virtual-robot):
+{LAW_RUNS} runs each, that with a dead band in MuJoCo's forward dynamics. The budget has it to first order.
 
 """,
 }

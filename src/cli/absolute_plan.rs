@@ -25,6 +25,7 @@ use elastocal::text::wording::counted;
 use serde_json::json;
 
 use super::candidates::{PoseArgs, left_out};
+use super::evaluate::{common_sources, remarks};
 use super::interruption::{Interrupted, STOP, ask_search};
 use super::progress::bar;
 use super::table::{number, table};
@@ -524,7 +525,15 @@ fn shares(message: &AbsolutePlanMessage) -> String {
         })
         .collect();
     let header = ["of it", "alone [mm]", "share of the square [%]"];
-    format!("\n{}\n", table(&header, &rows))
+    format!(
+        "\n{}{}{}\n",
+        table(&header, &rows),
+        remarks((message.rho0_shares.iter()).map(|share| (&*share.name, share.remark.as_deref()))),
+        common_sources(
+            (message.common_sources.as_ref())
+                .map(|common| (&*common.names, format!("{:.5} mm", common.rho0_mm)))
+        )
+    )
 }
 
 /// How candidates were drawn, and what is not said of others.

@@ -10,11 +10,12 @@ use elastocal::plan::search::{
     BudgetPoint, Watch, budget_and_proof, cheapest, repeated_configurations,
 };
 use elastocal::quantities::plausible::ACCURACY;
-use elastocal::record::messages::ProvenanceMessage;
+use elastocal::record::messages::{CommonSourcesMessage, ProvenanceMessage};
 use elastocal::scenario::Scenario;
 use elastocal::text::wording::counted;
 use serde_json::{Value, json};
 
+use super::evaluate::common_sources;
 use super::interruption::ask_search;
 use super::progress::bar;
 use super::proof::{ProofArgs, proof_json};
@@ -138,7 +139,7 @@ impl Budget {
             _ => self.up_to,
         };
         let needed = self.needed(&scenario, &points);
-        let mut text = describe(&points) + &stops_helping(&points);
+        let mut text = describe(&points) + &common(&points) + &stops_helping(&points);
         let mut written = Written::default();
         text += &self.proof.tell(&bound, None, &mut written)?;
         match &needed {
@@ -184,10 +185,25 @@ fn record(point: &BudgetPoint) -> Value {
         "configurations": point.configurations,
         "rho0_mm": point.rho0_m * 1e3,
         "shared_rho0_mm": point.shared_m.map(|shared_m| shared_m * 1e3),
+        "common_sources": (point.common_sources.clone()).map(CommonSourcesMessage::from),
         "lower_bound_rho0_mm": point.lower_bound_m().map(|bound_m| bound_m * 1e3),
         "bound_kind": point.bound.as_ref().map(|bound| bound.kind.name()),
         "proved_lower_bound_rho0_mm": point.bound.as_ref().and_then(|bound| Some(bound.proof.as_ref()?.best * 1e3)),
     })
+}
+
+/// The error sources in common with the campaign of the prior, with the accuracy of most measurements.
+fn common(points: &[BudgetPoint]) -> String {
+    let last = points.iter().rev().find_map(|point| {
+        let common = point.common_sources.as_ref()?;
+        let rho0 = format!(
+            "{:.3} um for {}",
+            common.rho0_m * 1e6,
+            counted(point.experiments.into(), "measurement")
+        );
+        Some((&*common.names, rho0))
+    });
+    common_sources(last)
 }
 
 /// From where on most of what is left is what the whole plan shares.

@@ -1,6 +1,6 @@
 //! Identification of joint compliances from measured deflections, eqs. 5 to 13.
 //!
-//! [`identify`] sees the nominal robot and measurements, never the true one. It names what cannot
+//! [`identify`] has the planner's model and measurements, never the simulated truth. It names what cannot
 //! be identified instead of inverting a singular matrix, keeps its nominal value, and identifies the rest.
 
 mod absolute;

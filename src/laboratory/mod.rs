@@ -6,7 +6,7 @@
 //! - [`Campaign`]: the stops in their order, with the minutes that they take.
 //! - [`time`]: plans by the minutes that they take.
 //! - [`next`]: what to measure next, after some of a plan is measured.
-//! - [`validation`]: whether a robot keeps what its identification promises.
+//! - [`validation`]: whether a robot is as accurate as its identification predicts.
 //! - [`Dialect`], [`Program`]: the robot's program; dialects are data.
 //! - [`program_to`]: back on the robot, a program that leads to compensated test poses.
 

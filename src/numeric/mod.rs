@@ -7,7 +7,7 @@
 //! - [`posterior`]: what is known afterwards, and the variance of anything that follows from it
 //!   (eqs. 11 to 13, 20).
 //! - [`tolerance`]: the length that a share of errors stays below.
-//! - [`wandering`]: quantities that wander along a coordinate.
+//! - [`wandering`]: Ornstein-Uhlenbeck processes along a coordinate.
 
 pub mod estimable;
 pub mod factorisation;

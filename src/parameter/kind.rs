@@ -188,6 +188,39 @@ impl ParameterKind {
         }
     }
 
+    /// Whether its value is the same in a later campaign: the robot's and the load cell's are; frames of stations, the mounted tool
+    /// and the drift are new in each.
+    #[must_use]
+    pub const fn is_kept_between_campaigns(self) -> bool {
+        !matches!(
+            self,
+            Self::ToolPosition { .. }
+                | Self::ToolRotation { .. }
+                | Self::BasePosition { .. }
+                | Self::BaseRotation { .. }
+                | Self::PayloadMass
+                | Self::PayloadCentre { .. }
+                | Self::TaskScale
+                | Self::TaskForce { .. }
+                | Self::Drift { .. }
+        )
+    }
+
+    /// What it does not move, where its name might be read otherwise.
+    #[must_use]
+    pub const fn remark(self) -> Option<&'static str> {
+        match self {
+            Self::ToolPosition { .. } | Self::ToolRotation { .. } => {
+                Some("moves the calibration tool only, not the machining tool")
+            }
+            Self::BasePosition { .. } | Self::BaseRotation { .. } => {
+                Some("moves the instrument's frame only; the robot does not tilt under gravity")
+            }
+            Self::LoadOffset => Some("acts along the load"),
+            _ => None,
+        }
+    }
+
     /// Whether it is unknown in its logarithm.
     #[must_use]
     pub const fn is_logarithmic(self, has_prior: bool) -> bool {

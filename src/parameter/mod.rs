@@ -1,4 +1,4 @@
-//! What may be unknown about a robot: parameters, sets of them, and what cannot be told apart.
+//! Parameters of a robot, sets of them with priors, error sources, and what is unidentifiable.
 //!
 //! A [`ElasticArm`] is what planner and identification believe of an arm: its chain, compliances, joint
 //! zeros, tools, payload, load and the instrument's frame. A [`ParameterSet`] lists what of it is

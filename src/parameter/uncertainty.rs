@@ -1,8 +1,8 @@
-//! What nobody knows exactly, besides the instrument's noise.
+//! Error sources besides the instrument's noise, by their level.
 //!
-//! Three classes average differently: what is new in each reading belongs to the reading's covariance; what is shared by one
+//! Levels average differently: what is new in each reading belongs to the reading's covariance; what is shared by one
 //! configuration to that of all its readings, so that repeats do not average it; what is shared by the whole plan is a parameter
-//! with a prior, and no number of readings averages it away.
+//! with a prior, and no number of readings averages it.
 
 use nalgebra::{Matrix3, Vector3};
 

@@ -1,4 +1,4 @@
-//! What a plan promises: the information matrix, and the accuracy that follows from it.
+//! The information matrix of a plan, and the accuracy that follows from it.
 
 use nalgebra::{DMatrix, Matrix3xX, Matrix6xX};
 

@@ -1,8 +1,9 @@
-//! What a plan promises: the accuracy at the test poses, standard errors, criteria, violations.
+//! The assessment of a plan: predicted accuracy at the test poses, standard errors, criteria, violations.
 
 use super::search::{Bound, NoBound, PlanBound, Problem};
 use super::{
-    Criterion, Feasibility, Plan, PromiseShare, Violation, posterior, quantile95_m, rho0_m, shares,
+    CommonSources, Criterion, Feasibility, Plan, PromiseShare, Violation, posterior, quantile95_m,
+    rho0_m, shares,
 };
 use crate::numeric::posterior::Posterior;
 use crate::task::{Belief, Task};
@@ -20,6 +21,8 @@ pub struct Assessment {
     pub quantile95_m: Option<f64>,
     /// What `rho_0` is made of; nothing where there is none.
     pub shares: Vec<PromiseShare>,
+    /// The error sources in common with the campaign of the earlier identification, and `rho_0` with them.
+    pub common_sources: Option<CommonSources>,
     /// The standard error of each compliance (rad/(N m)), eq. 13; `None` where the plan does not
     /// determine it.
     pub standard_errors: Vec<Option<f64>>,
@@ -72,6 +75,8 @@ impl Assessment {
                 Some(_) => shares(task, plan, &posterior),
                 None => Vec::new(),
             },
+            common_sources: rho0_m
+                .and_then(|rho0_m| CommonSources::of_deflections(task, &posterior, rho0_m)),
             quantile95_m: quantile95_m(task, &posterior),
             rho0_m,
             standard_errors: (0..task.belief.parameters.len())

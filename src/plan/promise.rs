@@ -1,4 +1,4 @@
-//! What a plan promises before anything is read: what will be known, and what compensation then leaves.
+//! The predicted accuracy of a plan: the posterior before anything is read, and the residual error after compensation.
 
 use nalgebra::{DMatrix, DVector};
 

@@ -1,5 +1,5 @@
-//! What a promise is made of: the share of the instrument's noise, of each uncertainty, and of what was known
-//! before.
+//! The uncertainty budget of a predicted accuracy: the contributions of the instrument's noise, of each error source, and of
+//! the prior.
 //!
 //! With the information M of the extended vector and the rows C of the test poses, the estimate errs by the gain
 //! K = C M^-1, from readings with noise e_s of each source s and covariance R = sum R_s, and from a prior's mean
@@ -17,8 +17,8 @@ use nalgebra::{DMatrix, Matrix6, Matrix6xX};
 use super::{ExperimentModel, Plan, alone_and_together, hung};
 use crate::compensation::{test_pose_rows, weighted_rows};
 use crate::numeric::posterior::Posterior;
-use crate::parameter::counted_times;
-use crate::task::Task;
+use crate::parameter::{ParameterKind, counted_times};
+use crate::task::{Extended, Task};
 
 /// What the instrument's own noise is called.
 pub const NOISE: &str = "noise";
@@ -32,6 +32,20 @@ pub struct PromiseShare {
     pub name: String,
     /// What it alone leaves (m); the squares of all add up to that of the whole.
     pub rho0_m: f64,
+    /// What its parameters do not move, where the name might be read otherwise.
+    pub remark: Option<&'static str>,
+}
+
+/// The remark on a source with these parameters of the extended vector.
+#[must_use]
+pub(crate) fn remark(extended: &Extended, places: &[usize]) -> Option<&'static str> {
+    let first = extended.set().parameters().get(*places.first()?)?.kind;
+    let is_of_the_only_tool = extended.machining_tool() == 0
+        && matches!(
+            first,
+            ParameterKind::ToolPosition { .. } | ParameterKind::ToolRotation { .. }
+        );
+    first.remark().filter(|_| !is_of_the_only_tool)
 }
 
 /// The shares of a plan's promise for a task, with what is known after the plan, which must determine the test
@@ -47,6 +61,7 @@ pub fn shares(task: &Task, plan: &Plan, posterior: &Posterior) -> Vec<PromiseSha
     let share = |name: &str, square: f64| PromiseShare {
         name: name.to_owned(),
         rho0_m: square.sqrt(),
+        remark: None,
     };
     let sigma_m = belief.instrument.sigma_m;
     let Some(extended) = &belief.uncertain else {
@@ -128,7 +143,10 @@ pub fn shares(task: &Task, plan: &Plan, posterior: &Posterior) -> Vec<PromiseSha
             let precision = extended.own_precision(place);
             gain.column(place).norm_squared() * precision
         });
-        shares.push(share(name, square.sum()));
+        shares.push(PromiseShare {
+            remark: remark(extended, places),
+            ..share(name, square.sum())
+        });
     }
     shares
 }

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::candidates::{CandidatesMessage, LeftOutCandidatesMessage};
-use super::messages::ShareMessage;
+use super::messages::{CommonSourcesMessage, ShareMessage};
 use crate::experiment::Candidate;
 use crate::plan::absolute::{AbsolutePlanning, AbsolutePromise};
 use crate::plan::search::PlanBound;
@@ -78,6 +78,8 @@ pub struct AbsolutePlanMessage {
     pub task_force_mm: f64,
     /// What it is made of: noise, an earlier identification, each uncertainty; their squares add up to that of `rho0_mm`.
     pub rho0_shares: Vec<ShareMessage>,
+    /// The error sources in common with the campaign of `robot.prior`; null where there are none.
+    pub common_sources: Option<CommonSourcesMessage>,
     /// No plan of as many readings of the candidates is below (mm).
     pub lower_bound_rho0_mm: Option<f64>,
     /// What that rests on.
@@ -135,6 +137,8 @@ impl AbsolutePlanMessage {
             rho0_shares: (planning.shares(plan, promise).iter())
                 .map(ShareMessage::from)
                 .collect(),
+            common_sources: (planning.common_sources(plan, promise))
+                .map(CommonSourcesMessage::from),
             lower_bound_rho0_mm: bound.map(|bound| bound.best * 1e3),
             bound_kind: bound.map(|bound| bound.kind.name()),
             efficiency: bound.and_then(|bound| Some(bound.best / promise.rho0_m()?)),

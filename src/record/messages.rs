@@ -15,7 +15,7 @@ use crate::files::{FileError, hexadecimal, sha256_of};
 use crate::identification::{Identification, UncertainEstimate};
 use crate::measurement::Measurement;
 use crate::plan::search::PlanProof;
-use crate::plan::{Assessment, Criterion, Experiment, Plan, PromiseShare};
+use crate::plan::{Assessment, CommonSources, Criterion, Experiment, Plan, PromiseShare};
 use crate::quantities::units;
 use crate::record::platform::platform;
 use crate::robot::{Commands, Load};
@@ -359,6 +359,9 @@ pub struct AssessmentMessage {
     /// Their squares add up.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub rho0_shares: Vec<ShareMessage>,
+    /// The error sources in common with the campaign of `robot.prior`; null where there are none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub common_sources: Option<CommonSourcesMessage>,
     /// The standard errors of the compliances (rad/(N m)); null where one is not determined.
     pub compliance_std_rad_per_nm: Vec<Option<f64>>,
     /// The standard errors of what is to be found besides compliances.
@@ -419,6 +422,9 @@ pub struct ShareMessage {
     pub name: String,
     /// What it alone leaves (mm).
     pub rho0_mm: f64,
+    /// What it does not move, where its name might be read otherwise.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub remark: Option<String>,
 }
 
 impl From<&PromiseShare> for ShareMessage {
@@ -426,6 +432,26 @@ impl From<&PromiseShare> for ShareMessage {
         Self {
             name: share.name.clone(),
             rho0_mm: share.rho0_m * 1e3,
+            remark: share.remark.map(str::to_owned),
+        }
+    }
+}
+
+/// Error sources whose value is the same in the campaign of `robot.prior` and in this one.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
+pub struct CommonSourcesMessage {
+    /// Their names.
+    pub names: Vec<String>,
+    /// The predicted rms distance (mm) with them; `rho0_mm` takes the two campaigns as independent.
+    pub rho0_mm: f64,
+}
+
+impl From<CommonSources> for CommonSourcesMessage {
+    fn from(common: CommonSources) -> Self {
+        Self {
+            names: common.names,
+            rho0_mm: common.rho0_m * 1e3,
         }
     }
 }
@@ -505,6 +531,7 @@ impl AssessmentMessage {
             rho0_mm: assessment.rho0_m.map(|value| value * 1e3),
             quantile95_mm: assessment.quantile95_m.map(|value| value * 1e3),
             rho0_shares: (assessment.shares.iter()).map(ShareMessage::from).collect(),
+            common_sources: (assessment.common_sources.clone()).map(CommonSourcesMessage::from),
             compliance_std_rad_per_nm: assessment.standard_errors.clone(),
             further_std: (assessment.further.iter())
                 .map(|each| FurtherMessage {

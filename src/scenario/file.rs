@@ -308,11 +308,16 @@ pub(super) enum UncertaintyKind {
     LinkCentre,
     SpringStiffness,
     SpringRest,
+    /// Of the calibration tool alone: the machining tool stays.
     ToolPosition,
+    /// Of the calibration tool alone: the machining tool stays.
     ToolRotation,
+    /// Of the instrument's frame: the robot stays.
     BasePosition,
+    /// Of the instrument's frame: the robot does not tilt under gravity.
     BaseRotation,
     LoadScale,
+    /// A force along the load.
     LoadOffset,
     TaskForce,
     LoadDirection,

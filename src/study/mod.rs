@@ -9,9 +9,9 @@
 //! - [`ranks`]: where the true values lie in what is known of them.
 //! - [`runner`]: blocks of runs on all threads.
 //! - [`summary`]: means, intervals, quantiles and checks from a tally.
-//! - [`verdict`]: whether a promise is kept.
+//! - [`verdict`]: whether the observed accuracy is the predicted one.
 //! - [`switched_off`]: what each uncertainty leaves, seen: the same runs without it.
-//! - [`selection`]: readings chosen in several ways, the robot calibrated with each, and judged on all others.
+//! - [`selection`]: readings chosen in several ways, the robot calibrated with each, and validated on all others.
 //! - [`absolute`]: robots that are read as a plan of absolute readings says, identified and looked at.
 //! - [`evidence`]: what a designed plan is shown beside: rivals, other sizes, many runs.
 

@@ -1,9 +1,9 @@
-//! What planner and identification believe.
+//! The planner's model: what planning and identification assume.
 
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
-use super::Extended;
+use super::{Extended, PriorCampaign};
 use crate::observation::{BareArm, DeflectionPrecision};
 use crate::parameter::{ElasticArm, Prior, Unloaded};
 use crate::robot::{Commands, Robot, Tool};
@@ -69,6 +69,8 @@ pub struct Belief {
     pub parameters: Vec<usize>,
     /// What an earlier identification told of these compliances (rad/(N m)); its means are the nominal ones.
     pub prior: Option<Prior>,
+    /// The error sources of the campaign behind that.
+    pub prior_campaign: Option<PriorCampaign>,
     /// What else is uncertain, besides the instrument's noise; it makes the vector of unknowns longer.
     pub uncertain: Option<Extended>,
     /// The torque (N m; N where it slides) at which what a joint carries decides as much as the side of approach on which side
@@ -210,6 +212,7 @@ impl Belief {
                 mean: DVector::from_vec(informed.values()),
                 precision: self.precision() + precision,
             });
+            informed.prior_campaign = None;
         }
         informed
     }

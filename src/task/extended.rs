@@ -1,5 +1,4 @@
-//! The extended vector: the compliances that are identified, and all else that nobody knows exactly and that
-//! the whole plan shares.
+//! The extended vector: the identified compliances, and the parameters of all error sources that the whole plan shares.
 
 use nalgebra::DMatrix;
 

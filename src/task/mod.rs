@@ -1,9 +1,10 @@
-//! The planning task: what is believed of the robot, what must be accurate, and which experiments may be
+//! The planning task: the planner's model, what must be accurate, and which experiments may be
 //! made. The true robot is no part of it.
 
 mod belief;
 mod extended;
 mod fingerprint;
+mod prior_campaign;
 mod region;
 mod station;
 
@@ -16,6 +17,7 @@ use crate::robot::Load;
 pub use belief::{Belief, Instrument, Method};
 pub use extended::Extended;
 pub use fingerprint::{Fingerprint, robot_sha256};
+pub use prior_campaign::PriorCampaign;
 pub use region::{Forbidden, Region};
 pub use station::{Station, station_named};
 

@@ -1,7 +1,7 @@
 //! The robot as the program understands a scenario, and what is implausible about it.
 //!
-//! Everything here is what the planner believes (the nominal robot), except that the warnings look
-//! at the virtual robot, too, and that a virtual robot that is more than a chain is told of.
+//! Everything here is of the planner's model (the nominal robot), except that the warnings look at the virtual robot, too, and
+//! that a virtual robot that is more than a chain is described.
 
 mod plausibility;
 mod truth;

@@ -63,9 +63,122 @@ fn links(text: &str) -> Vec<String> {
         .collect()
 }
 
+/// Pages that people read as documentation; what changed is another matter.
+fn documentation() -> impl Iterator<Item = PathBuf> {
+    let pages = pages()
+        .into_iter()
+        .chain([PathBuf::from("python/README.md")]);
+    pages.filter(|page| page != Path::new("CHANGELOG.md"))
+}
+
 #[test]
-fn the_readme_has_at_most_200_lines() {
-    assert!(text("README.md".as_ref()).lines().count() <= 200);
+fn pages_have_at_most_200_lines_of_140_characters() {
+    for page in documentation() {
+        let text = text(&page);
+        assert!(text.lines().count() <= 200, "{}", page.display());
+        // What the program prints, and what sets up a page's files, is as long as it is.
+        for line in prose(&text)
+            .lines()
+            .filter(|line| !line.starts_with("<!--"))
+        {
+            assert!(line.chars().count() <= 140, "{}: {line}", page.display());
+        }
+    }
+}
+
+/// The words of a page's prose without code and targets of links, in lower case, with a space before each.
+fn words(page: &Path) -> String {
+    let text = prose(&text(page));
+    let lines = text
+        .lines()
+        .filter(|line| !line.starts_with("    ") && !line.starts_with("<!--"));
+    let lines: Vec<&str> = lines.collect();
+    // Every other part between backquotes is code.
+    let plain: String = lines.join("\n").split('`').step_by(2).collect();
+    let (before, after) = plain.split_once("](").unwrap_or((&plain, ""));
+    let parts = after
+        .split("](")
+        .map(|part| part.split_once(')').map_or(part, |(_, rest)| rest));
+    let kept = parts.fold(before.to_owned(), |kept, part| kept + " " + part);
+    let words = kept.split(|letter: char| !letter.is_alphanumeric() && letter != '-');
+    (words.filter(|word| !word.is_empty()))
+        .fold(String::new(), |all, word| all + " " + &word.to_lowercase())
+}
+
+/// Who searches for a term of the field finds the page that is about it.
+#[test]
+fn the_terms_of_the_field_are_there() {
+    for (page, terms) in [
+        (
+            "README.md",
+            "uncertainty budget, predicted accuracy, outlier, model discrepancy, transmission error, cross-validation",
+        ),
+        (
+            "docs/uncertainties.md",
+            "uncertainty budget, gum, error source, level, repeatability, iso 9283, maximum permissible error",
+        ),
+        (
+            "docs/predicted_accuracy.md",
+            "predicted accuracy, standard uncertainty, 95th percentile, lower bound, identifiable",
+        ),
+        (
+            "docs/joint_errors.md",
+            "backlash, transmission error, harmonic, nonlinear joint stiffness",
+        ),
+        (
+            "docs/measurements.md",
+            "outlier, model discrepancy, validation",
+        ),
+        (
+            "docs/absolute_readings.md",
+            "joint error function, outlier, effective sample size, cross-validation, coverage",
+        ),
+        (
+            "docs/discrepancy.md",
+            "model discrepancy, model selection, cross-validation, coverage, inconsistency",
+        ),
+        (
+            "docs/glossary.md",
+            "no conformity, gum, jcgm 101, jcgm 106, iso 9283, iso 10360-10, uncertainty budget, outlier, minimax",
+        ),
+    ] {
+        let found = words(page.as_ref());
+        for term in terms.split(", ") {
+            assert!(found.contains(term), "{page}: {term}");
+        }
+    }
+}
+
+/// Words of this project alone, for which the field has terms (docs/glossary.md), are in no page's prose.
+#[test]
+fn pages_use_the_terms_of_the_field() {
+    let private = [
+        "promise",
+        "nobody knows",
+        "misfit",
+        "told",
+        "tells",
+        "rung",
+        "belief",
+        "contradict",
+        "wrong reading",
+        "compensation leaves",
+    ];
+    // Keys and messages of the program that are quoted, and tables of results with the names of error sources.
+    let allowed = [
+        ("docs/glossary.md", ""),
+        ("docs/evidence.md", ""),
+        ("docs/paper.md", "contradict"),
+    ];
+    for page in documentation() {
+        let found = words(&page);
+        for word in private {
+            let is_allowed = (allowed.iter())
+                .any(|(other, own)| page == Path::new(other) && word.starts_with(own));
+            let is_there = found.contains(&format!(" {word}"));
+            assert!(is_allowed || !is_there, "{}: {word:?}", page.display());
+        }
+    }
 }
 
 #[test]

@@ -1,8 +1,13 @@
 //! An earlier identification as what is known before: planning, identification and studies use it.
 
+use elastocal::compensation::{test_pose_rows, weighted_rows};
+use elastocal::plan::{ExperimentModel, Plan};
+use elastocal::scenario::Scenario;
+use elastocal::task::Belief;
+use nalgebra::DMatrix;
 use serde_json::Value;
 
-use crate::support::{Workplace, numbers, project, scenario_text};
+use crate::support::{self, Workplace, number, numbers, project, scenario_text};
 
 /// klimchik2012 by the linear method, so that two steps are exactly one.
 fn linear() -> String {
@@ -142,6 +147,110 @@ fn a_joint_that_no_load_shows_is_known_before() {
             );
         }
     }
+}
+
+/// A plan's whitened rows by all unknowns, in units of `sizes`.
+fn whitened(belief: &Belief, plan: &Plan, sizes: &DMatrix<f64>) -> DMatrix<f64> {
+    let own = ExperimentModel::new(belief).observation_matrices(plan);
+    let rows = (own.iter().zip(&plan.experiments))
+        .map(|(own, experiment)| own * f64::from(experiment.repeats).sqrt());
+    let rows: Vec<_> = rows
+        .flat_map(|own| {
+            own.row_iter()
+                .map(Into::into)
+                .collect::<Vec<nalgebra::RowDVector<f64>>>()
+        })
+        .collect();
+    DMatrix::from_rows(&rows) * sizes / belief.instrument.sigma_m
+}
+
+/// A load cell that two campaigns share errs alike in both, which identification does not know: the accuracy is that of the errors of
+/// both estimates, propagated from the readings and the prior values of the sources.
+#[test]
+fn sources_that_two_campaigns_share_are_named_and_counted() {
+    let place = Workplace::new();
+    let sources = "\n[[uncertainty]]\nkind = \"load_scale\"\nstd_relative = 0.01\n\n[[uncertainty]]\nkind = \"tool_position\"\nstd_mm = 3\n";
+    let first = linear() + sources;
+    place.write("second.toml", with_prior(&first, "first.json"));
+    place.write("first.toml", first);
+    let measured = format!(
+        "measure first.toml --plan {} --measurements-out m.csv",
+        table4(6)
+    );
+    place.run(&measured).ends_with(0);
+    identified(&place, "first.toml", "m.csv", "first.json");
+    let [first, second] = ["first.toml", "second.toml"]
+        .map(|name| Scenario::load(&place.path(name)).expect("a scenario").task);
+    let belief = &second.belief;
+    let extended = belief.uncertain.as_ref().expect("sources");
+    let (all, compliances) = (belief.unknowns(), extended.identified());
+    let sizes = DMatrix::from_diagonal(&nalgebra::DVector::from_vec(belief.sizes()));
+    let own = DMatrix::from_fn(all, all, |row, column| {
+        let size = sizes[(row, row)];
+        f64::from(u8::from(row == column)) * extended.own_precision(row) * size * size
+    });
+    let before = whitened(&first.belief, &support::table4(6), &sizes);
+    let now = whitened(belief, &support::table4(4), &sizes);
+    let inverse = |matrix: DMatrix<f64>| matrix.try_inverse().expect("regular");
+    let first_covariance = inverse(before.tr_mul(&before) + &own);
+    let known = inverse(
+        first_covariance
+            .view((0, 0), (compliances, compliances))
+            .into_owned(),
+    );
+    let mut prior = DMatrix::zeros(all, all);
+    prior
+        .view_mut((0, 0), (compliances, compliances))
+        .copy_from(&known);
+    let covariance = inverse(now.tr_mul(&now) + &prior + &own);
+    // The second estimate's errors by the noise of both campaigns, and by each source's prior value in the first and the second.
+    let earlier = &covariance * &prior * &first_covariance;
+    let by_noise = [&earlier * before.transpose(), &covariance * now.transpose()];
+    let by_source = [-&earlier * &own, -&covariance * &own];
+    let mut errors: DMatrix<f64> = by_noise.iter().map(|own| own * own.transpose()).sum();
+    for place in compliances..all {
+        let [one, two] = by_source
+            .each_ref()
+            .map(|own| own.column(place).into_owned());
+        let is_kept = extended.set().parameters()[place].name.contains("load");
+        let both = if is_kept {
+            let sum = &one + &two;
+            &sum * sum.transpose()
+        } else {
+            &one * one.transpose() + &two * two.transpose()
+        };
+        errors += both / own[(place, place)];
+    }
+    let rows = weighted_rows(&second.test_poses, all, &|pose| {
+        test_pose_rows(belief, pose)
+    }) * &sizes;
+    let expected_mm = (&rows * errors * rows.transpose()).trace().sqrt() * 1e3;
+    let evaluate = format!("evaluate second.toml --plan {} --no-proof", table4(4));
+    let told = place.run(&format!("{evaluate} --json --quiet")).json();
+    let common = &told["common_sources"];
+    assert_eq!(common["names"], serde_json::json!(["load_scale"]));
+    let found_mm = number(&common["rho0_mm"]);
+    assert!(
+        (found_mm / expected_mm - 1.0).abs() < 0.01,
+        "{found_mm}, {expected_mm}"
+    );
+    assert!(found_mm > 1.1 * number(&told["rho0_mm"]), "{told}");
+    let text = place.run(&evaluate).stdout;
+    assert!(
+        text.contains("in common with the campaign of robot.prior: load_scale"),
+        "{text}"
+    );
+    assert!(
+        text.contains("tool_position moves the calibration tool only"),
+        "{text}"
+    );
+    let alone = place
+        .run(&format!(
+            "evaluate first.toml --plan {} --no-proof --json --quiet",
+            table4(4)
+        ))
+        .json();
+    assert!(alone.get("common_sources").is_none(), "{alone}");
 }
 
 #[test]

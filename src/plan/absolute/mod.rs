@@ -1,8 +1,8 @@
-//! Plans of absolute readings: what they leave of the place where the loaded tool is, in the instrument's frame.
+//! Plans of absolute readings: the predicted accuracy of the loaded tool's place in the instrument's frame.
 //!
 //! Frames of stations and targets are always unknown, with what else is asked for: geometry, compliances. With the rows C of the
 //! loaded machining tool's place at the test poses by all of these, and what is known before, rho0^2 = trace(C cov C^T) is eq. 20
-//! with the whole vector: compensation takes away what is predicted, so that what is left is what the parameters' errors make.
+//! with the whole vector: compensation takes away what is predicted, so that the residual error is what the parameters' errors make.
 //!
 //! The place counts in the frame of a station. Of several, it is that where least is left: each station has a frame of its own,
 //! which only readings from there tell, so that where the instrument stands is chosen with the readings.

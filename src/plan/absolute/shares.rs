@@ -1,4 +1,4 @@
-//! What the promise of a plan of absolute readings is made of, and what leaves more of which the belief does not know.
+//! The uncertainty budget of a plan of absolute readings, and what error sources add that the planner's model does not have.
 //!
 //! As of [deflections](crate::plan::shares): with the gain K = C M^-1 of the whole vector, a source that adds `R_s` to the covariance R
 //! of readings leaves trace(K (sum J^T R^-1 `R_s` R^-1 J) K^T), and what is known before trace(K `M_0` K^T). Squares add up.
@@ -9,7 +9,7 @@ use super::readable::disturbed;
 use super::{AbsolutePlanning, AbsolutePromise, in_units, place_rows, stacked};
 use crate::observation::{AbsoluteErrors, ReadingKind, Setup, planned_rows};
 use crate::parameter::{ParameterKind, ParameterSet, ReadingSource, Source, Uncertainty};
-use crate::plan::{EARLIER, NOISE, PromiseShare};
+use crate::plan::{CommonSources, EARLIER, NOISE, PromiseShare, remark};
 use crate::task::{Extended, Task, station_named};
 
 /// What is known before without a name in the scenario, as of a payload that nobody weighed.
@@ -93,12 +93,12 @@ impl AbsolutePlanning<'_> {
                 &(self.case.covariances[*place] / f64::from((*times).max(1))),
             )
         });
-        let mut squares = vec![(NOISE.to_owned(), noise.sum::<f64>())];
+        let mut squares = vec![(NOISE.to_owned(), noise.sum::<f64>(), None)];
         let mut before = (&weighed.gain * &self.before * weighed.gain.transpose()).trace();
         let mut named = Vec::new();
         if let Some(extended) = &self.case.belief.uncertain {
             for (name, source) in extended.sources() {
-                named.push((name.to_owned(), self.left_by_source(&weighed, source)));
+                named.push((name.to_owned(), self.left_by_source(&weighed, source), None));
             }
             let of_task = self.of_task(extended);
             for (name, places) in extended.shared() {
@@ -117,20 +117,38 @@ impl AbsolutePlanning<'_> {
                 named.push((
                     name.clone(),
                     known + task.map(|(_, square)| square).sum::<f64>(),
+                    remark(extended, places),
                 ));
             }
         }
         if before > ROUNDING * rho0_m * rho0_m {
             let is_earlier = self.case.belief.prior.is_some();
             let name = if is_earlier { EARLIER } else { BEFORE };
-            squares.push((name.to_owned(), before));
+            squares.push((name.to_owned(), before, None));
         }
         (squares.into_iter().chain(named))
-            .map(|(name, square)| PromiseShare {
+            .map(|(name, square, remark)| PromiseShare {
                 name,
                 rho0_m: square.max(0.0).sqrt(),
+                remark,
             })
             .collect()
+    }
+
+    /// The error sources in common with the campaign of the earlier identification, and the promise with them.
+    #[must_use]
+    pub fn common_sources(
+        &self,
+        plan: &[(usize, u32)],
+        promise: &AbsolutePromise,
+    ) -> Option<CommonSources> {
+        let belief = &self.case.belief;
+        let extended = belief.uncertain.as_ref()?;
+        let weighed = self.weighed(plan, promise);
+        CommonSources::new(belief, promise.rho0_m()?, &|place| {
+            let own = (self.set).index_of(extended.set().parameters()[place].kind)?;
+            Some(weighed.gain.column(own) * self.set.parameters()[own].scale)
+        })
     }
 
     /// What each parameter of the task's force leaves (m^2), by its place in the belief's vector.
@@ -170,6 +188,7 @@ impl AbsolutePlanning<'_> {
             .map(|uncertainty| PromiseShare {
                 name: uncertainty.name.clone(),
                 rho0_m: square(uncertainty).max(0.0).sqrt(),
+                remark: None,
             })
             .collect()
     }

@@ -9,8 +9,7 @@ use super::bound::{Bound, PlanBound};
 use super::exact::{Watch, exact_design_from};
 use super::problem::{Problem, SearchError};
 use crate::plan::proof::ProofLimits;
-use crate::plan::{Criterion, Plan};
-use crate::plan::{EARLIER, PromiseShare, posterior, shares};
+use crate::plan::{CommonSources, Criterion, EARLIER, Plan, PromiseShare, posterior, shares};
 use crate::task::Task;
 
 /// Searches: fewer than for a single plan, since there are many.
@@ -36,6 +35,8 @@ pub struct BudgetPoint {
     /// What of it stays however often is measured (m): what the whole plan shares; where nothing else than noise is
     /// uncertain there is none.
     pub shared_m: Option<f64>,
+    /// The error sources in common with the campaign of the earlier identification, and the distance with them.
+    pub common_sources: Option<CommonSources>,
     /// No plan of m measurements has a smaller one (m), as [`Bound`] says; `None` where it says nothing.
     pub bound: Option<PlanBound>,
 }
@@ -124,24 +125,28 @@ pub fn budget_and_proof(
 }
 
 /// A promise with all that is uncertain, of which a search may leave something out.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 struct Whole {
     rho0_m: f64,
     shared_m: f64,
+    common_sources: Option<CommonSources>,
 }
 
 impl Whole {
     /// That of a plan; none where nothing else than noise is uncertain.
     fn new(task: &Task, plan: &Plan) -> Option<Self> {
         let extended = task.belief.uncertain.as_ref()?;
-        let shares = shares(task, plan, &posterior(&task.belief, plan));
+        let posterior = posterior(&task.belief, plan);
+        let shares = shares(task, plan, &posterior);
         let is_shared = |name: &str| {
             name == EARLIER || extended.shared().iter().any(|(shared, _)| shared == name)
         };
         let square = |share: &PromiseShare| share.rho0_m.powi(2);
         let of_plan = shares.iter().filter(|share| is_shared(&share.name));
+        let rho0_m = shares.iter().map(square).sum::<f64>().sqrt();
         Some(Self {
-            rho0_m: shares.iter().map(square).sum::<f64>().sqrt(),
+            rho0_m,
+            common_sources: CommonSources::of_deflections(task, &posterior, rho0_m),
             shared_m: of_plan.map(square).sum::<f64>().sqrt(),
         })
     }
@@ -161,8 +166,9 @@ impl BudgetPoint {
             plan,
             experiments,
             configurations,
-            rho0_m: whole.map_or(cost.sqrt(), |whole| whole.rho0_m),
-            shared_m: whole.map(|whole| whole.shared_m),
+            rho0_m: (whole.as_ref()).map_or(cost.sqrt(), |whole| whole.rho0_m),
+            shared_m: whole.as_ref().map(|whole| whole.shared_m),
+            common_sources: whole.and_then(|whole| whole.common_sources),
             bound: bound.of_size(experiments).ok(),
         }
     }

@@ -106,6 +106,7 @@ impl Checker<'_> {
         let laboratory = self.laboratory(&file.laboratory, &nominal.chain, &commands)?;
         let mut belief = Belief {
             prior: before.prior,
+            prior_campaign: before.campaign,
             uncertain: None,
             turned_over_at_nm: vec![None; joints],
             stiffening_at_nm: vec![None; joints],

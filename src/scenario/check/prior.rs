@@ -2,12 +2,15 @@
 
 use std::path::PathBuf;
 
+use nalgebra::{DMatrix, DVector};
+
 use super::Checker;
 use crate::files::FileError;
-use crate::identification::StoredIdentification;
+use crate::identification::{OtherUnknowns, StoredIdentification};
+use crate::numeric::posterior::Posterior;
 use crate::parameter::Prior;
 use crate::robot::Robot;
-use crate::task::robot_sha256;
+use crate::task::{PriorCampaign, robot_sha256};
 use crate::testbed::DrawnCompliances;
 
 /// What a scenario knows from an earlier identification.
@@ -15,6 +18,8 @@ use crate::testbed::DrawnCompliances;
 pub(super) struct Before {
     /// What is known of the parameters.
     pub prior: Option<Prior>,
+    /// The error sources of its campaign.
+    pub campaign: Option<PriorCampaign>,
     /// What a study draws the virtual robot's compliances from.
     pub drawn: Option<DrawnCompliances>,
     /// How many of the parameters something is known of.
@@ -54,7 +59,7 @@ impl Checker<'_> {
                 path.display()
             )),
         }
-        let (joints, posterior) = (stored.joints, stored.posterior);
+        let (joints, posterior, others) = (stored.joints, stored.posterior, stored.others);
         for (&joint, &mean) in joints.iter().zip(&posterior.mean) {
             if mean <= 0.0 {
                 let name = &nominal.chain.joints[joint].name;
@@ -81,6 +86,7 @@ impl Checker<'_> {
         if spread.ncols() == 0 {
             return Err(self.wrong(key, format!("{} determined nothing", path.display())));
         }
+        let count = means.len();
         Ok(Before {
             drawn: Some(DrawnCompliances {
                 joints: parameters.clone(),
@@ -88,8 +94,40 @@ impl Checker<'_> {
                 spread: spread.clone(),
             }),
             known: spread.ncols(),
+            campaign: Some(campaign_of(&posterior, others.as_ref(), &places, count)),
             prior: Some(prior),
             doubts,
         })
+    }
+}
+
+/// The errors of an identification whose compliances are those at `places` among `count`.
+fn campaign_of(
+    posterior: &Posterior,
+    others: Option<&OtherUnknowns>,
+    places: &[usize],
+    count: usize,
+) -> PriorCampaign {
+    let mut covariance = DMatrix::zeros(count, count);
+    for (row, &place) in places.iter().enumerate() {
+        for (column, &other) in places.iter().enumerate() {
+            covariance[(place, other)] = posterior.covariance[(row, column)];
+        }
+    }
+    let of_others = |others: &OtherUnknowns| {
+        let names = others.names.iter().enumerate();
+        names
+            .map(|(column, name)| {
+                let mut own = DVector::zeros(count);
+                for (row, &place) in places.iter().enumerate() {
+                    own[place] = others.covariance[(row, places.len() + column)];
+                }
+                (name.clone(), own)
+            })
+            .collect()
+    };
+    PriorCampaign {
+        covariance,
+        others: others.map(of_others).unwrap_or_default(),
     }
 }
