@@ -121,7 +121,7 @@ def made_up(file: Path) -> None:
 
 def measured(file: Path, table: Path, elastocal: str) -> None:
     """The public table, through the mapping that the documentation shows."""
-    text = (ROOT / "docs/measurements.md").read_text()
+    text = (ROOT / "docs/other_programs.md").read_text()
     mapping = file.with_suffix(".toml")
     mapping.write_text(re.search(r"```toml file=ur10_tracker.toml\n(.*?)```", text, re.DOTALL)[1])
     words = [elastocal, "import", table, "--mapping", mapping, "--measurements-out", file, "--quiet"]

@@ -354,7 +354,7 @@ fn what_is_wrong_is_said_with_its_key_or_its_line() {
 
 /// The mapping that the documentation tells.
 fn documented() -> String {
-    let page = std::fs::read_to_string(project("docs/measurements.md")).expect("it is there");
+    let page = std::fs::read_to_string(project("docs/other_programs.md")).expect("it is there");
     let start = page
         .find("```toml file=ur10_tracker.toml\n")
         .expect("the mapping");

@@ -2,7 +2,7 @@
 
 use serde::Deserialize;
 
-/// A mapping as it is written; see `docs/formats.md`.
+/// A mapping as it is written; see `docs/files.md`.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MappingFile {
