@@ -25,7 +25,7 @@ use elastocal::text::wording::counted;
 use serde_json::json;
 
 use super::candidates::{PoseArgs, left_out};
-use super::evaluate::{common_sources, remarks};
+use super::common_sources::{common_sources, remarks};
 use super::interruption::{Interrupted, STOP, ask_search};
 use super::progress::bar;
 use super::table::{number, table};

@@ -15,7 +15,7 @@ use elastocal::scenario::Scenario;
 use elastocal::text::wording::counted;
 use serde_json::{Value, json};
 
-use super::evaluate::common_sources;
+use super::common_sources::common_sources;
 use super::interruption::ask_search;
 use super::progress::bar;
 use super::proof::{ProofArgs, proof_json};

@@ -17,6 +17,7 @@ use super::absolute_plan::{
     AbsoluteWanted, RUN_REPORTS, UnknownArgs, refuse_options, refuse_where_relative,
 };
 use super::candidates::{CandidateArgs, PoseArgs, told};
+use super::common_sources::{common_sources, remarks};
 use super::interruption::{STOP, proceed};
 use super::proof::{ExchangeArgs, ProofArgs, leaving_out};
 use super::table::{number, table};
@@ -195,24 +196,6 @@ pub fn shares(assessment: &Assessment) -> String {
                 .map(|common| (&*common.names, format!("{:.3} um", common.rho0_m * 1e6)))
         )
     )
-}
-
-/// What sources do not move, a line each.
-pub fn remarks<'a>(sources: impl Iterator<Item = (&'a str, Option<&'a str>)>) -> String {
-    sources
-        .filter_map(|(name, remark)| Some(format!("  {name} {}\n", remark?)))
-        .collect()
-}
-
-/// The accuracy with the error sources that the campaign of the prior has, too.
-pub fn common_sources(common: Option<(&[String], String)>) -> String {
-    common.map_or_else(String::new, |(names, rho0)| {
-        format!(
-            "  error sources in common with the campaign of robot.prior: {}; rho0 takes them as independent, and is {rho0} with the \
-             same values in both\n",
-            names.join(", ")
-        )
-    })
 }
 
 /// What no plan is better than by another criterion, for a person.

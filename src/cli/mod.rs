@@ -7,6 +7,7 @@ mod absolute_plan;
 mod budget;
 mod candidates;
 mod check;
+mod common_sources;
 mod compare;
 mod compensate;
 mod completion;

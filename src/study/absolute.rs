@@ -18,7 +18,7 @@ use rand_distr::{Distribution, StandardNormal};
 use thiserror::Error;
 
 use super::StudyError;
-use super::runner::{Blocks, RunsInBlocks};
+use super::runner::{RunBlocks, RunsInBlocks};
 use super::summary::Summary;
 use super::tally::{Batch, BlockSums, Failure, Tally};
 use super::true_compliances::truth_of_run;
@@ -286,7 +286,7 @@ impl RunsInBlocks for AbsoluteRunner<'_> {
         step: u64,
         progress: &(dyn Fn(u64) + Sync),
     ) -> Result<Vec<Tally>, StudyError> {
-        let blocks = Blocks {
+        let blocks = RunBlocks {
             block_runs: BLOCK_RUNS,
             trials,
             numbers: blocks,

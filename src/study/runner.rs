@@ -41,14 +41,14 @@ pub trait RunsInBlocks {
 }
 
 /// Which blocks are run, of so many runs each.
-pub(super) struct Blocks {
+pub(super) struct RunBlocks {
     pub block_runs: u64,
     pub trials: u64,
     pub numbers: Range<u64>,
     pub step: u64,
 }
 
-impl Blocks {
+impl RunBlocks {
     /// Runs them side by side, each in a workspace of its thread, from its first run on, and merges the tallies of so many plans.
     pub(super) fn run<Workspace>(
         self,
@@ -355,7 +355,7 @@ impl RunsInBlocks for Runner<'_> {
         step: u64,
         progress: &(dyn Fn(u64) + Sync),
     ) -> Result<Vec<Tally>, StudyError> {
-        let blocks = Blocks {
+        let blocks = RunBlocks {
             block_runs: self.block_runs(),
             trials,
             numbers: blocks,
