@@ -2,7 +2,7 @@
 
 CARGO ?= cargo
 
-.PHONY: help demo docs python wheel enclosures proofs evidence replanning reproduce test without-views build gate baseline bench instructions instructions-baseline scaling fuzz dependencies lint fmt clippy doc clean setup
+.PHONY: help demo docs python wheel dist site enclosures proofs evidence replanning simulated mutants reproduce test build gate baseline pins pins-quick pins-write bench instructions instructions-baseline scaling fuzz dependencies lint fmt clippy doc clean setup
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/make \1\t\2/p' Makefile | expand -t 28
@@ -26,14 +26,19 @@ build: setup ## build the program: target/release/elastocal
 docs: build ## run the commands of README and docs/, and compare what they print with what the pages say
 	tools/try-docs
 
-python: build ## install the Python package into .python/ and test it beside the program
+python: build ## install the Python package's wheel into .python/ and test it beside the program
+	tools/dist wheel
 	tools/try-python
 
-wheel: setup ## build the Python package's wheel: python/dist/
-	tools/try-python wheel
+wheel: setup ## build the Python package's wheel: dist/
+	tools/dist wheel
 
-without-views: setup ## check that all builds without recordings, pages and pictures, and test what it then says
-	CARGO_PROFILE_RELEASE_LTO=off $(CARGO) test --release --locked --no-default-features --target-dir target/without-views --test it -- without_views rooms
+dist: build ## make what is handed on, in dist/: wheel, tarball, SBOM, checksums; and try it where no Rust is
+	tools/dist
+	tools/try-dist
+
+site: ## make the documentation as a site with search: .site/html
+	tools/site
 
 gate: build ## compare results with those stored in scenarios/baselines: but for rounding the same on the same platform
 	tools/baseline target/gate
@@ -49,6 +54,17 @@ baseline: build ## print what has changed, and store new results in scenarios/ba
 	  cp target/gate/klimchik2012_$$name.json scenarios/baselines/; done
 	@echo; git --no-pager diff --stat -- scenarios/baselines
 	@echo "Commit it where it was meant to change. tools/check-renewals, which CI runs, wants a message that says what changed and by how much."
+
+# Where NumPy is, which the check of proofs needs.
+PINS = PYTHONPATH=$(CURDIR)/.python/site tools/pins
+
+pins: pins-quick simulated ## compare results with tests/golden, and tell patterns and models of 240 simulated files
+
+pins-quick: build ## compare what every scenario, and fits to absolute readings, give with tests/golden (ARGS: part of a group's name)
+	$(PINS) check $(ARGS)
+
+pins-write: build ## make tests/golden anew, where results were meant to change (ARGS: part of a group's name)
+	$(PINS) write $(ARGS)
 
 bench: build ## time the hot paths beside other programs, a few minutes (options in ARGS, such as --quick)
 	benches/peers/run $(ARGS)
@@ -66,6 +82,12 @@ evidence: build ## print what tests find (where MuJoCo rests, how often interval
 
 replanning: setup ## what replanning gives from wrong beliefs: 200 campaigns, some minutes
 	REPLANNING=200 $(CARGO) test --release --locked --test it -- --nocapture replanned_from_wrong_beliefs
+
+simulated: setup ## tell false alarms, patterns and models of 240 simulated files: some minutes
+	SIMULATED=200 $(CARGO) test --release --locked --test it -- --nocapture simulated::
+
+mutants: setup ## change the code in 31 places, and see whether tests notice each: half an hour (a part of a name in ARGS)
+	tools/mutants $(ARGS)
 
 instructions: setup ## count the hot paths' instructions: against the baseline, and how they grow
 	@tools/install-valgrind
@@ -100,7 +122,7 @@ doc: setup ## build the documentation, with warnings as errors
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --release --locked --no-deps
 
 clean: ## remove what was built and installed; results in out/ stay
-	rm -rf target python/target python/dist .python .mujoco .mujoco.* .rerun .rerun.* .peers
+	rm -rf target python/target dist .dist-tools .site .python .mujoco .mujoco.* .rerun .rerun.* .peers
 
 setup: ## install MuJoCo, unless MUJOCO_DYNAMIC_LINK_DIR names one
 	@command -v $(CARGO) >/dev/null || { echo "error: cargo was not found." \

@@ -1,6 +1,12 @@
-"""Builds with maturin, without MuJoCo: its library is pip's, and is there before the extension is loaded (`_load.py`)."""
+"""Builds with maturin, without MuJoCo: its library is pip's, and is there before the extension is loaded (`_load.py`).
+
+A wheel has the shipped scenarios and models in it (`elastocal/share`).
+"""
 
 import os
+import shutil
+import subprocess
+import sys
 import tempfile
 from pathlib import Path
 
@@ -33,7 +39,13 @@ def _linked(build, *arguments, **options):
 
 
 def build_wheel(*arguments, **options):
-    return _linked(maturin.build_wheel, *arguments, **options)
+    here = Path(__file__).resolve().parent
+    share = here / "elastocal/share"
+    subprocess.run([sys.executable, here.parent / "tools/shared.py", share], check=True)
+    try:
+        return _linked(maturin.build_wheel, *arguments, **options)
+    finally:
+        shutil.rmtree(share)
 
 
 def build_editable(*arguments, **options):

@@ -4,15 +4,18 @@
 use nalgebra::{DVector, Vector3};
 use thiserror::Error;
 
+use crate::codes::{Condition, ConditionCode};
 use crate::compensation::{compensate_identified, predicted_error, test_pose_rows};
-use crate::identification::{Case, Identification, IdentificationError, Sigma};
+use crate::identification::{
+    Case, Identification, IdentificationError, MeasurementResidual, Sigma, measurement_residuals,
+};
 use crate::measurement::Measurement;
 use crate::mujoco::ModelError;
 use crate::numeric::posterior::{NotDetermined, Posterior};
 use crate::plan::Plan;
 use crate::robot::{EquilibriumError, Load};
 use crate::task::{Belief, Method, Task, TestPose};
-use crate::testbed::{MeasurementError, TrueRobots, Truth, add_noise_of};
+use crate::testbed::{MeasurementError, RunTruth, TrueRobots, Truth, add_noise_of};
 
 /// Why the loop could not be closed.
 #[derive(Debug, Error)]
@@ -26,11 +29,6 @@ pub enum CalibrationError {
     /// The measurements identify nothing.
     #[error(transparent)]
     Identification(#[from] IdentificationError),
-    /// No reading is left.
-    #[error(
-        "all {0} readings were dropped, as an uncertainty of the scenario has it; there is nothing to identify from"
-    )]
-    Dropped(u32),
     /// A test pose has no equilibrium.
     #[error("test pose {pose:?}: {source}")]
     TestPose {
@@ -76,25 +74,18 @@ pub struct Calibration {
     pub plan: Plan,
     /// The measurements.
     pub measurements: Vec<Measurement>,
-    /// What was identified from them.
+    /// The simulated truth of this run.
+    pub truth: RunTruth,
+    /// What was identified from the measurements.
     pub identification: Identification,
+    /// The residuals, standardised.
+    pub residuals: Vec<MeasurementResidual>,
     /// What that achieves at each test pose.
     pub poses: Vec<CompensatedPose>,
 }
 
-impl Calibration {
-    /// How many of the plan's readings were dropped.
-    #[must_use]
-    pub fn dropped(&self) -> usize {
-        (self.plan.measurements() as usize).saturating_sub(self.measurements.len())
-    }
-}
-
 /// Measures, identifies and compensates with the noise of run `run` under a seed: the same as that run of a
 /// study on the virtual robot.
-///
-/// # Errors
-/// See [`CalibrationError`].
 pub fn calibrate(
     task: &Task,
     truth: &Truth,
@@ -103,8 +94,12 @@ pub fn calibrate(
     run: u64,
 ) -> Result<Calibration, CalibrationError> {
     let mut robots = TrueRobots::new(&task.belief, truth)?;
-    let measurements = measure(&mut robots, task, truth, plan, seed, run)?;
+    let MeasuredRun {
+        measurements,
+        truth,
+    } = measure(&mut robots, task, truth, plan, seed, run)?;
     let identification = identify_as_planned(&task.belief, &measurements)?;
+    let residuals = measurement_residuals(&case_of(&task.belief, &measurements), &identification)?;
     let poses = compensate_poses(
         task,
         &mut robots,
@@ -115,15 +110,23 @@ pub fn calibrate(
     Ok(Calibration {
         plan: plan.clone(),
         measurements,
+        truth,
         identification,
+        residuals,
         poses,
     })
 }
 
+/// A plan's measurements in a run, and the truth of that run.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MeasuredRun {
+    /// The measurements.
+    pub measurements: Vec<Measurement>,
+    /// The simulated truth.
+    pub truth: RunTruth,
+}
+
 /// Makes the virtual robot that of run `run` under a seed, and measures a plan on it.
-///
-/// # Errors
-/// See [`CalibrationError`].
 pub fn measure(
     robots: &mut TrueRobots,
     task: &Task,
@@ -131,36 +134,68 @@ pub fn measure(
     plan: &Plan,
     seed: u64,
     run: u64,
-) -> Result<Vec<Measurement>, CalibrationError> {
+) -> Result<MeasuredRun, CalibrationError> {
+    let mut measured = without_noise(robots, task, truth, plan, seed, run)?;
+    add_noise_of(
+        &mut measured.measurements,
+        &task.belief.instrument,
+        seed,
+        run,
+    );
+    Ok(measured)
+}
+
+/// The same by an instrument without errors: what the robot of that run does.
+pub fn measure_noise_free(
+    robots: &mut TrueRobots,
+    task: &Task,
+    truth: &Truth,
+    plan: &Plan,
+    seed: u64,
+    run: u64,
+) -> Result<MeasuredRun, CalibrationError> {
+    let mut measured = without_noise(robots, task, truth, plan, seed, run)?;
+    for (each, moved_m) in (measured.measurements.iter_mut()).zip(&measured.truth.deflections_m) {
+        each.deflection_m = *moved_m;
+    }
+    Ok(measured)
+}
+
+/// What the run's circumstances make of a plan, but for the instrument's noise.
+fn without_noise(
+    robots: &mut TrueRobots,
+    task: &Task,
+    truth: &Truth,
+    plan: &Plan,
+    seed: u64,
+    run: u64,
+) -> Result<MeasuredRun, CalibrationError> {
     let (instrument, count) = (&task.belief.instrument, plan.measurements() as usize);
     let normals = robots.become_run_of(truth, count, seed, run)?;
-    let mut measurements = robots.measure_noise_free(plan, instrument, &normals, 0)?;
-    add_noise_of(&mut measurements, instrument, seed, run);
-    // They take their noise with them: that of the others does not depend on them.
-    robots.lose(&mut measurements, &normals, 0);
-    if measurements.is_empty() && plan.measurements() > 0 {
-        return Err(CalibrationError::Dropped(plan.measurements()));
-    }
-    Ok(measurements)
+    let measurements = robots.measure_noise_free(plan, instrument, &normals, 0)?;
+    let truth = robots.truth(plan, &normals, run)?;
+    Ok(MeasuredRun {
+        measurements,
+        truth,
+    })
 }
 
 /// Identifies the parameters of a belief by its method, with its sigma.
-///
-/// # Errors
-/// Nothing can be identified.
 pub fn identify_as_planned(
     belief: &Belief,
     measurements: &[Measurement],
 ) -> Result<Identification, IdentificationError> {
+    case_of(belief, measurements).identify()
+}
+
+/// What is identified from measurements by a belief's method, with its sigma.
+const fn case_of<'a>(belief: &'a Belief, measurements: &'a [Measurement]) -> Case<'a> {
     let sigma = Sigma::Known(belief.instrument.sigma_m);
-    Case::of_belief(belief, measurements, sigma, belief.method).identify()
+    Case::of_belief(belief, measurements, sigma, belief.method)
 }
 
 /// Compensates every test pose with the identified compliances of all joints (rad/(N m)), of which
 /// `posterior` says how well they are known, and sees on the virtual robot what distance is left.
-///
-/// # Errors
-/// See [`CalibrationError`].
 pub fn compensate_poses(
     task: &Task,
     robots: &mut TrueRobots,
@@ -181,9 +216,6 @@ pub fn compensate_poses(
 pub type CompensatedCommand = (DVector<f64>, Result<f64, NotDetermined>);
 
 /// The same with commands of any identification.
-///
-/// # Errors
-/// See [`CalibrationError`].
 pub fn compensate_poses_by(
     task: &Task,
     robots: &mut TrueRobots,
@@ -211,8 +243,7 @@ pub fn compensate_poses_by(
 
 /// What does not hold for commanded test poses: angles beyond the joints' limits, and compliances that
 /// are needed and were not determined.
-#[must_use]
-pub fn pose_conditions(belief: &Belief, poses: &[CompensatedPose]) -> Vec<String> {
+pub fn pose_conditions(belief: &Belief, poses: &[CompensatedPose]) -> Vec<Condition> {
     let mut conditions = Vec::new();
     for pose in poses {
         for (joint, &angle) in (belief.nominal.chain.joints.iter()).zip(&pose.commanded_rad) {
@@ -220,19 +251,19 @@ pub fn pose_conditions(belief: &Belief, poses: &[CompensatedPose]) -> Vec<String
             if !(low..=high).contains(&angle) {
                 let [(angle, unit), (low, _), (high, _)] =
                     [angle, low, high].map(|value| joint.drive.shown(value));
-                conditions.push(format!(
+                conditions.push(ConditionCode::BeyondLimits.with(format!(
                     "test pose {:?}: {} would be commanded to {angle:.4} {unit}; its limits are {low:.4} to {high:.4} {unit}",
                     pose.name, joint.name,
-                ));
+                )));
             }
         }
         if let Err(missing) = &pose.predicted_m {
-            conditions.push(format!(
-                "test pose {:?} depends on compliances that are not determined ({}): what is not keeps its \
-                 nominal value, and no accuracy can be promised",
+            conditions.push(ConditionCode::TaskUnidentifiable.with(format!(
+                "test pose {:?} depends on compliances that are not determined: {}; they keep their nominal values, \
+                 and no accuracy is predicted",
                 pose.name,
                 missing.parameters.join(", ")
-            ));
+            )));
         }
     }
     conditions

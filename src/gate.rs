@@ -1,8 +1,80 @@
-//! The table `[gate]`: how much worse results may get before a comparison fails.
+//! The table `[gate]`: how much worse results may get before a comparison fails; and decisions about tolerances with a guard band
+//! (JCGM 106).
 
+use nalgebra::{DMatrix, Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
+use crate::numeric::tolerance::length_quantile;
 use crate::quantities::plausible::TOLERANCE;
+
+/// What a value says of a tolerance.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Decision {
+    /// The value and its guard band are within.
+    Accept,
+    /// The tolerance lies within the guard band about the value.
+    Inconclusive,
+    /// The value is beyond, its guard band taken off.
+    Reject,
+}
+
+impl Decision {
+    /// That of a value, in the unit of the tolerance.
+    pub fn of(value: f64, guard_band: f64, tolerance: f64) -> Self {
+        if value + guard_band <= tolerance {
+            Self::Accept
+        } else if value - guard_band > tolerance {
+            Self::Reject
+        } else {
+            Self::Inconclusive
+        }
+    }
+
+    /// Its word, as in JSON.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Accept => "accept",
+            Self::Inconclusive => "inconclusive",
+            Self::Reject => "reject",
+        }
+    }
+}
+
+/// A distance that a robot may be off by, and the guard band as so many times the expanded uncertainty of what is measured.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DistanceTolerance {
+    /// The largest distance (m).
+    pub tolerance_m: f64,
+    /// Times U.
+    pub guard_band: f64,
+}
+
+/// A measured distance that is judged.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct JudgedDistance {
+    /// The distance (m).
+    pub distance_m: f64,
+    /// U, the radius that holds 95 % of the reading's errors (m).
+    pub expanded_uncertainty_m: f64,
+    /// What it says.
+    pub decision: Decision,
+}
+
+impl DistanceTolerance {
+    /// Judges a difference (m) whose reading has this covariance (m^2): the true distance is nearer than U to the measured one.
+    pub fn judge(&self, difference_m: &Vector3<f64>, reading_m2: &Matrix3<f64>) -> JudgedDistance {
+        let covariance = DMatrix::from_column_slice(3, 3, reading_m2.as_slice());
+        let expanded_uncertainty_m = length_quantile(&covariance, 0.95).unwrap_or(f64::INFINITY);
+        let distance_m = difference_m.norm();
+        let guard_m = self.guard_band * expanded_uncertainty_m;
+        JudgedDistance {
+            distance_m,
+            expanded_uncertainty_m,
+            decision: Decision::of(distance_m, guard_m, self.tolerance_m),
+        }
+    }
+}
 
 /// What comparisons of results look at.
 #[derive(
@@ -60,6 +132,8 @@ pub struct Tolerance {
     pub absolute: f64,
     /// Which changes count.
     pub direction: Direction,
+    /// The guard band, as so many times the expanded uncertainty of the change.
+    pub guard_band: f64,
 }
 
 /// A tolerance as it is written. Each quantity has one key for the absolute tolerance.
@@ -76,6 +150,8 @@ struct ToleranceTable {
     absolute_rad_per_nm: Option<f64>,
     #[serde(default)]
     direction: Direction,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    guard_band: Option<f64>,
 }
 
 /// The table as it is written; results carry it to where they are compared.
@@ -111,7 +187,6 @@ impl Quantity {
     ];
 
     /// The name, as in files.
-    #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
             Self::Rho0 => "rho0",
@@ -125,7 +200,6 @@ impl Quantity {
     }
 
     /// The unit of its values; empty for pure numbers.
-    #[must_use]
     pub const fn unit(self) -> &'static str {
         match self {
             Self::Rho0 | Self::RealisedError | Self::MeanError => "um",
@@ -135,9 +209,13 @@ impl Quantity {
     }
 
     /// Whether a larger value is worse.
-    #[must_use]
     pub const fn larger_is_worse(self) -> bool {
         !matches!(self, Self::Efficiency)
+    }
+
+    /// Whether results say how uncertain it is: the others are computed, not estimated.
+    const fn is_estimated(self) -> bool {
+        matches!(self, Self::MeanError)
     }
 
     const fn absolute_key(self) -> &'static str {
@@ -183,7 +261,6 @@ impl Gate {
     }
 
     /// The tolerance of a quantity.
-    #[must_use]
     pub fn tolerance(&self, quantity: Quantity) -> Tolerance {
         let table = self.table(quantity).unwrap_or_default();
         let absolute = table.absolutes().into_iter().find_map(|(_, value)| value);
@@ -192,6 +269,7 @@ impl Gate {
             relative: table.relative.unwrap_or(default),
             absolute: absolute.unwrap_or(0.0),
             direction: table.direction,
+            guard_band: table.guard_band.unwrap_or(0.0),
         }
     }
 
@@ -214,8 +292,15 @@ impl Gate {
                     return Err((key(name), problem));
                 }
             }
-            let relative = ("relative", table.relative);
-            for (name, value) in table.absolutes().into_iter().chain([relative]) {
+            if table.guard_band.is_some() && !quantity.is_estimated() {
+                let problem = "is not estimated and has no uncertainty; mean_error has";
+                return Err((key("guard_band"), problem.to_owned()));
+            }
+            let others = [
+                ("relative", table.relative),
+                ("guard_band", table.guard_band),
+            ];
+            for (name, value) in table.absolutes().into_iter().chain(others) {
                 if let Some(value) = value {
                     TOLERANCE
                         .check(value)

@@ -33,8 +33,8 @@
 //!
 //! Each module uses only those that stand before it.
 //!
-//! - [`quantities`], [`text`], [`files`], [`csv`]: what every stage needs to read and to print: ranges and
-//!   units, names and words, whole files, tables.
+//! - [`quantities`], [`text`], [`codes`], [`files`], [`csv`]: what every stage needs to read and to print: ranges and
+//!   units, names and words, stable codes of conditions and errors, whole files, tables.
 //! - [`numeric`]: identifiable subspace, least squares, posterior; random
 //!   streams. It knows of no robot.
 //! - [`mujoco`]: MJCF models in MuJoCo; the only user of the simulator's bindings.
@@ -122,6 +122,7 @@
 #![expect(clippy::doc_markdown, reason = "the paper's symbols")]
 
 pub mod calibration;
+pub mod codes;
 pub mod comparison;
 pub mod compensation;
 pub mod csv;
@@ -146,7 +147,6 @@ pub mod task;
 pub mod testbed;
 pub mod text;
 pub mod understanding;
-#[cfg(feature = "view")]
 pub mod view;
 pub mod workflow;
 

@@ -2,7 +2,7 @@
 """Predicted and observed accuracy on robots that are sampled in every run: docs/evidence.md.
 
     tools/evidence.py                    all rows, some ten minutes of two cores; writes docs/evidence.md
-    tools/evidence.py --only gap ranks   these tables alone; the others stay as the page has them
+    tools/evidence.py --only gap hidden   these tables alone; the others stay as the page has them
     tools/evidence.py --missing          the rows that the page does not have; the others stay as they are there
     tools/evidence.py --check            some rows again: they must agree with the page
 
@@ -34,7 +34,7 @@ ROBOTS = {
 # Kinds with sizes that a laboratory would recognise.
 SOURCES = {
     "compliance of the first joint": 'kind = "compliance"\njoints = ["{first}"]\nstd_relative = 0.15',
-    "joint_return": 'kind = "joint_return"\nstd_mrad = 0.0485',
+    "joint_repeatability": 'kind = "joint_repeatability"\nstd_mrad = 0.0485',
     "joint_zero": 'kind = "joint_zero"\nstd_mrad = 0.2',
     "link_position": 'kind = "link_position"\nstd_mm = 0.3',
     "link_rotation": 'kind = "link_rotation"\nstd_mrad = 0.2',
@@ -46,8 +46,8 @@ SOURCES = {
     "load_direction": 'kind = "load_direction"\nstd_mrad = 2',
     "load_point": 'kind = "load_point"\nstd_mm = 2',
     "task_force": 'kind = "task_force"\nstd_relative = 0.05',
-    "gear_error": 'kind = "gear_error"\nstd_mrad = 0.3',
-    "misfit": 'kind = "misfit"\nstd_mm = 0.02',
+    "transmission_error": 'kind = "transmission_error"\nstd_mrad = 0.3',
+    "discrepancy": 'kind = "discrepancy"\nstd_mm = 0.02',
     "tracker_range": 'kind = "tracker_range"\nstd_um_per_m = 3',
 }
 # The same in rows of their own: "all of these" is without them.
@@ -55,7 +55,7 @@ ALONE = {
     "drift": 'kind = "drift"\nstd_um_per_h = 20',
     "backlash": 'kind = "backlash"\nstd_arcsec = 15\nturned_over_at_nm = {turning}',
     "stiffening": 'kind = "stiffening"\nstd_relative = 0.01\nat_nm = {carried}',
-    "gear waves": 'kind = "gear_error"\nname = "gear waves"\nstd_mrad = 0.5\nharmonics = [1, 2, 40]',
+    "gear waves": 'kind = "transmission_error"\nname = "gear waves"\nstd_mrad = 0.5\nharmonics = [1, 2, 40]',
 }
 # What two loaded readings share that have one unloaded reading, with how joints came back for that.
 UNLOADED = "one unloaded reading"
@@ -80,7 +80,7 @@ LAWS = {
 HEAVY = "KR-270"
 # Absolute readings: how many, what they are uncertain by, and how many robots are read.
 READINGS = 16
-ABSOLUTE = ['kind = "joint_return"\nstd_mrad = 0.0485', 'kind = "gear_error"\nstd_mrad = 0.05',
+ABSOLUTE = ['kind = "joint_repeatability"\nstd_mrad = 0.0485', 'kind = "transmission_error"\nstd_mrad = 0.05',
             'kind = "link_position"\nstd_mm = 0.1']
 READ_AS = ["positions", "poses"]
 ROBOTS_READ = 1_000
@@ -133,11 +133,11 @@ def study(robot, uncertainties, hidden, *options, level="robot", runs=RUNS, more
 def held(robot, name):
     """A row of what holds: what the belief knows of."""
     if name == UNLOADED:
-        plan = study(robot, [SOURCES["joint_return"]], hidden=False, instrument='unloaded = "shared"')
+        plan = study(robot, [SOURCES["joint_repeatability"]], hidden=False, instrument='unloaded = "shared"')
     else:
         listed = sources(robot).values() if name == "all of these" else [sources(robot, alone=True)[name]]
         plan = study(robot, listed, hidden=False)
-    promised, seen, error = (plan[key] * 1e3 for key in ("promised_rms_mm", "rms_mm", "rms_std_mm"))
+    promised, seen, error = (plan[key] * 1e3 for key in ("combined_rms_mm", "rms_mm", "rms_std_mm"))
     room = 3 * error + 0.02 * promised
     nees = plan["nees"] / plan["nees_expected"]
     return [robot, name, f"{promised:.3f}", f"{seen:.3f} +- {error:.3f}", f"{seen / promised - 1:+.2%}",
@@ -147,8 +147,8 @@ def held(robot, name):
 def hidden(robot, name):
     """A row of what breaks: what the belief does not know of."""
     plan = study(robot, [sources(robot, alone=True)[name]], hidden=True)
-    promised, seen, error = (plan[key] * 1e3 for key in ("promised_rms_mm", "rms_mm", "rms_std_mm"))
-    expected = math.hypot(*(part["rms_mm"] for part in plan["parts"])) * 1e3
+    promised, seen, error = (plan[key] * 1e3 for key in ("combined_rms_mm", "rms_mm", "rms_std_mm"))
+    expected = math.hypot(*(each["contribution_um"] for each in plan["contributions"]))
     return [robot, name, f"{promised:.3f}", f"{seen:.3f} +- {error:.3f}", f"{expected:.3f}", f"{seen / promised:.2f}"]
 
 
@@ -157,8 +157,8 @@ def laws(robot, name):
     joints = ",".join(identified(robot).split(",")[:2])
     text = f"\n[[true_robot.torque_law]]\njoints = [{joints}]\n{LAWS[name]}\n"
     plan = study(robot, [], False, runs=LAW_RUNS, more=text)
-    promised, seen, error = (plan[key] * 1e3 for key in ("promised_rms_mm", "rms_mm", "rms_std_mm"))
-    expected = math.hypot(*(part["rms_mm"] for part in plan["parts"])) * 1e3
+    promised, seen, error = (plan[key] * 1e3 for key in ("combined_rms_mm", "rms_mm", "rms_std_mm"))
+    expected = math.hypot(*(each["contribution_um"] for each in plan["contributions"]))
     return [robot, name, f"{promised:.3f}", f"{seen:.3f} +- {error:.3f}", f"{expected:.3f}", f"{seen / promised:.2f}"]
 
 
@@ -174,7 +174,7 @@ def gap(robot, name):
     for seed in range(1, PARTS + 1):
         seen, model = (study(robot, [text], False, "--seed", str(seed), level=level, runs=RUNS // 4)
                        for level in ("robot", "model"))
-        promised = seen["promised_rms_mm"]
+        promised = seen["combined_rms_mm"]
         found.append((seen["rms_mm"] ** 2 - model["rms_mm"] ** 2) / (2 * promised ** 2))
     mean = sum(found) / PARTS
     error = math.sqrt(sum((each - mean) ** 2 for each in found) / (PARTS - 1) / PARTS)
@@ -198,7 +198,7 @@ def absolute(robot, name):
         if ended.returncode not in (0, 3):
             sys.exit(f"{robot}, {name}: {ended.stderr}")
         plan = json.loads(ended.stdout)["plans"][0]
-    promised, seen, error = (plan[key] * 1e3 for key in ("promised_rms_mm", "rms_mm", "rms_std_mm"))
+    promised, seen, error = (plan[key] * 1e3 for key in ("combined_rms_mm", "rms_mm", "rms_std_mm"))
     return [robot, name, f"{promised:.3f}", f"{seen:.3f} +- {error:.3f}", f"{seen / promised - 1:+.2%}",
             f"{plan['nees'] / plan['nees_expected']:.3f}", f"{plan['coverage95']:.1%}",
             "yes" if plan["verdict"] == "holds" else f"**{plan['verdict']}**"]
@@ -209,23 +209,12 @@ def identified(robot):
     return re.search(r"parameters = \[(.*?)\]", (ROOT / "scenarios" / ROBOTS[robot][0]).read_text()).group(1)
 
 
-def ranks(robot, _):
-    """A row of where the true values lie in what is known, with everything drawn and priors on what is to be found."""
-    own = 'kind = "compliance"\nname = "prior"\njoints = [{}]\nstd_relative = 0.1'.format(identified(robot))
-    plan = study(robot, [*sources(robot).values(), own], hidden=False)
-    worst = sorted(plan["ranks"], key=lambda rank: -rank["deviation"])
-    chance = plan["rank_deviation_by_chance"]
-    beyond = [rank for rank in worst if rank["deviation"] > chance]
-    return [robot, str(len(worst)), worst[0]["name"], f"{worst[0]['deviation']:.2%}", f"{chance:.2%}", str(len(beyond))]
-
-
 TABLES = {
     "held": (held, ["robot", "error source", "predicted [um]", "observed [um]", "off by", "NEES / expected", "coverage of 95 %",
                      "holds"]),
     "absolute": (absolute, ["robot", "read are", "predicted [um]", "observed [um]", "off by", "NEES / expected",
                             "coverage of 95 %", "holds"]),
     "gap": (gap, ["robot", "spread of", "predicted [um]", "off by", "7/8 of the spread's square"]),
-    "ranks": (ranks, ["robot", "unknowns", "the least even", "its deviation", "by chance", "unknowns beyond that"]),
     "hidden": (hidden, ["robot", "hidden source", "predicted [um]", "observed [um]", "computed [um]", "observed / predicted"]),
     "laws": (laws, ["robot", "joints", "predicted [um]", "observed [um]", "computed [um]", "observed / predicted"]),
 }
@@ -239,8 +228,6 @@ def rows(table):
                      if robot == HEAVY or (what in SOURCES and ROBOTS[robot][1])]
         elif table == "absolute":
             names = READ_AS
-        elif table == "ranks":
-            names = [""]
         elif table == "laws":
             names = list(LAWS) if robot == HEAVY else []
         else:
@@ -290,14 +277,6 @@ frames are identified, with a joint repeatability of 0.0485 mrad, transmission e
 The largest gaps: a log-normal compliance of a joint that no measurement shows, where the linear model misses 7/8 of the spread's square,
 and shares by which all joints of the KR-270 stiffen, or soften, at 8000 N m, of which its second one carries more: with 2 % the few that
 soften most are not far from giving way. {PARTS * RUNS // 4} runs, each with the random numbers of the linear model's.
-
-""",
-    "ranks": """
-## Where the true values lie in their posterior
-
-Simulation-based calibration, with everything of the first table known and a prior of 10 % on each identified compliance: the rank of the
-true value in its posterior is uniform if the posterior is right. The largest deviation over all unknowns, beside what 95 of 100 studies
-stay below by chance. True compliances are log-normal, and the posterior takes them as normal, as the paper has them.
 
 """,
     "hidden": """
@@ -352,7 +331,7 @@ def main():
     given = arguments.parse_args()
     if given.check:
         for table, robot, name in [("held", "UR10", "load_scale"), ("held", "KR-270", "backlash"),
-                                   ("absolute", "planar arm", "positions"), ("hidden", "UR10", "joint_return"),
+                                   ("absolute", "planar arm", "positions"), ("hidden", "UR10", "joint_repeatability"),
                                    ("laws", "KR-270", "softens at 20 mrad")]:
             row = TABLES[table][0](robot, name)
             if not any(agrees(row, other) for other in stored(table)):
@@ -367,7 +346,7 @@ def main():
             continue
         known = stored(table, may_lack=True) if given.missing else []
         for robot, name in rows(table):
-            same = [row for row in known if row[0] == robot and (table == "ranks" or row[1] == shown(name))]
+            same = [row for row in known if row[0] == robot and row[1] == shown(name)]
             if same:
                 found[table].append(same[0])
                 continue

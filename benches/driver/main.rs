@@ -3,6 +3,7 @@
 
 #![expect(clippy::expect_used, reason = "a bench that cannot go on fails")]
 
+mod absolute;
 mod arms;
 mod fit;
 mod limits;

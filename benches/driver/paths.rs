@@ -22,16 +22,18 @@ use elastocal::view::rerun_file::write_rerun;
 use nalgebra::{DMatrix, Matrix3xX};
 
 use super::fit::Fit;
-use super::{arms, limits};
+use super::{absolute, arms, limits};
 
 /// Does its work so many times.
 pub type HotPath = Box<dyn FnMut(u64)>;
 
 /// The paths that `cargo bench` times. A number behind a name is that of measurements, or of joints
 /// or threads where the name says so.
-pub const NAMES: [&str; 21] = [
+pub const NAMES: [&str; 27] = [
     "objective_3",
     "objective_12",
+    "objective_default_3",
+    "objective_laboratory_12",
     "search",
     "equilibrium",
     "measurement",
@@ -42,9 +44,13 @@ pub const NAMES: [&str; 21] = [
     "identify_nonlinear_3",
     "identify_nonlinear_12",
     "fit",
+    "fit_absolute",
+    "fit_joint_errors",
     "study_model",
     "study_model_threads_2",
     "study_robot",
+    "study_laboratory",
+    "trial_absolute",
     "normals",
     "mcap",
     "rrd",
@@ -63,6 +69,8 @@ pub fn hot_path(name: &str) -> HotPath {
     };
     match kind {
         "objective" => objective(paper(), &plan_of(size)),
+        "objective_default" => objective(lasting("scenarios/kr270.toml"), &plan_of(size)),
+        "objective_laboratory" => objective(laboratory(), &plan_of(size)),
         "objective_joints" => objective(arms::serial_arm(size), &arms::plan(size)),
         "search" => search(),
         "equilibrium" => equilibrium(paper(), &plan_of(3)),
@@ -73,9 +81,13 @@ pub fn hot_path(name: &str) -> HotPath {
         "identify_linear" => identification(Method::Linear, size),
         "identify_nonlinear" => identification(Method::Nonlinear, size),
         "fit" => fit(),
-        "study_model" => study(Level::Model, 12, 1),
-        "study_model_threads" => study(Level::Model, 12, size),
-        "study_robot" => study(Level::Robot, 3, 1),
+        "fit_absolute" => absolute_fit(0.0),
+        "fit_joint_errors" => absolute_fit(2e-4),
+        "study_model" => study(paper(), Level::Model, 12, 1),
+        "study_model_threads" => study(paper(), Level::Model, 12, size),
+        "study_robot" => study(paper(), Level::Robot, 3, 1),
+        "study_laboratory" => study(laboratory(), Level::Robot, 3, 1),
+        "trial_absolute" => absolute_trials(),
         "normals" => normals(),
         "mcap" => recording_file("run.mcap"),
         "rrd" => recording_file("run.rrd"),
@@ -96,6 +108,11 @@ pub fn paper() -> &'static Scenario {
 /// A robot with a gravity compensator and three passive joints.
 pub fn flexible() -> &'static Scenario {
     lasting("scenarios/kr270_flexible.toml")
+}
+
+/// The paper's problem with all that a laboratory does not know exactly.
+fn laboratory() -> &'static Scenario {
+    lasting("scenarios/kr270_laboratory.toml")
 }
 
 fn lasting(path: &str) -> &'static Scenario {
@@ -145,14 +162,18 @@ pub fn value_and_gradient(
     let mut evaluator = problem.evaluator();
     let mut cost = problem.cost();
     let size = problem.parameters();
-    let mut information = DMatrix::zeros(size, size);
+    let nothing = Plan {
+        experiments: Vec::new(),
+    };
+    let before = problem.information(&nothing);
+    let mut information = before.clone();
     let mut directions = DMatrix::zeros(size, size);
     let mut matrix = Matrix3xX::zeros(size);
     let mut factor = Matrix3xX::zeros(size);
     let joints = scenario.task.belief.joints();
     move || {
         let mut gradient = vec![0.0; joints * experiments.len()];
-        information.fill(0.0);
+        information.copy_from(&before);
         for experiment in &experiments {
             evaluator.move_to(experiment.configuration_rad.as_slice());
             evaluator.observe(&experiment.load, &mut matrix);
@@ -249,19 +270,32 @@ fn fit() -> HotPath {
     over_and_over(move || pool.install(|| fit.solve()))
 }
 
+/// Frames and geometry of a UR10 whose joints have such transmission errors, on one thread.
+fn absolute_fit(transmission_error_rad: f64) -> HotPath {
+    let mut fit = absolute::fit(lasting("scenarios/ur10.toml"), transmission_error_rad);
+    let pool = threads(1);
+    over_and_over(move || pool.install(&mut fit))
+}
+
+/// Virtual robots that are read, identified and looked at, eight at a time, on one thread.
+fn absolute_trials() -> HotPath {
+    let mut trials = absolute::trials(lasting("scenarios/ur10.toml"));
+    let pool = threads(1);
+    Box::new(move |blocks| pool.install(|| trials(blocks)))
+}
+
 /// Monte Carlo runs of one plan, a block at a time: 2048 runs of the model, or 64 of the robot.
-fn study(level: Level, experiments: u32, on_threads: u32) -> HotPath {
+fn study(scenario: &'static Scenario, level: Level, experiments: u32, on_threads: u32) -> HotPath {
     let plan = repeated(&plan_of(experiments), experiments).expect("as many");
     let entries = Box::leak(Box::new([Entry {
         name: "plan".to_owned(),
         setting: 0,
         kind: EntryKind::Fixed(plan),
     }]));
-    let paper = paper();
-    let conditions = Conditions::plain(&paper.task, experiments);
-    let setting = Setting::new(&paper.task, &paper.truth, conditions);
+    let conditions = Conditions::plain(&scenario.task, experiments);
+    let setting = Setting::new(&scenario.task, &scenario.truth, conditions);
     let settings = Box::leak(Box::new([setting]));
-    let runner = Runner::new(settings, paper.seed, level, entries).expect("a valid study");
+    let runner = Runner::new(settings, scenario.seed, level, entries).expect("a valid study");
     let pool = threads(on_threads);
     Box::new(move |blocks| {
         let trials = blocks * block_runs(level);

@@ -159,7 +159,7 @@ def written(folder: str, elastocal: str) -> tuple[Path, str]:
 
 def deviations(found: dict) -> list[float]:
     """Of positions (m) and rotations (rad), as the fit weighed them."""
-    return [(found["misfit_mm"] or 0.02) * 1e-3, (found["misfit_mrad"] or 0.05) * 1e-3]
+    return [(found["discrepancy_mm"] or 0.02) * 1e-3, (found["discrepancy_mrad"] or 0.05) * 1e-3]
 
 
 def beside_figaroh(name: str) -> list[Result]:

@@ -10,24 +10,38 @@ millimetres where hinges are in degrees.
 
 from __future__ import annotations
 
-from ._data import (
-    Assessment,
-    Compensation,
-    Design,
-    ElastocalError,
-    Identified,
-    Measurements,
-    Plan,
-    Results,
-    UsageError,
-)
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING
+
 from ._load import preload
 
 preload()
 
-from ._commands import OPTIONS_OF_THE_PROGRAM_ALONE, command  # noqa: E402
-from ._elastocal import COMMIT, VERSION  # noqa: E402
-from ._scenario import Problem, Scenario, compare, import_table, init, merge, schema  # noqa: E402
+from ._elastocal import COMMIT, VERSION, set_shared  # noqa: E402
+
+if TYPE_CHECKING:
+    from ._commands import OPTIONS_OF_THE_PROGRAM_ALONE, command
+    from ._data import (
+        Assessment,
+        Compensation,
+        Condition,
+        Design,
+        ElastocalError,
+        Identified,
+        Measurements,
+        Plan,
+        Results,
+        UsageError,
+    )
+    from ._scenario import Problem, Scenario, compare, explain, import_table, init, merge, schema
+
+#: Where the shipped `scenarios` and `models` are: those of the package, or of the clone that it is used in.
+SHARED = next(
+    (folder for folder in (Path(__file__).parent / "share", Path(__file__).parents[2]) if (folder / "scenarios").is_dir()),
+    Path(__file__).parent / "share",
+)
+set_shared(str(SHARED))
 
 __version__ = VERSION
 
@@ -37,6 +51,7 @@ __all__ = [
     "VERSION",
     "Assessment",
     "Compensation",
+    "Condition",
     "Design",
     "ElastocalError",
     "Identified",
@@ -44,12 +59,24 @@ __all__ = [
     "Plan",
     "Problem",
     "Results",
+    "SHARED",
     "Scenario",
     "UsageError",
     "command",
     "compare",
+    "explain",
     "import_table",
     "init",
     "merge",
     "schema",
 ]
+
+
+def __getattr__(name: str) -> object:
+    """Names that need NumPy, when they are asked for: the command line, which starts here too, does without."""
+    if name in __all__:
+        for module in ("_commands", "_data", "_scenario"):
+            found = import_module(f".{module}", __name__)
+            if hasattr(found, name):
+                return getattr(found, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from . import _elastocal
-from ._data import ElastocalError, Results, UsageError
+from ._data import Condition, ElastocalError, Results, UsageError
 
 #: Options that a program has and a function does not: results come back, and threads are the pool's.
 OPTIONS_OF_THE_PROGRAM_ALONE = {"json", "quiet", "threads", "help", "version"}
@@ -55,8 +55,9 @@ def _answer(text: str) -> Results:
     answer = json.loads(text)
     if "error" in answer:
         kind = UsageError if answer["is_usage"] else ElastocalError
-        raise kind(answer["error"], answer["hint"])
-    return Results(answer["results"] or {}, answer["text"], answer["conditions"])
+        raise kind(answer["error"], answer["hint"], answer.get("code"))
+    conditions = [Condition(**each) for each in answer["conditions"]]
+    return Results(answer["results"] or {}, answer["text"], conditions)
 
 
 def read(path: Path) -> str:

@@ -20,25 +20,43 @@ DEFLECTION = ["dx_mm", "dy_mm", "dz_mm"]
 
 
 class ElastocalError(Exception):
-    """What the command line says after ``error:``; ``hint`` is what it says after ``hint:``, if anything."""
+    """What the command line says after ``error CODE:``; ``hint`` is what it says after ``hint:``, if anything.
 
-    def __init__(self, message: str, hint: str | None = None) -> None:
+    ``code`` is stable, such as "E0101", and ``elastocal explain`` says what it means; None for usage.
+    """
+
+    def __init__(self, message: str, hint: str | None = None, code: str | None = None) -> None:
         super().__init__(message)
         self.hint = hint
+        self.code = code
 
 
 class UsageError(ElastocalError):
     """An option that is not there, or a value that it cannot have."""
 
 
+@dataclass(frozen=True)
+class Condition:
+    """What must be looked at before results are relied on (exit code 3 on the command line unless ``allowed``).
+
+    ``code`` is stable, such as "C0102", and ``elastocal explain`` says what it means.
+    """
+
+    code: str
+    text: str
+    allowed: bool = False
+
+    def __str__(self) -> str:
+        return f"{self.code}{' (allowed)' if self.allowed else ''}: {self.text}"
+
+
 class Results(dict[str, Any]):
     """A command's record, with the keys that ``--json`` prints.
 
-    ``conditions`` are the named conditions that did not hold (exit code 3 on the command line), ``text`` is what the
-    command line prints for a person.
+    ``conditions`` must be looked at before the results are relied on, ``text`` is what the command line prints for a person.
     """
 
-    def __init__(self, record: dict[str, Any], text: str, conditions: list[str]) -> None:
+    def __init__(self, record: dict[str, Any], text: str, conditions: list[Condition]) -> None:
         super().__init__(record)
         self.text = text
         self.conditions = conditions
@@ -214,8 +232,8 @@ class Assessment:
         )
 
     @property
-    def conditions(self) -> list[str]:
-        """What does not hold."""
+    def conditions(self) -> list[Condition]:
+        """What must be looked at."""
         return self.results.conditions
 
 
@@ -259,8 +277,8 @@ class Identified:
         return _array(self.results["covariance_rad2_per_n2m2"])
 
     @property
-    def conditions(self) -> list[str]:
-        """What does not hold, such as residuals that are too large."""
+    def conditions(self) -> list[Condition]:
+        """What must be looked at, such as residuals that are too large."""
         return self.results.conditions
 
 
@@ -282,10 +300,11 @@ class Compensation:
 
     @property
     def residual_m(self) -> Array:
-        """What compensation leaves on the virtual robot (poses,), m."""
-        return np.array([pose["residual_mm"] * 1e-3 for pose in self.results["test_poses"]])
+        """What compensation leaves on the virtual robot (poses,), m; not a number where another one was measured."""
+        residuals = [pose["residual_mm"] for pose in self.results["test_poses"]]
+        return np.array([np.nan if each is None else each * 1e-3 for each in residuals])
 
     @property
-    def conditions(self) -> list[str]:
-        """What does not hold."""
+    def conditions(self) -> list[Condition]:
+        """What must be looked at."""
         return self.results.conditions

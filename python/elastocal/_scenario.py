@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,14 +15,25 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ._commands import command, read
-from ._data import Array, Assessment, Compensation, Design, FilePath, Identified, Measurements, Plan, Results
+from ._data import Array, Assessment, Compensation, Design, FilePath, Identified, Measurements, Plan, Results, UsageError
 from ._elastocal import PlanningProblem
+from ._executor import Executors, merged
+from ._executor import study as run_shards
+
+#: The shards of a study on an executor: enough for some workers, and few enough to be worth their while.
+SHARDS = 16
 
 
 @contextmanager
 def _folder() -> Iterator[Path]:
     with tempfile.TemporaryDirectory(prefix="elastocal-") as name:
         yield Path(name)
+
+
+def _gone(folder: Path, results: Results) -> Results:
+    """The same results without the sentence that names files in a folder that does not stay."""
+    results.text = re.sub(rf" ?[^.\n]*{re.escape(str(folder))}[^\n]*", "", results.text)
+    return results
 
 
 class Problem:
@@ -184,7 +196,7 @@ class Scenario:
         method: str | None = None,
         sigma_from_residuals: bool = False,
         parameters: list[str] | None = None,
-        ladder: bool = False,
+        model_selection: bool = False,
         against: FilePath | None = None,
         plot_out: FilePath | None = None,
         keep_all: bool = False,
@@ -192,9 +204,9 @@ class Scenario:
         """Identifies the compliances; ``method`` is ``nonlinear`` or ``linear``, the scenario's if not given.
 
         Absolute readings are a file's: its path in place of ``measurements``. ``parameters`` are then groups such as ``geometry``
-        and ``compliances``, fitted with all frames; the results' ``unknowns`` and ``stations`` say what came of it. ``ladder``
-        compares models with more and more groups, under ``ladder`` in the results, and fits the one that is recommended. Another
-        series ``against`` which contradicts this one is told under ``contradictions``. A picture goes to ``plot_out``. Readings that
+        and ``compliances``, fitted with all frames; the results' ``unknowns`` and ``stations`` say what came of it. ``model_selection``
+        compares models with more and more groups, under ``model_selection`` in the results, and fits the one that is recommended. Another
+        series ``against`` which contradicts this one is told under ``inconsistencies``. A picture goes to ``plot_out``. Readings that
         lie far out, deflections too, are left out, unless ``keep_all``.
         """
         with _folder() as folder:
@@ -210,7 +222,7 @@ class Scenario:
                     method=method,
                     sigma_from_residuals=sigma_from_residuals,
                     parameters=parameters,
-                    ladder=ladder,
+                    model_selection=model_selection,
                     against=against,
                     plot_out=plot_out,
                     keep_all=keep_all,
@@ -270,13 +282,36 @@ class Scenario:
         """Run sheet, robot program and table to fill in, in a folder under ``out``."""
         return self._with_plan("lab", plan, out=out, **given)
 
-    def study(self, *, out: FilePath | None = None, **given: Any) -> Results:
+    def study(
+        self,
+        *,
+        out: FilePath | None = None,
+        executor: Executors | None = None,
+        shards: int | None = None,
+        tallies: FilePath | None = None,
+        **given: Any,
+    ) -> Results:
         """Compares the scenario's plans over many runs: ``trials``, ``level``, ``resume``, ``shard``, ... as ``elastocal study``.
 
         Where accuracy is absolute also ``parameters``, ``candidates`` and ``draw``, as of :meth:`design`.
         Without ``out`` no file stays.
+
+        With an ``executor``, any of :mod:`concurrent.futures` or a function that makes one, the study is made in ``shards`` (16 if
+        not given) by its workers, each with ``threads`` (one if not given), to the same bits. Files that the scenario names are sent
+        along. A shard whose worker is lost is made again; with ``tallies``, a folder, shards that are made stay there, and the same
+        call goes on from them.
         """
-        return self._into("study", out, given)
+        if executor is None:
+            if shards is not None or tallies is not None:
+                raise UsageError("shards and tallies are for a study on an executor; `shard` makes one part")
+            return self._into("study", out, given)
+        given = {"seed": self.seed, "noise_only": self.noise_only, "threads": self.threads or 1} | given
+        with _folder() as folder:
+            kept = folder / "tallies" if tallies is None else Path(tallies)
+            files = run_shards(self.path, executor, shards or SHARDS, kept, given)
+            if out is not None:
+                return merged(files, out)
+            return _gone(folder, merged(files, folder))
 
     def run(self, *, out: FilePath | None = None, **given: Any) -> Results:
         """The whole loop: design, measure, identify, compensate, beside other plans. Without ``out`` no file stays."""
@@ -294,7 +329,7 @@ class Scenario:
         if out is not None:
             return self.command(name, out=out, **given)
         with _folder() as folder:
-            return self.command(name, out=folder, **given)
+            return _gone(folder, self.command(name, out=folder, **given))
 
 
 def compare(base: FilePath, new: FilePath, **given: Any) -> Results:
@@ -316,6 +351,11 @@ def import_table(table: FilePath, mapping: FilePath, measurements_out: FilePath 
 def merge(*shards: FilePath, **given: Any) -> Results:
     """Joins the shards of a study."""
     return command("merge", *shards, **given)
+
+
+def explain(*codes: str) -> Results:
+    """What codes of conditions and errors mean, such as "C0102"; all codes if none is given."""
+    return command("explain", *codes)
 
 
 def schema() -> Results:

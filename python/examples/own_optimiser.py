@@ -38,7 +38,8 @@ def main(path: str) -> None:
     best = plan_of(min(found, key=lambda each: each.fun).x)
     # SciPy knows joint ranges alone; elastocal names what else the scenario asks for.
     assessed = scenario.evaluate(best, no_proof=True)
-    print(f"SciPy: rho0 = {1e6 * assessed.rho0_m:.3f} um, {assessed.conditions or 'a possible plan'}")
+    found = "; ".join(map(str, assessed.conditions)) or "a possible plan"
+    print(f"SciPy: rho0 = {1e6 * assessed.rho0_m:.3f} um, {found}")
     design = scenario.design(experiments=experiments, no_proof=True)
     print(f"elastocal: rho0 = {1e6 * design.rho0_m:.3f} um, no plan below {1e6 * design.lower_bound_rho0_m:.3f} um")
 

@@ -1,18 +1,21 @@
 //! The command line's commands, called with its arguments.
 
+use std::ffi::OsString;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
 use clap::{CommandFactory, Parser};
-use elastocal::files::FileError;
+use elastocal::files::shipped;
 use pyo3::prelude::*;
 use serde_json::{Value, json};
 
+use crate::cli::printed_error::PrintedError;
 use crate::cli::interruption::STOP;
-use crate::cli::{Arguments, Report};
+use crate::cli::{Arguments, Report, process};
 
 /// How often Python is asked whether somebody pressed ctrl-C.
 const PATIENCE: Duration = Duration::from_millis(50);
@@ -20,7 +23,7 @@ const PATIENCE: Duration = Duration::from_millis(50);
 static BUSY: Mutex<()> = Mutex::new(());
 
 /// Does what a command says, with the command line's arguments, on so many threads. Returns JSON: `results`, `text`
-/// and `conditions`, or `error` with `hint` and `is_usage`.
+/// and `conditions`, or `error` with `hint`, `is_usage` and, but for usage, `code`.
 ///
 /// # Errors
 /// Python's, such as KeyboardInterrupt: the work then ends soon, and nothing is made of a part of it.
@@ -84,18 +87,25 @@ fn answer(arguments: &[String], threads: Option<usize>) -> Value {
     }
 }
 
-/// The message that the command line prints, and its hint.
+/// The message that the command line prints, its code and its hint.
 fn failed(error: &anyhow::Error) -> Value {
-    let mut text = error.to_string();
-    for cause in error.chain().skip(1).map(ToString::to_string) {
-        if !text.contains(&cause) {
-            text += &format!(": {cause}");
-        }
-    }
-    let hint = error
-        .downcast_ref::<FileError>()
-        .and_then(|error| error.hint.clone());
-    json!({ "error": text, "hint": hint, "is_usage": false })
+    let PrintedError { code, text, hint } = PrintedError::of(error);
+    json!({ "error": text, "code": code, "hint": hint, "is_usage": false })
+}
+
+/// The program itself, for a process that does nothing else: takes the arguments after its name, and returns the exit code.
+/// Signals are its own from then on.
+#[pyfunction]
+pub fn main(py: Python<'_>, arguments: Vec<OsString>) -> u8 {
+    let words = std::iter::once("elastocal".into()).chain(arguments);
+    // The process is Python's, which cannot load a model apart.
+    py.detach(|| process::run(words, None))
+}
+
+/// Says where the shipped scenarios and models are.
+#[pyfunction]
+pub fn set_shared(folder: PathBuf) {
+    shipped::set_folder(folder);
 }
 
 /// The command line's commands with their arguments, as JSON: for each command a list of `name`, `long`,

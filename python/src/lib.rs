@@ -4,7 +4,6 @@
 //! What they come to passes as JSON; the package `elastocal` around this module makes arrays of it.
 
 #[path = "../../src/cli/mod.rs"]
-#[expect(dead_code, reason = "what belongs to a process of its own")]
 mod cli;
 mod commands;
 mod problem;
@@ -17,6 +16,8 @@ fn _elastocal(module: &Bound<'_, PyModule>) -> PyResult<()> {
     elastocal::mujoco::print_warnings(false);
     module.add("VERSION", elastocal::VERSION)?;
     module.add("COMMIT", elastocal::COMMIT)?;
+    module.add_function(wrap_pyfunction!(commands::main, module)?)?;
+    module.add_function(wrap_pyfunction!(commands::set_shared, module)?)?;
     module.add_function(wrap_pyfunction!(commands::command, module)?)?;
     module.add_function(wrap_pyfunction!(commands::options, module)?)?;
     module.add_class::<problem::PlanningProblem>()

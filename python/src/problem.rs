@@ -33,6 +33,12 @@ impl PlanningProblem {
         })
     }
 
+    /// The scenario file and all files that it names, with those that its models are made of.
+    fn files(&self) -> Vec<PathBuf> {
+        let own = std::iter::once(self.scenario.path.clone());
+        own.chain(self.scenario.files.iter().cloned()).collect()
+    }
+
     /// The columns in which configurations are written (q1_deg, ...).
     fn columns(&self) -> Vec<String> {
         self.scenario.task.belief.commands().columns()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import importlib.util
 import inspect
 import json
@@ -60,6 +61,13 @@ def test_every_command_and_option_of_the_program_is_there() -> None:
         shown = set(re.findall(r"^ +(?:-\w, )?--([a-z-]+)", text, flags=re.MULTILINE))
         taken = {each["long"] for each in options()[name] if each["long"]} | {"help"}
         assert shown <= taken, name
+
+
+def test_codes_are_explained() -> None:
+    [found] = ec.explain("c0102")["codes"]
+    assert found["id"] == "C0102" and "region" in found["explanation"]
+    with pytest.raises(ec.UsageError, match="nearest"):
+        ec.explain("C9999")
 
 
 def test_every_command_has_a_function() -> None:
@@ -127,7 +135,9 @@ def test_assessments_studies_and_budgets_have_the_program_s_bits(tmp_path: Path)
     assert same(program("evaluate", QUICK, "--plan", tmp_path / "plan.csv", "--no-proof"), found.results)
     assert same(program("budget", QUICK, "--up-to", 3, "--no-proof"), scenario.budget(up_to=3, no_proof=True))
     words = ("--trials", 500, "--out", tmp_path / "out")
-    assert same(program("study", QUICK, *words), scenario.study(trials=500))
+    study = scenario.study(trials=500)
+    assert same(program("study", QUICK, *words), study)
+    assert "Results are in" not in study.text
     assert scenario.check(plan)["ok"] == program("check", QUICK, "--plan", tmp_path / "plan.csv")["ok"]
 
 
@@ -153,6 +163,23 @@ def test_absolute_plans_have_the_program_s_bits(tmp_path: Path) -> None:
     assert again.rho0_m is not None and np.isclose(again.rho0_m, design.rho0_m, rtol=1e-6)
 
 
+@needs_program
+def test_fits_to_absolute_readings_have_the_program_s_bits(tmp_path: Path) -> None:
+    golden = ROOT / "tests/golden"
+    path = golden / "ur10_readings.toml"
+    readings, later, robot, model = (tmp_path / name for name in ("readings.csv", "later.csv", "robot.json", "robot.xml"))
+    readings.write_bytes(gzip.decompress((golden / "ur10_gross.csv.gz").read_bytes()))
+    later.write_bytes(gzip.decompress((golden / "ur10_later.csv.gz").read_bytes()))
+    for name, options in {
+        "identify": {"measurements": readings, "parameters": "geometry", "identified_out": robot},
+        "validate": {"identified": robot, "measurements": later},
+        "compensate": {"identified": robot},
+        "export": {"identified": robot, "model_out": model},
+    }.items():
+        words = [word for key, value in options.items() for word in (f"--{key.replace('_', '-')}", value)]
+        assert same(program(name, path, *words), ec.command(name, path, **options)), name
+
+
 def test_messages_are_those_of_the_command_line(tmp_path: Path) -> None:
     with pytest.raises(ec.ElastocalError, match="missing.toml: cannot be read"):
         ec.Scenario.load(tmp_path / "missing.toml")
@@ -169,7 +196,7 @@ def test_messages_are_those_of_the_command_line(tmp_path: Path) -> None:
 
 def test_conditions_come_with_results() -> None:
     found = ec.Scenario.load(ROOT / "scenarios/kr270.toml").check(ec.Plan.load(TABLE4))
-    assert not found["ok"] and found.conditions == ["the plan has 1 violation"]
+    assert not found["ok"] and found.conditions == [ec.Condition("C0102", "the plan has 1 violation")]
 
 
 def test_matrices_are_those_of_the_promise() -> None:

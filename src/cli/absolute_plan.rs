@@ -4,10 +4,15 @@ use std::path::Path;
 use std::sync::atomic::Ordering;
 
 use clap::Args;
+use elastocal::codes::{Condition, ConditionCode, ErrorCode};
 use elastocal::experiment::{Candidate, read_candidates, write_candidates};
 use elastocal::files::FileError;
+use elastocal::files::output::write_whole;
 use elastocal::identification::ParameterGroup;
-use elastocal::plan::absolute::{AbsolutePlanError, AbsolutePlanning, DrawnWanted};
+use elastocal::parameter::ParameterKind;
+use elastocal::plan::absolute::{
+    AbsolutePlanError, AbsolutePlanning, AbsolutePromise, DrawnWanted,
+};
 use elastocal::plan::search::{PlanBound, Watch};
 use elastocal::record::absolute_plan::{AbsolutePlanMessage, DrawnMessage};
 use elastocal::record::absolute_trials::{AbsoluteTrialsMessage, as_study};
@@ -22,14 +27,18 @@ use elastocal::study::absolute::{AbsoluteEntry, AbsoluteRunner, AbsoluteTrials, 
 use elastocal::study::account::Account;
 use elastocal::study::verdict::Kept;
 use elastocal::text::wording::counted;
+use elastocal::view::report::{AbsolutePageRecord, absolute_page};
+use elastocal::view::stills;
 use serde_json::json;
 
 use super::candidates::{PoseArgs, left_out};
-use super::common_sources::{common_sources, remarks};
+use super::conditions::{search_stopped, undetermined_by_plan};
 use super::interruption::{Interrupted, STOP, ask_search};
 use super::progress::bar;
+use super::static_compliance::add_static_compliance;
 use super::table::{number, table};
-use super::views::{self, AbsoluteShown};
+use super::uncertainty_budget::{self, BudgetArgs};
+use super::views::command_line;
 use super::written::Written;
 use super::{Common, Report, results};
 
@@ -56,6 +65,7 @@ impl UnknownArgs {
         }
         let problem = "plans deflections, of which robot.parameters says what is unknown";
         let wrong = FileError::new(&scenario.path, problem).at("design.accuracy");
+        let wrong = wrong.code(ErrorCode::OtherAccuracy);
         Err(wrong.hint("leave out --parameters, or set accuracy = \"absolute\""))
     }
 }
@@ -67,6 +77,7 @@ pub fn refuse_options(scenario: &Scenario, given: &[(&str, bool)]) -> Result<(),
     };
     let problem = format!("is \"absolute\", and {option} is for plans of deflections");
     let wrong = FileError::new(&scenario.path, problem).at("design.accuracy");
+    let wrong = wrong.code(ErrorCode::OtherAccuracy);
     Err(wrong.hint(format!(
         "leave out {option}, or set accuracy = \"relative\""
     )))
@@ -82,6 +93,7 @@ pub fn refuse_where_relative(
     };
     let problem = format!("is \"relative\", and {option} is for plans of absolute readings");
     let wrong = FileError::new(&scenario.path, problem).at("design.accuracy");
+    let wrong = wrong.code(ErrorCode::OtherAccuracy);
     Err(wrong.hint(format!("leave out {option}: {instead}")))
 }
 
@@ -93,6 +105,14 @@ pub struct AbsoluteOutputs<'a> {
     pub report: Option<&'a Path>,
 }
 
+/// What is asked of a plan besides its predicted accuracy: robots to try it on, a page, the static compliance at the test poses.
+#[derive(Clone, Copy)]
+pub struct EvaluatedAlso<'a> {
+    pub robots: Option<u64>,
+    pub page: Option<&'a Path>,
+    pub static_compliance: bool,
+}
+
 /// A plan of absolute readings that is wanted.
 pub struct AbsoluteWanted<'a> {
     pub common: &'a Common,
@@ -100,6 +120,7 @@ pub struct AbsoluteWanted<'a> {
     pub unknown: &'a UnknownArgs,
     pub candidates: Option<&'a Path>,
     pub poses: &'a PoseArgs,
+    pub budget: &'a BudgetArgs,
 }
 
 /// What trials of a plan came to.
@@ -124,7 +145,7 @@ struct AskedFor<'a> {
 
 /// Why there is none, with the file that it is about.
 fn explained(path: &Path, error: &AbsolutePlanError) -> FileError {
-    let wrong = FileError::new(path, error.to_string());
+    let wrong = FileError::new(path, error.to_string()).code(ErrorCode::AbsolutePlan);
     match error.hint() {
         Some(hint) => wrong.hint(hint),
         None => wrong,
@@ -177,7 +198,7 @@ impl AbsoluteWanted<'_> {
             (planning, found)
         } else {
             self.common.say(&format!(
-                "designing a plan of {readings} at configurations that are drawn"
+                "designing a plan of {readings} at sampled configurations"
             ));
             let wanted = DrawnWanted {
                 configurations: drawn,
@@ -188,6 +209,7 @@ impl AbsoluteWanted<'_> {
                 .map_err(|error| explained(&self.scenario.path, &error))?
         };
         bar.finish_and_clear();
+        super::interruption::searched();
         let asked = AskedFor {
             command: "plan",
             plan: None,
@@ -206,8 +228,7 @@ impl AbsoluteWanted<'_> {
         report.text +=
             &format!("Of {searches} searches for the plan, {agreeing} ended within 0.1 % of it.\n");
         if stop.load(Ordering::Relaxed) {
-            let condition = "the search was stopped: a better plan may exist";
-            report.conditions.push(condition.to_owned());
+            report.conditions.push(search_stopped());
         }
         let mut written = Written::default();
         let readings = planning.readings(&found.plan);
@@ -227,19 +248,18 @@ impl AbsoluteWanted<'_> {
         path: &Path,
         shown: &ReportedPlan,
         readings: &[(&Candidate, u32)],
-        (trials, conditions): (Option<&TriedAbsolute>, &[String]),
+        (trials, conditions): (Option<&TriedAbsolute>, &[Condition]),
     ) -> anyhow::Result<Result<(), FileError>> {
-        views::write_absolute_page(
-            path,
-            &AbsoluteShown {
-                scenario: self.scenario,
-                plan: &shown.message,
-                readings,
-                trials: trials.map(|tried| (&tried.message, &tried.as_study)),
-                provenance: &shown.provenance,
-                conditions,
-            },
-        )
+        let page = absolute_page(&AbsolutePageRecord {
+            scenario: self.scenario,
+            plan: &shown.message,
+            trials: trials.map(|tried| (&tried.message, &tried.as_study)),
+            provenance: &shown.provenance,
+            stills: &stills::sheet_of_readings(self.scenario, readings),
+            conditions,
+            command: &command_line(),
+        })?;
+        Ok(write_whole(path, page.as_bytes()))
     }
 
     /// Writes a plan and its pictures where that is wanted, and tells of it.
@@ -261,19 +281,14 @@ impl AbsoluteWanted<'_> {
             text += &written.told(path, rows);
         }
         if let Some(path) = outputs.stills {
-            let stills = views::write_stills_of_readings(path, self.scenario, readings);
-            text += &written.told(path, stills);
+            let sheet = stills::sheet_of_readings(self.scenario, readings);
+            text += &written.told(path, write_whole(path, sheet.as_bytes()));
         }
         text
     }
 
     /// Says what a plan promises, and how near it is to the best of the candidates, where there are some.
-    pub fn evaluate(
-        &self,
-        plan: &Path,
-        robots: Option<u64>,
-        page: Option<&Path>,
-    ) -> anyhow::Result<Report> {
+    pub fn evaluate(&self, plan: &Path, also: EvaluatedAlso<'_>) -> anyhow::Result<Report> {
         let rows = self.read(plan)?;
         let planning = self.of_plan(plan, &rows)?;
         planning
@@ -284,8 +299,9 @@ impl AbsoluteWanted<'_> {
             None => None,
             Some(path) => {
                 let among = self.planning(path, &self.read(path)?)?;
-                let chosen = places_among(&among, &planning.candidates)
-                    .map_err(|problem| FileError::new(plan, problem))?;
+                let chosen = places_among(&among, &planning.candidates).map_err(|problem| {
+                    FileError::new(plan, problem).code(ErrorCode::CandidateFile)
+                })?;
                 among
                     .bound(&chosen)
                     .map_err(|error| explained(path, &error))?
@@ -297,7 +313,12 @@ impl AbsoluteWanted<'_> {
             drawn: None,
         };
         let (mut report, shown) = self.report(&asked, &planning, &all, bound.as_ref())?;
-        let trials = match robots {
+        if also.static_compliance {
+            let posterior = planning.promise(&all).posterior;
+            let known = planning.known_arm(&posterior);
+            add_static_compliance(&mut report, &known, &self.scenario.task.test_poses)?;
+        }
+        let trials = match also.robots {
             Some(robots) => Some(self.try_plan(planning, all, robots)?),
             None => None,
         };
@@ -307,7 +328,7 @@ impl AbsoluteWanted<'_> {
             report.text += &describe_trials(message);
             report.conditions.extend(unkept(message));
         }
-        if let Some(path) = page {
+        if let Some(path) = also.page {
             let mut written = Written::default();
             let readings: Vec<(&Candidate, u32)> = rows
                 .iter()
@@ -343,6 +364,7 @@ impl AbsoluteWanted<'_> {
         bar.set_length(robots);
         let trials = AbsoluteTrials::new(&runner, robots, &|done| bar.inc(done));
         bar.finish_and_clear();
+        super::interruption::searched();
         let trials = match trials {
             Err(TrialError::Runs(StudyError::Stopped)) => return Err(Interrupted.into()),
             other => other?,
@@ -383,25 +405,32 @@ impl AbsoluteWanted<'_> {
             json!({ "gate": self.scenario.gate }),
         );
         merge(&mut json, serde_json::to_value(&message)?);
-        let conditions = (promise.left.as_ref().err())
+        let mut conditions: Vec<Condition> = (promise.left.as_ref().err())
             .map(|names| {
                 let names = names.join(", ");
-                format!(
-                    "the plan does not determine the tool's place at the test poses, which depends on {names}"
-                )
+                undetermined_by_plan(&format!(
+                    "the tool's place at the test poses, which depends on {names}"
+                ))
             })
             .into_iter()
+            .chain(undetermined_compliances(planning, plan, &promise))
             .collect();
-        let offered = counted(planning.offered as u64, "candidate");
+        let file =
+            (self.candidates).map_or_else(String::new, |path| format!(" in {}", path.display()));
+        let offered = counted(planning.offered as u64, "candidate") + &file;
         let left = planning.offered - planning.candidates.len();
         let left_out = if asked.drawn.is_some() {
             drawn_words(&message)
         } else {
             left_out(&offered, left, &planning.left_out)
         };
+        let mut written = Written::default();
+        let budget = message.uncertainty_budget.as_ref();
+        let told = self.budget.write(budget, &mut written);
+        conditions.extend(written.conditions());
         let report = Report {
             json,
-            text: describe(&message) + &left_out,
+            text: describe(&message) + &left_out + &told,
             conditions,
         };
         let shown = ReportedPlan {
@@ -410,6 +439,23 @@ impl AbsoluteWanted<'_> {
         };
         Ok((report, shown))
     }
+}
+
+/// The compliances that a plan was to determine and does not, by name.
+fn undetermined_compliances(
+    planning: &AbsolutePlanning<'_>,
+    plan: &[(usize, u32)],
+    promise: &AbsolutePromise,
+) -> Vec<Condition> {
+    let unknowns = planning.set().parameters().iter().enumerate();
+    let missing = unknowns.filter(|(index, each)| {
+        matches!(each.kind, ParameterKind::JointCompliance { .. })
+            && !planning.is_elsewhere(*index, plan)
+            && promise.posterior.standard_error(*index).is_none()
+    });
+    missing
+        .map(|(index, _)| undetermined_by_plan(&planning.words(index)))
+        .collect()
 }
 
 /// The readings of a plan as candidates by their places, and how often each is read; or why it is no plan of them.
@@ -468,7 +514,7 @@ fn describe(message: &AbsolutePlanMessage) -> String {
         text += &format!(
             "; no plan of as many candidates is below {bound:.5} mm (efficiency {efficiency:.4}), {}",
             if message.drawn.is_some() {
-                "which were drawn: evidence, no proof"
+                "which were sampled: evidence, no proof"
             } else {
                 "proved by looking at all"
             }
@@ -485,9 +531,13 @@ fn describe(message: &AbsolutePlanMessage) -> String {
             message.task_force_mm
         );
     }
-    text += &shares(message);
-    for certain in &message.taken_for_certain {
-        text += &format!("Taken for certain: {certain}\n");
+    let common = message.common_sources.as_ref();
+    text += &uncertainty_budget::describe(
+        message.uncertainty_budget.as_ref(),
+        common.map(|common| (&*common.names, common.rho0_mm)),
+    );
+    for certain in &message.assumed_exact {
+        text += &format!("Assumed exact: {certain}\n");
     }
     if message.test_poses.len() > 1 {
         let rows: Vec<Vec<String>> = (message.test_poses.iter())
@@ -507,33 +557,6 @@ fn describe(message: &AbsolutePlanMessage) -> String {
         table(&["unknown", "standard error", "unit"], &rows)
     );
     text
-}
-
-/// What a promise is made of, where it is more than the instrument's noise.
-fn shares(message: &AbsolutePlanMessage) -> String {
-    let Some(rho0_mm) = message.rho0_mm.filter(|_| message.rho0_shares.len() > 1) else {
-        return String::new();
-    };
-    let rows: Vec<Vec<String>> = (message.rho0_shares.iter())
-        .map(|share| {
-            let part = (share.rho0_mm / rho0_mm).powi(2) * 100.0;
-            vec![
-                share.name.clone(),
-                number(Some(share.rho0_mm), 5),
-                number(Some(part), 1),
-            ]
-        })
-        .collect();
-    let header = ["of it", "alone [mm]", "share of the square [%]"];
-    format!(
-        "\n{}{}{}\n",
-        table(&header, &rows),
-        remarks((message.rho0_shares.iter()).map(|share| (&*share.name, share.remark.as_deref()))),
-        common_sources(
-            (message.common_sources.as_ref())
-                .map(|common| (&*common.names, format!("{:.5} mm", common.rho0_mm)))
-        )
-    )
 }
 
 /// How candidates were drawn, and what is not said of others.
@@ -556,37 +579,42 @@ fn drawn_words(message: &AbsolutePlanMessage) -> String {
 fn describe_trials(trials: &AbsoluteTrialsMessage) -> String {
     let judged = trials.robots - trials.failed;
     let mut text = format!(
-        "\nOf {} that were drawn, read as the plan says, and identified: {:.5} +- {:.5} mm rms are left where {:.5} mm are promised",
+        "\nOf {} sampled, read by the plan and identified: residual error {:.5} +- {:.5} mm rms, predicted {:.5} mm",
         counted(judged, "virtual robot"),
         trials.rms_mm,
         trials.rms_std_mm,
-        trials.promised_rms_mm
+        trials.predicted_rms_mm
     );
     if let Some(share) = trials.below_quantile95 {
         text += &format!("; {:.1} % stay below what 95 % should", share * 100.0);
     }
     text + &format!(
-        ". The promise {}.\n",
-        match trials.promise {
+        ". The prediction {}.\n",
+        match trials.prediction {
             "holds" => "holds".to_owned(),
             _ => format!("is {}", trials.verdict),
         }
     )
 }
 
-/// Conditions that virtual robots do not meet.
-fn unkept(trials: &AbsoluteTrialsMessage) -> Vec<String> {
+/// What must be looked at of simulated robots.
+fn unkept(trials: &AbsoluteTrialsMessage) -> Vec<Condition> {
     let mut conditions = Vec::new();
     if trials.failed > 0 {
         let first = trials.first_failure.as_deref().unwrap_or_default();
-        conditions.push(format!(
-            "{} of {} could not be judged; the first: {first}",
+        conditions.push(ConditionCode::FailedRuns.with(format!(
+            "{} of {} gave no result; the first: {first}",
             trials.failed,
-            counted(trials.robots, "virtual robot")
-        ));
+            counted(trials.robots, "simulated robot")
+        )));
     }
-    if trials.promise == Kept::Broken.name() {
-        conditions.push("virtual robots are left with more than is promised".to_owned());
+    if trials.prediction == Kept::Exceeded.name() {
+        conditions.push(ConditionCode::PredictionExceeded.with(format!(
+            "residual error of simulated robots {:.2} +- {:.2} um rms, predicted {:.2} um",
+            trials.rms_mm * 1e3,
+            trials.rms_std_mm * 1e3,
+            trials.predicted_rms_mm * 1e3
+        )));
     }
     conditions
 }

@@ -4,6 +4,8 @@ use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 
 use clap::Args;
+use elastocal::codes::ConditionCode;
+use elastocal::files::output::write_whole;
 use elastocal::laboratory::Campaign;
 use elastocal::laboratory::time::quickest;
 use elastocal::plan::search::{
@@ -13,14 +15,14 @@ use elastocal::quantities::plausible::ACCURACY;
 use elastocal::record::messages::{CommonSourcesMessage, ProvenanceMessage};
 use elastocal::scenario::Scenario;
 use elastocal::text::wording::counted;
+use elastocal::view::plots::budget_plot;
 use serde_json::{Value, json};
 
-use super::common_sources::common_sources;
 use super::interruption::ask_search;
 use super::progress::bar;
 use super::proof::{ProofArgs, proof_json};
 use super::table::{number, table};
-use super::views;
+use super::uncertainty_budget::common_sources;
 use super::written::Written;
 use super::{Common, Report, check_outputs, inputs, results, without_effect};
 
@@ -93,7 +95,6 @@ impl Budget {
             ("--plot-out", self.plot_out.as_deref()),
             ("--proof-out", self.proof.out()),
         ];
-        views::needed_by("--plot-out", self.plot_out.as_ref())?;
         check_outputs(&mut inputs(&scenario), &outputs)?;
         let stop = ask_search();
         self.common.say(&format!(
@@ -120,6 +121,7 @@ impl Budget {
         })?;
         let is_cut_short = watch.stop.load(Ordering::Relaxed);
         bar.finish_and_clear();
+        super::interruption::searched();
         anyhow::ensure!(
             !points.is_empty(),
             "no plan of up to {} determines {}; give a larger --up-to",
@@ -128,11 +130,8 @@ impl Budget {
         );
         let mut conditions = Vec::new();
         if is_cut_short {
-            conditions.push(
-                "the search was stopped: better plans may exist, and plans of more measurements were \
-                 not searched"
-                    .to_owned(),
-            );
+            let words = "the search was stopped: better plans may exist, and plans of more measurements were not searched";
+            conditions.push(ConditionCode::SearchStopped.with(words));
         }
         let searched = match points.last() {
             Some(last) if is_cut_short => last.experiments,
@@ -141,30 +140,32 @@ impl Budget {
         let needed = self.needed(&scenario, &points);
         let mut text = describe(&points) + &common(&points) + &stops_helping(&points);
         let mut written = Written::default();
-        text += &self.proof.tell(&bound, None, &mut written)?;
+        let provenance = ProvenanceMessage::new(&scenario);
+        text += &self.proof.tell(&bound, &provenance, &mut written)?;
         match &needed {
             Some((point, minutes)) => {
                 text += &self.tell(point, *minutes);
                 if minutes.is_none() {
-                    conditions.push("no way is found between its experiments".to_owned());
+                    let words = "no way is found between its experiments";
+                    conditions.push(ConditionCode::NoWay.with(words));
                 }
             }
-            None => conditions.push(format!(
-                "no plan of up to {} gives {} um",
+            None => conditions.push(ConditionCode::OutOfReach.with(format!(
+                "no plan of up to {} reaches {} um",
                 counted(searched.into(), "measurement"),
                 self.accuracy_um
-            )),
+            ))),
         }
         if let Some(path) = &self.plot_out {
             let title = format!("{}: accuracy against measurements", scenario.name);
-            let plot = views::write_budget_plot(path, &title, &points)?;
-            text += &written.told(path, plot);
+            let plot = budget_plot(&title, &points)?;
+            text += &written.told(path, write_whole(path, plot.as_bytes()));
         }
         conditions.extend(written.conditions());
         Ok(Report {
             json: results(
                 "budget",
-                &ProvenanceMessage::new(&scenario),
+                &provenance,
                 json!({
                     "accuracy_um": self.accuracy_um,
                     "needed": needed.as_ref().map(|(point, _)| record(point)),
@@ -217,8 +218,8 @@ fn stops_helping(points: &[BudgetPoint]) -> String {
     let shared = points.iter().rev().find_map(|point| point.shared_m);
     match (points.iter().find(mostly_shared), shared) {
         (Some(point), Some(shared_m)) => format!(
-            "\nMore measurements hardly help: from {} on, most of the square is shared by the whole plan, and about {:.1} um of \
-             it stays however many there are.\n",
+            "\nMore measurements hardly help: from {} on, most of the variance is of sources that the whole plan shares, which \
+             contribute about {:.1} um however many there are.\n",
             point.experiments,
             shared_m * 1e6
         ),
@@ -235,7 +236,7 @@ fn describe(points: &[BudgetPoint]) -> String {
     header.push("all different [um]".to_owned());
     let is_shared = points.iter().any(|point| point.shared_m.is_some());
     if is_shared {
-        header.push("of it shared [um]".to_owned());
+        header.push("shared by the plan [um]".to_owned());
     }
     header.push("bound [um]".to_owned());
     let mut rows = Vec::new();

@@ -3,10 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use elastocal::codes::ErrorCode;
 use elastocal::experiment::read_candidates;
 use elastocal::files::FileError;
 use elastocal::files::roles::Roles;
-use elastocal::plan::search::{Candidates, LeftOutCandidates};
+use elastocal::plan::search::{Candidates, LeftOutCandidates, SearchError};
 use elastocal::quantities::limits::MOST_NAMED;
 use elastocal::record::messages::ProvenanceMessage;
 use elastocal::robot::Load;
@@ -21,7 +22,7 @@ pub struct CandidateArgs {
     #[arg(
         long,
         value_name = "FILE",
-        conflicts_with_all = ["prove", "prove_time", "no_proof", "proof_out", "prove_exchanges"]
+        conflicts_with_all = ["prove", "prove_time", "no_proof", "proof_out"]
     )]
     candidates: Option<PathBuf>,
 }
@@ -33,14 +34,27 @@ impl CandidateArgs {
             return Ok(None);
         };
         let rows = read_candidates(path, task.belief.commands())?;
-        let candidates = Candidates::new(task, &rows)
-            .map_err(|error| FileError::new(path, error.to_string()).hint(error.hint()))?;
+        let candidates = Candidates::new(task, &rows).map_err(|error| {
+            FileError::new(path, error.to_string())
+                .code(ErrorCode::CandidateFile)
+                .hint(error.hint())
+        })?;
         Ok(Some(candidates))
     }
 
     /// The file.
     pub fn path(&self) -> Option<&Path> {
         self.candidates.as_deref()
+    }
+
+    /// Why no plan can be made of the file's rows.
+    pub fn wrong(&self, error: SearchError) -> anyhow::Error {
+        match &self.candidates {
+            Some(path) => FileError::new(path, error.to_string())
+                .code(ErrorCode::NoPlan)
+                .into(),
+            None => error.into(),
+        }
     }
 
     /// The file as one that is read.
@@ -88,7 +102,7 @@ impl PoseArgs {
                 "found {} poses; at most {MOST_NAMED} are allowed",
                 rows.len()
             );
-            return Err(FileError::new(path, problem));
+            return Err(FileError::new(path, problem).code(ErrorCode::CandidateFile));
         }
         let first = task.test_poses.first();
         let load = first.map_or(Load::NONE, |pose| pose.load);
@@ -109,7 +123,7 @@ impl PoseArgs {
             ];
             if let Some((column, _)) = given.iter().find(|(_, is_given)| *is_given) {
                 let problem = format!("found the column {column:?}, which test poses do not have");
-                return Err(FileError::new(path, problem));
+                return Err(FileError::new(path, problem).code(ErrorCode::CandidateFile));
             }
             poses.push(TestPose {
                 name: format!("line {}", row.line),
@@ -133,14 +147,16 @@ impl PoseArgs {
     }
 }
 
-/// What the bound is about, and which candidates are not possible.
-pub fn told(candidates: &Candidates) -> String {
+/// What the bound is about, and which candidates of a file are not possible.
+pub fn told(args: &CandidateArgs, candidates: &Candidates) -> String {
     let mut text = format!(
         "The bound is about plans of these {}, all of which were looked at.\n",
         counted(candidates.experiments.len() as u64, "candidate")
     );
     let left = candidates.offered - candidates.experiments.len();
-    text += &left_out(&candidates.offered.to_string(), left, &candidates.left_out);
+    let file = (args.path()).map_or_else(String::new, |path| format!(" in {}", path.display()));
+    let of = format!("{}{file}", candidates.offered);
+    text += &left_out(&of, left, &candidates.left_out);
     text
 }
 

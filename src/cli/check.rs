@@ -10,11 +10,12 @@ use elastocal::record::messages::{ProvenanceMessage, SchemaMessage};
 use elastocal::record::platform::platform;
 use elastocal::record::understanding::{UnderstandingMessage, UnknownsMessage};
 use elastocal::understanding::{
-    Understanding, UnderstoodJoint, UnderstoodPose, UnderstoodTruth, unknowns,
+    Understanding, UnderstoodJoint, UnderstoodPose, UnderstoodTruth, impossible, unknowns,
 };
 use nalgebra::Vector3;
 use serde_json::{Value, json};
 
+use super::printed_error::PrintedError;
 use super::table::table;
 use super::{Common, Report, results, without_effect};
 
@@ -28,7 +29,7 @@ pub struct Check {
     #[arg(long, value_name = "FILE")]
     plan: Option<PathBuf>,
     /// Tell which parameters of the robot could be identified from deflections, positions and poses, and
-    /// which cannot be told apart.
+    /// which cannot be separated.
     #[arg(long)]
     parameters: bool,
 }
@@ -47,27 +48,31 @@ impl Check {
             Ok(checked) => checked,
             Err(error) => {
                 if self.common.json {
-                    let json = self.broken(&error.to_string());
+                    let json = self.broken(&error);
                     super::print(&(serde_json::to_string_pretty(&json)? + "\n"))?;
                 }
                 return Err(error);
             }
         };
         let understanding = Understanding::new(&scenario);
-        for warning in &understanding.warnings {
+        let impossible = impossible(&scenario, &understanding);
+        let said = impossible.as_ref().map(|each| &each.text);
+        let is_told = |warning: &&String| said != Some(*warning);
+        for warning in understanding.warnings.iter().filter(is_told) {
             self.common.say(&format!("warning: {warning}"));
         }
         let is_about_a_plan = plan.is_some();
-        let problems: Vec<String> = plan
+        let violations: Vec<String> = plan
             .map(|plan| Feasibility::new(&scenario.task).violations(&plan))
             .unwrap_or_default()
             .iter()
             .map(ToString::to_string)
             .collect();
-        let verdict = if problems.is_empty() {
-            format!("{} is valid\n", self.common.scenario().display())
-        } else {
-            format!("{}\n", problems.join("\n"))
+        let name = self.common.scenario().display();
+        let verdict = match (violations.is_empty(), &impossible) {
+            (true, None) => format!("{name} is valid\n"),
+            (true, Some(_)) => format!("{name} cannot be right\n"),
+            (false, _) => format!("{}\n", violations.join("\n")),
         };
         let told_apart: Vec<UnknownsMessage> = if self.parameters {
             unknowns(&scenario.task, scenario.seed)
@@ -84,11 +89,11 @@ impl Check {
         } else {
             describe(&understanding) + &verdict
         };
-        let conditions = if problems.is_empty() {
-            Vec::new()
-        } else {
-            vec![super::evaluate::violated(problems.len())]
-        };
+        let violated =
+            (!violations.is_empty()).then(|| super::conditions::violated(violations.len()));
+        let found = impossible.iter().map(|each| each.text.clone());
+        let problems: Vec<String> = violations.into_iter().chain(found).collect();
+        let conditions = violated.into_iter().chain(impossible).collect();
         let json = json!({ "ok": problems.is_empty(), "problems": problems });
         let mut provenance = ProvenanceMessage::new(&scenario);
         if let Some(path) = &self.plan {
@@ -108,14 +113,16 @@ impl Check {
     }
 
     /// A broken scenario, or one with a broken plan, has neither seed nor hash here.
-    fn broken(&self, problem: &str) -> Value {
+    fn broken(&self, error: &anyhow::Error) -> Value {
+        let PrintedError { code, .. } = PrintedError::of(error);
         let [version, commit] = [elastocal::VERSION, elastocal::COMMIT];
         let scenario = (self.common.scenario().file_stem()).map(OsStr::to_string_lossy);
         json!({
             "schema": SchemaMessage::new("check"),
             "provenance": { "version": version, "commit": commit, "platform": platform(), "scenario": scenario },
             "ok": false,
-            "problems": [problem],
+            "problems": [error.to_string()],
+            "code": code,
         })
     }
 }
@@ -197,11 +204,11 @@ fn range(joint: &UnderstoodJoint) -> String {
 /// A virtual robot that is more than a chain.
 fn describe_truth(truth: &UnderstoodTruth) -> String {
     let mut text = format!(
-        "The virtual robot is more than the belief's chain ({}); it rests where MuJoCo's acceleration vanishes.\n",
+        "The virtual robot is more than the planner's chain ({}); it rests where MuJoCo's acceleration vanishes.\n",
         truth.reason
     );
     for each in &truth.beyond_belief {
-        text += &format!("It obeys what a belief would refuse: {each}.\n");
+        text += &format!("It obeys what a planner's model would refuse: {each}.\n");
     }
     for each in &truth.gives_way {
         text += &format!("Its {} gives way by {}.\n", each.element, each.words());

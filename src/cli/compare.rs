@@ -3,14 +3,16 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use elastocal::codes::{Condition, ConditionCode, ErrorCode};
 use elastocal::comparison::record::{COLUMNS, comparison_json, markdown, notes, rows, verdict};
 use elastocal::comparison::results::ResultsFile;
 use elastocal::comparison::{Aspect, Comparison, Rules, compare};
 use elastocal::files::output::write_whole;
 use elastocal::files::roles::Roles;
+use elastocal::gate::Decision;
 
 use super::table::table;
-use super::{Report, check_outputs};
+use super::{Accepted, Report, check_outputs};
 
 /// Arguments of `compare`.
 #[derive(Debug, Args)]
@@ -37,12 +39,15 @@ pub struct Compare {
     /// Say nothing on stderr but errors and conditions.
     #[arg(long)]
     pub quiet: bool,
+    #[command(flatten)]
+    pub accepted: Accepted,
 }
 
 impl Compare {
     pub fn execute(&self) -> anyhow::Result<Report> {
-        let base = ResultsFile::read(&self.base)?;
-        let new = ResultsFile::read(&self.new)?;
+        let read =
+            |path| ResultsFile::read(path).map_err(|wrong| wrong.or_code(ErrorCode::NotComparable));
+        let (base, new) = (read(&self.base)?, read(&self.new)?);
         let mut roles = Roles::default();
         roles.reads("the base", &self.base);
         roles.reads("the results to judge", &self.new);
@@ -59,7 +64,7 @@ impl Compare {
         Ok(Report {
             json: comparison_json(&base, &new, &comparison),
             text: describe(&base, &new, &comparison),
-            conditions: condition(&comparison).into_iter().collect(),
+            conditions: conditions(&comparison),
         })
     }
 }
@@ -71,16 +76,33 @@ fn share(text: &str) -> Result<f64, String> {
         .ok_or_else(|| "a share from 0 to 1 is wanted, as in \"1e-9\"".to_owned())
 }
 
-fn condition(comparison: &Comparison) -> Option<String> {
-    let broken: Vec<String> = (comparison.broken())
-        .map(|change| change.key.text())
-        .collect();
-    let first = broken.first()?;
-    let others = match broken.len() {
-        1 => String::new(),
-        count => format!(" and {} more", count - 1),
+/// Changes that are not accepted, the first of each kind by name.
+fn conditions(comparison: &Comparison) -> Vec<Condition> {
+    let said = |(decision, code, words): (Decision, ConditionCode, &str)| {
+        let same = comparison
+            .broken()
+            .filter(|change| change.decision == decision);
+        let names: Vec<String> = same.map(|change| change.key.text()).collect();
+        let first = names.first()?;
+        let others = match names.len() {
+            1 => String::new(),
+            count => format!(" and {} more", count - 1),
+        };
+        Some(code.with(format!("{words}: {first}{others}")))
     };
-    Some(format!("changed beyond tolerance: {first}{others}"))
+    let kinds = [
+        (
+            Decision::Reject,
+            ConditionCode::BeyondTolerance,
+            "changed beyond tolerance",
+        ),
+        (
+            Decision::Inconclusive,
+            ConditionCode::InconclusiveChange,
+            "inconclusive, the tolerance is within the guard band",
+        ),
+    ];
+    kinds.into_iter().filter_map(said).collect()
 }
 
 /// The comparison for a person.

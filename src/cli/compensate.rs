@@ -4,20 +4,24 @@ use std::path::PathBuf;
 
 use clap::Args;
 use elastocal::calibration::{CompensatedPose, pose_conditions};
+use elastocal::codes::ErrorCode;
+use elastocal::csv::word_field;
 use elastocal::experiment::experiment_columns;
 use elastocal::files::output::write_whole;
 use elastocal::files::{FileError, make_folder};
 use elastocal::laboratory::{
     CampaignError, Dialect, Program, ProgramFile, ProgramTarget, program_to,
 };
+use elastocal::measurement::SimulatedRun;
 use elastocal::record::messages::{ProvenanceMessage, TestPoseMessage};
 use elastocal::scenario::Scenario;
 use elastocal::task::{Method, Task};
 use elastocal::testbed::TrueRobots;
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::dialect::dialect;
 use super::identified::{ScenarioRobot, read_robot, taken_as_believed};
+use super::static_compliance::add_static_compliance;
 use super::table::{number, table};
 use super::targets::{TargetFrame, TargetQuestion, Workpiece, compensate_targets};
 use super::written::Written;
@@ -45,20 +49,23 @@ pub struct Compensate {
     /// The dialect of the program: krl, urscript, or a file that ends in .toml; the scenario's if not given.
     #[arg(long, value_name = "NAME|FILE", requires = "program_out")]
     dialect: Option<String>,
+    /// Also the static compliance of the tool at the test poses (mm/N), with 95 % intervals.
+    #[arg(long, conflicts_with = "targets")]
+    static_compliance: bool,
     /// Absolute positions or poses of a tool, as CSV: the angles are for these, in place of the test poses.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["program_out", "method"])]
     targets: Option<PathBuf>,
     /// The tool that must be there, by its site; the machining tool if not given.
     #[arg(long, value_name = "SITE", requires = "targets")]
     tool: Option<String>,
-    /// In which frame the targets are, or the workpiece stands; the instrument's if absolute readings were identified from, else
+    /// Frame of the targets, or of the workpiece; the instrument's if absolute readings were identified from, else
     /// the base's.
     #[arg(long, value_enum, requires = "targets")]
     frame: Option<TargetFrame>,
-    /// At which of several stations the instrument stands.
+    /// Which of several stations is meant.
     #[arg(long, value_name = "NAME", requires = "targets")]
     station: Option<String>,
-    /// The targets are in the frame of a workpiece: its name, and where it stands (mm, deg).
+    /// The targets are in the frame of a workpiece: its name, and where it is (mm, deg).
     #[arg(long, value_name = "NAME=X,Y,Z,ROLL,PITCH,YAW", requires = "targets", value_parser = Workpiece::of_word)]
     workpiece: Option<Workpiece>,
 }
@@ -68,6 +75,7 @@ impl Compensate {
         let ScenarioRobot {
             scenario,
             robot,
+            simulated,
             mut conditions,
         } = read_robot(&self.common, "compensate", &self.identified)?;
         let method = self.method.unwrap_or(scenario.task.belief.method);
@@ -91,43 +99,24 @@ impl Compensate {
             };
             return compensate_targets(&scenario, &robot, conditions, &provenance, &question);
         }
-        self.common.say("compensating on the virtual robot");
-        // The robot on which `measure` measures.
+        self.common.say("compensating");
+        // The virtual robot that was measured, where it was one.
         let mut robots = TrueRobots::new(&scenario.task.belief, &scenario.truth)?;
-        robots.become_run_of(&scenario.truth, 0, scenario.seed, 0)?;
+        if let Some(SimulatedRun {
+            seed,
+            run: Some(run),
+        }) = simulated
+        {
+            robots.become_run_of(&scenario.truth, 0, seed, run)?;
+        }
         let poses = robot.compensate(&scenario.task, &mut robots, method)?;
         conditions.extend(pose_conditions(&scenario.task.belief, &poses));
         let commands = scenario.task.belief.commands();
         let messages: Vec<TestPoseMessage> = (poses.iter())
             .map(|each| TestPoseMessage::new(&commands, each))
             .collect();
-        let rows: Vec<Vec<String>> = messages
-            .iter()
-            .map(|pose| {
-                vec![
-                    pose.name.clone(),
-                    format!("{:.4}", pose.uncompensated_mm),
-                    format!("{:.4}", pose.residual_mm),
-                    number(pose.rho0_mm, 4),
-                    pose.q_commanded_deg
-                        .iter()
-                        .map(|angle| format!("{angle:.5}"))
-                        .collect::<Vec<_>>()
-                        .join(" "),
-                ]
-            })
-            .collect();
         let mut written = Written::default();
-        let mut text = table(
-            &[
-                "test pose",
-                "uncompensated [mm]",
-                "compensated [mm]",
-                "predicted rms [mm]",
-                &format!("commanded angles [{}]", commands.unit()),
-            ],
-            &rows,
-        );
+        let mut text = describe(&messages, commands.unit(), simulated.is_some());
         text += &taken_as_believed(&robot);
         // Before anything is written: there may be no way.
         let files = match &dialect {
@@ -146,24 +135,33 @@ impl Compensate {
             }
         }
         conditions.extend(written.conditions());
-        let first = &messages[0];
+        let mut keys = json!({
+            "q_commanded_deg": messages[0].q_commanded_deg,
+            "uncompensated_mm": messages[0].uncompensated_mm,
+            "residual_mm": messages[0].residual_mm,
+            "rho0_mm": messages[0].rho0_mm,
+            "test_poses": messages,
+            "simulated": simulated,
+        });
+        if simulated.is_none() {
+            forget_observed(&mut keys);
+        }
         let provenance =
             ProvenanceMessage::new(&scenario).with_input("identified", &self.identified)?;
-        Ok(Report {
-            json: results(
-                "compensate",
-                &provenance,
-                json!({
-                    "q_commanded_deg": first.q_commanded_deg,
-                    "uncompensated_mm": first.uncompensated_mm,
-                    "residual_mm": first.residual_mm,
-                    "rho0_mm": first.rho0_mm,
-                    "test_poses": messages,
-                }),
-            ),
+        let mut report = Report {
+            json: results("compensate", &provenance, keys),
             text,
             conditions,
-        })
+        };
+        if self.static_compliance {
+            let Task {
+                belief, test_poses, ..
+            } = &scenario.task;
+            robot.with_known(belief, |known| {
+                add_static_compliance(&mut report, known, test_poses)
+            })??;
+        }
+        Ok(report)
     }
 
     fn check(&self, scenario: &Scenario, dialect: Option<&Dialect>) -> Result<(), FileError> {
@@ -201,6 +199,7 @@ impl Compensate {
         let program = program_to(&scenario.task, &scenario.laboratory, &targets, &title);
         let program = program.map_err(|error| {
             let wrong = FileError::new(&scenario.path, error.to_string());
+            let wrong = wrong.code(ErrorCode::Campaign);
             match error {
                 CampaignError::NoWay { .. } => wrong.hint(CampaignError::HINT),
                 CampaignError::BeyondRange { .. } => wrong,
@@ -222,6 +221,52 @@ impl Compensate {
     }
 }
 
+/// The distances that were observed on the virtual robot, which are nobody else's.
+const OBSERVED: [&str; 4] = [
+    "uncompensated_mm",
+    "residual_mm",
+    "uncompensated_xyz_mm",
+    "residual_xyz_mm",
+];
+
+/// Takes out what was observed on a virtual robot.
+fn forget_observed(keys: &mut Value) {
+    let forget = |of: &mut Value| {
+        for key in OBSERVED {
+            if let Some(value) = of.get_mut(key) {
+                *value = Value::Null;
+            }
+        }
+    };
+    forget(keys);
+    let poses = keys["test_poses"].as_array_mut();
+    poses.into_iter().flatten().for_each(forget);
+}
+
+/// The commands for a person, with what was observed where the robot is a virtual one.
+fn describe(poses: &[TestPoseMessage], unit: &str, is_simulated: bool) -> String {
+    let angles = format!("commanded angles [{unit}]");
+    let mut header = vec!["test pose"];
+    if is_simulated {
+        header.extend(["uncompensated [mm]", "compensated [mm]"]);
+    }
+    header.extend(["predicted rms [mm]", &angles]);
+    let row = |pose: &TestPoseMessage| {
+        let mut row = vec![pose.name.clone()];
+        if is_simulated {
+            let observed = [pose.uncompensated_mm, pose.residual_mm];
+            row.extend(observed.map(|distance| format!("{distance:.4}")));
+        }
+        row.push(number(pose.rho0_mm, 4));
+        let angles = pose.q_commanded_deg.iter();
+        let angles: Vec<String> = angles.map(|angle| format!("{angle:.5}")).collect();
+        row.push(angles.join(" "));
+        row
+    };
+    let rows: Vec<Vec<String>> = poses.iter().map(row).collect();
+    table(&header, &rows)
+}
+
 /// The angles to command as CSV: a row for each test pose, with the task's load and the predicted rms distance.
 fn angles(task: &Task, poses: &[TestPoseMessage]) -> String {
     let commands = task.belief.commands();
@@ -230,8 +275,7 @@ fn angles(task: &Task, poses: &[TestPoseMessage]) -> String {
         experiment_columns(&commands).join(",")
     );
     for (pose, message) in task.test_poses.iter().zip(poses) {
-        let name = message.name.replace('"', "\"\"");
-        let mut fields = vec![format!("\"{name}\"")];
+        let mut fields = vec![word_field(&message.name)];
         fields.extend(message.q_commanded_deg.iter().map(ToString::to_string));
         fields.extend(pose.load.wrench().iter().map(ToString::to_string));
         fields.push(

@@ -2,17 +2,19 @@
 
 use std::path::Path;
 
+use elastocal::codes::ErrorCode;
 use elastocal::files::{FileError, read_text};
 use elastocal::laboratory::Dialect;
 use elastocal::scenario::Scenario;
 
 /// The dialect of an option's name or file, or else the scenario's, for the scenario's robot.
 pub fn dialect(option: Option<&str>, scenario: &Scenario) -> Result<Dialect, FileError> {
-    let dialect = named(option, scenario)?;
-    dialect
-        .check_joints(scenario.task.belief.commands().len())
-        .map_err(|error| FileError::new(&scenario.path, error.to_string()))?;
-    Ok(dialect)
+    let found = named(option, scenario).and_then(|dialect| {
+        let checked = dialect.check_joints(scenario.task.belief.commands().len());
+        checked.map_err(|error| FileError::new(&scenario.path, error.to_string()))?;
+        Ok(dialect)
+    });
+    found.map_err(|wrong| wrong.or_code(ErrorCode::Program))
 }
 
 fn named(option: Option<&str>, scenario: &Scenario) -> Result<Dialect, FileError> {

@@ -3,8 +3,9 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use elastocal::compensation::KnownArm;
 use elastocal::plan::search::Bound;
-use elastocal::plan::{Assessment, Criterion, FurtherError, Plan, read_plan};
+use elastocal::plan::{Assessment, Criterion, FurtherError, Plan, posterior, read_plan};
 use elastocal::record::candidates::CandidatesMessage;
 use elastocal::record::json::merge;
 use elastocal::record::messages::{AssessmentMessage, ProvenanceMessage};
@@ -14,16 +15,17 @@ use elastocal::text::wording::counted;
 use serde_json::json;
 
 use super::absolute_plan::{
-    AbsoluteWanted, RUN_REPORTS, UnknownArgs, refuse_options, refuse_where_relative,
+    AbsoluteWanted, EvaluatedAlso, RUN_REPORTS, UnknownArgs, refuse_options, refuse_where_relative,
 };
 use super::candidates::{CandidateArgs, PoseArgs, told};
-use super::common_sources::{common_sources, remarks};
+use super::conditions::conditions;
 use super::interruption::{STOP, proceed};
-use super::proof::{ExchangeArgs, ProofArgs, leaving_out};
+use super::proof::{ProofArgs, leaving_out};
+use super::static_compliance::add_static_compliance;
 use super::table::{number, table};
-use super::views;
+use super::uncertainty_budget::{self, BudgetArgs};
 use super::written::Written;
-use super::{Common, Report, check_outputs, inputs, results, without_effect};
+use super::{Common, Report, check_outputs, inputs, rests, results, without_effect};
 
 /// Arguments of `evaluate`.
 #[derive(Debug, Args)]
@@ -34,23 +36,26 @@ pub struct Evaluate {
     #[command(flatten)]
     proof: ProofArgs,
     #[command(flatten)]
-    exchanges: ExchangeArgs,
-    #[command(flatten)]
     candidates: CandidateArgs,
     #[command(flatten)]
     poses: PoseArgs,
     #[command(flatten)]
     unknown: UnknownArgs,
-    /// By which criterion no plan is better than the bound that is searched and proved
+    #[command(flatten)]
+    budget: BudgetArgs,
+    /// By which criterion no plan is better than the bound that is searched; of test-pose it is proved
     #[arg(long, value_enum, default_value_t)]
     criterion: Criterion,
-    /// With design.accuracy = "absolute", draw so many virtual robots, read each as the plan says, identify it, and tell what is left
-    /// of what is promised
+    /// With design.accuracy = "absolute", sample so many virtual robots, read each by the plan, identify it, and compare
+    /// residual errors with the predicted accuracy
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(2..=1_000_000))]
     trials: Option<u64>,
     /// With design.accuracy = "absolute", where to write a page about the plan (HTML).
     #[arg(long, value_name = "FILE")]
     report_out: Option<PathBuf>,
+    /// Also the static compliance of the tool at the test poses (mm/N), with 95 % intervals after the plan.
+    #[arg(long)]
+    static_compliance: bool,
     /// The plan to assess.
     #[arg(long, value_name = "FILE")]
     plan: PathBuf,
@@ -68,28 +73,34 @@ impl Evaluate {
     pub fn execute(&self) -> anyhow::Result<Report> {
         let mut scenario = self.common.load()?;
         let mut roles = inputs(&scenario);
-        views::needed_by("--report-out", self.report_out.as_ref())?;
         let outputs = [
             ("--proof-out", self.proof.out()),
             ("--report-out", self.report_out.as_deref()),
+            self.budget.out(),
         ];
         roles.reads("the plan", &self.plan);
         self.poses.role(&mut roles);
         check_outputs(self.candidates.role(&mut roles), &outputs)?;
         self.poses.replace(&mut scenario.task)?;
+        rests(&scenario)?;
         if scenario.task.design.accuracy == AccuracyKind::Absolute {
             let given = [("--criterion", self.criterion != Criterion::TestPose)];
             refuse_options(&scenario, &given)?;
             refuse_options(&scenario, &self.proof.given())?;
-            refuse_options(&scenario, &self.exchanges.given())?;
             let wanted = AbsoluteWanted {
                 common: &self.common,
                 scenario: &scenario,
                 unknown: &self.unknown,
                 candidates: self.candidates.path(),
                 poses: &self.poses,
+                budget: &self.budget,
             };
-            return wanted.evaluate(&self.plan, self.trials, self.report_out.as_deref());
+            let also = EvaluatedAlso {
+                robots: self.trials,
+                page: self.report_out.as_deref(),
+                static_compliance: self.static_compliance,
+            };
+            return wanted.evaluate(&self.plan, also);
         }
         self.unknown.refuse(&scenario)?;
         refuse_where_relative(
@@ -129,72 +140,45 @@ impl Evaluate {
         let mut json = results("evaluate", &provenance, json!({ "gate": scenario.gate }));
         merge(&mut json, serde_json::to_value(&message)?);
         let mut written = Written::default();
-        let exchanges = self.exchanges.prove(
-            &self.proof,
-            &self.common,
-            &STOP,
-            (&scenario.task, scenario.seed),
-            (self.criterion, &plan),
-        )?;
-        merge(&mut json, json!({ "exchanges": exchanges.json }));
         let proved = match &candidates {
             Some(candidates) => {
                 let message = CandidatesMessage::new(candidates);
                 merge(&mut json, json!({ "candidates": message }));
-                told(candidates)
+                told(&self.candidates, candidates)
             }
-            None => self.proof.tell(&bound, exchanges.file, &mut written)?,
+            None => self.proof.tell(&bound, &provenance, &mut written)?,
         };
-        let text = describe(&scenario, &assessment) + &proved + &exchanges.text;
+        let mut text = describe(&scenario, &assessment) + &proved;
+        let budget = assessment.uncertainty_budget.as_ref();
+        text += &self.budget.write(budget, &mut written);
         let mut conditions = conditions(&scenario, &assessment);
         conditions.extend(written.conditions());
-        Ok(Report {
+        let mut report = Report {
             json,
             text,
             conditions,
-        })
+        };
+        if self.static_compliance {
+            let belief = &scenario.task.belief;
+            let (arm, set) = belief.parameters_of_arm()?;
+            let known = KnownArm {
+                tool: arm.tools.len() - 1,
+                arm: &arm,
+                set: &set,
+                posterior: &posterior(belief, &plan),
+            };
+            add_static_compliance(&mut report, &known, &scenario.task.test_poses)?;
+        }
+        Ok(report)
     }
 }
 
-/// The conditions that a plan does not meet.
-pub fn conditions(scenario: &Scenario, assessment: &Assessment) -> Vec<String> {
-    let mut conditions: Vec<String> = (assessment.undetermined(&scenario.task.belief).into_iter())
-        .map(|words| format!("the plan does not determine {words}"))
-        .collect();
-    if !assessment.violations.is_empty() {
-        conditions.push(violated(assessment.violations.len()));
-    }
-    conditions
-}
-
-/// The condition of a plan with violations.
-pub fn violated(count: usize) -> String {
-    format!("the plan has {}", counted(count as u64, "violation"))
-}
-
-/// What a promise is made of, where it is more than the instrument's noise.
-pub fn shares(assessment: &Assessment) -> String {
-    if assessment.shares.len() < 2 {
-        return String::new();
-    }
-    let rows: Vec<Vec<String>> = (assessment.shares.iter())
-        .map(|share| {
-            let part = (share.rho0_m / assessment.rho0_m.unwrap_or(f64::NAN)).powi(2);
-            let (alone, part) = (
-                number(Some(share.rho0_m * 1e6), 3),
-                number(Some(part * 100.0), 1),
-            );
-            vec![share.name.clone(), alone, part]
-        })
-        .collect();
-    format!(
-        "\n{}{}{}",
-        table(&["of it", "alone [um]", "share of the square [%]"], &rows),
-        remarks((assessment.shares.iter()).map(|share| (&*share.name, share.remark))),
-        common_sources(
-            (assessment.common_sources.as_ref())
-                .map(|common| (&*common.names, format!("{:.3} um", common.rho0_m * 1e6)))
-        )
+/// The uncertainty budget of a plan, where it is more than the instrument's noise.
+pub fn budget(assessment: &Assessment) -> String {
+    let common = assessment.common_sources.as_ref();
+    uncertainty_budget::describe(
+        assessment.uncertainty_budget.as_ref(),
+        common.map(|common| (&*common.names, common.rho0_m * 1e3)),
     )
 }
 
@@ -261,8 +245,8 @@ pub fn describe(scenario: &Scenario, assessment: &Assessment) -> String {
     if let Some(quantile_m) = assessment.quantile95_m {
         text += &format!("95 % stay below {:.3} um\n", quantile_m * 1e6);
     }
-    text += "A relative accuracy: by how much the load moves the tool, wherever the unloaded robot stands.\n";
-    text += &shares(assessment);
+    text += "A relative accuracy: of the deflection by the load, whatever the pose without it.\n";
+    text += &budget(assessment);
     text += &describe_criterion(assessment);
     text.push('\n');
     let rows: Vec<Vec<String>> = scenario

@@ -32,6 +32,7 @@ impl Export {
             scenario,
             robot,
             conditions,
+            ..
         } = read_robot(&self.common, "export", &self.identified)?;
         let format = ModelFormat::of(&self.model_out)?;
         let mut roles = inputs(&scenario);
@@ -59,7 +60,6 @@ impl Export {
                     "deflection_difference_mm": exported.deflection_difference_m.map(|each| each * 1e3),
                     "not_expressed": exported.not_expressed,
                     "to_leave_out": exported.to_leave_out,
-                    "conditions": conditions,
                 }),
             ),
             text,
@@ -70,7 +70,7 @@ impl Export {
 
 fn describe(exported: &ExportedModel) -> String {
     let mut text = format!(
-        "In {} configurations the robot that MuJoCo reads from the file stands within {:.1e} mm of the identified one",
+        "In {} configurations the robot that MuJoCo reads from the file is within {:.1e} mm of the identified one",
         exported.configurations,
         exported.place_difference_m * 1e3
     );

@@ -2,13 +2,17 @@
 
 use std::path::Path;
 
+use elastocal::codes::{Condition, ConditionCode, ErrorCode};
 use elastocal::files::FileError;
-use elastocal::identification::{Misfit, OtherUnknowns, StoredIdentification};
+use elastocal::identification::{
+    Discrepancy, OtherUnknowns, StoredIdentification, impossible_compliance,
+};
+use elastocal::measurement::SimulatedRun;
 use elastocal::numeric::estimable::Estimable;
 use elastocal::numeric::posterior::Posterior;
 use elastocal::scenario::Scenario;
 use elastocal::task::Fingerprint;
-use elastocal::text::wording::shell_word;
+use elastocal::text::wording::shell_path;
 use elastocal::workflow::calibrated::CalibratedRobot;
 use elastocal::workflow::stored_robot::StoredRobot;
 
@@ -21,9 +25,9 @@ pub struct IdentifiedCompliances {
     /// What is known of the parameters.
     pub posterior: Posterior,
     /// What the model leaves unexplained.
-    pub misfit: Misfit,
+    pub discrepancy: Discrepancy,
     /// What speaks against trusting it.
-    pub conditions: Vec<String>,
+    pub conditions: Vec<Condition>,
 }
 
 /// A robot as it was identified, with the scenario that it belongs to.
@@ -32,22 +36,28 @@ pub struct ScenarioRobot {
     pub scenario: Scenario,
     /// The robot.
     pub robot: CalibratedRobot,
+    /// Which virtual robot of the scenario it is, where it is one.
+    pub simulated: Option<SimulatedRun>,
     /// What speaks against trusting it.
-    pub conditions: Vec<String>,
+    pub conditions: Vec<Condition>,
 }
 
 /// Reads what `identify --identified-out` wrote of whatever readings, for a command that takes it.
 pub fn read_robot(common: &Common, command: &str, path: &Path) -> anyhow::Result<ScenarioRobot> {
-    let file = shell_word(&path.to_string_lossy());
+    let file = shell_path(path);
     let usage = format!("elastocal {command} SCENARIO --identified {file}");
     if let Some(stored) = StoredRobot::read(path)? {
         let scenario = common.load_for(path, stored.origin.as_ref(), &usage)?;
-        let mut conditions = trust(path, &scenario, Some(&stored.identified_with))?;
+        let trust = trust(path, &scenario, Some(&stored.identified_with))?;
+        let mut conditions: Vec<Condition> = trust.into_iter().collect();
         conditions.extend(doubts(path, &stored.message.conditions));
+        let (stored, held) = stored.with_possible_compliances(&scenario.task.belief.arm());
+        conditions.extend(held);
         let robot = CalibratedRobot::of_absolute(&scenario.task.belief, path, &stored)?;
         return Ok(ScenarioRobot {
             scenario,
             robot,
+            simulated: None,
             conditions,
         });
     }
@@ -55,7 +65,11 @@ pub fn read_robot(common: &Common, command: &str, path: &Path) -> anyhow::Result
     let scenario = common.load_for(path, origin.as_ref(), &usage)?;
     let identified = read_identified(path, &scenario)?;
     let (posterior, compliance) = (identified.posterior, identified.compliance_rad_per_nm);
+    let simulated = origin
+        .filter(|origin| origin.scenario_sha256 == scenario.sha256)
+        .and_then(|origin| origin.simulated);
     Ok(ScenarioRobot {
+        simulated,
         robot: CalibratedRobot::of_deflections(&scenario.task.belief, posterior, compliance),
         scenario,
         conditions: identified.conditions,
@@ -67,16 +81,16 @@ pub fn taken_as_believed(robot: &CalibratedRobot) -> String {
     match robot.taken_as_believed.as_slice() {
         [] => String::new(),
         joints => format!(
-            "Taken as the scenario has them, for certain: the compliances of {}, which were not identified.\n",
+            "Assumed exact, as the scenario has them: the compliances of {}, which were not identified.\n",
             joints.join(", ")
         ),
     }
 }
 
-/// What did not hold when it was identified.
-fn doubts(path: &Path, conditions: &[String]) -> impl Iterator<Item = String> {
-    let file = path.display().to_string();
-    (conditions.iter()).map(move |condition| format!("the identification in {file}: {condition}"))
+/// The conditions with which it was identified.
+fn doubts(path: &Path, conditions: &[Condition]) -> impl Iterator<Item = Condition> {
+    let file = format!("the identification in {}", path.display());
+    (conditions.iter()).map(move |condition| condition.within(&file))
 }
 
 /// Reads what `identify --identified-out` wrote of deflections, for the same robot.
@@ -93,36 +107,43 @@ pub fn read_identified(
             posterior.names.join(", "),
             expected.join(", ")
         );
-        return Err(FileError::new(path, problem).at("parameters"));
+        let wrong = FileError::new(path, problem).at("parameters");
+        return Err(wrong.code(ErrorCode::OtherRobot));
     }
-    let mut conditions = trust(path, scenario, stored.identified_with.as_ref())?;
+    let trust = trust(path, scenario, stored.identified_with.as_ref())?;
+    let mut conditions: Vec<Condition> = trust.into_iter().collect();
     conditions.extend(doubts(path, &stored.conditions));
     let mut compliance_rad_per_nm = belief.nominal.compliance_rad_per_nm.clone();
     for (&joint, value) in belief.parameters.iter().zip(&posterior.mean) {
         compliance_rad_per_nm[joint] = *value;
     }
     for (name, value) in expected.iter().zip(&posterior.mean) {
-        let negative = format!("the compliance of {name} is negative");
-        let is_said = |condition: &String| condition.contains(&negative[4..]);
-        if *value < 0.0 && !conditions.iter().any(is_said) {
-            conditions.push(negative);
+        let impossible = impossible_compliance(name, *value);
+        let is_said = |other: &Condition| {
+            let is_it = |own: &Condition| own.code == other.code && other.text.contains(&own.text);
+            impossible.as_ref().is_some_and(is_it)
+        };
+        if !conditions.iter().any(is_said) {
+            conditions.extend(impossible);
         }
     }
     if let Some(extended) = &belief.uncertain {
-        let others = stored
-            .others
-            .filter(|others| others.names == extended.other_names());
-        let Some(others) = others else {
+        let names = extended.other_names();
+        let found = (stored.others.as_ref()).map_or(&[][..], |others| &others.names);
+        if found != names {
             let problem = "does not say what is known of the uncertainties that the scenario lists";
             let renew = "identify again under this scenario, or leave them out with --noise-only";
-            return Err(FileError::new(path, problem).at("uncertain").hint(renew));
-        };
-        posterior = all_of(&posterior, others, &belief.sizes());
+            let wrong = FileError::new(path, problem).at("uncertain").hint(renew);
+            return Err(wrong.code(ErrorCode::OtherRobot));
+        }
+        if let Some(others) = stored.others {
+            posterior = all_of(&posterior, others, &belief.sizes());
+        }
         let arm = extended.set().apply(extended.arm(), &posterior.mean);
         compliance_rad_per_nm = arm.compliance_rad_per_nm;
     }
     Ok(IdentifiedCompliances {
-        misfit: stored.misfit,
+        discrepancy: stored.discrepancy,
         compliance_rad_per_nm,
         posterior,
         conditions,
@@ -154,17 +175,17 @@ fn trust(
     path: &Path,
     scenario: &Scenario,
     found: Option<&Fingerprint>,
-) -> Result<Vec<String>, FileError> {
+) -> Result<Option<Condition>, FileError> {
     let renew = format!(
         "renew it with `elastocal identify {} --measurements FILE --identified-out {}`",
-        scenario.path.display(),
-        path.display()
+        shell_path(&scenario.path),
+        shell_path(path)
     );
     let Some(found) = found else {
-        return Ok(vec![format!(
-            "{} does not say what it was identified with, as files of earlier versions do not: {renew}",
+        return Ok(Some(ConditionCode::NoFingerprint.with(format!(
+            "{} does not say with which robot and scenario it was identified",
             path.display()
-        )]);
+        ))));
     };
     let expected = scenario.task.belief.fingerprint();
     if found.robot_sha256 != expected.robot_sha256 {
@@ -172,16 +193,17 @@ fn trust(
                        of the scenario's model";
         return Err(FileError::new(path, problem)
             .at("identified_with.robot_sha256")
+            .code(ErrorCode::OtherRobot)
             .hint(format!(
                 "give the scenario that it was identified under, or {renew}"
             )));
     }
     if found.belief_sha256 != expected.belief_sha256 {
-        return Ok(vec![format!(
+        return Ok(Some(ConditionCode::OtherScenario.with(format!(
             "{} was identified under another scenario: masses, gravity, nominal compliances, the calibration \
-             tool or the instrument's sigma are not those of this one; {renew}",
+             tool or the instrument's sigma differ",
             path.display()
-        )]);
+        ))));
     }
-    Ok(Vec::new())
+    Ok(None)
 }

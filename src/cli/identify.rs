@@ -3,24 +3,31 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use elastocal::codes::{ConditionCode, ErrorCode};
 use elastocal::files::FileError;
 use elastocal::files::output::write_whole;
 use elastocal::identification::{
     Identification, IdentificationError, ParameterGroup, ReadingWeights, Robustness,
     UncertainEstimate,
 };
-use elastocal::measurement::{AbsoluteReading, MeasuredFile, Measurement, Origin, read_measured};
+use elastocal::measurement::{
+    AbsoluteReading, MeasuredFile, Measurement, Origin, controller_compensates, read_measured,
+};
+use elastocal::record::json::merge;
 use elastocal::record::messages::ProvenanceMessage;
 use elastocal::scenario::Scenario;
 use elastocal::task::Method;
-use elastocal::text::wording::{counted, shell_word};
-use elastocal::workflow::identify::{HowIdentified, NotIdentified, identify_measurements, likely};
+use elastocal::text::wording::{counted, shell_path};
+use elastocal::view::discrepancy_plots::patterns_plot;
+use elastocal::workflow::identify::{HowIdentified, NotIdentified, identify_measurements};
+use serde_json::{Value, json};
 
 use super::identify_absolute::Asked;
+use super::study::results::noted;
 use super::table::{number, table};
 use super::written::Written;
 use super::{Common, Report, check_outputs, inputs, named_by_file, without_effect};
-use super::{identify_absolute, patterns, residuals, views};
+use super::{identify_absolute, patterns, repeats, residuals};
 
 /// Arguments of `identify`.
 #[derive(Debug, Args)]
@@ -35,8 +42,8 @@ pub struct Identify {
     /// How; the scenario's method if not given.
     #[arg(long, value_enum)]
     method: Option<Method>,
-    /// Estimate sigma from the residuals instead of taking the scenario's. Of absolute readings: weigh them by what the model
-    /// leaves unexplained, too, even where their own deviations explain it.
+    /// Estimate sigma from the residuals instead of taking the scenario's. Of absolute readings: weigh them by the model
+    /// discrepancy, too, even where their own deviations explain the residuals.
     #[arg(long)]
     sigma_from_residuals: bool,
     /// What to fit to absolute readings, frames of stations and targets always among it; what the scenario's robot.parameters
@@ -46,12 +53,12 @@ pub struct Identify {
     /// Compare models with more and more parameters (frames, zeros, links, compliances, springs, payload) by blocks of joint
     /// space that they were not fitted to, and fit the one that is recommended. Of absolute readings.
     #[arg(long, conflicts_with = "parameters")]
-    ladder: bool,
-    /// Another series of absolute readings of the same robot, fitted apart in the same way: parameters that contradict each other
+    model_selection: bool,
+    /// Another series of absolute readings of the same robot, fitted apart in the same way: inconsistent parameters
     /// are named.
     #[arg(long, value_name = "FILE")]
     against: Option<PathBuf>,
-    /// Where to write a picture (SVG): of the patterns in the residuals; with --ladder, of what each model leaves.
+    /// Where to write a picture (SVG): of the patterns in the residuals; with --model-selection, of each model's residuals.
     #[arg(long, value_name = "FILE")]
     plot_out: Option<PathBuf>,
     /// Fit readings that lie far out, too: more than 5 standard deviations from what the others say.
@@ -64,9 +71,8 @@ pub struct Identify {
 
 impl Identify {
     pub fn execute(&self) -> anyhow::Result<Report> {
-        views::needed_by("--plot-out", self.plot_out.as_ref())?;
         let origin = Origin::read(&self.measurements)?;
-        let file = shell_word(&self.measurements.to_string_lossy());
+        let file = shell_path(&self.measurements);
         let usage = format!("elastocal identify SCENARIO --measurements {file}");
         let scenario = (self.common).load_for(&self.measurements, origin.as_ref(), &usage)?;
         let measured = read_measured(&self.measurements, &scenario.task.belief)?;
@@ -82,10 +88,19 @@ impl Identify {
         check_outputs(&mut roles, &outputs)?;
         let mut report = match measured {
             MeasuredFile::Deflections(measurements) => {
-                self.of_deflections(&scenario, &measurements)?
+                self.of_deflections(&scenario, origin.as_ref(), &measurements)?
             }
             MeasuredFile::Absolute(readings) => self.of_absolute(&scenario, &readings)?,
         };
+        if controller_compensates(&self.measurements)? {
+            let words = "the controller compensated deflections itself (KUKA: $ABS_ACCUR), as the file of measurements says";
+            let condition = ConditionCode::ControllerCompensates.with(words);
+            let conditions = report.json.get_mut("conditions");
+            if let Some(conditions) = conditions.and_then(Value::as_array_mut) {
+                conditions.push(json!(condition));
+            }
+            report.conditions.push(condition);
+        }
         if let Some(path) = &self.identified_out {
             let text = serde_json::to_string_pretty(&report.json)? + "\n";
             write_whole(path, text.as_bytes())?;
@@ -104,10 +119,11 @@ impl Identify {
             let hint = "leave out --method";
             return Err(FileError::new(&self.measurements, problem)
                 .hint(hint)
+                .code(ErrorCode::OtherAccuracy)
                 .into());
         }
         let weights = match (self.sigma_from_residuals, self.common.noise_only) {
-            (true, _) => ReadingWeights::WithMisfit,
+            (true, _) => ReadingWeights::WithDiscrepancy,
             (false, true) => ReadingWeights::Own,
             (false, false) => ReadingWeights::AsNeeded,
         };
@@ -118,7 +134,7 @@ impl Identify {
         let asked = Asked {
             groups: &self.parameters,
             weights,
-            by_ladder: self.ladder,
+            by_model_selection: self.model_selection,
             against: self.against.as_deref(),
             plot_out: self.plot_out.as_deref(),
             keeps_all: self.keep_all,
@@ -130,9 +146,9 @@ impl Identify {
     fn refuse_of_deflections(&self) -> Result<(), FileError> {
         let refused = [
             (
-                self.ladder,
-                "--ladder",
-                "of which no ladder of models is made",
+                self.model_selection,
+                "--model-selection",
+                "for which there is no model selection",
             ),
             (
                 self.against.is_some(),
@@ -149,7 +165,8 @@ impl Identify {
             if is_given {
                 let problem = format!("holds deflections, {why}");
                 let hint = format!("leave out {option}, which is for absolute readings");
-                return Err(FileError::new(&self.measurements, problem).hint(hint));
+                let wrong = FileError::new(&self.measurements, problem).hint(hint);
+                return Err(wrong.code(ErrorCode::OtherAccuracy));
             }
         }
         Ok(())
@@ -158,6 +175,7 @@ impl Identify {
     fn of_deflections(
         &self,
         scenario: &Scenario,
+        origin: Option<&Origin>,
         measurements: &[Measurement],
     ) -> anyhow::Result<Report> {
         self.refuse_of_deflections()?;
@@ -171,7 +189,7 @@ impl Identify {
         ));
         if self.sigma_from_residuals && scenario.task.belief.knows_before() {
             let problem = "with what is known before, sigma has to be known, too";
-            let wrong = FileError::new(&scenario.path, problem);
+            let wrong = FileError::new(&scenario.path, problem).code(ErrorCode::Scenario);
             let (key, hint) = if scenario.task.belief.uncertain.is_some() {
                 (
                     "uncertainty",
@@ -191,14 +209,20 @@ impl Identify {
             sigma_from_residuals: self.sigma_from_residuals,
             robustness: Robustness {
                 keeps_all: self.keep_all,
-                counts_misfit: !self.common.noise_only,
+                counts_discrepancy: !self.common.noise_only,
+                holds_nominal: true,
             },
         };
         let identified = identify_measurements(belief, measurements, how)
             .map_err(|problem| explained(&self.measurements, &problem))?;
         let provenance =
             ProvenanceMessage::new(scenario).with_input("measurements", &self.measurements)?;
-        let json = identified.json(scenario, &provenance, self.sigma_from_residuals)?;
+        // Another state of the scenario has another virtual robot.
+        let simulated = origin
+            .filter(|origin| origin.scenario_sha256 == scenario.sha256)
+            .and_then(|origin| origin.simulated);
+        let mut json = identified.json(scenario, &provenance, self.sigma_from_residuals)?;
+        merge(&mut json, json!({ "simulated": simulated }));
         let (identification, residuals) = (&identified.identification, &identified.residuals);
         let mut text = describe(identification);
         if measurements.iter().any(|each| each.sigma_m.is_some()) {
@@ -209,11 +233,13 @@ impl Identify {
             residuals::describe(identification, residuals, &identified.rejected)
         );
         text += &patterns::describe(&identified.patterns);
+        text += &repeats::describe(identified.repeats.as_ref(), "deflections");
+        text += &noted(&identified.notes());
         let mut written = Written::default();
         if let Some(path) = &self.plot_out {
             let title = format!("{}: patterns in the residuals", scenario.name);
-            let plot = views::write_patterns_plot(path, &title, &identified.patterns)?;
-            text += &written.told(path, plot);
+            let plot = patterns_plot(&title, &identified.patterns)?;
+            text += &written.told(path, write_whole(path, plot.as_bytes()));
         }
         Ok(Report {
             json,
@@ -229,10 +255,10 @@ impl Identify {
 /// Why nothing is identified, with what to do about it.
 pub fn explained(file: &Path, problem: &NotIdentified) -> FileError {
     let NotIdentified { error, diagnoses } = problem;
-    let wrong = FileError::new(file, error.to_string());
+    let wrong = FileError::new(file, error.to_string()).code(error.code());
     if !diagnoses.is_empty() {
-        let all: Vec<String> = diagnoses.iter().map(likely).collect();
-        return wrong.hint(all.join("; "));
+        let all = diagnoses.iter().map(|each| each.condition().text);
+        return wrong.hint(all.collect::<Vec<_>>().join("; "));
     }
     match error {
         IdentificationError::Equilibrium { .. } | IdentificationError::NotConverged { .. } => wrong
@@ -302,7 +328,14 @@ pub fn describe(identification: &Identification) -> String {
                 ]
             } else {
                 let mut row = vec![parameter.name.clone()];
-                row.extend(["not determined", "-", "-"].map(str::to_owned));
+                let stays = &identification.stays_nominal;
+                let is_nominal = stays.iter().any(|each| each.name == parameter.name);
+                let why = if is_nominal {
+                    "nominal"
+                } else {
+                    "not determined"
+                };
+                row.extend([why, "-", "-"].map(str::to_owned));
                 row
             }
         })
@@ -323,10 +356,10 @@ pub fn describe(identification: &Identification) -> String {
         number(identification.residual_sigma_m.map(|sigma| sigma * 1e3), 4),
         identification.condition
     );
-    if let Some(misfit) = identification.misfit {
+    if let Some(discrepancy) = identification.discrepancy {
         text += &format!(
-            "  The model leaves {:.4} mm in each coordinate unexplained, which the standard errors count.\n",
-            misfit.position_m * 1e3
+            "  Model discrepancy {:.4} mm in each coordinate, which the standard errors count.\n",
+            discrepancy.position_m * 1e3
         );
     }
     text

@@ -3,24 +3,28 @@
 use std::path::Path;
 
 use elastocal::files::FileError;
-use elastocal::identification::{AbsoluteError, Ladder, ParameterGroup, ReadingWeights};
-use elastocal::measurement::{AbsoluteReading, MeasuredFile, read_measured};
-use elastocal::record::absolute::{
-    AbsoluteMessage, LengthsMessage, MountedFrameMessage, UnexplainedMessage, shown_unit,
+use elastocal::files::output::write_whole;
+use elastocal::identification::{
+    AbsoluteError, DistanceStatistics, ModelSelection, ParameterGroup, ReadingWeights,
 };
-use elastocal::record::contradictions::ContradictionsMessage;
+use elastocal::measurement::{AbsoluteReading, MeasuredFile, read_measured};
+use elastocal::quantities::units::shown_unit;
+use elastocal::record::absolute::{AbsoluteMessage, MountedFrameMessage, UnexplainedMessage};
+use elastocal::record::inconsistencies::InconsistenciesMessage;
 use elastocal::record::json::merge;
-use elastocal::record::ladder::LadderMessage;
 use elastocal::record::messages::ProvenanceMessage;
+use elastocal::record::model_selection::ModelSelectionMessage;
 use elastocal::scenario::Scenario;
 use elastocal::task::Belief;
 use elastocal::text::wording::counted;
-use elastocal::workflow::identify_absolute::{identify_absolute, ladder, uncounted};
+use elastocal::view::discrepancy_plots::{model_selection_plot, patterns_plot};
+use elastocal::workflow::identify_absolute::{identify_absolute, model_selection, uncounted};
 use serde_json::json;
 
+use super::study::results::noted;
 use super::table::table;
 use super::written::Written;
-use super::{Report, patterns, views};
+use super::{Report, patterns, repeats};
 
 /// What is asked of absolute readings.
 pub struct Asked<'a> {
@@ -28,8 +32,8 @@ pub struct Asked<'a> {
     pub weights: ReadingWeights,
     /// Whether readings that lie far out are fitted, too.
     pub keeps_all: bool,
-    /// Whether a ladder of models says which groups.
-    pub by_ladder: bool,
+    /// Whether a selection of models says which groups.
+    pub by_model_selection: bool,
     /// Another series of the same robot.
     pub against: Option<&'a Path>,
     /// Where the picture goes.
@@ -46,13 +50,15 @@ pub fn execute(
     let belief = &scenario.task.belief;
     let wrong = |error| explained(file, &error);
     let mut written = Written::default();
-    let ladder = if asked.by_ladder {
+    let model_selection = if asked.by_model_selection {
         let how = (asked.weights, asked.keeps_all);
-        Some(ladder(belief, readings, how).map_err(wrong)?)
+        Some(model_selection(belief, readings, how).map_err(wrong)?)
     } else {
         None
     };
-    let groups = ladder.as_ref().map_or(asked.groups, Ladder::groups);
+    let groups = model_selection
+        .as_ref()
+        .map_or(asked.groups, ModelSelection::groups);
     let mut identified =
         identify_absolute(belief, readings, groups, (asked.weights, asked.keeps_all))
             .map_err(wrong)?;
@@ -69,19 +75,19 @@ pub fn execute(
     let message = AbsoluteMessage::new(&identified.case, &identified.fit);
     let mut text = String::new();
     let plot = |title: &str| format!("{}: {title}", scenario.name);
-    if let Some(ladder) = &ladder {
-        let ladder = LadderMessage::from(ladder);
-        text += &format!("{}\n", super::ladder::describe(&ladder));
+    if let Some(model_selection) = &model_selection {
+        let model_selection = ModelSelectionMessage::from(model_selection);
+        text += &format!("{}\n", super::model_selection::describe(&model_selection));
         if let Some(path) = asked.plot_out {
             let title = plot("which model the readings pay for");
-            let plot = views::write_ladder_plot(path, &title, &ladder)?;
-            text += &written.told(path, plot);
+            let plot = model_selection_plot(&title, &model_selection)?;
+            text += &written.told(path, write_whole(path, plot.as_bytes()));
         }
-        merge(&mut json, json!({ "ladder": ladder }));
+        merge(&mut json, json!({ "model_selection": model_selection }));
     } else if let Some(path) = asked.plot_out {
         let title = plot("patterns in the residuals");
-        let plot = views::write_patterns_plot(path, &title, &identified.patterns)?;
-        text += &written.told(path, plot);
+        let plot = patterns_plot(&title, &identified.patterns)?;
+        text += &written.told(path, write_whole(path, plot.as_bytes()));
     }
     text += &describe(&message);
     let uncounted = uncounted(belief);
@@ -92,9 +98,11 @@ pub fn execute(
         );
     }
     text += &patterns::describe(&identified.patterns);
-    for each in &identified.contradictions {
+    text += &repeats::describe(identified.repeats.as_ref(), "positions");
+    for each in &identified.inconsistencies {
         text += &compared(each);
     }
+    text += &noted(&identified.fit.notes());
     let mut conditions = identified.conditions();
     conditions.extend(written.conditions());
     Ok(Report {
@@ -116,8 +124,8 @@ fn other_readings(file: &Path, belief: &Belief) -> Result<Vec<AbsoluteReading>, 
 }
 
 /// How many parameters of two series agree; the others are conditions.
-fn compared(message: &ContradictionsMessage) -> String {
-    let ContradictionsMessage {
+fn compared(message: &InconsistenciesMessage) -> String {
+    let InconsistenciesMessage {
         between: [one, other],
         compared,
         found,
@@ -126,16 +134,19 @@ fn compared(message: &ContradictionsMessage) -> String {
         "  Fitted apart {one} and {other}: of {} {} each other.\n",
         counted(*compared as u64, "parameter"),
         match found.len() {
-            0 => "none contradict".to_owned(),
-            1 => "one contradicts".to_owned(),
-            count => format!("{count} contradict"),
+            0 => "none are inconsistent".to_owned(),
+            1 => "one is inconsistent".to_owned(),
+            count => format!("{count} are inconsistent"),
         }
     )
 }
 
 /// Why there is no fit, with what to do about it.
 pub fn explained(file: &Path, error: &AbsoluteError) -> FileError {
-    let wrong = FileError::new(file, error.to_string());
+    let wrong = FileError::new(file, error.to_string()).code(error.code());
+    if let AbsoluteError::Mistaken { likely, .. } = error {
+        return wrong.hint(likely);
+    }
     match error.hint() {
         Some(hint) => wrong.hint(hint),
         None => wrong,
@@ -196,35 +207,33 @@ fn describe(message: &AbsoluteMessage) -> String {
             .iter()
             .map(|each| each.name.as_str())
             .collect();
-        text += &format!(
-            "\n  Left out, since no reading can tell them from others: {}\n",
-            names.join(", ")
-        );
+        text += &format!("\n  Redundant, not fitted: {}\n", names.join(", "));
     }
     text += &format!(
         "\n{}",
         distances_table(&message.distance_mm, message.angle_mrad.as_ref())
     );
     if message.consistency.is_none() && message.numbers <= message.unknowns.len() {
-        text += "  There are no more numbers than unknowns: nothing is left over that could show an error.\n";
+        text +=
+            "  As many equations as unknowns: there are no residuals that could show an error.\n";
     }
-    if let Some(misfit_mm) = message.misfit_mm {
+    if let Some(discrepancy_mm) = message.discrepancy_mm {
         let turned = message
-            .misfit_mrad
+            .discrepancy_mrad
             .map(|value| format!(", {value:.4} mrad"));
         text += &format!(
-            "  The model leaves {misfit_mm:.4} mm{} in each coordinate unexplained, which the standard errors count.\n",
+            "  Model discrepancy {discrepancy_mm:.4} mm{} in each coordinate, which the standard errors count.\n",
             turned.unwrap_or_default()
         );
     }
-    if let Some(found) = &message.unexplained {
-        text += &unexplained(found);
+    if let Some(found) = &message.discrepancy_model {
+        text += &discrepancy_model(found);
     }
     text
 }
 
-/// What the misfit consists of.
-fn unexplained(found: &UnexplainedMessage) -> String {
+/// What the discrepancy consists of.
+fn discrepancy_model(found: &UnexplainedMessage) -> String {
     let rows: Vec<Vec<String>> = (found.joints.iter())
         .map(|each| {
             let largest = each
@@ -249,13 +258,13 @@ fn unexplained(found: &UnexplainedMessage) -> String {
     ];
     let turned = found.angle_mrad.as_ref();
     format!(
-        "  Of that, joints are off by functions of their own angles, each as a random one of this size:\n\n{}  \
-         With these, {:.4} mm{} are left on average; {} tell as much as {:.0} with errors of their own would.\n",
+        "  Of that, joint error functions of this size:\n\n{}  \
+         With these, the mean residual is {:.4} mm{}; {}, effective sample size {:.0}.\n",
         table(&header, &rows),
         found.distance_mm.mean,
         turned.map_or_else(String::new, |angle| format!(", {:.4} mrad", angle.mean)),
-        counted(found.stands as u64, "stand"),
-        found.effective_stands
+        counted(found.visits as u64, "stand"),
+        found.effective_sample_size
     )
 }
 
@@ -299,8 +308,11 @@ fn frames_table(stations: &[MountedFrameMessage], targets: &[MountedFrameMessage
 }
 
 /// Distances, and angles where there are any.
-fn distances_table(distance_mm: &LengthsMessage, angle_mrad: Option<&LengthsMessage>) -> String {
-    let row = |name: &str, lengths: &LengthsMessage| {
+fn distances_table(
+    distance_mm: &DistanceStatistics,
+    angle_mrad: Option<&DistanceStatistics>,
+) -> String {
+    let row = |name: &str, lengths: &DistanceStatistics| {
         let numbers = [
             lengths.mean,
             lengths.rms,

@@ -47,7 +47,7 @@ impl Import {
             text += &format!("wrote {}\n", path.display());
         }
         let ranges: Vec<_> = (imported.ranges.iter())
-            .map(|each| json!({ "column": each.column, "range": each.range, "different": each.different }))
+            .map(|(column, range)| json!({ "column": column, "range": range }))
             .collect();
         Ok(Report {
             json: json!({
@@ -57,9 +57,7 @@ impl Import {
                 },
                 "measurements_file": out,
                 "rows": imported.rows,
-                "left_out": imported.left_out,
                 "columns": ranges,
-                "understood": imported.understood,
                 "unread": imported.unread,
             }),
             text,
@@ -69,30 +67,13 @@ impl Import {
 }
 
 fn describe(path: &Path, imported: &ImportedTable) -> String {
-    let mut text = format!(
-        "{}: {}",
-        path.display(),
-        counted(imported.rows as u64, "row")
-    );
-    if imported.left_out > 0 {
-        text += &format!(", {} left out", imported.left_out);
-    }
-    text += "\n";
-    let rows: Vec<Vec<String>> = (imported.ranges.iter())
-        .map(|each| {
-            let shown = |value: f64| format!("{value:.5}");
-            let range = each.range.map_or_else(
-                || ["-".to_owned(), "-".to_owned()],
-                |range| range.map(shown),
-            );
-            let [low, high] = range;
-            vec![each.column.clone(), low, high, each.different.to_string()]
-        })
+    let rows = counted(imported.rows as u64, "row");
+    let shown = |value: f64| format!("{value:.5}");
+    let ranges: Vec<Vec<String>> = (imported.ranges.iter())
+        .map(|(column, [low, high])| vec![column.clone(), shown(*low), shown(*high)])
         .collect();
-    text += &table(&["column", "smallest", "largest", "different"], &rows);
-    for sentence in &imported.understood {
-        text += &format!("{sentence}\n");
-    }
+    let ranges = table(&["column", "smallest", "largest"], &ranges);
+    let mut text = format!("{}: {rows}\n{ranges}", path.display());
     if !imported.unread.is_empty() {
         text += &format!("Not read: {}.\n", imported.unread.join(", "));
     }

@@ -3,13 +3,16 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use elastocal::codes::ErrorCode;
 use elastocal::files::FileError;
 use elastocal::files::output::{check_writable, write_whole};
 use elastocal::record::json::merge;
 use elastocal::record::messages::SchemaMessage;
 use elastocal::record::platform::platform;
 use elastocal::record::understanding::UnderstandingMessage;
-use elastocal::workflow::init::draft;
+use elastocal::scenario::scenario_schema;
+use elastocal::text::wording::shell_path;
+use elastocal::workflow::init::{SCHEMA_FILE, draft};
 use serde_json::json;
 
 use super::Report;
@@ -19,11 +22,11 @@ use super::Report;
 pub struct Init {
     /// The robot's model: MJCF or URDF.
     model: PathBuf,
-    /// Where to write the scenario; the model's name with .toml in the current folder if not given. A file
-    /// that is there is never replaced.
+    /// Where to write the scenario; the model's name with .toml in the current folder if not given. The schema that
+    /// editors read stands beside it. A file that is there is never replaced.
     #[arg(long, value_name = "FILE")]
     scenario_out: Option<PathBuf>,
-    /// The body or site at the arm's end, where the model has several arms.
+    /// The body or site at the arm's end, where the model has several arms, or a joint at the arm's end is taken for a gripper's.
     #[arg(long, value_name = "NAME")]
     tip: Option<String>,
     /// Print results as JSON.
@@ -45,10 +48,16 @@ impl Init {
         if path.exists() {
             let wrong = FileError::new(&path, "is there already, and is not replaced");
             return Err(wrong
+                .code(ErrorCode::Overwrites)
                 .hint("give another file with --scenario-out, or move this one away")
                 .into());
         }
+        let schema = path.with_file_name(SCHEMA_FILE);
+        let is_schema_there = schema.exists();
         check_writable(&path)?;
+        if !is_schema_there {
+            check_writable(&schema)?;
+        }
         let draft = draft(&self.model, &path, self.tip.as_deref())?;
         if !self.quiet {
             for warning in &draft.understanding.warnings {
@@ -56,13 +65,19 @@ impl Init {
             }
         }
         write_whole(&path, draft.text.as_bytes())?;
+        if !is_schema_there {
+            let text = serde_json::to_string_pretty(&scenario_schema())? + "\n";
+            write_whole(&schema, text.as_bytes())?;
+        }
         let mut text = super::check::describe(&draft.understanding);
         for sentence in &draft.found {
             text += &format!("{sentence}\n");
         }
-        let shown = path.display();
+        let shown = shell_path(&path);
         text += &format!(
-            "wrote {shown}: give your numbers where it says GUESS, then elastocal check {shown} and elastocal plan {shown}\n"
+            "wrote {}: give your numbers where it says GUESS, then elastocal check {shown} and elastocal plan {shown}\n\
+             {SCHEMA_FILE} beside it has editors complete and check keys\n",
+            path.display()
         );
         let mut json = json!({
             "schema": SchemaMessage::new("init"),

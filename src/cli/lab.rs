@@ -3,9 +3,11 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use elastocal::codes::{Condition, ConditionCode, ErrorCode};
 use elastocal::files::output::write_whole;
 use elastocal::files::{FileError, make_folder};
 use elastocal::laboratory::{Campaign, CampaignError, Program, ProgramFile, program};
+use elastocal::measurement::CONTROLLER_COMPENSATES;
 use elastocal::measurement::{RowToFillIn, table_to_fill_in};
 use elastocal::parameter::Unloaded;
 use elastocal::plan::{Feasibility, Plan, read_plan};
@@ -14,10 +16,11 @@ use elastocal::record::messages::ProvenanceMessage;
 use elastocal::scenario::Scenario;
 use elastocal::task::Extended;
 use elastocal::text::wording::counted;
+use elastocal::view::run_sheet::run_sheet;
 
 use super::dialect::dialect;
 use super::table::table;
-use super::views::{self, RUN_SHEET};
+use super::views::RUN_SHEET;
 use super::written::Written;
 use super::{Common, Report, inputs, results, without_effect};
 
@@ -59,7 +62,7 @@ impl Lab {
         let mut roles = inputs(&scenario);
         roles.reads("the plan", &self.plan);
         roles.writes_to(&folder, &FILES);
-        roles.writes_to(&folder, RUN_SHEET.as_slice());
+        roles.writes_to(&folder, &[RUN_SHEET]);
         let program_names: Vec<&str> = program_names.iter().map(String::as_str).collect();
         roles.writes_to(&folder, &program_names).check()?;
 
@@ -69,18 +72,18 @@ impl Lab {
         ));
         let campaign = Campaign::new(&scenario.task, &scenario.laboratory, &plan, self.keep_order)
             .map_err(|error| {
-                FileError::new(&self.plan, error.to_string()).hint(CampaignError::HINT)
+                let wrong = FileError::new(&self.plan, error.to_string());
+                wrong.code(ErrorCode::Campaign).hint(CampaignError::HINT)
             })?;
         make_folder(&folder)?;
         let title = format!("elastocal: {name}, {}", self.plan.display());
-        let files = files(&program(&campaign, &title))?;
+        let gravity = &scenario.task.belief.nominal.chain.gravity_m_s2;
+        let files = files(&program(&campaign, gravity, &title))?;
         let mut written = Written::default();
         let mut text = describe(&plan, &campaign);
-        if let Some(sheet) = RUN_SHEET {
-            let path = folder.join(sheet);
-            let sheet = views::write_run_sheet(&path, &scenario, &plan, &campaign);
-            text += &written.told(&path, sheet);
-        }
+        let path = folder.join(RUN_SHEET);
+        let sheet = run_sheet(&scenario, &plan, &campaign);
+        text += &written.told(&path, write_whole(&path, sheet.as_bytes()));
         for file in &files {
             let path = folder.join(&file.name);
             text += &written.told(&path, write_whole(&path, file.text.as_bytes()));
@@ -103,15 +106,15 @@ impl Lab {
         })
     }
 
-    fn conditions(&self, scenario: &Scenario, plan: &Plan, campaign: &Campaign) -> Vec<String> {
+    fn conditions(&self, scenario: &Scenario, plan: &Plan, campaign: &Campaign) -> Vec<Condition> {
         let mut conditions = Vec::new();
         let violations = Feasibility::new(&scenario.task).violations(plan);
         if let Some(first) = violations.first() {
             let count = counted(violations.len() as u64, "violation");
-            conditions.push(format!(
+            conditions.push(ConditionCode::Violation.with(format!(
                 "{}: the plan has {count}: {first}",
                 self.plan.display()
-            ));
+            )));
         }
         let without = (campaign.stops.iter())
             .filter(|stop| stop.approach.is_none())
@@ -120,13 +123,14 @@ impl Lab {
             .collect::<std::collections::BTreeSet<_>>();
         if !without.is_empty() && scenario.laboratory.approach > 0.0 {
             let without: Vec<String> = without.into_iter().collect();
-            conditions.push(format!(
+            conditions.push(ConditionCode::OneSidedApproach.with(format!(
                 "there is no room to approach experiment {} from one side",
                 without.join(", ")
-            ));
+            )));
         }
         if campaign.home.is_some() && campaign.return_way.is_none() {
-            conditions.push("no way is found back to the first safe pose".to_owned());
+            let words = "no way is found back to the first safe pose";
+            conditions.push(ConditionCode::NoWay.with(words));
         }
         conditions
     }
@@ -160,6 +164,8 @@ fn to_fill_in(scenario: &Scenario, plan: &Plan, campaign: &Campaign) -> String {
         rows,
     );
     scenario.origin().comments()
+        + &format!("# {CONTROLLER_COMPENSATES}no\n")
+        + "# does the controller compensate deflections by itself (KUKA: $ABS_ACCUR)? Write yes or no there.\n"
         + "# positions of the reflector without and with the load as the sheet has them, world frame; where the \
            instrument shows\n# their difference: dx_mm,dy_mm,dz_mm in place of the six columns\n"
         + &table

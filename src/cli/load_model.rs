@@ -16,13 +16,13 @@ pub struct LoadModel {
 }
 
 impl LoadModel {
-    pub fn execute(&self) -> anyhow::Result<Vec<String>> {
+    pub fn execute(&self) -> anyhow::Result<Vec<elastocal::codes::Condition>> {
         limit_process();
         let model = Model::load(&self.model).map_err(|error| {
             let problem = error.to_string();
             let about_model = format!("{}: ", self.model.display());
             let problem = problem.strip_prefix(&about_model).unwrap_or(&problem);
-            let wrong = FileError::new(&self.model, problem);
+            let wrong = FileError::new(&self.model, problem).code(error.code());
             match error.hint() {
                 Some(hint) => wrong.hint(hint),
                 None => wrong,
@@ -35,9 +35,9 @@ impl LoadModel {
     }
 }
 
-/// Has every model loaded by such a process first.
-pub fn rehearse_models() {
-    if let Ok(program) = std::env::current_exe() {
+/// Has every model loaded by such a process first, where there is a program for it.
+pub fn rehearse_models(itself: Option<PathBuf>) {
+    if let Some(program) = itself {
         rehearse_with(program, NAME);
     }
 }

@@ -3,12 +3,12 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use elastocal::calibration::measure;
+use elastocal::calibration::{MeasuredRun, measure, measure_noise_free};
+use elastocal::codes::ErrorCode;
 use elastocal::files::FileError;
 use elastocal::measurement::write_measurements_under;
 use elastocal::plan::read_plan;
-use elastocal::record::messages::{MeasurementMessage, ProvenanceMessage};
-use elastocal::study::true_compliances::truth_of_run;
+use elastocal::record::messages::{MeasurementMessage, ProvenanceMessage, TruthMessage};
 use elastocal::testbed::{TrueRobots, VirtualRobot};
 use elastocal::text::wording::counted;
 use serde_json::json;
@@ -25,11 +25,11 @@ pub struct Measure {
     /// The plan to measure.
     #[arg(long, value_name = "FILE")]
     plan: PathBuf,
-    /// Leave the instrument's noise out.
+    /// Leave the instrument's errors out, and without --run all else that is sampled.
     #[arg(long)]
     noise_free: bool,
-    /// Measure as run R of a study does, from 0: with its random numbers, on its virtual robot.
-    #[arg(long, value_name = "R", conflicts_with = "noise_free")]
+    /// Measure as run R of a study does, from 0, which is taken where none is named: with its random numbers, on its virtual robot.
+    #[arg(long, value_name = "R")]
     run: Option<u64>,
     /// Where to write the measurements.
     #[arg(long, value_name = "FILE")]
@@ -38,7 +38,7 @@ pub struct Measure {
 
 impl Measure {
     pub fn execute(&self) -> anyhow::Result<Report> {
-        let mut scenario = self.common.load()?;
+        let scenario = self.common.load()?;
         let plan = read_plan(&self.plan, scenario.task.belief.commands())?;
         let outputs = [("--measurements-out", self.measurements_out.as_deref())];
         let mut roles = inputs(&scenario);
@@ -48,26 +48,27 @@ impl Measure {
             counted(plan.measurements().into(), "experiment"),
             scenario.truth.robot.model.path().display()
         ));
-        if let Some(run) = self.run {
-            scenario.truth = truth_of_run(&scenario.truth, scenario.seed, run);
-        }
         let (task, truth) = (&scenario.task, &scenario.truth);
-        let wrong = |error: String| FileError::new(&self.plan, error);
-        let measurements = if self.noise_free {
+        let wrong = |error: String| FileError::new(&self.plan, error).code(ErrorCode::Simulation);
+        let (measurements, of_run) = if self.noise_free && self.run.is_none() {
             let mut robot = VirtualRobot::new(&truth.robot, &task.belief.calibration_tool.name)?;
-            (robot.measure_noise_free(&plan, &task.belief.instrument))
-                .map_err(|error| wrong(error.to_string()))?
+            let measured = robot.measure_noise_free(&plan, &task.belief.instrument);
+            (measured.map_err(|error| wrong(error.to_string()))?, None)
         } else {
             let mut robots = TrueRobots::new(&task.belief, truth)?;
-            measure(
-                &mut robots,
-                task,
+            let read = if self.noise_free {
+                measure_noise_free
+            } else {
+                measure
+            };
+            let (seed, run) = (scenario.seed, self.run.unwrap_or(0));
+            let MeasuredRun {
+                measurements,
                 truth,
-                &plan,
-                scenario.seed,
-                self.run.unwrap_or(0),
-            )
-            .map_err(|error| wrong(error.to_string()))?
+            } = read(&mut robots, task, truth, &plan, seed, run)
+                .map_err(|error| wrong(error.to_string()))?;
+            let joints = task.belief.parameters.iter().copied();
+            (measurements, Some(TruthMessage::new(joints, &truth)))
         };
         let rows: Vec<Vec<String>> = measurements
             .iter()
@@ -87,17 +88,19 @@ impl Measure {
             &["experiment", "dx [mm]", "dy [mm]", "dz [mm]", "size [mm]"],
             &rows,
         );
+        if let Some(truth) = of_run.as_ref().filter(|_| self.noise_free) {
+            text += &truth_words(&task.belief.parameter_names(), truth);
+        }
         if let Some(path) = &self.measurements_out {
             write_measurements_under(
-                &scenario.origin(),
+                &(scenario.origin())
+                    .simulated(scenario.seed, of_run.as_ref().map(|truth| truth.run)),
                 path,
                 scenario.task.belief.commands(),
                 &measurements,
             )?;
             text += &format!("wrote {}\n", path.display());
         }
-        let dropped = (plan.measurements() as usize).saturating_sub(measurements.len());
-        text += &dropped_words(dropped, plan.measurements());
         let commands = scenario.task.belief.commands();
         let messages: Vec<MeasurementMessage> = (measurements.iter())
             .map(|each| MeasurementMessage::new(&commands, each))
@@ -106,7 +109,7 @@ impl Measure {
             json: results(
                 "measure",
                 &ProvenanceMessage::new(&scenario).with_input("plan", &self.plan)?,
-                json!({ "noise_free": self.noise_free, "run": self.run, "measurements": messages }),
+                json!({ "noise_free": self.noise_free, "run": self.run, "measurements": messages, "truth": of_run }),
             ),
             text,
             conditions: (scenario.task.loads.outside_plan(&plan, None).into_iter()).collect(),
@@ -114,14 +117,25 @@ impl Measure {
     }
 }
 
-/// How many of a plan's readings were dropped, as a sentence; nothing where none were.
-pub fn dropped_words(dropped: usize, all: u32) -> String {
-    if dropped == 0 {
-        return String::new();
-    }
-    let were = if dropped == 1 { "was" } else { "were" };
+/// What a run's virtual robot is: its compliances, and what else the run samples.
+fn truth_words(joints: &[String], truth: &TruthMessage) -> String {
+    let compliances = joints.iter().zip(&truth.compliance_rad_per_nm);
+    let compliance = |(name, value): (&String, &f64)| {
+        let (value, unit) = (format!("{:.4}", value * 1e6), "1e-6 rad/(N m)");
+        vec![name.clone(), value, unit.to_owned()]
+    };
+    let sampled = truth.sampled.iter().map(|each| {
+        let unit = if each.unit == "1" { "ln" } else { &each.unit };
+        vec![
+            each.name.clone(),
+            format!("{:.4e}", each.value),
+            unit.to_owned(),
+        ]
+    });
+    let rows: Vec<Vec<String>> = compliances.map(compliance).chain(sampled).collect();
     format!(
-        "{dropped} of {} {were} dropped.\n",
-        counted(all.into(), "reading")
+        "\nThe simulated truth of run {}:\n{}",
+        truth.run,
+        table(&["parameter", "value", "unit"], &rows)
     )
 }

@@ -7,10 +7,10 @@ use elastocal::files::make_folder;
 use elastocal::files::roles::Roles;
 use elastocal::record::tally_file::join;
 
-use super::Report;
 use super::study::results::{FILES, Results, write};
 use super::views::STUDY_PAGE;
 use super::written::Written;
+use super::{Accepted, Report};
 
 /// Arguments of `merge`.
 #[derive(Debug, Args)]
@@ -27,6 +27,8 @@ pub struct Merge {
     /// Say nothing on stderr but errors.
     #[arg(long)]
     pub quiet: bool,
+    #[command(flatten)]
+    pub accepted: Accepted,
 }
 
 impl Merge {
@@ -39,9 +41,9 @@ impl Merge {
             roles.reads("a tally", file);
         }
         roles.writes_to(&folder, &FILES);
-        roles.writes_to(&folder, STUDY_PAGE).check()?;
+        roles.writes_to(&folder, &[STUDY_PAGE]).check()?;
         make_folder(&folder)?;
-        let results = Results::new(&header, &tallies, None, &[])?;
+        let results = Results::new(&header, &tallies, None)?;
         let mut written = Written::default();
         write(&folder, &results, &mut written)?;
         let mut report = results.report(&folder);

@@ -1,18 +1,19 @@
 //! Arguments and subcommands, one file each.
 //!
 //! Every command loads the scenario, says on stderr what it does, and ends in a [`Report`]: results
-//! for stdout as JSON or as text, and the named conditions that did not hold.
+//! for stdout as JSON or as text, and the conditions that must be looked at.
 
 mod absolute_plan;
 mod budget;
 mod candidates;
 mod check;
-mod common_sources;
 mod compare;
 mod compensate;
 mod completion;
+mod conditions;
 mod dialect;
 mod evaluate;
+mod explain;
 mod export;
 mod identified;
 mod identify;
@@ -21,24 +22,30 @@ mod import;
 mod init;
 pub mod interruption;
 mod lab;
-mod ladder;
 mod load_model;
 mod measure;
 mod merge;
+mod model_selection;
 mod next;
 mod patterns;
 mod plan;
+pub mod printed_error;
+pub mod process;
 mod progress;
 mod proof;
+mod repeats;
 mod replay;
 mod reproduce;
 mod residuals;
 mod run;
 mod schema;
 mod select;
+mod static_compliance;
 mod study;
 mod table;
 mod targets;
+mod tolerance;
+mod uncertainty_budget;
 mod validate;
 mod validate_absolute;
 mod view;
@@ -50,20 +57,24 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use clap::{Arg, Args, Parser, Subcommand};
+use elastocal::codes::{Condition, ConditionCode, ErrorCode, condition_code};
 use elastocal::files::FileError;
 use elastocal::files::output::check_writable;
 use elastocal::files::roles::Roles;
+use elastocal::files::shipped;
 use elastocal::measurement::Origin;
+use elastocal::numeric::random::draws::Draws;
 use elastocal::record::json::results;
 use elastocal::scenario::Scenario;
 use elastocal::task::AccuracyKind;
 use elastocal::text::diagnostics::say;
 use elastocal::text::plain;
+use elastocal::understanding::collapse;
 use serde_json::Value;
 
 /// A virtual calibration testbed for the joint stiffness of industrial robots.
 #[derive(Debug, Parser)]
-#[command(version, about)]
+#[command(name = "elastocal", version, about)]
 pub struct Arguments {
     #[command(subcommand)]
     command: Command,
@@ -87,8 +98,8 @@ pub struct Common {
     /// How many threads to use; all cores if not given, at most four for each. Results do not depend on it.
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..))]
     threads: Option<u16>,
-    /// Believe in the instrument's noise alone: leave out the uncertainties that the scenario lists. The
-    /// virtual robot stays as uncertain as it is.
+    /// Plan and identify with the instrument's noise alone, without the error sources that the scenario lists. The
+    /// virtual robot keeps them.
     #[arg(long)]
     noise_only: bool,
     /// The folder for results.
@@ -97,6 +108,22 @@ pub struct Common {
     /// Say nothing on stderr but errors.
     #[arg(long)]
     quiet: bool,
+    /// Take the random numbers of virtual robots from a file of --draws-out, to compare versions of the program.
+    #[arg(long, value_name = "FILE", hide = true, conflicts_with = "draws_out")]
+    draws_in: Option<PathBuf>,
+    /// Where to write the random numbers of virtual robots.
+    #[arg(long, value_name = "FILE", hide = true)]
+    draws_out: Option<PathBuf>,
+    #[command(flatten)]
+    accepted: Accepted,
+}
+
+/// Conditions that are accepted beforehand.
+#[derive(Debug, Clone, Args)]
+pub struct Accepted {
+    /// Conditions that are named and do not end with code 3, such as C0105,C0207; `elastocal explain` lists all.
+    #[arg(long, value_name = "CODE", value_delimiter = ',', value_parser = condition_code)]
+    allow: Vec<ConditionCode>,
 }
 
 #[derive(Debug, Subcommand)]
@@ -126,7 +153,7 @@ enum Command {
     Budget(budget::Budget),
     /// Assess a plan: accuracy at the test pose, standard errors, criteria, violations
     #[command(
-        after_help = "Examples:\n  elastocal evaluate --plan scenarios/plans/klimchik2012_m3.csv\n  elastocal evaluate absolute.toml --plan readings.csv --parameters zeros --trials 400 --report-out trials.html\n  elastocal evaluate absolute.toml --plan readings.csv --candidates stops.csv --test-poses path.csv"
+        after_help = "Examples:\n  elastocal evaluate --plan scenarios/plans/klimchik2012_m3.csv\n  elastocal evaluate --plan scenarios/plans/klimchik2012_m3.csv --static-compliance\n  elastocal evaluate absolute.toml --plan readings.csv --parameters zeros --trials 400 --report-out trials.html\n  elastocal evaluate absolute.toml --plan readings.csv --candidates stops.csv --test-poses path.csv"
     )]
     Evaluate(evaluate::Evaluate),
     /// Measure a plan on the virtual robot
@@ -141,12 +168,12 @@ enum Command {
     Import(import::Import),
     /// Identify the compliances from measurements
     #[command(
-        after_help = "Examples:\n  elastocal identify --measurements measurements.csv --identified-out identified.json\n  elastocal identify scenarios/ur10.toml --measurements poses.csv --ladder --plot-out ladder.svg\n  elastocal identify scenarios/ur10.toml --measurements poses.csv --parameters geometry,compliances --against later_poses.csv\n  elastocal identify --measurements measurements.csv --method linear --sigma-from-residuals --keep-all"
+        after_help = "Examples:\n  elastocal identify --measurements measurements.csv --identified-out identified.json\n  elastocal identify scenarios/ur10.toml --measurements poses.csv --model-selection --plot-out model_selection.svg\n  elastocal identify scenarios/ur10.toml --measurements poses.csv --parameters geometry,compliances --against later_poses.csv\n  elastocal identify --measurements measurements.csv --method linear --sigma-from-residuals --keep-all"
     )]
     Identify(identify::Identify),
     /// Compensate the test poses with identified compliances
     #[command(
-        after_help = "Examples:\n  elastocal compensate --identified identified.json\n  elastocal compensate --identified identified.json --targets path.csv --angles-out angles.csv"
+        after_help = "Examples:\n  elastocal compensate --identified identified.json\n  elastocal compensate --identified identified.json --static-compliance\n  elastocal compensate --identified identified.json --targets path.csv --angles-out angles.csv"
     )]
     Compensate(compensate::Compensate),
     /// Write the calibrated robot as a model: MJCF with its stiffnesses, or URDF
@@ -164,7 +191,7 @@ enum Command {
         after_help = "Example:\n  elastocal next --measurements so_far.csv --plan plan.csv --plan-out rest.csv"
     )]
     Next(next::Next),
-    /// Check that the robot keeps what its identification promises, by other measurements
+    /// Validate an identification by other measurements
     #[command(
         after_help = "Examples:\n  elastocal validate --identified identified.json --experiments 4 --plan-out validation.csv\n  elastocal validate --identified identified.json --measurements validation_measured.csv"
     )]
@@ -174,7 +201,7 @@ enum Command {
         after_help = "Examples:\n  elastocal study scenarios/klimchik2012.toml\n  elastocal study scenarios/klimchik2012.toml --trials 1000000 --resume tally.json\n  elastocal study --shard 2/8 --tally-out part_2.json\n  elastocal study absolute.toml --parameters zeros --candidates stops.csv"
     )]
     Study(study::StudyCommand),
-    /// Choose a few of many absolute readings in several ways, calibrate with each, and judge on all others
+    /// Choose a few of many absolute readings in several ways, calibrate with each, and validate on all others
     #[command(
         after_help = "Examples:\n  elastocal select --measurements poses.csv --parameters geometry --sizes 20,40 --plot-out select.svg\n  elastocal select --measurements poses.csv --sizes 12 --draws 1000 --campaigns 3"
     )]
@@ -199,6 +226,11 @@ enum Command {
     /// Print the JSON schema of scenarios, with which editors complete and check them
     #[command(after_help = "Example:\n  elastocal schema > scenario.schema.json")]
     Schema(schema::Schema),
+    /// What a code of a condition or an error means
+    #[command(
+        after_help = "Examples:\n  elastocal explain C0102\n  elastocal explain C02 E0301 --json\n  elastocal explain C --markdown"
+    )]
+    Explain(explain::Explain),
     /// Print what a shell needs to complete commands and options
     #[command(
         after_help = "Example:\n  elastocal completion bash > ~/.local/share/bash-completion/completions/elastocal"
@@ -231,19 +263,34 @@ pub struct Report {
     pub json: Value,
     /// For stdout without.
     pub text: String,
-    /// Named conditions that did not hold.
-    pub conditions: Vec<String>,
+    /// What must be looked at before the results are relied on.
+    pub conditions: Vec<Condition>,
+}
+
+impl Report {
+    /// The same with conditions among the results, and marked where they are accepted.
+    fn with_accepted(mut self, codes: &[ConditionCode]) -> serde_json::Result<Self> {
+        for condition in &mut self.conditions {
+            condition.allowed = codes.contains(&condition.code);
+        }
+        if self.json.get("schema").is_some() {
+            self.json["conditions"] = serde_json::to_value(&self.conditions)?;
+        }
+        Ok(self)
+    }
 }
 
 impl Arguments {
-    /// Runs the command and prints its results. Returns the conditions that did not hold.
-    pub fn execute(&self) -> anyhow::Result<Vec<String>> {
+    /// Runs the command and prints its results. Returns what must be looked at. `itself` is the program, where a
+    /// model can be loaded by another process of it first.
+    pub fn execute(&self, itself: Option<PathBuf>) -> anyhow::Result<Vec<Condition>> {
         let (json, quiet, threads) = match (&self.command, self.command.common()) {
             (_, Some(common)) => (common.json, common.quiet, common.threads),
             (Command::Init(command), None) => (command.json, command.quiet, None),
             (Command::Import(command), None) => (command.json, command.quiet, None),
             (Command::Merge(command), None) => (command.json, command.quiet, None),
             (Command::Compare(command), None) => (command.json, command.quiet, None),
+            (Command::Explain(command), None) => (command.json, false, None),
             (_, None) => (false, false, None),
         };
         elastocal::mujoco::print_warnings(!quiet);
@@ -255,7 +302,7 @@ impl Arguments {
         if let Command::LoadModel(command) = &self.command {
             return command.execute();
         }
-        load_model::rehearse_models();
+        load_model::rehearse_models(itself);
         let report = self.report()?;
         let text = if json {
             serde_json::to_string_pretty(&report.json)? + "\n"
@@ -268,6 +315,16 @@ impl Arguments {
 
     /// Does what the command says, and prints no results.
     pub fn report(&self) -> anyhow::Result<Report> {
+        let common = self.command.common();
+        let draws = common.and_then(|common| common.noted_draws().transpose());
+        let draws = draws.transpose()?;
+        let report = self.own_report()?;
+        let finished = draws.map_or(Ok(()), Draws::finish);
+        finished.map_err(|wrong| wrong.or_code(ErrorCode::Draws))?;
+        Ok(report.with_accepted(self.command.accepted())?)
+    }
+
+    fn own_report(&self) -> anyhow::Result<Report> {
         match &self.command {
             Command::Init(command) => command.execute(),
             Command::Run(command) => command.execute(),
@@ -289,6 +346,7 @@ impl Arguments {
             Command::Merge(command) => command.execute(),
             Command::Compare(command) => command.execute(),
             Command::View(command) => command.execute(),
+            Command::Explain(command) => Ok(command.execute()),
             Command::Schema(command) => command.execute(),
             Command::Completion(command) => command.execute(),
             // It has nothing to report.
@@ -323,6 +381,7 @@ impl Command {
             | Self::Merge(_)
             | Self::Compare(_)
             | Self::View(_)
+            | Self::Explain(_)
             | Self::Schema(_)
             | Self::Completion(_)
             | Self::LoadModel(_) => return None,
@@ -330,7 +389,46 @@ impl Command {
     }
 }
 
+impl Command {
+    /// The conditions that are accepted.
+    fn accepted(&self) -> &[ConditionCode] {
+        match self {
+            Self::Merge(command) => &command.accepted.allow,
+            Self::Compare(command) => &command.accepted.allow,
+            other => other.common().map_or(&[], |common| &common.accepted.allow),
+        }
+    }
+}
+
+/// Refuses a scenario whose robot does not stand at its test poses: nothing is predicted there.
+pub fn rests(scenario: &Scenario) -> Result<(), FileError> {
+    match collapse(scenario) {
+        None => Ok(()),
+        Some(problem) => Err(FileError::new(&scenario.path, problem)
+            .at("robot")
+            .code(ErrorCode::NoEquilibrium)
+            .hint("`elastocal check` shows the stiffness of each joint")),
+    }
+}
+
 impl Common {
+    /// What notes the random numbers of virtual robots, or gives them, if that is asked for.
+    fn noted_draws(&self) -> Result<Option<Draws>, FileError> {
+        match (&self.draws_in, &self.draws_out) {
+            (Some(path), _) => {
+                let draws = Draws::from_file(path);
+                draws
+                    .map(Some)
+                    .map_err(|wrong| wrong.or_code(ErrorCode::Draws))
+            }
+            (None, Some(path)) => {
+                check_writable(path)?;
+                Ok(Some(Draws::to_file(path)))
+            }
+            (None, None) => Ok(None),
+        }
+    }
+
     /// Loads the scenario, with the seed replaced where one is given.
     fn load(&self) -> anyhow::Result<Scenario> {
         self.load_file(self.scenario())
@@ -342,9 +440,11 @@ impl Common {
         if scenario.task.design.accuracy == AccuracyKind::Absolute {
             let problem = "is \"absolute\", and this command is about deflections";
             let wrong = FileError::new(&scenario.path, problem).at("design.accuracy");
+            let wrong = wrong.code(ErrorCode::OtherAccuracy);
             let hint = "absolute accuracy is for `plan`, `evaluate` and `study`; leave the key out for this command";
             return Err(wrong.hint(hint).into());
         }
+        rests(&scenario)?;
         Ok(scenario)
     }
 
@@ -367,6 +467,7 @@ impl Common {
                 let problem =
                     "no scenario was given, and the file does not say to which one it belongs";
                 return Err(FileError::new(file, problem)
+                    .code(ErrorCode::ScenarioOfFile)
                     .hint(format!("name the robot's scenario: {usage}"))
                     .into());
             };
@@ -375,7 +476,8 @@ impl Common {
                 let name = origin.scenario.display();
                 let problem = format!("it belongs to {name}, which has changed since");
                 let hint = format!("if that does not matter, name the scenario: {usage}");
-                return Err(FileError::new(file, problem).hint(hint).into());
+                let wrong = FileError::new(file, problem).code(ErrorCode::ScenarioOfFile);
+                return Err(wrong.hint(hint).into());
             }
             return Ok(scenario);
         };
@@ -393,6 +495,7 @@ impl Common {
     }
 
     fn load_file(&self, path: &Path) -> anyhow::Result<Scenario> {
+        let path = &*shipped::found(path);
         let mut scenario = Scenario::load(path).map_err(|error| {
             if path.exists() {
                 error
@@ -414,11 +517,8 @@ impl Common {
         Ok(scenario)
     }
 
-    /// The folder for the results of a scenario, which a build without views says it shows none of.
+    /// The folder for the results of a scenario.
     fn folder(&self, scenario: &Scenario) -> PathBuf {
-        if let Some(missing) = views::MISSING {
-            self.say(missing);
-        }
         self.out.join(&scenario.name)
     }
 
@@ -460,33 +560,22 @@ fn useful(threads: u16) -> usize {
 }
 
 fn print(text: &str) -> anyhow::Result<()> {
+    anyhow::ensure!(
+        !interruption::is_stdout_closed() || text.is_empty(),
+        STDOUT_CLOSED
+    );
     let mut stdout = std::io::stdout().lock();
     let printed = stdout.write_all(text.as_bytes());
     unless_reader_is_gone(printed.and_then(|()| stdout.flush()))
 }
+
+/// What is wrong with no stdout.
+pub const STDOUT_CLOSED: &str = "stdout cannot be written: it is closed";
 
 /// A reader of stdout that has seen enough is no error.
 pub fn unless_reader_is_gone(printed: std::io::Result<()>) -> anyhow::Result<()> {
     match printed {
         Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
         other => other.context("stdout cannot be written"),
-    }
-}
-
-/// Prints an error and, on a line of its own, what to do about it.
-pub fn explain(error: &anyhow::Error) {
-    let mut text = error.to_string();
-    for cause in error.chain().skip(1).map(ToString::to_string) {
-        // Most errors name their cause themselves.
-        if !text.contains(&cause) {
-            text += &format!(": {cause}");
-        }
-    }
-    say(&format!("error: {text}"));
-    let hint = error
-        .downcast_ref::<FileError>()
-        .and_then(|error| error.hint.as_deref());
-    if let Some(hint) = hint {
-        say(&format!("hint: {hint}"));
     }
 }

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use elastocal::codes::{Condition, ConditionCode, ErrorCode};
 use elastocal::experiment::Experiment;
 use elastocal::files::FileError;
 use elastocal::laboratory::next::{
@@ -10,16 +11,17 @@ use elastocal::laboratory::next::{
 };
 use elastocal::measurement::{Origin, read_measurements_so_far};
 use elastocal::plan::search::Watch;
-use elastocal::plan::{Feasibility, Plan, read_plan, write_plan};
+use elastocal::plan::{Feasibility, Plan, Violation, read_plan, take_nearest_turns, write_plan};
 use elastocal::quantities::limits::MOST_EXPERIMENTS;
 use elastocal::quantities::plausible::ACCURACY;
 use elastocal::record::messages::{ProvenanceMessage, plan_messages};
 use elastocal::scenario::Scenario;
 use elastocal::task::Task;
-use elastocal::text::wording::{counted, shell_word};
+use elastocal::text::wording::{counted, shell_path};
 use elastocal::workflow::identify::{HowIdentified, identify_measurements};
 use serde_json::json;
 
+use super::conditions::search_stopped;
 use super::identify::explained;
 use super::interruption::ask_search;
 use super::progress::bar;
@@ -76,7 +78,7 @@ fn angle(text: &str) -> Result<f64, String> {
 impl Next {
     pub fn execute(&self) -> anyhow::Result<Report> {
         let origin = Origin::read(&self.measurements)?;
-        let file = shell_word(&self.measurements.to_string_lossy());
+        let file = shell_path(&self.measurements);
         let usage = format!("elastocal next SCENARIO --measurements {file}");
         let scenario = (self.common).load_for(&self.measurements, origin.as_ref(), &usage)?;
         let (task, commands) = (&scenario.task, scenario.task.belief.commands());
@@ -106,7 +108,7 @@ impl Next {
         let total = (self.experiments)
             .or_else(|| given.as_ref().map(Plan::measurements))
             .unwrap_or(task.design.experiments);
-        let mut conditions: Vec<String> = identified.conditions().collect();
+        let mut conditions: Vec<Condition> = identified.conditions().collect();
         let mut text = identify::describe(identification);
         text += &format!(
             "\n{} of {} so far: {}\n",
@@ -132,7 +134,9 @@ impl Next {
             };
             None
         } else {
-            Some(self.search(&left, goal, scenario.seed, &mut conditions)?)
+            let mut found = self.search(&left, goal, scenario.seed, &mut conditions)?;
+            take_nearest_turns(&scenario.task, scenario.laboratory.home(), &mut found.plan);
+            Some(found)
         };
         let empty = Plan::default();
         let next = found.as_ref().map_or(&empty, |found| &found.plan);
@@ -142,7 +146,8 @@ impl Next {
             conditions.extend(self.unreached(found, measured));
             let violations = Feasibility::new(&left.task).violations(&found.plan);
             let of_experiments = violations.iter().filter(|each| each.experiment.is_some());
-            conditions.extend(of_experiments.map(ToString::to_string));
+            let violation = |each: &Violation| ConditionCode::Violation.with(each.to_string());
+            conditions.extend(of_experiments.map(violation));
         }
         let mut written = Written::default();
         if let Some(path) = &self.plan_out {
@@ -202,7 +207,7 @@ impl Next {
         left: &Remaining,
         goal: Goal,
         seed: u64,
-        conditions: &mut Vec<String>,
+        conditions: &mut Vec<Condition>,
     ) -> anyhow::Result<Rest> {
         let stop = ask_search();
         self.common.say("planning what to measure next");
@@ -217,18 +222,19 @@ impl Next {
         };
         let found = rest(left, goal, seed, watch)?;
         bar.finish_and_clear();
+        super::interruption::searched();
         if stop.load(std::sync::atomic::Ordering::Relaxed) {
-            conditions.push("the search was stopped: a better plan may exist".to_owned());
+            conditions.push(search_stopped());
         }
         Ok(found)
     }
 
     /// That the goal is not reached, where it is not.
-    fn unreached(&self, found: &Rest, measured: u32) -> Option<String> {
+    fn unreached(&self, found: &Rest, measured: u32) -> Option<Condition> {
         let all = measured + found.plan.measurements();
         let count = counted(all.into(), "measurement");
         let wanted = self.accuracy_um.filter(|_| !found.is_reached)?;
-        Some(format!("{count} do not give {wanted} um"))
+        Some(ConditionCode::OutOfReach.with(format!("{count} do not reach {wanted} um")))
     }
 
     /// The configurations that turned out impossible.
@@ -243,7 +249,7 @@ impl Next {
                 .map(|index| plan.experiments[index].configuration_rad.clone())
                 .ok_or_else(|| {
                     let problem = format!("found {number}; 1 to {count} are allowed");
-                    FileError::new(path, problem).at("--skip")
+                    (FileError::new(path, problem).at("--skip")).code(ErrorCode::PlanFile)
                 })
         };
         self.skip.iter().map(configuration).collect()
@@ -262,10 +268,7 @@ fn tell(found: &Rest, old_m: Option<f64>) -> String {
     }
     text.push('\n');
     if let Some(old_m) = old_m {
-        text += &format!(
-            "What is left of the plan would give {:.3} um.\n",
-            old_m * 1e6
-        );
+        text += &format!("The rest of the plan would give {:.3} um.\n", old_m * 1e6);
     }
     text
 }

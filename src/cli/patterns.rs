@@ -28,7 +28,7 @@ pub fn describe(patterns: &PatternsMessage) -> String {
     }
     let row = |pattern: &PatternMessage| {
         format!(
-            "    {}; {} of what is left, by chance {}\n",
+            "    {}; {} of the residuals' variance, p = {}\n",
             pattern.sentence,
             percent(Some(pattern.share), 1),
             probability(pattern.probability)

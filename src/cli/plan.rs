@@ -4,14 +4,16 @@ use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 
 use clap::Args;
+use elastocal::codes::ErrorCode;
 use elastocal::files::FileError;
+use elastocal::files::output::write_whole;
 use elastocal::laboratory::Campaign;
 use elastocal::laboratory::time::{TimedPlan, plans_within};
 use elastocal::plan::search::{
     ApproximateDesign, Bound, BoundKind, Candidates, Certificate, ExactDesign, Problem,
     SearchError, Watch,
 };
-use elastocal::plan::{Assessment, Criterion, Plan, write_plan};
+use elastocal::plan::{Assessment, Criterion, Plan, take_nearest_turns, write_plan};
 use elastocal::quantities::limits::MOST_EXPERIMENTS;
 use elastocal::quantities::plausible::MINUTES;
 use elastocal::record::candidates::CandidatesMessage;
@@ -20,6 +22,7 @@ use elastocal::record::messages::{AssessmentMessage, ProvenanceMessage, plan_mes
 use elastocal::scenario::Scenario;
 use elastocal::task::{AccuracyKind, Task};
 use elastocal::text::wording::counted;
+use elastocal::view::stills;
 use elastocal::workflow::design::{Designed, Onlooker, Wanted, design as design_of, design_among};
 use serde_json::json;
 
@@ -28,14 +31,15 @@ use super::absolute_plan::{
     refuse_where_relative,
 };
 use super::candidates::{CandidateArgs, PoseArgs, told};
-use super::evaluate::{conditions, describe};
+use super::conditions::{conditions, search_stopped};
+use super::evaluate::describe;
 use super::interruption::ask_search;
 use super::progress::bar;
-use super::proof::{ExchangeArgs, ProofArgs};
+use super::proof::ProofArgs;
 use super::table::table;
-use super::views;
+use super::uncertainty_budget::BudgetArgs;
 use super::written::Written;
-use super::{Common, Report, check_outputs, inputs, results, without_effect};
+use super::{Common, Report, check_outputs, inputs, rests, results, without_effect};
 
 /// So many configurations are drawn where nothing else is said.
 pub const DRAWN: u32 = 200;
@@ -49,13 +53,13 @@ pub struct PlanCommand {
     #[command(flatten)]
     proof: ProofArgs,
     #[command(flatten)]
-    exchanges: ExchangeArgs,
-    #[command(flatten)]
     candidates: CandidateArgs,
     #[command(flatten)]
     poses: PoseArgs,
     #[command(flatten)]
     unknown: UnknownArgs,
+    #[command(flatten)]
+    budget: BudgetArgs,
     /// The number m of measurements; the scenario's if not given.
     #[arg(long, value_name = "M", value_parser = clap::value_parser!(u32).range(1..=i64::from(MOST_EXPERIMENTS)))]
     experiments: Option<u32>,
@@ -68,7 +72,7 @@ pub struct PlanCommand {
     /// With design.accuracy = "absolute" and without --candidates, begin with so many configurations at random [default: 200]
     #[arg(long, value_name = "N", conflicts_with = "candidates", value_parser = clap::value_parser!(u32).range(1..=10_000))]
     draw: Option<u32>,
-    /// What makes the plan good.
+    /// What makes the plan good; any of them with --candidates, and test-pose, a, d or o1 without
     #[arg(long, value_enum, default_value_t)]
     criterion: Criterion,
     /// Where to write the plan.
@@ -116,6 +120,7 @@ pub fn design(
     };
     let designed = design_of(task, seed, wanted, onlooker)?;
     bar.finish_and_clear();
+    super::interruption::searched();
     Ok(designed)
 }
 
@@ -138,8 +143,7 @@ fn left_out(task: &Task) -> String {
     match problem.left_out().as_slice() {
         [] => String::new(),
         names => format!(
-            "\nThe search and the bound leave out {}: together they make less than 1 % of the square of a promise. What the plan \
-             promises has them.\n",
+            "\nSearch and bound assume exact: {}, together less than 1 % of the variance. The predicted accuracy counts them.\n",
             names.join(", ")
         ),
     }
@@ -183,10 +187,7 @@ fn tell(timed: &[TimedPlan]) -> String {
 }
 
 /// What the bound rests on, in words.
-fn rests_on(certificate: Option<&Certificate>, assessment: &Assessment) -> String {
-    let Some(certificate) = certificate else {
-        return String::new();
-    };
+fn rests_on(certificate: &Certificate, assessment: &Assessment) -> String {
     let asked_for = assessment.asked_for();
     let rests = match asked_for.map(|(_, bound)| bound.as_ref().map(|bound| bound.kind)) {
         Some(Ok(BoundKind::Proved)) => "The largest directional derivative was",
@@ -199,16 +200,22 @@ fn rests_on(certificate: Option<&Certificate>, assessment: &Assessment) -> Strin
 }
 
 impl PlanCommand {
-    /// Writes the plan and its pictures where that is wanted, and tells of it.
-    fn write(&self, scenario: &Scenario, plan: &Plan, written: &mut Written) -> String {
-        let mut text = String::new();
+    /// Writes the plan, its budget and its pictures where that is wanted, and tells of it.
+    fn write(
+        &self,
+        scenario: &Scenario,
+        (plan, assessment): (&Plan, &Assessment),
+        written: &mut Written,
+    ) -> String {
+        let budget = assessment.uncertainty_budget.as_ref();
+        let mut text = self.budget.write(budget, written);
         if let Some(path) = &self.plan_out {
             let rows = write_plan(path, scenario.task.belief.commands(), plan);
             text += &written.told(path, rows);
         }
         if let Some(path) = &self.stills_out {
-            let stills = views::write_stills(path, scenario, plan);
-            text += &written.told(path, stills);
+            let sheet = stills::sheet(scenario, plan);
+            text += &written.told(path, write_whole(path, sheet.as_bytes()));
         }
         text
     }
@@ -232,6 +239,7 @@ impl PlanCommand {
             let problem = format!("no plan takes at most {minutes} minutes");
             let wrong = FileError::new(&scenario.path, problem).at("laboratory");
             return Err(wrong
+                .code(ErrorCode::NoPlan)
                 .hint("give more minutes, or look at what work costs")
                 .into());
         }
@@ -246,13 +254,13 @@ impl PlanCommand {
         ];
         refuse_options(scenario, &given)?;
         refuse_options(scenario, &self.proof.given())?;
-        refuse_options(scenario, &self.exchanges.given())?;
         let wanted = AbsoluteWanted {
             common: &self.common,
             scenario,
             unknown: &self.unknown,
             candidates: self.candidates.path(),
             poses: &self.poses,
+            budget: &self.budget,
         };
         let outputs = AbsoluteOutputs {
             plan: self.plan_out.as_deref(),
@@ -284,21 +292,23 @@ impl PlanCommand {
             stop: ask_search(),
             progress: &progress,
         };
-        let designed = design_among(&scenario.task, candidates, scenario.seed, wanted, watch)?;
+        let designed = design_among(&scenario.task, candidates, scenario.seed, wanted, watch)
+            .map_err(|error| self.candidates.wrong(error))?;
         bar.finish_and_clear();
+        super::interruption::searched();
         let plan = &designed.exact.plan;
         let mut assessment = Assessment::new(&scenario.task, plan, Some(&designed.bound));
         if let Some(bound) = &designed.by_criterion {
             assessment = assessment.beside(bound, plan);
         }
         let mut text = describe(scenario, &assessment) + &left_out(&scenario.task) + "\n";
-        text += &told(candidates);
+        text += &told(&self.candidates, candidates);
         text += &format!(
             "Of {} searches for the plan, {} ended within 0.1 % of it. It took {:.2} s.\n",
             designed.exact.searches, designed.exact.agreeing, designed.elapsed_s
         );
         let mut written = Written::default();
-        text += &self.write(scenario, plan, &mut written);
+        text += &self.write(scenario, (plan, &assessment), &mut written);
         let different = wanted.configurations.unwrap_or(wanted.experiments);
         let json = json!({
             "gate": scenario.gate,
@@ -306,7 +316,6 @@ impl PlanCommand {
             "criterion": self.criterion.name(),
             "minutes": null,
             "configurations": different.min(wanted.experiments),
-            "exchanges": null,
             "elapsed_s": designed.elapsed_s,
             "searches": designed.exact.searches,
             "searches_agreeing": designed.exact.agreeing,
@@ -329,13 +338,13 @@ impl PlanCommand {
             ("--stills-out", self.stills_out.as_deref()),
             ("--report-out", self.report_out.as_deref()),
             ("--proof-out", self.proof.out()),
+            self.budget.out(),
         ];
-        views::needed_by("--stills-out", self.stills_out.as_ref())?;
-        views::needed_by("--report-out", self.report_out.as_ref())?;
         let mut roles = inputs(&scenario);
         self.poses.role(&mut roles);
         check_outputs(self.candidates.role(&mut roles), &outputs)?;
         self.poses.replace(&mut scenario.task)?;
+        rests(&scenario)?;
         if let Some(experiments) = self.experiments {
             scenario.task.design.experiments = experiments;
             scenario.task.design.configurations = None;
@@ -407,6 +416,8 @@ impl PlanCommand {
         )?;
         let minutes = (self.minutes)
             .map(|most| keep_in_time(&scenario, &mut designed.exact, &timed[0], most));
+        let home = scenario.laboratory.home();
+        take_nearest_turns(&scenario.task, home, &mut designed.exact.plan);
         let plan = &designed.exact.plan;
         let mut assessment = Assessment::new(&scenario.task, plan, Some(&designed.bound));
         if let Some((_, bound)) = &designed.by_criterion {
@@ -415,37 +426,28 @@ impl PlanCommand {
         let mut text = tell(&timed) + &describe(&scenario, &assessment);
         text += &(left_out(&scenario.task) + "\n");
         let mut written = Written::default();
-        let exchanges = self.exchanges.prove(
-            &self.proof,
-            &self.common,
-            stop,
-            (&scenario.task, scenario.seed),
-            (self.criterion, plan),
-        )?;
-        text += &(self.proof).tell(designed.wanted_bound(), exchanges.file, &mut written)?;
-        let certificate = (designed.wanted_approximate()).map(|design| &design.certificate);
+        let provenance = self.poses.of(ProvenanceMessage::new(&scenario))?;
+        text += &(self.proof).tell(designed.wanted_bound(), &provenance, &mut written)?;
+        let certificate = &designed.wanted_approximate().certificate;
         text += &rests_on(certificate, &assessment);
         text += &searched(
             designed.exact.searches,
             designed.exact.agreeing,
             designed.elapsed_s,
         );
-        text += &exchanges.text;
-        text += &self.write(&scenario, plan, &mut written);
+        text += &self.write(&scenario, (plan, &assessment), &mut written);
         let json = json!({
             "gate": scenario.gate,
             "plan": plan_messages(&scenario.task.belief.commands(), plan),
             "criterion": self.criterion.name(),
             "minutes": minutes,
             "configurations": configurations.unwrap_or(experiments).min(experiments),
-            "exchanges": exchanges.json,
             "elapsed_s": designed.elapsed_s,
             "searches": designed.exact.searches,
             "searches_agreeing": designed.exact.agreeing,
-            "bound_searches": certificate.map_or(0, |certificate| certificate.searches),
-            "bound_searches_agreeing": certificate.map_or(0, |certificate| certificate.agreeing),
+            "bound_searches": certificate.searches,
+            "bound_searches_agreeing": certificate.agreeing,
         });
-        let provenance = self.poses.of(ProvenanceMessage::new(&scenario))?;
         let json = results("plan", &provenance, json);
         let mut report = reported(&scenario, &assessment, designed.is_cut_short, (json, text))?;
         report.conditions.extend(written.conditions());
@@ -464,7 +466,7 @@ fn reported(
     merge(&mut json, serde_json::to_value(message)?);
     let mut conditions = conditions(scenario, assessment);
     if is_cut_short {
-        conditions.push("the search was stopped: a better plan may exist".to_owned());
+        conditions.push(search_stopped());
     }
     Ok(Report {
         json,

@@ -5,13 +5,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use clap::Args;
+use elastocal::codes::ErrorCode;
 use elastocal::files::FileError;
 use elastocal::files::output::write_whole;
 use elastocal::plan::proof::{NoProof, ProofLimits};
-use elastocal::plan::search::{Bound, Exchanges, ExchangesFile, NoBound, ProofEffort, ProofFile};
-use elastocal::plan::{Criterion, Plan};
-use elastocal::record::exchanges::ExchangesMessage;
-use elastocal::task::Task;
+use elastocal::plan::search::{Bound, ProofEffort, ProofFile};
+use elastocal::record::messages::ProvenanceMessage;
 use indicatif::ProgressStyle;
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -75,18 +74,21 @@ impl ProofArgs {
     pub fn tell(
         &self,
         bound: &Bound,
-        exchanges: Option<ExchangesFile>,
+        provenance: &ProvenanceMessage,
         files: &mut Written,
     ) -> anyhow::Result<String> {
         let mut text = told(bound);
         if let Some(path) = &self.proof_out {
             let proof = bound.proof().and_then(|proof| proof.as_ref().ok()?.file());
-            let written = if proof.is_some() || exchanges.is_some() {
-                let both = WrittenProofs { proof, exchanges };
-                write_whole(path, &serde_json::to_vec(&both)?)
-            } else {
-                Err(FileError::new(path, "there is no proof to write"))
-            };
+            let written =
+                match proof {
+                    Some(proof) => {
+                        let file = WrittenProof { provenance, proof };
+                        write_whole(path, &serde_json::to_vec(&file)?)
+                    }
+                    None => Err(FileError::new(path, "there is no proof to write")
+                        .code(ErrorCode::NotWritable)),
+                };
             text += &files.told(path, written);
         }
         Ok(text)
@@ -127,97 +129,12 @@ impl ProofArgs {
     }
 }
 
-/// What a file of proofs has.
+/// What a file of a proof has.
 #[derive(Serialize)]
-struct WrittenProofs {
+struct WrittenProof<'a> {
+    provenance: &'a ProvenanceMessage,
     #[serde(flatten)]
-    proof: Option<ProofFile>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    exchanges: Option<ExchangesFile>,
-}
-
-/// What came of proving exchanges: as JSON (null where that is not asked for), in words, and for a file.
-#[derive(Default)]
-pub struct ProvedExchanges {
-    pub json: Value,
-    pub text: String,
-    pub file: Option<ExchangesFile>,
-}
-
-/// Whether and what exchanging one measurement of a plan can gain.
-#[derive(Debug, Args)]
-pub struct ExchangeArgs {
-    /// Prove that exchanging any one measurement of the plan for any other gains at most so much; each experiment has the
-    /// effort of a bound, and its proof is in the file of --proof-out, too
-    #[arg(long, conflicts_with = "no_proof")]
-    prove_exchanges: bool,
-}
-
-impl ExchangeArgs {
-    /// Whether it was given.
-    pub const fn given(&self) -> [(&'static str, bool); 1] {
-        [("--prove-exchanges", self.prove_exchanges)]
-    }
-
-    /// What is proved of a plan, where that is asked for.
-    pub fn prove(
-        &self,
-        proof: &ProofArgs,
-        common: &Common,
-        stop: &AtomicBool,
-        (task, seed): (&Task, u64),
-        (criterion, plan): (Criterion, &Plan),
-    ) -> anyhow::Result<ProvedExchanges> {
-        if !self.prove_exchanges {
-            return Ok(ProvedExchanges::default());
-        }
-        let exchanges = proof.with_effort(common, stop, |effort| {
-            effort.map(|effort| Exchanges::prove(task, criterion, seed, plan, effort))
-        });
-        let Some(exchanges) = exchanges else {
-            return Ok(ProvedExchanges::default());
-        };
-        Ok(ProvedExchanges {
-            json: serde_json::to_value(ExchangesMessage::new(&exchanges))?,
-            text: told_of_exchanges(&exchanges),
-            file: exchanges.as_ref().ok().and_then(Exchanges::file),
-        })
-    }
-}
-
-/// What exchanges can gain, in words.
-fn told_of_exchanges(exchanges: &Result<Exchanges, NoBound>) -> String {
-    let exchanges = match exchanges {
-        Ok(exchanges) => exchanges,
-        Err(reason) => return format!("Nothing is proved of exchanges: {reason}.\n"),
-    };
-    if exchanges.each.is_empty() {
-        return "All experiments are mandatory: none may be exchanged.\n".to_owned();
-    }
-    let value = |value: f64| match exchanges.criterion {
-        Criterion::TestPose => format!("rho0 = {:.3} um", value * 1e6),
-        criterion => format!("{} = {value:.6e}", criterion.name()),
-    };
-    if let (Some(gain), Some(best)) = (exchanges.largest_gain(), exchanges.best()) {
-        return format!(
-            "Proved: exchanging any one measurement for any other gains at most {} ({} at best; {} boxes){}.\n",
-            percent(gain),
-            value(best),
-            exchanges.boxes(),
-            leaving_out(&exchanges.left_out())
-        );
-    }
-    let mut text = String::new();
-    for each in &exchanges.each {
-        if let Err(reason) = each.proof {
-            text += &format!(
-                "What exchanging experiment {} gains is not proved: {reason}. The best that was come across: {}.\n",
-                each.experiment + 1,
-                value(each.found)
-            );
-        }
-    }
-    text
+    proof: ProofFile,
 }
 
 /// What is proved, in words; nothing where no proof was asked for.
@@ -242,7 +159,7 @@ pub fn leaving_out(names: &[String]) -> String {
     if names.is_empty() {
         return String::new();
     }
-    format!(", with {} taken for certain", names.join(", "))
+    format!(", with {} assumed exact", names.join(", "))
 }
 
 /// How near the proof is; null where there is none.

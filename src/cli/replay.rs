@@ -8,7 +8,6 @@ use elastocal::plan::Plan;
 use elastocal::plan::search::random_plan;
 use elastocal::record::messages::{CalibrationMessage, ProvenanceMessage};
 use elastocal::scenario::Scenario;
-use elastocal::study::true_compliances::truth_of_run;
 use elastocal::study::{Conditions, Entry, EntryKind, Setting};
 use serde_json::json;
 
@@ -51,7 +50,6 @@ impl Replay {
             conditions, task, ..
         } = settings[0].clone();
         scenario.task = task;
-        scenario.truth = truth_of_run(&scenario.truth, scenario.seed, self.run);
         common.say(&format!(
             "replaying run {} with {} plans on the virtual robot",
             self.run,

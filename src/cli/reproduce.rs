@@ -1,6 +1,7 @@
 //! `reproduce`: the paper's numbers beside this program's.
 
 use clap::Args;
+use elastocal::codes::{Condition, ConditionCode};
 use elastocal::files::make_folder;
 use elastocal::files::output::write_whole;
 use elastocal::paper::record::ReproductionMessage;
@@ -8,12 +9,13 @@ use elastocal::paper::reproduce;
 use elastocal::plan::search::Watch;
 use elastocal::record::json::merge;
 use elastocal::record::messages::ProvenanceMessage;
+use elastocal::view::report::reproduction_page;
 use serde_json::json;
 
 use super::interruption::{STOP, proceed};
 use super::progress::bar;
 use super::table::{number, table};
-use super::views::{REPRODUCTION_PAGE, reproduction_page};
+use super::views::{REPRODUCTION_PAGE, command_line};
 use super::written::Written;
 use super::{Common, Report, inputs, results};
 
@@ -37,7 +39,7 @@ impl Reproduce {
         let scenario = common.load()?;
         let folder = common.folder(&scenario);
         let mut roles = inputs(&scenario);
-        roles.writes_to(&folder, REPRODUCTION_PAGE);
+        roles.writes_to(&folder, &[REPRODUCTION_PAGE]);
         roles.writes_to(&folder, &[FILE]).check()?;
         make_folder(&folder)?;
         let trials = self.trials.unwrap_or(scenario.study.trials);
@@ -58,16 +60,17 @@ impl Reproduce {
         let provenance = ProvenanceMessage::new(&scenario);
         let mut json = results("reproduce", &provenance, json!({}));
         merge(&mut json, serde_json::to_value(&message)?);
-        let page = reproduction_page(&message, &provenance)?;
+        let page = reproduction_page(&message, &provenance, &command_line())?;
         let record = serde_json::to_string_pretty(&json)? + "\n";
         let mut written = Written::default();
-        if let (Some(page), Some(name)) = (page, REPRODUCTION_PAGE.first()) {
-            let file = folder.join(name);
-            written.note(&file, write_whole(&file, page.as_bytes()));
-        }
+        let file = folder.join(REPRODUCTION_PAGE);
+        written.note(&file, write_whole(&file, page.as_bytes()));
         let file = folder.join(FILE);
         written.note(&file, write_whole(&file, record.as_bytes()));
-        let mut conditions = message.failures.clone();
+        let failures = message.failures.iter();
+        let mut conditions: Vec<Condition> = failures
+            .map(|text| ConditionCode::NotReproduced.with(text))
+            .collect();
         conditions.extend(written.conditions());
         Ok(Report {
             text: describe(&message) + &format!("\nResults are in {}\n", folder.display()),
@@ -107,8 +110,7 @@ fn describe(message: &ReproductionMessage) -> String {
         .rfind(|each| each.printed_mean_mm.is_none());
     if let Some((own, [low, high])) = own.and_then(|own| Some((own, own.random_over_mean_ci95?))) {
         text += &format!(
-            "\nRandom plans leave {} times the distance of our optimum ({low:.2} to {high:.2}); the paper says \
-             about 1.6 times that of its plans.\n",
+            "\nResidual error of random plans: {} times that of our optimum ({low:.2} to {high:.2}); the paper has about 1.6 times that of its plans.\n",
             number(own.random_over_mean, 2)
         );
     }

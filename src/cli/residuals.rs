@@ -85,7 +85,7 @@ fn suspect(identification: &Identification, residuals: &Residuals) -> String {
     let number = suspect.measurement + 1;
     if suspect.probability_of_any > BY_CHANCE {
         return format!(
-            "  Measurement {number} fits least, but chance puts one as far out with a probability of {}.\n",
+            "  Measurement {number} has the largest residual: p = {}, no outlier.\n",
             probability(suspect.probability_of_any)
         );
     }
@@ -93,7 +93,7 @@ fn suspect(identification: &Identification, residuals: &Residuals) -> String {
         .filter_map(|(parameter, change)| Some(format!("{} {:+.1}", parameter.name, (*change)?)))
         .collect();
     let mut text = format!(
-        "  Measurement {number} fits least: chance puts one as far out with a probability of {}.",
+        "  Measurement {number} has the largest residual: p = {}.",
         probability(suspect.probability_of_any)
     );
     if !changes.is_empty() {

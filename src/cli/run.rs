@@ -7,18 +7,20 @@ use elastocal::calibration::Calibration;
 use elastocal::files::make_folder;
 use elastocal::files::output::write_whole;
 use elastocal::measurement::write_measurements_under;
-use elastocal::plan::write_plan;
+use elastocal::plan::search::RepeatsNeeded;
+use elastocal::plan::{UncertaintyBudget, take_nearest_turns, write_plan};
+use elastocal::record::messages::ProvenanceMessage;
 use elastocal::scenario::Scenario;
 use elastocal::text::wording::counted;
 use elastocal::workflow::design::Wanted;
 use elastocal::workflow::run::{FailedPlan, RANDOM_PLANS, RunError, RunStage, TriedPlan, run};
 
-use super::evaluate::shares;
+use super::evaluate::budget;
 use super::interruption::{STOP, proceed};
-use super::measure::dropped_words;
 use super::plan::design;
 use super::proof::ProofArgs;
 use super::table::{number, table};
+use super::uncertainty_budget::BudgetArgs;
 use super::views::{RUN_FILES, RunShown, RunViews, TARGETS, ViewerTarget};
 use super::written::{Written, warn};
 use super::{Common, Report, check_outputs, identify, inputs};
@@ -30,6 +32,8 @@ pub struct Run {
     pub common: Common,
     #[command(flatten)]
     proof: ProofArgs,
+    #[command(flatten)]
+    budget: BudgetArgs,
     /// Show the recording in a rerun viewer too: start one, connect to one, or write a file.
     #[arg(long, value_name = TARGETS)]
     rerun: Option<ViewerTarget>,
@@ -49,6 +53,7 @@ impl Run {
         let outputs = [
             ("--rerun", file.map(PathBuf::as_path)),
             ("--proof-out", self.proof.out()),
+            self.budget.out(),
         ];
         check_outputs(&mut roles, &outputs)?;
         make_folder(&folder)?;
@@ -67,7 +72,9 @@ impl Run {
         ));
         let wanted = Wanted::by(&scenario.task);
         let (task, seed) = (&scenario.task, scenario.seed);
-        let designed = design(common, task, seed, wanted, &self.proof, &STOP)?;
+        let mut designed = design(common, task, seed, wanted, &self.proof, &STOP)?;
+        let home = scenario.laboratory.home();
+        take_nearest_turns(task, home, &mut designed.exact.plan);
         proceed()?;
         let outcome = run(&scenario, &designed, &STOP, &|stage| {
             tell(common, &folder, stage);
@@ -89,6 +96,7 @@ impl Run {
             records: &outcome.records,
             evidence: &outcome.evidence,
             random: (RANDOM_PLANS, random_rho0_m.map(|value| value * 1e3)),
+            random_repeats: outcome.random_repeats,
             conditions: &outcome.conditions,
         })?;
         let main = &outcome.tried[0].calibration.1;
@@ -96,8 +104,17 @@ impl Run {
         let text = serde_json::to_string_pretty(&json)? + "\n";
         write_all(&scenario, &folder, main, &text, &mut written);
         views.write(&folder, self.rerun.as_ref(), &mut written)?;
-        let text = summary(&folder, &outcome.tried, random_rho0_m)
-            + &self.proof.tell(&designed.bound, None, &mut written)?;
+        let mut text = summary(
+            &folder,
+            &outcome.tried,
+            random_rho0_m.zip(outcome.random_repeats),
+        ) + &self.proof.tell(
+            &designed.bound,
+            &ProvenanceMessage::new(&scenario),
+            &mut written,
+        )?;
+        let budget = outcome.tried[0].assessment.uncertainty_budget.as_ref();
+        text += &self.budget.write(budget, &mut written);
         let mut conditions = outcome.conditions;
         conditions.extend(written.conditions());
         Ok(Report {
@@ -136,14 +153,16 @@ fn write_all(
     let commands = scenario.task.belief.commands();
     let [plan, measurements, results] = FILES.map(|name| folder.join(name));
     written.note(&plan, write_plan(&plan, commands.clone(), &main.plan));
-    let origin = scenario.origin();
+    let origin = scenario
+        .origin()
+        .simulated(scenario.seed, Some(main.truth.run));
     let rows = write_measurements_under(&origin, &measurements, commands, &main.measurements);
     written.note(&measurements, rows);
     written.note(&results, write_whole(&results, text.as_bytes()));
 }
 
 /// What it means, for a person.
-fn summary(folder: &Path, entries: &[TriedPlan], random_rho0_m: Option<f64>) -> String {
+fn summary(folder: &Path, entries: &[TriedPlan], random: Option<(f64, RepeatsNeeded)>) -> String {
     let main = &entries[0];
     let mut text = identify::describe(&main.calibration.1.identification);
     text.push('\n');
@@ -166,7 +185,7 @@ fn summary(folder: &Path, entries: &[TriedPlan], random_rho0_m: Option<f64>) -> 
             "plan",
             "predicted rms [um]",
             "efficiency",
-            "seen in this run [um]",
+            "observed in this run [um]",
             "violations",
         ],
         &rows,
@@ -177,14 +196,12 @@ fn summary(folder: &Path, entries: &[TriedPlan], random_rho0_m: Option<f64>) -> 
             text += &format!("plan {name:?} has no efficiency: {reason}\n");
         }
     }
-    text += &shares(&main.assessment);
-    let made = &main.calibration.1;
-    text += &dropped_words(made.dropped(), made.plan.measurements());
-    let is_certain = main.assessment.shares.len() < 2;
-    let leaves = if is_certain {
-        "the measurements' noise alone leaves"
+    text += &budget(&main.assessment);
+    let uncertain = main.assessment.uncertainty_budget.as_ref();
+    let leaves = if uncertain.is_some_and(UncertaintyBudget::has_more_than_noise) {
+        "predicted with the whole uncertainty budget:"
     } else {
-        "noise and all that is uncertain leave"
+        "predicted for the measurements' noise alone:"
     };
     let pose = &main.calibration.1.poses[0];
     let uncompensated = pose.seen.uncompensated_m.norm() * 1e6;
@@ -193,8 +210,7 @@ fn summary(folder: &Path, entries: &[TriedPlan], random_rho0_m: Option<f64>) -> 
         format!(", 95 % below {:.1} um", value * 1e6)
     });
     text += &format!(
-        "\nAt the test pose {:?} the task load bends the robot by {uncompensated:.0} um{}. After calibration \
-         with {}, compensation leaves {:.1} um in this run; {leaves} {predicted} um rms{tolerance}",
+        "\nAt the test pose {:?} the task load bends the robot by {uncompensated:.0} um{}. After calibration with {}, the residual error after compensation is {:.1} um in this run; {leaves} {predicted} um rms{tolerance}",
         pose.name,
         pose.direction.map_or("", |_| " along its direction"),
         counted(main.assessment.experiments.into(), "measurement"),
@@ -207,18 +223,19 @@ fn summary(folder: &Path, entries: &[TriedPlan], random_rho0_m: Option<f64>) -> 
         );
     }
     text += ".\n";
-    if let (Some(optimal), Some(random_rho0_m)) = (main.assessment.rho0_m, random_rho0_m) {
+    if let Some((rho0_m, repeats)) = random {
         text += &format!(
-            "A random plan of as many promises {:.1} um (the median of {RANDOM_PLANS})",
-            random_rho0_m * 1e6
+            "Predicted accuracy of a random plan of as many: {:.1} um (median of {RANDOM_PLANS}): ",
+            rho0_m * 1e6
         );
-        let times = (random_rho0_m / optimal).powi(2);
-        text += &if is_certain {
-            format!(
-                ": it would need {times:.1} times as many measurements for the same accuracy.\n"
-            )
-        } else {
-            ".\n".to_owned()
+        text += &match repeats {
+            RepeatsNeeded::Times(times) => {
+                format!("measured {times} times as a whole it has the same accuracy.\n")
+            }
+            RepeatsNeeded::Never(limit_m) => format!(
+                "however often it is measured as a whole, {:.1} um remain.\n",
+                limit_m * 1e6
+            ),
         };
     }
     text += &format!("Results are in {}\n", folder.display());

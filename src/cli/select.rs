@@ -3,17 +3,20 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use elastocal::codes::{Condition, ConditionCode, ErrorCode};
 use elastocal::files::FileError;
+use elastocal::files::output::write_whole;
+use elastocal::identification::DistanceStatistics;
 use elastocal::identification::ParameterGroup;
 use elastocal::measurement::{MeasuredFile, Origin, read_measured};
 use elastocal::quantities::limits::MOST_EXPERIMENTS;
-use elastocal::record::absolute::LengthsMessage;
 use elastocal::record::json::merge;
 use elastocal::record::messages::ProvenanceMessage;
 use elastocal::record::selection::{PlannedChoiceMessage, SelectionMessage, SelectionSizeMessage};
 use elastocal::scenario::Scenario;
 use elastocal::study::selection::{SelectionOnlooker, SelectionWanted, select};
-use elastocal::text::wording::{counted, shell_word};
+use elastocal::text::wording::{counted, shell_path};
+use elastocal::view::selection_plot::selection_plot;
 use serde_json::json;
 
 use super::identify_absolute::explained;
@@ -21,7 +24,7 @@ use super::interruption::ask_search;
 use super::progress::bar;
 use super::table::{number, table};
 use super::written::Written;
-use super::{Common, Report, check_outputs, inputs, named_by_file, results, views, without_effect};
+use super::{Common, Report, check_outputs, inputs, named_by_file, results, without_effect};
 
 /// Arguments of `select`.
 #[derive(Debug, Args)]
@@ -41,7 +44,7 @@ pub struct Select {
     /// How many random choices of each size.
     #[arg(long, value_name = "N", default_value_t = 200, value_parser = clap::value_parser!(u32).range(0..=10_000))]
     draws: u32,
-    /// How often to read a robot without misfit, in comparison.
+    /// How often to read a robot without discrepancy, in comparison.
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(0..=1000))]
     campaigns: u32,
     /// Where to draw what came of it (SVG).
@@ -52,19 +55,20 @@ pub struct Select {
 impl Select {
     pub fn execute(&self) -> anyhow::Result<Report> {
         let origin = Origin::read(&self.measurements)?;
-        let file = shell_word(&self.measurements.to_string_lossy());
+        let file = shell_path(&self.measurements);
         let usage = format!("elastocal select SCENARIO --measurements {file}");
         let scenario = (self.common).load_for(&self.measurements, origin.as_ref(), &usage)?;
-        views::needed_by("--plot-out", self.plot_out.as_ref())?;
         let mut roles = inputs(&scenario);
         roles.reads("the measurements", &self.measurements);
         check_outputs(&mut roles, &[("--plot-out", self.plot_out.as_deref())])?;
-        let wrong = |problem: String| FileError::new(&self.measurements, problem);
+        let wrong = |problem: String| {
+            FileError::new(&self.measurements, problem).code(ErrorCode::Measurements)
+        };
         let MeasuredFile::Absolute(readings) =
             read_measured(&self.measurements, &scenario.task.belief)?
         else {
             let problem = "holds deflections, and readings are chosen of absolute ones".to_owned();
-            return Err(wrong(problem).into());
+            return Err(wrong(problem).code(ErrorCode::OtherAccuracy).into());
         };
         if let Some(size) = self
             .sizes
@@ -72,7 +76,7 @@ impl Select {
             .find(|size| **size as usize >= readings.len())
         {
             let problem = format!(
-                "holds {}, of which {size} leave none to judge on",
+                "holds {}, of which {size} leave none to validate on",
                 counted(readings.len() as u64, "reading")
             );
             return Err(wrong(problem).hint("give smaller --sizes").into());
@@ -107,9 +111,11 @@ impl Select {
         )
         .map_err(|error| explained(&self.measurements, &error))?;
         bar.finish_and_clear();
+        super::interruption::searched();
         let message = SelectionMessage::new(&selection);
         let conditions = if selection.is_cut_short {
-            vec!["the study was stopped: not all choices were made".to_owned()]
+            let words = "the study was stopped: not all choices were made";
+            vec![ConditionCode::SearchStopped.with(words)]
         } else {
             Vec::new()
         };
@@ -120,13 +126,14 @@ impl Select {
         &self,
         scenario: &Scenario,
         message: &SelectionMessage,
-        mut conditions: Vec<String>,
+        mut conditions: Vec<Condition>,
     ) -> anyhow::Result<Report> {
         let mut text = describe(message);
         let mut written = Written::default();
         if let Some(path) = &self.plot_out {
-            let plot = views::write_selection_plot(path, message)?;
-            text += &written.told(path, plot);
+            let title = "Calibrated with a few readings, validated on all others";
+            let plot = selection_plot(title, message)?;
+            text += &written.told(path, write_whole(path, plot.as_bytes()));
         }
         let provenance =
             ProvenanceMessage::new(scenario).with_input("measurements", &self.measurements)?;
@@ -143,7 +150,7 @@ impl Select {
 
 fn describe(message: &SelectionMessage) -> String {
     let mut text = format!(
-        "{} unknowns{}; a fit of all {} leaves {:.4} mm on average\n",
+        "{} unknowns{}; mean residual of a fit of all {}: {:.4} mm\n",
         message.unknowns.len(),
         match message.known_before {
             0 => String::new(),
@@ -155,8 +162,8 @@ fn describe(message: &SelectionMessage) -> String {
     for of_size in &message.sizes {
         text += &format!("\n{}", of_one_size(of_size));
     }
-    text += "\n  Distances are those at all readings that were not chosen. Promised is what errors that are independent from reading to \
-             reading leave of the\n  robot. From all is the rms distance from the robot that all readings are fitted to; without misfit, the \
+    text += "\n  Distances are those at all readings that were not chosen. Predicted is the accuracy for errors that are independent from reading \
+             to reading.\n  From all is the rms distance from the robot that all readings are fitted to; without discrepancy, the \
              same for a robot that is exactly as the\n  model says, whose readings have independent errors as large.\n";
     text
 }
@@ -182,7 +189,8 @@ fn of_one_size(of_size: &SelectionSizeMessage) -> String {
         if let Some(problem) = &choice.problem {
             problems += &format!("  {}: {problem}\n", named(choice));
         }
-        let of = |get: &dyn Fn(&LengthsMessage) -> f64| cell(choice.distance_mm.as_ref().map(get));
+        let of =
+            |get: &dyn Fn(&DistanceStatistics) -> f64| cell(choice.distance_mm.as_ref().map(get));
         rows.push(vec![
             named(choice).to_owned(),
             of(&|lengths| lengths.mean),
@@ -192,7 +200,7 @@ fn of_one_size(of_size: &SelectionSizeMessage) -> String {
             number(choice.better_than_random.map(|share| share * 100.0), 0),
             cell(choice.rho0_mm),
             cell(choice.from_all_mm),
-            cell(choice.without_misfit_from_true_mm),
+            cell(choice.without_discrepancy_from_true_mm),
         ]);
     }
     let random = &of_size.random;
@@ -214,7 +222,7 @@ fn of_one_size(of_size: &SelectionSizeMessage) -> String {
             String::new(),
             of(random.rho0_mm),
             of(random.from_all_mm),
-            of(random.without_misfit_from_true_mm),
+            of(random.without_discrepancy_from_true_mm),
         ]);
     }
     let header = [
@@ -224,9 +232,9 @@ fn of_one_size(of_size: &SelectionSizeMessage) -> String {
         "95 % below",
         "largest",
         "better than random [%]",
-        "promised",
+        "predicted",
         "from all",
-        "without misfit",
+        "without discrepancy",
     ];
     if random.failed > 0 {
         problems += &format!(

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use clap::ValueEnum;
+use elastocal::codes::{Condition, ConditionCode, ErrorCode};
 use elastocal::compensation::{
     AbsoluteTarget, InverseKinematics, TargetRow, Unreachable, read_targets,
 };
@@ -83,7 +84,7 @@ pub struct TargetQuestion<'a> {
 pub fn compensate_targets(
     scenario: &Scenario,
     robot: &CalibratedRobot,
-    mut conditions: Vec<String>,
+    mut conditions: Vec<Condition>,
     provenance: &ProvenanceMessage,
     question: &TargetQuestion<'_>,
 ) -> anyhow::Result<Report> {
@@ -108,10 +109,10 @@ pub fn compensate_targets(
             shown.push(vec![number.to_string(), told.join(" ")]);
         }
         if let Some(reason) = &reason {
-            conditions.push(format!(
+            conditions.push(ConditionCode::Unreachable.with(format!(
                 "target {number} (line {}) cannot be reached: {reason}",
                 row.line
-            ));
+            )));
         }
         list.push(json!({ "line": row.line, "q_commanded_deg": angles, "unreachable": reason }));
     }
@@ -142,7 +143,6 @@ pub fn compensate_targets(
         "frame": said,
         "corrects_joint_errors": robot.with_joint_errors.is_some(),
         "targets": list,
-        "conditions": conditions,
     });
     Ok(Report {
         json: results("compensate", provenance, keys),
@@ -162,7 +162,7 @@ fn tool_of(robot: &CalibratedRobot, question: &TargetQuestion<'_>) -> Result<usi
         .ok_or_else(|| {
             let known: Vec<&str> = tools.iter().map(|tool| tool.name.as_str()).collect();
             let problem = format!("--tool: found {name:?}; allowed are: {}", known.join(", "));
-            FileError::new(question.identified, problem)
+            FileError::new(question.identified, problem).code(ErrorCode::Targets)
         })
 }
 
@@ -182,7 +182,7 @@ fn base_from_frame(
             if question.station.is_some() {
                 let problem =
                     "--station is for targets in the instrument's frame, not in the base's";
-                return Err(FileError::new(question.targets, problem));
+                return Err(FileError::new(question.targets, problem).code(ErrorCode::Targets));
             }
             let said = "the frame of the robot's base";
             (Isometry3::identity(), said.to_owned())
@@ -214,7 +214,8 @@ fn station<'a>(
     robot: &'a CalibratedRobot,
     question: &TargetQuestion<'_>,
 ) -> Result<&'a IdentifiedStation, FileError> {
-    let wrong = |problem: &str| FileError::new(question.identified, problem);
+    let wrong =
+        |problem: &str| FileError::new(question.identified, problem).code(ErrorCode::Targets);
     let stations = match &robot.with_joint_errors {
         Some(other) => &other.stations,
         None => &robot.stations,
@@ -226,7 +227,7 @@ fn station<'a>(
     let several = format!("name one of them with --station: {}", names.join(", "));
     match (question.station, stations.as_slice()) {
         (_, []) => Err(wrong(
-            "was identified from deflections, which do not tell where the robot stands in the instrument's frame",
+            "was identified from deflections, which do not determine the robot's base in the instrument's frame",
         )
         .hint("give the targets in the frame of the base (--frame base), or identify from absolute readings")),
         (None, [only]) => Ok(only),

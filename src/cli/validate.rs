@@ -3,19 +3,21 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use elastocal::codes::ConditionCode;
 use elastocal::files::FileError;
 use elastocal::identification::{Predicted, StoredIdentification};
 use elastocal::laboratory::validation::{Validation, validate, validation_plan};
 use elastocal::measurement::read_measurements;
 use elastocal::plan::write_plan;
 use elastocal::record::messages::{ProvenanceMessage, plan_messages};
-use elastocal::text::wording::{counted, shell_word};
+use elastocal::text::wording::{counted, shell_path};
 use elastocal::workflow::stored_robot::StoredRobot;
 use nalgebra::Vector3;
 use serde_json::{Value, json};
 
 use super::identified::read_identified;
 use super::table::table;
+use super::tolerance::{JudgedMeasurements, ToleranceArgs};
 use super::validate_absolute;
 use super::written::Written;
 use super::{Common, Report, check_outputs, inputs, named_by_file, results, without_effect};
@@ -36,6 +38,8 @@ pub struct Validate {
     /// Measurements that were not identified from: without them, a plan for such is made.
     #[arg(long, value_name = "FILE")]
     measurements: Option<PathBuf>,
+    #[command(flatten)]
+    tolerance: ToleranceArgs,
     /// The number of measurements to plan.
     #[arg(long, value_name = "M", default_value_t = 3, conflicts_with = "measurements", value_parser = clap::value_parser!(u32).range(1..=100))]
     experiments: u32,
@@ -46,13 +50,15 @@ pub struct Validate {
 
 impl Validate {
     pub fn execute(&self) -> anyhow::Result<Report> {
-        let file = shell_word(&self.identified.to_string_lossy());
+        let file = shell_path(&self.identified);
         let usage = format!("elastocal validate SCENARIO --identified {file}");
         if let Some(robot) = StoredRobot::read(&self.identified)? {
             let scenario =
                 (self.common).load_for(&self.identified, robot.origin.as_ref(), &usage)?;
             let measurements = self.measurements.as_deref();
-            return validate_absolute::execute(&scenario, &self.identified, &robot, measurements);
+            let tolerance = self.tolerance.tolerance();
+            let file = &self.identified;
+            return validate_absolute::execute(&scenario, file, &robot, (measurements, tolerance));
         }
         let origin = StoredIdentification::origin(&self.identified)?;
         let scenario = (self.common).load_for(&self.identified, origin.as_ref(), &usage)?;
@@ -68,7 +74,7 @@ impl Validate {
             let (posterior, seed) = (&identified.posterior, scenario.seed);
             let plan = validation_plan(task, posterior, self.experiments, seed)?;
             if plan.experiments.is_empty() {
-                let problem = "every experiment depends on compliances that were not determined: nothing is promised";
+                let problem = "every experiment depends on compliances that were not determined: nothing is predicted";
                 return Err(FileError::new(&self.identified, problem).into());
             }
             let count = counted(plan.measurements().into(), "measurement");
@@ -85,24 +91,35 @@ impl Validate {
                 conditions,
             });
         };
-        let measurements = read_measurements(path, &task.belief)?;
+        let measured = read_measurements(path, &task.belief)?;
         // What the model left unexplained is in other measurements, too.
         let sigma_m = task.belief.instrument.sigma_m;
-        let measurements = identified.misfit.weighed(&measurements, sigma_m);
+        let measurements = identified.discrepancy.weighed(&measured, sigma_m);
         provenance = provenance.with_input("measurements", path)?;
         let validation = validate(&task.belief, &identified.posterior, &measurements)
             .map_err(|error| FileError::new(path, error.to_string()))?;
         if validation.probability < BROKEN {
-            conditions.push(format!(
-                "the robot does not keep what was promised: differences as large as these have a probability of {:.1e}",
+            conditions.push(ConditionCode::PredictionFailed.with(format!(
+                "the measurements differ from their prediction, p = {:.1e}",
                 validation.probability
-            ));
+            )));
         }
-        Ok(Report {
+        let mut report = Report {
             json: results("validate", &provenance, record(&validation)),
             text: describe(&validation),
             conditions,
-        })
+        };
+        if let Some(tolerance) = self.tolerance.tolerance() {
+            // The model discrepancy is the robot's, and no uncertainty of the measurement.
+            let bare = validate(&task.belief, &identified.posterior, &measured)
+                .map_err(|error| FileError::new(path, error.to_string()))?;
+            let each = bare
+                .each
+                .iter()
+                .map(|each| (each.difference_m, each.reading_m2));
+            JudgedMeasurements::new(tolerance, each).report(&mut report);
+        }
+        Ok(report)
     }
 }
 
@@ -120,8 +137,8 @@ fn record(validation: &Validation) -> Value {
             let mut record = json!({
                 "measurement": index + 1,
                 "difference_mm": milli(each.difference_m),
-                "promised_rms_mm": promised_m * 1e3,
-                "left_rms_mm": left_m * 1e3,
+                "predicted_rms_mm": promised_m * 1e3,
+                "residual_rms_mm": left_m * 1e3,
             });
             if let Some(difference_rad) = each.rotation_difference_rad {
                 record["rotation_difference_mrad"] = milli(difference_rad).into();
@@ -154,14 +171,14 @@ fn describe(validation: &Validation) -> String {
     let mut header = vec![
         "measurement",
         "measured less predicted [um]",
-        "promised rms [um]",
-        "of it the robot's [um]",
+        "predicted rms [um]",
+        "contribution of the robot [um]",
     ];
     if has_rotation {
         header.push("rotation, measured less predicted [urad]");
     }
     format!(
-        "{}\nDifferences as large as these have a probability of {:.2}, if the promise is kept.\n",
+        "{}\nPredicted and observed differences: p = {:.2}.\n",
         table(&header, &rows),
         validation.probability
     )

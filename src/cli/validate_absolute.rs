@@ -2,10 +2,11 @@
 
 use std::path::Path;
 
+use elastocal::codes::ErrorCode;
 use elastocal::files::FileError;
+use elastocal::gate::DistanceTolerance;
 use elastocal::identification::{DistanceStatistics, ReadingResidual};
 use elastocal::measurement::{MeasuredFile, read_measured};
-use elastocal::record::absolute::LengthsMessage;
 use elastocal::record::messages::ProvenanceMessage;
 use elastocal::scenario::Scenario;
 use elastocal::text::wording::counted;
@@ -17,6 +18,7 @@ use serde_json::{Value, json};
 
 use super::identify_absolute::explained;
 use super::table::table;
+use super::tolerance::JudgedMeasurements;
 use super::{Report, results};
 
 /// Holds other readings beside a robot that was identified.
@@ -24,13 +26,14 @@ pub fn execute(
     scenario: &Scenario,
     identified: &Path,
     robot: &StoredRobot,
-    measurements: Option<&Path>,
+    (measurements, tolerance): (Option<&Path>, Option<DistanceTolerance>),
 ) -> anyhow::Result<Report> {
     let belief = &scenario.task.belief;
     if robot.identified_with.robot_sha256 != belief.fingerprint().robot_sha256 {
         let problem = "was identified with another robot: its joints' names, axes or places are not those of the scenario's \
                        model";
         let wrong = FileError::new(identified, problem).at("identified_with.robot_sha256");
+        let wrong = wrong.code(ErrorCode::OtherRobot);
         return Err(wrong
             .hint("give the scenario that it was identified under")
             .into());
@@ -38,13 +41,16 @@ pub fn execute(
     let Some(file) = measurements else {
         let problem = "was identified from absolute readings, for which no plan is made";
         let hint = "give other absolute readings with --measurements";
-        return Err(FileError::new(identified, problem).hint(hint).into());
+        let wrong = FileError::new(identified, problem).hint(hint);
+        return Err(wrong.code(ErrorCode::OtherAccuracy).into());
     };
     let readings = match read_measured(file, belief)? {
         MeasuredFile::Absolute(readings) => readings,
         MeasuredFile::Deflections(_) => {
             let problem = "holds deflections, and what was identified rests on absolute readings";
-            return Err(FileError::new(file, problem).into());
+            return Err(FileError::new(file, problem)
+                .code(ErrorCode::OtherAccuracy)
+                .into());
         }
     };
     let validation =
@@ -56,20 +62,26 @@ pub fn execute(
         .with_input("measurements", file)?;
     let text = describe(&validation);
     let conditions = validation.conditions();
-    Ok(Report {
+    let mut report = Report {
         json: results("validate", &provenance, record(&validation)),
         text,
         conditions,
-    })
+    };
+    if let Some(tolerance) = tolerance {
+        let left = validation.left.iter().map(|each| each.position_m);
+        let each = left.zip(validation.readings_m2.iter().copied());
+        JudgedMeasurements::new(tolerance, each).report(&mut report);
+    }
+    Ok(report)
 }
 
 /// Distances and angles of what is left.
-fn lengths(left: &[ReadingResidual]) -> [Option<LengthsMessage>; 2] {
+fn lengths(left: &[ReadingResidual]) -> [Option<DistanceStatistics>; 2] {
     [
         DistanceStatistics::of_positions(left),
         DistanceStatistics::of_rotations(left),
     ]
-    .map(|statistics| statistics.as_ref().map(LengthsMessage::in_thousandths))
+    .map(|statistics| statistics.as_ref().map(DistanceStatistics::in_thousandths))
 }
 
 fn record(validation: &AbsoluteValidation) -> Value {

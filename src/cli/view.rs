@@ -6,8 +6,10 @@ use std::process::Command;
 use std::time::SystemTime;
 
 use clap::Args;
+use elastocal::codes::ErrorCode;
 use elastocal::files::FileError;
 use elastocal::text::diagnostics::say;
+use elastocal::text::wording::no_option;
 
 use super::Report;
 
@@ -30,20 +32,22 @@ impl View {
             Some(file) => file.clone(),
             None => newest(&self.out).ok_or_else(|| {
                 FileError::new(&self.out, "there is no recording in it")
+                    .code(ErrorCode::View)
                     .hint("`elastocal run` and `elastocal study` write one, or name a file")
             })?,
         };
-        check(&file)?;
-        let program = find_viewer()?;
+        let coded = |wrong: FileError| wrong.or_code(ErrorCode::View);
+        check(&file).map_err(coded)?;
+        let program = find_viewer().map_err(coded)?;
         say(&format!(
             "opening {} with {}",
             file.display(),
             program.display()
         ));
-        let status = Command::new(&program)
-            .arg(&file)
+        let status = viewer(&program)
+            .arg(no_option(&file).as_os_str())
             .status()
-            .map_err(|error| FileError::new(&program, format!("does not start: {error}")))?;
+            .map_err(|error| coded(FileError::new(&program, format!("does not start: {error}"))))?;
         anyhow::ensure!(status.success(), "{}: {status}", program.display());
         Ok(Report::default())
     }
@@ -76,8 +80,24 @@ fn check(path: &Path) -> Result<(), FileError> {
         .hint("give a .rrd or .mcap file that `elastocal run` or `elastocal study` wrote"))
 }
 
+/// Starts a viewer that listens to this machine alone.
+pub fn viewer(program: &Path) -> Command {
+    let mut command = Command::new(program);
+    command.arg("--bind=127.0.0.1");
+    command
+}
+
+/// The one that the tests installed beside the folder into which this program was built. In whatever folder a user stands is
+/// no program of this one's.
+fn own_viewer() -> Option<PathBuf> {
+    let program = std::env::current_exe().ok()?;
+    let built = program.ancestors().nth(2)?;
+    let is_built = built.file_name().is_some_and(|name| name == "target");
+    is_built.then(|| built.with_file_name(".rerun").join("rerun"))
+}
+
 /// The rerun program: the one that `ELASTOCAL_RERUN` names, the one on the PATH, or the one that the
-/// tests installed in this folder.
+/// tests installed.
 pub fn find_viewer() -> Result<PathBuf, FileError> {
     let named = std::env::var_os("ELASTOCAL_RERUN").filter(|name| !name.is_empty());
     if let Some(named) = named {
@@ -91,8 +111,9 @@ pub fn find_viewer() -> Result<PathBuf, FileError> {
     }
     let path = std::env::var_os("PATH").unwrap_or_default();
     std::env::split_paths(&path)
+        .filter(|folder| folder.is_absolute())
         .map(|folder| folder.join("rerun"))
-        .chain([PathBuf::from(".rerun/rerun")])
+        .chain(own_viewer())
         .find(|program| program.is_file())
         .ok_or_else(|| {
             FileError::new(Path::new("rerun"), "the viewer is not installed")

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use elastocal::codes::{Condition, ConditionCode};
 use elastocal::files::FileError;
 use elastocal::text::diagnostics::say;
 
@@ -53,8 +54,13 @@ impl Written {
     }
 
     /// What could not be written, and which files are there all the same.
-    pub fn conditions(mut self) -> Vec<String> {
-        let mut conditions = self.problems;
+    pub fn conditions(mut self) -> Vec<Condition> {
+        let code = ConditionCode::NotWritten;
+        let mut conditions: Vec<Condition> = self
+            .problems
+            .into_iter()
+            .map(|text| code.with(text))
+            .collect();
         if self.missing.is_empty() {
             return conditions;
         }
@@ -67,7 +73,7 @@ impl Written {
         if !self.missing.is_empty() {
             text += &format!("; from before are: {}", list(&self.missing));
         }
-        conditions.push(text);
+        conditions.push(code.with(text));
         conditions
     }
 }

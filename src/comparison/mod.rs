@@ -12,9 +12,11 @@ pub mod results;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use crate::codes::ErrorCode;
 use crate::files::FileError;
-use crate::gate::{Direction, Gate, Quantity, Tolerance};
-use results::{Key, ResultsFile};
+use crate::gate::{Decision, Direction, Gate, Quantity, Tolerance};
+use crate::study::summary::TWO_SIDED_95;
+use results::{Key, ResultNumber, ResultsFile};
 
 /// In what results can differ that makes them answers to different questions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
@@ -51,6 +53,9 @@ pub struct Difference {
     pub new: String,
 }
 
+/// A change by more than so many times is told as itself.
+const MOST_TIMES: f64 = 1e6;
+
 /// A number before and now.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Change {
@@ -64,8 +69,10 @@ pub struct Change {
     pub tolerance: f64,
     /// Which changes count.
     pub direction: Direction,
-    /// Whether the change is within the tolerance.
-    pub ok: bool,
+    /// The guard band in its unit: so much the change may be from what the numbers say.
+    pub guard_band: f64,
+    /// What the change says of the tolerance.
+    pub decision: Decision,
 }
 
 /// What comparing two results gives.
@@ -106,7 +113,6 @@ impl Aspect {
     ];
 
     /// The name, as on the command line.
-    #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
             Self::Schema => "schema",
@@ -174,34 +180,33 @@ pub fn compare(
     }
     let is_same_platform = base.provenance.platform == new.provenance.platform;
     let within = rules.within.filter(|_| is_same_platform).map(nearly);
-    let value_in = |file: &ResultsFile, key: &Key| {
-        (file.numbers.iter())
-            .find(|(other, _)| other == key)
-            .map(|(_, value)| *value)
-    };
+    let found_in =
+        |file: &'_ ResultsFile, key: &Key| file.numbers.iter().position(|each| each.key == *key);
     let mut changes = Vec::new();
     let mut not_compared = Vec::new();
-    for (key, before) in &base.numbers {
-        match value_in(new, key) {
-            Some(now) => {
-                let tolerance = within.unwrap_or_else(|| rules.gate.tolerance(key.quantity));
-                changes.push(judge(key.clone(), *before, now, tolerance));
+    for before in &base.numbers {
+        match found_in(new, &before.key) {
+            Some(place) => {
+                let quantity = before.key.quantity;
+                let tolerance = within.unwrap_or_else(|| rules.gate.tolerance(quantity));
+                changes.push(judge(before, &new.numbers[place], tolerance));
             }
-            None => not_compared.push(key.clone()),
+            None => not_compared.push(before.key.clone()),
         }
     }
-    let only_new = (new.numbers.iter()).filter(|(key, _)| value_in(base, key).is_none());
-    not_compared.extend(only_new.map(|(key, _)| key.clone()));
+    let only_new = (new.numbers.iter()).filter(|each| found_in(base, &each.key).is_none());
+    not_compared.extend(only_new.map(|each| each.key.clone()));
     let scenario_may_differ = rules.allowed.contains(&Aspect::Scenario);
     let missing = (not_compared.iter())
         .find(|key| base.plans.contains(&key.plan) && new.plans.contains(&key.plan));
     if let (Some(key), false) = (missing, scenario_may_differ || schema_differs(&differences)) {
         let problem = format!("only one of this file and {} has it", base.path.display());
-        return Err(FileError::new(&new.path, problem).at(key.text()));
+        let wrong = FileError::new(&new.path, problem).at(key.text());
+        return Err(wrong.code(ErrorCode::NotComparable));
     }
     if changes.is_empty() {
         let problem = format!("has no number in common with {}", base.path.display());
-        return Err(FileError::new(&new.path, problem));
+        return Err(FileError::new(&new.path, problem).code(ErrorCode::NotComparable));
     }
     let same_bits = |change: &Change| change.base.map(f64::to_bits) == change.new.map(f64::to_bits);
     Ok(Comparison {
@@ -218,6 +223,7 @@ const fn nearly(share: f64) -> Tolerance {
         relative: share,
         absolute: 0.0,
         direction: Direction::Both,
+        guard_band: 0.0,
     }
 }
 
@@ -259,43 +265,50 @@ fn refusal(base: &ResultsFile, new: &ResultsFile, refused: &[&Difference]) -> Fi
         "make both in the same way; or --allow-different {} compares them all the same",
         names.join(",")
     );
-    FileError::new(&new.path, problem).hint(hint)
+    let wrong = FileError::new(&new.path, problem).hint(hint);
+    wrong.code(ErrorCode::NotComparable)
 }
 
-fn judge(key: Key, base: Option<f64>, new: Option<f64>, allowed: Tolerance) -> Change {
+fn judge(before: &ResultNumber, now: &ResultNumber, allowed: Tolerance) -> Change {
+    let (base, new) = (before.value, now.value);
     let tolerance = base.map_or(0.0, |base| allowed.relative * base.abs());
     let tolerance = tolerance.max(allowed.absolute);
-    let ok = match (base, new) {
+    // Where both have the same random numbers the change is known better than this.
+    let standard = before.standard_error.hypot(now.standard_error);
+    let guard_band = allowed.guard_band * TWO_SIDED_95 * standard;
+    let decision = match (base, new) {
         (Some(base), Some(new)) => {
             let larger = new - base;
-            let worse = if key.quantity.larger_is_worse() {
+            let worse = if before.key.quantity.larger_is_worse() {
                 larger
             } else {
                 -larger
             };
             match allowed.direction {
-                Direction::Worse => worse <= tolerance,
-                Direction::Both => worse.abs() <= tolerance,
-                Direction::None => true,
+                Direction::Worse => Decision::of(worse, guard_band, tolerance),
+                Direction::Both => Decision::of(worse.abs(), guard_band, tolerance),
+                Direction::None => Decision::Accept,
             }
         }
         // A number on one side only cannot be measured.
-        (None, Some(_)) | (Some(_), None) => allowed.direction == Direction::None,
-        (None, None) => true,
+        (None, Some(_)) | (Some(_), None) if allowed.direction != Direction::None => {
+            Decision::Reject
+        }
+        _ => Decision::Accept,
     };
     Change {
-        key,
+        key: before.key.clone(),
         base,
         new,
         tolerance,
         direction: allowed.direction,
-        ok,
+        guard_band,
+        decision,
     }
 }
 
 impl Key {
     /// The name for a person, such as "`standard_error` of `joint_2`, plan optimal".
-    #[must_use]
     pub fn text(&self) -> String {
         let of = (self.of.as_ref()).map_or_else(String::new, |of| format!(" of {of}"));
         let plan = match &*self.plan {
@@ -308,33 +321,38 @@ impl Key {
 
 impl Change {
     /// The change in the unit of the quantity.
-    #[must_use]
     pub fn change(&self) -> Option<f64> {
-        Some(self.new? - self.base?)
+        Some(self.new? - self.base?).filter(|change| change.is_finite())
     }
 
-    /// The change as a part of the value before.
-    #[must_use]
+    /// The change as a part of the value before; none of zero, or of what is next to nothing.
     pub fn relative_change(&self) -> Option<f64> {
-        let base = self.base.filter(|base| *base != 0.0)?;
-        Some(self.change()? / base.abs())
+        self.of_base(self.change()?)
+    }
+
+    /// What is allowed as a part of the value before; none of zero, or of what is next to nothing.
+    pub fn relative_tolerance(&self) -> Option<f64> {
+        self.of_base(self.tolerance)
+    }
+
+    fn of_base(&self, amount: f64) -> Option<f64> {
+        let part = amount / self.base?.abs();
+        (part.abs() < MOST_TIMES).then_some(part)
     }
 }
 
 impl Comparison {
     /// Whether all changes are within their tolerances.
-    #[must_use]
     pub fn ok(&self) -> bool {
         self.broken().next().is_none()
     }
 
-    /// The changes beyond their tolerances.
+    /// The changes that are not within their tolerances: the inconclusive ones among them.
     pub fn broken(&self) -> impl Iterator<Item = &Change> {
-        self.changes.iter().filter(|change| !change.ok)
+        (self.changes.iter()).filter(|change| change.decision != Decision::Accept)
     }
 
     /// The quantities that were compared.
-    #[must_use]
     pub fn quantities(&self) -> Vec<Quantity> {
         let is_there = |quantity: &Quantity| {
             (self.changes.iter()).any(|change| change.key.quantity == *quantity)

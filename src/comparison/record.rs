@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 
 use crate::comparison::results::{Key, ResultsFile};
 use crate::comparison::{Change, Comparison};
-use crate::gate::{Direction, Quantity};
+use crate::gate::{Decision, Direction, Quantity};
 use crate::record::messages::SchemaMessage;
 
 /// The columns of [`rows`].
@@ -13,7 +13,6 @@ pub const COLUMNS: [&str; 7] = [
 ];
 
 /// The comparison of two files for machines. Numbers that do not exist are `null`.
-#[must_use]
 pub fn comparison_json(base: &ResultsFile, new: &ResultsFile, comparison: &Comparison) -> Value {
     let side = |file: &ResultsFile| {
         json!({
@@ -55,12 +54,13 @@ fn change_json(change: &Change) -> Value {
         "relative_change": change.relative_change(),
         "tolerance": change.tolerance,
         "direction": change.direction,
-        "ok": change.ok,
+        "guard_band": change.guard_band,
+        "decision": change.decision,
+        "ok": change.decision == Decision::Accept,
     })
 }
 
 /// A row for each change, in the [`COLUMNS`].
-#[must_use]
 pub fn rows<'a>(changes: impl Iterator<Item = &'a Change>) -> Vec<Vec<String>> {
     changes.map(row).collect()
 }
@@ -73,7 +73,11 @@ fn row(change: &Change) -> Vec<String> {
         "rad/(N m)" => " [1e-9 rad/(N m)]".to_owned(),
         unit => format!(" [{unit}]"),
     };
-    let verdict = if change.ok { "" } else { "BROKEN" };
+    let verdict = match change.decision {
+        Decision::Accept => "",
+        Decision::Inconclusive => "INCONCLUSIVE",
+        Decision::Reject => "BROKEN",
+    };
     vec![
         change.key.plan.clone(),
         format!("{}{of}{unit}", quantity.name()),
@@ -124,10 +128,10 @@ fn allowed(change: &Change) -> String {
         (Direction::Worse, true) => "+",
         (Direction::Worse, false) => "-",
     };
-    match change.base {
+    match change.relative_tolerance() {
         _ if change.tolerance == 0.0 => format!("{sign}0"),
-        Some(base) if base != 0.0 && !is_count(change.key.quantity) => {
-            let percent = format!("{:.3}", change.tolerance / base.abs() * 100.0);
+        Some(tolerance) if !is_count(change.key.quantity) => {
+            let percent = format!("{:.3}", tolerance * 100.0);
             let percent = percent.trim_end_matches('0').trim_end_matches('.');
             format!("{sign}{percent} %")
         }
@@ -144,7 +148,6 @@ fn signed(value: f64) -> String {
 }
 
 /// Where both come from, and what else a reader must know: a sentence each.
-#[must_use]
 pub fn notes(base: &ResultsFile, new: &ResultsFile, comparison: &Comparison) -> Vec<String> {
     let mut notes = Vec::new();
     for difference in &comparison.differences {
@@ -177,21 +180,29 @@ pub fn notes(base: &ResultsFile, new: &ResultsFile, comparison: &Comparison) -> 
 }
 
 /// What it comes to, in a sentence.
-#[must_use]
 pub fn verdict(comparison: &Comparison) -> String {
     let names: Vec<&str> = (comparison.quantities().into_iter())
         .map(Quantity::name)
         .collect();
     let all = comparison.changes.len();
     let compared = format!("{all} numbers compared ({})", names.join(", "));
-    match comparison.broken().count() {
-        0 => format!("{compared}: all within tolerance."),
-        broken => format!("{compared}: {broken} beyond tolerance."),
+    let of = |decision: Decision| {
+        let same = comparison
+            .changes
+            .iter()
+            .filter(|change| change.decision == decision);
+        same.count()
+    };
+    match (of(Decision::Reject), of(Decision::Inconclusive)) {
+        (0, 0) => format!("{compared}: all within tolerance."),
+        (broken, 0) => format!("{compared}: {broken} beyond tolerance."),
+        (broken, unsure) => {
+            format!("{compared}: {broken} beyond tolerance, {unsure} inconclusive.")
+        }
     }
 }
 
 /// A summary that a job of continuous integration can post.
-#[must_use]
 pub fn markdown(base: &ResultsFile, new: &ResultsFile, comparison: &Comparison) -> String {
     let outcome = if comparison.ok() { "passed" } else { "failed" };
     let scenario = escaped(&new.provenance.scenario);

@@ -27,6 +27,17 @@ pub struct Key {
     pub of: Option<String>,
 }
 
+/// A number.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ResultNumber {
+    /// What it is.
+    pub key: Key,
+    /// It, in the unit of [`Quantity::unit`]; none where there is no such number.
+    pub value: Option<f64>,
+    /// Its standard error; zero where it is computed and not estimated.
+    pub standard_error: f64,
+}
+
 /// A results file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ResultsFile {
@@ -42,8 +53,8 @@ pub struct ResultsFile {
     pub settings: Vec<(&'static str, Value)>,
     /// The plans' names.
     pub plans: Vec<String>,
-    /// All numbers, in the units of [`Quantity::unit`]; none where there is no such number.
-    pub numbers: Vec<(Key, Option<f64>)>,
+    /// All numbers.
+    pub numbers: Vec<ResultNumber>,
 }
 
 #[derive(Deserialize)]
@@ -109,6 +120,7 @@ struct StudyPlanResults {
     failed: u64,
     #[serde(deserialize_with = "there")]
     mean_mm: Option<f64>,
+    mean_std_mm: Option<f64>,
     #[serde(deserialize_with = "there")]
     predicted_rms_mm: Option<f64>,
 }
@@ -202,6 +214,9 @@ impl ResultsFile {
             self.add(&name, Quantity::Rho0, None, rho0);
             let mean = micrometres(plan.mean_mm);
             self.add(&name, Quantity::MeanError, None, mean);
+            if let Some(last) = self.numbers.last_mut() {
+                last.standard_error = micrometres(plan.mean_std_mm).unwrap_or(0.0);
+            }
             let failed = Some(plan.failed as f64);
             self.add(&name, Quantity::FailedRuns, None, failed);
         }
@@ -236,12 +251,16 @@ impl ResultsFile {
         let plan = plan.to_owned();
         let mut key = Key { plan, quantity, of };
         // Two test poses may share a name.
-        let same = |(other, _): &&(Key, _)| *other == key;
+        let same = |other: &&ResultNumber| other.key == key;
         let earlier = self.numbers.iter().filter(same).count();
         if let (Some(of), 1..) = (&mut key.of, earlier) {
             *of += &format!(" ({})", earlier + 1);
         }
-        self.numbers.push((key, value));
+        self.numbers.push(ResultNumber {
+            key,
+            value,
+            standard_error: 0.0,
+        });
     }
 
     /// Adds a plan under a name of its own: a scenario may bring one that is named as `run` names its.

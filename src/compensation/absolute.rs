@@ -52,7 +52,6 @@ pub enum Unreachable {
 
 impl AbsoluteTarget {
     /// A target that is given in another frame than the base's.
-    #[must_use]
     pub fn in_frame(
         base_from_frame: &Isometry3<f64>,
         position_m: &Vector3<f64>,
@@ -80,7 +79,6 @@ pub struct InverseKinematics<'a> {
 
 impl<'a> InverseKinematics<'a> {
     /// For one of the arm's tools.
-    #[must_use]
     pub fn new(arm: &'a ElasticArm, tool: &'a Tool) -> Self {
         let chain = arm.loaded_chain();
         Self {

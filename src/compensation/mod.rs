@@ -2,9 +2,11 @@
 
 mod absolute;
 mod passive;
+mod static_compliance;
 mod targets;
 
 pub use absolute::{AbsoluteTarget, InverseKinematics, Unreachable};
+pub use static_compliance::{KnownArm, StaticCompliance};
 pub use targets::{TargetRow, read_targets};
 
 use nalgebra::{DMatrix, DVector, Matrix3xX};
@@ -112,7 +114,7 @@ pub fn compensate_arm(
     if !arm.gear_waves.is_empty() {
         // Gears are off by what they are off by where the joints are commanded now.
         for (joint, commanded) in commanded_rad.iter_mut().enumerate() {
-            let at_pose = arm.gear_error_rad(joint, pose.configuration_rad[joint]);
+            let at_pose = arm.transmission_error_rad(joint, pose.configuration_rad[joint]);
             *commanded = arm.before_gear(joint, *commanded + at_pose);
         }
     }
@@ -122,7 +124,6 @@ pub fn compensate_arm(
 /// The observation matrix of a test pose for the compliances of some joints, `A_0^(p)` (eq. 23), 3 x p; of it what
 /// counts there. Where springs beside the joints' own brace the arm, they do so against what is wrong of the
 /// compensation, and not against the load, which is what the joints are commanded back by.
-#[must_use]
 pub fn test_pose_matrix(belief: &Belief, pose: &TestPose, parameters: &[usize]) -> DMatrix<f64> {
     let arm = belief.arm_with(&belief.machining_tool);
     let sizes = vec![1.0; parameters.len()];
@@ -132,7 +133,6 @@ pub fn test_pose_matrix(belief: &Belief, pose: &TestPose, parameters: &[usize]) 
 
 /// The same for all unknowns of a belief, 3 x p: what compensation leaves at a test pose follows from their
 /// errors by these rows (eq. 19, extended).
-#[must_use]
 pub fn test_pose_rows(belief: &Belief, pose: &TestPose) -> DMatrix<f64> {
     let Some(extended) = &belief.uncertain else {
         return test_pose_matrix(belief, pose, &belief.parameters);
@@ -142,7 +142,6 @@ pub fn test_pose_rows(belief: &Belief, pose: &TestPose) -> DMatrix<f64> {
 }
 
 /// What compensation leaves at a test pose by the unknowns of a model there; of it what counts.
-#[must_use]
 pub fn uncompensated_rows(mut model: PlannedReadings<'_>, pose: &TestPose) -> DMatrix<f64> {
     let size = model.parameters();
     let mut matrix = Matrix3xX::zeros(size);
@@ -152,7 +151,6 @@ pub fn uncompensated_rows(mut model: PlannedReadings<'_>, pose: &TestPose) -> DM
 }
 
 /// The rows of several test poses (3 x `columns` each), each times the root of its weight, stacked.
-#[must_use]
 pub fn weighted_rows(
     poses: &[TestPose],
     columns: usize,

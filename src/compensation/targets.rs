@@ -4,6 +4,7 @@ use std::path::Path;
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
+use crate::codes::ErrorCode;
 use crate::csv::{Columns, Table};
 use crate::experiment::LOAD;
 use crate::files::FileError;
@@ -34,6 +35,10 @@ pub struct TargetRow {
 /// # Errors
 /// The file has other columns, or what is no number or no rotation.
 pub fn read_targets(path: &Path) -> Result<Vec<TargetRow>, FileError> {
+    targets_of(path).map_err(|wrong| wrong.or_code(ErrorCode::Targets))
+}
+
+fn targets_of(path: &Path) -> Result<Vec<TargetRow>, FileError> {
     let owned = |names: &[&str]| {
         names
             .iter()

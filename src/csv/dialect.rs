@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use super::wrong_table;
 use crate::files::FileError;
 
 /// What separates fields.
@@ -52,7 +53,7 @@ impl Delimiter {
         match found.as_slice() {
             [] => Ok(Self::Comma),
             [one] => Ok(*one),
-            [one, other, ..] => Err(FileError::new(
+            [one, other, ..] => Err(wrong_table(
                 path,
                 format!(
                     "found {} and {} between the columns' names; one of them is allowed",
@@ -63,12 +64,19 @@ impl Delimiter {
         }
     }
 
-    /// The fields of a line without space and quotes around them; a delimiter in quotes is none.
+    /// The fields of a line without space and quotes around them; a delimiter in quotes is none, and a doubled quote there is
+    /// one.
     pub(super) fn split(self, path: &Path, line: &str) -> Result<Vec<String>, FileError> {
         let mut fields = vec![String::new()];
         let mut quoted = false;
-        for sign in line.chars() {
-            if sign == '"' {
+        let mut signs = line.chars().peekable();
+        while let Some(sign) = signs.next() {
+            if sign == '"' && quoted && signs.next_if_eq(&'"').is_some() {
+                fields
+                    .last_mut()
+                    .into_iter()
+                    .for_each(|field| field.push(sign));
+            } else if sign == '"' {
                 quoted = !quoted;
             } else if sign == self.sign() && !quoted {
                 fields.push(String::new());
@@ -77,7 +85,7 @@ impl Delimiter {
             }
         }
         if quoted {
-            return Err(FileError::new(path, "a quote is not closed"));
+            return Err(wrong_table(path, "a quote is not closed"));
         }
         for field in &mut fields {
             *field = field.trim().to_owned();
@@ -87,7 +95,7 @@ impl Delimiter {
 
     /// The error of a row that has not as many fields as the header.
     pub(super) fn miscounted(self, path: &Path, found: usize, columns: usize) -> FileError {
-        let wrong = FileError::new(
+        let wrong = wrong_table(
             path,
             format!("found {found} fields; the header has {columns}"),
         );
@@ -131,7 +139,7 @@ impl<'a> Decimals<'a> {
     /// The value of a field.
     pub fn number(&mut self, line: usize, column: &str, field: &str) -> Result<f64, FileError> {
         let wrong = |problem: String| {
-            FileError::new(self.path, format!("{column}: found {field:?}{problem}"))
+            wrong_table(self.path, format!("{column}: found {field:?}{problem}"))
                 .at(format!("line {line}"))
         };
         let plain = match (field.matches(',').count(), field.contains('.')) {
@@ -172,7 +180,7 @@ impl<'a> Decimals<'a> {
                 "found {point:?} in line {of_point} and {comma:?} in line {of_comma}; one decimal sign \
                  is allowed in a file, and no thousands separators"
             );
-            return Err(FileError::new(self.path, problem).at(format!("line {line}")));
+            return Err(wrong_table(self.path, problem).at(format!("line {line}")));
         }
         Ok(value)
     }
@@ -180,7 +188,7 @@ impl<'a> Decimals<'a> {
     /// Whether the file's commas were decimal ones for sure.
     pub fn check(&self) -> Result<(), FileError> {
         match &self.comma {
-            Some((line, field)) if !self.is_decimal => Err(FileError::new(
+            Some((line, field)) if !self.is_decimal => Err(wrong_table(
                 self.path,
                 format!(
                     "found {field:?}, where the comma can be a decimal one or separate thousands, as \

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use super::wrong_table;
 use crate::files::{FileError, read_bytes, utf8};
 
 /// Reads a text file in UTF-8 or UTF-16, as its byte order mark says or, where UTF-16 has none, the
@@ -22,7 +23,7 @@ pub fn read_text(path: &Path) -> Result<String, FileError> {
 fn decode(path: &Path, bytes: Vec<u8>) -> Result<String, FileError> {
     match bytes.as_slice() {
         [0xEF, 0xBB, 0xBF, rest @ ..] => utf8(path, rest.to_vec()),
-        [0xFF, 0xFE, 0, 0, ..] | [0, 0, 0xFE, 0xFF, ..] => Err(FileError::new(
+        [0xFF, 0xFE, 0, 0, ..] | [0, 0, 0xFE, 0xFF, ..] => Err(wrong_table(
             path,
             "is UTF-32 text; UTF-8 and UTF-16 are read",
         )
@@ -53,7 +54,7 @@ fn utf16(path: &Path, bytes: &[u8], unit: fn([u8; 2]) -> u16) -> Result<String, 
 
 fn broken(path: &Path, before: &str) -> FileError {
     let line = 1 + before.matches('\n').count();
-    FileError::new(path, "is not whole UTF-16 text, with which it begins")
+    wrong_table(path, "is not whole UTF-16 text, with which it begins")
         .at(format!("line {line}"))
         .hint("save the file as UTF-8")
 }

@@ -13,6 +13,7 @@ use std::path::Path;
 
 use nalgebra::Vector3;
 
+use crate::codes::ErrorCode;
 use crate::files::FileError;
 use crate::quantities::limits::MOST_MEASUREMENTS;
 use crate::quantities::plausible::{self, Kind};
@@ -21,14 +22,39 @@ use dialect::Decimals;
 pub use dialect::Delimiter;
 pub use raw::{RawTable, Separator};
 
-/// A word as a field; quotes within it are left out, since the reader knows none.
-#[must_use]
-pub fn quoted_word(word: &str) -> String {
-    let plain = word.replace('"', "");
-    if plain.contains([',', ';', '\t']) || plain.starts_with('#') {
-        format!("\"{plain}\"")
+/// A spreadsheet takes a word that begins so for a formula, and this program for a comment.
+const NO_WORD: [char; 5] = ['=', '+', '-', '@', '#'];
+
+/// Whether a word begins as a formula or a comment, apostrophes before it left out.
+fn is_like_formula(word: &str) -> bool {
+    word.trim_start_matches('\'').starts_with(NO_WORD)
+}
+
+/// A problem with the table itself, and not with what it says.
+fn wrong_table(path: &Path, problem: impl Into<String>) -> FileError {
+    FileError::new(path, problem).code(ErrorCode::Table)
+}
+
+/// A word as a field (RFC 4180). What a spreadsheet would calculate gets an apostrophe, which it takes for the sign of a text, and
+/// readers take away.
+pub fn word_field(word: &str) -> String {
+    let text = if is_like_formula(word) {
+        format!("'{word}")
     } else {
-        plain
+        word.to_owned()
+    };
+    if text.contains([',', ';', '\t', '"', '\n', '\r']) {
+        format!("\"{}\"", text.replace('"', "\"\""))
+    } else {
+        text
+    }
+}
+
+/// The word that [`word_field`] wrote as a field, whose quotes are away.
+fn word_of(field: &str) -> &str {
+    match field.strip_prefix('\'') {
+        Some(word) if is_like_formula(word) => word,
+        _ => field,
     }
 }
 
@@ -61,14 +87,23 @@ pub struct Columns {
     pub optional: Vec<String>,
     /// Those of these whose fields are words.
     pub words: Vec<String>,
-    /// Whether rows in which that group is empty are left out: they are not filled in yet.
-    pub may_be_unfinished: bool,
+    /// Rows in which all of one of these groups of columns are empty are left out: they are not filled in yet.
+    pub may_be_empty: Vec<Vec<String>>,
 }
 
 impl Columns {
     /// All that a header needs.
     fn needed(&self, header: &[String]) -> Vec<String> {
         [&self.required, self.group(header)].concat()
+    }
+
+    /// Whether a row has nothing in one of the groups that may be empty.
+    fn is_left_out(&self, columns: &[String], fields: &[String]) -> bool {
+        self.may_be_empty.iter().any(|group| {
+            let of_it = |(column, _): &(&String, &String)| group.contains(column);
+            let mut found = columns.iter().zip(fields).filter(of_it).peekable();
+            found.peek().is_some() && found.all(|(_, field)| field.is_empty())
+        })
     }
 
     /// The group that a header has.
@@ -109,9 +144,6 @@ impl<'a> Table<'a> {
     }
 
     /// The same for a file whose header says which columns it may have.
-    ///
-    /// # Errors
-    /// As [`read_with`](Self::read_with).
     pub fn read_as(
         path: &'a Path,
         wanted: impl Fn(&[String]) -> Columns,
@@ -124,7 +156,7 @@ impl<'a> Table<'a> {
             lines.next();
         }
         let (header_line, header) = lines.next().ok_or_else(|| {
-            FileError::new(path, "is empty").hint(header_hint(&wanted(&[]).needed(&[])))
+            wrong_table(path, "is empty").hint(header_hint(&wanted(&[]).needed(&[])))
         })?;
         let at = |line: usize| move |error: FileError| error.at(format!("line {line}"));
         let delimiter = match separator_line {
@@ -140,9 +172,6 @@ impl<'a> Table<'a> {
         let wanted = wanted(&columns);
         let needed = wanted.needed(&columns);
         check_columns(path, header_line, &columns, &needed, &wanted.optional)?;
-        let to_fill: Vec<bool> = (columns.iter())
-            .map(|column| wanted.may_be_unfinished && wanted.group(&columns).contains(column))
-            .collect();
         let mut is_unfinished = false;
         let mut decimals = Decimals::new(path, delimiter);
         let mut rows = Vec::new();
@@ -161,11 +190,7 @@ impl<'a> Table<'a> {
                     columns.len(),
                 )));
             }
-            let mut left = fields
-                .iter()
-                .zip(&to_fill)
-                .filter(|(_, is_to_fill)| **is_to_fill);
-            if wanted.may_be_unfinished && left.all(|(field, _)| field.is_empty()) {
+            if wanted.is_left_out(&columns, &fields) {
                 is_unfinished = true;
                 continue;
             }
@@ -175,7 +200,7 @@ impl<'a> Table<'a> {
                     let is_word = wanted.words.contains(column);
                     if !wanted.words.is_empty() {
                         words.push(if is_word {
-                            field.clone()
+                            word_of(field).to_owned()
                         } else {
                             String::new()
                         });
@@ -185,8 +210,7 @@ impl<'a> Table<'a> {
                     }
                     let value = decimals.number(line, column, field)?;
                     kind_of(column).check(value).map_err(|problem| {
-                        FileError::new(path, format!("{column}: {problem}"))
-                            .at(format!("line {line}"))
+                        wrong_table(path, format!("{column}: {problem}")).at(format!("line {line}"))
                     })
                 })
                 .collect::<Result<Vec<f64>, FileError>>()?;
@@ -202,13 +226,13 @@ impl<'a> Table<'a> {
                 "has {} rows; at most {MOST_MEASUREMENTS} are allowed",
                 rows.len()
             );
-            return Err(FileError::new(path, problem));
+            return Err(wrong_table(path, problem));
         }
         if rows.is_empty() && is_unfinished {
-            return Err(FileError::new(path, "has no row that is filled in"));
+            return Err(wrong_table(path, "has no row that is filled in"));
         }
         if rows.is_empty() {
-            return Err(FileError::new(path, "has no row below its header"));
+            return Err(wrong_table(path, "has no row below its header"));
         }
         Ok(Self {
             path,
@@ -219,7 +243,6 @@ impl<'a> Table<'a> {
     }
 
     /// Whether the file has all of these columns.
-    #[must_use]
     pub fn has(&self, columns: &[&str]) -> bool {
         columns
             .iter()
@@ -227,7 +250,6 @@ impl<'a> Table<'a> {
     }
 
     /// An error about the header.
-    #[must_use]
     pub fn wrong_header(&self, problem: impl Into<String>) -> FileError {
         FileError::new(self.path, problem).at(format!("line {}", self.header_line))
     }
@@ -247,14 +269,12 @@ pub struct Row<'a> {
 
 impl<'a> Row<'a> {
     /// The value in a column that the table has; NaN where it has none.
-    #[must_use]
     pub fn get(&self, column: &str) -> f64 {
         self.place(column)
             .map_or(f64::NAN, |index| self.row.values[index])
     }
 
     /// The word in a column of words; `None` where the table has no such column.
-    #[must_use]
     pub fn word(&self, column: &str) -> Option<&'a str> {
         let words = &self.row.words;
         (self.place(column)).and_then(|index| words.get(index).map(String::as_str))
@@ -265,28 +285,22 @@ impl<'a> Row<'a> {
     }
 
     /// The values of three columns.
-    #[must_use]
     pub fn vector(&self, columns: [&str; 3]) -> Vector3<f64> {
         columns.map(|column| self.get(column)).into()
     }
 
     /// The number of its line.
-    #[must_use]
     pub const fn line(&self) -> usize {
         self.row.line
     }
 
     /// An error about this row.
-    #[must_use]
     pub fn wrong(&self, problem: impl Into<String>) -> FileError {
         FileError::new(self.table.path, problem).at(format!("line {}", self.row.line))
     }
 }
 
 /// The comments of a CSV file, without # and what a spreadsheet puts around them.
-///
-/// # Errors
-/// The file cannot be read.
 pub fn comments(path: &Path) -> Result<Vec<String>, FileError> {
     let text = encoding::read_text(path)?;
     let around = |sign: char| sign.is_whitespace() || ['#', '"', ',', ';'].contains(&sign);
@@ -335,7 +349,7 @@ fn check_columns(
     optional: &[String],
 ) -> Result<(), FileError> {
     let wrong = |problem: String| {
-        FileError::new(path, problem)
+        wrong_table(path, problem)
             .at(format!("line {line}"))
             .hint(header_hint(required))
     };
@@ -357,4 +371,36 @@ fn check_columns(
                 required.len()
             )))
         })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Words of all kinds of signs come back, and none begins as a formula.
+    #[test]
+    fn words_come_back() {
+        let signs = ["'", "\"", "=", "+", "-", "@", "#", ",", ";", "a", "\u{fc}"];
+        let two = (signs.iter()).flat_map(|one| signs.map(|other| format!("{one}{other}")));
+        let words: Vec<String> = two
+            .flat_map(|two| signs.map(|end| format!("{two}{end}")))
+            .collect();
+        let mut text = "number,word\n".to_owned();
+        for word in &words {
+            let field = word_field(word);
+            let inside = field.strip_prefix('"').unwrap_or(&field);
+            assert!(!inside.starts_with(NO_WORD), "{field}");
+            text += &format!("1,{field}\n");
+        }
+        let file = tempfile::NamedTempFile::new().expect("a file");
+        std::fs::write(file.path(), text).expect("written");
+        let columns = Columns {
+            required: ["number", "word"].map(str::to_owned).to_vec(),
+            words: vec!["word".to_owned()],
+            ..Columns::default()
+        };
+        let table = Table::read_with(file.path(), &columns).expect("a table");
+        let found: Vec<&str> = table.rows().filter_map(|row| row.word("word")).collect();
+        assert_eq!(found, words);
+    }
 }

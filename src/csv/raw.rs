@@ -4,17 +4,28 @@ use std::path::Path;
 
 use super::dialect::Delimiter;
 use super::encoding::read_text;
+use super::wrong_table;
 use crate::files::FileError;
 use crate::quantities::limits::MOST_MEASUREMENTS;
 
 /// What separates the fields of a table.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, serde::Deserialize)]
 pub enum Separator {
     /// One of those that the header has.
+    #[default]
+    #[serde(skip)]
     InHeader,
-    /// A comma, a semicolon or a tab.
-    Sign(Delimiter),
+    /// `,`
+    #[serde(rename = ",")]
+    Comma,
+    /// `;`
+    #[serde(rename = ";")]
+    Semicolon,
+    /// A tab.
+    #[serde(rename = "tab")]
+    Tab,
     /// Any space.
+    #[serde(rename = "space")]
     Space,
 }
 
@@ -47,17 +58,23 @@ impl RawTable {
         });
         let mut lines = lines.by_ref().peekable();
         let Some(&(number, header)) = lines.peek() else {
-            return Err(FileError::new(path, "has no line to read"));
+            return Err(wrong_table(path, "has no line to read"));
         };
         let at = |line: usize| move |error: FileError| error.at(format!("line {line}"));
         let hint = "say in the mapping which separates the fields: delimiter = \";\"";
-        let split = |line: usize, text: &str| match separator {
-            Separator::Space => Ok(text.split_whitespace().map(str::to_owned).collect()),
-            Separator::Sign(delimiter) => delimiter.split(path, text).map_err(at(line)),
-            Separator::InHeader => Delimiter::of_header(path, header)
-                .map_err(|error| error.hint(hint))
-                .and_then(|delimiter| delimiter.split(path, text))
-                .map_err(at(line)),
+        let delimiter = match separator {
+            Separator::Space => None,
+            Separator::Comma => Some(Delimiter::Comma),
+            Separator::Semicolon => Some(Delimiter::Semicolon),
+            Separator::Tab => Some(Delimiter::Tab),
+            Separator::InHeader => {
+                let found = Delimiter::of_header(path, header);
+                Some(found.map_err(|error| at(number)(error.hint(hint)))?)
+            }
+        };
+        let split = |line: usize, text: &str| match delimiter {
+            None => Ok(text.split_whitespace().map(str::to_owned).collect()),
+            Some(delimiter) => delimiter.split(path, text).map_err(at(line)),
         };
         let mut columns: Vec<String> = split(number, header)?;
         if header_line == Some(0) {
@@ -85,7 +102,7 @@ impl RawTable {
                     fields.len(),
                     columns.len()
                 );
-                return Err(at(line)(FileError::new(path, problem).hint(
+                return Err(at(line)(wrong_table(path, problem).hint(
                     "say in the mapping what separates the fields (delimiter), which line is the header (header_line) and \
                      which lines are none of the table's (skip_lines)",
                 )));
@@ -93,11 +110,11 @@ impl RawTable {
             rows.push((line, fields));
             if rows.len() > MOST_MEASUREMENTS as usize {
                 let problem = format!("has more than {MOST_MEASUREMENTS} rows");
-                return Err(FileError::new(path, problem));
+                return Err(wrong_table(path, problem));
             }
         }
         if rows.is_empty() {
-            return Err(FileError::new(path, "has no row below its header"));
+            return Err(wrong_table(path, "has no row below its header"));
         }
         Ok(Self { columns, rows })
     }

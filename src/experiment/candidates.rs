@@ -5,7 +5,8 @@ use std::path::Path;
 use nalgebra::DVector;
 
 use super::file::{APPROACH, LOAD, approach, configuration, configuration_and_load};
-use crate::csv::{Columns, Row, Table, quoted_word};
+use crate::codes::ErrorCode;
+use crate::csv::{Columns, Row, Table, word_field};
 use crate::files::FileError;
 use crate::files::output::write_whole;
 use crate::quantities::limits::{MOST_CANDIDATES, MOST_MEASUREMENTS};
@@ -45,7 +46,10 @@ pub fn read_candidates(
     path: &Path,
     commands: impl Into<Commands>,
 ) -> Result<Vec<Candidate>, FileError> {
-    let commands = commands.into();
+    candidates_of(path, &commands.into()).map_err(|wrong| wrong.or_code(ErrorCode::CandidateFile))
+}
+
+fn candidates_of(path: &Path, commands: &Commands) -> Result<Vec<Candidate>, FileError> {
     let words: Vec<String> = (PLACES.iter().chain(&[APPROACH]))
         .map(|&column| column.to_owned())
         .collect();
@@ -65,10 +69,10 @@ pub fn read_candidates(
     let has_repeats = table.has(&[REPEATS]);
     let candidate = |row: Row<'_>| {
         let (configuration_rad, load) = if has_load {
-            let (configuration_rad, load) = configuration_and_load(&row, &commands);
+            let (configuration_rad, load) = configuration_and_load(&row, commands);
             (configuration_rad, Some(load))
         } else {
-            (configuration(&row, &commands), None)
+            (configuration(&row, commands), None)
         };
         if let Some(problem) = load.and_then(|load| faint_load(&load.wrench())) {
             return Err(row.wrong(problem));
@@ -86,7 +90,7 @@ pub fn read_candidates(
             most,
             target: target?,
             station: station?,
-            approach: approach(&row, &commands)?,
+            approach: approach(&row, commands)?,
         })
     };
     let candidates = table.rows().map(candidate).collect::<Result<Vec<_>, _>>()?;
@@ -100,9 +104,6 @@ pub fn read_candidates(
 
 /// Writes candidates, or a plan of them, whose repeats are then the most that there may be; columns that nobody needs are left
 /// out.
-///
-/// # Errors
-/// The file cannot be written.
 pub fn write_candidates(
     path: &Path,
     commands: impl Into<Commands>,
@@ -135,10 +136,10 @@ pub fn write_candidates(
             fields.extend(wrench.iter().map(ToString::to_string));
         }
         fields.push(each.most.unwrap_or(1).to_string());
-        let word = |word: &Option<String>| quoted_word(word.as_deref().unwrap_or_default());
+        let word = |word: &Option<String>| word_field(word.as_deref().unwrap_or_default());
         fields.extend(has_target.then(|| word(&each.target)));
         fields.extend(has_station.then(|| word(&each.station)));
-        let side = || (each.approach.as_ref()).map_or_else(String::new, Approach::word);
+        let side = || (each.approach.as_ref()).map_or_else(String::new, Approach::field);
         fields.extend(has_approach.then(side));
         text += &(fields.join(",") + "\n");
     }

@@ -5,6 +5,7 @@ use std::path::Path;
 use nalgebra::DVector;
 
 use super::{Experiment, Plan};
+use crate::codes::ErrorCode;
 use crate::csv::{Columns, Row, Table};
 use crate::files::FileError;
 use crate::files::output::write_whole;
@@ -20,7 +21,6 @@ pub const APPROACH: &str = "approach";
 const REPEATS: &str = "repeats";
 
 /// The columns that name a configuration and a load.
-#[must_use]
 pub fn experiment_columns(commands: &Commands) -> Vec<String> {
     (commands.columns().into_iter())
         .chain(LOAD.map(str::to_owned))
@@ -28,7 +28,6 @@ pub fn experiment_columns(commands: &Commands) -> Vec<String> {
 }
 
 /// The configuration (rad, m) and load of a row with [`experiment_columns`].
-#[must_use]
 pub fn configuration_and_load(row: &Row<'_>, commands: &Commands) -> (DVector<f64>, Load) {
     let load = Load {
         force_n: row.vector([LOAD[0], LOAD[1], LOAD[2]]),
@@ -38,7 +37,6 @@ pub fn configuration_and_load(row: &Row<'_>, commands: &Commands) -> (DVector<f6
 }
 
 /// The configuration (rad, m) of a row that has its columns.
-#[must_use]
 pub fn configuration(row: &Row<'_>, commands: &Commands) -> DVector<f64> {
     let written = commands.columns();
     let written: Vec<f64> = written.iter().map(|column| row.get(column)).collect();
@@ -68,8 +66,11 @@ pub fn approach(row: &Row<'_>, commands: &Commands) -> Result<Option<Approach>, 
 /// # Errors
 /// See [`Table::read`]; `repeats` must be a whole number from 1, and no load zero.
 pub fn read_plan(path: &Path, commands: impl Into<Commands>) -> Result<Plan, FileError> {
-    let commands = commands.into();
-    let mut columns = experiment_columns(&commands);
+    plan_of(path, &commands.into()).map_err(|wrong| wrong.or_code(ErrorCode::PlanFile))
+}
+
+fn plan_of(path: &Path, commands: &Commands) -> Result<Plan, FileError> {
+    let mut columns = experiment_columns(commands);
     columns.push(REPEATS.to_owned());
     let side = vec![APPROACH.to_owned()];
     let columns = Columns {
@@ -88,7 +89,7 @@ pub fn read_plan(path: &Path, commands: impl Into<Commands>) -> Result<Plan, Fil
                     "repeats: found {repeats}; a whole number from 1 to {MOST_MEASUREMENTS} is allowed"
                 )));
             }
-            let (configuration_rad, load) = configuration_and_load(&row, &commands);
+            let (configuration_rad, load) = configuration_and_load(&row, commands);
             if load == Load::NONE {
                 return Err(row.wrong("found a load of zero, which deflects nothing"));
             }
@@ -105,7 +106,7 @@ pub fn read_plan(path: &Path, commands: impl Into<Commands>) -> Result<Plan, Fil
                 configuration_rad,
                 load,
                 repeats,
-                approach: approach(&row, &commands)?,
+                approach: approach(&row, commands)?,
             })
         })
         .collect::<Result<Vec<_>, _>>()?;
@@ -122,7 +123,6 @@ pub fn read_plan(path: &Path, commands: impl Into<Commands>) -> Result<Plan, Fil
 }
 
 /// The fields of a configuration and a load, in the order of [`experiment_columns`].
-#[must_use]
 pub fn experiment_fields(
     commands: &Commands,
     configuration_rad: &DVector<f64>,
@@ -135,9 +135,6 @@ pub fn experiment_fields(
 }
 
 /// Writes a plan for an arm, which may be given by its number of joints.
-///
-/// # Errors
-/// The file cannot be written.
 pub fn write_plan(
     path: &Path,
     commands: impl Into<Commands>,
@@ -156,7 +153,7 @@ pub fn write_plan(
         text += &format!(",{}", each.repeats);
         if says_sides {
             text.push(',');
-            text += &(each.approach.as_ref()).map_or_else(String::new, Approach::word);
+            text += &(each.approach.as_ref()).map_or_else(String::new, Approach::field);
         }
         text.push('\n');
     }

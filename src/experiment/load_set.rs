@@ -4,6 +4,7 @@
 use nalgebra::Vector3;
 
 use super::Plan;
+use crate::codes::{Condition, ConditionCode};
 use crate::robot::Load;
 
 /// Plans are printed with one decimal. Each of the three components of a force (N) or of a torque (N m)
@@ -38,7 +39,6 @@ pub enum Loads {
 
 impl Loads {
     /// All loads so many times as large.
-    #[must_use]
     pub fn scaled(&self, factor: f64) -> Self {
         match self {
             Self::Fixed(load) => Self::Fixed(load.scaled(factor)),
@@ -54,7 +54,6 @@ impl Loads {
     }
 
     /// The load of the set that is nearest to a given one, a metre of lever between forces and torques.
-    #[must_use]
     pub fn nearest(&self, load: &Load) -> Load {
         let force = &load.force_n;
         match self {
@@ -78,26 +77,23 @@ impl Loads {
 
     /// Whether a load is one of the set, as far as plans are printed: force and torque each differ from
     /// [`Self::nearest`] by no more than [`printed_tolerance`].
-    #[must_use]
     pub fn contains(&self, load: &Load) -> bool {
         is_printed_as(load, &self.nearest(load))
     }
 
     /// In words, where a load is none of the set: what it is, and what is allowed.
-    #[must_use]
     pub fn outside(&self, load: &Load) -> Option<String> {
         (!self.contains(load))
             .then(|| format!("load is {}; allowed {}", in_words(load), self.describe()))
     }
 
-    /// In words, where some loads are none of the set: how many, and what is wrong with the first of
+    /// Where some loads are none of the set: how many, and what is wrong with the first of
     /// them. `noun` is what has a load, "measurement" or "experiment".
-    #[must_use]
     pub fn outside_all<'a>(
         &self,
         noun: &str,
         loads: impl Iterator<Item = &'a Load>,
-    ) -> Option<String> {
+    ) -> Option<Condition> {
         let mut count = 0;
         let mut outside = Vec::new();
         for (index, load) in loads.enumerate() {
@@ -108,25 +104,24 @@ impl Loads {
         let first = format!("{noun} {number}: {words}");
         Some(match outside.len() {
             1 => first,
-            several => format!(
-                "the loads of {several} of {count} {noun}s are none of the scenario's: {first}"
-            ),
+            several => {
+                format!("{several} of {count} {noun}s have loads outside the load set; {first}")
+            }
         })
+        .map(|text| ConditionCode::LoadOutside.with(text))
     }
 
-    /// In words, where loads of a plan are none of the set; the plan has a name where there are several.
-    #[must_use]
-    pub fn outside_plan(&self, plan: &Plan, name: Option<&str>) -> Option<String> {
+    /// Where loads of a plan are none of the set; the plan has a name where there are several.
+    pub fn outside_plan(&self, plan: &Plan, name: Option<&str>) -> Option<Condition> {
         let loads = plan.experiments.iter().map(|each| &each.load);
-        let words = self.outside_all("experiment", loads)?;
+        let found = self.outside_all("experiment", loads)?;
         Some(match name {
-            Some(name) => format!("plan {name:?}: {words}"),
-            None => words,
+            Some(name) => found.within(&format!("plan {name:?}")),
+            None => found,
         })
     }
 
     /// What is allowed, in words that follow the word "allowed".
-    #[must_use]
     pub fn describe(&self) -> String {
         match self {
             Self::Fixed(load) => format!("is {}", in_words(load)),
@@ -155,13 +150,11 @@ impl Loads {
 
 /// How far the force (N) and the torque (N m) of a load may be off through printing: the root of three
 /// times half a unit of the first decimal, or a thousandth of the load where that is less.
-#[must_use]
 pub fn printed_tolerance(load: &Load) -> f64 {
     PRINTED.min(LARGEST_SHARE * (load.force_n.norm() + load.torque_nm.norm()))
 }
 
 /// Whether a load is another one as far as plans are printed.
-#[must_use]
 pub fn is_printed_as(load: &Load, other: &Load) -> bool {
     let force = (load.force_n - other.force_n).norm();
     let torque = (load.torque_nm - other.torque_nm).norm();
@@ -173,7 +166,6 @@ fn of_force(force: Vector3<f64>) -> Load {
 }
 
 /// A load for a person: its force, and its torque where there is one.
-#[must_use]
 pub fn in_words(load: &Load) -> String {
     let force = format!("{} N", vector(&load.force_n));
     if load.torque_nm == Vector3::zeros() {

@@ -5,6 +5,8 @@ mod file;
 mod load_set;
 mod mandatory;
 
+use std::collections::BTreeMap;
+
 use nalgebra::DVector;
 
 use crate::robot::{Approach, Load};
@@ -40,7 +42,6 @@ pub struct Plan {
 
 impl Experiment {
     /// Whether both are made in one [configuration](is_one_configuration), whatever hangs there.
-    #[must_use]
     pub fn stands_as(&self, other: &Self) -> bool {
         is_one_configuration(
             (&self.configuration_rad, self.approach.as_ref()),
@@ -49,24 +50,59 @@ impl Experiment {
     }
 }
 
-/// Whether these are one configuration, of which deflections may share errors: the same commanded angles (rad), to the bit,
-/// approached from the same side.
-#[must_use]
+/// Commanded angles (rad) and lengths (m) that differ by no more are the same: controllers and tables round them.
+pub const SAME_CONFIGURATION: f64 = 0.01 * std::f64::consts::PI / 180.0;
+
+/// Whether these are one configuration, of which deflections may share errors: the same commanded angles (rad), within
+/// [`SAME_CONFIGURATION`], approached from the same side.
 pub fn is_one_configuration(
     (angles, side): (&DVector<f64>, Option<&Approach>),
     (others, other_side): (&DVector<f64>, Option<&Approach>),
 ) -> bool {
-    angles == others && Approach::is_same(side, other_side)
+    let is_near = |(one, other): (&f64, &f64)| (one - other).abs() <= SAME_CONFIGURATION;
+    angles.len() == others.len()
+        && angles.iter().zip(others).all(is_near)
+        && Approach::is_same(side, other_side)
 }
 
-/// So many things by their places, those that are the same together, in the order of the first.
-#[must_use]
-pub fn together(count: usize, is_same: impl Fn(usize, usize) -> bool) -> Vec<Vec<usize>> {
+/// Configurations that are one differ by less than this (rad) in the mean angle that sorts them.
+const ALIKE_RAD: f64 = 2.0 * SAME_CONFIGURATION;
+
+/// So many things by their places, those that are the same together, in the order of the first. Only those whose configurations (rad)
+/// are near are compared.
+pub fn together<'a>(
+    count: usize,
+    configuration: impl Fn(usize) -> &'a DVector<f64>,
+    is_same: impl Fn(usize, usize) -> bool,
+) -> Vec<Vec<usize>> {
     let mut groups: Vec<Vec<usize>> = Vec::new();
+    let mut near: BTreeMap<i64, Vec<usize>> = BTreeMap::new();
     for index in 0..count {
-        match groups.iter_mut().find(|group| is_same(group[0], index)) {
-            Some(group) => group.push(index),
-            None => groups.push(vec![index]),
+        // Different weights, lest a grid of angles sums up to the same.
+        let mut total = 0.0;
+        let mut mean_rad = 0.0;
+        for (joint, angle_rad) in configuration(index).iter().enumerate() {
+            let weight = 1.0 + 0.37 * joint as f64;
+            total += weight;
+            mean_rad += weight * angle_rad;
+        }
+        mean_rad /= f64::max(total, 1.0);
+        #[expect(
+            clippy::cast_possible_truncation,
+            reason = "what is beyond is at the end"
+        )]
+        let place = (mean_rad / ALIKE_RAD).floor() as i64;
+        let candidates = near
+            .range(place.saturating_sub(1)..=place.saturating_add(1))
+            .flat_map(|(_, known)| known);
+        let found = (candidates.copied())
+            .filter(|&group| is_same(groups[group][0], index))
+            .min();
+        if let Some(group) = found {
+            groups[group].push(index);
+        } else {
+            near.entry(place).or_default().push(groups.len());
+            groups.push(vec![index]);
         }
     }
     groups
@@ -74,14 +110,38 @@ pub fn together(count: usize, is_same: impl Fn(usize, usize) -> bool) -> Vec<Vec
 
 impl Plan {
     /// The places of its experiments, those of one configuration together, in the order of the first.
-    #[must_use]
     pub fn by_configuration(&self) -> Vec<Vec<usize>> {
         let all = &self.experiments;
-        together(all.len(), |one, other| all[one].stands_as(&all[other]))
+        together(
+            all.len(),
+            |place| &all[place].configuration_rad,
+            |one, other| all[one].stands_as(&all[other]),
+        )
+    }
+
+    /// Gives experiments of one configuration the same commanded angles, and makes those under the same load one with
+    /// repeats: the robot goes there once.
+    pub fn put_repeats_together(&mut self) {
+        let mut kept: Vec<Experiment> = Vec::new();
+        for mut each in std::mem::take(&mut self.experiments) {
+            if let Some(first) = kept.iter().find(|first| first.stands_as(&each)) {
+                each.configuration_rad = first.configuration_rad.clone();
+                each.approach.clone_from(&first.approach);
+            }
+            let same = kept.iter_mut().find(|known| {
+                known.configuration_rad == each.configuration_rad
+                    && known.approach == each.approach
+                    && known.load == each.load
+            });
+            match same {
+                Some(known) => known.repeats += each.repeats,
+                None => kept.push(each),
+            }
+        }
+        self.experiments = kept;
     }
 
     /// Two experiments (their places) of one configuration under different loads, where there are such.
-    #[must_use]
     pub fn several_loads(&self) -> Option<[usize; 2]> {
         self.by_configuration().into_iter().find_map(|group| {
             let first = &self.experiments[group[0]];
@@ -91,7 +151,6 @@ impl Plan {
     }
 
     /// The number m of measurements, repeats counted.
-    #[must_use]
     pub fn measurements(&self) -> u32 {
         self.experiments.iter().map(|each| each.repeats).sum()
     }

@@ -3,6 +3,7 @@
 //! - [`output`]: the only way in which results get into files.
 //! - [`roles`]: what a command reads and what it writes; no output overwrites an input.
 //! - [`schema`]: which JSON files of its own this program reads.
+//! - [`shipped`]: the scenarios that are installed with the program.
 //! - [`source`]: what is read, up to a size that no text has.
 //! - [`typed`]: what texts say, as types.
 //! - `destination`: where an output goes: links, devices, a file's mode.
@@ -12,6 +13,7 @@ mod destination;
 pub mod output;
 pub mod roles;
 pub mod schema;
+pub mod shipped;
 pub mod source;
 mod temporary;
 pub mod typed;
@@ -20,6 +22,12 @@ use std::path::{Component, Path, PathBuf};
 
 use sha2::{Digest, Sha256};
 use thiserror::Error;
+
+use crate::codes::ErrorCode;
+use crate::text::wording::shortened;
+
+/// What files say may have any length: of a longer problem the middle is left out (characters).
+const LONGEST_PROBLEM: usize = 2000;
 
 /// What is wrong with an input file, or with writing an output file.
 #[derive(Debug, Error, Clone, PartialEq, Eq)]
@@ -33,31 +41,44 @@ pub struct FileError {
     pub problem: String,
     /// What to do about it.
     pub hint: Option<String>,
+    /// Its kind; [`ErrorCode::Content`] where nothing better is known.
+    pub code: ErrorCode,
 }
 
 impl FileError {
     /// A problem with the file as a whole.
-    #[must_use]
     pub fn new(file: &Path, problem: impl Into<String>) -> Self {
         Self {
             file: file.to_owned(),
             place: None,
-            problem: problem.into(),
+            problem: shortened(&problem.into(), LONGEST_PROBLEM),
             hint: None,
+            code: ErrorCode::Content,
+        }
+    }
+
+    /// Says of which kind it is.
+    pub fn code(self, code: ErrorCode) -> Self {
+        Self { code, ..self }
+    }
+
+    /// The same where its origin does not say it.
+    pub fn or_code(self, code: ErrorCode) -> Self {
+        match self.code {
+            ErrorCode::Content => self.code(code),
+            _ => self,
         }
     }
 
     /// Adds the key or line.
-    #[must_use]
     pub fn at(mut self, place: impl Into<String>) -> Self {
-        self.place = Some(place.into());
+        self.place = Some(shortened(&place.into(), LONGEST_PROBLEM));
         self
     }
 
     /// Adds a hint.
-    #[must_use]
     pub fn hint(mut self, hint: impl Into<String>) -> Self {
-        self.hint = Some(hint.into());
+        self.hint = Some(shortened(&hint.into(), LONGEST_PROBLEM));
         self
     }
 }
@@ -75,7 +96,7 @@ pub fn read_text(path: &Path) -> Result<String, FileError> {
 /// # Errors
 /// It is missing, neither a file nor a pipe, not readable or too large.
 pub fn read_bytes(path: &Path) -> Result<Vec<u8>, FileError> {
-    source::read(path).map_err(|problem| FileError::new(path, problem))
+    source::read(path).map_err(|problem| FileError::new(path, problem).code(ErrorCode::Unreadable))
 }
 
 /// The text of a file's bytes.
@@ -89,6 +110,7 @@ pub fn utf8(path: &Path, bytes: Vec<u8>) -> Result<String, FileError> {
         FileError::new(path, "is not UTF-8 text")
             .at(format!("line {line}"))
             .hint("save the file as UTF-8")
+            .code(ErrorCode::NotText)
     })
 }
 
@@ -100,22 +122,20 @@ pub fn make_folder(path: &Path) -> Result<(), FileError> {
     std::fs::create_dir_all(path).map_err(|error| {
         FileError::new(path, format!("cannot be made a folder: {error}"))
             .hint("give a place where you may write with --out")
+            .code(ErrorCode::NotWritable)
     })
 }
 
 /// The SHA-256 of a file's bytes.
-///
-/// # Errors
-/// It cannot be read.
 pub fn sha256_of(path: &Path) -> Result<[u8; 32], FileError> {
-    let bytes = std::fs::read(path)
-        .map_err(|error| FileError::new(path, format!("cannot be read: {error}")))?;
+    let bytes = std::fs::read(path).map_err(|error| {
+        FileError::new(path, format!("cannot be read: {error}")).code(ErrorCode::Unreadable)
+    })?;
     Ok(Sha256::digest(bytes).into())
 }
 
 /// Whether a text may name a file or a folder inside another: no path, nothing that has a meaning of
 /// its own, no control characters.
-#[must_use]
 pub fn is_plain_name(name: &str) -> bool {
     let mut parts = Path::new(name).components();
     matches!((parts.next(), parts.next()), (Some(Component::Normal(part)), None) if part == name)
@@ -124,7 +144,6 @@ pub fn is_plain_name(name: &str) -> bool {
 }
 
 /// Bytes, such as a hash's, in hexadecimal.
-#[must_use]
 pub fn hexadecimal(bytes: &[u8]) -> String {
     bytes.iter().fold(String::new(), |mut text, byte| {
         // Writing to a string cannot fail.

@@ -11,6 +11,7 @@ use std::path::{Path, PathBuf};
 use super::destination::{Destination, READ_ONLY, write_stream};
 use super::temporary::Temporary;
 use super::{FileError, folder_of};
+use crate::codes::ErrorCode;
 
 pub use super::temporary::abandon_unfinished;
 
@@ -63,7 +64,6 @@ impl Output {
     }
 
     /// What is wrong with writing the file.
-    #[must_use]
     pub fn error(&self, error: &Error) -> FileError {
         cannot_write(&self.path, error)
     }
@@ -121,7 +121,8 @@ fn cannot_write(path: &Path, error: &Error) -> FileError {
     // The temporary file, which is named behind what the system says, is nothing to users.
     let text = error.to_string();
     let cause = text.split(" at path ").next().unwrap_or_default();
-    FileError::new(path, format!("cannot be written: {cause}")).hint(match error.kind() {
+    let wrong = FileError::new(path, format!("cannot be written: {cause}"));
+    wrong.code(ErrorCode::NotWritable).hint(match error.kind() {
         ErrorKind::StorageFull | ErrorKind::QuotaExceeded => {
             "make room, or give another place with --out or the option that names the file"
         }

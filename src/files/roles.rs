@@ -5,6 +5,7 @@ use std::path::{Component, Path, PathBuf};
 
 use super::FileError;
 use super::destination::{end_of_links, identity};
+use crate::codes::ErrorCode;
 
 /// The files of one command.
 #[derive(Debug, Default)]
@@ -63,25 +64,28 @@ impl Roles {
                     "is {input}{}, which {role} would overwrite",
                     also(path, other)
                 );
-                return Err(FileError::new(path, problem).hint(OTHER));
+                return Err(overwrites(path, problem));
             }
             if let Some((output, other)) = self.outputs[..index].iter().find(same) {
                 let problem = format!(
                     "is the file for {output}{} and for {role}",
                     also(path, other)
                 );
-                return Err(FileError::new(path, problem).hint(OTHER));
+                return Err(overwrites(path, problem));
             }
             if self.folders.iter().any(|each| identity_of(each) == own) {
                 let problem = format!("is the file for {role} and the folder for the results");
-                return Err(FileError::new(path, problem).hint(OTHER));
+                return Err(overwrites(path, problem));
             }
         }
         Ok(())
     }
 }
 
-const OTHER: &str = "give another file, or another folder with --out";
+fn overwrites(path: &Path, problem: String) -> FileError {
+    let wrong = FileError::new(path, problem).code(ErrorCode::Overwrites);
+    wrong.hint("give another file, or another folder with --out")
+}
 
 /// The other name of the same file.
 fn also(path: &Path, other: &Path) -> String {

@@ -6,11 +6,12 @@ use std::path::Path;
 use serde_json::Value;
 
 use super::{FileError, read_text};
+use crate::codes::ErrorCode;
 
 /// The version of the form of results that this program writes.
-pub const RESULTS_VERSION: u32 = 1;
+pub const RESULTS_VERSION: u32 = 2;
 /// The versions of results that this program reads.
-const READABLE: RangeInclusive<u64> = 1..=RESULTS_VERSION as u64;
+const READABLE: RangeInclusive<u64> = 2..=RESULTS_VERSION as u64;
 
 /// Reads a results file of one of these commands, in a form that this program knows: its text and
 /// its JSON. `hint` says which file is wanted.
@@ -58,7 +59,8 @@ pub fn check_version(
 ) -> Result<(), FileError> {
     let (oldest, newest) = readable.into_inner();
     let program = format!("this elastocal ({})", crate::VERSION);
-    let wrong = |problem: String| FileError::new(path, problem).at(key);
+    let wrong =
+        |problem: String| (FileError::new(path, problem).at(key)).code(ErrorCode::OtherVersion);
     match found.as_u64() {
         Some(version) if version > newest => Err(wrong(format!(
             "found {version}; {program} reads up to {newest}"

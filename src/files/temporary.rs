@@ -98,7 +98,6 @@ impl Drop for Temporary {
 
 /// Removes all unfinished files, and keeps others from being made or finished: the program is about
 /// to end. Returns the files that were finished.
-#[must_use]
 pub fn abandon_unfinished() -> Vec<PathBuf> {
     let mut files = files();
     for path in files.unfinished.drain(..) {

@@ -46,11 +46,12 @@ pub struct Case<'a> {
     pub sigma: Sigma,
     /// The method.
     pub method: Method,
+    /// The identified joints whose compliances stay nominal all the same, as places in `parameters`.
+    pub held: &'a [usize],
 }
 
 impl<'a> Case<'a> {
     /// What a belief leaves open.
-    #[must_use]
     pub const fn of_belief(
         belief: &'a Belief,
         measurements: &'a [Measurement],
@@ -66,11 +67,11 @@ impl<'a> Case<'a> {
             measurements,
             sigma,
             method,
+            held: &[],
         }
     }
 
     /// The same with other measurements.
-    #[must_use]
     pub const fn with(self, measurements: &'a [Measurement]) -> Self {
         Self {
             measurements,
@@ -80,7 +81,6 @@ impl<'a> Case<'a> {
 
     /// What the measurements tell of the unknowns, each with its own standard deviation where it brings one and to
     /// first order in compliance: A^T R^-1 A (p x p, in one over the unknowns' units), without what was known before.
-    #[must_use]
     pub fn information(&self) -> DMatrix<f64> {
         let source = self.equation_source();
         let whitened = source.linear().matrix;
@@ -97,6 +97,7 @@ impl<'a> Case<'a> {
             measurements: self.measurements,
             sigma_m: self.sigma.weight_m(),
             prior: self.prior,
+            held: self.held,
         }
     }
 }

@@ -2,12 +2,12 @@
 
 use nalgebra::DMatrix;
 
-use crate::numeric::factorisation::finite_eigen;
+use crate::numeric::factorisation::{finite_eigen, symmetric};
 use crate::quantities::plausible::{ANY_VARIANCE, Kind, VARIANCE, shown};
 
-/// Rounding in what wrote the matrix may leave it so far from symmetric and semidefinite, as a share of
-/// the variances.
-const ROUNDING: f64 = 1e-9;
+/// Rounding in what wrote the matrix, an inverse of what is nearly singular, may leave it so far from symmetric and
+/// semidefinite, as a share of the variances.
+const ROUNDING: f64 = 1e-6;
 
 /// The covariance of n compliances ((rad/(N m))^2) from its rows.
 ///
@@ -73,7 +73,7 @@ fn covariance_within(rows: &[Vec<f64>], kind: &Kind) -> Result<DMatrix<f64>, (St
     let eigen = finite_eigen(&correlation);
     let smallest = eigen.map_or(f64::NAN, |eigen| eigen.eigenvalues.min());
     if smallest >= -ROUNDING * size as f64 {
-        return Ok(matrix);
+        return Ok(symmetric(&matrix));
     }
     let problem = format!(
         "found the eigenvalue {} of the correlations; a covariance has none below zero",
@@ -107,10 +107,15 @@ mod tests {
             ([[1e-16, 0.0], [0.0, 1e300]], "[1][1]: found 1e300"),
             ([[1e-16, 2e-16], [2e-16, 1e-16]], "[0][1]: found 2e-16"),
             ([[1e-16, 0.0], [1e-17, 1e-16]], "symmetric"),
+            ([[1e-16, 0.0], [1e-21, 1e-16]], "symmetric"),
         ] {
             let found = problem(&bad).expect("is none");
             assert!(found.contains(says), "{found}");
         }
+        // What rounding left is away, by the variances and not by the number itself.
+        let nearly = [vec![1e-16, 1e-24], vec![-1e-24, 1e-16]];
+        let found = covariance_of(&nearly).expect("a covariance");
+        assert_eq!(found, found.transpose());
         assert!(covariance_of(&[]).is_ok_and(|nothing| nothing.is_empty()));
         // Each pair is possible, but not all three at once.
         let mut rows = vec![vec![-0.9; 3]; 3];

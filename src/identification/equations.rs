@@ -4,6 +4,7 @@ use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, Matrix6, Matrix6xX, Vector3
 
 use super::error::IdentificationError;
 use crate::measurement::Measurement;
+use crate::numeric::estimable::Estimable;
 use crate::parameter::Prior;
 use crate::robot::{
     EquilibriumSolver, KinematicState, Kinematics, Load, ObservationMatrix, Robot, Tool,
@@ -24,6 +25,8 @@ pub(super) struct EquationSource<'a> {
     pub sigma_m: f64,
     /// What is known of the compliances before; it stands below the measurements.
     pub prior: Option<&'a Prior>,
+    /// The compliances that stay nominal all the same, as places among the unknowns.
+    pub held: &'a [usize],
 }
 
 /// Whitened equations: `matrix` times (the unknowns minus the linearisation point) = `right_hand_side`.
@@ -55,6 +58,18 @@ impl EquationSource<'_> {
             sizes.extend(extended.other_sizes());
         }
         sizes
+    }
+
+    /// What whitened equations of the unknowns determine.
+    pub fn estimable(&self, matrix: &DMatrix<f64>) -> Estimable {
+        if self.held.is_empty() {
+            return Estimable::of_equations(matrix, &self.sizes());
+        }
+        let mut others = matrix.clone();
+        for &place in self.held {
+            others.column_mut(place).fill(0.0);
+        }
+        Estimable::of_equations(&others, &self.sizes())
     }
 
     /// The names of the unknowns: joints for compliances.

@@ -2,6 +2,7 @@
 
 use thiserror::Error;
 
+use crate::codes::ErrorCode;
 use crate::robot::EquilibriumError;
 
 /// Why nothing can be identified.
@@ -11,11 +12,11 @@ pub enum IdentificationError {
     #[error("there are no measurements")]
     NoMeasurements,
     /// No measurement depends on any of the compliances.
-    #[error("no measurement depends on any of the compliances: every load leaves the joints free")]
+    #[error("no measurement depends on any of the compliances: no load has a torque on the joints")]
     NothingObserved,
     /// Sigma cannot be estimated from as many equations as unknowns.
     #[error(
-        "sigma cannot be estimated from residuals: {equations} equations determine {rank} unknowns and leave nothing over"
+        "sigma cannot be estimated from residuals: {equations} equations determine {rank} unknowns: there are no degrees of freedom"
     )]
     NoResiduals {
         /// The number of scalar measurements.
@@ -39,4 +40,17 @@ pub enum IdentificationError {
         /// The last relative change.
         change: f64,
     },
+}
+
+impl IdentificationError {
+    /// Its kind.
+    pub const fn code(&self) -> ErrorCode {
+        match self {
+            Self::NoMeasurements | Self::NothingObserved | Self::NoResiduals { .. } => {
+                ErrorCode::NothingIdentified
+            }
+            Self::Equilibrium { .. } => ErrorCode::NoEquilibrium,
+            Self::NotConverged { .. } => ErrorCode::NotConverged,
+        }
+    }
 }

@@ -4,14 +4,17 @@ use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ChiSquared, ContinuousCDF, Normal, StudentsT};
 
 use super::case::{Case, Sigma};
+use super::discrepancy::Discrepancy;
 use super::equations::EquationSource;
 use super::error::IdentificationError;
 use super::fit::{Fit, fit_linear, fit_nonlinear};
-use super::misfit::Misfit;
 use crate::measurement::Measurement;
 use crate::numeric::posterior::Posterior;
 use crate::robot::{Robot, Tool};
 use crate::task::Method;
+
+/// A compliance that is negative by more standard errors than this is not so by noise (p = 1e-4).
+const BY_NOISE: f64 = 3.719;
 
 /// One joint's estimated compliance.
 #[derive(Debug, Clone, PartialEq)]
@@ -78,7 +81,13 @@ pub struct Identification {
     /// the measurements, or sigma, are not what they are held to be.
     pub consistency_lower: Option<f64>,
     /// What the model leaves unexplained besides, where errors count it.
-    pub misfit: Option<Misfit>,
+    pub discrepancy: Option<Discrepancy>,
+    /// The rms of the coordinates of the deflections (m).
+    pub deflection_m: f64,
+    /// Compliances that were to be identified and stay nominal, since measurements tell less of them.
+    pub stays_nominal: Vec<NominalCompliance>,
+    /// Whether all of them should: no compliance is determined better than its nominal value is right.
+    pub is_all_weak: bool,
     /// Measured minus modelled deflections (m), three for each measurement, rotations left out.
     pub residuals_m: Vec<f64>,
     /// The number of independent combinations of compliances that the measurements determine.
@@ -92,7 +101,6 @@ pub struct Identification {
 
 impl Identification {
     /// The names of the joints whose compliances the measurements do not determine.
-    #[must_use]
     pub fn unidentifiable(&self) -> Vec<&str> {
         self.parameters
             .iter()
@@ -125,23 +133,29 @@ pub fn identify(
         measurements,
         sigma,
         method,
+        held: &[],
     };
     case.identify()
 }
 
 impl Case<'_> {
     /// Identifies what is unknown.
-    ///
-    /// # Errors
-    /// Nothing can be identified.
     pub fn identify(&self) -> Result<Identification, IdentificationError> {
+        self.identify_near(None)
+    }
+
+    /// The same from values of the unknowns (p) that are near.
+    pub(super) fn identify_near(
+        &self,
+        near: Option<&[f64]>,
+    ) -> Result<Identification, IdentificationError> {
         if self.measurements.is_empty() {
             return Err(IdentificationError::NoMeasurements);
         }
         let source = self.equation_source();
         let fit = match self.method {
             Method::Linear => fit_linear(&source),
-            Method::Nonlinear => fit_nonlinear(&source)?,
+            Method::Nonlinear => fit_nonlinear(&source, near)?,
         };
         report(&source, fit, self.sigma, self.method)
     }
@@ -216,6 +230,8 @@ fn report(
     let chi_square = (spare > 0 && matches!(sigma, Sigma::Known(_)))
         .then(|| ChiSquared::new(freedom).ok())
         .flatten();
+    let deflections = source.measurements.iter();
+    let squares: f64 = (deflections.map(|each| each.deflection_m.norm_squared())).sum();
     Ok(Identification {
         method,
         parameters,
@@ -226,7 +242,10 @@ fn report(
         residual_sigma_m: ratio.map(|ratio| ratio * sigma_m),
         consistency: chi_square.map(|chi| chi.sf(sum_of_squares)),
         consistency_lower: chi_square.map(|chi| chi.cdf(sum_of_squares)),
-        misfit: None,
+        discrepancy: None,
+        deflection_m: (squares / (3 * source.measurements.len()) as f64).sqrt(),
+        stays_nominal: Vec::new(),
+        is_all_weak: false,
         residuals_m,
         rank,
         condition: fit.least_squares.condition,
@@ -255,4 +274,38 @@ pub(super) fn two_sided_student(freedom: f64) -> f64 {
         return two_sided_normal();
     }
     StudentsT::new(0.0, 1.0, freedom).map_or(f64::INFINITY, |student| student.inverse_cdf(0.975))
+}
+
+/// An identified compliance that stays nominal.
+#[derive(Debug, Clone, PartialEq)]
+pub struct NominalCompliance {
+    /// The joint's name.
+    pub name: String,
+    /// What it would be.
+    pub instead_of: Estimate,
+}
+
+impl NominalCompliance {
+    /// Whether noise does not explain that it would be negative.
+    pub fn is_contradicted(&self) -> bool {
+        self.instead_of.value < -BY_NOISE * self.instead_of.standard_error
+    }
+
+    /// What it would be, in words.
+    pub fn words(&self) -> String {
+        let Estimate {
+            value,
+            standard_error,
+            ..
+        } = self.instead_of;
+        let why = if self.is_contradicted() {
+            "negative beyond noise"
+        } else {
+            "less certain than that"
+        };
+        format!(
+            "the compliance of {} stays nominal: its estimate {value:.3e} +- {standard_error:.1e} rad/(N m) is {why}",
+            self.name
+        )
+    }
 }

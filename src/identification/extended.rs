@@ -42,6 +42,7 @@ impl EquationSource<'_> {
         let mut derivatives = Matrix6xX::zeros(size);
         let mut writer = Writer::new(self.rows(), size);
         let groups = self.sharing(extended);
+        let shares = self.shares(&groups);
         for (index, each) in self.measurements.iter().enumerate() {
             let setup = Setup {
                 commanded_rad: each.configuration_rad.clone(),
@@ -66,11 +67,10 @@ impl EquationSource<'_> {
                         source,
                     })?,
             };
-            let is_sharing = groups.iter().any(|group| group.members.contains(&index));
             let left_m = each.deflection_m - position_m;
             let left_rad = (each.rotation.as_ref())
                 .map(|measured| measured.vector_rad - rotation_vector(&rotation));
-            let whitener = if is_sharing {
+            let whitener = if shares[index] {
                 DMatrix::identity(rows_of(each), rows_of(each))
             } else {
                 self.whitener(&mut covariances, each)
@@ -129,8 +129,9 @@ impl EquationSource<'_> {
                 rows.set_row(row, &unweighted.row(place));
             }
         }
+        let shares = self.shares(&groups);
         for (index, (each, row)) in self.measurements.iter().zip(self.first_rows()).enumerate() {
-            if groups.iter().any(|group| group.members.contains(&index)) {
+            if shares[index] {
                 continue;
             }
             let whitener = self.whitener(&mut covariances, each);
@@ -186,6 +187,15 @@ impl EquationSource<'_> {
                 }
             })
             .collect()
+    }
+
+    /// For each measurement whether it is of a group.
+    fn shares(&self, groups: &[SharingMeasurements]) -> Vec<bool> {
+        let mut shares = vec![false; self.measurements.len()];
+        for &member in groups.iter().flat_map(|group| &group.members) {
+            shares[member] = true;
+        }
+        shares
     }
 
     /// L for the covariance L L^T of all readings of a group (m): what each reads on the diagonal, and what two of them share

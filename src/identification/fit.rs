@@ -38,7 +38,7 @@ pub(super) fn fit_linear(source: &EquationSource<'_>) -> Fit {
         matrix,
         right_hand_side,
     } = source.linear();
-    let estimable = Estimable::of_equations(&matrix, &source.sizes());
+    let estimable = source.estimable(&matrix);
     let mut values = source.nominal_values();
     let is_plain = source.uncertain.is_none();
     let (least_squares, whitened_residuals) = if estimable.is_complete() && is_plain {
@@ -72,11 +72,14 @@ pub(super) fn fit_linear(source: &EquationSource<'_>) -> Fit {
     }
 }
 
-/// Gauss-Newton from the linear estimate, or from the nominal values where there is no equilibrium
+/// Gauss-Newton from values that are near, from the linear estimate, or from the nominal values where there is no equilibrium
 /// with that. Directions that the measurements do not determine keep the nominal value. A step that
 /// leads where there is no equilibrium, or a long one that raises the residuals, is halved.
-pub(super) fn fit_nonlinear(source: &EquationSource<'_>) -> Result<Fit, IdentificationError> {
-    let (mut values, estimable) = start(source);
+pub(super) fn fit_nonlinear(
+    source: &EquationSource<'_>,
+    near: Option<&[f64]>,
+) -> Result<Fit, IdentificationError> {
+    let (mut values, estimable) = start(source, near);
     let mut equations = source.nonlinear(&values).or_else(|error| {
         values = source.nominal_values();
         source.nonlinear(&values).map_err(|_| error)
@@ -118,8 +121,21 @@ pub(super) fn fit_nonlinear(source: &EquationSource<'_>) -> Result<Fit, Identifi
     Err(IdentificationError::NotConverged { change })
 }
 
-/// The linear estimate, and what is determined.
-fn start(source: &EquationSource<'_>) -> (Vec<f64>, Estimable) {
+/// The values that are near as far as they are determined, else the linear estimate; and what is determined.
+fn start(source: &EquationSource<'_>, near: Option<&[f64]>) -> (Vec<f64>, Estimable) {
+    if let Some(near) = near {
+        let estimable = source.estimable(&source.linear().matrix);
+        let mut values = source.nominal_values();
+        let typical = DVector::from_column_slice(estimable.typical());
+        let off = DVector::from_iterator(
+            near.len(),
+            near.iter().zip(&values).map(|(near, value)| near - value),
+        )
+        .component_div(&typical);
+        let within = estimable.basis() * estimable.basis().tr_mul(&off);
+        add(&mut values, &within.component_mul(&typical), 1.0);
+        return (values, estimable);
+    }
     if source.uncertain.is_none() {
         let Fit {
             values, estimable, ..
@@ -127,7 +143,7 @@ fn start(source: &EquationSource<'_>) -> (Vec<f64>, Estimable) {
         return (values, estimable);
     }
     let equations = source.linear();
-    let estimable = Estimable::of_equations(&equations.matrix, &source.sizes());
+    let estimable = source.estimable(&equations.matrix);
     let mut values = source.nominal_values();
     add(
         &mut values,

@@ -6,8 +6,10 @@
 mod absolute;
 mod case;
 mod conditions;
+mod copies;
 mod covariance;
 pub mod diagnoses;
+mod discrepancy;
 mod equations;
 mod error;
 mod estimate;
@@ -15,10 +17,11 @@ mod extended;
 mod fit;
 mod frames;
 mod gauss_newton;
-mod misfit;
+mod nominal;
+mod outliers;
 pub mod patterns;
 mod prediction;
-mod rejection;
+mod repeats;
 mod residuals;
 mod robust;
 mod spread;
@@ -26,22 +29,28 @@ mod stored;
 mod tails;
 
 pub use absolute::{
-    AbsoluteCase, AbsoluteError, AbsoluteFit, CONTRADICTION, Contradiction, Contradictions,
-    CrossValidation, DistanceStatistics, FEWEST_BLOCKS, JointError, Ladder, LeftOut, MisfitModel,
-    MovedStation, ParameterChange, ParameterGroup, PartsOfReadings, ReadingPrognosis,
-    ReadingWeights, Recommendation, Rung, RungTest, SQUARE_95, SeriesEstimates, Unexplained,
+    AbsoluteCase, AbsoluteError, AbsoluteFit, CONTRADICTION, CrossValidation, DiscrepancyModel,
+    DistanceStatistics, FEWEST_BLOCKS, Inconsistencies, Inconsistency, JointError, LeftOut,
+    ModelSelection, MovedStation, NestedModel, NestedModelTest, ParameterChange, ParameterGroup,
+    PartsOfReadings, ReadingPrognosis, ReadingWeights, Recommendation, SQUARE_95, SeriesEstimates,
+    Unexplained,
 };
 pub use case::{Case, Sigma};
-pub use conditions::IMPLAUSIBLE;
+pub use conditions::impossible_compliance;
+pub(crate) use conditions::{Told, left_out};
+pub use copies::CopiedReadings;
 pub use covariance::{covariance_of, covariance_of_any};
+pub use discrepancy::{Discrepancy, ReadingResidual, joint_space_blocks};
 pub use error::IdentificationError;
-pub use estimate::{Estimate, Identification, ParameterEstimate, UncertainEstimate, identify};
-pub use frames::{MountedFrames, Sight};
+pub use estimate::{
+    Estimate, Identification, NominalCompliance, ParameterEstimate, UncertainEstimate, identify,
+};
+pub use frames::{MountedFrames, RobustFrames, Sight};
 pub use gauss_newton::{FitError, ParameterFit, fit_parameters};
-pub use misfit::{Misfit, ReadingResidual, joint_space_blocks};
+pub use outliers::{IMPLAUSIBLE, RejectedReading};
 pub use prediction::{Predicted, PredictionError, Predictions};
-pub use rejection::RejectedReading;
-pub use residuals::{MeasurementResidual, Residuals, Suspect, residuals};
+pub use repeats::{PlaceDrift, RepeatedPose, Repeats};
+pub use residuals::{MeasurementResidual, Residuals, Suspect, measurement_residuals, residuals};
 pub use robust::{RobustIdentification, Robustness};
 pub use spread::SPREAD_ORDERS;
-pub use stored::{OtherUnknowns, StoredIdentification};
+pub use stored::{OtherUnknowns, StoredIdentification, nominal_instead, shift_with};

@@ -1,14 +1,16 @@
 //! Residuals measurement by measurement: does one not fit the others, and what would be without it?
 
+use std::ops::Range;
+
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use statrs::distribution::{ChiSquared, ContinuousCDF, FisherSnedecor};
 
 use super::Case;
 use super::case::Sigma;
-use super::equations::{Equations, rows_of};
+use super::equations::{EquationSource, Equations, rows_of};
 use super::error::IdentificationError;
 use super::estimate::Identification;
-use super::rejection::RejectedReading;
+use super::outliers::RejectedReading;
 use crate::numeric::least_squares::LeastSquares;
 use crate::task::Method;
 
@@ -23,6 +25,9 @@ pub struct MeasurementResidual {
     /// standard deviation: that of the measurement, less what the fit took up (leverage). `None`
     /// where the fit goes through the measurement.
     pub standardised: Vec<Option<f64>>,
+    /// How many of its coordinates the fit took up: the trace of its block of the hat matrix. Over all measurements it is
+    /// the effective number of parameters.
+    pub leverage: f64,
     /// Its Mahalanobis distance, the root of r^T (R - A cov A^T)^-1 r. Its square is what the weighted
     /// sum of squares loses if the measurement is left out.
     pub distance: f64,
@@ -58,13 +63,29 @@ pub struct Residuals {
 }
 
 /// The residuals of what was identified.
-///
-/// # Errors
-/// As [`Case::identify`].
 pub fn residuals(
     case: &Case<'_>,
     identification: &Identification,
 ) -> Result<Residuals, IdentificationError> {
+    let judged = measurement_residuals(case, identification)?;
+    let suspect = farthest(&judged).map(|measurement| {
+        let mut others = case.measurements.to_vec();
+        others.remove(measurement);
+        // Where nothing can be identified without it, nothing is said.
+        let without = case.with(&others).identify().ok();
+        suspect(identification, &judged, measurement, without.as_ref())
+    });
+    Ok(Residuals {
+        measurements: judged,
+        suspect,
+    })
+}
+
+/// The residual of each measurement.
+pub fn measurement_residuals(
+    case: &Case<'_>,
+    identification: &Identification,
+) -> Result<Vec<MeasurementResidual>, IdentificationError> {
     let source = case.equation_source();
     let Equations {
         matrix,
@@ -77,6 +98,7 @@ pub fn residuals(
     let fit = LeastSquares::solve(&matrix, &right_hand_side, estimable);
     // What a combination of compliances does that are not determined one by one is fitted, too.
     let whitened = right_hand_side - &matrix * &fit.solution;
+    let own = OwnUnits::new(&source, &matrix, &whitened);
     let judge = match case.sigma {
         Sigma::Known(_) => Judge::KnownVariance,
         Sigma::FromResiduals(_) => Judge::Residuals {
@@ -84,26 +106,18 @@ pub fn residuals(
             freedom: whitened.len() - estimable.rank(),
         },
     };
-    let judged: Vec<MeasurementResidual> = (case.measurements.iter().zip(source.first_rows()))
+    Ok((case.measurements.iter().zip(source.first_rows()))
         .map(|(measurement, row)| {
             let rows = rows_of(measurement);
             let matrix = matrix.rows(row, rows);
             let residual = whitened.rows(row, rows).into_owned();
-            let leverage = matrix * &fit.covariance * matrix.transpose();
-            judge.residual(&residual, DMatrix::identity(rows, rows) - leverage)
+            let taken_up = matrix * &fit.covariance * matrix.transpose();
+            let leverage = taken_up.trace();
+            let coordinates = own.coordinates(row..row + rows, 1.0, (&fit.covariance, -1.0));
+            let covariance = DMatrix::identity(rows, rows) - taken_up;
+            judge.residual(&residual, covariance, &coordinates, leverage)
         })
-        .collect();
-    let suspect = farthest(&judged).map(|measurement| {
-        let mut others = case.measurements.to_vec();
-        others.remove(measurement);
-        // Where nothing can be identified without it, nothing is said.
-        let without = case.with(&others).identify().ok();
-        suspect(identification, &judged, measurement, without.as_ref())
-    });
-    Ok(Residuals {
-        measurements: judged,
-        suspect,
-    })
+        .collect())
 }
 
 impl Residuals {
@@ -130,8 +144,13 @@ impl Residuals {
                 }
             };
             let known = &matrix * &posterior.covariance * matrix.transpose();
+            let coordinates = OwnUnits::new(&source, &matrix, &residual).coordinates(
+                0..residual.len(),
+                own,
+                (&posterior.covariance, 1.0),
+            );
             let covariance = DMatrix::identity(residual.len(), residual.len()) * own + known;
-            let judged = Judge::KnownVariance.residual(&residual, covariance);
+            let judged = Judge::KnownVariance.residual(&residual, covariance, &coordinates, 0.0);
             self.measurements.insert(each.reading, judged);
             if let Some(suspect) = &mut self.suspect
                 && suspect.measurement >= each.reading
@@ -140,6 +159,53 @@ impl Residuals {
             }
         }
         Ok(self)
+    }
+}
+
+/// Residuals and rows without their weights: correlated coordinates of a reading are weighted together, and each has a
+/// standard deviation of its own.
+struct OwnUnits {
+    matrix: DMatrix<f64>,
+    residuals: DMatrix<f64>,
+    variances: Vec<f64>,
+}
+
+/// A residual's coordinate, its variance, and the measurement's.
+type Coordinate = (f64, f64, f64);
+
+impl OwnUnits {
+    /// Those of whitened rows, of which what was known before stands below.
+    fn new(source: &EquationSource<'_>, matrix: &DMatrix<f64>, residuals: &DVector<f64>) -> Self {
+        let rows = source.rows();
+        let mut matrix = matrix.rows(0, rows).into_owned();
+        let mut residuals = DMatrix::from_columns(&[residuals.rows(0, rows)]);
+        source.take_weights_off(&mut matrix);
+        source.take_weights_off(&mut residuals);
+        let all = source.covariances_of_all();
+        let variances = (source.measurements.iter().zip(&all)).flat_map(|(each, covariance)| {
+            (0..rows_of(each)).map(move |axis| covariance[(axis, axis)])
+        });
+        Self {
+            matrix,
+            residuals,
+            variances: variances.collect(),
+        }
+    }
+
+    /// The coordinates in some rows: the variance is so many times the measurement's, and with this sign what the fit knows.
+    fn coordinates(
+        &self,
+        rows: Range<usize>,
+        times: f64,
+        (covariance, sign): (&DMatrix<f64>, f64),
+    ) -> Vec<Coordinate> {
+        rows.map(|row| {
+            let columns = self.matrix.row(row);
+            let known = (columns * covariance).dot(&columns);
+            let own = times * self.variances[row];
+            (self.residuals[row], own + sign * known, own)
+        })
+        .collect()
     }
 }
 
@@ -153,8 +219,15 @@ enum Judge {
 }
 
 impl Judge {
-    /// Judges the whitened residual of a measurement with its covariance, if the variance is one.
-    fn residual(self, residual: &DVector<f64>, covariance: DMatrix<f64>) -> MeasurementResidual {
+    /// Judges the whitened residual of a measurement with its covariance, if the variance is one, and the same coordinate by
+    /// coordinate.
+    fn residual(
+        self,
+        residual: &DVector<f64>,
+        covariance: DMatrix<f64>,
+        coordinates: &[Coordinate],
+        leverage: f64,
+    ) -> MeasurementResidual {
         let scale = match self {
             Self::KnownVariance => 1.0,
             Self::Residuals {
@@ -162,9 +235,10 @@ impl Judge {
                 freedom,
             } => (sum_of_squares / freedom as f64).sqrt(),
         };
-        let standardised = (residual.iter().zip(covariance.diagonal().iter()))
-            .map(|(value, &variance)| {
-                (variance > NO_VARIANCE && scale > 0.0).then(|| value / variance.sqrt() / scale)
+        let standardised = (coordinates.iter())
+            .map(|&(value, variance, own)| {
+                (variance > NO_VARIANCE * own && scale > 0.0)
+                    .then(|| value / variance.sqrt() / scale)
             })
             .collect();
         let eigen = SymmetricEigen::new(covariance);
@@ -176,6 +250,7 @@ impl Judge {
         let square: f64 = squares.iter().sum();
         MeasurementResidual {
             standardised,
+            leverage,
             distance: square.sqrt() / scale,
             freedom: squares.len(),
             probability: self.probability(square, squares.len()),

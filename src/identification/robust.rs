@@ -1,19 +1,23 @@
 //! Deflections fitted without those that lie far out, with what the model leaves in the errors.
 //!
-//! The rules are those of absolute readings: who lies far out is decided by [`rejection`], how large a misfit is by
-//! [`Misfit`]. Deflections are few and often single ones hold a compliance, so that each is judged by the covariance of what a fit leaves of
+//! The rules are those of absolute readings: who lies far out is decided by [`outliers`], how large a discrepancy is by
+//! [`Discrepancy`]. Deflections are few and often single ones hold a compliance, so that each is judged by the covariance of what a fit leaves of
 //! it, R - A cov A^T, and one that was left out by R + A cov A^T.
 
 use nalgebra::{DMatrix, Matrix6, Vector3};
 
 use super::case::{Case, Sigma};
-use super::conditions::IMPLAUSIBLE;
+use super::discrepancy::{Discrepancy, ReadingResidual, WEIGHINGS, repeats};
 use super::equations::rows_of;
 use super::error::IdentificationError;
+use super::estimate::NominalCompliance;
 use super::estimate::{Estimate, Identification, two_sided_student};
-use super::misfit::{Misfit, ReadingResidual, WEIGHINGS, repeats};
-use super::rejection::{self, LookedOver, RejectedReading, kept, squares_of};
+use super::nominal::UNKNOWN;
+use super::outliers::IMPLAUSIBLE;
+use super::outliers::{self, LookedOver, RejectedReading, kept, squares_of};
 use crate::measurement::Measurement;
+use crate::numeric::posterior::Posterior;
+use crate::task::Method;
 
 /// How measurements are fitted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -21,7 +25,9 @@ pub struct Robustness {
     /// Whether those that lie far out are fitted, too.
     pub keeps_all: bool,
     /// Whether errors count what the model leaves, where residuals are too large for what is believed of them.
-    pub counts_misfit: bool,
+    pub counts_discrepancy: bool,
+    /// Whether compliances stay nominal of which measurements tell less.
+    pub holds_nominal: bool,
 }
 
 /// What was identified, without what lies far out.
@@ -35,11 +41,12 @@ pub struct RobustIdentification {
     pub rejected: Vec<RejectedReading>,
     /// All measurements, each with the standard deviation that it was weighed with.
     pub weighed: Vec<Measurement>,
+    /// The identified joints whose compliances stay nominal, as places in the parameters.
+    pub held: Vec<usize>,
 }
 
 impl RobustIdentification {
     /// Those of one thing for each measurement that belong to the measurements that were fitted.
-    #[must_use]
     pub fn of_kept<T: Clone>(&self, all: &[T]) -> Vec<T> {
         kept(all, &self.rejected)
     }
@@ -49,6 +56,8 @@ impl RobustIdentification {
 struct SomeFitted {
     identification: Identification,
     rejected: Vec<RejectedReading>,
+    /// Whether each measurement was.
+    is_rejected: Vec<bool>,
     /// What is left of all measurements.
     left: Vec<ReadingResidual>,
     /// The covariances of what is predicted for them.
@@ -67,21 +76,95 @@ impl Case<'_> {
         &self,
         robustness: Robustness,
     ) -> Result<RobustIdentification, IdentificationError> {
+        let mut held = self.held.to_vec();
+        let mut stays_nominal = Vec::new();
+        let mut hold = |found: &Identification, held: &mut Vec<usize>| {
+            let more = self.places_to_hold(found);
+            held.extend(&more);
+            stays_nominal.extend(more.iter().filter_map(|&place| {
+                Some(NominalCompliance {
+                    name: found.parameters[place].name.clone(),
+                    instead_of: found.parameters[place].estimate?,
+                })
+            }));
+            (more, stays_nominal.clone())
+        };
+        let mut found = match self.robustly(robustness) {
+            Err(error) if robustness.holds_nominal => {
+                // Noise may drive weak compliances to where no robot stands: to first order it is seen which these are.
+                let linear = Case {
+                    method: Method::Linear,
+                    ..*self
+                };
+                let (more, stays_nominal) = hold(&linear.identify()?, &mut held);
+                if more.is_empty() {
+                    return Err(error);
+                }
+                let with_held = Case {
+                    held: &held,
+                    ..*self
+                };
+                let mut found = with_held.robustly(robustness).map_err(|_| error)?;
+                found.identification.stays_nominal = stays_nominal;
+                found
+            }
+            other => other?,
+        };
+        if !robustness.holds_nominal {
+            return Ok(found);
+        }
+        loop {
+            let (more, stays_nominal) = hold(&found.identification, &mut held);
+            if more.is_empty() {
+                break;
+            }
+            let with_held = Case {
+                held: &held,
+                ..*self
+            };
+            let Ok(mut other) = with_held.robustly(robustness) else {
+                // Where none remain, their values tell more of what is wrong.
+                let identification = &mut found.identification;
+                let sizes = identification.posterior.estimable.typical();
+                identification.is_all_weak = more.iter().any(|&place| {
+                    let estimate = identification.parameters[place].estimate;
+                    estimate.is_some_and(|each| each.standard_error > UNKNOWN * sizes[place])
+                });
+                break;
+            };
+            other.identification.stays_nominal = stays_nominal;
+            other.of_all = found.of_all;
+            found = other;
+        }
+        Ok(found)
+    }
+
+    fn robustly(
+        &self,
+        robustness: Robustness,
+    ) -> Result<RobustIdentification, IdentificationError> {
         let known = Case {
             sigma: Sigma::Known(self.sigma.weight_m()),
             ..*self
         };
         let own = self.equation_source().covariances_of_all();
-        let of_all = self.identify()?;
-        let mut fitted = match self.sigma {
-            Sigma::Known(_) => known.looked_at_all(of_all.clone(), self.measurements, &[])?,
-            Sigma::FromResiduals(_) => known.fitted(self.measurements, &[])?,
+        let (of_all, mut fitted) = match self.identify() {
+            Ok(of_all) => {
+                let near = of_all.posterior.mean.clone();
+                let fitted = match self.sigma {
+                    Sigma::Known(_) => {
+                        known.looked_at_all(of_all.clone(), self.measurements, &[])?
+                    }
+                    Sigma::FromResiduals(_) => known.fitted(self.measurements, &[], &near)?,
+                };
+                let others = (!robustness.keeps_all)
+                    .then(|| known.without_far_out(&fitted, &own))
+                    .flatten();
+                (of_all, others.unwrap_or(fitted))
+            }
+            Err(error) if robustness.keeps_all => return Err(error),
+            Err(error) => known.begun_linearly(&own).ok_or(error)?,
         };
-        if !robustness.keeps_all
-            && let Some(others) = known.without_far_out(&fitted, &own)
-        {
-            fitted = others;
-        }
         let mut weighed = self.measurements.to_vec();
         let is_implausible = |found: &Identification| {
             found
@@ -94,16 +177,17 @@ impl Case<'_> {
             Sigma::FromResiduals(_) if rejected.is_empty() => of_all.clone(),
             Sigma::FromResiduals(_) => self.with(&kept(self.measurements, &rejected)).identify()?,
         };
-        if robustness.counts_misfit && is_implausible(&identification) {
+        if robustness.counts_discrepancy && is_implausible(&identification) {
             let plain = identification;
-            let mut misfit = fitted.misfit(&own);
+            let mut discrepancy = fitted.discrepancy(&own);
             for _ in 0..WEIGHINGS {
-                misfit = fitted.misfit(&own);
-                weighed = misfit.weighed(self.measurements, self.sigma.weight_m());
-                fitted = known.fitted(&weighed, &rejected)?;
+                discrepancy = fitted.discrepancy(&own);
+                weighed = discrepancy.weighed(self.measurements, self.sigma.weight_m());
+                let near = &fitted.identification.posterior.mean;
+                fitted = known.fitted(&weighed, &rejected, near)?;
             }
             identification = fitted.identification.clone();
-            identification.misfit = Some(misfit);
+            identification.discrepancy = Some(discrepancy);
             identification.widen(fitted.freedom);
             // How far residuals are from what is believed is told of that.
             identification.sigma_m = plain.sigma_m;
@@ -111,7 +195,7 @@ impl Case<'_> {
             identification.consistency = plain.consistency;
             identification.consistency_lower = plain.consistency_lower;
         }
-        if identification.misfit.is_some() || !rejected.is_empty() {
+        if identification.discrepancy.is_some() || !rejected.is_empty() {
             let left = fitted.left.iter();
             identification.residuals_m = left.flat_map(|each| each.position_m.data.0[0]).collect();
         }
@@ -120,7 +204,20 @@ impl Case<'_> {
             identification,
             rejected,
             weighed,
+            held: self.held.to_vec(),
         })
+    }
+
+    /// Where there is no fit of all: what all say to first order, and a fit without the measurements that lie far out of that.
+    fn begun_linearly(&self, own: &[Matrix6<f64>]) -> Option<(Identification, SomeFitted)> {
+        let linear = Case {
+            method: Method::Linear,
+            ..*self
+        };
+        let of_all = linear.identify().ok()?;
+        let first = linear.looked_at_all(of_all.clone(), self.measurements, &[]);
+        let first = linear.without_far_out(&first.ok()?, own)?;
+        Some((of_all, self.without(&first, first.rejected.clone(), own)?))
     }
 
     /// Fits those of `weighed` that are not rejected, and looks at what that leaves of all.
@@ -128,8 +225,10 @@ impl Case<'_> {
         &self,
         weighed: &[Measurement],
         rejected: &[RejectedReading],
+        near: &[f64],
     ) -> Result<SomeFitted, IdentificationError> {
-        let identification = self.with(&kept(weighed, rejected)).identify()?;
+        let of_kept = kept(weighed, rejected);
+        let identification = self.with(&of_kept).identify_near(Some(near))?;
         self.looked_at_all(identification, weighed, rejected)
     }
 
@@ -149,7 +248,10 @@ impl Case<'_> {
         // What repeats share is spread over their rows: the fit's own are whitened without those that were left out.
         let of_kept = self.with(&measurements);
         let kept_source = of_kept.equation_source();
-        let (own_rows, _) = of_kept.against(&kept_source, &posterior.mean)?;
+        let own_rows = match rejected {
+            [] => matrix.clone(),
+            _ => of_kept.against(&kept_source, &posterior.mean)?.0,
+        };
         // Repeats share what the model leaves.
         let numbers: f64 = (measurements.iter().zip(repeats(&measurements)))
             .map(|(each, [deflections, rotations])| {
@@ -186,6 +288,7 @@ impl Case<'_> {
             known,
             spare: freedom / numbers,
             freedom,
+            is_rejected: outliers::rejected_of(weighed.len(), rejected),
             rejected: rejected.to_vec(),
             identification,
         })
@@ -194,16 +297,27 @@ impl Case<'_> {
     /// Fits without the measurements that lie far out of a first fit. None where none does, where too many do, or where the
     /// others tell less than all.
     fn without_far_out(&self, first: &SomeFitted, own: &[Matrix6<f64>]) -> Option<SomeFitted> {
-        let mut rejected = first.far_out(self.measurements, own)?;
+        let mut rejected = first.far_out(self.measurements, own).unwrap_or_default();
         if rejected.is_empty() {
             // One among few draws the fit to itself, and hides in what that leaves of the others.
             rejected.push(first.farthest(own)?);
         }
-        let (rejected, mut fitted) = rejection::until_the_same(
+        self.without(first, rejected, own)
+    }
+
+    /// Fits without these, until the same lie far out.
+    fn without(
+        &self,
+        first: &SomeFitted,
+        rejected: Vec<RejectedReading>,
+        own: &[Matrix6<f64>],
+    ) -> Option<SomeFitted> {
+        let Posterior { mean, .. } = &first.identification.posterior;
+        let (rejected, mut fitted) = outliers::until_the_same(
             rejected,
             |fitted: &SomeFitted| fitted.far_out(self.measurements, own),
             |rejected| {
-                let fitted = self.fitted(self.measurements, rejected).ok()?;
+                let fitted = self.fitted(self.measurements, rejected, mean).ok()?;
                 (fitted.identification.rank >= first.identification.rank).then_some(fitted)
             },
         )?;
@@ -227,10 +341,18 @@ impl SomeFitted {
             angles: &angles,
             spare: self.spare,
             freedom: self.freedom,
+            plausible: self.plausible(),
         };
-        rejection::far_out(&readings, |reading, all| {
+        outliers::far_out(&readings, |reading, all| {
             self.squares(reading, &own[reading], all)
         })
+    }
+
+    /// By how much variances are larger than believed, where what was fitted is plausible so.
+    fn plausible(&self) -> Option<f64> {
+        let found = &self.identification;
+        let ratio = found.residual_sigma_m? / found.sigma_m;
+        outliers::plausible(found.consistency, ratio * ratio)
     }
 
     /// The measurement without which the weighted squares are smallest.
@@ -249,15 +371,15 @@ impl SomeFitted {
 
     /// What is left of a measurement over its covariance, of position and of rotation.
     fn squares(&self, reading: usize, own: &Matrix6<f64>, whole: &Matrix6<f64>) -> [f64; 2] {
-        let is_rejected = self.rejected.iter().any(|each| each.reading == reading);
-        let known = self.known[reading] * if is_rejected { -1.0 } else { 1.0 };
+        let sign = if self.is_rejected[reading] { -1.0 } else { 1.0 };
+        let known = self.known[reading] * sign;
         squares_of(&self.left[reading], own, whole, &known)
     }
 
     /// By how much what is left of the measurements that were fitted is larger than it should be.
-    fn misfit(&self, own: &[Matrix6<f64>]) -> Misfit {
+    fn discrepancy(&self, own: &[Matrix6<f64>]) -> Discrepancy {
         let left = kept(&self.left, &self.rejected);
-        Misfit::of(&left, &kept(own, &self.rejected), self.spare)
+        Discrepancy::of(&left, &kept(own, &self.rejected), self.spare)
     }
 }
 

@@ -2,15 +2,16 @@
 
 use std::path::Path;
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 use serde::Deserialize;
 
-use super::misfit::Misfit;
+use super::discrepancy::Discrepancy;
 use super::{covariance_of, covariance_of_any};
+use crate::codes::{Condition, ConditionCode, ErrorCode};
 use crate::files::FileError;
 use crate::files::schema::read_results;
 use crate::files::typed::from_json;
-use crate::measurement::Origin;
+use crate::measurement::{Origin, SimulatedRun};
 use crate::numeric::estimable::Estimable;
 use crate::numeric::posterior::Posterior;
 use crate::quantities::plausible::ELASTIC_COMPLIANCE;
@@ -19,6 +20,9 @@ use crate::task::{Fingerprint, Method};
 
 /// Which file is wanted.
 const WANTED: &str = "the file must be one that `elastocal identify --identified-out` wrote";
+
+/// Smaller compliances (rad/(N m)) are as good as zero.
+const LEAST_SIZE: f64 = 1e-15;
 
 /// An identification as its file tells it.
 #[derive(Debug, Clone, PartialEq)]
@@ -29,10 +33,12 @@ pub struct StoredIdentification {
     pub posterior: Posterior,
     /// What else was uncertain, by name, and the covariance of the compliances and of these together.
     pub others: Option<OtherUnknowns>,
-    /// The conditions that did not hold when it was made.
-    pub conditions: Vec<String>,
+    /// The conditions with which it was made, besides what is not determined.
+    pub conditions: Vec<Condition>,
     /// What the model leaves unexplained; nothing where the measurements did not show any.
-    pub misfit: Misfit,
+    pub discrepancy: Discrepancy,
+    /// The degrees of freedom that this was estimated with; `None` where nothing was.
+    pub degrees_of_freedom: Option<f64>,
     /// What it rests on; files of earlier versions do not say.
     pub identified_with: Option<Fingerprint>,
 }
@@ -54,6 +60,14 @@ pub struct OtherUnknowns {
 struct StoredUncertain {
     name: String,
     value: Option<f64>,
+}
+
+#[derive(Deserialize)]
+struct StoredResidual {
+    #[serde(default)]
+    standardised: Vec<Option<f64>>,
+    #[serde(default)]
+    leverage: f64,
 }
 
 /// The keys that are read.
@@ -78,12 +92,16 @@ struct IdentificationFile {
     covariance_of_all: Vec<Vec<f64>>,
     #[expect(dead_code, reason = "must be a number")]
     rank: usize,
-    misfit_mm: Option<f64>,
-    misfit_mrad: Option<f64>,
+    discrepancy_mm: Option<f64>,
+    discrepancy_mrad: Option<f64>,
     #[serde(default)]
-    conditions: Vec<String>,
+    residuals: Vec<StoredResidual>,
+    #[serde(default)]
+    conditions: Vec<Condition>,
     identified_with: Option<Fingerprint>,
     scenario_file: Option<String>,
+    #[serde(default)]
+    simulated: Option<SimulatedRun>,
     provenance: Option<StoredProvenance>,
 }
 
@@ -104,6 +122,7 @@ impl StoredIdentification {
             (stored.scenario_file.zip(hash)).map(|(scenario, hash)| Origin {
                 scenario: scenario.into(),
                 scenario_sha256: hash,
+                simulated: stored.simulated,
             }),
         )
     }
@@ -113,20 +132,92 @@ impl StoredIdentification {
     /// # Errors
     /// What is wrong with it, with its key.
     pub fn read(path: &Path, robot: &Robot) -> Result<Self, FileError> {
-        let stored = read(path)?;
+        Self::read_for(path, robot).map_err(|wrong| wrong.or_code(ErrorCode::IdentifiedFile))
+    }
+
+    fn read_for(path: &Path, robot: &Robot) -> Result<Self, FileError> {
+        let mut stored = read(path)?;
         let joints = joints_of(path, &stored.parameters, robot)?;
+        let mut posterior = posterior(path, &stored, &joints, robot)?;
+        let mut others = others(path, &stored)?;
+        let nominal = |place: usize| robot.compliance_rad_per_nm[joints[place]];
+        for place in hold_impossible(&mut posterior, others.as_mut(), nominal) {
+            stored.conditions.push(nominal_instead(
+                &stored.parameters[place],
+                stored.compliance_rad_per_nm[place].unwrap_or_default(),
+            ));
+        }
+        let discrepancy = Discrepancy {
+            position_m: size(path, "discrepancy_mm", stored.discrepancy_mm)? * 1e-3,
+            rotation_rad: size(path, "discrepancy_mrad", stored.discrepancy_mrad)? * 1e-3,
+        };
+        // What the numbers are more than the fit takes up.
+        let spare = |each: &StoredResidual| each.standardised.len() as f64 - each.leverage;
+        let freedom: f64 = stored.residuals.iter().map(spare).sum();
+        let is_estimated = discrepancy.position_m + discrepancy.rotation_rad > 0.0;
         Ok(Self {
-            posterior: posterior(path, &stored, &joints, robot)?,
-            others: others(path, &stored)?,
+            posterior,
+            others,
             joints,
-            misfit: Misfit {
-                position_m: size(path, "misfit_mm", stored.misfit_mm)? * 1e-3,
-                rotation_rad: size(path, "misfit_mrad", stored.misfit_mrad)? * 1e-3,
-            },
-            conditions: stored.conditions,
+            discrepancy,
+            degrees_of_freedom: Some(freedom).filter(|freedom| is_estimated && *freedom > 0.0),
+            // Whether a test pose needs what is not determined is asked there.
+            conditions: (stored.conditions.into_iter())
+                .filter(|condition| condition.code != ConditionCode::Unidentifiable)
+                .collect(),
             identified_with: stored.identified_with,
         })
     }
+}
+
+/// That an identified compliance (rad/(N m)) is none.
+pub fn nominal_instead(joint: &str, value: f64) -> Condition {
+    ConditionCode::ImpossibleCompliance.with(format!(
+        "the identified compliance of {joint} is {value:.3e} rad/(N m), which no joint has: replaced by the nominal value, the \
+         other parameters conditioned on it"
+    ))
+}
+
+/// Takes the nominal compliance for identified ones that no joint has, and all else as it goes with that; their places.
+fn hold_impossible(
+    posterior: &mut Posterior,
+    mut others: Option<&mut OtherUnknowns>,
+    nominal: impl Fn(usize) -> f64,
+) -> Vec<usize> {
+    let count = posterior.mean.len();
+    let mut held = Vec::new();
+    let is_impossible = |posterior: &Posterior, place: usize| {
+        let is_known = posterior.standard_error(place).is_some();
+        is_known && !ELASTIC_COMPLIANCE.allows(posterior.mean[place])
+    };
+    while let Some(place) =
+        (0..count).find(|place| !held.contains(place) && is_impossible(posterior, *place))
+    {
+        held.push(place);
+        let off = nominal(place) - posterior.mean[place];
+        let covariance = (others.as_ref()).map_or(&posterior.covariance, |each| &each.covariance);
+        let shift = shift_with(covariance, place, off);
+        let rest = others.iter_mut().flat_map(|each| each.values.iter_mut());
+        for (value, shift) in posterior.mean.iter_mut().chain(rest).zip(&shift) {
+            *value += shift;
+        }
+    }
+    for &place in &held {
+        posterior.mean[place] = nominal(place);
+    }
+    held
+}
+
+/// By how much all unknowns are off, on average, where one is off by so much.
+pub fn shift_with(covariance: &DMatrix<f64>, place: usize, off: f64) -> DVector<f64> {
+    let own = covariance[(place, place)];
+    let mut shift = if own > 0.0 {
+        covariance.column(place) * (off / own)
+    } else {
+        DVector::zeros(covariance.nrows())
+    };
+    shift[place] = off;
+    shift
 }
 
 /// Zero where the file has none.
@@ -140,12 +231,14 @@ fn size(path: &Path, key: &str, size: Option<f64>) -> Result<f64, FileError> {
 }
 
 fn read(path: &Path) -> Result<IdentificationFile, FileError> {
-    let (text, json) = read_results(path, &["identify", "run"], WANTED)?;
+    let coded = |wrong: FileError| wrong.or_code(ErrorCode::IdentifiedFile);
+    let (text, json) = read_results(path, &["identify", "run"], WANTED).map_err(coded)?;
     if json["kind"] == "absolute" {
         let problem = "was identified from absolute readings; what is identified from deflections is needed here";
-        return Err(FileError::new(path, problem).at("kind"));
+        let wrong = FileError::new(path, problem).at("kind");
+        return Err(wrong.code(ErrorCode::OtherAccuracy));
     }
-    from_json(path, &text).map_err(|wrong: FileError| wrong.hint(WANTED))
+    from_json(path, &text).map_err(|wrong: FileError| coded(wrong.hint(WANTED)))
 }
 
 fn joints_of(path: &Path, names: &[String], robot: &Robot) -> Result<Vec<usize>, FileError> {
@@ -170,7 +263,8 @@ fn joints_of(path: &Path, names: &[String], robot: &Robot) -> Result<Vec<usize>,
                 )
             }
         };
-        return Err(FileError::new(path, problem).at("parameters"));
+        let wrong = FileError::new(path, problem).at("parameters");
+        return Err(wrong.code(ErrorCode::OtherRobot));
     }
     Ok(joints)
 }
@@ -237,8 +331,9 @@ fn posterior(
     let is_right = estimates.len() == size;
     check("compliance_rad_per_nm", estimates.len(), is_right)?;
     for (index, value) in estimates.iter().enumerate() {
-        let Some(value) = *value else { continue };
-        ELASTIC_COMPLIANCE.check(value).map_err(|problem| {
+        // What scatters below zero is dealt with later.
+        let size = value.unwrap_or_default().abs().max(LEAST_SIZE);
+        ELASTIC_COMPLIANCE.check(size).map_err(|problem| {
             FileError::new(path, format!("{}: {problem}", names[index]))
                 .at(format!("compliance_rad_per_nm[{index}]"))
                 .hint("measure again with loads that bend this joint, or take it out of robot.parameters")

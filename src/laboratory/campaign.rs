@@ -148,20 +148,17 @@ impl Campaign {
     }
 
     /// How many times a load is hung.
-    #[must_use]
     pub fn load_changes(&self) -> usize {
         self.stops.iter().filter(|stop| stop.changes_load).count()
     }
 
     /// How often the instrument is read.
-    #[must_use]
     pub fn readings(&self) -> u32 {
         self.stops.iter().map(|stop| stop.readings).sum()
     }
 
     /// At which stop an experiment is measured without a load, as an index, and how many readings of other experiments
     /// come before its own there, where readings are no one else's.
-    #[must_use]
     pub fn without_load(&self, plan: &Plan, experiment: usize) -> (usize, u32) {
         let is_here = |stop: &Stop| stop.load.is_none() && stop.experiments.contains(&experiment);
         let place = self.stops.iter().position(is_here).unwrap_or(0);
@@ -175,7 +172,6 @@ impl Campaign {
     }
 
     /// How far the joint that moves most moves, all in all (rad, m).
-    #[must_use]
     pub fn travel(&self) -> f64 {
         let approach = |stop: &Stop| {
             let start = stop.approach.as_ref();
@@ -198,7 +194,6 @@ impl Campaign {
 impl Costs {
     /// How long one station takes with so many stops, changes of load and readings (minutes), without the
     /// time that joints turn.
-    #[must_use]
     pub fn work_min(&self, stops: usize, load_changes: usize, readings: u32) -> f64 {
         self.station_min
             + self.move_min * stops as f64
@@ -237,7 +232,8 @@ impl Group {
     }
 }
 
-/// Whether the robot is approached alike for two experiments before a load is hung.
+/// Whether the robot is approached alike for two experiments before a load is hung: to the bit, since a deflection is a
+/// difference at the same commanded angles. Plans that are designed have one configuration's angles alike.
 fn stand_alike(one: &Experiment, other: &Experiment) -> bool {
     one.configuration_rad == other.configuration_rad && one.approach == other.approach
 }

@@ -31,7 +31,6 @@ impl std::fmt::Debug for PathJudge<'_> {
 
 impl<'a> PathJudge<'a> {
     /// A judge for a task's robot and region. Without a clearance in the region nothing is judged.
-    #[must_use]
     pub fn new(task: &'a Task) -> Self {
         let clearance = task.region.collision_clearance_m;
         let clearance_m = clearance.unwrap_or(0.0);
@@ -46,7 +45,6 @@ impl<'a> PathJudge<'a> {
     }
 
     /// Whether collisions are looked for at all.
-    #[must_use]
     pub fn looks(&self) -> bool {
         self.simulation.is_some()
     }

@@ -20,7 +20,7 @@ pub enum Angles {
 }
 
 /// How a program is written. Places in angle brackets are filled in: `<target>`, `<text>`, `<index>`,
-/// `<speed>` in every line; `<name>`, `<title>`, `<tool>`, `<base>`, `<speed>`, `<steps>`, `<logs>` in files.
+/// `<mass>`, `<tool>`, `<speed>` in every line; `<name>`, `<title>`, `<tool>`, `<base>`, `<speed>`, `<steps>`, `<logs>` in files.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Dialect {
@@ -45,6 +45,12 @@ pub struct Dialect {
     pub comment: String,
     /// Waits for a person.
     pub halt: String,
+    /// Tells the controller what hangs beside the tool: `<mass>` (kg), `<tool>`. Nothing where it is not told.
+    #[serde(default)]
+    pub payload: String,
+    /// Tells it that nothing hangs there any more: `<tool>`.
+    #[serde(default)]
+    pub no_payload: String,
     /// Keeps the measured joint angles.
     pub log: String,
     /// The files of a program.
@@ -85,7 +91,6 @@ pub enum DialectError {
 
 impl Dialect {
     /// The dialects that come along.
-    #[must_use]
     pub fn names() -> Vec<&'static str> {
         KNOWN.iter().map(|(name, _)| *name).collect()
     }

@@ -12,7 +12,6 @@ use crate::plan::{Criterion, posterior};
 use crate::task::{Forbidden, Method, Task};
 
 /// The plan that measurements have carried out: experiments in the order of their first measurement.
-#[must_use]
 pub fn measured_plan(measurements: &[Measurement]) -> Plan {
     let experiments = by_experiment(measurements).into_iter().map(|members| {
         let first = &measurements[members[0]];
@@ -29,7 +28,6 @@ pub fn measured_plan(measurements: &[Measurement]) -> Plan {
 }
 
 /// What of a plan is not measured yet: experiments with angles within [`PRINTED_RAD`] and the same load are the same.
-#[must_use]
 pub fn not_measured(plan: &Plan, measured: &Plan) -> Plan {
     let mut measured = measured.clone();
     let mut rest = Plan::default();
@@ -66,7 +64,6 @@ impl Remaining {
     /// What is left after some measurements, of which each tells as much as its own standard deviations say. Mandatory
     /// experiments of the task that are not measured stay mandatory. What has turned out impossible is left out, as far
     /// around it as given (rad).
-    #[must_use]
     pub fn new(
         task: &Task,
         identification: &Identification,
@@ -102,7 +99,6 @@ impl Remaining {
     }
 
     /// Before anything is measured.
-    #[must_use]
     pub fn all_of(task: &Task) -> Self {
         Self {
             task: task.clone(),
@@ -125,7 +121,6 @@ pub fn accuracy(task: &Task, posterior: &Posterior) -> Result<f64, NotDetermined
 }
 
 /// What is known after a plan besides what is known before, whatever is read.
-#[must_use]
 pub fn after(task: &Task, plan: &Plan) -> Posterior {
     posterior(&task.belief, plan)
 }

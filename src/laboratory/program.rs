@@ -1,15 +1,17 @@
 //! The robot's program of a campaign.
 
-use nalgebra::DVector;
+use nalgebra::{DVector, Vector3};
 
 use super::dialect::{Angles, Dialect, DialectError};
 use super::{Campaign, Laboratory, Stop};
 use crate::experiment::in_words;
-use crate::robot::Commands;
+use crate::robot::{Commands, Load};
 use crate::text::wording::counted;
 
 /// Texts of programs are shorter than this.
 const LONGEST_TEXT: usize = 100;
+/// The cosine of the largest angle between a hung load and gravity.
+const PLUMB: f64 = 0.999;
 
 /// One step of a program.
 #[derive(Debug, Clone, PartialEq)]
@@ -20,6 +22,8 @@ pub enum ProgramStep {
     Move(DVector<f64>),
     /// Waits for a person, who is told what to do.
     Halt(String),
+    /// Tells the controller what hangs at the tool's point beside the tool (kg); nothing any more.
+    Payload(Option<f64>),
     /// Keeps the measured joint angles.
     Log,
 }
@@ -42,10 +46,17 @@ pub struct ProgramFile {
     pub text: String,
 }
 
-/// The program of a campaign.
-#[must_use]
-pub fn program(campaign: &Campaign, title: &str) -> Program {
+/// The mass (kg) whose weight a load is, under gravity (m/s^2); none where it does not hang.
+fn hung_kg(load: &Load, gravity_m_s2: &Vector3<f64>) -> Option<f64> {
+    let (pull, gravity) = (load.force_n.norm(), gravity_m_s2.norm());
+    let hangs = load.force_n.dot(gravity_m_s2) > PLUMB * pull * gravity;
+    (hangs && load.torque_nm.norm() == 0.0).then(|| pull / gravity)
+}
+
+/// The program of a campaign under gravity (m/s^2).
+pub fn program(campaign: &Campaign, gravity_m_s2: &Vector3<f64>, title: &str) -> Program {
     let mut steps = Vec::new();
+    let mut payload = None;
     if let Some(home) = &campaign.home {
         steps.push(ProgramStep::Remark(
             "Start at the first safe pose".to_owned(),
@@ -64,6 +75,14 @@ pub fn program(campaign: &Campaign, title: &str) -> Program {
                 "Hang the load {}",
                 in_words(load)
             )));
+        }
+        let hung = stop
+            .load
+            .as_ref()
+            .and_then(|load| hung_kg(load, gravity_m_s2));
+        if hung != payload {
+            steps.push(ProgramStep::Payload(hung));
+            payload = hung;
         }
         steps.push(ProgramStep::Move(stop.configuration.clone()));
         let times = counted(stop.readings.into(), "reading");
@@ -117,6 +136,12 @@ impl Program {
                 ProgramStep::Move(q) => (dialect.movement)
                     .replace("<target>", &target(dialect, commands, q))
                     .replace("<speed>", &speed),
+                ProgramStep::Payload(Some(mass_kg)) => (dialect.payload)
+                    .replace("<mass>", &format!("{mass_kg:.3}"))
+                    .replace("<tool>", &laboratory.tool_number.to_string()),
+                ProgramStep::Payload(None) => {
+                    (dialect.no_payload).replace("<tool>", &laboratory.tool_number.to_string())
+                }
                 ProgramStep::Halt(text) => dialect.halt.replace("<text>", &plain(text)),
                 ProgramStep::Log => {
                     logs += 1;
@@ -124,6 +149,7 @@ impl Program {
                 }
             })
             .map(|line| line.trim_start_matches('\n').to_owned())
+            .filter(|line| !line.is_empty())
             .collect();
         let fill = |text: &str| {
             text.trim_start_matches('\n')

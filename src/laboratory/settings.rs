@@ -1,9 +1,10 @@
 //! What work in the laboratory costs, and how the robot is to move there.
 
 use nalgebra::DVector;
+use serde::{Deserialize, Serialize};
 
 /// How long work in the laboratory takes (minutes).
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct Costs {
     /// To set up a station of the instrument.
     pub station_min: f64,
@@ -18,7 +19,6 @@ pub struct Costs {
 impl Costs {
     /// How long after the unloaded reading of a deflection the loaded one is taken (h) where so many configurations are visited
     /// without a load first, then with it, in the same order; the time that joints turn is not counted.
-    #[must_use]
     pub fn between_readings_h(&self, configurations: u32) -> f64 {
         let visits = f64::from(configurations) * (self.move_min + self.reading_min);
         (visits + self.load_change_min) / 60.0
@@ -56,6 +56,13 @@ pub struct Laboratory {
     pub tool_number: u32,
     /// The number of the base in the controller.
     pub base_number: u32,
+}
+
+impl Laboratory {
+    /// Where the robot starts and ends (rad, m), where a safe pose is named.
+    pub fn home(&self) -> Option<&[f64]> {
+        self.safe_poses.first().map(DVector::as_slice)
+    }
 }
 
 impl Default for Laboratory {

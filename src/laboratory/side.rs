@@ -48,7 +48,6 @@ pub(super) fn wanted_side(task: &Task, approach: Option<&Approach>) -> Option<Ve
 
 impl Side {
     /// As a file has it; `None` where the configuration is reached as it comes. For joints that are commanded.
-    #[must_use]
     pub fn as_approach(&self) -> Option<Approach> {
         let signs: Vec<bool> = (self.0.iter())
             .filter(|sign| **sign != 0)

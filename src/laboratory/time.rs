@@ -48,7 +48,6 @@ const fn loads_of(loads: &Loads, configurations: u32) -> usize {
 
 /// The minutes that so many measurements in so many configurations take at most, without the time that joints
 /// turn: two stops for each configuration, and two readings for each measurement.
-#[must_use]
 pub fn work_minutes(
     loads: &Loads,
     laboratory: &Laboratory,

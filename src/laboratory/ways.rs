@@ -51,7 +51,6 @@ pub fn apart(one: &DVector<f64>, other: &DVector<f64>) -> f64 {
 
 impl<'a> Ways<'a> {
     /// Ways of a task's robot among configurations; `safe_poses` are those of its laboratory.
-    #[must_use]
     pub fn new(task: &'a Task, safe_poses: &[DVector<f64>], among: &[DVector<f64>]) -> Self {
         let mut judge = PathJudge::new(task);
         let mut nodes = safe_poses.to_vec();

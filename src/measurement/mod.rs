@@ -14,11 +14,11 @@ mod write_absolute;
 
 use nalgebra::{DVector, Vector3};
 
-use crate::experiment::{Experiment, is_one_configuration, together};
+use crate::experiment::{is_one_configuration, together};
 use crate::robot::{Approach, Load};
 
 pub use absolute::AbsoluteReading;
-pub use origin::Origin;
+pub use origin::{CONTROLLER_COMPENSATES, Origin, SimulatedRun, controller_compensates};
 pub use read::{
     MeasuredArm, MeasuredFile, read_measured, read_measurements, read_measurements_so_far,
 };
@@ -48,38 +48,11 @@ pub struct Measurement {
 
 impl Measurement {
     /// Whether both are of one experiment: the same configuration, load and side of approach, to the bit.
-    #[must_use]
     pub fn repeats(&self, other: &Self) -> bool {
-        self.is_made_at(
-            &other.configuration_rad,
-            &other.load,
-            other.approach.as_ref(),
-        )
-    }
-
-    /// Whether it is of an experiment, as [`repeats`](Self::repeats) has it.
-    #[must_use]
-    pub fn is_of(&self, experiment: &Experiment) -> bool {
-        let Experiment {
-            configuration_rad,
-            load,
-            approach,
-            ..
-        } = experiment;
-        self.is_made_at(configuration_rad, load, approach.as_ref())
-    }
-
-    fn is_made_at(
-        &self,
-        configuration_rad: &DVector<f64>,
-        load: &Load,
-        approach: Option<&Approach>,
-    ) -> bool {
-        self.load == *load && self.stands_at(configuration_rad, approach)
+        self.load == other.load && self.stands_at(&other.configuration_rad, other.approach.as_ref())
     }
 
     /// Whether it was made in a [configuration](is_one_configuration), whatever hung there.
-    #[must_use]
     pub fn stands_at(&self, configuration_rad: &DVector<f64>, approach: Option<&Approach>) -> bool {
         is_one_configuration(
             (&self.configuration_rad, self.approach.as_ref()),
@@ -90,20 +63,24 @@ impl Measurement {
 
 /// The places of measurements, those that [repeat](Measurement::repeats) one another together, experiments in the order of their
 /// first measurement.
-#[must_use]
 pub fn by_experiment(measurements: &[Measurement]) -> Vec<Vec<usize>> {
-    together(measurements.len(), |one, other| {
-        measurements[one].repeats(&measurements[other])
-    })
+    together(
+        measurements.len(),
+        |place| &measurements[place].configuration_rad,
+        |one, other| measurements[one].repeats(&measurements[other]),
+    )
 }
 
 /// The places of measurements, those of one configuration together, whatever hung there, in the order of the first.
-#[must_use]
 pub fn by_configuration(measurements: &[Measurement]) -> Vec<Vec<usize>> {
-    together(measurements.len(), |one, other| {
-        let other = &measurements[other];
-        measurements[one].stands_at(&other.configuration_rad, other.approach.as_ref())
-    })
+    together(
+        measurements.len(),
+        |place| &measurements[place].configuration_rad,
+        |one, other| {
+            let other = &measurements[other];
+            measurements[one].stands_at(&other.configuration_rad, other.approach.as_ref())
+        },
+    )
 }
 
 /// A measured rotation of the tool.

@@ -11,6 +11,7 @@ use super::columns::{
 };
 use super::read_absolute::{absolute_columns, absolute_readings};
 use super::{AbsoluteReading, Measurement, RotationMeasurement, by_configuration};
+use crate::codes::ErrorCode;
 use crate::csv::{Columns, Row, Table};
 use crate::experiment::{APPROACH, approach, configuration_and_load, experiment_columns};
 use crate::files::FileError;
@@ -94,9 +95,11 @@ fn deflections_of(path: &Path, measured: MeasuredFile) -> Result<Vec<Measurement
                 "holds absolute readings ({}); deflections are needed here, loaded minus unloaded",
                 POSITION.join(",")
             );
-            let hint = "what is planned, and what is promised of plans, are deflections: `identify`, `validate` and `compensate` take \
+            let hint = "plans and their predicted accuracies are of deflections: `identify`, `validate` and `compensate` take \
                         absolute readings";
-            Err(FileError::new(path, problem).hint(hint))
+            Err(FileError::new(path, problem)
+                .hint(hint)
+                .code(ErrorCode::OtherAccuracy))
         }
     }
 }
@@ -125,10 +128,12 @@ fn read(
             deflection_columns(commands, may_be_unfinished)
         }
     })?;
-    if table.has(&POSITION) {
-        return absolute_readings(&table, commands).map(MeasuredFile::Absolute);
-    }
-    deflections(&table, commands, *unloaded).map(MeasuredFile::Deflections)
+    let found = if table.has(&POSITION) {
+        absolute_readings(&table, commands).map(MeasuredFile::Absolute)
+    } else {
+        deflections(&table, commands, *unloaded).map(MeasuredFile::Deflections)
+    };
+    found.map_err(|wrong| wrong.or_code(ErrorCode::Measurements))
 }
 
 /// The columns that a file of deflections may have.
@@ -150,7 +155,12 @@ fn deflection_columns(commands: &Commands, may_be_unfinished: bool) -> Columns {
             .concat(),
         ),
         words: owned(&[APPROACH]),
-        may_be_unfinished,
+        // A sheet is filled in stop by stop, unloaded readings of many before the first loaded one.
+        may_be_empty: if may_be_unfinished {
+            vec![owned(&DEFLECTION), owned(&UNLOADED), owned(&LOADED)]
+        } else {
+            Vec::new()
+        },
     }
 }
 
@@ -305,7 +315,7 @@ fn apart(
                 hint += ", or say instrument.unloaded = \"shared\" in the scenario, where all of a configuration rest on one";
             }
             if !columns.has_places {
-                hint += "; readings that are different and show the same are told apart by the columns \
+                hint += "; different readings of equal values need the columns \
                          unloaded_stop,unloaded_reading,loaded_stop,loaded_reading";
             }
             return Err(row.wrong(problem).hint(hint));

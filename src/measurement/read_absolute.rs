@@ -40,7 +40,7 @@ pub(super) fn absolute_columns(commands: &Commands) -> Columns {
         one_of: vec![owned(&POSITION)],
         optional,
         words,
-        may_be_unfinished: false,
+        may_be_empty: Vec::new(),
     }
 }
 
@@ -61,8 +61,7 @@ pub(super) fn absolute_readings(
             let (line, known) = (stands.entry(state.clone())).or_insert((row.line(), bits.clone()));
             if *known != bits {
                 let problem = format!(
-                    "state: found {state:?} at other joint angles than in line {line}; rows of one state are readings of \
-                     one stand of the robot, at the same commanded angles"
+                    "state: found {state:?} at other joint angles than in line {line}; rows of one state are readings of one visit, at the same commanded angles"
                 );
                 return Err(row.wrong(problem));
             }

@@ -31,7 +31,6 @@ pub struct RowToFillIn<'a> {
 
 /// A table in which the positions without and with the load are to be filled in; where rotations are measured, with
 /// that standard deviation (rad), they are, too.
-#[must_use]
 pub fn table_to_fill_in<'a>(
     commands: &Commands,
     rotation_sigma_rad: Option<f64>,
@@ -68,7 +67,7 @@ pub fn table_to_fill_in<'a>(
         fields.extend(experiment_fields(commands, row.configuration_rad, row.load));
         fields.extend_from_slice(&to_fill);
         if says_sides {
-            fields.push((row.approach.as_ref()).map_or_else(String::new, Approach::word));
+            fields.push((row.approach.as_ref()).map_or_else(String::new, Approach::field));
         }
         text += &fields.join(",");
         text.push('\n');
@@ -77,9 +76,6 @@ pub fn table_to_fill_in<'a>(
 }
 
 /// Writes measurements of an arm of n joints that were made under a scenario, which comments name.
-///
-/// # Errors
-/// As [`write_measurements`].
 pub fn write_measurements_under(
     origin: &Origin,
     path: &Path,
@@ -158,7 +154,7 @@ pub fn deflection_table(
             push(&rotation.sigma_rad);
         }
         if says_sides {
-            fields.push((each.approach.as_ref()).map_or_else(String::new, Approach::word));
+            fields.push((each.approach.as_ref()).map_or_else(String::new, Approach::field));
         }
         text += &fields.join(",");
         text.push('\n');

@@ -7,7 +7,7 @@ use super::columns::{
     DEFLECTION_SIGMA, POSITION, QUATERNION, ROTATION_SIGMA, TEMPERATURE, TIME, WORDS,
     covariance_columns,
 };
-use crate::csv::quoted_word;
+use crate::csv::word_field;
 use crate::experiment::LOAD;
 use crate::quantities::units::thousandths;
 use crate::robot::{Approach, Commands, Load};
@@ -17,7 +17,6 @@ const APPROACH: usize = 3;
 
 /// The text of a measurement file that holds these readings, all of the same kind. A column that some of them do not
 /// have is left out, but for the approach, which may be known of some.
-#[must_use]
 pub fn absolute_table(commands: &Commands, readings: &[AbsoluteReading]) -> String {
     let all = |has: &dyn Fn(&AbsoluteReading) -> bool| readings.iter().all(has);
     let is_pose = all(&|each| each.rotation.is_some());
@@ -65,7 +64,7 @@ pub fn absolute_table(commands: &Commands, readings: &[AbsoluteReading]) -> Stri
         }
         let said = words
             .iter()
-            .map(|&index| quoted_word(&word(each, index).unwrap_or_default()));
+            .map(|&index| word_field(&word(each, index).unwrap_or_default()));
         fields.extend(said);
         let mut push = |values: &[f64]| fields.extend(values.iter().map(ToString::to_string));
         push(each.position_m.map(thousandths).as_slice());

@@ -29,7 +29,6 @@ pub struct GivingWay {
 
 impl GivingWay {
     /// The distance with its unit.
-    #[must_use]
     pub fn words(&self) -> String {
         let turned = |angle: f64| format!("{:.4} deg", angle.to_degrees());
         if self.is_angle {
@@ -45,31 +44,26 @@ impl GivingWay {
 
 impl Model {
     /// The number of degrees of freedom.
-    #[must_use]
     pub fn degrees_of_freedom(&self) -> usize {
         self.inner.dof_jntid().len()
     }
 
     /// The joint that a degree of freedom belongs to.
-    #[must_use]
     pub fn joint_of_degree(&self, degree: usize) -> usize {
         self.inner.dof_jntid()[degree].unsigned_abs() as usize
     }
 
     /// The first degree of freedom of a joint.
-    #[must_use]
     pub fn degree_of_joint(&self, joint: usize) -> usize {
         self.inner.jnt_dofadr()[joint].unsigned_abs() as usize
     }
 
     /// The index of a joint's (first) coordinate.
-    #[must_use]
     pub fn coordinate_of_joint(&self, joint: usize) -> usize {
         self.inner.jnt_qposadr()[joint].unsigned_abs() as usize
     }
 
     /// The coordinates at which the bodies stand as the file draws them.
-    #[must_use]
     pub fn reference_coordinates(&self) -> &[f64] {
         self.inner.qpos0()
     }
@@ -168,7 +162,6 @@ impl State {
 
     /// How far each equality constraint gives way at the present coordinates, after
     /// [`State::imbalance`].
-    #[must_use]
     pub fn giving_way(&self) -> Vec<GivingWay> {
         self.model
             .equalities()

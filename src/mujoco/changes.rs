@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use mujoco_rs::prelude::{MjModel, MjtSameFrame};
 use mujoco_rs::wrappers::mj_model::MjtObjBase;
-use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 
 use super::{Model, ModelError};
 
@@ -26,6 +26,8 @@ pub enum ModelChange {
 
 /// Gives a model back what changes alter.
 fn restore(model: &mut MjModel, nominal: &MjModel) {
+    (model.jnt_pos_mut()).copy_from_slice(nominal.jnt_pos());
+    (model.jnt_axis_mut()).copy_from_slice(nominal.jnt_axis());
     (model.body_pos_mut()).copy_from_slice(nominal.body_pos());
     (model.body_quat_mut()).copy_from_slice(nominal.body_quat());
     (model.body_ipos_mut()).copy_from_slice(nominal.body_ipos());
@@ -45,7 +47,7 @@ impl Model {
     /// springs that the model does not have stay away.
     ///
     /// # Errors
-    /// A joint is not the first of its body, so that its link has no frame of its own; or a site is missing.
+    /// A site is missing.
     pub fn with_changes(
         &self,
         joints: &[Option<usize>],
@@ -78,22 +80,11 @@ impl Model {
         joints: &[Option<usize>],
         changes: &[ModelChange],
     ) -> Result<(), ModelError> {
+        self.displace_links(model, joints, changes);
         for each in changes {
             match each {
-                ModelChange::Link(joint, by) => {
-                    let Some(joint) = joints[*joint] else {
-                        continue;
-                    };
-                    let body = self.body_of_first_joint(joint)?;
-                    let body_from_link = self.body_from_link(joint);
-                    let frame = self.parent_from_body(body)
-                        * body_from_link
-                        * by
-                        * body_from_link.inverse();
-                    model.body_pos_mut()[body] = frame.translation.vector.into();
-                    let [x, y, z, w] = frame.rotation.coords.into();
-                    model.body_quat_mut()[body] = [w, x, y, z];
-                }
+                // All of a body's at once.
+                ModelChange::Link(..) => {}
                 ModelChange::Site(name, by) => {
                     let site = self.site(name)?;
                     let (_, body_from_site) = self.site_body(site);
@@ -134,6 +125,46 @@ impl Model {
         }
         self.add_up_masses(model);
         Ok(())
+    }
+
+    /// Displaces the frames of links: with D the displacement of the link of a body's last joint, in the body's axes, the
+    /// body stands at B D, and the joints before it in the same body turn about what D^-1 makes of their axes.
+    fn displace_links(
+        &self,
+        model: &mut MjModel,
+        joints: &[Option<usize>],
+        changes: &[ModelChange],
+    ) {
+        let by = |joint: usize| {
+            let is_it = |index: usize| joints[index] == Some(joint);
+            changes.iter().rev().find_map(|change| match change {
+                ModelChange::Link(index, by) if is_it(*index) => Some(by),
+                _ => None,
+            })
+        };
+        for body in 1..self.bodies() {
+            let mut all: Option<Isometry3<f64>> = None;
+            let own: Vec<usize> = self.joints_of(body).collect();
+            for &joint in own.iter().rev() {
+                if let Some(all) = &all {
+                    let (axis, anchor) = self.joint_axis_and_anchor(joint);
+                    let back = all.inverse();
+                    model.jnt_axis_mut()[joint] = (back.rotation * axis).into();
+                    model.jnt_pos_mut()[joint] = (back * Point3::from(anchor)).coords.into();
+                }
+                if let Some(by) = by(joint) {
+                    let body_from_link = self.body_from_link(joint);
+                    let moved = body_from_link * by * body_from_link.inverse();
+                    all = Some(all.map_or(moved, |all| moved * all));
+                }
+            }
+            if let Some(all) = all {
+                let frame = self.parent_from_body(body) * all;
+                model.body_pos_mut()[body] = frame.translation.vector.into();
+                let [x, y, z, w] = frame.rotation.coords.into();
+                model.body_quat_mut()[body] = [w, x, y, z];
+            }
+        }
     }
 
     /// The frame of the link of a joint in its body's, which a reference angle turns.
@@ -185,19 +216,5 @@ impl Model {
         for geometry in (0..self.geometries()).filter(|&each| self.geometry_body(each) == body) {
             model.geom_sameframe_mut()[geometry] = none;
         }
-    }
-
-    fn body_of_first_joint(&self, joint: usize) -> Result<usize, ModelError> {
-        let bodies = 1..self.bodies();
-        let mut first = bodies.filter_map(|body| Some((body, self.joints_of(body).next()?)));
-        let found = first.find(|(_, first)| *first == joint);
-        found.map(|(body, _)| body).ok_or_else(|| ModelError::NotSerial {
-            path: self.path().to_owned(),
-            reason: format!(
-                "joint {:?} shares its body with another before it: its link has no frame of its own that could be \
-                 uncertain",
-                self.joint_name(joint)
-            ),
-        })
     }
 }

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use thiserror::Error;
 
 use super::messages;
+use crate::codes::ErrorCode;
 
 /// Why an MJCF file cannot serve.
 #[derive(Debug, Error)]
@@ -99,8 +100,20 @@ pub enum ModelError {
 pub(super) const NONE: &str = "none";
 
 impl ModelError {
+    /// Its kind.
+    pub const fn code(&self) -> ErrorCode {
+        match self {
+            Self::Read { .. } => ErrorCode::Unreadable,
+            Self::Compile { .. } | Self::Untrusted { .. } | Self::Load { .. } => ErrorCode::Model,
+            Self::Foreign { .. } => ErrorCode::ModelFormat,
+            Self::Unknown { .. } => ErrorCode::ModelName,
+            Self::Statics { .. } => ErrorCode::ModelStatics,
+            Self::NotSerial { .. } => ErrorCode::NotSerial,
+            Self::NotWritten { .. } => ErrorCode::ModelNotWritten,
+        }
+    }
+
     /// What to do about it, where that can be told.
-    #[must_use]
     pub fn hint(&self) -> Option<&str> {
         match self {
             Self::Statics { hint, .. } | Self::Foreign { hint, .. } => Some(hint),

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use super::ModelError;
+use crate::text::wording::shell_path;
 
 /// Refuses what is still to be generated, and MJCF that names packages of ROS.
 pub(super) fn refuse(path: &Path, text: &str) -> Result<(), ModelError> {
@@ -19,11 +20,16 @@ pub(super) fn refuse(path: &Path, text: &str) -> Result<(), ModelError> {
     if is_xacro {
         let name = path
             .file_stem()
-            .map_or_else(|| "robot".into(), |stem| stem.to_string_lossy());
-        let name = name.trim_end_matches(".urdf");
+            .unwrap_or("robot".as_ref())
+            .to_string_lossy();
+        let urdf = format!("{}.urdf", name.trim_end_matches(".urdf"));
         return foreign(
             "is a xacro file: a URDF still to be generated".to_owned(),
-            format!("run xacro first: xacro {} > {name}.urdf", path.display()),
+            format!(
+                "run xacro first: xacro {} > {}",
+                shell_path(path),
+                shell_path(Path::new(&urdf))
+            ),
         );
     }
     let package = text.lines().position(|line| line.contains("package://"));

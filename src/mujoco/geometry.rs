@@ -26,7 +26,6 @@ pub enum Shape {
 
 impl Shape {
     /// Whether a point (m, in the shape's own frame) is inside; of a mesh nobody looks.
-    #[must_use]
     pub fn has_inside(&self, point_m: &Vector3<f64>) -> bool {
         let [x, y, z] = (*point_m).into();
         let beside = x.hypot(y);
@@ -61,19 +60,16 @@ pub struct Geometry {
 
 impl Model {
     /// The number of geometries.
-    #[must_use]
     pub fn geometries(&self) -> usize {
         self.inner.geom_type().len()
     }
 
     /// The body that carries a geometry.
-    #[must_use]
     pub fn geometry_body(&self, geometry: usize) -> usize {
         self.inner.geom_bodyid()[geometry].unsigned_abs() as usize
     }
 
     /// The geometry's name, or that of the body that it is a part of.
-    #[must_use]
     pub fn geometry_name(&self, geometry: usize) -> String {
         self.inner
             .id_to_name(MjtObjBase::mjOBJ_GEOM, geometry)
@@ -84,7 +80,6 @@ impl Model {
     }
 
     /// Everything there is to draw or to collide with, in MuJoCo's order.
-    #[must_use]
     pub fn scenery(&self) -> Vec<Geometry> {
         (0..self.geometries())
             .filter_map(|id| {

@@ -30,7 +30,6 @@ impl State {
     }
 
     /// The first joint, by MuJoCo's identifier, that stands within its dead band, of those that are `loose`.
-    #[must_use]
     pub fn in_dead_band(&self, loose: impl Fn(usize, f64) -> bool) -> Option<usize> {
         let within = |each: &&LawAtWork| {
             let deflection = self.command(each) - self.data.qpos()[each.coordinate];

@@ -3,12 +3,11 @@
 use super::Model;
 
 /// The group of actuators that do not act.
-const IDLE: i32 = 30;
+pub(super) const IDLE: i32 = 30;
 
 impl Model {
     /// The same model in which no actuator acts, no force of a joint's drive is cut off, and no hinge or
     /// slide has dry friction: what a simulation needs of them is not a stiffness.
-    #[must_use]
     pub fn without_actuators(&self) -> Self {
         let mut model = (*self.inner).clone();
         model.actuator_group_mut().fill(IDLE);
@@ -26,13 +25,11 @@ impl Model {
     }
 
     /// Whether it is such a model.
-    #[must_use]
     pub const fn ignores_actuators(&self) -> bool {
         self.without_actuators
     }
 
     /// What was left out when the file was read, in words.
-    #[must_use]
     pub fn left_out(&self) -> &[String] {
         &self.left_out
     }

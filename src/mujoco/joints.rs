@@ -16,13 +16,11 @@ impl Model {
     }
 
     /// Whether the joint slides along its axis.
-    #[must_use]
     pub fn is_slide(&self, joint: usize) -> bool {
         self.inner.jnt_type()[joint] == MjtJoint::mjJNT_SLIDE
     }
 
     /// How many joints that are not locked, from the base, move a body of a serial arm.
-    #[must_use]
     pub fn joints_that_move(&self, mut body: usize) -> usize {
         let mut count = 0;
         while body != 0 {
@@ -36,19 +34,16 @@ impl Model {
     }
 
     /// The number of joints.
-    #[must_use]
     pub fn joints(&self) -> usize {
         self.inner.jnt_type().len()
     }
 
     /// Whether the joint is a hinge.
-    #[must_use]
     pub fn is_hinge(&self, joint: usize) -> bool {
         self.inner.jnt_type()[joint] == MjtJoint::mjJNT_HINGE
     }
 
     /// Axis (unit vector) and anchor (m) of a joint in its body's frame.
-    #[must_use]
     pub fn joint_axis_and_anchor(&self, joint: usize) -> (Vector3<f64>, Vector3<f64>) {
         (
             Vector3::from(self.inner.jnt_axis()[joint]),
@@ -58,7 +53,6 @@ impl Model {
 
     /// The range of a joint's commanded angle (rad), whether or not MuJoCo enforces it on the
     /// elastic joint; where the joint has none, that of its actuator's commands; else one turn each way.
-    #[must_use]
     pub fn joint_range(&self, joint: usize) -> [f64; 2] {
         let [low, high] = self.inner.jnt_range()[joint];
         if low < high {
@@ -70,7 +64,6 @@ impl Model {
     }
 
     /// The joint coordinate at which the bodies stand as the file draws them (rad).
-    #[must_use]
     pub fn joint_reference(&self, joint: usize) -> f64 {
         self.inner.qpos0()[joint]
     }
@@ -82,7 +75,6 @@ impl Model {
 
     /// The compliance of a joint (rad/(N m), m/N): one over the stiffness of the position actuator that
     /// holds it at its command or, where it is passive, of its spring; `None` if there is neither.
-    #[must_use]
     pub fn joint_compliance(&self, joint: usize) -> Option<f64> {
         match self.position(joint) {
             Some(servo) => {
@@ -96,14 +88,12 @@ impl Model {
     }
 
     /// Whether a position actuator holds the joint.
-    #[must_use]
     pub fn is_actuated(&self, joint: usize) -> bool {
         self.position(joint).is_some()
     }
 
     /// The linear stiffness of the spring in a joint (N m/rad, N/m) and where it is relaxed (rad, m), if
     /// there is one that acts.
-    #[must_use]
     pub fn joint_spring(&self, joint: usize) -> Option<[f64; 2]> {
         let stiffness = self.inner.jnt_stiffness()[joint];
         let acts = stiffness != 0.0 && !disabled(&self.inner, MjtDisableBit::mjDSBL_SPRING);
@@ -112,7 +102,6 @@ impl Model {
     }
 
     /// The constant force on a joint (N m, N) of the actuator that holds it.
-    #[must_use]
     pub fn joint_offset(&self, joint: usize) -> f64 {
         self.position(joint).map_or(0.0, |servo| {
             servo.gear * self.inner.actuator_biasprm()[servo.actuator][0]
@@ -120,7 +109,6 @@ impl Model {
     }
 
     /// The joint's name, or `joint <id>`.
-    #[must_use]
     pub fn joint_name(&self, joint: usize) -> String {
         self.name(MjtObjBase::mjOBJ_JOINT, "joint", joint)
     }

@@ -10,7 +10,7 @@ use super::messages::{self, refusal};
 use super::rehearsal::rehearse;
 use super::scan::scan;
 use super::urdf::UrdfText;
-use super::{Additions, Model, ModelError, foreign, obstacle};
+use super::{Additions, Model, ModelError, beside, foreign, obstacle};
 use crate::files::source;
 
 impl Model {
@@ -22,6 +22,18 @@ impl Model {
         let Some(read) = prepare(path)? else {
             let inner = MjModel::from_xml(path)
                 .map_err(|error| refused(path, refusal(path, &error.to_string())))?;
+            if beside::is_in(&inner) {
+                let mut spec = specification_of(path)?;
+                let left_out =
+                    beside::leave_out(&mut spec).map_err(|error| refused(path, error))?;
+                let inner = spec
+                    .compile()
+                    .map_err(|error| refused(path, error.to_string()))?;
+                return Ok(Self {
+                    left_out: Arc::new(left_out),
+                    ..Self::new(inner, path)?
+                });
+            }
             return Self::new(inner, path);
         };
         let (mut spec, left_out) = read.spec(path)?;
@@ -43,18 +55,13 @@ impl Model {
             return Self::load(path);
         }
         let refused = |message: String| refused(path, message);
-        let (mut spec, left_out) = if let Some(urdf) = prepare(path)? {
-            urdf.spec(path)?
-        } else {
-            let spec = MjSpec::from_xml(path);
-            let spec = spec.map_err(|error| refused(refusal(path, &error.to_string())))?;
-            (spec, Vec::new())
-        };
+        let plain = Self::load(path)?;
+        let (mut spec, left_out) = plain.specification()?;
         for obstacle in &additions.obstacles {
             obstacle::add(&mut spec, obstacle).map_err(refused)?;
         }
         if !additions.tools.is_empty() || !additions.payloads.is_empty() {
-            Self::load(path)?.mount(&mut spec, additions)?;
+            plain.mount(&mut spec, additions)?;
         }
         let inner = spec.compile().map_err(|error| refused(error.to_string()))?;
         Ok(Self {
@@ -62,6 +69,26 @@ impl Model {
             ..Self::new(inner, path)?
         })
     }
+
+    /// What the file of this model says, to be edited, and what is left out of it, in words. The model is what the file says alone.
+    pub(super) fn specification(&self) -> Result<(MjSpec, Vec<String>), ModelError> {
+        let path = self.path();
+        if let Some(urdf) = prepare(path)? {
+            return urdf.spec(path);
+        }
+        let mut spec = specification_of(path)?;
+        let left_out = if self.left_out().is_empty() {
+            Vec::new()
+        } else {
+            beside::leave_out(&mut spec).map_err(|error| refused(path, error))?
+        };
+        Ok((spec, left_out))
+    }
+}
+
+/// What an MJCF file says.
+fn specification_of(path: &Path) -> Result<MjSpec, ModelError> {
+    MjSpec::from_xml(path).map_err(|error| refused(path, refusal(path, &error.to_string())))
 }
 
 /// Looks at a file before MuJoCo does; MuJoCo's messages are taken over, and a URDF comes

@@ -65,20 +65,17 @@ impl Model {
     }
 
     /// The locked joints, each with its coordinate (rad or m).
-    #[must_use]
     pub fn locked(&self) -> &[(usize, f64)] {
         &self.locked
     }
 
     /// Where a joint is locked (rad or m).
-    #[must_use]
     pub fn locked_at(&self, joint: usize) -> Option<f64> {
         let found = self.locked.iter().find(|(locked, _)| *locked == joint);
         found.map(|(_, value)| *value)
     }
 
     /// The coordinates at which the bodies stand as the file draws them, but for locked joints.
-    #[must_use]
     pub fn start_coordinates(&self) -> Vec<f64> {
         let mut coordinates = self.reference_coordinates().to_vec();
         for &(joint, value) in self.locked.iter() {
@@ -89,7 +86,6 @@ impl Model {
 
     /// The same model for simulations in time, in which locked joints are too heavy to move: put back at
     /// each step, they stand still.
-    #[must_use]
     pub fn with_heavy_locked_joints(&self) -> Self {
         const HEAVY: f64 = 1e9;
         if self.locked.is_empty() {

@@ -4,6 +4,7 @@
 //! shared between threads; [`State`] is one thread's simulation of it.
 
 mod balance;
+mod beside;
 mod changes;
 mod error;
 mod foreign;
@@ -16,6 +17,7 @@ mod locked;
 mod messages;
 mod model;
 mod mounted;
+mod numbers;
 mod obstacle;
 mod rehearsal;
 mod scan;

@@ -44,29 +44,28 @@ impl Model {
                 }
             }
         }
-        Ok(Self {
+        let model = Self {
             inner: Arc::new(inner),
             path: path.to_owned(),
             locked: Arc::default(),
             without_actuators: false,
             left_out: Arc::default(),
-        })
+        };
+        model.check_numbers()?;
+        Ok(model)
     }
 
     /// The file that the model was read from.
-    #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
     }
 
     /// The time step of simulations (s).
-    #[must_use]
     pub fn time_step_s(&self) -> f64 {
         self.inner.opt().timestep
     }
 
     /// The acceleration of gravity in the world frame, m/s^2; zero where the model switches it off.
-    #[must_use]
     pub fn gravity(&self) -> Vector3<f64> {
         if disabled(&self.inner, MjtDisableBit::mjDSBL_GRAVITY) {
             return Vector3::zeros();
@@ -75,25 +74,21 @@ impl Model {
     }
 
     /// The number of bodies, the world (0) included.
-    #[must_use]
     pub fn bodies(&self) -> usize {
         self.inner.body_mass().len()
     }
 
     /// The body that the given one is fixed to or moves against; the world is its own parent.
-    #[must_use]
     pub fn parent(&self, body: usize) -> usize {
         self.inner.body_parentid()[body].unsigned_abs() as usize
     }
 
     /// The body's frame in its parent's at the model's zero configuration.
-    #[must_use]
     pub fn parent_from_body(&self, body: usize) -> Isometry3<f64> {
         isometry(&self.inner.body_pos()[body], &self.inner.body_quat()[body])
     }
 
     /// Mass (kg) and centre of mass (m, body frame) of one body.
-    #[must_use]
     pub fn mass(&self, body: usize) -> (f64, Vector3<f64>) {
         (
             self.inner.body_mass()[body],
@@ -102,24 +97,10 @@ impl Model {
     }
 
     /// The principal moments of inertia of one body (kg m^2), and their axes in the body's frame.
-    #[must_use]
     pub fn inertia(&self, body: usize) -> (Vector3<f64>, UnitQuaternion<f64>) {
         let turned = isometry(&[0.0; 3], &self.inner.body_iquat()[body]);
         let moments = Vector3::from(self.inner.body_inertia()[body]);
         (moments, turned.rotation)
-    }
-
-    /// Whether a joint has dry friction, and whether what its actuators exert on it is cut off.
-    pub(super) fn drive_limits(&self, joint: usize) -> [bool; 2] {
-        let friction = self.inner.dof_frictionloss()[self.degree_of_joint(joint)] != 0.0;
-        [friction, self.inner.jnt_actfrclimited()[joint]]
-    }
-
-    /// The gain of an actuator's command, and its bias: a constant, what its length and what its speed exert.
-    pub(super) fn actuator_law(&self, actuator: usize) -> (f64, [f64; 3]) {
-        let bias = &self.inner.actuator_biasprm()[actuator];
-        let gain = self.inner.actuator_gainprm()[actuator][0];
-        (gain, [bias[0], bias[1], bias[2]])
     }
 
     /// The number of tendons.
@@ -138,7 +119,6 @@ impl Model {
 
     /// The share of a body's mass that weighs on the arm: what the model does not compensate. MuJoCo
     /// compensates nothing where springs and dampers are both switched off.
-    #[must_use]
     pub fn weighing_share(&self, body: usize) -> f64 {
         let off = [MjtDisableBit::mjDSBL_SPRING, MjtDisableBit::mjDSBL_DAMPER];
         if off.into_iter().all(|bit| disabled(&self.inner, bit)) {
@@ -148,20 +128,17 @@ impl Model {
     }
 
     /// The sites that springs of tendons go through, one spring after the other.
-    #[must_use]
     pub fn spring_sites(&self) -> Vec<usize> {
         let springs = self.tendon_springs().into_iter();
         springs.flat_map(|spring| spring.sites).collect()
     }
 
     /// The body's name, or `body <id>`.
-    #[must_use]
     pub fn body_name(&self, body: usize) -> String {
         self.name(MjtObjBase::mjOBJ_BODY, "body", body)
     }
 
     /// The body's name, if it has one.
-    #[must_use]
     pub fn named_body(&self, body: usize) -> Option<String> {
         let name = self.inner.id_to_name(MjtObjBase::mjOBJ_BODY, body)?;
         Some(name.to_owned())
@@ -180,7 +157,6 @@ impl Model {
     }
 
     /// The body that carries a site, and the site's frame in that body's.
-    #[must_use]
     pub fn site_body(&self, site: usize) -> (usize, Isometry3<f64>) {
         (
             self.inner.site_bodyid()[site].unsigned_abs() as usize,
@@ -189,7 +165,6 @@ impl Model {
     }
 
     /// The sites that have a name, each with the body that carries it.
-    #[must_use]
     pub fn named_sites(&self) -> Vec<(String, usize)> {
         let named = |site: usize| {
             let name = self.inner.id_to_name(MjtObjBase::mjOBJ_SITE, site)?;
@@ -199,7 +174,6 @@ impl Model {
     }
 
     /// The number of actuators.
-    #[must_use]
     pub fn actuators(&self) -> usize {
         self.inner.actuator_trntype().len()
     }

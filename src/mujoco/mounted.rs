@@ -46,7 +46,6 @@ pub struct Additions {
 
 impl Additions {
     /// Whether nothing is added.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.obstacles.is_empty() && self.tools.is_empty() && self.payloads.is_empty()
     }
@@ -112,7 +111,7 @@ impl Model {
                  scenario, or remove that body"
             )));
         }
-        for payload in &additions.payloads {
+        for (payload, number) in additions.payloads.iter().zip(1..) {
             let (body, body_from) = self.carrier(&payload.on)?;
             let body = self.body_name(body);
             let centre = body_from * Point3::from(payload.centre_m);
@@ -120,8 +119,10 @@ impl Model {
                 .ok_or_else(|| failed(format!("the body {body:?} has no name in the file")))?;
             // A point is no body to MuJoCo: a decimetre's radius of gyration, which no rest sees.
             let inertia = payload.mass_kg * 1e-2;
-            body.add_body()
-                .with_pos(centre.coords.into())
+            let own = body.add_body();
+            own.set_name(&format!("{KEPT}payload_{number}"))
+                .map_err(|error| failed(error.to_string()))?;
+            own.with_pos(centre.coords.into())
                 // Without its own, it would be the frame's position a second time.
                 .with_ipos([0.0; 3])
                 .with_iquat([1.0, 0.0, 0.0, 0.0])
@@ -134,7 +135,6 @@ impl Model {
 }
 
 /// A frame from a position (m) and roll, pitch and yaw (rad): about the fixed x, then y, then z axis.
-#[must_use]
 pub fn frame(position_m: Vector3<f64>, [roll, pitch, yaw]: [f64; 3]) -> Isometry3<f64> {
     Isometry3::from_parts(
         Translation3::from(position_m),

@@ -125,8 +125,9 @@ fn is_stopped(status: ExitStatus) -> bool {
 /// What the child says is wrong with the model, or else how it ended.
 fn refusal(model: &Path, status: ExitStatus, said: &str) -> Refusal {
     let lines = || said.lines().map(str::trim).filter(|line| !line.is_empty());
-    let about_model = format!("error: {}: ", model.display());
-    let problem = lines().find_map(|line| line.strip_prefix(&about_model));
+    let about_model = format!(": {}: ", model.display());
+    let mut errors = lines().filter(|line| line.starts_with("error "));
+    let problem = errors.find_map(|line| Some(line.split_once(&about_model)?.1));
     let hint = lines().find_map(|line| line.strip_prefix("hint: "));
     let broken = || match lines().next() {
         Some(line) => format!("MuJoCo breaks down on the model ({status}): {line}"),

@@ -7,6 +7,7 @@ use roxmltree::{Document, Node, ParsingOptions};
 
 use crate::files::source;
 use crate::quantities::limits::{MOST_ELEMENTS, MOST_PARTS};
+use crate::text::wording::shortened;
 
 /// Looks through a model's file with all that it includes and attaches.
 ///
@@ -20,6 +21,24 @@ pub(super) fn scan(model: &Path) -> Result<(), String> {
         parts: 0,
     };
     scan.file(model, 1.0)
+}
+
+/// Elements whose attributes are texts.
+const WORDS: [&str; 3] = ["text", "tuple", "numeric"];
+/// Of a text so many characters are shown.
+const MOST_SHOWN: usize = 100;
+
+/// Whether a list of numbers has one that is none.
+fn is_no_number(text: &str) -> bool {
+    let mut numbers = text.split_whitespace().map(str::parse::<f64>);
+    let mut is_none = false;
+    let mut count = 0;
+    let all = numbers.all(|number| {
+        count += 1;
+        is_none |= number.as_ref().is_ok_and(|number| number.is_nan());
+        number.is_ok()
+    });
+    all && is_none && count > 1
 }
 
 struct Scan<'a> {
@@ -81,6 +100,16 @@ impl Scan<'_> {
             ));
         }
         for attribute in node.attributes() {
+            if !WORDS.contains(&tag) && is_no_number(attribute.value()) {
+                let (key, value) = (attribute.name(), shortened(attribute.value(), MOST_SHOWN));
+                let name = match node.attribute("name") {
+                    Some(name) => format!("<{tag}> {:?}", shortened(name, MOST_SHOWN)),
+                    None => format!("<{tag}>"),
+                };
+                return Err(format!(
+                    "{name} has {key}={value:?}, which is not a number; MuJoCo would take it as not given"
+                ));
+            }
             if attribute.name().starts_with("file") {
                 for folder in folders {
                     self.named(tag, &folder.join(attribute.value()), times)?;

@@ -38,7 +38,6 @@ impl std::fmt::Debug for State {
 
 impl State {
     /// A new simulation that stands as the file draws it, but for locked joints.
-    #[must_use]
     pub fn new(model: &Model) -> Self {
         let free = (0..model.joints()).filter(|&joint| model.locked_at(joint).is_none());
         let mut state = Self {
@@ -52,7 +51,6 @@ impl State {
     }
 
     /// The model that is simulated.
-    #[must_use]
     pub fn model(&self) -> &Model {
         &self.model
     }
@@ -69,7 +67,6 @@ impl State {
     }
 
     /// The joint's anchor (m) and axis (unit vector) in the world frame.
-    #[must_use]
     pub fn joint(&self, joint: usize) -> (Vector3<f64>, Vector3<f64>) {
         (
             Vector3::from(self.data.xanchor()[joint]),
@@ -78,7 +75,6 @@ impl State {
     }
 
     /// The mass (kg) of a body with all that hangs on it, and its centre in the world frame (m).
-    #[must_use]
     pub fn subtree(&self, body: usize) -> (f64, Vector3<f64>) {
         (
             self.model.inner.body_subtreemass()[body],
@@ -87,7 +83,6 @@ impl State {
     }
 
     /// The position (m) and orientation of a site in the world frame.
-    #[must_use]
     pub fn site(&self, site: usize) -> (Vector3<f64>, Matrix3<f64>) {
         (
             Vector3::from(self.data.site_xpos()[site]),
@@ -97,13 +92,11 @@ impl State {
 
     /// MuJoCo's own Jacobian of a site: position rows, then rotation rows, row-major, each row as
     /// long as there are joints.
-    #[must_use]
     pub fn site_jacobian(&self, site: usize) -> (Vec<f64>, Vec<f64>) {
         self.data.jac_site(true, true, site)
     }
 
     /// The pose of a body in the world frame.
-    #[must_use]
     pub fn body_pose(&self, body: usize) -> Isometry3<f64> {
         let [w, x, y, z] = self.data.xquat()[body];
         Isometry3::from_parts(
@@ -113,7 +106,6 @@ impl State {
     }
 
     /// The pose of a geometry in the world frame.
-    #[must_use]
     pub fn geometry_pose(&self, geometry: usize) -> Isometry3<f64> {
         let rotation = Rotation3::from_matrix_unchecked(Matrix3::from_row_slice(
             &self.data.geom_xmat()[geometry],
@@ -197,7 +189,6 @@ impl State {
     }
 
     /// The joint coordinates (rad) and velocities (rad/s).
-    #[must_use]
     pub fn coordinates(&self) -> (&[f64], &[f64]) {
         (self.data.qpos(), self.data.qvel())
     }

@@ -22,7 +22,6 @@ pub struct TorqueLaw {
 
 impl TorqueLaw {
     /// The torque at a deflection, over the stiffness (rad, m).
-    #[must_use]
     pub fn held(&self, deflection: f64) -> f64 {
         let beyond = (deflection.abs() - self.dead_band).max(0.0);
         let share = |at: f64| 1.0 + (beyond / at).powi(2);
@@ -32,7 +31,6 @@ impl TorqueLaw {
 
     /// The deflection under a torque over the stiffness (rad, m), the nearest to none: the inverse of [`Self::held`]. In the middle
     /// of the dead band without any; as far as it holds under more than it can.
-    #[must_use]
     pub fn deflection(&self, held: f64) -> f64 {
         if held == 0.0 {
             return 0.0;

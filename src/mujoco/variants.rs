@@ -18,7 +18,6 @@ impl Model {
     }
 
     /// The same model without contacts and joint limits.
-    #[must_use]
     pub fn without_contacts_and_limits(&self) -> Self {
         let mut model = (*self.inner).clone();
         model.opt_mut().disableflags |=
@@ -28,7 +27,6 @@ impl Model {
 
     /// The same model in which each body has the mass that weighs on the arm: without the share that
     /// the model compensates (`gravcomp`). For statics alone.
-    #[must_use]
     pub fn with_weighing_masses(&self) -> Self {
         let compensation = self.inner.body_gravcomp();
         if compensation.iter().all(|&share| share == 0.0) {
@@ -53,7 +51,6 @@ impl Model {
     }
 
     /// The same model in which geometries that collide come into contact at this distance (m).
-    #[must_use]
     pub fn with_clearance(&self, clearance_m: f64) -> Self {
         let mut model = (*self.inner).clone();
         model.geom_margin_mut().fill(clearance_m);

@@ -7,14 +7,17 @@
 //!
 //! ```text
 //! l > 1/100^2          a standard error below 100 typical sizes, and
-//! l > 1e-12 l_max      more than rounding.
+//! c > 1e-12            more than rounding,
 //! ```
+//!
+//! c the eigenvalues of M scaled by each parameter's own information: what is known very well of one parameter, by a prior or by its
+//! readings, does not make another one undetermined.
 //!
 //! The first is the meaning: where a typical change moves the readings by less than a hundredth of
 //! their standard deviation, the measurements tell nothing of it, a fit that follows them would run
 //! far out of what a joint can be, and keeping the nominal value harms nothing else. The second
 //! matters only where the readings are far better than the parameters' effect: each of M's entries is a
-//! sum of N products, wrong by at most N 2^-53 of the largest eigenvalue; with p of them in a row,
+//! sum of N products, wrong by at most N 2^-53 of the parameters' own information; with p of them in a row,
 //! p N 2^-53 stays below 1e-12 up to p N = 9000 (45 parameters from 200 readings), and the root of
 //! it, 1e-6, is far more than what columns and angles lose.
 //!
@@ -28,7 +31,7 @@ use crate::numeric::factorisation::{finite_eigen, finite_svd};
 
 /// Whatever is below this share of a standard deviation tells nothing.
 const NOTHING: f64 = 0.01;
-/// Eigenvalues of an information matrix below this share of the largest are rounding.
+/// Eigenvalues of an information matrix below this share of the parameters' own information are rounding.
 const ROUNDING: f64 = 1e-12;
 
 /// Which directions in the space of p parameters measurements determine.
@@ -44,7 +47,6 @@ pub struct Estimable {
 
 impl Estimable {
     /// Decides for an information matrix (p x p) in relative units.
-    #[must_use]
     pub fn new(information: &DMatrix<f64>, typical: &[f64]) -> Self {
         if Self::surely_all(information) {
             return Self::with_hidden(typical, DMatrix::zeros(typical.len(), 0));
@@ -54,7 +56,6 @@ impl Estimable {
 
     /// Whether every parameter is determined beyond doubt, at less cost than the decision: the trace of
     /// the inverse is at least the inverse of the smallest eigenvalue, the trace at least the largest.
-    #[must_use]
     pub fn surely_all(information: &DMatrix<f64>) -> bool {
         let Some(factor) = Cholesky::new(information.clone()) else {
             return false;
@@ -64,7 +65,6 @@ impl Estimable {
     }
 
     /// Decides for whitened equations: rows of unit variance, a column for each parameter.
-    #[must_use]
     pub fn of_equations(matrix: &DMatrix<f64>, typical: &[f64]) -> Self {
         let mut relative = matrix.clone();
         for (mut column, typical) in relative.column_iter_mut().zip(typical) {
@@ -75,7 +75,6 @@ impl Estimable {
 
     /// The decision whose outcome is known: an orthonormal basis of what is not determined, in
     /// relative units, p x (p - r).
-    #[must_use]
     pub fn with_hidden(typical: &[f64], hidden: DMatrix<f64>) -> Self {
         Self {
             typical: typical.to_vec(),
@@ -87,7 +86,6 @@ impl Estimable {
     /// What is determined of the first parameters, whatever the others are: a direction among them is not where it is
     /// part of one that is not, unless that is next to nothing beside its standard error by their `covariance` (in
     /// their own units).
-    #[must_use]
     pub fn of_first(&self, covariance: &DMatrix<f64>) -> Self {
         let count = covariance.nrows();
         let typical = &self.typical[..count];
@@ -111,31 +109,26 @@ impl Estimable {
     }
 
     /// The number r of independent combinations of parameters that are determined.
-    #[must_use]
     pub fn rank(&self) -> usize {
         self.basis.ncols()
     }
 
     /// Whether every parameter is determined.
-    #[must_use]
     pub fn is_complete(&self) -> bool {
         self.hidden.ncols() == 0
     }
 
     /// An orthonormal basis of what is determined, in relative units, p x r.
-    #[must_use]
     pub const fn basis(&self) -> &DMatrix<f64> {
         &self.basis
     }
 
     /// An orthonormal basis of what is not determined, in relative units, p x (p - r).
-    #[must_use]
     pub const fn hidden(&self) -> &DMatrix<f64> {
         &self.hidden
     }
 
     /// A basis of what is determined, in the parameters' own units, p x r.
-    #[must_use]
     pub fn basis_in_units(&self) -> DMatrix<f64> {
         let mut basis = self.basis.clone();
         for (mut row, typical) in basis.row_iter_mut().zip(&self.typical) {
@@ -145,7 +138,6 @@ impl Estimable {
     }
 
     /// The typical size of each parameter.
-    #[must_use]
     pub fn typical(&self) -> &[f64] {
         &self.typical
     }
@@ -153,7 +145,6 @@ impl Estimable {
     /// The parameters whose undetermined part matters to `rows` (r x p, in the parameters' own units),
     /// which the determined part leaves uncertain by `standard_error` (root of the sum over the rows);
     /// none where the rows are determined.
-    #[must_use]
     pub fn missing(&self, rows: &DMatrix<f64>, standard_error: f64) -> Vec<usize> {
         if self.is_complete() {
             return Vec::new();
@@ -182,36 +173,60 @@ fn hidden_directions(information: &DMatrix<f64>) -> DMatrix<f64> {
     if !information.iter().all(|value| value.is_finite()) {
         return DMatrix::identity(size, size);
     }
-    let least = |largest: f64| (NOTHING * NOTHING).max(ROUNDING * largest);
     let diagonal = information.diagonal();
-    let needed = least(diagonal.iter().copied().fold(0.0, f64::max));
     let (shown, silent): (Vec<usize>, Vec<usize>) =
-        (0..size).partition(|&index| diagonal[index] > needed);
+        (0..size).partition(|&index| diagonal[index] > NOTHING * NOTHING);
     let block = information.select_columns(&shown).select_rows(&shown);
-    let mut directions: Vec<Vec<(usize, f64)>> =
-        silent.iter().map(|&index| vec![(index, 1.0)]).collect();
-    if !shown.is_empty() {
-        let Some(eigen) = finite_eigen(&block) else {
-            return DMatrix::identity(size, size);
-        };
-        let needed = least(eigen.eigenvalues.max());
-        for (value, vector) in eigen
-            .eigenvalues
-            .iter()
-            .zip(eigen.eigenvectors.column_iter())
-        {
-            if *value <= needed {
-                directions.push(shown.iter().copied().zip(vector.iter().copied()).collect());
-            }
-        }
+    let Some(among) = hidden_among(&block) else {
+        return DMatrix::identity(size, size);
+    };
+    let mut hidden = DMatrix::zeros(size, silent.len() + among.ncols());
+    for (column, &row) in silent.iter().enumerate() {
+        hidden[(row, column)] = 1.0;
     }
-    let mut hidden = DMatrix::zeros(size, directions.len());
-    for (column, direction) in directions.iter().enumerate() {
-        for &(row, value) in direction {
-            hidden[(row, column)] = value;
-        }
+    for (place, &row) in shown.iter().enumerate() {
+        let mut own = hidden.view_mut((row, silent.len()), (1, among.ncols()));
+        own.copy_from(&among.row(place));
     }
     hidden
+}
+
+/// The same of parameters that all show where the others are known. What is known far better than the rest is measured by its own
+/// information, lest its rounding hide the rest.
+fn hidden_among(information: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+    let least = NOTHING * NOTHING;
+    let diagonal = information.diagonal();
+    let is_even = diagonal.max() * ROUNDING * diagonal.len() as f64 <= least;
+    let (matrix, scales, allowed) = if is_even {
+        (
+            information.clone(),
+            DVector::repeat(diagonal.len(), 1.0),
+            least,
+        )
+    } else {
+        // M - l has as many directions below zero as S (M - l) S has (Sylvester).
+        let scales = diagonal.map(|own| own.max(1.0).sqrt().recip());
+        let matrix = DMatrix::from_fn(diagonal.len(), diagonal.len(), |row, column| {
+            let own = if row == column { least } else { 0.0 };
+            (information[(row, column)] - own) * scales[row] * scales[column]
+        });
+        (matrix, scales, ROUNDING)
+    };
+    if matrix.is_empty() {
+        return Some(matrix);
+    }
+    let eigen = finite_eigen(&matrix)?;
+    let places: Vec<usize> = (0..diagonal.len())
+        .filter(|&index| eigen.eigenvalues[index] <= allowed)
+        .collect();
+    let mut found = eigen.eigenvectors.select_columns(&places);
+    if !is_even && !places.is_empty() {
+        for (mut row, scale) in found.row_iter_mut().zip(&scales) {
+            row *= *scale;
+        }
+        found = found.qr().q();
+    }
+    Some(found)
 }
 
 /// An orthonormal basis of what is orthogonal to orthonormal columns: unit vectors as far as they are.
@@ -286,12 +301,29 @@ mod tests {
         }
     }
 
-    /// Readings that are far better than the effect: only rounding is left.
+    /// Readings that are far better than the effect: only rounding is left of the difference of two parameters.
     #[test]
     fn rounding_is_no_information() {
         for (share, hidden) in [(1e-11, 0), (1e-13, 1)] {
-            let information = dmatrix![1e20, 0.0; 0.0, 1e20 * share];
+            let (sum, off) = (1e20 * (0.5 + share), 1e20 * (0.5 - share));
+            let information = dmatrix![sum, off; off, sum];
             assert_eq!(hidden_of(&information).ncols(), hidden, "{share}");
+        }
+    }
+
+    /// However well one parameter is known, what is determined of the others is the same.
+    #[test]
+    fn what_is_known_best_hides_nothing() {
+        let rows = dmatrix![3.0, 30.0, 60.0, 1.0; 2.0, -20.0, -40.0, 5.0; 1.0, 7.0, 14.0, 2.0; 4.0, 1.0, 2.0, 9.0];
+        let information = rows.tr_mul(&rows);
+        for prior in [1.0, 1e6, 1e12, 1e18, 1e24] {
+            let mut with = information.clone();
+            with[(0, 0)] += prior;
+            let hidden = hidden_of(&with);
+            assert_eq!(hidden.ncols(), 1, "{prior}");
+            let expected = nalgebra::dvector![0.0, 2.0, -1.0, 0.0] / 5.0_f64.sqrt();
+            let along = hidden.column(0).dot(&expected).abs();
+            assert!((along - 1.0).abs() < 1e-6, "{prior}: {hidden}");
         }
     }
 

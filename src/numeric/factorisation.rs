@@ -15,7 +15,6 @@ fn is_tame<'a>(mut values: impl Iterator<Item = &'a f64>) -> bool {
 }
 
 /// The eigenvalues and eigenvectors of a symmetric matrix; `None` for numbers that have none.
-#[must_use]
 pub fn finite_eigen<D: DimSub<U1>>(matrix: &OMatrix<f64, D, D>) -> Option<SymmetricEigen<f64, D>>
 where
     DefaultAllocator: Allocator<D, D> + Allocator<D> + Allocator<DimDiff<D, U1>>,
@@ -28,13 +27,17 @@ where
 
 /// The singular values with both factors; `None` for numbers that have none, and where there are no
 /// numbers.
-#[must_use]
 pub fn finite_svd(matrix: DMatrix<f64>) -> Option<SVD<f64, Dyn, Dyn>> {
     if matrix.is_empty() || !is_tame(matrix.iter()) {
         return None;
     }
     // nalgebra's own tolerance.
     SVD::try_new(matrix, true, true, 5.0 * f64::EPSILON, MAXIMUM_SWEEPS)
+}
+
+/// The mean of a square matrix and its transpose: what is symmetric but for rounding.
+pub fn symmetric(matrix: &DMatrix<f64>) -> DMatrix<f64> {
+    (matrix + matrix.transpose()) * 0.5
 }
 
 #[cfg(test)]

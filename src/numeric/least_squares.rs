@@ -23,7 +23,6 @@ pub struct LeastSquares {
 impl LeastSquares {
     /// Solves within the directions that are determined, by the singular value decomposition of the
     /// matrix with its columns scaled to length one.
-    #[must_use]
     pub fn solve(
         matrix: &DMatrix<f64>,
         right_hand_side: &DVector<f64>,
@@ -43,7 +42,6 @@ impl LeastSquares {
 
     /// The same by the normal equations, in units of typical sizes: quicker for many unknowns. `None` where they
     /// are singular to rounding. The condition number is that of the information in these units, its root.
-    #[must_use]
     pub fn solve_normal(
         matrix: &DMatrix<f64>,
         right_hand_side: &DVector<f64>,
@@ -59,7 +57,6 @@ impl LeastSquares {
     }
 
     /// The solution alone, without its covariance.
-    #[must_use]
     pub fn step_normal(
         matrix: &DMatrix<f64>,
         right_hand_side: &DVector<f64>,

@@ -6,13 +6,13 @@
 //! - [`least_squares`]: the fit within it (eqs. 5, 6, 9).
 //! - [`posterior`]: what is known afterwards, and the variance of anything that follows from it
 //!   (eqs. 11 to 13, 20).
-//! - [`tolerance`]: the length that a share of errors stays below.
-//! - [`wandering`]: Ornstein-Uhlenbeck processes along a coordinate.
+//! - [`tolerance`]: the length that a share of errors stays below, and medians.
+//! - [`ornstein_uhlenbeck`]: Ornstein-Uhlenbeck processes along a coordinate.
 
 pub mod estimable;
 pub mod factorisation;
 pub mod least_squares;
+pub mod ornstein_uhlenbeck;
 pub mod posterior;
 pub mod random;
 pub mod tolerance;
-pub mod wandering;

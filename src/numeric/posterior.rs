@@ -51,7 +51,6 @@ impl Posterior {
     }
 
     /// The standard error of a parameter; `None` where it is not determined by itself.
-    #[must_use]
     pub fn standard_error(&self, index: usize) -> Option<f64> {
         if self.estimable.is_complete() {
             return Some(self.covariance[(index, index)].sqrt());
@@ -63,7 +62,6 @@ impl Posterior {
     }
 
     /// What is known of the first parameters alone, whatever the others are.
-    #[must_use]
     pub fn of_first(&self, count: usize) -> Self {
         let covariance = self.covariance.view((0, 0), (count, count)).into_owned();
         Self {
@@ -76,7 +74,6 @@ impl Posterior {
 
     /// The inverse of the covariance within what is determined, and zero in what is not (p x p). `None`
     /// where the covariance is singular there.
-    #[must_use]
     pub fn precision(&self) -> Option<DMatrix<f64>> {
         // In the coordinates of the basis, where the covariance is regular.
         let mut from = self.estimable.basis().clone();
@@ -91,7 +88,6 @@ impl Posterior {
     /// The normalised error squared of `error` (p), of which only what is determined counts: chi-square
     /// with [`Estimable::rank`] degrees of freedom if the covariance is right. `None` where the
     /// covariance is none.
-    #[must_use]
     pub fn normalised_square(&self, error: &DVector<f64>) -> Option<f64> {
         if self.estimable.is_complete() {
             let factor = self.covariance.clone().cholesky()?;

@@ -33,8 +33,7 @@ impl AbsoluteErrors {
     /// where the instrument stands (m, in the base frame), where that is known.
     ///
     /// Joints that return, and the instrument's range, are told of deflections: each of the two readings has half the variance.
-    /// Errors of gears and misfit are those of a stand, whole.
-    #[must_use]
+    /// Errors of gears and discrepancy are those of a stand, whole.
     pub fn new<'a>(
         arm: BareArm<'_>,
         q: &[f64],
@@ -79,8 +78,12 @@ impl AbsoluteErrors {
         let mut errors = Self::NONE;
         for source in sources {
             match source {
-                ReadingSource::JointReturn(deviations) => errors.own += of_joints(deviations, HALF),
-                ReadingSource::GearError(deviations) => errors.shared += of_joints(deviations, 1.0),
+                ReadingSource::JointRepeatability(deviations) => {
+                    errors.own += of_joints(deviations, HALF);
+                }
+                ReadingSource::TransmissionError(deviations) => {
+                    errors.shared += of_joints(deviations, 1.0);
+                }
                 ReadingSource::LoadDirection(deviation) => {
                     errors.own += of_loads(*deviation, &|turn| {
                         at_target(turn.cross(&load.force_n), turn.cross(&load.torque_nm))
@@ -95,25 +98,21 @@ impl AbsoluteErrors {
                     let apart = plain.tool_position - station_m.unwrap_or(&noise.from_m);
                     errors.own += of_positions(&(noise.covariance(&apart) * HALF));
                 }
-                ReadingSource::Misfit(_) => {
+                ReadingSource::Discrepancy(_) => {
                     let own = source.covariance_of_positions(&plain.tool_position);
                     errors.shared += own.as_ref().map_or_else(Matrix6::zeros, of_positions);
                 }
-                // No belief carries these.
-                ReadingSource::Wrong { .. } | ReadingSource::Dropped(_) => {}
             }
         }
         errors
     }
 
     /// Whether there are none that the readings of one stand share.
-    #[must_use]
     pub fn is_new_each_time(&self) -> bool {
         self.shared.amax() == 0.0
     }
 
     /// The covariance of the mean of so many readings of one stand, with the instrument's own of each.
-    #[must_use]
     pub fn of_mean(&self, instrument: &Matrix6<f64>, readings: u32) -> Matrix6<f64> {
         self.shared + (instrument + self.own) / f64::from(readings.max(1))
     }

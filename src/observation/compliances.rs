@@ -20,7 +20,6 @@ pub struct ComplianceColumns {
 
 impl ComplianceColumns {
     /// The compliances of some joints in units of their `sizes`, read so precisely.
-    #[must_use]
     pub fn new(joints: &[usize], sizes: &[f64], precision: DeflectionPrecision) -> Self {
         let over = |sigma: f64| sizes.iter().map(|size| size / sigma).collect();
         Self {
@@ -33,7 +32,6 @@ impl ComplianceColumns {
     /// The matrix Q (3 x 3) with sum(B * A) for B = A G equal to F^T Q F: the information that a
     /// force F gives in the directions G (p x p, symmetric) where the arm has this geometry, with its springs at
     /// work, for loads without torque. Its largest eigenvector is the best direction of the force.
-    #[must_use]
     pub fn force_form(&self, state: &KinematicState, directions: &DMatrix<f64>) -> Matrix3<f64> {
         let mut form = Matrix3::zeros();
         let columns = || {
@@ -78,7 +76,6 @@ pub struct ComplianceRows<'a> {
 
 impl<'a> ComplianceRows<'a> {
     /// The compliances of some of the arm's joints. Derivatives are in units of their `sizes` (p).
-    #[must_use]
     pub fn new(
         arm: BareArm<'a>,
         joints: &[usize],
@@ -100,13 +97,11 @@ impl<'a> ComplianceRows<'a> {
     }
 
     /// The number p of parameters.
-    #[must_use]
     pub const fn parameters(&self) -> usize {
         self.sizes.len()
     }
 
     /// The number of a reading's rows: 3, or 6 where rotations are read.
-    #[must_use]
     pub const fn rows(&self) -> usize {
         if self.columns.rotation_scale.is_some() {
             6
@@ -123,7 +118,6 @@ impl<'a> ComplianceRows<'a> {
     }
 
     /// The state whose Jacobian tells what the tool is moved by.
-    #[must_use]
     pub fn seen<'s>(&'s self, state: &'s KinematicState) -> &'s KinematicState {
         (self.braced.as_ref()).map_or(state, |braced| &braced.state)
     }
@@ -272,7 +266,6 @@ impl<'a> ComplianceRows<'a> {
     }
 
     /// The derivative of sum(B * A) with respect to the force F, whatever that is.
-    #[must_use]
     pub fn force_gradient(&self, state: &KinematicState, factor: &Matrix3xX<f64>) -> Vector3<f64> {
         let (state, columns) = (self.seen(state), &self.columns);
         (columns.joints.iter().enumerate())

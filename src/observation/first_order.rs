@@ -196,7 +196,6 @@ struct SeenHere {
 
 impl<'a> FirstOrder<'a> {
     /// The model of an arm at one of its tools. Derivatives are in units of the parameters' `sizes` (p).
-    #[must_use]
     pub fn new(
         arm: &'a ElasticArm,
         target: usize,
@@ -319,7 +318,6 @@ impl<'a> FirstOrder<'a> {
     }
 
     /// Deflections rest on such readings without the load.
-    #[must_use]
     pub const fn resting_on(mut self, unloaded: Unloaded) -> Self {
         self.unloaded = unloaded;
         self
@@ -334,13 +332,11 @@ impl<'a> FirstOrder<'a> {
     }
 
     /// What is new in each reading besides the instrument's noise.
-    #[must_use]
     pub const fn sources(&self) -> &[ReadingSource] {
         self.sources
     }
 
     /// The number p of parameters.
-    #[must_use]
     pub fn parameters(&self) -> usize {
         self.columns.len()
     }
@@ -387,7 +383,6 @@ impl<'a> FirstOrder<'a> {
     }
 
     /// The deflection (m) under a load.
-    #[must_use]
     pub fn deflection(&self, load: &Load) -> Vector3<f64> {
         (self.joints.iter().zip(self.compliance))
             .map(|(joint, k)| joint.position * (k * joint.torque(load)))
@@ -507,7 +502,6 @@ impl<'a> FirstOrder<'a> {
     }
 
     /// The covariance of a deflection's reading (m^2), the instrument's noise among it.
-    #[must_use]
     pub fn covariance(&self, load: &Load) -> Matrix3<f64> {
         Matrix3::identity() * self.noise_m2() + self.covariance_of_all(load)
     }
@@ -524,7 +518,6 @@ impl<'a> FirstOrder<'a> {
     }
 
     /// What all sources add to the instrument's noise.
-    #[must_use]
     pub fn covariance_of_all(&self, load: &Load) -> Matrix3<f64> {
         let sources = 0..self.sources.len();
         sources.map(|source| self.covariance_of(source, load)).sum()
@@ -532,9 +525,8 @@ impl<'a> FirstOrder<'a> {
 
     /// The covariance by one of the sources of two deflections of this configuration under these loads (m^2), the one's rows
     /// by the other's columns: what of it all deflections of one configuration share.
-    #[must_use]
     pub fn covariance_between(&self, source: usize, [one, other]: [&Load; 2]) -> Matrix3<f64> {
-        if let ReadingSource::GearError(deviations) = &self.sources[source] {
+        if let ReadingSource::TransmissionError(deviations) = &self.sources[source] {
             let seen = |joint: usize, load: &Load| {
                 self.of_motion(joint, &self.joints[joint], load) * deviations[joint]
             };
@@ -552,7 +544,6 @@ impl<'a> FirstOrder<'a> {
     }
 
     /// The same by all sources.
-    #[must_use]
     pub fn covariance_shared(&self, loads: [&Load; 2]) -> Matrix3<f64> {
         let sources = 0..self.sources.len();
         sources
@@ -561,16 +552,14 @@ impl<'a> FirstOrder<'a> {
     }
 
     /// What one of the sources adds to it.
-    #[must_use]
     pub fn covariance_of(&self, source: usize, load: &Load) -> Matrix3<f64> {
         self.covariance_of_one(source, load) * self.times(source)
     }
 
     /// What one of the sources adds to a reading, whatever is repeated.
-    #[must_use]
     pub fn covariance_of_one(&self, source: usize, load: &Load) -> Matrix3<f64> {
         match &self.sources[source] {
-            ReadingSource::JointReturn(deviations) => (self.joints.iter().zip(deviations))
+            ReadingSource::JointRepeatability(deviations) => (self.joints.iter().zip(deviations))
                 .map(|(joint, deviation)| {
                     let moved = joint.position * *deviation;
                     moved * moved.transpose()
@@ -580,7 +569,7 @@ impl<'a> FirstOrder<'a> {
                 let (form, deviation) = self.load_form(source, load);
                 form * form.transpose() * (deviation * deviation)
             }
-            ReadingSource::GearError(deviations) => (self.joints.iter().zip(deviations))
+            ReadingSource::TransmissionError(deviations) => (self.joints.iter().zip(deviations))
                 .enumerate()
                 .map(|(joint, (lever, deviation))| {
                     let seen = self.of_motion(joint, lever, load) * *deviation;
@@ -830,8 +819,8 @@ impl<'a> FirstOrder<'a> {
         let sources = self.sources;
         let times = self.times(source);
         match &sources[source] {
-            ReadingSource::Misfit(_) | ReadingSource::Wrong { .. } | ReadingSource::Dropped(_) => {}
-            ReadingSource::GearError(deviations) => {
+            ReadingSource::Discrepancy(_) => {}
+            ReadingSource::TransmissionError(deviations) => {
                 for (index, deviation) in deviations.iter().enumerate() {
                     let lever = self.joints[index];
                     let seen = self.of_motion(index, &lever, load);
@@ -844,7 +833,7 @@ impl<'a> FirstOrder<'a> {
                     self.joints[index].of_rotation += rotation;
                 }
             }
-            ReadingSource::JointReturn(deviations) => {
+            ReadingSource::JointRepeatability(deviations) => {
                 for (joint, deviation) in self.joints.iter_mut().zip(deviations) {
                     joint.of_position +=
                         of_covariance * joint.position * (2.0 * times * deviation * deviation);

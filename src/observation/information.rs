@@ -151,7 +151,6 @@ pub fn normal_equations(
 /// The information of planned readings (p x p, in units of typical sizes) at values of the parameters,
 /// to first order in compliance. Springs do not show in that: with them, it is that at rest, where there is
 /// one.
-#[must_use]
 pub fn planned_information(
     set: &ParameterSet,
     nominal: &ElasticArm,
@@ -172,7 +171,6 @@ pub fn planned_information(
 }
 
 /// The same of each reading by itself.
-#[must_use]
 pub fn planned_information_of_each(
     set: &ParameterSet,
     nominal: &ElasticArm,
@@ -192,7 +190,6 @@ pub fn planned_information_of_each(
 
 /// How the positions of targets follow the parameters where readings are planned, as planning sees it: three rows of each setup
 /// (3 n x p, m in units of typical sizes), in the instrument's frame.
-#[must_use]
 pub fn planned_positions(
     set: &ParameterSet,
     nominal: &ElasticArm,
@@ -212,7 +209,6 @@ pub fn planned_positions(
 
 /// The same of readings of any kind: the rows of each (6 x p, m and rad in units of typical sizes), of which those of a position
 /// alone are the first three.
-#[must_use]
 pub fn planned_rows(
     set: &ParameterSet,
     nominal: &ElasticArm,

@@ -72,7 +72,6 @@ impl StationBase {
 
 impl<'a> ObservationModel<'a> {
     /// The model of a nominal belief in which the parameters have these values (p).
-    #[must_use]
     pub fn new(set: &'a ParameterSet, nominal: &ElasticArm, values: &[f64]) -> Self {
         Self::made_of(Cow::Borrowed(set), nominal, values)
     }
@@ -105,7 +104,6 @@ impl<'a> ObservationModel<'a> {
     }
 
     /// The same with a set of its own.
-    #[must_use]
     pub fn of(
         set: ParameterSet,
         nominal: &ElasticArm,
@@ -115,7 +113,6 @@ impl<'a> ObservationModel<'a> {
     }
 
     /// The belief with the parameters' values.
-    #[must_use]
     pub fn belief(&self) -> &ElasticArm {
         &self.belief
     }

@@ -53,7 +53,6 @@ struct ObservedRoom {
 
 impl<'a> ObservedRows<'a> {
     /// The model of an arm at one of its tools. Derivatives are in units of the parameters' `sizes` (p).
-    #[must_use]
     pub fn new(
         arm: &'a ElasticArm,
         target: usize,
@@ -64,7 +63,7 @@ impl<'a> ObservedRows<'a> {
     ) -> Self {
         let gears_err = sources
             .iter()
-            .any(|source| matches!(source, ReadingSource::GearError(_)));
+            .any(|source| matches!(source, ReadingSource::TransmissionError(_)));
         let (set, zeros) = if gears_err {
             with_zeros(arm, wanted)
         } else {
@@ -103,19 +102,16 @@ impl<'a> ObservedRows<'a> {
     }
 
     /// What is new in each reading besides the instrument's noise.
-    #[must_use]
     pub const fn sources(&self) -> &[ReadingSource] {
         self.sources
     }
 
     /// The number of a reading's rows: 3, or 6 where rotations are read.
-    #[must_use]
     pub const fn rows(&self) -> usize {
         self.precision.rows()
     }
 
     /// The number p of parameters.
-    #[must_use]
     pub const fn parameters(&self) -> usize {
         self.sizes.len()
     }
@@ -140,7 +136,6 @@ impl<'a> ObservedRows<'a> {
     }
 
     /// What one of the sources adds to a reading's covariance, whatever is repeated (m^2, m rad, rad^2).
-    #[must_use]
     pub fn covariance_of_one(&self, source: usize, load: &Load) -> Matrix6<f64> {
         self.covariance_at(&self.q, source, load)
     }
@@ -148,7 +143,7 @@ impl<'a> ObservedRows<'a> {
     fn covariance_at(&self, q: &[f64], source: usize, load: &Load) -> Matrix6<f64> {
         let work = &mut *self.work.borrow_mut();
         match &self.sources[source] {
-            ReadingSource::JointReturn(deviations) => {
+            ReadingSource::JointRepeatability(deviations) => {
                 work.stand(self, q);
                 let state = &work.state;
                 (deviations.iter().enumerate())
@@ -172,7 +167,7 @@ impl<'a> ObservedRows<'a> {
                 });
                 form * form.transpose() * (deviation * deviation)
             }
-            ReadingSource::GearError(deviations) => {
+            ReadingSource::TransmissionError(deviations) => {
                 work.predict(self, q, load);
                 (self.zeros.iter().zip(deviations))
                     .map(|(&place, deviation)| {
@@ -190,9 +185,8 @@ impl<'a> ObservedRows<'a> {
     }
 
     /// See [`super::FirstOrder::covariance_between`].
-    #[must_use]
     pub fn covariance_between(&self, source: usize, [one, other]: [&Load; 2]) -> Matrix6<f64> {
-        if let ReadingSource::GearError(deviations) = &self.sources[source] {
+        if let ReadingSource::TransmissionError(deviations) = &self.sources[source] {
             let seen = |load: &Load| -> Vec<Vector6<f64>> {
                 let work = &mut *self.work.borrow_mut();
                 work.predict(self, &self.q, load);
@@ -213,7 +207,6 @@ impl<'a> ObservedRows<'a> {
     }
 
     /// What one of the sources adds to it; what repeats share as often as it is shared.
-    #[must_use]
     pub fn covariance_of(&self, source: usize, load: &Load) -> Matrix6<f64> {
         self.covariance_of_one(source, load) * self.times(source)
     }
@@ -269,7 +262,6 @@ impl<'a> ObservedRows<'a> {
     }
 
     /// The same with respect to the force.
-    #[must_use]
     pub fn force_gradient(&self, load: &Load, factor: &Matrix3xX<f64>) -> Vector3<f64> {
         let mut matrix = Matrix3xX::zeros(factor.ncols());
         let shift = FORCE_SHIFT * load.force_n.norm().max(1.0);
@@ -355,8 +347,8 @@ impl<'a> ObservedRows<'a> {
             at_tool.state(&commanded)
         };
         let gear = |joint: usize| {
-            arm.gear_error_rad(joint, self.q[joint] - back[joint])
-                - arm.gear_error_rad(joint, self.q[joint])
+            arm.transmission_error_rad(joint, self.q[joint] - back[joint])
+                - arm.transmission_error_rad(joint, self.q[joint])
         };
         let angle = |joint: usize, _| {
             compliance[joint] * state.load_torque(joint, load)

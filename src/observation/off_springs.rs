@@ -59,7 +59,6 @@ pub struct ShapeUnderLoad {
 
 impl ShapeUnderLoad {
     /// By how much the two differ.
-    #[must_use]
     pub fn crossed(&self) -> f64 {
         self.loaded - self.unloaded
     }
@@ -67,7 +66,6 @@ impl ShapeUnderLoad {
 
 impl OffSpring {
     /// What of an arm a parameter is of, where what the joint carries counts; `None` of any other.
-    #[must_use]
     pub fn of(arm: &ElasticArm, kind: ParameterKind) -> Option<Self> {
         let (joint, law) = match kind {
             ParameterKind::JointBacklash { joint } => {
@@ -102,7 +100,6 @@ impl OffSpring {
     }
 
     /// The shape where a load turns the joint with a torque (N m).
-    #[must_use]
     pub fn under(&self, load_nm: f64) -> ShapeUnderLoad {
         let (loaded, loaded_slope) = self.law.at(self.weight_nm + load_nm);
         let (unloaded, unloaded_slope) = self.law.at(self.weight_nm);

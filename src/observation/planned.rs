@@ -44,7 +44,6 @@ enum PlannedRows<'a> {
 
 impl<'a> PlannedReadings<'a> {
     /// The readings at one of an arm's tools. Derivatives are in units of the parameters' `sizes` (p).
-    #[must_use]
     pub fn new(
         arm: &'a ElasticArm,
         target: usize,
@@ -75,7 +74,6 @@ impl<'a> PlannedReadings<'a> {
 
     /// The readings where the compliances of some joints alone are to be found, and only the instrument's noise
     /// disturbs.
-    #[must_use]
     pub fn of_compliances(
         arm: BareArm<'a>,
         joints: &[usize],
@@ -96,7 +94,6 @@ impl<'a> PlannedReadings<'a> {
     }
 
     /// The same where nothing is read, as at a test pose: see [`FirstOrder::uncompensated`].
-    #[must_use]
     pub fn at_test_pose(
         arm: &'a ElasticArm,
         target: usize,
@@ -126,13 +123,11 @@ impl<'a> PlannedReadings<'a> {
     }
 
     /// The acceleration of gravity (m/s^2).
-    #[must_use]
     pub const fn gravity_m_s2(&self) -> Vector3<f64> {
         self.arm.chain.gravity_m_s2
     }
 
     /// The number of a reading's rows: 3, or 6 where rotations are read.
-    #[must_use]
     pub const fn rows(&self) -> usize {
         match &self.rows {
             PlannedRows::Compliances(model) => model.rows(),
@@ -142,7 +137,6 @@ impl<'a> PlannedReadings<'a> {
     }
 
     /// The number p of parameters.
-    #[must_use]
     pub fn parameters(&self) -> usize {
         match &self.rows {
             PlannedRows::Compliances(model) => model.parameters(),
@@ -163,13 +157,11 @@ impl<'a> PlannedReadings<'a> {
     }
 
     /// The arm's geometry at the last configuration.
-    #[must_use]
     pub const fn state(&self) -> &KinematicState {
         &self.state
     }
 
     /// The same with the springs beside the joints' own at work, see [`KinematicState::brace`].
-    #[must_use]
     pub fn seen(&self) -> Cow<'_, KinematicState> {
         if let PlannedRows::Compliances(model) = &self.rows {
             return Cow::Borrowed(model.seen(&self.state));
@@ -206,7 +198,6 @@ impl<'a> PlannedReadings<'a> {
 
     /// What one of the sources adds to a reading's covariance (m^2, m rad, rad^2), what repeats share as often as it
     /// is shared.
-    #[must_use]
     pub fn covariance_of(&self, source: usize, load: &Load) -> Matrix6<f64> {
         match &self.rows {
             PlannedRows::Compliances(_) => Matrix6::zeros(),
@@ -216,20 +207,17 @@ impl<'a> PlannedReadings<'a> {
     }
 
     /// What all sources add to the instrument's noise.
-    #[must_use]
     pub fn covariance_of_all(&self, load: &Load) -> Matrix6<f64> {
         let sources = 0..self.sources().len();
         sources.map(|source| self.covariance_of(source, load)).sum()
     }
 
     /// Which reading without the load deflections rest on.
-    #[must_use]
     pub const fn unloaded(&self) -> Unloaded {
         self.precision.unloaded
     }
 
     /// What one of the sources adds to the covariance of two deflections of this configuration under these loads.
-    #[must_use]
     pub fn covariance_between(&self, source: usize, loads: [&Load; 2]) -> Matrix6<f64> {
         match &self.rows {
             PlannedRows::Compliances(_) => Matrix6::zeros(),
@@ -241,7 +229,6 @@ impl<'a> PlannedReadings<'a> {
     }
 
     /// What all sources add to it.
-    #[must_use]
     pub fn covariance_shared(&self, loads: [&Load; 2]) -> Matrix6<f64> {
         let sources = 0..self.sources().len();
         sources
@@ -295,7 +282,6 @@ impl<'a> PlannedReadings<'a> {
     }
 
     /// The derivatives of the readings of this configuration's experiments, one below the other.
-    #[must_use]
     pub fn derivatives_together(&self, experiments: &[(Load, u32)]) -> DMatrix<f64> {
         let (rows, size) = (self.rows(), self.parameters());
         let mut all = DMatrix::zeros(rows * experiments.len(), size);
@@ -372,7 +358,6 @@ pub struct CovarianceTogether {
 
 impl CovarianceTogether {
     /// By all.
-    #[must_use]
     pub fn all(&self) -> DMatrix<f64> {
         let nothing = DMatrix::zeros(self.noise.nrows(), self.noise.ncols());
         let of_sources = self

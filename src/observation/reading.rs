@@ -36,7 +36,6 @@ pub enum ReadingKind {
 
 impl ReadingKind {
     /// The number of rows: 3 or 6, position above rotation.
-    #[must_use]
     pub const fn rows(self) -> usize {
         match self {
             Self::Deflection | Self::Position => 3,
@@ -45,7 +44,6 @@ impl ReadingKind {
     }
 
     /// Its name: what is read.
-    #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
             Self::Deflection => "deflection",
@@ -56,7 +54,6 @@ impl ReadingKind {
     }
 
     /// Whether it compares the loaded with the unloaded arm.
-    #[must_use]
     pub const fn is_deflection(self) -> bool {
         matches!(self, Self::Deflection | Self::DeflectionAndRotation)
     }
@@ -75,7 +72,6 @@ pub struct DeflectionPrecision {
 
 impl DeflectionPrecision {
     /// What is read.
-    #[must_use]
     pub const fn kind(&self) -> ReadingKind {
         match self.rotation_sigma_rad {
             Some(_) => ReadingKind::DeflectionAndRotation,
@@ -84,13 +80,11 @@ impl DeflectionPrecision {
     }
 
     /// The number of a reading's rows: 3, or 6 where rotations are read.
-    #[must_use]
     pub const fn rows(&self) -> usize {
         self.kind().rows()
     }
 
     /// The covariance of a reading by the instrument alone (m^2, rad^2); rows that there are not are zero.
-    #[must_use]
     pub fn covariance(&self) -> Matrix6<f64> {
         let (p, r) = (self.sigma_m, self.rotation_sigma_rad.unwrap_or(0.0));
         let [p, r] = [p * p, r * r];
@@ -124,7 +118,6 @@ pub enum Reading {
 
 impl Reading {
     /// Its kind.
-    #[must_use]
     pub const fn kind(&self) -> ReadingKind {
         match self {
             Self::Deflection {
@@ -154,7 +147,6 @@ pub struct Whitener {
 
 impl Whitener {
     /// For independent rows with these standard deviations: of positions (m) and rotations (rad).
-    #[must_use]
     pub fn independent(position_m: Vector3<f64>, rotation_rad: Vector3<f64>) -> Self {
         let (p, r) = (position_m, rotation_rad);
         let deviations = Vector6::new(p.x, p.y, p.z, r.x, r.y, r.z);
@@ -164,7 +156,6 @@ impl Whitener {
     }
 
     /// For a covariance of all six rows (m^2, m rad, rad^2); `None` if it is not positive definite.
-    #[must_use]
     pub fn of_covariance(covariance: &Matrix6<f64>) -> Option<Self> {
         // Units apart, so that rounding does not decide.
         let size = covariance.diagonal().map(f64::sqrt);
@@ -177,13 +168,11 @@ impl Whitener {
     }
 
     /// W, 6 x 6, lower triangular; its upper left 3 x 3 serves readings of three rows.
-    #[must_use]
     pub const fn matrix(&self) -> &Matrix6<f64> {
         &self.matrix
     }
 
     /// An error with the covariance C, made of six independent standard normal numbers: W^-1 z.
-    #[must_use]
     pub fn coloured(&self, normal: &Vector6<f64>) -> Vector6<f64> {
         self.matrix
             .solve_lower_triangular(normal)
@@ -235,7 +224,6 @@ pub struct Observation {
 
 impl Observation {
     /// The position that was read, or the difference of positions (m).
-    #[must_use]
     pub const fn position_m(&self) -> Vector3<f64> {
         match self.reading {
             Reading::Deflection { position_m, .. }
@@ -245,7 +233,6 @@ impl Observation {
     }
 
     /// The same, before it was read.
-    #[must_use]
     pub fn planned(&self) -> PlannedReading {
         PlannedReading {
             setup: self.setup.clone(),

@@ -79,9 +79,6 @@ pub struct Reproduction {
 /// Makes all that the paper prints from the scenario of its problem, whose plans
 /// `klimchik2012_m2` to `klimchik2012_m12` are those of Table 4. `progress` hears of the plans that
 /// were designed and of all. Asked to stop, it gives up.
-///
-/// # Errors
-/// See [`ReproductionError`].
 pub fn reproduce(
     scenario: &Scenario,
     trials: u64,
@@ -189,7 +186,6 @@ fn figure_7(
 
 impl Reproduction {
     /// What should agree with the paper and does not.
-    #[must_use]
     pub fn failures(&self) -> Vec<String> {
         let mut failures = Vec::new();
         let cells = self.equation_23.iter().flatten();

@@ -13,8 +13,7 @@ use crate::robot::Commands;
 use crate::scenario::Scenario;
 
 /// The paper's numbers beside this program's.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct ReproductionMessage {
     /// Whether everything agrees that should.
     pub agrees: bool,
@@ -35,8 +34,7 @@ pub struct ReproductionMessage {
 }
 
 /// A number of eq. 23 (N m^2).
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct NumberMessage {
     /// As printed.
     pub printed_nm2: f64,
@@ -49,8 +47,7 @@ pub struct NumberMessage {
 }
 
 /// A plan of Table 4.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct PlanMessage {
     /// The number of measurements.
     pub experiments: u32,
@@ -61,8 +58,7 @@ pub struct PlanMessage {
 }
 
 /// A row of Table 5.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct StandardErrorsMessage {
     /// The number of measurements.
     pub experiments: u32,
@@ -77,8 +73,7 @@ pub struct StandardErrorsMessage {
 }
 
 /// A number of Table 6.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct TableSixMessage {
     /// The number of measurements.
     pub experiments: u32,
@@ -103,8 +98,7 @@ pub struct TableSixMessage {
 }
 
 /// A plan of Fig. 7.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct FigureSevenMessage {
     /// What the plan is.
     pub description: String,
@@ -123,7 +117,6 @@ pub struct FigureSevenMessage {
 
 impl ReproductionMessage {
     /// The record of a reproduction.
-    #[must_use]
     pub fn new(scenario: &Scenario, reproduction: &Reproduction) -> Self {
         let failures = reproduction.failures();
         let mut feasibility = Feasibility::new(&scenario.task);

@@ -65,7 +65,6 @@ impl Agreement for Number {
 
 impl StandardErrors {
     /// The largest difference from what is printed, as a share of it.
-    #[must_use]
     pub fn largest_difference(&self) -> f64 {
         self.differences().fold(0.0, f64::max)
     }
@@ -85,14 +84,12 @@ impl Agreement for StandardErrors {
 
 impl Accuracy {
     /// Found over printed.
-    #[must_use]
     pub fn ratio(&self) -> f64 {
         self.found_m / self.printed_m
     }
 
     /// Whether the printed number follows the rule of repeated plans as far as the printing of both
     /// goes; `None` for a plan that is not repeated.
-    #[must_use]
     pub fn keeps_the_rule(&self) -> Option<bool> {
         let apart = (self.by_rule_m? - self.printed_m).abs();
         Some(apart <= 2.0 * HALF_A_PLACE_OF_TABLE_6)
@@ -140,7 +137,6 @@ pub fn equation_23(task: &Task) -> Result<Vec<Vec<Number>>, ReproductionError> {
 }
 
 /// Table 5 from the plans of Table 4.
-#[must_use]
 pub fn standard_errors(task: &Task, table_4: &[Plan]) -> Vec<StandardErrors> {
     let rows = TABLE_5.iter().zip(table_4);
     rows.map(|((experiments, printed), plan)| {
@@ -155,7 +151,6 @@ pub fn standard_errors(task: &Task, table_4: &[Plan]) -> Vec<StandardErrors> {
 }
 
 /// Table 6 from the plans of Table 4 and eq. 20.
-#[must_use]
 pub fn accuracies(task: &Task, table_4: &[Plan]) -> Vec<Accuracy> {
     let row = |&(experiments, configurations, printed): &(u32, u32, f64)| {
         let plan = (table_4.iter()).find(|plan| plan.measurements() == configurations);

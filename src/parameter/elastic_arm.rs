@@ -54,7 +54,6 @@ pub struct ElasticArm {
 
 impl ElasticArm {
     /// An arm without payload whose zeros, base and loads are as they are said to be.
-    #[must_use]
     pub fn new(chain: SerialChain, compliance_rad_per_nm: Vec<f64>, tools: Vec<Tool>) -> Self {
         Self {
             zero_rad: vec![0.0; chain.len()],
@@ -73,7 +72,6 @@ impl ElasticArm {
     }
 
     /// The load that acts where this one is said to.
-    #[must_use]
     pub fn acting(&self, said: &Load) -> Load {
         let mut load = *said;
         if self.load_offset_n != 0.0 {
@@ -83,7 +81,6 @@ impl ElasticArm {
     }
 
     /// The chain with the payload.
-    #[must_use]
     pub fn loaded_chain(&self) -> SerialChain {
         let mut chain = self.chain.clone();
         if let Some(payload) = &self.payload
@@ -112,7 +109,6 @@ pub struct Leaning {
 impl ElasticArm {
     /// How each joint stands off its spring at commanded angles `q` (rad), with one of the tools, under a load that acts there and
     /// the arm's own weight.
-    #[must_use]
     pub fn leanings(
         &self,
         q: &[f64],
@@ -151,21 +147,18 @@ impl ElasticArm {
     }
 
     /// How far a joint stands off its spring (rad; m where it slides).
-    #[must_use]
     pub fn leans_by(&self, joint: usize, leaning: &Leaning) -> f64 {
         let (gap, stiffening) = (&self.backlash[joint], &self.stiffening[joint]);
         leaning.side * gap.half_width_rad + leaning.gives * stiffening.share
     }
 
     /// Whether some joint has a gap, or gives besides its spring.
-    #[must_use]
     pub fn leans(&self) -> bool {
         self.backlash.iter().any(|gap| gap.half_width_rad != 0.0)
             || self.stiffening.iter().any(|each| each.share != 0.0)
     }
 
     /// How large a wave in a joint's gear is (rad).
-    #[must_use]
     pub fn amplitude_rad(&self, joint: usize, wave: GearWave) -> f64 {
         let mut waves = self.gear_waves.iter();
         let found = waves.find(|each| (each.joint, each.wave) == (joint, wave));
@@ -186,37 +179,33 @@ impl ElasticArm {
     }
 
     /// How far a joint's gear is off where the joint is commanded an angle (rad).
-    #[must_use]
-    pub fn gear_error_rad(&self, joint: usize, commanded_rad: f64) -> f64 {
+    pub fn transmission_error_rad(&self, joint: usize, commanded_rad: f64) -> f64 {
         (self.gear_waves.iter().filter(|each| each.joint == joint))
             .map(|each| each.amplitude_rad * each.wave.at(commanded_rad).0)
             .sum()
     }
 
     /// Where a joint with its zero and its gear stands that is commanded an angle (rad; m where it slides), without what it carries.
-    #[must_use]
     pub fn stands_at(&self, joint: usize, commanded: f64) -> f64 {
         let at_zero = commanded + self.zero_rad[joint];
         if self.gear_waves.is_empty() {
             return at_zero;
         }
-        at_zero + self.gear_error_rad(joint, commanded)
+        at_zero + self.transmission_error_rad(joint, commanded)
     }
 
     /// What to command a joint (rad) so that its gear has it where another command without gear error would.
-    #[must_use]
     pub(crate) fn before_gear(&self, joint: usize, wanted_rad: f64) -> f64 {
         let mut commanded = wanted_rad;
         // Gears follow their commands nearly: each step leaves the share of itself by which the error has a slope.
         for _ in 0..GEAR_STEPS {
-            commanded = wanted_rad - self.gear_error_rad(joint, commanded);
+            commanded = wanted_rad - self.transmission_error_rad(joint, commanded);
         }
         commanded
     }
 
     /// What is added to each commanded angle `q` (rad): the joints' zeros, what their gears are off by there, and how far they
     /// stand off their springs, see [`Self::leanings`].
-    #[must_use]
     pub fn offsets_rad(
         &self,
         q: &[f64],

@@ -1,4 +1,4 @@
-//! What cannot be told apart.
+//! What cannot be separated.
 //!
 //! Two classes. *Structural*: a frame that is moved along or about its own joint's axis, and put back
 //! beyond the joint; a zero and its link's rotation about the axis, or its shift along it where the joint slides, which may be shifted in
@@ -13,7 +13,7 @@
 
 use nalgebra::{Cholesky, DMatrix, Isometry3, SymmetricEigen, Vector3};
 
-use super::words::{Freedom, SPARSE, reduced, sentences};
+use super::words::{Freedom, SPARSE, reduced, sentences, stays_nominal};
 use super::{Axis, ElasticArm, ParameterKind, ParameterSet};
 use crate::numeric::estimable::Estimable;
 
@@ -38,7 +38,6 @@ pub struct Freedoms {
 
 impl Freedoms {
     /// What information from readings (p x p, in units of typical sizes) and the set's prior leave.
-    #[must_use]
     pub fn new(belief: &ElasticArm, set: &ParameterSet, information: &DMatrix<f64>) -> Self {
         let size = set.len();
         let prior = relative_precision(set);
@@ -48,29 +47,38 @@ impl Freedoms {
             information,
             &prior,
         );
-        let free = complement(&structural);
+        let nominal = set.nominal();
+        let mut fixed = structural
+            .clone()
+            .insert_columns(structural.ncols(), nominal.len(), 0.0);
+        for (index, &place) in nominal.iter().enumerate() {
+            fixed[(place, structural.ncols() + index)] = 1.0;
+        }
+        let fixed = if nominal.is_empty() {
+            structural.clone()
+        } else {
+            orthonormal(&fixed)
+        };
+        let free = complement(&fixed);
         let total = free.tr_mul(&(information + prior)) * &free;
         let within = Estimable::new(&total, &vec![1.0; free.ncols()]);
         let weak = &free * within.hidden();
-        let mut directions = DMatrix::zeros(size, structural.ncols() + weak.ncols());
+        let mut directions = DMatrix::zeros(size, fixed.ncols() + weak.ncols());
+        directions.columns_mut(0, fixed.ncols()).copy_from(&fixed);
         directions
-            .columns_mut(0, structural.ncols())
-            .copy_from(&structural);
-        directions
-            .columns_mut(structural.ncols(), weak.ncols())
+            .columns_mut(fixed.ncols(), weak.ncols())
             .copy_from(&weak);
-        let named = sentences(belief, set, &structural, &weak, information);
+        let mut named = sentences(belief, set, &structural, &weak, information);
+        named.extend(stays_nominal(belief, set));
         Self { directions, named }
     }
 
     /// The same as a decision about what is determined.
-    #[must_use]
     pub fn estimable(&self, set: &ParameterSet) -> Estimable {
         Estimable::with_hidden(set.scales().as_slice(), self.directions.clone())
     }
 
     /// The parameters that can be left out without loss, as indices, in order.
-    #[must_use]
     pub fn redundant(&self) -> Vec<usize> {
         let mut redundant: Vec<usize> = self.named.iter().map(|each| each.redundant).collect();
         redundant.sort_unstable();
@@ -93,7 +101,12 @@ fn held(
     information: &DMatrix<f64>,
     prior: &DMatrix<f64>,
 ) -> DMatrix<f64> {
-    let candidates = orthonormal(&(candidates * null_space(&(prior * candidates))));
+    // Row by row by its own precision: a prior that is very good hides no other one.
+    let mut known = prior * candidates;
+    for (mut row, own) in known.row_iter_mut().zip(&prior.diagonal()) {
+        row /= if *own > 0.0 { *own } else { 1.0 };
+    }
+    let candidates = orthonormal(&(candidates * null_space(&known)));
     let parts = DMatrix::from_diagonal(&information.diagonal().add_scalar(NOTHING));
     // One by one first, in combinations of few parameters: one that is seen must not tinge others. Then
     // what is not seen at all of those that are.
@@ -130,7 +143,6 @@ fn held(
 
 /// Directions, in units of typical sizes, that a robot's structure does not let anybody tell apart, or
 /// hardly: an orthonormal basis, p x g, of all combinations within the set.
-#[must_use]
 pub fn structural_directions(belief: &ElasticArm, set: &ParameterSet) -> DMatrix<f64> {
     let generators = generators(belief, set);
     let size = |kind: ParameterKind| kind.typical_size(belief, false);

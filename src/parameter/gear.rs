@@ -32,13 +32,11 @@ pub struct GearWave {
 
 impl GearWave {
     /// Both waves that come so often in a turn.
-    #[must_use]
     pub fn both(per_turn: NonZeroU32) -> [Self; 2] {
         [WavePhase::Sine, WavePhase::Cosine].map(|phase| Self { per_turn, phase })
     }
 
     /// Its value at an angle (rad), and its slope there (1/rad).
-    #[must_use]
     pub fn at(self, angle_rad: f64) -> (f64, f64) {
         let per_turn = f64::from(self.per_turn.get());
         let (sine, cosine) = (per_turn * angle_rad).sin_cos();
@@ -49,13 +47,11 @@ impl GearWave {
     }
 
     /// Its word in a parameter's name, such as `gear_40_sine`.
-    #[must_use]
     pub fn name(self) -> String {
         format!("gear_{}_{}", self.per_turn, self.phase.word())
     }
 
     /// The wave of such a word.
-    #[must_use]
     pub fn named(word: &str) -> Option<Self> {
         let (per_turn, phase) = word.strip_prefix("gear_")?.split_once('_')?;
         let wave = Self {
@@ -71,7 +67,6 @@ impl GearWave {
 
 impl WavePhase {
     /// `sine` or `cosine`.
-    #[must_use]
     pub const fn word(self) -> &'static str {
         match self {
             Self::Sine => "sine",

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use super::{ElasticArm, GearWave};
+use super::{ElasticArm, GearWave, SourceLevel};
 
 /// An axis of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -20,7 +20,6 @@ impl Axis {
     pub const ALL: [Self; 3] = [Self::X, Self::Y, Self::Z];
 
     /// 0, 1 or 2.
-    #[must_use]
     pub const fn index(self) -> usize {
         self as usize
     }
@@ -160,7 +159,6 @@ pub enum ParameterKind {
 
 impl ParameterKind {
     /// The unit of its value; "1" for a logarithm.
-    #[must_use]
     pub const fn unit(self, is_logarithmic: bool) -> &'static str {
         match self {
             Self::JointCompliance { .. } | Self::SpringStiffness { .. } if is_logarithmic => "1",
@@ -188,26 +186,28 @@ impl ParameterKind {
         }
     }
 
-    /// Whether its value is the same in a later campaign: the robot's and the load cell's are; frames of stations, the mounted tool
-    /// and the drift are new in each.
-    #[must_use]
-    pub const fn is_kept_between_campaigns(self) -> bool {
-        !matches!(
-            self,
+    /// Where it takes a new value.
+    pub const fn level(self) -> SourceLevel {
+        match self {
+            Self::TaskScale | Self::TaskForce { .. } => SourceLevel::Task,
             Self::ToolPosition { .. }
-                | Self::ToolRotation { .. }
-                | Self::BasePosition { .. }
-                | Self::BaseRotation { .. }
-                | Self::PayloadMass
-                | Self::PayloadCentre { .. }
-                | Self::TaskScale
-                | Self::TaskForce { .. }
-                | Self::Drift { .. }
-        )
+            | Self::ToolRotation { .. }
+            | Self::BasePosition { .. }
+            | Self::BaseRotation { .. }
+            | Self::PayloadMass
+            | Self::PayloadCentre { .. }
+            | Self::Drift { .. } => SourceLevel::Campaign,
+            Self::LoadScale | Self::LoadOffset => SourceLevel::Instrument,
+            _ => SourceLevel::Robot,
+        }
+    }
+
+    /// Whether its value is the same in a later campaign: the robot's and the load cell's are.
+    pub const fn is_kept_between_campaigns(self) -> bool {
+        matches!(self.level(), SourceLevel::Instrument | SourceLevel::Robot)
     }
 
     /// What it does not move, where its name might be read otherwise.
-    #[must_use]
     pub const fn remark(self) -> Option<&'static str> {
         match self {
             Self::ToolPosition { .. } | Self::ToolRotation { .. } => {
@@ -222,7 +222,6 @@ impl ParameterKind {
     }
 
     /// Whether it is unknown in its logarithm.
-    #[must_use]
     pub const fn is_logarithmic(self, has_prior: bool) -> bool {
         match self {
             Self::JointCompliance { .. } | Self::SpringStiffness { .. } => has_prior,
@@ -232,7 +231,6 @@ impl ParameterKind {
     }
 
     /// Everything that readings could tell of a belief, base first.
-    #[must_use]
     pub fn all_of(belief: &ElasticArm) -> Vec<Self> {
         let joints = belief.chain.len();
         let mut kinds = Vec::new();
@@ -272,7 +270,6 @@ impl ParameterKind {
     }
 
     /// The parameter of this name, of those in a list and of waves in the gears of joints that turn.
-    #[must_use]
     pub fn named(name: &str, listed: &[Self], belief: &ElasticArm) -> Option<Self> {
         let wave = || {
             let (owner, word) = name.rsplit_once('.')?;
@@ -286,7 +283,6 @@ impl ParameterKind {
     }
 
     /// Its unique name, such as `joint_3.compliance`, `link_3.x`, `tool.ry`, `base.z`.
-    #[must_use]
     pub fn name(self, belief: &ElasticArm) -> String {
         let tool = |index: usize| numbered("tool", index);
         let joint = |index: usize| &belief.chain.joints[index].name;
@@ -322,7 +318,6 @@ impl ParameterKind {
     /// The typical size of its deviation from the nominal value, in its own unit: 0.3 mm and 0.3 mrad for
     /// a robot's geometry, which is manufactured, 1 mrad for its zeros, more for what users mount and set
     /// up. The largest nominal compliance stands in for a joint held to be rigid.
-    #[must_use]
     pub fn typical_size(self, belief: &ElasticArm, has_prior: bool) -> f64 {
         match self {
             Self::JointCompliance { joint } if !has_prior => {
@@ -358,7 +353,6 @@ impl ParameterKind {
 
     /// What a share of it is a share of where it is not unknown in its logarithm: its nominal value, in its unit; one
     /// for what has no share.
-    #[must_use]
     pub fn whole(self, belief: &ElasticArm) -> f64 {
         match self {
             Self::JointCompliance { joint } => belief.compliance_rad_per_nm[joint],
@@ -370,7 +364,6 @@ impl ParameterKind {
     }
 
     /// Whether it is the place of what users mount and set up: of a tool or of the base.
-    #[must_use]
     pub const fn is_mounted(self) -> bool {
         matches!(
             self,
@@ -382,7 +375,6 @@ impl ParameterKind {
     }
 
     /// Whether it is of what a joint stands off its spring by: its gap, or what it gives besides.
-    #[must_use]
     pub const fn leans(self) -> bool {
         matches!(
             self,
@@ -391,7 +383,6 @@ impl ParameterKind {
     }
 
     /// Whether it is of what weighs: of a link with all that is fixed to it, or of a payload.
-    #[must_use]
     pub const fn is_of_mass(self) -> bool {
         matches!(
             self,
@@ -403,7 +394,6 @@ impl ParameterKind {
     }
 
     /// What it is, in words.
-    #[must_use]
     pub fn words(self, belief: &ElasticArm) -> String {
         let joint = |index: usize| &belief.chain.joints[index].name;
         let named = |spring: usize| &belief.chain.elements.springs[spring].name;
@@ -499,7 +489,6 @@ pub struct Parameter {
 
 impl Parameter {
     /// The unit of its value.
-    #[must_use]
     pub const fn unit(&self) -> &'static str {
         self.kind.unit(self.is_logarithmic)
     }
@@ -524,7 +513,6 @@ impl Parameter {
 
     /// The quantity itself, in SI units, for a value of the parameter: itself, or the nominal
     /// quantity times its exponential.
-    #[must_use]
     pub fn quantity(&self, nominal: &ElasticArm, value: f64) -> f64 {
         if !self.is_logarithmic {
             return value;

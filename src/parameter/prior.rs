@@ -21,7 +21,6 @@ impl Prior {
     /// What an earlier identification tells of `count` parameters, of which its own are those at
     /// `places`; the others have the means of `nominal`. What it did not determine it does not tell.
     /// `None` where its covariance is singular within what it determined.
-    #[must_use]
     pub fn of_posterior(posterior: &Posterior, places: &[usize], nominal: &[f64]) -> Option<Self> {
         let own = posterior.precision()?;
         let count = nominal.len();
@@ -37,7 +36,6 @@ impl Prior {
     }
 
     /// The precision in units of typical sizes (p), p x p.
-    #[must_use]
     pub fn relative(&self, typical: &[f64]) -> DMatrix<f64> {
         DMatrix::from_fn(typical.len(), typical.len(), |row, column| {
             self.precision[(row, column)] * typical[row] * typical[column]
@@ -59,7 +57,6 @@ impl Prior {
 
     /// The precision as whitened equations, r x p: rows of unit variance that parameters times them equal those
     /// of the mean. `typical` sizes (p) keep units apart.
-    #[must_use]
     pub fn rows(&self, typical: &[f64]) -> DMatrix<f64> {
         let known = self.known(typical);
         DMatrix::from_fn(known.len(), typical.len(), |row, column| {
@@ -70,7 +67,6 @@ impl Prior {
 
     /// A matrix L (p x r) so that the mean + L z is distributed as what is known, for r
     /// independent standard normals z; what is not known has its mean.
-    #[must_use]
     pub fn spread(&self, typical: &[f64]) -> DMatrix<f64> {
         let known = self.known(typical);
         DMatrix::from_fn(typical.len(), known.len(), |row, column| {

@@ -22,7 +22,7 @@ pub enum ParameterError {
     #[error("link_{0} has no mass")]
     NoMass(usize),
     /// A gear's wave of a joint that does not turn.
-    #[error("{0} slides: its gear has no waves in a turn")]
+    #[error("{0} slides: its transmission error has no harmonics")]
     NoTurns(String),
     /// A relative prior of something that is nominally zero.
     #[error("{0} has a relative prior, which a nominal value of zero cannot have")]
@@ -40,14 +40,13 @@ pub enum ParameterError {
 pub struct ParameterSet {
     parameters: Vec<Parameter>,
     prior: Prior,
+    /// The parameters that stay as they are believed to be, as indices, in order.
+    nominal: Vec<usize>,
 }
 
 impl ParameterSet {
     /// The set of these unknowns of a belief, each with the standard deviation of its prior, in the
     /// parameter's unit, where it has one.
-    ///
-    /// # Errors
-    /// See [`ParameterError`].
     pub fn new(
         belief: &ElasticArm,
         unknowns: impl IntoIterator<Item = (ParameterKind, Option<f64>)>,
@@ -115,14 +114,18 @@ impl ParameterSet {
             mean: DVector::from_iterator(parameters.len(), parameters.iter().map(|p| p.nominal)),
             precision: DMatrix::from_diagonal(&DVector::from_iterator(parameters.len(), precision)),
         };
-        Ok(Self { parameters, prior })
+        Ok(Self {
+            nominal: Vec::new(),
+            parameters,
+            prior,
+        })
     }
 
     /// The set without unknowns.
-    #[must_use]
     pub fn empty() -> Self {
         Self {
             parameters: Vec::new(),
+            nominal: Vec::new(),
             prior: Prior {
                 mean: DVector::zeros(0),
                 precision: DMatrix::zeros(0, 0),
@@ -131,9 +134,6 @@ impl ParameterSet {
     }
 
     /// The compliances of these joints, linear and without priors: the paper's unknowns.
-    ///
-    /// # Errors
-    /// See [`ParameterError`].
     pub fn compliances(belief: &ElasticArm, joints: &[usize]) -> Result<Self, ParameterError> {
         let unknown = |&joint| (ParameterKind::JointCompliance { joint }, None);
         Self::new(belief, joints.iter().map(unknown))
@@ -197,7 +197,6 @@ impl ParameterSet {
 
     /// The same set, in which of the first parameters this precision (q x q, in their units) is known besides,
     /// about the values that they have in the mean already.
-    #[must_use]
     pub fn with_precision(mut self, precision: &DMatrix<f64>) -> Self {
         let size = precision.nrows();
         let mut own = self.prior.precision.view_mut((0, 0), (size, size));
@@ -207,7 +206,6 @@ impl ParameterSet {
 
     /// Some of the parameters, at `indices`, with what is known of them when the others are at their
     /// prior's mean.
-    #[must_use]
     pub fn subset(&self, indices: &[usize]) -> Self {
         Self {
             parameters: indices
@@ -218,54 +216,59 @@ impl ParameterSet {
                 mean: self.prior.mean.select_rows(indices),
                 precision: (self.prior.precision.select_rows(indices)).select_columns(indices),
             },
+            nominal: Vec::new(),
         }
     }
 
+    /// The same set, in which some more parameters stay as they are believed to be, as indices.
+    pub fn with_nominal(mut self, indices: &[usize]) -> Self {
+        self.nominal.extend(indices);
+        self.nominal.sort_unstable();
+        self
+    }
+
+    /// The parameters that stay as they are believed to be, as indices, in order.
+    pub fn nominal(&self) -> &[usize] {
+        &self.nominal
+    }
+
     /// The number p of parameters.
-    #[must_use]
     pub fn len(&self) -> usize {
         self.parameters.len()
     }
 
     /// Whether nothing is unknown.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.parameters.is_empty()
     }
 
     /// The parameters in their order.
-    #[must_use]
     pub fn parameters(&self) -> &[Parameter] {
         &self.parameters
     }
 
     /// What is known before any reading.
-    #[must_use]
     pub fn prior(&self) -> &Prior {
         &self.prior
     }
 
     /// The place of a parameter in the set.
-    #[must_use]
     pub fn index_of(&self, kind: ParameterKind) -> Option<usize> {
         self.parameters.iter().position(|each| each.kind == kind)
     }
 
     /// The typical sizes (p).
-    #[must_use]
     pub fn scales(&self) -> DVector<f64> {
         DVector::from_iterator(self.len(), self.parameters.iter().map(|each| each.scale))
     }
 
     /// A vector that is told in typical sizes, in the parameters' units (p).
-    #[must_use]
     pub(super) fn in_units(&self, relative: &DVector<f64>) -> DVector<f64> {
         relative.component_mul(&self.scales())
     }
 
     /// The belief in which the parameters have these values (p, each in its unit), and all else is
     /// nominal.
-    #[must_use]
     pub fn apply(&self, nominal: &ElasticArm, values: &[f64]) -> ElasticArm {
         let mut belief = nominal.clone();
         for (parameter, &value) in self.parameters.iter().zip(values) {

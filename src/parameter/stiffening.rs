@@ -28,7 +28,6 @@ impl Stiffening {
 
     /// How far a joint of this compliance (rad/(N m)) gives under a torque (N m) besides its spring for a share of one (rad), and
     /// how that follows the torque (rad/(N m)).
-    #[must_use]
     pub fn gives(&self, compliance_rad_per_nm: f64, torque_nm: f64) -> (f64, f64) {
         let Some(at_nm) = self.at_nm else {
             return (0.0, 0.0);

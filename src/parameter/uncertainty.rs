@@ -6,7 +6,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::ParameterKind;
+use super::{ParameterKind, SourceLevel};
 
 /// Something uncertain, as a scenario lists it.
 #[derive(Debug, Clone, PartialEq)]
@@ -17,20 +17,6 @@ pub struct Uncertainty {
     pub is_hidden: bool,
     /// What is uncertain, and by how much.
     pub source: Source,
-}
-
-impl Uncertainty {
-    /// Makes it certain; it still takes as many random numbers.
-    pub fn switch_off(&mut self) {
-        match &mut self.source {
-            Source::Plan(parameters) => {
-                for (_, deviation) in parameters {
-                    *deviation = 0.0;
-                }
-            }
-            Source::Reading(source) => source.switch_off(),
-        }
-    }
 }
 
 /// What is uncertain, by the class in which it averages.
@@ -48,7 +34,7 @@ pub enum Source {
 pub enum ReadingSource {
     /// Each joint comes back to its command only within a standard deviation (rad; m where it slides)
     /// between the unloaded and the loaded reading: hysteresis, repeatability. One for each joint.
-    JointReturn(Vec<f64>),
+    JointRepeatability(Vec<f64>),
     /// The load acts in another direction: the standard deviation (rad) of each coordinate of a small rotation
     /// vector.
     LoadDirection(f64),
@@ -58,19 +44,10 @@ pub enum ReadingSource {
     Range(RangeNoise),
     /// Each joint stands where it stands with an error of its gear (rad; m where it slides) that is another one in each
     /// configuration, loaded and unloaded the same, under all loads and in all repeats. One for each joint.
-    GearError(Vec<f64>),
-    /// A reading is wrong: nobody notices that the reflector was touched, or the wrong place read.
-    Wrong {
-        /// The share of readings that are.
-        share: f64,
-        /// The standard deviation (m) of each coordinate of what is wrong with them.
-        deviation_m: f64,
-    },
-    /// This share of the readings is not there: the beam was lost.
-    Dropped(f64),
+    TransmissionError(Vec<f64>),
     /// What no parameter explains is another deflection in each configuration, the same under all loads and in all repeats: the
     /// standard deviation (m) of each coordinate.
-    Misfit(f64),
+    Discrepancy(f64),
 }
 
 /// Noise of an instrument that grows with the distance of what it reads. A laser tracker tells distances by its beam's
@@ -87,7 +64,6 @@ pub struct RangeNoise {
 
 impl RangeNoise {
     /// So many times the noise.
-    #[must_use]
     pub fn scaled(self, by: f64) -> Self {
         Self {
             per_metre: self.per_metre * by,
@@ -102,7 +78,6 @@ impl RangeNoise {
     }
 
     /// The covariance of a deflection (m^2) that is read so far apart from the instrument (m).
-    #[must_use]
     pub fn covariance(&self, apart_m: &Vector3<f64>) -> Matrix3<f64> {
         let across = apart_m.norm_squared() * self.per_metre * self.per_metre;
         let alike = Matrix3::identity() * across;
@@ -113,7 +88,6 @@ impl RangeNoise {
     }
 
     /// The derivative of sum(B * covariance) with respect to where the reading is taken, for a symmetric B.
-    #[must_use]
     pub fn adjoint(&self, apart_m: &Vector3<f64>, of_covariance: &Matrix3<f64>) -> Vector3<f64> {
         let alike = apart_m * (2.0 * of_covariance.trace() * self.per_metre * self.per_metre);
         match self.more_along() {
@@ -123,7 +97,6 @@ impl RangeNoise {
     }
 
     /// The noise of a deflection (m), or of a reading by itself, that is so far apart: of three standard normal numbers.
-    #[must_use]
     pub fn drawn(&self, normals: &Vector3<f64>, apart_m: &Vector3<f64>) -> Vector3<f64> {
         let distance = apart_m.norm();
         let alike = normals * self.per_metre * distance;
@@ -137,59 +110,49 @@ impl RangeNoise {
 }
 
 impl ReadingSource {
-    fn switch_off(&mut self) {
-        match self {
-            Self::JointReturn(deviations) | Self::GearError(deviations) => deviations.fill(0.0),
-            Self::LoadDirection(deviation)
-            | Self::LoadPoint(deviation)
-            | Self::Misfit(deviation) => {
-                *deviation = 0.0;
-            }
-            Self::Range(noise) => (noise.per_metre, noise.along_per_metre) = (0.0, 0.0),
-            Self::Wrong { share, .. } | Self::Dropped(share) => *share = 0.0,
-        }
-    }
-
     /// The covariance of a deflection's position (m^2) of what moves nothing, where the tool stands there; `None` of what
     /// moves the robot, its load or its joints.
-    #[must_use]
     pub fn covariance_of_positions(&self, tool_m: &Vector3<f64>) -> Option<Matrix3<f64>> {
         let alike = |variance: f64| Some(Matrix3::identity() * variance);
         match self {
-            Self::Misfit(deviation) => alike(deviation * deviation),
+            Self::Discrepancy(deviation) => alike(deviation * deviation),
             Self::Range(noise) => Some(noise.covariance(&(tool_m - noise.from_m))),
-            Self::Wrong { share, deviation_m } => alike(share * deviation_m * deviation_m),
-            // What is not there has no error.
-            Self::Dropped(_) => alike(0.0),
             _ => None,
         }
     }
 
     /// How many normal numbers a reading takes for it.
-    #[must_use]
     pub const fn numbers(&self) -> usize {
         match self {
-            Self::JointReturn(deviations) | Self::GearError(deviations) => deviations.len(),
-            Self::LoadDirection(_) | Self::LoadPoint(_) | Self::Range(_) | Self::Misfit(_) => 3,
-            Self::Wrong { .. } => 4,
-            Self::Dropped(_) => 1,
+            Self::JointRepeatability(deviations) | Self::TransmissionError(deviations) => {
+                deviations.len()
+            }
+            Self::LoadDirection(_) | Self::LoadPoint(_) | Self::Range(_) | Self::Discrepancy(_) => {
+                3
+            }
         }
     }
 
     /// Whether all deflections of one configuration share it, under whatever load, so that repeats do not average it.
-    #[must_use]
     pub const fn is_of_configuration(&self) -> bool {
-        matches!(self, Self::GearError(_) | Self::Misfit(_))
+        matches!(self, Self::TransmissionError(_) | Self::Discrepancy(_))
+    }
+
+    /// Where it takes a new value.
+    pub const fn level(&self) -> SourceLevel {
+        if self.is_of_configuration() {
+            SourceLevel::Configuration
+        } else {
+            SourceLevel::Reading
+        }
     }
 
     /// Whether the two readings that make a deflection have half of its variance each.
-    #[must_use]
     pub const fn is_of_both_readings(&self) -> bool {
-        matches!(self, Self::JointReturn(_) | Self::Range(_))
+        matches!(self, Self::JointRepeatability(_) | Self::Range(_))
     }
 
     /// What part of its variance all deflections of one configuration share.
-    #[must_use]
     pub const fn shared_part(&self, unloaded: Unloaded) -> f64 {
         if self.is_of_configuration() {
             1.0
@@ -224,7 +187,6 @@ pub enum Unloaded {
 
 impl Unloaded {
     /// What part of the variance of a deflection that two like readings make all deflections of one configuration share.
-    #[must_use]
     pub const fn shared_part(self) -> f64 {
         match self {
             Self::Own => 0.0,
@@ -235,7 +197,6 @@ impl Unloaded {
 
 /// How many times a variance counts in readings of which so many repeats are taken as independent, where they share this part
 /// of it.
-#[must_use]
 pub fn counted_times(shared_part: f64, repeats: f64) -> f64 {
     (1.0 - shared_part) + shared_part * repeats
 }

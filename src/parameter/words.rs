@@ -1,4 +1,4 @@
-//! Sentences about what cannot be told apart.
+//! Sentences about what cannot be separated.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -20,6 +20,8 @@ pub(super) const SPARSE: f64 = 1e-4;
 pub struct Freedom {
     /// Whether it follows from the robot's structure, whatever the readings are.
     pub is_structural: bool,
+    /// Whether it is a compliance that stays as it is believed to be.
+    pub stays_nominal: bool,
     /// The parameter that can be left out without loss, as an index.
     pub redundant: usize,
     /// The others that are in it, as indices.
@@ -53,6 +55,21 @@ pub(super) fn sentences(
     let weak = (weak.iter())
         .map(|(pivot, direction)| describe(belief, set, *pivot, direction, Some(&effects)));
     structural.chain(weak).collect()
+}
+
+/// Names what stays as it is believed to be.
+pub(super) fn stays_nominal(belief: &ElasticArm, set: &ParameterSet) -> Vec<Freedom> {
+    let of_one = |&redundant: &usize| Freedom {
+        is_structural: false,
+        stays_nominal: true,
+        redundant,
+        others: Vec::new(),
+        sentence: format!(
+            "{} would be negative or uncertain by more than its nominal value: it stays nominal",
+            set.parameters()[redundant].kind.words(belief)
+        ),
+    };
+    set.nominal().iter().map(of_one).collect()
 }
 
 /// Which parameter of a direction one leaves out first.
@@ -181,7 +198,7 @@ fn describe(
                 _ => "one combination of them is determined".to_owned(),
             };
             format!(
-                "{} and {} cannot be told apart: {what}",
+                "{} and {} cannot be separated: {what}",
                 words(pivot),
                 words(other)
             )
@@ -191,17 +208,14 @@ fn describe(
             let list = and(&names);
             if is_product(set, pivot, others) {
                 format!(
-                    "{} and {list} cannot be told apart: their products are determined",
+                    "{} and {list} cannot be separated: their products are determined",
                     words(pivot)
                 )
             } else if is_structural {
-                format!(
-                    "{} cannot be told from {list}: they can do all that it does",
-                    words(pivot)
-                )
+                format!("{} is redundant: {list} have the same effect", words(pivot))
             } else {
                 format!(
-                    "{} can hardly be told from {list} by these readings",
+                    "{} is nearly redundant with {list} in these readings",
                     words(pivot)
                 )
             }
@@ -209,6 +223,7 @@ fn describe(
     };
     Freedom {
         is_structural,
+        stays_nominal: false,
         redundant: pivot,
         others,
         sentence,

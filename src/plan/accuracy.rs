@@ -27,7 +27,6 @@ pub struct ExperimentModel<'a> {
 
 impl<'a> ExperimentModel<'a> {
     /// The model that a planner believes in.
-    #[must_use]
     pub fn new(belief: &'a Belief) -> Self {
         Self {
             arm: belief.arm_with(&belief.calibration_tool),
@@ -40,7 +39,6 @@ impl<'a> ExperimentModel<'a> {
     }
 
     /// The number of rows of an experiment's observation matrix: 3, or 6 where rotations are measured.
-    #[must_use]
     pub const fn rows(&self) -> usize {
         if self.rotation_sigma_rad.is_some() {
             6
@@ -50,7 +48,6 @@ impl<'a> ExperimentModel<'a> {
     }
 
     /// The number p of unknowns.
-    #[must_use]
     pub fn columns(&self) -> usize {
         (self.uncertain).map_or(self.parameters.len(), |extended| extended.set().len())
     }
@@ -60,7 +57,6 @@ impl<'a> ExperimentModel<'a> {
     /// rotations are measured A^(phi) stands below it, in the units of A^(p): times `sigma_m` over the
     /// standard deviation of rotations. Where more is uncertain there are columns for that, and rows are
     /// weighted: `sigma_m` L^-1 J with the reading's covariance L L^T.
-    #[must_use]
     pub fn observation_matrix(&self, experiment: &Experiment) -> DMatrix<f64> {
         if let Some(extended) = self.uncertain {
             let model = extended.readings_of_all(self.precision());
@@ -82,7 +78,6 @@ impl<'a> ExperimentModel<'a> {
     }
 
     /// How precisely experiments are read.
-    #[must_use]
     pub const fn precision(&self) -> DeflectionPrecision {
         DeflectionPrecision {
             sigma_m: self.sigma_m,
@@ -93,7 +88,6 @@ impl<'a> ExperimentModel<'a> {
 
     /// The observation matrices of all experiments of a plan, in its order: as [`Self::observation_matrix`], those of one
     /// configuration whitened together where they share something, so that the sum of r A^T A is what they tell.
-    #[must_use]
     pub fn observation_matrices(&self, plan: &Plan) -> Vec<DMatrix<f64>> {
         let all: Vec<&Experiment> = plan.experiments.iter().collect();
         let is_shared = (self.uncertain).is_some_and(Extended::is_shared_by_configuration);
@@ -112,7 +106,6 @@ impl<'a> ExperimentModel<'a> {
     }
 
     /// The same of experiments of one configuration.
-    #[must_use]
     pub fn observation_matrices_of(&self, experiments: &[&Experiment]) -> Vec<DMatrix<f64>> {
         let extended = (self.uncertain).filter(|each| each.is_shared_by_configuration());
         match extended.filter(|_| experiments.len() > 1) {
@@ -126,7 +119,6 @@ impl<'a> ExperimentModel<'a> {
     }
 
     /// As [`Self::rows_of`], for the experiments of one configuration, whitened together.
-    #[must_use]
     pub fn rows_together(
         &self,
         mut model: PlannedReadings<'_>,
@@ -139,7 +131,6 @@ impl<'a> ExperimentModel<'a> {
     }
 
     /// `sigma_m` times the whitened rows of an experiment, those of rotations below those of positions.
-    #[must_use]
     pub fn rows_of(&self, mut model: PlannedReadings<'_>, experiment: &Experiment) -> DMatrix<f64> {
         let size = model.parameters();
         let blocks = self.rows() / 3;
@@ -158,7 +149,6 @@ impl<'a> ExperimentModel<'a> {
     }
 
     /// The information matrix of a plan for sigma = 1: the sum of A^T A, p x p, in m^2 (N m/rad)^2.
-    #[must_use]
     pub fn information(&self, plan: &Plan) -> DMatrix<f64> {
         let size = self.columns();
         let mut information = DMatrix::zeros(size, size);
@@ -172,7 +162,6 @@ impl<'a> ExperimentModel<'a> {
 
 /// The experiments of a plan that are alone in their configuration, and those of each configuration that are not, where
 /// deflections of one configuration share something; else all are alone.
-#[must_use]
 pub fn alone_and_together(
     plan: &Plan,
     is_shared: bool,
@@ -192,7 +181,6 @@ pub fn alone_and_together(
 }
 
 /// What hangs in a configuration, and how often it is measured.
-#[must_use]
 pub fn hung(experiments: &[&Experiment]) -> Vec<(Load, u32)> {
     let each = experiments.iter();
     each.map(|experiment| (experiment.load, experiment.repeats))

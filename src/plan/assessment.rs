@@ -1,10 +1,12 @@
 //! The assessment of a plan: predicted accuracy at the test poses, standard errors, criteria, violations.
 
+use super::conditions::conditions;
 use super::search::{Bound, NoBound, PlanBound, Problem};
 use super::{
-    CommonSources, Criterion, Feasibility, Plan, PromiseShare, Violation, posterior, quantile95_m,
-    rho0_m, shares,
+    CommonSources, Criterion, Feasibility, Plan, UncertaintyBudget, Violation, posterior,
+    quantile95_m, rho0_m,
 };
+use crate::codes::Condition;
 use crate::numeric::posterior::Posterior;
 use crate::task::{Belief, Task};
 
@@ -19,8 +21,8 @@ pub struct Assessment {
     /// The distance (m) that 95 % of the draws of what is uncertain stay below, see [`quantile95_m`]; `None` where there is
     /// no `rho_0`.
     pub quantile95_m: Option<f64>,
-    /// What `rho_0` is made of; nothing where there is none.
-    pub shares: Vec<PromiseShare>,
+    /// What `rho_0` is made of; `None` where there is none.
+    pub uncertainty_budget: Option<UncertaintyBudget>,
     /// The error sources in common with the campaign of the earlier identification, and `rho_0` with them.
     pub common_sources: Option<CommonSources>,
     /// The standard error of each compliance (rad/(N m)), eq. 13; `None` where the plan does not
@@ -38,6 +40,8 @@ pub struct Assessment {
     pub criterion_bound: Option<(Criterion, Result<PlanBound, NoBound>)>,
     /// What makes the plan impossible.
     pub violations: Vec<Violation>,
+    /// What is to be known before the accuracy is relied on, by name.
+    pub conditions: Vec<Condition>,
 }
 
 /// How well a plan determines something that is to be found besides compliances.
@@ -55,7 +59,6 @@ pub struct FurtherError {
 
 impl Assessment {
     /// Judges a plan, beside the bound of `rho_0` for the task's plans where it is given.
-    #[must_use]
     pub fn new(task: &Task, plan: &Plan, bound: Option<&Bound>) -> Self {
         let all = Problem::new(task, Criterion::A);
         let information = all.information(plan);
@@ -71,12 +74,10 @@ impl Assessment {
         let experiments = plan.measurements();
         Self {
             experiments,
-            shares: match rho0_m {
-                Some(_) => shares(task, plan, &posterior),
-                None => Vec::new(),
-            },
+            uncertainty_budget: UncertaintyBudget::of_deflections(task, plan, &posterior),
             common_sources: rho0_m
                 .and_then(|rho0_m| CommonSources::of_deflections(task, &posterior, rho0_m)),
+            conditions: conditions(task, plan, rho0_m),
             quantile95_m: quantile95_m(task, &posterior),
             rho0_m,
             standard_errors: (0..task.belief.parameters.len())
@@ -94,7 +95,6 @@ impl Assessment {
     }
 
     /// The same beside the bound of the plan's values by another criterion.
-    #[must_use]
     pub fn beside(self, bound: &Bound, plan: &Plan) -> Self {
         Self {
             criterion_bound: Some((bound.criterion(), bound.of_plan(plan))),
@@ -104,7 +104,6 @@ impl Assessment {
 
     /// The criterion that was asked for, and what no plan is better than by it: that of [`Self::beside`], and
     /// otherwise `rho_0` (m). `None` where no bound was asked for.
-    #[must_use]
     pub fn asked_for(&self) -> Option<(Criterion, &Result<PlanBound, NoBound>)> {
         let rho0 = || Some((Criterion::TestPose, self.lower_bound_m.as_ref()?));
         let other = self.criterion_bound.as_ref();
@@ -112,7 +111,6 @@ impl Assessment {
     }
 
     /// How near the plan comes to the bound of [`Self::asked_for`]: 1 for the best that there can be.
-    #[must_use]
     pub fn criterion_efficiency(&self) -> Option<f64> {
         let (criterion, bound) = self.asked_for()?;
         let best = bound.as_ref().ok()?.best;
@@ -125,38 +123,32 @@ impl Assessment {
     }
 
     /// The plan's value by a criterion; `None` where it needs a compliance that the plan does not determine.
-    #[must_use]
     pub fn value(&self, criterion: Criterion) -> Option<f64> {
         let found = (self.criteria.iter()).find(|(each, _)| *each == criterion);
         found.and_then(|(_, value)| *value)
     }
 
     /// The lower bound (m), if there is one for this plan.
-    #[must_use]
     pub fn bound_m(&self) -> Option<f64> {
         Some(self.bound()?.best)
     }
 
     /// The same with what it rests on.
-    #[must_use]
     pub fn bound(&self) -> Option<&PlanBound> {
         self.lower_bound_m.as_ref()?.as_ref().ok()
     }
 
     /// Why there is no bound for this plan, where one was asked for.
-    #[must_use]
     pub fn no_bound(&self) -> Option<&NoBound> {
         self.lower_bound_m.as_ref()?.as_ref().err()
     }
 
     /// Lower bound over `rho_0`: 1 for the best plan that there can be.
-    #[must_use]
     pub fn efficiency(&self) -> Option<f64> {
         Some(self.bound_m()? / self.rho0_m?)
     }
 
     /// What is to be found and the plan does not determine, in words.
-    #[must_use]
     pub fn undetermined(&self, belief: &Belief) -> Vec<String> {
         let names = belief.parameter_names().into_iter();
         let compliances = names.map(|name| format!("the compliance of {name}"));

@@ -28,7 +28,6 @@ pub struct CommonSources {
 
 impl CommonSources {
     /// Those of a plan of deflections that leaves `rho0_m` where they are independent.
-    #[must_use]
     pub fn of_deflections(task: &Task, posterior: &Posterior, rho0_m: f64) -> Option<Self> {
         let belief = &task.belief;
         belief.prior_campaign.as_ref()?;
@@ -43,7 +42,6 @@ impl CommonSources {
 
     /// Those of a plan that leaves `rho0_m` where they are independent, by the columns of its gain K: of the unknown at a place of
     /// the belief's vector, per its unit (m). `None` where there are none.
-    #[must_use]
     pub fn new(
         belief: &Belief,
         rho0_m: f64,

@@ -75,7 +75,6 @@ impl Criterion {
     ];
 
     /// The name in files and on the command line.
-    #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
             Self::TestPose => "test_pose",
@@ -92,57 +91,38 @@ impl Criterion {
     }
 
     /// Whether larger values are better.
-    #[must_use]
     pub const fn is_maximised(self) -> bool {
         matches!(self, Self::D | Self::E | Self::O1 | Self::O3 | Self::O4)
     }
 
-    /// Whether more information is never worse: M + N, with N positive semidefinite, is no worse than M.
-    /// Criteria that divide by the largest singular value ask for balance instead.
-    #[must_use]
-    pub const fn is_monotone(self) -> bool {
-        !matches!(self, Self::O2 | Self::O4)
-    }
-
-    /// The criterion whose bound is this one's, too: that of which this is a power. `None` where there is no bound: O2
-    /// and O4 divide by the largest singular value, and are not convex in M (O2's sublevel sets are, which bounds
-    /// its ratio but not through any largest derivative).
+    /// The criterion whose approximate design and bound are this one's, too: that of which this is a power. `None` for
+    /// criteria that plans over a region are not optimised by, whose costs take eigenvalues or are the worst of several.
     ///
-    /// Those that are returned have a cost that is convex in M and goes with its inverse, cost(c M) = cost(M) / c, see
-    /// [`Self::value_of_cost`].
-    #[must_use]
+    /// Those that are returned follow from a factorisation of M, are smooth, and have a cost that is convex in M and goes
+    /// with its inverse, cost(c M) = cost(M) / c, see [`Self::value_of_cost`].
     pub const fn bounded_as(self) -> Option<Self> {
         match self {
-            Self::TestPose | Self::A | Self::D | Self::E | Self::G | Self::O5 => Some(self),
+            Self::TestPose | Self::A | Self::D => Some(self),
             Self::O1 => Some(Self::D),
-            Self::O3 => Some(Self::E),
-            Self::O2 | Self::O4 => None,
+            Self::E | Self::G | Self::O2 | Self::O3 | Self::O4 | Self::O5 => None,
         }
     }
 
-    /// The criterion's value, as [`CriterionFunction::value`] has it, of the cost that goes with the inverse of M: `rho_0`^2,
-    /// A, G, the square of O5, the inverse of D and E; that of D for O1, and of E for O3.
-    #[must_use]
+    /// The criterion's value, as [`CriterionFunction::value`] has it, of the cost of [`Self::bounded_as`], which goes with
+    /// the inverse of M: `rho_0`^2, A, and the inverse of D, also for O1.
     pub fn value_of_cost(self, cost: f64) -> f64 {
         match self {
-            Self::TestPose | Self::O5 => cost.sqrt(),
-            Self::D | Self::E => cost.recip(),
-            Self::O1 | Self::O3 => cost.recip().sqrt(),
-            Self::A | Self::G | Self::O2 | Self::O4 => cost,
+            Self::TestPose => cost.sqrt(),
+            Self::D => cost.recip(),
+            Self::O1 => cost.recip().sqrt(),
+            _ => cost,
         }
-    }
-
-    /// Whether it is the worst of several, and has no derivative where these meet.
-    #[must_use]
-    pub const fn is_worst_of_several(self) -> bool {
-        matches!(self, Self::E | Self::O3 | Self::G)
     }
 
     /// Whether it follows from a factorisation of M, without eigenvalues: then it is smooth, and cheap
     /// to judge for many plans.
-    #[must_use]
     pub const fn is_factored(self) -> bool {
-        matches!(self, Self::TestPose | Self::A | Self::D | Self::O1)
+        self.bounded_as().is_some()
     }
 }
 
@@ -150,8 +130,6 @@ impl Criterion {
 #[derive(Debug, Clone)]
 pub struct CriterionFunction {
     criterion: Criterion,
-    /// The power q of a smooth stand-in, see [`Self::smoothed`].
-    sharpness: Option<f64>,
     /// C^T (p x r) with C the test poses' matrices stacked, each times the root of its weight, in m:
     /// `rho_0`^2 = trace(C M^-1 C^T). For other criteria the unit matrix.
     right: DMatrix<f64>,
@@ -174,7 +152,6 @@ fn no_wider_than_high(right: DMatrix<f64>) -> DMatrix<f64> {
 
 impl CriterionFunction {
     /// The criterion for test poses given by C^T (p x r), in relative units.
-    #[must_use]
     pub fn new(criterion: Criterion, test_poses: DMatrix<f64>) -> Self {
         let size = test_poses.nrows();
         let right = match criterion {
@@ -183,22 +160,10 @@ impl CriterionFunction {
         };
         Self {
             criterion,
-            sharpness: None,
             work: DMatrix::zeros(size, size),
             solved: right.clone(),
             side_by_side: Vec::new(),
             right,
-        }
-    }
-
-    /// For criteria that are the worst of several, E, `O3` and G, a smooth stand-in for their cost: instead of the
-    /// largest of the inverse eigenvalues or variances, the root q of the sum of their powers q, which is at most p^(1/q)
-    /// times that. Where several meet, as in good plans, gradients of the worst one lead nowhere.
-    #[must_use]
-    pub fn smoothed(self, power: f64) -> Self {
-        Self {
-            sharpness: self.criterion.is_worst_of_several().then_some(power),
-            ..self
         }
     }
 
@@ -249,34 +214,25 @@ impl CriterionFunction {
     }
 
     /// The costs alone of `rest` plus `weight` times each of [`LANES`] blocks (all p x p), whose
-    /// numbers stand side by side.
-    pub fn costs_of_sums(
+    /// numbers stand side by side; by criteria that follow from a factorisation ([`Criterion::is_factored`]).
+    pub(in crate::plan) fn costs_of_sums(
         &mut self,
         rest: &DMatrix<f64>,
         blocks: &[[f64; LANES]],
         weight: f64,
     ) -> [f64; LANES] {
-        if self.criterion.is_factored() {
-            let power = self.power_of_determinant();
-            let room = &mut self.side_by_side;
-            room.resize(2 * blocks.len().max(self.right.len()), [0.0; LANES]);
-            let Some(power) = power else {
-                return traces_of_sums(rest, blocks, weight, self.right.as_slice(), room);
-            };
-            let zero_if_regular = traces_of_sums(rest, blocks, weight, &[], room);
-            let inverse = inverse_determinant(rest.nrows(), room);
-            return std::array::from_fn(|lane| match zero_if_regular[lane] {
-                infinite if infinite > 0.0 => infinite,
-                _ => inverse[lane].powf(power),
-            });
-        }
-        std::array::from_fn(|lane| {
-            let sum = self.work.as_mut_slice().iter_mut();
-            for ((sum, rest), block) in sum.zip(rest.as_slice()).zip(blocks) {
-                *sum = rest + weight * block[lane];
-            }
-            let mut directions = self.work.clone();
-            self.spectral_cost(&self.work, &mut directions)
+        debug_assert!(self.criterion.is_factored());
+        let power = self.power_of_determinant();
+        let room = &mut self.side_by_side;
+        room.resize(2 * blocks.len().max(self.right.len()), [0.0; LANES]);
+        let Some(power) = power else {
+            return traces_of_sums(rest, blocks, weight, self.right.as_slice(), room);
+        };
+        let zero_if_regular = traces_of_sums(rest, blocks, weight, &[], room);
+        let inverse = inverse_determinant(rest.nrows(), room);
+        std::array::from_fn(|lane| match zero_if_regular[lane] {
+            infinite if infinite > 0.0 => infinite,
+            _ => inverse[lane].powf(power),
         })
     }
 
@@ -289,19 +245,6 @@ impl CriterionFunction {
         // The cost, and its derivatives with respect to the eigenvalues.
         let mut slope = DVector::zeros(values.len());
         let cost = match self.criterion {
-            Criterion::E | Criterion::O3 if self.sharpness.is_some() => {
-                let power = self.sharpness.unwrap_or(1.0);
-                let ratios = values.map(|value| (values[low] / value).powf(power));
-                let sum = ratios.sum();
-                let degree = if self.criterion == Criterion::E {
-                    1.0
-                } else {
-                    0.5
-                };
-                let cost = (sum.powf(power.recip()) / values[low]).powf(degree);
-                slope = ratios.component_div(values) * (-degree * cost / sum);
-                cost
-            }
             Criterion::E => {
                 slope[low] = -values[low].powi(-2);
                 values[low].recip()
@@ -327,7 +270,7 @@ impl CriterionFunction {
                 values.iter().map(|value| value.powf(-0.5)).sum()
             }
             // G; the others are factored.
-            _ => return largest_variance(&eigen, self.sharpness, directions),
+            _ => return largest_variance(&eigen, directions),
         };
         let vectors = &eigen.eigenvectors;
         let weighted = vectors * DMatrix::from_diagonal(&-slope);
@@ -337,7 +280,6 @@ impl CriterionFunction {
 
     /// The criterion's value as the literature states it: `rho_0` in m, D as the determinant's p-th
     /// root, the others as named. `None` for a singular information matrix.
-    #[must_use]
     pub fn value(&mut self, information: &DMatrix<f64>) -> Option<f64> {
         let mut directions = information.clone();
         let cost = self.cost(information, &mut directions);
@@ -356,25 +298,12 @@ fn positive_eigen(information: &DMatrix<f64>) -> Option<SymmetricEigen<f64, Dyn>
     (eigen.eigenvalues.min() > 1e-14 * largest && largest.is_finite()).then_some(eigen)
 }
 
-fn largest_variance(
-    eigen: &SymmetricEigen<f64, Dyn>,
-    sharpness: Option<f64>,
-    directions: &mut DMatrix<f64>,
-) -> f64 {
+fn largest_variance(eigen: &SymmetricEigen<f64, Dyn>, directions: &mut DMatrix<f64>) -> f64 {
     let inverse = eigen.eigenvalues.map(f64::recip);
     let covariance =
         &eigen.eigenvectors * DMatrix::from_diagonal(&inverse) * eigen.eigenvectors.transpose();
     let variances = covariance.diagonal();
     let worst = variances.imax();
-    if let Some(power) = sharpness {
-        let ratios = variances.map(|variance| (variance / variances[worst]).powf(power));
-        let sum = ratios.sum();
-        let cost = variances[worst] * sum.powf(power.recip());
-        let shares = ratios.component_div(&variances) * (cost / sum);
-        let weighed = &covariance * DMatrix::from_diagonal(&shares);
-        directions.gemm(1.0, &weighed, &covariance, 0.0);
-        return cost;
-    }
     let column = covariance.column(worst);
     directions.gemm(1.0, &column, &column.transpose(), 0.0);
     covariance[(worst, worst)]

@@ -60,7 +60,6 @@ impl Violation {
     }
 
     /// The constraint that is violated, without the names of the geometries.
-    #[must_use]
     pub fn kind(&self) -> String {
         match self.what.split_once(" of ") {
             Some(("distance", _)) => COLLISION.to_owned(),
@@ -134,7 +133,6 @@ pub struct Feasibility<'a> {
 
 impl<'a> Feasibility<'a> {
     /// A judge for a task's region.
-    #[must_use]
     pub fn new(task: &'a Task) -> Self {
         let region = &task.region;
         let simulation =

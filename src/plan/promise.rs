@@ -11,7 +11,6 @@ use crate::numeric::tolerance::length_quantile;
 use crate::task::{Belief, Task};
 
 /// What is known of the unknowns after the plan, whatever is read.
-#[must_use]
 pub fn posterior(belief: &Belief, plan: &Plan) -> Posterior {
     let model = ExperimentModel::new(belief);
     // A plan without experiments tells as much as one that tells nothing.
@@ -40,7 +39,6 @@ pub fn posterior(belief: &Belief, plan: &Plan) -> Posterior {
 
 /// The distance (m) that compensation leaves less of in 95 % of the draws of what is uncertain, from what is known
 /// after a plan; over several test poses, the rms over them. `None` where a test pose needs what is not determined.
-#[must_use]
 pub fn quantile95_m(task: &Task, posterior: &Posterior) -> Option<f64> {
     let belief = &task.belief;
     let rows = weighted_rows(&task.test_poses, belief.unknowns(), &|pose| {
@@ -52,7 +50,6 @@ pub fn quantile95_m(task: &Task, posterior: &Posterior) -> Option<f64> {
 
 /// The rms distance `rho_0` (m) that compensation leaves at the test poses (eqs. 18 to 20), from what is known after a
 /// plan. `None` where a test pose needs what is not determined.
-#[must_use]
 pub fn rho0_m(task: &Task, posterior: &Posterior) -> Option<f64> {
     let mut sum = 0.0;
     for pose in &task.test_poses {

@@ -39,7 +39,6 @@ pub const WIDENED_SHARE: f64 = WIDENED_RAD;
 
 /// The smooth bounds of a region, widened by as much as printing may move an experiment, and no others:
 /// neither collisions nor sight nor forbidden configurations.
-#[must_use]
 pub fn widened(region: &Region) -> Region {
     let outward = |[low, high]: [Option<f64>; 2]| {
         [
@@ -66,7 +65,6 @@ pub fn widened(region: &Region) -> Region {
 }
 
 /// The bounds that a region sets, the joint ranges apart.
-#[must_use]
 pub fn bounds_of(region: &Region) -> Vec<SmoothBound> {
     let mut bounds = Vec::new();
     let [height_min, height_max] = region.tool_height_m;
@@ -94,7 +92,6 @@ pub fn bounds_of(region: &Region) -> Vec<SmoothBound> {
 impl SmoothBound {
     /// How far inside the bound a state is: negative is a violation. In m, as a sine, or as a share
     /// of the largest torque.
-    #[must_use]
     pub fn margin(&self, state: &KinematicState, load: &Load, gravity: &Vector3<f64>) -> f64 {
         match *self {
             Self::HeightMin(bound) => state.tool_position.z - bound,
@@ -109,7 +106,6 @@ impl SmoothBound {
     }
 
     /// The derivative of the margin with respect to joint `by` (per rad).
-    #[must_use]
     pub fn derivative(
         &self,
         state: &KinematicState,
@@ -141,7 +137,6 @@ impl SmoothBound {
 
     /// The derivative of the margin with respect to the force (per N); none for bounds that no load
     /// moves. The margin is linear in the force.
-    #[must_use]
     pub fn force_derivative(&self, state: &KinematicState) -> Option<Vector3<f64>> {
         match *self {
             Self::TorqueMax(joint, bound) => Some(-state.position_column(joint) / bound),
@@ -151,7 +146,6 @@ impl SmoothBound {
     }
 
     /// What is bounded, with the value that a state has, the bound, and the unit, for a person.
-    #[must_use]
     pub fn describe(
         &self,
         state: &KinematicState,

@@ -61,12 +61,12 @@ pub const ROTATION_DEVIATION: Kind = Kind::positive("mrad", 1e-9, 1e4);
 pub const GAP_DEVIATION: Kind = Kind::positive("arcsec", 1e-6, 1e6);
 /// The standard deviation of something by shares of it.
 pub const RELATIVE_DEVIATION: Kind = Kind::positive("", 1e-9, 1.0);
+/// How many standard uncertainties an expanded uncertainty is.
+pub const COVERAGE: Kind = Kind::positive("", 0.1, 100.0);
 /// The standard deviation of a position for each metre of distance (um/m).
 pub const PER_METRE_DEVIATION: Kind = Kind::positive("um/m", 1e-6, 1e6);
 /// The standard deviation of what drifts in an hour (um/h).
 pub const PER_HOUR_DEVIATION: Kind = Kind::positive("um/h", 1e-6, 1e6);
-/// A share of readings: with more than half of them there is nothing to measure.
-pub const READING_SHARE: Kind = Kind::positive("", 1e-9, 0.5);
 /// A joint's compliance, zero where it is rigid (rad/(N m)). A stiffness in its place is a likely mistake,
 /// which is told with more words when the robot is judged.
 pub const COMPLIANCE: Kind = Kind::zero_or_positive("rad/(N m)", 1e-15, 1e12);
@@ -143,7 +143,6 @@ impl Kind {
     }
 
     /// Whether a quantity of this kind can have the value.
-    #[must_use]
     pub fn allows(&self, value: f64) -> bool {
         let is_in_range = (self.least..=self.most).contains(&value);
         match self.sign {
@@ -166,7 +165,6 @@ impl Kind {
     }
 
     /// What is allowed, in words.
-    #[must_use]
     pub fn allowed(&self) -> String {
         let [least, most] = [self.least, self.most].map(shown);
         let unit = match self.unit {
@@ -186,7 +184,6 @@ impl Kind {
 
 /// What is wrong with the size of a load whose components are each plausible: it must be zero or
 /// noticeable. Single components may be as small as rounding leaves them.
-#[must_use]
 pub fn faint_load(wrench: &Vector6<f64>) -> Option<String> {
     let largest = wrench.amax();
     (largest > 0.0 && largest < LEAST_LOAD).then(|| {
@@ -198,7 +195,6 @@ pub fn faint_load(wrench: &Vector6<f64>) -> Option<String> {
 }
 
 /// A number as people write it, however large or small.
-#[must_use]
 pub fn shown(value: f64) -> String {
     if value == 0.0 || (1e-6..1e7).contains(&value.abs()) || !value.is_finite() {
         value.to_string()

@@ -3,14 +3,14 @@
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
+use crate::codes::Condition;
 use crate::identification::{
     AbsoluteCase, AbsoluteFit, DistanceStatistics, RejectedReading, Unexplained,
 };
 use crate::parameter::{Axis, ParameterKind};
 
 /// A parameter that was fitted.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct UnknownMessage {
     /// Its name, such as `elbow.zero`, `link_3.x` or `base.rz`.
     pub name: String,
@@ -30,8 +30,7 @@ pub struct UnknownMessage {
 }
 
 /// Where a station or a target is.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct MountedFrameMessage {
     /// The station's word, or the target's site; null for the only station of a file that names none.
     pub name: Option<String>,
@@ -49,47 +48,8 @@ pub struct MountedFrameMessage {
     pub rotation_std_mrad: Option<[f64; 3]>,
 }
 
-/// How long vectors are.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
-pub struct LengthsMessage {
-    /// The mean.
-    pub mean: f64,
-    /// The root of the mean square.
-    pub rms: f64,
-    /// What 95 % stay below.
-    pub quantile95: f64,
-    /// The largest.
-    pub largest: f64,
-}
-
-impl LengthsMessage {
-    /// Of nothing.
-    #[must_use]
-    pub const fn nothing() -> Self {
-        Self {
-            mean: 0.0,
-            rms: 0.0,
-            quantile95: 0.0,
-            largest: 0.0,
-        }
-    }
-
-    /// The same in thousandths: mm for m.
-    #[must_use]
-    pub fn in_thousandths(statistics: &DistanceStatistics) -> Self {
-        Self {
-            mean: statistics.mean * 1e3,
-            rms: statistics.rms * 1e3,
-            quantile95: statistics.quantile95 * 1e3,
-            largest: statistics.largest * 1e3,
-        }
-    }
-}
-
 /// What was left out as redundant.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct LeftOutMessage {
     /// The parameter.
     pub name: String,
@@ -98,8 +58,7 @@ pub struct LeftOutMessage {
 }
 
 /// What absolute readings tell of a robot.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct AbsoluteMessage {
     /// How many readings.
     pub readings: usize,
@@ -118,14 +77,14 @@ pub struct AbsoluteMessage {
     /// What the readings do not determine, in sentences.
     pub undetermined: Vec<String>,
     /// Distances from the predicted positions (mm).
-    pub distance_mm: LengthsMessage,
+    pub distance_mm: DistanceStatistics,
     /// Angles from the predicted orientations (mrad); null where positions were read.
-    pub angle_mrad: Option<LengthsMessage>,
+    pub angle_mrad: Option<DistanceStatistics>,
     /// The standard deviation of what no parameter explains, of each coordinate of a position (mm), where it was taken from the
     /// residuals.
-    pub misfit_mm: Option<f64>,
+    pub discrepancy_mm: Option<f64>,
     /// The same of rotations (mrad).
-    pub misfit_mrad: Option<f64>,
+    pub discrepancy_mrad: Option<f64>,
     /// The sum of squares of the weighted residuals.
     pub square: f64,
     /// The probability of residuals at least as large.
@@ -134,19 +93,18 @@ pub struct AbsoluteMessage {
     pub iterations: usize,
     /// Read less predicted positions (mm), in the station's frame.
     pub residuals_mm: Vec<[f64; 3]>,
-    /// What that misfit consists of, for predictions of other poses; null where there are too few readings to tell.
+    /// What that discrepancy consists of, for predictions of other poses; null where there are too few readings to tell.
     #[serde(default)]
-    pub unexplained: Option<UnexplainedMessage>,
+    pub discrepancy_model: Option<UnexplainedMessage>,
     /// Readings that were left out, since they lie far out.
     #[serde(default)]
     pub rejected: Vec<RejectedMessage>,
-    /// What does not hold.
-    pub conditions: Vec<String>,
+    /// What must be looked at.
+    pub conditions: Vec<Condition>,
 }
 
 /// What one joint is off by, as a function of its own angle.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct JointErrorMessage {
     /// The joint's name.
     pub joint: String,
@@ -168,8 +126,7 @@ pub struct JointErrorMessage {
 }
 
 /// What parameters leave unexplained, told apart.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct UnexplainedMessage {
     /// What joints are off by.
     pub joints: Vec<JointErrorMessage>,
@@ -178,27 +135,26 @@ pub struct UnexplainedMessage {
     /// The lower triangle, row by row, of the covariance of the unknowns and of the joints' values at their knots.
     pub covariance: Vec<Vec<f64>>,
     /// The standard deviation of each coordinate of a position that joints do not explain either (mm).
-    pub rest_mm: f64,
+    pub remainder_mm: f64,
     /// The same of rotations (mrad).
-    pub rest_mrad: f64,
+    pub remainder_mrad: f64,
     /// By how much larger the squares of errors of positions and rotations are than computed, where each stand of the robot
     /// was predicted by the others.
     pub scale: [f64; 2],
     /// The shares of positions and of rotations that lay in their regions of 95 % then, before these were scaled.
     pub predicted_by_others: [Option<f64>; 2],
     /// Stands of the robot.
-    pub stands: usize,
+    pub visits: usize,
     /// As many with errors of their own would tell as much of the unknowns.
-    pub effective_stands: f64,
+    pub effective_sample_size: f64,
     /// Distances from the positions that are predicted with the joints' errors (mm).
-    pub distance_mm: LengthsMessage,
+    pub distance_mm: DistanceStatistics,
     /// Angles from such orientations (mrad); null where positions were read.
-    pub angle_mrad: Option<LengthsMessage>,
+    pub angle_mrad: Option<DistanceStatistics>,
 }
 
 /// A reading that was left out.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct RejectedMessage {
     /// Its number, from 1.
     pub reading: usize,
@@ -220,7 +176,6 @@ impl From<&RejectedReading> for RejectedMessage {
 
 impl AbsoluteMessage {
     /// The record of a fit.
-    #[must_use]
     pub fn new(case: &AbsoluteCase<'_>, fit: &AbsoluteFit) -> Self {
         let kept = fit.of_kept(&fit.left);
         let distances = DistanceStatistics::of_positions(&kept);
@@ -240,23 +195,25 @@ impl AbsoluteMessage {
                     reason: each.sentence.clone(),
                 })
                 .collect(),
-            undetermined: fit.undetermined.clone(),
+            undetermined: [&*fit.undetermined, &*fit.stays_nominal].concat(),
             distance_mm: distances
                 .as_ref()
-                .map_or_else(LengthsMessage::nothing, LengthsMessage::in_thousandths),
-            angle_mrad: angles.as_ref().map(LengthsMessage::in_thousandths),
-            misfit_mm: fit.misfit.map(|[position_m, _]| position_m * 1e3),
-            misfit_mrad: (fit.misfit.filter(|_| angles.is_some())).map(|[_, rad]| rad * 1e3),
+                .map(DistanceStatistics::in_thousandths)
+                .unwrap_or_default(),
+            angle_mrad: angles.as_ref().map(DistanceStatistics::in_thousandths),
+            discrepancy_mm: fit.discrepancy.map(|[position_m, _]| position_m * 1e3),
+            discrepancy_mrad: (fit.discrepancy.filter(|_| angles.is_some()))
+                .map(|[_, rad]| rad * 1e3),
             square: fit.square,
             consistency: fit.consistency,
             iterations: fit.iterations,
             residuals_mm: (fit.left.iter())
                 .map(|each| (each.position_m * 1e3).into())
                 .collect(),
-            unexplained: fit
-                .unexplained
+            discrepancy_model: fit
+                .discrepancy_model
                 .as_ref()
-                .map(|each| unexplained(case, fit, each)),
+                .map(|each| discrepancy_model(case, fit, each)),
             rejected: fit.rejected.iter().map(RejectedMessage::from).collect(),
             conditions: fit.conditions(),
         }
@@ -276,7 +233,7 @@ fn factors(fit: &AbsoluteFit) -> Vec<f64> {
         .collect()
 }
 
-fn unexplained(
+fn discrepancy_model(
     case: &AbsoluteCase<'_>,
     fit: &AbsoluteFit,
     found: &Unexplained,
@@ -290,7 +247,7 @@ fn unexplained(
         model.covariance[(row, column)] * factors[row] * factors[column]
     };
     let lengths = |statistics: Option<DistanceStatistics>| {
-        statistics.as_ref().map(LengthsMessage::in_thousandths)
+        statistics.as_ref().map(DistanceStatistics::in_thousandths)
     };
     let joints = &case.arm.chain.joints;
     UnexplainedMessage {
@@ -298,8 +255,8 @@ fn unexplained(
             .map(|each| JointErrorMessage {
                 joint: joints[each.joint].name.clone(),
                 deviation: each.deviation,
-                length: each.wandering.length,
-                knots: each.wandering.knots.clone(),
+                length: each.process.length,
+                knots: each.process.knots.clone(),
                 values: each.values.clone(),
                 spread_of_positions: each.spread[0].clone(),
                 spread_of_rotations: each.spread[1].clone(),
@@ -309,14 +266,13 @@ fn unexplained(
         covariance: (0..factors.len())
             .map(|row| (0..=row).map(|column| entry(row, column)).collect())
             .collect(),
-        rest_mm: model.rest.position_m * 1e3,
-        rest_mrad: model.rest.rotation_rad * 1e3,
+        remainder_mm: model.rest.position_m * 1e3,
+        remainder_mrad: model.rest.rotation_rad * 1e3,
         scale: model.scale,
         predicted_by_others: found.predicted_by_others,
-        stands: found.stands,
-        effective_stands: found.effective_stands,
-        distance_mm: lengths(DistanceStatistics::of_positions(&found.left))
-            .unwrap_or_else(LengthsMessage::nothing),
+        visits: found.visits,
+        effective_sample_size: found.effective_sample_size,
+        distance_mm: lengths(DistanceStatistics::of_positions(&found.left)).unwrap_or_default(),
         angle_mrad: lengths(DistanceStatistics::of_rotations(&found.left)),
     }
 }
@@ -351,17 +307,6 @@ pub(super) fn quantity_unit(kind: ParameterKind) -> &'static str {
     match kind {
         ParameterKind::LinkMass { .. } | ParameterKind::PayloadMass => "kg",
         kind => kind.unit(false),
-    }
-}
-
-/// A quantity as a person reads it: the factor and the unit.
-#[must_use]
-pub fn shown_unit(unit: &str) -> (f64, &str) {
-    match unit {
-        "m" => (1e3, "mm"),
-        "rad" => (1e3, "mrad"),
-        "rad/(N m)" => (1e6, "1e-6 rad/(N m)"),
-        unit => (1.0, unit),
     }
 }
 
@@ -438,7 +383,6 @@ fn targets(case: &AbsoluteCase<'_>, fit: &AbsoluteFit) -> Vec<MountedFrameMessag
 
 impl MountedFrameMessage {
     /// The frame; with the orientation of another where none was read. None where the numbers are no frame.
-    #[must_use]
     pub fn frame(&self, otherwise: &Isometry3<f64>) -> Option<Isometry3<f64>> {
         let rotation = match self.quaternion {
             None => otherwise.rotation,

@@ -2,17 +2,17 @@
 
 use serde::Serialize;
 
-use super::candidates::{CandidatesMessage, LeftOutCandidatesMessage};
-use super::messages::{CommonSourcesMessage, ShareMessage};
+use super::candidates::CandidatesMessage;
+use super::messages::CommonSourcesMessage;
 use crate::experiment::Candidate;
+use crate::plan::UncertaintyBudget;
 use crate::plan::absolute::{AbsolutePlanning, AbsolutePromise};
 use crate::plan::search::PlanBound;
 use crate::robot::{Commands, Load};
 use crate::task::{AccuracyKind, Task};
 
 /// What is read in a plan, and where.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct PlannedReadingMessage {
     /// The commanded joint angles (deg), and lengths (mm) of joints that slide.
     pub q_deg: Vec<f64>,
@@ -27,8 +27,7 @@ pub struct PlannedReadingMessage {
 }
 
 /// How well an unknown is known afterwards.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct PromisedUnknownMessage {
     /// Its name.
     pub name: String,
@@ -41,8 +40,7 @@ pub struct PromisedUnknownMessage {
 }
 
 /// How accurate the tool is at a test pose.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct PromisedPoseMessage {
     /// Its name.
     pub name: String,
@@ -51,8 +49,7 @@ pub struct PromisedPoseMessage {
 }
 
 /// How candidates were drawn.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, schemars::JsonSchema)]
 pub struct DrawnMessage {
     /// So many configurations at random from the scenario's region, and then others near those that were chosen.
     pub configurations: u32,
@@ -61,8 +58,7 @@ pub struct DrawnMessage {
 }
 
 /// What a plan of absolute readings promises.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct AbsolutePlanMessage {
     /// What must be accurate: `absolute`, where the loaded tool is.
     pub accuracy: &'static str,
@@ -76,8 +72,8 @@ pub struct AbsolutePlanMessage {
     pub quantile95_mm: Option<f64>,
     /// Of the distance, what the task's uncertain force makes by itself (mm), whatever is read.
     pub task_force_mm: f64,
-    /// What it is made of: noise, an earlier identification, each uncertainty; their squares add up to that of `rho0_mm`.
-    pub rho0_shares: Vec<ShareMessage>,
+    /// What `rho0_mm` is made of; null where there is none.
+    pub uncertainty_budget: Option<UncertaintyBudget>,
     /// The error sources in common with the campaign of `robot.prior`; null where there are none.
     pub common_sources: Option<CommonSourcesMessage>,
     /// No plan of as many readings of the candidates is below (mm).
@@ -97,7 +93,7 @@ pub struct AbsolutePlanMessage {
     /// How the candidates were drawn; null where they are a file's.
     pub drawn: Option<DrawnMessage>,
     /// What the promise takes for certain although it is not, in words.
-    pub taken_for_certain: Vec<String>,
+    pub assumed_exact: Vec<String>,
 }
 
 impl PlannedReadingMessage {
@@ -115,7 +111,6 @@ impl PlannedReadingMessage {
 
 impl AbsolutePlanMessage {
     /// The record of a plan: candidates by their places, and how often each is read.
-    #[must_use]
     pub fn new(
         task: &Task,
         planning: &AbsolutePlanning<'_>,
@@ -134,9 +129,7 @@ impl AbsolutePlanMessage {
             rho0_mm: promise.rho0_m().map(|value| value * 1e3),
             quantile95_mm: promise.quantile95_m.map(|value| value * 1e3),
             task_force_mm: promise.task_force_m * 1e3,
-            rho0_shares: (planning.shares(plan, promise).iter())
-                .map(ShareMessage::from)
-                .collect(),
+            uncertainty_budget: planning.uncertainty_budget(plan, promise),
             common_sources: (planning.common_sources(plan, promise))
                 .map(CommonSourcesMessage::from),
             lower_bound_rho0_mm: bound.map(|bound| bound.best * 1e3),
@@ -165,12 +158,10 @@ impl AbsolutePlanMessage {
             candidates: CandidatesMessage {
                 offered: planning.offered,
                 possible: planning.candidates.len(),
-                left_out: (planning.left_out.iter())
-                    .map(LeftOutCandidatesMessage::new)
-                    .collect(),
+                left_out: planning.left_out.clone(),
             },
             drawn: None,
-            taken_for_certain: planning.taken_for_certain(),
+            assumed_exact: planning.assumed_exact(),
         }
     }
 }

@@ -2,15 +2,14 @@
 
 use serde::Serialize;
 
-use super::account::{PartMessage, verdict};
+use super::account::{ContributionMessage, verdict};
 use super::study::{HistogramMessage, StudyPlanMessage};
 use crate::study::Conditions;
 use crate::study::absolute::AbsoluteTrials;
 use crate::study::account::Account;
 
 /// Robots that were drawn, read as the plan says, identified and looked at.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct AbsoluteTrialsMessage {
     /// How many robots were drawn.
     pub robots: u64,
@@ -19,7 +18,7 @@ pub struct AbsoluteTrialsMessage {
     /// What the first of these failed by.
     pub first_failure: Option<String>,
     /// The promised rms distance (mm).
-    pub promised_rms_mm: f64,
+    pub predicted_rms_mm: f64,
     /// The rms distance that was left (mm).
     pub rms_mm: f64,
     /// Its standard error (mm).
@@ -28,40 +27,42 @@ pub struct AbsoluteTrialsMessage {
     pub below_quantile95: Option<f64>,
     /// The share of test poses at which the tool was within the region of 95 % that was promised there.
     pub coverage95: Option<f64>,
-    /// `holds`: within three standard errors and 2 %; `broken`, or `too careful`.
-    pub promise: &'static str,
+    /// `holds`: within three standard errors and 2 %; `exceeded`, or `conservative`.
+    pub prediction: &'static str,
     /// The same in words, with what breaks it most.
     pub verdict: String,
-    /// What is promised, and what is left of what the belief does not know, each by itself.
-    pub parts: Vec<PartMessage>,
+    /// The contributions that are predicted, and those of what the planner's model does not know.
+    pub contributions: Vec<ContributionMessage>,
     /// How often which distances were left.
     pub histogram: HistogramMessage,
 }
 
 impl AbsoluteTrialsMessage {
     /// The record of trials, and what is promised and hidden.
-    #[must_use]
     pub fn new(trials: &AbsoluteTrials, account: &Account) -> Self {
         let seen_m = trials.summary.rms_m;
         Self {
             robots: trials.robots,
             failed: trials.tally.failures(),
             first_failure: trials.first_failure.clone(),
-            promised_rms_mm: trials.promised_m * 1e3,
+            predicted_rms_mm: trials.promised_m * 1e3,
             rms_mm: seen_m.value * 1e3,
             rms_std_mm: seen_m.standard_error * 1e3,
             below_quantile95: trials.below_quantile95(),
             coverage95: trials.tally.coverage(),
-            promise: trials.kept().name(),
+            prediction: trials.kept().name(),
             verdict: verdict(account, seen_m),
-            parts: account.parts.iter().map(PartMessage::from).collect(),
+            contributions: account
+                .parts
+                .iter()
+                .map(ContributionMessage::from)
+                .collect(),
             histogram: HistogramMessage::new(&trials.tally, trials.sigma_m),
         }
     }
 }
 
 /// The same as what a study says of a plan of so many readings.
-#[must_use]
 pub fn as_study(trials: &AbsoluteTrials, account: &Account, readings: u32) -> StudyPlanMessage {
     let conditions = Conditions {
         sigma_m: trials.sigma_m,

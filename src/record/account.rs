@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::plan::CommonSources;
 use crate::study::account::{Account, AccountPart};
 use crate::study::summary::Measured;
 use crate::study::tally_check::{Wrong, within, wrong};
@@ -15,6 +16,15 @@ pub struct AccountHeader {
     promised_m: String,
     /// What the errors are made of.
     parts: Vec<PartHeader>,
+    /// The error sources in common with the campaign of `robot.prior`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    common: Option<CommonHeader>,
+}
+
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+struct CommonHeader {
+    names: Vec<String>,
+    rho0_m: String,
 }
 
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -24,24 +34,19 @@ struct PartHeader {
     rms_m: String,
 }
 
-/// A part of a plan's errors.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
-pub struct PartMessage {
-    /// What leaves it: "noise", "earlier identification", "true robot", or the name of an uncertainty.
-    pub name: String,
-    /// Whether the belief does not know of it.
+/// The contribution of a source to the errors of the simulated truth.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+pub struct ContributionMessage {
+    /// Its name: "noise", "earlier identification", "true robot", or that of an uncertainty.
+    pub source: String,
+    /// Whether the planner's model does not know of it.
     pub hidden: bool,
-    /// What it alone leaves (mm), to first order.
-    pub rms_mm: f64,
-    /// What was seen of it (mm): the root of what the mean square is smaller by in the same runs without it.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub seen_rms_mm: Option<f64>,
+    /// The contribution `u_i` (um), to first order.
+    pub contribution_um: f64,
 }
 
 impl AccountHeader {
     /// An account as a tally keeps it.
-    #[must_use]
     pub fn new(account: &Account) -> Self {
         let part = |part: &AccountPart| PartHeader {
             name: part.name.clone(),
@@ -51,6 +56,10 @@ impl AccountHeader {
         Self {
             promised_m: format!("{:e}", account.promised_m),
             parts: account.parts.iter().map(part).collect(),
+            common: account.common.as_ref().map(|common| CommonHeader {
+                names: common.names.clone(),
+                rho0_m: format!("{:e}", common.rho0_m),
+            }),
         }
     }
 
@@ -67,11 +76,19 @@ impl AccountHeader {
             }
             size(format!("parts[{index}].rms_m"), &part.rms_m)?;
         }
+        if let Some(common) = &self.common {
+            within("common.names", common.names.len(), [1, 1000])?;
+            for (index, name) in common.names.iter().enumerate() {
+                if let Some(problem) = wrong_name(name) {
+                    return wrong(format!("common.names[{index}]"), problem);
+                }
+            }
+            size("common.rho0_m".to_owned(), &common.rho0_m)?;
+        }
         Ok(())
     }
 
     /// The account; `None` where its numbers are none.
-    #[must_use]
     pub fn account(&self) -> Option<Account> {
         let part = |part: &PartHeader| {
             Some(AccountPart {
@@ -83,17 +100,23 @@ impl AccountHeader {
         Some(Account {
             promised_m: self.promised_m.parse().ok()?,
             parts: self.parts.iter().map(part).collect::<Option<_>>()?,
+            common: match &self.common {
+                None => None,
+                Some(common) => Some(CommonSources {
+                    names: common.names.clone(),
+                    rho0_m: common.rho0_m.parse().ok()?,
+                }),
+            },
         })
     }
 }
 
-impl From<&AccountPart> for PartMessage {
+impl From<&AccountPart> for ContributionMessage {
     fn from(part: &AccountPart) -> Self {
         Self {
-            name: part.name.clone(),
+            source: part.name.clone(),
             hidden: part.is_hidden,
-            rms_mm: part.rms_m * 1e3,
-            seen_rms_mm: None,
+            contribution_um: part.rms_m * 1e6,
         }
     }
 }
@@ -110,29 +133,31 @@ pub(super) fn size(key: String, text: &str) -> Result<(), Wrong> {
 }
 
 /// What an observed rms distance (m) says of the promise, in words.
-#[must_use]
 pub fn verdict(account: &Account, observed_m: Measured) -> String {
     let ratio = observed_m.value / account.promised_m;
     match Kept::of(account.promised_m, observed_m) {
+        Kept::Holds if account.common.is_some() => {
+            return "holds where the two campaigns are independent".to_owned();
+        }
         Kept::Holds => return "holds".to_owned(),
-        Kept::TooCareful => return format!("too careful: {ratio:.3} of the promise"),
-        Kept::Broken => {}
+        Kept::Conservative => return format!("conservative: {ratio:.3} of what is predicted"),
+        Kept::Exceeded => {}
     }
     let hidden = account.parts.iter().filter(|part| part.is_hidden);
     let worst = hidden.max_by(|one, other| one.rms_m.total_cmp(&other.rms_m));
     match worst {
         Some(part) if part.rms_m > 0.0 => format!(
-            "broken: {ratio:.3} times the promise, most by {:?}, which alone leaves {:.3} um and is hidden",
+            "exceeded: {ratio:.3} times what is predicted; the largest hidden contribution is {:?}, {:.3} um",
             part.name,
             part.rms_m * 1e6
         ),
         // What it leaves was not computed, or is no first order.
         Some(part) => format!(
-            "broken: {ratio:.3} times the promise; {:?} is hidden",
+            "exceeded: {ratio:.3} times what is predicted; {:?} is hidden",
             part.name
         ),
         None => format!(
-            "broken: {ratio:.3} times the promise, though nothing is hidden: the model is not linear enough"
+            "exceeded: {ratio:.3} times what is predicted, though nothing is hidden: the model is not linear enough"
         ),
     }
 }
@@ -148,6 +173,7 @@ mod tests {
             rms_m,
         };
         Account {
+            common: None,
             promised_m: 6e-6,
             parts: vec![
                 part("noise", false, 6e-6),
@@ -171,7 +197,7 @@ mod tests {
         };
         assert_eq!(said(6.1e-6, 1e-9), "holds");
         assert_eq!(said(6.4e-6, 1e-7), "holds");
-        assert!(said(5.5e-6, 1e-8).starts_with("too careful: 0.917"));
+        assert!(said(5.5e-6, 1e-8).starts_with("conservative: 0.917"));
         let broken = said(1e-5, 1e-7);
         assert!(
             broken.contains("1.667 times") && broken.contains("\"scale\""),

@@ -6,8 +6,7 @@ use crate::laboratory::{Campaign, Costs, Stop};
 use crate::robot::Commands;
 
 /// One place where the robot stands and is measured.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct StopMessage {
     /// Its number, from 1.
     pub stop: usize,
@@ -29,28 +28,13 @@ pub struct StopMessage {
     pub via_deg: Vec<Vec<f64>>,
 }
 
-/// What work in the laboratory costs (minutes).
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
-pub struct CostsMessage {
-    /// To set up a station of the instrument.
-    pub station_min: f64,
-    /// To go to another configuration, beside the time that the joints turn.
-    pub move_min: f64,
-    /// To hang another load.
-    pub load_change_min: f64,
-    /// To read the instrument once.
-    pub reading_min: f64,
-}
-
 /// A plan as it is carried out.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct CampaignMessage {
     /// How long it takes.
     pub minutes: f64,
     /// What that consists of.
-    pub costs: CostsMessage,
+    pub costs: Costs,
     /// How many times a load is hung.
     pub load_changes: usize,
     /// How often the instrument is read.
@@ -65,25 +49,13 @@ pub struct CampaignMessage {
     pub stops: Vec<StopMessage>,
 }
 
-impl From<&Costs> for CostsMessage {
-    fn from(costs: &Costs) -> Self {
-        Self {
-            station_min: costs.station_min,
-            move_min: costs.move_min,
-            load_change_min: costs.load_change_min,
-            reading_min: costs.reading_min,
-        }
-    }
-}
-
 impl CampaignMessage {
     /// The record of a campaign.
-    #[must_use]
     pub fn new(commands: &Commands, costs: &Costs, campaign: &Campaign) -> Self {
         let stops = campaign.stops.iter().enumerate();
         Self {
             minutes: campaign.minutes,
-            costs: costs.into(),
+            costs: *costs,
             load_changes: campaign.load_changes(),
             readings: campaign.readings(),
             travel_deg: campaign.travel().to_degrees(),

@@ -11,8 +11,7 @@ use crate::study::Conditions;
 use crate::study::evidence::{Distances, Evidence};
 
 /// What a designed plan is shown beside, and what its bound rests on.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct EvidenceMessage {
     /// The number of local searches that the lower bound rests on.
     pub bound_searches: usize,
@@ -26,13 +25,15 @@ pub struct EvidenceMessage {
     pub criteria_compared: Vec<CriterionPlanMessage>,
     /// The best accuracy that was found for other numbers of measurements.
     pub accuracy: Vec<AccuracyMessage>,
+    /// The designed plan, repeated as a whole.
+    #[serde(default)]
+    pub repeated: Vec<AccuracyMessage>,
     /// The lower bound of `rho0_mm` for 1, 2, 3, ... measurements (mm); null where there is none.
     pub lower_bounds_rho0_mm: Vec<Option<f64>>,
 }
 
 /// The best plan for a criterion, judged at the test poses.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct CriterionPlanMessage {
     /// The criteria that the plan is best for.
     pub criteria: Vec<String>,
@@ -48,8 +49,7 @@ pub struct CriterionPlanMessage {
 }
 
 /// The best accuracy that was found for a number of measurements.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct AccuracyMessage {
     /// The number of measurements.
     pub experiments: u32,
@@ -63,11 +63,8 @@ pub struct AccuracyMessage {
 
 impl EvidenceMessage {
     /// The record of a plan's evidence.
-    #[must_use]
     pub fn new(scenario: &Scenario, bound: &Bound, evidence: &Evidence) -> Self {
-        let largest = (evidence.accuracy.iter()).map(|point| point.experiments);
         let commands = scenario.task.belief.commands();
-        let bound_mm = |m| bound.of_size(m).ok().map(|bound| bound.best * 1e3);
         let (searches, agreeing) = match bound.basis() {
             Basis::Searches(certificate) => (certificate.searches, certificate.agreeing),
             Basis::Candidates(_) | Basis::Nothing(_) => (0, 0),
@@ -83,13 +80,15 @@ impl EvidenceMessage {
                 .map(|best| CriterionPlanMessage::new(&commands, best))
                 .collect(),
             accuracy: evidence.accuracy.iter().map(Into::into).collect(),
-            lower_bounds_rho0_mm: (1..=largest.max().unwrap_or(1)).map(bound_mm).collect(),
+            repeated: evidence.repeated.iter().map(Into::into).collect(),
+            lower_bounds_rho0_mm: (evidence.lower_bounds_m.iter())
+                .map(|bound_m| bound_m.map(|bound_m| bound_m * 1e3))
+                .collect(),
         }
     }
 }
 
 /// The record of one plan's runs.
-#[must_use]
 pub fn distances_message(scenario: &Scenario, distances: &Distances) -> StudyPlanMessage {
     StudyPlanMessage::new(
         &distances.name,

@@ -23,14 +23,6 @@ impl Header {
         within("study.plans", self.plans.len(), [1, MOST_STUDIED])?;
         within("study.parameters", self.parameters.len(), [1, MOST_JOINTS])?;
         within("study.unknowns", self.unknowns(), [1, MOST_UNKNOWNS])?;
-        let named = self.parameters.len() + self.others.len();
-        if !self.others.is_empty() && named != self.unknowns() {
-            let problem = format!("{named} unknowns have names; there are {}", self.unknowns());
-            return wrong("study.others", problem);
-        }
-        if let Some(name) = self.others.iter().find(|name| name.contains(is_unseen)) {
-            return wrong("study.others", format!("found {name:?}"));
-        }
         if let Some(absolute) = &self.absolute {
             within(
                 "study.absolute.test_poses",
@@ -100,8 +92,8 @@ impl Header {
         if let Some(account) = &plan.account {
             (account.check()).map_err(|(key, problem)| (format!("account.{key}"), problem))?;
         }
-        if let Some(quantile) = &plan.promised_quantile95_m {
-            size("promised_quantile95_m".to_owned(), quantile)?;
+        if let Some(quantile) = &plan.predicted_quantile95_m {
+            size("predicted_quantile95_m".to_owned(), quantile)?;
         }
         let Some(reference) = plan.reference else {
             return Ok(());
@@ -123,7 +115,6 @@ impl Header {
     }
 
     /// The runs in the first blocks of a shard.
-    #[must_use]
     pub fn runs_of(&self, shard: u64, blocks_done: u64) -> u64 {
         let size = self.block_runs();
         let last = shard - 1 + blocks_done.saturating_sub(1) * self.shards;

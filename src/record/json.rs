@@ -5,7 +5,6 @@ use serde_json::{Value, json};
 use super::messages::{ProvenanceMessage, SchemaMessage};
 
 /// What results are and where they come from, and the command's keys.
-#[must_use]
 pub fn results(command: &str, provenance: &ProvenanceMessage, keys: Value) -> Value {
     let mut json = json!({ "schema": SchemaMessage::new(command), "provenance": provenance });
     merge(&mut json, keys);

@@ -10,22 +10,24 @@ use nalgebra::{DMatrix, Vector3};
 use serde::{Deserialize, Serialize};
 
 use crate::calibration::{Calibration, CompensatedPose};
+use crate::codes::Condition;
 use crate::files::schema::RESULTS_VERSION;
 use crate::files::{FileError, hexadecimal, sha256_of};
 use crate::identification::{Identification, UncertainEstimate};
 use crate::measurement::Measurement;
 use crate::plan::search::PlanProof;
-use crate::plan::{Assessment, CommonSources, Criterion, Experiment, Plan, PromiseShare};
+use crate::plan::{Assessment, CommonSources, Criterion, Experiment, Plan, UncertaintyBudget};
 use crate::quantities::units;
 use crate::record::platform::platform;
+use crate::record::residuals::ResidualMessage;
 use crate::robot::{Commands, Load};
 use crate::scenario::Scenario;
 use crate::task::{AccuracyKind, Fingerprint, Method};
+use crate::testbed::RunTruth;
 use crate::{COMMIT, VERSION};
 
 /// What a JSON file holds and in which form, so that another version can tell.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct SchemaMessage {
     /// "elastocal." and the command that makes such results.
     pub name: String,
@@ -35,7 +37,6 @@ pub struct SchemaMessage {
 
 impl SchemaMessage {
     /// The schema of what a command of this program prints.
-    #[must_use]
     pub fn new(command: &str) -> Self {
         Self {
             name: format!("elastocal.{command}"),
@@ -45,8 +46,7 @@ impl SchemaMessage {
 }
 
 /// Where an output comes from.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct ProvenanceMessage {
     /// The version of elastocal.
     pub version: String,
@@ -73,7 +73,6 @@ pub struct ProvenanceMessage {
 
 impl ProvenanceMessage {
     /// The provenance of what this program makes of a scenario.
-    #[must_use]
     pub fn new(scenario: &Scenario) -> Self {
         Self {
             version: VERSION.to_owned(),
@@ -88,9 +87,6 @@ impl ProvenanceMessage {
     }
 
     /// The same with a file that was given beside the scenario.
-    ///
-    /// # Errors
-    /// It cannot be read.
     pub fn with_input(mut self, name: &str, path: &Path) -> Result<Self, FileError> {
         let hash = hexadecimal(&sha256_of(path)?);
         self.inputs_sha256.insert(name.to_owned(), hash);
@@ -99,8 +95,7 @@ impl ProvenanceMessage {
 }
 
 /// One configuration and load of a plan.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct ExperimentMessage {
     /// The commanded joint angles (deg), and lengths (mm) of joints that slide.
     pub q_deg: Vec<f64>,
@@ -112,7 +107,6 @@ pub struct ExperimentMessage {
 
 impl ExperimentMessage {
     /// The record of an experiment.
-    #[must_use]
     pub fn new(commands: &Commands, experiment: &Experiment) -> Self {
         Self {
             q_deg: commands.numbers(experiment.configuration_rad.as_slice()),
@@ -123,7 +117,6 @@ impl ExperimentMessage {
 }
 
 /// The experiments of a plan in their order.
-#[must_use]
 pub fn plan_messages(commands: &Commands, plan: &Plan) -> Vec<ExperimentMessage> {
     let experiments = plan.experiments.iter();
     experiments
@@ -132,8 +125,7 @@ pub fn plan_messages(commands: &Commands, plan: &Plan) -> Vec<ExperimentMessage>
 }
 
 /// One experiment's outcome.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct MeasurementMessage {
     /// The commanded joint angles (deg), and lengths (mm) of joints that slide.
     pub q_deg: Vec<f64>,
@@ -154,7 +146,6 @@ pub struct MeasurementMessage {
 
 impl MeasurementMessage {
     /// The record of a measurement.
-    #[must_use]
     pub fn new(commands: &Commands, measurement: &Measurement) -> Self {
         let rotation = measurement.rotation.as_ref();
         Self {
@@ -169,8 +160,7 @@ impl MeasurementMessage {
 }
 
 /// What was identified, and how well; the arrays go by `parameters`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct IdentificationMessage {
     /// `linear` or `nonlinear`.
     pub method: String,
@@ -214,9 +204,9 @@ pub struct IdentificationMessage {
     /// The probability of residuals at least this small if model and sigma are right.
     #[serde(default)]
     pub consistency_lower: Option<f64>,
-    /// The conditions that did not hold, besides what is not determined.
+    /// What must be looked at.
     #[serde(default)]
-    pub conditions: Vec<String>,
+    pub conditions: Vec<Condition>,
     /// The number of independent combinations of compliances that the measurements determine.
     pub rank: usize,
     /// The condition number of the observation matrix with columns scaled to length one; null
@@ -269,7 +259,7 @@ impl From<&Identification> for IdentificationMessage {
             residual_sigma_mm: identification.residual_sigma_m.map(|sigma| sigma * 1e3),
             consistency: identification.consistency,
             consistency_lower: identification.consistency_lower,
-            conditions: identification.doubts(),
+            conditions: identification.conditions(),
             rank: identification.rank,
             condition: Some(identification.condition).filter(|value| value.is_finite()),
             iterations: identification.iterations,
@@ -291,8 +281,7 @@ fn rows_of(matrix: &DMatrix<f64>) -> Vec<Vec<f64>> {
 }
 
 /// What measurements say of something that is uncertain besides the identified compliances.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct UncertainMessage {
     /// Its name, such as "load.scale" or "joint_1.compliance".
     pub name: String,
@@ -319,8 +308,7 @@ impl From<&UncertainEstimate> for UncertainMessage {
 }
 
 /// What an identification rests on, so that it is not taken for another robot's.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct FingerprintMessage {
     /// SHA-256 of the robot's kinematics: its joints' names, axes and places.
     pub robot_sha256: String,
@@ -339,8 +327,7 @@ impl From<Fingerprint> for FingerprintMessage {
 }
 
 /// What a plan promises; the arrays go by `parameters`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct AssessmentMessage {
     /// What must be accurate: `relative`, how far the load moves the tool.
     #[serde(default = "relative")]
@@ -355,10 +342,9 @@ pub struct AssessmentMessage {
     /// The distance (mm) that 95 % of all draws of what is uncertain stay below; null where there is no `rho0_mm`.
     #[serde(default)]
     pub quantile95_mm: Option<f64>,
-    /// What `rho0_mm` is made of: the instrument's noise, an earlier identification, each uncertainty of the scenario.
-    /// Their squares add up.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub rho0_shares: Vec<ShareMessage>,
+    /// What `rho0_mm` is made of; null where there is none.
+    #[serde(default)]
+    pub uncertainty_budget: Option<UncertaintyBudget>,
     /// The error sources in common with the campaign of `robot.prior`; null where there are none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub common_sources: Option<CommonSourcesMessage>,
@@ -403,8 +389,7 @@ pub struct AssessmentMessage {
 }
 
 /// How well a plan determines something that is to be found besides compliances.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct FurtherMessage {
     /// Its name, as in `robot.parameters`.
     pub name: String,
@@ -414,32 +399,8 @@ pub struct FurtherMessage {
     pub std: Option<f64>,
 }
 
-/// A part of a promise.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
-pub struct ShareMessage {
-    /// What leaves it: "noise", "earlier identification", or the name of an uncertainty.
-    pub name: String,
-    /// What it alone leaves (mm).
-    pub rho0_mm: f64,
-    /// What it does not move, where its name might be read otherwise.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub remark: Option<String>,
-}
-
-impl From<&PromiseShare> for ShareMessage {
-    fn from(share: &PromiseShare) -> Self {
-        Self {
-            name: share.name.clone(),
-            rho0_mm: share.rho0_m * 1e3,
-            remark: share.remark.map(str::to_owned),
-        }
-    }
-}
-
 /// Error sources whose value is the same in the campaign of `robot.prior` and in this one.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct CommonSourcesMessage {
     /// Their names.
     pub names: Vec<String>,
@@ -457,8 +418,7 @@ impl From<CommonSources> for CommonSourcesMessage {
 }
 
 /// How near a proof of a bound is.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct ProofMessage {
     /// How far the proved bound of the largest directional derivative is above the largest found, as a share.
     pub gap: f64,
@@ -480,8 +440,7 @@ impl From<&PlanProof> for ProofMessage {
 }
 
 /// One bound that an experiment of a plan does not keep, or a load that is not allowed.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct ViolationMessage {
     /// The experiment's number, from 1; null where the plan as a whole is impossible.
     pub experiment: Option<usize>,
@@ -503,7 +462,6 @@ fn relative() -> String {
 
 impl AssessmentMessage {
     /// The record of an assessment.
-    #[must_use]
     pub fn new(scenario: &Scenario, assessment: &Assessment) -> Self {
         let millimetres = |(criterion, value): &(Criterion, Option<f64>)| {
             let unit = if *criterion == Criterion::TestPose {
@@ -530,7 +488,7 @@ impl AssessmentMessage {
             parameters: scenario.task.belief.parameter_names(),
             rho0_mm: assessment.rho0_m.map(|value| value * 1e3),
             quantile95_mm: assessment.quantile95_m.map(|value| value * 1e3),
-            rho0_shares: (assessment.shares.iter()).map(ShareMessage::from).collect(),
+            uncertainty_budget: assessment.uncertainty_budget.clone(),
             common_sources: (assessment.common_sources.clone()).map(CommonSourcesMessage::from),
             compliance_std_rad_per_nm: assessment.standard_errors.clone(),
             further_std: (assessment.further.iter())
@@ -569,8 +527,7 @@ impl AssessmentMessage {
 }
 
 /// What compensation achieves at a test pose.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct TestPoseMessage {
     /// The test pose's name.
     pub name: String,
@@ -595,7 +552,6 @@ pub struct TestPoseMessage {
 
 impl TestPoseMessage {
     /// The record of a compensated test pose.
-    #[must_use]
     pub fn new(commands: &Commands, pose: &CompensatedPose) -> Self {
         Self {
             name: pose.name.clone(),
@@ -611,9 +567,51 @@ impl TestPoseMessage {
     }
 }
 
+/// The simulated truth of a run on the virtual robot.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+pub struct TruthMessage {
+    /// The run's number.
+    pub run: u64,
+    /// The compliances of the identified joints (rad/(N m)).
+    pub compliance_rad_per_nm: Vec<f64>,
+    /// All that the run samples once; compliances as the logarithm of their ratio to the virtual robot's.
+    pub sampled: Vec<SampledMessage>,
+    /// How far the load moved the tool in each measurement (mm, world frame), without the instrument's errors.
+    pub deflections_mm: Vec<[f64; 3]>,
+}
+
+/// Something that a run samples once.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+pub struct SampledMessage {
+    /// Its name, such as "load.scale".
+    pub name: String,
+    /// The unit of the value; "1" for the logarithm of a ratio to what is nominal.
+    pub unit: String,
+    /// The value in this run.
+    pub value: f64,
+}
+
+impl TruthMessage {
+    /// The record of a run's truth, with the compliances of these joints.
+    pub fn new(joints: impl IntoIterator<Item = usize>, truth: &RunTruth) -> Self {
+        let compliance = |joint: usize| truth.compliance_rad_per_nm[joint];
+        Self {
+            run: truth.run,
+            compliance_rad_per_nm: joints.into_iter().map(compliance).collect(),
+            sampled: (truth.sampled.iter())
+                .map(|each| SampledMessage {
+                    name: each.name.clone(),
+                    unit: each.unit.to_owned(),
+                    value: each.value,
+                })
+                .collect(),
+            deflections_mm: truth.deflections_m.iter().map(thousandfold).collect(),
+        }
+    }
+}
+
 /// One calibration from plan to compensated test poses.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct CalibrationMessage {
     /// The plan's name.
     pub name: String,
@@ -621,18 +619,20 @@ pub struct CalibrationMessage {
     pub plan: Vec<ExperimentMessage>,
     /// Its measurements.
     pub measurements: Vec<MeasurementMessage>,
-    /// How many more readings the plan has, which were dropped.
-    #[serde(default, skip_serializing_if = "is_zero")]
-    pub dropped_readings: usize,
-    /// What was identified from them.
+    /// The simulated truth of the run.
+    #[serde(default)]
+    pub truth: TruthMessage,
+    /// What was identified from the measurements.
     pub identification: IdentificationMessage,
+    /// Each measurement's residual, standardised.
+    #[serde(default)]
+    pub residuals: Vec<ResidualMessage>,
     /// What that achieves at each test pose.
     pub test_poses: Vec<TestPoseMessage>,
 }
 
 impl CalibrationMessage {
     /// The record of a calibration under the name of its plan.
-    #[must_use]
     pub fn new(commands: &Commands, name: &str, calibration: &Calibration) -> Self {
         let measurements = calibration.measurements.iter();
         let poses = calibration.poses.iter();
@@ -642,8 +642,16 @@ impl CalibrationMessage {
             measurements: measurements
                 .map(|each| MeasurementMessage::new(commands, each))
                 .collect(),
-            dropped_readings: calibration.dropped(),
+            truth: TruthMessage::new(
+                calibration
+                    .identification
+                    .parameters
+                    .iter()
+                    .map(|each| each.joint),
+                &calibration.truth,
+            ),
             identification: (&calibration.identification).into(),
+            residuals: ResidualMessage::of(&calibration.residuals),
             test_poses: poses
                 .map(|each| TestPoseMessage::new(commands, each))
                 .collect(),
@@ -651,13 +659,7 @@ impl CalibrationMessage {
     }
 }
 
-#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde's shape")]
-const fn is_zero(count: &usize) -> bool {
-    *count == 0
-}
-
 /// A load as force (N), then torque (N m).
-#[must_use]
 pub fn wrench(load: &Load) -> [f64; 6] {
     load.wrench().into()
 }

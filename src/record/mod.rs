@@ -3,17 +3,18 @@
 //! - [`messages`]: a calibration, what a plan promises, and where results come from; `--json`,
 //!   results.json and the MCAP file share them.
 //! - [`platform`]: what results may depend on beyond the program, the scenario and the seed.
-//! - [`contradictions`]: two series of readings that cannot both be right.
-//! - [`ladder`]: models with more and more parameters, compared.
-//! - [`residuals`], [`patterns`]: what `identify` says of residuals and likely mistakes.
+//! - [`inconsistencies`]: two series of readings that cannot both be right.
+//! - [`model_selection`]: models with more and more parameters, compared.
+//! - [`residuals`], [`patterns`], [`repeats`]: what `identify` says of residuals, likely mistakes and repeated visits.
 //! - [`selection`]: choices of readings, and what came of them.
 //! - [`study`]: a Monte Carlo study.
+//! - [`static_compliance`]: of the tool at test poses.
 //! - [`tally_file`]: tallies of parts of a study, to join or to go on from.
 //! - [`understanding`]: a robot as it was understood.
 //! - [`campaign`]: a plan as it is carried out in the laboratory.
 //! - [`candidates`]: what a plan was chosen from; [`absolute_plan`]: a plan of absolute readings; [`absolute_trials`]: what
 //!   was seen of one.
-//! - [`evidence`]: what a plan is shown beside; [`exchanges`]: what exchanging one measurement of it can gain.
+//! - [`evidence`]: what a plan is shown beside.
 
 pub mod absolute;
 pub mod absolute_plan;
@@ -21,17 +22,18 @@ pub mod absolute_trials;
 pub mod account;
 pub mod campaign;
 pub mod candidates;
-pub mod contradictions;
 pub mod evidence;
-pub mod exchanges;
 mod header_check;
+pub mod inconsistencies;
 pub mod json;
-pub mod ladder;
 pub mod messages;
+pub mod model_selection;
 pub mod patterns;
 pub mod platform;
+pub mod repeats;
 pub mod residuals;
 pub mod selection;
+pub mod static_compliance;
 pub mod study;
 pub mod tally_file;
 pub mod understanding;

@@ -8,8 +8,7 @@ use crate::identification::patterns::{
 };
 
 /// What residuals go with.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct PatternsMessage {
     /// What was found, the strongest first.
     pub found: Vec<PatternMessage>,
@@ -27,15 +26,14 @@ pub struct PatternsMessage {
 }
 
 /// Something that residuals go with.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct PatternMessage {
     /// Against what: `joint angle`, `joint torque`, `approach`, `order`, `time`, `temperature` or `range`.
     pub against: String,
     /// The joint; null where it is none's.
     pub joint: Option<String>,
     /// How many waves in a revolution, against a joint's angle.
-    pub waves: Option<usize>,
+    pub harmonic: Option<usize>,
     /// What drifts, with order, time and temperature: `base`, `size` or `joint`.
     pub drifting: Option<String>,
     /// The pattern in words.
@@ -52,7 +50,7 @@ pub struct PatternMessage {
     pub statistic: f64,
     /// Its first number of degrees of freedom.
     pub degrees_of_freedom: usize,
-    /// By how much misfits that are alike in a block of joint space count less than independent ones.
+    /// By how much discrepancies that are alike in a block of joint space count less than independent ones.
     pub design_effect: f64,
     /// The probability that chance makes any of all that were looked at as strong.
     pub probability: f64,
@@ -63,13 +61,12 @@ pub struct PatternMessage {
 }
 
 /// The mean of what some readings show.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct PatternPointMessage {
     /// Where, in `at_unit`.
     pub at: f64,
     /// What is seen there, in `unit`; other patterns are taken off.
-    pub seen: f64,
+    pub observed: f64,
     /// Its standard error.
     pub standard_error: f64,
     /// What the pattern says.
@@ -78,7 +75,6 @@ pub struct PatternPointMessage {
 
 impl PatternsMessage {
     /// The record of patterns of a robot with these joints; of deflections, or of absolute readings.
-    #[must_use]
     pub fn new(patterns: &Patterns, joints: &[String], is_of_deflections: bool) -> Self {
         let found = patterns.found.iter();
         Self {
@@ -94,7 +90,6 @@ impl PatternsMessage {
     }
 
     /// The same of a fit that left out some readings.
-    #[must_use]
     pub fn without(self, rejected: &[RejectedReading]) -> Self {
         Self {
             without: rejected.iter().map(|each| each.reading + 1).collect(),
@@ -127,7 +122,7 @@ fn message(pattern: &Pattern, joints: &[String], is_of_deflections: bool) -> Pat
     PatternMessage {
         against: against.kind().to_owned(),
         joint: against.joint().and_then(|joint| joints.get(joint).cloned()),
-        waves: match against {
+        harmonic: match against {
             Against::Angle { waves, .. } => Some(waves),
             _ => None,
         },
@@ -148,7 +143,7 @@ fn message(pattern: &Pattern, joints: &[String], is_of_deflections: bool) -> Pat
         points: points
             .map(|point| PatternPointMessage {
                 at: point.at * at_factor,
-                seen: point.seen,
+                observed: point.seen,
                 standard_error: point.standard_error,
                 pattern: point.pattern,
             })

@@ -2,7 +2,6 @@
 
 /// The machine's kind and system, and the instruction sets for which the numerical libraries have
 /// code of its own, such as "`x86_64` linux avx2 fma".
-#[must_use]
 pub fn platform() -> String {
     let mut platform = format!("{} {}", std::env::consts::ARCH, std::env::consts::OS);
     for name in instruction_sets() {

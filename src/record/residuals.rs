@@ -2,18 +2,21 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::identification::Residuals;
 use crate::identification::diagnoses::{Diagnosis, Mistake};
+use crate::identification::{MeasurementResidual, Residuals};
 
 /// The residual of one measurement against its own uncertainty.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct ResidualMessage {
     /// The measurement's number, from 1.
     pub measurement: usize,
     /// The residual's coordinates x, y, z (of a rotation, too, where it is measured) over their own
     /// standard deviations; null where the fit goes through the measurement.
     pub standardised: Vec<Option<f64>>,
+    /// How many of its coordinates the fit takes up (the trace of its block of the hat matrix): over all measurements the
+    /// effective number of parameters.
+    #[serde(default)]
+    pub leverage: f64,
     /// The Mahalanobis distance of the residual.
     pub distance: f64,
     /// The number of independent coordinates in that.
@@ -22,9 +25,23 @@ pub struct ResidualMessage {
     pub probability: Option<f64>,
 }
 
+impl ResidualMessage {
+    /// The records of measurements' residuals in their order.
+    pub fn of(residuals: &[MeasurementResidual]) -> Vec<Self> {
+        let message = |(measurement, each): (usize, &MeasurementResidual)| Self {
+            measurement,
+            standardised: each.standardised.clone(),
+            leverage: each.leverage,
+            distance: each.distance,
+            degrees_of_freedom: each.freedom,
+            probability: each.probability,
+        };
+        (1..).zip(residuals).map(message).collect()
+    }
+}
+
 /// The measurement that fits least, and what would be without it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct SuspectMessage {
     /// The measurement's number, from 1.
     pub measurement: usize,
@@ -37,8 +54,7 @@ pub struct SuspectMessage {
 }
 
 /// A likely mistake.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct DiagnosisMessage {
     /// What kind of mistake.
     pub kind: String,
@@ -50,8 +66,7 @@ pub struct DiagnosisMessage {
 }
 
 /// What `identify` says of residuals and mistakes.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct ResidualsMessage {
     /// Each measurement's residual.
     pub residuals: Vec<ResidualMessage>,
@@ -63,19 +78,9 @@ pub struct ResidualsMessage {
 
 impl ResidualsMessage {
     /// The record of residuals and diagnoses.
-    #[must_use]
     pub fn new(residuals: &Residuals, diagnoses: &[Diagnosis]) -> Self {
-        let numbered = residuals.measurements.iter().enumerate();
         Self {
-            residuals: numbered
-                .map(|(index, each)| ResidualMessage {
-                    measurement: index + 1,
-                    standardised: each.standardised.clone(),
-                    distance: each.distance,
-                    degrees_of_freedom: each.freedom,
-                    probability: each.probability,
-                })
-                .collect(),
+            residuals: ResidualMessage::of(&residuals.measurements),
             most_suspicious: residuals.suspect.as_ref().map(|suspect| SuspectMessage {
                 measurement: suspect.measurement + 1,
                 probability_of_any: suspect.probability_of_any,

@@ -2,7 +2,6 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::absolute::LengthsMessage;
 use crate::identification::DistanceStatistics;
 use crate::study::selection::{Chosen, Selection, SelectionOfSize, spread_of};
 
@@ -10,8 +9,7 @@ use crate::study::selection::{Chosen, Selection, SelectionOfSize, spread_of};
 pub type SpreadMessage = [f64; 3];
 
 /// What came of choices of readings.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct SelectionMessage {
     /// How many readings there are.
     pub readings: usize,
@@ -22,16 +20,15 @@ pub struct SelectionMessage {
     /// What was left out since no reading can tell it from others.
     pub left_out: Vec<String>,
     /// What no unknown explains, of each coordinate (mm); null where the readings' own deviations explain all.
-    pub misfit_mm: Option<f64>,
+    pub discrepancy_mm: Option<f64>,
     /// What a fit of all readings leaves of them (mm).
-    pub all_mm: LengthsMessage,
+    pub all_mm: DistanceStatistics,
     /// By size.
     pub sizes: Vec<SelectionSizeMessage>,
 }
 
 /// What came of choices of one size.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct SelectionSizeMessage {
     /// How many readings were chosen.
     pub size: u32,
@@ -42,8 +39,7 @@ pub struct SelectionSizeMessage {
 }
 
 /// A planned choice.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct PlannedChoiceMessage {
     /// The criterion; `test_pose` stands for absolute accuracy over all readings.
     pub criterion: String,
@@ -54,20 +50,19 @@ pub struct PlannedChoiceMessage {
     /// What no choice of as many readings is below (mm), of the choice for absolute accuracy.
     pub lower_bound_rho0_mm: Option<f64>,
     /// Distances at all other readings (mm); null where there is no fit.
-    pub distance_mm: Option<LengthsMessage>,
+    pub distance_mm: Option<DistanceStatistics>,
     /// The rms distance from the robot that all readings are fitted to (mm).
     pub from_all_mm: Option<f64>,
     /// The share of random choices whose mean distance is larger.
     pub better_than_random: Option<f64>,
-    /// The rms distance from the true robot without misfit, over all times that it was read (mm).
-    pub without_misfit_from_true_mm: Option<f64>,
+    /// The rms distance from the true robot without discrepancy, over all times that it was read (mm).
+    pub without_discrepancy_from_true_mm: Option<f64>,
     /// Why there is no such choice.
     pub problem: Option<String>,
 }
 
 /// Random choices: each number is of one choice, told by its spread.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct RandomChoicesMessage {
     /// How many.
     pub draws: usize,
@@ -85,25 +80,18 @@ pub struct RandomChoicesMessage {
     pub largest_mm: Option<SpreadMessage>,
     /// The rms distances from the robot that all readings are fitted to (mm).
     pub from_all_mm: Option<SpreadMessage>,
-    /// The same from the true robot without misfit, over all times that it was read.
-    pub without_misfit_from_true_mm: Option<SpreadMessage>,
+    /// The same from the true robot without discrepancy, over all times that it was read.
+    pub without_discrepancy_from_true_mm: Option<SpreadMessage>,
     /// The mean of each choice (mm), for the picture.
     pub means_mm: Vec<f64>,
 }
 
 impl SelectionMessage {
     /// The record.
-    #[must_use]
     pub fn new(selection: &Selection<'_>) -> Self {
         let all = &selection.parts.all;
         let set = &all.set;
-        let nothing = DistanceStatistics {
-            mean: 0.0,
-            rms: 0.0,
-            quantile95: 0.0,
-            largest: 0.0,
-        };
-        let left = DistanceStatistics::of_positions(&all.left).unwrap_or(nothing);
+        let left = DistanceStatistics::of_positions(&all.left).unwrap_or_default();
         let precision = &set.prior().precision;
         Self {
             readings: all.left.len(),
@@ -116,8 +104,8 @@ impl SelectionMessage {
                 .filter(|&index| precision[(index, index)] > 0.0)
                 .count(),
             left_out: all.left_out.iter().map(|each| each.name.clone()).collect(),
-            misfit_mm: all.misfit.map(|[position_m, _]| position_m * 1e3),
-            all_mm: LengthsMessage::in_thousandths(&left),
+            discrepancy_mm: all.discrepancy.map(|[position_m, _]| position_m * 1e3),
+            all_mm: DistanceStatistics::in_thousandths(&left),
             sizes: selection
                 .sizes
                 .iter()
@@ -127,9 +115,9 @@ impl SelectionMessage {
     }
 }
 
-/// Over all times that the robot without misfit was read, rms (mm).
-fn without_misfit_mm(chosen: &Chosen) -> Option<f64> {
-    let squares: Vec<f64> = (chosen.without_misfit.iter())
+/// Over all times that the robot without discrepancy was read, rms (mm).
+fn without_discrepancy_mm(chosen: &Chosen) -> Option<f64> {
+    let squares: Vec<f64> = (chosen.without_discrepancy.iter())
         .map(|judged| judged.from_all_m.powi(2))
         .collect();
     (!squares.is_empty()).then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt() * 1e3)
@@ -168,10 +156,10 @@ impl PlannedChoiceMessage {
             rho0_mm: chosen.promised_m.map(|value| value * 1e3),
             lower_bound_rho0_mm: chosen.bound_m.map(|value| value * 1e3),
             distance_mm: (chosen.judged.as_ref())
-                .map(|judged| LengthsMessage::in_thousandths(&judged.distance)),
+                .map(|judged| DistanceStatistics::in_thousandths(&judged.distance)),
             from_all_mm: chosen.judged.map(|judged| judged.from_all_m * 1e3),
             better_than_random: better,
-            without_misfit_from_true_mm: without_misfit_mm(chosen),
+            without_discrepancy_from_true_mm: without_discrepancy_mm(chosen),
             problem: (chosen.judged.is_none()).then(|| "there is no fit".to_owned()),
         }
     }
@@ -185,7 +173,7 @@ impl PlannedChoiceMessage {
             distance_mm: None,
             from_all_mm: None,
             better_than_random: None,
-            without_misfit_from_true_mm: None,
+            without_discrepancy_from_true_mm: None,
             problem: Some(problem.to_owned()),
         }
     }
@@ -210,8 +198,8 @@ impl RandomChoicesMessage {
             quantile95_mm: spread(&|distance| distance.quantile95),
             largest_mm: spread(&|distance| distance.largest),
             from_all_mm: spread_of(judged().map(|judged| judged.from_all_m * 1e3).collect()),
-            without_misfit_from_true_mm: spread_of(
-                random.iter().filter_map(without_misfit_mm).collect(),
+            without_discrepancy_from_true_mm: spread_of(
+                random.iter().filter_map(without_discrepancy_mm).collect(),
             ),
             means_mm: judged().map(|judged| judged.distance.mean * 1e3).collect(),
         }

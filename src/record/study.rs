@@ -4,17 +4,17 @@ use std::fmt::Write;
 
 use serde::{Deserialize, Serialize};
 
-use super::account::{PartMessage, verdict};
+use super::account::{ContributionMessage, verdict};
+use super::messages::CommonSourcesMessage;
+use crate::csv::word_field;
 use crate::study::Conditions;
 use crate::study::account::Account;
-use crate::study::ranks::{Ranks, deviation, left_by_chance};
-use crate::study::summary::Summary;
-use crate::study::switched_off::SeenShare;
+use crate::study::summary::{Measured, Summary};
 use crate::study::tally::{Failure, Tally};
+use crate::study::verdict::{MonteCarloOutcome, numerical_tolerance};
 
 /// What many runs of one plan say. Numbers that do not exist are `null`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct StudyPlanMessage {
     /// The plan's name.
     pub name: String,
@@ -44,17 +44,24 @@ pub struct StudyPlanMessage {
     pub predicted_rms_mm: Option<f64>,
     /// What the belief promises for the rms (mm), where the scenario lists uncertainties.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub promised_rms_mm: Option<f64>,
+    pub combined_rms_mm: Option<f64>,
     /// The distance that the belief promises 95 % of the runs to stay below (mm); nothing where every run has a plan of its
     /// own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub promised_quantile95_mm: Option<f64>,
-    /// What the errors are made of, to first order; their squares add up to the square of what is to be expected.
+    pub predicted_quantile95_mm: Option<f64>,
+    /// The contributions to the errors of the simulated truth, to first order; their squares add up to the square of what is to be
+    /// expected.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub parts: Vec<PartMessage>,
-    /// Whether the promise holds, in words.
+    pub contributions: Vec<ContributionMessage>,
+    /// The error sources in common with the campaign of `robot.prior`, which the runs take as independent; null where there are none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub common_sources: Option<CommonSourcesMessage>,
+    /// Whether the prediction holds, in words.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub verdict: Option<String>,
+    /// The comparison of the predicted expanded uncertainty with that of the runs (JCGM 101, clause 8).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub validation: Option<ValidationMessage>,
     /// The distances that 5, 50, 95 and 99 % of the runs do not exceed (mm).
     pub quantiles_mm: Option<[f64; 4]>,
     /// How often which distances were left.
@@ -71,35 +78,44 @@ pub struct StudyPlanMessage {
     /// The share of the 95 % intervals of compliances that hold the true one; there is none by the linear model.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub coverage95: Option<f64>,
-    /// Where the true values lie in what was known of each unknown, where uncertainties are listed; there is nothing by the
-    /// linear model.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub ranks: Vec<RankMessage>,
-    /// The largest deviation of ranks that chance leaves in 95 of 100 such studies.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub rank_deviation_by_chance: Option<f64>,
     /// The mean distance over that of the first random plan.
     pub mean_ratio_to_random: Option<f64>,
     /// The 95 % interval of that ratio.
     pub mean_ratio_to_random_ci95: Option<[f64; 2]>,
 }
 
-/// Simulation-based calibration of one unknown: the distribution function of what is known of it, at its true value, is
-/// uniform over runs whose true values are drawn from what was known before.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
-pub struct RankMessage {
-    /// The unknown's name.
-    pub name: String,
-    /// How many runs fell into each of 20 even bins from 0 to 1.
-    pub counts: Vec<u64>,
-    /// By how much the distribution is off at most from the even one.
-    pub deviation: f64,
+/// A predicted expanded uncertainty U beside that of a Monte Carlo study (JCGM 101, clause 8).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+pub struct ValidationMessage {
+    /// The predicted radius that holds 95 % (um).
+    pub predicted_um: f64,
+    /// That of the runs (um).
+    pub monte_carlo_um: f64,
+    /// Its standard error (um).
+    pub monte_carlo_std_um: f64,
+    /// The numerical tolerance of the predicted standard uncertainty with two significant digits (um).
+    pub numerical_tolerance_um: f64,
+    /// `validated`, `not validated`, or `undecided` by so few runs.
+    pub outcome: String,
+}
+
+impl ValidationMessage {
+    /// That of a predicted U (m) with its standard uncertainty (m).
+    fn new(predicted_m: f64, standard_m: f64, observed_m: Measured) -> Self {
+        let tolerance_m = numerical_tolerance(standard_m);
+        let outcome = MonteCarloOutcome::of(predicted_m, observed_m, tolerance_m);
+        Self {
+            predicted_um: predicted_m * 1e6,
+            monte_carlo_um: observed_m.value * 1e6,
+            monte_carlo_std_um: observed_m.standard_error * 1e6,
+            numerical_tolerance_um: tolerance_m * 1e6,
+            outcome: outcome.name().to_owned(),
+        }
+    }
 }
 
 /// A histogram of distances; bins grow with the distance, 8 an octave.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "view", derive(schemars::JsonSchema))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct HistogramMessage {
     /// The edges of the bins (mm), one more than there are bins.
     pub edges_mm: Vec<f64>,
@@ -109,7 +125,6 @@ pub struct HistogramMessage {
 
 impl HistogramMessage {
     /// The record of a tally whose distances are in units of `sigma_m`.
-    #[must_use]
     pub fn new(tally: &Tally, sigma_m: f64) -> Self {
         let (edges, counts) = tally.histogram();
         Self {
@@ -121,14 +136,13 @@ impl HistogramMessage {
 
 impl StudyPlanMessage {
     /// The record of a plan's tally, whose distances are in units of the conditions' sigma.
-    #[must_use]
     pub fn new(
         name: &str,
         conditions: &Conditions,
         parameters: usize,
         tally: &Tally,
         summary: Option<&Summary>,
-        (account, promised_quantile95_m): (Option<&Account>, Option<f64>),
+        (account, predicted_quantile95_m): (Option<&Account>, Option<f64>),
     ) -> Self {
         let of =
             |value: &dyn Fn(&Summary) -> f64| summary.map(value).filter(|value| value.is_finite());
@@ -148,12 +162,23 @@ impl StudyPlanMessage {
             rms_mm: of(&|each| each.rms_m.value * 1e3),
             rms_std_mm: of(&|each| each.rms_m.standard_error * 1e3),
             predicted_rms_mm: of(&|each| each.predicted_rms_m * 1e3),
-            promised_rms_mm: account.map(|account| account.promised_m * 1e3),
-            promised_quantile95_mm: promised_quantile95_m.map(|value| value * 1e3),
-            parts: account.map_or_else(Vec::new, |account| {
-                account.parts.iter().map(PartMessage::from).collect()
+            combined_rms_mm: account.map(|account| account.promised_m * 1e3),
+            predicted_quantile95_mm: predicted_quantile95_m.map(|value| value * 1e3),
+            contributions: account.map_or_else(Vec::new, |account| {
+                account
+                    .parts
+                    .iter()
+                    .map(ContributionMessage::from)
+                    .collect()
             }),
+            common_sources: account
+                .and_then(|account| account.common.clone())
+                .map(CommonSourcesMessage::from),
             verdict: (account.zip(summary)).map(|(account, each)| verdict(account, each.rms_m)),
+            validation: (predicted_quantile95_m.zip(summary)).map(|(predicted_m, each)| {
+                let standard_m = account.map_or(each.predicted_rms_m, |account| account.promised_m);
+                ValidationMessage::new(predicted_m, standard_m, each.radius95_m)
+            }),
             quantiles_mm: summary.map(|each| each.quantiles_m.map(|value| value * 1e3)),
             histogram: HistogramMessage::new(tally, conditions.sigma_m),
             z: of(&|each| each.z),
@@ -161,42 +186,8 @@ impl StudyPlanMessage {
             nees_expected: expected(tally).unwrap_or(parameters),
             nees_z: of(&|each| each.nees_z),
             coverage95: tally.coverage(),
-            ranks: Vec::new(),
-            rank_deviation_by_chance: None,
             mean_ratio_to_random: ratio.map(|ratio| ratio.value),
             mean_ratio_to_random_ci95: ratio.map(|ratio| ratio.interval95()),
-        }
-    }
-}
-
-impl StudyPlanMessage {
-    /// Adds the ranks of unknowns with these names.
-    pub fn rank(&mut self, names: &[&str], ranks: &Ranks) {
-        let named = names.iter().zip(ranks.counts());
-        self.ranks = named
-            .filter(|(_, counts)| counts.iter().any(|count| *count > 0))
-            .map(|(name, counts)| RankMessage {
-                name: (*name).to_owned(),
-                counts: counts.to_vec(),
-                deviation: deviation(counts),
-            })
-            .collect();
-        self.rank_deviation_by_chance =
-            (!self.ranks.is_empty()).then(|| left_by_chance(self.runs, self.ranks.len()));
-    }
-
-    /// The unknown whose ranks are least even.
-    #[must_use]
-    pub fn worst_rank(&self) -> Option<&RankMessage> {
-        let ranks = self.ranks.iter();
-        ranks.max_by(|one, other| one.deviation.total_cmp(&other.deviation))
-    }
-
-    /// Adds what was seen of the parts.
-    pub fn see(&mut self, shares: &[SeenShare]) {
-        for part in &mut self.parts {
-            let seen = shares.iter().find(|share| share.name == part.name);
-            part.seen_rms_mm = seen.map(|share| share.rms_m * 1e3);
         }
     }
 }
@@ -208,7 +199,6 @@ fn expected(tally: &Tally) -> Option<usize> {
 }
 
 /// A CSV table with one row for each plan.
-#[must_use]
 pub fn study_csv(plans: &[StudyPlanMessage]) -> String {
     let mut text = String::from(
         "plan,experiments,sigma_mm,load_scale,runs,failed,mean_mm,mean_low95_mm,mean_high95_mm,rms_mm,predicted_rms_mm,\
@@ -234,7 +224,7 @@ pub fn study_csv(plans: &[StudyPlanMessage]) -> String {
         ];
         text += &format!(
             "{},{},{},{},{},{}",
-            quoted(&plan.name),
+            word_field(&plan.name),
             plan.experiments,
             plan.sigma_mm,
             plan.load_scale,
@@ -255,14 +245,6 @@ pub fn study_csv(plans: &[StudyPlanMessage]) -> String {
 
 fn split<const N: usize>(values: Option<[f64; N]>) -> [Option<f64>; N] {
     values.map_or([None; N], |values| values.map(Some))
-}
-
-fn quoted(name: &str) -> String {
-    if name.contains([',', '"', '\n', '\r']) {
-        format!("\"{}\"", name.replace('"', "\"\""))
-    } else {
-        name.to_owned()
-    }
 }
 
 fn reasons(tally: &Tally) -> Vec<(String, u64)> {

@@ -11,6 +11,7 @@ use sha2::{Digest, Sha256};
 
 use super::account::AccountHeader;
 use super::messages::ProvenanceMessage;
+use crate::codes::ErrorCode;
 use crate::files::output::write_whole;
 use crate::files::schema::check_version;
 use crate::files::typed::from_json;
@@ -23,10 +24,8 @@ use crate::robot::Load;
 use crate::scenario::Scenario;
 use crate::study::absolute::{AbsoluteEntry, AbsoluteRunner, BLOCK_RUNS};
 use crate::study::account::Account;
-use crate::study::ranks::{RANKS, Ranks};
 use crate::study::tally::{BINS, Failure, SUMS, Tally};
 use crate::study::{Conditions, Entry, Level, Setting, runner};
-use crate::task::Extended;
 
 /// What a study's numbers depend on; tallies of different headers do not add.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -46,9 +45,6 @@ pub struct Header {
     /// The number of all unknowns, where more than these compliances is uncertain.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unknowns: Option<usize>,
-    /// The names of these others; earlier versions did not say them.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub others: Vec<String>,
     /// The plans.
     pub plans: Vec<PlanHeader>,
     /// The number n of shards.
@@ -92,12 +88,11 @@ pub struct PlanHeader {
     pub account: Option<AccountHeader>,
     /// The distance (m) that it promises 95 % of the runs to stay below; nothing where every run has a plan of its own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub promised_quantile95_m: Option<String>,
+    pub predicted_quantile95_m: Option<String>,
 }
 
 impl PlanHeader {
     /// The conditions of its runs; `None` where the numbers are damaged.
-    #[must_use]
     pub fn conditions(&self) -> Option<Conditions> {
         Some(Conditions {
             sigma_m: self.sigma_m.parse().ok()?,
@@ -109,7 +104,6 @@ impl PlanHeader {
 
 impl Header {
     /// The header of a study in so many shards.
-    #[must_use]
     pub fn new(
         scenario: &Scenario,
         settings: &[Setting<'_>],
@@ -134,7 +128,7 @@ impl Header {
                         Account::new(&setting.task, setting.truth, plan)
                     })
                     .map(|account| AccountHeader::new(&account)),
-                promised_quantile95_m: (entry.kind.plan())
+                predicted_quantile95_m: (entry.kind.plan())
                     .and_then(|plan| {
                         let task = &settings[entry.setting].task;
                         quantile95_m(task, &posterior(&task.belief, plan))
@@ -150,8 +144,6 @@ impl Header {
             absolute: None,
             parameters: scenario.task.belief.parameter_names(),
             unknowns: (scenario.task.belief.uncertain.as_ref()).map(|all| all.set().len()),
-            others: (scenario.task.belief.uncertain.as_ref())
-                .map_or_else(Vec::new, Extended::other_names),
             plans: (entries.iter().zip(runner::references(entries)))
                 .map(plan)
                 .collect(),
@@ -161,7 +153,6 @@ impl Header {
     }
 
     /// The same of a study of absolute readings, on virtual robots.
-    #[must_use]
     pub fn of_absolute(
         scenario: &Scenario,
         absolute: AbsoluteStudyHeader,
@@ -181,7 +172,7 @@ impl Header {
                 reference,
                 sha256: Some(fingerprint_of_readings(entry)),
                 account: account.map(|account| AccountHeader::new(&account)),
-                promised_quantile95_m: (promise.quantile95_m)
+                predicted_quantile95_m: (promise.quantile95_m)
                     .map(|quantile_m| format!("{quantile_m:.9e}")),
             }
         };
@@ -196,7 +187,6 @@ impl Header {
     }
 
     /// The number of runs of a block.
-    #[must_use]
     pub const fn block_runs(&self) -> u64 {
         match self.absolute {
             Some(_) => BLOCK_RUNS,
@@ -221,20 +211,11 @@ impl Header {
     }
 
     /// The number of all unknowns.
-    #[must_use]
     pub fn unknowns(&self) -> usize {
         self.unknowns.unwrap_or(self.parameters.len())
     }
 
-    /// The names of all unknowns.
-    #[must_use]
-    pub fn unknown_names(&self) -> Vec<&str> {
-        let names = self.parameters.iter().chain(&self.others);
-        names.map(String::as_str).collect()
-    }
-
     /// The plans and how much each measures, for people.
-    #[must_use]
     pub fn title(&self) -> String {
         let mut conditions: Vec<_> = self.plans.iter().map(PlanHeader::conditions).collect();
         conditions.dedup();
@@ -248,7 +229,6 @@ impl Header {
     }
 
     /// A name of its own for each plan, with the conditions where it is studied under several.
-    #[must_use]
     pub fn labels(&self) -> Vec<String> {
         let label = |plan: &PlanHeader| {
             let same = |other: &&PlanHeader| other.name == plan.name;
@@ -267,7 +247,6 @@ impl Header {
     }
 
     /// The number of blocks of shard `shard`, from 1.
-    #[must_use]
     pub const fn blocks_of(&self, shard: u64) -> u64 {
         let blocks = self.trials.div_ceil(self.block_runs());
         (blocks + self.shards).saturating_sub(shard) / self.shards
@@ -361,15 +340,9 @@ struct Version {
 #[serde(deny_unknown_fields)]
 struct StoredTally {
     runs: u64,
-    /// All compliances in every run, where an earlier version left it out.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    freedom: Option<u64>,
-    /// 95 % intervals of compliances, and how many of them hold the true one; earlier versions did not count.
-    #[serde(default, skip_serializing_if = "is_uncounted")]
+    freedom: u64,
+    /// 95 % intervals of compliances, and how many of them hold the true one.
     intervals: [u64; 2],
-    /// How often the true value of each unknown had each rank; earlier versions did not count.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    ranks: Vec<Vec<u64>>,
     pairs: u64,
     failed: Vec<u64>,
     /// Fixed-point integers.
@@ -379,12 +352,9 @@ struct StoredTally {
 }
 
 const FORMAT: u32 = 2;
-/// So many reasons of failed runs had the first files of this format.
-const FIRST_REASONS: usize = 6;
 
 impl TallyFile {
     /// A shard of which nothing is done.
-    #[must_use]
     pub fn empty(header: Header, shard: u64) -> Self {
         Self {
             shard,
@@ -395,15 +365,11 @@ impl TallyFile {
     }
 
     /// Whether all blocks of the shard are done.
-    #[must_use]
     pub const fn is_complete(&self) -> bool {
         self.blocks_done == self.header.blocks_of(self.shard)
     }
 
     /// Writes the file, whole or not at all.
-    ///
-    /// # Errors
-    /// It cannot be written.
     pub fn write(&self, path: &Path) -> Result<(), FileError> {
         let stored = WrittenTallyFile {
             elastocal_tally: FORMAT,
@@ -412,8 +378,9 @@ impl TallyFile {
             blocks_done: self.blocks_done,
             tallies: self.tallies.iter().map(store).collect(),
         };
-        let text = serde_json::to_string(&stored)
-            .map_err(|error| FileError::new(path, format!("cannot be written: {error}")))?;
+        let text = serde_json::to_string(&stored).map_err(|error| {
+            FileError::new(path, format!("cannot be written: {error}")).code(ErrorCode::NotWritable)
+        })?;
         write_whole(path, (text + "\n").as_bytes())
     }
 
@@ -422,6 +389,10 @@ impl TallyFile {
     /// # Errors
     /// It is not a tally, or what it says cannot be.
     pub fn read(path: &Path) -> Result<Self, FileError> {
+        Self::read_tally(path).map_err(|wrong| wrong.or_code(ErrorCode::Tally))
+    }
+
+    fn read_tally(path: &Path) -> Result<Self, FileError> {
         let text = read_text(path)?;
         let no_tally = |wrong: FileError| {
             let problem = format!("is not a tally: {}", wrong.problem);
@@ -463,17 +434,22 @@ impl TallyFile {
         found.check(path, &header)?;
         if found.shard != shard {
             let problem = format!("is of shard {} and not {shard}", found.shard);
-            return Err(FileError::new(path, problem));
+            return Err(wrong_tally(path, problem));
         }
         Ok(Self { header, ..found })
     }
 
     fn check(&self, path: &Path, expected: &Header) -> Result<(), FileError> {
         match expected.difference(&self.header) {
-            Some(problem) => Err(FileError::new(path, problem)),
+            Some(problem) => Err(wrong_tally(path, problem)),
             None => Ok(()),
         }
     }
+}
+
+/// What is wrong with a tally among others.
+fn wrong_tally(path: &Path, problem: String) -> FileError {
+    FileError::new(path, problem).code(ErrorCode::Tally)
 }
 
 /// Joins the complete shards of a study: its header and its tallies.
@@ -494,12 +470,12 @@ pub fn join<P: AsRef<Path>>(paths: &[P]) -> Result<Option<(Header, Vec<Tally>)>,
             let all = part.header.blocks_of(part.shard);
             let problem = format!("has {} of its {all} blocks", part.blocks_done);
             return Err(
-                FileError::new(path, problem).hint("finish it with the same command and --resume")
+                wrong_tally(path, problem).hint("finish it with the same command and --resume")
             );
         }
         if seen.contains(&part.shard) {
             let problem = format!("is shard {}, which another file is too", part.shard);
-            return Err(FileError::new(path, problem));
+            return Err(wrong_tally(path, problem));
         }
         seen.push(part.shard);
         match &mut joined {
@@ -518,23 +494,16 @@ pub fn join<P: AsRef<Path>>(paths: &[P]) -> Result<Option<(Header, Vec<Tally>)>,
             "is one of {} shards, and number {missing} is missing",
             header.shards
         );
-        return Err(FileError::new(path.as_ref(), problem));
+        return Err(wrong_tally(path.as_ref(), problem));
     }
     Ok(joined)
-}
-
-const fn is_uncounted(intervals: &[u64; 2]) -> bool {
-    intervals[0] == 0
 }
 
 fn store(tally: &Tally) -> StoredTally {
     StoredTally {
         runs: tally.runs,
-        freedom: Some(tally.freedom),
+        freedom: tally.freedom,
         intervals: tally.intervals,
-        ranks: (tally.ranks.counts().iter())
-            .map(|counts| counts.to_vec())
-            .collect(),
         pairs: tally.pairs,
         failed: tally.failed.to_vec(),
         sums: tally.sums.iter().map(ToString::to_string).collect(),
@@ -542,26 +511,6 @@ fn store(tally: &Tally) -> StoredTally {
             .filter(|(_, count)| *count > 0)
             .collect(),
     }
-}
-
-/// Each run has a rank of each unknown at most, and all unknowns have ranks or none.
-fn check_ranks(tally: &Tally, header: &Header) -> Result<(), (String, String)> {
-    let counts = tally.ranks.counts();
-    if !(counts.is_empty() || counts.len() == header.unknowns()) {
-        let (found, unknowns) = (counts.len(), header.unknowns());
-        let problem = format!("found those of {found}; there are {unknowns} unknowns");
-        return Err(("ranks".to_owned(), problem));
-    }
-    for (unknown, counts) in counts.iter().enumerate() {
-        let sum = counts
-            .iter()
-            .try_fold(0_u64, |sum, &each| sum.checked_add(each));
-        if sum.is_none_or(|sum| sum > tally.runs) {
-            let problem = format!("counts more than {} runs", tally.runs);
-            return Err((format!("ranks[{unknown}]"), problem));
-        }
-    }
-    Ok(())
 }
 
 impl WrittenTallyFile {
@@ -594,7 +543,7 @@ impl WrittenTallyFile {
         }
         let tallies: Vec<Tally> = (self.tallies.iter().enumerate())
             .map(|(index, stored)| {
-                restore(stored, header.unknowns())
+                restore(stored)
                     .map_err(|(key, problem)| (format!("tallies[{index}].{key}"), problem))
             })
             .collect::<Result<_, _>>()?;
@@ -611,8 +560,6 @@ impl WrittenTallyFile {
             let most = tally.runs.saturating_mul(header.most_intervals());
             is_within(&format!("tallies[{index}].intervals[0]"), all, 0, most)?;
             is_within(&format!("tallies[{index}].intervals[1]"), holding, 0, all)?;
-            check_ranks(tally, &header)
-                .map_err(|(key, problem)| (format!("tallies[{index}].{key}"), problem))?;
         }
         Ok(TallyFile {
             header,
@@ -623,14 +570,9 @@ impl WrittenTallyFile {
     }
 }
 
-fn restore(stored: &StoredTally, unknowns: usize) -> Result<Tally, (&'static str, String)> {
+fn restore(stored: &StoredTally) -> Result<Tally, (&'static str, String)> {
     let (found, reasons) = (stored.failed.len(), Failure::ALL.len());
-    // Earlier versions had fewer reasons.
-    let mut failed = stored.failed.clone();
-    if failed.len() == FIRST_REASONS {
-        failed.resize(reasons, 0);
-    }
-    let failed = (failed.as_slice().try_into()).map_err(|_| {
+    let failed = (stored.failed.as_slice().try_into()).map_err(|_| {
         (
             "failed",
             format!("found {found} numbers; {reasons} are allowed"),
@@ -639,8 +581,6 @@ fn restore(stored: &StoredTally, unknowns: usize) -> Result<Tally, (&'static str
     let sums: Option<Vec<i128>> = stored.sums.iter().map(|text| text.parse().ok()).collect();
     let sums = (sums.and_then(|sums| sums.try_into().ok()))
         .ok_or_else(|| ("sums", format!("{SUMS} whole numbers as text are allowed")))?;
-    let most = stored.runs.saturating_mul(unknowns as u64);
-    let freedom = stored.freedom.unwrap_or(most);
     let mut bins = vec![0; BINS];
     for &(index, count) in &stored.histogram {
         match bins.get_mut(index) {
@@ -654,18 +594,10 @@ fn restore(stored: &StoredTally, unknowns: usize) -> Result<Tally, (&'static str
             }
         }
     }
-    let ranks: Option<Vec<[u64; RANKS]>> = (stored.ranks.iter())
-        .map(|counts| counts.as_slice().try_into().ok())
-        .collect();
-    let ranks = ranks.ok_or_else(|| {
-        let problem = format!("{RANKS} counts of each unknown are allowed");
-        ("ranks", problem)
-    })?;
     Ok(Tally {
         runs: stored.runs,
-        freedom,
+        freedom: stored.freedom,
         intervals: stored.intervals,
-        ranks: Ranks::new(ranks),
         pairs: stored.pairs,
         failed,
         sums,

@@ -117,7 +117,6 @@ pub struct PoseMessage {
 
 impl UnderstandingMessage {
     /// The record of what was understood.
-    #[must_use]
     pub fn new(understanding: &Understanding) -> Self {
         let joints = understanding.joints.iter().map(|joint| JointMessage {
             name: joint.name.clone(),

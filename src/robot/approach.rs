@@ -1,6 +1,7 @@
 //! From which side a configuration is approached.
 
 use super::SerialChain;
+use crate::csv::word_field;
 
 /// The side from which a configuration is approached: for each commanded joint whether it turns positively in the end.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -8,7 +9,6 @@ pub struct Approach(pub Vec<bool>);
 
 impl Approach {
     /// What a word says for so many commanded joints: one sign for all, or one for each.
-    #[must_use]
     pub fn of_word(word: &str, joints: usize) -> Option<Self> {
         let signs: Option<Vec<bool>> = (word.chars())
             .map(|sign| match sign {
@@ -26,15 +26,18 @@ impl Approach {
     }
 
     /// The word that is read as this: a sign for each joint.
-    #[must_use]
     pub fn word(&self) -> String {
         (self.0.iter())
             .map(|&positive| if positive { '+' } else { '-' })
             .collect()
     }
 
+    /// The same as a field of CSV, which no spreadsheet takes for a formula.
+    pub fn field(&self) -> String {
+        word_field(&self.word())
+    }
+
     /// Whether each joint of a chain turns positively in the end. Passive joints do, and all do where nothing is said.
-    #[must_use]
     pub fn of_all(approach: Option<&Self>, chain: &SerialChain) -> Vec<bool> {
         let mut signs = approach.into_iter().flat_map(|approach| &approach.0);
         (chain.joints.iter())
@@ -46,13 +49,11 @@ impl Approach {
     }
 
     /// Whether both are one side: where nothing is said, all joints turn positively in the end.
-    #[must_use]
     pub fn is_same(one: Option<&Self>, other: Option<&Self>) -> bool {
         one == other || (Self::is_usual(one) && Self::is_usual(other))
     }
 
     /// Whether all joints turn positively in the end, as they are taken to where nothing is said.
-    #[must_use]
     pub fn is_usual(approach: Option<&Self>) -> bool {
         approach.is_none_or(|approach| approach.0.iter().all(|&positive| positive))
     }

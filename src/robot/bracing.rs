@@ -38,7 +38,6 @@ impl KinematicState {
 
     /// What springs beside the joints' own exert about joint j (N m), and how that grows with joint i's
     /// coordinate (N m/rad).
-    #[must_use]
     pub fn torque_of_springs(&self, joint: usize, by: usize) -> (f64, f64) {
         match self.spring_torque.get(joint) {
             Some(&torque) => (torque, -self.spring_stiffness[(joint, by)]),
@@ -49,7 +48,6 @@ impl KinematicState {
     /// (I + k S)^-1 for the joints' compliances k and the stiffness S of the springs beside their own: how
     /// the joints move with what their own springs alone would give way. `None` without such springs, and
     /// where they would let the arm buckle.
-    #[must_use]
     pub fn mobility(&self, compliance_rad_per_nm: &[f64]) -> Option<DMatrix<f64>> {
         if self.spring_torque.is_empty() {
             return None;
@@ -80,7 +78,6 @@ impl KinematicState {
 
     /// The state as planning needs it, see [`Self::brace`]: itself where there are no springs beside the
     /// joints' own.
-    #[must_use]
     pub fn braced(mut self, compliance_rad_per_nm: &[f64]) -> Self {
         if let Some(mobility) = self.mobility(compliance_rad_per_nm) {
             self.brace(&mobility);

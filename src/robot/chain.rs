@@ -18,7 +18,6 @@ pub struct Drive {
 impl Drive {
     /// A coordinate, or a difference of two, as a person reads it: in degrees, or in millimetres where the
     /// joint slides.
-    #[must_use]
     pub fn shown(self, value: f64) -> (f64, &'static str) {
         if self.slides {
             (value * 1e3, "mm")
@@ -74,13 +73,11 @@ pub struct SerialChain {
 
 impl SerialChain {
     /// The number of joints.
-    #[must_use]
     pub fn len(&self) -> usize {
         self.joints.len()
     }
 
     /// Whether the chain has no joint.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.joints.is_empty()
     }
@@ -94,14 +91,12 @@ impl SerialChain {
     }
 
     /// Whether all joints are hinges that are commanded, and nothing else is elastic: the arm of the paper.
-    #[must_use]
     pub fn is_plain(&self) -> bool {
         self.elements.is_empty()
             && (self.joints.iter()).all(|joint| joint.drive == Drive::default())
     }
 
     /// The chain as seen from one of its tools.
-    #[must_use]
     pub fn at<'a>(&'a self, tool: &'a Tool) -> ChainAtTool<'a> {
         ChainAtTool { chain: self, tool }
     }
@@ -116,7 +111,6 @@ pub struct ChainAtTool<'a> {
 
 impl ChainAtTool<'_> {
     /// The kinematic state at the joint angles `q` (rad).
-    #[must_use]
     pub fn state(mut self, q: &[f64]) -> KinematicState {
         let mut state = KinematicState::new(self.chain.len());
         self.update(q, &mut state);

@@ -65,13 +65,11 @@ impl From<&SerialChain> for Commands {
 
 impl Commands {
     /// How many numbers a configuration is written with.
-    #[must_use]
     pub fn len(&self) -> usize {
         self.written().count()
     }
 
     /// Whether nothing is commanded.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -83,7 +81,6 @@ impl Commands {
     }
 
     /// The names of the columns: `q1_deg`, or `q3_mm` for a joint that slides.
-    #[must_use]
     pub fn columns(&self) -> Vec<String> {
         (1..)
             .zip(self.written())
@@ -95,14 +92,12 @@ impl Commands {
     }
 
     /// The column of a joint; none where it is passive.
-    #[must_use]
     pub fn column(&self, joint: usize) -> Option<String> {
         let place = self.written().position(|(index, _)| index == joint)?;
         self.columns().into_iter().nth(place)
     }
 
     /// The unit of shown numbers, for a heading.
-    #[must_use]
     pub fn unit(&self) -> &'static str {
         if self.0.contains(&JointCommand::Length) {
             "deg, mm"
@@ -112,7 +107,6 @@ impl Commands {
     }
 
     /// The configuration (rad, m) of written numbers (deg, mm), as many as [`Self::len`].
-    #[must_use]
     pub fn configuration(&self, written: &[f64]) -> DVector<f64> {
         let mut written = written.iter();
         let mut next = || written.next().copied().unwrap_or(f64::NAN);
@@ -125,7 +119,6 @@ impl Commands {
     }
 
     /// The numbers (deg, mm) to write of a configuration, which are read as the same again.
-    #[must_use]
     pub fn numbers(&self, configuration: &[f64]) -> Vec<f64> {
         self.written()
             .map(|(joint, command)| match command {
@@ -136,7 +129,6 @@ impl Commands {
     }
 
     /// The same to look at: in degrees and millimetres, as they come.
-    #[must_use]
     pub fn shown(&self, configuration: &[f64]) -> Vec<f64> {
         self.written()
             .map(|(joint, command)| match command {
@@ -147,7 +139,6 @@ impl Commands {
     }
 
     /// The coordinates of all joints, passive ones too, in degrees and millimetres.
-    #[must_use]
     pub fn all_numbers(&self, coordinates: &[f64]) -> Vec<f64> {
         (self.0.iter().zip(coordinates))
             .map(|(command, &value)| match command {

@@ -23,7 +23,6 @@ const COMPLIANT: f64 = 1e-2;
 
 impl Robot {
     /// The virtual robot that is just what is believed.
-    #[must_use]
     pub fn as_believed(&self) -> TrueRobot {
         let compliance = self.compliance_rad_per_nm.clone();
         TrueRobot::of_chain(self.model.clone(), self.chain.clone(), compliance)
@@ -31,7 +30,6 @@ impl Robot {
 
     /// The typical sizes of the compliances of some joints (rad/(N m)), which make them comparable: their
     /// values; for a joint that is held to be rigid, or nearly so, the largest of all.
-    #[must_use]
     pub fn typical_rad_per_nm(&self, joints: &[usize]) -> Vec<f64> {
         let all = &self.compliance_rad_per_nm;
         let largest = all.iter().copied().fold(0.0, f64::max);

@@ -10,7 +10,6 @@ use crate::numeric::factorisation::finite_eigen;
 ///
 /// `compliance_rad_per_nm` are the joints' compliances. `None` where the compliance matrix
 /// J `k_theta` J^T is singular: fewer than six elastic joints, or a singular configuration.
-#[must_use]
 pub fn cartesian_stiffness(
     state: &KinematicState,
     compliance_rad_per_nm: &[f64],
@@ -46,7 +45,6 @@ pub struct ObservationMatrix {
 impl ObservationMatrix {
     /// The observation matrix at a configuration under a load; its p columns belong to the joints
     /// listed in `parameters`.
-    #[must_use]
     pub fn new(state: &KinematicState, load: &Load, parameters: &[usize]) -> Self {
         let mut matrix = Self {
             position: Matrix3xX::zeros(parameters.len()),
@@ -65,7 +63,6 @@ impl ObservationMatrix {
     }
 
     /// All six rows, position above rotation (eq. 8).
-    #[must_use]
     pub fn rows(&self) -> Matrix6xX<f64> {
         let mut rows = Matrix6xX::zeros(self.position.ncols());
         rows.fixed_rows_mut::<3>(0).copy_from(&self.position);

@@ -55,7 +55,6 @@ impl Spring {
     }
 
     /// Its tension (N, negative where it pushes) and its stiffness at a length.
-    #[must_use]
     pub fn tension(&self, length_m: f64) -> (f64, f64) {
         let [low, high] = self.rest_m;
         let stretched = if length_m < low {
@@ -84,7 +83,6 @@ pub struct Elements {
 
 impl Elements {
     /// Whether there is none.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.joint_springs.is_empty() && self.offsets.is_empty() && self.springs.is_empty()
     }
@@ -95,7 +93,6 @@ impl Elements {
     }
 
     /// Whether there are springs beside the joints' own.
-    #[must_use]
     pub fn has_springs(&self) -> bool {
         !self.joint_springs.is_empty() || !self.springs.is_empty()
     }

@@ -46,7 +46,7 @@ pub enum EquilibriumError {
     },
     /// A joint stands within its dead band, and nothing says where.
     #[error(
-        "several static equilibria: joint {joint:?} stands anywhere within its dead band, since neither weight nor load turns it"
+        "several static equilibria: joint {joint:?} rests anywhere within its dead band, since neither weight nor load turns it"
     )]
     Anywhere {
         /// The joint's name.
@@ -92,7 +92,6 @@ pub struct EquilibriumSolver {
 
 impl EquilibriumSolver {
     /// A solver for arms of n joints.
-    #[must_use]
     pub fn new(joints: usize) -> Self {
         Self {
             state: KinematicState::new(joints),
@@ -162,20 +161,17 @@ impl EquilibriumSolver {
     }
 
     /// The joint angles of the last solution (rad).
-    #[must_use]
     pub fn q(&self) -> &[f64] {
         self.q.as_slice()
     }
 
     /// The arm's geometry at the last solution.
-    #[must_use]
     pub const fn state(&self) -> &KinematicState {
         &self.state
     }
 
     /// How the tool of the last solution moves with each compliance: 6 x n, column j is
     /// d(position, rotation)/d `k_j` = J (I - k dtau/dq)^-1 `e_j` `tau_j`, in m and rad per rad/(N m).
-    #[must_use]
     pub fn sensitivity(&self, compliance_rad_per_nm: &[f64]) -> Matrix6xX<f64> {
         let mut moved = DMatrix::from_diagonal(&self.torque);
         let mut system = self.gradient.clone();
@@ -208,7 +204,6 @@ impl EquilibriumSolver {
     }
 
     /// The torques of gravity and of the load at the last solution (N m).
-    #[must_use]
     pub fn torque(&self) -> &[f64] {
         self.torque.as_slice()
     }

@@ -22,7 +22,6 @@ impl Load {
     };
 
     /// A pure force (N).
-    #[must_use]
     pub const fn force(x: f64, y: f64, z: f64) -> Self {
         Self {
             force_n: Vector3::new(x, y, z),
@@ -31,7 +30,6 @@ impl Load {
     }
 
     /// So many times the load.
-    #[must_use]
     pub fn scaled(&self, factor: f64) -> Self {
         Self {
             force_n: self.force_n * factor,
@@ -40,14 +38,12 @@ impl Load {
     }
 
     /// The wrench W as six numbers, force then torque.
-    #[must_use]
     pub fn wrench(&self) -> Vector6<f64> {
         let (f, t) = (&self.force_n, &self.torque_nm);
         Vector6::new(f.x, f.y, f.z, t.x, t.y, t.z)
     }
 
     /// The load of six numbers, force then torque.
-    #[must_use]
     pub fn from_wrench(wrench: [f64; 6]) -> Self {
         let [fx, fy, fz, tx, ty, tz] = wrench;
         Self {
@@ -59,7 +55,6 @@ impl Load {
 
 /// The rotation vector (rad) of a rotation matrix, precise for small angles too, where the usual
 /// arc cosine loses half of the digits, or all.
-#[must_use]
 pub fn rotation_vector(rotation: &Matrix3<f64>) -> Vector3<f64> {
     let skew = (rotation - rotation.transpose()) / 2.0;
     let axis = Vector3::new(skew[(2, 1)], skew[(0, 2)], skew[(1, 0)]);
@@ -121,7 +116,6 @@ pub struct KinematicState {
 
 impl KinematicState {
     /// Room for the state of an arm of n joints.
-    #[must_use]
     pub fn new(joints: usize) -> Self {
         Self {
             axis: vec![Vector3::zeros(); joints],
@@ -183,7 +177,6 @@ impl KinematicState {
     }
 
     /// The number of joints n.
-    #[must_use]
     pub fn joints(&self) -> usize {
         self.axis.len()
     }
@@ -205,19 +198,16 @@ impl KinematicState {
     }
 
     /// Column j of the Jacobian's position rows (m): the tool's velocity per unit rate of joint j.
-    #[must_use]
     pub fn position_column(&self, joint: usize) -> Vector3<f64> {
         self.position_columns[joint]
     }
 
     /// Column j of the Jacobian's rotation rows: the tool's angular velocity per unit rate.
-    #[must_use]
     pub fn rotation_column(&self, joint: usize) -> Vector3<f64> {
         self.rotation_columns[joint]
     }
 
     /// The velocity per unit rate of joint j of a point that so many joints move (m).
-    #[must_use]
     pub fn moves(&self, joint: usize, joints: usize, point: &Vector3<f64>) -> Vector3<f64> {
         if joint >= joints {
             Vector3::zeros()
@@ -229,7 +219,6 @@ impl KinematicState {
     }
 
     /// The tool's Jacobian J, 6 x n: position rows (m), then rotation rows, in the world frame.
-    #[must_use]
     pub fn jacobian(&self) -> Matrix6xX<f64> {
         let mut jacobian = Matrix6xX::zeros(self.joints());
         for (joint, mut column) in jacobian.column_iter_mut().enumerate() {
@@ -244,14 +233,12 @@ impl KinematicState {
     }
 
     /// The torque of a load at the tool about joint j, `J_j^T` W (N m).
-    #[must_use]
     pub fn load_torque(&self, joint: usize, load: &Load) -> f64 {
         self.position_column(joint).dot(&load.force_n)
             + self.rotation_column(joint).dot(&load.torque_nm)
     }
 
     /// The torque of gravity about joint j (N m).
-    #[must_use]
     pub fn gravity_torque(&self, joint: usize, gravity_m_s2: &Vector3<f64>) -> f64 {
         self.mass_column(joint).dot(gravity_m_s2)
     }
@@ -262,7 +249,6 @@ impl KinematicState {
     /// A point that joints a <= b both move has d2 p / (`dq_a` `dq_b`) = `z_a` x (`z_b` x (p - `o_b`)), so
     /// forces give a symmetric matrix. A torque of fixed direction is not conservative: it adds
     /// (`z_i` x `z_j`) . T for i < j only. A joint that slides turns nothing: `z_a` is then zero.
-    #[must_use]
     pub fn torque_derivative(
         &self,
         joint: usize,
@@ -306,7 +292,6 @@ impl KinematicState {
     }
 
     /// The first moment (kg m) by which joint j moves the mass that it carries.
-    #[must_use]
     pub fn mass_column(&self, joint: usize) -> Vector3<f64> {
         if self.slides[joint] {
             return self.axis[joint] * self.distal_mass[joint];

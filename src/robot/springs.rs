@@ -119,7 +119,6 @@ impl Elements {
     }
 
     /// The torques (N m, N) that a spring exerts on the joints for each newton of its tension: -dL/dq.
-    #[must_use]
     pub fn pull(&self, spring: usize, state: &KinematicState, joint: usize) -> f64 {
         self.paths(state)
             .nth(spring)
@@ -129,7 +128,6 @@ impl Elements {
     }
 
     /// The length of a spring's path (m).
-    #[must_use]
     pub fn length_m(&self, spring: usize, state: &KinematicState) -> f64 {
         (self.paths(state).nth(spring)).map_or(0.0, |(_, places)| length(places))
     }

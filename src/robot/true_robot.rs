@@ -31,7 +31,6 @@ pub struct KnownJoint {
 
 impl TrueRobot {
     /// A virtual robot that is what a belief's chain says.
-    #[must_use]
     pub fn of_chain(model: Model, chain: SerialChain, compliance_rad_per_nm: Vec<f64>) -> Self {
         Self {
             joints: (0..model.joints())
@@ -60,9 +59,6 @@ impl TrueRobot {
     }
 
     /// The same where a chain was read from the model. It is used if all that it commands is known.
-    ///
-    /// # Errors
-    /// As [`Self::of_model`].
     pub fn of_other_chain(
         model: Model,
         known: &[KnownJoint],
@@ -82,7 +78,7 @@ impl TrueRobot {
             Ok(chain)
         } else {
             Err(format!(
-                "it commands joints that the belief does not have: {}",
+                "it commands joints that the planner's model does not have: {}",
                 unknown.join(", ")
             ))
         };
@@ -120,7 +116,6 @@ impl TrueRobot {
     }
 
     /// MuJoCo's identifiers of the chain's joints.
-    #[must_use]
     pub fn chain_joints(&self) -> Vec<usize> {
         let joints = 0..self.model.joints();
         joints
@@ -129,7 +124,6 @@ impl TrueRobot {
     }
 
     /// MuJoCo's identifiers of the joints that are no springs, with their laws.
-    #[must_use]
     pub fn laws_by_joint(&self) -> Vec<(usize, TorqueLaw)> {
         let laws = self.torque_laws.iter();
         laws.filter_map(|&(joint, law)| Some((self.joints[joint]?, law)))
@@ -137,7 +131,6 @@ impl TrueRobot {
     }
 
     /// The joints that this robot has, with values that belong to the belief's joints.
-    #[must_use]
     pub fn present(&self, values: &[f64]) -> (Vec<usize>, Vec<f64>) {
         let pairs = self.joints.iter().zip(values);
         pairs
@@ -146,7 +139,6 @@ impl TrueRobot {
     }
 
     /// The names of the belief's joints that this robot has.
-    #[must_use]
     pub fn joint_names(&self) -> Vec<String> {
         let names = self.joints.iter().flatten();
         names.map(|&joint| self.model.joint_name(joint)).collect()

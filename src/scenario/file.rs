@@ -7,6 +7,7 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
+use super::certificate::{ErrorDistribution, ErrorLevel};
 use crate::gate::Gate;
 use crate::parameter::Unloaded;
 use crate::plan::Criterion;
@@ -17,6 +18,10 @@ use crate::task::{AccuracyKind, Method};
 #[derive(Debug, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct File {
+    /// The versions of elastocal that it is written for.
+    #[serde(default)]
+    #[expect(dead_code, reason = "checked before all other keys")]
+    pub requires: Option<String>,
     #[serde(default)]
     pub description: String,
     #[serde(default)]
@@ -149,12 +154,17 @@ impl SigmaOf {
     }
 }
 
-#[derive(Debug, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct InstrumentTable {
-    pub sigma_mm: f64,
+    pub sigma_mm: Option<f64>,
+    pub mpe_um: Option<f64>,
     pub sigma_of: SigmaOf,
     pub rotation_sigma_mrad: Option<f64>,
+    pub rotation_mpe_mrad: Option<f64>,
+    pub distribution: Option<ErrorDistribution>,
+    pub coverage_factor: Option<f64>,
+    pub level: Option<ErrorLevel>,
     pub tracker_site: Option<String>,
     #[serde(default)]
     pub unloaded: Unloaded,
@@ -322,15 +332,13 @@ pub(super) enum UncertaintyKind {
     TaskForce,
     LoadDirection,
     LoadPoint,
-    JointReturn,
+    JointRepeatability,
     Backlash,
     Stiffening,
     TrackerRange,
     Drift,
-    GearError,
-    Misfit,
-    WrongReading,
-    DroppedReading,
+    TransmissionError,
+    Discrepancy,
 }
 
 impl UncertaintyKind {
@@ -353,15 +361,13 @@ impl UncertaintyKind {
             Self::TaskForce => "task_force",
             Self::LoadDirection => "load_direction",
             Self::LoadPoint => "load_point",
-            Self::JointReturn => "joint_return",
+            Self::JointRepeatability => "joint_repeatability",
             Self::Backlash => "backlash",
             Self::Stiffening => "stiffening",
             Self::TrackerRange => "tracker_range",
             Self::Drift => "drift",
-            Self::GearError => "gear_error",
-            Self::Misfit => "misfit",
-            Self::WrongReading => "wrong_reading",
-            Self::DroppedReading => "dropped_reading",
+            Self::TransmissionError => "transmission_error",
+            Self::Discrepancy => "discrepancy",
         }
     }
 
@@ -379,24 +385,18 @@ impl UncertaintyKind {
             | Self::ToolPosition
             | Self::BasePosition
             | Self::LoadPoint
-            | Self::Misfit => &["std_mm"],
+            | Self::Discrepancy => &["std_mm"],
             Self::LinkRotation | Self::ToolRotation | Self::BaseRotation | Self::LoadDirection => {
                 &["std_mrad"]
             }
-            Self::JointZero | Self::JointReturn | Self::GearError => &["std_mrad", "std_mm"],
+            Self::JointZero | Self::TransmissionError => &["std_mrad", "std_mm"],
+            Self::JointRepeatability => &["std_mrad", "std_mm", "rp_mm"],
             Self::Backlash => &["std_arcsec", "std_mm"],
             Self::LoadOffset => &["std_n"],
             Self::TaskForce => &["std_relative", "std_n"],
             Self::TrackerRange => &["std_um_per_m", "along_um_per_m"],
             Self::Drift => &["std_um_per_h"],
-            Self::WrongReading => &["share", "std_mm"],
-            Self::DroppedReading => &["share"],
         }
-    }
-
-    /// Whether no belief can carry it, so that it must be hidden.
-    pub const fn is_always_hidden(self) -> bool {
-        matches!(self, Self::WrongReading | Self::DroppedReading)
     }
 
     /// Whether it is one of joints, or of the links that they move.
@@ -409,16 +409,16 @@ impl UncertaintyKind {
                 | Self::LinkRotation
                 | Self::LinkMass
                 | Self::LinkCentre
-                | Self::JointReturn
+                | Self::JointRepeatability
                 | Self::Backlash
                 | Self::Stiffening
-                | Self::GearError
+                | Self::TransmissionError
         )
     }
 }
 
 /// One of `[[uncertainty]]`.
-#[derive(Debug, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct UncertaintyTable {
     pub kind: UncertaintyKind,
@@ -432,7 +432,20 @@ pub(super) struct UncertaintyTable {
     pub std_um_per_m: Option<f64>,
     pub along_um_per_m: Option<f64>,
     pub std_um_per_h: Option<f64>,
-    pub share: Option<f64>,
+    pub mpe_relative: Option<f64>,
+    pub mpe_um: Option<f64>,
+    pub mpe_mrad: Option<f64>,
+    pub mpe_arcsec: Option<f64>,
+    pub mpe_n: Option<f64>,
+    pub mpe_um_per_m: Option<f64>,
+    pub mpe_along_um_per_m: Option<f64>,
+    pub mpe_um_per_h: Option<f64>,
+    pub distribution: Option<ErrorDistribution>,
+    pub coverage_factor: Option<f64>,
+    pub level: Option<ErrorLevel>,
+    pub rp_mm: Option<f64>,
+    pub q_deg: Option<Vec<f64>>,
+    pub site: Option<String>,
     pub harmonics: Option<Vec<i64>>,
     pub turned_over_at_nm: Option<f64>,
     pub at_nm: Option<f64>,
@@ -441,6 +454,12 @@ pub(super) struct UncertaintyTable {
 }
 
 impl UncertaintyTable {
+    /// Whether it says what is known of a joint's compliance that is to be found.
+    pub fn knows_compliance_of(&self, joint: &str) -> bool {
+        let is_named = (self.joints.iter().flatten()).any(|name| name == joint);
+        self.kind == UncertaintyKind::Compliance && !self.hidden && is_named
+    }
+
     /// The sizes by their keys.
     pub const fn given(&self) -> [(&'static str, Option<f64>); 9] {
         [
@@ -452,7 +471,7 @@ impl UncertaintyTable {
             ("std_um_per_m", self.std_um_per_m),
             ("along_um_per_m", self.along_um_per_m),
             ("std_um_per_h", self.std_um_per_h),
-            ("share", self.share),
+            ("rp_mm", self.rp_mm),
         ]
     }
 }

@@ -4,8 +4,10 @@
 //! compiled, every site exists, every number is finite and in SI units), or one error that names
 //! the file, the key, what was found and what is allowed.
 
+mod certificate;
 mod check;
 mod file;
+mod permissible;
 mod schema;
 
 use std::path::PathBuf;
@@ -68,7 +70,6 @@ pub struct Scenario {
 
 impl Scenario {
     /// The settings of the study, one for all its conditions.
-    #[must_use]
     pub fn settings(&self) -> Vec<Setting<'_>> {
         let setting = |&conditions: &Conditions| Setting::new(&self.task, &self.truth, conditions);
         self.study.conditions.iter().map(setting).collect()
@@ -86,11 +87,11 @@ impl Scenario {
     }
 
     /// What files that are made under this scenario say of it.
-    #[must_use]
     pub fn origin(&self) -> Origin {
         Origin {
             scenario: self.path.clone(),
             scenario_sha256: self.sha256.clone(),
+            simulated: None,
         }
     }
 }

@@ -9,7 +9,6 @@ use super::file::File;
 ///
 /// TOML's editors take it from a first line `#:schema FILE`. Ranges of numbers, and what belongs together, are
 /// [`Scenario::check`](super::Scenario::check)'s.
-#[must_use]
 pub fn scenario_schema() -> Value {
     let mut schema = schema_for!(File);
     schema.insert("title".to_owned(), "elastocal scenario".into());

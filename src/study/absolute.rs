@@ -21,22 +21,21 @@ use super::StudyError;
 use super::runner::{RunBlocks, RunsInBlocks};
 use super::summary::Summary;
 use super::tally::{Batch, BlockSums, Failure, Tally};
-use super::true_compliances::truth_of_run;
 use super::verdict::Kept;
 use crate::experiment::Experiment;
 use crate::identification::{AbsoluteCase, ParameterGroup, ReadingWeights};
 use crate::measurement::AbsoluteReading;
 use crate::mujoco::ModelError;
-use crate::numeric::random::generator;
 use crate::numeric::random::normal::{LANES, fill_normals};
-use crate::numeric::random::streams::{Stream, frames_of_trial};
+use crate::numeric::random::streams::{FRAMES, Stream, frames_of_trial};
+use crate::numeric::random::{draws, generator};
 use crate::numeric::tolerance::CHI_SQUARE_95;
 use crate::observation::{Form, ObservationModel, ReadingKind, Setup};
 use crate::parameter::{ParameterKind, ParameterSet, Source, Uncertainty};
 use crate::plan::absolute::{AbsolutePlanning, AbsolutePromise};
 use crate::robot::{EquilibriumError, Load};
 use crate::task::{Task, station_named};
-use crate::testbed::{ReadRobots, SeenFrom, Truth};
+use crate::testbed::{ReadRobots, SeenFrom, Truth, compliances_of_run};
 
 /// What nothing is known of is drawn with this share of its typical size ...
 const SHARE_OF_SIZE: f64 = 0.3;
@@ -67,10 +66,10 @@ pub enum TrialError {
     #[error(transparent)]
     Model(#[from] ModelError),
     /// Nothing tells where the machining tool is.
-    #[error("no reading of the plan is of {0}, whose place is promised: it is taken for certain")]
+    #[error("no reading of the plan is of {0}, whose place is predicted: it is assumed exact")]
     Unread(String),
     /// Nothing is promised.
-    #[error("the plan promises nothing that could be kept: it does not determine the tool's place")]
+    #[error("there is no predicted accuracy: the plan does not determine the tool's place")]
     NoPromise,
     /// None could be judged.
     #[error("no robot of {robots} could be identified and looked at: {first}")]
@@ -147,9 +146,6 @@ pub struct AbsoluteRunner<'a> {
 
 impl<'a> AbsoluteRunner<'a> {
     /// Prepares plans for a task, a virtual robot, what is unknown besides what the belief says, and a seed.
-    ///
-    /// # Errors
-    /// See [`TrialError`].
     pub fn new(
         (task, truth): (&'a Task, &Truth),
         groups: &'a [ParameterGroup],
@@ -174,7 +170,6 @@ impl<'a> AbsoluteRunner<'a> {
     }
 
     /// The same, which gives up when the flag is set.
-    #[must_use]
     pub fn stopped_by(self, stop: &'a AtomicBool) -> Self {
         Self {
             stop: Some(stop),
@@ -188,7 +183,6 @@ impl<'a> AbsoluteRunner<'a> {
     }
 
     /// Why the first of the runs that were made and failed did so.
-    #[must_use]
     pub fn first_failure(&self) -> Option<String> {
         let first = self.first_failure.lock().ok()?;
         first.as_ref().map(|(_, reason)| reason.clone())
@@ -203,7 +197,6 @@ impl<'a> AbsoluteRunner<'a> {
     }
 
     /// For each plan, the one that it is compared with: the first random one.
-    #[must_use]
     pub fn references(&self) -> Vec<Option<usize>> {
         let random = self.tried.iter().position(|each| each.entry.is_random);
         vec![random; self.tried.len()]
@@ -393,13 +386,11 @@ impl AbsoluteTrials {
     }
 
     /// Whether the promise was kept.
-    #[must_use]
     pub fn kept(&self) -> Kept {
         Kept::of(self.promised_m, self.summary.rms_m)
     }
 
     /// The share of robots that stayed below what 95 % were promised to.
-    #[must_use]
     pub fn below_quantile95(&self) -> Option<f64> {
         self.tally.share_below(self.quantile95_m? / self.sigma_m)
     }
@@ -465,14 +456,17 @@ impl Trial<'_> {
         let AbsoluteEntry { planning, plan, .. } = tried.entry;
         let times = plan.iter().map(|(_, times)| *times as usize);
         let readings: usize = times.sum();
-        let compliance = truth_of_run(&tried.truth, seed, self.run)
-            .robot
-            .compliance_rad_per_nm;
+        let compliance = compliances_of_run(&tried.truth, seed, self.run);
         (robots.become_run_of(&compliance, readings, [seed, self.run]))
             .map_err(|error| unseen(Failure::Measurement)(&error))?;
         let stations = planning.stations();
         let mut random = generator(seed, frames_of_trial(self.run));
-        let frames: Vec<Isometry3<f64>> = stations.iter().map(|_| anywhere(&mut random)).collect();
+        let mut numbers: Vec<f64> = stations
+            .iter()
+            .flat_map(|_| anywhere(&mut random))
+            .collect();
+        draws::pass(FRAMES, [seed, self.run], &mut numbers);
+        let frames: Vec<Isometry3<f64>> = numbers.as_chunks().0.iter().map(frame_of).collect();
         let read = (self.read(robots, &frames, readings))
             .map_err(|error| unseen(Failure::Measurement)(&error))?;
         let belief = &task.belief;
@@ -484,7 +478,7 @@ impl Trial<'_> {
         let frame = tried.promise.station;
         let lost = || {
             let reason = "no reading that counts is there".to_owned();
-            (Failure::Dropped, reason)
+            (Failure::Undetermined, reason)
         };
         let station = case
             .stations
@@ -546,7 +540,6 @@ impl Trial<'_> {
         let is_pose = sigma.rotation_sigma_rad.is_some();
         let mut noise = vec![[0.0; LANES]; 6 * readings];
         fill_normals(Stream::Noise, seed, self.run, &mut noise);
-        let kept = robots.kept(readings);
         let mut next = 0;
         let mut read = Vec::new();
         for (&(place, times), target) in plan.iter().zip(&tried.targets) {
@@ -570,13 +563,10 @@ impl Trial<'_> {
                 .unwrap_or(0);
             let frame = &frames[frame];
             let first = next;
-            let (mut sum_m, mut turns, mut count) = (Vector3::zeros(), Vec::new(), 0_u32);
+            let (mut sum_m, mut turns) = (Vector3::zeros(), Vec::new());
             for _ in 0..times {
                 let own = next;
                 next += 1;
-                if !kept[own] {
-                    continue;
-                }
                 let (at_m, axes) = robots.read(&experiment, seen, [own, first])?;
                 let three =
                     |from: usize| Vector3::from_fn(|axis, _| noise[6 * own + from + axis][0]);
@@ -588,10 +578,6 @@ impl Trial<'_> {
                         * frame.rotation.to_rotation_matrix()
                         * Rotation3::from_matrix_unchecked(axes),
                 );
-                count += 1;
-            }
-            if count == 0 {
-                continue;
             }
             read.push(AbsoluteReading {
                 configuration_rad: row.configuration_rad.clone(),
@@ -599,9 +585,9 @@ impl Trial<'_> {
                 target: Some(target.clone()),
                 station: row.station.clone(),
                 state: None,
-                position_m: sum_m / f64::from(count),
+                position_m: sum_m / f64::from(times),
                 rotation: is_pose.then(|| mean_turn(&turns)),
-                covariance: Some(turned(&planning.covariance(place, count), frame)),
+                covariance: Some(turned(&planning.covariance(place, times), frame)),
                 approach: row.approach.clone(),
                 time_s: None,
                 temperature_c: None,
@@ -632,9 +618,14 @@ fn turned(covariance: &Matrix6<f64>, frame: &Isometry3<f64>) -> Matrix6<f64> {
     (turned + turned.transpose()) / 2.0
 }
 
-fn anywhere(random: &mut impl Rng) -> Isometry3<f64> {
+/// A position (m), and a quaternion that is not of unit length.
+fn anywhere(random: &mut impl Rng) -> [f64; 7] {
     let [x, y, z] = [(); 3].map(|()| AWAY_M * (2.0 * random.random::<f64>() - 1.0));
     let [w, i, j, k] = [(); 4].map(|()| StandardNormal.sample(random));
+    [x, y, z, w, i, j, k]
+}
+
+fn frame_of(&[x, y, z, w, i, j, k]: &[f64; 7]) -> Isometry3<f64> {
     Isometry3::from_parts(
         Translation3::new(x, y, z),
         UnitQuaternion::from_quaternion(Quaternion::new(w, i, j, k)),

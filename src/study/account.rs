@@ -8,17 +8,17 @@
 //! trace(K (sum J^T R^-1 R_s R^-1 J) K^T),    |K M_0 d|^2,    |(K sum J^T R^-1 Z - C_h) d|^2
 //! ```
 //!
-//! Nothing is hidden if these are the shares of the promise ([`crate::plan::shares`]).
+//! Nothing is hidden if these are the contributions of the [uncertainty budget](crate::plan::UncertaintyBudget).
 
 use nalgebra::{Cholesky, DMatrix};
 
 use super::absolute::AbsoluteEntry;
 use super::deviations::{Deviations, by_repeats};
 use crate::compensation::{test_pose_rows, weighted_rows};
-use crate::parameter::{ParameterKind, ReadingSource, Source, Uncertainty};
+use crate::parameter::{ParameterKind, Source, Uncertainty};
 use crate::plan::absolute::AbsolutePromise;
 use crate::plan::{
-    EARLIER, Experiment, ExperimentModel, NOISE, Plan, PromiseShare, alone_and_together, posterior,
+    CommonSources, EARLIER, ExperimentModel, NOISE, Plan, alone_and_together, posterior,
 };
 use crate::task::Task;
 use crate::testbed::Truth;
@@ -30,7 +30,7 @@ pub struct AccountPart {
     pub name: String,
     /// Whether the belief does not know of it.
     pub is_hidden: bool,
-    /// What it alone leaves, rms over the test poses (m).
+    /// Its contribution, rms over the test poses (m).
     pub rms_m: f64,
 }
 
@@ -41,18 +41,18 @@ pub struct Account {
     pub promised_m: f64,
     /// What the errors are made of, to first order.
     pub parts: Vec<AccountPart>,
+    /// The error sources in common with the campaign of `robot.prior`.
+    pub common: Option<CommonSources>,
 }
 
 impl Account {
     /// The rms distance that is to be expected (m).
-    #[must_use]
     pub fn expected_m(&self) -> f64 {
         let squares = self.parts.iter().map(|part| part.rms_m * part.rms_m);
         squares.sum::<f64>().sqrt()
     }
 
     /// The account of a plan of absolute readings; `None` where it promises nothing.
-    #[must_use]
     pub fn of_absolute(
         task: &Task,
         truth: &Truth,
@@ -60,22 +60,22 @@ impl Account {
         promise: &AbsolutePromise,
     ) -> Option<Self> {
         let (planning, plan) = (&entry.planning, &entry.plan);
-        let believed = planning.shares(plan, promise).into_iter();
+        let believed = planning.uncertainty_budget(plan, promise)?.sources;
         let hidden: Vec<&Uncertainty> = (truth.uncertainties.iter())
             .filter(|each| each.is_hidden || task.belief.uncertain.is_none())
             .collect();
-        let hidden = planning.left_by_hidden(task, (plan, promise), &hidden);
-        let part = |is_hidden| {
-            move |share: PromiseShare| AccountPart {
-                name: share.name,
-                is_hidden,
-                rms_m: share.rho0_m,
-            }
-        };
-        let mut parts: Vec<AccountPart> = believed
-            .map(part(false))
-            .chain(hidden.into_iter().map(part(true)))
-            .collect();
+        let left_m = planning.left_by_hidden(task, (plan, promise), &hidden);
+        let believed = believed.into_iter().map(|each| AccountPart {
+            name: each.source,
+            is_hidden: false,
+            rms_m: each.contribution_um * 1e-6,
+        });
+        let hidden = hidden.iter().zip(left_m).map(|(each, rms_m)| AccountPart {
+            name: each.name.clone(),
+            is_hidden: true,
+            rms_m,
+        });
+        let mut parts: Vec<AccountPart> = believed.chain(hidden).collect();
         // How much a robot of another kind leaves is not computed.
         let nominal = &task.belief.nominal;
         let is_found = |joint: usize| {
@@ -99,11 +99,11 @@ impl Account {
         Some(Self {
             promised_m: promise.rho0_m()?,
             parts,
+            common: planning.common_sources(plan, promise),
         })
     }
 
     /// The account of a plan; `None` where it does not determine what the test poses need.
-    #[must_use]
     pub fn new(task: &Task, truth: &Truth, plan: &Plan) -> Option<Self> {
         let belief = &task.belief;
         let posterior = posterior(belief, plan);
@@ -166,10 +166,6 @@ impl Account {
         let mut next_source = 0;
         for each in &truth.uncertainties {
             let square = match &each.source {
-                Source::Reading(ReadingSource::Dropped(share)) => {
-                    next_source += 1;
-                    share * of_dropped(task, plan, &rows, promised_m.powi(2))
-                }
                 Source::Reading(_) => {
                     next_source += 1;
                     of_sources[next_source - 1]
@@ -205,22 +201,12 @@ impl Account {
                 foreign.column(place).norm_squared(),
             ));
         }
-        Some(Self { promised_m, parts })
+        Some(Self {
+            promised_m,
+            parts,
+            common: CommonSources::of_deflections(task, &posterior, promised_m),
+        })
     }
-}
-
-/// What each share of dropped readings adds to the square of a promise (m^2): every reading is missing alone, which is all to
-/// first order in the share. Where the rest does not determine what the test poses need, the run fails.
-fn of_dropped(task: &Task, plan: &Plan, rows: &DMatrix<f64>, promised_m2: f64) -> f64 {
-    let without = |index: usize| {
-        let mut experiments: Vec<Experiment> = plan.experiments.clone();
-        experiments[index].repeats -= 1;
-        experiments.retain(|experiment| experiment.repeats > 0);
-        let known = posterior(&task.belief, &Plan { experiments });
-        let more = known.variance_of(rows).ok()? - promised_m2;
-        Some(more * f64::from(plan.experiments[index].repeats))
-    };
-    (0..plan.experiments.len()).filter_map(without).sum()
 }
 
 impl Deviations<'_> {

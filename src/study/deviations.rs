@@ -63,7 +63,6 @@ pub struct Deviations<'a> {
 
 impl<'a> Deviations<'a> {
     /// What a truth may differ in from a belief.
-    #[must_use]
     pub fn new(belief: &'a Belief, truth: &Truth) -> Self {
         let arm = belief.arm();
         let joints = unknown_joints(belief, truth);
@@ -110,64 +109,32 @@ impl<'a> Deviations<'a> {
     }
 
     /// How many parameters differ.
-    #[must_use]
     pub fn len(&self) -> usize {
         self.foreign.len() + self.tied.len()
     }
 
     /// Whether nothing differs.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
     /// How many of them the belief's vector does not have; they come first.
-    #[must_use]
     pub fn foreign(&self) -> usize {
         self.foreign.len()
     }
 
     /// The places of the others in the belief's vector.
-    #[must_use]
     pub fn tied(&self) -> Vec<usize> {
         self.tied.iter().map(|(place, _)| *place).collect()
     }
 
-    /// How many normal numbers a run's laboratory takes for what it shares, and for which of so many readings are there.
-    #[must_use]
-    pub fn numbers(&self, measurements: usize) -> usize {
-        self.laboratory.as_ref().map_or(0, |laboratory| {
-            let readings = if laboratory.drops_readings() {
-                measurements
-            } else {
-                0
-            };
-            laboratory.numbers(readings)
-        })
-    }
-
-    /// Whether some runs lack readings.
-    #[must_use]
-    pub fn drops_readings(&self) -> bool {
-        (self.laboratory.as_ref()).is_some_and(Circumstances::drops_readings)
-    }
-
-    /// Which of so many readings are there in the run of a lane; `None` where all are in all runs.
-    #[must_use]
-    pub fn kept(
-        &self,
-        measurements: usize,
-        normals: &[[f64; LANES]],
-        lane: usize,
-    ) -> Option<Vec<bool>> {
-        let laboratory = self.laboratory.as_ref()?;
-        let is_dropping = laboratory.drops_readings();
-        is_dropping.then(|| laboratory.kept(measurements, normals, lane))
+    /// How many normal numbers a run's laboratory takes for what it shares.
+    pub fn numbers(&self) -> usize {
+        (self.laboratory.as_ref()).map_or(0, |laboratory| laboratory.numbers(0))
     }
 
     /// By how much each differs (per sigma) in the runs of all lanes, whose compliances without the laboratory's part are
     /// given (rad/(N m)).
-    #[must_use]
     pub fn values(
         &self,
         true_rad_per_nm: &[[f64; LANES]],
@@ -201,7 +168,6 @@ impl<'a> Deviations<'a> {
 
     /// The whitened observation matrices of what is foreign, of experiments of one configuration, like
     /// [`ExperimentModel::observation_matrices_of`].
-    #[must_use]
     pub fn observation_matrices(
         &self,
         model: &ExperimentModel<'_>,
@@ -288,7 +254,6 @@ impl<'a> Deviations<'a> {
     }
 
     /// The rows of all test poses for what is foreign, each times the root of its weight, stacked.
-    #[must_use]
     pub fn test_poses(&self, task: &Task) -> DMatrix<f64> {
         weighted_rows(&task.test_poses, self.foreign.len(), &|pose| {
             self.test_pose(pose)
@@ -318,26 +283,22 @@ impl<'a> Deviations<'a> {
     }
 
     /// The place of the torque laws among what is foreign.
-    #[must_use]
     pub fn torque_laws(&self) -> Option<usize> {
         let is_it = |deviation: &Deviation| *deviation == Deviation::TorqueLaws;
         self.foreign.iter().position(is_it)
     }
 
     /// What a belief is compared with.
-    #[must_use]
     pub const fn belief(&self) -> &Belief {
         self.belief
     }
 
     /// The place of a parameter in the belief's vector, if it has it.
-    #[must_use]
     pub fn place(&self, kind: ParameterKind) -> Option<usize> {
         place(self.belief, kind)
     }
 
     /// The place of a parameter among the foreign ones.
-    #[must_use]
     pub fn foreign_place(&self, kind: ParameterKind) -> Option<usize> {
         let is_it = |deviation: &Deviation| match (deviation, kind) {
             (Deviation::Compliance(joint, _), ParameterKind::JointCompliance { joint: other }) => {
@@ -350,7 +311,6 @@ impl<'a> Deviations<'a> {
     }
 
     /// Whether a parameter is known, or foreign, in its logarithm.
-    #[must_use]
     pub fn is_logarithmic(&self, kind: ParameterKind) -> bool {
         let extended = self.belief.uncertain.as_ref();
         let known = extended.zip(self.place(kind));
@@ -358,7 +318,6 @@ impl<'a> Deviations<'a> {
     }
 
     /// What a share of a parameter is a share of, in its unit.
-    #[must_use]
     pub fn whole(&self, kind: ParameterKind) -> f64 {
         kind.whole(&self.arm)
     }
@@ -376,7 +335,6 @@ impl<'a> Deviations<'a> {
     }
 
     /// By how much the compliances of foreign joints are told to be others than nominal (rad/(N m)).
-    #[must_use]
     pub fn told(&self, truth: &Truth) -> Vec<(usize, f64)> {
         let nominal = &self.belief.nominal.compliance_rad_per_nm;
         let value = |&joint: &usize| truth.robot.compliance_rad_per_nm[joint] - nominal[joint];
@@ -384,13 +342,11 @@ impl<'a> Deviations<'a> {
     }
 
     /// What is new in each reading, in truth.
-    #[must_use]
     pub fn readings(&self) -> &[ReadingSource] {
         &self.sources
     }
 
     /// Whether deflections of one configuration share errors, in truth or by the belief.
-    #[must_use]
     pub fn is_shared_by_configuration(&self) -> bool {
         let sources = self.sources.iter().chain(&self.believed);
         self.belief.instrument.unloaded == Unloaded::Shared
@@ -409,7 +365,6 @@ impl<'a> Deviations<'a> {
 
     /// The covariance of the readings of experiments of one configuration as it is believed, and what each source adds in truth
     /// (m^2).
-    #[must_use]
     pub fn covariances(&self, experiments: &[&Experiment]) -> Covariances {
         let truth = self.together(&self.sources, experiments);
         Covariances {
@@ -422,7 +377,6 @@ impl<'a> Deviations<'a> {
 
     /// H with H H^T the covariance of the whitened noise of the readings of experiments of one configuration, where that is not what
     /// the belief whitens it with. Between experiments it counts as the root of their repeats' ratio.
-    #[must_use]
     pub fn coloured(&self, experiments: &[&Experiment]) -> Option<DMatrix<f64>> {
         if self.believed == self.sources {
             return None;
@@ -448,7 +402,6 @@ impl<'a> Deviations<'a> {
 }
 
 /// Every block of a matrix for experiments of one configuration, times a factor of the repeats of both.
-#[must_use]
 pub fn by_repeats(
     experiments: &[&Experiment],
     mut matrix: DMatrix<f64>,

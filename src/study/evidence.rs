@@ -14,7 +14,7 @@ use crate::plan::search::{
     ApproximateDesign, Bound, BudgetPoint, CriterionPlan, Problem, SearchError, Watch,
     compare_criteria, exact_design,
 };
-use crate::plan::{Assessment, Criterion, Plan};
+use crate::plan::{Criterion, Plan};
 use crate::task::Task;
 use crate::testbed::Truth;
 
@@ -64,13 +64,14 @@ pub struct Evidence {
     pub criteria: Vec<CriterionPlan>,
     /// The best accuracy that was found for other numbers of measurements, in ascending order.
     pub accuracy: Vec<BudgetPoint>,
+    /// The designed plan repeated as a whole, up to as many measurements as were searched for.
+    pub repeated: Vec<BudgetPoint>,
+    /// What no plan of 1, 2, 3, ... measurements is below (m); `None` where there is no bound.
+    pub lower_bounds_m: Vec<Option<f64>>,
 }
 
 /// Gathers the evidence for the first of `plans`, which all have as many measurements, under a seed.
 /// `approximate` is the task's approximate design for the test poses, `bound` what follows from it.
-///
-/// # Errors
-/// See [`EvidenceError`].
 pub fn gather(
     task: &Task,
     truth: &Truth,
@@ -97,13 +98,23 @@ pub fn gather(
         setting: 0,
         kind: EntryKind::RandomEach,
     });
-    let conditions = Conditions::plain(task, designed.measurements());
+    // Every number that is shown has the bound that is its own.
+    let own = designed.measurements();
+    let largest = (own * WIDEST).max(ALWAYS);
+    let bound = &bound.clone().with_sizes(seed, 1..=largest);
+    let conditions = Conditions::plain(task, own);
     let setting = Setting::new(task, truth, conditions);
     Ok(Evidence {
         trials: TRIALS,
         distances: distances(&setting, seed, &entries, TRIALS, None)?,
         criteria: compare_criteria(task, approximate, designed, seed, watch),
         accuracy: accuracy(task, (approximate, bound), designed, seed, watch)?,
+        repeated: (2..=largest / own.max(1))
+            .filter_map(|times| BudgetPoint::repeated(task, designed, times, bound))
+            .collect(),
+        lower_bounds_m: (1..=largest)
+            .map(|size| bound.of_size(size).ok().map(|bound| bound.best))
+            .collect(),
     })
 }
 
@@ -176,10 +187,7 @@ fn accuracy(
             Err(error) => return Err(error),
         }
     }
-    let own_assessment = Assessment::new(task, designed, None);
-    if let Some(rho0_m) = own_assessment.rho0_m {
-        points.push(point(designed, rho0_m * rho0_m));
-    }
+    points.extend(BudgetPoint::repeated(task, designed, 1, bound));
     points.sort_by_key(|point| point.experiments);
     Ok(points)
 }

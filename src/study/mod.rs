@@ -2,15 +2,12 @@
 //!
 //! - `counts`: counts as numbers.
 //! - `settings`: what a study is made of.
-//! - [`true_compliances`]: the virtual robot's compliances in a run.
 //! - [`model_level`]: a run of the paper's linear model, a few small products of matrices.
 //! - [`robot_level`]: a run of the whole loop on the virtual robot in MuJoCo.
 //! - [`tally`]: what is kept of the runs; exact, so that threads and order change no bit.
-//! - [`ranks`]: where the true values lie in what is known of them.
 //! - [`runner`]: blocks of runs on all threads.
 //! - [`summary`]: means, intervals, quantiles and checks from a tally.
 //! - [`verdict`]: whether the observed accuracy is the predicted one.
-//! - [`switched_off`]: what each uncertainty leaves, seen: the same runs without it.
 //! - [`selection`]: readings chosen in several ways, the robot calibrated with each, and validated on all others.
 //! - [`absolute`]: robots that are read as a plan of absolute readings says, identified and looked at.
 //! - [`evidence`]: what a designed plan is shown beside: rivals, other sizes, many runs.
@@ -21,17 +18,14 @@ mod counts;
 pub mod deviations;
 pub mod evidence;
 pub mod model_level;
-pub mod ranks;
 pub mod robot_level;
 pub mod runner;
 pub mod selection;
 mod settings;
 pub mod summary;
-pub mod switched_off;
 pub mod tally;
 pub(crate) mod tally_check;
 mod torque_laws;
-pub mod true_compliances;
 pub mod verdict;
 
 use thiserror::Error;
@@ -68,7 +62,6 @@ pub struct Setting<'a> {
 
 impl<'a> Setting<'a> {
     /// A task under some conditions.
-    #[must_use]
     pub fn new(task: &Task, truth: &'a Truth, conditions: Conditions) -> Self {
         Self {
             conditions,
@@ -91,7 +84,6 @@ pub enum EntryKind {
 
 impl EntryKind {
     /// The plan, where all runs have the same.
-    #[must_use]
     pub const fn plan(&self) -> Option<&Plan> {
         match self {
             Self::Fixed(plan) | Self::Random(plan) => Some(plan),
@@ -140,7 +132,6 @@ impl From<ModelError> for StudyError {
 
 /// The plan repeated as a whole until it has so many measurements; `None` where whole repetitions
 /// do not make them up.
-#[must_use]
 pub fn repeated(plan: &Plan, experiments: u32) -> Option<Plan> {
     let once = plan.measurements();
     if once == 0 || !experiments.is_multiple_of(once) {

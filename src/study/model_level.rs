@@ -67,7 +67,6 @@ pub struct LinearModel<'a> {
 
 impl<'a> LinearModel<'a> {
     /// The linear model of a task and a virtual robot.
-    #[must_use]
     pub fn new(task: &'a Task, truth: &Truth) -> Self {
         let belief = &task.belief;
         let deviations = Deviations::new(belief, truth);
@@ -92,7 +91,6 @@ impl<'a> LinearModel<'a> {
     }
 
     /// What the virtual robot may differ in.
-    #[must_use]
     pub const fn deviations(&self) -> &Deviations<'a> {
         &self.deviations
     }
@@ -376,7 +374,6 @@ pub struct PlanModel {
 impl PlanModel {
     /// Several runs at once, from their standard normals (3M numbers of each, 6M where rotations are
     /// measured; more are left alone) and what [`Deviations::values`] gives.
-    #[must_use]
     pub fn run(&self, normals: &[[f64; LANES]], unknown: &[[f64; LANES]]) -> Batch {
         let mut batch = Batch::default();
         self.run_into(&mut batch, normals, unknown);
@@ -390,7 +387,6 @@ impl PlanModel {
         batch.variance = [self.variance; LANES];
         batch.freedom = [self.freedom; LANES];
         batch.intervals = [[0; 2]; LANES];
-        batch.ranks.clear();
         batch.failed = [None; LANES];
         if !unknown.is_empty() {
             for lane in 0..LANES {

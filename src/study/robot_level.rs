@@ -5,7 +5,6 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::identification::Identification;
 
-use super::ranks::ranks;
 use super::tally::Failure;
 use crate::calibration::{identify_as_planned, see};
 use crate::compensation::{compensate_identified, test_pose_rows};
@@ -24,8 +23,6 @@ pub struct Outcome {
     pub nees: f64,
     /// The 95 % intervals of compliances, and how many of them hold the true one.
     pub intervals: [u32; 2],
-    /// The ranks of the true values of all unknowns, where anything besides noise is drawn.
-    pub ranks: Vec<u8>,
 }
 
 /// What one thread needs for runs.
@@ -37,8 +34,6 @@ pub struct RobotRuns<'a> {
     compliance_rad_per_nm: Vec<f64>,
     /// A_0 of each test pose.
     test_poses: Vec<DMatrix<f64>>,
-    /// Whether true values are drawn, so that their ranks say something.
-    counts_ranks: bool,
 }
 
 impl<'a> RobotRuns<'a> {
@@ -52,7 +47,6 @@ impl<'a> RobotRuns<'a> {
             task,
             robots: TrueRobots::new(belief, truth)?,
             compliance_rad_per_nm: truth.robot.compliance_rad_per_nm.clone(),
-            counts_ranks: !truth.uncertainties.is_empty(),
             test_poses: (task.test_poses.iter())
                 .map(|pose| test_pose_rows(belief, pose))
                 .collect(),
@@ -60,7 +54,6 @@ impl<'a> RobotRuns<'a> {
     }
 
     /// How many normal numbers a run's laboratory takes for so many measurements.
-    #[must_use]
     pub fn numbers(&self, measurements: usize) -> usize {
         self.robots.numbers(measurements)
     }
@@ -84,9 +77,6 @@ impl<'a> RobotRuns<'a> {
 
     /// One run with the normals of a lane, those of the noise and of the laboratory. What the measurements do not determine
     /// keeps its nominal value, which the test poses must not need.
-    ///
-    /// # Errors
-    /// Why the run failed.
     pub fn run(
         &mut self,
         plan: &Plan,
@@ -99,24 +89,15 @@ impl<'a> RobotRuns<'a> {
             .measure_noise_free(plan, &belief.instrument, laboratory, lane)
             .map_err(|_| Failure::Measurement)?;
         add_noise(&mut measurements, &belief.instrument, noise, lane);
-        let all = measurements.len();
-        self.robots.lose(&mut measurements, laboratory, lane);
-        let or_dropped = |failure| {
-            if measurements.len() < all {
-                Failure::Dropped
-            } else {
-                failure
-            }
-        };
-        let identification = identify_as_planned(belief, &measurements)
-            .map_err(|_| or_dropped(Failure::Identification))?;
+        let identification =
+            identify_as_planned(belief, &measurements).map_err(|_| Failure::Identification)?;
         let posterior = &identification.posterior;
         let truth = self.robots.unknowns(belief);
         let values = posterior.mean.iter().zip(&truth);
         let error = DVector::from_iterator(truth.len(), values.map(|(value, truth)| value - truth));
         let is_determined = |pose: &DMatrix<f64>| posterior.variance_of(pose).is_ok();
         if !posterior.estimable.is_complete() && !self.test_poses.iter().all(is_determined) {
-            return Err(or_dropped(Failure::Undetermined));
+            return Err(Failure::Undetermined);
         }
         let nees = (posterior.normalised_square(&error)).ok_or(Failure::Undetermined)?;
         let mut square_m2 = 0.0;
@@ -132,11 +113,6 @@ impl<'a> RobotRuns<'a> {
             square: square_m2 / belief.instrument.sigma_m.powi(2),
             nees,
             intervals: intervals(&identification, &truth),
-            ranks: if self.counts_ranks {
-                ranks(&identification, &truth)
-            } else {
-                Vec::new()
-            },
         })
     }
 }

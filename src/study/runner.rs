@@ -8,13 +8,12 @@ use rayon::prelude::*;
 use super::model_level::{LinearModel, PlanModel};
 use super::robot_level::RobotRuns;
 use super::tally::{Batch, BlockSums, Failure, Tally};
-use super::true_compliances::TrueCompliances;
 use super::{Entry, EntryKind, Level, Setting, StudyError};
 use crate::numeric::random::normal::{LANES, fill_normals};
 use crate::numeric::random::streams::Stream;
 use crate::plan::search::{Problem, RandomPlans};
-use crate::plan::{Criterion, Experiment, Plan};
-use crate::testbed::numbers;
+use crate::plan::{Criterion, Plan};
+use crate::testbed::{TrueCompliances, numbers};
 
 /// What makes the runs of a study in blocks, all plans of each.
 pub trait RunsInBlocks {
@@ -157,7 +156,6 @@ impl<'a> Runner<'a> {
     }
 
     /// The same, which gives up when the flag is set.
-    #[must_use]
     pub fn stopped_by(self, stop: &'a AtomicBool) -> Self {
         Self {
             stop: Some(stop),
@@ -190,7 +188,7 @@ impl<'a> Runner<'a> {
             (self.parts.iter().zip(&parts)).map(|(part, mine): (&Part<'_>, &PartWorkspace<'_>)| {
                 let measurements = part.setting.conditions.experiments as usize;
                 mine.robot.as_ref().map_or_else(
-                    || part.model.deviations().numbers(measurements),
+                    || part.model.deviations().numbers(),
                     |robot| robot.numbers(measurements),
                 )
             });
@@ -270,52 +268,14 @@ impl<'a> Runner<'a> {
         let mine = &workspace.parts[entry.setting];
         let batch = &mut workspace.batches[index];
         model.run_into(batch, &workspace.normals, &mine.unknown);
-        let is_dropping = (self.parts[entry.setting].model.deviations()).drops_readings();
-        if !is_dropping && mine.robot.is_none() {
+        if mine.robot.is_none() {
             return;
         }
         let mut batch = std::mem::take(batch);
         for lane in 0..count {
-            if is_dropping {
-                match self.without_dropped(workspace, entry.setting, plan, lane) {
-                    Ok(Some(less)) => take_lane(&mut batch, &less, lane),
-                    Ok(None) => {}
-                    Err(failure) => {
-                        batch.failed[lane] = Some(failure);
-                        continue;
-                    }
-                }
-            }
             robot_run(workspace, entry.setting, plan, &mut batch, lane);
         }
         workspace.batches[index] = batch;
-    }
-
-    /// What the model makes of a run in which readings were dropped; `None` where all are there.
-    fn without_dropped(
-        &self,
-        workspace: &ThreadWorkspace<'_>,
-        setting: usize,
-        plan: &Plan,
-        lane: usize,
-    ) -> Result<Option<Batch>, Failure> {
-        let model = &self.parts[setting].model;
-        let measurements = plan.measurements() as usize;
-        let kept = (model.deviations()).kept(measurements, &workspace.laboratory, lane);
-        let Some(kept) = kept.filter(|kept| kept.contains(&false)) else {
-            return Ok(None);
-        };
-        let left = what_is_left(plan, &kept);
-        if left.experiments.is_empty() {
-            return Err(Failure::Dropped);
-        }
-        // Each reading keeps its noise.
-        let normals = workspace.normals.chunks(3).zip(kept);
-        let normals: Vec<[f64; LANES]> = (normals.filter(|(_, is_there)| *is_there))
-            .flat_map(|(three, _)| three.iter().copied())
-            .collect();
-        let model = model.plan(&left).map_err(|_| Failure::Dropped)?;
-        Ok(Some(model.run(&normals, &workspace.parts[setting].unknown)))
     }
 
     /// A run with a random plan of its own.
@@ -331,13 +291,9 @@ impl<'a> Runner<'a> {
         let experiments = part.setting.conditions.experiments;
         let drawn = workspace.parts[setting].random.draw(experiments, run);
         let plan = drawn.map_err(|_| Failure::NoPlan)?;
-        if let Some(less) = self.without_dropped(workspace, setting, &plan, lane)? {
-            take_lane(batch, &less, lane);
-        } else {
-            let unknown = &workspace.parts[setting].unknown;
-            let all = (part.model.plan(&plan)?).run(&workspace.normals, unknown);
-            take_lane(batch, &all, lane);
-        }
+        let unknown = &workspace.parts[setting].unknown;
+        let all = (part.model.plan(&plan)?).run(&workspace.normals, unknown);
+        take_lane(batch, &all, lane);
         robot_run(workspace, setting, &plan, batch, lane);
         Ok(())
     }
@@ -377,23 +333,6 @@ fn take_lane(batch: &mut Batch, other: &Batch, lane: usize) {
     batch.expected[lane] = other.expected[lane];
     batch.variance[lane] = other.variance[lane];
     batch.freedom[lane] = other.freedom[lane];
-}
-
-/// A plan with as many repeats of each experiment as there are readings.
-fn what_is_left(plan: &Plan, kept: &[bool]) -> Plan {
-    let mut readings = kept.iter();
-    let experiments = plan.experiments.iter().filter_map(|experiment| {
-        let own = readings.by_ref().take(experiment.repeats as usize);
-        let repeats = own.fold(0, |sum, &is_there| sum + u32::from(is_there));
-        let left = Experiment {
-            repeats,
-            ..experiment.clone()
-        };
-        (repeats > 0).then_some(left)
-    });
-    Plan {
-        experiments: experiments.collect(),
-    }
 }
 
 /// The model of a plan that is the same in all runs.
@@ -440,17 +379,12 @@ fn robot_run(
             batch.square[lane] = outcome.square;
             batch.nees[lane] = outcome.nees;
             batch.intervals[lane] = outcome.intervals;
-            batch.ranks.resize(outcome.ranks.len(), [0; LANES]);
-            for (lanes, rank) in batch.ranks.iter_mut().zip(outcome.ranks) {
-                lanes[lane] = rank;
-            }
         }
         Err(failure) => batch.failed[lane] = Some(failure),
     }
 }
 
 /// The number of runs of a block, the unit of work. Sums depend on it, so it is fixed.
-#[must_use]
 pub const fn block_runs(level: Level) -> u64 {
     match level {
         Level::Model => 2048,
@@ -459,7 +393,6 @@ pub const fn block_runs(level: Level) -> u64 {
 }
 
 /// For each plan, the one that it is compared with: the first random one under the same conditions.
-#[must_use]
 pub fn references(entries: &[Entry]) -> Vec<Option<usize>> {
     let is_random = |entry: &Entry| !matches!(entry.kind, EntryKind::Fixed(_));
     let reference = |each: &Entry| {

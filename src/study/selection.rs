@@ -2,7 +2,7 @@
 //! choice and judged on all other readings.
 //!
 //! All choices have the same unknowns, the same knowledge before and the same weights. The same is done with a robot that is
-//! exactly as the model says, read with independent errors of the same size: what differs is what misfit does.
+//! exactly as the model says, read with independent errors of the same size: what differs is what discrepancy does.
 
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
@@ -41,7 +41,7 @@ pub struct SelectionWanted {
     pub sizes: Vec<u32>,
     /// How many random choices there are of each size.
     pub draws: u32,
-    /// How often the robot without misfit is read anew.
+    /// How often the robot without discrepancy is read anew.
     pub campaigns: u32,
     /// Of all random numbers.
     pub seed: u64,
@@ -52,7 +52,7 @@ pub struct SelectionWanted {
 pub struct Judged {
     /// Distances from the positions that were read (m).
     pub distance: DistanceStatistics,
-    /// The rms distance (m) from where a robot that all readings are fitted to would be; of the robot without misfit, from
+    /// The rms distance (m) from where a robot that all readings are fitted to would be; of the robot without discrepancy, from
     /// where it is.
     pub from_all_m: f64,
 }
@@ -68,8 +68,8 @@ pub struct Chosen {
     pub bound_m: Option<f64>,
     /// On the readings that there are; none where there is no fit.
     pub judged: Option<Judged>,
-    /// On those of the robot without misfit, one for each time that it was read.
-    pub without_misfit: Vec<Judged>,
+    /// On those of the robot without discrepancy, one for each time that it was read.
+    pub without_discrepancy: Vec<Judged>,
 }
 
 /// All choices of one size.
@@ -111,7 +111,7 @@ struct Chooser<'a> {
     positions: DMatrix<f64>,
     /// What all readings together leave of each.
     left_by_all: &'a [ReadingResidual],
-    /// The robot without misfit, each time that it was read.
+    /// The robot without discrepancy, each time that it was read.
     campaigns: Vec<Vec<Observation>>,
     wanted: &'a SelectionWanted,
 }
@@ -131,7 +131,7 @@ pub fn select<'a>(
     let campaigns = (0..u64::from(wanted.campaigns))
         .map(|campaign| {
             let mut random = generator(wanted.seed, streams::campaign_of_choices(campaign));
-            parts.without_misfit(&mut random)
+            parts.without_discrepancy(&mut random)
         })
         .collect::<Result<Vec<_>, _>>()
         .unwrap_or_default();
@@ -290,7 +290,7 @@ impl Chooser<'_> {
             promised_m: function.value(&information),
             bound_m: None,
             judged: self.judge(&readings, observations),
-            without_misfit: campaigns
+            without_discrepancy: campaigns
                 .filter_map(|observations| self.judge(&readings, observations))
                 .collect(),
             readings,
@@ -328,7 +328,6 @@ fn in_fewest_columns(matrix: DMatrix<f64>) -> DMatrix<f64> {
 }
 
 /// What random choices come to: the median of a quantity, and what a twentieth of them stay below and above.
-#[must_use]
 pub fn spread_of(mut values: Vec<f64>) -> Option<[f64; 3]> {
     values.sort_by(f64::total_cmp);
     let last = values.len().checked_sub(1)?;

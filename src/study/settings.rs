@@ -54,7 +54,6 @@ pub struct Conditions {
 
 impl Conditions {
     /// Those of a task as it is, with so many measurements in each run.
-    #[must_use]
     pub const fn plain(task: &Task, experiments: u32) -> Self {
         Self {
             sigma_m: task.belief.instrument.sigma_m,
@@ -64,7 +63,6 @@ impl Conditions {
     }
 
     /// The task under these conditions.
-    #[must_use]
     pub fn of(&self, task: &Task) -> Task {
         let mut task = task.clone();
         task.belief.instrument.sigma_m = self.sigma_m;
@@ -114,7 +112,6 @@ pub enum StudySource {
 
 impl StudySource {
     /// Whether whole repetitions of the plan make up so many measurements.
-    #[must_use]
     pub fn fits(&self, experiments: u32) -> bool {
         let once = match self {
             Self::File { plan, .. } => plan.measurements(),

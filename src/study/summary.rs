@@ -4,7 +4,7 @@ use super::counts::count_to_f64;
 use super::tally::{Sum, Tally};
 
 /// The half width of a 95 % interval in standard errors.
-const TWO_SIDED_95: f64 = 1.959_963_984_540_054;
+pub(crate) const TWO_SIDED_95: f64 = 1.959_963_984_540_054;
 
 /// A number with its standard error.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -17,7 +17,6 @@ pub struct Measured {
 
 impl Measured {
     /// The 95 % interval.
-    #[must_use]
     pub fn interval95(&self) -> [f64; 2] {
         let half = TWO_SIDED_95 * self.standard_error;
         [self.value - half, self.value + half]
@@ -37,6 +36,8 @@ pub struct Summary {
     pub predicted_rms_m: f64,
     /// The distances that 5, 50, 95 and 99 % of the runs do not exceed.
     pub quantiles_m: [f64; 4],
+    /// The distance that 95 % of the runs do not exceed.
+    pub radius95_m: Measured,
     /// The observed minus the predicted mean square, in the standard deviations that the linear
     /// model predicts for it.
     pub z: f64,
@@ -55,7 +56,6 @@ pub const QUANTILES: [f64; 4] = [0.05, 0.5, 0.95, 0.99];
 
 impl Summary {
     /// Sums up a tally whose distances are in units of `sigma_m`; `None` if all runs failed. `reference` is the tally of the plan that this one is compared with.
-    #[must_use]
     pub fn new(tally: &Tally, sigma_m: f64, reference: Option<&Tally>) -> Option<Self> {
         if tally.runs == 0 {
             return None;
@@ -67,6 +67,8 @@ impl Summary {
         let square_error = standard_error(mean_square, mean(Sum::Fourth), runs);
         let freedom = count_to_f64(tally.freedom) / runs;
         let nees = mean(Sum::Nees);
+        // The share of the runs below a quantile is binomial.
+        let spread = (0.95 * 0.05 / runs).sqrt();
         let quantile = |share| tally.quantile(share).unwrap_or(f64::NAN) * sigma_m;
         Some(Self {
             runs: tally.runs,
@@ -80,6 +82,11 @@ impl Summary {
             },
             predicted_rms_m: mean(Sum::Expected).sqrt() * sigma_m,
             quantiles_m: QUANTILES.map(quantile),
+            radius95_m: Measured {
+                value: quantile(0.95),
+                standard_error: (quantile((0.95 + spread).min(1.0)) - quantile(0.95 - spread))
+                    / 2.0,
+            },
             z: (tally.sum(Sum::Square) - tally.sum(Sum::Expected))
                 / tally.sum(Sum::Variance).sqrt(),
             nees,
@@ -153,6 +160,9 @@ mod tests {
         assert!((summary.mean_m.standard_error / error - 1.0).abs() < 0.01);
         assert!(summary.z.abs() < 4.0 && (summary.nees_z - summary.z).abs() < 1e-6);
         assert!((summary.rms_m.value - 12.0_f64.sqrt()).abs() < 4.0 * summary.rms_m.standard_error);
+        // The squares of three normal numbers have a variance of 6, and the root of their mean a derivative of 1 / (2 sqrt(3)).
+        let error = 2.0 * (6.0_f64 / 400_000.0).sqrt() / (2.0 * 3.0_f64.sqrt());
+        assert!((summary.rms_m.standard_error / error - 1.0).abs() < 0.02);
         for (found, known) in summary.quantiles_m[1..3].iter().zip([1.5382, 2.7955]) {
             assert!((found / 2.0 - known).abs() < 0.01, "{found}, {known}");
         }

@@ -6,7 +6,6 @@
 //! interruption change no bit. A tally's size does not depend on the number of runs.
 
 use super::counts::{count_to_f64, integer_to_f64};
-use super::ranks::Ranks;
 use crate::numeric::random::normal::LANES;
 
 /// Why a run failed.
@@ -24,24 +23,20 @@ pub enum Failure {
     TestPose,
     /// The distance is beyond [`LARGEST`] sigma: no calibration at all.
     TooFar,
-    /// What dropped readings leave does not determine what the test poses need.
-    Dropped,
 }
 
 impl Failure {
     /// All of them, in the order of [`Tally::failed`].
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 6] = [
         Self::NoPlan,
         Self::Undetermined,
         Self::Measurement,
         Self::Identification,
         Self::TestPose,
         Self::TooFar,
-        Self::Dropped,
     ];
 
     /// What happened, in words.
-    #[must_use]
     pub const fn text(self) -> &'static str {
         match self {
             Self::NoPlan => "no random feasible plan was found",
@@ -52,9 +47,6 @@ impl Failure {
             Self::Identification => "the identification failed",
             Self::TestPose => "a test pose has no stable equilibrium",
             Self::TooFar => "the distance is beyond 16384 sigma",
-            Self::Dropped => {
-                "so many readings were dropped that the rest does not determine what the test poses need"
-            }
         }
     }
 }
@@ -116,8 +108,6 @@ pub struct Batch {
     pub freedom: [usize; LANES],
     /// 95 % intervals of compliances, and how many of them hold the true one; none by the linear model.
     pub intervals: [[u32; 2]; LANES],
-    /// The ranks of the true values, by unknown; none by the linear model.
-    pub ranks: Vec<[u8; LANES]>,
     /// Which runs failed.
     pub failed: [Option<Failure>; LANES],
 }
@@ -154,8 +144,6 @@ pub struct Tally {
     pub freedom: u64,
     /// 95 % intervals of compliances, and how many of them hold the true one; none by the linear model.
     pub intervals: [u64; 2],
-    /// The ranks of the true values in what was known of them, where uncertainties are listed; none by the linear model.
-    pub ranks: Ranks,
     /// Runs in which neither this plan nor the reference plan failed.
     pub pairs: u64,
     /// Failed runs by reason, see [`Failure::ALL`].
@@ -172,7 +160,6 @@ impl Default for Tally {
             runs: 0,
             freedom: 0,
             intervals: [0; 2],
-            ranks: Ranks::default(),
             pairs: 0,
             failed: [0; Failure::ALL.len()],
             sums: [0; SUMS],
@@ -214,10 +201,6 @@ impl Tally {
             self.runs += 1;
             self.freedom += batch.freedom[lane] as u64;
             self.count_intervals(batch.intervals[lane].map(u64::from));
-            if !batch.ranks.is_empty() {
-                let ranks = batch.ranks.iter().map(|lanes| lanes[lane]);
-                self.ranks.count(ranks);
-            }
             self.pairs +=
                 u64::from(reference.is_some_and(|reference| reference.failed[lane].is_none()));
             self.bins[bin_of(distance)] += 1;
@@ -237,7 +220,6 @@ impl Tally {
         self.runs += other.runs;
         self.freedom += other.freedom;
         self.count_intervals(other.intervals);
-        self.ranks.merge(&other.ranks);
         self.pairs += other.pairs;
         for (mine, theirs) in self.failed.iter_mut().zip(&other.failed) {
             *mine += theirs;
@@ -256,28 +238,24 @@ impl Tally {
     }
 
     /// The share of 95 % intervals that hold the true compliance.
-    #[must_use]
     pub fn coverage(&self) -> Option<f64> {
         let [all, holding] = self.intervals.map(count_to_f64);
         (all > 0.0).then(|| holding / all)
     }
 
     /// The sum over all runs that did not fail.
-    #[must_use]
     pub fn sum(&self, which: Sum) -> f64 {
         let places = PLACES[which as usize];
         integer_to_f64(self.sums[which as usize]) * 2.0_f64.powi(-places)
     }
 
     /// The number of failed runs.
-    #[must_use]
     pub fn failures(&self) -> u64 {
         self.failed.iter().sum()
     }
 
     /// The histogram in 8 even bins an octave, from the first that has runs to the last: their edges (in
     /// sigma, one more than bins) and counts.
-    #[must_use]
     pub fn histogram(&self) -> (Vec<f64>, Vec<u64>) {
         let coarse: Vec<u64> = (self.bins.chunks(COARSE))
             .map(|bins| bins.iter().sum())
@@ -297,7 +275,6 @@ impl Tally {
 
     /// The share of the runs whose distance (in sigma) does not exceed this, from the histogram as [`Self::quantile`]; `None`
     /// without runs.
-    #[must_use]
     pub fn share_below(&self, distance: f64) -> Option<f64> {
         let total: u64 = self.bins.iter().sum();
         let own = bin_of(distance);
@@ -310,7 +287,6 @@ impl Tally {
 
     /// The distance (in sigma) that a share of the runs does not exceed, from the histogram: within
     /// its bin, 1/64 octave, the runs are taken as spread evenly.
-    #[must_use]
     pub fn quantile(&self, share: f64) -> Option<f64> {
         let total: u64 = self.bins.iter().sum();
         let wanted = share * count_to_f64(total);
@@ -411,7 +387,7 @@ mod tests {
         tally.add(&mut block, &batch, Some(&batch), 6);
         tally.close(&mut block);
         assert_eq!((tally.runs, tally.pairs, tally.failures()), (3, 3, 3));
-        assert_eq!(tally.failed, [0, 0, 0, 1, 0, 2, 0]);
+        assert_eq!(tally.failed, [0, 0, 0, 1, 0, 2]);
         let is = |sum, value: f64| (tally.sum(sum) - value).abs() < 1e-9;
         assert!(is(Sum::Distance, 6.0) && is(Sum::Cross, 12.0) && is(Sum::Nees, 15.0));
         assert_eq!(tally.bins.iter().sum::<u64>(), 3);

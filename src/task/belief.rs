@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{Extended, PriorCampaign};
 use crate::observation::{BareArm, DeflectionPrecision};
-use crate::parameter::{ElasticArm, Prior, Unloaded};
+use crate::parameter::{ElasticArm, ParameterError, ParameterSet, Prior, Unloaded};
 use crate::robot::{Commands, Robot, Tool};
 
 /// How deflections are measured.
@@ -23,7 +23,6 @@ pub struct Instrument {
 
 impl Instrument {
     /// How precisely it reads.
-    #[must_use]
     pub const fn precision(&self) -> DeflectionPrecision {
         DeflectionPrecision {
             sigma_m: self.sigma_m,
@@ -87,19 +86,16 @@ pub struct Belief {
 
 impl Belief {
     /// How the robot is commanded: what plans and measurements have columns for.
-    #[must_use]
     pub fn commands(&self) -> Commands {
         Commands::from(&self.nominal.chain)
     }
 
     /// The number of joints, passive ones counted.
-    #[must_use]
     pub fn joints(&self) -> usize {
         self.nominal.chain.len()
     }
 
     /// The nominal arm with one of its tools.
-    #[must_use]
     pub fn arm_with<'a>(&'a self, tool: &'a Tool) -> BareArm<'a> {
         BareArm {
             chain: &self.nominal.chain,
@@ -109,7 +105,6 @@ impl Belief {
     }
 
     /// The nominal arm: the calibration tool first, then the machining tool where it is another one.
-    #[must_use]
     pub fn arm(&self) -> ElasticArm {
         let mut tools = vec![self.calibration_tool.clone()];
         if self.machining_tool != self.calibration_tool {
@@ -129,14 +124,25 @@ impl Belief {
         arm
     }
 
+    /// The arm to which the values of the unknowns are applied, and the unknowns as its parameters; the last of its tools machines.
+    ///
+    /// # Errors
+    /// None that the unknowns of a checked scenario have.
+    pub fn parameters_of_arm(&self) -> Result<(ElasticArm, ParameterSet), ParameterError> {
+        if let Some(extended) = &self.uncertain {
+            return Ok((extended.arm().clone(), extended.set().clone()));
+        }
+        let arm = self.arm();
+        let set = ParameterSet::compliances(&arm, &self.parameters)?;
+        Ok((arm, set))
+    }
+
     /// The number p of unknowns: the identified compliances, and what else is uncertain and shared by a plan.
-    #[must_use]
     pub fn unknowns(&self) -> usize {
         (self.uncertain.as_ref()).map_or(self.parameters.len(), |extended| extended.set().len())
     }
 
     /// The typical sizes of the unknowns (p), in their units.
-    #[must_use]
     pub fn sizes(&self) -> Vec<f64> {
         let mut sizes = self.nominal.typical_rad_per_nm(&self.parameters);
         if let Some(extended) = &self.uncertain {
@@ -146,7 +152,6 @@ impl Belief {
     }
 
     /// The nominal values of the unknowns (p).
-    #[must_use]
     pub fn values(&self) -> Vec<f64> {
         match &self.uncertain {
             Some(extended) => extended.set().prior().mean.as_slice().to_vec(),
@@ -157,7 +162,6 @@ impl Belief {
     }
 
     /// Whether something is known, or held to be uncertain, before any measurement.
-    #[must_use]
     pub const fn knows_before(&self) -> bool {
         self.prior.is_some() || self.uncertain.is_some()
     }
@@ -171,7 +175,6 @@ impl Belief {
     }
 
     /// The precision of what is known of the unknowns before any measurement (p x p), in their units.
-    #[must_use]
     pub fn precision(&self) -> DMatrix<f64> {
         let nothing = || DMatrix::zeros(self.unknowns(), self.unknowns());
         self.known()
@@ -180,7 +183,6 @@ impl Belief {
 
     /// The precision of what is known of the unknowns before any measurement, in units of typical sizes,
     /// p x p.
-    #[must_use]
     pub fn prior_information(&self) -> DMatrix<f64> {
         let typical = self.sizes();
         match self.known() {
@@ -190,7 +192,6 @@ impl Belief {
     }
 
     /// The same as whitened equations, r x p (1 over the unknowns' units); without a prior there are none.
-    #[must_use]
     pub fn prior_rows(&self) -> DMatrix<f64> {
         match (&self.uncertain, &self.prior) {
             (Some(extended), _) => extended.prior_rows().clone(),
@@ -201,7 +202,6 @@ impl Belief {
 
     /// The same about other compliances of all joints (rad/(N m)), with what measurements tell besides what is known
     /// before: a precision of the unknowns (p x p, in one over their units).
-    #[must_use]
     pub fn informed(&self, compliance_rad_per_nm: &[f64], precision: &DMatrix<f64>) -> Self {
         let mut informed = self.clone();
         (informed.nominal.compliance_rad_per_nm).copy_from_slice(compliance_rad_per_nm);
@@ -218,7 +218,6 @@ impl Belief {
     }
 
     /// The names of the unknowns: joints for compliances that are identified.
-    #[must_use]
     pub fn unknown_names(&self) -> Vec<String> {
         let mut names = self.parameter_names();
         if let Some(extended) = &self.uncertain {
@@ -228,7 +227,6 @@ impl Belief {
     }
 
     /// The names of the identified joints.
-    #[must_use]
     pub fn parameter_names(&self) -> Vec<String> {
         self.parameters
             .iter()

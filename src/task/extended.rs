@@ -124,21 +124,18 @@ impl Extended {
     }
 
     /// The same where deflections rest on such readings without the load.
-    #[must_use]
     pub const fn resting_on(mut self, unloaded: Unloaded) -> Self {
         self.unloaded = unloaded;
         self
     }
 
     /// Which reading without the load deflections rest on.
-    #[must_use]
     pub const fn unloaded(&self) -> Unloaded {
         self.unloaded
     }
 
     /// The same vector where only the instrument's noise is believed in, with what is known of the compliances before:
     /// what is to be found stays. `None` where that is compliances alone, and each deflection has its own noise.
-    #[must_use]
     pub fn noise_only(&self, identified: &[usize], prior: Option<&Prior>) -> Option<Self> {
         if self.further.is_empty() && self.unloaded == Unloaded::Own {
             return None;
@@ -148,20 +145,22 @@ impl Extended {
     }
 
     /// Whether nothing but the instrument's noise is uncertain.
-    #[must_use]
     pub const fn is_certain(&self) -> bool {
         self.shared.is_empty() && self.sources.is_empty()
     }
 
     /// Whether deflections of one configuration share something that repeats do not average.
-    #[must_use]
     pub fn is_shared_by_configuration(&self) -> bool {
         self.unloaded == Unloaded::Shared
             || self.sources.iter().any(ReadingSource::is_of_configuration)
     }
 
+    /// Whether deflections have discrepancies that are new in each configuration.
+    pub fn has_discrepancies(&self) -> bool {
+        (self.sources.iter()).any(ReadingSource::is_of_configuration)
+    }
+
     /// Whether joints have gaps, so that the side of approach counts.
-    #[must_use]
     pub fn has_backlash(&self) -> bool {
         let is_gap = |kind| matches!(kind, ParameterKind::JointBacklash { .. });
         self.set.parameters().iter().any(|each| is_gap(each.kind))
@@ -175,7 +174,6 @@ impl Extended {
 
     /// The same about other compliances of all joints (rad/(N m)), with what measurements tell besides: a precision of
     /// all unknowns (p x p, in one over their units).
-    #[must_use]
     pub fn informed(&self, compliance_rad_per_nm: &[f64], precision: &DMatrix<f64>) -> Self {
         let mut informed = self.clone();
         (informed.arm.compliance_rad_per_nm).copy_from_slice(compliance_rad_per_nm);
@@ -190,64 +188,54 @@ impl Extended {
     }
 
     /// The nominal arm, the calibration tool first.
-    #[must_use]
     pub const fn arm(&self) -> &ElasticArm {
         &self.arm
     }
 
     /// Which of the arm's tools machines.
-    #[must_use]
     pub const fn machining_tool(&self) -> usize {
         self.arm.tools.len() - 1
     }
 
     /// The extended vector: the identified compliances, then what is uncertain.
-    #[must_use]
     pub const fn set(&self) -> &ParameterSet {
         &self.set
     }
 
     /// How many of its first parameters are the identified compliances.
-    #[must_use]
     pub const fn identified(&self) -> usize {
         self.identified
     }
 
     /// The names of the parameters after the identified compliances.
-    #[must_use]
     pub fn other_names(&self) -> Vec<String> {
         let others = self.set.parameters()[self.identified..].iter();
         others.map(|each| each.name.clone()).collect()
     }
 
     /// Their typical sizes: the standard deviations of their priors.
-    #[must_use]
     pub fn other_sizes(&self) -> Vec<f64> {
         let others = self.set.parameters()[self.identified..].iter();
         others.map(|each| each.scale).collect()
     }
 
     /// The uncertainties that the whole plan shares, by name, and which parameters they are.
-    #[must_use]
     pub fn shared(&self) -> &[(String, Vec<usize>)] {
         &self.shared
     }
 
     /// The prior as whitened equations, r x p: rows of unit variance that the unknowns times them equal those of its
     /// mean.
-    #[must_use]
     pub const fn prior_rows(&self) -> &DMatrix<f64> {
         &self.prior_rows
     }
 
     /// The precision that its uncertainty alone gives a parameter (1 over its unit squared).
-    #[must_use]
     pub fn own_precision(&self, parameter: usize) -> f64 {
         self.own_precision[parameter]
     }
 
     /// The standard deviation that its uncertainty alone gives a parameter, in its unit; `None` where there is none.
-    #[must_use]
     pub fn prior_deviation(&self, parameter: usize) -> Option<f64> {
         let own = self.own_precision[parameter];
         let deviation = self.set.parameters()[parameter].prior_deviation;
@@ -261,7 +249,6 @@ impl Extended {
     }
 
     /// The readings that planning sees, with derivatives with respect to some of the unknowns in units of their `sizes`.
-    #[must_use]
     pub fn readings(
         &self,
         unknowns: &[usize],
@@ -273,7 +260,6 @@ impl Extended {
     }
 
     /// The same for all unknowns, in their units.
-    #[must_use]
     pub fn readings_of_all(&self, precision: DeflectionPrecision) -> PlannedReadings<'_> {
         let (set, sizes) = (&self.set, vec![1.0; self.set.len()]);
         PlannedReadings::new(
@@ -287,7 +273,6 @@ impl Extended {
     }
 
     /// The same at the machining tool, where nothing is measured.
-    #[must_use]
     pub fn at_test_pose(&self, sizes: &[f64]) -> PlannedReadings<'_> {
         PlannedReadings::at_test_pose(&self.arm, self.machining_tool(), &self.set, sizes)
     }

@@ -21,7 +21,6 @@ pub struct Fingerprint {
 
 impl Belief {
     /// What an identification with this belief rests on.
-    #[must_use]
     pub fn fingerprint(&self) -> Fingerprint {
         let chain = &self.nominal.chain;
         let robot_sha256 = robot_sha256(chain);
@@ -62,7 +61,6 @@ impl Belief {
 }
 
 /// SHA-256, in hexadecimal, of a robot's kinematics: its joints' names, axes and places.
-#[must_use]
 pub fn robot_sha256(chain: &SerialChain) -> String {
     let mut robot = Hash::default();
     robot.kinematics(chain);

@@ -42,7 +42,6 @@ pub struct TestPose {
 
 impl TestPose {
     /// What counts of an error there: n n^T e, or all of it.
-    #[must_use]
     pub fn counted(&self, error: &Vector3<f64>) -> Vector3<f64> {
         match &self.direction {
             Some(direction) => direction * direction.dot(error),
@@ -51,7 +50,6 @@ impl TestPose {
     }
 
     /// The same of rows C (3 x p) that errors follow from: n n^T C.
-    #[must_use]
     pub fn counted_rows(&self, rows: DMatrix<f64>) -> DMatrix<f64> {
         match &self.direction {
             Some(direction) => {
@@ -79,7 +77,6 @@ pub enum AccuracyKind {
 
 impl AccuracyKind {
     /// Its name in scenarios and records.
-    #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
             Self::Relative => "relative",
@@ -120,7 +117,6 @@ pub struct Task {
 
 impl Task {
     /// What of the errors counts, in words that follow "at the test pose".
-    #[must_use]
     pub fn counted_words(&self) -> &'static str {
         let directed = (self.test_poses.iter()).filter(|pose| pose.direction.is_some());
         match directed.count() {

@@ -9,4 +9,6 @@ pub struct PriorCampaign {
     pub covariance: DMatrix<f64>,
     /// What else was uncertain, by name, and its covariance with the identified compliances (p, rad/(N m) times its unit).
     pub others: Vec<(String, DVector<f64>)>,
+    /// Those of the residual scale, where the covariance rests on one that was estimated.
+    pub degrees_of_freedom: Option<f64>,
 }

@@ -20,7 +20,6 @@ pub struct Station {
 }
 
 /// The station of a name among those that a task has.
-#[must_use]
 pub fn station_named<'a>(stations: &'a [Station], name: Option<&str>) -> Option<&'a Station> {
     let name = name?;
     stations.iter().find(|station| station.name == name)

@@ -4,7 +4,6 @@
 //! tools move in MuJoCo's model; zeros change what the joints are commanded, loads what hangs on the robot.
 
 use nalgebra::{DVector, Isometry3, Rotation3, Vector3};
-use statrs::distribution::{ContinuousCDF, Normal};
 
 use crate::experiment::{Experiment, Plan};
 use crate::measurement::{Measurement, RotationMeasurement};
@@ -17,7 +16,8 @@ use crate::parameter::{
 use crate::robot::{Approach, Load};
 use crate::task::Instrument;
 
-use super::virtual_robot::{MeasurementError, VirtualRobot};
+use super::truth::SampledValue;
+use super::virtual_robot::{Displacement, MeasurementError, VirtualRobot};
 
 /// Two readings make a deflection: each has this share of the standard deviation of what is new in both.
 pub(super) const OF_ONE_READING: f64 = std::f64::consts::FRAC_1_SQRT_2;
@@ -77,7 +77,6 @@ impl Circumstances {
     }
 
     /// The same where deflections rest on such readings without the load.
-    #[must_use]
     pub const fn resting_on(mut self, unloaded: Unloaded) -> Self {
         self.unloaded = unloaded;
         self
@@ -94,13 +93,11 @@ impl Circumstances {
     }
 
     /// Whether nothing is uncertain.
-    #[must_use]
     pub fn is_certain(&self) -> bool {
         self.shared.is_empty() && self.sources.is_empty()
     }
 
     /// How many normal numbers a run takes for so many measurements.
-    #[must_use]
     pub fn numbers(&self, measurements: usize) -> usize {
         self.shared.len() + measurements * self.numbers_of_reading()
     }
@@ -108,33 +105,6 @@ impl Circumstances {
     fn numbers_of_reading(&self) -> usize {
         let each = self.sources.iter();
         each.map(|source| self.numbers_for(source)).sum()
-    }
-
-    /// Whether readings may be missing.
-    #[must_use]
-    pub fn drops_readings(&self) -> bool {
-        let is_dropping = |source: &ReadingSource| matches!(source, ReadingSource::Dropped(_));
-        self.sources.iter().any(is_dropping)
-    }
-
-    /// Which of so many readings are there in the run of a lane; the normals are those of [`Self::draw`].
-    #[must_use]
-    pub fn kept(&self, measurements: usize, normals: &[[f64; LANES]], lane: usize) -> Vec<bool> {
-        let mut kept = vec![true; measurements];
-        if !self.drops_readings() {
-            return kept;
-        }
-        let size = self.numbers_of_reading();
-        for (reading, is_there) in kept.iter_mut().enumerate() {
-            let mut place = self.shared.len() + reading * size;
-            for source in &self.sources {
-                if let ReadingSource::Dropped(share) = source {
-                    *is_there &= !happens(normals[place][lane], *share);
-                }
-                place += self.numbers_for(source);
-            }
-        }
-        kept
     }
 
     /// Draws what a run shares, from the first normals of a lane.
@@ -153,15 +123,24 @@ impl Circumstances {
         }
     }
 
+    /// All that this run shares.
+    pub fn sampled(&self) -> Vec<SampledValue> {
+        let each = self.set.parameters().iter().zip(&self.values);
+        each.map(|(parameter, &value)| SampledValue {
+            name: parameter.name.clone(),
+            unit: parameter.unit(),
+            value,
+        })
+        .collect()
+    }
+
     /// Whether joints hold by laws that each run draws.
-    #[must_use]
     pub fn draws_laws(&self) -> bool {
         let is_law = |kind| matches!(kind, ParameterKind::JointStiffening { .. });
         self.set.parameters().iter().any(|each| is_law(each.kind))
     }
 
     /// The laws by which joints hold in this run, whose compliances are these (rad/(N m)).
-    #[must_use]
     pub fn torque_laws(&self, compliance_rad_per_nm: &[f64]) -> Vec<(usize, TorqueLaw)> {
         let law = |joint: usize| {
             let kind = ParameterKind::JointStiffening { joint };
@@ -180,7 +159,6 @@ impl Circumstances {
     }
 
     /// By how much a parameter differs in this run from what is nominal, in its unit; nothing where it is not uncertain.
-    #[must_use]
     pub fn difference(&self, kind: ParameterKind) -> f64 {
         let index = self.set.index_of(kind);
         index.map_or(0.0, |index| {
@@ -189,7 +167,6 @@ impl Circumstances {
     }
 
     /// By how much a parameter differs in the run of a lane, in its unit.
-    #[must_use]
     pub fn drawn(&self, kind: ParameterKind, normals: &[[f64; LANES]], lane: usize) -> f64 {
         let Some(index) = self.set.index_of(kind) else {
             return 0.0;
@@ -202,14 +179,12 @@ impl Circumstances {
     }
 
     /// How many times a joint's compliance is what is said of it.
-    #[must_use]
     pub fn compliance_factor(&self, joint: usize) -> f64 {
         self.difference(ParameterKind::JointCompliance { joint })
             .exp()
     }
 
     /// The load that acts at a test pose where this one is said to.
-    #[must_use]
     pub fn acting_at_test_pose(&self, said: &Load) -> Load {
         let mut load = said.scaled(self.difference(ParameterKind::TaskScale).exp());
         for axis in Axis::ALL {
@@ -219,7 +194,6 @@ impl Circumstances {
     }
 
     /// What of the robot's model differs: frames of links and of the calibration tool, what links weigh, springs.
-    #[must_use]
     pub fn model_changes(&self) -> Vec<ModelChange> {
         let moved = self.set.displacements(&self.nominal, &self.values);
         let isometry = |change: &FrameChange| change.isometry();
@@ -253,7 +227,6 @@ impl Circumstances {
 
     /// What the joints really are commanded (rad) where a controller commands this: zeros and gaps are in it. A load acts at
     /// the calibration tool or, at a test pose, at the machining tool.
-    #[must_use]
     pub fn commanded(
         &self,
         q: &DVector<f64>,
@@ -283,36 +256,49 @@ impl Circumstances {
         normals: &[[f64; LANES]],
         lane: usize,
     ) -> Result<Vec<Measurement>, MeasurementError> {
+        let read = |visit: Visit<'_>| {
+            let (experiment, displacement) = (visit.experiment, visit.displacement(robot)?);
+            let (deflection_m, rotation_rad) = self.read(visit, &displacement);
+            Ok(Measurement {
+                configuration_rad: experiment.configuration_rad.clone(),
+                load: experiment.load,
+                deflection_m,
+                sigma_m: None,
+                rotation: instrument
+                    .rotation_sigma_rad
+                    .map(|sigma| RotationMeasurement {
+                        vector_rad: rotation_rad,
+                        sigma_rad: Vector3::repeat(sigma),
+                    }),
+                approach: experiment.approach.clone(),
+            })
+        };
+        (self.visits(plan, normals, lane)).map(read).collect()
+    }
+
+    /// What each reading of a plan comes about by, in its order. `normals` are those of [`Self::draw`].
+    pub fn visits<'a>(
+        &'a self,
+        plan: &'a Plan,
+        normals: &[[f64; LANES]],
+        lane: usize,
+    ) -> impl Iterator<Item = Visit<'a>> + use<'a> {
         let normals: Vec<f64> = normals[self.shared.len()..]
             .iter()
             .map(|lanes| lanes[lane])
             .collect();
         let size = self.numbers_of_reading();
-        let of_reading = |number: usize| &normals[number * size..(number + 1) * size];
-        let mut measurements = Vec::new();
+        // What one configuration shares is drawn with the first of its measurements.
         let firsts = self.first_of_configuration(plan);
-        for (index, experiment) in plan.experiments.iter().enumerate() {
-            // What one configuration shares is drawn with the first of its measurements.
-            let first = firsts[index];
-            for _ in 0..experiment.repeats {
-                let numbers = [of_reading(measurements.len()), of_reading(first)];
-                let reading = self.read(robot, index + 1, experiment, numbers)?;
-                measurements.push(Measurement {
-                    configuration_rad: experiment.configuration_rad.clone(),
-                    load: experiment.load,
-                    deflection_m: reading.0,
-                    sigma_m: None,
-                    rotation: instrument
-                        .rotation_sigma_rad
-                        .map(|sigma| RotationMeasurement {
-                            vector_rad: reading.1,
-                            sigma_rad: Vector3::repeat(sigma),
-                        }),
-                    approach: experiment.approach.clone(),
-                });
-            }
-        }
-        Ok(measurements)
+        let numbered = plan.experiments.iter().enumerate();
+        let readings = numbered.flat_map(|(index, experiment)| {
+            (0..experiment.repeats).map(move |_| (index, experiment))
+        });
+        (readings.enumerate()).map(move |(own, (index, experiment))| {
+            let of_reading = |number: usize| &normals[number * size..(number + 1) * size];
+            let numbers = [of_reading(own), of_reading(firsts[index])];
+            self.visit(index + 1, experiment, numbers)
+        })
     }
 
     /// The number of the first measurement in the configuration of each experiment.
@@ -337,13 +323,12 @@ impl Circumstances {
         firsts
     }
 
-    fn read(
+    fn visit<'a>(
         &self,
-        robot: &mut VirtualRobot,
         number: usize,
-        experiment: &Experiment,
+        experiment: &'a Experiment,
         [own, shared]: [&[f64]; 2],
-    ) -> Result<(Vector3<f64>, Vector3<f64>), MeasurementError> {
+    ) -> Visit<'a> {
         let (q, approach) = (&experiment.configuration_rad, experiment.approach.as_ref());
         let mut unloaded = self.commanded(q, &Load::NONE, false, approach);
         let mut load: Load = self.here.acting(&experiment.load);
@@ -360,16 +345,55 @@ impl Circumstances {
             OffBy::Gear => unloaded[joint] += by_rad,
         });
         let loaded = &unloaded + returned;
-        let displacement = robot.displacement_between(number, (&unloaded, &loaded), &load)?;
-        let mut moved = displacement.position_m + noise.off_m;
-        for (range, normals) in noise.by_distance {
+        Visit {
+            number,
+            experiment,
+            commanded_rad: [unloaded, loaded],
+            load,
+            noise,
+        }
+    }
+
+    /// What the instrument shows of a displacement, without its own noise: of position (m) and rotation (rad).
+    fn read(&self, visit: Visit<'_>, displacement: &Displacement) -> (Vector3<f64>, Vector3<f64>) {
+        let mut moved = displacement.position_m + visit.noise.discrepancy_m;
+        for (range, normals) in visit.noise.by_distance {
             moved += range.drawn(&normals, &(displacement.at_m - range.from_m));
         }
         let base: &Isometry3<f64> = &self.here.instrument_from_base[0];
-        Ok((
+        (
             base.rotation * moved + self.here.drift_m,
             base.rotation * displacement.rotation_rad,
-        ))
+        )
+    }
+}
+
+/// What a reading of a deflection comes about by in a run.
+#[derive(Debug, Clone)]
+pub struct Visit<'a> {
+    /// The number of its experiment, from 1.
+    number: usize,
+    experiment: &'a Experiment,
+    /// What the joints are commanded before and under the load (rad).
+    pub commanded_rad: [DVector<f64>; 2],
+    /// What acts at the calibration tool.
+    pub load: Load,
+    noise: ReadingNoise,
+}
+
+impl Visit<'_> {
+    /// What no model explains of the deflection (m).
+    pub const fn discrepancy_m(&self) -> Vector3<f64> {
+        self.noise.discrepancy_m
+    }
+
+    /// How far a virtual robot's tool moves.
+    ///
+    /// # Errors
+    /// There is no stable equilibrium.
+    pub fn displacement(&self, robot: &mut VirtualRobot) -> Result<Displacement, MeasurementError> {
+        let [unloaded, loaded] = &self.commanded_rad;
+        robot.displacement_between(self.number, (unloaded, loaded), &self.load)
     }
 }
 
@@ -387,9 +411,9 @@ pub(super) struct Disturbed {
 /// What the place that is read is off by, besides what joints and loads do.
 #[derive(Debug, Clone)]
 pub(super) struct ReadingNoise {
-    /// Everywhere (m, world frame) ...
-    pub off_m: Vector3<f64>,
-    /// ... and by the distance from the instrument, with its three numbers each.
+    /// By what no model of the robot explains (m, world frame),
+    pub discrepancy_m: Vector3<f64>,
+    /// and by the distance from the instrument, with its three numbers each.
     pub by_distance: Vec<(RangeNoise, Vector3<f64>)>,
 }
 
@@ -439,7 +463,8 @@ impl Circumstances {
         number: impl Fn(bool, usize) -> f64,
         mut turn: impl FnMut(OffBy, usize, f64),
     ) -> ReadingNoise {
-        let (mut off_m, mut by_distance) = (Vector3::zeros(), Vec::new());
+        let mut discrepancy_m = Vector3::zeros();
+        let mut by_distance = Vec::new();
         let mut place = 0;
         for source in &self.sources {
             let is_shared = source.is_of_configuration();
@@ -455,25 +480,17 @@ impl Circumstances {
             };
             let mut three = |deviation: f64| Vector3::from_fn(|_, _| next(deviation));
             match source {
-                ReadingSource::JointReturn(deviations) => {
+                ReadingSource::JointRepeatability(deviations) => {
                     for (joint, &deviation) in deviations.iter().enumerate() {
                         turn(OffBy::Return, joint, next(deviation * of_deflection));
                     }
                 }
-                ReadingSource::GearError(deviations) => {
+                ReadingSource::TransmissionError(deviations) => {
                     for (joint, &deviation) in deviations.iter().enumerate() {
                         turn(OffBy::Gear, joint, next(deviation));
                     }
                 }
-                ReadingSource::Misfit(deviation) => off_m += three(*deviation),
-                ReadingSource::Wrong { share, deviation_m } => {
-                    let wrong = three(*deviation_m);
-                    if happens(next(1.0), *share) {
-                        off_m += wrong;
-                    }
-                }
-                // Who reads knows nothing of what is not there, see `kept`.
-                ReadingSource::Dropped(_) => place += source.numbers(),
+                ReadingSource::Discrepancy(deviation) => discrepancy_m += three(*deviation),
                 ReadingSource::LoadDirection(deviation) => {
                     let turn = Rotation3::new(three(*deviation));
                     load.force_n = turn * load.force_n;
@@ -487,11 +504,9 @@ impl Circumstances {
                 }
             }
         }
-        ReadingNoise { off_m, by_distance }
+        ReadingNoise {
+            discrepancy_m,
+            by_distance,
+        }
     }
-}
-
-/// Whether something with this probability happens, by a standard normal number.
-fn happens(normal: f64, probability: f64) -> bool {
-    Normal::standard().cdf(normal) < probability
 }

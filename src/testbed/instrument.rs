@@ -64,7 +64,6 @@ impl VirtualRobot {
 }
 
 /// How many random numbers so many measurements take.
-#[must_use]
 pub fn numbers(instrument: &Instrument, measurements: usize) -> usize {
     let rotations = instrument.rotation_sigma_rad.is_some();
     let readings = match instrument.unloaded {

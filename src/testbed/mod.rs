@@ -12,13 +12,15 @@ mod read_robots;
 mod rest;
 mod robots;
 mod settle;
+mod true_compliances;
 mod truth;
 mod virtual_robot;
 
-pub use circumstances::Circumstances;
+pub use circumstances::{Circumstances, Visit};
 pub use instrument::{add_noise, add_noise_of, numbers};
 pub use read_robots::{ReadRobots, SeenFrom};
 pub use robots::TrueRobots;
 pub use settle::{SettleError, Settled, settle};
-pub use truth::{DrawnCompliances, Truth};
+pub use true_compliances::{TrueCompliances, compliances_of_run};
+pub use truth::{DrawnCompliances, RunTruth, SampledValue, Truth};
 pub use virtual_robot::{Displacement, MeasurementError, VirtualRobot};

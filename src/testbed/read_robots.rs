@@ -106,12 +106,6 @@ impl ReadRobots {
         Ok(())
     }
 
-    /// Which of so many readings are there in this run.
-    #[must_use]
-    pub fn kept(&self, readings: usize) -> Vec<bool> {
-        self.laboratory.kept(readings, &self.normals, 0)
-    }
-
     /// Where a target is (m, world frame) and its axes, as they are read without the instrument's own noise: reading number `own`,
     /// and `shared` the first at its stand. The experiment's load hangs on the calibration tool.
     ///
@@ -148,7 +142,7 @@ impl ReadRobots {
                 range.drawn(&normals, &apart_m)
             })
             .sum();
-        Ok((at_m + noise.off_m + off_by_distance, axes))
+        Ok((at_m + noise.discrepancy_m + off_by_distance, axes))
     }
 
     /// Where the machining tool rests (m, world frame) where a test pose is commanded, under what acts there in this run. A load that

@@ -2,8 +2,9 @@
 
 use nalgebra::DVector;
 
-use super::circumstances::Circumstances;
-use super::truth::Truth;
+use super::circumstances::{Circumstances, Visit};
+use super::true_compliances::compliances_of_run;
+use super::truth::{RunTruth, Truth};
 use super::virtual_robot::{MeasurementError, VirtualRobot};
 use crate::experiment::Plan;
 use crate::measurement::Measurement;
@@ -55,7 +56,6 @@ impl TrueRobots {
     }
 
     /// How many normal numbers a run takes besides the instrument's noise.
-    #[must_use]
     pub fn numbers(&self, measurements: usize) -> usize {
         self.laboratory.numbers(measurements)
     }
@@ -109,18 +109,56 @@ impl TrueRobots {
     ) -> Result<Vec<[f64; LANES]>, ModelError> {
         let mut normals = vec![[0.0; LANES]; self.numbers(measurements)];
         fill_normals(Stream::Circumstances, seed, run, &mut normals);
-        self.become_run(&truth.robot.compliance_rad_per_nm, &normals, 0)?;
+        self.become_run(&compliances_of_run(truth, seed, run), &normals, 0)?;
         Ok(normals)
     }
 
+    /// The truth of the run that the robot was made that of, for a plan that is measured in it.
+    ///
+    /// # Errors
+    /// The first experiment that has no stable equilibrium.
+    pub fn truth(
+        &mut self,
+        plan: &Plan,
+        normals: &[[f64; LANES]],
+        run: u64,
+    ) -> Result<RunTruth, MeasurementError> {
+        let visits = self.laboratory.visits(plan, normals, 0);
+        let deflection = |visit: Visit<'_>| {
+            let moved = visit.displacement(&mut self.measuring)?;
+            Ok(moved.position_m + visit.discrepancy_m())
+        };
+        let deflections_m = visits.map(deflection).collect::<Result<_, _>>()?;
+        Ok(RunTruth {
+            run,
+            compliance_rad_per_nm: self.compliance_rad_per_nm.clone(),
+            sampled: self.laboratory.sampled(),
+            deflections_m,
+        })
+    }
+
+    /// What each reading of a plan comes about by in this run, in the plan's order, with the robot that carries the
+    /// calibration tool.
+    pub fn visits<'a>(
+        &'a mut self,
+        plan: &'a Plan,
+        normals: &[[f64; LANES]],
+    ) -> (Vec<Visit<'a>>, &'a mut VirtualRobot) {
+        let visits = self.laboratory.visits(plan, normals, 0).collect();
+        (visits, &mut self.measuring)
+    }
+
+    /// The robot that carries the machining tool, as it came to rest last.
+    pub const fn machining(&self) -> &VirtualRobot {
+        &self.machining
+    }
+
     /// The compliance of every joint in this run (rad/(N m)).
-    #[must_use]
     pub fn compliance_rad_per_nm(&self) -> &[f64] {
         &self.compliance_rad_per_nm
     }
 
     /// The true values of a belief's unknowns in this run (p).
-    #[must_use]
     pub fn unknowns(&self, belief: &Belief) -> Vec<f64> {
         let compliance = &self.compliance_rad_per_nm;
         let mut values: Vec<f64> = (belief.parameters.iter())
@@ -157,15 +195,6 @@ impl TrueRobots {
             return self.measuring.measure_noise_free(plan, instrument);
         }
         (self.laboratory).measure(&mut self.measuring, plan, instrument, normals, lane)
-    }
-
-    /// Takes away readings that were lost in this run: of all measurements of a plan, in its order.
-    pub fn lose(&self, measurements: &mut Vec<Measurement>, normals: &[[f64; LANES]], lane: usize) {
-        if self.laboratory.drops_readings() {
-            let kept = self.laboratory.kept(measurements.len(), normals, lane);
-            let mut kept = kept.into_iter();
-            measurements.retain(|_| kept.next().unwrap_or(true));
-        }
     }
 
     /// Where the machining tool rests (m) if a controller commands these angles (rad), under what acts in this run where

@@ -1,6 +1,6 @@
 //! What only the testbed sees.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, Vector3};
 
 use crate::parameter::Uncertainty;
 use crate::robot::TrueRobot;
@@ -23,10 +23,34 @@ pub struct Truth {
 
 impl Truth {
     /// Whether errors are made of more than the instrument's noise and other compliances.
-    #[must_use]
     pub const fn leaves_more_than_noise(&self) -> bool {
         !self.uncertainties.is_empty() || !self.robot.torque_laws.is_empty()
     }
+}
+
+/// The simulated truth of one run: what was sampled, and what an instrument without errors would have read.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct RunTruth {
+    /// The run's number.
+    pub run: u64,
+    /// The compliance of every joint (rad/(N m)).
+    pub compliance_rad_per_nm: Vec<f64>,
+    /// All that a run samples once.
+    pub sampled: Vec<SampledValue>,
+    /// How far the load moved the tool in each reading (m, world frame), with what no model explains and without the
+    /// instrument's errors.
+    pub deflections_m: Vec<Vector3<f64>>,
+}
+
+/// Something that a run samples once.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SampledValue {
+    /// Its name, as that of an unknown.
+    pub name: String,
+    /// The unit of the value; "1" for the logarithm of a ratio to what is nominal.
+    pub unit: &'static str,
+    /// The value in this run.
+    pub value: f64,
 }
 
 /// Compliances with a normal distribution.

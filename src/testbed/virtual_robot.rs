@@ -112,7 +112,7 @@ impl VirtualRobot {
     /// Makes the robot a run's, which differs from the model in this alone.
     ///
     /// # Errors
-    /// A joint shares its body with one before it, so that its link has no frame of its own.
+    /// A site is missing.
     pub fn change(&mut self, robot: &TrueRobot, changes: &[ModelChange]) -> Result<(), ModelError> {
         match &mut self.body {
             RestMethod::Chain(rest) => rest.change(robot, changes),
@@ -145,7 +145,6 @@ impl VirtualRobot {
     }
 
     /// The angles of the belief's joints at the last equilibrium (rad).
-    #[must_use]
     pub fn joint_angles(&self) -> Vec<f64> {
         match &self.body {
             RestMethod::Chain(rest) => rest.joint_angles(),
@@ -154,7 +153,6 @@ impl VirtualRobot {
     }
 
     /// MuJoCo's coordinates of all joints at the last equilibrium (rad, m).
-    #[must_use]
     pub fn coordinates(&self) -> &[f64] {
         match &self.body {
             RestMethod::Chain(rest) => rest.state().coordinates().0,
@@ -163,7 +161,6 @@ impl VirtualRobot {
     }
 
     /// MuJoCo's simulation as it stands at the last equilibrium.
-    #[must_use]
     pub fn simulation(&self) -> &State {
         match &self.body {
             RestMethod::Chain(rest) => rest.state(),

@@ -13,14 +13,12 @@ const LONGEST_NAME: usize = 200;
 
 /// Whether a character moves the cursor, rings, starts a terminal's command or turns the direction of
 /// writing, rather than being seen.
-#[must_use]
 pub fn is_unseen(character: char) -> bool {
     character.is_control()
         || matches!(character, '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}' | '\u{feff}')
 }
 
 /// Text for a terminal: lines stay, and everything else that is not seen is escaped.
-#[must_use]
 pub fn plain(text: &str) -> Cow<'_, str> {
     let is_foreign = |each: char| is_unseen(each) && each != '\n';
     if text.contains(is_foreign) {
@@ -34,8 +32,23 @@ pub fn plain(text: &str) -> Cow<'_, str> {
     }
 }
 
+/// Keys, words and options of older files and scripts, and what they are called now.
+const RENAMED: [(&str, &str); 4] = [
+    ("joint_return", "joint_repeatability"),
+    ("gear_error", "transmission_error"),
+    ("misfit", "discrepancy"),
+    ("--ladder", "--model-selection"),
+];
+
+/// What an older word is called now.
+pub fn renamed(found: &str) -> Option<&'static str> {
+    let mut pairs = RENAMED.iter();
+    pairs.find(|(old, _)| *old == found).map(|(_, new)| *new)
+}
+
 /// Of the words that there are, the one that was likely meant.
 pub fn nearest<'a>(found: &str, known: impl Iterator<Item = &'a str>) -> Option<&'a str> {
+    let found = renamed(found).unwrap_or(found);
     let found = found.to_lowercase();
     let likeness = |word: &str| strsim::jaro_winkler(&found, &word.to_lowercase());
     let best = known.max_by(|one, other| likeness(one).total_cmp(&likeness(other)))?;
@@ -43,7 +56,6 @@ pub fn nearest<'a>(found: &str, known: impl Iterator<Item = &'a str>) -> Option<
 }
 
 /// What is wrong with a name, which people read and other files and programs take over.
-#[must_use]
 pub fn wrong_name(name: &str) -> Option<String> {
     if name.trim().is_empty() || name.contains(is_unseen) {
         Some(format!("found {name:?}; a name of one line is allowed"))

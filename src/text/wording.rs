@@ -1,7 +1,9 @@
 //! Numbers, counts and words as a person reads them.
 
+use std::borrow::Cow;
+use std::path::Path;
+
 /// A distance in micrometres with its unit, or a dash.
-#[must_use]
 pub fn micrometres(value_mm: Option<f64>) -> String {
     value_mm.map_or_else(dash, |value| {
         let micro = value * 1e3;
@@ -16,15 +18,20 @@ pub fn micrometres(value_mm: Option<f64>) -> String {
 }
 
 /// A number with the given decimals, or a dash.
-#[must_use]
 pub fn number(value: Option<f64>, decimals: usize) -> String {
     value.map_or_else(dash, |value| {
         format!("{value:.decimals$}").replace('-', "\u{2212}")
     })
 }
 
+/// A number of so many significant digits without needless zeros.
+pub fn significant(value: f64, digits: usize) -> String {
+    let text = format!("{value:.*e}", digits.saturating_sub(1));
+    text.parse()
+        .map_or(text, |rounded: f64| rounded.to_string())
+}
+
 /// A share as a percentage, or a dash.
-#[must_use]
 pub fn percent(share: Option<f64>, decimals: usize) -> String {
     share.map_or_else(dash, |share| {
         format!("{}\u{a0}%", number(Some(share * 100.0), decimals))
@@ -32,7 +39,6 @@ pub fn percent(share: Option<f64>, decimals: usize) -> String {
 }
 
 /// The interval of a ratio's inverse, from that of the ratio.
-#[must_use]
 pub fn inverse_interval([low, high]: [f64; 2]) -> String {
     if low > 0.0 {
         format!("{:.2} to {:.2}", high.recip(), low.recip())
@@ -43,14 +49,12 @@ pub fn inverse_interval([low, high]: [f64; 2]) -> String {
 }
 
 /// `count` of something, with a plural s where it belongs.
-#[must_use]
 pub fn counted(count: u64, what: &str) -> String {
     let plural = if count == 1 { "" } else { "s" };
     format!("{count} {what}{plural}")
 }
 
 /// A word of a command as a shell takes it.
-#[must_use]
 pub fn shell_word(word: &str) -> String {
     let is_plain = |each: char| each.is_ascii_alphanumeric() || "/._-+=,".contains(each);
     if !word.is_empty() && word.chars().all(is_plain) {
@@ -60,15 +64,27 @@ pub fn shell_word(word: &str) -> String {
     }
 }
 
+/// A path as a word of a command that no program takes for an option.
+pub fn shell_path(path: &Path) -> String {
+    shell_word(&no_option(path).to_string_lossy())
+}
+
+/// The same file by a path that does not begin as an option.
+pub fn no_option(path: &Path) -> Cow<'_, Path> {
+    if path.as_os_str().as_encoded_bytes().starts_with(b"-") {
+        Cow::Owned(Path::new(".").join(path))
+    } else {
+        Cow::Borrowed(path)
+    }
+}
+
 /// What stands for a number that does not exist.
-#[must_use]
 pub fn dash() -> String {
     "\u{2013}".to_owned()
 }
 
 /// A name of at most so many characters: what is too long loses its middle, since names differ most at
 /// their ends.
-#[must_use]
 pub fn shortened(name: &str, most: usize) -> String {
     let count = name.chars().count();
     if count <= most {

@@ -13,6 +13,7 @@ use crate::robot::{Drive, EquilibriumError, EquilibriumSolver, Load, SerialChain
 use crate::scenario::Scenario;
 use crate::task::TestPose;
 
+pub use plausibility::{collapse, implausible, impossible};
 pub use truth::UnderstoodTruth;
 pub use unknowns::{Unknowns, unknowns};
 
@@ -85,7 +86,6 @@ pub struct Bent {
 
 impl Understanding {
     /// What a scenario says of its robot.
-    #[must_use]
     pub fn new(scenario: &Scenario) -> Self {
         let chain = &scenario.task.belief.nominal.chain;
         let mut understanding = Self {

@@ -4,8 +4,14 @@
 
 use std::f64::consts::TAU;
 
-use super::{Understanding, UnderstoodJoint, UnderstoodPose};
+use nalgebra::Vector3;
+
+use super::{Understanding, UnderstoodJoint, UnderstoodPose, bent as bent_at};
+use crate::codes::{Condition, ConditionCode};
+use crate::experiment::Loads;
+use crate::robot::{EquilibriumError, Load};
 use crate::scenario::Scenario;
+use crate::task::{Task, TestPose};
 
 /// A robot that sags or bends by more than this at its tool (m) ...
 const BENT_M: f64 = 0.05;
@@ -21,6 +27,8 @@ const REACH_M: f64 = 30.0;
 const GRAVITY_M_S2: f64 = 20.0;
 /// No arm moves more than this (kg); one whose drawn shapes weigh does.
 const MASS_KG: f64 = 2500.0;
+/// No centre of mass lies further from its joint than so many times the arm's reach.
+const FURTHEST_CENTRE: f64 = 2.0;
 /// No joint turns further than this (rad); one whose degrees are taken for radians does.
 const RANGE_RAD: f64 = 17.5;
 /// Angles in degrees that all lie in one turn of radians, of joints that turn further than this (rad), are
@@ -28,17 +36,29 @@ const RANGE_RAD: f64 = 17.5;
 const TURNS_FURTHER_RAD: f64 = 0.6;
 /// A tracker nearer than this (m) to a joint of the robot at a test pose stands in the robot.
 const TRACKER_M: f64 = 0.3;
+/// A force of which more than this share points against gravity points upwards.
+const UPWARD: f64 = 0.7;
 /// An instrument with more noise than this (m) measures no deflections.
 const SIGMA_M: f64 = 1e-3;
 
 /// What is implausible about a scenario, in whole sentences.
 pub(super) fn warnings(scenario: &Scenario, understood: &Understanding) -> Vec<String> {
     let mut warnings = scenario.doubts.clone();
-    let model = &scenario.task.belief.nominal.model;
-    let left_out = model.left_out().iter();
-    warnings.extend(left_out.map(|what| format!("{}: {what}", model.path().display())));
+    let models = [
+        &scenario.task.belief.nominal.model,
+        &scenario.truth.robot.model,
+    ];
+    for model in models {
+        for what in model.left_out() {
+            let warning = format!("{}: {what}", model.path().display());
+            if !warnings.contains(&warning) {
+                warnings.push(warning);
+            }
+        }
+    }
     warnings.extend(lengths(understood));
     warnings.extend(masses(understood));
+    warnings.extend(impossible(scenario, understood).map(|each| each.text));
     warnings.extend(ranges(scenario));
     let (nominal, truth) = (&scenario.task.belief.nominal, &scenario.truth.robot);
     let names: Vec<String> = (understood.joints.iter())
@@ -63,7 +83,72 @@ pub(super) fn warnings(scenario: &Scenario, understood: &Understanding) -> Vec<S
         }
     }
     warnings.extend(instrument(scenario));
+    // What another mistake does to the deflection is no news, either.
+    if warnings.is_empty() {
+        warnings.extend(hardly_bent(scenario).into_iter().map(|each| each.text));
+    }
+    warnings.extend(upward(&scenario.task).map(|each| each.text));
     warnings
+}
+
+/// What every command that relies on a scenario's loads says of them.
+pub fn implausible(scenario: &Scenario) -> Vec<Condition> {
+    (hardly_bent(scenario).into_iter())
+        .chain(upward(&scenario.task))
+        .collect()
+}
+
+/// Test poses where the load's effect is within the instrument's noise.
+fn hardly_bent(scenario: &Scenario) -> Vec<Condition> {
+    let task = &scenario.task;
+    let sigma_m = task.belief.instrument.sigma_m;
+    let said = |pose: &TestPose| {
+        let moved = bent_at(scenario, pose).ok()?.task_load_m.norm();
+        (moved < sigma_m && pose.load != Load::NONE).then(|| {
+            ConditionCode::SmallDeflection.with(format!(
+                "at {:?} the task load moves the tool by {:.3} um, less than sigma = {:.3} um of the instrument: is the load in \
+                 another unit, such as kN?",
+                pose.name,
+                moved * 1e6,
+                sigma_m * 1e6
+            ))
+        })
+    };
+    task.test_poses.iter().filter_map(said).collect()
+}
+
+/// Loads of which none hangs.
+fn upward(task: &Task) -> Option<Condition> {
+    let gravity = task.belief.nominal.chain.gravity_m_s2;
+    let is_up = |force_n: &Vector3<f64>| {
+        force_n.dot(&gravity) < -UPWARD * force_n.norm() * gravity.norm() && force_n.norm() > 0.0
+    };
+    let all_up = match &task.loads {
+        Loads::Fixed(load) => is_up(&load.force_n),
+        Loads::Direction { direction, .. } => is_up(direction),
+        Loads::List(loads) => !loads.is_empty() && loads.iter().all(|load| is_up(&load.force_n)),
+        Loads::Any { .. } => false,
+    };
+    all_up.then(|| {
+        let text =
+            "load: the force points upwards, where no weight pulls: is its sign wrong? z is up";
+        ConditionCode::UpwardLoad.with(text)
+    })
+}
+
+/// Why the robot does not stand at a test pose.
+pub fn collapse(scenario: &Scenario) -> Option<String> {
+    let falls = |pose: &TestPose| {
+        let error = bent_at(scenario, pose).err()?;
+        Some(no_rest(&pose.name, &error))
+    };
+    scenario.task.test_poses.iter().find_map(falls)
+}
+
+fn no_rest(pose: &str, error: &EquilibriumError) -> String {
+    format!(
+        "at {pose:?} there is {error}: are the joints' stiffnesses gains for simulation, or in another unit?"
+    )
 }
 
 fn lengths(understood: &Understanding) -> Option<String> {
@@ -88,6 +173,20 @@ fn masses(understood: &Understanding) -> Option<String> {
             "the arm moves {moving:.0} kg: do shapes that are drawn weigh, too? MuJoCo gives shapes without a mass that of water; give the bodies an <inertial> and the shapes mass=\"0\""
         )
     })
+}
+
+/// Why a model cannot be right: a link's mass lies much further from its joint than the arm reaches.
+pub fn impossible(scenario: &Scenario, understood: &Understanding) -> Option<Condition> {
+    let joints = &scenario.task.belief.nominal.chain.joints;
+    let furthest = FURTHEST_CENTRE * understood.reach_m.max(1.0);
+    let joint = (joints.iter()).find(|joint| joint.centre_of_mass_m.norm() > furthest)?;
+    Some(ConditionCode::ImpossibleMass.with(format!(
+        "the centre of mass of what {} moves with its link lies {:.1} m from the joint, and the arm reaches {:.1} m: is it in \
+         millimetres? MJCF has metres",
+        joint.name,
+        joint.centre_of_mass_m.norm(),
+        understood.reach_m
+    )))
 }
 
 fn ranges(scenario: &Scenario) -> Option<String> {
@@ -156,10 +255,7 @@ fn bent(joints: &[UnderstoodJoint], pose: &UnderstoodPose) -> Option<String> {
     let bent = match &pose.bent {
         Ok(bent) => bent,
         Err(error) => {
-            return Some(format!(
-                "at {:?} there is {error}: are the joints' stiffnesses gains for simulation, or in another unit?",
-                pose.name
-            ));
+            return Some(no_rest(&pose.name, error));
         }
     };
     [
@@ -230,7 +326,7 @@ fn instrument(scenario: &Scenario) -> Vec<String> {
             .filter(|(distance, _)| *distance < TRACKER_M);
         if let Some((distance, joint)) = near {
             warnings.push(format!(
-                "at {:?} the tracker is {:.0} mm from {}: does it stand in the robot?",
+                "at {:?} the tracker is {:.0} mm from {}: is it inside the robot?",
                 pose.name,
                 distance * 1e3,
                 joint.name

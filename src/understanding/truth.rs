@@ -39,7 +39,12 @@ fn differences(belief: &SerialChain, truth: &SerialChain) -> Option<String> {
     {
         all.push("springs or constant forces in joints".to_owned());
     }
-    (!all.is_empty()).then(|| format!("it has what the belief has not: {}", all.join("; ")))
+    (!all.is_empty()).then(|| {
+        format!(
+            "it has what the planner's model has not: {}",
+            all.join("; ")
+        )
+    })
 }
 
 /// A virtual robot that is more than a chain.

@@ -26,14 +26,13 @@ pub struct Unknowns {
     pub reading: ReadingKind,
     /// All parameters.
     pub names: Vec<String>,
-    /// What cannot be told apart, each with the parameter that can be left out without loss.
+    /// What cannot be separated, each with the parameter that can be left out without loss.
     pub freedoms: Vec<Freedom>,
 }
 
 impl Unknowns {
     /// The names of a minimal set of parameters: all of them are determined, and the others would add
     /// nothing.
-    #[must_use]
     pub fn minimal(&self) -> Vec<&str> {
         let is_redundant = |index| self.freedoms.iter().any(|each| each.redundant == index);
         (0..self.names.len())
@@ -45,7 +44,6 @@ impl Unknowns {
 
 /// For deflections, positions and poses, at random configurations in the joints' ranges under loads of
 /// the task, drawn under a seed.
-#[must_use]
 pub fn unknowns(task: &Task, seed: u64) -> Vec<Unknowns> {
     let robot = &task.belief.nominal;
     let belief = ElasticArm::new(

@@ -4,7 +4,6 @@
 const STYLE: &str = include_str!("report/style.css");
 
 /// Text as it stands in HTML and SVG, in attributes too.
-#[must_use]
 pub fn escaped(text: &str) -> String {
     let mut safe = String::with_capacity(text.len());
     for each in text.chars() {
@@ -23,7 +22,6 @@ pub fn escaped(text: &str) -> String {
 }
 
 /// A whole page, which loads nothing. `body` is HTML.
-#[must_use]
 pub fn page(title: &str, body: &str) -> String {
     format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
@@ -35,7 +33,6 @@ pub fn page(title: &str, body: &str) -> String {
 }
 
 /// A section with a title; `body` is HTML.
-#[must_use]
 pub fn section(id: &str, title: &str, body: &str) -> String {
     format!(
         "<section id=\"{}\">\n<h2>{}</h2>\n{body}</section>\n",
@@ -45,13 +42,11 @@ pub fn section(id: &str, title: &str, body: &str) -> String {
 }
 
 /// A paragraph of text.
-#[must_use]
 pub fn paragraph(text: &str) -> String {
     format!("<p>{}</p>\n", escaped(text))
 }
 
 /// A figure of a drawing (SVG) with its caption.
-#[must_use]
 pub fn figure(svg: &str, caption: &str) -> String {
     format!(
         "<figure>\n<div class=\"wide\">{svg}</div>\n<figcaption>{}</figcaption>\n</figure>\n",
@@ -60,7 +55,6 @@ pub fn figure(svg: &str, caption: &str) -> String {
 }
 
 /// A table; the first column is text, the others are numbers.
-#[must_use]
 pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
     let line = |tag: &str, cells: &mut dyn Iterator<Item = &str>| {
         let cells: Vec<String> = cells
@@ -80,7 +74,6 @@ pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
 
 /// A card of the overview: what it is about, the answer, and what to know about it. `tone` is
 /// `good`, `bad` or nothing.
-#[must_use]
 pub fn card(tone: &str, title: &str, answer: &str, about: &str) -> String {
     format!(
         "<div class=\"card {}\"><h3>{}</h3><strong>{}</strong><p>{}</p></div>\n",

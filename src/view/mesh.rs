@@ -36,7 +36,6 @@ pub struct ShadedMesh {
 
 impl Mesh {
     /// The surface of a shape in its own frame: closed, but for a plane, which becomes a square.
-    #[must_use]
     pub fn new(shape: &Shape) -> Self {
         match shape {
             Shape::Plane => sheet(),
@@ -65,7 +64,6 @@ impl Mesh {
     }
 
     /// The same surface seen from another frame.
-    #[must_use]
     pub fn transformed(mut self, pose: &Isometry3<f64>) -> Self {
         for vertex in &mut self.vertices {
             *vertex = pose * *vertex;
@@ -74,7 +72,6 @@ impl Mesh {
     }
 
     /// The surface with normals: smooth where faces meet at a small angle, else sharp.
-    #[must_use]
     pub fn shaded(&self) -> ShadedMesh {
         let normals: Vec<_> = self
             .triangles

@@ -5,15 +5,15 @@
 //! - [`rerun_file`], [`mcap_file`]: the recordings.
 //! - [`stills`]: a sheet of pictures of the robot in each configuration of a plan.
 //! - [`run_sheet`]: the sheet to take along into the laboratory.
-//! - [`plots`]: plots as SVG; [`misfit_plots`]: those of what models leave; [`selection_plot`]: what came of choices of
+//! - [`plots`]: plots as SVG; [`discrepancy_plots`]: those of what models leave; [`selection_plot`]: what came of choices of
 //!   readings.
 //! - [`report`]: pages to look at, on [`markup`].
 //! - [`mesh`]: the model's shapes as triangles.
 
+pub mod discrepancy_plots;
 pub mod markup;
 pub mod mcap_file;
 pub mod mesh;
-pub mod misfit_plots;
 pub mod plots;
 pub mod recording;
 pub mod report;

@@ -21,7 +21,6 @@ pub struct PlotError(pub(super) String);
 
 impl PlotError {
     /// For a reason.
-    #[must_use]
     pub fn new(reason: &str) -> Self {
         Self(reason.to_owned())
     }
@@ -76,7 +75,7 @@ pub fn budget_plot(title: &str, points: &[BudgetPoint]) -> Result<String, PlotEr
         chart
             .configure_mesh()
             .x_desc("measurements")
-            .y_desc("rms distance left at the test pose [um]")
+            .y_desc("rms residual error at the test pose [um]")
             .label_style(("sans-serif", 15))
             .draw()?;
         let mut lines: Vec<(String, Vec<(u32, f64)>)> = Vec::new();

@@ -18,7 +18,6 @@ const STYLE: &str = include_str!("run_sheet.css");
 const LINES: u32 = 8;
 
 /// The sheet as a page for print, which loads nothing.
-#[must_use]
 pub fn run_sheet(scenario: &Scenario, plan: &Plan, campaign: &Campaign) -> String {
     let commands = scenario.task.belief.commands();
     let pictures = stills::pictures(scenario, plan);
@@ -75,7 +74,8 @@ fn overview(scenario: &Scenario, plan: &Plan, campaign: &Campaign) -> String {
              joint move there.",
         );
     }
-    text + "<p class=\"blank\">Date, people, temperature:</p>\n"
+    text + "<p class=\"blank\">Date, people, temperature:</p>\n\
+            <p class=\"blank\">The controller's own compensation of deflections (KUKA: $ABS_ACCUR) is off:</p>\n"
 }
 
 fn of_stop(commands: &Commands, index: usize, stop: &Stop, picture: &str) -> String {

@@ -59,13 +59,11 @@ struct Scene {
 }
 
 /// The sheet as an SVG document.
-#[must_use]
 pub fn sheet(scenario: &Scenario, plan: &Plan) -> String {
     sheet_of(scenario, plan, &[])
 }
 
 /// The sheet of a plan of absolute readings, each so often: with what is read, and from where.
-#[must_use]
 pub fn sheet_of_readings(scenario: &Scenario, readings: &[(&Candidate, u32)]) -> String {
     let experiments = readings.iter().map(|(row, repeats)| Experiment {
         configuration_rad: row.configuration_rad.clone(),
@@ -128,7 +126,6 @@ fn sheet_of(scenario: &Scenario, plan: &Plan, rows: &[&Candidate]) -> String {
 }
 
 /// Single pictures of what a sheet shows, for one page: for each experiment without and with its load.
-#[must_use]
 pub fn pictures(scenario: &Scenario, plan: &Plan) -> Vec<[String; 2]> {
     let scenes = scenes(scenario, plan, &[]);
     let camera = camera(&scenes);

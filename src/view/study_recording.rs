@@ -31,7 +31,6 @@ pub const FIRST_RUNS: [u64; 7] = [10, 20, 50, 100, 200, 500, 1000];
 /// After how many blocks the snapshot that follows the one after `done` is taken: 8 to 16 snapshots
 /// while the number doubles, so that any number of runs comes with a few hundred at most, and the
 /// threads seldom wait for one another.
-#[must_use]
 pub const fn next_snapshot(done: u64) -> u64 {
     let eighth = done / 8;
     let step = if eighth == 0 { 1 } else { 1 << eighth.ilog2() };
@@ -40,7 +39,6 @@ pub const fn next_snapshot(done: u64) -> u64 {
 
 impl StudyRecording {
     /// What is studied, in a line.
-    #[must_use]
     pub fn title(&self) -> String {
         let header = &self.header;
         format!(

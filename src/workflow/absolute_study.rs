@@ -4,6 +4,7 @@ use std::path::Path;
 
 use thiserror::Error;
 
+use crate::codes::ErrorCode;
 use crate::experiment::Candidate;
 use crate::files::FileError;
 use crate::identification::ParameterGroup;
@@ -45,6 +46,7 @@ pub fn check(scenario: &Scenario) -> Result<(), FileError> {
         let problem = format!("{problem}: design.accuracy is \"absolute\"");
         Err(FileError::new(&scenario.path, problem)
             .at(key.to_owned())
+            .code(ErrorCode::OtherAccuracy)
             .hint(hint.to_owned()))
     };
     if study.level == Some(Level::Model) {
@@ -164,9 +166,8 @@ fn repeated(plan: Vec<(usize, u32)>, readings: u32) -> Vec<(usize, u32)> {
 }
 
 /// Names the file that a plan's error is about.
-#[must_use]
 pub fn explained(path: &Path, wrong: &AbsoluteEntryError) -> FileError {
-    let error = FileError::new(path, wrong.to_string());
+    let error = FileError::new(path, wrong.to_string()).code(ErrorCode::AbsolutePlan);
     match wrong.error.hint() {
         Some(hint) => error.hint(hint),
         None => error,

@@ -8,13 +8,14 @@ use super::stored_robot::{StoredRobot, robot_kinds};
 use crate::calibration::{
     CalibrationError, CompensatedPose, compensate_poses, compensate_poses_by,
 };
-use crate::compensation::{compensate_arm, predicted_error};
+use crate::codes::ErrorCode;
+use crate::compensation::{KnownArm, compensate_arm, predicted_error};
 use crate::files::FileError;
 use crate::identification::{JointError, covariance_of_any};
 use crate::numeric::estimable::Estimable;
 use crate::numeric::posterior::{NotDetermined, Posterior};
 use crate::observation::PlannedReadings;
-use crate::parameter::{Axis, ElasticArm, Parameter, ParameterKind, ParameterSet};
+use crate::parameter::{Axis, ElasticArm, Parameter, ParameterError, ParameterKind, ParameterSet};
 use crate::record::absolute::UnexplainedMessage;
 use crate::robot::SerialChain;
 use crate::task::{Belief, Method, Task, TestPose};
@@ -90,7 +91,6 @@ enum Knowledge {
 
 impl CalibratedRobot {
     /// What deflections tell of a belief's unknowns, with the compliance of every joint (rad/(N m)).
-    #[must_use]
     pub fn of_deflections(
         belief: &Belief,
         posterior: Posterior,
@@ -151,7 +151,9 @@ impl CalibratedRobot {
         stored: &StoredRobot,
     ) -> Result<Self, FileError> {
         let message = &stored.message;
-        let wrong = |key: String, problem: String| FileError::new(path, problem).at(key);
+        let wrong = |key: String, problem: String| {
+            (FileError::new(path, problem).at(key)).code(ErrorCode::IdentifiedFile)
+        };
         let mut nominal = belief.arm();
         let machining_tool = machining_tool(&nominal);
         let mut places = Vec::new();
@@ -200,7 +202,13 @@ impl CalibratedRobot {
                 said_apart((*kind)?, &unknown.name, unknown.value, &unknown.unit)
             })
             .chain(stations.iter().map(told_station))
-            .chain(stored.message.unexplained.as_ref().map(told_joint_errors))
+            .chain(
+                stored
+                    .message
+                    .discrepancy_model
+                    .as_ref()
+                    .map(told_joint_errors),
+            )
             .collect();
         let is_asked = |joint| kinds.contains(&Some(ParameterKind::JointCompliance { joint }));
         let joints = nominal.chain.joints.iter().enumerate();
@@ -213,7 +221,7 @@ impl CalibratedRobot {
         let with_joint_errors = match stored.beside_joint_errors() {
             None => None,
             Some(other) => {
-                let joints = stored.misfit_model(path, &arm)?.joints;
+                let joints = stored.discrepancy_model(path, &arm)?.joints;
                 let other = Self::of_absolute(belief, path, &other)?;
                 (!joints.is_empty()).then_some(ArmWithJointErrors {
                     arm: other.arm,
@@ -245,9 +253,6 @@ impl CalibratedRobot {
     }
 
     /// Compensates every test pose, and sees on the virtual robot what distance is left.
-    ///
-    /// # Errors
-    /// See [`CalibrationError`].
     pub fn compensate(
         &self,
         task: &Task,
@@ -264,6 +269,44 @@ impl CalibratedRobot {
             let commanded_rad = compensate_arm(&self.arm, self.machining_tool, pose, method)?;
             Ok((commanded_rad, self.predicted(set, posterior, pose)))
         })
+    }
+
+    /// Does something with the arm as it was identified, the machining tool, and what is known of its parameters.
+    ///
+    /// # Errors
+    /// The parameters are none of the arm's.
+    pub fn with_known<T>(
+        &self,
+        belief: &Belief,
+        work: impl FnOnce(&KnownArm<'_>) -> T,
+    ) -> Result<T, ParameterError> {
+        let tool = self.machining_tool;
+        match &self.known {
+            Knowledge::OfBelief(posterior, _) => {
+                let (arm, set) = belief.parameters_of_arm()?;
+                Ok(work(&KnownArm {
+                    arm: &arm,
+                    tool,
+                    set: &set,
+                    posterior,
+                }))
+            }
+            Knowledge::Of(set, posterior) => {
+                // Their values count from the arm that was identified.
+                let kinds = set.parameters().iter().map(|each| (each.kind, None));
+                let set = ParameterSet::new(&self.arm, kinds)?;
+                let posterior = Posterior {
+                    mean: set.prior().mean.as_slice().to_vec(),
+                    ..posterior.clone()
+                };
+                Ok(work(&KnownArm {
+                    arm: &self.arm,
+                    tool,
+                    set: &set,
+                    posterior: &posterior,
+                }))
+            }
+        }
     }
 
     /// The predicted rms distance (m) that compensation leaves at a test pose.
@@ -332,8 +375,10 @@ fn known(
     let own: Vec<(usize, ParameterKind)> = (kinds.iter().enumerate())
         .filter_map(|(index, kind)| Some((index, (*kind)?)))
         .collect();
-    let set = ParameterSet::new(arm, own.iter().map(|&(_, kind)| (kind, None)))
-        .map_err(|error| FileError::new(path, error.to_string()).at("unknowns"))?;
+    let set =
+        ParameterSet::new(arm, own.iter().map(|&(_, kind)| (kind, None))).map_err(|error| {
+            (FileError::new(path, error.to_string()).at("unknowns")).code(ErrorCode::IdentifiedFile)
+        })?;
     // Of logarithms the file has the quantity itself.
     let factors: Vec<f64> = (own.iter().zip(set.parameters()))
         .map(|(&(index, _), parameter)| {
@@ -386,7 +431,7 @@ fn said_apart(kind: ParameterKind, name: &str, value: f64, unit: &str) -> Option
         }
         ParameterKind::JointStiffening { .. } => "of a joint that is no spring, as the model's are",
         ParameterKind::JointWave { .. } => {
-            "of a gear, which no model has: `compensate` corrects it"
+            "of a transmission error, which no model file has: `compensate` corrects it"
         }
         ParameterKind::PayloadMass | ParameterKind::PayloadCentre { .. } => {
             "of a payload that the scenario's robot carries beside its model"

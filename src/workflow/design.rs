@@ -23,21 +23,18 @@ pub struct Wanted {
 
 impl Designed {
     /// The bound by the criterion that was wanted.
-    #[must_use]
     pub fn wanted_bound(&self) -> &Bound {
         (self.by_criterion.as_ref()).map_or(&self.bound, |(_, bound)| bound)
     }
 
     /// The approximate design that it follows from.
-    #[must_use]
-    pub fn wanted_approximate(&self) -> Option<&ApproximateDesign> {
-        (self.by_criterion.as_ref()).map_or(Some(&self.approximate), |(design, _)| design.as_ref())
+    pub fn wanted_approximate(&self) -> &ApproximateDesign {
+        (self.by_criterion.as_ref()).map_or(&self.approximate, |(design, _)| design)
     }
 }
 
 impl Wanted {
     /// What a task wants: a plan for its test poses.
-    #[must_use]
     pub const fn by(task: &Task) -> Self {
         Self {
             criterion: Criterion::TestPose,
@@ -65,9 +62,8 @@ pub struct Designed {
     pub approximate: ApproximateDesign,
     /// The bound of `rho_0` that follows from it.
     pub bound: Bound,
-    /// Where the plan is wanted by another criterion, the approximate design for that, if there is one, and the
-    /// bound of its values.
-    pub by_criterion: Option<(Option<ApproximateDesign>, Bound)>,
+    /// Where the plan is wanted by another criterion, the approximate design for that, and the bound of its values.
+    pub by_criterion: Option<(ApproximateDesign, Bound)>,
     /// The plan.
     pub exact: ExactDesign,
     /// How long it took (s).
@@ -77,9 +73,6 @@ pub struct Designed {
 }
 
 /// Designs a plan under a seed, as long as it is not asked to stop.
-///
-/// # Errors
-/// There is no such plan.
 pub fn design(
     task: &Task,
     seed: u64,
@@ -87,26 +80,22 @@ pub fn design(
     onlooker: Onlooker<'_>,
 ) -> Result<Designed, SearchError> {
     let start = Instant::now();
-    let for_test_poses = Problem::new(task, Criterion::TestPose);
+    let mut for_test_poses = Problem::new(task, Criterion::TestPose);
+    for_test_poses.stop = Some(onlooker.stop);
     let approximate = approximate_design(&for_test_poses, seed)?;
     let mut bound = Bound::new(task, &approximate);
     let by_criterion = if wanted.criterion == Criterion::TestPose {
         bound = (onlooker.prove)(bound, &approximate);
         None
     } else {
-        let problem = Problem::new(task, wanted.criterion);
-        let (design, bound) = match approximate_design(&problem, seed) {
-            Ok(design) => {
-                let bound = Bound::by(task, wanted.criterion, &design);
-                let bound = (onlooker.prove)(bound, &design);
-                (Some(design), bound)
-            }
-            Err(error) => (None, Bound::none(task, wanted.criterion, error)),
-        };
+        let mut problem = Problem::new(task, wanted.criterion);
+        problem.stop = Some(onlooker.stop);
+        let design = approximate_design(&problem, seed)?;
+        let bound = (onlooker.prove)(Bound::by(task, wanted.criterion, &design), &design);
         Some((problem, design, bound))
     };
     let (problem, near) = match &by_criterion {
-        Some((problem, design, _)) => (problem, design.as_ref().unwrap_or(&approximate)),
+        Some((problem, design, _)) => (problem, design),
         None => (&for_test_poses, &approximate),
     };
     let progress = |done: usize, all: usize, cost: f64| {
@@ -150,9 +139,6 @@ pub struct DesignedAmong {
 }
 
 /// Designs a plan of candidates under a seed, as long as it is not asked to stop.
-///
-/// # Errors
-/// There is no such plan.
 pub fn design_among(
     task: &Task,
     candidates: &Candidates,

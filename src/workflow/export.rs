@@ -9,6 +9,7 @@ use nalgebra::{DVector, Isometry3, UnitQuaternion};
 use serde_json::json;
 
 use super::calibrated::CalibratedRobot;
+use crate::codes::ErrorCode;
 use crate::files::FileError;
 use crate::mujoco::{KEPT, Model, ModelCalibration, ModelError, WrittenModel};
 use crate::parameter::ElasticArm;
@@ -41,14 +42,14 @@ impl ModelFormat {
             "xml" | "mjcf" => Ok(Self::Mjcf),
             "urdf" => Ok(Self::Urdf),
             _ => Err(
-                FileError::new(path, "its ending does not tell what to write")
-                    .hint("end it in .xml for MJCF or in .urdf"),
+                FileError::new(path, "its ending does not say what to write")
+                    .hint("end it in .xml for MJCF or in .urdf")
+                    .code(ErrorCode::ModelNotWritten),
             ),
         }
     }
 
     /// Its name.
-    #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
             Self::Mjcf => "MJCF",
@@ -101,6 +102,7 @@ pub fn export(
     let model = &scenario.task.belief.nominal.model;
     let failed = |error: &ModelError| {
         let wrong = FileError::new(&scenario.path, error.to_string()).at("robot.model");
+        let wrong = wrong.code(error.code());
         match error.hint() {
             Some(hint) => wrong.hint(hint),
             None => wrong,
@@ -115,14 +117,14 @@ pub fn export(
         && differences.deflection_m.unwrap_or(0.0) <= SAME)
     {
         let problem = format!(
-            "cannot be written faithfully: read again, the robot stands up to {:.2e} mm and {:.2e} rad elsewhere and \
-             bends up to {:.2e} mm otherwise than was identified",
+            "cannot be written exactly: read again, the robot's places differ by up to {:.2e} mm and {:.2e} rad and its deflections by up to {:.2e} mm",
             differences.place_m * 1e3,
             differences.rotation_rad,
             differences.deflection_m.unwrap_or(0.0) * 1e3
         );
         return Err(FileError::new(model.path(), problem)
-            .hint("please report the model; nothing was written"));
+            .hint("please report the model; nothing was written")
+            .code(ErrorCode::ModelNotWritten));
     }
     let folder = path.parent().unwrap_or(Path::new(""));
     let WrittenModel {
@@ -141,7 +143,6 @@ pub fn export(
 }
 
 /// What is different about an arm.
-#[must_use]
 pub fn calibration(nominal: &ElasticArm, arm: &ElasticArm) -> ModelCalibration {
     let between = |one: &Isometry3<f64>, other: &Isometry3<f64>| {
         if one == other {

@@ -2,17 +2,19 @@
 
 use serde_json::{Value, json};
 
+use crate::codes::Condition;
 use crate::identification::diagnoses::{Diagnosis, diagnoses};
 use crate::identification::patterns::{BLOCKS, looked_at};
 use crate::identification::{
-    Case, Identification, IdentificationError, RejectedReading, Residuals, Robustness, Sigma,
-    joint_space_blocks, residuals,
+    Case, Identification, IdentificationError, RejectedReading, Repeats, Residuals, Robustness,
+    Sigma, Told, joint_space_blocks, left_out, residuals,
 };
 use crate::measurement::Measurement;
 use crate::record::absolute::RejectedMessage;
 use crate::record::json::{merge, results};
 use crate::record::messages::{FingerprintMessage, IdentificationMessage, ProvenanceMessage};
 use crate::record::patterns::PatternsMessage;
+use crate::record::repeats::RepeatsMessage;
 use crate::record::residuals::ResidualsMessage;
 use crate::scenario::Scenario;
 use crate::task::{Belief, Method};
@@ -30,14 +32,14 @@ pub struct HowIdentified {
 
 impl HowIdentified {
     /// All measurements by what is believed of them alone.
-    #[must_use]
     pub const fn plainly(method: Method) -> Self {
         Self {
             method,
             sigma_from_residuals: false,
             robustness: Robustness {
                 keeps_all: true,
-                counts_misfit: false,
+                counts_discrepancy: false,
+                holds_nominal: false,
             },
         }
     }
@@ -56,6 +58,8 @@ pub struct Identified {
     pub diagnoses: Vec<Diagnosis>,
     /// What the residuals go with.
     pub patterns: PatternsMessage,
+    /// What repeated measurements show, where there are some.
+    pub repeats: Option<RepeatsMessage>,
 }
 
 /// Why nothing was identified.
@@ -69,9 +73,6 @@ pub struct NotIdentified {
 
 /// Identifies what a belief leaves open, with its sigma or with that of the residuals. Likely mistakes are looked for in all
 /// measurements, patterns in those that were not left out.
-///
-/// # Errors
-/// Nothing can be identified.
 pub fn identify_measurements(
     belief: &Belief,
     measurements: &[Measurement],
@@ -90,12 +91,17 @@ pub fn identify_measurements(
     };
     let robust = case.identify_robustly(how.robustness).map_err(failed)?;
     let identification = &robust.identification;
+    let all = case;
+    let case = Case {
+        held: &robust.held,
+        ..all
+    };
     let weighed = case.with(&robust.weighed);
     let kept = robust.of_kept(&robust.weighed);
     let residuals = residuals(&case.with(&kept), identification)
         .and_then(|of_kept| of_kept.with_rejected(&weighed, identification, &robust.rejected))
         .map_err(failed)?;
-    let diagnoses = diagnoses(&case, Some(&robust.of_all));
+    let diagnoses = diagnoses(&all, Some(&robust.of_all));
     let kept = robust.of_kept(measurements);
     let configurations: Vec<_> = kept.iter().map(|each| &each.configuration_rad).collect();
     let blocks = joint_space_blocks(&configurations, BLOCKS.min(configurations.len() / 2));
@@ -103,7 +109,10 @@ pub fn identify_measurements(
     let patterns = looked_at(&case.with(&kept), identification, &left_m, &blocks).patterns();
     let joints = belief.nominal.chain.joints.iter();
     let joints: Vec<String> = joints.map(|joint| joint.name.clone()).collect();
+    let all: Vec<usize> = (0..measurements.len()).collect();
+    let repeats = Repeats::of_deflections(measurements, &robust.of_kept(&all));
     Ok(Identified {
+        repeats: repeats.as_ref().map(RepeatsMessage::from),
         patterns: PatternsMessage::new(&patterns, &joints, true).without(&robust.rejected),
         identification: robust.identification,
         rejected: robust.rejected,
@@ -112,23 +121,32 @@ pub fn identify_measurements(
     })
 }
 
-/// A diagnosis as a condition that does not hold.
-#[must_use]
-pub fn likely(diagnosis: &Diagnosis) -> String {
-    format!("likely mistake: {}", diagnosis.text)
-}
-
 impl Identified {
-    /// The named conditions that do not hold.
-    pub fn conditions(&self) -> impl Iterator<Item = String> {
+    /// What must be looked at.
+    pub fn conditions(&self) -> impl Iterator<Item = Condition> {
         let conditions = self.identification.conditions().into_iter();
         conditions.chain(self.further_doubts())
     }
 
     /// Those besides the identification's own.
-    fn further_doubts(&self) -> impl Iterator<Item = String> {
-        let left_out = RejectedReading::condition(&self.rejected, "measurement").into_iter();
-        left_out.chain(self.diagnoses.iter().map(likely))
+    fn further_doubts(&self) -> impl Iterator<Item = Condition> {
+        let left_out = self.left_out().and_then(Told::condition).into_iter();
+        left_out.chain(self.diagnoses.iter().map(Diagnosis::condition))
+    }
+
+    /// What holds since the fit counts it, and nobody need act on.
+    pub fn notes(&self) -> Vec<String> {
+        let mut notes = self.identification.notes();
+        notes.extend(self.left_out().and_then(Told::note));
+        notes
+    }
+
+    fn left_out(&self) -> Option<Told> {
+        left_out(
+            &self.rejected,
+            self.residuals.measurements.len(),
+            "measurement",
+        )
     }
 
     /// The record for `compensate`, and for whoever looks at it.
@@ -143,7 +161,7 @@ impl Identified {
     ) -> serde_json::Result<Value> {
         let mut message = IdentificationMessage::from(&self.identification);
         message.conditions.extend(self.further_doubts());
-        let misfit = self.identification.misfit;
+        let discrepancy = self.identification.discrepancy;
         let has_rotations =
             (self.residuals.measurements.iter()).any(|each| each.standardised.len() > 3);
         let rejected: Vec<RejectedMessage> = self.rejected.iter().map(Into::into).collect();
@@ -158,10 +176,12 @@ impl Identified {
         let more = ResidualsMessage::new(&self.residuals, &self.diagnoses);
         merge(&mut json, serde_json::to_value(&more)?);
         let more = json!({
-            "misfit_mm": misfit.map(|misfit| misfit.position_m * 1e3),
-            "misfit_mrad": misfit.filter(|_| has_rotations).map(|misfit| misfit.rotation_rad * 1e3),
+            "discrepancy_mm": discrepancy.map(|discrepancy| discrepancy.position_m * 1e3),
+            "discrepancy_mrad": discrepancy.filter(|_| has_rotations).map(|discrepancy| discrepancy.rotation_rad * 1e3),
             "rejected": rejected,
             "patterns": self.patterns,
+            "repeats": self.repeats,
+            "notes": self.notes(),
         });
         merge(&mut json, more);
         Ok(json)

@@ -1,16 +1,20 @@
 //! A robot from absolute readings.
 
+use nalgebra::Vector3;
 use serde_json::{Value, json};
 
+use crate::codes::Condition;
 use crate::identification::{
-    AbsoluteCase, AbsoluteError, AbsoluteFit, FEWEST_BLOCKS, Ladder, ParameterGroup, ReadingWeights,
+    AbsoluteCase, AbsoluteError, AbsoluteFit, FEWEST_BLOCKS, ModelSelection, ParameterGroup,
+    ReadingWeights, Repeats,
 };
 use crate::measurement::AbsoluteReading;
 use crate::record::absolute::AbsoluteMessage;
-use crate::record::contradictions::ContradictionsMessage;
+use crate::record::inconsistencies::InconsistenciesMessage;
 use crate::record::json::{merge, results};
 use crate::record::messages::{FingerprintMessage, ProvenanceMessage};
 use crate::record::patterns::PatternsMessage;
+use crate::record::repeats::RepeatsMessage;
 use crate::scenario::Scenario;
 use crate::task::Belief;
 
@@ -23,33 +27,50 @@ pub struct IdentifiedRobot<'a> {
     pub fit: AbsoluteFit,
     /// What its residuals go with.
     pub patterns: PatternsMessage,
+    /// What repeated visits show, where there are some.
+    pub repeats: Option<RepeatsMessage>,
+    /// The input error that explains what frames alone leave.
+    pub likely: Option<Condition>,
     /// The halves of joint space beside each other, where each has enough readings; and other series.
-    pub contradictions: Vec<ContradictionsMessage>,
+    pub inconsistencies: Vec<InconsistenciesMessage>,
 }
 
 /// Fits what a belief leaves open, or groups of parameters, with all frames. Readings are weighed so; those that lie far out are
 /// left out, unless all are to be kept.
-///
-/// # Errors
-/// See [`AbsoluteError`].
 pub fn identify_absolute<'a>(
     belief: &'a Belief,
     readings: &[AbsoluteReading],
     groups: &[ParameterGroup],
     (weights, keeps_all): (ReadingWeights, bool),
 ) -> Result<IdentifiedRobot<'a>, AbsoluteError> {
-    let mut case = AbsoluteCase::new(belief, readings)?;
+    let mistaken = |source: AbsoluteError| {
+        let placed = AbsoluteCase::placed(belief, readings).ok();
+        match placed.and_then(|placed| placed.likely_input_error()) {
+            Some(likely) => AbsoluteError::Mistaken {
+                source: Box::new(source),
+                likely: likely.text,
+            },
+            None => source,
+        }
+    };
+    let mut case = AbsoluteCase::new(belief, readings).map_err(mistaken)?;
     case.keeps_all = keeps_all;
-    let fit = case.fit(groups, weights)?;
-    // What lies far out is no pattern, and no contradiction.
+    let likely = case.likely_input_error();
+    let fit = case.fit(groups, weights).map_err(mistaken)?;
+    // What lies far out is no pattern, and no inconsistency.
     let mut kept = case.kept(&fit);
     let patterns = (kept.looked_at(&fit, &fit.of_kept(readings))?).patterns();
     let joints = case.arm.chain.joints.iter();
     let joints: Vec<String> = joints.map(|joint| joint.name.clone()).collect();
     let halves = halves(&mut kept, &fit, &joints);
+    let all: Vec<usize> = (0..readings.len()).collect();
+    let residuals_m: Vec<Vector3<f64>> = fit.left.iter().map(|each| each.position_m).collect();
+    let repeats = Repeats::of_readings(readings, &residuals_m, &fit.of_kept(&all));
     Ok(IdentifiedRobot {
+        repeats: repeats.as_ref().map(RepeatsMessage::from),
         patterns: PatternsMessage::new(&patterns, &joints, false).without(&fit.rejected),
-        contradictions: halves.into_iter().collect(),
+        inconsistencies: halves.into_iter().collect(),
+        likely,
         case,
         fit,
     })
@@ -60,7 +81,7 @@ fn halves(
     case: &mut AbsoluteCase<'_>,
     fit: &AbsoluteFit,
     joints: &[String],
-) -> Option<ContradictionsMessage> {
+) -> Option<InconsistenciesMessage> {
     let (half_of, [one, other]) = case.halves(fit)?;
     let reach = |joint: usize, half: usize| {
         let all = case.observations.iter().zip(&half_of);
@@ -80,7 +101,7 @@ fn halves(
         format!("where {} is {low} to {high}", joints[joint])
     };
     let between = [of_half(0), of_half(1)];
-    Some(ContradictionsMessage::new(&one.beside(&other), between))
+    Some(InconsistenciesMessage::new(&one.beside(&other), between))
 }
 
 /// An angle in degrees; of a joint that slides, a length.
@@ -94,7 +115,6 @@ fn shown_angle(case: &AbsoluteCase<'_>, joint: usize, value: f64) -> String {
 
 /// The uncertainties that are new in each reading: of absolute readings they are part of what the residuals show, and not counted
 /// by themselves.
-#[must_use]
 pub fn uncounted(belief: &Belief) -> Vec<String> {
     let uncertain = belief.uncertain.iter();
     let sources = uncertain.flat_map(|each| each.sources().map(|(name, _)| name.to_owned()));
@@ -103,17 +123,14 @@ pub fn uncounted(belief: &Belief) -> Vec<String> {
 
 /// Models with more and more parameters, compared by blocks of joint space. Readings are weighed so; those that lie far out are
 /// left out, unless all are to be kept.
-///
-/// # Errors
-/// See [`AbsoluteError`].
-pub fn ladder(
+pub fn model_selection(
     belief: &Belief,
     readings: &[AbsoluteReading],
     (weights, keeps_all): (ReadingWeights, bool),
-) -> Result<Ladder, AbsoluteError> {
+) -> Result<ModelSelection, AbsoluteError> {
     let mut case = AbsoluteCase::new(belief, readings)?;
     case.keeps_all = keeps_all;
-    case.ladder(weights)
+    case.model_selection(weights)
 }
 
 impl<'a> IdentifiedRobot<'a> {
@@ -138,18 +155,18 @@ impl<'a> IdentifiedRobot<'a> {
             let needed = 2 * FEWEST_BLOCKS;
             return Err(AbsoluteError::TooFewConfigurations { different, needed });
         };
-        let contradictions = own.beside(&second);
-        let message = ContradictionsMessage::new(&contradictions, between);
-        self.contradictions.push(message);
+        let inconsistencies = own.beside(&second);
+        let message = InconsistenciesMessage::new(&inconsistencies, between);
+        self.inconsistencies.push(message);
         Ok(())
     }
 
-    /// What does not hold, by name.
-    #[must_use]
-    pub fn conditions(&self) -> Vec<String> {
-        let mut conditions = self.fit.conditions();
-        let contradictions = self.contradictions.iter();
-        conditions.extend(contradictions.flat_map(ContradictionsMessage::conditions));
+    /// What must be looked at.
+    pub fn conditions(&self) -> Vec<Condition> {
+        let mut conditions: Vec<Condition> = self.likely.iter().cloned().collect();
+        conditions.extend(self.fit.conditions());
+        let inconsistencies = self.inconsistencies.iter();
+        conditions.extend(inconsistencies.flat_map(InconsistenciesMessage::conditions));
         conditions
     }
 
@@ -176,9 +193,11 @@ impl<'a> IdentifiedRobot<'a> {
         );
         let more = json!({
             "patterns": self.patterns,
-            "contradictions": self.contradictions,
+            "repeats": self.repeats,
+            "inconsistencies": self.inconsistencies,
             "not_counted": uncounted(&scenario.task.belief),
             "conditions": self.conditions(),
+            "notes": self.fit.notes(),
         });
         merge(&mut json, more);
         Ok(json)

@@ -7,15 +7,19 @@ use thiserror::Error;
 
 use super::design::Designed;
 use crate::calibration::{Calibration, CalibrationError, calibrate, pose_conditions};
+use crate::codes::Condition;
 use crate::experiment::{Plan, read_plan};
 use crate::files::FileError;
 use crate::plan::Assessment;
-use crate::plan::search::{Bound, SearchError, Watch, median_random_rho0, random_plan};
+use crate::plan::search::{
+    Bound, RepeatsNeeded, SearchError, Watch, median_random_plan, random_plan, repeats_needed,
+};
 use crate::record::evidence::EvidenceMessage;
 use crate::record::json::{merge, results};
 use crate::record::messages::{AssessmentMessage, CalibrationMessage, ProvenanceMessage};
 use crate::scenario::Scenario;
 use crate::study::evidence::{EvidenceError, gather};
+use crate::understanding::implausible;
 
 /// So many random plans stand for what a laboratory without a plan would do.
 pub const RANDOM_PLANS: u64 = 99;
@@ -83,10 +87,12 @@ pub struct RunOutcome {
     pub records: Vec<PlanRecords>,
     /// The median of what random plans promise (m), if there is one.
     pub random_rho0_m: Option<f64>,
+    /// How often the plan of that median is to be repeated for the accuracy of the designed one.
+    pub random_repeats: Option<RepeatsNeeded>,
     /// What the designed plan is shown beside.
     pub evidence: EvidenceMessage,
-    /// The named conditions that did not hold.
-    pub conditions: Vec<String>,
+    /// What must be looked at.
+    pub conditions: Vec<Condition>,
 }
 
 /// Tries a designed plan, those of the scenario with as many measurements, and a random one.
@@ -103,7 +109,7 @@ pub fn run(
     let plans = plans_to_compare(scenario, designed.exact.plan.clone())?;
     stage(&RunStage::Calibrating);
     let outside = |(name, plan): &(String, Plan)| task.loads.outside_plan(plan, Some(name));
-    let loads_outside: Vec<String> = plans.iter().filter_map(outside).collect();
+    let loads_outside: Vec<Condition> = plans.iter().filter_map(outside).collect();
     let experiments = designed.exact.plan.measurements();
     let random = random_plan(task, experiments, scenario.seed, 0);
     let (tried, failed) = calibrate_all(scenario, plans, random, bound)?;
@@ -113,10 +119,13 @@ pub fn run(
     let records: Vec<PlanRecords> = tried.iter().map(|each| each.records(scenario)).collect();
 
     stage(&RunStage::Comparing);
-    let random_rho0_m = median_random_rho0(task, experiments, RANDOM_PLANS, scenario.seed)
+    let random = median_random_plan(task, experiments, RANDOM_PLANS, scenario.seed)
         .map_err(|problem| stage(&RunStage::NoRandomPlans(problem)))
         .ok()
-        .filter(|median| median.is_finite());
+        .filter(|(median, _)| median.is_finite());
+    let random_repeats = (random.as_ref())
+        .zip(tried[0].assessment.rho0_m)
+        .and_then(|((_, plan), rho0_m)| repeats_needed(task, plan, rho0_m));
     let watch = Watch {
         stop,
         progress: &|_, _, _| {},
@@ -140,12 +149,15 @@ pub fn run(
     let mut conditions = main.identification.conditions();
     conditions.extend(pose_conditions(&task.belief, &main.poses));
     conditions.extend(loads_outside);
+    conditions.extend(tried[0].assessment.conditions.iter().cloned());
+    conditions.extend(implausible(scenario));
     Ok(RunOutcome {
         evidence: EvidenceMessage::new(scenario, bound, &evidence),
         tried,
         failed,
         records,
-        random_rho0_m,
+        random_rho0_m: random.map(|(median, _)| median),
+        random_repeats,
         conditions,
     })
 }
@@ -227,6 +239,8 @@ impl RunOutcome {
             "plan": main.plan,
             "elapsed_s": elapsed_s,
             "measurements": main.measurements,
+            "truth": main.truth,
+            "residuals": main.residuals,
         });
         let mut json = results("run", &ProvenanceMessage::new(scenario), json);
         // The order matters where keys coincide: rho0_mm is what the plan promises, and the standard
@@ -251,7 +265,13 @@ impl RunOutcome {
             );
         }
         let random_mm = self.random_rho0_m.map(|value| value * 1e3);
-        let keys = json!({ "plans": all, "random_plans": RANDOM_PLANS, "random_median_rho0_mm": random_mm });
+        let (times, limit_mm) = match self.random_repeats {
+            Some(RepeatsNeeded::Times(times)) => (Some(times), None),
+            Some(RepeatsNeeded::Never(limit_m)) => (None, Some(limit_m * 1e3)),
+            None => (None, None),
+        };
+        let keys = json!({ "plans": all, "random_plans": RANDOM_PLANS, "random_median_rho0_mm": random_mm,
+            "random_median_repeats": times, "random_median_limit_rho0_mm": limit_mm });
         merge(&mut json, keys);
         merge(&mut json, serde_json::to_value(&self.evidence)?);
         Ok(json)

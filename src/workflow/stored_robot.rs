@@ -5,13 +5,18 @@ use std::path::Path;
 use nalgebra::{DMatrix, DVector, Isometry3, Vector3};
 use serde::Deserialize;
 
+use crate::codes::{Condition, ErrorCode};
 use crate::files::FileError;
 use crate::files::schema::read_results;
 use crate::files::typed::from_json;
-use crate::identification::{JointError, Misfit, MisfitModel, SPREAD_ORDERS, covariance_of_any};
+use crate::identification::{
+    Discrepancy, DiscrepancyModel, JointError, SPREAD_ORDERS, covariance_of_any, nominal_instead,
+    shift_with,
+};
 use crate::measurement::Origin;
-use crate::numeric::wandering::Wandering;
+use crate::numeric::ornstein_uhlenbeck::OrnsteinUhlenbeck;
 use crate::parameter::{Axis, ElasticArm, ParameterKind, ParameterSet};
+use crate::quantities::plausible::ELASTIC_COMPLIANCE;
 use crate::record::absolute::{AbsoluteMessage, JointErrorMessage, UnexplainedMessage};
 use crate::task::Fingerprint;
 
@@ -50,12 +55,13 @@ impl StoredRobot {
     /// What is wrong with it, with its key.
     pub fn read(path: &Path) -> Result<Option<Self>, FileError> {
         let wanted = "the file must be one that `elastocal identify --identified-out` wrote";
-        let (text, json) = read_results(path, &["identify", "run"], wanted)?;
+        let coded = |wrong: FileError| wrong.or_code(ErrorCode::IdentifiedFile);
+        let (text, json) = read_results(path, &["identify", "run"], wanted).map_err(coded)?;
         if json["kind"] != "absolute" {
             return Ok(None);
         }
         let stored: RobotFile =
-            from_json(path, &text).map_err(|wrong: FileError| wrong.hint(wanted))?;
+            from_json(path, &text).map_err(|wrong: FileError| coded(wrong.hint(wanted)))?;
         let hash = stored.provenance.scenario_sha256;
         Ok(Some(Self {
             message: stored.message,
@@ -67,6 +73,7 @@ impl StoredRobot {
                 .map(|(scenario, scenario_sha256)| Origin {
                     scenario: scenario.into(),
                     scenario_sha256,
+                    simulated: None,
                 }),
         }))
     }
@@ -77,7 +84,8 @@ impl StoredRobot {
     /// A parameter does not exist, or its value is none.
     pub fn apply(&self, path: &Path, arm: &ElasticArm) -> Result<ElasticArm, FileError> {
         let wrong = |index: usize, problem: String| {
-            FileError::new(path, problem).at(format!("unknowns[{index}]"))
+            let wrong = FileError::new(path, problem).at(format!("unknowns[{index}]"));
+            wrong.code(ErrorCode::IdentifiedFile)
         };
         let kinds = robot_kinds(arm);
         let (mut found, mut values) = (Vec::new(), Vec::new());
@@ -106,17 +114,55 @@ impl StoredRobot {
 
     /// The robot to which what joints are off by belongs: parameters and frames are off together with that. None where nothing is
     /// told of joints.
-    #[must_use]
     pub fn beside_joint_errors(&self) -> Option<Self> {
-        let found = self.message.unexplained.as_ref()?;
+        let found = self.message.discrepancy_model.as_ref()?;
+        let mut other = self.moved(&found.shift);
+        other.message.discrepancy_model = None;
+        Some(other)
+    }
+
+    /// The robot with nominal compliances in place of those that no joint has, and all else as it goes with that; and what was
+    /// done.
+    pub fn with_possible_compliances(&self, arm: &ElasticArm) -> (Self, Vec<Condition>) {
+        let kinds = robot_kinds(arm);
+        let (mut robot, mut done) = (self.clone(), Vec::new());
+        // What is no covariance is refused where it is read.
+        let Ok(covariance) = covariance_of_any(&self.message.covariance) else {
+            return (robot, done);
+        };
+        let is_impossible = |robot: &Self, place: usize| {
+            let unknown = &robot.message.unknowns[place];
+            let kind = ParameterKind::named(&unknown.name, &kinds, arm);
+            !ELASTIC_COMPLIANCE.allows(unknown.value)
+                && matches!(kind, Some(ParameterKind::JointCompliance { .. }))
+        };
+        let count = self.message.unknowns.len().min(covariance.nrows());
+        let mut held: Vec<usize> = Vec::new();
+        // One that moves along may become impossible in its turn.
+        while let Some(place) =
+            (0..count).find(|place| !held.contains(place) && is_impossible(&robot, *place))
+        {
+            let unknown = &robot.message.unknowns[place];
+            done.push(nominal_instead(&unknown.name, unknown.value));
+            let off = unknown.nominal - unknown.value;
+            robot = robot.moved(shift_with(&covariance, place, off).as_slice());
+            held.push(place);
+        }
+        for place in held {
+            let unknown = &mut robot.message.unknowns[place];
+            unknown.value = unknown.nominal;
+        }
+        (robot, done)
+    }
+
+    /// The robot whose unknowns are off by so much, frames along and about their own axes.
+    fn moved(&self, shift: &[f64]) -> Self {
         let mut other = self.clone();
-        let message = &mut other.message;
-        message.unexplained = None;
         let shift_of = |name: String| {
             let place = (self.message.unknowns.iter()).position(|each| each.name == name);
-            place.and_then(|place| found.shift.get(place).copied())
+            place.and_then(|place| shift.get(place).copied())
         };
-        for unknown in &mut message.unknowns {
+        for unknown in &mut other.message.unknowns {
             unknown.value += shift_of(unknown.name.clone()).unwrap_or(0.0);
         }
         for frame in self.message.stations.iter().chain(&self.message.targets) {
@@ -127,13 +173,13 @@ impl StoredRobot {
             let shift = Isometry3::new(moved, turned);
             other.frame_shifts.push((frame.unknowns.clone(), shift));
         }
-        Some(other)
+        other
     }
 
     /// A frame of the file beside what joints are off by.
     pub(super) fn shifted(&self, frame: Isometry3<f64>, unknowns: &str) -> Isometry3<f64> {
-        let shift = self.frame_shifts.iter().find(|(own, _)| own == unknowns);
-        shift.map_or(frame, |(_, shift)| frame * shift)
+        let shifts = self.frame_shifts.iter().filter(|(own, _)| own == unknowns);
+        shifts.fold(frame, |frame, (_, shift)| frame * shift)
     }
 
     /// Whether an unknown is one of a station's or a target's frame.
@@ -148,10 +194,16 @@ impl StoredRobot {
     ///
     /// # Errors
     /// The file's numbers are none, or do not belong together.
-    pub fn misfit_model(&self, path: &Path, arm: &ElasticArm) -> Result<MisfitModel, FileError> {
+    pub fn discrepancy_model(
+        &self,
+        path: &Path,
+        arm: &ElasticArm,
+    ) -> Result<DiscrepancyModel, FileError> {
         let message = &self.message;
         let unknowns = message.unknowns.len();
-        let wrong = |key: String, problem: String| FileError::new(path, problem).at(key);
+        let wrong = |key: String, problem: String| {
+            (FileError::new(path, problem).at(key)).code(ErrorCode::IdentifiedFile)
+        };
         let kinds = robot_kinds(arm);
         let divisors: Vec<f64> = (message.unknowns.iter())
             .map(|unknown| {
@@ -169,33 +221,36 @@ impl StoredRobot {
                 found[(row, column)] / (divisor(row) * divisor(column))
             }))
         };
-        let Some(found) = &message.unexplained else {
+        let Some(found) = &message.discrepancy_model else {
             let (key, rows) = ("covariance", &message.covariance);
             if rows.len() != unknowns {
                 let problem = format!("found {} rows; there are {unknowns} unknowns", rows.len());
                 return Err(wrong(key.to_owned(), problem));
             }
             let sizes = [
-                ("misfit_mm", message.misfit_mm),
-                ("misfit_mrad", message.misfit_mrad),
+                ("discrepancy_mm", message.discrepancy_mm),
+                ("discrepancy_mrad", message.discrepancy_mrad),
             ];
             let rest = rest(sizes.map(|(key, size)| (key, size.unwrap_or(0.0))))
                 .map_err(|(key, problem)| wrong(key, problem))?;
-            return Ok(MisfitModel::plain(relative(key, rows)?, rest));
+            return Ok(DiscrepancyModel::plain(relative(key, rows)?, rest));
         };
-        let unexplained = |(key, problem)| wrong(format!("unexplained.{key}"), problem);
-        let joints = joint_errors(&found.joints, arm).map_err(unexplained)?;
+        let discrepancy_model = |(key, problem)| wrong(format!("discrepancy_model.{key}"), problem);
+        let joints = joint_errors(&found.joints, arm).map_err(discrepancy_model)?;
         let knots = joints.iter().map(|each| each.values.len()).sum::<usize>();
-        let rows = whole(&found.covariance, unknowns + knots).map_err(unexplained)?;
-        Ok(MisfitModel {
+        let rows = whole(&found.covariance, unknowns + knots).map_err(discrepancy_model)?;
+        Ok(DiscrepancyModel {
             joints,
             shift: shift(found, unknowns)
-                .map_err(unexplained)?
+                .map_err(discrepancy_model)?
                 .component_div(&DVector::from_column_slice(&divisors)),
-            covariance: relative("unexplained.covariance", &rows)?,
-            rest: rest([("rest_mm", found.rest_mm), ("rest_mrad", found.rest_mrad)])
-                .map_err(unexplained)?,
-            scale: scale(found).map_err(unexplained)?,
+            covariance: relative("discrepancy_model.covariance", &rows)?,
+            rest: rest([
+                ("remainder_mm", found.remainder_mm),
+                ("remainder_mrad", found.remainder_mrad),
+            ])
+            .map_err(discrepancy_model)?,
+            scale: scale(found).map_err(discrepancy_model)?,
         })
     }
 }
@@ -267,7 +322,7 @@ fn joint_errors(
         }
         joints.push(JointError {
             joint,
-            wandering: Wandering {
+            process: OrnsteinUhlenbeck {
                 knots: each.knots.clone(),
                 length: each.length,
             },
@@ -298,7 +353,7 @@ fn shift(found: &UnexplainedMessage, unknowns: usize) -> Result<DVector<f64>, Ke
 }
 
 /// The standard deviations of what joints do not explain, in thousandths.
-fn rest(sizes: [(&str, f64); 2]) -> Result<Misfit, KeyProblem> {
+fn rest(sizes: [(&str, f64); 2]) -> Result<Discrepancy, KeyProblem> {
     for (key, size) in sizes {
         if !(size >= 0.0 && size.is_finite()) {
             let problem = format!("found {size}; zero or a size is needed");
@@ -306,7 +361,7 @@ fn rest(sizes: [(&str, f64); 2]) -> Result<Misfit, KeyProblem> {
         }
     }
     let [(_, position), (_, rotation)] = sizes;
-    Ok(Misfit {
+    Ok(Discrepancy {
         position_m: position * 1e-3,
         rotation_rad: rotation * 1e-3,
     })

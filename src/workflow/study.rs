@@ -4,6 +4,7 @@ use serde_json::{Value, json};
 use thiserror::Error;
 
 use super::design::{Designed, Wanted};
+use crate::codes::Condition;
 use crate::experiment::Plan;
 use crate::plan::search::{SearchError, random_plan};
 use crate::record::account::AccountHeader;
@@ -118,7 +119,7 @@ fn entry_kind(
 }
 
 /// What is wrong with the loads of a study's plan files.
-pub fn foreign_loads(scenario: &Scenario) -> impl Iterator<Item = String> {
+pub fn foreign_loads(scenario: &Scenario) -> impl Iterator<Item = Condition> {
     let wrong = |plan: &StudyPlan| match &plan.source {
         StudySource::File { plan: file, .. } => {
             scenario.task.loads.outside_plan(file, Some(&plan.name))
@@ -146,7 +147,8 @@ pub fn plan_messages(header: &Header, tallies: &[Tally]) -> Result<Vec<StudyPlan
         let summary = Summary::new(tally, conditions.sigma_m, reference);
         let (name, summary) = (&plan.name, summary.as_ref());
         let account = plan.account.as_ref().and_then(AccountHeader::account);
-        let quantile95_m = (plan.promised_quantile95_m.as_ref()).and_then(|text| text.parse().ok());
+        let quantile95_m =
+            (plan.predicted_quantile95_m.as_ref()).and_then(|text| text.parse().ok());
         let mut message = StudyPlanMessage::new(
             name,
             &conditions,
@@ -155,7 +157,6 @@ pub fn plan_messages(header: &Header, tallies: &[Tally]) -> Result<Vec<StudyPlan
             summary,
             (account.as_ref(), quantile95_m),
         );
-        message.rank(&header.unknown_names(), &tally.ranks);
         if header.absolute.is_some() {
             // What is left at several test poses is one robot's: its squares are not independent.
             message.nees_z = None;
@@ -175,7 +176,6 @@ pub struct Timing {
 }
 
 /// study.json.
-#[must_use]
 pub fn study_json(header: &Header, plans: &[StudyPlanMessage], timing: Option<Timing>) -> Value {
     let reference = header.plans.iter().find_map(|plan| plan.reference);
     let json = json!({

@@ -2,7 +2,10 @@
 
 use std::path::Path;
 
+use nalgebra::{Matrix3, Matrix6};
+
 use super::stored_robot::{StoredRobot, robot_kinds};
+use crate::codes::{Condition, ConditionCode};
 use crate::files::FileError;
 use crate::identification::{
     AbsoluteCase, AbsoluteError, FitError, MountedFrames, MovedStation, ParameterGroup,
@@ -20,6 +23,8 @@ use crate::task::Belief;
 pub struct AbsoluteValidation {
     /// Of each reading, beside the identified parameters alone.
     pub left: Vec<ReadingResidual>,
+    /// The covariance of each reading's position by the instrument (m^2).
+    pub readings_m2: Vec<Matrix3<f64>>,
     /// The same beside all that was identified, what joints are off by among it, with regions.
     pub prognoses: Vec<ReadingPrognosis>,
     /// Beside the nominal robot in frames that suit these readings best; none where these readings do not tell frames.
@@ -32,7 +37,6 @@ pub struct AbsoluteValidation {
 
 impl AbsoluteValidation {
     /// The share of positions (0) or rotations (1) that lie in their regions of 95 %.
-    #[must_use]
     pub fn coverage(&self, part: usize) -> Option<f64> {
         let judged = self
             .prognoses
@@ -44,19 +48,17 @@ impl AbsoluteValidation {
         (all > 0).then(|| within as f64 / all as f64)
     }
 
-    /// What does not hold.
-    #[must_use]
-    pub fn conditions(&self) -> Vec<String> {
+    /// What must be looked at.
+    pub fn conditions(&self) -> Vec<Condition> {
         let mut conditions = Vec::new();
         for (name, moved) in &self.moved {
-            if moved.probability < MOVED {
-                conditions.push(format!(
-                    "{name} stands {:.3} mm and {:.3} mrad from where it was identified (probability {:.1e}): it was moved; give \
-                     these readings a station word of their own, and its frame is fitted anew",
+            if moved.is_moved() {
+                conditions.push(ConditionCode::StationMoved.with(format!(
+                    "{name} moved by {:.3} mm and {:.3} mrad since it was identified, p = {:.1e}",
                     moved.position_m.norm() * 1e3,
                     moved.rotation_rad.norm() * 1e3,
                     moved.probability
-                ));
+                )));
             }
         }
         for (part, name) in ["positions", "orientations"].into_iter().enumerate() {
@@ -64,18 +66,16 @@ impl AbsoluteValidation {
                 && self.prognoses.len() >= LEAST_JUDGED
                 && share < LEAST_COVERAGE
             {
-                conditions.push(format!(
-                    "the robot does not keep what was promised: {:.0} % of the {name} lie in their regions of 95 %",
+                conditions.push(ConditionCode::Coverage.with(format!(
+                    "coverage of the 95 % regions of {name} is {:.0} %",
                     share * 100.0
-                ));
+                )));
             }
         }
         conditions
     }
 }
 
-/// Stations that stand as far off with a smaller probability were moved.
-const MOVED: f64 = 1e-6;
 /// Fewer readings say nothing of shares.
 const LEAST_JUDGED: usize = 20;
 /// Regions of 95 % that hold less are none.
@@ -210,14 +210,14 @@ pub fn validate_absolute(
     }
     let set = known.kinds.iter().map(|kind| (*kind, None));
     let set = ParameterSet::new(&arm, set).map_err(AbsoluteError::from)?;
-    let misfit = stored.misfit_model(path, &arm)?;
+    let discrepancy = stored.discrepancy_model(path, &arm)?;
     let places = &known.places;
     let prognoses =
-        (case.prognoses(&arm, &set, places, &misfit, &anew)).map_err(AbsoluteError::from)?;
+        (case.prognoses(&arm, &set, places, &discrepancy, &anew)).map_err(AbsoluteError::from)?;
     let mut moved = Vec::new();
     for &station in &known.stations {
         let found = case
-            .moved_station(&arm, &set, places, &misfit, station)
+            .moved_station(&arm, &set, places, &discrepancy, station)
             .map_err(AbsoluteError::from)?;
         let name = (case.stations[station].as_ref()).map_or_else(
             || "the station".to_owned(),
@@ -225,8 +225,10 @@ pub fn validate_absolute(
         );
         moved.extend(found.map(|found| (name, found)));
     }
+    let position = |each: &Matrix6<f64>| each.fixed_view::<3, 3>(0, 0).into_owned();
     Ok(AbsoluteValidation {
         left,
+        readings_m2: case.covariances.iter().map(position).collect(),
         prognoses,
         before: before(belief, readings),
         frames_anew: known.names,

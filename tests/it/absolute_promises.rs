@@ -24,7 +24,7 @@ const REFLECTOR: &str = "reflector";
 const ROBOTS: u64 = 160;
 
 /// Random feasible rows: of the spindle without a load, and of the reflector under the scenario's.
-fn rows(scenario: &Scenario, count: u32, station: Option<&str>) -> Vec<Candidate> {
+pub fn rows(scenario: &Scenario, count: u32, station: Option<&str>) -> Vec<Candidate> {
     let plan = random_plan(&scenario.task, count, 8, 0).expect("a plan");
     (plan.experiments.iter().enumerate())
         .map(|(index, each)| Candidate {
@@ -254,8 +254,8 @@ fn sampled(
 fn sources() -> [ReadingSource; 6] {
     let deviations = vec![2e-5, 3e-5, 1e-5, 5e-5, 4e-5, 6e-5];
     [
-        ReadingSource::JointReturn(deviations.clone()),
-        ReadingSource::GearError(deviations.clone()),
+        ReadingSource::JointRepeatability(deviations.clone()),
+        ReadingSource::TransmissionError(deviations.clone()),
         ReadingSource::LoadDirection(0.01),
         ReadingSource::LoadPoint(0.005),
         ReadingSource::Range(RangeNoise {
@@ -263,7 +263,7 @@ fn sources() -> [ReadingSource; 6] {
             per_metre: 6e-6,
             along_per_metre: 2e-6,
         }),
-        ReadingSource::Misfit(4e-5),
+        ReadingSource::Discrepancy(4e-5),
     ]
 }
 
@@ -330,7 +330,8 @@ fn readings_are_disturbed_as_much_as_planned() {
             let mut acting = load;
             let mut added = Vector3::zeros();
             match source {
-                ReadingSource::JointReturn(deviations) | ReadingSource::GearError(deviations) => {
+                ReadingSource::JointRepeatability(deviations)
+                | ReadingSource::TransmissionError(deviations) => {
                     let share = if is_shared { 1.0 } else { half };
                     for (angle, deviation) in moved.iter_mut().zip(deviations) {
                         *angle += share * deviation * next();
@@ -351,8 +352,7 @@ fn readings_are_disturbed_as_much_as_planned() {
                     let along = sight * sight.dot(&numbers);
                     added = along * noise.along_per_metre + (numbers - along) * noise.per_metre;
                 }
-                ReadingSource::Misfit(deviation) => added = three(*deviation),
-                other => panic!("{other:?}"),
+                ReadingSource::Discrepancy(deviation) => added = three(*deviation),
             }
             let read = seen(&moved, &acting);
             let off = read.position_m + added - right.position_m;
@@ -391,8 +391,8 @@ fn repeats_do_not_average_what_they_share() {
         let plan: Vec<(usize, u32)> = (0..rows.len()).map(|place| (place, repeats)).collect();
         planning.promise(&plan).rho0_m().expect("a promise")
     };
-    let new = rho0("joint_return", 4) / rho0("joint_return", 1);
+    let new = rho0("joint_repeatability", 4) / rho0("joint_repeatability", 1);
     assert!((new - 0.5).abs() < 1e-6, "{new}");
-    let shared = rho0("gear_error", 4) / rho0("gear_error", 1);
+    let shared = rho0("transmission_error", 4) / rho0("transmission_error", 1);
     assert!(shared > 0.99 && shared <= 1.0, "{shared}");
 }

@@ -5,6 +5,7 @@ use serde_json::{Value, json};
 
 use crate::browser::looks_well;
 use crate::support::{Workplace, absolute_scenario_text, number, numbers, scenario_text};
+use crate::uncertainties::expected_mm;
 
 const KNOWN: &str = r#"
 [[uncertainty]]
@@ -12,11 +13,11 @@ kind = "joint_zero"
 std_mrad = 1
 
 [[uncertainty]]
-kind = "joint_return"
+kind = "joint_repeatability"
 std_mrad = 0.05
 
 [[uncertainty]]
-kind = "gear_error"
+kind = "transmission_error"
 std_mrad = 0.03
 
 [[uncertainty]]
@@ -44,7 +45,8 @@ fn planned() -> (Workplace, Value) {
         "path.csv",
         "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n20,-60,80,-110,-70,30\n25,-62,82,-110,-70,30\n",
     );
-    let planned = place.json(
+    // Nothing turns the last joint: its compliance is named.
+    let planned = place.json_with_conditions(
         "plan s.toml --draw 20 --test-poses path.csv --plan-out p.csv --stills-out p.svg --report-out p.html",
     );
     (place, planned)
@@ -53,27 +55,24 @@ fn planned() -> (Workplace, Value) {
 #[test]
 fn a_promise_is_split_and_shown() {
     let (place, planned) = planned();
-    let shares = planned["rho0_shares"].as_array().expect("shares");
-    let names: Vec<&str> = (shares.iter())
-        .map(|share| share["name"].as_str().expect("a name"))
+    let sources = planned["uncertainty_budget"]["sources"].as_array();
+    let sources = sources.expect("a list");
+    let names: Vec<&str> = (sources.iter())
+        .map(|each| each["source"].as_str().expect("a name"))
         .collect();
     assert_eq!(
         names,
         [
             "noise",
-            "joint_return",
-            "gear_error",
+            "joint_repeatability",
+            "transmission_error",
             "joint_zero",
             "task_force"
         ]
     );
-    let squares: f64 = (shares.iter())
-        .map(|share| number(&share["rho0_mm"]).powi(2))
-        .sum();
-    let whole = number(&planned["rho0_mm"]).powi(2);
-    assert!((squares / whole - 1.0).abs() < 1e-6, "{squares} {whole}");
-    assert!(shares.iter().all(|share| number(&share["rho0_mm"]) > 0.0));
-    let task = number(&shares[4]["rho0_mm"]) / number(&planned["task_force_mm"]);
+    let contribution = |each: &Value| number(&each["contribution_um"]);
+    assert!(sources.iter().all(|each| contribution(each) > 0.0));
+    let task = contribution(&sources[4]) * 1e-3 / number(&planned["task_force_mm"]);
     assert!((task - 1.0).abs() < 1e-9, "{task}");
 
     // The line of sight ends where the plan has the instrument stand.
@@ -112,7 +111,7 @@ fn a_study_is_of_the_same_robots() {
     place.write("k.toml", absolute(KNOWN));
     place
         .run("plan k.toml --draw 20 --plan-out p.csv --quiet")
-        .ends_with(0);
+        .ends_with(3);
     let study = "\n[study]\nexperiments = 14\ntrials = 40\n[[study.plan]]\nkind = \"file\"\nname = \"mine\"\nfile = \"p.csv\"\n\
         [[study.plan]]\nkind = \"random\"\nname = \"any\"\n";
     place.write("s.toml", absolute(KNOWN) + study);
@@ -123,16 +122,20 @@ fn a_study_is_of_the_same_robots() {
     assert_eq!(whole["reference"], "any");
     let plan = &whole["plans"][0];
     assert_eq!((&plan["name"], &plan["runs"]), (&json!("mine"), &json!(40)));
-    let judged = place.json("evaluate s.toml --plan p.csv --trials 40 --report-out t.html");
-    for key in ["rms_mm", "rms_std_mm", "promised_rms_mm", "coverage95"] {
+    let judged =
+        place.json_with_conditions("evaluate s.toml --plan p.csv --trials 40 --report-out t.html");
+    for key in ["rms_mm", "rms_std_mm", "coverage95"] {
         assert_eq!(plan[key], judged["trials"][key], "{key}");
     }
+    assert_eq!(
+        plan["combined_rms_mm"],
+        judged["trials"]["predicted_rms_mm"]
+    );
     assert_eq!(plan["verdict"], judged["trials"]["verdict"]);
     assert_eq!(plan["histogram"], judged["trials"]["histogram"]);
-    let parts = |of: &Value| of["parts"].as_array().expect("parts").len();
-    assert_eq!(parts(plan), 5);
+    assert_eq!(plan["contributions"].as_array().map(Vec::len), Some(5));
     let (seen, nees) = (number(&plan["rms_mm"]), number(&plan["nees"]));
-    let promised = number(&plan["promised_rms_mm"]);
+    let promised = number(&plan["combined_rms_mm"]);
     // Forty robots: the mean square of three numbers is right within four of its standard errors.
     let room = 4.0 * (2.0_f64 / 3.0 / 40.0).sqrt();
     assert!((nees / 3.0 - 1.0).abs() < room, "{nees}");
@@ -170,24 +173,25 @@ fn a_study_is_of_the_same_robots() {
 #[test]
 fn what_breaks_a_promise_is_named() {
     let place = Workplace::new();
-    let hidden = "\n[[uncertainty]]\nkind = \"gear_error\"\nstd_mrad = 0.3\nhidden = true\n";
+    let hidden =
+        "\n[[uncertainty]]\nkind = \"transmission_error\"\nstd_mrad = 0.3\nhidden = true\n";
     let more = "\n[study]\ntrials = 40\n[[study.plan]]\nkind = \"optimal\"\nname = \"best\"\n";
     place.write("s.toml", absolute(hidden) + more);
     let study = place.json("study s.toml --parameters zeros --draw 20");
     let plan = &study["plans"][0];
     let verdict = plan["verdict"].as_str().expect("words");
     assert!(
-        verdict.starts_with("broken: ") && verdict.contains("most by \"gear_error\""),
+        verdict.starts_with("exceeded: ")
+            && verdict.contains("hidden contribution is \"transmission_error\""),
         "{verdict}"
     );
-    let parts = plan["parts"].as_array().expect("parts");
-    let last = parts.last().expect("the hidden one");
-    assert_eq!(last["hidden"], true);
+    let contributions = plan["contributions"].as_array().expect("a list");
+    assert_eq!(
+        contributions.last().expect("the hidden one")["hidden"],
+        true
+    );
     // To first order, what is seen is what is promised and what is hidden.
-    let squares: f64 = parts
-        .iter()
-        .map(|part| number(&part["rms_mm"]).powi(2))
-        .sum();
+    let squares = expected_mm(plan).powi(2);
     let seen = number(&plan["rms_mm"]).powi(2);
     assert!(
         (seen / squares - 1.0).abs() < 4.0 * (2.0_f64 / 40.0).sqrt(),
@@ -213,11 +217,6 @@ fn what_does_not_fit_is_refused() {
             plan("kind = \"random\""),
             "--level model",
             "--level model is for plans of deflections",
-        ),
-        (
-            plan("kind = \"random\""),
-            "--shares",
-            "--shares is for plans of deflections",
         ),
         (
             plan("kind = \"random\""),
@@ -272,7 +271,7 @@ fn what_does_not_fit_is_refused() {
         ),
         (
             "evaluate a.toml --parameters frames --plan c.csv --trials 10",
-            "no reading of the plan is of spindle, whose place is promised: it is taken for certain",
+            "no reading of the plan is of spindle, whose place is predicted: it is assumed exact",
         ),
     ] {
         place

@@ -157,7 +157,7 @@ fn what_is_out_of_reach_is_named() {
     place
         .run("compensate k.toml --identified i.json --targets targets.csv --angles-out angles.csv --quiet")
         .ends_with(3)
-        .says("target 2 (line 3) cannot be reached: the tool stays");
+        .says("condition C0306: target 2 (line 3) cannot be reached: the tool stays");
     assert_eq!(place.read("angles.csv").lines().count(), 3);
     place
         .run("compensate k.toml --identified i.json --targets targets.csv --quiet --frame instrument")

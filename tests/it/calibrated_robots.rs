@@ -374,7 +374,7 @@ fn what_absolute_targets_need_is_said() {
     place
         .run(&format!("{command} --station S0"))
         .ends_with(3)
-        .says("target 2 (line 3) cannot be reached: the tool stays ");
+        .says("condition C0306: target 2 (line 3) cannot be reached: the tool stays ");
     for (more, words) in [
         ("", "i.json: the instrument had several stations"),
         ("", "--station: S0, S1"),

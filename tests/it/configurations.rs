@@ -1,8 +1,11 @@
-//! What deflections of one configuration share, under whatever loads: gears' errors, the model's misfit, and the one unloaded
+//! What deflections of one configuration share, under whatever loads: gears' errors, the model's discrepancy, and the one unloaded
 //! reading that all of them may rest on.
 
+use elastocal::experiment::SAME_CONFIGURATION;
 use elastocal::identification::{Case, Sigma};
 use elastocal::measurement::Measurement;
+use elastocal::numeric::random::normal::{LANES, fill_normals};
+use elastocal::numeric::random::streams::Stream;
 use elastocal::observation::FirstOrder;
 use elastocal::parameter::{ParameterKind, ReadingSource, Unloaded};
 use elastocal::plan::search::{Bound, NoBound, Problem};
@@ -11,7 +14,7 @@ use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
 use elastocal::study::account::Account;
 use elastocal::task::Method;
-use elastocal::testbed::{TrueRobots, add_noise_of};
+use elastocal::testbed::{Circumstances, TrueRobots, add_noise_of};
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, Vector3};
 use serde_json::Value;
 
@@ -19,9 +22,9 @@ use crate::repeats::linear_equations;
 use crate::support::{Workplace, scenario_text, table4};
 use crate::uncertainties::assert_holds;
 
-const MISFIT: &str = "[[uncertainty]]\nkind = \"misfit\"\nstd_mm = 0.04\n";
-const GEARS: &str = "[[uncertainty]]\nkind = \"gear_error\"\nstd_mrad = 3\n";
-const RETURN: &str = "[[uncertainty]]\nkind = \"joint_return\"\nstd_mrad = 0.03\n";
+const MISFIT: &str = "[[uncertainty]]\nkind = \"discrepancy\"\nstd_mm = 0.04\n";
+const GEARS: &str = "[[uncertainty]]\nkind = \"transmission_error\"\nstd_mrad = 3\n";
+const RETURN: &str = "[[uncertainty]]\nkind = \"joint_repeatability\"\nstd_mrad = 0.03\n";
 /// The loads of these tests (N), in every configuration.
 const FORCES: [[f64; 3]; 2] = [[0.0, 0.0, -2500.0], [0.0, 1200.0, -1500.0]];
 
@@ -105,6 +108,40 @@ fn promises_hold_under_several_loads() {
     }
 }
 
+/// A gear's error turns joints before and under the load alike, in all readings of a configuration; what does not come back is there under
+/// the load alone, and new in each.
+#[test]
+fn gears_turn_joints_before_and_under_the_load() {
+    let visits = |source: &str| {
+        let scenario = loaded("own", source);
+        let laboratory =
+            Circumstances::new(scenario.task.belief.arm(), &scenario.truth.uncertainties);
+        let (laboratory, plan) = (laboratory.expect("valid"), two_loads());
+        let mut normals = vec![[0.0; LANES]; laboratory.numbers(plan.measurements() as usize)];
+        fill_normals(Stream::Circumstances, 5, 0, &mut normals);
+        let all = laboratory.visits(&plan, &normals, 0);
+        // One reading under the first load and two under the second in each configuration.
+        let all = all.map(|visit| visit.commanded_rad).zip(0..);
+        let commanded = all.map(|(pair, number)| {
+            let configuration = &plan.experiments[2 * (number / 3)].configuration_rad;
+            pair.map(|commanded_rad| commanded_rad - configuration)
+        });
+        commanded.collect::<Vec<_>>()
+    };
+    let (gears, returns) = (visits(GEARS), visits(RETURN));
+    assert_eq!((gears.len(), returns.len()), (12, 12));
+    for (number, [before_rad, under_rad]) in gears.iter().enumerate() {
+        assert!(before_rad.norm() > 1e-3 && (before_rad - under_rad).norm() < 1e-15);
+        let first_rad = &gears[number - number % 3][0];
+        assert!((before_rad - first_rad).norm() < 1e-15);
+    }
+    assert!((&gears[0][0] - &gears[3][0]).norm() > 1e-3);
+    for [before_rad, under_rad] in &returns {
+        assert!(before_rad.norm() < 1e-15 && under_rad.norm() > 1e-5);
+    }
+    assert!((&returns[0][1] - &returns[1][1]).norm() > 1e-5);
+}
+
 /// What the belief does not know of leaves what the account says, whatever loads share it.
 #[test]
 fn hidden_errors_of_configurations_leave_what_the_account_says() {
@@ -123,7 +160,7 @@ fn hidden_errors_of_configurations_leave_what_the_account_says() {
         let apart = Plan {
             experiments: (two_loads().experiments.into_iter().enumerate())
                 .map(|(index, mut each)| {
-                    each.configuration_rad[1] += 1e-9 * index as f64;
+                    each.configuration_rad[1] += 1.01 * SAME_CONFIGURATION * index as f64;
                     each
                 })
                 .collect(),
@@ -192,16 +229,16 @@ fn written_out(scenario: &Scenario, measurements: &[Measurement]) -> DMatrix<f64
             let mut block = Matrix3::from_diagonal(&sigma(one).component_mul(&sigma(other))) * part;
             for (_, source) in extended.sources() {
                 match source {
-                    ReadingSource::Misfit(deviation) => {
+                    ReadingSource::Discrepancy(deviation) => {
                         block += Matrix3::identity() * deviation.powi(2);
                     }
-                    ReadingSource::GearError(deviations) => {
+                    ReadingSource::TransmissionError(deviations) => {
                         for (joint, deviation) in deviations.iter().enumerate() {
                             let [one, other] = [one, other].map(|each| along(each, joint));
                             block += one * other.transpose() * deviation.powi(2);
                         }
                     }
-                    ReadingSource::JointReturn(deviations) => {
+                    ReadingSource::JointRepeatability(deviations) => {
                         for (joint, deviation) in deviations.iter().enumerate() {
                             let moved = state(one).position_column(joint) * *deviation;
                             block += moved * moved.transpose() * part;
@@ -263,23 +300,24 @@ fn identification_and_promises_are_those_of_the_whole_covariance() {
     }
 }
 
-/// Squares of shares add up, those of the promise and, where nothing is hidden, those of the account alike.
+/// Squares of contributions add up, those of the budget and, where nothing is hidden, those of the account alike.
 #[test]
-fn shares_add_up_under_several_loads() {
+fn contributions_add_up_under_several_loads() {
     let all = format!("{MISFIT}{GEARS}{RETURN}");
     for unloaded in ["own", "shared"] {
         let scenario = loaded(unloaded, &all);
         let assessment = Assessment::new(&scenario.task, &two_loads(), None);
         let rho0_m = assessment.rho0_m.expect("it is determined");
-        let squares = assessment.shares.iter().map(|share| share.rho0_m.powi(2));
-        assert!((squares.sum::<f64>() / rho0_m.powi(2) - 1.0).abs() < 1e-9);
+        let budget = assessment.uncertainty_budget.expect("it is determined");
+        let combined_m = budget.combined_standard_uncertainty_um * 1e-6;
+        assert!((combined_m / rho0_m - 1.0).abs() < 1e-9);
         let account = Account::new(&scenario.task, &scenario.truth, &two_loads());
         let account = account.expect("it is determined");
         assert!((account.promised_m / rho0_m - 1.0).abs() < 1e-9);
-        for (share, part) in assessment.shares.iter().zip(&account.parts) {
-            assert_eq!(share.name, part.name);
-            let error = (share.rho0_m / part.rms_m - 1.0).abs();
-            assert!(error < 1e-9, "{}: {error}", share.name);
+        for (each, part) in budget.sources.iter().zip(&account.parts) {
+            assert_eq!(each.source, part.name);
+            let error = (each.contribution_um * 1e-6 / part.rms_m - 1.0).abs();
+            assert!(error < 1e-9, "{}: {error}", each.source);
         }
     }
 }
@@ -319,7 +357,7 @@ fn gradients_under_several_loads_are_those_of_differences() {
     }
 }
 
-/// A misfit that two loads share does not show in what they differ by: together they tell more than apart. No bound speaks about
+/// A discrepancy that two loads share does not show in what they differ by: together they tell more than apart. No bound speaks about
 /// such a plan, and the reason is told.
 #[test]
 fn no_bound_speaks_about_several_loads_that_share_errors() {
@@ -328,7 +366,7 @@ fn no_bound_speaks_about_several_loads_that_share_errors() {
     let plan = two_loads();
     let mut apart = plan.clone();
     for (index, each) in apart.experiments.iter_mut().enumerate() {
-        each.configuration_rad[1] += 1e-9 * index as f64;
+        each.configuration_rad[1] += 1.01 * SAME_CONFIGURATION * index as f64;
     }
     let deviation = |plan: &Plan| posterior(&task.belief, plan).standard_error(0);
     let [together, apart_too] = [&plan, &apart].map(|plan| deviation(plan).expect("determined"));

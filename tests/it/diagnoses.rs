@@ -1,6 +1,7 @@
 //! Likely mistakes in measurements are named, on a large and on a small arm, and honest measurements are
 //! left in peace; the measurement that fits least is found.
 
+use elastocal::codes::ConditionCode;
 use elastocal::identification::diagnoses::{Diagnosis, Mistake, diagnoses, likely_mistakes};
 use elastocal::identification::{Case, Sigma, residuals};
 use elastocal::measurement::{Measurement, write_measurements};
@@ -65,6 +66,7 @@ fn case<'a>(scenario: &'a Scenario, measurements: &'a [Measurement]) -> Case<'a>
     Case {
         prior: None,
         uncertain: None,
+        held: &[],
         nominal: &scenario.task.belief.nominal,
         tool: &scenario.task.belief.calibration_tool,
         parameters: &scenario.task.belief.parameters,
@@ -267,8 +269,9 @@ fn copies_are_named_and_chance_is_not() {
         let found = diagnosed(&scenario, &rows);
         let last = rows.len() - 1;
         assert_eq!(found[0].mistake, Mistake::IdenticalRows(vec![[21, last]]));
-        let text = format!("(measurements 22 and {})", last + 1);
+        let text = format!("measurements 22 and {}", last + 1);
         assert!(found[0].text.contains(&text), "{found:#?}");
+        assert_eq!(found[0].condition().code, ConditionCode::CopiedRows);
 
         let mut readings = honest.clone();
         readings[22].deflection_m = honest[21].deflection_m;
@@ -293,9 +296,11 @@ fn angles_outside_the_ranges_are_named() {
     let mut measurements = measured(scenario, plan, 4);
     measurements[3].configuration_rad[1] = 5_f64.to_radians();
     let found = diagnosed(scenario, &measurements);
-    let text = "1 of 12 measurements have commanded angles outside the joints' ranges: q2_deg (joint_2) \
+    let text = "1 of 12 measurements have commanded angles outside the joint limits: q2_deg (joint_2) \
                 of measurement 4 is 5.0 deg, allowed are -146.0 to 0.0 deg";
-    assert!(found[0].text.starts_with(text), "{found:#?}");
+    assert_eq!(found[0].text, text);
+    let code = found[0].condition().code;
+    assert_eq!(code, ConditionCode::AnglesOutsideLimits);
 }
 
 /// Whether they are suspicious or not: by Markov's inequality, each kind of mistake is said of honest
@@ -314,7 +319,7 @@ fn honest_measurements_are_left_in_peace() {
 }
 
 /// What is wrong in another way is not explained away: one wrong reading, another sigma, compliances
-/// that are twice the nominal ones, and a robot that misfits in every row.
+/// that are twice the nominal ones, and a robot that discrepancies in every row.
 #[test]
 fn other_troubles_are_no_such_mistakes() {
     for (scenario, plan) in arms() {
@@ -322,8 +327,8 @@ fn other_troubles_are_no_such_mistakes() {
         let mut outlier = honest.clone();
         outlier[4].deflection_m.y += 0.6e-3;
         let mut coarse = honest.clone();
-        let mut misfit = honest.clone();
-        for (index, each) in misfit.iter_mut().enumerate() {
+        let mut discrepancy = honest.clone();
+        for (index, each) in discrepancy.iter_mut().enumerate() {
             let swing = Vector3::from_fn(|axis, _| (index as f64 * (2.3 + axis as f64)).sin());
             each.deflection_m += swing * 0.5e-3;
         }
@@ -335,7 +340,7 @@ fn other_troubles_are_no_such_mistakes() {
             *value *= 2.0;
         }
         let soft = measured(&soft, &plan, 8);
-        for measurements in [outlier, coarse, misfit, soft] {
+        for measurements in [outlier, coarse, discrepancy, soft] {
             assert_eq!(diagnosed(&scenario, &measurements), []);
         }
     }
@@ -452,8 +457,7 @@ fn identify_says_what_is_wrong() {
     write(&honest);
     let fine = workplace.run(identify).ends_with(0);
     assert!(
-        fine.stdout
-            .contains("fits least, but chance puts one as far"),
+        fine.stdout.contains("has the largest residual: p = "),
         "{fine:#?}"
     );
     assert!(fine.stdout.contains("(6 more fit better)"), "{fine:#?}");
@@ -464,7 +468,7 @@ fn identify_says_what_is_wrong() {
     }
     write(&kilograms);
     let outcome = workplace.run(&format!("{identify} --json")).ends_with(3);
-    let says = "condition: likely mistake: are the loads in kg instead of N? Multiply fx_n to tz_nm by 9.81";
+    let says = "condition C0210: likely input error: are the loads in kg instead of N? Multiply fx_n to tz_nm by 9.81";
     assert!(outcome.stderr.contains(says), "{outcome:#?}");
     let diagnosis = &outcome.json()["diagnoses"][0];
     assert_eq!(diagnosis["kind"], "load_unit");
@@ -475,10 +479,15 @@ fn identify_says_what_is_wrong() {
     write(&wrong);
     let outcome = workplace.run(identify).ends_with(3);
     assert!(outcome.stdout.contains("8 (left out)"), "{outcome:#?}");
-    assert!(!outcome.stderr.contains("likely mistake"), "{outcome:#?}");
+    assert!(
+        !outcome.stderr.contains("likely input error"),
+        "{outcome:#?}"
+    );
     let identify = &format!("{identify} --keep-all");
-    let outcome = workplace.run(identify).ends_with(3);
-    let says = "Measurement 8 fits least: chance puts one as far out with a probability of";
+    let outcome = workplace.run(identify).ends_with(0);
+    let note = "note: residuals too large";
+    assert!(outcome.stdout.contains(note), "{outcome:#?}");
+    let says = "Measurement 8 has the largest residual: p = ";
     assert!(outcome.stdout.contains(says), "{outcome:#?}");
     assert!(
         outcome
@@ -486,20 +495,23 @@ fn identify_says_what_is_wrong() {
             .contains("Without it, the compliances change"),
         "{outcome:#?}"
     );
-    assert!(!outcome.stderr.contains("likely mistake"), "{outcome:#?}");
+    assert!(
+        !outcome.stderr.contains("likely input error"),
+        "{outcome:#?}"
+    );
     let json = workplace.run(&format!("{identify} --json")).json();
     assert_eq!(json["most_suspicious"]["measurement"], 8);
     assert_eq!(json["residuals"].as_array().map(Vec::len), Some(12));
     assert_eq!(json["residuals"][7]["degrees_of_freedom"], 3);
     assert!(json["diagnoses"].as_array().is_some_and(Vec::is_empty));
 
-    // Where nothing can be identified, the likely mistake is the hint.
+    // Where nothing can be identified, the likely input error is the hint.
     let mut micrometres = wrong;
     for each in &mut micrometres {
         each.deflection_m *= 1e3;
     }
     write(&micrometres);
     let outcome = workplace.run(identify).ends_with(1);
-    let says = "hint: likely mistake: are the deflections in um instead of mm?";
+    let says = "hint: likely input error: are the deflections in um instead of mm?";
     assert!(outcome.stderr.contains(says), "{outcome:#?}");
 }

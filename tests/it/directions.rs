@@ -2,6 +2,7 @@
 
 use elastocal::plan::Assessment;
 use elastocal::scenario::Scenario;
+use elastocal::task::TestPose;
 use elastocal::testbed::TrueRobots;
 use nalgebra::Vector3;
 use serde_json::Value;
@@ -42,6 +43,28 @@ fn squares_along_axes_add_up() {
             assert!((sum.sqrt() / whole - 1.0).abs() < 1e-12);
         }
     }
+}
+
+/// Test poses that count three to one: three quarters of the square of one alone, and a quarter of that of the other.
+#[test]
+fn squares_at_test_poses_are_weighed() {
+    let mut scenario = loaded(&along(""));
+    let one = scenario.task.test_poses[0].clone();
+    let mut other = one.clone();
+    other.configuration_rad[1] += 0.4;
+    let mut square_with = |poses: &[(&TestPose, f64)]| {
+        let weighed = poses.iter().map(|&(pose, weight)| TestPose {
+            weight,
+            ..pose.clone()
+        });
+        scenario.task.test_poses = weighed.collect();
+        rho0_m(&scenario).powi(2)
+    };
+    let [first, second] = [&one, &other].map(|pose| square_with(&[(pose, 1.0)]));
+    assert!((first / second - 1.0).abs() > 0.05, "{first} {second}");
+    let both = square_with(&[(&one, 0.75), (&other, 0.25)]);
+    let expected = 0.75 * first + 0.25 * second;
+    assert!((both / expected - 1.0).abs() < 1e-12, "{both} {expected}");
 }
 
 /// A load and a direction in the tool's frame are those that turn with it.
@@ -110,7 +133,7 @@ fn promises_along_a_direction_hold() {
         let scenario = loaded(&pose(FORCE, direction, "", level, trials));
         assert!((predicted / (rho0_m(&scenario) * 1e3) - 1.0).abs() < 1e-9);
         let list = entry(("load_scale", "std_relative = 0.01"), "")
-            + &entry(("joint_return", "std_mrad = 0.03"), "")
+            + &entry(("joint_repeatability", "std_mrad = 0.03"), "")
             + &entry(("task_force", "std_n = 5"), "")
             + &entry(
                 ("compliance", "joints = [\"joint_1\"]\nstd_relative = 0.1"),

@@ -368,7 +368,8 @@ fn wrong_deflections_of_a_scara_are_named() {
                 let identified = |measurements: &[Measurement]| {
                     let asked = Robustness {
                         keeps_all: false,
-                        counts_misfit: true,
+                        counts_discrepancy: true,
+                        holds_nominal: false,
                     };
                     let sigma = Sigma::Known(SIGMA_M);
                     Case::of_belief(belief, measurements, sigma, belief.method)

@@ -164,28 +164,6 @@ fn without_torque_bounds_the_largest_force_is_best() {
     }
 }
 
-/// Some criteria ask for balance: there the size of each force counts although nothing bounds it.
-#[test]
-fn balance_may_ask_for_a_smaller_force() {
-    let mut scenario = scenario("spatial_3r");
-    scenario.task.loads = Loads::Direction {
-        direction: Vector3::new(0.2, 0.1, -1.0).normalize(),
-        force_n: [1.0, 400.0],
-    };
-    let cost = |scenario: &Scenario| {
-        let mut problem = Problem::new(&scenario.task, Criterion::O2);
-        problem.effort.searches = 24;
-        designed(&problem, 2, 2, 1).expect("there is a plan").1.cost
-    };
-    let free = cost(&scenario);
-    let Loads::Direction { force_n, .. } = &mut scenario.task.loads else {
-        panic!("it has a direction");
-    };
-    force_n[0] = 400.0;
-    let largest_only = cost(&scenario);
-    assert!(free <= largest_only * 1.005, "{free} above {largest_only}");
-}
-
 /// The derivatives with respect to the force, and so to its size, against differences.
 #[test]
 fn derivatives_by_the_size_are_those_of_differences() {

@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 
 use crate::gate::{RUN, STUDY, at, compare, evaluated, pair, stored};
-use crate::support::{Workplace, scenario_text};
+use crate::support::{Workplace, error_message, scenario_text};
 
 /// One edit of the new results that asks another question, the name of the difference, and what the
 /// error says.
@@ -77,7 +77,7 @@ fn answers_to_other_questions_are_refused_or_named() {
         let lines: Vec<_> = outcome.stderr.lines().collect();
         assert_eq!(lines.len(), 2, "{outcome:#?}");
         assert!(
-            lines[0].starts_with("error: new.json: differs from base.json in "),
+            lines[0].starts_with("error E0703: new.json: differs from base.json in "),
             "{lines:?}"
         );
         let hint = format!("--allow-different {setting} compares");
@@ -139,9 +139,9 @@ fn files_that_are_no_results_are_refused() {
         workplace.write(name, content);
         for pair in [format!("{name} new.json"), format!("base.json {name}")] {
             let outcome = workplace.run(&format!("compare {pair}")).ends_with(1);
-            let start = format!("error: {name}: {says}");
+            let start = format!("{name}: {says}");
             assert!(
-                outcome.stderr.starts_with(&start),
+                error_message(&outcome.stderr).is_some_and(|said| said.starts_with(&start)),
                 "{start}\n{}",
                 outcome.stderr
             );
@@ -158,7 +158,7 @@ fn files_that_are_no_results_are_refused() {
         assert!(
             outcome
                 .stderr
-                .starts_with(&format!("error: {name}: {says}")),
+                .starts_with(&format!("error E0601: {name}: {says}")),
             "{outcome:#?}"
         );
     }
@@ -221,6 +221,11 @@ fn a_wrong_gate_is_an_error_with_its_key() {
             "unknown variant `larger`, expected one of `worse`, `both`, `none`",
             None,
         ),
+        (
+            "rho0 = { guard_band = 1 }",
+            "gate.rho0.guard_band: is not estimated and has no uncertainty; mean_error has",
+            None,
+        ),
         ("rho0 = 0.01", "gate.rho0 (line 3)", None),
     ];
     let workplace = Workplace::new();
@@ -232,7 +237,7 @@ fn a_wrong_gate_is_an_error_with_its_key() {
         let mut lines = outcome.stderr.lines();
         let error = lines.next().unwrap_or_default();
         assert!(
-            error.starts_with("error: s.toml: gate") && error.contains(says),
+            error.starts_with("error E0101: s.toml: gate") && error.contains(says),
             "{error}"
         );
         let hint = hint.map(|hint| format!("hint: {hint}"));
@@ -274,8 +279,8 @@ fn not_results() -> Vec<(&'static str, String, &'static str)> {
         ),
         (
             "future.json",
-            edited("/schema/version", json!(2)),
-            "schema.version: found 2; this elastocal (0.1.0) reads up to 1",
+            edited("/schema/version", json!(3)),
+            "schema.version: found 3; this elastocal (0.1.0) reads up to 2",
         ),
         (
             "measure.json",

@@ -61,7 +61,8 @@ fn an_unidentifiable_joint_ends_with_code_3_and_null() {
         .ends_with(0);
     let identify = "identify s.toml --measurements m.csv --identified-out i.json --json";
     let outcome = workplace.run(&format!("{identify} --quiet")).ends_with(3);
-    let condition = "condition: the measurements do not determine the compliance of joint_1\n";
+    let condition =
+        "condition C0201: the measurements do not determine the compliance of joint_1\n";
     assert_eq!(outcome.stderr, condition);
     let json = outcome.json();
     for key in [
@@ -81,13 +82,13 @@ fn an_unidentifiable_joint_ends_with_code_3_and_null() {
     let compensated = workplace
         .run("compensate s.toml --identified i.json --json")
         .ends_with(3);
-    assert!(compensated.stderr.contains("not determined (joint_1)"));
+    assert!(compensated.stderr.contains("not determined: joint_1;"));
     assert!(compensated.json()["rho0_mm"].is_null());
 
     let evaluated = workplace
         .run(&format!("evaluate s.toml --plan {plan} --json"))
         .ends_with(3);
-    let condition = "condition: the plan does not determine the compliance of joint_1\n";
+    let condition = "condition C0101: the plan does not determine the compliance of joint_1\n";
     assert!(evaluated.stderr.contains(condition), "{evaluated:#?}");
     let json = evaluated.json();
     assert!(json["compliance_std_rad_per_nm"][0].is_null());

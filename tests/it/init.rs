@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use serde_json::Value;
 
 use crate::robots::{Additions, iiwa, ur5e, ur10};
-use crate::support::{Outcome, Workplace, numbers, project};
+use crate::support::{Outcome, Workplace, error_message, numbers, project};
 
 /// What becomes of a model: the scenario is accepted, and quickly planned with.
 fn drafted(name: &str, model: &str) -> (Value, String) {
@@ -15,6 +15,12 @@ fn drafted(name: &str, model: &str) -> (Value, String) {
     let json = outcome.ends_with(0).json();
     place.run("check my.toml --quiet").ends_with(0);
     let text = place.read("my.toml");
+    let schema = text
+        .lines()
+        .next()
+        .and_then(|line| line.strip_prefix("#:schema "));
+    let schema = place.read(schema.expect("the first line names the schema"));
+    assert_eq!(schema, place.run("schema").ends_with(0).stdout);
     (json, text)
 }
 
@@ -26,12 +32,12 @@ fn refused(name: &str, model: &str) -> Outcome {
         .ends_with(1);
     assert_eq!(place.listing(), [name], "no half a file");
     assert!(
-        outcome.stderr.starts_with(&format!("error: {name}: ")),
+        error_message(&outcome.stderr).is_some_and(|said| said.starts_with(&format!("{name}: "))),
         "{}",
         outcome.stderr
     );
     assert_eq!(
-        outcome.stderr.matches("error: ").count(),
+        outcome.stderr.matches("error E").count(),
         1,
         "{}",
         outcome.stderr
@@ -76,6 +82,12 @@ fn the_paper_s_robot_gets_its_own_tools() {
         "{text}"
     );
     assert!(text.contains("\ncollision_clearance_mm = 10"), "{text}");
+    for kind in ["compliance", "joint_zero", "link_position"] {
+        let prior = format!("[[uncertainty]]\nkind = \"{kind}\"\njoints = [");
+        let (before, _) = text.split_once(&prior).expect("a prior");
+        let comment = before.lines().last().expect("a line");
+        assert!(comment.starts_with("# GUESS: "), "{comment}");
+    }
     place
         .run("plan a.toml --experiments 4 --no-proof --plan-out p.csv --quiet")
         .ends_with(0);
@@ -405,4 +417,114 @@ experiments = 2
     for (found, expected) in tool.iter().zip([0.0, 900.0, 750.0]) {
         assert!((found - expected).abs() < 1e-6, "{tool:?}");
     }
+}
+
+/// A robot of three links, with more in the scene, at its end, and behind the world.
+fn scene(before: &str, range: &str, centre: &str, end: &str, after: &str) -> String {
+    format!(
+        "<mujoco><compiler angle=\"radian\"/><worldbody>{before}\
+         <body name=\"l1\" pos=\"0 0 0.3\"><joint name=\"j1\" axis=\"0 0 1\" range=\"{range}\"/><inertial pos=\"0 0 0.1\" mass=\"8\" diaginertia=\"0.1 0.1 0.1\"/>\
+         <body name=\"l2\" pos=\"0 0 0.3\"><joint name=\"j2\" axis=\"0 1 0\" range=\"-2 2\"/><inertial pos=\"{centre} 0 0.1\" mass=\"4\" diaginertia=\"0.1 0.1 0.1\"/>\
+         <body name=\"l3\" pos=\"0 0 0.4\"><joint name=\"j3\" axis=\"0 1 0\" range=\"-2 2\"/><inertial pos=\"0 0 0.1\" mass=\"2\" diaginertia=\"0.1 0.1 0.1\"/>\
+         {end}</body></body></body></worldbody>{after}</mujoco>"
+    )
+}
+
+const END: &str = "<site name=\"tool\" pos=\"0 0 0.2\"/>";
+
+/// Numbers that are none, or turned round, are refused by name and at once, wherever they stand.
+#[test]
+fn numbers_that_no_robot_has_are_refused_by_name() {
+    let site = |place: &str| format!("<site name=\"tool\" pos=\"{place} 0 0.2\"/>");
+    for (model, says) in [
+        (
+            scene("", "-2 2", "0", &site("nan"), ""),
+            "pos=\"nan 0 0.2\"",
+        ),
+        (
+            scene("", "-2 2", "0", &site("1e308"), ""),
+            "site \"tool\": pos: found (1e308",
+        ),
+        (
+            scene("", "-2 2", "0", &site("inf"), ""),
+            "site \"tool\": pos: found (inf",
+        ),
+        (scene("", "-2 2", "nan", END, ""), "pos=\"nan 0 0.1\""),
+        (
+            scene("", "-2 2", "1e308", END, ""),
+            "body \"l2\": centre of mass",
+        ),
+        (
+            scene("", "2 -2", "0", END, ""),
+            "joint \"j1\": range: found 114.59",
+        ),
+        (scene("", "nan 2", "0", END, ""), "range=\"nan 2\""),
+    ] {
+        let outcome = refused("arm.xml", &model);
+        assert!(outcome.stderr.contains(says), "{says}: {}", outcome.stderr);
+    }
+    let place = Workplace::new();
+    place.write("arm.xml", scene("", "-2 2", "500", END, ""));
+    let outcome = place.run("init arm.xml --scenario-out a.toml").ends_with(0);
+    outcome.says(
+        "warning: the centre of mass of what j2 moves with its link lies 500.0 m from the joint",
+    );
+    let checked = place.run("check a.toml").ends_with(3);
+    assert!(!checked.stdout.contains("is valid"), "{checked:#?}");
+    checked.says("condition C0503: the centre of mass of what j2 moves with its link lies 500.0 m");
+}
+
+/// What lies loose beside the arm, or drags it in a simulation, is left out by name.
+#[test]
+fn loose_bodies_are_left_out_by_name() {
+    let loose = "<body name=\"cube\" pos=\"1 0 0.1\"><freejoint/><geom size=\"0.05\"/></body>\
+                 <body pos=\"1 1 0.1\"><freejoint/><geom size=\"0.05\"/></body>\
+                 <body name=\"drag\" mocap=\"true\" pos=\"0 0 1.2\"><geom size=\"0.05\" contype=\"0\" conaffinity=\"0\"/></body>";
+    let tied = "<equality><weld body1=\"drag\" body2=\"l3\"/></equality>\
+                <keyframe><key qpos=\"0 0 0 1 0 0 0 0 0 0 1 0 0 0 0 0 0\"/></keyframe>";
+    let (json, _) = drafted("scene.xml", &scene(loose, "-2 2", "0", END, tied));
+    assert_eq!(joints(&json), ["j1", "j2", "j3"]);
+    let warnings = json["warnings"].to_string();
+    for name in [
+        "the free body \\\\\\\"cube",
+        "free body without a name",
+        "the mocap body \\\\\\\"drag",
+    ] {
+        assert!(
+            warnings.contains(&name.replace("\\\\\\\"", "\\\"")),
+            "{warnings}"
+        );
+    }
+}
+
+/// A gripper with one moving jaw is no joint of the arm, however it is called; who says that it is gets it.
+#[test]
+fn a_moving_jaw_is_no_joint_of_the_arm() {
+    let hand = |site: &str, joint: &str, range: &str| {
+        format!(
+            "<body name=\"l4\" pos=\"0 0 0.1\"><joint name=\"j4\" axis=\"0 0 1\" range=\"-3 3\"/><geom type=\"cylinder\" size=\"0.05 0.05\" mass=\"0.5\"/>\
+             <body name=\"l5\" pos=\"0 0 0.1\"><joint name=\"j5\" axis=\"0 1 0\" range=\"-3 3\"/><geom type=\"box\" size=\"0.02 0.01 0.05\" pos=\"0.05 0 0.1\" mass=\"0.3\"/>{site}\
+             <body name=\"b6\" pos=\"-0.03 0 0.05\"><joint name=\"{joint}\" axis=\"0 1 0\" range=\"{range}\"/><geom type=\"box\" size=\"0.01 0.01 0.05\" pos=\"0 0 0.05\" mass=\"0.05\"/>\
+             </body></body></body>"
+        )
+    };
+    let frame = "<site name=\"ee_frame\" pos=\"0 0 0.15\"/>";
+    let arm = ["j1", "j2", "j3", "j4", "j5"];
+    let whole = [&arm[..], &["j6"]].concat();
+    for (hand, expected) in [
+        (hand(frame, "j6", "-0.17 1.7"), &arm[..]),
+        (hand("", "gripper", "-1 1"), &arm[..]),
+        (hand(frame, "j6", "-3 3"), &whole[..]),
+        (hand("", "j6", "-0.17 1.7"), &whole[..]),
+    ] {
+        let (json, _) = drafted("arm.xml", &scene("", "-2 2", "0", &hand, ""));
+        assert_eq!(joints(&json), expected);
+    }
+    let place = Workplace::new();
+    place.write(
+        "arm.xml",
+        scene("", "-2 2", "0", &hand(frame, "j6", "-0.17 1.7"), ""),
+    );
+    let json = place.json("init arm.xml --tip b6 --scenario-out a.toml");
+    assert_eq!(joints(&json), whole);
 }

@@ -134,7 +134,6 @@ impl Started {
 }
 
 /// An interrupted study keeps what is done, says so, writes no results, and goes on to the same bits.
-#[cfg(feature = "view")]
 #[test]
 fn an_interrupted_study_goes_on_to_the_same_bits() {
     let workplace = Workplace::new();
@@ -183,7 +182,6 @@ fn an_interrupted_study_goes_on_to_the_same_bits() {
 }
 
 /// The files of a workplace where a study ran through, and another one was interrupted.
-#[cfg(feature = "view")]
 fn expected_files(more: &[&str]) -> Vec<String> {
     let through = [
         "",
@@ -219,7 +217,7 @@ fn an_interrupted_search_of_a_study_or_run_keeps_nothing() {
         line.expect("a number"),
         "experiments = 30\nconfigurations = 3",
     );
-    let study = "\n[[study.plan]]\nname = \"long\"\nkind = \"optimal\"\ncriterion = \"e\"\n";
+    let study = "\n[[study.plan]]\nname = \"long\"\nkind = \"optimal\"\ncriterion = \"d\"\n";
     workplace.write("s.toml", text + study);
     for (arguments, says) in [
         (
@@ -274,7 +272,6 @@ fn other_commands_end_at_once() {
 }
 
 /// `plan` and `budget` make something of what they have.
-#[cfg(feature = "view")]
 #[test]
 fn an_interrupted_search_keeps_its_best_plan() {
     let workplace = Workplace::new();
@@ -295,13 +292,41 @@ fn an_interrupted_search_keeps_its_best_plan() {
             "{stderr}"
         );
         assert!(
-            stderr.contains("condition: the search was stopped"),
+            stderr.contains("condition C0106: the search was stopped"),
             "{stderr}"
         );
         assert!(workplace.path(file).is_file());
     }
     let evaluate = "evaluate s.toml --plan p.csv --quiet";
     workplace.run(evaluate).ends_with(0);
+}
+
+/// However large an arm is, a search ends when it is told to: with a plan, or without.
+#[test]
+fn searches_of_large_arms_end_soon() {
+    let workplace = Workplace::new();
+    let (mut bodies, mut servos) = (String::new(), String::new());
+    for joint in 0..30 {
+        let axis = ["0 0 1", "0 1 0", "1 0 0"][joint % 3];
+        bodies += &format!(
+            "<body pos=\"0.03 0 0.05\"><joint name=\"j{joint}\" axis=\"{axis}\" range=\"-100 100\"/><geom size=\"0.02\" mass=\"0.2\"/>"
+        );
+        servos += &format!("<position joint=\"j{joint}\" kp=\"50000\"/>");
+    }
+    let ends = "</body>".repeat(30);
+    let model = format!(
+        "<mujoco><worldbody>{bodies}<site name=\"tool\" pos=\"0.1 0 0.1\"/>{ends}</worldbody><actuator>{servos}</actuator></mujoco>"
+    );
+    workplace.write("m.xml", model);
+    workplace
+        .run("init m.xml --scenario-out s.toml")
+        .ends_with(0);
+    for signal in ["-INT", "-TERM"] {
+        let started = Started::new(&workplace, "plan s.toml --experiments 40 --plan-out p.csv");
+        let (code, _, stderr) = started.says("designing").ends_soon_after(signal);
+        assert!(matches!(code, Some(3 | 130)), "{stderr}");
+        assert_eq!(workplace.path("p.csv").is_file(), code == Some(3));
+    }
 }
 
 /// `nohup` has a study outlive its terminal.
@@ -366,7 +391,6 @@ fn a_full_disk_costs_no_result() {
 }
 
 /// `run` says which files of its results are there and which are not, and prints its result.
-#[cfg(feature = "view")]
 #[test]
 fn a_run_on_a_full_disk_says_what_is_there() {
     let workplace = Workplace::new();
@@ -384,7 +408,7 @@ fn a_run_on_a_full_disk_says_what_is_there() {
         "{stderr}"
     );
     assert!(
-        stderr.contains("condition: written: full/s/plan.csv, full/s/measurements.csv"),
+        stderr.contains("condition C0601: written: full/s/plan.csv, full/s/measurements.csv"),
         "{stderr}"
     );
     let missing = stderr

@@ -9,7 +9,7 @@ use elastocal::robot::Load;
 use nalgebra::{DVector, Isometry3, Matrix6xX, Rotation3, UnitQuaternion};
 use serde_json::{Value, json};
 
-use crate::ladder::{Gear, read_of, waves};
+use crate::model_selection::{Gear, read_of, waves};
 use crate::one_fit::{between, seen_arm, ur10, workplace};
 use crate::support::numbers;
 
@@ -48,7 +48,7 @@ fn absolute_targets_are_reached_by_joints_that_are_off() {
     let identified: Value = serde_json::from_str(&place.read("i.json")).expect("JSON");
     let tool = identified["targets"][0]["name"].as_str().expect("a name");
     let mut plain = identified.clone();
-    plain["unexplained"] = Value::Null;
+    plain["discrepancy_model"] = Value::Null;
     place.write("plain.json", plain.to_string());
     let mut table = "x_mm,y_mm,z_mm,qw,qx,qy,qz\n".to_owned();
     let mut wanted = Vec::new();

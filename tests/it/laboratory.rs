@@ -277,10 +277,8 @@ fn the_demo_goes_to_the_laboratory() {
     let loads = [Load::NONE, Load::force(0.0, 0.0, -2500.0)];
     let least = least_distance(&scenario, &told, &loads, 0.02);
     assert!(least >= 0.01, "{least} m");
-    if cfg!(feature = "view") {
-        let sheet = workplace.read("out/kr270/lab/run_sheet.html");
-        assert_eq!(sheet.matches("class=\"tick\"").count(), logged.len());
-    }
+    let sheet = workplace.read("out/kr270/lab/run_sheet.html");
+    assert_eq!(sheet.matches("class=\"tick\"").count(), logged.len());
 }
 
 /// Back on the robot: the compensated angles as a table, and as a program that leads to them around what stands in the
@@ -336,7 +334,11 @@ fn compensated_angles_go_back_to_the_robot() {
         for ((pose, at), row) in poses.iter().zip(&logged).zip(rows) {
             let commanded = numbers(&pose["q_commanded_deg"]);
             let name = pose["name"].as_str().expect("a name").replace('"', "\"\"");
-            let fields = row.strip_prefix(&format!("\"{name}\",")).expect(row);
+            let quoted = format!("\"{name}\",");
+            let fields = row
+                .strip_prefix(&quoted)
+                .or_else(|| row.strip_prefix(&format!("{name},")))
+                .expect(row);
             let written: Vec<f64> = (fields.split(','))
                 .map(|field| field.parse().expect("a number"))
                 .collect();
@@ -517,7 +519,7 @@ fn a_dialect_may_be_a_file() {
         assert!(
             outcome
                 .stderr
-                .starts_with("error: wrong.toml: is no dialect: "),
+                .starts_with("error E0404: wrong.toml: is no dialect: "),
             "{outcome:#?}"
         );
         assert!(outcome.stderr.contains(says), "{outcome:#?}");
@@ -592,7 +594,6 @@ fn campaigns_are_a_function_of_their_inputs() {
 }
 
 /// The sheet as a browser shows it.
-#[cfg(feature = "view")]
 #[test]
 fn the_run_sheet_looks_well() {
     let workplace = behind_a_pillar();

@@ -5,13 +5,13 @@ use serde_json::Value;
 use crate::proofs::{checked, python};
 use crate::support::{Workplace, number, project, scenario_text};
 
-const RETURN: &str = "[[uncertainty]]\nkind = \"joint_return\"\nstd_mrad = 0.05\n";
+const RETURN: &str = "[[uncertainty]]\nkind = \"joint_repeatability\"\nstd_mrad = 0.05\n";
 const DIRECTION: &str = "[[uncertainty]]\nkind = \"load_direction\"\nstd_mrad = 2\n";
 const POINT: &str = "[[uncertainty]]\nkind = \"load_point\"\nstd_mm = 2\n";
-const MISFIT: &str = "[[uncertainty]]\nkind = \"misfit\"\nstd_mm = 0.02\n";
-const GEAR: &str = "[[uncertainty]]\nkind = \"gear_error\"\nstd_mrad = 0.1\n";
+const MISFIT: &str = "[[uncertainty]]\nkind = \"discrepancy\"\nstd_mm = 0.02\n";
+const GEAR: &str = "[[uncertainty]]\nkind = \"transmission_error\"\nstd_mrad = 0.1\n";
 const PLACES: &str = "[[uncertainty]]\nkind = \"link_position\"\nstd_mm = 0.3\n";
-const WAVES: &str = "[[uncertainty]]\nkind = \"gear_error\"\nname = \"waves\"\nstd_mrad = 0.3\nharmonics = [1, 40]\n";
+const WAVES: &str = "[[uncertainty]]\nkind = \"transmission_error\"\nname = \"waves\"\nstd_mrad = 0.3\nharmonics = [1, 40]\n";
 
 /// What `plan` says of a scenario with these uncertainties.
 fn planned(workplace: &Workplace, name: &str, list: &[&str], options: &str) -> Value {
@@ -57,7 +57,7 @@ fn the_covariance_of_readings_is_in_the_proof() {
     workplace.write("less.json", less.to_string());
     let (code, text) = checked(&python, &workplace.path("less.json"));
     assert_eq!(code, Some(1), "{text}");
-    let returns = &mut file["proof"]["question"]["spread"]["joint_return"];
+    let returns = &mut file["proof"]["question"]["spread"]["joint_repeatability"];
     for deviation in returns.as_array_mut().expect("one for each joint") {
         *deviation = serde_json::json!(number(deviation) * 0.9);
     }
@@ -69,7 +69,7 @@ fn the_covariance_of_readings_is_in_the_proof() {
 /// Joints that return as they like take a fifth of the boxes that they took while their columns were not told apart from the
 /// torques.
 #[test]
-fn joint_returns_take_few_boxes() {
+fn joint_repeatabilitys_take_few_boxes() {
     let workplace = Workplace::new();
     let text = scenario_text("klimchik2012");
     let (text, _) = text.split_once("\n[[plan]]").expect("it lists plans");
@@ -93,19 +93,19 @@ fn what_is_left_out_is_named() {
     let whole = planned(&workplace, "planar_3r", &list, "");
     assert_eq!(
         names(&whole["proof"]["left_out"]),
-        ["link_position", "gear_error"]
+        ["link_position", "transmission_error"]
     );
     assert_eq!(whole["bound_kind"], "evidence");
     let proved = number(&whole["proved_lower_bound_rho0_mm"]);
     assert!(proved < number(&whole["rho0_mm"]));
     let words = workplace.run("plan uncertain.toml --experiments 3 --quiet --seed 1");
-    let told = ", with link_position, gear_error taken for certain";
+    let told = ", with link_position, transmission_error assumed exact";
     assert!(words.stdout.contains(told), "{}", words.stdout);
     // Under a force of any direction the covariance of readings is left out, too.
     let any = planned(&workplace, "spatial_3r", &[RETURN, PLACES, WAVES], "");
     assert_eq!(
         names(&any["proof"]["left_out"]),
-        ["link_position", "waves", "joint_return"]
+        ["link_position", "waves", "joint_repeatability"]
     );
     assert!(number(&any["proved_lower_bound_rho0_mm"]) < number(&any["rho0_mm"]));
 }

@@ -79,7 +79,8 @@ fn measurements_under_foreign_loads_are_named() {
     let measured = workplace
         .run("measure cell.toml --plan heavy.csv --measurements-out m.csv --quiet")
         .ends_with(3);
-    let words = "the loads of 2 of 3 experiments are none of the scenario's: experiment 2: load is (0, 0, -5000) N";
+    let words =
+        "2 of 3 experiments have loads outside the load set; experiment 2: load is (0, 0, -5000) N";
     assert!(measured.stderr.contains(words), "{}", measured.stderr);
     let identified = workplace
         .run("identify cell.toml --measurements m.csv --quiet")

@@ -14,9 +14,11 @@
 //! - `uncertainties`: what nobody knows exactly: drawn in truth, carried by the belief, and kept in promises.
 //! - `unread`: what is uncertain and no reading shows: the task's force, masses of links.
 //! - `uncertainty`: the promised uncertainties are seen over many seeded runs.
+//! - `uncertainty_budget`: squares of contributions add up to the predicted accuracy, for every kind of source.
 //! - `identifiability`: what measurements cannot tell is named.
 //! - `determined`: every command names the same compliances as not determined.
 //! - `compensation_trust`: what `compensate` makes of files that it should not trust.
+//! - `codes`: conditions and errors have codes that are explained; `explain`, `--allow`.
 //! - `command_line`: the commands, seen from outside the process.
 //! - `calibrated_robots`: a robot from absolute readings as a model, and compensated with.
 //! - `init`: a first scenario for models of all kinds, and URDF.
@@ -25,10 +27,12 @@
 //! - `exported_models`: the calibrated robot as MJCF and URDF, read again.
 //! - `foreign_tables`: tables of other programs become measurement files.
 //! - `patterns`: what residuals go with is named where there is something.
-//! - `contradictions`: two series, or the halves of one, that cannot both be right.
-//! - `ladder`: models with more and more parameters, compared by blocks of joint space.
+//! - `inconsistencies`: two series, or the halves of one, that cannot both be right.
+//! - `model_selection`: models with more and more parameters, compared by blocks of joint space.
 //! - `gate`: comparing results against tolerances, seen from outside the process.
 //! - `gate_refusals`: results and tolerances that cannot be compared.
+//! - `input_errors`: wrong tables of absolute readings: the error is named; gross errors, copies, what is hardly told.
+//! - `installed`: the program with its scenarios outside of a clone, and scenarios for other versions.
 //! - `interruptions`: studies that are killed, disks that fill up.
 //! - `output_files`: where results go: devices, links, modes; no output overwrites an input.
 //! - `error_sources`: pictures of where the error comes from, in pages and recordings.
@@ -41,17 +45,21 @@
 //! - `properties`: what holds whatever the numbers are; derivatives against differences.
 //! - `bad_input`: wrong inputs, seen from outside the process.
 //! - `measured_rotations`: planning, studies and identification use measured rotations alike.
+//! - `plan_conditions`: what is said of a plan before its accuracy is relied on; repeats beside their bound.
 //! - `planned_readings`: what else is uncertain where rotations are measured, and on arms with springs.
+//! - `bad_starts`: absolute fits that begin far from the truth.
+//! - `draws`: random numbers of virtual robots in a file, of which readings are a function.
+//! - `simulated`: files by the hundred: false alarms, patterns that are found, models that are chosen.
 //! - `backlash`: gaps of joints: sides of approach in files, belief and truth, and loads that turn joints over.
 //! - `gear_waves`: gear error as waves over the joint's own angle, in promises and found in absolute readings.
 //! - `model_features`: what models can say beside the chain: honoured or refused by name.
 //! - `model_messages`: models that cannot serve, and what to do about them.
 //! - `few_readings`: wrong readings of an arm with a slide, among few and many, spread or in one place.
-//! - `robust_deflections`: wrong deflections and misfit in fits of deflections.
+//! - `robust_deflections`: wrong deflections and discrepancy in fits of deflections.
 //! - `stiffening`: joints that stiffen or soften by a share that nobody knows, by their law and as a parameter.
 //! - `stored_robots`: a robot that was identified, read from its file; moved stations.
-//! - `structured_misfit`: robots that are not as their model: regions, intervals and wrong readings.
-//! - `wrong_readings`: left out of ladder, patterns and contradictions, and named.
+//! - `structured_discrepancy`: robots that are not as their model: regions, intervals and wrong readings.
+//! - `wrong_readings`: left out of model selection, patterns and inconsistencies, and named.
 //! - `ur10_measured`: real poses of a UR10, where they are there.
 //! - `validation`: other measurements check what an identification promises.
 //! - `understanding`: what `check` says that it understood, and likely mistakes.
@@ -59,6 +67,7 @@
 //! - `diagnoses`: likely mistakes in measurements, and the measurement that fits least.
 //! - `one_fit`: frames, geometry and elasticity from absolute readings, in one fit.
 //! - `origins`: files say under which scenario they were made; help says what has an effect.
+//! - `hostile_input`: names, fields and numbers that somebody means ill with.
 //! - `implausible_input`: inputs that are well formed and cannot be.
 //! - `mutations`: a hundred thousand broken inputs, and every one that ever failed.
 //! - `laboratory`: order, ways, robot programs, run sheet: a plan goes to the laboratory.
@@ -73,20 +82,18 @@
 //! - `schema`: the JSON schema of scenarios.
 //! - `search`: the search for plans and its certificate, on the KR-270.
 //! - `bounds`: the class of plans that a bound speaks about.
-//! - `sprung_proofs`: proofs of arms with springs, slides and passive joints.
 //! - `left_out`: what a proof takes for certain, by name.
 //! - `proofs`: the bound that is proved, and its proof checked by another program.
 //! - `absolute_plans`, `absolute_promises`, `absolute_trials`, `stations`: plans of absolute readings, robots that keep what they promise,
 //!   virtual ones of the program among them, and where the instrument stands.
+//! - `chains`: what a command writes the next one reads, whatever is uncertain.
 //! - `candidates`: plans that are chosen from a list, held to all plans that there are of it.
 //! - `criteria_bounds`: the bounds by other criteria than `rho_0`.
-//! - `exchanges`: what exchanging one measurement of a plan can gain.
 //! - `force_sizes`: the size of a force is a variable of the design; optima derived by hand.
 //! - `provenance`: what results depend on is in their hash.
 //! - `load_sets`: one load set decides for plans, measurements and mandatory experiments.
 //! - `nonlinear_gap`: where a promise is off because the model is not linear.
 //! - `torque_laws`: joints of the virtual robot that are no springs, at rest, in time and in studies.
-//! - `lost_readings`: readings that are wrong or not there, and what they cost.
 //! - `next`: what to measure next, after some of a plan is measured.
 //! - `raw_readings`: positions without and with a load in place of deflections.
 //! - `obstacles`: what stands in the laboratory.
@@ -94,42 +101,42 @@
 //! - `reproduction`: the paper's numbers beside the program's, by the program.
 //! - `report`: pages to look at, and a browser that looks at them.
 //! - `study`: Monte Carlo studies keep what was predicted, to the bit whatever the threads.
+//! - `run_truth`: what is shown beside estimates is what that run sampled.
 //! - `rooms`: modules use only those that stand before them.
-//! - `without_views`: what a build without the feature `view` says; only there.
 
 #![expect(clippy::expect_used, reason = "a test that cannot go on fails")]
 
 mod absolute_plans;
 mod absolute_promises;
 mod absolute_readings;
-#[cfg(feature = "view")]
 mod absolute_studies;
 mod absolute_targets;
 mod absolute_trials;
 mod backlash;
 mod bad_input;
+mod bad_starts;
 mod bounds;
 mod braced_arms;
 mod broken_streams;
-#[cfg(feature = "view")]
 mod browser;
 mod calibrated_robots;
 mod candidates;
+mod certificates;
+mod chains;
+mod codes;
 mod command_line;
 mod compensation_trust;
 mod compensator;
 mod configurations;
-mod contradictions;
 mod criteria_bounds;
 mod csv_dialects;
 mod determined;
 mod diagnoses;
 mod directions;
 mod documentation;
+mod draws;
 mod elastic_beliefs;
-#[cfg(feature = "view")]
 mod error_sources;
-mod exchanges;
 mod exported_models;
 mod faults;
 mod few_readings;
@@ -138,23 +145,26 @@ mod foreign_tables;
 mod gate;
 mod gate_refusals;
 mod gear_waves;
+mod hostile_input;
 mod identifiability;
 mod implausible_input;
+mod inconsistencies;
 mod init;
+mod input_errors;
+mod installed;
 mod interruptions;
 mod joint_errors;
 mod judge;
 mod judges;
 mod known_optima;
 mod laboratory;
-mod ladder;
 mod left_out;
 mod limits;
 mod load_sets;
-mod lost_readings;
 mod measured_rotations;
 mod model_features;
 mod model_messages;
+mod model_selection;
 mod mutations;
 mod next;
 mod nonlinear_gap;
@@ -165,6 +175,7 @@ mod origins;
 mod output_files;
 mod parameters;
 mod patterns;
+mod plan_conditions;
 mod planned_readings;
 mod planning;
 mod priors;
@@ -175,26 +186,26 @@ mod published;
 mod random_models;
 mod ranks;
 mod raw_readings;
-#[cfg(feature = "view")]
 mod recordings;
 mod recovery;
+mod repeated_visits;
 mod repeats;
-#[cfg(feature = "view")]
 mod report;
 mod reproduction;
 mod robots;
 mod robust_deflections;
 mod rooms;
+mod run_truth;
 mod schema;
 mod search;
 mod selection;
-mod sprung_proofs;
+mod simulated;
+mod static_compliance;
 mod stations;
 mod stiffening;
 mod stored_robots;
-#[cfg(feature = "view")]
 mod streams;
-mod structured_misfit;
+mod structured_discrepancy;
 mod study;
 mod support;
 mod tallies;
@@ -203,11 +214,10 @@ mod torque_laws;
 mod true_models;
 mod uncertainties;
 mod uncertainty;
+mod uncertainty_budget;
 mod understanding;
 mod unknowns;
 mod unread;
 mod ur10_measured;
 mod validation;
-#[cfg(not(feature = "view"))]
-mod without_views;
 mod wrong_readings;

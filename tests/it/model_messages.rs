@@ -3,7 +3,7 @@
 use elastocal::plan::search::random_plan;
 use elastocal::scenario::Scenario;
 
-use crate::support::{Workplace, project, scenario_text};
+use crate::support::{Workplace, error_message, project, scenario_text};
 
 /// The error and the hint of `check` for a scenario with this model.
 fn refusal(name: &str, model: &str) -> (String, String) {
@@ -19,7 +19,8 @@ fn refusal(name: &str, model: &str) -> (String, String) {
     let error = lines.next().unwrap_or_default().to_owned();
     let hint = lines.next().unwrap_or_default().to_owned();
     println!("{error}\n{hint}");
-    assert!(error.starts_with("error: my.toml: robot."), "{error}");
+    let said = error_message(&error).unwrap_or_default();
+    assert!(said.starts_with("my.toml: robot."), "{error}");
     assert!(error.contains(name), "{error}");
     assert_eq!(lines.next(), None, "{}", outcome.stderr);
     (error, hint)

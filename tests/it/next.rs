@@ -311,7 +311,9 @@ fn compared(name: &str, total: u32, runs: u64) -> [f64; 3] {
         };
         let measure = |plan: &Plan, part: u64| {
             let robots = &mut robots.borrow_mut();
-            measure(robots, task, truth, plan, seed, 2 * run + part).expect("measured")
+            measure(robots, task, truth, plan, seed, 2 * run + part)
+                .expect("measured")
+                .measurements
         };
         let at_once = measure(&all_plan, 0);
         let first = measure(&half_plan, 0);

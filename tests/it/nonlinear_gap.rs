@@ -23,8 +23,9 @@ fn gap(spread: f64) -> f64 {
     let size = format!("joints = [\"joint_1\"]\nstd_relative = {spread}");
     let scenario = loaded(&with(&entry(("compliance", &size), ""), "robot", 64));
     let (task, plan) = (&scenario.task, table4(4));
-    let shares = Assessment::new(task, &plan, None).shares;
-    let computed_m = shares.last().expect("two shares").rho0_m;
+    let budget = Assessment::new(task, &plan, None).uncertainty_budget;
+    let sources = budget.expect("determined").sources;
+    let computed_m = sources.last().expect("two sources").contribution_um * 1e-6;
     let mut runs = RobotRuns::new(task, &scenario.truth).expect("a robot");
     let compliance = scenario.truth.robot.compliance_rad_per_nm.iter();
     let compliance: Vec<[f64; LANES]> = compliance.map(|&value| [value; LANES]).collect();

@@ -161,7 +161,7 @@ fn a_tally_names_no_place_elsewhere() {
             .ends_with(1);
         let says = "edited.json: study.scenario: found ";
         assert!(outcome.stderr.contains(says), "{name:?}: {outcome:#?}");
-        let is_ours = |line: &str| line.starts_with("error: ") || line.starts_with("hint: ");
+        let is_ours = |line: &str| line.starts_with("error E0701: ") || line.starts_with("hint: ");
         assert!(outcome.stderr.lines().all(is_ours), "{outcome:#?}");
     }
     std::fs::remove_file(workplace.path("edited.json")).expect("is there");

@@ -315,7 +315,7 @@ fn the_command_tells_frames_parameters_and_what_is_left() {
         "base at station",
         "target reflector",
         "elbow.zero",
-        "Left out, since no reading",
+        "Redundant, not fitted",
         "distance [mm]",
         "wrote i.json",
     ] {
@@ -361,7 +361,8 @@ fn the_command_tells_frames_parameters_and_what_is_left() {
 fn what_is_new_in_each_reading_is_said_not_to_be_counted_by_itself() {
     let place = workplace(&plain(30, true));
     assert_eq!(identify(&place, "--json").json()["not_counted"], json!([]));
-    let listed = "[[uncertainty]]\nkind = \"joint_return\"\nname = \"gears\"\nstd_mrad = 0.05\n";
+    let listed =
+        "[[uncertainty]]\nkind = \"joint_repeatability\"\nname = \"gears\"\nstd_mrad = 0.05\n";
     place.write("s.toml", place.read("s.toml") + "\n" + listed);
     assert_eq!(
         identify(&place, "--json").json()["not_counted"],
@@ -457,11 +458,11 @@ fn what_frames_need_is_told() {
         ),
         (
             changed(&|_, each| *each = first.clone()),
-            "the readings do not tell where base and targets (reflector) are",
+            "the readings do not determine base and targets (reflector)",
         ),
         (
             one_joint_moves(),
-            "the readings do not tell where base and targets (reflector) are",
+            "the readings do not determine base and targets (reflector)",
         ),
         (
             changed(&|_, each| each.position_m *= 1e-3),
@@ -473,11 +474,11 @@ fn what_frames_need_is_told() {
         ),
         (
             changed(&|_, each| each.configuration_rad *= 0.017),
-            "radians in one of degrees",
+            "in rad where deg are read",
         ),
         (
             changed(&|_, each| each.configuration_rad.swap_rows(1, 3)),
-            "check the order, signs and units of the joint angles",
+            "Swap q2 and q4",
         ),
         (
             changed(&|_, each| each.target = Some("cat".to_owned())),
@@ -498,7 +499,7 @@ fn that_nothing_is_left_over_is_said() {
         let place = workplace(&plain(readings, false));
         identify(&place, "--parameters frames").ends_with(0).stdout
     };
-    let words = "nothing is left over that could show an error";
+    let words = "there are no residuals that could show an error";
     assert!(of(3).contains(words), "{}", of(3));
     assert!(!of(4).contains(words), "{}", of(4));
 }
@@ -641,7 +642,7 @@ fn readings_of_one_state_share_what_the_model_does_not_know() {
         let fit = case
             .fit(&[ParameterGroup::Compliances], ReadingWeights::AsNeeded)
             .expect("a fit");
-        assert!((fit.misfit.expect("residuals are too large")[0] / 3e-4 - 1.0).abs() < 0.3);
+        assert!((fit.discrepancy.expect("residuals are too large")[0] / 3e-4 - 1.0).abs() < 0.3);
         let elbow = ParameterKind::JointCompliance { joint: 2 };
         let index = fit.set.index_of(elbow).expect("fitted");
         let error = fit.standard_error(index).expect("determined");

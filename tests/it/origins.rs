@@ -64,7 +64,7 @@ fn no_scenario_is_guessed() {
     let outcome = workplace
         .run("identify --measurements theirs.csv")
         .ends_with(1);
-    let says = "error: theirs.csv: no scenario was given, and the file does not say to which one it belongs\n\
+    let says = "error E0103: theirs.csv: no scenario was given, and the file does not say to which one it belongs\n\
                 hint: name the robot's scenario: elastocal identify SCENARIO --measurements theirs.csv\n";
     assert_eq!(outcome.stderr, says);
     workplace

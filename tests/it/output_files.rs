@@ -2,7 +2,6 @@
 //! no output overwrites an input.
 
 use std::io::Read;
-#[cfg(feature = "view")]
 use std::os::unix::fs::MetadataExt;
 use std::os::unix::fs::{FileTypeExt, PermissionsExt, symlink};
 use std::os::unix::net::UnixListener;
@@ -25,11 +24,9 @@ fn workplace() -> Workplace {
 /// Writes what was identified, quickly.
 const IDENTIFY: &str = "identify s.toml --quiet --measurements m.csv --identified-out";
 /// A small part of a study.
-#[cfg(feature = "view")]
 const SHARD: &str = "study p.toml --quiet --trials 64 --shard 1/1 --tally-out";
 
 /// A study of one plan that is in a file.
-#[cfg(feature = "view")]
 fn write_small_study(workplace: &Workplace) {
     let text = scenario_text("klimchik2012");
     let plans = text.find("[[study.plan]]").expect("is there");
@@ -56,7 +53,6 @@ fn is_made(workplace: &Workplace, tool: &str, arguments: &[&str]) -> bool {
 }
 
 /// Every writer writes into a device, which stays one.
-#[cfg(feature = "view")]
 #[test]
 fn a_device_stays_a_device() {
     let workplace = workplace();
@@ -93,7 +89,6 @@ fn stdout_is_written_into() {
     assert_eq!(workplace.read("both"), identified.repeat(2));
 }
 
-#[cfg(feature = "view")]
 #[test]
 fn a_fifo_is_written_into() {
     let workplace = workplace();
@@ -222,7 +217,6 @@ fn a_limit_on_the_size_of_files_leaves_nothing() {
 }
 
 /// Each output that would overwrite an input or another output is refused before any work.
-#[cfg(feature = "view")]
 #[test]
 fn no_output_overwrites_an_input() {
     let workplace = workplace();
@@ -325,7 +319,6 @@ fn no_output_overwrites_an_input() {
 }
 
 /// The names of all files with number, size and time of change.
-#[cfg(feature = "view")]
 fn contents(workplace: &Workplace) -> Vec<(String, u64, u64, i64)> {
     let about = |name: String| {
         let found = workplace.path(&name).symlink_metadata().expect("is there");

@@ -171,7 +171,7 @@ fn check_names_a_minimal_set() {
         };
         assert_eq!(
             reason("joint_1.zero"),
-            "the zero of joint_1 and the base's rotation about z cannot be told apart: their difference is determined"
+            "the zero of joint_1 and the base's rotation about z cannot be separated: their difference is determined"
         );
         // A weight turns with nothing: axis 1 stands upright.
         if *reading == "pose" {
@@ -184,7 +184,7 @@ fn check_names_a_minimal_set() {
         if *reading != "deflection" {
             assert_eq!(
                 reason("link_2.x"),
-                "link_2's position along x can hardly be told from the base's position along x by these readings"
+                "link_2's position along x is nearly redundant with the base's position along x in these readings"
             );
         }
         if *reading == "position" {

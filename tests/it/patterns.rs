@@ -9,7 +9,7 @@ use elastocal::task::Belief;
 use rand::RngExt;
 use rayon::prelude::*;
 
-use crate::ladder::read_of;
+use crate::model_selection::read_of;
 use crate::one_fit::{between, plain, seen_arm, ur10, workplace};
 
 const GROUPS: [ParameterGroup; 1] = [ParameterGroup::Geometry];
@@ -147,16 +147,12 @@ fn the_command_names_and_draws_them() {
         reading.position_m.y += 1e-5 * index as f64;
     }
     place.write("m.csv", absolute_table(&6.into(), &readings));
-    let has_views = cfg!(feature = "view");
-    let plot = if has_views { "--plot-out p.svg" } else { "" };
-    let found = place.run(&format!("{command} {plot}")).stdout;
+    let found = place.run(&format!("{command} --plot-out p.svg")).stdout;
     assert!(
         found.contains("the order of the readings: the base shifts by 0.7"),
         "{found}"
     );
-    if has_views {
-        assert!(place.read("p.svg").contains("order"));
-    }
+    assert!(place.read("p.svg").contains("order"));
     let json = place.run(&format!("{command} --json")).json();
     let first = &json["patterns"]["found"][0];
     assert_eq!(first["against"], "order");

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 
 use crate::support::{Workplace, project, scenario_text};
 use crate::uncertainties::{
-    SOURCES, assert_holds, assert_refused, entry, repeated_in_study, study,
+    SOURCES, assert_holds, assert_refused, entry, expected_mm, repeated_in_study, study,
 };
 
 /// The paper's scenario where rotations are measured, too.
@@ -18,7 +18,10 @@ fn with_rotations(text: &str) -> String {
     with
 }
 
-const SHARED: [(&str, &str); 2] = [("gear_error", "std_mrad = 3"), ("misfit", "std_mm = 0.04")];
+const SHARED: [(&str, &str); 2] = [
+    ("transmission_error", "std_mrad = 3"),
+    ("discrepancy", "std_mm = 0.04"),
+];
 
 /// A hydraulic arm's springs: an arm of three joints, soft enough that a compensator shows, in three measurements each
 /// three times.
@@ -64,15 +67,10 @@ fn promises_about_everything_are_exact_with_rotations() {
     let text = with_rotations(&repeated_in_study(1, &all, "model", 20_000));
     let plan = study(&text);
     assert_holds(&plan, "everything");
-    let parts = plan["parts"].as_array().expect("a list").iter();
-    let squares: f64 = parts
-        .filter_map(|part| Some(part["rms_mm"].as_f64()?.powi(2)))
-        .sum();
-    let promised = plan["promised_rms_mm"].as_f64().expect("a number");
-    assert!(
-        (squares.sqrt() / promised - 1.0).abs() < 1e-9,
-        "{squares} {promised}"
-    );
+    let expected = expected_mm(&plan);
+    let promised = plan["combined_rms_mm"].as_f64().expect("a number");
+    let error = expected / promised - 1.0;
+    assert!(error.abs() < 1e-9, "{expected} {promised}");
 }
 
 /// A compensator of which little is known, in each run another one in MuJoCo's model.
@@ -86,8 +84,8 @@ fn promises_hold_on_arms_with_springs() {
         ("link_position", "std_mm = 0.5"),
         ("load_scale", "std_relative = 0.01"),
         ("load_point", "std_mm = 5"),
-        ("joint_return", "std_mrad = 0.03"),
-        ("gear_error", "std_mrad = 1"),
+        ("joint_repeatability", "std_mrad = 0.03"),
+        ("transmission_error", "std_mrad = 1"),
     ] {
         let alone = with_springs("", &entry(source, ""), "robot", 400);
         assert_holds(&study(&alone), source.0);

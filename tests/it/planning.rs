@@ -58,6 +58,14 @@ pub fn best_rho0(scenario: &Scenario, experiments: u32, seed: u64) -> f64 {
     found.expect("there is a plan").1.cost.sqrt()
 }
 
+/// The criteria that plans over a region are optimised by.
+pub const OPTIMISED: [Criterion; 4] = [
+    Criterion::TestPose,
+    Criterion::A,
+    Criterion::D,
+    Criterion::O1,
+];
+
 /// Asserts that found / expected is 1 within a tolerance.
 pub fn assert_close(what: &str, found: f64, expected: f64, tolerance: f64) {
     let apart = (found / expected - 1.0).abs();

@@ -1,10 +1,11 @@
 //! An earlier identification as what is known before: planning, identification and studies use it.
 
 use elastocal::compensation::{test_pose_rows, weighted_rows};
+use elastocal::parameter::{ParameterKind, ParameterSet};
 use elastocal::plan::{ExperimentModel, Plan};
 use elastocal::scenario::Scenario;
 use elastocal::task::Belief;
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, dmatrix, dvector};
 use serde_json::Value;
 
 use crate::support::{self, Workplace, number, numbers, project, scenario_text};
@@ -244,6 +245,24 @@ fn sources_that_two_campaigns_share_are_named_and_counted() {
         text.contains("tool_position moves the calibration tool only"),
         "{text}"
     );
+    let scenario = place.read("second.toml");
+    let (scenario, _) = scenario.split_once("[study]").expect("a study");
+    let (sources, campaign) = (
+        sources,
+        "\n[study]\nexperiments = 4\n[[study.plan]]\nname = \"four\"\nkind = \"file\"",
+    );
+    let of_four = format!("{campaign}\nfile = \"{}\"\n", table4(4));
+    place.write("study.toml", scenario.to_owned() + sources + &of_four);
+    let study = place.run("study study.toml --trials 3000 --level model --quiet");
+    assert!(
+        study
+            .stdout
+            .contains("the prediction holds where the two campaigns are independent")
+            && study
+                .stdout
+                .contains("in common with the campaign of robot.prior: load_scale"),
+        "{study:#?}"
+    );
     let alone = place
         .run(&format!(
             "evaluate first.toml --plan {} --no-proof --json --quiet",
@@ -251,6 +270,28 @@ fn sources_that_two_campaigns_share_are_named_and_counted() {
         ))
         .json();
     assert!(alone.get("common_sources").is_none(), "{alone}");
+}
+
+/// Correlated knowledge has the mean that it is said to have. Told twice, the second time with its unknowns in the other order, it has half
+/// the covariance.
+#[test]
+fn correlated_knowledge_keeps_its_mean() {
+    let belief = support::scenario("klimchik2012").task.belief.arm();
+    let zeros = [1, 2].map(|joint| (ParameterKind::JointZero { joint }, None));
+    let mut set = ParameterSet::new(&belief, zeros).expect("a set");
+    let (mean, covariance) = (dvector![1e-3, -4e-3], dmatrix![4e-6, 5e-6; 5e-6, 9e-6]);
+    for (times, order) in [(1.0, [0, 1]), (2.0, [1, 0])] {
+        let (own, whole) = (mean.select_rows(&order), covariance.select_rows(&order));
+        let known = set.with_prior(&order, &own, &whole.select_columns(&order));
+        set = known.expect("a prior");
+        let prior = set.prior();
+        assert!((&prior.mean - &mean).amax() < 1e-15, "{prior:?}");
+        let ratio = &prior.precision * &covariance;
+        assert!(
+            (ratio - DMatrix::identity(2, 2) * times).amax() < 1e-12,
+            "{prior:?}"
+        );
+    }
 }
 
 #[test]

@@ -139,6 +139,24 @@ fn options_of_the_proof_are_understood_or_refused() {
     }
 }
 
+/// What is not in the prover is refused by name, and the bound that searches find stands.
+#[test]
+fn arms_of_more_than_hinges_have_no_proof() {
+    let place = Workplace::new();
+    for name in ["kr270_compensator", "kr270_flexible"] {
+        let arguments = format!(
+            "plan {} --experiments 3 --quiet",
+            project(&format!("scenarios/{name}.toml")).display()
+        );
+        let told = place.run(&arguments).ends_with(0).stdout;
+        assert!(
+            told.contains("there is no proof for arms with springs beside the joints' own"),
+            "{told}"
+        );
+        assert!(told.contains("no plan of as many can be below"), "{told}");
+    }
+}
+
 /// Python, if it has `NumPy`; else it is said that something is skipped.
 pub fn python() -> Option<String> {
     let python = std::env::var("PYTHON").unwrap_or_else(|_| "python3".to_owned());
@@ -170,7 +188,37 @@ fn another_program_checks_the_proof_and_refuses_what_was_tampered_with() {
     assert_eq!(code, Some(0), "{text}");
     assert!(text.contains("the proof holds"), "{text}");
     let whole: Value = serde_json::from_str(&place.read("proof.json")).expect("it is JSON");
-    let tampered: [(&str, Edit); 10] = [
+    // The question that is answered.
+    let plan = place.run(&(arguments + " --json")).json();
+    let hash = &plan["provenance"]["scenario_sha256"];
+    for words in [
+        &format!(
+            "scenario spatial_3r, SHA-256 {}",
+            hash.as_str().expect("a text")
+        ),
+        "test pose 1: [",
+        "weight 1.0000",
+        "loads: any force up to 400.0 N",
+        "region: joints [",
+        "sigma of each coordinate of a deflection 30.000 um",
+    ] {
+        assert!(text.contains(words), "{words}: {text}");
+    }
+    let tampered: [(&str, Edit); 12] = [
+        ("a heavier test pose, whose bounds are doubled", &|file| {
+            scale(&mut file["targets"][0]["weight"], 4.0);
+            for bound in file["bounds"].as_array_mut().expect("an array") {
+                scale(&mut bound[1], 2.0);
+            }
+        }),
+        ("a test pose of no weight", &|file| {
+            let mut weightless = file["targets"][0].clone();
+            weightless["weight"] = json!(0.0);
+            file["targets"]
+                .as_array_mut()
+                .expect("an array")
+                .push(weightless);
+        }),
         ("a smaller largest derivative", &|file| {
             scale(&mut file["proof"]["largest"], 0.7);
         }),

@@ -10,11 +10,10 @@ use elastocal::scenario::Scenario;
 use elastocal::task::Method;
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, Vector3};
 use rand_distr::{Distribution, StandardNormal};
-use serde_json::{Value, json};
 use statrs::distribution::{ChiSquared, ContinuousCDF, Normal};
 
-use crate::support::{Workplace, table4};
-use crate::uncertainties::{entry, loaded, study, with};
+use crate::support::table4;
+use crate::uncertainties::{entry, loaded, with};
 
 /// Something of each class; compliances that are to be found have proper priors, too.
 fn list() -> String {
@@ -30,9 +29,9 @@ fn list() -> String {
         entry(("load_scale", "std_relative = 0.01"), ""),
         entry(("load_offset", "std_n = 20"), ""),
         entry(("load_direction", "std_mrad = 2"), ""),
-        entry(("joint_return", "std_mrad = 0.03"), ""),
-        entry(("gear_error", "std_mrad = 0.3"), ""),
-        entry(("misfit", "std_mm = 0.02"), ""),
+        entry(("joint_repeatability", "std_mrad = 0.03"), ""),
+        entry(("transmission_error", "std_mrad = 0.3"), ""),
+        entry(("discrepancy", "std_mm = 0.02"), ""),
     ]
     .concat()
 }
@@ -177,84 +176,4 @@ fn true_values_lie_evenly_in_the_linearised_model() {
     }
     let found = unevenness(&narrow);
     assert!(found > most, "too narrow: {found} of at most {most}");
-}
-
-/// On the virtual robot a study counts the ranks of all unknowns, as far as they are even; where the belief does not know of
-/// something they are not.
-#[test]
-fn studies_count_ranks_on_the_virtual_robot() {
-    let plan = study(&with(&list(), "robot", 1000));
-    let ranks = plan["ranks"].as_array().expect("ranks");
-    let chance = plan["rank_deviation_by_chance"].as_f64().expect("a number");
-    // Five compliances, that of joint 1, six zeros, the tool's three, the load's two.
-    assert_eq!(ranks.len(), 17, "{plan}");
-    for rank in ranks {
-        let counts = rank["counts"].as_array().expect("counts");
-        let sum: u64 = counts.iter().filter_map(Value::as_u64).sum();
-        assert_eq!((counts.len(), sum), (20, 1000), "{rank}");
-        let deviation = rank["deviation"].as_f64().expect("a number");
-        assert!(deviation < chance, "{rank} of {chance}");
-    }
-    let hidden = entry(("load_scale", "std_relative = 0.01"), "hidden = true");
-    let plan = study(&with(&hidden, "robot", 500));
-    let deviations = plan["ranks"].as_array().expect("ranks").iter();
-    let worst = deviations.filter_map(|rank| rank["deviation"].as_f64());
-    let chance = plan["rank_deviation_by_chance"].as_f64().expect("a number");
-    assert!(worst.fold(0.0, f64::max) > 1.5 * chance, "{plan}");
-    // By the linear model there is nothing to count.
-    let plan = study(&with(&list(), "model", 64));
-    assert!(plan.get("ranks").is_none(), "{plan}");
-    // People read the worst of them.
-    let place = Workplace::new();
-    place.write("s.toml", with(&list(), "robot", 64));
-    let text = place.run("study s.toml --quiet").ends_with(0).stdout;
-    assert!(
-        text.contains("ranks of true values among what is known"),
-        "{text}"
-    );
-}
-
-/// Ranks of tallies that cannot be.
-#[test]
-fn impossible_ranks_are_refused() {
-    let place = Workplace::new();
-    place.write("s.toml", with(&list(), "robot", 64));
-    let tally = "study s.toml --quiet --shard 1/1 --tally-out t.json";
-    place.run(tally).ends_with(0);
-    place.run("merge t.json --quiet").ends_with(0);
-    let good: Value = serde_json::from_str(&place.read("t.json")).expect("JSON");
-    for (path, value, says) in [
-        (
-            "/tallies/0/ranks",
-            json!([[1, 2]]),
-            "20 counts of each unknown",
-        ),
-        (
-            "/tallies/0/ranks",
-            json!([vec![0; 20]]),
-            "there are 17 unknowns",
-        ),
-        (
-            "/tallies/0/ranks/3/4",
-            json!(65),
-            "counts more than 64 runs",
-        ),
-        (
-            "/tallies/0/ranks/3/4",
-            json!(u64::MAX),
-            "counts more than 64 runs",
-        ),
-        ("/tallies/0/ranks/3/4", json!(-1), "invalid value"),
-        (
-            "/study/others",
-            json!(["one"]),
-            "6 unknowns have names; there are 17",
-        ),
-    ] {
-        let mut wrong = good.clone();
-        *wrong.pointer_mut(path).expect("is there") = value;
-        place.write("wrong.json", wrong.to_string());
-        let outcome = place.run("merge wrong.json --quiet").ends_with(1);
-        assert!(outcome.stderr.contains(says), "{path}: {}", outcome.stderr);
-    }
 }

@@ -1,4 +1,4 @@
-//! What repeats of an experiment share they do not average: the model's misfit and the gears' errors, another one in each
+//! What repeats of an experiment share they do not average: the model's discrepancy and the gears' errors, another one in each
 //! configuration.
 
 use elastocal::experiment::{Experiment, Plan};
@@ -17,8 +17,8 @@ use serde_json::Value;
 use crate::support::{Workplace, table4};
 use crate::uncertainties::{assert_holds, loaded, repeated_in_study, study, with};
 
-const MISFIT: &str = "[[uncertainty]]\nkind = \"misfit\"\nstd_mm = 0.04\n";
-const GEARS: &str = "[[uncertainty]]\nkind = \"gear_error\"\nstd_mrad = 3\n";
+const MISFIT: &str = "[[uncertainty]]\nkind = \"discrepancy\"\nstd_mm = 0.04\n";
+const GEARS: &str = "[[uncertainty]]\nkind = \"transmission_error\"\nstd_mrad = 3\n";
 
 fn repeated(repeats: u32) -> Plan {
     let experiments = table4(4).experiments.into_iter();
@@ -76,12 +76,12 @@ fn promises_hold_for_repeats() {
 fn repeats_average_noise_alone() {
     let scenario = loaded(&with(MISFIT, "model", 64));
     let belief = &scenario.task.belief;
-    let (sigma, misfit): (f64, f64) = (belief.instrument.sigma_m, 4e-5);
+    let (sigma, discrepancy): (f64, f64) = (belief.instrument.sigma_m, 4e-5);
     let standard_error = |repeats| {
         let known = posterior(belief, &repeated(repeats));
         known.standard_error(2).expect("it is determined")
     };
-    let expected = |repeats: f64| misfit.hypot(sigma / repeats.sqrt());
+    let expected = |repeats: f64| discrepancy.hypot(sigma / repeats.sqrt());
     let of_one = standard_error(1) / expected(1.0);
     for repeats in [2, 5, 1000] {
         let ratio = standard_error(repeats) / expected(f64::from(repeats)) / of_one;
@@ -183,10 +183,11 @@ fn plans_know_of_what_repeats_share() {
     assert!((whole / number(&planned, "rho0_mm") - 1.0).abs() < 1e-9);
     assert!(whole <= noise * (1.0 + 1e-6), "{whole} against {noise}");
     assert!(number(&planned, "lower_bound_rho0_mm") <= whole);
-    let shares: Vec<&str> = (planned["rho0_shares"].as_array().expect("shares").iter())
-        .filter_map(|share| share["name"].as_str())
+    let sources = &planned["uncertainty_budget"]["sources"];
+    let named: Vec<&str> = (sources.as_array().expect("a list").iter())
+        .filter_map(|each| each["source"].as_str())
         .collect();
-    assert_eq!(shares, ["noise", "misfit", "gear_error"]);
+    assert_eq!(named, ["noise", "discrepancy", "transmission_error"]);
 }
 
 /// Deflections of a plan without the instrument's noise, each with this standard deviation (m).
@@ -216,7 +217,7 @@ fn standard_error(scenario: &Scenario, measurements: &[Measurement]) -> f64 {
 /// configuration, a load, and a side of approach, all joints turning positively where none is told.
 #[test]
 fn the_side_of_approach_makes_another_experiment() {
-    let (sigma, misfit): (f64, f64) = (1e-5, 4e-5);
+    let (sigma, discrepancy): (f64, f64) = (1e-5, 4e-5);
     let scenario = loaded(&with(MISFIT, "model", 64));
     let with_sides = |second: Option<&str>| {
         let mut measurements = noise_free(&scenario, &repeated(2), sigma);
@@ -235,17 +236,17 @@ fn the_side_of_approach_makes_another_experiment() {
         [&silent, &usual, &other].map(|each| standard_error(&scenario, each));
     assert!((usual_error / silent_error - 1.0).abs() < 1e-9);
     // Of one experiment noise alone is averaged, of two all.
-    let shared = misfit.hypot(sigma / 2.0_f64.sqrt());
-    let apart = misfit.hypot(sigma) / 2.0_f64.sqrt();
+    let shared = discrepancy.hypot(sigma / 2.0_f64.sqrt());
+    let apart = discrepancy.hypot(sigma) / 2.0_f64.sqrt();
     let ratio = other_error / silent_error / (apart / shared);
     assert!((ratio - 1.0).abs() < 1e-9, "{ratio}");
 
-    // The same where it is the residuals that tell of a misfit.
+    // The same where it is the residuals that tell of a discrepancy.
     let plain = loaded(&with("", "model", 64));
     let counted = |measurements: &[Measurement]| {
         let mut measurements = measurements.to_vec();
         for (index, each) in measurements.iter_mut().enumerate() {
-            // Another misfit in each pair.
+            // Another discrepancy in each pair.
             let off = [0.31, -0.27, 0.22, -0.35][index / 2] * 1e-3;
             each.deflection_m += Vector3::new(off, -off, off);
         }
@@ -254,20 +255,21 @@ fn the_side_of_approach_makes_another_experiment() {
         let case = Case::of_belief(belief, &measurements, sigma, Method::Linear);
         let asked = Robustness {
             keeps_all: true,
-            counts_misfit: true,
+            counts_discrepancy: true,
+            holds_nominal: false,
         };
         let found = case.identify_robustly(asked).expect("identified");
-        let misfit = found.identification.misfit.expect("a misfit");
+        let discrepancy = found.identification.discrepancy.expect("a discrepancy");
         let weighed = found.weighed[0].sigma_m.expect("its own").x;
-        weighed.powi(2) / misfit.position_m.powi(2)
+        weighed.powi(2) / discrepancy.position_m.powi(2)
     };
     assert!((counted(&silent) - 2.0).abs() < 0.02);
     assert!((counted(&other) - 1.0).abs() < 0.02);
 }
 
-/// Of two readings of one experiment one lacks the rotation: they share the misfit all the same.
+/// Of two readings of one experiment one lacks the rotation: they share the discrepancy all the same.
 #[test]
-fn repeats_share_their_misfit_with_rotations_or_without() {
+fn repeats_share_their_discrepancy_with_rotations_or_without() {
     let scenario = loaded(&with(MISFIT, "model", 64));
     let without = noise_free(&scenario, &repeated(2), 1e-8);
     let mixed: Vec<Measurement> = (without.iter().enumerate())

@@ -100,6 +100,7 @@ fn named_after(path: &str, text: &str) -> Vec<(usize, String)> {
         for name in names {
             let is_part = |letter: char| letter.is_alphanumeric() || letter == '_';
             let name = name.trim_start().split(|letter| !is_part(letter)).next();
+            let name = name.filter(|name| !name.is_empty());
             uses.extend(name.map(|name| (line, name.to_owned())));
         }
     }

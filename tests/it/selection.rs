@@ -17,7 +17,7 @@ fn number(value: &serde_json::Value) -> f64 {
         .unwrap_or_else(|| panic!("no number: {value}"))
 }
 
-/// No choice promises more than the planned one, whose bound holds; and on a robot without misfit all keep what they promise.
+/// No choice promises more than the planned one, whose bound holds; and on a robot without discrepancy all keep what they promise.
 #[test]
 fn promises_of_choices_are_kept() {
     let place = workplace(&plain(150, false));
@@ -35,7 +35,7 @@ fn promises_of_choices_are_kept() {
         for other in planned {
             let promised = number(&other["rho0_mm"]);
             assert!(promised >= rho0 * (1.0 - 1e-9), "{other:#}");
-            let kept = number(&other["without_misfit_from_true_mm"]) / promised;
+            let kept = number(&other["without_discrepancy_from_true_mm"]) / promised;
             assert!((0.65..1.4).contains(&kept), "{kept}: {other:#}");
             let chosen = other["readings"].as_array().expect("readings").len();
             assert_eq!(chosen.to_string(), of_size["size"].to_string());
@@ -44,7 +44,7 @@ fn promises_of_choices_are_kept() {
         assert_eq!(random["draws"], 12);
         assert!(number(&random["rho0_mm"][0]) > rho0, "{random:#}");
         let kept =
-            number(&random["without_misfit_from_true_mm"][1]) / number(&random["rho0_mm"][1]);
+            number(&random["without_discrepancy_from_true_mm"][1]) / number(&random["rho0_mm"][1]);
         assert!((0.8..1.25).contains(&kept), "{kept}");
     }
     let again = place.json(&format!("{SELECT} --threads 2"));
@@ -53,7 +53,7 @@ fn promises_of_choices_are_kept() {
 
 /// Errors that the readings' deviations do not tell of are promised, too.
 #[test]
-fn promises_count_misfit() {
+fn promises_count_discrepancy() {
     let promised = |noise: f64| {
         let mut random = generator(11, 0);
         let arm = seen_arm(&mut random, &ur10(), 1, 1);
@@ -66,11 +66,11 @@ fn promises_count_misfit() {
         let place = workplace(&read(&mut random, &arm, &campaign));
         let found = place.json("select s.toml --measurements m.csv --parameters zeros --sizes 8 --draws 1 --campaigns 20");
         let best = &found["sizes"][0]["planned"][0];
-        ["rho0_mm", "without_misfit_from_true_mm"].map(|key| number(&best[key]))
+        ["rho0_mm", "without_discrepancy_from_true_mm"].map(|key| number(&best[key]))
     };
-    let [own, with_misfit] = [1.0, 20.0].map(promised);
-    for (own, with_misfit) in own.into_iter().zip(with_misfit) {
-        let ratio = with_misfit / own;
+    let [own, with_discrepancy] = [1.0, 20.0].map(promised);
+    for (own, with_discrepancy) in own.into_iter().zip(with_discrepancy) {
+        let ratio = with_discrepancy / own;
         assert!((16.0..24.0).contains(&ratio), "{ratio}");
     }
 }
@@ -85,7 +85,7 @@ fn a_prior_makes_few_readings_enough() {
     assert!(number(&found["known_before"]) > 10.0, "{found:#}");
     let best = &found["sizes"][0]["planned"][0];
     assert!(number(&best["rho0_mm"]) > 0.0, "{best:#}");
-    assert!(best["without_misfit_from_true_mm"].is_null());
+    assert!(best["without_discrepancy_from_true_mm"].is_null());
     // Without it, six positions do not tell so much.
     let bare = place.json("select s.toml --measurements m.csv --parameters geometry --sizes 6 --draws 5 --campaigns 0");
     let problem = bare["sizes"][0]["planned"][0]["problem"]
@@ -110,7 +110,7 @@ fn what_cannot_be_chosen_from_is_refused() {
     run(
         &place,
         "select s.toml --measurements m.csv --sizes 12",
-        "holds 12 readings, of which 12 leave none to judge on",
+        "holds 12 readings, of which 12 leave none to validate on",
     );
     place
         .run("select s.toml --measurements m.csv --sizes 0")

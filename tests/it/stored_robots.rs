@@ -6,8 +6,8 @@ use elastocal::numeric::random::generator;
 use nalgebra::{Isometry3, Vector3};
 use serde_json::{Value, json};
 
-use crate::ladder::{read_of, waves};
-use crate::one_fit::{Campaign, read, seen_arm, ur10, workplace};
+use crate::model_selection::{read_of, waves};
+use crate::one_fit::{Campaign, normal, read, seen_arm, ur10, workplace};
 use crate::support::{Workplace, numbers};
 
 /// Readings of a robot whose gears are not round, before and after its base was moved along and about its own axes.
@@ -50,7 +50,7 @@ fn a_moved_station_is_told_with_how_far() {
     for moved in [moves(), Isometry3::identity()] {
         let [before, after] = not_round(&moved);
         let place = identified(&before);
-        assert!(place.read("i.json").contains("\"unexplained\": {"));
+        assert!(place.read("i.json").contains("\"discrepancy_model\": {"));
         place.write("other.csv", absolute_table(&6.into(), &after));
         let validate = "validate --quiet --identified i.json --measurements other.csv --json";
         let outcome = place.run(validate);
@@ -61,8 +61,24 @@ fn a_moved_station_is_told_with_how_far() {
         let was_moved = moved != Isometry3::identity();
         let probability = found["probability"].as_f64().expect("a number");
         assert_eq!(probability < 1e-6, was_moved, "{probability}");
-        assert_eq!(outcome.stderr.contains("it was moved"), was_moved);
+        assert_eq!(outcome.stderr.contains("condition C0303: "), was_moved);
     }
+}
+
+/// A robot that is other than it was identified, by 3 mm, to any side: few readings lie in their regions.
+#[test]
+fn regions_that_do_not_cover_are_named() {
+    let [before, mut after] = not_round(&Isometry3::identity());
+    let place = identified(&before);
+    let mut random = generator(43, 0);
+    for each in &mut after {
+        each.position_m += 3e-3 * Vector3::from_fn(|_, _| normal(&mut random));
+    }
+    place.write("other.csv", absolute_table(&6.into(), &after));
+    let outcome = place.run("validate --quiet --identified i.json --measurements other.csv");
+    outcome
+        .ends_with(3)
+        .says("condition C0302: coverage of the 95 % regions of positions is ");
 }
 
 /// Of two stations the one that was moved is named, by robots that are as their model, too.
@@ -86,7 +102,7 @@ fn of_two_stations_the_moved_one_is_named() {
         let found = &json["stations_moved"][station];
         assert_eq!(found["station"], json!(format!("station S{station}")));
         assert_moved(found, moved, 0.02);
-        let named = format!("station S{station} stands");
+        let named = format!("condition C0303: station S{station} moved by ");
         assert_eq!(outcome.stderr.contains(&named), station == 1);
     }
 }
@@ -98,89 +114,91 @@ fn wrong_entries_of_what_is_unexplained_are_told() {
     let place = identified(&before);
     place.write("other.csv", absolute_table(&6.into(), &after));
     let right: Value = serde_json::from_str(&place.read("i.json")).expect("JSON");
-    let joint = "/unexplained/joints/0";
-    let first = &right["unexplained"]["joints"][0];
+    let joint = "/discrepancy_model/joints/0";
+    let first = &right["discrepancy_model"]["joints"][0];
     let mut knots = first["knots"].clone();
     knots[1] = knots[0].clone();
     let mut values = first["values"].as_array().expect("a list").clone();
     values.pop();
-    let second = right["unexplained"]["joints"][1]["joint"].clone();
-    let mut triangle = right["unexplained"]["covariance"].clone();
+    let second = right["discrepancy_model"]["joints"][1]["joint"].clone();
+    let mut triangle = right["discrepancy_model"]["covariance"].clone();
     let last = triangle.as_array().expect("rows").len() - 1;
     triangle[last][last] = json!(-1.0);
-    let shorter = &right["unexplained"]["covariance"].as_array().expect("rows")[..last];
-    let mut too_alike = right["unexplained"]["covariance"].clone();
+    let shorter = &right["discrepancy_model"]["covariance"]
+        .as_array()
+        .expect("rows")[..last];
+    let mut too_alike = right["discrepancy_model"]["covariance"].clone();
     too_alike[1][0] = json!(1.0);
     for (key, entry, expected) in [
         (
             format!("{joint}/joint"),
             json!("knee"),
-            "unexplained.joints[0].joint: the robot has no joint \"knee\"",
+            "discrepancy_model.joints[0].joint: the robot has no joint \"knee\"",
         ),
         (
             format!("{joint}/joint"),
             second,
-            "unexplained.joints[1].joint: found",
+            "discrepancy_model.joints[1].joint: found",
         ),
         (
             format!("{joint}/knots"),
             knots,
-            "unexplained.joints[0].knots: wants finite numbers in ascending order",
+            "discrepancy_model.joints[0].knots: wants finite numbers in ascending order",
         ),
         (
             format!("{joint}/knots"),
             json!([]),
-            "unexplained.joints[0].knots: wants",
+            "discrepancy_model.joints[0].knots: wants",
         ),
         (
             format!("{joint}/values"),
             json!(values),
-            "unexplained.joints[0].values: found",
+            "discrepancy_model.joints[0].values: found",
         ),
         (
             format!("{joint}/length"),
             json!(0.0),
-            "unexplained.joints[0].length: found 0; a size is needed",
+            "discrepancy_model.joints[0].length: found 0; a size is needed",
         ),
         (
             format!("{joint}/deviation"),
             json!(-1e-4),
-            "unexplained.joints[0].deviation: found -0.0001",
+            "discrepancy_model.joints[0].deviation: found -0.0001",
         ),
         (
-            "/unexplained/shift".to_owned(),
+            "/discrepancy_model/shift".to_owned(),
             json!([0.0]),
-            "unexplained.shift: found 1 numbers; there are",
+            "discrepancy_model.shift: found 1 numbers; there are",
         ),
         (
-            "/unexplained/rest_mm".to_owned(),
+            "/discrepancy_model/remainder_mm".to_owned(),
             json!(-0.1),
-            "unexplained.rest_mm: found -0.1",
+            "discrepancy_model.remainder_mm: found -0.1",
         ),
         (
-            "/unexplained/rest_mrad".to_owned(),
+            "/discrepancy_model/remainder_mrad".to_owned(),
             json!(-0.1),
-            "unexplained.rest_mrad: found -0.1",
+            "discrepancy_model.remainder_mrad: found -0.1",
         ),
         (
-            "/unexplained/scale/1".to_owned(),
+            "/discrepancy_model/scale/1".to_owned(),
             json!(0.0),
-            "unexplained.scale[1]: found 0; a positive number",
+            "discrepancy_model.scale[1]: found 0; a positive number",
         ),
         (
-            "/unexplained/covariance".to_owned(),
+            "/discrepancy_model/covariance".to_owned(),
             json!(shorter),
-            "unexplained.covariance: wants the lower triangle",
+            "discrepancy_model.covariance: wants the lower triangle",
         ),
         (
-            "/unexplained/covariance".to_owned(),
+            "/discrepancy_model/covariance".to_owned(),
             triangle,
-            &format!("unexplained.covariance[{last}][{last}]: found"),
+            &format!("discrepancy_model.covariance[{last}][{last}]: found"),
         ),
         (
-            "/unexplained/covariance".to_owned(),
+            "/discrepancy_model/covariance".to_owned(),
             too_alike,
-            "unexplained.covariance[0][1]: found",
+            "discrepancy_model.covariance[0][1]: found",
         ),
     ] {
         let mut wrong = right.clone();
@@ -218,12 +236,14 @@ fn wrong_entries_of_spreads_are_told() {
         ),
     ] {
         let mut wrong = right.clone();
-        wrong["unexplained"]["joints"][0][key] = entry;
+        wrong["discrepancy_model"]["joints"][0][key] = entry;
         let outcome = validate(&wrong).ends_with(1);
-        outcome.says(&format!("w.json: unexplained.joints[0].{key}: {expected}"));
+        outcome.says(&format!(
+            "w.json: discrepancy_model.joints[0].{key}: {expected}"
+        ));
     }
     let mut older = right.clone();
-    for joint in older["unexplained"]["joints"]
+    for joint in older["discrepancy_model"]["joints"]
         .as_array_mut()
         .expect("a list")
     {

@@ -325,7 +325,10 @@ fn view_opens_a_recording_in_the_viewer() {
     let variables = [("ELASTOCAL_RERUN", viewer.to_str().expect("UTF-8"))];
     workplace.write("a.rrd", "RRF2 and more");
     with(&workplace, "view a.rrd", &variables).ends_with(0);
-    assert_eq!(workplace.read("opened"), "a.rrd\n");
+    assert_eq!(workplace.read("opened"), "--bind=127.0.0.1 a.rrd\n");
+    workplace.write("-a.rrd", "RRF2 and more");
+    with(&workplace, "view -- -a.rrd", &variables).ends_with(0);
+    assert_eq!(workplace.read("opened"), "--bind=127.0.0.1 ./-a.rrd\n");
 
     // Without a file, the one that was written last.
     for path in ["out/one/run.rrd", "out/two/study.rrd", "out/two/run.rrd"] {
@@ -336,7 +339,10 @@ fn view_opens_a_recording_in_the_viewer() {
     }
     workplace.write("out/two/study.rrd", "RRF2 and more");
     with(&workplace, "view", &variables).ends_with(0);
-    assert_eq!(workplace.read("opened"), "out/two/study.rrd\n");
+    assert_eq!(
+        workplace.read("opened"),
+        "--bind=127.0.0.1 out/two/study.rrd\n"
+    );
 
     workplace.write("b.rrd", "not a recording");
     let wrong = |arguments: &str, variables: &[(&str, &str)], says: [&str; 2]| {
@@ -360,10 +366,34 @@ fn view_opens_a_recording_in_the_viewer() {
         &variables,
         ["no recording in it", "elastocal run"],
     );
-    let nothing = [("PATH", "/nowhere")];
-    wrong(
-        "view a.rrd",
-        &nothing,
-        ["not installed", "pip install rerun-sdk==0.36.3"],
-    );
+}
+
+/// A program that lies in the folder where somebody stands is not run, by whatever name.
+#[test]
+fn the_folder_s_programs_are_not_run() {
+    let place = Workplace::new();
+    let viewer = pretended_viewer(&place);
+    std::fs::create_dir(place.path(".rerun")).expect("possible");
+    for name in ["rerun", ".rerun/rerun", "elastocal"] {
+        std::fs::copy(&viewer, place.path(name)).expect("possible");
+    }
+    // The program itself, where no viewer was installed beside it.
+    let program = place.path("elastocal");
+    std::fs::copy(env!("CARGO_BIN_EXE_elastocal"), &program).expect("possible");
+    place.write("a.rrd", "RRF2 and more");
+    for path in ["/nowhere", "", ".", ".rerun"] {
+        let output = Command::new(&program)
+            .args(["view", "a.rrd"])
+            .current_dir(place.path(""))
+            .env_remove("ELASTOCAL_RERUN")
+            .env("PATH", path)
+            .output()
+            .expect("the program starts");
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert!(
+            said.contains("not installed") && said.contains("pip install rerun-sdk"),
+            "{said}"
+        );
+        assert!(!place.path("opened").exists());
+    }
 }

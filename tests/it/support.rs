@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
+use elastocal::codes::ErrorCode;
 use elastocal::plan::{Plan, read_plan};
 use elastocal::scenario::Scenario;
 use serde_json::Value;
@@ -91,6 +92,12 @@ impl Workplace {
         outcome.ends_with(0).json()
     }
 
+    /// The same of a command that is done, with a condition that does not hold.
+    pub fn json_with_conditions(&self, arguments: &str) -> Value {
+        let outcome = self.run(&format!("{arguments} --json --quiet"));
+        outcome.ends_with(3).json()
+    }
+
     /// Runs a script of the shell in the folder, to which `elastocal` is the program, as is
     /// `"$ELASTOCAL"`.
     pub fn shell(&self, script: &str) -> Outcome {
@@ -155,6 +162,13 @@ impl Outcome {
     pub fn json(&self) -> Value {
         serde_json::from_str(&self.stdout).unwrap_or_else(|error| panic!("{error}: {self:#?}"))
     }
+}
+
+/// What a line of stderr says after "error" and a code that is explained; none where it is no such line.
+pub fn error_message(line: &str) -> Option<&str> {
+    let (code, message) = line.strip_prefix("error ")?.split_once(": ")?;
+    let is_it = |known: &&ErrorCode| known.meaning().id == code;
+    ErrorCode::ALL.iter().find(is_it).map(|_| message)
 }
 
 /// A scenario of the repository whose plan is for an absolute accuracy.

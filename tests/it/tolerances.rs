@@ -21,7 +21,7 @@ fn quantiles_follow_from_the_covariance() {
     );
 }
 
-/// Where nothing is promised, no tolerance is.
+/// Where nothing is predicted, no tolerance is.
 #[test]
 fn no_promise_no_tolerance() {
     let place = Workplace::new();
@@ -46,7 +46,7 @@ fn no_promise_no_tolerance() {
 #[test]
 fn runs_keep_the_tolerance() {
     let list = entry(("load_scale", "std_relative = 0.01"), "")
-        + &entry(("joint_return", "std_mrad = 0.03"), "")
+        + &entry(("joint_repeatability", "std_mrad = 0.03"), "")
         + &entry(("task_force", "std_relative = 0.02"), "");
     for (text, room) in [
         (with("", "model", 40_000), 0.015),
@@ -58,7 +58,7 @@ fn runs_keep_the_tolerance() {
         (with(&list, "robot", 1000), 0.08),
     ] {
         let plan = study(&text);
-        let promised = number(&plan["promised_quantile95_mm"]);
+        let promised = number(&plan["predicted_quantile95_mm"]);
         let seen = numbers(&plan["quantiles_mm"])[2];
         assert!(
             (seen / promised - 1.0).abs() < room,
@@ -81,7 +81,7 @@ fn tolerances_are_printed_and_joined() {
         .ends_with(0)
         .stdout;
     assert!(
-        text.contains(" (95 % below ") && text.contains(", seen "),
+        text.contains("U = ") && text.contains("by Monte Carlo"),
         "{text}"
     );
     for shard in ["1", "2"] {
@@ -95,7 +95,7 @@ fn tolerances_are_printed_and_joined() {
         .ends_with(0)
         .json();
     let joined = place.run("merge 2.json 1.json --json").ends_with(0).json();
-    assert!(once["plans"][0]["promised_quantile95_mm"].is_number());
+    assert!(once["plans"][0]["predicted_quantile95_mm"].is_number());
     assert_eq!(once["plans"], joined["plans"]);
     let plan = project("scenarios/plans/klimchik2012_m4.csv");
     let evaluate = format!(

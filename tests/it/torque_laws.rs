@@ -6,7 +6,7 @@ use elastocal::testbed::{VirtualRobot, settle};
 use serde_json::Value;
 
 use crate::support::{Workplace, table4};
-use crate::uncertainties::{loaded, study, with};
+use crate::uncertainties::{expected_mm, loaded, study, with};
 
 const LAWS: &str = "[[true_robot.torque_law]]\njoints = [\"joint_2\"]\nstiffens_at_mrad = 2\n\
                     [[true_robot.torque_law]]\njoints = [\"joint_3\"]\ndead_band_mrad = 0.05\nsoftens_at_mrad = 20\n\
@@ -85,13 +85,12 @@ fn laws_break_promises_as_computed() {
         "[[true_robot.torque_law]]\njoints = [\"joint_2\", \"joint_3\"]\nstiffens_at_mrad = 10\n";
     for (level, trials, nonlinear) in [("model", 4096, 0.005), ("robot", 96, 0.05)] {
         let plan = study(&with(law, level, trials));
-        let parts = plan["parts"].as_array().expect("parts");
-        let last = parts.last().expect("a part");
-        assert_eq!(last["name"], "torque_law");
+        let contributions = plan["contributions"].as_array().expect("a list");
+        let last = contributions.last().expect("a source");
+        assert_eq!(last["source"], "torque_law");
         assert_eq!(last["hidden"], true);
-        let squares = parts.iter().map(|part| number(part, "rms_mm").powi(2));
-        let expected = squares.sum::<f64>().sqrt();
-        assert!(expected > 1.5 * number(&plan, "promised_rms_mm"), "{plan}");
+        let expected = expected_mm(&plan);
+        assert!(expected > 1.5 * number(&plan, "combined_rms_mm"), "{plan}");
         let room = 3.0 * number(&plan, "rms_std_mm") + nonlinear * expected;
         assert!(
             (number(&plan, "rms_mm") - expected).abs() < room,
@@ -102,7 +101,7 @@ fn laws_break_promises_as_computed() {
     }
 }
 
-/// A joint that neither weight nor load turns stands anywhere within its dead band: several equilibria are named.
+/// A joint that neither weight nor load turns rests anywhere within its dead band: several equilibria are named.
 #[test]
 fn several_equilibria_are_named() {
     let law = "[[true_robot.torque_law]]\njoints = [\"joint_1\"]\ndead_band_mrad = 0.1\n";
@@ -112,7 +111,7 @@ fn several_equilibria_are_named() {
     let outcome = place.run(&format!("measure s.toml --quiet --plan {}", plan.display()));
     let said = outcome.ends_with(1).stderr;
     assert!(
-        said.contains("joint \"joint_1\" stands anywhere within its dead band"),
+        said.contains("joint \"joint_1\" rests anywhere within its dead band"),
         "{said}"
     );
     assert!(said.contains("experiment 1, unloaded"), "{said}");

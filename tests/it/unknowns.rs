@@ -55,7 +55,7 @@ fn what_nobody_knows_is_found() {
         .ends_with(0)
         .json();
     let plan = &studied["plans"][0];
-    let (rms, promised) = (number(plan, "rms_mm"), number(plan, "promised_rms_mm"));
+    let (rms, promised) = (number(plan, "rms_mm"), number(plan, "combined_rms_mm"));
     let room = 3.0 * number(plan, "rms_std_mm") + 0.02 * promised;
     assert!((rms - promised).abs() < room, "{rms} against {promised}");
     assert!((promised / number(&planned, "rho0_mm") - 1.0).abs() < 1e-6);
@@ -65,7 +65,7 @@ fn what_nobody_knows_is_found() {
     place.write("blind.toml", blind);
     let studied = place.run("study blind.toml --json --quiet");
     let blind = &studied.ends_with(0).json()["plans"][0];
-    assert!(number(blind, "promised_rms_mm") < promised, "{blind}");
+    assert!(number(blind, "combined_rms_mm") < promised, "{blind}");
 
     // What is written of it serves to compensate.
     place
@@ -201,7 +201,7 @@ fn wrong_names() {
 #[test]
 fn noise_alone_keeps_the_unknowns() {
     let place = Workplace::new();
-    let list = "[[uncertainty]]\nkind = \"joint_return\"\nstd_mrad = 0.05\n";
+    let list = "[[uncertainty]]\nkind = \"joint_repeatability\"\nstd_mrad = 0.05\n";
     for (name, more) in [("plain.toml", ""), ("listed.toml", list)] {
         let text = with("\"joint_3.zero\"", more).replace("plan.csv", &planned_elsewhere(&place));
         place.write(name, text);

@@ -18,7 +18,7 @@ use rayon::prelude::*;
 use crate::support::{project, scenario};
 
 const HALVES: u64 = 20;
-/// The full model's fits take longest, and nothing is promised of them.
+/// The full model's fits take longest, and nothing is predicted of them.
 const FULL_HALVES: u64 = 4;
 
 pub fn found() -> Option<PathBuf> {
@@ -120,7 +120,7 @@ fn median(mut values: Vec<f64>) -> f64 {
     f64::midpoint(values[(values.len() - 1) / 2], values[values.len() / 2])
 }
 
-/// Medians over 20 random halves: what each model leaves of readings that it was not fitted to.
+/// Medians over 20 random halves: each model's residuals of readings that it was not fitted to.
 #[test]
 fn models_of_a_real_ur10_leave_what_they_should() {
     let Some(file) = found() else {
@@ -168,9 +168,9 @@ fn models_of_a_real_ur10_leave_what_they_should() {
     }
 }
 
-/// A ladder over all poses: the geometry pays, masses do not; and what is left of it goes with joint angles.
+/// A model selection over all poses: the geometry pays, masses do not; and what is left of it goes with joint angles.
 #[test]
-fn the_ladder_of_a_real_ur10_is_climbed_as_far_as_it_carries() {
+fn the_model_selection_of_a_real_ur10_is_climbed_as_far_as_it_carries() {
     let Some(file) = found() else {
         println!("skipped: series_c.csv of ipa-robot-accuracy is not there");
         return;
@@ -178,14 +178,16 @@ fn the_ladder_of_a_real_ur10_is_climbed_as_far_as_it_carries() {
     let all = series(&file);
     let scenario = scenario("ur10");
     let mut case = AbsoluteCase::new(&scenario.task.belief, &all).expect("readings");
-    let ladder = case.ladder(ReadingWeights::AsNeeded).expect("a ladder");
-    assert_eq!(ladder.judged, all.len());
-    let groups = ladder.groups();
+    let model_selection = case
+        .model_selection(ReadingWeights::AsNeeded)
+        .expect("a model_selection");
+    assert_eq!(model_selection.judged, all.len());
+    let groups = model_selection.groups();
     assert!(groups.contains(&ParameterGroup::Geometry), "{groups:?}");
     assert!(!groups.contains(&ParameterGroup::Payload), "{groups:?}");
-    let predicted: Vec<f64> = (ladder.rungs.iter())
-        .map(|rung| {
-            let judged = rung.cross_validation.as_ref().expect("judged");
+    let predicted: Vec<f64> = (model_selection.nested_models.iter())
+        .map(|nested_model| {
+            let judged = nested_model.cross_validation.as_ref().expect("judged");
             judged.distances.expect("readings").rms * 1e3
         })
         .collect();

@@ -5,6 +5,8 @@ use elastocal::identification::{Case, Sigma};
 use elastocal::scenario::Scenario;
 use elastocal::testbed::TrueRobots;
 
+use serde_json::Value;
+
 use crate::support::{Workplace, numbers, scenario_text};
 
 /// A robot that was identified from three measurements.
@@ -53,9 +55,62 @@ fn a_promise_is_kept_or_not() {
     workplace.write("other.toml", other);
     let outcome = judged("other.toml", 7).ends_with(3);
     assert!(
-        outcome.stderr.contains("does not keep what was promised"),
+        outcome
+            .stderr
+            .contains("condition C0301: the measurements differ from their prediction"),
         "{outcome:#?}"
     );
+}
+
+/// A tolerance is kept, broken, or neither can be said: the guard band is the expanded uncertainty of a measurement, 2.7955 sigma for
+/// three equal coordinates.
+#[test]
+fn a_tolerance_with_a_guard_band_is_kept_or_not() {
+    let workplace = identified();
+    let judged = |options: &str, code: i32| {
+        let arguments =
+            "validate --quiet --identified i.json --measurements m.csv --json --tolerance-um";
+        let outcome = workplace
+            .run(&format!("{arguments} {options}"))
+            .ends_with(code);
+        let json = outcome.json();
+        let condition = match json["tolerance"]["decision"].as_str() {
+            Some("inconclusive") => "C0310",
+            Some("reject") => "C0309",
+            _ => return json["tolerance"].clone(),
+        };
+        assert_eq!(json["conditions"][0]["code"], condition);
+        json["tolerance"].clone()
+    };
+    let wide = judged("10000", 0);
+    assert_eq!(wide["decision"], "accept");
+    let measurements = wide["measurements"].as_array().expect("a list");
+    let number = |each: &Value, key: &str| each[key].as_f64().expect("a number");
+    let mut largest_um: f64 = 0.0;
+    for each in measurements {
+        let expanded_um = number(each, "expanded_uncertainty_um");
+        assert!(
+            (expanded_um / (2.795_483_5 * 30.0) - 1.0).abs() < 1e-6,
+            "{expanded_um}"
+        );
+        largest_um = largest_um.max(number(each, "distance_um"));
+    }
+    let edge_um = |times: f64| largest_um + times * 2.795_483_5 * 30.0;
+    assert_eq!(
+        judged(&format!("{}", edge_um(1.001)), 0)["decision"],
+        "accept"
+    );
+    assert_eq!(
+        judged(&format!("{}", edge_um(0.999)), 3)["decision"],
+        "inconclusive"
+    );
+    let half = format!("{} --guard-band 0.5", edge_um(0.501));
+    assert_eq!(judged(&half, 0)["decision"], "accept");
+    // Without a guard band a value decides by itself.
+    let none = format!("{} --guard-band 0", 0.999 * largest_um);
+    assert_eq!(judged(&none, 3)["decision"], "reject");
+    let refused = workplace.run("validate --quiet --identified i.json --tolerance-um 5");
+    refused.ends_with(2).says("--measurements");
 }
 
 /// Validation asks where the identified robot is known least: there the promise is weaker than at random.
@@ -74,7 +129,7 @@ fn validation_is_planned_where_the_promise_is_weakest() {
             .as_array()
             .expect("measurements")
             .iter())
-        .map(|each| each["left_rms_mm"].as_f64().expect("a number"))
+        .map(|each| each["residual_rms_mm"].as_f64().expect("a number"))
         .collect();
         left[0]
     };
@@ -97,8 +152,9 @@ fn mean_square(scenario: &Scenario, runs: u64) -> f64 {
     let mut robots = TrueRobots::new(&task.belief, truth).expect("robots");
     let mut sum = 0.0;
     for run in 0..runs {
-        let measured =
-            measure(&mut robots, task, truth, &plan, scenario.seed, run).expect("measured");
+        let measured = measure(&mut robots, task, truth, &plan, scenario.seed, run)
+            .expect("measured")
+            .measurements;
         // The same robot on the same day, with noise of its own for each measurement.
         let (first, others) = measured.split_at(3);
         let identification = identify_as_planned(&task.belief, first).expect("identified");
@@ -117,7 +173,7 @@ fn differences_are_as_large_as_promised() {
     let runs = 400;
     let workplace = Workplace::new();
     let uncertain = "\n[[uncertainty]]\nkind = \"compliance\"\njoints = [\"joint_1\"]\nstd_relative = 0.15\n\
-                     [[uncertainty]]\nkind = \"joint_return\"\nstd_mrad = 0.02\n\
+                     [[uncertainty]]\nkind = \"joint_repeatability\"\nstd_mrad = 0.02\n\
                      [[uncertainty]]\nkind = \"tool_position\"\nstd_mm = 1\n\
                      [[uncertainty]]\nkind = \"load_scale\"\nstd_relative = 0.02\n";
     let plain = scenario_text("klimchik2012");
@@ -161,7 +217,7 @@ fn uncertainties_and_rotations_are_in_the_promise() {
         let json = run("validate --quiet --identified i.json --measurements vm.csv --json").json();
         for each in json["measurements"].as_array().expect("measurements") {
             let number = |key: &str| each[key].as_f64().expect("a number");
-            assert!(number("left_rms_mm") < number("promised_rms_mm"));
+            assert!(number("residual_rms_mm") < number("predicted_rms_mm"));
             let turned = &each["rotation_difference_mrad"];
             assert_eq!(!turned.is_null(), has_rotation);
         }
@@ -220,7 +276,22 @@ fn what_was_not_determined_is_not_validated() {
         .run("validate --quiet --identified i.json")
         .ends_with(1);
     assert!(
-        outcome.stderr.contains("nothing is promised"),
+        outcome.stderr.contains("nothing is predicted"),
         "{outcome:#?}"
     );
+}
+
+/// A station that moved readings by less than the model leaves of each was not moved, however small the probability.
+#[test]
+fn less_than_the_discrepancy_is_no_move() {
+    let moved = |readings_m, probability| elastocal::identification::MovedStation {
+        position_m: nalgebra::Vector3::new(readings_m, 0.0, 0.0),
+        rotation_rad: nalgebra::Vector3::zeros(),
+        probability,
+        readings_m,
+        discrepancy_m: 1e-4,
+    };
+    assert!(!moved(2e-5, 1e-12).is_moved());
+    assert!(!moved(2e-4, 1e-3).is_moved());
+    assert!(moved(2e-4, 1e-12).is_moved());
 }

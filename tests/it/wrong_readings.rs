@@ -5,7 +5,7 @@ use elastocal::numeric::random::generator;
 use nalgebra::Vector3;
 use serde_json::{Value, json};
 
-use crate::ladder::{read_of, waves};
+use crate::model_selection::{read_of, waves};
 use crate::one_fit::{between, seen_arm, ur10, workplace};
 
 /// Readings of a robot whose gears are not round, and the same with one in twenty wrong by 1 to 50 mm, all to one side; which
@@ -28,7 +28,7 @@ fn some_wrong() -> ([Vec<AbsoluteReading>; 2], Vec<usize>) {
 
 /// With wrong readings, models are compared and patterns looked for as among the right ones alone.
 #[test]
-fn ladder_and_patterns_are_of_the_right_readings() {
+fn model_selection_and_patterns_are_of_the_right_readings() {
     let ([right, readings], wrong) = some_wrong();
     let place = workplace(&readings);
     let alone: Vec<AbsoluteReading> = (right.into_iter().enumerate())
@@ -36,26 +36,34 @@ fn ladder_and_patterns_are_of_the_right_readings() {
         .map(|(_, each)| each)
         .collect();
     place.write("right.csv", absolute_table(&6.into(), &alone));
-    let command = "identify s.toml --quiet --ladder --measurements";
+    let command = "identify s.toml --quiet --model-selection --measurements";
     let with = place.run(&format!("{command} m.csv --json")).json();
     let without = place.run(&format!("{command} right.csv --json")).json();
-    let rejected = with["ladder"]["rejected"].as_array().expect("a list");
+    let rejected = with["model_selection"]["rejected"]
+        .as_array()
+        .expect("a list");
     let numbers: Vec<&Value> = rejected.iter().map(|each| &each["reading"]).collect();
     assert_eq!(json!(numbers), json!(wrong));
     assert_eq!(with["patterns"]["without"], json!(wrong));
-    assert_eq!(without["ladder"]["rejected"], json!([]));
+    assert_eq!(without["model_selection"]["rejected"], json!([]));
     assert_eq!(without["patterns"]["without"], json!([]));
     assert_eq!(with["groups"], without["groups"]);
     let alike = |one: &Value, other: &Value| {
         let [one, other] = [one, other].map(|value| value.as_f64().expect("a number"));
         assert!((one / other - 1.0).abs() < 1e-3, "{one} {other}");
     };
-    let rungs = |json: &Value| json["ladder"]["rungs"].as_array().expect("a list").clone();
-    let both = [rungs(&with), rungs(&without)];
+    let nested_models = |json: &Value| {
+        json["model_selection"]["nested_models"]
+            .as_array()
+            .expect("a list")
+            .clone()
+    };
+    let both = [nested_models(&with), nested_models(&without)];
     assert_eq!(both[0].len(), both[1].len());
     for (one, other) in both[0].iter().zip(&both[1]) {
         alike(&one["distance_mm"]["rms"], &other["distance_mm"]["rms"]);
-        let judged = |rung: &Value| rung["cross_validation"]["distance_mm"]["rms"].clone();
+        let judged =
+            |nested_model: &Value| nested_model["cross_validation"]["distance_mm"]["rms"].clone();
         alike(&judged(one), &judged(other));
     }
     let found = |json: &Value| -> Vec<Value> {
@@ -67,37 +75,38 @@ fn ladder_and_patterns_are_of_the_right_readings() {
     assert_eq!(found(&with), found(&without));
     let outcome = place.run(&format!("{command} m.csv"));
     for words in [
-        "left out of all, since they lie far out of the highest: readings 8, 28, 48, 68, 88, 108",
+        "outliers of the largest model, left out of all: readings 8, 28, 48, 68, 88, 108",
         "without 6 rejected readings",
     ] {
         assert!(outcome.stdout.contains(words), "{}", outcome.stdout);
     }
-    // All are in the ladder that is asked to keep them.
+    // All are in the model selection that is asked to keep them.
     let all = place
         .run(&format!("{command} m.csv --keep-all --json"))
         .json();
-    assert_eq!(all["ladder"]["rejected"], json!([]));
-    let rms = |json: &Value| json["ladder"]["rungs"][1]["distance_mm"]["rms"].as_f64();
+    assert_eq!(all["model_selection"]["rejected"], json!([]));
+    let rms =
+        |json: &Value| json["model_selection"]["nested_models"][1]["distance_mm"]["rms"].as_f64();
     assert!(rms(&all) > rms(&with).map(|rms| 2.0 * rms));
 }
 
 /// Wrong readings of one half, or of one of two series, do not make them contradict each other.
 #[test]
-fn wrong_readings_are_no_contradiction() {
+fn wrong_readings_are_no_inconsistency() {
     let ([right, mut readings], wrong) = some_wrong();
     readings.truncate(60);
     let place = workplace(&right[60..]);
     place.write("other.csv", absolute_table(&6.into(), &readings));
     let command = "identify s.toml --quiet --parameters zeros --measurements m.csv --against other.csv --json";
     let json = place.run(command).json();
-    let series = json["contradictions"].as_array().expect("a list").last();
+    let series = json["inconsistencies"].as_array().expect("a list").last();
     let series = series.expect("both are compared");
     assert!(series["compared"].as_u64() > Some(0), "{series}");
     assert_eq!(series["found"], json!([]), "{wrong:?}");
     place.write("m.csv", place.read("other.csv"));
     place.write("other.csv", absolute_table(&6.into(), &right[60..]));
     let json = place.run(command).json();
-    for each in json["contradictions"].as_array().expect("a list") {
+    for each in json["inconsistencies"].as_array().expect("a list") {
         assert_eq!(each["found"], json!([]), "{each}");
     }
 }

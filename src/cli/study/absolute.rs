@@ -62,7 +62,6 @@ impl StudyCommand {
     pub(super) fn refuse_where_absolute(&self, scenario: &Scenario) -> Result<(), FileError> {
         let given = [
             ("--level model", self.level == Some(Level::Model)),
-            ("--shares", self.shares),
             ("--rerun", self.rerun.is_some()),
         ];
         refuse_options(scenario, &given)?;
@@ -136,7 +135,7 @@ impl StudyCommand {
             elapsed_s: start.elapsed().as_secs_f64(),
             runs: runs_of(&part) - done_before,
         };
-        let results = Results::new(&part.header, &part.tallies, Some(timing), &[])?;
+        let results = Results::new(&part.header, &part.tallies, Some(timing))?;
         if self.shard.is_none() {
             write(folder, &results, &mut written)?;
         }

@@ -14,7 +14,6 @@ use elastocal::record::messages::SchemaMessage;
 use elastocal::record::tally_file::{Header, TallyFile};
 use elastocal::scenario::Scenario;
 use elastocal::study::runner::{Runner, RunsInBlocks};
-use elastocal::study::switched_off::{Runs, SeenShare};
 use elastocal::study::{Entry, Level, Setting, StudyError};
 use elastocal::task::{AccuracyKind, Task};
 use elastocal::text::diagnostics::say;
@@ -32,7 +31,7 @@ use super::progress::bar;
 use super::proof::ProofArgs;
 use super::views::{self, StudyObserver, TARGETS, ViewerTarget};
 use super::written::Written;
-use super::{Common, Report, check_outputs, inputs};
+use super::{Common, Report, check_outputs, inputs, rests};
 
 /// Arguments of `study`.
 #[derive(Debug, Args)]
@@ -54,9 +53,6 @@ pub struct StudyCommand {
     /// Keep the tally in this file while running, and go on from it if it is there.
     #[arg(long, value_name = "FILE")]
     resume: Option<PathBuf>,
-    /// Make all runs again without each uncertainty, with the same random numbers, and say what was seen of its share.
-    #[arg(long, conflicts_with_all = ["shard", "resume"])]
-    shares: bool,
     /// Show the study in a rerun viewer while it runs: start one, connect to one, or write a file.
     #[arg(long, value_name = TARGETS)]
     rerun: Option<ViewerTarget>,
@@ -85,6 +81,7 @@ impl StudyCommand {
     pub fn execute(&self) -> anyhow::Result<Report> {
         let common = &self.common;
         let scenario = common.load()?;
+        rests(&scenario)?;
         let is_absolute = scenario.task.design.accuracy == AccuracyKind::Absolute;
         if is_absolute {
             self.refuse_where_absolute(&scenario)?;
@@ -101,7 +98,7 @@ impl StudyCommand {
         let mut roles = inputs(&scenario);
         if self.shard.is_none() {
             roles.writes_to(&folder, &results::FILES);
-            roles.writes_to(&folder, views::STUDY_PAGE);
+            roles.writes_to(&folder, &[views::STUDY_PAGE]);
             if !is_absolute {
                 roles.writes_to(&folder, views::STUDY_FILES);
             }
@@ -110,12 +107,6 @@ impl StudyCommand {
         check_outputs(&mut roles, &outputs)?;
         if self.shard.is_none() {
             make_folder(&folder)?;
-        }
-        if self.shares && scenario.truth.uncertainties.is_empty() {
-            let problem = "--shares makes the runs again without each uncertainty, and the scenario lists none";
-            return Err(FileError::new(&scenario.path, problem)
-                .at("uncertainty")
-                .into());
         }
         self.promise(None);
         let trials = self.trials.unwrap_or(scenario.study.trials);
@@ -159,12 +150,7 @@ impl StudyCommand {
             elapsed_s,
             runs: runs_of(&part) - done_before,
         };
-        let seen = if self.shares {
-            self.seen(&scenario, &settings, &entries, &part)?
-        } else {
-            Vec::new()
-        };
-        let results = Results::new(&part.header, &part.tallies, Some(timing), &seen)?;
+        let results = Results::new(&part.header, &part.tallies, Some(timing))?;
         let own_folder = self.shard.is_none().then_some(&*folder);
         if let Some(folder) = own_folder {
             write(folder, &results, &mut written)?;
@@ -265,50 +251,6 @@ impl StudyCommand {
         }
         bar.finish_and_clear();
         Ok(())
-    }
-
-    /// What was seen of each uncertainty's share in the errors of each plan that is the same in all runs.
-    fn seen(
-        &self,
-        scenario: &Scenario,
-        settings: &[Setting<'_>],
-        entries: &[Entry],
-        part: &TallyFile,
-    ) -> anyhow::Result<Vec<Option<Vec<SeenShare>>>> {
-        let is_fixed = |index: &usize| entries[*index].kind.plan().is_some();
-        let fixed: Vec<usize> = (0..entries.len()).filter(is_fixed).collect();
-        let own: Vec<Entry> = fixed.iter().map(|&index| entries[index].clone()).collect();
-        let tallies: Vec<_> = (fixed.iter())
-            .map(|&index| part.tallies[index].clone())
-            .collect();
-        let mut seen = vec![None; entries.len()];
-        if fixed.is_empty() {
-            return Ok(seen);
-        }
-        let runs = Runs {
-            settings,
-            seed: scenario.seed,
-            level: part.header.level,
-            entries: &own,
-            trials: part.header.trials,
-        };
-        let count = scenario.truth.uncertainties.len();
-        let each = counted(count as u64, "uncertainty");
-        self.common.say(&format!(
-            "the same runs without each of {each}, and without all"
-        ));
-        let bar = bar(self.common.quiet, "runs");
-        bar.set_length(runs.count());
-        let shares = runs.shares(&tallies, ask_work(), &|done| bar.inc(done));
-        bar.finish_and_clear();
-        let shares = shares.map_err(|error| match error {
-            StudyError::Stopped => anyhow::Error::from(Interrupted),
-            other => other.into(),
-        })?;
-        for (index, shares) in fixed.into_iter().zip(shares) {
-            seen[index] = Some(shares);
-        }
-        Ok(seen)
     }
 
     /// Saves the tally that can be gone on from.

@@ -2,21 +2,23 @@
 
 use std::path::Path;
 
+use elastocal::codes::{Condition, ConditionCode};
 use elastocal::files::output::write_whole;
 use elastocal::record::study::{StudyPlanMessage, study_csv};
-use elastocal::record::tally_file::Header;
+use elastocal::record::tally_file::{Header, PlanHeader};
 use elastocal::study::Level;
-use elastocal::study::switched_off::SeenShare;
 use elastocal::study::tally::Tally;
 use elastocal::task::AccuracyKind;
-use elastocal::text::wording::inverse_interval;
+use elastocal::text::wording::{inverse_interval, significant};
+use elastocal::view::report::{StudyPageRecord, study_page};
 use elastocal::workflow::study::{Timing, plan_messages, study_json};
 use serde_json::Value;
 
 use crate::cli::Report;
 use crate::cli::absolute_plan::ABSOLUTE;
 use crate::cli::table::{number, table};
-use crate::cli::views::{STUDY_PAGE, StudyShown, study_page};
+use crate::cli::uncertainty_budget::{common_sources, contributions};
+use crate::cli::views::{STUDY_PAGE, command_line};
 use crate::cli::written::Written;
 
 /// What a study comes to.
@@ -30,16 +32,8 @@ pub struct Results {
 
 impl Results {
     /// Sums up the tallies of a study.
-    pub fn new(
-        header: &Header,
-        tallies: &[Tally],
-        timing: Option<Timing>,
-        seen: &[Option<Vec<SeenShare>>],
-    ) -> anyhow::Result<Self> {
-        let mut messages = plan_messages(header, tallies)?;
-        for (message, shares) in messages.iter_mut().zip(seen) {
-            message.see(shares.as_deref().unwrap_or_default());
-        }
+    pub fn new(header: &Header, tallies: &[Tally], timing: Option<Timing>) -> anyhow::Result<Self> {
+        let messages = plan_messages(header, tallies)?;
         let json = study_json(header, &messages, timing);
         Ok(Self {
             header: header.clone(),
@@ -57,10 +51,11 @@ impl Results {
         Report {
             json: self.json.clone(),
             text: format!(
-                "{}\n{}{}{} runs of each plan, {}{took}. Results are in {}\n",
+                "{}\n{}{}{}{} runs of each plan, {}{took}. Results are in {}\n",
                 describe(&self.messages),
                 promises(&self.messages, self.accuracy()),
                 sentence(&self.messages, &self.header),
+                noted(&self.failures(true)),
                 self.header.trials,
                 describe_level(self.header.level),
                 folder.display()
@@ -77,8 +72,28 @@ impl Results {
         }
     }
 
-    fn conditions(&self) -> Vec<String> {
-        self.messages.iter().filter_map(condition).collect()
+    fn conditions(&self) -> Vec<Condition> {
+        let failures = self.failures(false).into_iter();
+        failures
+            .map(|text| ConditionCode::FailedRuns.with(text))
+            .collect()
+    }
+
+    /// Failed runs: of random plans that others are compared with, which nobody chose, or of the others.
+    fn failures(&self, of_comparison: bool) -> Vec<String> {
+        let plans = &self.header.plans;
+        let is_comparison = |place: usize| {
+            let refers = |(other, each): (usize, &PlanHeader)| {
+                other != place && each.reference == Some(place)
+            };
+            let is_drawn_anew = plans[place].sha256.is_none();
+            let has_others = plans.iter().any(|each| each.sha256.is_some());
+            plans.iter().enumerate().any(refers) || (is_drawn_anew && has_others)
+        };
+        (self.messages.iter().enumerate())
+            .filter(|(place, _)| is_comparison(*place) == of_comparison)
+            .filter_map(|(_, message)| failed_runs(message))
+            .collect()
     }
 
     /// The page to look at; none for a sweep, where no plan is best under all conditions.
@@ -91,12 +106,18 @@ impl Results {
         {
             return Ok(None);
         }
-        study_page(&StudyShown {
-            header: &self.header,
+        let page = study_page(&StudyPageRecord {
+            provenance: &self.header.provenance,
+            trials: self.header.trials,
+            experiments: first.experiments,
             level: describe_level(self.header.level),
+            is_absolute: self.header.absolute.is_some(),
+            reference: first.reference.map(|index| &*plans[index].name),
             plans: &self.messages,
             conditions: &self.conditions(),
-        })
+            command: &command_line(),
+        })?;
+        Ok(Some(page))
     }
 }
 
@@ -110,15 +131,23 @@ pub fn write(folder: &Path, results: &Results, written: &mut Written) -> anyhow:
     written.note(&json, write_whole(&json, text.as_bytes()));
     let table = study_csv(&results.messages);
     written.note(&csv, write_whole(&csv, table.as_bytes()));
-    if let (Some(page), Some(name)) = (results.page()?, STUDY_PAGE.first()) {
-        let html = folder.join(name);
+    if let Some(page) = results.page()? {
+        let html = folder.join(STUDY_PAGE);
         written.note(&html, write_whole(&html, page.as_bytes()));
     }
     Ok(())
 }
 
+/// What holds, and is worth knowing, a line each.
+pub fn noted(notes: &[String]) -> String {
+    notes.iter().fold(String::new(), |mut text, note| {
+        text += &format!("note: {note}\n");
+        text
+    })
+}
+
 /// Failed runs with their reasons.
-fn condition(message: &StudyPlanMessage) -> Option<String> {
+fn failed_runs(message: &StudyPlanMessage) -> Option<String> {
     let reasons: Vec<String> = (message.failures.iter())
         .map(|(reason, count)| format!("{count}: {reason}"))
         .collect();
@@ -195,35 +224,44 @@ const SWEPT: [Swept; 3] = [
     ("sigma [mm]", |message| format!("{:.4}", message.sigma_mm)),
 ];
 
-/// What is promised as a tolerance, and what of the runs keeps it.
-fn tolerance(message: &StudyPlanMessage) -> String {
-    let quantiles = message.promised_quantile95_mm.zip(message.quantiles_mm);
-    quantiles.map_or_else(String::new, |(promised, seen)| {
+/// The comparison of JCGM 101, clause 8, of a plan's expanded uncertainty.
+fn validation(message: &StudyPlanMessage) -> String {
+    (message.validation.as_ref()).map_or_else(String::new, |each| {
         format!(
-            " (95 % below {:.3}, seen {:.3})",
-            promised * 1e3,
-            seen[2] * 1e3
+            "{}: U = {:.3} um (95 %) predicted, {:.3} +- {:.3} um by Monte Carlo, numerical tolerance {} um: {}\n",
+            message.name,
+            each.predicted_um,
+            each.monte_carlo_um,
+            each.monte_carlo_std_um,
+            significant(each.numerical_tolerance_um, 1),
+            each.outcome
         )
     })
 }
 
-/// What each plan promised, what its errors are made of, and whether the promise holds.
+/// What each plan promised, what its errors are made of, and whether the prediction holds.
 fn promises(messages: &[StudyPlanMessage], accuracy: AccuracyKind) -> String {
     let mut text = match accuracy {
         AccuracyKind::Absolute => format!("{ABSOLUTE}\n"),
         AccuracyKind::Relative => String::new(),
     };
     let micro = |value: f64| format!("{:.3}", value * 1e3);
-    let promised = messages
-        .iter()
-        .filter_map(|message| Some((message, message.promised_rms_mm?, message.verdict.as_ref()?)));
-    for (message, promised_mm, verdict) in promised {
+    for message in messages {
+        let promised = message.combined_rms_mm.zip(message.verdict.as_ref());
+        let Some((promised_mm, verdict)) = promised else {
+            text += &validation(message);
+            continue;
+        };
         text += &format!(
-            "{}: promised {} um{}; the promise {verdict}\n",
+            "{}: predicted {} um; the prediction {verdict}\n{}",
             message.name,
             micro(promised_mm),
-            tolerance(message)
+            validation(message)
         );
+        text += &common_sources((message.common_sources.as_ref()).map(|common| {
+            let rho0 = format!("{} um", micro(common.rho0_mm));
+            (&*common.names, rho0)
+        }));
         if let Some(share) = message.coverage95 {
             let percent = share * 100.0;
             text += &match accuracy {
@@ -231,42 +269,11 @@ fn promises(messages: &[StudyPlanMessage], accuracy: AccuracyKind) -> String {
                     "  95 % intervals of compliances hold the true ones in {percent:.1} %\n"
                 ),
                 AccuracyKind::Absolute => format!(
-                    "  at the test poses, the tool is within the promised region of 95 % in {percent:.1} %\n"
+                    "  at the test poses, the tool is within the predicted 95 % region in {percent:.1} %\n"
                 ),
             };
         }
-        if let (Some(worst), Some(chance)) =
-            (message.worst_rank(), message.rank_deviation_by_chance)
-        {
-            text += &format!(
-                "  ranks of true values among what is known of them: even within {:.1} % (worst: {}; chance leaves {:.1} %)\n",
-                worst.deviation * 100.0,
-                worst.name,
-                chance * 100.0
-            );
-        }
-        let is_seen = message.parts.iter().any(|part| part.seen_rms_mm.is_some());
-        let total: f64 = message.parts.iter().map(|part| part.rms_mm.powi(2)).sum();
-        let rows: Vec<Vec<String>> = (message.parts.iter())
-            .map(|part| {
-                let name = if part.hidden {
-                    format!("{} (hidden)", part.name)
-                } else {
-                    part.name.clone()
-                };
-                let share = part.rms_mm.powi(2) / total * 100.0;
-                let mut row = vec![name, micro(part.rms_mm), format!("{share:.1}")];
-                if is_seen {
-                    row.push(part.seen_rms_mm.map_or_else(|| "-".to_owned(), micro));
-                }
-                row
-            })
-            .collect();
-        let mut header = vec!["of it", "alone [um]", "share of the square [%]"];
-        if is_seen {
-            header.push("seen [um]");
-        }
-        text += &table(&header, &rows);
+        text += &contributions(&message.contributions);
         text.push('\n');
     }
     text
@@ -286,7 +293,7 @@ fn sentence(messages: &[StudyPlanMessage], header: &Header) -> String {
         return String::new();
     };
     let mut text = format!(
-        "After calibration with the plan {:?}, compensation leaves {:.2} um on average",
+        "After calibration with the plan {:?}, the mean residual error after compensation is {:.2} um",
         best.name,
         mean_mm * 1e3
     );

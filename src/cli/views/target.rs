@@ -2,11 +2,11 @@
 
 use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
-use std::process::{Command, Stdio};
+use std::process::Stdio;
 
 use elastocal::view::rerun_file::viewer::{Address, DEFAULT_PORT, DEFAULT_URL, Viewer};
 
-use crate::cli::view::find_viewer;
+use crate::cli::view::{find_viewer, viewer};
 use crate::cli::written::warn;
 
 /// Where results are shown or written, besides the usual files.
@@ -76,7 +76,7 @@ fn spawn() -> Result<Viewer, (String, String)> {
     if here.probe().is_err() {
         // Its own streams, so that nobody who reads this program's waits for the viewer to end; its
         // own group, so that ctrl-C does not end it.
-        Command::new(&found)
+        viewer(&found)
             .arg(format!("--port={DEFAULT_PORT}"))
             .arg("--expect-data-soon")
             .stdin(Stdio::null())

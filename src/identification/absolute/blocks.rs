@@ -47,13 +47,12 @@ impl ReadingPart {
 
 impl AbsoluteCase<'_> {
     /// Each reading's block of joint space, among so many. Readings of one stand are of one configuration.
-    #[must_use]
     pub fn blocks(&self, count: usize) -> Vec<usize> {
         // A stand's first reading stands for all of it, whatever angles the others say.
         let mut configurations: Vec<&DVector<f64>> = (self.observations.iter())
             .map(|each| &each.setup.commanded_rad)
             .collect();
-        for stand in &self.stands {
+        for stand in &self.visits {
             for &index in &stand[1..] {
                 configurations[index] = configurations[stand[0]];
             }
@@ -62,7 +61,6 @@ impl AbsoluteCase<'_> {
     }
 
     /// How many different configurations were read.
-    #[must_use]
     pub fn different(&self) -> usize {
         let configurations = self.observations.iter();
         let mut all: Vec<Vec<u64>> = configurations

@@ -4,7 +4,9 @@ use std::collections::BTreeMap;
 
 use nalgebra::{Isometry3, Matrix6, Rotation3, Vector3, Vector6};
 
-use super::super::frames::{MountedFrames, Sight};
+use super::super::copies::{CopiedReadings, ReadBits};
+use super::super::frames::{MountedFrames, RobustFrames, Sight, reach};
+use super::super::outliers::RejectedReading;
 use super::AbsoluteError;
 use super::transfer::transferred;
 use crate::measurement::AbsoluteReading;
@@ -15,7 +17,7 @@ use crate::task::Belief;
 
 /// Readings spread by more, or by less, than this many times what the robot does are in another unit.
 const OTHER_UNIT: f64 = 8.0;
-/// A misfit below this is none (m, rad).
+/// A discrepancy below this is none (m, rad).
 const LEAST_MISFIT: f64 = 1e-9;
 /// Less than this is no sign of anything (m).
 const LITTLE_M: f64 = 1e-3;
@@ -38,9 +40,13 @@ pub struct AbsoluteCase<'a> {
     /// These covariances (m^2, m rad, rad^2).
     pub covariances: Vec<Matrix6<f64>>,
     /// The readings by their places: those of one state, station and target together.
-    pub stands: Vec<Vec<usize>>,
+    pub visits: Vec<Vec<usize>>,
     /// Whether readings that lie far out are fitted, too.
     pub keeps_all: bool,
+    /// The readings that are far out of any frames, which no fit begins with.
+    pub far_from_frames: Vec<RejectedReading>,
+    /// Readings that are equal to the last digit.
+    pub copies: CopiedReadings,
 }
 
 impl<'a> AbsoluteCase<'a> {
@@ -56,9 +62,22 @@ impl<'a> AbsoluteCase<'a> {
         let tools: Vec<_> = (case.arm.tools.iter())
             .map(|tool| tool.link_from_tool)
             .collect();
-        let frames = MountedFrames::guessed(&sights, case.stations.len(), &tools);
-        case.set_frames(frames);
-        case.check_likeness(&sights)?;
+        let found = RobustFrames::guessed(&sights, case.stations.len(), &tools);
+        let wrong = found.wrong();
+        case.far_from_frames = (wrong.iter())
+            .map(|&reading| RejectedReading {
+                reading,
+                deviations: found.off[reading],
+            })
+            .collect();
+        case.set_frames(found.frames);
+        let is_right = |place: &usize| wrong.binary_search(place).is_err();
+        let right: Vec<Sight> = (0..sights.len())
+            .filter(is_right)
+            .map(|place| sights[place].clone())
+            .collect();
+        case.check_likeness(&right)?;
+        case.copies = CopiedReadings::of(&case.read_bits());
         Ok(case)
     }
 
@@ -76,8 +95,10 @@ impl<'a> AbsoluteCase<'a> {
             targets: Vec::new(),
             observations: Vec::new(),
             covariances: Vec::new(),
-            stands: Vec::new(),
+            visits: Vec::new(),
             keeps_all: false,
+            far_from_frames: Vec::new(),
+            copies: CopiedReadings::default(),
         };
         let mut known: BTreeMap<(&str, usize, usize), usize> = BTreeMap::new();
         for (index, reading) in readings.iter().enumerate() {
@@ -96,15 +117,15 @@ impl<'a> AbsoluteCase<'a> {
             let load = transferred(chain, &belief.calibration_tool, tool, q, &reading.load);
             let covariance = case.covariance(reading)?;
             let stand = match &reading.state {
-                None => case.stands.len(),
+                None => case.visits.len(),
                 Some(state) => {
-                    *(known.entry((state, station, target))).or_insert(case.stands.len())
+                    *(known.entry((state, station, target))).or_insert(case.visits.len())
                 }
             };
-            if stand == case.stands.len() {
-                case.stands.push(Vec::new());
+            if stand == case.visits.len() {
+                case.visits.push(Vec::new());
             }
-            case.stands[stand].push(index);
+            case.visits[stand].push(index);
             case.covariances.push(covariance);
             case.observations.push(Observation {
                 setup: Setup {
@@ -180,7 +201,6 @@ impl<'a> AbsoluteCase<'a> {
     }
 
     /// What closed forms need of the readings.
-    #[must_use]
     pub fn sights(&self) -> Vec<Sight> {
         let mut state = KinematicState::new(self.arm.chain.len());
         (self.observations.iter())
@@ -209,7 +229,39 @@ impl<'a> AbsoluteCase<'a> {
                     base_from_link,
                     position_m,
                     rotation,
+                    weight: 1.0,
                 }
+            })
+            .collect()
+    }
+
+    /// What was read, and where, to the bit.
+    fn read_bits(&self) -> Vec<ReadBits> {
+        (self.observations.iter().zip(&self.covariances))
+            .map(|(each, covariance)| {
+                let (Reading::Pose { position_m, .. }
+                | Reading::Position { position_m }
+                | Reading::Deflection { position_m, .. }) = each.reading;
+                let rotation = match each.reading {
+                    Reading::Pose { rotation, .. } => rotation.as_slice().to_vec(),
+                    _ => Vec::new(),
+                };
+                let setup = &each.setup;
+                let of_setup = (setup.commanded_rad.iter())
+                    .chain(setup.load.wrench().iter())
+                    .map(|value| value.to_bits())
+                    .collect();
+                let sigma_m = Vector3::from_fn(|axis, _| covariance[(axis, axis)].sqrt());
+                ReadBits::new(
+                    of_setup,
+                    &[
+                        &[setup.station as f64, setup.target as f64],
+                        rotation.as_slice(),
+                    ]
+                    .concat(),
+                    position_m,
+                    sigma_m,
+                )
             })
             .collect()
     }
@@ -226,7 +278,7 @@ impl<'a> AbsoluteCase<'a> {
     /// coordinate of the position (m) and of the rotation (rad). Readings of one stand share that.
     pub(super) fn weigh(&mut self, [position_m, rotation_rad]: [f64; 2]) -> Option<SharedErrors> {
         let mut is_alone = vec![true; self.observations.len()];
-        for &index in self.stands.iter().filter(|stand| stand.len() > 1).flatten() {
+        for &index in self.visits.iter().filter(|stand| stand.len() > 1).flatten() {
             is_alone[index] = false;
         }
         let weighed = self.observations.iter_mut().zip(&self.covariances);
@@ -243,12 +295,12 @@ impl<'a> AbsoluteCase<'a> {
             each.whitener = whitener(&covariance);
         }
         let precision = Vector6::from_fn(|row, _| {
-            let misfit = if row < 3 { position_m } else { rotation_rad };
-            misfit.max(LEAST_MISFIT).powi(-2)
+            let discrepancy = if row < 3 { position_m } else { rotation_rad };
+            discrepancy.max(LEAST_MISFIT).powi(-2)
         });
         let has_any = is_alone.iter().any(|is_alone| !is_alone);
         has_any.then(|| SharedErrors {
-            groups: self.stands.clone(),
+            groups: self.visits.clone(),
             precision,
         })
     }
@@ -298,11 +350,18 @@ fn spread(sights: &[Sight], point: impl Fn(&Sight) -> Vector3<f64>) -> f64 {
 
 /// Distances between positions do not depend on frames: they tell another unit.
 fn check_units(sights: &[Sight], arm: &ElasticArm) -> Result<(), AbsoluteError> {
-    let found = spread(sights, |sight| sight.position_m);
-    let expected = spread(sights, |sight| {
-        let tool = arm.tools[sight.target].link_from_tool;
-        (sight.base_from_link * tool).translation.vector
-    });
+    let found = reach(sights);
+    let believed: Vec<Sight> = (sights.iter())
+        .map(|sight| {
+            let tool = arm.tools[sight.target].link_from_tool;
+            let position_m = (sight.base_from_link * tool).translation.vector;
+            Sight {
+                position_m,
+                ..sight.clone()
+            }
+        })
+        .collect();
+    let expected = reach(&believed);
     // A target that is not where it is believed to be adds its own.
     let is_other =
         found > OTHER_UNIT * expected.max(1e-2) || expected > OTHER_UNIT * found.max(1e-2);

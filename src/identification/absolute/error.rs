@@ -3,6 +3,7 @@
 use thiserror::Error;
 
 use super::super::FitError;
+use crate::codes::ErrorCode;
 use crate::mujoco::ModelError;
 use crate::parameter::ParameterError;
 
@@ -41,11 +42,11 @@ pub enum AbsoluteError {
         expected: String,
     },
     /// Frames that readings of this robot can determine, and these do not.
-    #[error("the readings do not tell where {what} are: {}", sentences.join("; "))]
+    #[error("the readings do not determine {what}: {}", sentences.join("; "))]
     Frames {
         /// Stations and targets, in words.
         what: String,
-        /// What cannot be told apart.
+        /// What cannot be separated.
         sentences: Vec<String>,
     },
     /// Fewer numbers than the frames alone have unknowns.
@@ -80,8 +81,16 @@ pub enum AbsoluteError {
         /// How far the positions reach (mm).
         spread: String,
     },
+    /// An input error that explains why there is nothing.
+    #[error("{source}")]
+    Mistaken {
+        /// What is wrong.
+        source: Box<AbsoluteError>,
+        /// The input error, in words.
+        likely: String,
+    },
     /// Readings that cannot be chosen one by one.
-    #[error("rows of one state are readings of one stand, and cannot be chosen one by one")]
+    #[error("rows of one state are readings of one visit, and cannot be chosen one by one")]
     Together,
     /// A parameter that the robot cannot have.
     #[error(transparent)]
@@ -92,8 +101,17 @@ pub enum AbsoluteError {
 }
 
 impl AbsoluteError {
+    /// Its kind.
+    pub fn code(&self) -> ErrorCode {
+        match self {
+            Self::Frames { .. } | Self::TooFew { .. } => ErrorCode::Frames,
+            Self::Fit(FitError::Equilibrium { .. }) => ErrorCode::NoEquilibrium,
+            Self::Mistaken { source, .. } => source.code(),
+            _ => ErrorCode::AbsoluteFit,
+        }
+    }
+
     /// What to do about it.
-    #[must_use]
     pub const fn hint(&self) -> Option<&'static str> {
         match self {
             Self::Units { .. } => Some(

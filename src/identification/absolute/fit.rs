@@ -3,29 +3,48 @@
 use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-use super::super::conditions::IMPLAUSIBLE;
+use super::super::conditions::{Told, impossible_compliance, left_out, too_large};
+use super::super::discrepancy::WEIGHINGS;
 use super::super::estimate::two_sided_student;
+use super::super::frames::reach;
 use super::super::gauss_newton::{
     FitError, ParameterFit, fit_for_residuals, fit_for_weights, fit_from, fit_if_plausible,
     fit_parameters,
 };
-use super::super::misfit::WEIGHINGS;
-use super::super::rejection;
+use super::super::nominal::{UNKNOWN, UNKNOWN_TOGETHER, with_nominal};
+use super::super::outliers;
+use super::super::outliers::IMPLAUSIBLE;
 use super::mixed::MixedModel;
 use super::rows::LinearReading;
 use super::unknowns::{LeftOut, ToldApart};
 use super::{
-    AbsoluteCase, AbsoluteError, Misfit, MisfitModel, ParameterGroup, ReadingResidual,
-    RejectedReading,
+    AbsoluteCase, AbsoluteError, CopiedReadings, Discrepancy, DiscrepancyModel, ParameterGroup,
+    ReadingResidual, RejectedReading,
 };
+use crate::codes::{Condition, ConditionCode};
+use crate::numeric::factorisation::symmetric;
 use crate::numeric::posterior::Posterior;
 use crate::parameter::{ElasticArm, Parameter, ParameterKind, ParameterSet, relative_precision};
 
 /// Fewer stands of the robot tell nothing of what the parameters leave but its size.
 const LEAST_STANDS: usize = 20;
 
+/// Robots leave less than this share of how far positions reach in each coordinate: 2 mm of a metre.
+const ROBOTS_LEAVE: f64 = 2e-3;
+/// No joint's zero or link's direction is off by more (rad) ...
+const MOST_TURNED_RAD: f64 = 0.05;
+/// ... and no link by more (m), in what a maker delivers.
+const MOST_SHIFTED_M: f64 = 0.02;
 /// Further from what is believed, in standard deviations of that, is told.
 const FAR: f64 = 2.0;
+
+/// The unit of a thousandth of what a correction of geometry is told in.
+const fn thousandth(kind: ParameterKind) -> &'static str {
+    match kind {
+        ParameterKind::LinkPosition { .. } => "mm",
+        _ => "mrad",
+    }
+}
 
 /// How much each reading counts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -35,7 +54,7 @@ pub enum ReadingWeights {
     /// The same; where the residuals say that this cannot be, by what the model leaves unexplained, too.
     AsNeeded,
     /// By what the model leaves unexplained, too.
-    WithMisfit,
+    WithDiscrepancy,
 }
 
 /// The probability of residuals at least as large; none where nothing is left over.
@@ -59,15 +78,21 @@ pub struct AbsoluteFit {
     pub left_out: Vec<LeftOut>,
     /// What these readings do not determine, in sentences.
     pub undetermined: Vec<String>,
+    /// The compliances that stay nominal since these readings tell less of them, in sentences.
+    pub stays_nominal: Vec<String>,
     /// What is left of each reading, those that were rejected among them.
     pub left: Vec<ReadingResidual>,
     /// The readings that were left out since they lie far out.
     pub rejected: Vec<RejectedReading>,
+    /// Those that are copies.
+    pub copies: CopiedReadings,
+    /// How far most positions lie from their middle (m).
+    pub reach_m: f64,
     /// The standard deviations of what no parameter explains, of positions (m) and rotations (rad), where they were taken
     /// from the residuals.
-    pub misfit: Option<[f64; 2]>,
+    pub discrepancy: Option<[f64; 2]>,
     /// What that consists of, where there are readings enough to tell: the covariance counts it then.
-    pub unexplained: Option<Unexplained>,
+    pub discrepancy_model: Option<Unexplained>,
     /// The number of scalar readings.
     pub rows: usize,
     /// The sum of squares of the weighted residuals.
@@ -83,7 +108,7 @@ pub struct AbsoluteFit {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Unexplained {
     /// Errors of joints and what is new at each stand, to predict with.
-    pub model: MisfitModel,
+    pub model: DiscrepancyModel,
     /// The covariance of the parameters (p x p), if that is what they leave.
     pub covariance: DMatrix<f64>,
     /// The degrees of freedom of each parameter's variance.
@@ -91,9 +116,9 @@ pub struct Unexplained {
     /// What is left of each reading that was not rejected beside the parameters and the joints' errors.
     pub left: Vec<ReadingResidual>,
     /// Stands of the robot.
-    pub stands: usize,
+    pub visits: usize,
     /// As many with errors of their own would tell as much of the parameters.
-    pub effective_stands: f64,
+    pub effective_sample_size: f64,
     /// The shares of positions and of rotations that lie in their regions of 95 % as computed, each predicted by a fit to other
     /// stands.
     pub predicted_by_others: [Option<f64>; 2],
@@ -102,54 +127,102 @@ pub struct Unexplained {
 /// A fit with its weights.
 pub(super) struct WeighedFit {
     fit: ParameterFit,
-    misfit: Option<[f64; 2]>,
+    discrepancy: Option<[f64; 2]>,
     consistency: Option<f64>,
 }
 
 impl AbsoluteCase<'_> {
     /// Fits what the belief leaves open, or what `groups` name, together with all frames.
-    ///
-    /// # Errors
-    /// See [`AbsoluteError`].
     pub fn fit(
         &mut self,
         groups: &[ParameterGroup],
         weights: ReadingWeights,
     ) -> Result<AbsoluteFit, AbsoluteError> {
         self.check_frames()?;
-        let ToldApart { set, left_out } = self.unknowns(groups)?;
-        let (mut kept, mut rejected) = (self.clone(), Vec::new());
-        let mut weighed = kept.weighed_fit(&set, weights, None)?;
-        if !self.keeps_all
-            && let Some(others) =
-                self.without_far_out(&set, weights, (&weighed.fit, weighed.misfit))
-        {
-            (kept, rejected, weighed) = others;
+        let ToldApart { mut set, left_out } = self.unknowns(groups)?;
+        let start = self.far_from_frames();
+        loop {
+            let (mut kept, mut rejected) = (self.without(&start), start.clone());
+            let mut weighed = kept.weighed_fit(&set, weights, None)?;
+            if !self.keeps_all
+                && let Some(others) =
+                    self.without_far_out(&set, weights, (&weighed.fit, weighed.discrepancy), &start)
+            {
+                (kept, rejected, weighed) = others;
+            }
+            let posterior = &weighed.fit.posterior;
+            if let Some(other) = with_nominal(&set, &posterior.mean, &posterior.covariance, UNKNOWN)
+            {
+                set = other;
+                continue;
+            }
+            let far_out = self.only(&rejected);
+            let discrepancy_model = (weighed.discrepancy).and_then(|discrepancy| {
+                kept.discrepancy_model(&set, &weighed.fit, discrepancy, &far_out)
+            });
+            if let Some(discrepancy_model) = &discrepancy_model
+                && let Some(other) = with_nominal(
+                    &set,
+                    &posterior.mean,
+                    &discrepancy_model.covariance,
+                    UNKNOWN_TOGETHER,
+                )
+            {
+                set = other;
+                continue;
+            }
+            return self.told(
+                &kept,
+                (set, left_out),
+                (weighed, discrepancy_model),
+                rejected,
+            );
         }
+    }
+
+    /// The readings that no fit begins with.
+    pub(super) fn far_from_frames(&self) -> Vec<RejectedReading> {
+        if self.keeps_all {
+            return Vec::new();
+        }
+        self.far_from_frames.clone()
+    }
+
+    /// All that is told of a fit to those readings that were kept.
+    fn told(
+        &mut self,
+        kept: &Self,
+        (set, left_out): (ParameterSet, Vec<LeftOut>),
+        (weighed, discrepancy_model): (WeighedFit, Option<Unexplained>),
+        rejected: Vec<RejectedReading>,
+    ) -> Result<AbsoluteFit, AbsoluteError> {
         let WeighedFit {
             mut fit,
-            misfit,
+            discrepancy,
             consistency,
         } = weighed;
-        let far_out = self.only(&rejected);
-        let unexplained = misfit.and_then(|misfit| kept.unexplained(&set, &fit, misfit, &far_out));
-        if let Some(unexplained) = &unexplained {
-            fit.posterior.covariance.clone_from(&unexplained.covariance);
+        if let Some(discrepancy_model) = &discrepancy_model {
+            fit.posterior
+                .covariance
+                .clone_from(&discrepancy_model.covariance);
         }
         self.arm.clone_from(&kept.arm);
         let left = self.left_by(&fit)?;
+        let (nominal, undetermined): (Vec<_>, Vec<_>) =
+            (fit.freedoms.named.into_iter()).partition(|each| each.stays_nominal);
         Ok(AbsoluteFit {
             reference: self.arm.clone(),
             arm: fit.belief,
             posterior: fit.posterior,
             left_out,
-            undetermined: (fit.freedoms.named.into_iter())
-                .map(|each| each.sentence)
-                .collect(),
+            undetermined: undetermined.into_iter().map(|each| each.sentence).collect(),
+            stays_nominal: nominal.into_iter().map(|each| each.sentence).collect(),
             left,
             rejected,
-            misfit,
-            unexplained,
+            copies: self.copies.clone(),
+            reach_m: reach(&self.sights()),
+            discrepancy,
+            discrepancy_model,
             rows: fit.rows,
             square: fit.square,
             consistency,
@@ -166,7 +239,7 @@ impl AbsoluteCase<'_> {
         near: Option<&ParameterFit>,
     ) -> Result<WeighedFit, AbsoluteError> {
         let own = match weights {
-            ReadingWeights::WithMisfit => None,
+            ReadingWeights::WithDiscrepancy => None,
             ReadingWeights::Own => Some(fit_for_residuals(&self.arm, set, &self.observations)?),
             ReadingWeights::AsNeeded => {
                 match fit_if_plausible(&self.arm, set, &self.observations) {
@@ -179,7 +252,7 @@ impl AbsoluteCase<'_> {
         };
         let consistency = own.as_ref().and_then(consistency);
         let is_plausible = consistency.is_none_or(|probability| probability >= IMPLAUSIBLE);
-        let (fit, misfit) = match own {
+        let (fit, discrepancy) = match own {
             Some(fit) if is_plausible || weights == ReadingWeights::Own => {
                 let values = self.rebased(set, &fit);
                 (
@@ -187,33 +260,34 @@ impl AbsoluteCase<'_> {
                     None,
                 )
             }
-            other => self.with_misfit(set, near.cloned().or(other))?,
+            other => self.with_discrepancy(set, near.cloned().or(other))?,
         };
         Ok(WeighedFit {
             fit,
-            misfit,
+            discrepancy,
             consistency,
         })
     }
 
-    /// Fits without the readings that lie far out of a first fit with its misfit. None where none does, where too many do, or where the others
+    /// Fits without the readings that lie far out of a first fit with its discrepancy. None where none does, where too many do, or where the others
     /// tell less than all.
     pub(super) fn without_far_out(
         &self,
         set: &ParameterSet,
         weights: ReadingWeights,
         first: (&ParameterFit, Option<[f64; 2]>),
+        start: &[RejectedReading],
     ) -> Option<(Self, Vec<RejectedReading>, WeighedFit)> {
         let rank = first.0.posterior.estimable.rank();
-        let mut rejected = self.far_out(set, first, &[])?;
+        let mut rejected = self.far_out(set, first, start)?;
         if rejected.is_empty() && first.1.is_some() {
             // One among few draws the fit to itself, and hides in what that leaves of the others.
             rejected.extend(self.farthest(set, first));
         }
-        let (rejected, found) = rejection::until_the_same(
+        let (rejected, found) = outliers::until_the_same(
             rejected,
             |(_, rejected, weighed): &(Self, Vec<RejectedReading>, WeighedFit)| {
-                self.far_out(set, (&weighed.fit, weighed.misfit), rejected)
+                self.far_out(set, (&weighed.fit, weighed.discrepancy), rejected)
             },
             |rejected| {
                 let mut kept = self.without(rejected);
@@ -235,7 +309,7 @@ impl AbsoluteCase<'_> {
     ) -> Option<(Vec<LinearReading>, MixedModel)> {
         let joints = self.commanded_joints();
         let variances = 2 * (joints.len() + 1);
-        if self.stands.len() < LEAST_STANDS || fit.degrees_of_freedom() < 2 * variances {
+        if self.visits.len() < LEAST_STANDS || fit.degrees_of_freedom() < 2 * variances {
             return None;
         }
         let values = &fit.posterior.mean;
@@ -247,24 +321,24 @@ impl AbsoluteCase<'_> {
         let prior = basis.tr_mul(&relative_precision(set)) * basis;
         let pull = DMatrix::from_columns(&[-basis.tr_mul(&pull)]);
         let units = estimable.basis_in_units();
-        let misfit = Misfit {
+        let discrepancy = Discrepancy {
             position_m,
             rotation_rad,
         };
-        let mixed = MixedModel::new(self, &rows, joints, units, [prior, pull], &misfit);
+        let mixed = MixedModel::new(self, &rows, joints, units, [prior, pull], &discrepancy);
         Some((rows, mixed))
     }
 
     /// What a mixed model tells of what the parameters leave; none where there is too little to tell. `left_out` are readings that were not
     /// fitted.
-    fn unexplained(
+    fn discrepancy_model(
         &self,
         set: &ParameterSet,
         fit: &ParameterFit,
-        misfit: [f64; 2],
+        discrepancy: [f64; 2],
         left_out: &Self,
     ) -> Option<Unexplained> {
-        let (rows, mixed) = self.mixed(set, fit, misfit)?;
+        let (rows, mixed) = self.mixed(set, fit, discrepancy)?;
         let values = &fit.posterior.mean;
         let others = left_out.rows_at(&self.arm, set, values, &self.commanded_joints());
         let found = mixed.fit(&mixed.stands_of(left_out, &others.ok()?))?;
@@ -289,10 +363,10 @@ impl AbsoluteCase<'_> {
         let ratio = logarithms.iter().sum::<f64>() / logarithms.len().max(1) as f64;
         Some(Unexplained {
             left: prognoses.collect(),
-            stands: self.stands.len(),
-            effective_stands: self.stands.len() as f64 * ratio.exp().min(1.0),
+            visits: self.visits.len(),
+            effective_sample_size: self.visits.len() as f64 * ratio.exp().min(1.0),
             predicted_by_others: found.predicted_by_others,
-            covariance,
+            covariance: symmetric(&covariance),
             degrees,
             model: found.model,
         })
@@ -300,18 +374,18 @@ impl AbsoluteCase<'_> {
 
     /// A fit that weighs readings by what the model leaves, too; the first weight comes from another fit, or from the frames alone
     /// where there is none.
-    fn with_misfit(
+    fn with_discrepancy(
         &mut self,
         set: &ParameterSet,
         other: Option<ParameterFit>,
     ) -> Result<(ParameterFit, Option<[f64; 2]>), AbsoluteError> {
         let (mut found, mut values) = if let Some(fit) = other {
-            (self.misfit(&fit)?, self.rebased(set, &fit))
+            (self.discrepancy(&fit)?, self.rebased(set, &fit))
         } else {
             let kinds = self.frame_kinds().into_iter().map(|kind| (kind, None));
             let frames = ParameterSet::new(&self.arm, kinds)?;
             let fit = fit_parameters(&self.arm, &frames, &self.observations)?;
-            let found = self.misfit(&fit)?;
+            let found = self.discrepancy(&fit)?;
             self.rebased(&frames, &fit);
             (found, set.prior().mean.clone())
         };
@@ -319,7 +393,7 @@ impl AbsoluteCase<'_> {
             let shared = self.weigh(found);
             let fit =
                 fit_for_weights(&self.arm, set, &self.observations, shared.as_ref(), &values)?;
-            found = self.misfit(&fit)?;
+            found = self.discrepancy(&fit)?;
             values = self.rebased(set, &fit);
         }
         let shared = self.weigh(found);
@@ -348,24 +422,22 @@ impl AbsoluteCase<'_> {
 
     /// What residuals are larger than the readings' own covariances make them, as standard deviations of position (m) and
     /// rotation (rad).
-    pub(super) fn misfit(&self, fit: &ParameterFit) -> Result<[f64; 2], FitError> {
+    pub(super) fn discrepancy(&self, fit: &ParameterFit) -> Result<[f64; 2], FitError> {
         let left = self.left_by(fit)?;
         // Each reading has its part in what was fitted.
-        let misfit = Misfit::of(&left, &self.covariances, fit.spare());
-        Ok([misfit.position_m, misfit.rotation_rad])
+        let discrepancy = Discrepancy::of(&left, &self.covariances, fit.spare());
+        Ok([discrepancy.position_m, discrepancy.rotation_rad])
     }
 }
 
 impl AbsoluteFit {
     /// The quantity of a parameter in its own unit: ratios of logarithms become quantities.
-    #[must_use]
     pub fn quantity(&self, index: usize) -> f64 {
         let parameter = &self.set.parameters()[index];
         parameter.quantity(&self.reference, self.posterior.mean[index])
     }
 
     /// The standard error of that quantity; `None` where it is not determined.
-    #[must_use]
     pub fn standard_error(&self, index: usize) -> Option<f64> {
         let error = self.posterior.standard_error(index)?;
         let is_logarithmic = self.set.parameters()[index].is_logarithmic;
@@ -377,14 +449,12 @@ impl AbsoluteFit {
     }
 
     /// By how many standard errors the interval of 95 % of a parameter reaches to either side.
-    #[must_use]
     pub fn reach95(&self, index: usize) -> f64 {
-        let unexplained = self.unexplained.as_ref();
-        two_sided_student(unexplained.map_or(f64::INFINITY, |each| each.degrees[index]))
+        let discrepancy_model = self.discrepancy_model.as_ref();
+        two_sided_student(discrepancy_model.map_or(f64::INFINITY, |each| each.degrees[index]))
     }
 
     /// The standard errors of three parameters together, where all are in the fit and determined.
-    #[must_use]
     pub fn standard_errors(&self, kinds: [ParameterKind; 3]) -> Option<[f64; 3]> {
         let mut errors = [0.0; 3];
         for (error, kind) in errors.iter_mut().zip(kinds) {
@@ -394,9 +464,13 @@ impl AbsoluteFit {
     }
 
     /// Those of one thing for each reading that belong to the readings that were fitted.
-    #[must_use]
     pub fn of_kept<T: Clone>(&self, all: &[T]) -> Vec<T> {
-        rejection::kept(all, &self.rejected)
+        let is_rejected = outliers::rejected_of(all.len(), &self.rejected);
+        let is_copy = self.copies.is_copy(all.len());
+        (all.iter().zip(is_rejected.into_iter().zip(is_copy)))
+            .filter(|(_, (is_rejected, is_copy))| !is_rejected && !is_copy)
+            .map(|(each, _)| each.clone())
+            .collect()
     }
 
     /// The parameters that are no frames of stations or targets, with their places in the set.
@@ -406,49 +480,89 @@ impl AbsoluteFit {
     }
 
     /// The values, as the set takes them.
-    #[must_use]
     pub fn values(&self) -> DVector<f64> {
         DVector::from_vec(self.posterior.mean.clone())
     }
 
-    /// What does not hold, by name.
-    #[must_use]
-    pub fn conditions(&self) -> Vec<String> {
-        let mut conditions: Vec<String> = (self.undetermined.iter())
-            .map(|sentence| format!("not determined: {sentence}"))
+    /// What must be looked at.
+    pub fn conditions(&self) -> Vec<Condition> {
+        let mut conditions: Vec<Condition> = (self.undetermined.iter())
+            .map(|sentence| {
+                ConditionCode::Unidentifiable.with(format!("not determined: {sentence}"))
+            })
             .collect();
         for (index, parameter) in self.of_the_robot() {
             if matches!(parameter.kind, ParameterKind::JointCompliance { .. })
                 && self.standard_error(index).is_some()
-                && self.quantity(index) < 0.0
             {
-                conditions.push(format!(
-                    "{} is negative: too few readings, or a wrong model",
-                    parameter.name
-                ));
+                let joint = parameter.name.trim_end_matches(".compliance");
+                conditions.extend(impossible_compliance(joint, self.quantity(index)));
             }
         }
         conditions.extend(self.far_from_belief());
-        conditions.extend(RejectedReading::condition(&self.rejected, "reading"));
-        if let Some(probability) = self.consistency
-            && probability < IMPLAUSIBLE
-        {
-            let done = if self.misfit.is_some() {
-                "readings are weighed by what the model leaves, too, and standard errors count it"
-            } else {
-                "without --noise-only, readings are weighed by what the model leaves, too"
-            };
-            conditions.push(format!(
-                "the residuals are too large for the readings' standard deviations (probability {probability:.1e}): the model \
-                 or they are wrong; {done}"
-            ));
-        }
+        conditions.extend(self.beyond_making());
+        conditions.extend(self.copies.conditions("reading"));
+        conditions.extend(self.handled().filter_map(Told::condition));
         conditions
+    }
+
+    /// What holds since the fit counts it, and nobody need act on.
+    pub fn notes(&self) -> Vec<String> {
+        let nominal = self.stays_nominal.iter().cloned();
+        nominal
+            .chain(self.handled().filter_map(Told::note))
+            .collect()
+    }
+
+    /// The readings that were left out, and residuals that are too large.
+    fn handled(&self) -> impl Iterator<Item = Told> {
+        let rejected = left_out(&self.rejected, self.left.len(), "reading");
+        let improbable = self.consistency.filter(|each| *each < IMPLAUSIBLE);
+        let residuals = improbable.map(|probability| {
+            let words = format!(
+                "residuals too large for the readings' standard deviations, p = {probability:.1e}"
+            );
+            let left_m = self.discrepancy.map(|[position_m, _]| position_m);
+            too_large(
+                &words,
+                left_m.map(|left_m| [left_m, ROBOTS_LEAVE * self.reach_m]),
+            )
+        });
+        rejected.into_iter().chain(residuals)
+    }
+
+    /// Corrections of geometry that no maker's tolerances explain.
+    fn beyond_making(&self) -> Option<Condition> {
+        let far: Vec<String> = (self.of_the_robot())
+            .filter_map(|(index, each)| {
+                let most = match each.kind {
+                    ParameterKind::JointZero { .. } | ParameterKind::LinkRotation { .. } => {
+                        MOST_TURNED_RAD
+                    }
+                    ParameterKind::LinkPosition { .. } => MOST_SHIFTED_M,
+                    _ => return None,
+                };
+                let off = self.posterior.mean[index] - self.set.prior().mean[index];
+                let error = self.posterior.standard_error(index)?;
+                (off.abs() > most.max(FAR * error)).then(|| {
+                    format!(
+                        "{} by {:.1} {}",
+                        each.name,
+                        off * 1e3,
+                        thousandth(each.kind)
+                    )
+                })
+            })
+            .collect();
+        (!far.is_empty()).then(|| {
+            let words = format!("beyond manufacturing tolerances: {}", far.join(", "));
+            ConditionCode::GeometryBeyondTolerance.with(words)
+        })
     }
 
     /// Masses and centres that are further from what is believed than this is uncertain: in their weak directions the fit puts what
     /// no other parameter explains.
-    fn far_from_belief(&self) -> Option<String> {
+    fn far_from_belief(&self) -> Option<Condition> {
         let prior = &self.set.prior().mean;
         let far: Vec<String> = (self.of_the_robot())
             .filter(|(_, each)| each.kind.is_of_mass())
@@ -459,11 +573,10 @@ impl AbsoluteFit {
             })
             .collect();
         (!far.is_empty()).then(|| {
-            format!(
-                "masses are far from what is believed, in standard deviations of that: {}; gravity shows them weakly, and they take up \
-                 what geometry and elasticity leave: weigh the payload, or leave it out of --parameters",
-                far.join(", ")
-            )
+            let far = far.join(", ");
+            let words =
+                format!("masses far from their priors, in prior standard deviations: {far}");
+            ConditionCode::MassFarFromPrior.with(words)
         })
     }
 }

@@ -17,13 +17,16 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 use super::super::FitError;
 use super::super::spread::logarithm;
 use super::rows::LinearReading;
-use super::{AbsoluteCase, Misfit, ReadingResidual};
+use super::{AbsoluteCase, Discrepancy, ReadingResidual};
+use crate::numeric::ornstein_uhlenbeck::OrnsteinUhlenbeck;
 use crate::numeric::tolerance::CHI_SQUARE_95;
-use crate::numeric::wandering::Wandering;
 use crate::parameter::{Axis, ElasticArm, ParameterKind, ParameterSet};
 
 /// The square that 95 % of normal errors of three coordinates stay below, over their variance.
 pub const SQUARE_95: f64 = CHI_SQUARE_95[2];
+
+/// Stations that stand as far off with a smaller probability were moved.
+const MOVED: f64 = 1e-6;
 
 /// Commands are corrected so often: each time what is left is smaller by the error's slope.
 const CORRECTIONS: usize = 8;
@@ -34,7 +37,7 @@ pub struct JointError {
     /// The joint.
     pub joint: usize,
     /// How its error wanders over its angle.
-    pub wandering: Wandering,
+    pub process: OrnsteinUhlenbeck,
     /// Its standard deviation (rad; m where it slides).
     pub deviation: f64,
     /// Its values at the knots: the joint stands by so much further than commanded.
@@ -46,20 +49,18 @@ pub struct JointError {
 
 impl JointError {
     /// By how much further than commanded the joint stands there (rad; m where it slides).
-    #[must_use]
     pub fn at(&self, commanded: f64) -> f64 {
-        let between = self.wandering.between(commanded);
+        let between = self.process.between(commanded);
         let each = between.knots.into_iter().zip(between.weights);
         each.map(|(knot, weight)| weight * self.values[knot]).sum()
     }
 
     /// The logarithm of the factor by which squares of errors of positions (0) or rotations (1) are larger there.
     pub(super) fn spread_at(&self, part: usize, commanded: f64) -> f64 {
-        logarithm(&self.spread[part], commanded, self.wandering.range())
+        logarithm(&self.spread[part], commanded, self.process.range())
     }
 
     /// The command with which the joint stands there.
-    #[must_use]
     pub fn command_for(&self, stands: f64) -> f64 {
         let mut commanded = stands;
         for _ in 0..CORRECTIONS {
@@ -71,7 +72,7 @@ impl JointError {
 
 /// What readings leave unexplained by parameters, for predictions elsewhere.
 #[derive(Debug, Clone, PartialEq)]
-pub struct MisfitModel {
+pub struct DiscrepancyModel {
     /// What joints are off by; nothing where that was not asked.
     pub joints: Vec<JointError>,
     /// By how much the parameters (p, in their units) are off together with these.
@@ -79,7 +80,7 @@ pub struct MisfitModel {
     /// The covariance of the parameters and of the joints' values at their knots, one joint after the other.
     pub covariance: DMatrix<f64>,
     /// What joints do not explain.
-    pub rest: Misfit,
+    pub rest: Discrepancy,
     /// By how much larger than computed the squares of errors are that were seen where stands of the robot were
     /// predicted by a fit to the others: of positions and of rotations, where joints do not say that they are larger or smaller. Regions are
     /// larger by the root.
@@ -106,6 +107,17 @@ pub struct MovedStation {
     pub rotation_rad: Vector3<f64>,
     /// The probability of so much if nobody moved it.
     pub probability: f64,
+    /// How far that moves what was read, rms (m).
+    pub readings_m: f64,
+    /// The standard deviation of what the model leaves new in each coordinate of a reading (m): less is no sign of anything.
+    pub discrepancy_m: f64,
+}
+
+impl MovedStation {
+    /// Whether somebody moved it: by more than chance and what the model leaves do.
+    pub fn is_moved(&self) -> bool {
+        self.probability < MOVED && self.readings_m > self.discrepancy_m
+    }
 }
 
 /// One reading: what is left, what it depends on of all that is known, and what is new in it.
@@ -116,10 +128,9 @@ struct LocalRows {
     new: DMatrix<f64>,
 }
 
-impl MisfitModel {
+impl DiscrepancyModel {
     /// Only parameters with their covariance, and what is new in each reading.
-    #[must_use]
-    pub fn plain(covariance: DMatrix<f64>, rest: Misfit) -> Self {
+    pub fn plain(covariance: DMatrix<f64>, rest: Discrepancy) -> Self {
         Self {
             joints: Vec::new(),
             shift: DVector::zeros(covariance.nrows()),
@@ -150,7 +161,7 @@ impl MisfitModel {
         }
         for (number, joint) in self.joints.iter().enumerate() {
             let moved = rows.joints.column(number).into_owned();
-            let between = joint.wandering.between(q[joint.joint]);
+            let between = joint.process.between(q[joint.joint]);
             for (knot, weight) in between.knots.into_iter().zip(between.weights) {
                 left.axpy(-weight * joint.values[knot], &moved, 1.0);
                 index.push(offsets[number] + knot);
@@ -247,7 +258,7 @@ pub(super) fn region_square(
 }
 
 impl AbsoluteCase<'_> {
-    /// These readings beside what an arm with a misfit's model predicts for them. `set` are those of the model's
+    /// These readings beside what an arm with a discrepancy's model predicts for them. `set` are those of the model's
     /// parameters that the readings depend on, at their `places` among the model's, and counted from the arm itself. Frames of
     /// which `anew` has the parameters take the values that suit these readings best.
     ///
@@ -258,14 +269,16 @@ impl AbsoluteCase<'_> {
         arm: &ElasticArm,
         set: &ParameterSet,
         places: &[usize],
-        misfit: &MisfitModel,
+        discrepancy: &DiscrepancyModel,
         anew: &ParameterSet,
     ) -> Result<Vec<ReadingPrognosis>, FitError> {
-        let joints: Vec<usize> = misfit.joints.iter().map(|each| each.joint).collect();
+        let joints: Vec<usize> = discrepancy.joints.iter().map(|each| each.joint).collect();
         let rows = self.rows_at(arm, set, set.prior().mean.as_slice(), &joints)?;
         let readings = rows.iter().zip(&self.observations);
         let mut found: Vec<(DVector<f64>, DMatrix<f64>)> = readings
-            .map(|(rows, each)| misfit.prognosis(rows, places, each.setup.commanded_rad.as_slice()))
+            .map(|(rows, each)| {
+                discrepancy.prognosis(rows, places, each.setup.commanded_rad.as_slice())
+            })
             .collect();
         if !anew.is_empty() {
             let frames = self.rows_at(arm, anew, anew.prior().mean.as_slice(), &[])?;
@@ -289,13 +302,13 @@ impl AbsoluteCase<'_> {
         let readings = found.iter().zip(&self.observations);
         Ok(readings
             .map(|((left, covariance), each)| {
-                misfit.judged(left, covariance, each.setup.commanded_rad.as_slice())
+                discrepancy.judged(left, covariance, each.setup.commanded_rad.as_slice())
             })
             .collect())
     }
 
     /// How far the base of a station stands from where it was identified, as these readings have it: position (m) and rotation
-    /// (rad) along and about its own axes, and the probability of that if nobody moved it. `set`, `places` and `misfit` as in
+    /// (rad) along and about its own axes, and the probability of that if nobody moved it. `set`, `places` and `discrepancy` as in
     /// [`prognoses`](Self::prognoses).
     ///
     /// # Errors
@@ -305,10 +318,10 @@ impl AbsoluteCase<'_> {
         arm: &ElasticArm,
         set: &ParameterSet,
         places: &[usize],
-        misfit: &MisfitModel,
+        discrepancy: &DiscrepancyModel,
         station: usize,
     ) -> Result<Option<MovedStation>, FitError> {
-        let joints: Vec<usize> = misfit.joints.iter().map(|each| each.joint).collect();
+        let joints: Vec<usize> = discrepancy.joints.iter().map(|each| each.joint).collect();
         let rows = self.rows_at(arm, set, set.prior().mean.as_slice(), &joints)?;
         let position = Axis::ALL.map(|axis| (ParameterKind::BasePosition { station, axis }, None));
         let rotation = Axis::ALL.map(|axis| (ParameterKind::BaseRotation { station, axis }, None));
@@ -316,21 +329,26 @@ impl AbsoluteCase<'_> {
             return Ok(None);
         };
         let frames = self.rows_at(arm, &base, base.prior().mean.as_slice(), &[])?;
-        let size = misfit.covariance.nrows();
+        let size = discrepancy.covariance.nrows();
         // Sums over readings, weighed by what is new in each: of the frame, of all that is known, of both.
         let mut of_frame = DMatrix::zeros(6, 6);
         let mut of_known = DMatrix::zeros(size, size);
         let mut of_both = DMatrix::zeros(size, 6);
         let (mut pull, mut known_pull) = (DVector::zeros(6), DVector::zeros(size));
-        for ((rows, frame), each) in rows.iter().zip(&frames).zip(&self.observations) {
+        let (mut read, mut average) = (Vec::new(), 0.0);
+        let all = rows.iter().zip(&frames).zip(&self.observations).enumerate();
+        for (index, ((rows, frame), each)) in all {
             if each.setup.station != station {
                 continue;
             }
             let q = each.setup.commanded_rad.as_slice();
-            let local = misfit.local(rows, places, q);
+            let local = discrepancy.local(rows, places, q);
+            let new = local.new.diagonal().rows(0, 3).sum();
             let Some(factor) = Cholesky::new(local.new) else {
                 continue;
             };
+            read.push(index);
+            average += new;
             let weighed = factor.solve(&frame.columns);
             of_frame += weighed.tr_mul(&frame.columns);
             pull += weighed.tr_mul(&local.left);
@@ -349,7 +367,7 @@ impl AbsoluteCase<'_> {
             }
         }
         // (R + A C A^T)^-1 = R^-1 - R^-1 A C (1 + A^T R^-1 A C)^-1 A^T R^-1, where C may be singular.
-        let mixed = DMatrix::identity(size, size) + &of_known * &misfit.covariance;
+        let mixed = DMatrix::identity(size, size) + &of_known * &discrepancy.covariance;
         let Some(solved) = mixed.lu().solve(&DMatrix::from_fn(size, 7, |row, column| {
             if column < 6 {
                 of_both[(row, column)]
@@ -359,7 +377,7 @@ impl AbsoluteCase<'_> {
         })) else {
             return Ok(None);
         };
-        let through = of_both.tr_mul(&(&misfit.covariance * solved));
+        let through = of_both.tr_mul(&(&discrepancy.covariance * solved));
         of_frame -= through.columns(0, 6);
         pull -= through.column(6);
         let size = of_frame.diagonal().map(|each| each.max(0.0).sqrt().recip());
@@ -372,7 +390,11 @@ impl AbsoluteCase<'_> {
         let change = factor
             .solve(&pull.component_mul(&size))
             .component_mul(&size);
-        let square = change.dot(&pull) / f64::max(misfit.scale[0], 1.0);
+        let of_station = read.len().max(1) as f64;
+        let displaced: f64 = (read.iter())
+            .map(|&index| (frames[index].columns.rows(0, 3) * &change).norm_squared())
+            .sum();
+        let square = change.dot(&pull) / f64::max(discrepancy.scale[0], 1.0);
         let Ok(distribution) = ChiSquared::new(6.0) else {
             return Ok(None);
         };
@@ -380,6 +402,8 @@ impl AbsoluteCase<'_> {
             position_m: change.fixed_rows::<3>(0).into_owned(),
             rotation_rad: change.fixed_rows::<3>(3).into_owned(),
             probability: distribution.sf(square),
+            readings_m: (displaced / of_station).sqrt(),
+            discrepancy_m: (average / (3.0 * of_station)).sqrt(),
         }))
     }
 }

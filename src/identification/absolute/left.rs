@@ -1,6 +1,7 @@
 //! What a fit leaves of readings.
 
 use nalgebra::Matrix6xX;
+use serde::{Deserialize, Serialize};
 
 use super::{AbsoluteCase, ReadingResidual};
 use crate::observation::{Form, Observation, ObservationModel, Reading};
@@ -8,7 +9,7 @@ use crate::parameter::{ElasticArm, ParameterSet};
 use crate::robot::{EquilibriumError, rotation_vector};
 
 /// How long vectors are.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct DistanceStatistics {
     /// The mean length.
     pub mean: f64,
@@ -22,7 +23,6 @@ pub struct DistanceStatistics {
 
 impl DistanceStatistics {
     /// Of lengths; none of none.
-    #[must_use]
     pub fn of(mut lengths: Vec<f64>) -> Option<Self> {
         lengths.sort_by(f64::total_cmp);
         let count = lengths.len() as f64;
@@ -37,14 +37,22 @@ impl DistanceStatistics {
         })
     }
 
+    /// The same in thousandths: mm for m.
+    pub fn in_thousandths(&self) -> Self {
+        Self {
+            mean: self.mean * 1e3,
+            rms: self.rms * 1e3,
+            quantile95: self.quantile95 * 1e3,
+            largest: self.largest * 1e3,
+        }
+    }
+
     /// Of the positions that are left (m).
-    #[must_use]
     pub fn of_positions(left: &[ReadingResidual]) -> Option<Self> {
         Self::of(left.iter().map(|each| each.position_m.norm()).collect())
     }
 
     /// Of the orientations that are left (rad); none where none are read.
-    #[must_use]
     pub fn of_rotations(left: &[ReadingResidual]) -> Option<Self> {
         let rotations = left.iter().filter_map(|each| each.rotation_rad);
         Self::of(rotations.map(|rotation| rotation.norm()).collect())

@@ -12,7 +12,7 @@ use crate::parameter::{ParameterKind, ParameterSet};
 use crate::robot::Approach;
 
 impl AbsoluteCase<'_> {
-    /// What a fit leaves of the readings that the case was made of. Each counts by its own covariance and by the fit's misfit,
+    /// What a fit leaves of the readings that the case was made of. Each counts by its own covariance and by the fit's discrepancy,
     /// those of one stand, too.
     ///
     /// # Errors
@@ -32,7 +32,7 @@ impl AbsoluteCase<'_> {
         let blocks = self.blocks(BLOCKS.min(self.different() / 2).max(1));
         let mut all = Vec::new();
         for (index, reading) in readings.iter().enumerate() {
-            let each = self.alone(index, fit.misfit.unwrap_or_default());
+            let each = self.alone(index, fit.discrepancy.unwrap_or_default());
             let kind = each.reading.kind();
             let predicted = model
                 .predict(Form::AtRest, &each.setup, kind, &mut rows)
@@ -92,7 +92,7 @@ impl AbsoluteCase<'_> {
         })
     }
 
-    /// A reading as if it shared no misfit with others.
+    /// A reading as if it shared no discrepancy with others.
     fn alone(&self, index: usize, [position_m, rotation_rad]: [f64; 2]) -> Observation {
         let mut covariance = self.covariances[index];
         for row in 0..6 {

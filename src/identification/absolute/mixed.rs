@@ -18,10 +18,10 @@ use statrs::distribution::{Beta, ContinuousCDF};
 
 use super::super::spread::ErrorSpread;
 use super::super::tails::shares_of_tail;
-use super::joint_errors::{JointError, MisfitModel, SQUARE_95, region_square};
+use super::joint_errors::{DiscrepancyModel, JointError, SQUARE_95, region_square};
 use super::rows::LinearReading;
-use super::{AbsoluteCase, Misfit};
-use crate::numeric::wandering::{Tridiagonal, Wandering, knots_among};
+use super::{AbsoluteCase, Discrepancy};
+use crate::numeric::ornstein_uhlenbeck::{OrnsteinUhlenbeck, Tridiagonal, knots_among};
 
 /// No joint has more knots.
 const MOST_KNOTS: usize = 48;
@@ -80,13 +80,13 @@ struct MixedVariances {
     rest: [f64; 2],
     joints: Vec<f64>,
     waves: Vec<f64>,
-    wandering: Vec<Wandering>,
+    process: Vec<OrnsteinUhlenbeck>,
 }
 
 /// The readings with what is known before of the parameters, in the coordinates of what is determined.
 #[derive(Debug, Clone)]
 pub(super) struct MixedModel {
-    stands: Vec<ReadingStand>,
+    visits: Vec<ReadingStand>,
     /// Precision (r x r) and its pull (r).
     prior: DMatrix<f64>,
     pull: DVector<f64>,
@@ -94,7 +94,7 @@ pub(super) struct MixedModel {
     joints: Vec<usize>,
     units: DMatrix<f64>,
     /// Variances to start from, of positions and of rotations.
-    unexplained: [f64; 2],
+    discrepancy_model: [f64; 2],
     /// No joint has more knots.
     most_knots: usize,
     /// The joints with waves, by their places among all.
@@ -125,7 +125,7 @@ struct MixedSolution {
 
 /// What a mixed model gives.
 pub(super) struct MixedFit {
-    pub model: MisfitModel,
+    pub model: DiscrepancyModel,
     /// The shares of readings, and of rotations, that lie in their regions of 95 % as computed, each predicted by a fit to the others.
     pub predicted_by_others: [Option<f64>; 2],
 }
@@ -154,27 +154,27 @@ impl MixedModel {
         joints: Vec<usize>,
         units: DMatrix<f64>,
         [prior, pull]: [DMatrix<f64>; 2],
-        misfit: &Misfit,
+        discrepancy: &Discrepancy,
     ) -> Self {
-        let assumed = misfit.covariance();
+        let assumed = discrepancy.covariance();
         let mut model = Self {
-            stands: Vec::new(),
+            visits: Vec::new(),
             prior,
             pull: pull.column(0).into_owned(),
             joints,
             units,
-            unexplained: [assumed[(0, 0)], assumed[(3, 3)]],
+            discrepancy_model: [assumed[(0, 0)], assumed[(3, 3)]],
             most_knots: MOST_KNOTS,
             waving: Vec::new(),
         };
-        model.stands = model.stands_of(case, rows);
+        model.visits = model.stands_of(case, rows);
         model
     }
 
     /// Stands of readings at what was fitted, perhaps to others.
     pub fn stands_of(&self, case: &AbsoluteCase<'_>, rows: &[LinearReading]) -> Vec<ReadingStand> {
         let (joints, units) = (&self.joints, &self.units);
-        (case.stands.iter())
+        (case.visits.iter())
             .map(|stand| {
                 let size: usize = stand.iter().map(|&index| rows[index].residual.len()).sum();
                 let mut all = ReadingStand {
@@ -185,7 +185,7 @@ impl MixedModel {
                     own: DMatrix::zeros(size, size),
                     coordinates: Vec::new(),
                     angles: Vec::new(),
-                    assumed: self.unexplained.map(|each| each.max(LEAST)),
+                    assumed: self.discrepancy_model.map(|each| each.max(LEAST)),
                 };
                 for &index in stand {
                     let (rows, at) = (&rows[index], all.coordinates.len());
@@ -208,10 +208,10 @@ impl MixedModel {
 
     /// The same of some of the stands.
     fn of_stands(&self, is_in: impl Fn(usize) -> bool) -> Self {
-        let stands = self.stands.iter().enumerate();
-        let stands = stands.filter(|(number, _)| is_in(*number));
+        let visits = self.visits.iter().enumerate();
+        let visits = visits.filter(|(number, _)| is_in(*number));
         Self {
-            stands: stands.map(|(_, stand)| stand.clone()).collect(),
+            visits: visits.map(|(_, stand)| stand.clone()).collect(),
             prior: self.prior.clone(),
             pull: self.pull.clone(),
             joints: self.joints.clone(),
@@ -224,7 +224,7 @@ impl MixedModel {
     /// The same with slow waves in the error of each joint that turns, as many as hide in parameters.
     pub fn with_waves(mut self, turns: &[bool]) -> Self {
         let turning: Vec<usize> = (0..turns.len()).filter(|&joint| turns[joint]).collect();
-        for stand in &mut self.stands {
+        for stand in &mut self.visits {
             let waves = turning.iter().flat_map(|&joint| {
                 let (moved, angle) = (stand.joints.column(joint), stand.angles[joint]);
                 (1..=HIDDEN_WAVES).flat_map(move |order| {
@@ -245,7 +245,7 @@ impl MixedModel {
 
     fn without_waves(&self) -> Self {
         let mut model = self.clone();
-        for stand in &mut model.stands {
+        for stand in &mut model.visits {
             stand.waves = DMatrix::zeros(stand.residual.len(), 0);
         }
         model.waving.clear();
@@ -270,18 +270,19 @@ impl MixedModel {
                 .resize_horizontally(own + others, 0.0),
             ..stand.clone()
         };
-        let stands = self.stands.iter().map(|each| wide(each, 0));
-        let stands = stands.chain(other.stands.iter().map(|each| wide(each, own)));
+        let visits = self.visits.iter().map(|each| wide(each, 0));
+        let visits = visits.chain(other.visits.iter().map(|each| wide(each, own)));
         let mut pull = self.pull.clone().resize_vertically(own + others, 0.0);
         pull.rows_mut(own, others).copy_from(&other.pull);
         Self {
-            stands: stands.collect(),
+            visits: visits.collect(),
             prior: corner(&self.prior, &other.prior),
             pull,
             joints: self.joints.clone(),
             units: corner(&self.units, &other.units),
-            unexplained: [0, 1]
-                .map(|part| f64::midpoint(self.unexplained[part], other.unexplained[part])),
+            discrepancy_model: [0, 1].map(|part| {
+                f64::midpoint(self.discrepancy_model[part], other.discrepancy_model[part])
+            }),
             most_knots: self.most_knots.min(other.most_knots),
             waving: self.waving.clone(),
         }
@@ -363,43 +364,43 @@ impl MixedModel {
 
     /// Half of what is unexplained in the joints.
     fn first(&self) -> MixedVariances {
-        let count = (self.stands.len() / STANDS_PER_KNOT).clamp(2, self.most_knots);
-        let wandering: Vec<Wandering> = (0..self.joints.len())
+        let count = (self.visits.len() / STANDS_PER_KNOT).clamp(2, self.most_knots);
+        let process: Vec<OrnsteinUhlenbeck> = (0..self.joints.len())
             .map(|joint| {
-                let angles: Vec<f64> = self.stands.iter().map(|each| each.angles[joint]).collect();
+                let angles: Vec<f64> = self.visits.iter().map(|each| each.angles[joint]).collect();
                 let knots = knots_among(&angles, count);
-                Wandering {
-                    length: Wandering::longest(&knots),
+                OrnsteinUhlenbeck {
+                    length: OrnsteinUhlenbeck::longest(&knots),
                     knots,
                 }
             })
             .collect();
         let (mut moved, mut rows) = (0.0, 0.0);
-        for stand in &self.stands {
+        for stand in &self.visits {
             for (row, _) in (stand.coordinates.iter().enumerate()).filter(|(_, each)| **each < 3) {
                 moved += stand.joints.row(row).norm_squared();
                 rows += 1.0;
             }
         }
-        let [position, rotation] = self.unexplained;
+        let [position, rotation] = self.discrepancy_model;
         let of_joints = 0.5 * position * rows / f64::max(moved, f64::MIN_POSITIVE);
         MixedVariances {
             rest: [0.5 * position, 0.5 * rotation].map(|each| each.max(LEAST)),
-            joints: vec![of_joints.clamp(LEAST, 1e-4); wandering.len()],
+            joints: vec![of_joints.clamp(LEAST, 1e-4); process.len()],
             waves: vec![of_joints.clamp(LEAST, 1e-4); self.waves() / (2 * HIDDEN_WAVES)],
-            wandering,
+            process,
         }
     }
 
     /// The number of waves of all joints.
     fn waves(&self) -> usize {
-        self.stands.first().map_or(0, |stand| stand.waves.ncols())
+        self.visits.first().map_or(0, |stand| stand.waves.ncols())
     }
 
     /// Where the knots of each joint begin among all unknowns, where all waves do, and the number of unknowns.
     fn offsets(&self, variances: &MixedVariances) -> Vec<usize> {
         let mut offsets = vec![self.units.ncols()];
-        for each in &variances.wandering {
+        for each in &variances.process {
             offsets.push(offsets[offsets.len() - 1] + each.knots.len());
         }
         offsets.push(offsets[offsets.len() - 1] + self.waves());
@@ -410,10 +411,10 @@ impl MixedModel {
         let offsets = self.offsets(variances);
         let size = *offsets.last()?;
         let pieces: Vec<Option<(DMatrix<f64>, DVector<f64>)>> = (self.pieces())
-            .map(|stands| {
+            .map(|visits| {
                 let mut information = DMatrix::zeros(size, size);
                 let mut gradient = DVector::zeros(size);
-                for stand in stands {
+                for stand in visits {
                     let local = stand.local(variances, &offsets);
                     let factor = Cholesky::new(local.covariance)?;
                     let weighed = factor.solve(&local.matrix);
@@ -442,8 +443,8 @@ impl MixedModel {
         before += &self.prior;
         let mut pull = gradient.rows_mut(0, fixed);
         pull += &self.pull;
-        for (joint, wandering) in variances.wandering.iter().enumerate() {
-            let (precision, _) = wandering.precision();
+        for (joint, process) in variances.process.iter().enumerate() {
+            let (precision, _) = process.precision();
             let (at, variance) = (offsets[joint], variances.joints[joint]);
             for (knot, value) in precision.diagonal.iter().enumerate() {
                 information[(at + knot, at + knot)] += value / variance;
@@ -453,7 +454,7 @@ impl MixedModel {
                 information[(at + knot + 1, at + knot)] += value / variance;
             }
         }
-        let first = offsets[variances.wandering.len()];
+        let first = offsets[variances.process.len()];
         for at in first..size {
             information[(at, at)] += variances.of_wave(at - first).recip();
         }
@@ -475,8 +476,8 @@ impl MixedModel {
     }
 
     fn pieces(&self) -> impl IndexedParallelIterator<Item = &[ReadingStand]> {
-        let size = self.stands.len().div_ceil(PIECES).max(1);
-        self.stands.par_chunks(size)
+        let size = self.visits.len().div_ceil(PIECES).max(1);
+        self.visits.par_chunks(size)
     }
 
     fn improved(
@@ -490,9 +491,9 @@ impl MixedModel {
             joints: vec![[0.0; 2]; self.joints.len()],
         };
         let pieces: Vec<Option<VarianceImprovement>> = (self.pieces())
-            .map(|stands| {
+            .map(|visits| {
                 let mut sum = nothing.clone();
-                for stand in stands {
+                for stand in visits {
                     stand.improve(&stand.local(variances, &offsets), solved, &mut sum)?;
                 }
                 Some(sum)
@@ -518,8 +519,8 @@ impl MixedModel {
             told.push(variances.rest[part] * sum.rest[part][1]);
             next.rest[part] = better(variances.rest[part], sum.rest[part]);
         }
-        for (joint, wandering) in variances.wandering.iter().enumerate() {
-            let (at, count) = (offsets[joint], wandering.knots.len());
+        for (joint, process) in variances.process.iter().enumerate() {
+            let (at, count) = (offsets[joint], process.knots.len());
             let variance = variances.joints[joint];
             let product = |one: usize, other: usize| solved.mean[one] * solved.mean[other];
             let mut values = Tridiagonal {
@@ -536,7 +537,7 @@ impl MixedModel {
                     .map(|each| solved.covariance[(each - 1, each)])
                     .collect(),
             };
-            let (precision, _) = wandering.precision();
+            let (precision, _) = process.precision();
             let square = precision.product_trace(&values) / (variance * variance);
             let known = precision.product_trace(&covariance) / variance;
             let mut own = sum.joints[joint];
@@ -548,11 +549,11 @@ impl MixedModel {
             for (value, known) in all.zip(covariance.diagonal.iter().chain(&covariance.beside)) {
                 *value += known;
             }
-            next.wandering[joint].length = wandering.likeliest_length(&values);
+            next.process[joint].length = process.likeliest_length(&values);
         }
         for (joint, &variance) in variances.waves.iter().enumerate() {
             let count = 2 * HIDDEN_WAVES;
-            let at = offsets[variances.wandering.len()] + joint * count;
+            let at = offsets[variances.process.len()] + joint * count;
             let square = solved.mean.rows(at, count).norm_squared() / (variance * variance);
             let own = solved.covariance.view((at, at), (count, count)).trace();
             let trace = (count as f64 - own / variance).max(0.0) / variance;
@@ -562,20 +563,20 @@ impl MixedModel {
         Some(ImprovedVariances { next, told })
     }
 
-    /// The covariance (p x p) of a fit that took readings of different stands as independent with this misfit, where the
+    /// The covariance (p x p) of a fit that took readings of different stands as independent with this discrepancy, where the
     /// variances are these: H^-1 (sum A^T V A) H^-1.
     fn sandwich(&self, variances: &MixedVariances) -> Option<DMatrix<f64>> {
         let offsets = self.offsets(variances);
         let fixed = self.units.ncols();
         let knots = offsets.last()? - fixed;
         let pieces: Vec<Option<[DMatrix<f64>; 3]>> = (self.pieces())
-            .map(|stands| {
+            .map(|visits| {
                 let mut sums = [
                     DMatrix::zeros(fixed, fixed),
                     DMatrix::zeros(fixed, fixed),
                     DMatrix::zeros(fixed, knots),
                 ];
-                for stand in stands {
+                for stand in visits {
                     let local = stand.local(variances, &offsets);
                     let weighed = stand.weighed()?;
                     sums[0] += weighed.tr_mul(&stand.fixed);
@@ -598,15 +599,15 @@ impl MixedModel {
             square += other;
             through += joints;
         }
-        for (joint, wandering) in variances.wandering.iter().enumerate() {
-            let count = wandering.knots.len();
+        for (joint, process) in variances.process.iter().enumerate() {
+            let count = process.knots.len();
             let own = through.columns(offsets[joint] - fixed, count);
             let among = DMatrix::from_fn(count, count, |row, column| {
-                variances.joints[joint] * wandering.correlation(row, column)
+                variances.joints[joint] * process.correlation(row, column)
             });
             square += own * among * own.transpose();
         }
-        let first = offsets[variances.wandering.len()] - fixed;
+        let first = offsets[variances.process.len()] - fixed;
         for wave in 0..self.waves() {
             let own = through.column(first + wave);
             square += own * variances.of_wave(wave) * own.transpose();
@@ -621,14 +622,14 @@ impl MixedModel {
         let offsets = self.offsets(variances);
         let fixed = self.units.ncols();
         let mut curvature = self.prior.clone();
-        for stand in &self.stands {
+        for stand in &self.visits {
             curvature += stand.weighed()?.tr_mul(&stand.fixed);
         }
         let sums = Cholesky::new(curvature)?.solve(&self.units.tr_mul(sums));
-        let joints = variances.wandering.len();
+        let joints = variances.process.len();
         let mut parts = DMatrix::zeros(3 + joints + variances.waves.len(), sums.ncols());
         let mut through = DMatrix::zeros(sums.ncols(), offsets.last()? - fixed);
-        for stand in &self.stands {
+        for stand in &self.visits {
             let local = stand.local(variances, &offsets);
             let gains = stand.weighed()? * &sums;
             let moved = gains.tr_mul(&local.matrix);
@@ -653,11 +654,11 @@ impl MixedModel {
         }
         for (at, sum) in sums.column_iter().enumerate() {
             parts[(0, at)] += sum.dot(&(&self.prior * sum));
-            for (joint, wandering) in variances.wandering.iter().enumerate() {
-                let count = wandering.knots.len();
+            for (joint, process) in variances.process.iter().enumerate() {
+                let count = process.knots.len();
                 let own = through.view((at, offsets[joint] - fixed), (1, count));
                 let among = DMatrix::from_fn(count, count, |row, column| {
-                    variances.joints[joint] * wandering.correlation(row, column)
+                    variances.joints[joint] * process.correlation(row, column)
                 });
                 parts[(3 + joint, at)] += (own * among * own.transpose())[(0, 0)];
             }
@@ -670,7 +671,7 @@ impl MixedModel {
         Some(parts)
     }
 
-    fn model(&self, variances: &MixedVariances, solved: &MixedSolution) -> MisfitModel {
+    fn model(&self, variances: &MixedVariances, solved: &MixedSolution) -> DiscrepancyModel {
         let offsets = self.offsets(variances);
         let fixed = self.units.ncols();
         let (parameters, knots) = (self.units.nrows(), solved.mean.len() - fixed);
@@ -681,24 +682,24 @@ impl MixedModel {
         units
             .view_mut((parameters, fixed), (knots, knots))
             .fill_with_identity();
-        let joints = variances.wandering.iter().enumerate();
+        let joints = variances.process.iter().enumerate();
         let [position_m, rotation_rad] = variances.rest.map(f64::sqrt);
-        MisfitModel {
+        DiscrepancyModel {
             joints: joints
-                .map(|(joint, wandering)| JointError {
+                .map(|(joint, process)| JointError {
                     joint: self.joints[joint],
                     values: (solved.mean.rows_range(offsets[joint]..offsets[joint + 1]))
                         .iter()
                         .copied()
                         .collect(),
-                    wandering: wandering.clone(),
+                    process: process.clone(),
                     deviation: variances.joints[joint].sqrt(),
                     spread: [Vec::new(), Vec::new()],
                 })
                 .collect(),
             shift: &self.units * solved.mean.rows(0, fixed),
             covariance: &units * &solved.covariance * units.transpose(),
-            rest: Misfit {
+            rest: Discrepancy {
                 position_m,
                 rotation_rad: if self.has_rotations() {
                     rotation_rad
@@ -711,18 +712,18 @@ impl MixedModel {
     }
 
     fn has_rotations(&self) -> bool {
-        let mut coordinates = self.stands.iter().flat_map(|stand| &stand.coordinates);
+        let mut coordinates = self.visits.iter().flat_map(|stand| &stand.coordinates);
         coordinates.any(|coordinate| *coordinate >= 3)
     }
 
     /// The squares of position and rotation of each reading over their covariance, predicted by stands that its own was not among, variances
     /// and knots, too: those are chosen so that they suit what was fitted, at the angles where that stood.
     fn squares_by_others(&self) -> Vec<PredictedSquares<'_>> {
-        let parts = (STANDS_OF_PARTS / self.stands.len().max(1)).clamp(2, PARTS);
+        let parts = (STANDS_OF_PARTS / self.visits.len().max(1)).clamp(2, PARTS);
         let each = (0..parts).into_par_iter().map(|part| {
             let others = self.of_stands(|number| number % parts != part);
             let (variances, solved) = others.likeliest()?;
-            let own = self.stands.iter().skip(part).step_by(parts);
+            let own = self.visits.iter().skip(part).step_by(parts);
             let squares = own.flat_map(|stand| others.squares_at(stand, &variances, &solved));
             Some(squares.collect::<Vec<_>>())
         });
@@ -763,18 +764,24 @@ struct PredictedSquares<'a> {
     squares: [Option<f64>; 2],
 }
 
-/// The sum of a variance's parts, the first of them known and the others told by so many numbers, and its degrees of freedom.
+/// The sum of a variance's parts, the first of them known and the others told by so many numbers, by one at least, and its degrees
+/// of freedom: no end of them where all is known.
 fn satterthwaite(parts: DVectorView<'_, f64>, told: &[f64]) -> (f64, f64) {
     let variance = parts.sum();
     let estimated = parts.iter().skip(1).zip(told);
     let spread: f64 = estimated
         .filter(|(part, _)| **part > 0.0)
-        .map(|(part, told)| part * part / told)
+        .map(|(part, told)| part * part / told.max(1.0))
         .sum();
-    (variance, variance * variance / spread)
+    let freedom = if spread > 0.0 {
+        variance * variance / spread
+    } else {
+        f64::INFINITY
+    };
+    (variance, freedom)
 }
 
-impl MisfitModel {
+impl DiscrepancyModel {
     /// Takes over how large errors of positions (0) or rotations (1) were that were seen: of readings that were fitted, and of others that were left
     /// out and count as far as they are no wrong ones but of a tail that the errors have. Returns the share of the former that lies in regions of
     /// 95 % as computed.
@@ -821,7 +828,7 @@ impl MisfitModel {
         let angles: Vec<&[f64]> = all.iter().map(|each| each.0).collect();
         let squares: Vec<f64> = all.iter().map(|each| each.1).collect();
         let ranges: Vec<[f64; 2]> = (self.joints.iter())
-            .map(|each| each.wandering.range())
+            .map(|each| each.process.range())
             .collect();
         let Some(spread) = ErrorSpread::of_means(&squares, &angles, &ranges) else {
             return vec![1.0; all.len()];
@@ -927,8 +934,8 @@ impl ReadingStand {
         let mut covariance = self.own.clone();
         self.add_shared(&mut covariance, variances.rest);
         let mut spare = Vec::new();
-        for (joint, wandering) in variances.wandering.iter().enumerate() {
-            let between = wandering.between(self.angles[joint]);
+        for (joint, process) in variances.process.iter().enumerate() {
+            let between = process.between(self.angles[joint]);
             let moved = self.joints.column(joint);
             for (knot, weight) in between.knots.into_iter().zip(between.weights) {
                 matrix.column_mut(index.len()).copy_from(&(moved * weight));
@@ -938,7 +945,7 @@ impl ReadingStand {
             covariance.ger(own, &moved, &moved, 1.0);
             spare.push(between.spare);
         }
-        let first = offsets[variances.wandering.len()];
+        let first = offsets[variances.process.len()];
         for (wave, moved) in self.waves.column_iter().enumerate() {
             matrix.column_mut(index.len()).copy_from(&moved);
             index.push(first + wave);

@@ -1,36 +1,40 @@
 //! One fit to absolute readings: where stations and targets are, joint zeros, geometry, compliances, springs and
 //! masses together.
 //!
-//! Frames start from closed forms of the data ([`MountedFrames`](super::MountedFrames)). What cannot be told apart by any
+//! Frames start from closed forms of the data ([`MountedFrames`](super::MountedFrames)). What cannot be separated by any
 //! reading, such as a joint's zero and the base's rotation about its axis, is left out one by one and named; what these readings
 //! do not determine stays at its nominal value and is named, too.
 
 mod blocks;
 mod case;
-mod contradictions;
 mod error;
 mod fit;
+mod inconsistencies;
+mod input_errors;
 mod joint_errors;
-mod ladder;
 mod left;
 mod looked;
 mod mixed;
+mod model_selection;
+mod outliers;
 mod parts;
-mod rejection;
 mod rows;
 mod transfer;
 mod unknowns;
 mod without;
 
-use super::misfit::{Misfit, ReadingResidual, joint_space_blocks};
-use super::rejection::RejectedReading;
+use super::copies::CopiedReadings;
+use super::discrepancy::{Discrepancy, ReadingResidual, joint_space_blocks};
+use super::outliers::RejectedReading;
 pub use blocks::FEWEST_BLOCKS;
 pub use case::AbsoluteCase;
-pub use contradictions::{CONTRADICTION, Contradiction, Contradictions, SeriesEstimates};
 pub use error::AbsoluteError;
 pub use fit::{AbsoluteFit, ReadingWeights, Unexplained};
-pub use joint_errors::{JointError, MisfitModel, MovedStation, ReadingPrognosis, SQUARE_95};
-pub use ladder::{CrossValidation, Ladder, ParameterChange, Recommendation, Rung, RungTest};
+pub use inconsistencies::{CONTRADICTION, Inconsistencies, Inconsistency, SeriesEstimates};
+pub use joint_errors::{DiscrepancyModel, JointError, MovedStation, ReadingPrognosis, SQUARE_95};
 pub use left::DistanceStatistics;
+pub use model_selection::{
+    CrossValidation, ModelSelection, NestedModel, NestedModelTest, ParameterChange, Recommendation,
+};
 pub use parts::PartsOfReadings;
 pub use unknowns::{LeftOut, ParameterGroup};

@@ -32,14 +32,14 @@ impl<'a> AbsoluteCase<'a> {
         mut self,
         groups: &[ParameterGroup],
     ) -> Result<PartsOfReadings<'a>, AbsoluteError> {
-        if self.stands.len() < self.observations.len() {
+        if self.visits.len() < self.observations.len() {
             return Err(AbsoluteError::Together);
         }
         self.keeps_all = true;
         let all = self.fit(groups, ReadingWeights::AsNeeded)?;
         // The fit leaves the readings with their own weights.
-        if let Some(misfit) = all.misfit {
-            self.weigh(misfit);
+        if let Some(discrepancy) = all.discrepancy {
+            self.weigh(discrepancy);
         }
         Ok(PartsOfReadings { case: self, all })
     }
@@ -47,14 +47,12 @@ impl<'a> AbsoluteCase<'a> {
 
 impl PartsOfReadings<'_> {
     /// What is fitted.
-    #[must_use]
     pub const fn set(&self) -> &ParameterSet {
         &self.all.set
     }
 
     /// What each reading tells of the unknowns (p x p, in typical sizes), with the robot nominal, and frames where all readings
     /// say.
-    #[must_use]
     pub fn told(&self) -> Vec<DMatrix<f64>> {
         let set = self.set();
         let planned: Vec<_> = (self.case.observations.iter())
@@ -64,14 +62,12 @@ impl PartsOfReadings<'_> {
     }
 
     /// What is known before (p x p, in typical sizes).
-    #[must_use]
     pub fn known_before(&self) -> DMatrix<f64> {
         relative_precision(self.set())
     }
 
     /// C^T (p x 3 n): how the positions of all n readings follow the unknowns (in typical sizes), times the root of 1/n, so that
     /// `rho_0`^2 is the mean square distance over them.
-    #[must_use]
     pub fn positions(&self) -> DMatrix<f64> {
         let set = self.set();
         let setups: Vec<_> = (self.case.observations.iter())
@@ -82,9 +78,6 @@ impl PartsOfReadings<'_> {
     }
 
     /// The fit of some of these observations, which may be those of the case or others in their places.
-    ///
-    /// # Errors
-    /// See [`FitError`].
     pub fn fit(
         &self,
         observations: &[Observation],
@@ -111,7 +104,7 @@ impl PartsOfReadings<'_> {
     ///
     /// # Errors
     /// The robot has no equilibrium there.
-    pub fn without_misfit(
+    pub fn without_discrepancy(
         &self,
         random: &mut ChaCha8Rng,
     ) -> Result<Vec<Observation>, EquilibriumError> {

@@ -43,7 +43,6 @@ pub enum ParameterGroup {
 
 impl ParameterGroup {
     /// Its word on the command line.
-    #[must_use]
     pub const fn word(self) -> &'static str {
         match self {
             Self::Frames => "frames",

@@ -19,7 +19,7 @@ pub struct ReadingEvidence {
     pub value: f64,
     /// The weighted sum of squares that is left with the most probable compliances, those of the
     /// compliances about the nominal ones included.
-    pub misfit: f64,
+    pub discrepancy: f64,
     /// The factor by which all compliances together differ from the nominal ones.
     pub scale: f64,
 }
@@ -38,7 +38,7 @@ impl ReadingEvidence {
         let map = 2.0 * (log_sigma(case, read) - log_stretch(file, read));
         Self {
             value: marginal.minimum(matches!(case.sigma, Sigma::FromResiduals(_))) + map,
-            misfit: marginal.square(1.0),
+            discrepancy: marginal.square(1.0),
             scale,
         }
     }
@@ -50,6 +50,7 @@ fn relative_equations(case: &Case<'_>, measurements: &[Measurement]) -> Equation
     let case = Case {
         prior: None,
         uncertain: None,
+        held: &[],
         ..case.with(measurements)
     };
     let source = case.equation_source();

@@ -221,9 +221,9 @@ fn rotation(case: &Case<'_>, measurements: &[Measurement]) -> Option<Hypothesis>
         mistake: Mistake::Frame(matrix),
         price: price.max(0.0),
     };
-    let misfit = |matrix: &Matrix3<f64>| {
+    let discrepancy = |matrix: &Matrix3<f64>| {
         let read = hypothesis(*matrix).apply(case, measurements);
-        ReadingEvidence::new(case, measurements, &read).misfit
+        ReadingEvidence::new(case, measurements, &read).discrepancy
     };
     let refined = |start: Matrix3<f64>| {
         let mut matrix = start;
@@ -231,11 +231,11 @@ fn rotation(case: &Case<'_>, measurements: &[Measurement]) -> Option<Hypothesis>
             let read = hypothesis(matrix).apply(case, measurements);
             matrix = nearest_rotation(case, measurements, &read)?;
         }
-        Some((misfit(&matrix), matrix))
+        Some((discrepancy(&matrix), matrix))
     };
     let mut starts: Vec<(f64, Matrix3<f64>)> = right_angles
         .chain([Matrix3::identity()])
-        .map(|matrix| (misfit(&matrix), matrix))
+        .map(|matrix| (discrepancy(&matrix), matrix))
         .collect();
     starts.sort_by(|one, other| one.0.total_cmp(&other.0));
     let best = (starts.into_iter().take(STARTS))

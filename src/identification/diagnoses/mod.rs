@@ -8,14 +8,14 @@
 //! ```
 //!
 //! The half is the trust in nominal compliances, and v, with density v^-2, leaves room for a model that
-//! misfits. The evidence of a reading is the probability density of the numbers in the file, k
+//! discrepancies. The evidence of a reading is the probability density of the numbers in the file, k
 //! integrated out and v at its best. A mistake is named if the evidence for it is more than a million
 //! times that for the file as it is, after paying for the number of mistakes of its kind that were
 //! tried. If the file is right, the ratio of two densities exceeds K with a probability of at most
 //! 1/K (Markov's inequality): a false alarm in a million files for each kind.
 //!
-//! What says where and how the robot bends must also halve the rms misfit at least: on a real robot
-//! the model's misfit is not independent from row to row, and no small improvement is evidence.
+//! What says where and how the robot bends must also halve the rms discrepancy at least: on a real robot
+//! the model's discrepancy is not independent from row to row, and no small improvement is evidence.
 //! A unit of all loads or deflections must bring the compliances to half to twice the nominal ones on
 //! average, the sign of all must make them positive.
 
@@ -27,6 +27,7 @@ mod words;
 use nalgebra::{Matrix3, Vector3};
 
 use super::{Case, Identification};
+use crate::codes::{Condition, ConditionCode};
 use crate::measurement::Measurement;
 use crate::robot::Robot;
 use evidence::ReadingEvidence;
@@ -36,7 +37,7 @@ use hypotheses::{Hypothesis, hypotheses};
 const DECISIVE: f64 = 27.6;
 /// Mistakes that are at most a hundred times less probable than the likeliest one are named too.
 const AS_GOOD: f64 = 9.2;
-/// The share of the misfit's square that may be left: the rms is halved.
+/// The share of the discrepancy's square that may be left: the rms is halved.
 const SHARE_LEFT: f64 = 0.25;
 /// So many mistakes are looked for one on top of the other.
 const DEPTH: usize = 3;
@@ -98,10 +99,23 @@ pub struct Diagnosis {
     pub text: String,
 }
 
+impl Diagnosis {
+    /// The same as a condition.
+    pub fn condition(&self) -> Condition {
+        match self.mistake {
+            Mistake::IdenticalRows(_) => ConditionCode::CopiedRows.with(&self.text),
+            Mistake::IdenticalReadings(_) => ConditionCode::CopiedReadings.with(&self.text),
+            Mistake::AnglesOutsideRange { .. } => {
+                ConditionCode::AnglesOutsideLimits.with(&self.text)
+            }
+            _ => ConditionCode::InputError.with(format!("likely input error: {}", self.text)),
+        }
+    }
+}
+
 /// The likely mistakes in measurements. `identification` is what was identified from them, `None` if
 /// that failed. What shows in the file alone is always named; the other mistakes only where the
 /// identification is suspicious.
-#[must_use]
 pub fn diagnoses(case: &Case<'_>, identification: Option<&Identification>) -> Vec<Diagnosis> {
     let mut found = facts::facts(case);
     if identification.is_none_or(|found| is_suspicious(found, case.nominal)) {
@@ -126,7 +140,6 @@ fn is_suspicious(identification: &Identification, nominal: &Robot) -> bool {
 
 /// The mistakes that explain the measurements decisively better than reading them as they are, one
 /// on top of the other, whether the measurements are suspicious or not.
-#[must_use]
 pub fn likely_mistakes(case: &Case<'_>) -> Vec<Diagnosis> {
     let step = case.measurements.len().div_ceil(MOST_MEASUREMENTS).max(1);
     let mut read: Vec<Measurement> = case.measurements.iter().step_by(step).cloned().collect();
@@ -167,7 +180,7 @@ fn best(case: &Case<'_>, measurements: &[Measurement]) -> Vec<(Hypothesis, f64)>
                 Mistake::LoadUnit(_) | Mistake::DeflectionUnit(_) => {
                     (0.5..=2.0).contains(&evidence.scale.abs())
                 }
-                _ => evidence.misfit <= SHARE_LEFT * as_it_is.misfit,
+                _ => evidence.discrepancy <= SHARE_LEFT * as_it_is.discrepancy,
             };
             (gain > DECISIVE && explains).then_some((hypothesis, gain))
         })

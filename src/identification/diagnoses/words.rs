@@ -26,22 +26,19 @@ pub fn fact(case: &Case<'_>, mistake: &Mistake) -> String {
             let [(angle, unit), (from, _), (to, _)] =
                 [*angle_rad, from, to].map(|value| drive.shown(value));
             format!(
-                "{measurements} of {} measurements have commanded angles outside the joints' ranges: \
-                 {} of measurement {} is {angle:.1} {unit}, allowed are {from:.1} to {to:.1} {unit}. Check units, signs \
-                 and order of the angles' columns",
+                "{measurements} of {} measurements have commanded angles outside the joint limits: \
+                 {} of measurement {} is {angle:.1} {unit}, allowed are {from:.1} to {to:.1} {unit}",
                 case.measurements.len(),
                 column(case, *joint),
                 measurement + 1,
             )
         }
         Mistake::IdenticalRows(pairs) => format!(
-            "rows are copies of others, with the same reading to the last digit ({}): copies make the \
-             uncertainties too small. Leave them out",
+            "equal rows, with the same reading to the last digit: {}",
             listed(pairs)
         ),
         Mistake::IdenticalReadings(pairs) => format!(
-            "measurements of different angles or loads have the same reading to the last digit ({}): \
-             was one copied over the other?",
+            "the same reading to the last digit at different angles or loads: {}",
             listed(pairs)
         ),
         other => name(case, other),
@@ -71,10 +68,10 @@ pub fn likely(
     let mistake = &first.0.mistake;
     let mut text = format!("{}? {}", name(case, mistake), remedy(case, mistake));
     if let Some(after) = after {
-        text += &format!(". Read so, {}", outcome(case, after));
+        text += &format!(". Then {}", outcome(case, after));
         text += &match before {
-            Some(before) => format!("; as it is, {}", outcome(case, before)),
-            None => "; as it is, nothing can be identified".to_owned(),
+            Some(before) => format!("; as read, {}", outcome(case, before)),
+            None => "; as read, nothing can be identified".to_owned(),
         };
     }
     if !others.is_empty() {
@@ -89,8 +86,8 @@ pub fn likely(
 /// Residuals and compliances of an identification.
 fn outcome(case: &Case<'_>, identification: &Identification) -> String {
     let residuals = identification.residual_sigma_m.map_or_else(
-        || "nothing is left for residuals".to_owned(),
-        |sigma| format!("residuals show {} mm", short(sigma * 1e3)),
+        || "there are no residuals".to_owned(),
+        |sigma| format!("residual sigma {} mm", short(sigma * 1e3)),
     );
     let nominal = &case.nominal.compliance_rad_per_nm;
     let ratios = || {
@@ -104,7 +101,7 @@ fn outcome(case: &Case<'_>, identification: &Identification) -> String {
         residuals
     } else {
         format!(
-            "{residuals} and compliances are {} to {} times the nominal ones",
+            "{residuals}, compliances {} to {} times nominal",
             short(smallest),
             short(largest)
         )

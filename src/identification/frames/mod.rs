@@ -6,6 +6,7 @@
 //! them by turns from linear starts. What fits best is taken.
 
 mod positions;
+mod robust;
 mod rotations;
 
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
@@ -26,6 +27,8 @@ pub struct Sight {
     pub position_m: Vector3<f64>,
     /// What was read of its orientation.
     pub rotation: Option<Matrix3<f64>>,
+    /// How much it counts; one of all, as a rule.
+    pub weight: f64,
 }
 
 /// Frames of stations and targets.
@@ -39,7 +42,6 @@ pub struct MountedFrames {
 
 impl MountedFrames {
     /// What readings let one guess; `tools` are where the targets are believed to be.
-    #[must_use]
     pub fn guessed(sights: &[Sight], stations: usize, tools: &[Isometry3<f64>]) -> Self {
         let mut starts = vec![Self {
             instrument_from_base: vec![Isometry3::identity(); stations],
@@ -62,17 +64,19 @@ impl MountedFrames {
 
     /// The sum of squares of what is left (m^2).
     fn cost(&self, sights: &[Sight]) -> f64 {
-        let of_one = |sight: &Sight| {
-            let seen = self.instrument_from_base[sight.station]
-                * sight.base_from_link
-                * self.link_from_tool[sight.target];
-            let turned = sight.rotation.map_or(0.0, |rotation| {
-                (rotation - seen.rotation.to_rotation_matrix().matrix()).norm_squared() / 2.0
-            });
-            (sight.position_m - seen.translation.vector).norm_squared()
-                + turned * LENGTH_M * LENGTH_M
-        };
+        let of_one = |sight: &Sight| sight.weight * self.square(sight);
         sights.iter().map(of_one).sum()
+    }
+
+    /// What is left of one (m^2).
+    pub(super) fn square(&self, sight: &Sight) -> f64 {
+        let seen = self.instrument_from_base[sight.station]
+            * sight.base_from_link
+            * self.link_from_tool[sight.target];
+        let turned = sight.rotation.map_or(0.0, |rotation| {
+            (rotation - seen.rotation.to_rotation_matrix().matrix()).norm_squared() / 2.0
+        });
+        (sight.position_m - seen.translation.vector).norm_squared() + turned * LENGTH_M * LENGTH_M
     }
 
     /// Turns each tool as the orientations have it where the stations are.
@@ -85,7 +89,7 @@ impl MountedFrames {
                 };
                 let base = self.instrument_from_base[sight.station].rotation;
                 let link = (base * sight.base_from_link.rotation).to_rotation_matrix();
-                sum += link.matrix().transpose() * rotation;
+                sum += link.matrix().transpose() * rotation * sight.weight;
             }
             if sum != Matrix3::zeros() {
                 tool.rotation = UnitQuaternion::from_rotation_matrix(&nearest(&sum));
@@ -113,6 +117,9 @@ fn isometry(rotation: &Rotation3<f64>, translation_m: Vector3<f64>) -> Isometry3
         UnitQuaternion::from_rotation_matrix(rotation),
     )
 }
+
+pub use robust::RobustFrames;
+pub(super) use robust::{median_or_zero, reach};
 
 #[cfg(test)]
 mod tests;

@@ -64,28 +64,38 @@ fn left(frames: &MountedFrames, sights: &[Sight]) -> f64 {
         let tool = frames.link_from_tool[sight.target].translation.vector;
         let there = sight.base_from_link.transform_point(&tool.into());
         let seen = frames.instrument_from_base[sight.station].transform_point(&there);
-        (sight.position_m - seen.coords).norm_squared()
+        sight.weight * (sight.position_m - seen.coords).norm_squared()
     };
     sights.iter().map(of_one).sum()
 }
 
+/// Where a target is in the robot's base and where it was read (m), and how much that counts.
+type WeighedPair = (Vector3<f64>, Vector3<f64>, f64);
+
 /// The stations that fit best where the targets are.
 fn place_stations(frames: &mut MountedFrames, sights: &[Sight]) {
     for (station, base) in frames.instrument_from_base.iter_mut().enumerate() {
-        let pairs: Vec<(Vector3<f64>, Vector3<f64>)> = (sights.iter())
+        let pairs: Vec<WeighedPair> = (sights.iter())
             .filter(|sight| sight.station == station)
             .map(|sight| {
                 let tool = frames.link_from_tool[sight.target].translation.vector;
                 let there = sight.base_from_link.transform_point(&tool.into());
-                (there.coords, sight.position_m)
+                (there.coords, sight.position_m, sight.weight)
             })
             .collect();
-        let count = pairs.len().max(1) as f64;
-        let here: Vector3<f64> = pairs.iter().map(|pair| pair.0).sum::<Vector3<f64>>() / count;
-        let seen: Vector3<f64> = pairs.iter().map(|pair| pair.1).sum::<Vector3<f64>>() / count;
+        let weights: f64 = pairs.iter().map(|pair| pair.2).sum();
+        let weights = if weights > 0.0 { weights } else { 1.0 };
+        let mean = |of: fn(&WeighedPair) -> Vector3<f64>| {
+            pairs
+                .iter()
+                .map(|pair| of(pair) * pair.2)
+                .sum::<Vector3<f64>>()
+                / weights
+        };
+        let (here, seen) = (mean(|pair| pair.0), mean(|pair| pair.1));
         let products = pairs
             .iter()
-            .map(|pair| (pair.1 - seen) * (pair.0 - here).transpose());
+            .map(|pair| (pair.1 - seen) * (pair.0 - here).transpose() * pair.2);
         let rotation = nearest(&products.sum::<Matrix3<f64>>());
         *base = isometry(&rotation, seen - rotation * here);
     }
@@ -106,7 +116,7 @@ pub(super) fn translate(frames: &mut MountedFrames, sights: &[Sight], tools: &[I
         let mut row = DMatrix::zeros(3, size);
         (row.fixed_view_mut::<3, 3>(0, 3 * sight.station)).fill_with_identity();
         (row.fixed_view_mut::<3, 3>(0, 3 * (stations + sight.target))).copy_from(link.matrix());
-        sums.add(&row, &right);
+        sums.add(&row, &right, sight.weight);
     }
     let weight = BELIEVED * sums.information.amax();
     for (target, tool) in tools.iter().enumerate() {
@@ -139,12 +149,12 @@ fn relaxed(sights: &[Sight], stations: usize, tools: &[Isometry3<f64>]) -> Mount
     let mut sums = LinearSums::zeros(size);
     let mut centre = vec![(Vector3::zeros(), 0.0); stations];
     for sight in sights {
-        centre[sight.station].0 += sight.position_m;
-        centre[sight.station].1 += 1.0;
+        centre[sight.station].0 += sight.position_m * sight.weight;
+        centre[sight.station].1 += sight.weight;
     }
     for sight in sights {
         let (sum, count) = centre[sight.station];
-        let seen = sight.position_m - sum / count;
+        let seen = sight.position_m - sum / count.max(f64::MIN_POSITIVE);
         let mut row = DMatrix::zeros(3, size);
         for axis in 0..3 {
             for column in 0..3 {
@@ -155,7 +165,7 @@ fn relaxed(sights: &[Sight], stations: usize, tools: &[Isometry3<f64>]) -> Mount
         let link = sight.base_from_link.rotation.to_rotation_matrix();
         (row.fixed_view_mut::<3, 3>(0, 12 * stations + 3 * sight.target))
             .copy_from(&-link.matrix());
-        sums.add(&row, &sight.base_from_link.translation.vector);
+        sums.add(&row, &sight.base_from_link.translation.vector, sight.weight);
     }
     let solved = sums.solved(&DVector::zeros(size));
     let instrument_from_base = (0..stations)
@@ -184,9 +194,9 @@ impl LinearSums {
         }
     }
 
-    fn add(&mut self, rows: &DMatrix<f64>, right: &Vector3<f64>) {
-        self.information += rows.tr_mul(rows);
-        self.right += rows.tr_mul(right);
+    fn add(&mut self, rows: &DMatrix<f64>, right: &Vector3<f64>, weight: f64) {
+        self.information += rows.tr_mul(rows) * weight;
+        self.right += rows.tr_mul(right) * weight;
     }
 
     /// The solution; what is not seen is as it is `known`.

@@ -69,10 +69,11 @@ fn orient(
         let product = sight
             .rotation?
             .transpose()
-            .kronecker(&link.matrix().transpose());
+            .kronecker(&link.matrix().transpose())
+            * sight.weight;
         for row in 0..9 {
-            matrix[(9 * station + row, 9 * station + row)] += 1.0;
-            matrix[(9 * target + row, 9 * target + row)] += 1.0;
+            matrix[(9 * station + row, 9 * station + row)] += sight.weight;
+            matrix[(9 * target + row, 9 * target + row)] += sight.weight;
             for column in 0..9 {
                 matrix[(9 * target + row, 9 * station + column)] -= product[(row, column)];
                 matrix[(9 * station + column, 9 * target + row)] -= product[(row, column)];

@@ -35,6 +35,7 @@ fn sights(
                 base_from_link,
                 position_m: seen.translation.vector,
                 rotation: is_pose.then(|| seen.rotation.to_rotation_matrix().into_inner()),
+                weight: 1.0,
             }
         })
         .collect()
@@ -109,6 +110,7 @@ fn what_is_not_seen_is_as_believed() {
                     base_from_link,
                     position_m: read.translation.vector + numbers.vector(noise_m),
                     rotation: None,
+                    weight: 1.0,
                 }
             })
             .collect();

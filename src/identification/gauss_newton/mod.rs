@@ -14,6 +14,7 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 use thiserror::Error;
 
 use crate::numeric::estimable::Estimable;
+use crate::numeric::factorisation::symmetric;
 use crate::numeric::posterior::Posterior;
 use crate::observation::{
     NormalEquations, Observation, PlannedReading, SharedErrors, normal_equations,
@@ -95,22 +96,17 @@ pub struct ParameterFit {
 
 impl ParameterFit {
     /// Scalar readings, less what they determine.
-    #[must_use]
     pub fn degrees_of_freedom(&self) -> usize {
         self.rows.saturating_sub(self.posterior.estimable.rank())
     }
 
     /// The share of the numbers that the fit did not use up.
-    #[must_use]
     pub fn spare(&self) -> f64 {
         self.degrees_of_freedom().max(1) as f64 / self.rows as f64
     }
 }
 
 /// Fits parameters of a belief to observations.
-///
-/// # Errors
-/// See [`FitError`].
 pub fn fit_parameters(
     nominal: &ElasticArm,
     set: &ParameterSet,
@@ -121,9 +117,6 @@ pub fn fit_parameters(
 
 /// The same, found as soon as a step is short in standard errors as the residuals have them: whether the observations' own
 /// covariances explain these is known by then.
-///
-/// # Errors
-/// See [`FitError`].
 pub(super) fn fit_for_residuals(
     nominal: &ElasticArm,
     set: &ParameterSet,
@@ -133,9 +126,6 @@ pub(super) fn fit_for_residuals(
 }
 
 /// The same, ended where it begins as soon as it is clear that the observations' own covariances explain them by no values.
-///
-/// # Errors
-/// See [`FitError`].
 pub(super) fn fit_if_plausible(
     nominal: &ElasticArm,
     set: &ParameterSet,
@@ -159,9 +149,6 @@ fn fit_from_frames(
 }
 
 /// The same from values (p) that are near; some observations may share an error.
-///
-/// # Errors
-/// See [`FitError`].
 pub(super) fn fit_from(
     nominal: &ElasticArm,
     set: &ParameterSet,
@@ -173,9 +160,6 @@ pub(super) fn fit_from(
 }
 
 /// The same, found as soon as weights follow from what it leaves.
-///
-/// # Errors
-/// See [`FitError`].
 pub(super) fn fit_for_weights(
     nominal: &ElasticArm,
     set: &ParameterSet,
@@ -233,7 +217,7 @@ fn fit(
     let start = nominal_values + within.component_mul(&scales);
     let (values, solved, iterations) = problem.solve(&start)?;
     let units = estimable.basis_in_units();
-    let covariance = &units * solved.factor.inverse() * units.transpose();
+    let covariance = symmetric(&(&units * solved.factor.inverse() * units.transpose()));
     let names = set.parameters().iter().map(|each| each.name.clone());
     Ok(ParameterFit {
         belief: set.apply(nominal, values.as_slice()),

@@ -172,7 +172,7 @@ fn freedoms_are_named_in_words() {
     assert_eq!(
         sentences(&[zero, about], ReadingKind::Position, 50.0),
         [
-            "the zero of joint_1 and the base's rotation about z cannot be told apart: their sum is determined"
+            "the zero of joint_1 and the base's rotation about z cannot be separated: their sum is determined"
         ]
     );
     let mut kinds: Vec<ParameterKind> = (0..6)
@@ -187,7 +187,7 @@ fn freedoms_are_named_in_words() {
         "{found:#?}"
     );
     assert!(
-        found[0].ends_with("cannot be told apart: their products are determined"),
+        found[0].ends_with("cannot be separated: their products are determined"),
         "{found:#?}"
     );
     assert_eq!(
@@ -209,7 +209,7 @@ fn freedoms_are_named_in_words() {
     );
 }
 
-/// A prior on one of two that cannot be told apart settles it.
+/// A prior on one of two that cannot be separated settles it.
 #[test]
 fn a_prior_settles_what_cannot_be_told_apart() {
     let belief = ur10();
@@ -237,6 +237,38 @@ fn a_prior_settles_what_cannot_be_told_apart() {
     assert!(fit.posterior.standard_error(0).is_none());
     assert!(fit.posterior.standard_error(1).is_none());
     assert!((fit.posterior.mean.iter().sum::<f64>() - 0.0205).abs() < 1e-7);
+}
+
+/// Readings and a prior that know as much: the mean of both, wherever the fit begins. A target's place is read in axes that turn, so that
+/// each of its coordinates has the information of all readings.
+#[test]
+fn readings_and_a_prior_share_the_difference() {
+    const READINGS: u32 = 16;
+    let belief = ur10();
+    let mut numbers = Numbers(13);
+    let deviation_m = SIGMA_M / f64::from(READINGS).sqrt();
+    let places = Axis::ALL.map(|axis| {
+        (
+            ParameterKind::ToolPosition { tool: 0, axis },
+            Some(deviation_m),
+        )
+    });
+    let set = ParameterSet::new(&belief, places).expect("a set");
+    let truth = DVector::from_vec(vec![4e-5, -2e-5, 6e-5]);
+    let mut setups = setups(&mut numbers, &belief, READINGS as usize, 0.0);
+    for setup in &mut setups {
+        setup.target = 0;
+    }
+    let observations = observe(&mut numbers, &belief, &set, &truth, &setups, 0.0);
+    for start in [0.0, 1e-3] {
+        let start = DVector::repeat(3, start);
+        let fit = fit_from(&belief, &set, &observations, None, &start).expect("a fit");
+        for (index, truth) in truth.iter().enumerate() {
+            assert!((fit.posterior.mean[index] - truth / 2.0).abs() < 1e-10);
+            let error = fit.posterior.standard_error(index).expect("known");
+            assert!((error / deviation_m * 2.0_f64.sqrt() - 1.0).abs() < 1e-6);
+        }
+    }
 }
 
 /// Exact readings give back the truth, from frames that are half a metre and half a radian away.

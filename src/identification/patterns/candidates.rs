@@ -28,7 +28,6 @@ pub enum Drifting {
 
 impl Drifting {
     /// Its word in records.
-    #[must_use]
     pub const fn word(self) -> &'static str {
         match self {
             Self::Base => "base",

@@ -9,7 +9,6 @@ use crate::parameter::{ElasticArm, ParameterKind, ParameterSet};
 
 /// The positions' residuals of what was identified (m), each over its own standard deviation. `blocks` are the measurements'
 /// blocks of joint space.
-#[must_use]
 pub fn looked_at(
     case: &Case<'_>,
     identification: &Identification,

@@ -51,7 +51,7 @@ pub struct Pattern {
     pub statistic: f64,
     /// Its first number of degrees of freedom.
     pub degrees_of_freedom: usize,
-    /// By how much misfits that are alike in a block of joint space count less than independent ones.
+    /// By how much discrepancies that are alike in a block of joint space count less than independent ones.
     pub design_effect: f64,
     /// The probability that chance makes any of all that were looked at as strong.
     pub probability: f64,
@@ -74,7 +74,6 @@ pub struct Patterns {
 
 impl LookedAt {
     /// Looks for patterns.
-    #[must_use]
     pub fn patterns(&self) -> Patterns {
         let candidates = self.candidates();
         let mut projected = Projected::new(self);
@@ -153,7 +152,6 @@ fn kinds(tests: &[Test]) -> Vec<&'static str> {
 
 impl Against {
     /// What residuals are looked at against.
-    #[must_use]
     pub const fn kind(self) -> &'static str {
         match self {
             Self::Angle { .. } => "joint angle",
@@ -167,7 +165,6 @@ impl Against {
     }
 
     /// Whose pattern it is, where it is a joint's.
-    #[must_use]
     pub const fn joint(self) -> Option<usize> {
         match self {
             Self::Angle { joint, .. }

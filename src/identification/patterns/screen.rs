@@ -7,7 +7,7 @@
 //! S = X^T X,   g = X^T r,   F = (g^T S^-1 g / q) / ((r^T r - g^T S^-1 g) / (N - p - q)) / d
 //! ```
 //!
-//! d is the design effect of blocks of joint space (never below one): misfits that are alike in a block count as what they are,
+//! d is the design effect of blocks of joint space (never below one): discrepancies that are alike in a block count as what they are,
 //! few. The probability is multiplied by the number of candidates that were looked at (Bonferroni).
 
 use std::collections::BTreeMap;
@@ -59,7 +59,7 @@ pub(super) struct Test {
     pub design_effect: f64,
 }
 
-/// Tests candidates; those that cannot be told from the fit's own directions are left out. The misfit counts as independent
+/// Tests candidates; those that cannot be told from the fit's own directions are left out. The discrepancy counts as independent
 /// from reading to reading.
 pub(super) fn screened(
     looked: &LookedAt,

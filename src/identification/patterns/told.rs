@@ -86,7 +86,7 @@ impl LookedAt {
                 let does = if is_softer {
                     "is softer and stiffer"
                 } else {
-                    "turns further and less far than told"
+                    "turns further and less far than commanded"
                 };
                 format!("angle of {}: it {does} by {of_joint}, {often}", name(joint))
             }
@@ -100,7 +100,7 @@ impl LookedAt {
                 format!("torque of {}: it turns by {of_joint} with it", name(joint))
             }
             Against::Approach { joint } => format!(
-                "approach: {} stands {of_joint} further when it came from one side than from the other",
+                "approach: {} is {of_joint} further when approached from one side than from the other",
                 name(joint)
             ),
             Against::Course(course, drifting) => {
@@ -132,7 +132,7 @@ impl LookedAt {
     pub(super) const fn cause(&self, against: Against) -> &'static str {
         match against {
             Against::Angle { .. } if self.is_of_deflections => {
-                "a gear or bearing that does not bend evenly"
+                "a gear or bearing of uneven stiffness"
             }
             Against::Angle { .. } => {
                 "a gear, encoder or bearing that is not round, or a geometry that the model lacks"

@@ -94,7 +94,6 @@ impl Model {
 
     /// What the virtual robot obeys of this model and a belief would refuse: an element of each kind, in
     /// words.
-    #[must_use]
     pub fn beyond_belief(&self) -> Vec<String> {
         treatments()
             .filter_map(|treatment| match treatment {
@@ -111,7 +110,6 @@ impl Model {
     }
 
     /// Whether the model has equality constraints that act.
-    #[must_use]
     pub fn has_equalities(&self) -> bool {
         self.equalities().next().is_some()
     }

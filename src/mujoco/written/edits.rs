@@ -53,26 +53,6 @@ impl<'t> Edits<'t> {
         self.set(node, name, &numbers(values));
     }
 
-    /// Takes attributes away.
-    pub fn remove(&mut self, node: Node<'_, '_>, names: &[&str]) {
-        for attribute in names.iter().filter_map(|name| node.attribute_node(*name)) {
-            let range = attribute.range();
-            let spaces = self.text[..range.start].len()
-                - self.text[..range.start].trim_end_matches([' ', '\t']).len();
-            (self.changes).push((range.start - spaces..range.end, String::new()));
-        }
-    }
-
-    /// Puts another text in an element's place.
-    pub fn replace(&mut self, node: Node<'_, '_>, text: String) {
-        self.changes.push((node.range(), text));
-    }
-
-    /// Takes an element away.
-    pub fn delete(&mut self, node: Node<'_, '_>) {
-        self.replace(node, String::new());
-    }
-
     /// Adds a child behind those that an element has.
     pub fn append(&mut self, node: Node<'_, '_>, child: String) {
         let range = node.range();
@@ -174,12 +154,10 @@ mod tests {
         let mut edits = Edits::new(text);
         edits.set_numbers(find("b"), "x", &[0.1, -2.5e-9]);
         edits.set(find("b"), "z", "a<\"b\"");
-        edits.remove(find("b"), &["y", "w"]);
         edits.append(find("c"), "<n/>".to_owned());
         edits.append(find("c"), "<o/>".to_owned());
         edits.append(find("a"), "<e/>".to_owned());
-        edits.delete(find("d"));
-        let expected = "<a>\n  <!-- kept -->\n  <b x = '0.1 -2.5e-9' z=\"a&lt;&quot;b&quot;\"/>\n  <c>\n    <n/>\n    <o/>\n  </c>\n  <e/>\n</a>\n";
+        let expected = "<a>\n  <!-- kept -->\n  <b x = '0.1 -2.5e-9' y=\"2\" z=\"a&lt;&quot;b&quot;\"/>\n  <c>\n    <n/>\n    <o/>\n  </c><d>t</d>\n  <e/>\n</a>\n";
         assert_eq!(edits.apply(), expected);
         parse(expected).expect("still XML");
     }

@@ -1,25 +1,23 @@
-//! MJCF with what was identified.
+//! MJCF with what was identified, as MuJoCo itself writes a model: one file, in radians and quaternions, without comments.
 
 use std::path::Path;
+use std::sync::{Mutex, PoisonError};
 
-use mujoco_rs::mujoco_c::mjNBIAS;
-use nalgebra::{Isometry3, Point3, UnitQuaternion};
-use roxmltree::Node;
+use mujoco_rs::error::MjEditError;
+use mujoco_rs::mujoco_c::mj_copyBack;
+use mujoco_rs::prelude::{MjModel, MjSpec, MjtJoint};
+use mujoco_rs::wrappers::mj_editing::{
+    MjtLimited, PositionConfig, SpecElement, SpecItem, SpecObject,
+};
+use mujoco_rs::wrappers::mj_model::MjtTrn;
 
-use super::bodies::Tree;
-use super::described::as_mjcf;
-use super::edits::{Edits, escaped, numbers, parse};
-use super::mounted::link_of;
-use super::pose::{TURNS, position_and_quaternion};
-use super::whole::{folder_of, way, whole};
+use super::paths::{folder_of, way};
 use super::{ModelCalibration, RIGID, WrittenModel};
-use crate::mujoco::KEPT;
-use crate::mujoco::loading::prepare;
-use crate::mujoco::servo::Servo;
-use crate::mujoco::{Model, ModelError};
+use crate::mujoco::idle::IDLE;
+use crate::mujoco::{KEPT, Model, ModelChange, ModelError};
 
-/// The group of actuators that do not count.
-const IDLE: &str = "30";
+/// So many digits give a number back.
+const DIGITS: i32 = 17;
 
 /// The text of a model, calibrated, for a folder.
 pub(super) fn written(
@@ -28,404 +26,215 @@ pub(super) fn written(
     folder: &Path,
 ) -> Result<WrittenModel, ModelError> {
     let path = model.path();
-    let wrong = |problem: String| model.not_written(problem);
+    let failed = |error: MjEditError| model.not_written(error.to_string());
     let plain = Model::load(path)?;
-    let urdf = prepare(path)?;
-    let text = match &urdf {
-        Some(urdf) => as_mjcf(path, urdf)?,
-        None => whole(path).map_err(wrong)?,
-    };
-    let document = parse(&text).map_err(wrong)?;
-    let acting = if model.ignores_actuators() {
-        plain.without_actuators()
-    } else {
-        plain.clone()
-    };
-    let mut writer = MjcfEditor {
-        plain: &plain,
-        acting: &acting,
-        calibration,
-        joints: model.chain_joints(),
-        tree: Tree::new(&plain, &document),
-        edits: Edits::new(&text),
-        not_expressed: Vec::new(),
-    };
-    let root = document.root_element();
-    let mut write = || {
-        if model.ignores_actuators() {
-            writer.idle(root)?;
-        }
-        writer.links()?;
-        writer.sites()?;
-        writer.masses()?;
-        writer.stiffness(root)?;
-        writer.springs()?;
-        writer.mounted()?;
-        writer.kept(root);
-        if urdf.is_none() {
-            writer.folders(root, path, folder);
-        }
-        Ok(())
-    };
-    write().map_err(wrong)?;
-    Ok(WrittenModel {
-        text: writer.edits.apply(),
-        not_expressed: writer.not_expressed,
-    })
-}
-
-struct MjcfEditor<'d, 't> {
-    /// What the file says alone.
-    plain: &'d Model,
-    /// The same without the actuators that do not count.
-    acting: &'d Model,
-    calibration: &'d ModelCalibration,
-    /// The chain's joints, by MuJoCo's identifiers.
-    joints: Vec<usize>,
-    tree: Tree<'d, 't>,
-    edits: Edits<'t>,
-    not_expressed: Vec<String>,
-}
-
-impl<'t> MjcfEditor<'_, 't> {
-    /// Displaces an element's frame, which frames of the file may enclose, along its own axes.
-    fn displace(
-        &mut self,
-        node: Node<'_, 't>,
-        nominal: &Isometry3<f64>,
-        by: &Isometry3<f64>,
-    ) -> Result<(), String> {
-        let own = self.tree.frames(node)?.inverse() * nominal * by;
-        let (position, quaternion) = position_and_quaternion(&own);
-        self.edits.set_numbers(node, "pos", &position);
-        if by.rotation != UnitQuaternion::identity() {
-            self.edits.set_numbers(node, "quat", &quaternion);
-            self.edits.remove(node, &TURNS[1..]);
-        }
-        Ok(())
-    }
-
-    /// The frames of links: with D the displacement of the link of a body's last joint, in the body's axes, the body
-    /// stands at B D, and the joints before it in the same body turn about what D^-1 makes of their axes.
-    fn links(&mut self) -> Result<(), String> {
-        for body in 1..self.plain.bodies() {
-            let mut all = Isometry3::identity();
-            let own: Vec<usize> = self.plain.joints_of(body).collect();
-            for &joint in own.iter().rev() {
-                if all != Isometry3::identity() {
-                    let node = self.tree.joint(joint)?;
-                    let (axis, anchor) = self.plain.joint_axis_and_anchor(joint);
-                    let back = all.inverse();
-                    let axis = back.rotation * axis;
-                    let anchor = back * Point3::from(anchor);
-                    self.edits.set_numbers(node, "axis", axis.as_slice());
-                    self.edits
-                        .set_numbers(node, "pos", anchor.coords.as_slice());
-                }
-                let index = self.joints.iter().position(|&each| each == joint);
-                let Some(by) = index.and_then(|index| self.calibration.links.get(index)) else {
-                    continue;
-                };
-                if *by != Isometry3::identity() {
-                    let body_from_link = self.plain.body_from_link(joint);
-                    all = body_from_link * by * body_from_link.inverse() * all;
-                }
-            }
-            if all != Isometry3::identity() {
-                let node = self.tree.body(body)?;
-                self.displace(node, &self.plain.parent_from_body(body), &all)?;
-            }
-        }
-        Ok(())
-    }
-
-    fn sites(&mut self) -> Result<(), String> {
-        for (name, by) in &self.calibration.sites {
-            let is_mounted =
-                (self.calibration.additions.tools.iter()).any(|tool| tool.name == *name);
-            if is_mounted || *by == Isometry3::identity() {
-                continue;
-            }
-            let node = self.tree.site(name)?;
-            if node.has_attribute("fromto") {
-                return Err(format!(
-                    "site {name:?} is drawn by its ends (fromto): give it pos and quat"
-                ));
-            }
-            let site = self.plain.site(name).map_err(|error| error.to_string())?;
-            let (_, body_from_site) = self.plain.site_body(site);
-            self.displace(node, &body_from_site, by)?;
-        }
-        Ok(())
-    }
-
-    fn masses(&mut self) -> Result<(), String> {
-        for body in 1..self.plain.bodies() {
-            let Some((link, turn)) = link_of(self.plain, &self.joints, body) else {
-                continue;
-            };
-            let (factor, shift) = (
-                self.calibration.mass_factor[link],
-                self.calibration.centre_shift_m[link],
-            );
-            let (mass, centre) = self.plain.mass(body);
-            if mass == 0.0 || factor.to_bits() == 1.0_f64.to_bits() && shift.norm() == 0.0 {
-                continue;
-            }
-            let (inertia, turned) = self.plain.inertia(body);
-            let [x, y, z, w] = turned.coords.into();
-            let text = format!(
-                "<inertial pos=\"{}\" quat=\"{}\" mass=\"{}\" diaginertia=\"{}\"/>",
-                numbers((centre + turn * shift).as_slice()),
-                numbers(&[w, x, y, z]),
-                mass * factor,
-                numbers((inertia * factor).as_slice()),
-            );
-            let node = self.tree.body(body)?;
-            match node.children().find(|child| child.has_tag_name("inertial")) {
-                Some(own) => self.edits.replace(own, text),
-                None => self.edits.append(node, text),
-            }
-        }
-        Ok(())
-    }
-
-    /// No actuator of the file counts: they go to a group that is switched off.
-    fn idle(&mut self, root: Node<'_, 't>) -> Result<(), String> {
-        let all = self.tree.entries("actuator");
-        for node in &all {
-            self.edits.set(*node, "group", IDLE);
-        }
-        if !all.is_empty() {
-            let option = format!("<option actuatorgroupdisable=\"{IDLE}\"/>");
-            self.edits.append(root, option);
-            self.not_expressed.push(format!(
+    let (mut spec, mut not_expressed) = plain.specification()?;
+    if model.ignores_actuators() {
+        idle(&mut spec);
+        if plain.actuators() > 0 {
+            not_expressed.push(format!(
                 "the file's actuators do not count: they stand in group {IDLE}, which is switched off"
             ));
         }
-        for joint in 0..self.plain.joints() {
-            if !self.plain.is_hinge(joint) && !self.plain.is_slide(joint) {
-                continue;
-            }
-            let [friction, limited] = self.plain.drive_limits(joint);
-            if friction || limited {
-                let node = self.tree.joint(joint)?;
-                if friction {
-                    self.edits.set(node, "frictionloss", "0");
-                }
-                if limited {
-                    self.edits.set(node, "actuatorfrclimited", "false");
-                }
-            }
-        }
-        Ok(())
     }
-
-    fn stiffness(&mut self, root: Node<'_, 't>) -> Result<(), String> {
-        let mut new = Vec::new();
-        for (index, joint) in self.joints.clone().into_iter().enumerate() {
-            let wanted = self.calibration.compliance[index];
-            let name = self.plain.joint_name(joint);
-            let springs = self.acting.joint_spring(joint);
-            let servo = self.acting.position(joint);
-            if let (Some(_), Some([_, rest]), zero) = (servo, springs, self.calibration.zero[index])
-                && zero != 0.0
-            {
-                // The spring beside the drive feels the joint's own angle.
-                let rest = rest - zero;
-                let written = if self.plain.is_slide(joint) {
-                    rest
-                } else {
-                    self.tree.angles.written(rest)
-                };
-                let node = self.tree.joint(joint)?;
-                self.edits.set_numbers(node, "springref", &[written]);
-            }
-            if self.acting.joint_compliance(joint) == Some(wanted) {
-                continue;
-            }
-            if wanted < 0.0 {
-                return Err(format!(
-                    "the compliance of {name} is negative: no spring has that"
-                ));
-            }
-            let stiffness = if wanted == 0.0 {
-                (self.not_expressed).push(format!(
-                    "{name} is held to be rigid: it has a stiffness of {RIGID:e}"
-                ));
-                RIGID
-            } else {
-                wanted.recip()
-            };
-            match (servo, springs) {
-                (Some(servo), _) => self.gain(servo, stiffness)?,
-                (None, Some(_)) => {
-                    let node = self.tree.joint(joint)?;
-                    self.edits.set_numbers(node, "stiffness", &[stiffness]);
-                }
-                (None, None) => {
-                    let node = self.tree.joint(joint)?;
-                    let named = node.attribute("name");
-                    let named = named.ok_or_else(|| {
-                        format!("{name} has no name that an actuator could be told")
-                    })?;
-                    new.push(format!(
-                        "<position joint=\"{}\" kp=\"{stiffness}\" gear=\"1\" group=\"0\" ctrllimited=\"false\" forcelimited=\"false\" inheritrange=\"0\"/>",
-                        escaped(named)
-                    ));
-                }
-            }
-        }
-        if new.is_empty() {
-            return Ok(());
-        }
-        self.edits
-            .append(root, format!("<actuator>{}</actuator>", new.concat()));
-        let keys = self.tree.entries("keyframe").into_iter();
-        for key in keys.filter(|key| key.has_attribute("ctrl")) {
-            self.edits.remove(key, &["ctrl"]);
-            let what = "the controls of keyframes, which have no numbers for the new actuators";
-            if !self.not_expressed.iter().any(|each| each == what) {
-                self.not_expressed.push(what.to_owned());
-            }
-        }
-        Ok(())
+    plain.mount(&mut spec, &calibration.additions)?;
+    let joints = model.chain_joints();
+    let acting = if model.ignores_actuators() {
+        plain.without_actuators()
+    } else {
+        plain
+    };
+    let loose: Vec<usize> = (joints.iter().zip(&calibration.compliance))
+        .filter(|(joint, compliance)| acting.joint_compliance(**joint) != Some(**compliance))
+        .filter(|(joint, _)| {
+            acting.position(**joint).is_none() && acting.joint_spring(**joint).is_none()
+        })
+        .map(|(joint, _)| *joint)
+        .collect();
+    for &joint in &loose {
+        let name = acting.joint_name(joint);
+        hold(&mut spec, &name).map_err(|problem| model.not_written(problem))?;
     }
-
-    /// Makes the position actuator of a joint as stiff as this.
-    fn gain(&mut self, servo: Servo, stiffness: f64) -> Result<(), String> {
-        let node = (self.tree).entry("actuator", servo.actuator, self.plain.actuators())?;
-        let gain = stiffness / (servo.gear * servo.gear);
-        if node.has_tag_name("position") {
-            self.edits.set_numbers(node, "kp", &[gain]);
-            return Ok(());
-        }
-        let (command, mut bias) = self.plain.actuator_law(servo.actuator);
-        self.edits
-            .set_numbers(node, "gainprm", &[gain * (command / -bias[1])]);
-        bias[1] = -gain;
-        let used = bias.iter().rposition(|&value| value != 0.0).unwrap_or(0);
-        let used = used.min(mjNBIAS as usize - 1);
-        self.edits.set_numbers(node, "biasprm", &bias[..=used]);
-        Ok(())
-    }
-
-    fn springs(&mut self) -> Result<(), String> {
-        let own = self.plain.tendon_springs();
-        // Without a word of the file's, MuJoCo takes the length in the pose that is drawn.
-        let frames = self.calibration.links.iter();
-        let frames = frames.chain(self.calibration.sites.iter().map(|(_, by)| by));
-        let stands_as_drawn = frames.into_iter().all(|by| *by == Isometry3::identity());
-        for (name, stiffness, rest) in &self.calibration.springs {
-            let bits =
-                |stiffness: f64, rest: [f64; 2]| [stiffness, rest[0], rest[1]].map(f64::to_bits);
-            let unchanged = stands_as_drawn
-                && own.iter().any(|spring| {
-                    spring.name == *name
-                        && bits(spring.stiffness_n_per_m, spring.rest_m) == bits(*stiffness, *rest)
-                });
-            if unchanged {
-                continue;
-            }
-            let index = self.plain.tendon(name).map_err(|error| error.to_string())?;
-            let node = (self.tree).entry("tendon", index, self.plain.tendons())?;
-            self.edits.set_numbers(node, "stiffness", &[*stiffness]);
-            self.edits.set_numbers(node, "springlength", rest);
-        }
-        Ok(())
-    }
-
-    /// What a scenario mounts.
-    fn mounted(&mut self) -> Result<(), String> {
-        let additions = &self.calibration.additions;
-        for tool in &additions.tools {
-            let (body, frame) = self.calibration.placed_tool(self.plain, tool)?;
-            let (position, quaternion) = position_and_quaternion(&frame);
-            let site = format!(
-                "<site name=\"{}\" pos=\"{}\" quat=\"{}\" group=\"4\"/>",
-                escaped(&tool.name),
-                numbers(&position),
-                numbers(&quaternion)
-            );
-            let node = self.tree.body(body)?;
-            self.edits.append(node, site);
-        }
-        for (payload, number) in additions.payloads.iter().zip(1..) {
-            let placed = (self.calibration).placed_payload(self.plain, &self.joints, payload)?;
-            let mass = placed.mass_kg;
-            let inertia = mass * 1e-2;
-            let text = format!(
-                "<body name=\"{KEPT}payload_{number}\" pos=\"{}\"><inertial pos=\"0 0 0\" mass=\"{mass}\" diaginertia=\"{}\"/></body>",
-                numbers(placed.centre_m.as_slice()),
-                numbers(&[inertia; 3])
-            );
-            let node = self.tree.body(placed.body)?;
-            self.edits.append(node, text);
-        }
-        Ok(())
-    }
-
-    /// Texts that stay with the model; those of an earlier identification go.
-    fn kept(&mut self, root: Node<'_, 't>) {
-        for node in self.tree.entries("custom") {
-            if node
-                .attribute("name")
-                .is_some_and(|name| name.starts_with(KEPT))
-            {
-                self.edits.delete(node);
-            }
-        }
-        let texts = self.calibration.texts.iter().map(|(name, text)| {
-            format!(
-                "<text name=\"{}\" data=\"{}\"/>",
-                escaped(name),
-                escaped(text)
-            )
-        });
-        let all: Vec<String> = texts.collect();
-        if !all.is_empty() {
-            let text = format!("<custom>\n    {}\n  </custom>", all.join("\n    "));
-            self.edits.append(root, text);
-        }
-    }
-
-    /// Meshes and the like are where they were, also as seen from another folder.
-    fn folders(&mut self, root: Node<'_, 't>, path: &Path, folder: &Path) {
-        let own = folder_of(path);
-        let there = way(folder, &own);
-        let named = ["mesh", "hfield", "texture", "skin", "model"];
-        let has_files = root.descendants().any(|node| {
-            named.contains(&node.tag_name().name())
-                && node
-                    .attributes()
-                    .any(|each| each.name().starts_with("file"))
-        });
-        if there.as_os_str().is_empty() || !has_files {
-            return;
-        }
-        let mut folders = [String::new(), String::new()];
-        for compiler in root
-            .descendants()
-            .filter(|node| node.has_tag_name("compiler"))
-        {
-            if let Some(folder) = compiler.attribute("assetdir") {
-                folders = [folder.to_owned(), folder.to_owned()];
-            }
-            for (folder, name) in folders.iter_mut().zip(["meshdir", "texturedir"]) {
-                if let Some(own) = compiler.attribute(name) {
-                    own.clone_into(folder);
-                }
-            }
-        }
-        let [meshes, textures] =
-            folders.map(|folder| there.join(folder).to_string_lossy().into_owned());
-        self.edits.append(
-            root,
-            format!(
-                "<compiler meshdir=\"{}\" texturedir=\"{}\"/>",
-                escaped(&meshes),
-                escaped(&textures)
-            ),
+    if !loose.is_empty() && drop_controls(&mut spec) {
+        not_expressed.push(
+            "the controls of keyframes, which have no numbers for the new actuators".to_owned(),
         );
     }
+    keep(&mut spec, &calibration.texts).map_err(failed)?;
+    let whole = Model::new(spec.compile().map_err(failed)?, path)?;
+    let whole = if model.ignores_actuators() {
+        Model {
+            without_actuators: true,
+            ..whole
+        }
+    } else {
+        whole
+    };
+    let calibrated = calibrated(&whole, &joints, calibration, &mut not_expressed)?;
+    spec.compiler_mut().set_saveinertial(true);
+    assets(&mut spec, path, folder);
+    Ok(WrittenModel {
+        text: text(&mut spec, &calibrated).map_err(failed)?,
+        not_expressed,
+    })
+}
+
+/// The model with the numbers of the calibration.
+fn calibrated(
+    model: &Model,
+    joints: &[usize],
+    calibration: &ModelCalibration,
+    not_expressed: &mut Vec<String>,
+) -> Result<MjModel, ModelError> {
+    let links = calibration.links.iter().enumerate();
+    let masses = calibration.mass_factor.iter().enumerate();
+    let centres = calibration.centre_shift_m.iter().enumerate();
+    let sites = calibration.sites.iter();
+    let changes: Vec<ModelChange> = (links.map(|(link, by)| ModelChange::Link(link, *by)))
+        .chain(sites.map(|(name, by)| ModelChange::Site(name.clone(), *by)))
+        .chain(masses.map(|(link, factor)| ModelChange::Mass(link, *factor)))
+        .chain(centres.map(|(link, shift)| ModelChange::Centre(link, *shift)))
+        .collect();
+    let chain: Vec<Option<usize>> = joints.iter().copied().map(Some).collect();
+    let mut stiff = Vec::with_capacity(joints.len());
+    for (&joint, &wanted) in joints.iter().zip(&calibration.compliance) {
+        let name = model.joint_name(joint);
+        if wanted < 0.0 {
+            return Err(model.not_written(format!(
+                "the compliance of {name} is negative: no spring has that"
+            )));
+        }
+        let is_rigid = wanted == 0.0 && model.joint_compliance(joint) != Some(0.0);
+        if is_rigid {
+            not_expressed.push(format!(
+                "{name} is held to be rigid: it has a stiffness of {RIGID:e}"
+            ));
+        }
+        stiff.push(match model.joint_compliance(joint) {
+            // Zero stays as it is.
+            Some(own) if own.to_bits() == wanted.to_bits() => 0.0,
+            _ if is_rigid => RIGID.recip(),
+            _ => wanted,
+        });
+    }
+    let changed = (model.with_changes(&chain, &changes)?).with_joint_compliance(joints, &stiff)?;
+    let mut numbers = (*changed.inner).clone();
+    for (&joint, zero) in joints.iter().zip(&calibration.zero) {
+        if model.position(joint).is_some() && model.joint_spring(joint).is_some() {
+            // The spring beside the drive feels the joint's own angle.
+            numbers.qpos_spring_mut()[model.coordinate_of_joint(joint)] -= zero;
+        }
+    }
+    for (name, stiffness, rest) in &calibration.springs {
+        let tendon = model.tendon(name)?;
+        numbers.tendon_stiffness_mut()[tendon] = *stiffness;
+        numbers.tendon_lengthspring_mut()[tendon] = *rest;
+    }
+    Ok(numbers)
+}
+
+/// No actuator counts, and no dry friction and limited force of a joint.
+fn idle(spec: &mut MjSpec) {
+    for actuator in spec.actuator_iter_mut() {
+        actuator.set_group(IDLE);
+    }
+    spec.option_mut().disableactuator |= 1 << IDLE;
+    for joint in spec.world_body_mut().joint_iter_mut(true) {
+        if matches!(joint.type_(), MjtJoint::mjJNT_HINGE | MjtJoint::mjJNT_SLIDE) {
+            joint.set_frictionloss(0.0);
+            joint.set_actfrclimited(MjtLimited::mjLIMITED_FALSE);
+        }
+    }
+}
+
+/// A position actuator for a joint that nothing holds.
+fn hold(spec: &mut MjSpec, joint: &str) -> Result<(), String> {
+    if spec.joint(joint).is_none() {
+        return Err(format!(
+            "{joint} has no name that an actuator could be told"
+        ));
+    }
+    let actuator = spec.add_actuator();
+    actuator.set_trntype(MjtTrn::mjTRN_JOINT);
+    actuator.set_target(joint);
+    *actuator.gear_mut() = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+    actuator.set_group(0);
+    actuator.set_ctrllimited(MjtLimited::mjLIMITED_FALSE);
+    actuator.set_forcelimited(MjtLimited::mjLIMITED_FALSE);
+    (actuator.set_to_position(PositionConfig::default().with_kp(RIGID)))
+        .map_err(|error| error.to_string())
+}
+
+/// Takes the controls out of keyframes; whether there were any.
+fn drop_controls(spec: &mut MjSpec) -> bool {
+    let mut had = false;
+    for key in spec.key_iter_mut() {
+        had |= !key.ctrl().is_empty();
+        key.set_ctrl(&[]);
+    }
+    had
+}
+
+/// Texts that stay with the model; those of an earlier identification go.
+fn keep(spec: &mut MjSpec, texts: &[(String, String)]) -> Result<(), MjEditError> {
+    let mut place = 0;
+    while let Some(text) = spec.text_iter_mut().nth(place) {
+        if !text.name().starts_with(KEPT) {
+            place += 1;
+            continue;
+        }
+        // SAFETY: nothing refers to the text any more once this is over: the iterator and the handle end with the statement.
+        #[expect(unsafe_code, reason = "the bindings leave the care to who deletes")]
+        let deleted = unsafe { text.delete() };
+        deleted?;
+    }
+    for (name, data) in texts {
+        let text = spec.add_text();
+        text.set_name(name)?;
+        text.set_data(data);
+    }
+    Ok(())
+}
+
+/// Meshes and the like are where they were, also as seen from another folder.
+fn assets(spec: &mut MjSpec, path: &Path, folder: &Path) {
+    let there = way(folder, &folder_of(path));
+    let compiler = spec.compiler_mut();
+    let [meshes, textures] = [compiler.meshdir(), compiler.texturedir()]
+        .map(|own| there.join(own).to_string_lossy().into_owned());
+    compiler.set_meshdir(&meshes);
+    compiler.set_texturedir(&textures);
+}
+
+/// The text of a specification with a compiled model's numbers, all digits of them.
+fn text(spec: &mut MjSpec, numbers: &MjModel) -> Result<String, MjEditError> {
+    static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
+    #[expect(
+        unsafe_code,
+        reason = "MuJoCo has no other way to more than six digits"
+    )]
+    unsafe extern "C" {
+        safe fn _mjPRIVATE__get_xml_precision() -> i32;
+        safe fn _mjPRIVATE__set_xml_precision(precision: i32);
+    }
+    // SAFETY: both live, and the model was compiled from this specification.
+    #[expect(unsafe_code, reason = "the bindings have no safe function for it")]
+    unsafe {
+        mj_copyBack(spec.ffi_mut(), numbers.ffi())
+    };
+    let guard = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
+    let before = _mjPRIVATE__get_xml_precision();
+    _mjPRIVATE__set_xml_precision(DIGITS);
+    let mut room = 1 << 16;
+    let written = loop {
+        match spec.save_xml_string(room) {
+            Err(MjEditError::XmlBufferTooSmall { required_size }) if required_size >= room => {
+                room = required_size + 1;
+            }
+            other => break other,
+        }
+    };
+    _mjPRIVATE__set_xml_precision(before);
+    drop(guard);
+    written
 }

@@ -1,16 +1,13 @@
 //! A robot's model as a file again, with what was identified: MJCF, or URDF.
 //!
-//! Only the numbers that were identified change in the file's text; all else stays as it is written, comments
-//! and classes of defaults too. What a file includes stands in it then.
+//! MuJoCo writes MJCF itself. Of a URDF only the numbers that were identified change; all else stays as it is written.
 
-mod bodies;
-mod described;
 mod edits;
 mod mjcf;
 mod mounted;
+mod paths;
 mod pose;
 mod urdf;
-mod whole;
 
 use std::path::{Path, PathBuf};
 

@@ -7,8 +7,8 @@ use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3};
 use roxmltree::Node;
 
 use super::edits::{Edits, escaped, numbers, parse};
+use super::paths::{folder_of, way};
 use super::pose::{roll_pitch_yaw, values};
-use super::whole::{folder_of, way};
 use super::{ModelCalibration, WrittenModel};
 use crate::mujoco::loading::prepare;
 use crate::mujoco::{Model, ModelError};

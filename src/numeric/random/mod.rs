@@ -3,8 +3,10 @@
 //!
 //! - [`generator`]: any random numbers, such as those of searches and random plans.
 //! - [`normal`]: the noise of measurements, many runs at a time.
+//! - [`draws`]: those of virtual robots in a file, for another version of the program.
 //! - [`streams`]: which numbers are for what.
 
+pub mod draws;
 pub mod normal;
 pub mod streams;
 
@@ -12,7 +14,6 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
 /// The generator of a stream under `seed`: one of 2^64 independent streams of the seed's cipher.
-#[must_use]
 pub fn generator(seed: u64, stream: u64) -> ChaCha8Rng {
     let mut generator = ChaCha8Rng::seed_from_u64(seed);
     generator.set_stream(stream);

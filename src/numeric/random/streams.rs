@@ -14,32 +14,41 @@ pub enum Stream {
     Circumstances = 2,
 }
 
+impl Stream {
+    /// Its name in files.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Noise => "noise",
+            Self::Compliances => "compliances",
+            Self::Circumstances => "circumstances",
+        }
+    }
+}
+
+/// The name in files of the numbers of [`frames_of_trial`].
+pub const FRAMES: &str = "frames";
+
 /// Experiment `index` of a pool of random experiments; pools count from 1.
-#[must_use]
 pub const fn pool(pool: u64, index: u64) -> u64 {
     (pool << 32) + index
 }
 
 /// Search number `index` for a plan.
-#[must_use]
 pub const fn search(index: u64) -> u64 {
     (1 << 48) + index
 }
 
 /// Search number `index` for a plan of a list of candidates.
-#[must_use]
 pub const fn candidate_search(index: u64) -> u64 {
     (1 << 49) + index
 }
 
 /// The instrument's frames of trial number `index` of a plan of absolute readings.
-#[must_use]
 pub const fn frames_of_trial(index: u64) -> u64 {
     (1 << 59) + index
 }
 
 /// Candidates that are drawn for a plan of absolute readings, in round number `index`.
-#[must_use]
 pub const fn drawn_candidates(index: u64) -> u64 {
     (1 << 58) + index
 }
@@ -48,13 +57,11 @@ pub const fn drawn_candidates(index: u64) -> u64 {
 pub const RANDOM_READINGS: u64 = 1 << 57;
 
 /// Random choice number `index` among readings that there are.
-#[must_use]
 pub const fn random_choice(index: u64) -> u64 {
     (1 << 60) + index
 }
 
-/// The errors of a robot without misfit, each time that it is read.
-#[must_use]
+/// The errors of a robot without discrepancy, each time that it is read.
 pub const fn campaign_of_choices(index: u64) -> u64 {
     (1 << 61) + index
 }
@@ -63,7 +70,6 @@ pub const fn campaign_of_choices(index: u64) -> u64 {
 pub const UNKNOWNS: u64 = 1 << 62;
 
 /// The random plan of run `run`.
-#[must_use]
 pub const fn random_plan(run: u64) -> u64 {
     (1 << 63) + run
 }

@@ -78,7 +78,7 @@ pub(in crate::observation) fn every_source(
     arm: &ElasticArm,
 ) -> Vec<ReadingSource> {
     vec![
-        ReadingSource::JointReturn(
+        ReadingSource::JointRepeatability(
             (0..arm.chain.len())
                 .map(|_| numbers.between(0.0, 1e-4))
                 .collect(),
@@ -90,12 +90,12 @@ pub(in crate::observation) fn every_source(
             per_metre: 2e-5,
             along_per_metre: 5e-6,
         }),
-        ReadingSource::GearError(
+        ReadingSource::TransmissionError(
             (0..arm.chain.len())
                 .map(|_| numbers.between(0.0, 1e-2))
                 .collect(),
         ),
-        ReadingSource::Misfit(1e-5),
+        ReadingSource::Discrepancy(1e-5),
     ]
 }
 
@@ -392,7 +392,7 @@ fn covariances_are_those_of_what_changes() {
                 expected += column * column.transpose() * f64::powi(deviation, 2);
             }
         }
-        let ReadingSource::JointReturn(deviations) = &sources[0] else {
+        let ReadingSource::JointRepeatability(deviations) = &sources[0] else {
             panic!("returning joints come first");
         };
         for (joint, deviation) in deviations.iter().enumerate() {
@@ -413,10 +413,10 @@ fn covariances_are_those_of_what_changes() {
             let column = axis * (apart.norm() * per_metre);
             expected += column * column.transpose();
         }
-        let (ReadingSource::GearError(gears), ReadingSource::Misfit(misfit)) =
+        let (ReadingSource::TransmissionError(gears), ReadingSource::Discrepancy(discrepancy)) =
             (&sources[4], &sources[5])
         else {
-            panic!("gears and misfit come last");
+            panic!("gears and discrepancy come last");
         };
         // The deflection where a joint stands elsewhere, loaded and unloaded.
         let mut moved = FirstOrder::new(&arm, 0, &set, &[1.0], 3e-5, &[]);
@@ -430,7 +430,7 @@ fn covariances_are_those_of_what_changes() {
             let column = (at(1e-4) - at(-1e-4)) / 2e-4 * *deviation;
             expected += column * column.transpose();
         }
-        expected += nalgebra::Matrix3::identity() * misfit.powi(2);
+        expected += nalgebra::Matrix3::identity() * discrepancy.powi(2);
         let error = (first.covariance(&load) - expected).amax();
         assert!(error < 1e-6 * expected.amax(), "{error}");
         // Of three repeats as of so many independent readings: what they share counts three times.

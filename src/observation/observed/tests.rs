@@ -230,7 +230,7 @@ fn what_compensation_leaves_is_what_the_arm_shows() {
                         let back = (crossed[0][joint] - crossed[1][joint])
                             + believed.compliance_rad_per_nm[joint]
                                 * state.load_torque(joint, &load);
-                        let wanted = q + believed.gear_error_rad(joint, *q) - back;
+                        let wanted = q + believed.transmission_error_rad(joint, *q) - back;
                         believed.before_gear(joint, wanted)
                     })
                     .collect();

@@ -78,7 +78,7 @@ pub enum AbsolutePlanError {
     NotPossible(String),
     /// No random plan tells the tool's place.
     #[error(
-        "of {tries} plans of {readings} readings that were drawn, none tells the tool's place at the test poses"
+        "of {tries} sampled plans of {readings} readings, none determines the tool's place at the test poses"
     )]
     NoRandom {
         /// How many readings each has.
@@ -87,7 +87,7 @@ pub enum AbsolutePlanError {
         tries: usize,
     },
     /// No candidates could be drawn.
-    #[error("no candidates could be drawn: {0}")]
+    #[error("no candidates could be sampled: {0}")]
     Drawn(String),
     /// Too many, each row from each station.
     #[error(
@@ -105,7 +105,7 @@ pub enum AbsolutePlanError {
     Mandatory,
     /// The place of the tool depends on what the candidates do not show.
     #[error(
-        "the tool's place at the test poses depends on {}, which the candidates do not tell apart{}",
+        "the tool's place at the test poses depends on {}, which the candidates do not separate{}",
         some_of(names),
         unread.as_ref().map_or_else(String::new, |target| format!("; none of them reads {target}"))
     )]
@@ -117,7 +117,7 @@ pub enum AbsolutePlanError {
     },
     /// So few readings do not tell the tool's place.
     #[error(
-        "no {readings} readings of the candidates were found that tell the tool's place at the test poses: it depends on {} besides",
+        "no {readings} readings of the candidates were found that determine the tool's place at the test poses: it depends on {} besides",
         some_of(names)
     )]
     TooFew {
@@ -149,7 +149,6 @@ impl AbsolutePlanError {
     }
 
     /// What to do about it.
-    #[must_use]
     pub fn hint(&self) -> Option<Cow<'static, str>> {
         if let Self::Station { likely, .. } = self {
             let likely = likely.as_ref();

@@ -7,11 +7,11 @@
 //! The place counts in the frame of a station. Of several, it is that where least is left: each station has a frame of its own,
 //! which only readings from there tell, so that where the instrument stands is chosen with the readings.
 
+mod contributions;
 mod drawn;
 mod error;
 mod promise;
 mod readable;
-mod shares;
 
 use nalgebra::{DMatrix, Matrix3xX, Matrix6};
 use rayon::prelude::*;
@@ -21,10 +21,12 @@ use super::search::{
     BoundKind, ExchangesTry, FiniteBound, FiniteDesign, FiniteEffort, FiniteError, FiniteProblem,
     LeftOutCandidates, PlanBound, PlanProof, SharingCandidates, ToldByCandidates, Watch,
 };
+use crate::compensation::KnownArm;
 use crate::experiment::Candidate;
 use crate::identification::{AbsoluteCase, ParameterGroup};
 use crate::measurement::AbsoluteReading;
 use crate::numeric::estimable::Estimable;
+use crate::numeric::posterior::Posterior;
 use crate::observation::{
     AbsoluteErrors, PlannedReading, ReadingKind, Setup, Whitener, planned_information_of_each,
     planned_positions,
@@ -38,8 +40,8 @@ pub use drawn::DrawnWanted;
 pub use error::AbsolutePlanError;
 pub use promise::AbsolutePromise;
 
+use contributions::is_of_task;
 use promise::{PlaceRows, in_units, known_after, stacked, stacked_task};
-use shares::is_of_task;
 
 use readable::{check_stations, errors_of, from_stations, possible, reading_of};
 
@@ -97,9 +99,6 @@ struct Shown {
 
 impl<'a> AbsolutePlanning<'a> {
     /// For a task, the unknowns that groups name besides those of the belief, and candidates.
-    ///
-    /// # Errors
-    /// See [`AbsolutePlanError`].
     pub fn new(
         task: &'a Task,
         groups: &[ParameterGroup],
@@ -160,9 +159,6 @@ impl<'a> AbsolutePlanning<'a> {
     }
 
     /// The same of the readings of one plan, each of which says from which of several stations it is.
-    ///
-    /// # Errors
-    /// See [`AbsolutePlanError`].
     pub fn of_plan(
         task: &'a Task,
         groups: &[ParameterGroup],
@@ -173,7 +169,6 @@ impl<'a> AbsolutePlanning<'a> {
     }
 
     /// All candidates as one plan, each as often as its file says, or once.
-    #[must_use]
     pub fn whole(&self) -> Vec<(usize, u32)> {
         (self.candidates.iter().enumerate())
             .map(|(place, each)| (place, each.most.unwrap_or(1)))
@@ -181,7 +176,6 @@ impl<'a> AbsolutePlanning<'a> {
     }
 
     /// What a plan reads, and how often.
-    #[must_use]
     pub fn readings(&self, plan: &[(usize, u32)]) -> Vec<(&Candidate, u32)> {
         (plan.iter())
             .map(|&(place, times)| (&self.candidates[place], times))
@@ -201,31 +195,36 @@ impl<'a> AbsolutePlanning<'a> {
     }
 
     /// What is unknown.
-    #[must_use]
     pub const fn set(&self) -> &ParameterSet {
         &self.set
     }
 
+    /// The arm with the machining tool and what is known of the unknowns.
+    pub const fn known_arm<'b>(&'b self, posterior: &'b Posterior) -> KnownArm<'b> {
+        KnownArm {
+            arm: &self.case.arm,
+            tool: self.target,
+            set: &self.set,
+            posterior,
+        }
+    }
+
     /// What an unknown is, in words.
-    #[must_use]
     pub fn words(&self, unknown: usize) -> String {
         self.set.parameters()[unknown].kind.words(&self.case.arm)
     }
 
     /// The names of the stations that candidates are read from; one without a name where they name none.
-    #[must_use]
     pub fn stations(&self) -> &[Option<String>] {
         &self.case.stations
     }
 
     /// The targets that candidates are read of.
-    #[must_use]
     pub fn targets(&self) -> &[String] {
         &self.case.targets
     }
 
     /// Whether an unknown is of a station or of a target that no reading of a plan is from or of.
-    #[must_use]
     pub fn is_elsewhere(&self, unknown: usize, plan: &[(usize, u32)]) -> bool {
         let mut setups = plan
             .iter()
@@ -243,8 +242,7 @@ impl<'a> AbsolutePlanning<'a> {
     }
 
     /// What a promise takes for certain although the scenario says that it is not, or although nobody reads it, in words.
-    #[must_use]
-    pub fn taken_for_certain(&self) -> Vec<String> {
+    pub fn assumed_exact(&self) -> Vec<String> {
         let mut words = Vec::new();
         if let Some(machining) = self.unread() {
             words.push(format!(
@@ -262,7 +260,7 @@ impl<'a> AbsolutePlanning<'a> {
             words.extend(
                 drifts
                     .filter(|(_, places)| places.iter().any(is_drift))
-                    .map(|(name, _)| format!("{name}, which is told of deflections")),
+                    .map(|(name, _)| format!("{name}, which is of deflections")),
             );
         }
         words
@@ -275,7 +273,6 @@ impl<'a> AbsolutePlanning<'a> {
     }
 
     /// The covariance of the mean of so many readings of a candidate (m^2, m rad, rad^2), in the world frame.
-    #[must_use]
     pub fn covariance(&self, place: usize, times: u32) -> Matrix6<f64> {
         self.errors[place].of_mean(&self.case.covariances[place], times)
     }
@@ -561,7 +558,6 @@ impl<'a> AbsolutePlanning<'a> {
     }
 
     /// What a plan promises: candidates by their places, and how often each is read.
-    #[must_use]
     pub fn promise(&self, plan: &[(usize, u32)]) -> AbsolutePromise {
         let readings: Vec<PlannedReading> = plan
             .iter()

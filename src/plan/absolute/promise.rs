@@ -147,7 +147,6 @@ impl AbsolutePromise {
     }
 
     /// The rms distance (m) over the test poses; none where they need what is not determined.
-    #[must_use]
     pub fn rho0_m(&self) -> Option<f64> {
         self.left.as_ref().ok().copied()
     }

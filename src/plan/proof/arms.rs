@@ -1,19 +1,13 @@
 //! Enclosures and proofs against single experiments, computed with plain matrices.
 
-use nalgebra::{Isometry3, Matrix3, Quaternion, Rotation3, Unit, UnitQuaternion, Vector3};
-
-use crate::robot::{
-    Drive, Elements, Joint, JointSpring, KinematicState, Place, SerialChain, Spring, Tool,
-};
+use nalgebra::{Matrix3, Quaternion, Rotation3, Unit, UnitQuaternion, Vector3};
 
 use super::bound::{Ingredients, Target};
-use super::branching::{NoProof, ProofLimits, Proved, largest_mobility, prove, tasks};
+use super::branching::{NoProof, ProofLimits, Proved, prove, tasks};
 use super::enclosure::{Cell, ProofTask};
 use super::judgement::judge;
 use super::polynomial::Polynomial;
-use super::question::{
-    Arm, ProofJoint, ProofLoads, ProofSpring, ProofSprings, Question, ReadingSpread, SmoothRegion,
-};
+use super::question::{Arm, ProofJoint, ProofLoads, Question, ReadingSpread, SmoothRegion};
 use super::taylor::{LANES, ModelWorkspace};
 
 /// RandomArms numbers between -1 and 1.
@@ -42,8 +36,6 @@ const UPRIGHT: [f64; 4] = [0.0, 0.0, 0.0, 1.0];
 
 fn joint(offset_m: [f64; 3], axis: [f64; 3], range_deg: [f64; 2]) -> ProofJoint {
     ProofJoint {
-        slides: false,
-        held_at: None,
         offset_m,
         rotation: UPRIGHT,
         axis,
@@ -74,7 +66,6 @@ fn heavy_arm() -> Question {
             tool_offset_m: [0.6, 0.0, -0.46],
             tool_rotation: UPRIGHT,
             gravity_m_s2: [0.0, 0.0, -9.81],
-            springs: None,
         },
         parameters: vec![1, 2, 3, 4, 5],
         rows: vec![
@@ -104,7 +95,7 @@ fn with_spread(question: Question, random: &mut RandomArms) -> Question {
     Question {
         spread: Some(ReadingSpread {
             everywhere: 1.5,
-            joint_return: sizes(3.0),
+            joint_repeatability: sizes(3.0),
             compliance_rad_per_nm: sizes(1.0),
             turned: 0.7,
             shifted: 0.9,
@@ -130,8 +121,6 @@ fn random_arm(random: &mut RandomArms, loads: ProofLoads, torques: bool) -> Ques
                 [x, y, z, 1.0]
             }];
             ProofJoint {
-                slides: false,
-                held_at: None,
                 offset_m: random.vector(),
                 rotation: turns[random.below(4)],
                 axis: axes[random.below(4)],
@@ -149,7 +138,6 @@ fn random_arm(random: &mut RandomArms, loads: ProofLoads, torques: bool) -> Ques
             tool_offset_m: random.vector(),
             tool_rotation: [x, y, z, 0.5],
             gravity_m_s2: [0.5, 0.0, -9.0],
-            springs: None,
         },
         parameters: vec![0, 1, 2],
         rows: (0..3).map(|_| random.vector().to_vec()).collect(),
@@ -165,106 +153,6 @@ fn random_arm(random: &mut RandomArms, loads: ProofLoads, torques: bool) -> Ques
     }
 }
 
-/// The same where some joints slide, some are held, and springs pull at them, some of which have a dead band.
-fn with_elements(mut question: Question, random: &mut RandomArms) -> Question {
-    let count = question.arm.joints.len();
-    for joint in &mut question.arm.joints {
-        match random.below(6) {
-            0 | 1 => {
-                joint.slides = true;
-                joint.range_rad = [-0.4 + 0.2 * random.number(), 0.6];
-            }
-            2 => joint.held_at = Some([0.0, 0.7 * random.number()][random.below(2)]),
-            _ => {}
-        }
-    }
-    let place = |random: &mut RandomArms, joints: usize| {
-        let place = random.vector().map(|x| 2.0 * x);
-        (joints, place)
-    };
-    let between = (0..random.below(3))
-        .map(|_| {
-            let from = random.below(count);
-            let to = from + 1 + random.below(count - from);
-            let low = 1.0 + random.number();
-            let high = low + [0.0, 0.5, 2.0][random.below(3)];
-            let mut path = vec![place(random, from), place(random, to)];
-            if random.below(3) == 0 {
-                path.insert(1, place(random, to));
-                path.push(place(random, from));
-            }
-            ProofSpring {
-                stiffness_n_per_m: 1.0 + random.number(),
-                rest_m: [low, high],
-                path,
-            }
-        })
-        .collect();
-    let in_joints = (0..random.below(3))
-        .map(|_| (random.below(count), 1.0 + random.number(), random.number()))
-        .collect();
-    question.arm.springs = Some(ProofSprings {
-        compliance: (0..count).map(|_| 0.06 + 0.05 * random.number()).collect(),
-        in_joints,
-        between,
-    });
-    question
-}
-
-/// The arm as planning knows it.
-fn state(arm: &Arm, q: &[f64]) -> KinematicState {
-    let quaternion =
-        |[x, y, z, w]: [f64; 4]| UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
-    let frame = |offset: [f64; 3], rotation| {
-        Isometry3::from_parts(Vector3::from(offset).into(), quaternion(rotation))
-    };
-    let joint = |joint: &ProofJoint| Joint {
-        name: String::new(),
-        previous_from_link: frame(joint.offset_m, joint.rotation),
-        drive: Drive {
-            slides: joint.slides,
-            passive_at: joint.held_at,
-        },
-        axis: Unit::new_normalize(Vector3::from(joint.axis)),
-        range_rad: joint.range_rad,
-        mass_kg: joint.mass_kg,
-        centre_of_mass_m: joint.centre_of_mass_m.into(),
-        model_compliance_rad_per_nm: None,
-    };
-    let mut elements = Elements::default();
-    for spring in arm.springs.iter().flat_map(|springs| &springs.between) {
-        elements.springs.push(Spring {
-            name: String::new(),
-            stiffness_n_per_m: spring.stiffness_n_per_m,
-            rest_m: spring.rest_m,
-            path: (spring.path.iter())
-                .map(|&(joints, place)| Place {
-                    joints,
-                    position_m: place.into(),
-                })
-                .collect(),
-        });
-    }
-    for &(joint, stiffness, rest) in arm.springs.iter().flat_map(|springs| &springs.in_joints) {
-        elements.joint_springs.push(JointSpring {
-            joint,
-            stiffness,
-            rest,
-        });
-    }
-    let chain = SerialChain {
-        joints: arm.joints.iter().map(joint).collect(),
-        gravity_m_s2: arm.gravity_m_s2.into(),
-        elements,
-    };
-    let tool = Tool {
-        name: String::new(),
-        joints: arm.tool_joints,
-        link_from_tool: frame(arm.tool_offset_m, arm.tool_rotation),
-    };
-    chain.at(&tool).state(q)
-}
-
 /// The arm at one configuration, with plain matrices.
 struct PlainPose {
     axes: Vec<Vector3<f64>>,
@@ -272,11 +160,9 @@ struct PlainPose {
     centres: Vec<Vector3<f64>>,
     tool: Vector3<f64>,
     tool_axis: Vector3<f64>,
-    /// How the joints move and turn the tool, without springs and with those beside the joints' own.
-    plain: [Vec<Vector3<f64>>; 2],
-    braced: [Vec<Vector3<f64>>; 2],
-    /// The springs' torques.
-    torques: Vec<f64>,
+    /// How the joints move and turn the tool.
+    levers: Vec<Vector3<f64>>,
+    turning: Vec<Vector3<f64>>,
 }
 
 fn pose(arm: &Arm, q: &[f64]) -> PlainPose {
@@ -293,67 +179,36 @@ fn pose(arm: &Arm, q: &[f64]) -> PlainPose {
         let axis = Unit::new_normalize(Vector3::from(joint.axis));
         axes.push(frame * axis.into_inner());
         anchors.push(origin);
-        if joint.slides {
-            origin += frame * axis.into_inner() * q[index];
-        } else {
-            frame *= Rotation3::from_axis_angle(&axis, q[index]);
-        }
+        frame *= Rotation3::from_axis_angle(&axis, q[index]);
         centres.push(origin + frame * Vector3::from(joint.centre_of_mass_m));
         if index + 1 == arm.tool_joints {
             tool = origin + frame * Vector3::from(arm.tool_offset_m);
             tool_axis = frame * turn(arm.tool_rotation) * Vector3::z();
         }
     }
-    let moved = |joint: usize| match (&arm.joints[joint], joint < arm.tool_joints) {
-        (_, false) => Vector3::zeros(),
-        (joint_here, true) if joint_here.slides => axes[joint],
-        _ => axes[joint].cross(&(tool - anchors[joint])),
-    };
-    let turned = |joint: usize| {
-        if arm.joints[joint].slides || joint >= arm.tool_joints {
-            Vector3::zeros()
-        } else {
-            axes[joint]
-        }
-    };
-    let joints = 0..axes.len();
-    let plain = [
-        joints.clone().map(moved).collect(),
-        joints.clone().map(turned).collect(),
-    ];
-    let (mut braced, mut torques) = (plain.clone(), vec![0.0; axes.len()]);
-    if let Some(springs) = &arm.springs {
-        let state = state(arm, q);
-        torques = (joints.clone())
-            .map(|joint| state.torque_of_springs(joint, joint).0)
-            .collect();
-        let state = state.braced(&springs.compliance);
-        braced = [
-            joints
-                .clone()
-                .map(|joint| state.position_column(joint))
-                .collect(),
-            joints.map(|joint| state.rotation_column(joint)).collect(),
-        ];
-    }
+    let lever = |joint: usize| axes[joint].cross(&(tool - anchors[joint]));
+    let of_tool =
+        |joint: usize, vector: Vector3<f64>| vector * f64::from(u8::from(joint < arm.tool_joints));
     PlainPose {
+        levers: (0..axes.len())
+            .map(|joint| of_tool(joint, lever(joint)))
+            .collect(),
+        turning: (0..axes.len())
+            .map(|joint| of_tool(joint, axes[joint]))
+            .collect(),
         axes,
         anchors,
         centres,
         tool,
         tool_axis,
-        plain,
-        braced,
-        torques,
     }
 }
 
 /// A column of the matrix of an experiment.
 fn column(question: &Question, q: &[f64], load: &[f64; 6], joint: usize) -> Vector3<f64> {
     let pose = pose(&question.arm, q);
-    let [levers, axes] = &pose.plain;
     let [force, torque] = [&load[..3], &load[3..]].map(Vector3::from_column_slice);
-    pose.braced[0][joint] * (levers[joint].dot(&force) + axes[joint].dot(&torque))
+    pose.levers[joint] * (pose.levers[joint].dot(&force) + pose.turning[joint].dot(&torque))
 }
 
 /// R with plain matrices.
@@ -369,7 +224,7 @@ fn covariance(
     let (mut turned, mut shifted) = (Matrix3::zeros(), Matrix3::zeros());
     for (joint, axis) in axes.iter().enumerate().take(arm.tool_joints) {
         let lever = lever(joint);
-        covariance += lever * lever.transpose() * spread.joint_return[joint].powi(2);
+        covariance += lever * lever.transpose() * spread.joint_repeatability[joint].powi(2);
         let follows = lever * spread.compliance_rad_per_nm[joint];
         turned += follows * (force.cross(&lever) + torque.cross(axis)).transpose();
         shifted += follows * force.cross(axis).transpose();
@@ -387,9 +242,8 @@ fn experiment(question: &Question, q: &[f64], load: &[f64; 6]) -> (f64, Vec<f64>
         centres,
         tool,
         tool_axis,
-        plain: [plain_levers, plain_axes],
-        braced: [levers, turning],
-        torques,
+        levers,
+        turning,
     } = pose(arm, q);
     let lever = |joint: usize| levers[joint];
     let [force, torque] = [&load[..3], &load[3..]].map(Vector3::from_column_slice);
@@ -426,10 +280,8 @@ fn experiment(question: &Question, q: &[f64], load: &[f64; 6]) -> (f64, Vec<f64>
         question.rows.iter().map(told).sum()
     };
     let region = &question.region;
-    let first = arm.first_axis();
-    let radius = axes[first].cross(&(tool - anchors[first])).norm();
-    // Of an axis behind the tool nothing is asked.
-    let [inner, outer] = (region.radius_m).map(|each| each.filter(|_| first < arm.tool_joints));
+    let radius = axes[0].cross(&(tool - anchors[0])).norm();
+    let [inner, outer] = region.radius_m;
     let mut margins = Vec::new();
     margins.extend(region.height_m[0].map(|low| tool.z - low));
     margins.extend(region.height_m[1].map(|high| high - tool.z));
@@ -446,16 +298,11 @@ fn experiment(question: &Question, q: &[f64], load: &[f64; 6]) -> (f64, Vec<f64>
         for joint in (0..arm.joints.len()).rev() {
             let weight: f64 = (joint..arm.joints.len())
                 .map(|link| {
-                    let moved = if arm.joints[joint].slides {
-                        axes[joint]
-                    } else {
-                        axes[joint].cross(&(centres[link] - anchors[joint]))
-                    };
+                    let moved = axes[joint].cross(&(centres[link] - anchors[joint]));
                     moved.dot(&gravity) * arm.joints[link].mass_kg
                 })
                 .sum();
-            let of_load = plain_levers[joint].dot(&force) + plain_axes[joint].dot(&torque);
-            let total = weight + of_load + torques[joint];
+            let total = weight + turned_by(joint);
             margins.extend([limits[joint] + total, limits[joint] - total]);
         }
     }
@@ -482,8 +329,7 @@ fn point(
         let sign = link.map_or(1.0, |link| link.sign);
         let variable = task.domain.variable.get(joint).copied().flatten();
         let next = variable.map_or(sum, |variable| coordinate[variable]);
-        let held = question.arm.joints[joint].held_at;
-        q.push(held.unwrap_or(sign * (next - sum)));
+        q.push(sign * (next - sum));
         sum = next;
     }
     let share = task.domain.share.map_or(1.0, |share| coordinate[share]);
@@ -573,13 +419,6 @@ fn boxes_enclose_the_experiments_of_arms() {
         let question = random_arm(&mut random, loads[round % 3].clone(), round % 2 == 0);
         assert_enclosed(&question, 6 * times, round as u64);
         if round % 3 != 1 {
-            let question = with_spread(question.clone(), &mut random);
-            assert_enclosed(&question, 6 * times, round as u64);
-        }
-        let mut question = with_elements(question, &mut random);
-        assert_enclosed(&question, 6 * times, round as u64);
-        question.arm.springs = None;
-        if round % 3 != 1 {
             let question = with_spread(question, &mut random);
             assert_enclosed(&question, 6 * times, round as u64);
         }
@@ -590,8 +429,7 @@ fn random_configuration(question: &Question, random: &mut RandomArms) -> Vec<f64
     (question.arm.joints.iter())
         .map(|joint| {
             let [low, high] = joint.range_rad;
-            let between = low + (high - low) * (random.number() + 1.0) / 2.0;
-            joint.held_at.unwrap_or(between)
+            low + (high - low) * (random.number() + 1.0) / 2.0
         })
         .collect()
 }
@@ -649,10 +487,6 @@ fn nothing_is_proved_from_less_than_an_experiment_gives() {
             let question = questions[questions.len() - 1].clone();
             questions.push(with_spread(question, &mut random));
         }
-        let question = questions[questions.len() - 1].clone();
-        if question.spread.is_none() && round % 3 != 0 {
-            questions.push(with_elements(question, &mut random));
-        }
     }
     for question in &questions {
         let Some(best) = sampled(question, 5_000, 1).into_iter().next() else {
@@ -660,12 +494,7 @@ fn nothing_is_proved_from_less_than_an_experiment_gives() {
         };
         // A far too small derivative is given as found: the threshold rises with what is found on the way, and ends
         // above the best experiment.
-        let boxes = if question.arm.springs.is_none() {
-            15_000
-        } else {
-            4_000
-        };
-        let Ok(proved) = prove(question, 0.2 * best.0, effort(0.1, boxes)) else {
+        let Ok(proved) = prove(question, 0.2 * best.0, effort(0.1, 15_000)) else {
             continue;
         };
         assert!(proved.largest >= best.0 * (1.0 - 1e-12));
@@ -685,7 +514,6 @@ fn a_planar_arm_is_proved_to_its_known_maximum() -> Result<(), NoProof> {
         tool_offset_m: [0.5, 0.0, 0.0],
         tool_rotation: UPRIGHT,
         gravity_m_s2: [0.0, 0.0, -9.81],
-        springs: None,
     };
     let question = |parameters: Vec<usize>, rows: Vec<Vec<f64>>| Question {
         arm: arm.clone(),
@@ -776,54 +604,6 @@ fn the_bound_is_that_of_plain_arithmetic_but_for_rounding() {
             assert!(bound.is_some_and(|bound| bound >= truth - 1e-10));
         }
     }
-}
-
-/// Entries of (I + k S)^-1 at random configurations are within their bounds; a single joint with a spring of its own has them
-/// exactly.
-#[test]
-fn what_springs_make_of_columns_is_bounded() -> Result<(), NoProof> {
-    let mut random = RandomArms(23);
-    let mut told = 0;
-    for _ in 0..30 {
-        let load = ProofLoads::OneOf(vec![[1.0, 0.3, -1.0, 0.0, 0.2, 0.0]]);
-        let question = random_arm(&mut random, load, false);
-        let question = with_elements(question, &mut random);
-        let Some(springs) = &question.arm.springs else {
-            continue;
-        };
-        let Ok(Some(bounds)) = largest_mobility(&question) else {
-            continue;
-        };
-        told += 1;
-        for _ in 0..50 {
-            let q = random_configuration(&question, &mut random);
-            let Some(mobility) = state(&question.arm, &q).mobility(&springs.compliance) else {
-                continue;
-            };
-            for (row, bounds) in bounds.iter().enumerate() {
-                for (column, bound) in bounds.iter().enumerate() {
-                    assert!(mobility[(row, column)].abs() <= bound + 1e-12);
-                }
-            }
-        }
-    }
-    assert!(told > 12, "{told}");
-    // A spring as stiff as the joint itself halves what it shows twice: its torque, and what follows from that.
-    let mut question = heavy_arm();
-    question.parameters = vec![1];
-    question.rows = vec![vec![1.0]];
-    let found = sampled(&question, 20_000, 3)[0].0;
-    let plain = prove(&question, found, effort(1e-3, 100_000))?;
-    question.arm.springs = Some(ProofSprings {
-        compliance: vec![0.5; 6],
-        in_joints: vec![(1, 2.0, 0.3), (4, 1.0, 0.0)],
-        between: Vec::new(),
-    });
-    let half = largest_mobility(&question)?.map(|bounds| bounds[1][1]);
-    assert!(half.is_some_and(|half| (half - 0.5).abs() < 1e-12));
-    let braced = prove(&question, found / 16.0, effort(1e-3, 100_000))?;
-    assert!((braced.largest * 16.0 / plain.largest - 1.0).abs() < 2e-3);
-    Ok(())
 }
 
 #[test]

@@ -2,15 +2,14 @@
 
 use serde::Serialize;
 
-use super::bracing::Bracing;
 use super::chain::Chain;
 use super::constant::{Constant, vector};
 use super::domain::{Domain, LoadCase};
-use super::geometry::{BoxGeometry, JointMotion};
+use super::geometry::BoxGeometry;
 use super::question::Arm;
 use super::rounding::{LARGEST_ANGLE, UNIT, UP, Waves, sin_cos};
 use super::taylor::{LANES, ModelVector, ModelWorkspace, TaylorModel};
-use super::vectors::{NOWHERE, constant_in, dot};
+use super::vectors::{Angle, NOWHERE, constant_in, dot};
 
 /// What must be accurate: a tool at a configuration under a load.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -44,7 +43,6 @@ pub struct Ingredients<'a> {
 impl Ingredients<'_> {
     /// No plan has a smaller `rho_0` (m) whose derivatives add up to at most `derivatives`:
     /// sigma trace(C B^T) / sqrt(derivatives), rounded down. `None` where an angle is too large.
-    #[must_use]
     pub fn least_rho0_m(&self, derivatives: f64) -> Option<f64> {
         let (mut trace, mut error, mut size) = (0.0_f64, 0.0_f64, 0.0_f64);
         let mut rows = self.rows.iter();
@@ -77,8 +75,7 @@ impl Ingredients<'_> {
     }
 }
 
-/// The columns of the target's matrix: `tau_n` `J_n` for each parameter n, in the world frame, `J_n` with the springs beside the
-/// joints' own and `tau_n` without.
+/// The columns of the target's matrix: `tau_n` `J_n` for each parameter n, in the world frame.
 fn columns(target: &Target, parameters: &[usize]) -> Option<Vec<[Constant; 3]>> {
     let arm = &target.arm;
     let mut chain = Chain::new(arm, arm.joints.len());
@@ -91,65 +88,28 @@ fn columns(target: &Target, parameters: &[usize]) -> Option<Vec<[Constant; 3]>> 
     {
         return None;
     }
-    let coordinates = || arm.joints.iter().zip(&target.configuration_rad);
-    // What holds a joint is in the chain's frames.
-    let is_held = |joint: usize| arm.joints[joint].held_at.is_some();
-    if coordinates().any(|(joint, angle)| {
-        joint
-            .held_at
-            .is_some_and(|held| held.to_bits() != angle.to_bits())
-    }) {
-        return None;
-    }
     // One point is a box of no width, in whatever variable.
     let mut workspace = ModelWorkspace::new(1);
-    let motions: Vec<JointMotion> = chain
-        .links
-        .iter()
-        .zip(&target.configuration_rad)
+    let angles: Vec<Angle> = (chain.links.iter().zip(&target.configuration_rad))
         .map(|(link, angle)| {
-            if link.slides {
-                return JointMotion::Slides(workspace.constant(link.sign * angle, 0.0));
-            }
-            JointMotion::Turns(workspace.sin_cos(
+            workspace.sin_cos(
                 0,
                 &[sin_cos(link.sign * angle); LANES],
                 &[Waves::new(0.0); LANES],
-            ))
+            )
         })
         .collect();
     let domain = Domain {
         load: LoadCase::Wrench(target.wrench, None),
-        variable: (0..count)
-            .map(|joint| (!is_held(joint)).then_some(joint))
-            .collect(),
+        variable: (0..count).map(Some).collect(),
         share: None,
         ranges: Vec::new(),
         differences: Vec::new(),
     };
-    let motion = |joint: usize, _| motions[joint];
-    let geometry = BoxGeometry::new(&mut workspace, &chain, &domain, &motion, 0, false);
-    let plain: Vec<ModelVector> = (0..arm.tool_joints)
-        .map(|joint| geometry.moves(&mut workspace, &chain, joint, &geometry.tool))
+    let geometry = BoxGeometry::new(&mut workspace, &chain, &domain, &angles, 0, false);
+    let levers: Vec<ModelVector> = (0..arm.tool_joints)
+        .map(|joint| geometry.moves(&mut workspace, joint, &geometry.tool))
         .collect();
-    // Compensation commands by the load's own torques; the arm with its springs gives way to what is wrong of it.
-    let levers = match &arm.springs {
-        Some(springs) => {
-            let coordinates: Vec<TaylorModel> = (target.configuration_rad.iter())
-                .map(|&coordinate| workspace.constant(coordinate, 0.0))
-                .collect();
-            Bracing::new(
-                &mut workspace,
-                springs,
-                &chain,
-                &geometry,
-                &coordinates,
-                None,
-            )
-            .braced(&mut workspace, &plain)
-        }
-        None => plain.clone(),
-    };
     let [fx, fy, fz, tx, ty, tz] = target.wrench;
     let [force, torque] = [[fx, fy, fz], [tx, ty, tz]].map(|each| {
         constant_in(
@@ -164,7 +124,7 @@ fn columns(target: &Target, parameters: &[usize]) -> Option<Vec<[Constant; 3]>> 
         if joint >= arm.tool_joints {
             return [Constant::exact(0.0); 3];
         }
-        let pairs = [(&plain[joint], &force), (&geometry.turning[joint], &torque)];
+        let pairs = [(&levers[joint], &force), (&geometry.axis[joint], &torque)];
         let moment = dot(&mut workspace, &pairs);
         levers[joint].map(|part| {
             let product = workspace

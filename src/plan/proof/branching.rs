@@ -2,7 +2,6 @@
 
 use rayon::prelude::*;
 
-use super::bracing::MobilityRange;
 use super::chain::Chain;
 use super::domain::{Domain, LoadCase};
 use super::enclosure::{Cell, DEEPEST, ProofTask};
@@ -29,12 +28,6 @@ const TRIALS: u64 = 16;
 const TRIAL_DEPTH: u8 = 2;
 const TRIAL_BOXES: usize = 400;
 const TRIAL_GAP: f64 = 1.3;
-/// How many boxes, side by side, are looked at for what springs do.
-const SPRING_LOOKS: usize = 4_000;
-/// Until the entries of (I + k S)^-1 are known so well in each, or, after so many, at all.
-const NARROW: f64 = 1e-3;
-const FINE_SPRING_LOOKS: usize = 500;
-
 /// How far a proof shall go.
 #[derive(Clone, Copy)]
 pub struct ProofLimits<'a> {
@@ -61,7 +54,6 @@ pub struct Proved {
 
 impl Proved {
     /// How far the proved bound is above the largest derivative found, as a share of it.
-    #[must_use]
     pub fn gap(&self) -> f64 {
         self.largest / self.found - 1.0
     }
@@ -73,11 +65,14 @@ pub enum NoProof {
     /// Too many variables, or too large angles.
     #[error("the proof takes at most 8 variables, of at most 60 rad")]
     TooLarge,
-    /// Springs beside the joints' own may let the arm buckle.
+    /// The bound is by another criterion than the accuracy at the test poses.
+    #[error("bounds of rho0 alone are proved: by any other criterion, the bound rests on searches")]
+    Criterion,
+    /// More than hinges that are commanded.
     #[error(
-        "within the joint ranges springs beside the joints' own may let the arm buckle, or be of no length"
+        "there is no proof for arms with springs beside the joints' own, slides or passive joints: the bound rests on searches"
     )]
-    Buckles,
+    Springs,
     /// More is uncertain than the instrument's noise.
     #[error(
         "the proof knows the instrument's noise alone; with --noise-only there is a proof without the other uncertainties"
@@ -85,15 +80,14 @@ pub enum NoProof {
     Uncertain,
     /// What compensation leaves depends on where the arm rests.
     #[error(
-        "where more is uncertain than the instrument's noise, springs beside the joints' own and gaps that loads cross make what \
-         compensation leaves depend on where the arm rests, which the proof does not know; with --noise-only there is a proof \
-         without the other uncertainties"
+        "backlash that loads cross makes the residual error depend on the equilibrium, which the proof does not model; with \
+         --noise-only there is a proof without the other uncertainties"
     )]
     RestsElsewhere,
     /// There is no B.
     #[error("the information of the approximate design is singular")]
     Singular,
-    /// The first rung was not reached.
+    /// The first nested model was not reached.
     #[error("the proof ended before its first result")]
     Unfinished,
 }
@@ -140,7 +134,7 @@ pub fn prove_and_record(
     Ok((proved, object.ok_or(NoProof::Unfinished)?))
 }
 
-/// Climbs rung by rung, and records what is known of every box where asked for.
+/// Climbs nested model by nested model, and records what is known of every box where asked for.
 fn climb<'a>(
     question: &'a Question,
     found: f64,
@@ -238,9 +232,7 @@ pub(super) fn tasks(question: &Question) -> Option<Vec<ProofTask<'_>>> {
         }
         ProofLoads::AnyForce(size) => vec![LoadCase::Any(*size)],
     };
-    let springs = question.arm.springs.as_ref();
-    let is_coupled = springs.is_some_and(|springs| !springs.between.is_empty());
-    let joints = if question.region.torque_nm.is_some() || is_coupled {
+    let joints = if question.region.torque_nm.is_some() {
         question.arm.joints.len()
     } else {
         question.arm.tool_joints
@@ -262,75 +254,9 @@ pub(super) fn tasks(question: &Question) -> Option<Vec<ProofTask<'_>>> {
                 next.starts_run = true;
                 domain = Domain::new(question, &chain, load)?;
             }
-            let mut task = ProofTask::new(question, chain, domain);
-            if question.arm.springs.is_some() {
-                task.mobility = mobility_everywhere(&task, question.arm.joints.len());
-            }
-            Some(task)
+            Some(ProofTask::new(question, chain, domain))
         })
         .collect()
-}
-
-/// Bounds of the entries of (I + k S)^-1, row by row, over all of a question's region; `None` where it has no springs beside the
-/// joints' own.
-///
-/// # Errors
-/// The question is too large, or there is no bound.
-pub fn largest_mobility(question: &Question) -> Result<Option<Vec<Vec<f64>>>, NoProof> {
-    if question.arm.springs.is_none() {
-        return Ok(None);
-    }
-    let tasks = tasks(question).ok_or(NoProof::TooLarge)?;
-    // All loads have the same springs, and symmetry repeats what they do.
-    let Some(task) = tasks.first() else {
-        return Ok(None);
-    };
-    let ranges = task.mobility.as_ref().ok_or(NoProof::Buckles)?;
-    let bound = |[low, high]: &[f64; 2]| low.abs().max(high.abs());
-    let row = |row: &Vec<[f64; 2]>| row.iter().map(bound).collect();
-    Ok(Some(ranges.iter().map(row).collect()))
-}
-
-/// Between what the entries of (I + k S)^-1 are over all boxes; `None` where there is no bound.
-fn mobility_everywhere(task: &ProofTask<'_>, joints: usize) -> Option<MobilityRange> {
-    let nothing = [f64::INFINITY, f64::NEG_INFINITY];
-    let mut ranges = vec![vec![nothing; joints]; joints];
-    let felt = task.felt_by_springs();
-    let mut workspace = ModelWorkspace::new(task.variables());
-    let mut stack = vec![task.whole()];
-    let mut looks = 0;
-    while let Some(&last) = stack.last() {
-        let from = stack.len().saturating_sub(LANES);
-        let taken = stack.split_off(from);
-        let mut cells = [last; LANES];
-        cells[..taken.len()].copy_from_slice(&taken);
-        let known = task.mobility_over(&mut workspace, &cells);
-        looks += 1;
-        for (lane, cell) in taken.iter().enumerate() {
-            let is_narrow =
-                |most: f64| (known.iter()).all(|(_, [low, high])| high[lane] - low[lane] <= most);
-            let width = |variable: &usize| task.half_width(cell, *variable);
-            let widest = (felt.iter()).max_by(|one, other| width(one).total_cmp(&width(other)));
-            let halved = widest.filter(|widest| cell.depth[**widest] < DEEPEST);
-            if is_narrow(NARROW) || (looks > FINE_SPRING_LOOKS && is_narrow(f64::MAX)) {
-                for ([row, column], [low, high]) in &known {
-                    let range = &mut ranges[*row][*column];
-                    *range = [range[0].min(low[lane]), range[1].max(high[lane])];
-                }
-                continue;
-            }
-            stack.extend(task.halves(cell, *halved.filter(|_| looks < SPRING_LOOKS)?));
-        }
-    }
-    for (row, ranges) in ranges.iter_mut().enumerate() {
-        for (column, range) in ranges.iter_mut().enumerate() {
-            // What no spring is about stays as it is.
-            if range[0] > range[1] {
-                *range = [f64::from(u8::from(row == column)); 2];
-            }
-        }
-    }
-    Some(ranges)
 }
 
 /// Rooms of the tasks, which differ in their number of variables.

@@ -3,8 +3,8 @@
 //! the sums of their angles.
 
 use super::constant::{
-    Constant, IDENTITY, Rotation, about, along, coordinate_axis, is_permutation, plus, product,
-    rotation_of, towards, transposed, turned, vector,
+    Constant, IDENTITY, Rotation, coordinate_axis, is_permutation, product, rotation_of, towards,
+    transposed, turned, vector,
 };
 use super::question::Arm;
 
@@ -15,9 +15,8 @@ pub(super) struct Link {
     pub offset: [Constant; 3],
     /// How it stands there at zero angle, unless parallel.
     pub rotation: Option<Rotation>,
-    /// The coordinate axis that it turns about, or slides along, and which way.
+    /// The coordinate axis that it turns about, and which way.
     pub axis: usize,
-    pub slides: bool,
     pub sign: f64,
     /// Whether its axis is not that of the joint before.
     pub starts_run: bool,
@@ -33,8 +32,6 @@ pub(super) struct Chain {
     pub tool_joints: usize,
     pub tool: [Constant; 3],
     pub tool_axis: [Constant; 3],
-    /// The places that springs go through, one after another: the link that carries each (the world: none), and where.
-    pub places: Vec<(Option<usize>, [Constant; 3])>,
 }
 
 impl Chain {
@@ -44,23 +41,10 @@ impl Chain {
         let mut frame = IDENTITY;
         let mut tool = (vector(arm.tool_offset_m), IDENTITY[2]);
         let mut links: Vec<Link> = Vec::new();
-        let springs = arm.springs.iter().flat_map(|springs| &springs.between);
-        let mut places: Vec<(Option<usize>, [Constant; 3])> = springs
-            .flat_map(|spring| &spring.path)
-            .map(|&(joints, place)| (joints.checked_sub(1), vector(place)))
-            .collect();
         for (index, joint) in arm.joints.iter().take(joints).enumerate() {
             let before = transposed(&frame);
-            let mut turn = product(&before, &rotation_of(joint.rotation));
-            let mut offset = turned(&before, &vector(joint.offset_m));
-            // A joint that is held is a part of where its link stands.
-            match joint.held_at.filter(|held| *held != 0.0) {
-                Some(held) if joint.slides => {
-                    offset = plus(&offset, &turned(&turn, &along(joint.axis, held)));
-                }
-                Some(held) => turn = product(&turn, &about(joint.axis, held)),
-                None => {}
-            }
+            let turn = product(&before, &rotation_of(joint.rotation));
+            let offset = turned(&before, &vector(joint.offset_m));
             let axis = vector(joint.axis);
             let (rotation, along) = match coordinate_axis(&axis) {
                 Some(_) if is_permutation(&turn) => {
@@ -77,21 +61,14 @@ impl Chain {
                 }
             };
             let (axis, sign) = along.unwrap_or((2, 1.0));
-            let same_axis = (links.last())
-                .is_some_and(|last| last.axis == axis && !last.slides && !joint.slides);
+            let same_axis = links.last().is_some_and(|last| last.axis == axis);
             let here = transposed(&frame);
-            for (link, place) in &mut places {
-                if *link == Some(index) {
-                    *place = turned(&here, place);
-                }
-            }
             links.push(Link {
                 offset,
                 starts_run: rotation.is_some() || !same_axis,
                 rotation,
                 axis,
                 sign,
-                slides: joint.slides,
                 mass: joint.mass_kg,
                 centre_of_mass: turned(&here, &vector(joint.centre_of_mass_m)),
             });
@@ -107,7 +84,6 @@ impl Chain {
             tool_joints: arm.tool_joints,
             tool: tool.0,
             tool_axis: tool.1,
-            places,
         }
     }
 
@@ -119,18 +95,9 @@ impl Chain {
             .unwrap_or(0)
     }
 
-    /// The first joint that turns, where its axis is exactly vertical; joints before it may slide.
-    pub fn upright_joint(&self) -> Option<usize> {
-        let first = self.links.iter().position(|link| !link.slides)?;
-        let is_parallel = |link: &Link| link.rotation.is_none();
-        (self.links[..=first].iter().all(is_parallel) && self.links[first].axis == 2)
-            .then_some(first)
-    }
-
-    /// Whether the mirror image across the plane at right angles to a coordinate axis has a joint's coordinate reversed.
-    pub fn is_reversed(&self, joint: usize, across: usize) -> bool {
-        let link = &self.links[joint];
-        (link.axis == across) == link.slides
+    /// Whether the axis of the first joint is exactly vertical.
+    pub fn is_first_upright(&self) -> bool {
+        (self.links.first()).is_some_and(|first| first.rotation.is_none() && first.axis == 2)
     }
 
     /// Whether the arm is its own mirror image across the plane at right angles to a coordinate axis, with
@@ -153,8 +120,7 @@ impl Chain {
         };
         let along =
             |offset: &[Constant; 3]| (0..3).all(|each| each == first.axis || offset[each].is(0.0));
-        ![first, second, third].iter().any(|link| link.slides)
-            && second.rotation.is_none()
+        second.rotation.is_none()
             && third.rotation.is_none()
             && second.axis != first.axis
             && third.axis == first.axis
@@ -169,7 +135,6 @@ impl Chain {
         };
         let axis = self.links[last].axis;
         let along = |vector: &[Constant; 3]| (0..3).all(|k| k == axis || vector[k].is(0.0));
-        let slides = self.links[last].slides;
-        !slides && along(&self.tool) && (!z_axis_matters || along(&self.tool_axis))
+        along(&self.tool) && (!z_axis_matters || along(&self.tool_axis))
     }
 }

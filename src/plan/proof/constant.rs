@@ -1,7 +1,7 @@
 //! Constants of the chain, known to within an error.
 #![expect(clippy::float_cmp, reason = "what is exact is told apart")]
 
-use super::rounding::{SIN_COS_ERROR, UNIT, UP, sin_cos};
+use super::rounding::{UNIT, UP};
 
 /// A number and what it may be off by.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -61,58 +61,6 @@ fn dot(a: &[Constant; 3], b: &[Constant; 3]) -> Constant {
         value,
         error: (error + 4.0 * UNIT * size) * UP,
     }
-}
-
-pub(super) fn plus(one: &[Constant; 3], other: &[Constant; 3]) -> [Constant; 3] {
-    std::array::from_fn(|k| {
-        if one[k].is(0.0) {
-            return other[k];
-        }
-        if other[k].is(0.0) {
-            return one[k];
-        }
-        let value = one[k].value + other[k].value;
-        Constant {
-            value,
-            error: (one[k].error + other[k].error + UNIT * value.abs()) * UP,
-        }
-    })
-}
-
-/// So much along an axis, a vector of any length.
-pub(super) fn along(axis: [f64; 3], way: f64) -> [Constant; 3] {
-    if let Some((k, sign)) = coordinate_axis(&vector(axis)) {
-        let mut along = vector([0.0; 3]);
-        along[k] = Constant::exact(sign * way);
-        return along;
-    }
-    let length = axis.iter().map(|x| x * x).sum::<f64>().sqrt();
-    axis.map(|x| Constant {
-        value: x / length * way,
-        error: 8.0 * UNIT * way.abs(),
-    })
-}
-
-/// The turn by an angle, of at most [`super::rounding::LARGEST_ANGLE`], about an axis of any length.
-pub(super) fn about(axis: [f64; 3], angle: f64) -> Rotation {
-    let (sine, cosine) = sin_cos(angle);
-    let known = |value: f64| Constant {
-        value,
-        error: SIN_COS_ERROR,
-    };
-    let about_coordinate = |k: usize, sign: f64| {
-        let [i, j] = [(k + 1) % 3, (k + 2) % 3];
-        let mut turn = IDENTITY;
-        (turn[i][i], turn[j][j]) = (known(cosine), known(cosine));
-        (turn[i][j], turn[j][i]) = (known(sign * sine), known(-sign * sine));
-        turn
-    };
-    if let Some((k, sign)) = coordinate_axis(&vector(axis)) {
-        return about_coordinate(k, sign);
-    }
-    let frame = towards(axis);
-    let turned = product(&frame, &about_coordinate(2, 1.0));
-    product(&turned, &transposed(&frame))
 }
 
 pub(super) fn transposed(rotation: &Rotation) -> Rotation {

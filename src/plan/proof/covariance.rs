@@ -20,13 +20,13 @@ pub(super) fn covariance(
     [force, torque]: &[ModelVector; 2],
 ) -> SpreadColumns {
     let mut columns: Vec<ModelVector> = Vec::new();
-    for (lever, deviation) in levers.iter().zip(&spread.joint_return) {
+    for (lever, deviation) in levers.iter().zip(&spread.joint_repeatability) {
         if *deviation > 0.0 {
             columns.push(lever.map(|part| workspace.sum().add(*deviation, part).end()));
         }
     }
     if spread.turned > 0.0 {
-        let by_turn: Vec<ModelVector> = (levers.iter().zip(&geometry.turning))
+        let by_turn: Vec<ModelVector> = (levers.iter().zip(&geometry.axis))
             .map(|(lever, axis)| {
                 let [one, other] = [(force, lever), (torque, axis)]
                     .map(|(one, other)| cross(workspace, one, other));
@@ -36,7 +36,7 @@ pub(super) fn covariance(
         columns.extend(followed(workspace, spread, spread.turned, levers, &by_turn));
     }
     if spread.shifted > 0.0 {
-        let by_shift: Vec<ModelVector> = (geometry.turning.iter())
+        let by_shift: Vec<ModelVector> = (geometry.axis.iter())
             .take(levers.len())
             .map(|axis| cross(workspace, force, axis))
             .collect();
@@ -90,7 +90,7 @@ pub(super) fn notable_returns(question: &Question) -> Vec<bool> {
     };
     let least = NOTABLE * spread.everywhere.sqrt();
     let reaches = question.reaches_m();
-    let pairs = spread.joint_return.iter().zip(reaches);
+    let pairs = spread.joint_repeatability.iter().zip(reaches);
     pairs
         .map(|(deviation, reach)| deviation * reach > least)
         .collect()
@@ -105,7 +105,8 @@ pub(super) fn weighted_rows(
     (levers, torques): (&[ModelVector], &[Option<TaylorModel>]),
     columns: usize,
 ) -> Vec<WeightedRow> {
-    let deviations: &[f64] = (question.spread.as_ref()).map_or(&[], |spread| &spread.joint_return);
+    let deviations: &[f64] =
+        (question.spread.as_ref()).map_or(&[], |spread| &spread.joint_repeatability);
     let mut next = 0;
     let mut place = vec![None; question.arm.joints.len()];
     for (joint, deviation) in deviations.iter().enumerate().take(levers.len()) {

@@ -61,10 +61,6 @@ impl Domain {
             .iter()
             .map(|each| each.range_rad)
             .collect();
-        let held = || question.arm.joints.iter().filter_map(|joint| joint.held_at);
-        if held().any(|held| held.is_nan() || held.abs() > LARGEST_ANGLE) {
-            return None;
-        }
         let moves = moving_joints(question, chain, &load);
         let mut domain = Self {
             load,
@@ -88,12 +84,7 @@ impl Domain {
                 (*low, *high) = (-*high, -*low);
             }
             let [low, high] = [*low, *high];
-            // A spring in a joint feels full turns, which only its torque tells of.
-            let springs = question.arm.springs.as_ref();
-            let is_felt =
-                region.torque_nm.is_some() && springs.is_some_and(|springs| springs.is_in(joint));
-            is_free[joint] =
-                high - low >= 2.0 * HALF_TURN && !chain.links[joint].slides && !is_felt;
+            is_free[joint] = high - low >= 2.0 * HALF_TURN;
             let variable = domain.ranges.len();
             domain.variable[joint] = Some(variable);
             domain.ranges.push(if is_free[joint] {
@@ -115,8 +106,7 @@ impl Domain {
             });
         }
         if region.torque_nm.is_none() {
-            let is_spanned = |joint: usize| question.arm.is_spanned(joint);
-            domain.reduce(chain, &is_free, &ranges_rad, &is_spanned);
+            domain.reduce(chain, &is_free, &ranges_rad);
         }
         if let LoadCase::Wrench(_, Some(share)) = domain.load {
             domain.share = Some(domain.ranges.len());
@@ -127,19 +117,13 @@ impl Domain {
     }
 
     /// Leaves out what symmetry repeats.
-    fn reduce(
-        &mut self,
-        chain: &Chain,
-        is_free: &[bool],
-        ranges_rad: &[[f64; 2]],
-        is_spanned: &dyn Fn(usize) -> bool,
-    ) {
+    fn reduce(&mut self, chain: &Chain, is_free: &[bool], ranges_rad: &[[f64; 2]]) {
         let wrist = (0..chain.tool_joints.saturating_sub(2)).find(|&k| {
             let [low, high] = ranges_rad[k + 1];
             chain.is_wrist(k)
                 && [k, k + 1, k + 2]
                     .iter()
-                    .all(|&joint| self.variable[joint].is_some() && !is_spanned(joint))
+                    .all(|&joint| self.variable[joint].is_some())
                 && is_free[k]
                 && is_free[k + 2]
                 && (is_free[k + 1] || low + high == 0.0)
@@ -148,10 +132,7 @@ impl Domain {
             self.ranges[variable].low = 0.0;
         }
         for across in 0..2 {
-            let reverses = |joint: usize| chain.is_reversed(joint, across);
-            // The lengths of springs stay where the joints that they depend on do.
-            let are_springs_alike =
-                (0..chain.links.len()).all(|joint| !reverses(joint) || !is_spanned(joint));
+            let reverses = |joint: usize| chain.links[joint].axis != across;
             let symmetric = |joint: usize| {
                 let [low, high] = ranges_rad[joint];
                 self.variable[joint].is_none()
@@ -164,7 +145,6 @@ impl Domain {
             if chain.is_mirrored(across)
                 && load_is_mirrored(&self.load, across)
                 && wrist_stays
-                && are_springs_alike
                 && joints.clone().all(symmetric)
             {
                 let first = joints
@@ -196,43 +176,22 @@ fn load_is_mirrored(load: &LoadCase, across: usize) -> bool {
 fn moving_joints(question: &Question, chain: &Chain, load: &LoadCase) -> Vec<bool> {
     let region = &question.region;
     let count = chain.links.len();
-    let mut moves: Vec<bool> = (question.arm.joints.iter().take(count))
-        .map(|joint| joint.held_at.is_none())
-        .collect();
+    let mut moves = vec![true; count];
     let vertical = |vector: &[f64]| vector[0] == 0.0 && vector[1] == 0.0;
     let load_turns = match load {
         LoadCase::Wrench(wrench, _) => vertical(&wrench[..3]) && vertical(&wrench[3..]),
         LoadCase::Any(_) => true,
     };
     let gravity_turns = region.torque_nm.is_none() || vertical(&question.arm.gravity_m_s2);
-    let arm = &question.arm;
-    if let Some(first) = (chain.upright_joint()).filter(|_| load_turns && gravity_turns) {
-        // What slides before it tells the same in every direction that the arm is turned to if it tells nothing.
-        let is_alone = question.spread.is_none()
-            && (question.parameters.iter()).all(|parameter| *parameter >= first);
-        let is_felt = |joint: usize| {
-            region.torque_nm.is_some()
-                && (arm.springs.as_ref()).is_some_and(|springs| springs.is_in(joint))
-        };
-        if (first == 0 || is_alone) && !arm.is_spanned(first) && !is_felt(first) {
-            moves[first] = false;
-        }
-        // Where all of the arm slides to changes heights alone.
-        let needs_height = region.height_m.iter().any(Option::is_some);
-        for (joint, moves) in moves.iter_mut().enumerate().take(first) {
-            let is_level = chain.links[joint].axis != 2;
-            if (is_level || !needs_height) && !arm.is_spanned(joint) && !is_felt(joint) {
-                *moves = false;
-            }
-        }
+    if load_turns && gravity_turns && chain.is_first_upright() {
+        moves[0] = false;
     }
     if region.torque_nm.is_none() {
-        for (joint, moves) in moves.iter_mut().enumerate().skip(chain.tool_joints) {
-            *moves &= arm.is_spanned(joint);
+        for moves in moves.iter_mut().skip(chain.tool_joints) {
+            *moves = false;
         }
-        let last = chain.tool_joints - 1;
-        if chain.turns_tool_on_the_spot(needs_tool_axis(region)) && !arm.is_spanned(last) {
-            moves[last] = false;
+        if chain.turns_tool_on_the_spot(needs_tool_axis(region)) {
+            moves[chain.tool_joints - 1] = false;
         }
     }
     moves

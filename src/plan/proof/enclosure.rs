@@ -1,12 +1,11 @@
 //! What is asked, over boxes: the derivative d and the margins of the limits as Taylor models.
 
-use super::bracing::{Bracing, MobilityRange};
 use super::chain::Chain;
 use super::constant::vector;
 use super::covariance::{covariance, notable_returns, weighted_rows};
 use super::domain::{Domain, LoadCase, needs_tool_axis};
 use super::form::{ENTRIES, place};
-use super::geometry::{BoxGeometry, JointMotion};
+use super::geometry::BoxGeometry;
 use super::question::Question;
 use super::rounding::{UNIT, Waves, sin_cos};
 use super::rows::squares_of_rows;
@@ -36,8 +35,6 @@ pub(super) struct ProofTask<'a> {
     widths: Vec<Vec<(f64, Waves)>>,
     /// The joints whose returns tell their shares, where there is more than noise.
     is_notable: Vec<bool>,
-    /// Between what the entries of (I + k S)^-1 are, where there are springs beside the joints' own and that is known.
-    pub mobility: Option<MobilityRange>,
 }
 
 /// The derivative over boxes.
@@ -77,7 +74,6 @@ impl<'a> ProofTask<'a> {
             .collect();
         Self {
             middle: 0,
-            mobility: None,
             is_notable: notable_returns(question),
             question,
             chain,
@@ -143,13 +139,8 @@ impl<'a> ProofTask<'a> {
         })
     }
 
-    /// Where everything is over boxes, and what springs beside the joints' own make of it.
-    fn geometry(
-        &self,
-        workspace: &mut ModelWorkspace,
-        cells: &[Cell; LANES],
-    ) -> (BoxGeometry, Option<Bracing>) {
-        let arm = &self.question.arm;
+    /// Where everything is over boxes.
+    fn geometry(&self, workspace: &mut ModelWorkspace, cells: &[Cell; LANES]) -> BoxGeometry {
         let angles: Vec<Angle> = (0..self.variables())
             .map(|variable| {
                 let centre = cells.each_ref().map(|cell| sin_cos(cell.centre[variable]));
@@ -159,89 +150,14 @@ impl<'a> ProofTask<'a> {
                 workspace.sin_cos(variable, &centre, &waves)
             })
             .collect();
-        let ways: Vec<Option<TaylorModel>> = (0..self.chain.links.len())
-            .map(|joint| {
-                let variable = self.domain.variable[joint]?;
-                let slides = self.chain.links[joint].slides;
-                slides.then(|| self.coordinate(workspace, variable, cells))
-            })
-            .collect();
-        let motion = |joint: usize, variable: usize| match ways[joint] {
-            Some(way) => JointMotion::Slides(way),
-            None => JointMotion::Turns(angles[variable]),
-        };
-        let geometry = BoxGeometry::new(
+        BoxGeometry::new(
             workspace,
             &self.chain,
             &self.domain,
-            &motion,
+            &angles,
             self.middle,
             self.question.region.torque_nm.is_some(),
-        );
-        let bracing = arm.springs.as_ref().map(|springs| {
-            let coordinates: Vec<TaylorModel> = (0..self.chain.links.len())
-                .map(|joint| {
-                    if springs.is_in(joint) {
-                        self.joint_coordinate(workspace, joint, cells)
-                    } else {
-                        TaylorModel::ZERO
-                    }
-                })
-                .collect();
-            let everywhere = self.mobility.as_ref();
-            let arm = (&self.chain, &geometry);
-            Bracing::new(workspace, springs, arm.0, arm.1, &coordinates, everywhere)
-        });
-        (geometry, bracing)
-    }
-
-    /// A joint's own coordinate: its variable, less that before it in its run.
-    fn joint_coordinate(
-        &self,
-        workspace: &mut ModelWorkspace,
-        joint: usize,
-        cells: &[Cell; LANES],
-    ) -> TaylorModel {
-        if let Some(held) = self.question.arm.joints[joint].held_at {
-            return workspace.constant(held, 0.0);
-        }
-        let link = &self.chain.links[joint];
-        let before = joint
-            .checked_sub(1)
-            .filter(|_| !link.starts_run)
-            .and_then(|before| self.domain.variable[before]);
-        let [own, before] = [self.domain.variable[joint], before].map(|variable| {
-            variable.map_or(TaylorModel::ZERO, |variable| {
-                self.coordinate(workspace, variable, cells)
-            })
-        });
-        let sum = workspace.sum().add(link.sign, own);
-        sum.add(-link.sign, before).end()
-    }
-
-    /// The variables on which the stiffness of springs beside the joints' own depends: those of the joints that these span,
-    /// and of their runs.
-    pub fn felt_by_springs(&self) -> Vec<usize> {
-        let spanned = (0..self.chain.links.len())
-            .filter(|&joint| self.question.arm.is_spanned(joint))
-            .flat_map(|joint| self.chain.run_start(joint)..=joint);
-        let mut variables: Vec<usize> = spanned
-            .filter_map(|joint| self.domain.variable[joint])
-            .collect();
-        variables.sort_unstable();
-        variables.dedup();
-        variables
-    }
-
-    /// Between what the entries of (I + k S)^-1 are over boxes, of one row and column each.
-    pub fn mobility_over(
-        &self,
-        workspace: &mut ModelWorkspace,
-        cells: &[Cell; LANES],
-    ) -> Vec<([usize; 2], [Lanes; 2])> {
-        workspace.clear();
-        let (_, bracing) = self.geometry(workspace, cells);
-        bracing.map_or_else(Vec::new, |bracing| bracing.ranges(workspace))
+        )
     }
 
     /// Looks at boxes.
@@ -249,23 +165,16 @@ impl<'a> ProofTask<'a> {
         workspace.clear();
         let question = self.question;
         let region = &question.region;
-        let (geometry, bracing) = self.geometry(workspace, cells);
-        let plain: Vec<ModelVector> = (0..self.chain.tool_joints)
-            .map(|joint| geometry.moves(workspace, &self.chain, joint, &geometry.tool))
+        let geometry = self.geometry(workspace, cells);
+        let levers: Vec<ModelVector> = (0..self.chain.tool_joints)
+            .map(|joint| geometry.moves(workspace, joint, &geometry.tool))
             .collect();
-        let turning = &geometry.turning[..self.chain.tool_joints];
-        let (levers, turning) = match &bracing {
-            Some(bracing) => (
-                bracing.braced(workspace, &plain),
-                bracing.braced(workspace, turning),
-            ),
-            None => (plain.clone(), turning.to_vec()),
-        };
+        let axes = &geometry.axis[..self.chain.tool_joints];
         let load = self.load(workspace, &geometry, cells);
         let mut spread = [[0.0; LANES]; VARIABLES];
         let derivative = match &load {
             Some(load) => {
-                let torques = self.torques(workspace, &turning, &levers, load);
+                let torques = self.torques(workspace, axes, &levers, load);
                 if let Some(more) = &question.spread {
                     let covariance = covariance(workspace, more, &geometry, &levers, load);
                     let told = (levers.as_slice(), torques.as_slice());
@@ -274,17 +183,15 @@ impl<'a> ProofTask<'a> {
                     Derivative::Weighted(rows, covariance)
                 } else {
                     let told = (levers.as_slice(), torques.as_slice());
-                    Derivative::Plain(self.plain(workspace, &turning, told, &mut spread))
+                    Derivative::Plain(self.plain(workspace, axes, told, &mut spread))
                 }
             }
-            None => Derivative::Largest(self.form(workspace, &turning, &levers, &mut spread)),
+            None => Derivative::Largest(self.form(workspace, axes, &levers, &mut spread)),
         };
         let mut margins = Vec::new();
-        self.add_geometric_margins(workspace, &geometry, &plain, &mut margins);
+        self.add_geometric_margins(workspace, &geometry, &levers, &mut margins);
         if let (Some(limits), Some(load)) = (&region.torque_nm, &load) {
-            let of_springs = bracing.map_or_else(Vec::new, |bracing| bracing.torque);
-            let arm = (&geometry, plain.as_slice(), of_springs.as_slice());
-            self.add_torque_margins(workspace, arm, load, limits, &mut margins);
+            self.add_torque_margins(workspace, (&geometry, &levers), load, limits, &mut margins);
         }
         for limit in &self.domain.differences {
             let [later, earlier] = [limit.later, limit.earlier]
@@ -344,16 +251,14 @@ impl<'a> ProofTask<'a> {
         let LoadCase::Wrench([fx, fy, _, _, _, tz], _) = self.domain.load else {
             return false;
         };
-        self.chain.upright_joint() == Some(joint)
-            && !self.question.arm.is_spanned(joint)
-            && [fx, fy, tz].iter().all(|part| *part == 0.0)
+        joint == 0 && self.chain.is_first_upright() && [fx, fy, tz].iter().all(|part| *part == 0.0)
     }
 
     /// The load's torque about the joint of each parameter; none where there is none in any experiment.
     fn torques(
         &self,
         workspace: &mut ModelWorkspace,
-        turning: &[ModelVector],
+        axes: &[ModelVector],
         levers: &[ModelVector],
         [force, torque]: &[ModelVector; 2],
     ) -> Vec<Option<TaylorModel>> {
@@ -361,8 +266,7 @@ impl<'a> ProofTask<'a> {
         parameters
             .map(|&joint| {
                 let lever = levers.get(joint).filter(|_| !self.is_silent(joint))?;
-                let axis = &turning[joint];
-                Some(dot(workspace, &[(lever, force), (axis, torque)]))
+                Some(dot(workspace, &[(lever, force), (&axes[joint], torque)]))
             })
             .collect()
     }
@@ -372,7 +276,7 @@ impl<'a> ProofTask<'a> {
     fn plain(
         &self,
         workspace: &mut ModelWorkspace,
-        turning: &[ModelVector],
+        axes: &[ModelVector],
         (levers, torques): (&[ModelVector], &[Option<TaylorModel>]),
         spread: &mut [Lanes; VARIABLES],
     ) -> TaylorModel {
@@ -388,7 +292,7 @@ impl<'a> ProofTask<'a> {
             let mut times = |part| workspace.sum().product(TermSign::Plus, part, torque).end();
             columns[0].push(levers[joint].map(&mut times));
             if scale > 0.0 {
-                columns[1].push(turning[joint].map(&mut times));
+                columns[1].push(axes[joint].map(&mut times));
             }
         }
         let rows = &self.question.rows;
@@ -522,21 +426,11 @@ impl<'a> ProofTask<'a> {
                 add(workspace, height, -1.0, high, 0.0);
             }
         }
-        let first = self.question.arm.first_axis();
-        if let (true, Some(lever)) = (
-            region.radius_m.iter().any(Option::is_some),
-            levers.get(first),
-        ) {
-            // The tool's speed per unit rate of the first hinge is its distance from that axis.
-            let lever = if self.chain.links[first].slides {
-                let arm = difference(workspace, &geometry.tool, &geometry.anchor[first]);
-                cross(workspace, &geometry.axis[first], &arm)
-            } else {
-                *lever
-            };
+        if let (true, Some(lever)) = (region.radius_m.iter().any(Option::is_some), levers.first()) {
+            // The tool's speed per unit rate of the first joint is its distance from that axis.
             let mut sum = workspace.sum();
             for part in lever {
-                sum = sum.square(part);
+                sum = sum.square(*part);
             }
             let squared = sum.end();
             let [low, high] = region.radius_m;
@@ -555,12 +449,11 @@ impl<'a> ProofTask<'a> {
         }
     }
 
-    /// |`J_j` . F + `z_j` . T + `z_j` . (moment of gravity) + torque of springs| <= limit; the weight itself along the axis of a
-    /// joint that slides.
+    /// |`J_j` . F + `z_j` . T + `z_j` . (moment of gravity)| <= limit.
     fn add_torque_margins(
         &self,
         workspace: &mut ModelWorkspace,
-        (geometry, levers, of_springs): (&BoxGeometry, &[ModelVector], &[TaylorModel]),
+        (geometry, levers): (&BoxGeometry, &[ModelVector]),
         [force, torque]: &[ModelVector; 2],
         limits: &[f64],
         margins: &mut Vec<TaylorModel>,
@@ -586,26 +479,17 @@ impl<'a> ProofTask<'a> {
             let Some(limit) = limits.get(joint).filter(|limit| limit.is_finite()) else {
                 continue;
             };
-            let weight = if link.slides {
-                gravity.map(|part| {
-                    let sum = workspace.sum();
-                    sum.add_constant(mass, count * UNIT * mass, part).end()
-                })
-            } else {
-                cross(workspace, &arm, &gravity)
-            };
-            let (axis, turning) = (&geometry.axis[joint], &geometry.turning[joint]);
+            let weight = cross(workspace, &arm, &gravity);
+            let axis = &geometry.axis[joint];
             let total = match levers.get(joint) {
                 Some(lever) => dot(
                     workspace,
-                    &[(axis, &weight), (lever, force), (turning, torque)],
+                    &[(axis, &weight), (lever, force), (axis, torque)],
                 ),
                 None => dot(workspace, &[(axis, &weight)]),
             };
-            let springs = of_springs.get(joint).copied();
-            let springs = springs.unwrap_or(TaylorModel::ZERO);
             for sign in [1.0, -1.0] {
-                let sum = workspace.sum().add(sign, total).add(sign, springs);
+                let sum = workspace.sum().add(sign, total);
                 margins.push(sum.add(*limit, one).end());
             }
         }

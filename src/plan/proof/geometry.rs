@@ -2,36 +2,13 @@
 //! and what turns with those behind it are products of fewer sines and cosines that way.
 
 use super::chain::Chain;
-use super::constant::{Constant, transposed};
+use super::constant::transposed;
 use super::domain::Domain;
 use super::taylor::{ModelVector, ModelWorkspace, TaylorModel, TermSign};
 use super::vectors::{
     Angle, Frame, NOWHERE, constant_in, cross, difference, parallel, rotated, turned_constant,
     turned_frame, vector_in,
 };
-
-/// What a joint does over boxes: sine and cosine of the sum of the angles of its run so far, or how far it slides (m).
-#[derive(Debug, Clone, Copy)]
-pub(super) enum JointMotion {
-    Turns(Angle),
-    Slides(TaylorModel),
-}
-
-impl JointMotion {
-    const fn angle(self) -> Option<Angle> {
-        match self {
-            Self::Turns(angle) => Some(angle),
-            Self::Slides(_) => None,
-        }
-    }
-
-    const fn way(self) -> Option<TaylorModel> {
-        match self {
-            Self::Turns(_) => None,
-            Self::Slides(way) => Some(way),
-        }
-    }
-}
 
 /// Where everything is, in the frame of the link before joint `middle`.
 #[derive(Debug, Clone)]
@@ -40,17 +17,13 @@ pub(super) struct BoxGeometry {
     pub world: Frame,
     /// The world's origin.
     pub base: ModelVector,
-    /// The axis of each joint, and a point on it: where it slides, where its frame stands before it does.
+    /// The axis of each joint, and a point on it.
     pub axis: Vec<ModelVector>,
     pub anchor: Vec<ModelVector>,
-    /// The axis where it turns, nothing where it slides.
-    pub turning: Vec<ModelVector>,
     /// The centre of each link's mass, where asked for.
     pub centre: Vec<ModelVector>,
     pub tool: ModelVector,
     pub tool_axis: ModelVector,
-    /// The places that springs go through.
-    pub places: Vec<ModelVector>,
 }
 
 impl BoxGeometry {
@@ -58,7 +31,7 @@ impl BoxGeometry {
         workspace: &mut ModelWorkspace,
         chain: &Chain,
         domain: &Domain,
-        motions: &dyn Fn(usize, usize) -> JointMotion,
+        angles: &[Angle],
         middle: usize,
         needs_masses: bool,
     ) -> Self {
@@ -70,65 +43,27 @@ impl BoxGeometry {
             axis: vec![NOWHERE; count],
             anchor: vec![NOWHERE; count],
             centre: vec![NOWHERE; count],
-            turning: vec![NOWHERE; count],
             tool: NOWHERE,
             tool_axis: NOWHERE,
-            places: vec![NOWHERE; chain.places.len()],
         };
-        let motion = |joint: usize| {
-            let variable = domain.variable[joint]?;
-            Some(motions(joint, variable))
-        };
+        let angle = |joint: usize| domain.variable[joint].map(|variable| angles[variable]);
         if middle == chain.tool_joints {
             geometry.take_tool(workspace, chain, &home, &NOWHERE);
         }
-        geometry.outward(workspace, chain, &motion, middle, needs_masses);
-        geometry.inward(workspace, chain, &motion, middle, needs_masses);
-        for (index, (link, place)) in chain.places.iter().enumerate() {
-            if link.is_none() {
-                geometry.places[index] =
-                    constant_in(workspace, &geometry.world, place, &geometry.base, 1.0);
-            }
-        }
-        for (joint, link) in chain.links.iter().enumerate() {
-            if !link.slides {
-                geometry.turning[joint] = geometry.axis[joint];
-            }
-        }
+        geometry.outward(workspace, chain, &angle, middle, needs_masses);
+        geometry.inward(workspace, chain, &angle, middle, needs_masses);
         geometry
     }
 
-    /// How a joint moves a point that it carries, for each radian or metre.
+    /// How a joint moves a point that it carries, for each radian.
     pub fn moves(
         &self,
         workspace: &mut ModelWorkspace,
-        chain: &Chain,
         joint: usize,
         point: &ModelVector,
     ) -> ModelVector {
-        if chain.links[joint].slides {
-            return self.axis[joint];
-        }
         let arm = difference(workspace, point, &self.anchor[joint]);
         cross(workspace, &self.axis[joint], &arm)
-    }
-
-    /// Where what is constant in a link is, told by how to tell it.
-    fn take_link(
-        &mut self,
-        chain: &Chain,
-        joint: usize,
-        needs_masses: bool,
-        told: &mut dyn FnMut(&[Constant; 3]) -> ModelVector,
-    ) {
-        if needs_masses {
-            self.centre[joint] = told(&chain.links[joint].centre_of_mass);
-        }
-        for (index, (link, place)) in chain.places.iter().enumerate() {
-            if *link == Some(joint) {
-                self.places[index] = told(place);
-            }
-        }
     }
 
     fn take_tool(
@@ -147,7 +82,7 @@ impl BoxGeometry {
         &mut self,
         workspace: &mut ModelWorkspace,
         chain: &Chain,
-        motion: &dyn Fn(usize) -> Option<JointMotion>,
+        angle: &dyn Fn(usize) -> Option<Angle>,
         middle: usize,
         needs_masses: bool,
     ) {
@@ -164,18 +99,13 @@ impl BoxGeometry {
             }
             self.anchor[joint] = origin;
             self.axis[joint] = signed(workspace, &run[link.axis], link.sign);
-            match motion(joint) {
-                Some(JointMotion::Turns(angle)) => {
-                    frame = turned_frame(workspace, &run, link.axis, angle, TermSign::Plus);
-                }
-                Some(JointMotion::Slides(way)) => {
-                    origin = slid(workspace, &origin, &run[link.axis], way, TermSign::Plus);
-                }
-                None => {}
+            if let Some(angle) = angle(joint) {
+                frame = turned_frame(workspace, &run, link.axis, angle, TermSign::Plus);
             }
-            self.take_link(chain, joint, needs_masses, &mut |place| {
-                constant_in(workspace, &frame, place, &origin, 1.0)
-            });
+            if needs_masses {
+                self.centre[joint] =
+                    constant_in(workspace, &frame, &link.centre_of_mass, &origin, 1.0);
+            }
             if joint + 1 == chain.tool_joints {
                 self.take_tool(workspace, chain, &frame, &origin);
             }
@@ -187,11 +117,10 @@ impl BoxGeometry {
         &mut self,
         workspace: &mut ModelWorkspace,
         chain: &Chain,
-        motion: &dyn Fn(usize) -> Option<JointMotion>,
+        angle: &dyn Fn(usize) -> Option<Angle>,
         middle: usize,
         needs_masses: bool,
     ) {
-        let angle = |joint: usize| motion(joint).and_then(JointMotion::angle);
         let mut frame = self.world;
         let mut origin = NOWHERE;
         let mut end = middle;
@@ -205,11 +134,9 @@ impl BoxGeometry {
             for joint in (first..end).rev() {
                 let link = &chain.links[joint];
                 self.axis[joint] = signed(workspace, &run[axis], link.sign);
-                self.take_link(
-                    chain,
-                    joint,
-                    needs_masses,
-                    &mut |place| match angle(joint) {
+                if needs_masses {
+                    let place = &link.centre_of_mass;
+                    self.centre[joint] = match angle(joint) {
                         _ if joint + 1 == end => {
                             constant_in(workspace, &frame, place, &origin, 1.0)
                         }
@@ -218,11 +145,7 @@ impl BoxGeometry {
                             vector_in(workspace, &run, &place, &origin, TermSign::Plus)
                         }
                         None => constant_in(workspace, &run, place, &origin, 1.0),
-                    },
-                );
-                // A joint that slides is a run of its own.
-                if let Some(way) = motion(joint).and_then(JointMotion::way) {
-                    origin = slid(workspace, &origin, &run[axis], way, TermSign::Minus);
+                    };
                 }
                 self.anchor[joint] = origin;
                 if joint > first {
@@ -247,20 +170,6 @@ impl BoxGeometry {
         self.world = frame;
         self.base = origin;
     }
-}
-
-/// A point moved along an axis, or back.
-fn slid(
-    workspace: &mut ModelWorkspace,
-    point: &ModelVector,
-    axis: &ModelVector,
-    way: TaylorModel,
-    sign: TermSign,
-) -> ModelVector {
-    std::array::from_fn(|row| {
-        let sum = workspace.sum().add(1.0, point[row]);
-        sum.product(sign, axis[row], way).end()
-    })
 }
 
 fn signed(workspace: &mut ModelWorkspace, vector: &ModelVector, sign: f64) -> ModelVector {

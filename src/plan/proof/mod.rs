@@ -27,25 +27,23 @@
 //!
 //! # How it is proved
 //!
-//! Branch and bound over boxes of joint angles (and of the ways of joints that slide). On a box every quantity is a Taylor model of second order with a rigorous
+//! Branch and bound over boxes of joint angles. On a box every quantity is a Taylor model of second order with a rigorous
 //! remainder; all rounding goes into the remainder. A box is done with where d + sum of lambda g <= T, with
 //! multipliers lambda >= 0 for margins g that are not negative in the region, or where some g < 0.
 //!
 //! - `rounding`: what double precision can lose; sine and cosine; `taylor`: the models; `vectors`: with three parts.
 //! - [`question`](Question): what is to be proved, in plain numbers; `constant`, `chain`: the arm in simple frames; `domain`: the
 //!   variables, and what symmetry leaves of their ranges.
-//! - `geometry`: where everything is over a box, told in a frame in the middle of the chain; `bracing`: what springs beside
-//!   the joints' own make of that; `enclosure`: d and the margins, `rows`: its sum of squares;
+//! - `geometry`: where everything is over a box, told in a frame in the middle of the chain; `enclosure`: d and the margins, `rows`: its sum of
+//!   squares;
 //!   `form`: d for a force of any direction; `weighted`: where more is new in each reading than the instrument's noise.
 //! - `polynomial`, `judgement`: the largest value over a box, with multipliers; [`branching`](prove): all boxes.
 //! - `tree`: the proof as an object that can be checked by others.
-//! - [`bound`](Ingredients): from max d to `rho_0`; [`aim`](Aim): to the other criteria that are convex in M.
+//! - [`bound`](Ingredients): from max d to `rho_0`.
 
-mod aim;
 #[cfg(test)]
 mod arms;
 mod bound;
-mod bracing;
 mod branching;
 mod chain;
 mod constant;
@@ -66,10 +64,7 @@ mod tree;
 mod vectors;
 mod weighted;
 
-pub use aim::Aim;
 pub use bound::{Ingredients, Target};
-pub use branching::{NoProof, ProofLimits, Proved, largest_mobility, prove, prove_and_record};
-pub use question::{
-    Arm, ProofJoint, ProofLoads, ProofSpring, ProofSprings, Question, ReadingSpread, SmoothRegion,
-};
+pub use branching::{NoProof, ProofLimits, Proved, prove, prove_and_record};
+pub use question::{Arm, ProofJoint, ProofLoads, Question, ReadingSpread, SmoothRegion};
 pub use tree::{ProofObject, ProofPart};

@@ -1,75 +1,22 @@
 //! What is to be proved, in plain numbers, which are taken as the doubles that they are.
 
-use std::ops::Range;
-
 use serde::Serialize;
 
 /// A joint and the link that it moves.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ProofJoint {
-    /// Whether it slides along its axis instead of turning about it: its coordinate is then in metres, its torque a force (N).
-    #[serde(skip_serializing_if = "std::ops::Not::not")]
-    pub slides: bool,
-    /// The coordinate (rad or m) that it has in every experiment, where nothing commands it.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub held_at: Option<f64>,
     /// Where the link's frame stands in that of the link before (m).
     pub offset_m: [f64; 3],
     /// How it stands there at zero angle: a quaternion (x, y, z, w) of any length.
     pub rotation: [f64; 4],
     /// The axis through the frame's origin, in the frame; a vector of any length.
     pub axis: [f64; 3],
-    /// The joint's range (rad, or m where it slides).
+    /// The joint's range (rad).
     pub range_rad: [f64; 2],
     /// The mass of the link (kg) and where its centre is in the frame (m).
     pub mass_kg: f64,
     /// Where the centre of mass is in the frame (m).
     pub centre_of_mass_m: [f64; 3],
-}
-
-/// A spring between places of an arm, along the straight pieces between them.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct ProofSpring {
-    /// Its stiffness (N/m).
-    pub stiffness_n_per_m: f64,
-    /// The shortest and the longest length at which it is relaxed (m).
-    pub rest_m: [f64; 2],
-    /// Its places: how many joints move each, and where it is in the frame of the link that carries it, or in the world (m).
-    pub path: Vec<(usize, [f64; 3])>,
-}
-
-impl ProofSpring {
-    /// The joints that change its length.
-    pub(super) fn joints(&self) -> Range<usize> {
-        let places = || self.path.iter().map(|&(joints, _)| joints);
-        places().min().unwrap_or(0)..places().max().unwrap_or(0)
-    }
-}
-
-/// Springs beside the joints' own, such as a gravity compensator. With their stiffness S, which depends on the configuration, and the
-/// joints' compliances k, `J_n` and `z_n` in [`Question`] are the columns of J (I + k S)^-1 in place of those of J.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct ProofSprings {
-    /// The joints' compliances (rad/(N m), or m/N where they slide).
-    pub compliance: Vec<f64>,
-    /// Springs in joints: the joint, the stiffness (N m/rad or N/m), and where it is relaxed (rad or m).
-    pub in_joints: Vec<(usize, f64, f64)>,
-    /// Springs between places.
-    pub between: Vec<ProofSpring>,
-}
-
-impl ProofSprings {
-    /// Whether the length of a spring between places depends on a joint.
-    pub(super) fn span(&self, joint: usize) -> bool {
-        self.between
-            .iter()
-            .any(|each| each.joints().contains(&joint))
-    }
-
-    /// Whether a spring is in a joint.
-    pub(super) fn is_in(&self, joint: usize) -> bool {
-        self.in_joints.iter().any(|&(each, _, _)| each == joint)
-    }
 }
 
 /// A serial arm with a tool.
@@ -85,24 +32,6 @@ pub struct Arm {
     pub tool_rotation: [f64; 4],
     /// The acceleration of gravity in the world frame (m/s^2).
     pub gravity_m_s2: [f64; 3],
-    /// Springs beside the joints' own.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub springs: Option<ProofSprings>,
-}
-
-impl Arm {
-    /// Whether the length of a spring between places depends on a joint.
-    pub(super) fn is_spanned(&self, joint: usize) -> bool {
-        self.springs
-            .as_ref()
-            .is_some_and(|springs| springs.span(joint))
-    }
-
-    /// The joint from whose axis the tool's distance is told: the first hinge that is commanded.
-    pub(super) fn first_axis(&self) -> usize {
-        let is_hinge = |joint: &ProofJoint| !joint.slides && joint.held_at.is_none();
-        self.joints.iter().position(is_hinge).unwrap_or(0)
-    }
 }
 
 /// Where experiments are possible, beside the joint ranges.
@@ -134,19 +63,19 @@ pub enum ProofLoads {
 /// the columns of the joints, `k_n` their compliances, F the force and T the torque, the covariance over sigma^2 is
 ///
 /// ```text
-/// R = everywhere I + sum_n joint_return_n^2 J_n J_n^T
+/// R = everywhere I + sum_n joint_repeatability_n^2 J_n J_n^T
 ///   + turned^2 sum_n,m k_n k_m J_n (F x J_n + T x z_n) . (F x J_m + T x z_m) J_m^T
 ///   + shifted^2 sum_n,m k_n k_m J_n (F x z_n) . (F x z_m) J_m^T
 /// ```
 ///
-/// It is for arms without springs beside the joints' own. It has the symmetries of the deflections: what leaves all `J_n` and `z_n` as they are, but for a rotation, a mirror and signs,
+/// It has the symmetries of the deflections: what leaves all `J_n` and `z_n` as they are, but for a rotation, a mirror and signs,
 /// does the same to it.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ReadingSpread {
     /// What there is in every reading: 1 for the instrument's own noise.
     pub everywhere: f64,
     /// Each joint's standard deviation of its return, over sigma (1/m).
-    pub joint_return: Vec<f64>,
+    pub joint_repeatability: Vec<f64>,
     /// The joints' compliances (rad/(N m)).
     pub compliance_rad_per_nm: Vec<f64>,
     /// The standard deviation of the load's direction, over sigma (rad/m).
@@ -179,50 +108,28 @@ pub struct Question {
 }
 
 impl Question {
-    /// How far from the axis of each joint the tool can be at most, by the lengths of the links (m); 1 where the joint slides, as so
-    /// much of its way is the tool's.
-    #[must_use]
+    /// How far from the axis of each joint the tool can be at most, by the lengths of the links (m).
     pub fn reaches_m(&self) -> Vec<f64> {
         let length = |vector: &[f64; 3]| vector.iter().map(|x| x * x).sum::<f64>().sqrt();
         let joints = &self.arm.joints[..self.arm.tool_joints];
         let mut reach = length(&self.arm.tool_offset_m);
         let mut reaches = vec![0.0; self.arm.joints.len()];
         for (joint, place) in joints.iter().zip(&mut reaches).rev() {
-            *place = if joint.slides { 1.0 } else { reach };
+            *place = reach;
             reach += length(&joint.offset_m);
-            if joint.slides {
-                let ways = joint.held_at.map_or(joint.range_rad, |held| [held; 2]);
-                reach += ways[0].abs().max(ways[1].abs());
-            }
         }
         reaches
     }
 
-    /// A bound of the root of d under any load of at most 1 N and 1 N m, by the lengths of the links; and by bounds of the
-    /// entries of (I + k S)^-1, where there are springs beside the joints' own.
-    #[must_use]
-    pub fn root_of_unit_load(&self, mobility: Option<&[Vec<f64>]>) -> f64 {
-        let mut reaches = self.reaches_m();
-        let mut turns = vec![1.0; reaches.len()];
-        if let Some(mobility) = mobility {
-            let braced = |sizes: &[f64]| -> Vec<f64> {
-                let column = |joint: usize| {
-                    let terms = sizes.iter().zip(mobility);
-                    terms.map(|(size, row)| size * row[joint]).sum()
-                };
-                (0..sizes.len()).map(column).collect()
-            };
-            (reaches, turns) = (braced(&reaches), braced(&turns));
-        }
+    /// A bound of the root of d under any load of at most 1 N and 1 N m, by the lengths of the links.
+    pub fn root_of_unit_load(&self) -> f64 {
+        let reaches = self.reaches_m();
         let everywhere = (self.spread.as_ref()).map_or(1.0, |spread| spread.everywhere);
         let row = |row: &Vec<f64>| {
             let terms = row.iter().zip(&self.parameters);
             let term = |(factor, &joint): (&f64, &usize)| {
-                let size = factor.abs() * (reaches[joint] + turns[joint]);
-                [
-                    size * reaches[joint],
-                    size * turns[joint] * self.rotation_scale_m,
-                ]
+                let size = factor.abs() * (reaches[joint] + 1.0);
+                [size * reaches[joint], size * self.rotation_scale_m]
             };
             let sums = terms
                 .map(term)

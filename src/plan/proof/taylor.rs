@@ -239,30 +239,6 @@ impl ModelWorkspace {
         self.push(0, slopes.len())
     }
 
-    /// A model; in some lanes, a constant that is known to within an error in its place.
-    pub fn or_constants(
-        &mut self,
-        model: TaylorModel,
-        is_constant: [bool; LANES],
-        values: &Lanes,
-        errors: &Lanes,
-    ) -> TaylorModel {
-        let layout = self.layout;
-        let (known, top) = self.begin();
-        let numbers = &known[model.index * layout.length()..][..=layout.remainder()];
-        for (place, (to, from)) in top.iter_mut().zip(numbers).enumerate() {
-            for lane in 0..LANES {
-                to[lane] = match (is_constant[lane], place) {
-                    (false, _) => from[lane],
-                    (true, 0) => values[lane],
-                    (true, _) if place == layout.remainder() => errors[lane],
-                    (true, _) => 0.0,
-                };
-            }
-        }
-        self.push(model.first, model.last)
-    }
-
     /// Sine and cosine of a coordinate of the box, from those of its centre and the waves of its
     /// half-width.
     pub fn sin_cos(

@@ -493,8 +493,6 @@ fn the_bound_of_rho0_is_below_the_exact_one() {
         let target = Target {
             arm: Arm {
                 joints: vec![ProofJoint {
-                    slides: false,
-                    held_at: None,
                     offset_m: [0.0; 3],
                     rotation: [0.0, 0.0, 0.0, 1.0],
                     axis: [0.0, 0.0, 1.0],
@@ -506,7 +504,6 @@ fn the_bound_of_rho0_is_below_the_exact_one() {
                 tool_offset_m: [x, y, 0.0],
                 tool_rotation: [0.0, 0.0, 0.0, 1.0],
                 gravity_m_s2: [0.0; 3],
-                springs: None,
             },
             configuration_rad: vec![0.0],
             wrench: [0.0, force, 0.0, 0.0, 0.0, 0.0],

@@ -23,8 +23,8 @@
 //! where mandatory experiments have their own derivatives, which may be smaller or larger than max d. That is
 //! tightest for the m that the design was made for; without M0 it is the same for all.
 //!
-//! All that holds for other criteria, whose costs are convex and of degree -1, too: A and G as they are, det(M)^(-1/p)
-//! for D and O1, the inverse of the smallest eigenvalue for E and O3, the square of O5. With G = -d phi/dM at any M*,
+//! All that holds for other criteria, whose costs are convex and of degree -1, too: A as it is, det(M)^(-1/p)
+//! for D and O1. With G = -d phi/dM at any M*,
 //! phi(M) >= phi(M*)^2 / trace(G M) for every M: the tangent plane of 1/phi.
 //!
 //! The maximum is searched over the class of plans that [`Bound`](super::Bound) speaks about: where the
@@ -51,8 +51,6 @@ use crate::robot::Load;
 const ROUNDS: usize = 60;
 /// The rounds end when no experiment promises more than this share.
 const TOLERANCE: f64 = 1e-4;
-/// The same for criteria that are the worst of several: each round may turn the subgradient.
-const TOLERANCE_OF_WORST: f64 = 2e-4;
 /// Where searches from random starts end this share above, they are missed (not for the test poses).
 const MISSED: f64 = 3e-4;
 /// How often such are added, at most.
@@ -99,7 +97,6 @@ pub struct Certificate {
 impl Certificate {
     /// A lower bound of the cost of any plan of m measurements with the mandatory ones among them; none
     /// where these are more than m.
-    #[must_use]
     pub fn lower_bound(&self, experiments: u32) -> Option<f64> {
         let (count, derivatives) = self.mandatory;
         let free = f64::from(experiments.checked_sub(count)?);
@@ -189,20 +186,11 @@ pub fn approximate_design(
     problem: &Problem<'_>,
     seed: u64,
 ) -> Result<ApproximateDesign, SearchError> {
-    problem.check_excited()?;
-    let Some(criterion) = problem.criterion.bounded_as() else {
-        let criterion = problem.criterion.name();
-        return Err(SearchError::NotConvex { criterion });
-    };
+    let criterion = problem.optimised_as()?;
     let problem = &problem.by(criterion);
     let mut growing = Growing {
         problem,
         pool: Pool::draw(problem, problem.effort.pool, seed, 1),
-        tolerance: if criterion.is_worst_of_several() {
-            TOLERANCE_OF_WORST
-        } else {
-            TOLERANCE
-        },
         weights: Vec::new(),
         support: initial_support(problem, seed)?,
         weighing: Weighing::new(problem),
@@ -212,7 +200,7 @@ pub fn approximate_design(
     let mut returns = 0;
     let (certificate, ends) = loop {
         growing.grow(gap);
-        let cost = growing.optimise(0.1 * growing.tolerance);
+        let cost = growing.optimise(0.1 * TOLERANCE);
         let mean = growing.weighing.mean;
         let directions = &growing.weighing.directions;
         let (certificate, ends) =
@@ -228,7 +216,7 @@ pub fn approximate_design(
         gap = certificate.largest_inside / mean - 1.0;
         let more = ends
             .into_iter()
-            .filter(|(_, value)| *value > mean * (1.0 + growing.tolerance));
+            .filter(|(_, value)| *value > mean * (1.0 + TOLERANCE));
         add(&mut growing.support, &mut growing.weights, more.collect());
     };
     let Growing {
@@ -257,7 +245,6 @@ pub fn approximate_design(
 struct Growing<'a> {
     problem: &'a Problem<'a>,
     pool: Pool,
-    tolerance: f64,
     support: Vec<Point>,
     weights: Vec<f64>,
     weighing: Weighing,
@@ -273,22 +260,10 @@ impl Growing<'_> {
 
     /// Adds the most informative experiments until none promises more; the best promises `gap` more to begin with.
     fn grow(&mut self, mut gap: f64) {
-        let is_worst = self.problem.criterion.is_worst_of_several();
         for _ in 0..ROUNDS {
             self.optimise(0.1 * gap);
             let cost = self.weighing.mean;
-            // On the central path of the worst of several even experiments that tell little keep a weight of about the
-            // tolerance.
-            let least = if is_worst {
-                0.05 * gap.min(ROUGH_TOLERANCE)
-            } else {
-                0.0
-            };
-            prune(
-                &mut self.support,
-                &mut self.weights,
-                least.max(SMALLEST_WEIGHT),
-            );
+            prune(&mut self.support, &mut self.weights);
             let directions = &self.weighing.directions;
             let ranked = self.pool.by_derivative(directions);
             let mut found: Vec<(Point, f64)> = ranked
@@ -303,11 +278,12 @@ impl Growing<'_> {
                     .chain(promising.map(|(point, _)| *point))
                     .collect();
                 found = climbs(self.problem, &starts, directions, Precision::FINE);
-                found.retain(|(_, value)| *value > cost * (1.0 + self.tolerance));
+                found.retain(|(_, value)| *value > cost * (1.0 + TOLERANCE));
             }
             let largest = found.iter().map(|(_, value)| *value).fold(0.0, f64::max);
-            gap = (largest / cost - 1.0).clamp(self.tolerance, gap.max(self.tolerance));
-            if !add(&mut self.support, &mut self.weights, found) {
+            gap = (largest / cost - 1.0).clamp(TOLERANCE, gap.max(TOLERANCE));
+            let is_added = add(&mut self.support, &mut self.weights, found);
+            if !is_added || self.problem.is_stopped() {
                 break;
             }
         }
@@ -491,10 +467,12 @@ fn is_same(one: &Point, other: &Point) -> bool {
     (&first - second).norm() < NEAR * first.norm()
 }
 
-fn prune(support: &mut Vec<Point>, weights: &mut Vec<f64>, least: f64) {
-    let kept: Vec<bool> = weights.iter().map(|weight| *weight > least).collect();
+fn prune(support: &mut Vec<Point>, weights: &mut Vec<f64>) {
+    let kept: Vec<bool> = (weights.iter())
+        .map(|weight| *weight > SMALLEST_WEIGHT)
+        .collect();
     let mut keep = kept.iter();
     support.retain(|_| keep.next().copied().unwrap_or(false));
-    weights.retain(|weight| *weight > least);
+    weights.retain(|weight| *weight > SMALLEST_WEIGHT);
     normalise(weights);
 }

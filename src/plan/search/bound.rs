@@ -8,7 +8,7 @@ use super::approximate::{ApproximateDesign, Certificate, approximate_design};
 use super::finite::FiniteBound;
 use super::problem::{Problem, SearchError};
 use super::provable::ProvableTask;
-use super::proved::{Fixed, ProvedBound};
+use super::proved::ProvedBound;
 use crate::experiment::{Experiment, NotMandatory, Plan};
 use crate::plan::proof::{NoProof, ProofLimits};
 use crate::plan::{Criterion, Feasibility, widened};
@@ -65,7 +65,6 @@ pub enum BoundKind {
 
 impl BoundKind {
     /// The name in files.
-    #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
             Self::Proved => "proved",
@@ -106,7 +105,7 @@ pub enum Basis {
     Searches(Certificate),
     /// All candidates of a list, of which alone plans may be.
     Candidates(Enumerated),
-    /// There is no bound: no design was found, or the criterion is not convex.
+    /// There is no bound: no design was found, or plans are not optimised by the criterion.
     Nothing(SearchError),
 }
 
@@ -117,7 +116,7 @@ pub struct Enumerated {
     pub candidates: Vec<Experiment>,
     /// What no plan of them is below.
     pub bound: FiniteBound,
-    /// The names of the uncertainties that are taken for certain, which can only make the bound less near.
+    /// The names of the uncertainties that are assumed exact, which can only make the bound less near.
     pub left_out: Vec<String>,
 }
 
@@ -154,6 +153,12 @@ pub enum NoBound {
     /// No bound was found for any plan.
     #[error("no bound was found: {0}")]
     NotFound(SearchError),
+    /// Plans of candidates are searched by such a criterion, and not bounded.
+    #[error("plans are bounded by test_pose, a, d and o1 alone, and not by {criterion}")]
+    NoneByCriterion {
+        /// The criterion's name.
+        criterion: &'static str,
+    },
     /// The mandatory experiments alone are more.
     #[error(
         "the bound speaks about plans with the mandatory experiments, which alone are {mandatory} measurements"
@@ -171,7 +176,7 @@ pub enum NoBound {
     /// Two experiments hang different loads in one configuration, where they share errors.
     #[error(
         "the bound speaks about plans that hang one load in each configuration: experiments {one} and {other} hang two in theirs, and \
-         what deflections of one configuration share may tell more than it costs"
+         what deflections of one configuration share may add information"
     )]
     SeveralLoads {
         /// The number of one, from 1.
@@ -189,38 +194,32 @@ pub enum NoBound {
 
 impl Bound {
     /// The bound that the approximate design for a task's test poses gives.
-    #[must_use]
     pub fn new(task: &Task, approximate: &ApproximateDesign) -> Self {
         Self::by(task, Criterion::TestPose, approximate)
     }
 
-    /// The bound that the approximate design for a criterion gives (for O1 that for D, for O3 that for E).
-    #[must_use]
+    /// The bound that the approximate design for a criterion gives (for O1 that for D).
     pub fn by(task: &Task, criterion: Criterion, approximate: &ApproximateDesign) -> Self {
         Self::resting_on(task, criterion, Basis::Searches(approximate.certificate))
     }
 
     /// The bound for plans of listed candidates alone, with the mandatory experiments as they are.
-    #[must_use]
     pub fn among(task: &Task, criterion: Criterion, enumerated: Enumerated) -> Self {
         Self::resting_on(task, criterion, Basis::Candidates(enumerated))
     }
 
     /// There is no bound by a criterion, for a reason.
-    #[must_use]
     pub fn none(task: &Task, criterion: Criterion, reason: SearchError) -> Self {
         Self::resting_on(task, criterion, Basis::Nothing(reason))
     }
 
     /// Searches the bound of `rho_0` for a task's plans under a seed; what was not found is told where it is asked for.
-    #[must_use]
     pub fn search(task: &Task, seed: u64) -> Self {
         Self::search_and_prove(task, Criterion::TestPose, seed, &[], None)
     }
 
     /// The same by any criterion for plans of so many measurements, proved as far as an effort goes, where one is given,
     /// and recorded if wanted.
-    #[must_use]
     pub fn search_and_prove(
         task: &Task,
         criterion: Criterion,
@@ -241,7 +240,6 @@ impl Bound {
     /// Proves the bound of the same approximate design as far as an effort goes, where one is given, and
     /// records the proof if wanted. Where something is known before or is mandatory, that is done for the approximate design
     /// beside them for each of these numbers of measurements.
-    #[must_use]
     pub fn prove(
         mut self,
         approximate: &ApproximateDesign,
@@ -255,6 +253,8 @@ impl Bound {
             ..self.class.clone()
         };
         let problem = Problem::new(&task, self.criterion);
+        let refused = ProvableTask::refused(&problem).filter(|_| proof.is_some());
+        let proof = proof.filter(|_| refused.is_none());
         let is_provable = ProvableTask::is_itself(&problem);
         let proved = |problem: &Problem<'_>, approximate: &ApproximateDesign| {
             let (effort, records) = proof.filter(|_| is_provable)?;
@@ -274,12 +274,40 @@ impl Bound {
         if self.sizes.is_empty() {
             self.proof = proved(&problem, approximate);
         }
-        if let Some(proof) = proof {
+        if let Some(reason) = refused {
+            self.proof = Some(Err(reason));
+        } else if let Some(proof) = proof {
             for simpler in ProvableTask::simpler(&problem) {
                 self.prove_simpler(&simpler, seed, proof);
             }
             if self.proof().is_none() {
                 self.proof = Some(Err(ProvableTask::refusal(&problem)));
+            }
+        }
+        self
+    }
+
+    /// The same with what holds for further numbers of measurements, where something is known before or is mandatory: the
+    /// bound of a number does not depend on which plan it is shown beside.
+    pub fn with_sizes(mut self, seed: u64, sizes: impl IntoIterator<Item = u32>) -> Self {
+        if !matches!(self.basis, Basis::Searches(_)) {
+            return self;
+        }
+        let task = Task {
+            region: self.region.clone(),
+            ..self.class.clone()
+        };
+        let problem = Problem::new(&task, self.criterion);
+        for size in sizes {
+            if self.sizes.contains_key(&size) {
+                continue;
+            }
+            let design = (problem.beside_known(size))
+                .and_then(|problem| approximate_design(&problem, seed).ok());
+            if let Some(design) = design {
+                let certificate = design.certificate;
+                let proof = None;
+                self.sizes.insert(size, OfSize { certificate, proof });
             }
         }
         self
@@ -294,9 +322,8 @@ impl Bound {
     ) {
         let problem = Problem::new(&simpler.task, self.criterion);
         let nearer = |problem: &Problem<'_>, known: Option<&ProvedBound>, size: u32| {
-            let fixed = Fixed::AsPrinted(&problem.task.design.mandatory);
             let limits = (effort, records);
-            ProvedBound::of_simpler(problem, simpler, fixed, limits, seed, (known, size))
+            ProvedBound::of_simpler(problem, simpler, limits, seed, (known, size))
         };
         let mut is_general = true;
         for (&size, of_size) in &mut self.sizes {
@@ -320,7 +347,6 @@ impl Bound {
 
     /// The proof, or why there is none, where one was asked for; if there are several, that for the largest number of
     /// measurements.
-    #[must_use]
     pub fn proof(&self) -> Option<&Result<ProvedBound, NoProof>> {
         let largest = self.sizes.last_key_value();
         largest
@@ -342,13 +368,11 @@ impl Bound {
     }
 
     /// What makes a plan good.
-    #[must_use]
     pub const fn criterion(&self) -> Criterion {
         self.criterion
     }
 
     /// What the bound rests on.
-    #[must_use]
     pub const fn basis(&self) -> &Basis {
         &self.basis
     }
@@ -404,7 +428,7 @@ impl Bound {
             .ok_or(NoBound::TooFew { mandatory })?;
         let Some(cost) = enumerated.bound.least_cost(free) else {
             let criterion = self.criterion.name();
-            return Err(NoBound::NotFound(SearchError::NotConvex { criterion }));
+            return Err(NoBound::NoneByCriterion { criterion });
         };
         let best = self.criterion.value_of_cost(cost);
         Ok(PlanBound {

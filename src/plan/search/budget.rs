@@ -9,7 +9,7 @@ use super::bound::{Bound, PlanBound};
 use super::exact::{Watch, exact_design_from};
 use super::problem::{Problem, SearchError};
 use crate::plan::proof::ProofLimits;
-use crate::plan::{CommonSources, Criterion, EARLIER, Plan, PromiseShare, posterior, shares};
+use crate::plan::{CommonSources, Criterion, Plan, UncertaintyBudget, posterior, rho0_m};
 use crate::task::Task;
 
 /// Searches: fewer than for a single plan, since there are many.
@@ -72,6 +72,7 @@ pub fn budget_and_proof(
 ) -> Result<(Vec<BudgetPoint>, Bound), SearchError> {
     let mut problem = Problem::new(task, Criterion::TestPose);
     problem.effort.searches = SEARCHES;
+    problem.stop = Some(watch.stop);
     let approximate = approximate_design(&problem, seed)?;
     let fewest = u32::try_from(problem.to_find().div_ceil(3).max(1)).unwrap_or(u32::MAX);
     let all: Vec<u32> = (fewest..=largest).collect();
@@ -135,19 +136,16 @@ struct Whole {
 impl Whole {
     /// That of a plan; none where nothing else than noise is uncertain.
     fn new(task: &Task, plan: &Plan) -> Option<Self> {
-        let extended = task.belief.uncertain.as_ref()?;
+        task.belief.uncertain.as_ref()?;
         let posterior = posterior(&task.belief, plan);
-        let shares = shares(task, plan, &posterior);
-        let is_shared = |name: &str| {
-            name == EARLIER || extended.shared().iter().any(|(shared, _)| shared == name)
-        };
-        let square = |share: &PromiseShare| share.rho0_m.powi(2);
-        let of_plan = shares.iter().filter(|share| is_shared(&share.name));
-        let rho0_m = shares.iter().map(square).sum::<f64>().sqrt();
+        let budget = UncertaintyBudget::of_deflections(task, plan, &posterior)?;
+        let rho0_m = budget.combined_standard_uncertainty_um * 1e-6;
+        let shared = (budget.sources.iter()).filter(|each| each.level.is_shared_by_plan());
+        let square_um2: f64 = shared.map(|each| each.contribution_um.powi(2)).sum();
         Some(Self {
             rho0_m,
             common_sources: CommonSources::of_deflections(task, &posterior, rho0_m),
-            shared_m: of_plan.map(square).sum::<f64>().sqrt(),
+            shared_m: square_um2.sqrt() * 1e-6,
         })
     }
 }
@@ -173,11 +171,61 @@ impl BudgetPoint {
         }
     }
 
+    /// The point of a plan that is measured so many times as a whole; `None` where it does not determine what the test
+    /// poses need. What repeats do not average stays.
+    pub fn repeated(task: &Task, plan: &Plan, times: u32, bound: &Bound) -> Option<Self> {
+        let plan = repeated(plan, times);
+        let rho0_m = rho0_m(task, &posterior(&task.belief, &plan))?;
+        let configurations = u32::try_from(plan.experiments.len()).unwrap_or(u32::MAX);
+        let sizes = [plan.measurements(), configurations];
+        Some(Self::new(task, plan, sizes, rho0_m * rho0_m, bound))
+    }
+
     /// The lower bound (m), where there is one.
-    #[must_use]
     pub fn lower_bound_m(&self) -> Option<f64> {
         Some(self.bound.as_ref()?.best)
     }
+}
+
+/// A plan with so many times the repeats.
+fn repeated(plan: &Plan, times: u32) -> Plan {
+    let mut plan = plan.clone();
+    for each in &mut plan.experiments {
+        each.repeats = each.repeats.saturating_mul(times);
+    }
+    plan
+}
+
+/// More repeats than these of a plan nobody makes: what is left then stays.
+const ENDLESS: u32 = 1_000_000;
+
+/// How a plan gets to an accuracy by repeats.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum RepeatsNeeded {
+    /// Measured so many times as a whole.
+    Times(u32),
+    /// Never: however often it is measured, so much is left (m).
+    Never(f64),
+}
+
+/// How many times a plan is to be measured as a whole for an accuracy (m); `None` where it does not determine what the test
+/// poses need.
+pub fn repeats_needed(task: &Task, plan: &Plan, accuracy_m: f64) -> Option<RepeatsNeeded> {
+    let left_m = |times: u32| rho0_m(task, &posterior(&task.belief, &repeated(plan, times)));
+    let least_m = left_m(ENDLESS)?;
+    if least_m > accuracy_m {
+        return Some(RepeatsNeeded::Never(least_m));
+    }
+    let (mut few, mut enough) = (0, ENDLESS);
+    while enough - few > 1 {
+        let between = few + (enough - few) / 2;
+        if left_m(between)? > accuracy_m {
+            few = between;
+        } else {
+            enough = between;
+        }
+    }
+    Some(RepeatsNeeded::Times(enough))
 }
 
 /// The same plan with one more repeat of its last experiment; the search moves it where it is best.
@@ -190,7 +238,6 @@ fn measured_once_more(plan: &Plan) -> Plan {
 }
 
 /// The numbers of configurations that are repeated, in ascending order.
-#[must_use]
 pub fn repeated_configurations(points: &[BudgetPoint]) -> Vec<u32> {
     let repeated = points
         .iter()
@@ -200,7 +247,6 @@ pub fn repeated_configurations(points: &[BudgetPoint]) -> Vec<u32> {
 }
 
 /// The cheapest way to an accuracy (m): fewest measurements, then fewest configurations.
-#[must_use]
 pub fn cheapest(points: &[BudgetPoint], accuracy_m: f64) -> Option<BudgetPoint> {
     points
         .iter()

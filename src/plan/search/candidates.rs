@@ -31,9 +31,9 @@ pub struct Candidates {
 }
 
 /// Candidates that are not possible for one reason.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize, schemars::JsonSchema)]
 pub struct LeftOutCandidates {
-    /// What is violated, without numbers.
+    /// What is violated.
     pub what: String,
     /// How many.
     pub count: usize,
@@ -51,7 +51,7 @@ pub enum CandidateError {
     NoLoad,
     /// A target or a station, where deflections are read.
     #[error(
-        "line {line}: {column}: found {found:?}, and deflections are read of the calibration tool, wherever the tracker stands"
+        "line {line}: {column}: found {found:?}, and deflections are read of the calibration tool, whatever the station"
     )]
     Place {
         /// The line.
@@ -81,7 +81,6 @@ pub enum CandidateError {
 
 impl CandidateError {
     /// What to do about it.
-    #[must_use]
     pub const fn hint(&self) -> &'static str {
         match self {
             Self::NoLoad => "give the columns fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm",
@@ -162,9 +161,6 @@ pub(in crate::plan) fn possible_of(
 
 impl Candidates {
     /// What a task allows of a list of candidates: rows without a load are under each of the scenario's.
-    ///
-    /// # Errors
-    /// See [`CandidateError`].
     pub fn new(task: &Task, rows: &[Candidate]) -> Result<Self, CandidateError> {
         let loads = match &task.loads {
             Loads::Any { .. } if rows.iter().any(|row| row.load.is_none()) => {
@@ -271,7 +267,6 @@ impl Candidates {
 
     /// What no plan of so many measurements of these candidates is better than, as near as the best weights tell it, and as
     /// a plan tells it besides.
-    #[must_use]
     pub fn bound(&self, task: &Task, criterion: Criterion, plan: &Plan) -> Bound {
         let problem = Problem::among(task, criterion, &self.experiments);
         let mandatory = task.design.mandatory.measurements();
@@ -315,9 +310,11 @@ impl Candidates {
         let is_shared = problem.is_shared_by_configuration();
         let mut configurations = vec![0; self.experiments.len()];
         if is_shared {
-            let all = together(self.experiments.len(), |one, other| {
-                self.experiments[one].stands_as(&self.experiments[other])
-            });
+            let all = together(
+                self.experiments.len(),
+                |place| &self.experiments[place].configuration_rad,
+                |one, other| self.experiments[one].stands_as(&self.experiments[other]),
+            );
             for (number, members) in all.into_iter().enumerate() {
                 for member in members {
                     configurations[member] = number;

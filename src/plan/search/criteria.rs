@@ -8,17 +8,9 @@ use crate::task::Task;
 
 /// Searches for each criterion: fewer than for a plan that will be measured.
 const SEARCHES: usize = 24;
-/// Criteria of Table 1. Those of a row have the same optimum: `O1` is a power of D's determinant, and
-/// `O3` squared is E's eigenvalue.
-const RIVALS: [&[Criterion]; 7] = [
-    &[Criterion::A],
-    &[Criterion::D, Criterion::O1],
-    &[Criterion::E, Criterion::O3],
-    &[Criterion::G],
-    &[Criterion::O2],
-    &[Criterion::O4],
-    &[Criterion::O5],
-];
+/// Criteria of Table 1 that plans are optimised by. Those of a row have the same optimum: `O1` is a power of D's
+/// determinant.
+const RIVALS: [&[Criterion]; 2] = [&[Criterion::A], &[Criterion::D, Criterion::O1]];
 
 /// The best plan that was found for a criterion, judged at the test poses.
 #[derive(Debug, Clone, PartialEq)]
@@ -29,17 +21,15 @@ pub struct CriterionPlan {
     pub plan: Plan,
     /// Its predicted rms distance at the test poses (m).
     pub rho0_m: Option<f64>,
-    /// How many searches ended in a plan as good for these criteria; criteria that are not smooth
-    /// have many optima. `None` for the plan that was given.
+    /// How many searches ended in a plan as good for these criteria. `None` for the plan that was given.
     pub agreeing: Option<usize>,
     /// Why there is no plan; it is empty then.
     pub problem: Option<String>,
 }
 
-/// Designs a plan for every criterion of Table 1, of as many measurements and configurations as
+/// Designs a plan for every criterion of Table 1 that plans are optimised by, of as many measurements and configurations as
 /// `for_test_poses` has, the plan that is best at the test poses. `approximate` is the task's
 /// approximate design for them. Where there is no plan for a criterion, its entry says why.
-#[must_use]
 pub fn compare_criteria(
     task: &Task,
     approximate: &ApproximateDesign,

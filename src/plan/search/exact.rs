@@ -10,7 +10,7 @@ use super::local::{LocalSearch, Precision};
 use super::point::Point;
 use super::problem::{Problem, SearchError};
 use super::refinement::{Found, Refinement};
-use super::sharpening::{rounded_design, sharpened_all};
+use super::rounding::rounded_design;
 use crate::numeric::random::{generator, streams};
 use crate::plan::{Experiment, Plan};
 
@@ -22,8 +22,6 @@ const RECOMBINED: usize = 4;
 const PARENTS: usize = 16;
 /// So many independent searches must agree on the best plan.
 const ENOUGH: usize = 8;
-/// The same for criteria that take eigenvalues, whose searches are short.
-const ENOUGH_OF_OTHERS: usize = 30;
 /// Costs within this factor agree: 0.1 % in `rho_0`, the cost's root.
 const SAME: f64 = 1.002;
 /// How many of the best plans are refined to full precision.
@@ -95,7 +93,7 @@ pub(super) fn exact_design_from(
     watch: Watch<'_>,
     known: &[Plan],
 ) -> Result<ExactDesign, SearchError> {
-    problem.check_excited()?;
+    problem.optimised_as()?;
     let mandatory = &problem.task.design.mandatory;
     let singular = SearchError::Singular {
         experiments,
@@ -104,19 +102,14 @@ pub(super) fn exact_design_from(
     let free = experiments.saturating_sub(mandatory.measurements());
     let count = u32::try_from(mandatory.experiments.len()).unwrap_or(u32::MAX);
     let configurations = configurations.saturating_sub(count).min(free);
-    let is_worst = problem.criterion.is_worst_of_several();
     let near = rounded_design(problem, approximate, [experiments, free, configurations]);
     let mut ends = SearchEnds::default();
-    if near.as_ref().is_none_or(|near| !near.is_enough) {
+    if near.is_none() {
         let results = known_plans(problem, known);
         let sizes = [free, configurations];
         ends = search_plans(problem, approximate, sizes, seed, watch, results);
     }
-    if is_worst {
-        let smooth = sharpened_all(problem, &ends.polished);
-        ends.polished.extend(smooth);
-    }
-    ends.polished.extend(near.map(|near| near.found));
+    ends.polished.extend(near);
     let best = (ends.polished.iter())
         .min_by(|one, other| one.cost.total_cmp(&other.cost))
         .ok_or_else(|| singular.clone())?;
@@ -188,11 +181,6 @@ fn search_plans(
             });
         found.flatten().collect()
     };
-    let enough = if problem.criterion.is_factored() {
-        ENOUGH
-    } else {
-        ENOUGH_OF_OTHERS
-    };
     let fewest = fewest_searches(configurations);
     let mut independent: Vec<f64> = Vec::new();
     let mut done = 0;
@@ -202,7 +190,7 @@ fn search_plans(
         independent.extend(found.iter().map(|found| found.cost));
         results.extend(found);
         sort(&mut results);
-        let is_enough = independent.len() >= fewest && agreeing(&independent, &results) >= enough;
+        let is_enough = independent.len() >= fewest && agreeing(&independent, &results) >= ENOUGH;
         if results.is_empty() || is_enough {
             break;
         }

@@ -22,59 +22,10 @@ const EXCHANGES: usize = 20;
 const WORTHWHILE: f64 = 1e-3;
 
 impl Refinement<'_> {
-    /// One search of the best plan of `measurements` in so many configurations, with random numbers
-    /// of its own. `None` if it meets no plan that determines the compliances.
+    /// One search of the best plan of `measurements` in so many configurations, with random numbers of its own: exchanges
+    /// experiments of random plans over a pool of random experiments and the given ones, and refines the best plans that this
+    /// ends in. `None` if it meets no plan that determines the compliances.
     pub fn search(
-        &mut self,
-        given: &[Point],
-        measurements: u32,
-        configurations: u32,
-        random: &mut impl Rng,
-    ) -> Option<Found> {
-        if self.problem.criterion.is_factored() {
-            self.search_by_exchange(given, measurements, configurations, random)
-        } else {
-            self.search_by_refinement(given, measurements, configurations, random)
-        }
-    }
-
-    /// Refines a random plan, about half of it from the given experiments, and then exchanges and
-    /// refines in turn. Some criteria have kinks, and refinement that starts near one gets stuck:
-    /// exchange comes second.
-    fn search_by_refinement(
-        &mut self,
-        given: &[Point],
-        measurements: u32,
-        configurations: u32,
-        random: &mut impl Rng,
-    ) -> Option<Found> {
-        let repeats = split(measurements, configurations, random);
-        let mut points = Vec::new();
-        while points.len() < repeats.len() {
-            if !given.is_empty() && random.random::<f64>() < 0.5 {
-                let point = &given[random.random_range(0..given.len())];
-                points.extend(self.sampler.clear_variant(point));
-            } else {
-                let (q, load) = self.sampler.draw(random)?;
-                points.push(self.local.point(&q, &load));
-            }
-        }
-        let mut pool = Pool::new(self.problem, [given, &points].concat());
-        let start = self.plan(points, repeats);
-        let mut found = self.refine(start, Precision::FINE, f64::INFINITY);
-        while found.cost.is_finite() {
-            let exchanged = self.exchange(&mut pool, found.clone());
-            if exchanged.cost >= found.cost {
-                return Some(found);
-            }
-            found = self.refine(exchanged, Precision::FINE, f64::INFINITY);
-        }
-        None
-    }
-
-    /// Exchanges experiments of random plans over a pool of random experiments and the given ones,
-    /// and refines the best plans that this ends in.
-    fn search_by_exchange(
         &mut self,
         given: &[Point],
         measurements: u32,

@@ -107,7 +107,6 @@ pub struct FiniteBound {
 
 impl FiniteBound {
     /// No plan of so many measurements of the candidates has a smaller cost; none where there is no such bound.
-    #[must_use]
     pub fn least_cost(&self, measurements: u32) -> Option<f64> {
         let costs = self
             .planes
@@ -126,7 +125,6 @@ pub(super) struct FiniteWeights {
 
 impl FiniteProblem<'_> {
     /// The criterion as a cost.
-    #[must_use]
     pub fn cost(&self) -> CriterionFunction {
         self.cost_of(self.criterion)
     }
@@ -144,7 +142,6 @@ impl FiniteProblem<'_> {
     }
 
     /// What a plan tells, with what is known whatever is chosen.
-    #[must_use]
     pub fn information(&self, plan: &[(usize, u32)]) -> DMatrix<f64> {
         let mut sum = self.beside.clone();
         for (place, &(candidate, times)) in plan.iter().enumerate() {
@@ -262,8 +259,7 @@ impl FiniteProblem<'_> {
         }
         let is_informed = self.beside.amax() > 0.0;
         let beside = is_informed.then(|| &self.beside / measurements);
-        let mut weighing =
-            Weighing::of(criterion, self.cost_of(criterion), beside, self.told.size());
+        let mut weighing = Weighing::of(self.cost_of(criterion), beside, self.told.size());
         let mut support = self.spread(&mean);
         for candidate in highest(&self.told.derivatives(&directions), ADDED, |_| true) {
             if !support.contains(&candidate) {
@@ -323,14 +319,10 @@ impl FiniteProblem<'_> {
         Ok(bound)
     }
 
-    /// A bound with what follows from a plan, too, where the criterion is smooth; and where candidates may be measured a few times
+    /// A bound with what follows from a plan, too, where the criterion has bounds; and where candidates may be measured a few times
     /// only, from weights that know of it.
     pub(super) fn bound_near(&self, bound: &mut FiniteBound, plan: &[(usize, u32)]) {
-        let Some(criterion) = self
-            .criterion
-            .bounded_as()
-            .filter(|each| each.is_factored())
-        else {
+        let Some(criterion) = self.criterion.bounded_as() else {
             return;
         };
         let measurements: u32 = plan.iter().map(|(_, times)| times).sum();

@@ -85,9 +85,6 @@ pub struct FiniteEffort {
 impl FiniteProblem<'_> {
     /// Searches the best plan of so many measurements; a function of the problem, the effort and the seed alone, unless it is
     /// stopped.
-    ///
-    /// # Errors
-    /// See [`FiniteError`].
     pub fn search(
         &self,
         effort: FiniteEffort,
@@ -146,7 +143,6 @@ impl FiniteProblem<'_> {
 
     /// The best of some plans of as many measurements, as they are and bettered by exchanges, with its cost; none where it is not
     /// below another cost.
-    #[must_use]
     pub fn bettered(
         &self,
         plans: &[Vec<(usize, u32)>],

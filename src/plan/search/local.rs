@@ -51,7 +51,7 @@ pub(super) struct LocalSearch<'a> {
     bounds: Vec<SmoothBound>,
     ranges: Vec<(f64, f64)>,
     loads: LoadChoice,
-    is_size_free: bool,
+    is_force_bounded: bool,
     is_force_varied: bool,
     gravity: Vector3<f64>,
 }
@@ -132,7 +132,7 @@ impl<'a> LocalSearch<'a> {
                 evaluator,
                 at: Vec::new(),
             }),
-            is_size_free: problem.is_size_free(),
+            is_force_bounded: problem.is_force_bounded(),
             is_force_varied: problem.is_force_varied(),
             bounds: problem.bounds.clone(),
             ranges: problem.ranges.clone(),
@@ -212,18 +212,6 @@ impl<'a> LocalSearch<'a> {
             }
         }
         (least <= most).then_some(most)
-    }
-
-    /// How many times as large the force of a point may be; none where loads are as they are.
-    pub fn largest_factor(&self, point: &Point) -> Option<f64> {
-        let high = match &self.loads {
-            LoadChoice::OneOf(_) => return None,
-            LoadChoice::Size(_, [_, high]) | LoadChoice::Ball(high) => *high,
-        };
-        let size = point.load.force_n.norm();
-        let direction = point.load.force_n.try_normalize(0.0)?;
-        let largest = self.largest_size(&point.q, &direction, [0.0, high])?;
-        Some(largest / size)
     }
 
     /// Climbs from a start to a point of locally largest information in the directions G,
@@ -351,34 +339,12 @@ impl<'a> LocalSearch<'a> {
         cost: &dyn Fn(&Matrix3xX<f64>, &mut Matrix3xX<f64>) -> f64,
         precision: Precision,
     ) -> Option<Point> {
-        let is_free = !matches!(self.loads, LoadChoice::OneOf(_));
-        if !is_free || self.is_force_varied || !self.is_size_free {
-            return self.improve_load(start, cost, precision, self.is_size_free);
-        }
-        // Criteria that ask for balance have kinks: with fewer variables the optimiser gets further, and
-        // the size comes second.
-        let mut factor = start.matrix.clone();
-        let mut cost_of = |point: &Point| cost(&point.matrix, &mut factor);
-        let given = self.improve_load(start, cost, precision, false);
-        let given = given.filter(|given| cost_of(given) < cost_of(start));
-        let freely = self.improve_load(given.as_ref().unwrap_or(start), cost, precision, true);
-        match (given, freely) {
-            (Some(given), Some(freely)) if cost_of(&given) <= cost_of(&freely) => Some(given),
-            (given, freely) => freely.or(given),
-        }
-    }
-
-    fn improve_load(
-        &self,
-        start: &Point,
-        cost: &dyn Fn(&Matrix3xX<f64>, &mut Matrix3xX<f64>) -> f64,
-        precision: Precision,
-        is_size_free: bool,
-    ) -> Option<Point> {
         let joints = start.q.len();
         let free = match self.loads {
             LoadChoice::Ball(size) => FreeLoad::Force(size),
-            LoadChoice::Size(direction, sizes) if is_size_free => FreeLoad::Size(direction, sizes),
+            LoadChoice::Size(direction, sizes) if self.is_force_bounded => {
+                FreeLoad::Size(direction, sizes)
+            }
             LoadChoice::Size(..) | LoadChoice::OneOf(_) => FreeLoad::None,
         };
         let load_of = |x: &[f64]| free.load(&start.load, &x[joints..]);
@@ -417,7 +383,7 @@ impl<'a> LocalSearch<'a> {
             // The optimiser may end with too large a force; where the largest is best but the cost has
             // kinks, with too small a one.
             let force = x[joints..].iter().map(|value| value * value).sum::<f64>();
-            if force > 1.0 || (force > 0.0 && !is_size_free) {
+            if force > 1.0 || (force > 0.0 && !self.is_force_bounded) {
                 for value in &mut x[joints..] {
                     *value /= force.sqrt();
                 }

@@ -6,16 +6,15 @@
 //! - `sampling`: random feasible experiments.
 //! - `approximate`: the design with continuous weights, whose largest directional derivative bounds
 //!   every plan from below.
-//! - `weighing`, `worst`: the best weights on given experiments, also for criteria that are the worst of several.
+//! - `weighing`: the best weights on given experiments.
 //! - `bound`: that bound, the class of plans that it speaks about, and why there is none for others.
 //! - `proved`, `rows`: its proof; `provable`: what that leaves out.
-//! - `one_exchange`: what exchanging one measurement of a plan can gain.
 //! - `budget`: the best accuracy against the number of measurements.
 //! - `criteria`: the best plans for the criteria of Table 1, judged at the test poses.
 //! - `pool`: random experiments that are cheap to look through.
 //! - `exchange`, `refinement`: one search of a plan of whole experiments, by exchange over a pool and
 //!   refinement by gradients.
-//! - `sharpening`: the same for criteria that are the worst of several.
+//! - `rounding`: plans of many measurements, from a rounded approximate design.
 //! - `told`, `finite`, `finite_search`, `candidates`: plans of a finite list of candidates, whose bound is proved by looking at all.
 //! - `exact`: the best plan of whole experiments that many such searches find.
 
@@ -32,7 +31,6 @@ mod finite_search;
 mod joints;
 mod local;
 mod observation;
-mod one_exchange;
 mod point;
 mod pool;
 mod problem;
@@ -40,16 +38,18 @@ mod provable;
 mod proved;
 mod refinement;
 mod relevance;
+mod rounding;
 mod rows;
 mod sampling;
-mod sharpening;
 mod told;
 mod weighing;
-mod worst;
 
 pub use approximate::{ApproximateDesign, Certificate, approximate_design};
 pub use bound::{Basis, Bound, BoundKind, Enumerated, NoBound, PlanBound, PlanProof};
-pub use budget::{BudgetPoint, budget, budget_and_proof, cheapest, repeated_configurations};
+pub use budget::{
+    BudgetPoint, RepeatsNeeded, budget, budget_and_proof, cheapest, repeated_configurations,
+    repeats_needed,
+};
 pub(in crate::plan) use candidates::possible_of;
 pub use candidates::{CandidateError, Candidates, LeftOutCandidates};
 pub use criteria::{CriterionPlan, compare_criteria};
@@ -58,8 +58,7 @@ pub use finite::{FiniteBound, FiniteProblem, SharingCandidates};
 pub use finite_error::FiniteError;
 pub use finite_search::{ExchangesTry, FiniteDesign, FiniteEffort};
 pub use observation::MatrixEvaluator;
-pub use one_exchange::{Exchanges, ExchangesFile, OneExchange};
 pub use problem::{Effort, Problem, SearchError};
 pub use proved::{ProofEffort, ProofExperiment, ProofFile, ProvedBound, TIGHT};
-pub use sampling::{RandomPlans, median_random_rho0, random_experiments, random_plan};
+pub use sampling::{RandomPlans, median_random_plan, random_experiments, random_plan};
 pub use told::ToldByCandidates;

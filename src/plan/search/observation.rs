@@ -27,7 +27,6 @@ pub struct MatrixEvaluator<'a> {
 impl<'a> MatrixEvaluator<'a> {
     /// An evaluator of readings, of whose unknowns the identified `compliances` are the first. With a `basis`, the
     /// parameters are the coordinates in it of these unknowns.
-    #[must_use]
     pub fn new(
         readings: PlannedReadings<'a>,
         compliances: ComplianceColumns,
@@ -53,19 +52,16 @@ impl<'a> MatrixEvaluator<'a> {
     }
 
     /// The number p of parameters.
-    #[must_use]
     pub fn parameters(&self) -> usize {
         (self.basis.as_ref()).map_or(self.readings.parameters(), DMatrix::ncols)
     }
 
     /// 1, or 2 where rotations are measured.
-    #[must_use]
     pub const fn blocks(&self) -> usize {
         self.blocks
     }
 
     /// A matrix to write to.
-    #[must_use]
     pub fn matrix(&self) -> Matrix3xX<f64> {
         Matrix3xX::zeros(self.blocks() * self.parameters())
     }
@@ -76,7 +72,6 @@ impl<'a> MatrixEvaluator<'a> {
     }
 
     /// The acceleration of gravity (m/s^2).
-    #[must_use]
     pub const fn gravity(&self) -> Vector3<f64> {
         self.gravity_m_s2
     }
@@ -87,7 +82,6 @@ impl<'a> MatrixEvaluator<'a> {
     }
 
     /// The arm's geometry at the last configuration.
-    #[must_use]
     pub const fn state(&self) -> &KinematicState {
         self.readings.state()
     }
@@ -153,7 +147,6 @@ impl<'a> MatrixEvaluator<'a> {
 
     /// The matrix Q (3 x 3) with sum(B * A) for B = A G equal to F^T Q F, see [`ComplianceColumns::force_form`].
     /// Where more is uncertain it tells of the compliances and the instrument's noise alone, and is a good start.
-    #[must_use]
     pub fn force_form(&self, directions: &DMatrix<f64>) -> Matrix3<f64> {
         let (seen, form) = (self.readings.seen(), &self.compliances);
         match &self.basis {
@@ -163,7 +156,6 @@ impl<'a> MatrixEvaluator<'a> {
     }
 
     /// The derivative of sum(B * A) with respect to the force F, at the load.
-    #[must_use]
     pub fn force_gradient(&mut self, load: &Load, factor: &Matrix3xX<f64>) -> Vector3<f64> {
         let Some(basis) = &self.basis else {
             return self.readings.force_gradient(load, factor);

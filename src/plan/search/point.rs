@@ -65,7 +65,6 @@ pub struct Point {
 
 impl Point {
     /// The scaled information A^T A, summed over the blocks, p x p.
-    #[must_use]
     pub fn information(&self) -> DMatrix<f64> {
         let size = self.matrix.ncols() / self.blocks;
         let mut sum = DMatrix::zeros(size, size);
@@ -77,7 +76,6 @@ impl Point {
     }
 
     /// The point as an experiment of a plan.
-    #[must_use]
     pub fn experiment(&self, repeats: u32) -> Experiment {
         Experiment {
             configuration_rad: nalgebra::DVector::from_column_slice(&self.q),

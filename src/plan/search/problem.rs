@@ -1,5 +1,7 @@
 //! What is searched: the planning problem in relative units.
 
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use nalgebra::DMatrix;
 use thiserror::Error;
 
@@ -30,7 +32,7 @@ pub enum SearchError {
     },
     /// The test pose depends on a compliance that no feasible experiment shows.
     #[error(
-        "no feasible experiment shows the compliance of {}: the loads leave it without torque",
+        "no feasible experiment shows the compliance of {}: no load has a torque on it",
         joints.join(", ")
     )]
     NotExcited {
@@ -39,7 +41,7 @@ pub enum SearchError {
     },
     /// What is asked for depends on compliances of which feasible experiments show combinations only.
     #[error(
-        "no feasible experiments tell the compliances of {} apart: they show in combinations only",
+        "no feasible experiments separate the compliances of {}: they show in combinations only",
         joints.join(", ")
     )]
     Inseparable {
@@ -65,9 +67,11 @@ pub enum SearchError {
         /// What else is to be found.
         names: Vec<String>,
     },
-    /// No approximate design bounds the plans for a criterion.
-    #[error("the criterion {criterion} is not convex in the information")]
-    NotConvex {
+    /// Plans over a region are not optimised by a criterion, and no bound by it is searched.
+    #[error(
+        "plans are optimised and bounded by test_pose, a, d and o1: for {criterion}, choose from candidates (plan --candidates FILE)"
+    )]
+    NotOptimised {
         /// The criterion's name.
         criterion: &'static str,
     },
@@ -121,8 +125,8 @@ pub struct Problem<'a> {
     pub criterion: Criterion,
     /// How much work the search does.
     pub effort: Effort,
-    /// The power of the smooth stand-in for the criterion's cost, where it is to have one.
-    sharpness: Option<f64>,
+    /// When set, searches end with what they have.
+    pub stop: Option<&'a AtomicBool>,
     pub(super) bounds: Vec<SmoothBound>,
     pub(super) ranges: Vec<(f64, f64)>,
     pub(super) loads: LoadChoice,
@@ -155,7 +159,6 @@ impl<'a> Problem<'a> {
     /// The planning problem of a task for a criterion. For the test pose, compliances or combinations
     /// that no experiment shows and that do not matter there are left out; every other criterion is about
     /// all compliances.
-    #[must_use]
     pub fn new(task: &'a Task, criterion: Criterion) -> Self {
         let mut problem = Self::shown_by(task, criterion, &|problem| {
             random_information(problem.evaluator(), &problem.ranges, &problem.loads)
@@ -172,7 +175,6 @@ impl<'a> Problem<'a> {
     }
 
     /// The same for plans of these experiments alone: what none of them shows, no plan does.
-    #[must_use]
     pub fn among(task: &'a Task, criterion: Criterion, experiments: &[Experiment]) -> Self {
         Self::shown_by(task, criterion, &|problem| {
             let size = problem.parameters();
@@ -301,24 +303,21 @@ impl<'a> Problem<'a> {
             prior,
             sizes,
             criterion,
-            sharpness: None,
             effort: Effort::default(),
+            stop: None,
             task,
         }
+    }
+
+    /// Whether searches are to end.
+    pub(super) fn is_stopped(&self) -> bool {
+        self.stop.is_some_and(|stop| stop.load(Ordering::Relaxed))
     }
 
     /// The same problem by a criterion that asks for the same compliances.
     pub(super) fn by(&self, criterion: Criterion) -> Self {
         Self {
             criterion,
-            ..self.clone()
-        }
-    }
-
-    /// The same problem with a smooth stand-in for its cost, where that is the worst of several.
-    pub(super) fn smoothed(&self, power: f64) -> Self {
-        Self {
-            sharpness: Some(power),
             ..self.clone()
         }
     }
@@ -348,24 +347,9 @@ impl<'a> Problem<'a> {
         })
     }
 
-    /// The same problem for one more measurement beside a plan and what is known before.
-    pub(super) fn beside_plan(&self, plan: &Plan) -> Self {
-        Self {
-            beside: Some(self.information(plan)),
-            ..self.clone()
-        }
-    }
-
     /// Whether something is known before any measurement.
     fn is_informed(&self) -> bool {
         self.prior.amax() > 0.0
-    }
-
-    /// Whether the size of a force is to be searched. Otherwise the largest is best: information grows
-    /// with the square of the size, no bound of the region depends on it, and the criterion is the
-    /// better for more of every information.
-    pub(super) fn is_size_free(&self) -> bool {
-        !self.criterion.is_monotone() || self.is_force_bounded()
     }
 
     /// How many searches over so many experiments at once there is time for. One takes work that grows as
@@ -396,7 +380,6 @@ impl<'a> Problem<'a> {
     }
 
     /// The uncertainties that the search leaves out, by name: they make next to nothing of any promise.
-    #[must_use]
     pub fn left_out(&self) -> Vec<&str> {
         let Some(extended) = self.extended else {
             return Vec::new();
@@ -419,7 +402,8 @@ impl<'a> Problem<'a> {
             .is_some_and(Extended::is_shared_by_configuration)
     }
 
-    /// Whether bounds of the region depend on the load.
+    /// Whether bounds of the region depend on the load. Otherwise the largest force is best: information grows
+    /// with the square of its size, and the criterion is the better for more of every information.
     pub(super) fn is_force_bounded(&self) -> bool {
         (self.bounds.iter()).any(|bound| {
             matches!(
@@ -427,6 +411,16 @@ impl<'a> Problem<'a> {
                 SmoothBound::TorqueMax(..) | SmoothBound::TorqueMin(..)
             )
         })
+    }
+
+    /// The criterion whose approximate design is this problem's.
+    ///
+    /// # Errors
+    /// Plans over a region are not optimised by the problem's criterion, or what is asked for does not show.
+    pub(super) fn optimised_as(&self) -> Result<Criterion, SearchError> {
+        self.check_excited()?;
+        let criterion = self.criterion.name();
+        (self.criterion.bounded_as()).ok_or(SearchError::NotOptimised { criterion })
     }
 
     /// What is asked for must show in some experiments.
@@ -464,7 +458,6 @@ impl<'a> Problem<'a> {
     }
 
     /// The number of compliances, or of their combinations, of which nothing is known before.
-    #[must_use]
     pub fn to_find(&self) -> usize {
         let size = self.parameters();
         if self.is_informed() {
@@ -496,13 +489,11 @@ impl<'a> Problem<'a> {
     }
 
     /// The number p of compliances, or of their combinations.
-    #[must_use]
     pub fn parameters(&self) -> usize {
         (self.basis.as_ref()).map_or(self.sizes.len(), DMatrix::ncols)
     }
 
     /// An evaluator of this problem's experiments.
-    #[must_use]
     pub fn evaluator(&self) -> MatrixEvaluator<'a> {
         let belief = &self.task.belief;
         let (arm, precision) = (
@@ -519,17 +510,11 @@ impl<'a> Problem<'a> {
     }
 
     /// The criterion as a cost.
-    #[must_use]
     pub fn cost(&self) -> CriterionFunction {
-        let cost = self.cost_of(self.criterion);
-        match self.sharpness {
-            Some(power) => cost.smoothed(power),
-            None => cost,
-        }
+        self.cost_of(self.criterion)
     }
 
     /// Any other criterion of the same problem.
-    #[must_use]
     pub fn cost_of(&self, criterion: Criterion) -> CriterionFunction {
         CriterionFunction::new(criterion, self.test_poses.clone())
     }
@@ -548,7 +533,6 @@ impl<'a> Problem<'a> {
     }
 
     /// The scaled information matrix of a plan, with what is known before it.
-    #[must_use]
     pub fn information(&self, plan: &Plan) -> DMatrix<f64> {
         let mut evaluator = self.evaluator();
         let mut matrix = evaluator.matrix();
@@ -576,7 +560,6 @@ impl<'a> Problem<'a> {
 
     /// A plan's cost, and its derivatives with respect to the joint angles of each of its experiments. Those of one configuration
     /// that share errors turn together: each has the derivatives of all of them.
-    #[must_use]
     pub fn cost_and_gradient(&self, plan: &Plan) -> (f64, Vec<Vec<f64>>) {
         let size = self.parameters();
         let mut directions = DMatrix::zeros(size, size);

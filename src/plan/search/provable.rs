@@ -1,11 +1,13 @@
-//! What a proof of a bound knows of uncertainties, and what it leaves out: any may be taken for certain, which can only lower
+//! What a proof of a bound knows of uncertainties, and what it leaves out: any may be assumed exact, which can only lower
 //! the bound.
 
 use nalgebra::DVector;
 
 use crate::experiment::Loads;
 use crate::parameter::{ParameterKind, Prior, ReadingSource, Source, Uncertainty, Unloaded};
+use crate::plan::Criterion;
 use crate::plan::proof::{NoProof, Question, ReadingSpread};
+use crate::robot::Joint;
 use crate::task::{Extended, Task};
 
 use super::problem::Problem;
@@ -16,11 +18,25 @@ const UNLOADED: &str = "shared unloaded reading";
 /// A task of which bounds can be proved, and of which no plan leaves more than of the task that it was made of.
 pub(super) struct ProvableTask {
     pub task: Task,
-    /// The names of what is taken for certain there.
+    /// The names of what is assumed exact there.
     pub left_out: Vec<String>,
 }
 
 impl ProvableTask {
+    /// Why nothing is proved about such a problem, whatever is assumed exact: bounds by other criteria, and arms of
+    /// which more than hinges bends.
+    pub fn refused(problem: &Problem<'_>) -> Option<NoProof> {
+        let chain = &problem.task.belief.nominal.chain;
+        let is_hinge = |joint: &Joint| !joint.drive.slides && joint.drive.passive_at.is_none();
+        if problem.criterion != Criterion::TestPose {
+            Some(NoProof::Criterion)
+        } else if chain.elements.has_springs() || !chain.joints.iter().all(is_hinge) {
+            Some(NoProof::Springs)
+        } else {
+            None
+        }
+    }
+
     /// Whether a problem is about such a task itself.
     pub fn is_itself(problem: &Problem<'_>) -> bool {
         (problem.extended()).is_none_or(|extended| is_provable(problem.task, extended))
@@ -29,7 +45,7 @@ impl ProvableTask {
     /// Why none of a problem can be proved as it is.
     pub fn refusal(problem: &Problem<'_>) -> NoProof {
         match problem.extended() {
-            Some(extended) if !is_alike(problem.task, extended) => NoProof::RestsElsewhere,
+            Some(extended) if !is_alike(extended) => NoProof::RestsElsewhere,
             _ => NoProof::Uncertain,
         }
     }
@@ -38,10 +54,7 @@ impl ProvableTask {
     /// not, with what is known of them, and so does, in the first, what the covariance of readings can be told of.
     pub fn simpler(problem: &Problem<'_>) -> Vec<Self> {
         let task = problem.task;
-        let Some(extended) = problem
-            .extended()
-            .filter(|extended| is_alike(task, extended))
-        else {
+        let Some(extended) = problem.extended().filter(|extended| is_alike(extended)) else {
             return Vec::new();
         };
         let mut parameters = parameters_left_out(extended);
@@ -93,33 +106,30 @@ fn is_known(task: &Task, source: &ReadingSource) -> bool {
     !matches!(task.loads, Loads::Any { .. })
         && task.belief.instrument.rotation_sigma_rad.is_none()
         && match source {
-            ReadingSource::JointReturn(_)
+            ReadingSource::JointRepeatability(_)
             | ReadingSource::LoadDirection(_)
             | ReadingSource::LoadPoint(_)
-            | ReadingSource::Misfit(_) => true,
+            | ReadingSource::Discrepancy(_) => true,
             // Noise that depends on where the instrument stands has not the symmetries that the proof rests on.
-            ReadingSource::Range(_)
-            | ReadingSource::GearError(_)
-            | ReadingSource::Wrong { .. }
-            | ReadingSource::Dropped(_) => false,
+            ReadingSource::Range(_) | ReadingSource::TransmissionError(_) => false,
         }
 }
 
 /// Whether what compensation leaves is told of the compliances just as where nothing else is uncertain: without what makes it
 /// depend on where the arm rests.
-fn is_alike(task: &Task, extended: &Extended) -> bool {
+fn is_alike(extended: &Extended) -> bool {
     let is_turned_over = (extended.set().parameters().iter()).any(|each| match each.kind {
         ParameterKind::JointBacklash { joint } => {
             extended.arm().backlash[joint].turned_over_at_nm.is_some()
         }
         _ => false,
     });
-    !is_turned_over && !task.belief.nominal.chain.elements.has_springs()
+    !is_turned_over
 }
 
 /// Whether nothing has to be left out.
 pub(super) fn is_provable(task: &Task, extended: &Extended) -> bool {
-    is_alike(task, extended)
+    is_alike(extended)
         && extended.unloaded() == Unloaded::Own
         && extended.set().len() == extended.identified()
         && extended.further().next().is_none()
@@ -150,18 +160,15 @@ pub(super) fn spread(
     let (mut everywhere, mut turned, mut shifted) = (1.0, 0.0_f64, 0.0_f64);
     for (_, source) in extended.sources() {
         match source {
-            ReadingSource::JointReturn(deviations) => {
+            ReadingSource::JointRepeatability(deviations) => {
                 for (square, deviation) in squares.iter_mut().zip(deviations) {
                     *square += over(*deviation).powi(2);
                 }
             }
             ReadingSource::LoadDirection(deviation) => turned = turned.hypot(over(*deviation)),
             ReadingSource::LoadPoint(deviation) => shifted = shifted.hypot(over(*deviation)),
-            ReadingSource::Misfit(deviation) => everywhere += over(*deviation).powi(2),
-            ReadingSource::Range(_)
-            | ReadingSource::GearError(_)
-            | ReadingSource::Wrong { .. }
-            | ReadingSource::Dropped(_) => {}
+            ReadingSource::Discrepancy(deviation) => everywhere += over(*deviation).powi(2),
+            ReadingSource::Range(_) | ReadingSource::TransmissionError(_) => {}
         }
     }
     let reaches = question.reaches_m();
@@ -177,7 +184,7 @@ pub(super) fn spread(
     let smaller = (1.0 - PRINTED_SHARE).sqrt() * down * down;
     (everywhere >= 0.5).then(|| ReadingSpread {
         everywhere: everywhere * down * down,
-        joint_return: squares
+        joint_repeatability: squares
             .into_iter()
             .map(|square: f64| square.sqrt() * down * down)
             .collect(),

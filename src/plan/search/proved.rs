@@ -5,21 +5,20 @@ use std::time::Duration;
 
 use serde::Serialize;
 
-use crate::experiment::{Experiment, Loads, Plan, printed_tolerance};
+use crate::experiment::{Experiment, Loads, printed_tolerance};
 use crate::plan::proof::{
-    Aim, Arm, Ingredients, NoProof, ProofJoint, ProofLimits, ProofLoads, ProofObject, ProofSpring,
-    ProofSprings, Proved, Question, SmoothRegion, Target, largest_mobility, prove,
-    prove_and_record,
+    Arm, Ingredients, NoProof, ProofJoint, ProofLimits, ProofLoads, ProofObject, Proved, Question,
+    SmoothRegion, Target, prove, prove_and_record,
 };
-use crate::plan::{Criterion, WIDENED_RAD, widened};
-use crate::robot::{Elements, Load, Tool};
+use crate::plan::{WIDENED_RAD, widened};
+use crate::robot::{Load, Tool};
 use crate::task::{Belief, Task};
 
 use super::approximate::{ApproximateDesign, approximate_design};
 use super::point::information_in;
 use super::problem::Problem;
 use super::provable::{ProvableTask, is_provable, spread};
-use super::rows::BoundRows;
+use super::rows::bound_rows;
 
 /// A proof replaces what searches found where its gap is at most this.
 pub const TIGHT: f64 = 1e-3;
@@ -27,51 +26,23 @@ pub const TIGHT: f64 = 1e-3;
 const NEAR: f64 = 0.01;
 /// More rows for each parameter than this are gathered into fewer.
 const MANY_ROWS: usize = 4;
-/// After how many boxes the bound of the derivative about a fixed experiment is given up.
-const FIXED_BOXES: u64 = 200_000;
+/// After how many boxes the bound of the derivative about a mandatory experiment is given up.
+const MANDATORY_BOXES: u64 = 200_000;
 
-/// Experiments that a plan has in any case.
-#[derive(Clone, Copy)]
-pub(super) enum Fixed<'a> {
-    /// Such as are printed as these: mandatory ones.
-    AsPrinted(&'a Plan),
-    /// These.
-    AsTheyAre(&'a Plan),
-}
-
-impl<'a> Fixed<'a> {
-    fn experiments(self) -> impl Iterator<Item = &'a Experiment> {
-        let (Self::AsPrinted(plan) | Self::AsTheyAre(plan)) = self;
-        plan.experiments.iter()
-    }
-
-    /// By how much the angles of those that count as such may differ (rad).
-    const fn within_rad(self) -> f64 {
-        match self {
-            Self::AsPrinted(_) => WIDENED_RAD,
-            Self::AsTheyAre(_) => 0.0,
-        }
-    }
-}
-
-/// A proof that no plan of a class is better by a criterion than a number for its number of measurements.
+/// A proof that no plan of a class has a `rho_0` below a number for its number of measurements.
 ///
 /// The class is that of [`super::Bound`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct ProvedBound {
-    criterion: Criterion,
-    aim: Aim,
     targets: Vec<Target>,
     parameters: Vec<usize>,
-    typical_rad_per_nm: Vec<f64>,
     rows: Vec<Vec<f64>>,
     sigma_m: f64,
     largest: Proved,
     /// The number of mandatory measurements, and a bound of the sum of their derivatives.
     mandatory: (u32, f64),
     /// The experiments that these are.
-    fixed: Vec<ProofExperiment>,
-    fixed_within_rad: f64,
+    mandatory_experiments: Vec<ProofExperiment>,
     /// A bound of trace(B P B^T) for the precision P of what is known before any measurement.
     prior: f64,
     /// P for the question's compliances.
@@ -79,7 +50,7 @@ pub struct ProvedBound {
     /// By how much loads may be off through printing (N, N m).
     printed: f64,
     object: Option<ProofObject>,
-    /// What is taken for certain.
+    /// What is assumed exact.
     left_out: Vec<String>,
 }
 
@@ -90,13 +61,7 @@ pub struct ProofFile {
     pub proof: ProofObject,
     /// By how much loads may differ from these in force (N) and torque (N m), each.
     pub printed: f64,
-    /// The criterion's name.
-    pub criterion: &'static str,
-    /// What a bound of the derivative bounds by the question's rows.
-    pub aim: Aim,
-    /// The typical size of each compliance (rad/(N m)), its unit in all criteria but `rho_0`.
-    pub typical_rad_per_nm: Vec<f64>,
-    /// What must be accurate; for criteria other than `rho_0`, nothing.
+    /// What must be accurate.
     pub targets: Vec<Target>,
     /// The standard deviation of each coordinate of a deflection (m).
     pub sigma_m: f64,
@@ -104,15 +69,15 @@ pub struct ProofFile {
     pub mandatory: (u32, f64),
     /// The mandatory experiments.
     pub mandatory_experiments: Vec<ProofExperiment>,
-    /// By how much the angles of those that count as such may differ from theirs (rad); 0 where these are meant as they are.
+    /// By how much the angles of those that count as such may differ from theirs (rad).
     pub mandatory_within_rad: f64,
     /// A bound of trace(B P B^T) for the precision P of what is known before any measurement.
     pub prior: f64,
     /// P (1/(rad/(N m))^2), row by row, for the question's compliances; none where nothing is known.
     pub prior_precision: Option<Vec<Vec<f64>>>,
-    /// The names of the uncertainties that are taken for certain.
+    /// The names of the uncertainties that are assumed exact.
     pub left_out: Vec<String>,
-    /// For numbers m of measurements, what no plan is better than: a `rho_0` (m), or a value of the criterion.
+    /// For numbers m of measurements, what `rho_0` (m) no plan is below.
     pub bounds: Vec<(u32, f64)>,
 }
 
@@ -160,7 +125,7 @@ impl Default for ProofEffort {
 }
 
 impl ProvedBound {
-    /// Proves the bound that an approximate design for a problem's criterion gives.
+    /// Proves the bound that an approximate design for a problem's test poses gives.
     ///
     /// # Errors
     /// Nothing was proved in time, or cannot be.
@@ -170,24 +135,12 @@ impl ProvedBound {
         effort: ProofLimits<'_>,
         records: bool,
     ) -> Result<Self, NoProof> {
-        let mandatory = Fixed::AsPrinted(&problem.task.design.mandatory);
-        Self::beside(problem, approximate, mandatory, effort, records)
-    }
-
-    /// The same beside any fixed experiments, of which the approximate design knows.
-    pub(super) fn beside(
-        problem: &Problem<'_>,
-        approximate: &ApproximateDesign,
-        fixed: Fixed<'_>,
-        effort: ProofLimits<'_>,
-        records: bool,
-    ) -> Result<Self, NoProof> {
         let task = problem.task;
         if (problem.extended()).is_some_and(|extended| !is_provable(task, extended)) {
             return Err(NoProof::Uncertain);
         }
-        let BoundRows { rows, aim } =
-            BoundRows::new(problem, approximate).ok_or(NoProof::Singular)?;
+        let rows = bound_rows(problem, approximate).ok_or(NoProof::Singular)?;
+        let mandatory = &task.design.mandatory;
         // A proof that is to be checked shows B as it is.
         let mut question = if records {
             question(problem, rows.clone())
@@ -201,54 +154,45 @@ impl ProvedBound {
         if let Some(extended) = problem.extended() {
             let compliances = &task.belief.nominal.compliance_rad_per_nm;
             let sigma_m = task.belief.instrument.sigma_m;
-            let of_fixed = fixed
-                .experiments()
-                .map(|each| printed_tolerance(&each.load));
-            let printed = of_fixed.fold(printed, f64::max);
+            let of_mandatory = mandatory.experiments.iter();
+            let printed = of_mandatory
+                .map(|each| printed_tolerance(&each.load))
+                .fold(printed, f64::max);
             let spread = spread(&question, compliances, extended, sigma_m, printed);
             question.spread = Some(spread.ok_or(NoProof::Uncertain)?);
         }
         let (largest, object) = prove_printed(&question, found, printed, effort, records)?;
-        let mandatory = fixed_derivatives(problem, approximate, &question, fixed)?;
+        let derivatives = mandatory_derivatives(problem, approximate, &question)?;
         let precision = precision(task, &question.parameters);
         Ok(Self {
             prior: prior(task, precision.as_deref(), &rows),
             precision,
-            fixed: fixed.experiments().map(ProofExperiment::from).collect(),
-            fixed_within_rad: fixed.within_rad(),
-            criterion: problem.criterion,
-            targets: if aim == Aim::TestPoses {
-                targets(task)
-            } else {
-                Vec::new()
-            },
-            aim,
-            typical_rad_per_nm: problem.typical_rad_per_nm().to_vec(),
+            mandatory_experiments: (mandatory.experiments.iter())
+                .map(ProofExperiment::from)
+                .collect(),
+            targets: targets(task),
             parameters: question.parameters,
             rows,
             sigma_m: task.belief.instrument.sigma_m,
             largest,
-            mandatory,
+            mandatory: (mandatory.measurements(), derivatives),
             printed,
             object,
             left_out: Vec::new(),
         })
     }
 
-    /// The same for a task in which some uncertainties are taken for certain, where more follows for so many measurements than from
+    /// The same for a task in which some uncertainties are assumed exact, where more follows for so many measurements than from
     /// what is known, if anything is; else `None`, or the reason why nothing is proved of either.
     pub(super) fn of_simpler(
         problem: &Problem<'_>,
         simpler: &ProvableTask,
-        fixed: Fixed<'_>,
         (effort, records): (ProofLimits<'_>, bool),
         seed: u64,
         (known, measurements): (Option<&Self>, u32),
     ) -> Option<Result<Self, NoProof>> {
-        let criterion = problem.criterion;
         let is_nearer =
             |value: Option<f64>, known: &Self| match (value, known.of_size(measurements)) {
-                (Some(value), Some(known)) if criterion.is_maximised() => value < known,
                 (Some(value), Some(known)) => value > known,
                 (value, None) => value.is_some(),
                 (None, Some(_)) => false,
@@ -260,11 +204,11 @@ impl ProvedBound {
             Ok(design) => {
                 // The same rows would give so much if no derivative were above the largest found.
                 let most = design.certificate.lower_bound(measurements);
-                let most = most.map(|cost| criterion.value_of_cost(cost));
+                let most = most.map(f64::sqrt);
                 if known.is_some_and(|known| !is_nearer(most, known)) {
                     return None;
                 }
-                Self::beside(problem, &design, fixed, effort, records)
+                Self::new(problem, &design, effort, records)
             }
             Err(_) => Err(NoProof::Singular),
         };
@@ -279,8 +223,7 @@ impl ProvedBound {
         }
     }
 
-    /// The names of the uncertainties that are taken for certain, which can only make the bound less near.
-    #[must_use]
+    /// The names of the uncertainties that are assumed exact, which can only make the bound less near.
     pub fn left_out(&self) -> &[String] {
         &self.left_out
     }
@@ -290,9 +233,7 @@ impl ProvedBound {
         self.left_out.is_empty()
     }
 
-    /// No plan of the class with so many measurements is better: has a `rho_0` (m) below this, or a value of the
-    /// criterion that is; `None` where the mandatory ones are more.
-    #[must_use]
+    /// No plan of the class with so many measurements has a `rho_0` (m) below this; `None` where the mandatory ones are more.
     pub fn of_size(&self, measurements: u32) -> Option<f64> {
         let (count, derivatives) = self.mandatory;
         let free = f64::from(measurements.checked_sub(count)?);
@@ -301,74 +242,49 @@ impl ProvedBound {
         if most.is_nan() || most <= 0.0 {
             return None;
         }
-        if self.aim == Aim::TestPoses {
-            let ingredients = Ingredients {
-                targets: &self.targets,
-                parameters: &self.parameters,
-                rows: &self.rows,
-                sigma_m: self.sigma_m,
-            };
-            return ingredients.least_rho0_m(most);
-        }
-        let typical = &self.typical_rad_per_nm;
-        let cost = (self.aim).least_cost(&self.rows, typical, self.sigma_m, most)?;
-        let value = self.criterion.value_of_cost(cost);
-        // A root and an inverse.
-        let outward = 4.0 * f64::EPSILON * value;
-        Some(if self.criterion.is_maximised() {
-            value + outward
-        } else {
-            value - outward
-        })
+        let ingredients = Ingredients {
+            targets: &self.targets,
+            parameters: &self.parameters,
+            rows: &self.rows,
+            sigma_m: self.sigma_m,
+        };
+        ingredients.least_rho0_m(most)
     }
 
     /// How far the bound of the largest derivative is above the largest derivative found, as a share.
-    #[must_use]
     pub fn gap(&self) -> f64 {
         self.largest.gap()
     }
 
     /// The largest derivative that searches or the proof came across.
-    #[must_use]
     pub const fn found(&self) -> f64 {
         self.largest.found
     }
 
     /// The number of boxes that it took.
-    #[must_use]
     pub const fn boxes(&self) -> u64 {
         self.largest.boxes
     }
 
     /// The proof for those who want to check it, where it was recorded.
-    #[must_use]
     pub fn file(&self) -> Option<ProofFile> {
-        self.file_of(1..=12)
-    }
-
-    /// The same for these numbers of measurements.
-    pub(super) fn file_of(&self, sizes: impl IntoIterator<Item = u32>) -> Option<ProofFile> {
         let bound = |m: u32| Some((m, self.of_size(m)?));
         Some(ProofFile {
             proof: self.object.clone()?,
-            criterion: self.criterion.name(),
-            aim: self.aim.clone(),
-            typical_rad_per_nm: self.typical_rad_per_nm.clone(),
             printed: self.printed,
             targets: self.targets.clone(),
             sigma_m: self.sigma_m,
             mandatory: self.mandatory,
-            mandatory_experiments: self.fixed.clone(),
-            mandatory_within_rad: self.fixed_within_rad,
+            mandatory_experiments: self.mandatory_experiments.clone(),
+            mandatory_within_rad: WIDENED_RAD,
             prior: self.prior,
             prior_precision: self.precision.clone(),
             left_out: self.left_out.clone(),
-            bounds: sizes.into_iter().filter_map(bound).collect(),
+            bounds: (1..=12).filter_map(bound).collect(),
         })
     }
 
     /// Whether it is as near as what searches find, and about the same.
-    #[must_use]
     pub fn is_tight(&self) -> bool {
         self.is_about_all() && self.gap() <= TIGHT * (1.0 + 1e-6)
     }
@@ -384,8 +300,7 @@ fn prove_printed(
     effort: ProofLimits<'_>,
     records: bool,
 ) -> Result<(Proved, Option<ProofObject>), NoProof> {
-    let mobility = largest_mobility(question)?;
-    let unit = question.root_of_unit_load(mobility.as_deref());
+    let unit = question.root_of_unit_load();
     let more = printed * unit * (1.0 + f64::EPSILON);
     let without = |derivative: f64| {
         (derivative.sqrt() - more)
@@ -448,45 +363,35 @@ fn question(problem: &Problem<'_>, rows: Vec<Vec<f64>>) -> Question {
     }
 }
 
-/// The number of fixed measurements, and a bound of the sum of their derivatives; of those that are printed alike within
-/// [`WIDENED_RAD`].
-fn fixed_derivatives(
+/// A bound of the sum of the derivatives of experiments that are printed as the mandatory ones, within [`WIDENED_RAD`].
+fn mandatory_derivatives(
     problem: &Problem<'_>,
     approximate: &ApproximateDesign,
     question: &Question,
-    fixed: Fixed<'_>,
-) -> Result<(u32, f64), NoProof> {
-    let (plan, gap) = match fixed {
-        Fixed::AsPrinted(plan) => (plan, 1e-3),
-        Fixed::AsTheyAre(plan) => (plan, 1e-4),
-    };
-    let off_rad = fixed.within_rad();
+) -> Result<f64, NoProof> {
     let mut sum = 0.0;
-    for experiment in &plan.experiments {
+    for experiment in &problem.task.design.mandatory.experiments {
         let mut near = question.clone();
         let angles = experiment.configuration_rad.iter();
         for (joint, angle) in near.arm.joints.iter_mut().zip(angles) {
-            joint.range_rad = [angle - off_rad, angle + off_rad];
+            joint.range_rad = [angle - WIDENED_RAD, angle + WIDENED_RAD];
         }
         near.region = SmoothRegion::default();
         near.loads = ProofLoads::OneOf(vec![wrench(&experiment.load)]);
         let effort = ProofLimits {
-            gap,
-            boxes: FIXED_BOXES,
+            gap: 1e-3,
+            boxes: MANDATORY_BOXES,
             stop: &|| false,
             progress: &|_, _| {},
         };
         // What tells next to nothing needs no near bound.
         let least = 1e-6 * approximate.certificate.largest_derivative;
         let found = derivative(problem, approximate, experiment).max(least);
-        let printed = match fixed {
-            Fixed::AsPrinted(_) => printed_tolerance(&experiment.load),
-            Fixed::AsTheyAre(_) => 0.0,
-        };
+        let printed = printed_tolerance(&experiment.load);
         let (Proved { largest, .. }, _) = prove_printed(&near, found, printed, effort, false)?;
         sum = (sum + f64::from(experiment.repeats) * largest) * (1.0 + 1e-15);
     }
-    Ok((plan.measurements(), sum))
+    Ok(sum)
 }
 
 /// Where there are many more rows than parameters, as many rows as these that tell no less: the derivative is a
@@ -602,8 +507,6 @@ fn arm(belief: &Belief, tool: &Tool, ranges_rad: &[[f64; 2]]) -> Arm {
     Arm {
         joints: joints
             .map(|(joint, &range_rad)| ProofJoint {
-                slides: joint.drive.slides,
-                held_at: joint.drive.passive_at,
                 offset_m: joint.previous_from_link.translation.vector.into(),
                 rotation: joint.previous_from_link.rotation.coords.into(),
                 axis: joint.axis.into_inner().into(),
@@ -616,26 +519,6 @@ fn arm(belief: &Belief, tool: &Tool, ranges_rad: &[[f64; 2]]) -> Arm {
         tool_offset_m: tool.link_from_tool.translation.vector.into(),
         tool_rotation: tool.link_from_tool.rotation.coords.into(),
         gravity_m_s2: chain.gravity_m_s2.into(),
-        springs: (chain.elements.has_springs())
-            .then(|| springs(&chain.elements, &belief.nominal.compliance_rad_per_nm)),
-    }
-}
-
-/// Constant forces of actuators change nothing that is planned with.
-fn springs(elements: &Elements, compliance: &[f64]) -> ProofSprings {
-    let between = elements.springs.iter().map(|spring| ProofSpring {
-        stiffness_n_per_m: spring.stiffness_n_per_m,
-        rest_m: spring.rest_m,
-        path: (spring.path.iter())
-            .map(|place| (place.joints, place.position_m.into()))
-            .collect(),
-    });
-    ProofSprings {
-        compliance: compliance.to_vec(),
-        in_joints: (elements.joint_springs.iter())
-            .map(|spring| (spring.joint, spring.stiffness, spring.rest))
-            .collect(),
-        between: between.collect(),
     }
 }
 

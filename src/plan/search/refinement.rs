@@ -19,9 +19,6 @@ const HOPE: f64 = 10.0;
 /// The longest extrapolation, in sweeps.
 const LONGEST_STEP: f64 = 50.0;
 
-/// Costs that differ by this share are the same.
-const ROUNDING: f64 = 1e-12;
-
 /// A plan that a search ended in.
 #[derive(Debug, Clone)]
 pub(super) struct Found {
@@ -94,6 +91,9 @@ impl<'a> Refinement<'a> {
         let mut best = self.refine(found, Precision::FINE, f64::INFINITY);
         let count = best.points.len();
         loop {
+            if self.problem.is_stopped() {
+                return best;
+            }
             let mut better: Option<Found> = None;
             for (from, to) in (0..count * count).map(|pair| (pair / count, pair % count)) {
                 if from == to || best.repeats[from] == 1 {
@@ -111,27 +111,8 @@ impl<'a> Refinement<'a> {
             }
             match better {
                 Some(better) => best = self.refine(better, Precision::FINE, f64::INFINITY),
-                None => return self.with_largest_forces(best),
+                None => return best,
             }
-        }
-    }
-
-    /// A plan with all forces as much larger as they may be, where that is as good: some criteria ask for
-    /// balance alone.
-    fn with_largest_forces(&self, best: Found) -> Found {
-        let factor = |point: &Point| self.local.largest_factor(point);
-        let factors: Option<Vec<f64>> = best.points.iter().map(factor).collect();
-        let least = (factors.iter().flatten()).fold(f64::INFINITY, |least, each| least.min(*each));
-        if self.problem.criterion.is_monotone() || !least.is_finite() || least <= 1.0 {
-            return best;
-        }
-        let scaled = |point: &Point| self.local.point(&point.q, &point.load.scaled(least));
-        let points = best.points.iter().map(scaled).collect();
-        let larger = self.plan(points, best.repeats.clone());
-        if larger.cost <= best.cost * (1.0 + ROUNDING) {
-            larger
-        } else {
-            best
         }
     }
 
@@ -142,6 +123,9 @@ impl<'a> Refinement<'a> {
         let mut next = best.points.clone();
         let mut is_extrapolated = false;
         for _ in 0..SWEEPS {
+            if self.problem.is_stopped() && best.cost.is_finite() {
+                break;
+            }
             let swept = self.sweep(
                 std::mem::take(&mut next),
                 &best.repeats,

@@ -173,7 +173,6 @@ pub struct RandomPlans<'a> {
 
 impl<'a> RandomPlans<'a> {
     /// Random plans of a problem, under a seed.
-    #[must_use]
     pub fn new(problem: &'a Problem<'a>, seed: u64) -> Self {
         Self {
             sampler: Sampler::new(problem),
@@ -226,16 +225,16 @@ pub fn random_experiments(
     Ok(plan.experiments)
 }
 
-/// The median of the accuracies `rho_0` (m) that so many random plans promise, drawn on all threads.
+/// Of so many random plans, sampled on all threads, the one with the median of the predicted accuracies `rho_0`, and that (m).
 ///
 /// # Errors
 /// No feasible experiment is found.
-pub fn median_random_rho0(
+pub fn median_random_plan(
     task: &Task,
     experiments: u32,
     plans: u64,
     seed: u64,
-) -> Result<f64, SearchError> {
+) -> Result<(f64, Plan), SearchError> {
     let problem = Problem::new(task, Criterion::TestPose);
     let mut promised = (0..plans)
         .into_par_iter()
@@ -244,12 +243,12 @@ pub fn median_random_rho0(
             |(sampler, cost), run| {
                 let plan = draw_plan(sampler, experiments, seed, streams::random_plan(run))?;
                 let rho0 = cost.value(&problem.information(&plan));
-                Ok(rho0.unwrap_or(f64::INFINITY))
+                Ok((rho0.unwrap_or(f64::INFINITY), plan))
             },
         )
-        .collect::<Result<Vec<f64>, SearchError>>()?;
-    promised.sort_by(f64::total_cmp);
-    Ok(promised[promised.len() / 2])
+        .collect::<Result<Vec<(f64, Plan)>, SearchError>>()?;
+    promised.sort_by(|one, other| one.0.total_cmp(&other.0));
+    Ok(promised.swap_remove(promised.len() / 2))
 }
 
 fn draw_plan(

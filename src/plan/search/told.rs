@@ -23,7 +23,6 @@ fn triangle(matrix: &DMatrix<f64>) -> impl Iterator<Item = (usize, usize, f64)> 
 
 impl ToldByCandidates {
     /// Of none yet, about p unknowns.
-    #[must_use]
     pub const fn new(size: usize) -> Self {
         Self {
             size,
@@ -38,7 +37,6 @@ impl ToldByCandidates {
     }
 
     /// The number p of unknowns.
-    #[must_use]
     pub const fn size(&self) -> usize {
         self.size
     }
@@ -48,13 +46,11 @@ impl ToldByCandidates {
     }
 
     /// The number of candidates.
-    #[must_use]
     pub fn len(&self) -> usize {
         self.packed.len() / self.entries().max(1)
     }
 
     /// Whether there are none.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.packed.is_empty()
     }
@@ -74,7 +70,6 @@ impl ToldByCandidates {
     }
 
     /// What a candidate tells.
-    #[must_use]
     pub fn of(&self, candidate: usize) -> DMatrix<f64> {
         let mut information = DMatrix::zeros(self.size, self.size);
         self.add_to(&mut information, candidate, 1.0);
@@ -82,7 +77,6 @@ impl ToldByCandidates {
     }
 
     /// The mean over all candidates.
-    #[must_use]
     pub fn mean(&self) -> DMatrix<f64> {
         let mut sum = DMatrix::zeros(self.size, self.size);
         for candidate in 0..self.len() {
@@ -92,7 +86,6 @@ impl ToldByCandidates {
     }
 
     /// The directional derivative trace(G I) of each candidate, for symmetric directions G (p x p).
-    #[must_use]
     pub fn derivatives(&self, directions: &DMatrix<f64>) -> Vec<f64> {
         let doubled = doubled(directions);
         let entries = self.entries().max(1);
@@ -102,7 +95,6 @@ impl ToldByCandidates {
     }
 
     /// The same of some candidates; minus infinity of all others.
-    #[must_use]
     pub fn derivatives_of(&self, directions: &DMatrix<f64>, listed: &[usize]) -> Vec<f64> {
         let doubled = doubled(directions);
         let entries = self.entries();

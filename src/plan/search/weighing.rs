@@ -4,8 +4,7 @@ use nalgebra::DMatrix;
 
 use super::point::Point;
 use super::problem::Problem;
-use super::worst::WorstOfSeveral;
-use crate::plan::{Criterion, CriterionFunction};
+use crate::plan::CriterionFunction;
 
 /// Accelerated cycles of the multiplicative algorithm in one round, three steps each.
 const WEIGHT_CYCLES: usize = 1000;
@@ -15,7 +14,6 @@ const SIDE_BY_SIDE: usize = 4;
 
 /// Finds the best weights on given experiments.
 pub(super) struct Weighing {
-    criterion: Criterion,
     cost: CriterionFunction,
     /// What is told beside the experiments.
     beside: Option<DMatrix<f64>>,
@@ -29,23 +27,12 @@ impl Weighing {
     /// For a problem whose criterion has a cost that goes with the inverse of the information, see
     /// [`Criterion::bounded_as`].
     pub fn new(problem: &Problem<'_>) -> Self {
-        Self::of(
-            problem.criterion,
-            problem.cost(),
-            problem.beside.clone(),
-            problem.parameters(),
-        )
+        Self::of(problem.cost(), problem.beside.clone(), problem.parameters())
     }
 
-    /// For such a criterion of so many unknowns, with what is told beside.
-    pub fn of(
-        criterion: Criterion,
-        cost: CriterionFunction,
-        beside: Option<DMatrix<f64>>,
-        size: usize,
-    ) -> Self {
+    /// For such a cost of so many unknowns, with what is told beside.
+    pub fn of(cost: CriterionFunction, beside: Option<DMatrix<f64>>, size: usize) -> Self {
         Self {
-            criterion,
             cost,
             beside,
             mean: 0.0,
@@ -61,39 +48,10 @@ impl Weighing {
         self.weigh(&blocks, weights, tolerance)
     }
 
-    /// The same of experiments by what they tell (p x p).
+    /// The same of experiments by what they tell (p x p), by the multiplicative algorithm. As its steps converge slowly, it is
+    /// accelerated: after two steps it goes on in their direction where that lowers the cost (Varadhan and Roland 2008, scheme
+    /// S3).
     pub fn weigh(&mut self, blocks: &[DMatrix<f64>], weights: &mut [f64], tolerance: f64) -> f64 {
-        match WorstOfSeveral::of(self.criterion) {
-            Some(worst) => self.weigh_for_worst(worst, blocks, weights, tolerance),
-            None => self.multiply(blocks, weights, tolerance),
-        }
-    }
-
-    /// For criteria that are the worst of several, whose derivatives jump.
-    fn weigh_for_worst(
-        &mut self,
-        worst: WorstOfSeveral,
-        blocks: &[DMatrix<f64>],
-        weights: &mut [f64],
-        tolerance: f64,
-    ) -> f64 {
-        let Some((cost, directions)) =
-            worst.weigh(blocks, self.beside.as_ref(), weights, tolerance)
-        else {
-            return f64::INFINITY;
-        };
-        self.directions = directions;
-        let told = blocks.iter().map(|block| block.dot(&self.directions));
-        self.mean = told
-            .zip(weights.iter())
-            .map(|(told, weight)| told * weight)
-            .sum();
-        cost
-    }
-
-    /// The multiplicative algorithm, whose steps converge slowly, accelerated: after two steps it goes on
-    /// in their direction where that lowers the cost (Varadhan and Roland 2008, scheme S3).
-    fn multiply(&mut self, blocks: &[DMatrix<f64>], weights: &mut [f64], tolerance: f64) -> f64 {
         let [mut before, mut once, mut twice] = [(); 3].map(|()| weights.to_vec());
         let is_best = |mean: f64, largest: f64| largest <= mean * (1.0 + tolerance);
         for _ in 0..WEIGHT_CYCLES {
@@ -132,12 +90,7 @@ impl Weighing {
                 *sum += weight * value;
             }
         }
-        let mut cost = self.cost.cost(&self.information, &mut self.directions);
-        if self.criterion == Criterion::O5 && cost.is_finite() {
-            // The sum's square goes with the inverse of the information.
-            self.directions *= 2.0 * cost;
-            cost *= cost;
-        }
+        let cost = self.cost.cost(&self.information, &mut self.directions);
         let (mut largest, mut mean) = (0.0_f64, 0.0);
         if cost.is_finite() {
             let four = blocks

@@ -56,9 +56,9 @@ impl Checker<'_> {
             return Err(self.wrong("design.mandatory", problem));
         }
         let given = mandatory.experiments.iter().map(|each| &each.load);
-        if let Some(words) = loads.outside_all("experiment", given) {
+        if let Some(outside) = loads.outside_all("experiment", given) {
             return Err(self
-                .wrong("design.mandatory", words)
+                .wrong("design.mandatory", outside.text)
                 .hint("allow that load in [load] too, as one of kind = \"list\""));
         }
         Ok(Design {

@@ -4,13 +4,28 @@ use super::Checker;
 use crate::files::FileError;
 use crate::mujoco::Model;
 use crate::quantities::plausible::{DEVIATION, ROTATION_DEVIATION};
+use crate::scenario::certificate::ErrorLevel;
 use crate::scenario::file::File;
 use crate::task::Instrument;
 
+/// What it may be given the standard deviation of.
+const SIZES: &[&str] = &["sigma_mm", "rotation_sigma_mrad"];
+
 impl Checker<'_> {
     pub(super) fn instrument(&self, file: &File, model: &Model) -> Result<Instrument, FileError> {
-        let table = &file.instrument;
-        let sigma_m = self.number("instrument.sigma_mm", table.sigma_mm, &DEVIATION)? * 1e-3;
+        let mut table = file.instrument.clone();
+        let certificate = table.certificate();
+        self.convert_permissible(
+            "instrument",
+            ("the instrument's noise", ErrorLevel::Reading),
+            &certificate,
+            (SIZES, &mut table.permissible()),
+        )?;
+        let sigma_mm = table.sigma_mm.ok_or_else(|| {
+            let wrong = self.wrong("instrument.sigma_mm", "is missing");
+            wrong.hint("give sigma_mm, or mpe_um as a certificate has it")
+        })?;
+        let sigma_m = self.number("instrument.sigma_mm", sigma_mm, &DEVIATION)? * 1e-3;
         let key = "instrument.tracker_site";
         let tracker_site = table
             .tracker_site

@@ -1,5 +1,6 @@
 //! From the file as written to a checked scenario, a file for each table.
 
+mod certificate;
 mod design;
 mod gate;
 mod inputs;
@@ -12,6 +13,8 @@ mod number;
 mod obstacle;
 mod prior;
 mod region;
+mod repeatability;
+mod requires;
 mod robot;
 mod station;
 mod study;
@@ -26,9 +29,10 @@ use self::inputs::Inputs;
 use self::uncertainty::ReadingPlaces;
 use super::Scenario;
 use super::file::{Actuators, File};
+use crate::codes::ErrorCode;
 use crate::experiment::{Plan, read_plan};
 use crate::files::typed::from_toml;
-use crate::files::{FileError, read_text};
+use crate::files::{FileError, is_plain_name, read_text};
 use crate::mujoco::{Additions, ModelError};
 use crate::robot::{Commands, Robot};
 use crate::task::{Belief, Task};
@@ -45,12 +49,10 @@ impl Scenario {
     }
 
     /// Checks the text of a scenario that stands at a path, or is to.
-    ///
-    /// # Errors
-    /// As [`Self::load`].
     pub fn check(path: &Path, text: &str) -> Result<Self, FileError> {
         let inputs = RefCell::new(Inputs::default());
-        Checker { path, inputs }.scenario(text)
+        let checked = Checker { path, inputs }.scenario(text);
+        checked.map_err(|wrong| wrong.or_code(ErrorCode::Scenario))
     }
 }
 
@@ -84,7 +86,14 @@ impl Checker<'_> {
         let (mut parameters, further) = self.parameters(&nominal.chain, &file.robot.parameters)?;
         let true_robot = self.true_robot(&file, &nominal, &additions, &locked)?;
         let before = self.prior(file.robot.prior.as_ref(), &mut nominal, &mut parameters)?;
-        let to_find = parameters.len() - before.known;
+        let is_listed = |joint: &&usize| {
+            let name = &nominal.chain.joints[**joint].name;
+            file.uncertainty
+                .iter()
+                .any(|each| each.knows_compliance_of(name))
+        };
+        let known = before.known + parameters.iter().filter(is_listed).count();
+        let to_find = parameters.len().saturating_sub(known);
 
         let (joints, commands) = (nominal.chain.len(), Commands::from(&nominal.chain));
         let test_poses = self.test_poses(&file.test_pose, &nominal.chain, &machining_tool)?;
@@ -120,6 +129,7 @@ impl Checker<'_> {
         let places = ReadingPlaces {
             between_h: laboratory.costs.between_readings_h(design.experiments),
             stations: &stations,
+            test_pose_rad: &test_poses[0].configuration_rad,
         };
         let uncertainties = self.uncertain(&mut belief, (&file, &true_robot), &further, places)?;
         self.check_directions(&test_poses, &belief)?;
@@ -197,7 +207,8 @@ impl Checker<'_> {
     fn name(&self) -> Result<String, FileError> {
         let stem = self.path.file_stem().unwrap_or("scenario".as_ref());
         let name = stem.to_string_lossy().into_owned();
-        match wrong_name(&name) {
+        let no_folder = || format!("found {name:?}, which names another folder or none");
+        match wrong_name(&name).or_else(|| (!is_plain_name(&name)).then(no_folder)) {
             Some(problem) => {
                 let wrong = FileError::new(self.path, format!("as the file's name, {problem}"));
                 Err(wrong.hint("results and their folder are named after the scenario's file"))
@@ -207,15 +218,18 @@ impl Checker<'_> {
     }
 
     fn parse(&self, text: &str) -> Result<File, FileError> {
+        self.check_version(text)?;
         from_toml(self.path, text).map_err(|wrong| match hint_for(&wrong.problem) {
             Some(hint) => wrong.hint(hint),
             None => wrong,
         })
     }
 
-    /// All that results depend on. A tolerance, a comment or an order of keys is no such thing.
+    /// All that results depend on. A tolerance, the version that is required, a comment or an order of keys is no such
+    /// thing.
     fn question(&self, mut table: toml::Table) -> Result<String, FileError> {
         table.remove("gate");
+        table.remove("requires");
         serde_json::to_string(&table).map_err(|error| FileError::new(self.path, error.to_string()))
     }
 
@@ -232,7 +246,7 @@ impl Checker<'_> {
 
     /// What is wrong with a file that the scenario names.
     fn named_file(&self, key: &str, error: FileError) -> FileError {
-        let wrong = self.wrong(key, error.to_string());
+        let wrong = self.wrong(key, error.to_string()).code(error.code);
         match error.hint {
             Some(hint) => wrong.hint(hint),
             None if !error.file.exists() => {
@@ -250,7 +264,7 @@ impl Checker<'_> {
     }
 
     fn model_error(&self, key: &str, error: &ModelError) -> FileError {
-        let wrong = self.wrong(key, error.to_string());
+        let wrong = self.wrong(key, error.to_string()).code(error.code());
         match error.hint() {
             Some(hint) => wrong.hint(hint),
             None => wrong,

@@ -29,7 +29,7 @@ impl Checker<'_> {
         let region = &file.region;
         if !obstacles.is_empty() && region.collision_clearance_mm.is_none() && !region.line_of_sight
         {
-            let problem = "obstacles are not judged: neither region.collision_clearance_mm nor \
+            let problem = "obstacles are not checked: neither region.collision_clearance_mm nor \
                            region.line_of_sight is given";
             return Err(self.wrong("obstacle", problem));
         }

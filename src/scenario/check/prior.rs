@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use nalgebra::{DMatrix, DVector};
 
 use super::Checker;
+use crate::codes::ErrorCode;
 use crate::files::FileError;
 use crate::identification::{OtherUnknowns, StoredIdentification};
 use crate::numeric::posterior::Posterior;
@@ -44,14 +45,16 @@ impl Checker<'_> {
         let path = self.resolve(file);
         let stored = StoredIdentification::read(&path, nominal)?;
         self.inputs.borrow_mut().add(&path)?;
+        let file = format!("the identification in {}", path.display());
         let mut doubts: Vec<String> = (stored.conditions.iter())
-            .map(|condition| format!("the identification in {}: {condition}", path.display()))
+            .map(|condition| condition.within(&file).text)
             .collect();
         match &stored.identified_with {
             Some(with) if with.robot_sha256 != robot_sha256(&nominal.chain) => {
                 let problem = "was identified with another robot: its joints' names, axes or places are not \
                                those of the scenario's model";
-                return Err(FileError::new(&path, problem).at("identified_with.robot_sha256"));
+                let wrong = FileError::new(&path, problem).at("identified_with.robot_sha256");
+                return Err(wrong.code(ErrorCode::OtherRobot));
             }
             Some(_) => {}
             None => doubts.push(format!(
@@ -59,6 +62,7 @@ impl Checker<'_> {
                 path.display()
             )),
         }
+        let degrees_of_freedom = stored.degrees_of_freedom;
         let (joints, posterior, others) = (stored.joints, stored.posterior, stored.others);
         for (&joint, &mean) in joints.iter().zip(&posterior.mean) {
             if mean <= 0.0 {
@@ -94,7 +98,10 @@ impl Checker<'_> {
                 spread: spread.clone(),
             }),
             known: spread.ncols(),
-            campaign: Some(campaign_of(&posterior, others.as_ref(), &places, count)),
+            campaign: Some(PriorCampaign {
+                degrees_of_freedom,
+                ..campaign_of(&posterior, others.as_ref(), &places, count)
+            }),
             prior: Some(prior),
             doubts,
         })
@@ -129,5 +136,6 @@ fn campaign_of(
     PriorCampaign {
         covariance,
         others: others.map(of_others).unwrap_or_default(),
+        degrees_of_freedom: None,
     }
 }

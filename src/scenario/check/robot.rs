@@ -219,7 +219,7 @@ impl Checker<'_> {
                 );
                 return Err(wrong.hint(
                     "a joint's name stands for its compliance; `elastocal check --parameters` lists what else may be \
-                     unknown, and `joint_3.gear_40_sine` is a wave in a gear that comes 40 times a turn",
+                     unknown, and `joint_3.gear_40_sine` is a harmonic of its transmission error, 40 periods a turn",
                 ));
             };
             // Waves in gears behind all that is listed, in their order.
@@ -311,7 +311,7 @@ impl Checker<'_> {
         };
         let robot = robot.map_err(|error| match error {
             ModelError::Unknown { .. } => self.wrong(key, error.to_string()).hint(
-                "the virtual robot may have more joints than the belief, but needs each of the belief's by its name",
+                "the virtual robot may have more joints than the planner's model, but needs each of that model's by its name",
             ),
             error => self.model_error(key, &error),
         })?;

@@ -5,6 +5,7 @@ use std::path::Path;
 use super::Checker;
 use crate::experiment::{Candidate, read_candidates};
 use crate::files::FileError;
+use crate::plan::search::SearchError;
 use crate::plan::{Criterion, Experiment, Plan};
 use crate::quantities::limits::{MOST_CONDITIONS, MOST_EXPERIMENTS, MOST_STUDIED, MOST_TRIALS};
 use crate::quantities::plausible::{DEVIATION, FACTOR, SPREAD};
@@ -280,6 +281,11 @@ impl Checker<'_> {
                 experiments,
                 noise_only,
             } => {
+                if criterion.bounded_as().is_none() {
+                    let criterion = criterion.name();
+                    let problem = SearchError::NotOptimised { criterion }.to_string();
+                    return Err(self.wrong(&format!("{key}.criterion"), problem));
+                }
                 let experiments_key = format!("{key}.experiments");
                 if let Some(experiments) = *experiments {
                     self.enough(&experiments_key, experiments, context.parameters)?;

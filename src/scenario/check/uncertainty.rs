@@ -2,7 +2,7 @@
 
 use std::num::NonZeroU32;
 
-use nalgebra::Vector3;
+use nalgebra::{DVector, Vector3};
 
 use super::Checker;
 use super::robot::names_of;
@@ -14,19 +14,20 @@ use crate::parameter::{
 };
 use crate::quantities::plausible::{
     DEVIATION, FORCE_LIMIT, GAP_DEVIATION, Kind, PER_HOUR_DEVIATION, PER_METRE_DEVIATION,
-    READING_SHARE, RELATIVE_DEVIATION, ROTATION_DEVIATION, TORQUE_LIMIT,
+    RELATIVE_DEVIATION, ROTATION_DEVIATION, TORQUE_LIMIT,
 };
 use crate::robot::TrueRobot;
 use crate::scenario::file::{File, UncertaintyKind, UncertaintyTable};
 use crate::task::{Belief, Extended, Station};
 use crate::text::wrong_name;
 
-/// What readings are beside the robot: the hours between the unloaded and the loaded one of a deflection, and where the
-/// instrument may stand.
+/// What readings are beside the robot: the hours between the unloaded and the loaded one of a deflection, where the
+/// instrument may stand, and the first test pose.
 #[derive(Clone, Copy)]
 pub(super) struct ReadingPlaces<'a> {
     pub between_h: f64,
     pub stations: &'a [Station],
+    pub test_pose_rad: &'a DVector<f64>,
 }
 
 /// More are no list of what is uncertain.
@@ -78,10 +79,12 @@ impl Checker<'_> {
         further: &[&str],
         places: ReadingPlaces<'_>,
     ) -> Result<Vec<Uncertainty>, FileError> {
-        let uncertainties = self.uncertainties(&file.uncertainty, belief, places)?;
+        self.at_most("uncertainty", file.uncertainty.len(), MOST)?;
+        let tables = self.with_standard_deviations(&file.uncertainty)?;
+        let uncertainties = self.uncertainties(&tables, belief, places)?;
         self.one_law(belief, true_robot, &uncertainties)?;
-        belief.turned_over_at_nm = self.torques(&file.uncertainty, belief, &TURNED_OVER)?;
-        belief.stiffening_at_nm = self.torques(&file.uncertainty, belief, &STIFFENING)?;
+        belief.turned_over_at_nm = self.torques(&tables, belief, &TURNED_OVER)?;
+        belief.stiffening_at_nm = self.torques(&tables, belief, &STIFFENING)?;
         let further = self.further(belief, further)?;
         belief.uncertain = self.extended(belief, &further, &uncertainties)?;
         Ok(uncertainties)
@@ -94,7 +97,6 @@ impl Checker<'_> {
         belief: &Belief,
         places: ReadingPlaces<'_>,
     ) -> Result<Vec<Uncertainty>, FileError> {
-        self.at_most("uncertainty", tables.len(), MOST)?;
         let mut all: Vec<Uncertainty> = Vec::new();
         for (index, table) in tables.iter().enumerate() {
             let key = format!("uncertainty[{index}]");
@@ -106,16 +108,6 @@ impl Checker<'_> {
                 let problem = format!("the name {name:?} is there twice");
                 let wrong = self.wrong(&format!("{key}.name"), problem);
                 return Err(wrong.hint("give each uncertainty of a kind a name of its own"));
-            }
-            if table.kind.is_always_hidden() && !table.hidden {
-                let problem = format!(
-                    "a {} is no part of any promise: the belief takes each reading to be there and right",
-                    table.kind.name()
-                );
-                let wrong = self.wrong(&format!("{key}.hidden"), problem);
-                return Err(wrong.hint(
-                    "say hidden = true: the virtual robot has it, and a study shows what it costs",
-                ));
             }
             all.push(Uncertainty {
                 name: name.to_owned(),
@@ -134,6 +126,7 @@ impl Checker<'_> {
         places: ReadingPlaces<'_>,
     ) -> Result<Source, FileError> {
         self.check_sizes(key, table)?;
+        self.check_repeatability(key, table)?;
         if table.joints.is_some() && !table.kind.is_of_joints() {
             let problem = format!("a {} is not one of joints", table.kind.name());
             return Err(self.wrong(&format!("{key}.joints"), problem));
@@ -141,20 +134,24 @@ impl Checker<'_> {
         if let Some(harmonics) = &table.harmonics {
             return Ok(Source::Plan(self.waves(key, table, belief, harmonics)?));
         }
+        if let Some(rp_mm) = table.rp_mm {
+            let source = self.joint_repeatability(key, (table, rp_mm), belief, places)?;
+            return Ok(Source::Reading(source));
+        }
         let size = |name: &str| self.size(key, table, name);
         let source = match table.kind {
             UncertaintyKind::LoadDirection => ReadingSource::LoadDirection(size("std_mrad")?),
             UncertaintyKind::LoadPoint => ReadingSource::LoadPoint(size("std_mm")?),
-            UncertaintyKind::Misfit => ReadingSource::Misfit(size("std_mm")?),
-            UncertaintyKind::JointReturn | UncertaintyKind::GearError => {
+            UncertaintyKind::Discrepancy => ReadingSource::Discrepancy(size("std_mm")?),
+            UncertaintyKind::JointRepeatability | UncertaintyKind::TransmissionError => {
                 let mut sizes = vec![0.0; belief.nominal.chain.len()];
                 for (joint, size) in self.joint_sizes(key, table, belief, "std_mrad")? {
                     sizes[joint] = size;
                 }
-                if table.kind == UncertaintyKind::GearError {
-                    ReadingSource::GearError(sizes)
+                if table.kind == UncertaintyKind::TransmissionError {
+                    ReadingSource::TransmissionError(sizes)
                 } else {
-                    ReadingSource::JointReturn(sizes)
+                    ReadingSource::JointRepeatability(sizes)
                 }
             }
             UncertaintyKind::TrackerRange => {
@@ -164,7 +161,7 @@ impl Checker<'_> {
                     None => per_metre,
                 };
                 let from_m = tracker_m(belief, places.stations).ok_or_else(|| {
-                    let problem = "the noise grows with the distance from the tracker, and nothing says where it stands";
+                    let problem = "the noise grows with the distance from the tracker, and nothing says where it is";
                     let wrong = self.wrong(&format!("{key}.kind"), problem);
                     wrong.hint("name a site of the model by instrument.tracker_site")
                 })?;
@@ -174,11 +171,6 @@ impl Checker<'_> {
                     along_per_metre,
                 })
             }
-            UncertaintyKind::WrongReading => ReadingSource::Wrong {
-                share: size("share")?,
-                deviation_m: size("std_mm")?,
-            },
-            UncertaintyKind::DroppedReading => ReadingSource::Dropped(size("share")?),
             UncertaintyKind::Drift => {
                 let deviation_m = size("std_um_per_h")? * places.between_h;
                 let of = |axis| (ParameterKind::Drift { axis }, deviation_m);
@@ -300,12 +292,10 @@ impl Checker<'_> {
             | UncertaintyKind::Stiffening
             | UncertaintyKind::LoadDirection
             | UncertaintyKind::LoadPoint
-            | UncertaintyKind::JointReturn
+            | UncertaintyKind::JointRepeatability
             | UncertaintyKind::TrackerRange
-            | UncertaintyKind::GearError
-            | UncertaintyKind::Misfit
-            | UncertaintyKind::WrongReading
-            | UncertaintyKind::DroppedReading => Ok(Vec::new()),
+            | UncertaintyKind::TransmissionError
+            | UncertaintyKind::Discrepancy => Ok(Vec::new()),
         }
     }
 
@@ -318,17 +308,16 @@ impl Checker<'_> {
         harmonics: &[i64],
     ) -> Result<Vec<(ParameterKind, f64)>, FileError> {
         let own = format!("{key}.harmonics");
-        if table.kind != UncertaintyKind::GearError {
+        if table.kind != UncertaintyKind::TransmissionError {
             let problem = format!("a {} has no waves", table.kind.name());
             return Err(self.wrong(&own, problem));
         }
         if table.std_mm.is_some() {
-            let problem =
-                "a joint that slides has no turn in which waves of its gear could be counted";
+            let problem = "a joint that slides has no turn, and so no harmonics";
             let wrong = self.wrong(&format!("{key}.std_mm"), problem);
-            return Err(
-                wrong.hint("give std_mrad, and slides a gear_error of their own without harmonics")
-            );
+            return Err(wrong.hint(
+                "give std_mrad, and slides a transmission_error of their own without harmonics",
+            ));
         }
         self.at_most(&own, harmonics.len(), MOST_WAVES)?;
         let mut counts: Vec<NonZeroU32> = Vec::new();
@@ -337,11 +326,11 @@ impl Checker<'_> {
             let per_turn = u32::try_from(count).ok().and_then(NonZeroU32::new);
             let Some(per_turn) = per_turn.filter(|count| count.get() <= MOST_PER_TURN) else {
                 let problem = format!(
-                    "found {count}; a whole number of waves in a turn from 1 to {MOST_PER_TURN} is needed"
+                    "found {count}; a whole number of periods a turn from 1 to {MOST_PER_TURN} is needed"
                 );
                 let wrong = self.wrong(&own, problem);
                 return Err(match count {
-                    0 => wrong.hint("what a gear is off by everywhere alike is a joint_zero"),
+                    0 => wrong.hint("a constant transmission error is a joint_zero"),
                     _ => wrong,
                 });
             };
@@ -352,8 +341,9 @@ impl Checker<'_> {
         }
         if counts.is_empty() {
             let wrong = self.wrong(&own, "is empty");
-            return Err(wrong
-                .hint("leave it out for a gear error that is another one in each configuration"));
+            return Err(wrong.hint(
+                "leave it out for a transmission error that is independent between configurations",
+            ));
         }
         let slides = |joint: usize| belief.nominal.chain.joints[joint].drive.slides;
         if table.joints.is_some()
@@ -363,9 +353,7 @@ impl Checker<'_> {
             .find(|&joint| slides(joint))
         {
             let name = &belief.nominal.chain.joints[joint].name;
-            let problem = format!(
-                "{name} slides: it has no turn in which waves of its gear could be counted"
-            );
+            let problem = format!("{name} slides: it has no turn, and so no harmonics");
             return Err(self.wrong(&format!("{key}.joints"), problem));
         }
         // All waves together are off by the size that is given, at every angle.
@@ -427,7 +415,6 @@ impl Checker<'_> {
             "std_mrad" => (&ROTATION_DEVIATION, 1e-3),
             "std_arcsec" => (&GAP_DEVIATION, (1.0_f64 / 3600.0).to_radians()),
             "std_n" => (&FORCE_LIMIT, 1.0),
-            "share" => (&READING_SHARE, 1.0),
             "std_um_per_h" => (&PER_HOUR_DEVIATION, 1e-6),
             _ => (&PER_METRE_DEVIATION, 1e-6),
         };
@@ -444,7 +431,7 @@ impl Checker<'_> {
     }
 
     /// The joints that are named, or all that may be meant.
-    fn uncertain_joints(
+    pub(super) fn uncertain_joints(
         &self,
         key: &str,
         table: &UncertaintyTable,

@@ -48,6 +48,8 @@ struct IdentificationRecord<'a> {
     /// The results.
     #[serde(flatten)]
     identification: &'a IdentificationMessage,
+    /// The virtual robot's compliances in this run; identification does not see them.
+    true_compliance_rad_per_nm: &'a [f64],
 }
 
 /// What compensation with these results achieves at a test pose.
@@ -72,8 +74,8 @@ struct MeasurementRecord<'a> {
     /// The measurement.
     #[serde(flatten)]
     measurement: &'a MeasurementMessage,
-    /// The virtual robot's deflection, without noise (mm); identification does not see it.
-    true_deflection_mm: [f64; 3],
+    /// The virtual robot's deflection, without the instrument's errors (mm); identification does not see it.
+    true_deflection_mm: Option<[f64; 3]>,
     /// Measured minus modelled deflection (mm).
     residual_mm: Option<[f64; 3]>,
 }
@@ -100,9 +102,6 @@ struct StepRecord<'a> {
 }
 
 /// Writes a recording that any MCAP tool can read.
-///
-/// # Errors
-/// The file cannot be written.
 pub fn write_mcap(path: &Path, recording: &Recording) -> Result<(), FileError> {
     write_file(path, &recording.provenance, |mut channels| {
         channels.write_recording(recording)?;
@@ -261,7 +260,7 @@ impl<W: Write + Seek> Channels<W> {
                 experiment: *number,
                 repeat,
                 measurement,
-                true_deflection_mm: thousandfold(&step.displacement_m()),
+                true_deflection_mm: record.truth.deflections_mm.get(index).copied(),
                 residual_mm: record.identification.residuals_mm.get(index).copied(),
             };
             let later_ns = interval_ns * (repeat as u64 - 1);
@@ -280,6 +279,7 @@ impl<W: Write + Seek> Channels<W> {
         let identification = IdentificationRecord {
             calibration: &record.name,
             identification: &record.identification,
+            true_compliance_rad_per_nm: &record.truth.compliance_rad_per_nm,
         };
         self.write(self.identification, time_ns, &identification)?;
         for pose in &record.test_poses {

@@ -54,9 +54,6 @@ struct StudyRecord<'a> {
 }
 
 /// Writes a study with its snapshots.
-///
-/// # Errors
-/// The file cannot be written.
 pub fn write_study_mcap(
     path: &Path,
     study: &StudyRecording,

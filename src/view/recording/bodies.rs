@@ -84,7 +84,6 @@ fn colour(geometry: &Geometry) -> [f32; 4] {
 }
 
 /// Whether a joint moves the body.
-#[must_use]
 pub fn is_moved(model: &Model, mut body: usize) -> bool {
     while body != 0 {
         if model.joints_of(body).next().is_some() {

@@ -15,7 +15,7 @@ use crate::robot::{Commands, Load};
 use crate::scenario::Scenario;
 use bodies::bodies;
 pub use bodies::{LAST_SHOWN_GROUP, is_moved};
-use steps::{Stage, enlarge, experiment_steps, test_pose_steps};
+use steps::{Stage, enlarge};
 
 /// The largest force in experiments, and that in test poses, is drawn this long (m).
 const FORCE_ARROW_M: f64 = 0.6;
@@ -135,7 +135,6 @@ pub struct Stance {
 
 impl Step {
     /// The tool that is mounted.
-    #[must_use]
     pub fn tool(&self) -> ShownTool {
         match self.kind {
             StepKind::Experiment { .. } => ShownTool::Calibration,
@@ -144,7 +143,6 @@ impl Step {
     }
 
     /// The deflection of the tool as it is drawn, in words.
-    #[must_use]
     pub fn displacement_label(&self) -> String {
         let micrometres = self.displacement_m().norm() * 1e6;
         let length = if micrometres < 100.0 {
@@ -156,7 +154,6 @@ impl Step {
     }
 
     /// The load in words: "2500 N", "300 N and 20 N m".
-    #[must_use]
     pub fn load_label(&self) -> String {
         let (force, torque) = (self.load.force_n.norm(), self.load.torque_nm.norm());
         match (force > 0.0, torque > 0.0) {
@@ -166,8 +163,7 @@ impl Step {
         }
     }
 
-    /// Loaded minus unloaded position of the tool (m), true to scale and without noise.
-    #[must_use]
+    /// Loaded minus unloaded position of the tool (m), true to scale and without the instrument's errors.
     pub fn displacement_m(&self) -> Vector3<f64> {
         self.loaded.tool_m - self.unloaded.tool_m
     }
@@ -175,7 +171,6 @@ impl Step {
 
 impl RecordedCalibration {
     /// What a step is, for people.
-    #[must_use]
     pub fn title(&self, step: &Step) -> String {
         match &step.kind {
             StepKind::Experiment { number, .. } => {
@@ -195,8 +190,7 @@ impl RecordedCalibration {
 }
 
 impl Recording {
-    /// Puts the scenario's virtual robot into every experiment and test pose of the named
-    /// calibrations.
+    /// Puts the virtual robot of each named calibration's run into every experiment and test pose.
     ///
     /// # Errors
     /// See [`CalibrationError`]; none that the calibrations did not have already.
@@ -209,8 +203,7 @@ impl Recording {
         let mut recorded = Vec::new();
         let commands = scenario.task.belief.commands();
         for (name, calibration) in calibrations {
-            let mut steps = experiment_steps(scenario, calibration, &mut stage)?;
-            steps.extend(test_pose_steps(scenario, calibration, &mut stage)?);
+            let steps = steps::steps(scenario, calibration, &mut stage)?;
             recorded.push(RecordedCalibration {
                 record: CalibrationMessage::new(&commands, name, calibration),
                 commands: commands.clone(),
@@ -238,7 +231,6 @@ impl Recording {
 
     /// The force of a step as an arrow (m), if there is one: the largest of all steps with the same
     /// tool has a fixed length.
-    #[must_use]
     pub fn force_arrow_m(&self, step: &Step) -> Option<Vector3<f64>> {
         let largest_n = self
             .steps()

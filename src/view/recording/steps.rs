@@ -4,12 +4,10 @@ use nalgebra::{DVector, Vector3};
 
 use super::{Body, RecordedCalibration, ShownTool, Stance, Step, StepKind, tool_name};
 use crate::calibration::{Calibration, CalibrationError};
-use crate::measurement::Measurement;
 use crate::mujoco::{Model, State};
-use crate::robot::{EquilibriumError, Load};
+use crate::robot::Load;
 use crate::scenario::Scenario;
-use crate::task::TestPose;
-use crate::testbed::{MeasurementError, VirtualRobot};
+use crate::testbed::{MeasurementError, TrueRobots, VirtualRobot, Visit};
 
 /// The largest deflection of experiments, and that of test poses, is drawn about this long (m).
 const DRAWN_DEFLECTION_M: f64 = 0.25;
@@ -46,54 +44,65 @@ impl Stage {
         }
     }
 
-    /// The stance at the static equilibrium of the virtual robot.
-    fn rest(
-        &mut self,
-        robot: &mut VirtualRobot,
-        site: usize,
-        commanded_rad: &DVector<f64>,
-        load: &Load,
-    ) -> Result<Stance, EquilibriumError> {
-        robot.rest(commanded_rad, load)?;
-        Ok(self.stance(robot.joint_angles(), robot.coordinates(), site))
+    /// The stance of a virtual robot as it came to rest last, with its tool there (m).
+    fn rest(&mut self, robot: &VirtualRobot, site: usize, tool_m: Vector3<f64>) -> Stance {
+        let stance = self.stance(robot.joint_angles(), robot.coordinates(), site);
+        // The links of a run's robot are elsewhere by what nobody sees, and the tool is where it was observed.
+        Stance { tool_m, ..stance }
     }
 }
 
-pub(super) fn experiment_steps(
+/// The steps of a calibration, made by the robot of its run.
+pub(super) fn steps(
     scenario: &Scenario,
     calibration: &Calibration,
     stage: &mut Stage,
 ) -> Result<Vec<Step>, CalibrationError> {
+    let mut robots = TrueRobots::new(&scenario.task.belief, &scenario.truth)?;
+    let readings = calibration.plan.measurements() as usize;
+    let (seed, run) = (scenario.seed, calibration.truth.run);
+    let normals = robots.become_run_of(&scenario.truth, readings, seed, run)?;
+    let (visits, robot) = robots.visits(&calibration.plan, &normals);
+    let mut steps = experiment_steps(scenario, calibration, (&visits, robot), stage)?;
+    steps.extend(test_pose_steps(scenario, calibration, &mut robots, stage)?);
+    Ok(steps)
+}
+
+fn experiment_steps(
+    scenario: &Scenario,
+    calibration: &Calibration,
+    (visits, robot): (&[Visit<'_>], &mut VirtualRobot),
+    stage: &mut Stage,
+) -> Result<Vec<Step>, CalibrationError> {
     let tool = &scenario.task.belief.calibration_tool.name;
     let site = scenario.truth.robot.model.site(tool)?;
-    let mut robot = VirtualRobot::new(&scenario.truth.robot, tool)?;
     let mut first = 0;
     let mut steps = Vec::new();
     for (number, experiment) in (1..).zip(&calibration.plan.experiments) {
-        // Readings may have been dropped.
-        let is_own = |each: &&Measurement| each.is_of(experiment);
-        let left = calibration.measurements.iter().skip(first);
-        let own = left.take(experiment.repeats as usize).take_while(is_own);
-        let measurements = first..first + own.count();
+        let measurements = first..first + experiment.repeats as usize;
+        // Repeats differ by what is new in each: the first one is shown.
+        let visit = &visits[first];
         first = measurements.end;
-        let q = &experiment.configuration_rad;
-        let mut rest = |load: &Load, loaded| {
-            stage
-                .rest(&mut robot, site, q, load)
+        let mut rest = |commanded: &DVector<f64>, load: &Load, loaded| {
+            let (tool_m, ..) = robot
+                .rest(commanded, load)
                 .map_err(|source| MeasurementError {
                     experiment: number,
                     loaded,
                     source,
-                })
+                })?;
+            Ok::<_, MeasurementError>(stage.rest(robot, site, tool_m))
         };
-        let unloaded = rest(&Load::NONE, false)?;
-        let loaded = rest(&experiment.load, true)?;
+        let [before, under] = &visit.commanded_rad;
+        let unloaded = rest(before, &Load::NONE, false)?;
+        let mut loaded = rest(under, &visit.load, true)?;
+        loaded.tool_m += visit.discrepancy_m();
         steps.push(Step {
             kind: StepKind::Experiment {
                 number,
                 measurements,
             },
-            commanded_rad: q.clone(),
+            commanded_rad: experiment.configuration_rad.clone(),
             load: experiment.load,
             enlargement: 1.0,
             enlarged: loaded.clone(),
@@ -104,40 +113,34 @@ pub(super) fn experiment_steps(
     Ok(steps)
 }
 
-pub(super) fn test_pose_steps(
+fn test_pose_steps(
     scenario: &Scenario,
     calibration: &Calibration,
+    robots: &mut TrueRobots,
     stage: &mut Stage,
 ) -> Result<Vec<Step>, CalibrationError> {
     let tool = &scenario.task.belief.machining_tool.name;
     let site = scenario.truth.robot.model.site(tool)?;
-    let mut robot = VirtualRobot::new(&scenario.truth.robot, tool)?;
     let mut steps = Vec::new();
     let poses = scenario.task.test_poses.iter().zip(&calibration.poses);
     for (index, (pose, compensated_pose)) in poses.enumerate() {
-        let TestPose {
-            configuration_rad,
-            load,
-            ..
-        } = pose;
-        let mut rest = |commanded_rad: &DVector<f64>, load: &Load| {
-            stage
-                .rest(&mut robot, site, commanded_rad, load)
-                .map_err(|source| CalibrationError::TestPose {
-                    pose: pose.name.clone(),
-                    source,
-                })
+        let at_pose = |source| CalibrationError::TestPose {
+            pose: pose.name.clone(),
+            source,
         };
-        let wanted = rest(configuration_rad, &Load::NONE)?;
+        let configuration_rad = &pose.configuration_rad;
+        let wanted_m = (robots.machining_tool(configuration_rad, &Load::NONE)).map_err(at_pose)?;
+        let wanted = stage.rest(robots.machining(), site, wanted_m);
         for (compensated, commanded_rad) in [
             (false, configuration_rad),
             (true, &compensated_pose.commanded_rad),
         ] {
-            let loaded = rest(commanded_rad, load)?;
+            let loaded_m = (robots.machining_tool_at_work(commanded_rad, pose)).map_err(at_pose)?;
+            let loaded = stage.rest(robots.machining(), site, loaded_m);
             steps.push(Step {
                 kind: StepKind::TestPose { index, compensated },
                 commanded_rad: commanded_rad.clone(),
-                load: *load,
+                load: pose.load,
                 unloaded: wanted.clone(),
                 enlargement: 1.0,
                 enlarged: loaded.clone(),

@@ -5,8 +5,10 @@ use plotters::prelude::*;
 use super::charts::{ChartAxis, Rows, WHOLE, drawing, short, ticks};
 use super::distances::{Line, Role, distances_figure, distances_table};
 use super::figures::path_figure;
-use super::{provenance, sources};
-use crate::record::absolute::shown_unit;
+use super::{conditions_card, provenance, sources};
+use crate::codes::Condition;
+use crate::plan::UncertaintyBudget;
+use crate::quantities::units::shown_unit;
 use crate::record::absolute_plan::{AbsolutePlanMessage, PlannedReadingMessage};
 use crate::record::absolute_trials::AbsoluteTrialsMessage;
 use crate::record::messages::ProvenanceMessage;
@@ -29,8 +31,8 @@ pub struct AbsolutePageRecord<'a> {
     pub provenance: &'a ProvenanceMessage,
     /// The robot in each configuration (SVG).
     pub stills: &'a str,
-    /// The named conditions that did not hold.
-    pub conditions: &'a [String],
+    /// What must be looked at.
+    pub conditions: &'a [Condition],
     /// The command that made the page.
     pub command: &'a str,
 }
@@ -44,9 +46,6 @@ const HALF_BAR: f64 = 0.3;
 pub const ABSOLUTE_ACCURACY: &str = "An absolute accuracy: where the loaded tool is, with frames, geometry and elasticity as far as they are unknown.";
 
 /// The page of a plan of absolute readings as HTML.
-///
-/// # Errors
-/// A figure cannot be drawn.
 pub fn absolute_page(shown: &AbsolutePageRecord<'_>) -> Result<String, PlotError> {
     let plan = shown.plan;
     let mut body = format!(
@@ -62,14 +61,10 @@ pub fn absolute_page(shown: &AbsolutePageRecord<'_>) -> Result<String, PlotError
             &of_trials(trials, runs)?,
         );
     }
-    let bars = sources::sorted(plan.rho0_shares.iter().map(Into::into));
-    let caption = "What the promise is made of: what the instrument's noise and each thing that is uncertain alone leave, to \
-                   first order; squares add up. Frames, and what else nothing is known of before, are found from readings: they are \
-                   in the share of what disturbs these.";
-    let of_promise = sources::sources_figure(&bars, caption)?;
-    if !of_promise.is_empty() {
-        body += &section("sources", "Where the error comes from", &of_promise);
-    }
+    let about = "Contributions are what the instrument's noise and each error source leave, rms, to first order; squares add up. \
+                 Frames, and what else nothing is known of before, are found from readings: they are in the contributions of what \
+                 disturbs these.";
+    body += &sources::budget_section(plan.uncertainty_budget.as_ref(), about);
     if plan.test_poses.len() > 1 {
         body += &section("poses", "At each test pose", &test_poses(plan)?);
     }
@@ -85,30 +80,26 @@ pub fn absolute_page(shown: &AbsolutePageRecord<'_>) -> Result<String, PlotError
 fn cards(shown: &AbsolutePageRecord<'_>) -> String {
     let mut cards = plan_card(shown.plan) + &accuracy_card(shown.plan) + &bound_card(shown.plan);
     if let Some((trials, _)) = shown.trials {
-        let is_kept = trials.promise == "holds";
+        let is_kept = trials.prediction == "holds";
         let about = format!(
-            "{} were drawn in MuJoCo, read as the plan says, and identified: {} rms are left where {} are promised.",
+            "{} were sampled in MuJoCo, read by the plan and identified: residual error {} rms, predicted {}.",
             counted(trials.robots, "virtual robot"),
             micrometres(Some(trials.rms_mm)),
-            micrometres(Some(trials.promised_rms_mm))
+            micrometres(Some(trials.predicted_rms_mm))
         );
         let tone = if is_kept { "good" } else { "bad" };
-        cards += &card(tone, "Does the promise hold?", &trials.verdict, &about);
+        cards += &card(tone, "Does the prediction hold?", &trials.verdict, &about);
     }
-    if !shown.plan.taken_for_certain.is_empty() {
-        let about = shown.plan.taken_for_certain.join("; ") + ".";
+    if !shown.plan.assumed_exact.is_empty() {
+        let about = shown.plan.assumed_exact.join("; ") + ".";
         cards += &card(
             "bad",
-            "Taken for certain",
-            "not all is in the promise",
+            "Assumed exact",
+            "not all is in the prediction",
             &about,
         );
     }
-    if !shown.conditions.is_empty() {
-        let about = shown.conditions.join("; ") + ".";
-        cards += &card("bad", "Conditions", "not all hold", &about);
-    }
-    cards
+    cards + &conditions_card(shown.conditions)
 }
 
 /// The words that rows have in a column, each once.
@@ -169,7 +160,8 @@ fn accuracy_card(plan: &AbsolutePlanMessage) -> String {
             micrometres(Some(plan.task_force_mm))
         );
     }
-    if plan.rho0_shares.len() == 1 {
+    let is_certain = |budget: &UncertaintyBudget| !budget.has_more_than_noise();
+    if plan.uncertainty_budget.as_ref().is_some_and(is_certain) {
         about +=
             " It is the noise of the readings alone: the scenario lists nothing else as uncertain.";
     }
@@ -208,12 +200,12 @@ fn bound_card(plan: &AbsolutePlanMessage) -> String {
 /// The verdict in words, the distances that were left, and the numbers.
 fn of_trials(trials: &AbsoluteTrialsMessage, runs: &StudyPlanMessage) -> Result<String, PlotError> {
     let mut said = format!(
-        "Promised {} rms, seen {} \u{b1} {}: the promise {}.",
-        micrometres(Some(trials.promised_rms_mm)),
+        "Predicted {} rms, observed {} \u{b1} {}: the prediction {}.",
+        micrometres(Some(trials.predicted_rms_mm)),
         micrometres(Some(trials.rms_mm)),
         micrometres(Some(trials.rms_std_mm)),
-        match trials.promise {
-            "holds" => "holds".to_owned(),
+        match trials.prediction {
+            "holds" => trials.verdict.clone(),
             _ => format!("is {}", trials.verdict),
         }
     );
@@ -223,26 +215,20 @@ fn of_trials(trials: &AbsoluteTrialsMessage, runs: &StudyPlanMessage) -> Result<
     }
     if let Some(share) = trials.coverage95 {
         let share = percent(Some(share), 1);
-        said += &format!(
-            " at {share} of the test poses the tool is within the region of 95 % that is promised there."
-        );
+        said +=
+            &format!(" at {share} of the test poses the tool is within the predicted 95 % region.");
     }
     if trials.failed > 0 {
         let failed = counted(trials.failed, "robot");
-        said += &format!(" {failed} could not be judged.");
+        said += &format!(" {failed} could not be evaluated.");
     }
     let lines = [Line::new(runs, Role::Own)];
-    let caption = "How far the loaded tool is from where the identified robot is said to have it, rms over the test poses, of each \
-                   virtual robot. The hill shows how often which distance was left; the dark line is the mean.";
-    let parts = sources::sorted(
-        sources::of_runs(runs)
-            .into_iter()
-            .filter(|bar| bar.is_hidden),
-    );
-    let hidden: Vec<String> = (parts.iter())
-        .map(|bar| match bar.expected_mm {
-            left if left > 0.0 => format!("{} (alone {})", bar.name, micrometres(Some(left))),
-            _ => bar.name.clone(),
+    let caption = "Distance of the loaded tool from where the identified model predicts it, rms over the test poses, of each virtual robot. The area is the distribution; the dark line is the mean.";
+    let hidden: Vec<String> = (runs.contributions.iter())
+        .filter(|each| each.hidden)
+        .map(|each| match each.contribution_um {
+            um if um > 0.0 => format!("{} ({})", each.source, micrometres(Some(um * 1e-3))),
+            _ => each.source.clone(),
         })
         .collect();
     let mut body = paragraph(&said);
@@ -290,7 +276,7 @@ fn test_poses(plan: &AbsolutePlanMessage) -> Result<String, PlotError> {
             range: 0.0..longest.max(f64::MIN_POSITIVE),
             ticks: ticks(0.0, longest, 8),
         },
-        title: "\u{3c1}\u{2080}, rms distance that is promised [\u{b5}m]".to_owned(),
+        title: "\u{3c1}\u{2080}, predicted rms distance [\u{b5}m]".to_owned(),
     };
     let svg = drawing(rows.size(), "Accuracy at each test pose", |area| {
         let mut chart = rows.draw(area, &|tick| short(*tick))?;
@@ -334,7 +320,7 @@ fn readings(shown: &AbsolutePageRecord<'_>) -> String {
         "<div class=\"wide stills\" role=\"img\" aria-label=\"The robot at each reading\">{}</div>\n{}{}",
         shown.stills,
         paragraph(
-            "Green: the line of sight from where the instrument stands to the reflector that is read. Loads act at the calibration \
+            "Green: the line of sight from the instrument to the reflector that is read. Loads act at the calibration \
              tool, in the world frame, z up. --plan-out writes the same numbers."
         ),
         table(&header, &rows)

@@ -78,14 +78,14 @@ pub fn distances_figure(lines: &[Line<'_>], caption: &str) -> Result<String, Plo
             ticks: log_ticks(range.start, range.end),
             range,
         },
-        title: "distance left at the test pose [\u{b5}m], logarithmic".to_owned(),
+        title: "residual error at the test pose [\u{b5}m], logarithmic".to_owned(),
     };
     let highest = (lines.iter())
         .flat_map(|line| shares(line.runs).map(|(_, share)| share))
         .fold(f64::MIN_POSITIVE, f64::max);
     let svg = drawing(
         rows.size(),
-        "Distribution of the distance left by each plan",
+        "Distribution of the residual error of each plan",
         |area| {
             let mut chart = rows.draw(area, &|tick| short(10_f64.powf(*tick)))?;
             for (row, line) in lines.iter().enumerate() {

@@ -21,7 +21,7 @@ const AXES: [(&str, f64, i32); 3] = [("x", -0.2, 150), ("y", 0.0, 240), ("z", 0.
 /// `rho_0` against the number of measurements: what was searched, this plan, this plan repeated,
 /// and the bound.
 pub fn accuracy_figure(
-    points: &[AccuracyMessage],
+    (points, repeated): (&[AccuracyMessage], &[AccuracyMessage]),
     bounds_mm: &[Option<f64>],
     own_experiments: u32,
 ) -> Result<String, PlotError> {
@@ -36,13 +36,7 @@ pub fn accuracy_figure(
         .filter_map(|(m, bound)| Some((m, (*bound)? * 1e3)))
         .filter(|point| point.0 >= first)
         .collect();
-    let repeated: Vec<(f64, f64)> = own.map_or_else(Vec::new, |own| {
-        let m = f64::from(own.experiments);
-        let times = (2..=6).map(f64::from).take_while(|times| times * m <= last);
-        times
-            .map(|times| (times * m, own.rho0_mm * 1e3 / times.sqrt()))
-            .collect()
-    });
+    let repeated: Vec<(f64, f64)> = repeated.iter().map(micro).collect();
     let all = found.iter().chain(&bound).map(|point| point.1);
     let top = all.fold(0.0, f64::max) * 1.12;
     let x = (first - 0.4).max(0.0)..last + 0.4;
@@ -53,7 +47,7 @@ pub fn accuracy_figure(
             let mut chart = over_measurements(area, 14, &x, (0.0..top, 5))?;
             let names = [
                 "measurements",
-                "\u{3c1}\u{2080}, rms distance left [\u{b5}m]",
+                "\u{3c1}\u{2080}, rms residual error [\u{b5}m]",
             ];
             draw_axes(&mut chart, names, true)?;
             let [blue, orange, ..] = COLOURS;
@@ -206,11 +200,11 @@ pub fn compliances_figure(estimates: &[RelativeEstimate]) -> Result<String, Plot
             range: -high..high,
             ticks: ticks(-high, high, 6),
         },
-        title: "estimate less truth, share of the truth [%]".to_owned(),
+        title: "estimate less simulated truth, share of it [%]".to_owned(),
     };
     drawing(
         rows.size(),
-        "Identified compliances with 95 % intervals, against the truth",
+        "Identified compliances with 95 % intervals, against the simulated truth",
         |area| {
             let mut chart = rows.draw(area, &|tick| short(*tick))?;
             let bottom_to_top = [(0.0, 0.0), (0.0, estimates.len() as f64)];
@@ -233,23 +227,25 @@ pub fn compliances_figure(estimates: &[RelativeEstimate]) -> Result<String, Plot
     )
 }
 
-/// Residuals in standard deviations of the instrument, of every measurement and coordinate.
-pub fn residuals_figure(standardised: &[[f64; 3]]) -> Result<String, PlotError> {
+/// Residuals in standard deviations of their own, of every measurement and coordinate.
+pub fn residuals_figure(standardised: &[[Option<f64>; 3]]) -> Result<String, PlotError> {
     let count = standardised.len() as f64;
-    let largest = standardised.iter().flatten().map(|value| value.abs());
+    let all = standardised.iter().flatten().flatten();
+    let largest = all.map(|value| value.abs());
     let high = largest.fold(2.6, f64::max) * 1.12;
     let x = 0.5..count + 0.5;
     drawing((HALF, HEIGHT), "Standardised residuals", |area| {
         let mut chart = over_measurements(area, 52, &x, (-high..high, 6))?;
         let band = [(x.start, -NORMAL_95), (x.end, NORMAL_95)];
         chart.draw_series([Rectangle::new(band, GRID.mix(0.6).filled())])?;
-        draw_axes(&mut chart, ["measurement", "residual / sigma"], false)?;
+        draw_axes(&mut chart, ["measurement", "standardised residual"], false)?;
         chart.draw_series([PathElement::new([(x.start, 0.0), (x.end, 0.0)], INK)])?;
         for (axis, (name, offset, x)) in AXES.into_iter().enumerate() {
             let colour = COLOURS[axis];
             let points: Vec<(f64, f64)> = (1..)
                 .map(|number| f64::from(number) + offset)
-                .zip(standardised.iter().map(|residual| residual[axis]))
+                .zip(standardised)
+                .filter_map(|(x, residual)| Some((x, residual[axis]?)))
                 .collect();
             let stem =
                 |&(x, y): &(f64, f64)| PathElement::new([(x, 0.0), (x, y)], colour.stroke_width(3));

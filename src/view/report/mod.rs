@@ -16,8 +16,10 @@ mod reproduction;
 mod sources;
 mod study;
 
-use super::markup::{escaped, figure, page, paragraph, section, table};
+use super::markup::{card, escaped, figure, page, paragraph, section, table};
 use super::plots::PlotError;
+use crate::codes::Condition;
+use crate::plan::search::RepeatsNeeded;
 use crate::record::evidence::{CriterionPlanMessage, EvidenceMessage};
 use crate::record::messages::{AssessmentMessage, CalibrationMessage, ProvenanceMessage};
 use crate::scenario::Scenario;
@@ -43,22 +45,21 @@ pub struct RunRecord<'a> {
     pub evidence: &'a EvidenceMessage,
     /// The number of random plans, and the median of their `rho0_mm` where there is one.
     pub random: (u64, Option<f64>),
-    /// The named conditions that did not hold.
-    pub conditions: &'a [String],
+    /// How often the plan of that median is to be repeated for the accuracy of the designed one.
+    pub random_repeats: Option<RepeatsNeeded>,
+    /// What must be looked at.
+    pub conditions: &'a [Condition],
     /// The command that made the report.
     pub command: &'a str,
     /// The robot in each configuration (SVG).
     pub stills: &'a str,
 }
 
-/// What the picture of the promise's shares shows.
-const SOURCES_CAPTION: &str = "What the promise is made of: what the noise and each thing that is uncertain alone leave \
-                               after compensation, to first order; squares add up.";
+/// What a budget's contributions are.
+const CONTRIBUTIONS: &str = "Contributions are what the noise and each error source leave after compensation, rms, to first order; \
+                             squares add up.";
 
 /// The report of a run as HTML.
-///
-/// # Errors
-/// A figure cannot be drawn.
 pub fn run_page(run: &RunRecord<'_>) -> Result<String, PlotError> {
     let Some((calibration, assessment)) = run.plans.first() else {
         return Ok(page("elastocal", ""));
@@ -66,13 +67,10 @@ pub fn run_page(run: &RunRecord<'_>) -> Result<String, PlotError> {
     let evidence = run.evidence;
     let mut body = overview::overview(run, calibration, assessment);
     body += &distances(evidence, &calibration.name)?;
-    let bars = sources::sorted(assessment.rho0_shares.iter().map(Into::into));
-    let of_promise = sources::sources_figure(&bars, SOURCES_CAPTION)?;
-    if !of_promise.is_empty() {
-        body += &section("sources", "Where the error comes from", &of_promise);
-    }
+    let budget = assessment.uncertainty_budget.as_ref();
+    body += &sources::budget_section(budget, CONTRIBUTIONS);
     let accuracy = accuracy_figure(
-        &evidence.accuracy,
+        (&evidence.accuracy, &evidence.repeated),
         &evidence.lower_bounds_rho0_mm,
         assessment.experiments,
     )?;
@@ -97,12 +95,12 @@ pub fn run_page(run: &RunRecord<'_>) -> Result<String, PlotError> {
     );
     body += &format!(
         "<div class=\"pair\">\n{}{}</div>\n",
+        section("compliances", "Compliances", &compliances(calibration)?),
         section(
-            "compliances",
-            "Compliances",
-            &compliances(run, calibration)?
-        ),
-        section("residuals", "Residuals", &residuals(calibration)?)
+            "residuals",
+            "Standardised residuals",
+            &residuals(calibration)?
+        )
     );
     body += &section("plans", "The plans in this run", &plans(run));
     body += &provenance(&ProvenanceMessage::new(run.scenario), run.command);
@@ -126,7 +124,7 @@ fn distances(evidence: &EvidenceMessage, own: &str) -> Result<String, PlotError>
         .collect();
     let caption = format!(
         "{} runs of each plan by the linear model, all with the same noise; \u{201c}random\u{201d} is a fresh \
-         feasible plan in every run. Each hill shows how often which distance was left; the dark line is the mean.",
+         feasible plan in every run. Each area is the distribution of the residual error; the dark line is the mean.",
         evidence.trials
     );
     let body = distances_figure(&lines, &caption)? + &distances_table(&lines);
@@ -140,7 +138,7 @@ fn distances(evidence: &EvidenceMessage, own: &str) -> Result<String, PlotError>
 fn accuracy_caption(experiments: u32) -> String {
     format!(
         "The bound holds for every plan of as many measurements. Crosses: this plan of {experiments}, measured again as \
-         a whole. The searches for other numbers were short; the command budget looks closer."
+         a whole; what its repeats share they do not average. The searches for other numbers were short; the command budget looks closer."
     )
 }
 
@@ -155,7 +153,7 @@ fn criteria_caption(plans: &[CriterionPlanMessage]) -> String {
         return "No other criterion has a plan.".to_owned();
     };
     let mut caption = format!(
-        "The best plan found for each criterion, of as many measurements, judged at the test pose. Next to the \
+        "The best plan found for each criterion, of as many measurements, evaluated at the test pose. Next to the \
          test-pose plan comes {}: {} against {} ({} more).",
         criteria_names(best),
         micrometres(Some(rho0)),
@@ -178,12 +176,7 @@ fn criteria_caption(plans: &[CriterionPlanMessage]) -> String {
 const CRITERIA_LEGEND: &str = "<details><summary>What the criteria ask for</summary>\n<dl>\
     <dt>test pose</dt><dd>the smallest rms distance at the test pose</dd>\
     <dt>A</dt><dd>the smallest sum of the variances</dd>\
-    <dt>D, O1</dt><dd>the smallest volume of the confidence ellipsoid</dd>\
-    <dt>E, O3</dt><dd>the smallest longest axis of that ellipsoid</dd>\
-    <dt>G</dt><dd>the smallest of the largest variances</dd>\
-    <dt>O2</dt><dd>the smallest condition number</dd>\
-    <dt>O4</dt><dd>the best noise amplification index</dd>\
-    <dt>O5</dt><dd>the smallest sum of inverse singular values</dd></dl>\n\
+    <dt>D, O1</dt><dd>the smallest volume of the confidence ellipsoid</dd></dl>\n\
     <p>Variances are those of relative errors of the compliances.</p></details>\n";
 
 /// The stills, and the plan as a table.
@@ -222,14 +215,8 @@ fn configurations(run: &RunRecord<'_>, calibration: &CalibrationMessage) -> Stri
 }
 
 /// The identified compliances.
-fn compliances(run: &RunRecord<'_>, calibration: &CalibrationMessage) -> Result<String, PlotError> {
+fn compliances(calibration: &CalibrationMessage) -> Result<String, PlotError> {
     let identification = &calibration.identification;
-    let truth = |index: usize| {
-        let joint = run.scenario.task.belief.parameters.get(index)?;
-        (run.scenario.truth.robot.compliance_rad_per_nm)
-            .get(*joint)
-            .copied()
-    };
     let mut estimates = Vec::new();
     let mut rows = Vec::new();
     for (index, name) in identification.parameters.iter().enumerate() {
@@ -242,7 +229,7 @@ fn compliances(run: &RunRecord<'_>, calibration: &CalibrationMessage) -> Result<
             .get(index)
             .copied()
             .flatten();
-        let truth = truth(index);
+        let truth = (calibration.truth.compliance_rad_per_nm.get(index)).copied();
         let error = match (value, interval, truth) {
             (Some(value), Some(ends), Some(truth)) => {
                 Some((value / truth - 1.0, ends.map(|end| end / truth - 1.0)))
@@ -262,32 +249,25 @@ fn compliances(run: &RunRecord<'_>, calibration: &CalibrationMessage) -> Result<
         estimates.push(RelativeEstimate { name, error });
     }
     let svg = compliances_figure(&estimates)?;
-    let caption = "From this run's noisy measurements of the virtual robot, whose compliances are known. In 95 % of \
-                   runs an interval holds the truth.";
+    let caption = "From this run's measurements of the virtual robot, beside the simulated truth of this run: 95 % of such intervals cover it.";
     let unit = "compliance [1e-6 rad/(N m)]";
-    Ok(figure(&svg, caption) + &table(&["joint", unit, "95 % interval", "truth"], &rows))
+    Ok(figure(&svg, caption) + &table(&["joint", unit, "95 % interval", "simulated truth"], &rows))
 }
 
 /// What the fit leaves of each measurement.
 fn residuals(calibration: &CalibrationMessage) -> Result<String, PlotError> {
     let identification = &calibration.identification;
-    let sigma = |index: usize| {
-        let own = calibration.measurements.get(index);
-        own.and_then(|each| each.deflection_std_mm)
-            .unwrap_or([identification.sigma_mm; 3])
-    };
-    let standardised: Vec<[f64; 3]> = (identification.residuals_mm.iter().enumerate())
-        .map(|(index, residual)| {
-            let sigma = sigma(index);
-            std::array::from_fn(|axis| residual[axis] / sigma[axis])
-        })
+    let standardised: Vec<[Option<f64>; 3]> = (calibration.residuals.iter())
+        .map(|each| std::array::from_fn(|axis| each.standardised.get(axis).copied().flatten()))
         .collect();
-    let numbers = 3 * standardised.len();
+    let numbers: usize = (calibration.residuals.iter())
+        .map(|each| each.standardised.len())
+        .sum();
+    let effective: f64 = calibration.residuals.iter().map(|each| each.leverage).sum();
     let caption = format!(
-        "Measured less modelled deflection of each measurement, in standard deviations (sigma) of the instrument. \
-         Of {numbers} numbers, {} went into the compliances, so residuals are smaller than the noise; nearly all belong \
-         into the grey band (\u{b1}1.96).",
-        identification.rank
+        "Measured less modelled deflection of each measurement, each coordinate over its own standard deviation: that of the \
+         measurement less what the fit takes up. Of {numbers} degrees of freedom the fit takes up {effective:.1} (the effective \
+         number of parameters). 95 % belong into the grey band (\u{b1}1.96)."
     );
     let seen = format!(
         "sigma: {} as given, {} from the residuals. Residuals at least this large have probability {}.",
@@ -317,10 +297,19 @@ fn plans(run: &RunRecord<'_>) -> String {
         "measurements",
         "predicted rms \u{3c1}\u{2080} [\u{b5}m]",
         "efficiency",
-        "seen in this run [\u{b5}m]",
+        "observed in this run [\u{b5}m]",
         "violations",
     ];
     table(&header, &rows)
+}
+
+/// A card of what must be looked at; nothing where there is nothing.
+fn conditions_card(conditions: &[Condition]) -> String {
+    if conditions.is_empty() {
+        return String::new();
+    }
+    let all: Vec<String> = conditions.iter().map(ToString::to_string).collect();
+    card("bad", "Conditions", "not all hold", &(all.join("; ") + "."))
 }
 
 /// Where a page comes from.

@@ -1,8 +1,10 @@
 //! The top of a run's report: which plan, how accurate, proved by what, and what to do.
 
 use super::RunRecord;
+use crate::plan::UncertaintyBudget;
+use crate::plan::search::RepeatsNeeded;
 use crate::record::messages::{AssessmentMessage, CalibrationMessage};
-use crate::text::wording::{counted, micrometres, number, percent, shell_word};
+use crate::text::wording::{counted, micrometres, number, percent, shell_path};
 use crate::view::markup::{card, escaped, paragraph};
 
 /// Searches of which at least this share agree count as agreeing.
@@ -51,10 +53,12 @@ fn accuracy_card(calibration: &CalibrationMessage, assessment: &AssessmentMessag
     });
     let about = format!(
         "\u{3c1}\u{2080}, the rms distance that {} between the loaded tool and its place{}: a relative accuracy, of what the load bends. Uncompensated, {}.",
-        if assessment.rho0_shares.len() < 2 {
-            "the noise of the measurements leaves"
+        if (assessment.uncertainty_budget.as_ref())
+            .is_some_and(UncertaintyBudget::has_more_than_noise)
+        {
+            "predicted with the whole uncertainty budget:"
         } else {
-            "noise and all that is uncertain leave"
+            "predicted for the measurements' noise alone:"
         },
         (assessment.quantile95_mm).map_or_else(String::new, |value| format!(
             "; 95 % stay below {}",
@@ -126,7 +130,7 @@ fn proved_of_it(assessment: &AssessmentMessage) -> String {
     };
     let certain = match proof.left_out.as_slice() {
         [] => String::new(),
-        left_out => format!(", with {} taken for certain", left_out.join(", ")),
+        left_out => format!(", with {} assumed exact", left_out.join(", ")),
     };
     format!(
         "Proved, by branch and bound over {} boxes of configurations: none can be below {}{certain}.",
@@ -141,21 +145,31 @@ fn random_card(run: &RunRecord<'_>, assessment: &AssessmentMessage) -> String {
         .rho0_mm
         .zip(median_mm)
         .map(|(rho0, median)| median / rho0);
+    let repeats = match run.random_repeats {
+        Some(RepeatsNeeded::Times(times)) => {
+            format!(" That plan gets as far if it is measured {times} times as a whole.")
+        }
+        Some(RepeatsNeeded::Never(limit_m)) => format!(
+            " No number of repeats of that plan gets as far: {} remain however often it is measured.",
+            micrometres(Some(limit_m * 1e3))
+        ),
+        None => String::new(),
+    };
     card(
         "",
         "Against a random plan",
         &format!("{} times as accurate", number(times, 1)),
         &format!(
-            "The median of {count} random plans promises {}. It would take {} times as many measurements to get as far.",
+            "Median predicted accuracy of {count} random plans: {}.{repeats}",
             micrometres(median_mm),
-            number(times.map(|times| times * times), 1)
         ),
     )
 }
 
 fn check_card(run: &RunRecord<'_>, assessment: &AssessmentMessage) -> String {
     let violations = assessment.violations.len() as u64;
-    let mut problems: Vec<String> = run.conditions.to_vec();
+    let conditions = run.conditions.iter();
+    let mut problems: Vec<String> = conditions.map(ToString::to_string).collect();
     if violations > 0 {
         problems.push(format!("the plan has {}", counted(violations, "violation")));
     }
@@ -170,7 +184,7 @@ fn check_card(run: &RunRecord<'_>, assessment: &AssessmentMessage) -> String {
 
 /// What to do with the plan in the laboratory.
 fn next_steps(run: &RunRecord<'_>, assessment: &AssessmentMessage) -> String {
-    let scenario = shell_word(&run.scenario.path.to_string_lossy());
+    let scenario = shell_path(&run.scenario.path);
     let step = |text: &str, command: &str| {
         let command = if command.is_empty() {
             String::new()

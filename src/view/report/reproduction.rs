@@ -14,9 +14,6 @@ const CITATION: &str = "A. Klimchik, A. Pashkevich, Y. Wu, S. Caro, B. Furet, De
                         Automation 2 (2012) 531-542.";
 
 /// The paper's numbers beside this program's, as HTML.
-///
-/// # Errors
-/// A figure cannot be drawn.
 pub fn reproduction_page(
     message: &ReproductionMessage,
     from: &ProvenanceMessage,
@@ -81,8 +78,7 @@ fn cards(message: &ReproductionMessage) -> String {
         "bad",
         "What does not",
         &format!("Table 6: {low:.2} to {high:.2} times"),
-        "By eq. 20 with eq. 23 and sigma = 0.03 mm, which reproduce Table 5, the plans of Table 4 leave that much more \
-         than Table 6 prints. The ratio is not constant, so no common factor explains it.",
+        "By eq. 20 with eq. 23 and sigma = 0.03 mm, which reproduce Table 5, the plans of Table 4 have residual errors larger by that than Table 6 prints. The ratio is not constant, so no common factor explains it.",
     );
     let gains: Vec<f64> = (message.table6.iter())
         .filter(|row| row.experiments == row.configurations)
@@ -130,7 +126,7 @@ fn headline_card(message: &ReproductionMessage) -> String {
         "Random against optimal",
         &format!("{} times the distance", number(own.random_over_mean, 2)),
         &format!(
-            "is left after random plans, compared with our optimum (95 % interval {low:.2} to {high:.2}); {} times, compared \
+            "is the residual error of random plans, compared with our optimum (95 % interval {low:.2} to {high:.2}); {} times, compared \
              with Table 4\u{2019}s plans. The paper says about 60 % more: its means give {} times.",
             span(&ours.collect::<Vec<_>>()),
             span(&printed)
@@ -207,8 +203,7 @@ fn table_6(message: &ReproductionMessage) -> String {
         "no plan is below [\u{b5}m]",
     ];
     paragraph(
-        "\u{3c1}\u{2080} at the test pose. The rule of repeats: a plan of m measurements that is repeated to M leaves \
-         \u{221a}(m/M) times as much. Our plans may share out the repeats unevenly.",
+        "\u{3c1}\u{2080} at the test pose. The rule of repeats: a plan of m measurements that is repeated to M has \u{221a}(m/M) times the residual error. Our plans may share out the repeats unevenly.",
     ) + &table(&header, &rows)
 }
 

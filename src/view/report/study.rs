@@ -2,7 +2,8 @@
 
 use super::absolute::ABSOLUTE_ACCURACY;
 use super::distances::{Line, Role, distances_figure, distances_table};
-use super::{provenance, sources};
+use super::{conditions_card, provenance, sources};
+use crate::codes::Condition;
 use crate::record::messages::ProvenanceMessage;
 use crate::record::study::StudyPlanMessage;
 use crate::text::wording::{counted, micrometres, number};
@@ -26,8 +27,8 @@ pub struct StudyPageRecord<'a> {
     pub reference: Option<&'a str>,
     /// What the runs say.
     pub plans: &'a [StudyPlanMessage],
-    /// The named conditions that did not hold.
-    pub conditions: &'a [String],
+    /// What must be looked at.
+    pub conditions: &'a [Condition],
     /// The command that made the page.
     pub command: &'a str,
 }
@@ -44,16 +45,12 @@ fn best<'a>(
 }
 
 /// The page of a study as HTML.
-///
-/// # Errors
-/// A figure cannot be drawn.
 pub fn study_page(study: &StudyPageRecord<'_>) -> Result<String, PlotError> {
     let best = best(study.plans, study.reference);
     let line = |runs| Line::new(runs, role(runs, best, study.reference));
     let lines: Vec<Line<'_>> = study.plans.iter().map(line).collect();
     let caption = format!(
-        "{} runs of each plan {}, {} each, all with the same noise. Each hill shows how often which distance was \
-         left; the dark line is the mean.",
+        "{} runs of each plan {}, {} each, all with the same noise. Each area is the distribution of the residual error; the dark line is the mean.",
         study.trials,
         study.level,
         counted(
@@ -76,10 +73,7 @@ pub fn study_page(study: &StudyPageRecord<'_>) -> Result<String, PlotError> {
         "How far off the tool is after compensation",
         &(distances_figure(&lines, &caption)? + &distances_table(&lines)),
     );
-    let of_promises = sources::of_study(study.plans)?;
-    if !of_promises.is_empty() {
-        body += &section("sources", "Where the error comes from", &of_promises);
-    }
+    body += &sources::of_study(study.plans);
     body += &provenance(study.provenance, study.command);
     Ok(page(
         &format!("{}: study", study.provenance.scenario),
@@ -104,7 +98,7 @@ fn accuracy_card(is_absolute: bool) -> String {
     } else {
         (
             "relative",
-            "By how much the task load moves the tool, as in the paper, wherever the unloaded robot stands.",
+            "Of the deflection by the task load, as in the paper, whatever the pose without it.",
         )
     };
     card("", "Accuracy", answer, about)
@@ -130,14 +124,17 @@ fn cards(study: &StudyPageRecord<'_>) -> String {
     }
     if let Some(verdict) = best(study.plans, study.reference).and_then(|best| best.verdict.clone())
     {
-        let tone = if verdict == "holds" { "good" } else { "bad" };
-        let about = "What was seen of the best plan beside what it promises, with all that the scenario lists as \
-                     uncertain.";
-        cards += &card(tone, "Does the promise hold?", &verdict, about);
+        let tone = if verdict.starts_with("holds") {
+            "good"
+        } else {
+            "bad"
+        };
+        let about = "Observed of the best plan beside what is predicted, with all error sources of the scenario.";
+        cards += &card(tone, "Does the prediction hold?", &verdict, about);
     }
     let z = (study.plans.iter()).filter_map(|plan| plan.z).map(f64::abs);
     let largest = z.fold(0.0, f64::max);
-    let about = "The largest difference between the seen and the predicted mean square, in standard deviations; \
+    let about = "The largest difference between the observed and the predicted mean square, in standard deviations; \
                  among a few plans it rarely exceeds 3.";
     let tone = if largest < 4.0 { "good" } else { "bad" };
     cards += &card(
@@ -146,9 +143,5 @@ fn cards(study: &StudyPageRecord<'_>) -> String {
         &format!("off by {largest:.1} sigma at most"),
         about,
     );
-    if !study.conditions.is_empty() {
-        let about = study.conditions.join("; ");
-        cards += &card("bad", "Conditions", "not all hold", &about);
-    }
-    cards
+    cards + &conditions_card(study.conditions)
 }

@@ -37,9 +37,6 @@ const AXES: [(&str, [u8; 3]); 3] = [
 
 /// Writes a recording for the rerun viewer. The same recording gives the same bytes but for the
 /// order of two parts of the footer.
-///
-/// # Errors
-/// The file cannot be written.
 pub fn write_rerun(path: &Path, recording: &Recording) -> Result<(), FileError> {
     write_messages(path, messages(recording))
 }

@@ -15,7 +15,7 @@ use super::blueprint::{BARS, Clock, PLANE, SPACE, TEXT, ViewArea};
 use super::store::Store;
 use super::{STEP, log_step, open, scene, study_text, write_messages};
 use crate::files::FileError;
-use crate::record::account::PartMessage;
+use crate::record::account::ContributionMessage;
 use crate::record::study::HistogramMessage;
 use crate::view::recording::ShownTool;
 use crate::view::study_recording::{Snapshot, StudyRecording};
@@ -46,9 +46,6 @@ const DRAWN: f64 = 0.95;
 const REPLAY_S: f64 = 30.0;
 
 /// Writes a study with its snapshots for the rerun viewer.
-///
-/// # Errors
-/// The file cannot be written.
 pub fn write_study_rerun(
     path: &Path,
     study: &StudyRecording,
@@ -110,7 +107,7 @@ impl StudyStream {
                 let values = [mean, low, high].map(|value| value * 1e3);
                 store.log(mean_path(&plan.name), &now, &Scalars::new(values));
             }
-            log_sources(store, &plan.name, &plan.parts, &now);
+            log_sources(store, &plan.name, &plan.contributions, &now);
             if let Some(bars) = bars(&plan.histogram) {
                 let bars = bars.with_color(translucent(colour(index)));
                 store.log(distance_path(&plan.name), &now, &bars);
@@ -230,52 +227,47 @@ fn sources_path(plan: &str) -> EntityPath {
     entity_path!["sources_um", plan.to_owned()]
 }
 
-/// A bar for each source, as long as what it alone leaves (the longest is 24 rows wide), the largest above; what was
-/// seen of it is a line below.
-fn log_sources(store: &mut Store, plan: &str, parts: &[PartMessage], now: &[(&'static str, i64)]) {
-    let mut parts: Vec<&PartMessage> = parts.iter().collect();
-    parts.sort_by(|one, other| other.rms_mm.total_cmp(&one.rms_mm));
-    let total: f64 = parts.iter().map(|part| part.rms_mm.powi(2)).sum();
+/// A bar for each source, as long as its contribution (the longest is 24 rows wide), the largest above.
+fn log_sources(
+    store: &mut Store,
+    plan: &str,
+    parts: &[ContributionMessage],
+    now: &[(&'static str, i64)],
+) {
+    let mut parts: Vec<&ContributionMessage> = parts.iter().collect();
+    parts.sort_by(|one, other| other.contribution_um.total_cmp(&one.contribution_um));
+    let total: f64 = parts.iter().map(|part| part.contribution_um.powi(2)).sum();
     let Some(longest) = parts
         .first()
-        .map(|part| part.rms_mm)
+        .map(|part| part.contribution_um)
         .filter(|_| total > 0.0)
     else {
         return;
     };
-    let (mut strips, mut radii, mut colours) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut strips, mut colours) = (Vec::new(), Vec::new());
     let (mut places, mut labels) = (Vec::new(), Vec::new());
     for (row, part) in (0_u16..).zip(&parts) {
         let y = f32::from(row);
-        let mut bar = |length_mm: f64, y: f32, radius: f32, colour: [u8; 3]| {
-            strips.push([[0.0, y], [scene::narrow(24.0 * length_mm / longest), y]]);
-            radii.push(radius);
-            colours.push(colour);
-        };
-        bar(
-            part.rms_mm,
-            y,
-            0.2,
-            COLOURS[if part.hidden { 0 } else { 6 }],
-        );
-        if let Some(seen_mm) = part.seen_rms_mm {
-            bar(seen_mm, y + 0.3, 0.06, COLOURS[2]);
-        }
+        strips.push([
+            [0.0, y],
+            [scene::narrow(24.0 * part.contribution_um / longest), y],
+        ]);
+        colours.push(COLOURS[if part.hidden { 0 } else { 6 }]);
         // The viewer writes a label below its place.
         places.push([-8.0, y - 0.7]);
         let hidden = if part.hidden { " (hidden)" } else { "" };
         labels.push(format!(
             "{}{hidden}: {:.2} µm, {:.1} %",
-            part.name,
-            part.rms_mm * 1e3,
-            part.rms_mm.powi(2) / total * 100.0
+            part.source,
+            part.contribution_um,
+            part.contribution_um.powi(2) / total * 100.0
         ));
     }
     // The viewer shows what lies between places, and labels are wider.
     places.push([-15.0, 0.0]);
     labels.push(String::new());
     let bars = LineStrips2D::new(strips)
-        .with_radii(radii)
+        .with_radii(vec![0.2; parts.len()])
         .with_colors(colours);
     let names = Points2D::new(places)
         .with_radii([0.02])

@@ -59,11 +59,11 @@ pub(super) fn table(study: &StudyRecording, snapshot: &Snapshot) -> String {
         );
     }
     for plan in &snapshot.plans {
-        if let (Some(promised_mm), Some(verdict)) = (plan.promised_rms_mm, &plan.verdict) {
+        if let (Some(promised_mm), Some(verdict)) = (plan.combined_rms_mm, &plan.verdict) {
             let promised = micro(Some(promised_mm));
             let _ = writeln!(
                 text,
-                "\n{}: promised {promised} µm; the promise {verdict}.",
+                "\n{}: predicted {promised} µm; the prediction {verdict}.",
                 plan.name
             );
         }

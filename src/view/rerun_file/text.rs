@@ -20,11 +20,11 @@ pub(super) fn step(calibration: &RecordedCalibration, step: &Step) -> String {
     match &step.kind {
         StepKind::Experiment { measurements, .. } => {
             let record = &calibration.record;
-            row(
-                &mut text,
-                "true deflection [mm]",
-                &(step.displacement_m() * 1e3),
-            );
+            for index in measurements.clone() {
+                if let Some(moved) = record.truth.deflections_mm.get(index) {
+                    row(&mut text, "true deflection [mm]", &Vector3::from(*moved));
+                }
+            }
             for index in measurements.clone() {
                 if let Some(MeasurementMessage { deflection_mm, .. }) =
                     record.measurements.get(index)
@@ -66,10 +66,12 @@ fn row(text: &mut String, name: &str, vector: &Vector3<f64>) {
 pub(super) fn results(record: &CalibrationMessage) -> String {
     let identified = &record.identification;
     let mut text = format!(
-        "#### {}: compliances [1e-6 rad/(N m)]\n\n| joint | compliance | standard error | 95 % interval |\n|:--|--:|--:|--:|\n",
+        "#### {}: compliances [1e-6 rad/(N m)]\n\n| joint | compliance | standard error | 95 % interval | simulated truth |\n|:--|--:|--:|--:|--:|\n",
         record.name
     );
     for (index, joint) in identified.parameters.iter().enumerate() {
+        let truth = (record.truth.compliance_rad_per_nm.get(index))
+            .map_or_else(|| "-".to_owned(), |value| format!("{:.4}", value * 1e6));
         let _ = match (
             identified.compliance_rad_per_nm[index],
             identified.compliance_std_rad_per_nm[index],
@@ -77,13 +79,13 @@ pub(super) fn results(record: &CalibrationMessage) -> String {
         ) {
             (Some(value), Some(error), Some([low, high])) => writeln!(
                 text,
-                "| {joint} | {:.4} | {:.4} | {:.4} to {:.4} |",
+                "| {joint} | {:.4} | {:.4} | {:.4} to {:.4} | {truth} |",
                 value * 1e6,
                 error * 1e6,
                 low * 1e6,
                 high * 1e6
             ),
-            _ => writeln!(text, "| {joint} | not identifiable | | |"),
+            _ => writeln!(text, "| {joint} | not identifiable | | | {truth} |"),
         };
     }
     text += "\n#### Test poses\n\n";

@@ -80,7 +80,6 @@ pub struct Viewer {
 
 impl Viewer {
     /// Begins to connect to a viewer, which may be about to start.
-    #[must_use]
     pub fn connect(address: &Address) -> Self {
         let (messages, inbox) = channel();
         let (outbox, outcome) = channel();
@@ -122,7 +121,6 @@ impl Viewer {
 
     /// Waits, not for long, until the viewer has got all. Returns why it has not, unless that was
     /// said before.
-    #[must_use]
     pub fn finish(mut self) -> Option<String> {
         // Without a sender the thread knows that nothing more comes.
         self.messages.take()?;

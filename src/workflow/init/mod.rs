@@ -4,6 +4,7 @@
 //! robot's size and marked as a guess.
 
 mod arm;
+mod ends;
 mod pose;
 mod tools;
 mod written;
@@ -17,6 +18,9 @@ use crate::files::{FileError, read_text};
 use crate::mujoco::{Model, ModelError};
 use crate::scenario::Scenario;
 use crate::understanding::Understanding;
+
+/// The JSON schema with which editors complete a scenario, as its first line names it: beside the scenario.
+pub const SCHEMA_FILE: &str = "elastocal.schema.json";
 
 /// A scenario for a model, not yet in a file.
 #[derive(Debug)]
@@ -46,6 +50,7 @@ pub fn draft(
         let text = error.to_string();
         let about = format!("{}: ", model_path.display());
         let wrong = FileError::new(model_path, text.strip_prefix(&about).unwrap_or(&text));
+        let wrong = wrong.code(error.code());
         match error.hint() {
             Some(hint) => wrong.hint(hint),
             None => wrong,

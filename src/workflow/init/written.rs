@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use super::SCHEMA_FILE;
 use super::arm::FoundArm;
 use super::pose::{CLEARANCE_M, Tried};
 use super::tools::Tools;
@@ -20,6 +21,14 @@ const LOAD_SHARE: f64 = 0.2;
 const LOAD_N: f64 = 50.0;
 /// Where fewer configurations are free, what collides is a flaw of the model.
 const FREE: f64 = 0.05;
+/// Compliances that a model has may be wrong by this share ...
+const MODEL_SHARE: f64 = 0.3;
+/// ... and those that are guessed by this.
+const GUESSED_SHARE: f64 = 1.0;
+/// What mastering leaves of a joint's zero (mrad) ...
+const ZERO_MRAD: f64 = 0.2;
+/// ... and machining of a link (mm), of each coordinate.
+const LINK_MM: f64 = 0.3;
 /// As few measurements as a first plan has.
 const LEAST_MEASUREMENTS: usize = 4;
 
@@ -50,14 +59,17 @@ pub(super) fn scenario(
     }
     let description = quoted(&format!("A first scenario for {model}"));
     let mut text = format!(
-        "# A first scenario, made by `elastocal init`. Lines that say GUESS need your numbers.\n\
-         description = {description}\nseed = 1\n\n[robot]\nmodel = {}\n",
+        "#:schema {SCHEMA_FILE}\n\
+         # A first scenario, made by `elastocal init`. Lines that say GUESS need your numbers.\n\
+         requires = \">={}\"\ndescription = {description}\nseed = 1\n\n[robot]\nmodel = {}\n",
+        crate::VERSION,
         quoted(model)
     );
     text += &robot(arm, tools, &stiffness);
     text += "\n[instrument]\n\
              # GUESS: the standard deviation of each coordinate of a laser tracker's reading.\n\
              sigma_mm = 0.03\nsigma_of = \"position\"\n";
+    text += &priors(arm, &stiffness);
     let pose = Commands::from(&arm.chain).numbers(&tried.best);
     let task_n = round_down(load_n / 2.0);
     let _ = write!(
@@ -140,6 +152,48 @@ fn robot(arm: &FoundArm, tools: &Tools, stiffness: &Stiffness) -> String {
         ));
     }
     text
+}
+
+/// What is known of compliances and geometry before any measurement, so that weak ones stay near what the model says.
+fn priors(arm: &FoundArm, stiffness: &Stiffness) -> String {
+    let joints = &arm.chain.joints;
+    let named = |is_meant: &dyn Fn(usize) -> bool| {
+        let names = arm.chain.commanded().filter(|&joint| is_meant(joint));
+        let names: Vec<String> = names.map(|joint| quoted(&joints[joint].name)).collect();
+        (!names.is_empty()).then(|| names.join(", "))
+    };
+    let (share, why) = match stiffness {
+        Stiffness::Model => (MODEL_SHARE, "the model's stiffnesses"),
+        Stiffness::Guessed(..) => (GUESSED_SHARE, "the compliances above"),
+    };
+    let turns = |joint: usize| !joints[joint].drive.slides;
+    let priors = [
+        (
+            format!("how much {why} may be wrong by, as a share of each"),
+            "compliance",
+            named(&|_| true),
+            format!("std_relative = {share}"),
+        ),
+        (
+            "joint zeros after mastering".to_owned(),
+            "joint_zero",
+            named(&turns),
+            format!("std_mrad = {ZERO_MRAD}"),
+        ),
+        (
+            "links' lengths after machining".to_owned(),
+            "link_position",
+            named(&|_| true),
+            format!("std_mm = {LINK_MM}"),
+        ),
+    ];
+    let written = priors.into_iter().filter_map(|(what, kind, joints, size)| {
+        let joints = joints?;
+        Some(format!(
+            "\n# GUESS: {what}.\n[[uncertainty]]\nkind = \"{kind}\"\njoints = [{joints}]\n{size}\n"
+        ))
+    });
+    written.collect()
 }
 
 fn list(values: impl IntoIterator<Item = f64>) -> String {

@@ -24,7 +24,7 @@ LONGEST_S = 60
 NUMBERS = [0, -1, 1, 2, 7, 0.5, 1e-300, -1e-9, 1e-9, 1e9, 1e154, 1e300, -1e300, 5e-324, 2**31, 2**63, 2**64, 10**400, -(10**400), 1e5]
 VALUES = [*NUMBERS, None, True, False, "", "x", "1", [], {}, [[]], [0], [1, 2, 3], {"x": 1}, "\u0000", "9" * 400]
 #: What a claim is about; the rest is the prover's word.
-QUESTION = ("targets", "sigma_m", "criterion", "typical_rad_per_nm", "mandatory_experiments", "prior_precision")
+QUESTION = ("sigma_m", "mandatory_experiments", "prior_precision")
 
 
 class Late(Exception):
@@ -136,7 +136,12 @@ def false_claim(rng, file, reached):
             if not file["proof"]["parts"]:
                 return
         else:
-            key = rng.choice(["printed", "mandatory", "prior", "aim", "mandatory_within_rad"])
+            key = rng.choice(["printed", "mandatory", "prior", "weights", "mandatory_within_rad"])
+            if key == "weights":
+                # As if the poses weighed more, so that all that is left does.
+                for target in file["targets"]:
+                    target["weight"] *= factor**2
+                continue
             file[key] = rng.choice([0, -1, -1e300, [0, -1e300], [-1, 0], [3, 0.0], None, 1.0])
     if rng.random() < 0.3:
         below = rng.choice([("proof", "parts"), ("proof", "largest"), ("bounds",)])
@@ -167,8 +172,14 @@ def changed_text(rng, text):
     return rng.choice([content] * 8 + [b"\xef\xbb\xbf" + content, text.encode("utf-16", "replace"), content + b"\xff"])
 
 
+def without_weights(file):
+    """What a claim is about; weights of test poses mean the same however they are scaled, and must sum to one."""
+    targets = [{key: value for key, value in target.items() if key != "weight"} for target in file["targets"]]
+    return [file["proof"]["question"], targets, *(file.get(key) for key in QUESTION)]
+
+
 def is_unchanged_question(file, whole):
-    return file["proof"]["question"] == whole["proof"]["question"] and all(file.get(key) == whole.get(key) for key in QUESTION)
+    return without_weights(file) == without_weights(whole)
 
 
 def claims_too_much(content, whole, reached):

@@ -1,0 +1,80 @@
+//! An error as it is printed: its code, what is wrong, and what to do about it.
+
+use std::error::Error;
+
+use elastocal::calibration::CalibrationError;
+use elastocal::codes::ErrorCode;
+use elastocal::files::FileError;
+use elastocal::identification::IdentificationError;
+use elastocal::mujoco::ModelError;
+use elastocal::plan::search::SearchError;
+use elastocal::robot::EquilibriumError;
+use elastocal::study::StudyError;
+use elastocal::study::absolute::TrialError;
+use elastocal::study::evidence::EvidenceError;
+use elastocal::text::diagnostics::say;
+use elastocal::text::wording::shortened;
+use elastocal::workflow::run::RunError;
+use elastocal::workflow::study::EntryError;
+
+/// More characters than this of an error nobody reads.
+const LONGEST_ERROR: usize = 4000;
+
+/// An error for people.
+pub struct PrintedError {
+    pub code: ErrorCode,
+    pub text: String,
+    pub hint: Option<String>,
+}
+
+impl PrintedError {
+    /// What an error and its causes say; the code is that of the cause that is nearest to the root.
+    pub fn of(error: &anyhow::Error) -> Self {
+        let mut text = error.to_string();
+        for cause in error.chain().skip(1).map(ToString::to_string) {
+            // Most errors name their cause themselves.
+            if !text.contains(&cause) {
+                text += &format!(": {cause}");
+            }
+        }
+        let file = error.downcast_ref::<FileError>();
+        Self {
+            code: (error.chain().rev().find_map(code)).unwrap_or(ErrorCode::Other),
+            text: shortened(&text, LONGEST_ERROR),
+            hint: file.and_then(|error| error.hint.clone()),
+        }
+    }
+
+    /// Prints it and, on a line of its own, what to do about it.
+    pub fn say(&self) {
+        say(&format!("error {}: {}", self.code, self.text));
+        if let Some(hint) = &self.hint {
+            say(&format!("hint: {hint}"));
+        }
+    }
+}
+
+/// The code of an error by itself.
+fn code(error: &(dyn Error + 'static)) -> Option<ErrorCode> {
+    if let Some(error) = error.downcast_ref::<FileError>() {
+        return Some(error.code);
+    }
+    if let Some(error) = error.downcast_ref::<ModelError>() {
+        return Some(error.code());
+    }
+    if let Some(error) = error.downcast_ref::<IdentificationError>() {
+        return Some(error.code());
+    }
+    if error.is::<EquilibriumError>() {
+        return Some(ErrorCode::NoEquilibrium);
+    }
+    if error.is::<SearchError>() || error.is::<EntryError>() {
+        return Some(ErrorCode::NoPlan);
+    }
+    let is_simulation = error.is::<CalibrationError>()
+        || error.is::<RunError>()
+        || error.is::<EvidenceError>()
+        || error.is::<StudyError>()
+        || error.is::<TrialError>();
+    is_simulation.then_some(ErrorCode::Simulation)
+}

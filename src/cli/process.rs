@@ -1,0 +1,88 @@
+//! The command line as a process: signals, exit codes, and what is printed where.
+
+use std::ffi::OsString;
+use std::path::PathBuf;
+
+use clap::Parser;
+use clap::error::{ContextKind, ContextValue};
+use elastocal::text::diagnostics::say;
+use elastocal::text::renamed;
+
+use super::interruption::{self, Interrupted};
+use super::printed_error::PrintedError;
+use super::{Arguments, STDOUT_CLOSED, unless_reader_is_gone};
+
+/// Does what the arguments say, the program's name first, and returns the exit code. It is the only place that maps
+/// outcomes to exit codes: 0 done, 1 failed, 2 wrong usage (by clap), 3 done with a condition that was not accepted, 130
+/// interrupted. `itself` as in [`Arguments::execute`].
+pub fn run(arguments: impl IntoIterator<Item = OsString>, itself: Option<PathBuf>) -> u8 {
+    interruption::listen(end_interrupted);
+    let arguments = match Arguments::try_parse_from(arguments) {
+        Ok(arguments) => arguments,
+        Err(usage) => return explain_usage(&with_new_name(usage)),
+    };
+    match arguments.execute(itself) {
+        Ok(conditions) => {
+            for condition in &conditions {
+                say(&format!("condition {condition}"));
+            }
+            if conditions.iter().all(|each| each.allowed) {
+                0
+            } else {
+                3
+            }
+        }
+        Err(error) if error.is::<Interrupted>() => interruption::finish(end_interrupted),
+        Err(error) => {
+            PrintedError::of(&error).say();
+            1
+        }
+    }
+}
+
+/// With what an older option is called now.
+fn with_new_name(mut usage: clap::Error) -> clap::Error {
+    let new = match usage.get(ContextKind::InvalidArg) {
+        Some(ContextValue::String(option)) => renamed(option),
+        _ => None,
+    };
+    if let Some(new) = new {
+        usage.insert(
+            ContextKind::SuggestedArg,
+            ContextValue::String(new.to_owned()),
+        );
+    }
+    usage
+}
+
+/// What is wrong with the usage, for stderr, or the help that was asked for, for stdout.
+fn explain_usage(usage: &clap::Error) -> u8 {
+    let printed = usage.print();
+    if usage.use_stderr() {
+        return 2;
+    }
+    let printed = if interruption::is_stdout_closed() {
+        Err(anyhow::anyhow!(STDOUT_CLOSED))
+    } else {
+        unless_reader_is_gone(printed)
+    };
+    match printed {
+        Ok(()) => 0,
+        Err(error) => {
+            PrintedError::of(&error).say();
+            1
+        }
+    }
+}
+
+/// Ends the process while other threads are still at work, which must not see it taken apart.
+fn end_interrupted() -> ! {
+    // SAFETY: it takes a number and does not return.
+    #[expect(
+        unsafe_code,
+        reason = "the library's exit takes apart what other threads use"
+    )]
+    unsafe {
+        libc::_exit(130)
+    }
+}

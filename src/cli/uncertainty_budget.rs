@@ -1,0 +1,111 @@
+//! Uncertainty budgets as tables, for all commands.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use elastocal::files::output::write_whole;
+use elastocal::plan::{BudgetSource, UncertaintyBudget};
+use elastocal::record::account::ContributionMessage;
+use elastocal::text::wording::significant;
+
+use super::table::{number, table};
+use super::written::Written;
+
+/// Where a budget is written.
+#[derive(Debug, Args)]
+pub struct BudgetArgs {
+    /// Where to write the uncertainty budget with all its columns (CSV).
+    #[arg(long, value_name = "FILE")]
+    budget_out: Option<PathBuf>,
+}
+
+impl BudgetArgs {
+    /// The option with its file.
+    pub fn out(&self) -> (&'static str, Option<&Path>) {
+        ("--budget-out", self.budget_out.as_deref())
+    }
+
+    /// Writes a budget where that is wanted, and tells of it; one that there is not has no rows.
+    pub fn write(&self, budget: Option<&UncertaintyBudget>, written: &mut Written) -> String {
+        let Some(path) = &self.budget_out else {
+            return String::new();
+        };
+        let sources = budget.map_or(&[][..], |budget| &budget.sources);
+        let csv = BudgetSource::csv(sources);
+        written.told(path, write_whole(path, csv.as_bytes()))
+    }
+}
+
+/// The main columns of a budget, where it has more than the instrument's noise.
+pub fn describe(budget: Option<&UncertaintyBudget>, common: Option<(&[String], f64)>) -> String {
+    let Some(budget) = budget.filter(|budget| budget.has_more_than_noise()) else {
+        return String::new();
+    };
+    let row = |each: &BudgetSource| {
+        let unit = each.unit.as_deref().unwrap_or("-");
+        vec![
+            each.source.clone(),
+            each.evaluation.name().to_owned(),
+            each.level.name().to_owned(),
+            (each.standard_uncertainty).map_or_else(|| "-".to_owned(), |each| significant(each, 3)),
+            unit.to_owned(),
+            number(Some(each.contribution_um), 3),
+            number(Some(each.variance_share_percent), 1),
+        ]
+    };
+    let rows: Vec<Vec<String>> = budget.sources.iter().map(row).collect();
+    let header = [
+        "source",
+        "type",
+        "level",
+        "u(x)",
+        "unit",
+        "contribution [um]",
+        "share [%]",
+    ];
+    let remark =
+        |each: &BudgetSource| Some(format!("  {} {}\n", each.source, each.remark.as_ref()?));
+    let remarks: String = budget.sources.iter().filter_map(remark).collect();
+    let combined = format!(
+        "  u_c = {:.3} um, U = {} um (95 %), k = {}\n",
+        budget.combined_standard_uncertainty_um,
+        number(budget.expanded_uncertainty_um, 3),
+        number(budget.coverage_factor, 3)
+    );
+    let common = common.map(|(names, rho0_mm)| (names, format!("{:.3} um", rho0_mm * 1e3)));
+    format!(
+        "\n{}{combined}{remarks}{}",
+        table(&header, &rows),
+        common_sources(common)
+    )
+}
+
+/// The contributions to the errors of a simulated truth.
+pub fn contributions(sources: &[ContributionMessage]) -> String {
+    let total: f64 = sources
+        .iter()
+        .map(|each| each.contribution_um.powi(2))
+        .sum();
+    let row = |each: &ContributionMessage| {
+        let hidden = if each.hidden { " (hidden)" } else { "" };
+        let share = each.contribution_um.powi(2) / total * 100.0;
+        vec![
+            format!("{}{hidden}", each.source),
+            number(Some(each.contribution_um), 3),
+            number(Some(share), 1),
+        ]
+    };
+    let rows: Vec<Vec<String>> = sources.iter().map(row).collect();
+    table(&["source", "contribution [um]", "share [%]"], &rows)
+}
+
+/// The accuracy with the error sources that the campaign of the prior has, too.
+pub fn common_sources(common: Option<(&[String], String)>) -> String {
+    common.map_or_else(String::new, |(names, rho0)| {
+        format!(
+            "  error sources in common with the campaign of robot.prior: {}; rho0, the 95 % quantile and the bound take them as \
+             independent, and rho0 is {rho0} with the same values in both\n",
+            names.join(", ")
+        )
+    })
+}

@@ -1,0 +1,123 @@
+//! Pages, pictures and recordings as files.
+
+use std::path::Path;
+
+use elastocal::calibration::Calibration;
+use elastocal::files::output::write_whole;
+use elastocal::scenario::Scenario;
+use elastocal::text::wording::shell_word;
+use elastocal::view::mcap_file::write_mcap;
+use elastocal::view::recording::Recording;
+use elastocal::view::report::{RunRecord, run_page};
+use elastocal::view::rerun_file::{messages, write_rerun};
+use elastocal::view::stills;
+
+use super::RunShown;
+use crate::cli::written::{Written, warn};
+
+pub use super::study::StudyObserver;
+pub use super::target::ViewerTarget;
+
+/// What `run` writes beside its results.
+pub const RUN_FILES: &[&str] = &["run.mcap", "run.rrd", "stills.svg", "report.html"];
+/// The page of a study.
+pub const STUDY_PAGE: &str = "study.html";
+/// The recordings of a study.
+pub const STUDY_FILES: &[&str] = &["study.mcap", "study.rrd"];
+/// The page of `reproduce`.
+pub const REPRODUCTION_PAGE: &str = "reproduction.html";
+/// How the recordings of `replay` end.
+pub const REPLAY_ENDINGS: &[&str] = &["mcap", "rrd"];
+
+/// The views of a run, ready to be written.
+pub struct RunViews {
+    recording: Recording,
+    stills: String,
+    page: String,
+}
+
+impl RunViews {
+    pub fn new(run: &RunShown<'_>) -> anyhow::Result<Self> {
+        let stills = stills::sheet(run.scenario, &run.calibrations[0].1.plan);
+        let page = run_page(&RunRecord {
+            scenario: run.scenario,
+            plans: run.records,
+            evidence: run.evidence,
+            random: run.random,
+            random_repeats: run.random_repeats,
+            conditions: run.conditions,
+            command: &command_line(),
+            stills: &stills,
+        })?;
+        Ok(Self {
+            recording: Recording::new(run.scenario, run.calibrations)?,
+            stills,
+            page,
+        })
+    }
+
+    /// Writes the files, and shows the recording where it is asked for.
+    pub fn write(
+        &self,
+        folder: &Path,
+        target: Option<&ViewerTarget>,
+        written: &mut Written,
+    ) -> anyhow::Result<()> {
+        let [mcap, rerun, svg, html] =
+            ["run.mcap", "run.rrd", "stills.svg", "report.html"].map(|name| folder.join(name));
+        written.note(&svg, write_whole(&svg, self.stills.as_bytes()));
+        written.note(&html, write_whole(&html, self.page.as_bytes()));
+        written.note(&mcap, write_mcap(&mcap, &self.recording));
+        written.note(&rerun, write_rerun(&rerun, &self.recording));
+        target.map_or(Ok(()), |target| show(target, &self.recording, written))
+    }
+}
+
+/// Shows what run.rrd holds.
+fn show(target: &ViewerTarget, recording: &Recording, written: &mut Written) -> anyhow::Result<()> {
+    if let Some(path) = target.file() {
+        written.note(path, write_rerun(path, recording));
+    }
+    if let Some(mut viewer) = target.open() {
+        let problem = viewer
+            .send(messages(recording).map_err(anyhow::Error::msg)?)
+            .or_else(|| viewer.finish());
+        if let Some(problem) = problem {
+            warn(&problem, None);
+        }
+    }
+    Ok(())
+}
+
+/// The recording of a replayed run, ready to be written.
+pub struct ReplayViews(Recording);
+
+impl ReplayViews {
+    pub fn new(
+        scenario: &Scenario,
+        calibrations: &[(String, Calibration)],
+    ) -> anyhow::Result<Self> {
+        Ok(Self(Recording::new(scenario, calibrations)?))
+    }
+
+    /// Writes files that differ from the record's in their ending; says which one to look at.
+    pub fn write(&self, record: &Path, written: &mut Written) -> String {
+        let [mcap, rerun] = ["mcap", "rrd"].map(|ending| record.with_extension(ending));
+        written.note(&mcap, write_mcap(&mcap, &self.0));
+        written.note(&rerun, write_rerun(&rerun, &self.0));
+        format!("recorded in {}, .mcap and .json\n", rerun.display())
+    }
+}
+
+/// The sheet of a campaign.
+pub const RUN_SHEET: &str = "run_sheet.html";
+
+/// The command that was given, as a shell takes it.
+pub fn command_line() -> String {
+    let given = std::env::args_os().skip(1);
+    let words = given.map(|each| shell_word(&each.to_string_lossy()));
+    let words: Vec<String> = std::iter::once("elastocal".to_owned())
+        .chain(words)
+        .collect();
+    words.join(" ")
+}

@@ -1,0 +1,159 @@
+//! Which nested model to use: the rule of one standard error.
+
+use super::nested_model::NestedModel;
+
+/// Which nested model to use.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Recommendation {
+    /// The nested model of the smallest cross-validated loss.
+    pub best: usize,
+    /// The lowest nested model whose loss is no more than one standard error of the difference above that.
+    pub nested_model: usize,
+    /// What is recommended, and why.
+    pub sentences: Vec<String>,
+}
+
+/// Compares the nested models that could be judged; none where none could.
+pub(super) fn recommended(nested_models: &mut [NestedModel]) -> Option<Recommendation> {
+    let loss = |nested_model: &NestedModel| {
+        nested_model
+            .cross_validation
+            .as_ref()
+            .ok()
+            .map(|each| each.loss)
+    };
+    let judged = nested_models.iter().enumerate();
+    let judged = judged.filter_map(|(place, nested_model)| Some((place, loss(nested_model)?)));
+    let (best, _) = judged.min_by(|one, other| one.1.total_cmp(&other.1))?;
+    let of_best = nested_models[best].cross_validation.clone().ok()?;
+    for nested_model in nested_models.iter_mut() {
+        let Ok(own) = &mut nested_model.cross_validation else {
+            continue;
+        };
+        let losses = own.block_losses.iter().zip(&of_best.block_losses);
+        let apart: Vec<f64> = losses.map(|(own, best)| own - best).collect();
+        let count = apart.len() as f64;
+        let mean = apart.iter().sum::<f64>() / count;
+        let squares: f64 = apart.iter().map(|each| (each - mean).powi(2)).sum();
+        own.beyond_best = own.loss - of_best.loss;
+        own.standard_error = (squares / (count - 1.0) / count).sqrt();
+    }
+    let is_enough = |nested_model: &NestedModel| {
+        let judged = nested_model.cross_validation.as_ref();
+        judged.is_ok_and(|each| each.beyond_best <= each.standard_error)
+    };
+    let nested_model = nested_models.iter().position(is_enough).unwrap_or(best);
+    let sentences = sentences(nested_models, best, nested_model);
+    Some(Recommendation {
+        best,
+        nested_model,
+        sentences,
+    })
+}
+
+/// A nested model as `--parameters` takes it.
+fn named(nested_model: &NestedModel) -> String {
+    let names = nested_model.groups.iter().map(|group| group.word());
+    names.collect::<Vec<_>>().join(",")
+}
+
+fn sentences(nested_models: &[NestedModel], best: usize, nested_model: usize) -> Vec<String> {
+    let rms_mm = |nested_model: &NestedModel| {
+        let judged = nested_model.cross_validation.as_ref().ok();
+        let distances = judged.and_then(|each| each.distances.as_ref());
+        distances.map_or(0.0, |each| each.rms * 1e3)
+    };
+    let chosen = &nested_models[nested_model];
+    let mut sentences = vec![format!(
+        "Use --parameters {}: its cross-validated residual, over blocks of joint space, is {:.4} mm (rms).",
+        named(chosen),
+        rms_mm(chosen)
+    )];
+    if let Some(below) = nested_model
+        .checked_sub(1)
+        .map(|below| &nested_models[below])
+        && let Ok(judged) = &below.cross_validation
+    {
+        sentences.push(format!(
+            "With less, {} has {:.4} mm there: its loss is larger than the best by {:.1} standard errors.",
+            named(below),
+            rms_mm(below),
+            judged.beyond_best / judged.standard_error
+        ));
+    }
+    let more = nested_models[best].unknowns.saturating_sub(chosen.unknowns);
+    if best != nested_model
+        && let Ok(judged) = &chosen.cross_validation
+    {
+        sentences.push(format!(
+            "The smallest loss is that of {}, {:.4} mm; that is {:.1} standard errors of the difference, no reason for {more} \
+             unknowns more.",
+            named(&nested_models[best]),
+            rms_mm(&nested_models[best]),
+            judged.beyond_best / judged.standard_error
+        ));
+    }
+    if let Some(above) = nested_models.get(best + 1)
+        && let Ok(judged) = &above.cross_validation
+    {
+        let verdict = if judged.beyond_best > judged.standard_error {
+            "predicts worse than it fits: its parameters follow what the model does not explain"
+        } else {
+            "predicts no better"
+        };
+        sentences.push(format!(
+            "With more, {} has {:.4} mm there: it {verdict}.",
+            named(above),
+            rms_mm(above)
+        ));
+    }
+    sentences
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::ParameterGroup;
+    use super::super::nested_model::CrossValidation;
+    use super::*;
+
+    fn nested_model(block_losses: [f64; 3]) -> NestedModel {
+        NestedModel {
+            added: ParameterGroup::Zeros,
+            groups: Vec::new(),
+            unknowns: 0,
+            undetermined: Vec::new(),
+            distances: None,
+            angles: None,
+            discrepancy: [0.0; 2],
+            cross_validation: Ok(CrossValidation {
+                block_losses: block_losses.to_vec(),
+                loss: block_losses.iter().sum::<f64>() / 3.0,
+                beyond_best: 0.0,
+                standard_error: 0.0,
+                distances: None,
+                angles: None,
+            }),
+            test: None,
+            changes: Vec::new(),
+        }
+    }
+
+    /// The losses of three nested models are larger than the best by 0.2, 0.1, 0 and 0.3, with standard errors of 0.058, 0.153 and 0.1.
+    #[test]
+    fn the_lowest_within_one_standard_error_is_recommended() {
+        let best = [1.0, 2.0, 3.0];
+        let more =
+            |by: [f64; 3]| nested_model(std::array::from_fn(|block| best[block] + by[block]));
+        let far = more([0.3, 0.2, 0.1]);
+        let near = more([0.4, -0.1, 0.0]);
+        let more_than_enough = more([0.2, 0.2, 0.5]);
+        let mut nested_models = [far, near, nested_model(best), more_than_enough];
+        let found = recommended(&mut nested_models).expect("a recommendation");
+        assert_eq!((found.best, found.nested_model), (2, 1));
+        let errors =
+            nested_models.map(|each| each.cross_validation.expect("judged").standard_error);
+        for (found, expected) in errors.iter().zip([0.02_f64, 0.14, 0.0, 0.06]) {
+            assert!((found - (expected / 6.0).sqrt()).abs() < 1e-12, "{found}");
+        }
+    }
+}

@@ -1,0 +1,168 @@
+//! Absolute readings that lie far out.
+
+use nalgebra::{Matrix6, Vector3};
+
+use super::super::gauss_newton::ParameterFit;
+use super::super::outliers::{self, LookedOver, squares_of};
+use super::{
+    AbsoluteCase, AbsoluteFit, CopiedReadings, Discrepancy, ReadingResidual, RejectedReading,
+};
+use crate::parameter::ParameterSet;
+
+/// Where a fit uses up less of its readings than this share, no single one draws it to itself.
+const LITTLE: f64 = 0.1;
+
+/// What a fit says of all readings of a case.
+struct JudgedReadings {
+    left: Vec<ReadingResidual>,
+    /// Their covariances as they were weighed.
+    weighed: Vec<Matrix6<f64>>,
+    /// Of what is predicted for them, less than nothing for those that were not fitted; nothing where that is little of all.
+    known: Option<Vec<Matrix6<f64>>>,
+    spare: f64,
+    freedom: f64,
+}
+
+impl AbsoluteCase<'_> {
+    /// The readings that lie far out of what a fit to all but some leaves of all.
+    pub(super) fn far_out(
+        &self,
+        set: &ParameterSet,
+        fit: (&ParameterFit, Option<[f64; 2]>),
+        rejected: &[RejectedReading],
+    ) -> Option<Vec<RejectedReading>> {
+        let judged = self.judged(set, fit, rejected)?;
+        let angles: Vec<&[f64]> = (self.observations.iter())
+            .map(|each| each.setup.commanded_rad.as_slice())
+            .collect();
+        let readings = LookedOver {
+            left: &judged.left,
+            own: &self.covariances,
+            angles: &angles,
+            spare: judged.spare,
+            freedom: judged.freedom,
+            plausible: None,
+        };
+        outliers::far_out(&readings, |reading, whole| judged.squares(reading, whole))
+    }
+
+    /// The reading without which the weighted squares of a fit to all are smallest; none of many, among which none draws the fit to
+    /// itself.
+    pub(super) fn farthest(
+        &self,
+        set: &ParameterSet,
+        fit: (&ParameterFit, Option<[f64; 2]>),
+    ) -> Option<RejectedReading> {
+        let judged = self.judged(set, fit, &[])?;
+        judged.known.as_ref()?;
+        let squares = (judged.weighed.iter().enumerate()).map(|(reading, own)| {
+            let [position, rotation] = judged.squares(reading, own);
+            (reading, position.max(rotation))
+        });
+        let (reading, square) = squares.max_by(|one, other| one.1.total_cmp(&other.1))?;
+        Some(RejectedReading {
+            reading,
+            deviations: square.sqrt(),
+        })
+    }
+
+    fn judged(
+        &self,
+        set: &ParameterSet,
+        (fit, discrepancy): (&ParameterFit, Option<[f64; 2]>),
+        rejected: &[RejectedReading],
+    ) -> Option<JudgedReadings> {
+        let [position_m, rotation_rad] = discrepancy.unwrap_or_default();
+        let discrepancy = Discrepancy {
+            position_m,
+            rotation_rad,
+        };
+        let own = self.covariances.iter();
+        let mut judged = JudgedReadings {
+            left: self.left(&fit.belief).ok()?,
+            weighed: own.map(|own| own + discrepancy.covariance()).collect(),
+            known: None,
+            spare: fit.spare(),
+            // Of readings enough for a fit with frames their number makes next to no difference.
+            freedom: f64::INFINITY,
+        };
+        if 1.0 - judged.spare >= LITTLE {
+            judged.freedom = fit.degrees_of_freedom() as f64;
+            let covariance = &fit.posterior.covariance;
+            let mut here = self.clone();
+            let values = here.rebased(set, fit);
+            let rows = here.rows_at(&here.arm, set, values.as_slice(), &[]).ok()?;
+            let is_rejected = outliers::rejected_of(rows.len(), rejected);
+            let known = rows.iter().zip(is_rejected).map(|(rows, is_rejected)| {
+                let predicted = &rows.columns * covariance * rows.columns.transpose();
+                let sign = if is_rejected { -1.0 } else { 1.0 };
+                let mut known = Matrix6::zeros();
+                let mut own = known.view_mut((0, 0), predicted.shape());
+                own.copy_from(&(predicted * sign));
+                known
+            });
+            judged.known = Some(known.collect());
+        }
+        Some(judged)
+    }
+
+    /// The same case with the readings that were fitted alone.
+    pub fn kept(&self, fit: &AbsoluteFit) -> Self {
+        self.without(&fit.rejected)
+    }
+
+    /// The same case without some of its readings, and without copies of others.
+    pub(super) fn without(&self, rejected: &[RejectedReading]) -> Self {
+        let is_rejected = outliers::rejected_of(self.observations.len(), rejected);
+        let is_copy = self.copies.is_copy(self.observations.len());
+        self.part_of(|index| !is_rejected[index] && !is_copy[index])
+    }
+
+    /// The same case with some of its readings alone.
+    pub(super) fn only(&self, rejected: &[RejectedReading]) -> Self {
+        let is_rejected = outliers::rejected_of(self.observations.len(), rejected);
+        self.part_of(|index| is_rejected[index])
+    }
+
+    pub(super) fn part_of(&self, is_in: impl Fn(usize) -> bool) -> Self {
+        let mut place = vec![None; self.observations.len()];
+        let mut case = self.clone();
+        case.observations.clear();
+        case.covariances.clear();
+        case.far_from_frames.clear();
+        case.copies = CopiedReadings::default();
+        for (index, place) in place.iter_mut().enumerate() {
+            if is_in(index) {
+                *place = Some(case.observations.len());
+                case.observations.push(self.observations[index].clone());
+                case.covariances.push(self.covariances[index]);
+            }
+        }
+        case.visits = (self.visits.iter())
+            .map(|stand| stand.iter().filter_map(|&index| place[index]).collect())
+            .filter(|stand: &Vec<usize>| !stand.is_empty())
+            .collect();
+        case
+    }
+}
+
+impl JudgedReadings {
+    fn squares(&self, reading: usize, whole: &Matrix6<f64>) -> [f64; 2] {
+        let left = &self.left[reading];
+        match &self.known {
+            Some(known) => squares_of(left, &self.weighed[reading], whole, &known[reading]),
+            None => squares(left, whole),
+        }
+    }
+}
+
+/// Position and rotation, each over its covariance.
+fn squares(left: &ReadingResidual, covariance: &Matrix6<f64>) -> [f64; 2] {
+    let square = |vector: Vector3<f64>, first: usize| {
+        let own = covariance.fixed_view::<3, 3>(first, first).into_owned();
+        own.cholesky()
+            .map_or(0.0, |factor| vector.dot(&factor.solve(&vector)))
+    };
+    let rotation = left.rotation_rad.map_or(0.0, |vector| square(vector, 3));
+    [square(left.position_m, 0), rotation]
+}

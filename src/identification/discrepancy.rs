@@ -1,0 +1,198 @@
+//! What a model leaves of readings beyond their own noise.
+
+use nalgebra::{DVector, Matrix6, Vector3, Vector6};
+
+use crate::measurement::{Measurement, by_experiment};
+
+/// So often readings are weighed anew by what a fit leaves before the last time; the third time changes next to nothing.
+pub(super) const WEIGHINGS: usize = 3;
+
+/// A reading less its prediction, in the instrument's frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ReadingResidual {
+    /// Of the position (m).
+    pub position_m: Vector3<f64>,
+    /// Of the orientation, a rotation vector (rad), where poses are read.
+    pub rotation_rad: Option<Vector3<f64>>,
+}
+
+/// The standard deviations of what no parameter explains, of each coordinate.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Discrepancy {
+    /// Of a position (m).
+    pub position_m: f64,
+    /// Of a rotation vector (rad); nothing where no rotations are read.
+    pub rotation_rad: f64,
+}
+
+impl Discrepancy {
+    /// By how much residuals are larger than the readings' own covariances (m^2, m rad, rad^2) make them. `spare` is the
+    /// share of the numbers that was not used up by the fit: degrees of freedom over numbers.
+    pub fn of(left: &[ReadingResidual], covariances: &[Matrix6<f64>], spare: f64) -> Self {
+        let of = |first: usize, squares: Vec<f64>| {
+            let own = covariances.iter().map(|covariance| {
+                (0..3)
+                    .map(|row| covariance[(first + row, first + row)])
+                    .sum::<f64>()
+            });
+            let count = 3.0 * squares.len().max(1) as f64;
+            let (all, own) = (squares.iter().sum::<f64>(), own.sum::<f64>());
+            ((all / spare - own) / count).max(0.0).sqrt()
+        };
+        let rotations: Vec<f64> = (left.iter())
+            .filter_map(|each| each.rotation_rad.map(|rotation| rotation.norm_squared()))
+            .collect();
+        let positions = left
+            .iter()
+            .map(|each| each.position_m.norm_squared())
+            .collect();
+        Self {
+            position_m: of(0, positions),
+            rotation_rad: if rotations.is_empty() {
+                0.0
+            } else {
+                of(3, rotations)
+            },
+        }
+    }
+
+    /// Measured deflections with standard deviations that count it; `sigma_m` is that of deflections which bring none of their own.
+    /// Repeats of one experiment share a discrepancy s: each of r counts r s^2 besides its own variance, so that their mean has s^2.
+    pub fn weighed(&self, measurements: &[Measurement], sigma_m: f64) -> Vec<Measurement> {
+        let mut all = measurements.to_vec();
+        for (each, [deflections, rotations]) in all.iter_mut().zip(repeats(measurements)) {
+            let own = each.sigma_m.unwrap_or_else(|| Vector3::repeat(sigma_m));
+            let more = self.position_m * deflections.sqrt();
+            each.sigma_m = Some(own.map(|own| own.hypot(more)));
+            if let Some(rotation) = &mut each.rotation {
+                let more = self.rotation_rad * rotations.sqrt();
+                rotation.sigma_rad = rotation.sigma_rad.map(|own| own.hypot(more));
+            }
+        }
+        all
+    }
+
+    /// Its covariance in a reading: position above rotation (m^2, rad^2).
+    pub fn covariance(&self) -> Matrix6<f64> {
+        Matrix6::from_diagonal(&Vector6::from_fn(|row, _| {
+            let deviation = if row < 3 {
+                self.position_m
+            } else {
+                self.rotation_rad
+            };
+            deviation * deviation
+        }))
+    }
+}
+
+/// For each measurement how many are of its experiment, itself among them: deflections and rotations.
+pub(super) fn repeats(measurements: &[Measurement]) -> Vec<[f64; 2]> {
+    let mut repeats = vec![[0.0; 2]; measurements.len()];
+    for members in by_experiment(measurements) {
+        let rotations = members
+            .iter()
+            .filter(|&&each| measurements[each].rotation.is_some());
+        let counts = [members.len() as f64, rotations.count() as f64];
+        for each in members {
+            repeats[each] = counts;
+        }
+    }
+    repeats
+}
+
+/// Parts of joint space: the number of the block of each configuration (rad; m where joints slide). The largest block is cut
+/// in halves along the joint that moves furthest in it, until there are `count` or none has two different configurations.
+/// Discrepancy is alike where configurations are; what is judged by other blocks than it was fitted to is judged elsewhere.
+pub fn joint_space_blocks(configurations: &[&DVector<f64>], count: usize) -> Vec<usize> {
+    let mut blocks: Vec<Vec<usize>> = vec![(0..configurations.len()).collect()];
+    while blocks.len() < count {
+        let cut = (blocks.iter().enumerate())
+            .filter_map(|(place, block)| widest(configurations, block).map(|joint| (place, joint)))
+            .max_by_key(|(place, _)| (blocks[*place].len(), std::cmp::Reverse(*place)));
+        let Some((place, joint)) = cut else {
+            break;
+        };
+        let block = &mut blocks[place];
+        let angle = |index: usize| configurations[index][joint];
+        block.sort_by(|&one, &other| angle(one).total_cmp(&angle(other)).then(one.cmp(&other)));
+        // Equal angles stay together: the change next to the middle.
+        let middle = block.len() / 2;
+        let is_change = |&at: &usize| angle(block[at - 1]) < angle(block[at]);
+        let change = (1..block.len())
+            .filter(is_change)
+            .min_by_key(|at| at.abs_diff(middle));
+        let other = block.split_off(change.unwrap_or(middle));
+        blocks.push(other);
+    }
+    let mut block_of = vec![0; configurations.len()];
+    for (number, block) in blocks.iter().enumerate() {
+        for &index in block {
+            block_of[index] = number;
+        }
+    }
+    block_of
+}
+
+/// The joint that moves furthest in a block; none where none moves.
+fn widest(configurations: &[&DVector<f64>], block: &[usize]) -> Option<usize> {
+    let joints = configurations.get(*block.first()?)?.len();
+    let reach = |joint: usize| {
+        let angles = block.iter().map(|&index| configurations[index][joint]);
+        let (low, high) = angles.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), angle| {
+            (low.min(angle), high.max(angle))
+        });
+        high - low
+    };
+    (0..joints)
+        .map(|joint| (joint, reach(joint)))
+        .filter(|(_, reach)| *reach > 0.0)
+        .max_by(|one, other| one.1.total_cmp(&other.1).then(other.0.cmp(&one.0)))
+        .map(|(joint, _)| joint)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn discrepancy_is_what_noise_does_not_explain() {
+        let residual = |x: f64| ReadingResidual {
+            position_m: Vector3::new(x, x, x),
+            rotation_rad: None,
+        };
+        let left = [residual(5e-4), residual(-5e-4)];
+        let own = Matrix6::from_diagonal_element(9e-8);
+        let discrepancy = Discrepancy::of(&left, &[own, own], 1.0);
+        assert!((discrepancy.position_m - 4e-4).abs() < 1e-12);
+        assert!(discrepancy.rotation_rad.abs() < f64::MIN_POSITIVE);
+        // Half of the numbers were used up.
+        let discrepancy = Discrepancy::of(&left, &[own, own], 0.5);
+        assert!((discrepancy.position_m - (2.0 * 25e-8 - 9e-8_f64).sqrt()).abs() < 1e-12);
+        assert!((discrepancy.covariance()[(1, 1)] - discrepancy.position_m.powi(2)).abs() < 1e-20);
+    }
+
+    #[test]
+    fn blocks_are_parts_of_joint_space() {
+        let grid: Vec<DVector<f64>> = (0..64)
+            .map(|index| DVector::from_vec(vec![f64::from(index % 8), 0.1 * f64::from(index / 8)]))
+            .collect();
+        let all: Vec<&DVector<f64>> = grid.iter().collect();
+        let blocks = joint_space_blocks(&all, 8);
+        for block in 0..8 {
+            let angles: Vec<f64> = (0..64)
+                .filter(|&index| blocks[index] == block)
+                .map(|index| grid[index][0])
+                .collect();
+            // The first joint moves ten times as far: one block for each of its angles.
+            assert_eq!(angles.len(), 8);
+            assert!(
+                angles
+                    .windows(2)
+                    .all(|pair| pair[0].to_bits() == pair[1].to_bits())
+            );
+        }
+        // The same configuration twice stays in one block.
+        let same = [&grid[3], &grid[3]];
+        assert_eq!(joint_space_blocks(&same, 4), [0, 0]);
+    }
+}

@@ -1,0 +1,96 @@
+//! Compliances that readings determine less well than what is believed of them.
+//!
+//! A compliance is positive, and its nominal value is right to a factor. One that a fit leaves uncertain by more than its nominal value, or
+//! makes negative, is better guessed by that: it stays nominal, and the others are fitted beside it.
+
+use nalgebra::DMatrix;
+
+use super::{Case, Identification};
+use crate::parameter::{ParameterKind, ParameterSet};
+
+/// A compliance that is uncertain by more of its nominal value than this is not determined, errors of the readings independent ...
+pub(super) const UNKNOWN: f64 = 1.0;
+/// ... and where they are not, which is known less well: series that contradict each other are told by what each says.
+pub(super) const UNKNOWN_TOGETHER: f64 = 10.0;
+
+/// The places of those of `free` that are to stay nominal, by values and covariance of all unknowns and their typical sizes. The least
+/// certain is held first, since others may be certain beside it; negative ones where all are certain.
+fn to_hold(
+    mut free: Vec<usize>,
+    values: &[f64],
+    covariance: &DMatrix<f64>,
+    scales: &[f64],
+    unknown: f64,
+) -> Vec<usize> {
+    let mut covariance = covariance.clone();
+    let mut held = Vec::new();
+    let uncertain = |covariance: &DMatrix<f64>, place: usize| {
+        covariance[(place, place)] / scales[place].powi(2)
+    };
+    while let Some(index) = (0..free.len()).max_by(|&one, &other| {
+        uncertain(&covariance, free[one]).total_cmp(&uncertain(&covariance, free[other]))
+    }) {
+        let place = free[index];
+        if uncertain(&covariance, place) <= unknown * unknown {
+            break;
+        }
+        free.swap_remove(index);
+        held.push(place);
+        // What is known of the others once this one is given.
+        let column = covariance.column(place).into_owned();
+        covariance.ger(-column[place].recip(), &column, &column, 1.0);
+    }
+    if held.is_empty() {
+        held.extend(free.into_iter().filter(|&place| values[place] < 0.0));
+    }
+    held
+}
+
+/// The set in which such compliances stay nominal; none where there are none besides those that do already. Values and covariance are of the
+/// set, in its units.
+pub(super) fn with_nominal(
+    set: &ParameterSet,
+    values: &[f64],
+    covariance: &DMatrix<f64>,
+    unknown: f64,
+) -> Option<ParameterSet> {
+    let free = (0..set.len()).filter(|place| {
+        let kind = set.parameters()[*place].kind;
+        matches!(kind, ParameterKind::JointCompliance { .. })
+            && set.prior().precision[(*place, *place)] <= 0.0
+            && !set.nominal().contains(place)
+    });
+    let scales = set.scales();
+    let held = to_hold(
+        free.collect(),
+        values,
+        covariance,
+        scales.as_slice(),
+        unknown,
+    );
+    (!held.is_empty()).then(|| set.clone().with_nominal(&held))
+}
+
+impl Case<'_> {
+    /// Those of its compliances that are to stay nominal besides those that do, by what was identified; their places.
+    pub(super) fn places_to_hold(self, found: &Identification) -> Vec<usize> {
+        let posterior = &found.posterior;
+        let prior = match (self.uncertain, self.prior) {
+            (Some(extended), _) => Some(extended.set().prior()),
+            (None, prior) => prior,
+        };
+        let is_free = |place: &usize| {
+            found.parameters[*place].estimate.is_some()
+                && prior.is_none_or(|prior| prior.precision[(*place, *place)] <= 0.0)
+        };
+        let free: Vec<usize> = (0..self.parameters.len()).filter(is_free).collect();
+        let scales = posterior.estimable.typical();
+        to_hold(
+            free,
+            &posterior.mean,
+            &posterior.covariance,
+            scales,
+            UNKNOWN,
+        )
+    }
+}

@@ -1,0 +1,356 @@
+//! Wrong readings: fits without what lies far out, until the same lies far out.
+//!
+//! The yardstick is the median of the squares that are left, which half of the readings being wrong does not spoil, so that a
+//! few readings that are wrong by much, all to one side too, hide neither themselves nor others. Readings within five
+//! standard deviations count fully, those beyond not at all.
+
+use nalgebra::{Matrix3, Matrix6, SymmetricEigen, Vector3};
+use statrs::distribution::{ContinuousCDF, FisherSnedecor};
+
+use super::discrepancy::ReadingResidual;
+use super::spread::ErrorSpread;
+use crate::numeric::tolerance::median;
+use crate::text::wording::counted;
+
+/// Residuals that are as large, or as small, with less than this probability are no chance: with a
+/// thousand calibrations of a correct set-up a year, each side warns wrongly once in ten years. It holds
+/// for any number of degrees of freedom, since the probabilities are those of the chi-square
+/// distribution itself.
+pub const IMPLAUSIBLE: f64 = 1e-4;
+
+/// Beyond so many standard deviations no correct reading lies: the probability is 5.7e-7, one in 1.7 million.
+const FAR_OUT: f64 = 5.0;
+/// That probability.
+const BY_CHANCE: f64 = 5.733_031e-7;
+/// The square of three coordinates that is as improbable.
+const FAR_SQUARE: f64 = 31.812_3;
+/// Squares that are exceeded with this probability or more say nothing against the readings' own covariances.
+const CLEARLY_PLAUSIBLE: f64 = 0.05;
+/// A median tells as much of a variance as about so many of the residuals do by their squares.
+const OF_A_MEDIAN: f64 = 0.5;
+/// Half of the squares of three coordinates lie below.
+const MEDIAN_SQUARE: f64 = 2.365_973_884_375_34;
+/// Fewer vectors do not tell which directions they prefer.
+const LEAST_OF_A_SHAPE: usize = 40;
+/// Each brings a shape nearer to that which the vectors have by more than a half.
+const SHAPINGS: usize = 30;
+/// Fewer squares do not tell where a few that are large are wrong, and where errors are large.
+const LEAST_SQUARES: usize = 100;
+/// So often readings are looked at to find out where it is.
+const LOOKS: usize = 4;
+/// What is left of a direction of a reading that the fit goes through is rounding.
+const NO_VARIANCE: f64 = 1e-8;
+/// Fits that are made; the first few leave out nearly all.
+const ROUNDS: usize = 12;
+/// A larger share of readings is not wrong: the model is.
+const MOST: f64 = 0.25;
+
+/// A reading that was left out.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RejectedReading {
+    /// Its index, from 0.
+    pub reading: usize,
+    /// How far out it lies: standard deviations of one coordinate with that probability.
+    pub deviations: f64,
+}
+
+impl RejectedReading {
+    /// Why it was left out, in words.
+    pub fn reason(&self) -> String {
+        format!(
+            "outlier: {:.1} standard deviations given the other readings, limit {FAR_OUT}",
+            self.deviations
+        )
+    }
+
+    /// The outliers among so many readings, each with how far out it lies; none where there are none.
+    pub fn words(rejected: &[Self], count: usize, noun: &str) -> Option<String> {
+        let rows: Vec<String> = (rejected.iter())
+            .map(|each| format!("{} ({:.1})", each.reading + 1, each.deviations))
+            .collect();
+        let number = counted(rows.len() as u64, "outlier");
+        (!rows.is_empty()).then(|| {
+            format!(
+                "{number} of {count} {noun}s beyond {FAR_OUT} standard deviations, not fitted: {}",
+                rows.join(", ")
+            )
+        })
+    }
+}
+
+/// Readings as what lies far out of them is looked for.
+pub(super) struct LookedOver<'a> {
+    /// What a fit leaves of them.
+    pub left: &'a [ReadingResidual],
+    /// Their own covariances.
+    pub own: &'a [Matrix6<f64>],
+    /// The commanded angles of each.
+    pub angles: &'a [&'a [f64]],
+    /// As in [`Discrepancy::of`](super::Discrepancy::of).
+    pub spare: f64,
+    /// Degrees of freedom.
+    pub freedom: f64,
+    /// By how much variances are larger than the readings' own, where those that were fitted are plausible by their own; else what is
+    /// unexplained of most is the yardstick.
+    pub plausible: Option<f64>,
+}
+
+/// As [`LookedOver::plausible`], of readings whose weighted squares over their degrees of freedom are `ratio`, with the `probability` of
+/// larger ones.
+pub(super) fn plausible(probability: Option<f64>, ratio: f64) -> Option<f64> {
+    match probability? {
+        clear if clear >= CLEARLY_PLAUSIBLE => Some(1.0),
+        doubtful if doubtful >= IMPLAUSIBLE => Some(ratio.max(1.0)),
+        _ => None,
+    }
+}
+
+/// The readings that lie far out of what a fit leaves of all. `squares_of` is what is left of a reading over a covariance, of position
+/// and of rotation. Where a discrepancy comes from residuals of few degrees of freedom, larger squares are as improbable; where what is left is
+/// larger at some angles than at others, the yardstick there is. None where so many lie far out that nothing can be said of
+/// single ones.
+pub(super) fn far_out(
+    readings: &LookedOver<'_>,
+    squares_of: impl Fn(usize, &Matrix6<f64>) -> [f64; 2],
+) -> Option<Vec<RejectedReading>> {
+    let LookedOver { own, freedom, .. } = *readings;
+    let discrepancy = match readings.plausible {
+        Some(_) => [Matrix3::zeros(); 2],
+        None => robust_discrepancy(readings.left, own, readings.spare),
+    };
+    let scale = readings.plausible.unwrap_or(1.0);
+    let is_known = scale <= 1.0 && discrepancy.iter().all(|part| *part == Matrix3::zeros());
+    let far = if is_known {
+        FAR_SQUARE
+    } else {
+        far_square(freedom)
+    };
+    let mut covariance = Matrix6::zeros();
+    for (part, discrepancy) in discrepancy.iter().enumerate() {
+        (covariance.fixed_view_mut::<3, 3>(3 * part, 3 * part)).copy_from(discrepancy);
+    }
+    let mut squares: Vec<[f64; 2]> = (own.iter().enumerate())
+        .map(|(reading, own)| squares_of(reading, &(own + covariance)).map(|each| each / scale))
+        .collect();
+    for (part, discrepancy) in discrepancy.iter().enumerate() {
+        if *discrepancy != Matrix3::zeros() {
+            let own: Vec<f64> = squares.iter().map(|each| each[part]).collect();
+            let factors = local_factors(&own, readings.angles, far);
+            for (each, factor) in squares.iter_mut().zip(factors) {
+                each[part] /= factor;
+            }
+        }
+    }
+    let found: Vec<RejectedReading> = (squares.iter().enumerate())
+        .filter_map(|(reading, [position, rotation])| {
+            let square = position.max(*rotation);
+            (square > far).then(|| RejectedReading {
+                reading,
+                deviations: FAR_OUT * (square / far).sqrt(),
+            })
+        })
+        .collect();
+    (found.len() as f64 <= MOST * own.len() as f64).then_some(found)
+}
+
+/// By how much larger squares are where each reading is than they are on the whole, at least one: as those say that do not lie far out there.
+fn local_factors(squares: &[f64], angles: &[&[f64]], far: f64) -> Vec<f64> {
+    let mut factors = vec![1.0; squares.len()];
+    let commands = angles.first().map_or(0, |each| each.len());
+    let ranges: Vec<[f64; 2]> = (0..commands)
+        .map(|joint| {
+            let angles = angles.iter().map(|each| each[joint]);
+            let both = (f64::INFINITY, f64::NEG_INFINITY);
+            let (low, high) =
+                angles.fold(both, |(low, high), angle| (low.min(angle), high.max(angle)));
+            [low, high]
+        })
+        .collect();
+    for _ in 0..LOOKS {
+        let kept: Vec<usize> = (0..squares.len())
+            .filter(|&each| squares[each] <= far * factors[each])
+            .collect();
+        if kept.len() < LEAST_SQUARES {
+            break;
+        }
+        let own: Vec<f64> = kept.iter().map(|&each| squares[each]).collect();
+        let places: Vec<&[f64]> = kept.iter().map(|&each| angles[each]).collect();
+        let Some(spread) = ErrorSpread::of_logarithms(&own, &places, &ranges) else {
+            break;
+        };
+        let relative: Vec<f64> = (angles.iter())
+            .map(|angles| spread.logarithm_at(angles, &ranges).exp())
+            .collect();
+        let Some(middle) = median(
+            kept.iter()
+                .map(|&each| squares[each] / relative[each])
+                .collect(),
+        ) else {
+            break;
+        };
+        let found = relative
+            .iter()
+            .map(|relative| (relative * middle / MEDIAN_SQUARE).max(1.0));
+        factors = found.collect();
+    }
+    factors
+}
+
+/// The square of three coordinates over a variance from so many degrees of freedom that is as improbable.
+fn far_square(freedom: f64) -> f64 {
+    if freedom.is_infinite() {
+        return FAR_SQUARE;
+    }
+    FisherSnedecor::new(3.0, OF_A_MEDIAN * freedom).map_or(f64::INFINITY, |distribution| {
+        (3.0 * distribution.inverse_cdf(1.0 - BY_CHANCE)).max(FAR_SQUARE)
+    })
+}
+
+/// Fits anew without what lies far out, until the same does; what was left out, with the last fit. `rejected` lies far out of a first
+/// fit to all. None where nothing does, where too much does, or where there is no other fit.
+pub(super) fn until_the_same<Fit>(
+    mut rejected: Vec<RejectedReading>,
+    far_out: impl Fn(&Fit) -> Option<Vec<RejectedReading>>,
+    fit_without: impl Fn(&[RejectedReading]) -> Option<Fit>,
+) -> Option<(Vec<RejectedReading>, Fit)> {
+    let mut found = None;
+    for _ in 0..ROUNDS {
+        if rejected.is_empty() {
+            return None;
+        }
+        let fit = fit_without(&rejected)?;
+        let next = far_out(&fit)?;
+        let readings = |all: &[RejectedReading]| -> Vec<usize> {
+            all.iter().map(|each| each.reading).collect()
+        };
+        if readings(&next) == readings(&rejected) {
+            return Some((next, fit));
+        }
+        found = Some((rejected, fit));
+        rejected = next;
+    }
+    found
+}
+
+/// For each of so many readings whether it was rejected.
+pub(super) fn rejected_of(count: usize, rejected: &[RejectedReading]) -> Vec<bool> {
+    let mut of_all = vec![false; count];
+    for each in rejected {
+        of_all[each.reading] = true;
+    }
+    of_all
+}
+
+/// Those of one thing for each reading that belong to readings that were not rejected.
+pub(super) fn kept<T: Clone>(all: &[T], rejected: &[RejectedReading]) -> Vec<T> {
+    let is_rejected = rejected_of(all.len(), rejected);
+    let all = all.iter().zip(is_rejected);
+    all.filter(|(_, is_rejected)| !is_rejected)
+        .map(|(each, _)| each.clone())
+        .collect()
+}
+
+/// What is left of a reading, of position and of rotation, over the covariance of that: R - A cov A^T with the covariance `known`
+/// of what is predicted; of one that was left out R + A cov A^T, with a `known` that is negative. `own` is R as the reading was weighed,
+/// `whole` what it is to be.
+pub(super) fn squares_of(
+    left: &ReadingResidual,
+    own: &Matrix6<f64>,
+    whole: &Matrix6<f64>,
+    known: &Matrix6<f64>,
+) -> [f64; 2] {
+    let square = |vector: &Vector3<f64>, first: usize| {
+        let [whole, own, known] =
+            [whole, own, known].map(|each| each.fixed_view::<3, 3>(first, first).into_owned());
+        square_of(vector, &whole, &own, &known)
+    };
+    let rotation = left.rotation_rad.map_or(0.0, |vector| square(&vector, 3));
+    [square(&left.position_m, 0), rotation]
+}
+
+/// What is left of a reading over the covariance of that. Of the reading's own covariance a fit takes up the share `known`; of the whole
+/// one, which counts what is unexplained, it takes up as much.
+fn square_of(
+    left: &Vector3<f64>,
+    whole: &Matrix3<f64>,
+    own: &Matrix3<f64>,
+    known: &Matrix3<f64>,
+) -> f64 {
+    let factors = whole.cholesky().zip(own.cholesky());
+    let Some((whole, own)) = factors.map(|(whole, own)| (whole.l(), own.l())) else {
+        return 0.0;
+    };
+    let (Some(left), Some(half)) = (
+        whole.solve_lower_triangular(left),
+        own.solve_lower_triangular(known),
+    ) else {
+        return 0.0;
+    };
+    let Some(share) = own.solve_lower_triangular(&half.transpose()) else {
+        return 0.0;
+    };
+    let eigen = SymmetricEigen::new(Matrix3::identity() - share);
+    let coordinates = eigen.eigenvectors.tr_mul(&left);
+    (eigen.eigenvalues.iter().zip(&coordinates))
+        .filter(|(variance, _)| **variance > NO_VARIANCE)
+        .map(|(variance, coordinate)| coordinate * coordinate / variance)
+        .sum()
+}
+
+/// What is unexplained of most readings, of position and of rotation: covariances.
+fn robust_discrepancy(
+    left: &[ReadingResidual],
+    own: &[Matrix6<f64>],
+    spare: f64,
+) -> [Matrix3<f64>; 2] {
+    let positions = left.iter().map(|each| each.position_m).collect();
+    let rotations = left.iter().filter_map(|each| each.rotation_rad).collect();
+    let of = |vectors: Vec<Vector3<f64>>, first: usize| {
+        let own = own
+            .iter()
+            .map(|covariance| (covariance.fixed_view::<3, 3>(first, first).trace()) / 3.0);
+        let own = median(own.collect()).unwrap_or(0.0);
+        let size = |square: &dyn Fn(&Vector3<f64>) -> f64| {
+            median(vectors.iter().map(square).collect()).unwrap_or(0.0) / MEDIAN_SQUARE / spare
+        };
+        let least = size(&Vector3::norm_squared);
+        if least <= own {
+            return Matrix3::zeros();
+        }
+        let shape = shape_of(&vectors);
+        let inverse = shape.try_inverse().unwrap_or_else(Matrix3::identity);
+        let all = shape * size(&|vector| vector.dot(&(inverse * vector)));
+        let mut eigen = SymmetricEigen::new(all);
+        // Errors are larger in some directions where they are elsewhere, perhaps: nowhere are they taken for smaller than on the whole.
+        eigen
+            .eigenvalues
+            .apply(|value| *value = value.max(least) - own);
+        eigen.recompose()
+    };
+    [of(positions, 0), of(rotations, 3)]
+}
+
+/// The shape of the covariance of vectors, of determinant one, by their directions alone (Tyler 1987): far ones count no more than others.
+/// Errors of parallel joints lie within a plane.
+fn shape_of(vectors: &[Vector3<f64>]) -> Matrix3<f64> {
+    let mut shape = Matrix3::identity();
+    if vectors.len() < LEAST_OF_A_SHAPE {
+        return shape;
+    }
+    for _ in 0..SHAPINGS {
+        let Some(inverse) = shape.try_inverse() else {
+            return Matrix3::identity();
+        };
+        let sum: Matrix3<f64> = (vectors.iter())
+            .map(|vector| (vector, vector.dot(&(inverse * vector))))
+            .filter(|(_, square)| *square > 0.0)
+            .map(|(vector, square)| vector * vector.transpose() / square)
+            .sum();
+        let size = sum.determinant().cbrt();
+        if size.is_nan() || size <= 0.0 {
+            return Matrix3::identity();
+        }
+        shape = sum / size;
+    }
+    shape
+}

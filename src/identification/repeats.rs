@@ -1,0 +1,235 @@
+//! Repeated visits of one command pose under one load: repeatability, accuracy and drift (ISO 9283).
+//!
+//! With the places x of n visits, their mean m and distances l = |x - m|, RP = mean(l) + 3 std(l) at each pose, and AP = |m - p|
+//! from the predicted place p. The covariance pooled over all poses, S = sum (x - m)(x - m)^T / sum (n - 1), has an RP of its own,
+//! that of a normal x. Drift is the common slope b of x - m over t - mean(t), t the visit's place in the file or its time, by least
+//! squares; T^2 = b^T cov(b)^-1 b has Hotelling's distribution where there is none.
+//!
+//! All of it has the instrument's noise in it. Readings of one visit are averaged first: they say nothing of how a robot returns.
+
+use nalgebra::{DMatrix, Matrix3, Vector3};
+use statrs::distribution::{ContinuousCDF, FisherSnedecor};
+
+use crate::experiment::{is_one_configuration, together};
+use crate::measurement::{AbsoluteReading, Measurement, by_experiment};
+use crate::numeric::tolerance::pose_repeatability;
+
+/// Two visits are as far from their mean, and say nothing of how distances scatter.
+const FEWEST: usize = 3;
+/// The number of coordinates.
+const COORDINATES: f64 = 3.0;
+
+/// One visit: where something was read, and when.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct RepeatedVisit {
+    /// The place, or the reading less its prediction (m).
+    place_m: Vector3<f64>,
+    /// When: rows, or hours.
+    at: f64,
+}
+
+/// The visits of one pose.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RepeatedPose {
+    /// Its first row, from 0.
+    pub first: usize,
+    /// The number of visits.
+    pub visits: usize,
+    /// RP (m); none of two visits.
+    pub repeatability_m: Option<f64>,
+    /// AP (m), where readings are absolute.
+    pub accuracy_m: Option<f64>,
+}
+
+/// How the places move over the visits of a file.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PlaceDrift {
+    /// Whether it is by hour; else by row of the file.
+    pub is_by_hour: bool,
+    /// How far places move (m) in an hour, or from row to row.
+    pub slope_m: Vector3<f64>,
+    /// The standard errors.
+    pub standard_error_m: Vector3<f64>,
+    /// The probability of slopes at least as large where there is no drift; none where the visits are too few.
+    pub probability: Option<f64>,
+}
+
+/// What repeated visits show.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Repeats {
+    /// The poses that were visited more than once.
+    pub poses: Vec<RepeatedPose>,
+    /// RP (m) by the covariance pooled over them.
+    pub repeatability_m: f64,
+    /// Its degrees of freedom in each coordinate.
+    pub degrees_of_freedom: usize,
+    /// The drift, where visits of a pose are apart.
+    pub drift: Option<PlaceDrift>,
+}
+
+impl Repeats {
+    /// Of deflections: two readings each, and no place that is predicted. `None` without repeats.
+    pub fn of_deflections(measurements: &[Measurement], kept: &[usize]) -> Option<Self> {
+        let own: Vec<Measurement> = kept.iter().map(|&row| measurements[row].clone()).collect();
+        let visit = |place: usize| RepeatedVisit {
+            place_m: own[place].deflection_m,
+            at: kept[place] as f64,
+        };
+        let poses: Vec<(usize, Vec<RepeatedVisit>)> = (by_experiment(&own).into_iter())
+            .map(|group| (kept[group[0]], group.into_iter().map(visit).collect()))
+            .collect();
+        Self::new(&poses, false, false)
+    }
+
+    /// Of absolute readings, some of which are kept, by what they are less their predictions (m).
+    pub fn of_readings(
+        readings: &[AbsoluteReading],
+        residuals_m: &[Vector3<f64>],
+        kept: &[usize],
+    ) -> Option<Self> {
+        let is_same = |one: usize, other: usize| {
+            let [one, other] = [one, other].map(|place| &readings[kept[place]]);
+            let command = |each: &'_ AbsoluteReading| {
+                (each.load, &each.target, &each.station) == (one.load, &one.target, &one.station)
+            };
+            let sides = [one, other].map(|each| (&each.configuration_rad, each.approach.as_ref()));
+            command(other) && is_one_configuration(sides[0], sides[1])
+        };
+        let groups = together(
+            kept.len(),
+            |place| &readings[kept[place]].configuration_rad,
+            is_same,
+        );
+        let is_by_hour = readings.iter().all(|reading| reading.time_s.is_some());
+        let visit = |row: usize| RepeatedVisit {
+            place_m: residuals_m[row],
+            at: match readings[row].time_s.filter(|_| is_by_hour) {
+                Some(time_s) => time_s / 3600.0,
+                None => row as f64,
+            },
+        };
+        let poses: Vec<(usize, Vec<RepeatedVisit>)> = (groups.into_iter())
+            .map(|group| {
+                let rows: Vec<usize> = group.into_iter().map(|place| kept[place]).collect();
+                let visits = by_state(readings, &rows).into_iter();
+                let mean =
+                    |rows: Vec<usize>| mean(&rows.into_iter().map(visit).collect::<Vec<_>>());
+                (rows[0], visits.map(mean).collect())
+            })
+            .collect();
+        Self::new(&poses, true, is_by_hour)
+    }
+
+    fn new(
+        poses: &[(usize, Vec<RepeatedVisit>)],
+        is_absolute: bool,
+        is_by_hour: bool,
+    ) -> Option<Self> {
+        let repeated: Vec<&(usize, Vec<RepeatedVisit>)> = (poses.iter())
+            .filter(|(_, visits)| visits.len() > 1)
+            .collect();
+        let freedom: usize = repeated.iter().map(|(_, visits)| visits.len() - 1).sum();
+        if freedom == 0 {
+            return None;
+        }
+        let apart: Vec<RepeatedVisit> = (repeated.iter())
+            .flat_map(|(_, visits)| from_mean(visits))
+            .collect();
+        let scatter: Matrix3<f64> = (apart.iter())
+            .map(|each| each.place_m * each.place_m.transpose())
+            .sum();
+        let pooled = scatter / freedom as f64;
+        Some(Self {
+            repeatability_m: pose_repeatability(&DMatrix::from_column_slice(
+                3,
+                3,
+                pooled.as_slice(),
+            ))?,
+            degrees_of_freedom: freedom,
+            drift: drift(&apart, &scatter, freedom, is_by_hour),
+            poses: (repeated.into_iter())
+                .map(|(first, visits)| RepeatedPose {
+                    first: *first,
+                    visits: visits.len(),
+                    repeatability_m: repeatability_m(visits),
+                    accuracy_m: is_absolute.then(|| mean(visits).place_m.norm()),
+                })
+                .collect(),
+        })
+    }
+}
+
+/// Rows of one state are readings of one visit; without a state each row is a visit.
+fn by_state(readings: &[AbsoluteReading], rows: &[usize]) -> Vec<Vec<usize>> {
+    let mut visits: Vec<Vec<usize>> = Vec::new();
+    for &row in rows {
+        let state = &readings[row].state;
+        let known = visits
+            .iter_mut()
+            .find(|visit| state.is_some() && readings[visit[0]].state == *state);
+        match known {
+            Some(visit) => visit.push(row),
+            None => visits.push(vec![row]),
+        }
+    }
+    visits
+}
+
+fn mean(visits: &[RepeatedVisit]) -> RepeatedVisit {
+    let share = (visits.len() as f64).recip();
+    RepeatedVisit {
+        place_m: visits.iter().map(|each| each.place_m).sum::<Vector3<f64>>() * share,
+        at: visits.iter().map(|each| each.at).sum::<f64>() * share,
+    }
+}
+
+fn from_mean(visits: &[RepeatedVisit]) -> impl Iterator<Item = RepeatedVisit> {
+    let mean = mean(visits);
+    visits.iter().map(move |each| RepeatedVisit {
+        place_m: each.place_m - mean.place_m,
+        at: each.at - mean.at,
+    })
+}
+
+fn repeatability_m(visits: &[RepeatedVisit]) -> Option<f64> {
+    if visits.len() < FEWEST {
+        return None;
+    }
+    let lengths: Vec<f64> = from_mean(visits).map(|each| each.place_m.norm()).collect();
+    let count = lengths.len() as f64;
+    let mean = lengths.iter().sum::<f64>() / count;
+    let squares: f64 = lengths.iter().map(|length| (length - mean).powi(2)).sum();
+    Some(mean + 3.0 * (squares / (count - 1.0)).sqrt())
+}
+
+/// The drift of visits, each from the mean of its pose, that scatter by so much (m^2).
+fn drift(
+    apart: &[RepeatedVisit],
+    scatter: &Matrix3<f64>,
+    freedom: usize,
+    is_by_hour: bool,
+) -> Option<PlaceDrift> {
+    let spread: f64 = apart.iter().map(|each| each.at * each.at).sum();
+    if spread <= 0.0 || freedom < 2 {
+        return None;
+    }
+    let slope_m: Vector3<f64> = (apart.iter())
+        .map(|each| each.place_m * each.at)
+        .sum::<Vector3<f64>>()
+        / spread;
+    let freedom = freedom as f64 - 1.0;
+    let covariance = (scatter - slope_m * slope_m.transpose() * spread) / (freedom * spread);
+    Some(PlaceDrift {
+        is_by_hour,
+        slope_m,
+        standard_error_m: covariance
+            .diagonal()
+            .map(|variance| variance.max(0.0).sqrt()),
+        probability: covariance.cholesky().and_then(|factor| {
+            let square = slope_m.dot(&factor.solve(&slope_m));
+            let others = freedom - COORDINATES + 1.0;
+            let distribution = FisherSnedecor::new(COORDINATES, others).ok()?;
+            Some(distribution.sf(square * others / (COORDINATES * freedom)))
+        }),
+    })
+}

@@ -1,0 +1,220 @@
+//! A quantity that wanders along a coordinate: the Ornstein-Uhlenbeck process of unit variance, seen through knots.
+//!
+//! ```text
+//! cov(u(a), u(b)) = exp(-|a - b| / l)
+//! ```
+//!
+//! Nothing is assumed of its shape but how far it reaches, l. Between two knots it depends on their values alone, so that the
+//! precision of the values at knots is tridiagonal, and a value in between is a weighted sum of the two beside it and
+//! a part of its own.
+
+/// Lengths that are tried, from the shortest, each so many times the one before.
+const FIRST_LENGTH: f64 = 0.01;
+const RATIO: f64 = 1.25;
+/// The longest, as a share of the range of the knots.
+const LONGEST: f64 = 1.0 / 6.0;
+
+/// The process at some knots, of unit variance.
+#[derive(Debug, Clone, PartialEq)]
+pub struct OrnsteinUhlenbeck {
+    /// The knots in ascending order, at least one.
+    pub knots: Vec<f64>,
+    /// The length l over which it forgets.
+    pub length: f64,
+}
+
+/// A value between knots.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Between {
+    /// The two knots on which it depends; the same twice where there is one alone.
+    pub knots: [usize; 2],
+    /// How it depends on them.
+    pub weights: [f64; 2],
+    /// The variance of its own part.
+    pub spare: f64,
+}
+
+/// A symmetric tridiagonal matrix.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Tridiagonal {
+    /// Its diagonal.
+    pub diagonal: Vec<f64>,
+    /// What stands beside it.
+    pub beside: Vec<f64>,
+}
+
+impl Tridiagonal {
+    /// The sum of the products of its entries with those of another: trace(A B).
+    pub fn product_trace(&self, other: &Self) -> f64 {
+        let sum = |one: &[f64], other: &[f64]| -> f64 {
+            one.iter().zip(other).map(|(one, other)| one * other).sum()
+        };
+        sum(&self.diagonal, &other.diagonal) + 2.0 * sum(&self.beside, &other.beside)
+    }
+}
+
+/// So many knots, or fewer, among values: each stands for as many of them.
+pub fn knots_among(values: &[f64], count: usize) -> Vec<f64> {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let Some(last) = sorted.len().checked_sub(1) else {
+        return vec![0.0];
+    };
+    let intervals = count.saturating_sub(1).max(1);
+    // Between values, so that none is nearer to a knot than others that follow the same law.
+    let place = |knot: usize| knot * last / intervals;
+    let mut knots: Vec<f64> = (0..=intervals)
+        .map(|knot| f64::midpoint(sorted[place(knot)], sorted[last.min(place(knot) + 1)]))
+        .collect();
+    knots[0] = sorted[0];
+    // Knots nearer than any length that is tried tell nothing apart.
+    knots.dedup_by(|one, other| *one - *other < 0.1 * FIRST_LENGTH);
+    knots
+}
+
+impl OrnsteinUhlenbeck {
+    /// A value at any place.
+    pub fn between(&self, at: f64) -> Between {
+        let after = self.knots.partition_point(|knot| *knot < at);
+        let last = self.knots.len() - 1;
+        if after == 0 || after > last {
+            let knot = after.min(last);
+            let weight = (-(at - self.knots[knot]).abs() / self.length).exp();
+            return Between {
+                knots: [knot; 2],
+                weights: [weight, 0.0],
+                spare: 1.0 - weight * weight,
+            };
+        }
+        // The same as sinh(b / l) / sinh(h / l), which would overflow.
+        let (left, right) = (at - self.knots[after - 1], self.knots[after] - at);
+        let step = |distance: f64| (-distance / self.length).exp();
+        let (whole, one, other) = (step(left + right), step(left), step(right));
+        let norm = 1.0 - whole * whole;
+        let weights = [(one - other * whole) / norm, (other - one * whole) / norm];
+        let explained = weights[0] * one + weights[1] * other;
+        Between {
+            knots: [after - 1, after],
+            weights,
+            spare: (1.0 - explained).max(0.0),
+        }
+    }
+
+    /// The first knot and the last.
+    pub fn range(&self) -> [f64; 2] {
+        [self.knots[0], self.knots[self.knots.len() - 1]]
+    }
+
+    /// The correlation of the values at two knots.
+    pub fn correlation(&self, one: usize, other: usize) -> f64 {
+        (-(self.knots[one] - self.knots[other]).abs() / self.length).exp()
+    }
+
+    /// The precision of the values at the knots, and the logarithm of its determinant.
+    pub fn precision(&self) -> (Tridiagonal, f64) {
+        let mut precision = Tridiagonal {
+            diagonal: vec![0.0; self.knots.len()],
+            beside: Vec::new(),
+        };
+        precision.diagonal[0] = 1.0;
+        let mut logarithm = 0.0;
+        for (place, pair) in self.knots.windows(2).enumerate() {
+            let kept = (-(pair[1] - pair[0]) / self.length).exp();
+            let new = 1.0 - kept * kept;
+            precision.diagonal[place] += kept * kept / new;
+            precision.diagonal[place + 1] += 1.0 / new;
+            precision.beside.push(-kept / new);
+            logarithm -= new.ln();
+        }
+        (precision, logarithm)
+    }
+
+    /// The longest length: what reaches over more of the knots' range looks like a constant and a slope, and is told from none.
+    pub fn longest(knots: &[f64]) -> f64 {
+        let range = knots[knots.len() - 1] - knots[0];
+        (LONGEST * range).max(FIRST_LENGTH)
+    }
+
+    /// The likeliest length, up to the longest, for values with these expected squares and products of neighbours.
+    pub fn likeliest_length(&self, squares: &Tridiagonal) -> f64 {
+        let count = self.knots.len() as f64;
+        let mut best = (f64::NEG_INFINITY, self.length);
+        let mut tried = Self {
+            knots: self.knots.clone(),
+            length: FIRST_LENGTH,
+        };
+        let longest = Self::longest(&self.knots);
+        while tried.length <= longest {
+            let (precision, logarithm) = tried.precision();
+            let variance = precision.product_trace(squares) / count;
+            let likelihood = 0.5 * (logarithm - count * variance.ln());
+            if likelihood > best.0 {
+                best = (likelihood, tried.length);
+            }
+            tried.length *= RATIO;
+        }
+        best.1
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::DMatrix;
+
+    use super::*;
+
+    fn process() -> OrnsteinUhlenbeck {
+        OrnsteinUhlenbeck {
+            knots: vec![-1.0, -0.7, 0.1, 0.2, 2.0],
+            length: 0.4,
+        }
+    }
+
+    #[test]
+    fn the_precision_is_the_inverse_of_the_covariance() {
+        let process = process();
+        let covariance = DMatrix::from_fn(5, 5, |row, column| process.correlation(row, column));
+        let (precision, logarithm) = process.precision();
+        let precision = DMatrix::from_fn(5, 5, |row, column| match row.abs_diff(column) {
+            0 => precision.diagonal[row],
+            1 => precision.beside[row.min(column)],
+            _ => 0.0,
+        });
+        assert!((&precision * &covariance - DMatrix::identity(5, 5)).norm() < 1e-12);
+        assert!((logarithm + covariance.determinant().ln()).abs() < 1e-12);
+    }
+
+    /// Weights and spare variance are those of the normal distribution given all knots.
+    #[test]
+    fn values_between_knots_follow_from_the_two_beside_them() {
+        let process = process();
+        let covariance = DMatrix::from_fn(5, 5, |row, column| process.correlation(row, column));
+        let inverse = covariance.try_inverse().expect("regular");
+        for at in [-3.0, -1.0, -0.8, 0.0, 0.19, 1.5, 2.0, 2.5] {
+            let with = DMatrix::from_fn(1, 5, |_, knot| {
+                (-(at - process.knots[knot]).abs() / process.length).exp()
+            });
+            let weights = &with * &inverse;
+            let between = process.between(at);
+            let mut found = DMatrix::zeros(1, 5);
+            for (knot, weight) in between.knots.into_iter().zip(between.weights) {
+                found[(0, knot)] += weight;
+            }
+            assert!((&found - &weights).norm() < 1e-12, "{at}");
+            let spare = 1.0 - (weights * with.transpose())[(0, 0)];
+            assert!((between.spare - spare).abs() < 1e-12, "{at}");
+        }
+    }
+
+    #[test]
+    fn knots_stand_where_values_are() {
+        let values: Vec<f64> = (0..100)
+            .map(|index| (f64::from(index) / 99.0).powi(2))
+            .collect();
+        let knots = knots_among(&values, 5);
+        assert_eq!(knots.len(), 5);
+        assert!(knots[0].abs() < 1e-12 && (knots[4] - 1.0).abs() < 1e-12 && knots[2] < 0.3);
+        assert_eq!(knots_among(&[2.0; 9], 5).len(), 1);
+        assert_eq!(knots_among(&[], 5).len(), 1);
+    }
+}

@@ -1,0 +1,96 @@
+//! What is to be known of a plan before its predicted accuracy is relied on, by name.
+
+use super::{Plan, posterior, rho0_m};
+use crate::codes::{Condition, ConditionCode};
+use crate::compensation::test_pose_matrix;
+use crate::robot::Approach;
+use crate::task::{Extended, Task};
+
+/// Configurations that differ by less than this in every joint (rad, m) hardly have discrepancies of their own.
+const NEAR: f64 = 5.0 * std::f64::consts::PI / 180.0;
+/// Compensation that leaves more than this share of the task deflection gains next to nothing.
+const NO_GAIN: f64 = 0.5;
+/// So many pairs are named.
+const NAMED: usize = 4;
+
+/// The conditions that do not hold for a plan with this predicted accuracy (m).
+pub(super) fn conditions(task: &Task, plan: &Plan, rho0_m: Option<f64>) -> Vec<Condition> {
+    let Some(rho0_m) = rho0_m else {
+        return Vec::new();
+    };
+    (near(task, plan, rho0_m).into_iter())
+        .chain(no_gain(task, rho0_m))
+        .collect()
+}
+
+/// Whether the accuracy rests on discrepancies of neighbouring configurations being independent.
+fn near(task: &Task, plan: &Plan, own_m: f64) -> Option<Condition> {
+    let extended = task.belief.uncertain.as_ref();
+    if !extended.is_some_and(Extended::has_discrepancies) {
+        return None;
+    }
+    let all = &plan.experiments;
+    let is_near = |one: usize, other: usize| {
+        let [one, other] = [one, other].map(|place| &all[place]);
+        let apart = (&one.configuration_rad - &other.configuration_rad).amax();
+        apart < NEAR && Approach::is_same(one.approach.as_ref(), other.approach.as_ref())
+    };
+    let mut groups: Vec<Vec<usize>> = Vec::new();
+    for place in 0..all.len() {
+        match groups.iter_mut().find(|group| is_near(group[0], place)) {
+            Some(group) => group.push(place),
+            None => groups.push(vec![place]),
+        }
+    }
+    let mut as_one = plan.clone();
+    let mut pairs = Vec::new();
+    for group in &groups {
+        for &member in &group[1..] {
+            if !all[member].stands_as(&all[group[0]]) {
+                pairs.push(format!("{} and {}", group[0] + 1, member + 1));
+            }
+            as_one.experiments[member].configuration_rad = all[group[0]].configuration_rad.clone();
+        }
+    }
+    if pairs.is_empty() {
+        return None;
+    }
+    let as_one_m = rho0_m(task, &posterior(&task.belief, &as_one))?;
+    let more = match pairs.len().saturating_sub(NAMED) {
+        0 => String::new(),
+        more => format!(", and {more} more"),
+    };
+    pairs.truncate(NAMED);
+    Some(ConditionCode::NearConfigurations.with(format!(
+        "experiments {}{more} are within 5 deg in all joints, with independent model discrepancies: rho0 = {:.3} um, \
+         and {:.3} um with one discrepancy for each group",
+        pairs.join(", "),
+        own_m * 1e6,
+        as_one_m * 1e6
+    )))
+}
+
+/// Whether so much is left that there is nothing to gain.
+fn no_gain(task: &Task, rho0_m: f64) -> Option<Condition> {
+    let belief = &task.belief;
+    let compliance = &belief.nominal.compliance_rad_per_nm;
+    let joints: Vec<usize> = (0..compliance.len()).collect();
+    let square = |pose| {
+        let moved = test_pose_matrix(belief, pose, &joints)
+            * nalgebra::DVector::from_column_slice(compliance);
+        moved.norm_squared()
+    };
+    let poses = task.test_poses.iter();
+    let bent_m = poses
+        .map(|pose| pose.weight * square(pose))
+        .sum::<f64>()
+        .sqrt();
+    (rho0_m > NO_GAIN * bent_m).then(|| {
+        ConditionCode::NoGain.with(format!(
+            "compensation gains next to nothing: predicted residual error {:.3} um, deflection by the task load {:.3} um; is a \
+             load in another unit, such as kN?",
+            rho0_m * 1e6,
+            bent_m * 1e6
+        ))
+    })
+}

@@ -1,0 +1,260 @@
+//! Models with more and more parameters, compared by blocks of joint space.
+
+use elastocal::identification::{AbsoluteCase, ModelSelection, ParameterGroup, ReadingWeights};
+use elastocal::measurement::AbsoluteReading;
+use elastocal::numeric::random::generator;
+use elastocal::observation::{Form, ObservationModel, ReadingKind, Setup};
+use elastocal::parameter::{ElasticArm, ParameterKind, ParameterSet};
+use elastocal::robot::Load;
+use elastocal::task::Belief;
+use nalgebra::{DVector, Matrix6, Matrix6xX, Rotation3, UnitQuaternion, Vector3, Vector6};
+use rand::Rng;
+use rayon::prelude::*;
+
+use crate::one_fit::{
+    SIGMA_M, SIGMA_RAD, between, normal, plain, seen_arm, ur10, vector, workplace,
+};
+
+/// A joint's angle error (rad) at an angle (rad): what no parameter of the model is.
+pub type Gear<'a> = &'a dyn Fn(usize, f64) -> f64;
+
+/// Poses of an arm whose joints turn by a little more than they are told.
+pub fn read_of(
+    random: &mut impl Rng,
+    arm: &ElasticArm,
+    readings: usize,
+    force_n: f64,
+    gear: Gear<'_>,
+) -> Vec<AbsoluteReading> {
+    read_within(random, arm, [-2.6, 2.6], (readings, force_n), gear)
+}
+
+/// The same where all joints stand between two angles.
+pub fn read_within(
+    random: &mut impl Rng,
+    arm: &ElasticArm,
+    [low, high]: [f64; 2],
+    (readings, force_n): (usize, f64),
+    gear: Gear<'_>,
+) -> Vec<AbsoluteReading> {
+    let nothing = ParameterSet::empty();
+    let mut model = ObservationModel::new(&nothing, arm, &[]);
+    let mut ignored = Matrix6xX::zeros(0);
+    let variances = [SIGMA_M, SIGMA_RAD].map(|sigma| sigma * sigma);
+    let covariance = Matrix6::from_diagonal(&Vector6::from_fn(|row, _| variances[row / 3]));
+    (0..readings)
+        .map(|_| {
+            let told = DVector::from_fn(arm.chain.len(), |_, _| between(random, low, high));
+            let setup = Setup {
+                commanded_rad: DVector::from_fn(told.len(), |joint, _| {
+                    told[joint] + gear(joint, told[joint])
+                }),
+                load: Load {
+                    force_n: vector(random, force_n),
+                    torque_nm: Vector3::zeros(),
+                },
+                target: 0,
+                station: 0,
+                approach: None,
+            };
+            let seen = model
+                .predict(Form::AtRest, &setup, ReadingKind::Pose, &mut ignored)
+                .expect("stable");
+            let mut error = |size: f64| Vector3::from_fn(|_, _| normal(random) * size);
+            let position_m = seen.position_m + error(SIGMA_M);
+            let turn = Rotation3::from_scaled_axis(error(SIGMA_RAD));
+            let rotation = turn * Rotation3::from_matrix_unchecked(seen.rotation);
+            AbsoluteReading {
+                configuration_rad: told,
+                load: setup.load,
+                target: None,
+                station: None,
+                state: None,
+                position_m,
+                rotation: Some(UnitQuaternion::from_rotation_matrix(&rotation)),
+                covariance: Some(covariance),
+                approach: None,
+                time_s: None,
+                temperature_c: None,
+            }
+        })
+        .collect()
+}
+
+fn model_selection(belief: &Belief, readings: &[AbsoluteReading]) -> ModelSelection {
+    AbsoluteCase::new(belief, readings)
+        .and_then(|mut case| case.model_selection(ReadingWeights::AsNeeded))
+        .expect("a model_selection")
+}
+
+/// Angle errors of every joint that come round three to five times, of up to 0.3 mrad.
+pub fn waves(random: &mut impl Rng) -> Box<dyn Fn(usize, f64) -> f64> {
+    let all: Vec<[f64; 3]> = (0..6)
+        .map(|joint| {
+            let size = between(random, 1e-4, 3e-4);
+            [size, 3.0 + f64::from(joint % 3), between(random, 0.0, 6.0)]
+        })
+        .collect();
+    Box::new(move |joint, angle| all[joint][0] * (all[joint][1] * angle + all[joint][2]).sin())
+}
+
+/// An arm with zeros, and where it is asked for compliances, that are not the nominal ones.
+pub fn other_arm(random: &mut impl Rng, nominal: &ElasticArm, softer: f64) -> ElasticArm {
+    let zeros = (1..5).map(|joint| (ParameterKind::JointZero { joint }, None));
+    let set = ParameterSet::new(nominal, zeros).expect("parameters");
+    let values: Vec<f64> = (0..set.len())
+        .map(|_| 1e-3 * between(random, 1.5, 3.0))
+        .collect();
+    let mut arm = set.apply(nominal, &values);
+    for compliance in &mut arm.compliance_rad_per_nm {
+        *compliance *= softer;
+    }
+    arm
+}
+
+/// The model selection finds what was put in, and no more, over robots whose gears are not round.
+#[test]
+fn what_was_put_in_is_recommended() {
+    let scenario = ur10();
+    let belief = &scenario.task.belief;
+    let chosen = |seed: u64, softer: f64, force_n: f64| {
+        let mut random = generator(22, seed);
+        let nominal = seen_arm(&mut random, &scenario, 1, 1);
+        let arm = other_arm(&mut random, &nominal, softer);
+        let gear = waves(&mut random);
+        let model_selection =
+            model_selection(belief, &read_of(&mut random, &arm, 150, force_n, &gear));
+        let groups = model_selection.groups().to_vec();
+        let test = model_selection.nested_models[1]
+            .test
+            .expect("zeros are tested");
+        assert!(test.probability < 0.01, "zeros: {test:?}");
+        groups
+    };
+    let zeros: Vec<_> = (0..6u64)
+        .into_par_iter()
+        .map(|seed| chosen(seed, 1.0, 0.0))
+        .collect();
+    let right = zeros
+        .iter()
+        .filter(|groups| **groups == [ParameterGroup::Zeros]);
+    let right = right.count();
+    assert!(right >= 4, "{zeros:?}");
+    let soft: Vec<_> = (0..3u64)
+        .into_par_iter()
+        .map(|seed| chosen(seed, 4.0, 60.0))
+        .collect();
+    for groups in &soft {
+        assert!(groups.contains(&ParameterGroup::Compliances), "{soft:?}");
+    }
+}
+
+/// Where there is nothing but frames and what no parameter is, zeros and links are rarely said to explain more: with the noise
+/// as yardstick they always would.
+#[test]
+fn the_yardstick_is_the_discrepancy() {
+    const ROBOTS: u64 = 24;
+    let scenario = ur10();
+    let belief = &scenario.task.belief;
+    let found: Vec<Vec<f64>> = (0..ROBOTS)
+        .into_par_iter()
+        .map(|seed| {
+            let mut random = generator(23, seed);
+            let arm = seen_arm(&mut random, &scenario, 1, 1);
+            let gear = waves(&mut random);
+            let model_selection =
+                model_selection(belief, &read_of(&mut random, &arm, 100, 0.0, &gear));
+            let tests = model_selection
+                .nested_models
+                .iter()
+                .filter_map(|nested_model| nested_model.test);
+            tests.map(|test| test.probability).collect()
+        })
+        .collect();
+    for nested_model in 0..2 {
+        let below = |level: f64| found.iter().filter(|all| all[nested_model] < level).count();
+        println!(
+            "nested_model {}: {} below 5 %, {} below 1 %",
+            nested_model + 1,
+            below(0.05),
+            below(0.01)
+        );
+        // 1.2 are expected; 6 or more are seen by chance in one of 700.
+        assert!(
+            below(0.05) <= 5,
+            "nested_model {}: {} of {ROBOTS}",
+            nested_model + 1,
+            below(0.05)
+        );
+    }
+}
+
+#[test]
+fn the_command_recommends_fits_and_draws() {
+    let place = workplace(&plain(60, true));
+    let command = "identify s.toml --quiet --measurements m.csv --model-selection";
+    let outcome = place.run(&format!(
+        "{command} --plot-out l.svg --identified-out i.json"
+    ));
+    for words in [
+        "+ zeros",
+        "<- use",
+        "Use --parameters frames",
+        "wrote i.json",
+    ] {
+        assert!(
+            outcome.stdout.contains(words),
+            "{words}: {}",
+            outcome.stdout
+        );
+    }
+    assert!(place.read("l.svg").contains("recommended"));
+    let json = place.run(&format!("{command} --json")).json();
+    assert_eq!(json["groups"][0], "frames");
+    let nested_models = json["model_selection"]["nested_models"]
+        .as_array()
+        .expect("a list");
+    assert!(nested_models.len() >= 4);
+    assert_eq!(nested_models[2]["groups"][0], "geometry");
+    assert!(
+        nested_models[1]["test"]["probability"]
+            .as_f64()
+            .expect("a number")
+            > 1e-3
+    );
+    for threads in [1, 3] {
+        let other = place
+            .run(&format!("{command} --json --threads {threads}"))
+            .json();
+        assert_eq!(json, other);
+    }
+    let twice = place
+        .run(&format!("{command} --parameters frames"))
+        .ends_with(2);
+    assert!(
+        twice.stderr.contains("cannot be used with"),
+        "{}",
+        twice.stderr
+    );
+}
+
+#[test]
+fn what_no_model_selection_can_be_made_of_is_refused() {
+    let place = workplace(&plain(5, true));
+    let command = "identify s.toml --quiet --measurements m.csv --model-selection";
+    let outcome = place.run(command).ends_with(1);
+    assert!(
+        outcome
+            .stderr
+            .contains("8 different configurations are needed: 5"),
+        "{}",
+        outcome.stderr
+    );
+    place.write("m.csv", "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm,dx_mm,dy_mm,dz_mm\n1,2,3,4,5,6,0,0,-98,0,0,0,0,0,-1\n");
+    let outcome = place.run(command).ends_with(1);
+    assert!(
+        outcome.stderr.contains("leave out --model-selection"),
+        "{}",
+        outcome.stderr
+    );
+}
