@@ -92,11 +92,11 @@ impl DistanceTolerance {
 )]
 #[serde(rename_all = "snake_case")]
 pub enum Quantity {
-    /// The rms distance that a plan promises at the test poses, eq. 20.
+    /// The rms distance that a plan predicts at the test poses, eq. 20.
     Rho0,
     /// The bound that no plan can beat, over rho0.
     Efficiency,
-    /// The standard error that a plan promises for a compliance.
+    /// The standard error that a plan predicts for a compliance.
     StandardError,
     /// The distance that compensation left at a test pose in the one run on the virtual robot.
     RealisedError,

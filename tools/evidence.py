@@ -64,7 +64,7 @@ TORQUES = {"KR-270": ("100", "8000"), "UR10": ("10", "200"), "planar arm": ("20"
 # The planar arm has no tracker, and no first joint that nothing bends.
 LACKING = {"planar arm": {"compliance of the first joint", "tracker_range"}}
 # Where the linear model is furthest off: what is spread, with the sizes of it, each half of the one before, and the gap (as a share of the
-# promise) that is expected of a size, where it is known.
+# prediction) that is expected of a size, where it is known.
 GAPS = {
     "compliance of the first joint": ([0.15, 0.075], 'kind = "compliance"\njoints = ["{first}"]\nstd_relative = {size}',
                                       lambda size: f"{0.875 * size ** 2:+.2%}"),
@@ -137,19 +137,19 @@ def held(robot, name):
     else:
         listed = sources(robot).values() if name == "all of these" else [sources(robot, alone=True)[name]]
         plan = study(robot, listed, hidden=False)
-    promised, seen, error = (plan[key] * 1e3 for key in ("combined_rms_mm", "rms_mm", "rms_std_mm"))
-    room = 3 * error + 0.02 * promised
+    predicted, seen, error = (plan[key] * 1e3 for key in ("combined_rms_mm", "rms_mm", "rms_std_mm"))
+    room = 3 * error + 0.02 * predicted
     nees = plan["nees"] / plan["nees_expected"]
-    return [robot, name, f"{promised:.3f}", f"{seen:.3f} +- {error:.3f}", f"{seen / promised - 1:+.2%}",
-            f"{nees:.3f}", f"{plan['coverage95']:.1%}", "yes" if abs(seen - promised) <= room else "**no**"]
+    return [robot, name, f"{predicted:.3f}", f"{seen:.3f} +- {error:.3f}", f"{seen / predicted - 1:+.2%}",
+            f"{nees:.3f}", f"{plan['coverage95']:.1%}", "yes" if abs(seen - predicted) <= room else "**no**"]
 
 
 def hidden(robot, name):
     """A row of what breaks: what the belief does not know of."""
     plan = study(robot, [sources(robot, alone=True)[name]], hidden=True)
-    promised, seen, error = (plan[key] * 1e3 for key in ("combined_rms_mm", "rms_mm", "rms_std_mm"))
+    predicted, seen, error = (plan[key] * 1e3 for key in ("combined_rms_mm", "rms_mm", "rms_std_mm"))
     expected = math.hypot(*(each["contribution_um"] for each in plan["contributions"]))
-    return [robot, name, f"{promised:.3f}", f"{seen:.3f} +- {error:.3f}", f"{expected:.3f}", f"{seen / promised:.2f}"]
+    return [robot, name, f"{predicted:.3f}", f"{seen:.3f} +- {error:.3f}", f"{expected:.3f}", f"{seen / predicted:.2f}"]
 
 
 def laws(robot, name):
@@ -157,9 +157,9 @@ def laws(robot, name):
     joints = ",".join(identified(robot).split(",")[:2])
     text = f"\n[[true_robot.torque_law]]\njoints = [{joints}]\n{LAWS[name]}\n"
     plan = study(robot, [], False, runs=LAW_RUNS, more=text)
-    promised, seen, error = (plan[key] * 1e3 for key in ("combined_rms_mm", "rms_mm", "rms_std_mm"))
+    predicted, seen, error = (plan[key] * 1e3 for key in ("combined_rms_mm", "rms_mm", "rms_std_mm"))
     expected = math.hypot(*(each["contribution_um"] for each in plan["contributions"]))
-    return [robot, name, f"{promised:.3f}", f"{seen:.3f} +- {error:.3f}", f"{expected:.3f}", f"{seen / promised:.2f}"]
+    return [robot, name, f"{predicted:.3f}", f"{seen:.3f} +- {error:.3f}", f"{expected:.3f}", f"{seen / predicted:.2f}"]
 
 
 def gap(robot, name):
@@ -174,11 +174,11 @@ def gap(robot, name):
     for seed in range(1, PARTS + 1):
         seen, model = (study(robot, [text], False, "--seed", str(seed), level=level, runs=RUNS // 4)
                        for level in ("robot", "model"))
-        promised = seen["combined_rms_mm"]
-        found.append((seen["rms_mm"] ** 2 - model["rms_mm"] ** 2) / (2 * promised ** 2))
+        predicted = seen["combined_rms_mm"]
+        found.append((seen["rms_mm"] ** 2 - model["rms_mm"] ** 2) / (2 * predicted ** 2))
     mean = sum(found) / PARTS
     error = math.sqrt(sum((each - mean) ** 2 for each in found) / (PARTS - 1) / PARTS)
-    return [robot, name, f"{promised * 1e3:.3f}", f"{mean:+.2%} +- {error:.2%}", expected(size) if expected else "-"]
+    return [robot, name, f"{predicted * 1e3:.3f}", f"{mean:+.2%} +- {error:.2%}", expected(size) if expected else "-"]
 
 
 def absolute(robot, name):
@@ -198,8 +198,8 @@ def absolute(robot, name):
         if ended.returncode not in (0, 3):
             sys.exit(f"{robot}, {name}: {ended.stderr}")
         plan = json.loads(ended.stdout)["plans"][0]
-    promised, seen, error = (plan[key] * 1e3 for key in ("combined_rms_mm", "rms_mm", "rms_std_mm"))
-    return [robot, name, f"{promised:.3f}", f"{seen:.3f} +- {error:.3f}", f"{seen / promised - 1:+.2%}",
+    predicted, seen, error = (plan[key] * 1e3 for key in ("combined_rms_mm", "rms_mm", "rms_std_mm"))
+    return [robot, name, f"{predicted:.3f}", f"{seen:.3f} +- {error:.3f}", f"{seen / predicted - 1:+.2%}",
             f"{plan['nees'] / plan['nees_expected']:.3f}", f"{plan['coverage95']:.1%}",
             "yes" if plan["verdict"] == "holds" else f"**{plan['verdict']}**"]
 
@@ -241,7 +241,7 @@ def line(cells):
 
 
 def agrees(row, stored):
-    """Whether a row of the page is this one. Another processor may find another plan that is as good: what is promised
+    """Whether a row of the page is this one. Another processor may find another plan that is as good: what is predicted
     may differ by 0.1 %, what is seen by four standard errors."""
     if len(stored) != len(row) or stored[:2] != row[:2]:
         return False

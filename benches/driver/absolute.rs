@@ -100,7 +100,7 @@ pub fn trials(scenario: &'static Scenario) -> impl FnMut(u64) {
         is_random: true,
     }]));
     let runner = AbsoluteRunner::new((&scenario.task, &scenario.truth), groups, 1, entries);
-    let runner = runner.expect("a promise");
+    let runner = runner.expect("a prediction");
     move |blocks| {
         let made = runner.run(blocks * BLOCK_RUNS, 0..blocks, 1, &|_| {});
         made.expect("a valid study");

@@ -206,7 +206,7 @@ def _metres(millimetres: float | None) -> float | None:
 
 @dataclass
 class Assessment:
-    """What a plan promises; ``results`` is the whole record."""
+    """The predicted accuracy of a plan; ``results`` is the whole record."""
 
     results: Results
     #: The rms distance that compensation leaves at the test poses (m); None where it is not determined.
@@ -215,7 +215,7 @@ class Assessment:
     lower_bound_rho0_m: float | None
     #: The bound over rho0.
     efficiency: float | None
-    #: The standard error that the plan promises for each parameter (p,), rad/(N m); NaN where not determined. Empty where
+    #: The standard error that the plan predicts for each parameter (p,), rad/(N m); NaN where not determined. Empty where
     #: accuracy is absolute.
     compliance_std_rad_per_nm: Array
 
@@ -239,7 +239,7 @@ class Assessment:
 
 @dataclass
 class Design(Assessment):
-    """A designed plan with what it promises."""
+    """A designed plan with what it predicts."""
 
     @property
     def plan(self) -> Plan:

@@ -162,11 +162,11 @@ class Scenario:
         return Design(**vars(Assessment.from_results(found)))
 
     def evaluate(self, plan: Plan | FilePath, **given: Any) -> Assessment:
-        """What a plan promises, and the bound that no plan of as many measurements can beat.
+        """The predicted accuracy of a plan, and the bound that no plan of as many measurements can beat.
 
         Where accuracy is absolute, a plan that names targets or stations is a file's: its path, as ``plan_out`` wrote it. Keywords
         are then also ``parameters``, groups of unknowns; ``trials``, how many virtual robots are drawn, read as the plan says and
-        identified, to see whether it keeps its promise (``results["trials"]``); ``report_out``, a page about all that.
+        identified, to see whether it errs as predicted (``results["trials"]``); ``report_out``, a page about all that.
         """
         if isinstance(plan, Plan):
             return Assessment.from_results(self._with_plan("evaluate", plan, **given))
@@ -267,7 +267,7 @@ class Scenario:
             return self._with_plan("next", plan, measurements=folder / "measurements.csv", **given)
 
     def validate(self, identified: Identified, measurements: Measurements | FilePath | None = None, **given: Any) -> Results:
-        """A plan for checking an identification, or, with measurements, whether it keeps what it promises."""
+        """A plan for checking an identification, or, with measurements, whether it errs as it predicts."""
         with _folder() as folder:
             path = folder / "identified.json"
             path.write_text(json.dumps(identified.results), encoding="utf-8")

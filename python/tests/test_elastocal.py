@@ -199,7 +199,7 @@ def test_conditions_come_with_results() -> None:
     assert not found["ok"] and found.conditions == [ec.Condition("C0102", "the plan has 1 violation")]
 
 
-def test_matrices_are_those_of_the_promise() -> None:
+def test_matrices_are_those_of_the_prediction() -> None:
     scenario = ec.Scenario.load(PAPER)
     plan = ec.Plan.load(TABLE4)
     problem = scenario.problem

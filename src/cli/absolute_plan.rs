@@ -11,7 +11,7 @@ use elastocal::files::output::write_whole;
 use elastocal::identification::ParameterGroup;
 use elastocal::parameter::ParameterKind;
 use elastocal::plan::absolute::{
-    AbsolutePlanError, AbsolutePlanning, AbsolutePromise, DrawnWanted,
+    AbsolutePlanError, AbsolutePlanning, DrawnWanted, PredictedAccuracy,
 };
 use elastocal::plan::search::{PlanBound, Watch};
 use elastocal::record::absolute_plan::{AbsolutePlanMessage, DrawnMessage};
@@ -287,7 +287,7 @@ impl AbsoluteWanted<'_> {
         text
     }
 
-    /// Says what a plan promises, and how near it is to the best of the candidates, where there are some.
+    /// Says the predicted accuracy of a plan, and how near it is to the best of the candidates, where there are some.
     pub fn evaluate(&self, plan: &Path, also: EvaluatedAlso<'_>) -> anyhow::Result<Report> {
         let rows = self.read(plan)?;
         let planning = self.of_plan(plan, &rows)?;
@@ -314,7 +314,7 @@ impl AbsoluteWanted<'_> {
         };
         let (mut report, shown) = self.report(&asked, &planning, &all, bound.as_ref())?;
         if also.static_compliance {
-            let posterior = planning.promise(&all).posterior;
+            let posterior = planning.prediction(&all).posterior;
             let known = planning.known_arm(&posterior);
             add_static_compliance(&mut report, &known, &self.scenario.task.test_poses)?;
         }
@@ -369,10 +369,10 @@ impl AbsoluteWanted<'_> {
             Err(TrialError::Runs(StudyError::Stopped)) => return Err(Interrupted.into()),
             other => other?,
         };
-        let promise = runner.promises().next();
-        let account = promise
-            .and_then(|promise| Account::of_absolute(task, truth, &entries[0], promise))
-            .ok_or(TrialError::NoPromise)?;
+        let prediction = runner.predictions().next();
+        let account = prediction
+            .and_then(|prediction| Account::of_absolute(task, truth, &entries[0], prediction))
+            .ok_or(TrialError::NoPrediction)?;
         let readings = entries[0].plan.iter().map(|(_, times)| times).sum();
         Ok(TriedAbsolute {
             message: AbsoluteTrialsMessage::new(&trials, &account),
@@ -388,8 +388,8 @@ impl AbsoluteWanted<'_> {
         bound: Option<&PlanBound>,
     ) -> anyhow::Result<(Report, ReportedPlan)> {
         let task = &self.scenario.task;
-        let promise = planning.promise(plan);
-        let mut message = AbsolutePlanMessage::new(task, planning, plan, &promise, bound);
+        let prediction = planning.prediction(plan);
+        let mut message = AbsolutePlanMessage::new(task, planning, plan, &prediction, bound);
         message.drawn = asked.drawn;
         let mut provenance = ProvenanceMessage::new(self.scenario);
         if let Some(plan) = asked.plan {
@@ -405,7 +405,7 @@ impl AbsoluteWanted<'_> {
             json!({ "gate": self.scenario.gate }),
         );
         merge(&mut json, serde_json::to_value(&message)?);
-        let mut conditions: Vec<Condition> = (promise.left.as_ref().err())
+        let mut conditions: Vec<Condition> = (prediction.left.as_ref().err())
             .map(|names| {
                 let names = names.join(", ");
                 undetermined_by_plan(&format!(
@@ -413,7 +413,7 @@ impl AbsoluteWanted<'_> {
                 ))
             })
             .into_iter()
-            .chain(undetermined_compliances(planning, plan, &promise))
+            .chain(undetermined_compliances(planning, plan, &prediction))
             .collect();
         let file =
             (self.candidates).map_or_else(String::new, |path| format!(" in {}", path.display()));
@@ -445,13 +445,13 @@ impl AbsoluteWanted<'_> {
 fn undetermined_compliances(
     planning: &AbsolutePlanning<'_>,
     plan: &[(usize, u32)],
-    promise: &AbsolutePromise,
+    prediction: &PredictedAccuracy,
 ) -> Vec<Condition> {
     let unknowns = planning.set().parameters().iter().enumerate();
     let missing = unknowns.filter(|(index, each)| {
         matches!(each.kind, ParameterKind::JointCompliance { .. })
             && !planning.is_elsewhere(*index, plan)
-            && promise.posterior.standard_error(*index).is_none()
+            && prediction.posterior.standard_error(*index).is_none()
     });
     missing
         .map(|(index, _)| undetermined_by_plan(&planning.words(index)))
@@ -575,7 +575,7 @@ fn drawn_words(message: &AbsolutePlanMessage) -> String {
     )
 }
 
-/// What was seen of a promise, for a person.
+/// What was seen of a prediction, for a person.
 fn describe_trials(trials: &AbsoluteTrialsMessage) -> String {
     let judged = trials.robots - trials.failed;
     let mut text = format!(

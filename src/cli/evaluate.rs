@@ -1,4 +1,4 @@
-//! `evaluate`: what a plan promises.
+//! `evaluate`: the predicted accuracy of a plan.
 
 use std::path::PathBuf;
 

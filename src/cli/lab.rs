@@ -21,7 +21,7 @@ use elastocal::view::run_sheet::run_sheet;
 use super::dialect::dialect;
 use super::table::table;
 use super::views::RUN_SHEET;
-use super::written::Written;
+use super::written::{Written, record_text};
 use super::{Common, Report, inputs, results, without_effect};
 
 /// The table to fill in, and the record.
@@ -91,13 +91,13 @@ impl Lab {
         let provenance = ProvenanceMessage::new(&scenario).with_input("plan", &self.plan)?;
         let costs = &scenario.laboratory.costs;
         let message = CampaignMessage::new(&commands, costs, &campaign);
-        let json = results("lab", &provenance, serde_json::to_value(&message)?);
+        let mut json = results("lab", &provenance, serde_json::to_value(&message)?);
         let [to_fill, record] = FILES.map(|name| folder.join(name));
         let empty = to_fill_in(&scenario, &plan, &campaign);
         text += &written.told(&to_fill, write_whole(&to_fill, empty.as_bytes()));
-        let record_text = serde_json::to_string_pretty(&json)? + "\n";
-        text += &written.told(&record, write_whole(&record, record_text.as_bytes()));
         let mut conditions = self.conditions(&scenario, &plan, &campaign);
+        let record_text = record_text(&mut json, &conditions)?;
+        text += &written.told(&record, write_whole(&record, record_text.as_bytes()));
         conditions.extend(written.conditions());
         Ok(Report {
             json,

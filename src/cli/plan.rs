@@ -455,7 +455,7 @@ impl PlanCommand {
     }
 }
 
-/// What a plan promises, beside what else is told of it.
+/// The predicted accuracy of a plan, beside what else is told of it.
 fn reported(
     scenario: &Scenario,
     assessment: &Assessment,

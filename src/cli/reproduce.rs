@@ -16,7 +16,7 @@ use super::interruption::{STOP, proceed};
 use super::progress::bar;
 use super::table::{number, table};
 use super::views::{REPRODUCTION_PAGE, command_line};
-use super::written::Written;
+use super::written::{Written, record_text};
 use super::{Common, Report, inputs, results};
 
 /// Arguments of `reproduce`.
@@ -61,16 +61,16 @@ impl Reproduce {
         let mut json = results("reproduce", &provenance, json!({}));
         merge(&mut json, serde_json::to_value(&message)?);
         let page = reproduction_page(&message, &provenance, &command_line())?;
-        let record = serde_json::to_string_pretty(&json)? + "\n";
+        let failures = message.failures.iter();
+        let mut conditions: Vec<Condition> = failures
+            .map(|text| ConditionCode::NotReproduced.with(text))
+            .collect();
+        let record = record_text(&mut json, &conditions)?;
         let mut written = Written::default();
         let file = folder.join(REPRODUCTION_PAGE);
         written.note(&file, write_whole(&file, page.as_bytes()));
         let file = folder.join(FILE);
         written.note(&file, write_whole(&file, record.as_bytes()));
-        let failures = message.failures.iter();
-        let mut conditions: Vec<Condition> = failures
-            .map(|text| ConditionCode::NotReproduced.with(text))
-            .collect();
         conditions.extend(written.conditions());
         Ok(Report {
             text: describe(&message) + &format!("\nResults are in {}\n", folder.display()),

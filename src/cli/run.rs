@@ -22,7 +22,7 @@ use super::proof::ProofArgs;
 use super::table::{number, table};
 use super::uncertainty_budget::BudgetArgs;
 use super::views::{RUN_FILES, RunShown, RunViews, TARGETS, ViewerTarget};
-use super::written::{Written, warn};
+use super::written::{Written, record_text, warn};
 use super::{Common, Report, check_outputs, identify, inputs};
 
 /// Arguments of `run`.
@@ -85,7 +85,7 @@ impl Run {
             other => anyhow::Error::from(other),
         })?;
         proceed()?;
-        let json = outcome.json(&scenario, designed.elapsed_s)?;
+        let mut json = outcome.json(&scenario, designed.elapsed_s)?;
         let calibrations: Vec<_> = (outcome.tried.iter())
             .map(|each| each.calibration.clone())
             .collect();
@@ -101,7 +101,7 @@ impl Run {
         })?;
         let main = &outcome.tried[0].calibration.1;
         let mut written = Written::default();
-        let text = serde_json::to_string_pretty(&json)? + "\n";
+        let text = record_text(&mut json, &outcome.conditions)?;
         write_all(&scenario, &folder, main, &text, &mut written);
         views.write(&folder, self.rerun.as_ref(), &mut written)?;
         let mut text = summary(

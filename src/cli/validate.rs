@@ -1,4 +1,4 @@
-//! `validate`: whether the robot keeps what its identification promises.
+//! `validate`: whether the robot errs as its identification predicts.
 
 use std::path::PathBuf;
 
@@ -22,7 +22,7 @@ use super::validate_absolute;
 use super::written::Written;
 use super::{Common, Report, check_outputs, inputs, named_by_file, results, without_effect};
 
-/// Less likely differences break the promise.
+/// Less likely differences break the prediction.
 const BROKEN: f64 = 1e-3;
 
 /// Arguments of `validate`.
@@ -123,8 +123,8 @@ impl Validate {
     }
 }
 
-/// The promised standard deviation of a difference's length, and what of it the robot makes (m).
-fn promised_m(each: &Predicted) -> [f64; 2] {
+/// The predicted standard deviation of a difference's length, and what of it the robot makes (m).
+fn predicted_m(each: &Predicted) -> [f64; 2] {
     let known_m2 = each.known_m2.trace();
     [known_m2 + each.reading_m2.trace(), known_m2].map(f64::sqrt)
 }
@@ -133,11 +133,11 @@ fn record(validation: &Validation) -> Value {
     let milli = |vector: Vector3<f64>| -> Vec<f64> { (vector * 1e3).iter().copied().collect() };
     let each: Vec<Value> = (validation.each.iter().enumerate())
         .map(|(index, each)| {
-            let [promised_m, left_m] = promised_m(each);
+            let [predicted_m, left_m] = predicted_m(each);
             let mut record = json!({
                 "measurement": index + 1,
                 "difference_mm": milli(each.difference_m),
-                "predicted_rms_mm": promised_m * 1e3,
+                "predicted_rms_mm": predicted_m * 1e3,
                 "residual_rms_mm": left_m * 1e3,
             });
             if let Some(difference_rad) = each.rotation_difference_rad {
@@ -154,11 +154,11 @@ fn describe(validation: &Validation) -> String {
     let rows: Vec<Vec<String>> = (validation.each.iter().enumerate())
         .map(|(index, each)| {
             let micro = |value: f64| format!("{:.1}", value * 1e6);
-            let [promised_m, left_m] = promised_m(each);
+            let [predicted_m, left_m] = predicted_m(each);
             let mut row = vec![
                 (index + 1).to_string(),
                 micro(each.difference_m.norm()),
-                micro(promised_m),
+                micro(predicted_m),
                 micro(left_m),
             ];
             if has_rotation {

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use elastocal::codes::{Condition, ConditionCode};
 use elastocal::files::FileError;
 use elastocal::text::diagnostics::say;
+use serde_json::Value;
 
 /// Which files are there and which are not. What cannot be written costs no other result.
 #[derive(Debug, Default)]
@@ -20,6 +21,12 @@ pub fn warn(problem: &str, hint: Option<&str>) {
     if let Some(hint) = hint {
         say(&format!("hint: {hint}"));
     }
+}
+
+/// The text of a file of results, with the conditions among them.
+pub fn record_text(json: &mut Value, conditions: &[Condition]) -> serde_json::Result<String> {
+    json["conditions"] = serde_json::to_value(conditions)?;
+    Ok(serde_json::to_string_pretty(json)? + "\n")
 }
 
 impl Written {

@@ -27,6 +27,11 @@ impl ConditionCode {
             allowed: false,
         }
     }
+
+    /// Whether it is of an identification: results may hold those of the plan, too.
+    pub fn is_of_identification(self) -> bool {
+        self.meaning().id.starts_with("C02")
+    }
 }
 
 impl Condition {

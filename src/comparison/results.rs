@@ -67,7 +67,7 @@ struct Head {
 
 /// What `plan` and `evaluate` say, and `run` of each plan.
 #[derive(Deserialize)]
-struct Promise {
+struct Prediction {
     experiments: u32,
     parameters: Vec<String>,
     #[serde(deserialize_with = "there")]
@@ -93,7 +93,7 @@ struct RunResults {
 #[derive(Deserialize)]
 struct RunPlanResults {
     name: String,
-    assessment: Promise,
+    assessment: Prediction,
     test_poses: Vec<PoseResults>,
 }
 
@@ -171,7 +171,7 @@ impl ResultsFile {
         self.settings.push(("experiments", run.experiments.into()));
         for (index, plan) in run.plans.into_iter().enumerate() {
             let name = self.add_plan(&plan.name);
-            self.promise(
+            self.prediction(
                 &name,
                 &format!("plans[{index}].assessment."),
                 plan.assessment,
@@ -222,27 +222,32 @@ impl ResultsFile {
         }
     }
 
-    fn single(&mut self, promise: Promise) -> Result<(), FileError> {
+    fn single(&mut self, prediction: Prediction) -> Result<(), FileError> {
         self.settings
-            .push(("experiments", promise.experiments.into()));
+            .push(("experiments", prediction.experiments.into()));
         let name = self.add_plan(ONLY_PLAN);
-        self.promise(&name, "", promise)
+        self.prediction(&name, "", prediction)
     }
 
-    fn promise(&mut self, plan: &str, place: &str, promise: Promise) -> Result<(), FileError> {
-        let (names, errors) = (promise.parameters, promise.compliance_std_rad_per_nm);
+    fn prediction(
+        &mut self,
+        plan: &str,
+        place: &str,
+        prediction: Prediction,
+    ) -> Result<(), FileError> {
+        let (names, errors) = (prediction.parameters, prediction.compliance_std_rad_per_nm);
         if names.len() != errors.len() {
             let problem = format!("found {} numbers for {} joints", errors.len(), names.len());
             let place = format!("{place}compliance_std_rad_per_nm");
             return Err(FileError::new(&self.path, problem).at(place));
         }
-        let rho0 = promise.rho0_mm.map(|value| value * 1e3);
+        let rho0 = prediction.rho0_mm.map(|value| value * 1e3);
         self.add(plan, Quantity::Rho0, None, rho0);
-        self.add(plan, Quantity::Efficiency, None, promise.efficiency);
+        self.add(plan, Quantity::Efficiency, None, prediction.efficiency);
         for (joint, error) in names.into_iter().zip(errors) {
             self.add(plan, Quantity::StandardError, Some(joint), error);
         }
-        let violations = promise.violations.len() as f64;
+        let violations = prediction.violations.len() as f64;
         self.add(plan, Quantity::Violations, None, Some(violations));
         Ok(())
     }

@@ -163,6 +163,7 @@ impl StoredIdentification {
             degrees_of_freedom: Some(freedom).filter(|freedom| is_estimated && *freedom > 0.0),
             // Whether a test pose needs what is not determined is asked there.
             conditions: (stored.conditions.into_iter())
+                .filter(|condition| condition.code.is_of_identification())
                 .filter(|condition| condition.code != ConditionCode::Unidentifiable)
                 .collect(),
             identified_with: stored.identified_with,

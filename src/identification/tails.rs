@@ -6,7 +6,7 @@
 //! g = 1 / (u ln 1000)                            wrong readings: any size from the median's on, as likely each as ten times that
 //! ```
 //!
-//! A fit is the better for leaving both out; what is promised of other readings must count the tail. How heavy it is, most
+//! A fit is the better for leaving both out; what is predicted of other readings must count the tail. How heavy it is, most
 //! errors tell: ones that are normal else have no tail, ones that are now and then three times as large have one that reaches
 //! farther. The freedoms from those of Cauchy's law to the normal one are believed as much as the errors are likely with each.
 

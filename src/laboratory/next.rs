@@ -139,9 +139,9 @@ pub enum Goal {
 pub struct Rest {
     /// What is to be measured.
     pub plan: Plan,
-    /// The accuracy that it promises together with what is measured (m).
+    /// The accuracy that it predicts together with what is measured (m).
     pub rho0_m: f64,
-    /// No rest of as many measurements promises a smaller one (m), as far as is known.
+    /// No rest of as many measurements predicts a smaller one (m), as far as is known.
     pub bound_m: Option<f64>,
     /// Whether the goal is reached.
     pub is_reached: bool,
@@ -198,10 +198,10 @@ fn planned(task: &Task, count: u32, seed: u64, watch: Watch<'_>) -> Result<Rest,
     let approximate = approximate_design(&problem, seed)?;
     let design = exact_design(&problem, &approximate, count, count, seed, watch)?;
     let bound = Bound::new(&task, &approximate);
-    // The search leaves out what is uncertain and makes next to nothing; a promise never does.
-    let promise = accuracy(&task, &after(&task, &design.plan));
+    // The search leaves out what is uncertain and makes next to nothing; a prediction never does.
+    let prediction = accuracy(&task, &after(&task, &design.plan));
     Ok(Rest {
-        rho0_m: promise.unwrap_or(design.cost.sqrt()),
+        rho0_m: prediction.unwrap_or(design.cost.sqrt()),
         bound_m: bound.of_size(count).ok().map(|bound| bound.best),
         plan: design.plan,
         is_reached: false,

@@ -21,7 +21,7 @@ const PATIENCE: u32 = 3;
 /// More readings than these are not planned at one time.
 const MEASUREMENTS: u32 = 500;
 
-/// A plan with its promise and its time.
+/// A plan with its prediction and its time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TimedPlan {
     /// The plan.

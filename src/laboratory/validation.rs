@@ -1,4 +1,4 @@
-//! Whether a robot keeps what its identification promises: other measurements, made where the promise is
+//! Whether a robot errs as its identification predicts: other measurements, made where the prediction is
 //! weakest.
 
 use nalgebra::DMatrix;
@@ -12,7 +12,7 @@ use crate::plan::ExperimentModel;
 use crate::plan::search::{SearchError, random_plan};
 use crate::task::{Belief, Task};
 
-/// Random experiments among which the weakest promises are looked for.
+/// Random experiments among which the weakest predictions are looked for.
 const CANDIDATES: u32 = 400;
 
 /// The experiments of a validation: of many random ones those whose deflection is known least by what is
@@ -30,12 +30,12 @@ pub fn validation_plan(
     let candidates = random_plan(task, CANDIDATES, seed, 0)?;
     let model = ExperimentModel::new(&task.belief);
     let sigma_m = task.belief.instrument.sigma_m;
-    let is_promised = |experiment: &&Experiment| {
+    let is_predicted = |experiment: &&Experiment| {
         let rows = model.observation_matrix(experiment);
         posterior.variance_of(&rows).is_ok()
     };
-    let promised: Vec<&Experiment> = (candidates.experiments.iter())
-        .filter(is_promised)
+    let predicted: Vec<&Experiment> = (candidates.experiments.iter())
+        .filter(is_predicted)
         .collect();
     let mut covariance = posterior.covariance.clone();
     let mut chosen: Vec<Experiment> = Vec::new();
@@ -44,8 +44,8 @@ pub fn validation_plan(
             let rows = model.observation_matrix(experiment);
             (&rows * &covariance * rows.transpose()).trace()
         };
-        let weakest =
-            (promised.iter().copied()).max_by(|one, other| unknown(one).total_cmp(&unknown(other)));
+        let weakest = (predicted.iter().copied())
+            .max_by(|one, other| unknown(one).total_cmp(&unknown(other)));
         let Some(weakest) = weakest else { break };
         let rows = model.observation_matrix(weakest);
         let noise = DMatrix::identity(rows.nrows(), rows.nrows()) * sigma_m.powi(2);
@@ -63,9 +63,9 @@ pub fn validation_plan(
 /// What a validation says.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Validation {
-    /// Each measurement beside what was promised for it.
+    /// Each measurement beside what was predicted for it.
     pub each: Vec<Predicted>,
-    /// The probability of differences as large as these, if the promise is kept.
+    /// The probability of differences as large as these, if the prediction is kept.
     pub probability: f64,
 }
 

@@ -1,4 +1,4 @@
-//! Readings that are planned: the one way in which planning, promises and studies see them.
+//! Readings that are planned: the one way in which planning, predictions and studies see them.
 
 use std::borrow::Cow;
 

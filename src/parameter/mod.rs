@@ -36,5 +36,7 @@ pub use prior::Prior;
 pub(crate) use set::FrameChange;
 pub use set::{ParameterError, ParameterSet};
 pub use stiffening::Stiffening;
-pub use uncertainty::{RangeNoise, ReadingSource, Source, Uncertainty, Unloaded, counted_times};
+pub use uncertainty::{
+    ErrorDistribution, RangeNoise, ReadingSource, Source, Uncertainty, Unloaded, counted_times,
+};
 pub use words::Freedom;

@@ -5,8 +5,37 @@
 //! with a prior, and no number of readings averages it.
 
 use nalgebra::{Matrix3, Vector3};
+use serde::Deserialize;
 
 use super::{ParameterKind, SourceLevel};
+
+/// The distribution from which a standard uncertainty was evaluated (GUM 4.3). Errors are sampled from normal ones of that
+/// standard uncertainty.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, schemars::JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ErrorDistribution {
+    /// All values within bounds alike.
+    Uniform,
+    /// Values at the middle of the bounds most often.
+    Triangular,
+    /// Values at the bounds most often.
+    Arcsine,
+    /// Without bounds: a standard deviation, or a coverage factor that says what of it is meant.
+    #[default]
+    Normal,
+}
+
+impl ErrorDistribution {
+    /// Its name.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Uniform => "uniform",
+            Self::Triangular => "triangular",
+            Self::Arcsine => "arcsine",
+            Self::Normal => "normal",
+        }
+    }
+}
 
 /// Something uncertain, as a scenario lists it.
 #[derive(Debug, Clone, PartialEq)]
@@ -15,6 +44,8 @@ pub struct Uncertainty {
     pub name: String,
     /// Whether the belief does not know of it: the planner is then wrong.
     pub is_hidden: bool,
+    /// From which its standard uncertainty was evaluated.
+    pub distribution: ErrorDistribution,
     /// What is uncertain, and by how much.
     pub source: Source,
 }

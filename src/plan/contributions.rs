@@ -13,11 +13,11 @@
 
 use nalgebra::{DMatrix, Matrix6, Matrix6xX};
 
-use super::uncertainty_budget::{BudgetSource, Input, NOISE, UncertaintyBudget};
+use super::uncertainty_budget::{BudgetSource, Input, UncertaintyBudget};
 use super::{ExperimentModel, Plan, alone_and_together, hung, quantile95_m};
 use crate::compensation::{test_pose_rows, weighted_rows};
 use crate::numeric::posterior::Posterior;
-use crate::parameter::{SourceLevel, counted_times};
+use crate::parameter::counted_times;
 use crate::task::{Instrument, Task};
 
 impl UncertaintyBudget {
@@ -42,8 +42,8 @@ fn sources(task: &Task, plan: &Plan, posterior: &Posterior) -> Vec<BudgetSource>
     let gain = rows * &posterior.covariance;
     let square = |matrix: &DMatrix<f64>| (&gain * matrix * gain.transpose()).trace().max(0.0);
     let noise_of = |square| {
-        let input = of_instrument(&belief.instrument);
-        BudgetSource::new(NOISE, SourceLevel::Reading, input, square)
+        let instrument = &belief.instrument;
+        BudgetSource::of_noise(instrument, of_instrument(instrument), square)
     };
     let earlier = |square| {
         let campaign = belief.prior_campaign.as_ref();
@@ -123,7 +123,7 @@ fn sources(task: &Task, plan: &Plan, posterior: &Posterior) -> Vec<BudgetSource>
     }
     let of_readings = extended.sources().zip(&squares[1..]);
     sources.extend(of_readings.map(|((name, source), square)| {
-        BudgetSource::of_readings(name, source, extended.arm(), *square)
+        BudgetSource::of_readings(name, source, extended, *square)
     }));
     for (name, places) in extended.shared() {
         let square =

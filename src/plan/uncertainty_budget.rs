@@ -12,9 +12,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::csv::word_field;
-use crate::parameter::{ElasticArm, ParameterKind, ReadingSource, SourceLevel};
+use crate::parameter::{ParameterKind, ReadingSource, SourceLevel};
 use crate::quantities::units::shown_unit;
-use crate::task::Extended;
+use crate::task::{Extended, Instrument};
 
 /// What the instrument's own noise is called.
 pub const NOISE: &str = "noise";
@@ -51,7 +51,7 @@ impl Evaluation {
 pub struct BudgetSource {
     /// Its name: "noise", "earlier identification", or that of an uncertainty of the scenario.
     pub source: String,
-    /// Which distribution its errors have.
+    /// From which distribution its standard uncertainty was evaluated: normal, uniform, triangular or arcsine.
     pub distribution: String,
     /// How its standard uncertainty was evaluated.
     pub evaluation: Evaluation,
@@ -135,15 +135,27 @@ impl BudgetSource {
         }
     }
 
+    /// That of an instrument's noise.
+    pub(crate) fn of_noise(
+        instrument: &Instrument,
+        input: Option<Input>,
+        variance_m2: f64,
+    ) -> Self {
+        Self {
+            distribution: instrument.distribution.name().to_owned(),
+            ..Self::new(NOISE, SourceLevel::Reading, input, variance_m2)
+        }
+    }
+
     /// That of errors of readings.
     pub(crate) fn of_readings(
         name: &str,
         source: &ReadingSource,
-        arm: &ElasticArm,
+        extended: &Extended,
         variance_m2: f64,
     ) -> Self {
         let of_joints = |deviations: &[f64]| {
-            let joints = deviations.iter().zip(&arm.chain.joints);
+            let joints = deviations.iter().zip(&extended.arm().chain.joints);
             common(joints.map(|(&deviation, joint)| {
                 let unit = if joint.drive.slides { "m" } else { "rad" };
                 (deviation, unit)
@@ -161,7 +173,10 @@ impl BudgetSource {
                 common([noise.per_metre, noise.along_per_metre].map(|each| (each, "m/m")))
             }
         };
-        Self::new(name, source.level(), input, variance_m2)
+        Self {
+            distribution: extended.distribution(name).name().to_owned(),
+            ..Self::new(name, source.level(), input, variance_m2)
+        }
     }
 
     /// That of parameters at places of the extended vector.
@@ -185,6 +200,7 @@ impl BudgetSource {
         let first = places.first().map(|&place| parameters[place].kind);
         let level = first.map_or(SourceLevel::Robot, ParameterKind::level);
         Self {
+            distribution: extended.distribution(name).name().to_owned(),
             remark: first
                 .and_then(|kind| remark(extended, kind))
                 .map(str::to_owned),

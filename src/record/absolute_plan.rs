@@ -6,7 +6,7 @@ use super::candidates::CandidatesMessage;
 use super::messages::CommonSourcesMessage;
 use crate::experiment::Candidate;
 use crate::plan::UncertaintyBudget;
-use crate::plan::absolute::{AbsolutePlanning, AbsolutePromise};
+use crate::plan::absolute::{AbsolutePlanning, PredictedAccuracy};
 use crate::plan::search::PlanBound;
 use crate::robot::{Commands, Load};
 use crate::task::{AccuracyKind, Task};
@@ -28,7 +28,7 @@ pub struct PlannedReadingMessage {
 
 /// How well an unknown is known afterwards.
 #[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
-pub struct PromisedUnknownMessage {
+pub struct PredictedUnknownMessage {
     /// Its name.
     pub name: String,
     /// What it is, in words.
@@ -41,7 +41,7 @@ pub struct PromisedUnknownMessage {
 
 /// How accurate the tool is at a test pose.
 #[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
-pub struct PromisedPoseMessage {
+pub struct PredictedPoseMessage {
     /// Its name.
     pub name: String,
     /// The rms distance (mm); null where it needs what is not determined.
@@ -57,7 +57,7 @@ pub struct DrawnMessage {
     pub seed: u64,
 }
 
-/// What a plan of absolute readings promises.
+/// The predicted accuracy of a plan of absolute readings.
 #[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct AbsolutePlanMessage {
     /// What must be accurate: `absolute`, where the loaded tool is.
@@ -80,19 +80,19 @@ pub struct AbsolutePlanMessage {
     pub lower_bound_rho0_mm: Option<f64>,
     /// What that rests on.
     pub bound_kind: Option<&'static str>,
-    /// The bound over the promise.
+    /// The bound over the prediction.
     pub efficiency: Option<f64>,
     /// At each test pose.
-    pub test_poses: Vec<PromisedPoseMessage>,
+    pub test_poses: Vec<PredictedPoseMessage>,
     /// All unknowns.
-    pub unknowns: Vec<PromisedUnknownMessage>,
+    pub unknowns: Vec<PredictedUnknownMessage>,
     /// The readings.
     pub plan: Vec<PlannedReadingMessage>,
     /// What it was chosen from, or what it was read as.
     pub candidates: CandidatesMessage,
     /// How the candidates were drawn; null where they are a file's.
     pub drawn: Option<DrawnMessage>,
-    /// What the promise takes for certain although it is not, in words.
+    /// What the prediction takes for certain although it is not, in words.
     pub assumed_exact: Vec<String>,
 }
 
@@ -115,38 +115,42 @@ impl AbsolutePlanMessage {
         task: &Task,
         planning: &AbsolutePlanning<'_>,
         plan: &[(usize, u32)],
-        promise: &AbsolutePromise,
+        prediction: &PredictedAccuracy,
         bound: Option<&PlanBound>,
     ) -> Self {
         let commands = task.belief.commands();
         let unknowns = (planning.set().parameters().iter().enumerate())
             .filter(|(index, _)| !planning.is_elsewhere(*index, plan));
-        let poses = task.test_poses.iter().zip(&promise.poses_m);
+        let poses = task.test_poses.iter().zip(&prediction.poses_m);
         Self {
             accuracy: AccuracyKind::Absolute.name(),
-            frame: planning.stations().get(promise.station).cloned().flatten(),
-            experiments: promise.readings,
-            rho0_mm: promise.rho0_m().map(|value| value * 1e3),
-            quantile95_mm: promise.quantile95_m.map(|value| value * 1e3),
-            task_force_mm: promise.task_force_m * 1e3,
-            uncertainty_budget: planning.uncertainty_budget(plan, promise),
-            common_sources: (planning.common_sources(plan, promise))
+            frame: planning
+                .stations()
+                .get(prediction.station)
+                .cloned()
+                .flatten(),
+            experiments: prediction.readings,
+            rho0_mm: prediction.rho0_m().map(|value| value * 1e3),
+            quantile95_mm: prediction.quantile95_m.map(|value| value * 1e3),
+            task_force_mm: prediction.task_force_m * 1e3,
+            uncertainty_budget: planning.uncertainty_budget(plan, prediction),
+            common_sources: (planning.common_sources(plan, prediction))
                 .map(CommonSourcesMessage::from),
             lower_bound_rho0_mm: bound.map(|bound| bound.best * 1e3),
             bound_kind: bound.map(|bound| bound.kind.name()),
-            efficiency: bound.and_then(|bound| Some(bound.best / promise.rho0_m()?)),
+            efficiency: bound.and_then(|bound| Some(bound.best / prediction.rho0_m()?)),
             test_poses: poses
-                .map(|(pose, rho0_m)| PromisedPoseMessage {
+                .map(|(pose, rho0_m)| PredictedPoseMessage {
                     name: pose.name.clone(),
                     rho0_mm: rho0_m.map(|value| value * 1e3),
                 })
                 .collect(),
             unknowns: unknowns
-                .map(|(index, each)| PromisedUnknownMessage {
+                .map(|(index, each)| PredictedUnknownMessage {
                     name: each.name.clone(),
                     what: planning.words(index),
                     unit: each.unit().to_owned(),
-                    standard_error: promise.posterior.standard_error(index),
+                    standard_error: prediction.posterior.standard_error(index),
                 })
                 .collect(),
             plan: plan

@@ -17,15 +17,15 @@ pub struct AbsoluteTrialsMessage {
     pub failed: u64,
     /// What the first of these failed by.
     pub first_failure: Option<String>,
-    /// The promised rms distance (mm).
+    /// The predicted rms distance (mm).
     pub predicted_rms_mm: f64,
     /// The rms distance that was left (mm).
     pub rms_mm: f64,
     /// Its standard error (mm).
     pub rms_std_mm: f64,
-    /// The share of robots that stayed below what 95 % were promised to.
+    /// The share of robots that stayed below what 95 % were predicted to.
     pub below_quantile95: Option<f64>,
-    /// The share of test poses at which the tool was within the region of 95 % that was promised there.
+    /// The share of test poses at which the tool was within the region of 95 % that was predicted there.
     pub coverage95: Option<f64>,
     /// `holds`: within three standard errors and 2 %; `exceeded`, or `conservative`.
     pub prediction: &'static str,
@@ -38,14 +38,14 @@ pub struct AbsoluteTrialsMessage {
 }
 
 impl AbsoluteTrialsMessage {
-    /// The record of trials, and what is promised and hidden.
+    /// The record of trials, and what is predicted and hidden.
     pub fn new(trials: &AbsoluteTrials, account: &Account) -> Self {
         let seen_m = trials.summary.rms_m;
         Self {
             robots: trials.robots,
             failed: trials.tally.failures(),
             first_failure: trials.first_failure.clone(),
-            predicted_rms_mm: trials.promised_m * 1e3,
+            predicted_rms_mm: trials.predicted_m * 1e3,
             rms_mm: seen_m.value * 1e3,
             rms_std_mm: seen_m.standard_error * 1e3,
             below_quantile95: trials.below_quantile95(),

@@ -1,4 +1,4 @@
-//! What a plan promises and what its errors are made of in truth, in tallies and results.
+//! The predicted accuracy of a plan and what its errors are made of in truth, in tallies and results.
 
 use serde::{Deserialize, Serialize};
 
@@ -12,8 +12,8 @@ use crate::text::wrong_name;
 /// The account of a plan in a tally. Floats are strings, with all their digits.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct AccountHeader {
-    /// What the belief promises (m).
-    promised_m: String,
+    /// What the belief predicts (m).
+    predicted_m: String,
     /// What the errors are made of.
     parts: Vec<PartHeader>,
     /// The error sources in common with the campaign of `robot.prior`.
@@ -54,7 +54,7 @@ impl AccountHeader {
             rms_m: format!("{:e}", part.rms_m),
         };
         Self {
-            promised_m: format!("{:e}", account.promised_m),
+            predicted_m: format!("{:e}", account.predicted_m),
             parts: account.parts.iter().map(part).collect(),
             common: account.common.as_ref().map(|common| CommonHeader {
                 names: common.names.clone(),
@@ -69,7 +69,7 @@ impl AccountHeader {
     /// The key, and what is wrong there.
     pub fn check(&self) -> Result<(), Wrong> {
         within("parts", self.parts.len(), [1, 1000])?;
-        size("promised_m".to_owned(), &self.promised_m)?;
+        size("predicted_m".to_owned(), &self.predicted_m)?;
         for (index, part) in self.parts.iter().enumerate() {
             if let Some(problem) = wrong_name(&part.name) {
                 return wrong(format!("parts[{index}].name"), problem);
@@ -98,7 +98,7 @@ impl AccountHeader {
             })
         };
         Some(Account {
-            promised_m: self.promised_m.parse().ok()?,
+            predicted_m: self.predicted_m.parse().ok()?,
             parts: self.parts.iter().map(part).collect::<Option<_>>()?,
             common: match &self.common {
                 None => None,
@@ -132,10 +132,10 @@ pub(super) fn size(key: String, text: &str) -> Result<(), Wrong> {
     }
 }
 
-/// What an observed rms distance (m) says of the promise, in words.
+/// What an observed rms distance (m) says of the prediction, in words.
 pub fn verdict(account: &Account, observed_m: Measured) -> String {
-    let ratio = observed_m.value / account.promised_m;
-    match Kept::of(account.promised_m, observed_m) {
+    let ratio = observed_m.value / account.predicted_m;
+    match Kept::of(account.predicted_m, observed_m) {
         Kept::Holds if account.common.is_some() => {
             return "holds where the two campaigns are independent".to_owned();
         }
@@ -174,7 +174,7 @@ mod tests {
         };
         Account {
             common: None,
-            promised_m: 6e-6,
+            predicted_m: 6e-6,
             parts: vec![
                 part("noise", false, 6e-6),
                 part("scale", true, 8e-6),
@@ -184,7 +184,7 @@ mod tests {
     }
 
     #[test]
-    fn verdicts_name_what_breaks_a_promise() {
+    fn verdicts_name_what_breaks_a_prediction() {
         let account = account();
         let said = |value, standard_error| {
             verdict(
@@ -211,7 +211,7 @@ mod tests {
         assert_eq!(header.account(), Some(account()));
         assert!(header.check().is_ok());
         let damaged = AccountHeader {
-            promised_m: "nan".to_owned(),
+            predicted_m: "nan".to_owned(),
             ..header
         };
         assert!(damaged.check().is_err());

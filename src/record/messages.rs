@@ -326,7 +326,7 @@ impl From<Fingerprint> for FingerprintMessage {
     }
 }
 
-/// What a plan promises; the arrays go by `parameters`.
+/// The predicted accuracy of a plan; the arrays go by `parameters`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct AssessmentMessage {
     /// What must be accurate: `relative`, how far the load moves the tool.

@@ -1,6 +1,6 @@
 //! What is kept of results: serde records with the unit of every number in its key.
 //!
-//! - [`messages`]: a calibration, what a plan promises, and where results come from; `--json`,
+//! - [`messages`]: a calibration, the predicted accuracy of a plan, and where results come from; `--json`,
 //!   results.json and the MCAP file share them.
 //! - [`platform`]: what results may depend on beyond the program, the scenario and the seed.
 //! - [`inconsistencies`]: two series of readings that cannot both be right.

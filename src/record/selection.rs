@@ -153,7 +153,7 @@ impl PlannedChoiceMessage {
         Self {
             criterion,
             readings: chosen.readings.iter().map(|reading| reading + 1).collect(),
-            rho0_mm: chosen.promised_m.map(|value| value * 1e3),
+            rho0_mm: chosen.predicted_m.map(|value| value * 1e3),
             lower_bound_rho0_mm: chosen.bound_m.map(|value| value * 1e3),
             distance_mm: (chosen.judged.as_ref())
                 .map(|judged| DistanceStatistics::in_thousandths(&judged.distance)),
@@ -190,7 +190,7 @@ impl RandomChoicesMessage {
             failed: random.len() - judged().count(),
             rho0_mm: spread_of(
                 (random.iter())
-                    .filter_map(|chosen| Some(chosen.promised_m? * 1e3))
+                    .filter_map(|chosen| Some(chosen.predicted_m? * 1e3))
                     .collect(),
             ),
             mean_mm: spread(&|distance| distance.mean),

@@ -42,10 +42,10 @@ pub struct StudyPlanMessage {
     pub rms_std_mm: Option<f64>,
     /// The rms distance that eq. 20 predicts (mm).
     pub predicted_rms_mm: Option<f64>,
-    /// What the belief promises for the rms (mm), where the scenario lists uncertainties.
+    /// What the belief predicts for the rms (mm), where the scenario lists uncertainties.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub combined_rms_mm: Option<f64>,
-    /// The distance that the belief promises 95 % of the runs to stay below (mm); nothing where every run has a plan of its
+    /// The distance that the belief predicts 95 % of the runs to stay below (mm); nothing where every run has a plan of its
     /// own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub predicted_quantile95_mm: Option<f64>,
@@ -162,7 +162,7 @@ impl StudyPlanMessage {
             rms_mm: of(&|each| each.rms_m.value * 1e3),
             rms_std_mm: of(&|each| each.rms_m.standard_error * 1e3),
             predicted_rms_mm: of(&|each| each.predicted_rms_m * 1e3),
-            combined_rms_mm: account.map(|account| account.promised_m * 1e3),
+            combined_rms_mm: account.map(|account| account.predicted_m * 1e3),
             predicted_quantile95_mm: predicted_quantile95_m.map(|value| value * 1e3),
             contributions: account.map_or_else(Vec::new, |account| {
                 account
@@ -176,7 +176,8 @@ impl StudyPlanMessage {
                 .map(CommonSourcesMessage::from),
             verdict: (account.zip(summary)).map(|(account, each)| verdict(account, each.rms_m)),
             validation: (predicted_quantile95_m.zip(summary)).map(|(predicted_m, each)| {
-                let standard_m = account.map_or(each.predicted_rms_m, |account| account.promised_m);
+                let standard_m =
+                    account.map_or(each.predicted_rms_m, |account| account.predicted_m);
                 ValidationMessage::new(predicted_m, standard_m, each.radius95_m)
             }),
             quantiles_mm: summary.map(|each| each.quantiles_m.map(|value| value * 1e3)),

@@ -18,7 +18,7 @@ use crate::files::typed::from_json;
 use crate::files::{FileError, hexadecimal, is_plain_name, read_text};
 use crate::gate::Gate;
 use crate::identification::ParameterGroup;
-use crate::plan::absolute::AbsolutePromise;
+use crate::plan::absolute::PredictedAccuracy;
 use crate::plan::{Experiment, Plan, posterior, quantile95_m};
 use crate::robot::Load;
 use crate::scenario::Scenario;
@@ -82,11 +82,11 @@ pub struct PlanHeader {
     pub reference: Option<usize>,
     /// SHA-256 of the plan; null where every run has its own.
     pub sha256: Option<String>,
-    /// What it promises and what its errors are made of, where the scenario lists uncertainties; nothing where every run has
+    /// What it predicts and what its errors are made of, where the scenario lists uncertainties; nothing where every run has
     /// a plan of its own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub account: Option<AccountHeader>,
-    /// The distance (m) that it promises 95 % of the runs to stay below; nothing where every run has a plan of its own.
+    /// The distance (m) that it predicts 95 % of the runs to stay below; nothing where every run has a plan of its own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub predicted_quantile95_m: Option<String>,
 }
@@ -161,24 +161,24 @@ impl Header {
     ) -> Self {
         let conditions = Conditions::plain(&scenario.task, 0);
         let header = Self::new(scenario, &[], Level::Robot, trials, shards, &[]);
-        let plan = |((entry, promise), reference): ((&AbsoluteEntry<'_>, _), _)| {
-            let promise: &AbsolutePromise = promise;
-            let account = Account::of_absolute(&scenario.task, &scenario.truth, entry, promise);
+        let plan = |((entry, prediction), reference): ((&AbsoluteEntry<'_>, _), _)| {
+            let prediction: &PredictedAccuracy = prediction;
+            let account = Account::of_absolute(&scenario.task, &scenario.truth, entry, prediction);
             PlanHeader {
                 name: entry.name.clone(),
-                experiments: promise.readings,
+                experiments: prediction.readings,
                 sigma_m: format!("{:e}", conditions.sigma_m),
                 load_scale: format!("{:e}", conditions.load_scale),
                 reference,
                 sha256: Some(fingerprint_of_readings(entry)),
                 account: account.map(|account| AccountHeader::new(&account)),
-                predicted_quantile95_m: (promise.quantile95_m)
+                predicted_quantile95_m: (prediction.quantile95_m)
                     .map(|quantile_m| format!("{quantile_m:.9e}")),
             }
         };
         Self {
             absolute: Some(absolute),
-            plans: (entries.iter().zip(runner.promises()))
+            plans: (entries.iter().zip(runner.predictions()))
                 .zip(runner.references())
                 .map(plan)
                 .collect(),

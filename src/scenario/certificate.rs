@@ -12,18 +12,8 @@
 
 use serde::Deserialize;
 
+use crate::parameter::ErrorDistribution;
 use crate::quantities::plausible::COVERAGE;
-
-/// How an error is distributed within its bounds.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, schemars::JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub(super) enum ErrorDistribution {
-    Uniform,
-    Triangular,
-    Arcsine,
-    /// Without bounds: the coverage factor says what of it is meant.
-    Normal,
-}
 
 /// Where an error takes a new value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, schemars::JsonSchema)]

@@ -7,9 +7,9 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use super::certificate::{ErrorDistribution, ErrorLevel};
+use super::certificate::ErrorLevel;
 use crate::gate::Gate;
-use crate::parameter::Unloaded;
+use crate::parameter::{ErrorDistribution, Unloaded};
 use crate::plan::Criterion;
 use crate::study::Level;
 use crate::task::{AccuracyKind, Method};

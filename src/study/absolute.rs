@@ -1,4 +1,4 @@
-//! Whether a plan of absolute readings keeps its promise: robots are drawn, read in MuJoCo as the plan says, identified, and looked at
+//! Whether a plan of absolute readings errs as predicted: robots are drawn, read in MuJoCo as the plan says, identified, and looked at
 //! where they must be accurate.
 //!
 //! In run r, everything that the scenario lists as uncertain is drawn as in any study; what is unknown and of which nothing is known
@@ -31,8 +31,8 @@ use crate::numeric::random::streams::{FRAMES, Stream, frames_of_trial};
 use crate::numeric::random::{draws, generator};
 use crate::numeric::tolerance::CHI_SQUARE_95;
 use crate::observation::{Form, ObservationModel, ReadingKind, Setup};
-use crate::parameter::{ParameterKind, ParameterSet, Source, Uncertainty};
-use crate::plan::absolute::{AbsolutePlanning, AbsolutePromise};
+use crate::parameter::{ErrorDistribution, ParameterKind, ParameterSet, Source, Uncertainty};
+use crate::plan::absolute::{AbsolutePlanning, PredictedAccuracy};
 use crate::robot::{EquilibriumError, Load};
 use crate::task::{Task, station_named};
 use crate::testbed::{ReadRobots, SeenFrom, Truth, compliances_of_run};
@@ -68,9 +68,9 @@ pub enum TrialError {
     /// Nothing tells where the machining tool is.
     #[error("no reading of the plan is of {0}, whose place is predicted: it is assumed exact")]
     Unread(String),
-    /// Nothing is promised.
+    /// Nothing is predicted.
     #[error("there is no predicted accuracy: the plan does not determine the tool's place")]
-    NoPromise,
+    NoPrediction,
     /// None could be judged.
     #[error("no robot of {robots} could be identified and looked at: {first}")]
     AllFailed {
@@ -88,16 +88,16 @@ pub enum TrialError {
 #[derive(Debug)]
 struct JudgedPlan<'a> {
     entry: &'a AbsoluteEntry<'a>,
-    promise: AbsolutePromise,
-    promised_m: f64,
+    prediction: PredictedAccuracy,
+    predicted_m: f64,
     /// What each row of the plan reads.
     targets: Vec<String>,
     truth: Truth,
-    /// Where the tool is promised to be at each test pose.
+    /// Where the tool is predicted to be at each test pose.
     regions: Vec<PlaceRegion>,
 }
 
-/// A region in which the tool is promised to be.
+/// A region in which the tool is predicted to be.
 #[derive(Debug, Clone, Copy)]
 struct PlaceRegion {
     /// Turns what is left into numbers of unit variance.
@@ -177,9 +177,9 @@ impl<'a> AbsoluteRunner<'a> {
         }
     }
 
-    /// What each plan promises.
-    pub fn promises(&self) -> impl Iterator<Item = &AbsolutePromise> {
-        self.tried.iter().map(|each| &each.promise)
+    /// What each plan predicts.
+    pub fn predictions(&self) -> impl Iterator<Item = &PredictedAccuracy> {
+        self.tried.iter().map(|each| &each.prediction)
     }
 
     /// Why the first of the runs that were made and failed did so.
@@ -255,8 +255,8 @@ impl<'a> AbsoluteRunner<'a> {
                 batch.nees[lane] = seen.nees;
                 batch.freedom[lane] = tried.regions.iter().map(|region| region.freedom).sum();
                 batch.intervals[lane] = seen.regions;
-                batch.expected[lane] = tried.promised_m.powi(2) / variance_m2;
-                let variance_m4 = tried.promise.square_variance_m4.unwrap_or(0.0);
+                batch.expected[lane] = tried.predicted_m.powi(2) / variance_m2;
+                let variance_m4 = tried.prediction.square_variance_m4.unwrap_or(0.0);
                 batch.variance[lane] = variance_m4 / variance_m2.powi(2);
             }
             Err((failure, reason)) => {
@@ -313,11 +313,11 @@ impl<'a> JudgedPlan<'a> {
         if !targets.contains(machining) {
             return Err(TrialError::Unread(machining.clone()));
         }
-        let promise = entry.planning.promise(&entry.plan);
-        let promised_m = promise.rho0_m().ok_or(TrialError::NoPromise)?;
+        let prediction = entry.planning.prediction(&entry.plan);
+        let predicted_m = prediction.rho0_m().ok_or(TrialError::NoPrediction)?;
         let no_place = Matrix3::zeros();
         Ok(Self {
-            regions: (promise.places_m2.iter())
+            regions: (prediction.places_m2.iter())
                 .map(|place| PlaceRegion::new(place.as_ref().unwrap_or(&no_place)))
                 .collect(),
             truth: Truth {
@@ -325,8 +325,8 @@ impl<'a> JudgedPlan<'a> {
                 ..truth.clone()
             },
             entry,
-            promise,
-            promised_m,
+            prediction,
+            predicted_m,
             targets,
         })
     }
@@ -337,16 +337,16 @@ impl<'a> JudgedPlan<'a> {
     }
 }
 
-/// What was seen of a plan's promise.
+/// What was seen of a plan's prediction.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AbsoluteTrials {
     /// How many robots were drawn.
     pub robots: u64,
     /// Why the first of those that could not be identified, or not looked at, could not be.
     pub first_failure: Option<String>,
-    /// The promised rms distance (m).
-    pub promised_m: f64,
-    /// What 95 % were promised to stay below (m).
+    /// The predicted rms distance (m).
+    pub predicted_m: f64,
+    /// What 95 % were predicted to stay below (m).
     pub quantile95_m: Option<f64>,
     /// What is kept of the runs, whose distances are in units of the instrument's sigma.
     pub tally: Tally,
@@ -374,8 +374,8 @@ impl AbsoluteTrials {
         Ok(Self {
             robots,
             first_failure: runner.first_failure(),
-            promised_m: tried.promised_m,
-            quantile95_m: tried.promise.quantile95_m,
+            predicted_m: tried.predicted_m,
+            quantile95_m: tried.prediction.quantile95_m,
             summary: Summary::new(&tally, sigma_m, None).ok_or_else(|| TrialError::AllFailed {
                 robots,
                 first: runner.first_failure().unwrap_or_default(),
@@ -385,12 +385,12 @@ impl AbsoluteTrials {
         })
     }
 
-    /// Whether the promise was kept.
+    /// Whether the prediction was kept.
     pub fn kept(&self) -> Kept {
-        Kept::of(self.promised_m, self.summary.rms_m)
+        Kept::of(self.predicted_m, self.summary.rms_m)
     }
 
-    /// The share of robots that stayed below what 95 % were promised to.
+    /// The share of robots that stayed below what 95 % were predicted to.
     pub fn below_quantile95(&self) -> Option<f64> {
         self.tally.share_below(self.quantile95_m? / self.sigma_m)
     }
@@ -415,6 +415,7 @@ fn uncertainties(truth: &Truth, planning: &AbsolutePlanning<'_>) -> Vec<Uncertai
         all.push(Uncertainty {
             name: "unknown".to_owned(),
             is_hidden: false,
+            distribution: ErrorDistribution::Normal,
             source: Source::Plan(drawn),
         });
     }
@@ -475,7 +476,7 @@ impl Trial<'_> {
         let fit = case
             .fit(self.groups, ReadingWeights::AsNeeded)
             .map_err(|error| no_fit(&error))?;
-        let frame = tried.promise.station;
+        let frame = tried.prediction.station;
         let lost = || {
             let reason = "no reading that counts is there".to_owned();
             (Failure::Undetermined, reason)

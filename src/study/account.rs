@@ -1,4 +1,4 @@
-//! What a plan's errors are made of in truth, whatever the belief knows of it, beside what the belief promises.
+//! What a plan's errors are made of in truth, whatever the belief knows of it, beside what the belief predicts.
 //!
 //! The gain K = C M^-1 is the belief's. With the true covariance of a source's part of a reading, `R_s`, the true
 //! deviation d of a parameter that the belief knows of, and that of one that it does not, with the derivatives
@@ -16,7 +16,7 @@ use super::absolute::AbsoluteEntry;
 use super::deviations::{Deviations, by_repeats};
 use crate::compensation::{test_pose_rows, weighted_rows};
 use crate::parameter::{ParameterKind, Source, Uncertainty};
-use crate::plan::absolute::AbsolutePromise;
+use crate::plan::absolute::PredictedAccuracy;
 use crate::plan::{
     CommonSources, EARLIER, ExperimentModel, NOISE, Plan, alone_and_together, posterior,
 };
@@ -34,11 +34,11 @@ pub struct AccountPart {
     pub rms_m: f64,
 }
 
-/// What is promised, and what is to be expected in truth.
+/// What is predicted, and what is to be expected in truth.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Account {
-    /// The belief's promise `rho_0` (m).
-    pub promised_m: f64,
+    /// The belief's prediction `rho_0` (m).
+    pub predicted_m: f64,
     /// What the errors are made of, to first order.
     pub parts: Vec<AccountPart>,
     /// The error sources in common with the campaign of `robot.prior`.
@@ -52,19 +52,19 @@ impl Account {
         squares.sum::<f64>().sqrt()
     }
 
-    /// The account of a plan of absolute readings; `None` where it promises nothing.
+    /// The account of a plan of absolute readings; `None` where it predicts nothing.
     pub fn of_absolute(
         task: &Task,
         truth: &Truth,
         entry: &AbsoluteEntry<'_>,
-        promise: &AbsolutePromise,
+        prediction: &PredictedAccuracy,
     ) -> Option<Self> {
         let (planning, plan) = (&entry.planning, &entry.plan);
-        let believed = planning.uncertainty_budget(plan, promise)?.sources;
+        let believed = planning.uncertainty_budget(plan, prediction)?.sources;
         let hidden: Vec<&Uncertainty> = (truth.uncertainties.iter())
             .filter(|each| each.is_hidden || task.belief.uncertain.is_none())
             .collect();
-        let left_m = planning.left_by_hidden(task, (plan, promise), &hidden);
+        let left_m = planning.left_by_hidden(task, (plan, prediction), &hidden);
         let believed = believed.into_iter().map(|each| AccountPart {
             name: each.source,
             is_hidden: false,
@@ -97,9 +97,9 @@ impl Account {
             });
         }
         Some(Self {
-            promised_m: promise.rho0_m()?,
+            predicted_m: prediction.rho0_m()?,
             parts,
-            common: planning.common_sources(plan, promise),
+            common: planning.common_sources(plan, prediction),
         })
     }
 
@@ -110,7 +110,7 @@ impl Account {
         let rows = weighted_rows(&task.test_poses, belief.unknowns(), &|pose| {
             test_pose_rows(belief, pose)
         });
-        let promised_m = posterior.variance_of(&rows).ok()?.sqrt();
+        let predicted_m = posterior.variance_of(&rows).ok()?.sqrt();
         let gain = &rows * &posterior.covariance;
         let deviations = Deviations::new(belief, truth);
         let model = ExperimentModel::new(belief);
@@ -202,9 +202,9 @@ impl Account {
             ));
         }
         Some(Self {
-            promised_m,
+            predicted_m,
             parts,
-            common: CommonSources::of_deflections(task, &posterior, promised_m),
+            common: CommonSources::of_deflections(task, &posterior, predicted_m),
         })
     }
 }

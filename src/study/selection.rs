@@ -63,7 +63,7 @@ pub struct Chosen {
     /// The readings by their places, in rising order.
     pub readings: Vec<usize>,
     /// `rho_0` (m): what errors that are independent from reading to reading leave, rms over all readings.
-    pub promised_m: Option<f64>,
+    pub predicted_m: Option<f64>,
     /// The same over what no choice of as many readings is below.
     pub bound_m: Option<f64>,
     /// On the readings that there are; none where there is no fit.
@@ -287,7 +287,7 @@ impl Chooser<'_> {
         let observations = &self.parts.case.observations;
         let campaigns = self.campaigns.iter();
         Chosen {
-            promised_m: function.value(&information),
+            predicted_m: function.value(&information),
             bound_m: None,
             judged: self.judge(&readings, observations),
             without_discrepancy: campaigns

@@ -1,4 +1,4 @@
-//! Whether a promise is kept: decided here, for deflections and for absolute readings alike.
+//! Whether a prediction is kept: decided here, for deflections and for absolute readings alike.
 
 use super::summary::Measured;
 
@@ -7,7 +7,7 @@ const STANDARD_ERRORS: f64 = 3.0;
 /// ... nor are they what linear propagation leaves out, beyond this share.
 const LINEAR: f64 = 0.02;
 
-/// How a promise came off.
+/// How a prediction came off.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kept {
     /// Within three standard errors and 2 %.
@@ -19,12 +19,12 @@ pub enum Kept {
 }
 
 impl Kept {
-    /// What the rms distance that was seen (m) says of the one that was promised.
-    pub fn of(promised_m: f64, seen_m: Measured) -> Self {
-        let room = STANDARD_ERRORS * seen_m.standard_error + LINEAR * promised_m;
-        if seen_m.value > promised_m + room {
+    /// What the rms distance that was seen (m) says of the one that was predicted.
+    pub fn of(predicted_m: f64, seen_m: Measured) -> Self {
+        let room = STANDARD_ERRORS * seen_m.standard_error + LINEAR * predicted_m;
+        if seen_m.value > predicted_m + room {
             Self::Exceeded
-        } else if seen_m.value < promised_m - room {
+        } else if seen_m.value < predicted_m - room {
             Self::Conservative
         } else {
             Self::Holds
@@ -123,7 +123,7 @@ mod tests {
     }
 
     #[test]
-    fn a_promise_has_room_on_both_sides() {
+    fn a_prediction_has_room_on_both_sides() {
         let of = |value, standard_error| {
             Kept::of(
                 1.0,

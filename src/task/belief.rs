@@ -5,7 +5,9 @@ use serde::{Deserialize, Serialize};
 
 use super::{Extended, PriorCampaign};
 use crate::observation::{BareArm, DeflectionPrecision};
-use crate::parameter::{ElasticArm, ParameterError, ParameterSet, Prior, Unloaded};
+use crate::parameter::{
+    ElasticArm, ErrorDistribution, ParameterError, ParameterSet, Prior, Unloaded,
+};
 use crate::robot::{Commands, Robot, Tool};
 
 /// How deflections are measured.
@@ -19,6 +21,8 @@ pub struct Instrument {
     pub tracker_site: Option<usize>,
     /// Which reading without the load deflections rest on.
     pub unloaded: Unloaded,
+    /// From which distribution its standard deviation was evaluated.
+    pub distribution: ErrorDistribution,
 }
 
 impl Instrument {

@@ -1,11 +1,13 @@
 //! The extended vector: the identified compliances, and the parameters of all error sources that the whole plan shares.
 
+use std::collections::BTreeMap;
+
 use nalgebra::DMatrix;
 
 use crate::observation::{DeflectionPrecision, PlannedReadings};
 use crate::parameter::{
-    ElasticArm, ParameterError, ParameterKind, ParameterSet, Prior, ReadingSource, Source,
-    Uncertainty, Unloaded,
+    ElasticArm, ErrorDistribution, ParameterError, ParameterKind, ParameterSet, Prior,
+    ReadingSource, Source, Uncertainty, Unloaded,
 };
 
 /// Which of the arm's tools is measured.
@@ -31,6 +33,8 @@ pub struct Extended {
     /// The names of those that are new in each reading.
     source_names: Vec<String>,
     sources: Vec<ReadingSource>,
+    /// From which each uncertainty was evaluated, by name.
+    distributions: BTreeMap<String, ErrorDistribution>,
     /// Which reading without the load deflections rest on.
     unloaded: Unloaded,
 }
@@ -119,6 +123,9 @@ impl Extended {
             own_precision,
             source_names,
             sources,
+            distributions: (uncertainties.iter())
+                .map(|each| (each.name.clone(), each.distribution))
+                .collect(),
             unloaded: Unloaded::Own,
         })
     }
@@ -164,6 +171,11 @@ impl Extended {
     pub fn has_backlash(&self) -> bool {
         let is_gap = |kind| matches!(kind, ParameterKind::JointBacklash { .. });
         self.set.parameters().iter().any(|each| is_gap(each.kind))
+    }
+
+    /// From which distribution an uncertainty was evaluated.
+    pub fn distribution(&self, name: &str) -> ErrorDistribution {
+        self.distributions.get(name).copied().unwrap_or_default()
     }
 
     /// The names of what is to be found besides compliances.

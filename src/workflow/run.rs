@@ -24,13 +24,13 @@ use crate::understanding::implausible;
 /// So many random plans stand for what a laboratory without a plan would do.
 pub const RANDOM_PLANS: u64 = 99;
 
-/// The records of a plan's calibration and of what it promised.
+/// The records of a plan's calibration and of what it predicted.
 pub type PlanRecords = (CalibrationMessage, AssessmentMessage);
 
 /// A plan that took part.
 #[derive(Debug)]
 pub struct TriedPlan {
-    /// What it promised.
+    /// What it predicted.
     pub assessment: Assessment,
     /// Its name, and what came of it.
     pub calibration: (String, Calibration),
@@ -43,7 +43,7 @@ pub struct TriedPlan {
 pub struct FailedPlan {
     /// Its name.
     pub name: String,
-    /// What it promised, where there is a plan.
+    /// What it predicted, where there is a plan.
     pub assessment: Option<Assessment>,
     /// Why it failed.
     pub problem: String,
@@ -85,7 +85,7 @@ pub struct RunOutcome {
     pub failed: Vec<FailedPlan>,
     /// Their records, in the same order.
     pub records: Vec<PlanRecords>,
-    /// The median of what random plans promise (m), if there is one.
+    /// The median of what random plans prediction (m), if there is one.
     pub random_rho0_m: Option<f64>,
     /// How often the plan of that median is to be repeated for the accuracy of the designed one.
     pub random_repeats: Option<RepeatsNeeded>,
@@ -243,7 +243,7 @@ impl RunOutcome {
             "residuals": main.residuals,
         });
         let mut json = results("run", &ProvenanceMessage::new(scenario), json);
-        // The order matters where keys coincide: rho0_mm is what the plan promises, and the standard
+        // The order matters where keys coincide: rho0_mm is the predicted accuracy of the plan, and the standard
         // errors are those of the identification.
         merge(&mut json, serde_json::to_value(&main.test_poses[0])?);
         merge(&mut json, serde_json::to_value(assessment)?);

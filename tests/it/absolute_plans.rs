@@ -1,4 +1,4 @@
-//! Plans of absolute readings: what they promise is what the one fit then knows, the best of all plans is found, and targets and
+//! Plans of absolute readings: what they prediction is what the one fit then knows, the best of all plans is found, and targets and
 //! stations are chosen.
 
 use std::fmt::Write as _;
@@ -77,9 +77,9 @@ fn readings(scenario: &Scenario, rows: &[Candidate]) -> Vec<AbsoluteReading> {
         .collect()
 }
 
-/// The promise is the variance of the tool's place by the covariance of the fit, whichever unknowns either leaves out.
+/// The prediction is the variance of the tool's place by the covariance of the fit, whichever unknowns either leaves out.
 #[test]
-fn the_fit_knows_what_was_promised() {
+fn the_fit_knows_what_was_predicted() {
     let scenario = scenario("ur10");
     let task = &scenario.task;
     for (groups, count) in [
@@ -89,7 +89,7 @@ fn the_fit_knows_what_was_promised() {
         let rows = rows(&scenario, count);
         let planning = AbsolutePlanning::new(task, groups, &rows).expect("candidates");
         let plan: Vec<(usize, u32)> = (0..rows.len()).map(|place| (place, 1)).collect();
-        let promised_m = planning.promise(&plan).rho0_m().expect("a promise");
+        let predicted_m = planning.prediction(&plan).rho0_m().expect("a prediction");
         let mut case =
             AbsoluteCase::new(&task.belief, &readings(&scenario, &rows)).expect("readings");
         let fit = case.fit(groups, ReadingWeights::Own).expect("a fit");
@@ -115,8 +115,8 @@ fn the_fit_knows_what_was_promised() {
             .expect("determined")
             .sqrt();
         assert!(
-            (known_m / promised_m - 1.0).abs() < 0.01,
-            "{groups:?}: {known_m} and {promised_m}"
+            (known_m / predicted_m - 1.0).abs() < 0.01,
+            "{groups:?}: {known_m} and {predicted_m}"
         );
     }
 }
@@ -134,7 +134,10 @@ fn the_best_choice_is_found() {
         progress: &|_, _, _| {},
     };
     let found = planning.design([8, 8], 1, watch).expect("a plan");
-    let value = planning.promise(&found.plan).rho0_m().expect("a promise");
+    let value = planning
+        .prediction(&found.plan)
+        .rho0_m()
+        .expect("a prediction");
     let best = (0_u32..1 << rows.len())
         .filter(|chosen| chosen.count_ones() == 8)
         .filter_map(|chosen| {
@@ -142,7 +145,7 @@ fn the_best_choice_is_found() {
                 .filter(|place| chosen >> place & 1 == 1)
                 .map(|place| (place, 1))
                 .collect();
-            planning.promise(&plan).rho0_m()
+            planning.prediction(&plan).rho0_m()
         })
         .fold(f64::INFINITY, f64::min);
     assert!((value / best - 1.0).abs() < 1e-6, "{value} and {best}");
@@ -236,8 +239,8 @@ fn what_hardly_moves_the_tool_may_stay_hidden() {
         progress: &|_, _, _| {},
     };
     let design = planning.design([28, 28], 1, watch).expect("a plan");
-    let promise = planning.promise(&design.plan);
-    let rho0_m = promise.rho0_m().expect("a promise");
+    let prediction = planning.prediction(&design.plan);
+    let rho0_m = prediction.rho0_m().expect("a prediction");
     let bound_m = design.bound.expect("a bound").best;
     assert!(
         bound_m <= rho0_m && bound_m > 0.9 * rho0_m,
@@ -245,7 +248,7 @@ fn what_hardly_moves_the_tool_may_stay_hidden() {
     );
     let names = planning.set().parameters();
     let without: Vec<&str> = (names.iter().enumerate())
-        .filter(|(index, _)| promise.posterior.standard_error(*index).is_none())
+        .filter(|(index, _)| prediction.posterior.standard_error(*index).is_none())
         .map(|(_, each)| each.name.as_str())
         .collect();
     assert!(without.contains(&"link_6.rx"), "{without:?}");
@@ -306,7 +309,8 @@ fn commands_plan_absolute_readings() {
     let again = place.json(
         "evaluate s.toml --parameters zeros --plan p.csv --candidates c.csv --test-poses path.csv",
     );
-    let [first, second] = [&one, &again].map(|json| json["rho0_mm"].as_f64().expect("a promise"));
+    let [first, second] =
+        [&one, &again].map(|json| json["rho0_mm"].as_f64().expect("a prediction"));
     assert!((first / second - 1.0).abs() < 1e-6, "{first} and {second}");
     let efficiency = again["efficiency"].as_f64().expect("a bound");
     assert!(efficiency > 0.7 && efficiency <= 1.0, "{efficiency}");
@@ -318,7 +322,8 @@ fn commands_plan_absolute_readings() {
     );
     let efficiency = among["efficiency"].as_f64().expect("a bound");
     assert!(efficiency > 0.7 && efficiency <= 1.0, "{efficiency}");
-    let [of_both, of_one] = [&one, &door].map(|json| json["rho0_mm"].as_f64().expect("a promise"));
+    let [of_both, of_one] =
+        [&one, &door].map(|json| json["rho0_mm"].as_f64().expect("a prediction"));
     assert!(of_both <= of_one * (1.0 + 1e-6), "{of_both} and {of_one}");
     let text = place.run(plan).ends_with(0).stdout;
     assert!(

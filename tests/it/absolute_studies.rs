@@ -1,5 +1,5 @@
 //! Studies of absolute plans, and their pages: the same runs as `evaluate --trials`, in shards and resumed to the same bits; what is
-//! promised is the sum of what it is made of; and what there is for deflections alone is refused by its name.
+//! predicted is the sum of what it is made of; and what there is for deflections alone is refused by its name.
 
 use serde_json::{Value, json};
 
@@ -53,7 +53,7 @@ fn planned() -> (Workplace, Value) {
 }
 
 #[test]
-fn a_promise_is_split_and_shown() {
+fn a_prediction_is_split_and_shown() {
     let (place, planned) = planned();
     let sources = planned["uncertainty_budget"]["sources"].as_array();
     let sources = sources.expect("a list");
@@ -101,7 +101,7 @@ fn a_promise_is_split_and_shown() {
     ] {
         assert!(page.contains(words), "{words}");
     }
-    looks_well(&place.path("p.html"), 3);
+    looks_well(&place.path("p.html"), 2);
 }
 
 /// What `evaluate --trials` sees is what a study of the same readings sees, which shards and interruptions leave as it is.
@@ -135,12 +135,12 @@ fn a_study_is_of_the_same_robots() {
     assert_eq!(plan["histogram"], judged["trials"]["histogram"]);
     assert_eq!(plan["contributions"].as_array().map(Vec::len), Some(5));
     let (seen, nees) = (number(&plan["rms_mm"]), number(&plan["nees"]));
-    let promised = number(&plan["combined_rms_mm"]);
+    let predicted = number(&plan["combined_rms_mm"]);
     // Forty robots: the mean square of three numbers is right within four of its standard errors.
     let room = 4.0 * (2.0_f64 / 3.0 / 40.0).sqrt();
     assert!((nees / 3.0 - 1.0).abs() < room, "{nees}");
-    assert!(((seen / promised).powi(2) - 1.0).abs() < 4.0 * (2.0_f64 / 40.0).sqrt());
-    looks_well(&place.path("t.html"), 3);
+    assert!(((seen / predicted).powi(2) - 1.0).abs() < 4.0 * (2.0_f64 / 40.0).sqrt());
+    looks_well(&place.path("t.html"), 2);
     assert!(place.read("t.html").contains("Do virtual robots keep it?"));
     let page = place.read("out/s/study.html");
     assert!(page.contains("An absolute accuracy: where the loaded tool is"));
@@ -171,7 +171,7 @@ fn a_study_is_of_the_same_robots() {
 
 /// What the belief does not know of is named, with what it leaves.
 #[test]
-fn what_breaks_a_promise_is_named() {
+fn what_breaks_a_prediction_is_named() {
     let place = Workplace::new();
     let hidden =
         "\n[[uncertainty]]\nkind = \"transmission_error\"\nstd_mrad = 0.3\nhidden = true\n";
@@ -190,7 +190,7 @@ fn what_breaks_a_promise_is_named() {
         contributions.last().expect("the hidden one")["hidden"],
         true
     );
-    // To first order, what is seen is what is promised and what is hidden.
+    // To first order, what is seen is what is predicted and what is hidden.
     let squares = expected_mm(plan).powi(2);
     let seen = number(&plan["rms_mm"]).powi(2);
     assert!(

@@ -1,4 +1,4 @@
-//! Virtual robots in MuJoCo that are read as plans of absolute readings say: they keep what is promised, and break it where the
+//! Virtual robots in MuJoCo that are read as plans of absolute readings say: they keep what is predicted, and break it where the
 //! planner does not know of what they are like; and plans at configurations that nobody listed.
 
 use serde_json::Value;
@@ -48,13 +48,13 @@ name = "far"
 position_mm = [-6000, -3000, 1500]
 "#;
 
-/// Within three standard errors and 2 %, by the numbers themselves; and as many as promised stay below the quantile.
+/// Within three standard errors and 2 %, by the numbers themselves; and as many as predicted stay below the quantile.
 fn holds(trials: &Value) {
-    let [promised, seen, error] =
+    let [predicted, seen, error] =
         ["predicted_rms_mm", "rms_mm", "rms_std_mm"].map(|key| number(&trials[key]));
     assert!(error < 0.06 * seen, "{trials}");
     assert!(
-        (seen - promised).abs() <= 3.0 * error + 0.02 * promised,
+        (seen - predicted).abs() <= 3.0 * error + 0.02 * predicted,
         "{trials}"
     );
     let robots = number(&trials["robots"]);
@@ -67,10 +67,10 @@ fn holds(trials: &Value) {
     assert_eq!(trials["failed"], 0);
 }
 
-/// A plan at drawn configurations: robots of which nothing is known keep its promise, and with the same readings those that are known
+/// A plan at drawn configurations: robots of which nothing is known errs as predicted, and with the same readings those that are known
 /// to a degree, with all that disturbs them.
 #[test]
-fn drawn_robots_keep_what_is_promised() {
+fn drawn_robots_keep_what_is_predicted() {
     let place = Workplace::new();
     place.write("s.toml", absolute(""));
     place.write("k.toml", absolute(KNOWN));
@@ -122,9 +122,9 @@ position_mm = [3000, 0, 400]
     holds(&judged["trials"]);
 }
 
-/// What the planner does not know of breaks the promise, which is a condition.
+/// What the planner does not know of breaks the prediction, which is a condition.
 #[test]
-fn what_is_hidden_breaks_the_promise() {
+fn what_is_hidden_breaks_the_prediction() {
     let place = Workplace::new();
     let hidden =
         "\n[[uncertainty]]\nkind = \"transmission_error\"\nstd_mrad = 0.3\nhidden = true\n";

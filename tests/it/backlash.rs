@@ -120,9 +120,9 @@ fn gaps_cost_where_loads_turn_them_over() {
     assert!((never / held - 1.0).abs() < 1e-3, "{never} {held}");
 }
 
-/// From any sides, known or hidden: what is seen on the virtual robot is what is promised, or what the account says.
+/// From any sides, known or hidden: what is seen on the virtual robot is what is predicted, or what the account says.
 #[test]
-fn promises_hold_from_any_side() {
+fn predictions_hold_from_any_side() {
     for list in [
         entry(("backlash", "std_arcsec = 120"), ""),
         entry(("backlash", GAPS), ""),

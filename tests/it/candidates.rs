@@ -160,7 +160,7 @@ fn repeats_share_errors() {
     let task = &laboratory.task;
     let candidates = Candidates::new(task, &rows(task, 6, None)).expect("candidates");
     let (plan, assessment) = designed(task, &candidates, Criterion::TestPose, [4, 4]);
-    let rho0_m = assessment.rho0_m.expect("a promise");
+    let rho0_m = assessment.rho0_m.expect("a prediction");
     let best = (all_plans(&candidates.experiments, [4, 4]).iter())
         .filter_map(|plan| Assessment::new(task, plan, None).rho0_m)
         .fold(f64::INFINITY, f64::min);

@@ -146,7 +146,7 @@ fn files_of_earlier_versions_are_read_and_said_to_be_old() {
     let old = outcome.json();
     assert_eq!(old["q_commanded_deg"], new["q_commanded_deg"]);
     assert_eq!(old["rho0_mm"], new["rho0_mm"]);
-    // Without an estimate nothing can be promised where that joint matters.
+    // Without an estimate nothing can be predicted where that joint matters.
     edit(&workplace, |json| {
         json["compliance_rad_per_nm"][1] = Value::Null;
     });

@@ -75,10 +75,10 @@ fn number(value: &Value, key: &str) -> f64 {
     value[key].as_f64().expect("a number")
 }
 
-/// On the virtual robot, drawn in every run, and in the linear model: what is seen is what is promised, and errors are as large as
+/// On the virtual robot, drawn in every run, and in the linear model: what is seen is what is predicted, and errors are as large as
 /// their covariance says.
 #[test]
-fn promises_hold_under_several_loads() {
+fn predictions_hold_under_several_loads() {
     let all = format!("{MISFIT}{GEARS}{RETURN}");
     for (unloaded, uncertainties) in [
         ("own", MISFIT),
@@ -96,11 +96,11 @@ fn promises_hold_under_several_loads() {
                 assert_holds(plan, &what);
             }
             assert!(number(plan, "nees_z").abs() < 5.0, "{what}: {plan}");
-            let promised = number(plan, "predicted_rms_mm");
-            let off = (number(plan, "rms_mm") - promised).abs();
+            let predicted = number(plan, "predicted_rms_mm");
+            let off = (number(plan, "rms_mm") - predicted).abs();
             // On the virtual robot what the model's non-linearity is allowed comes with it.
             let room = match level {
-                "robot" => 3.0 * number(plan, "rms_std_mm") + 0.02 * promised,
+                "robot" => 3.0 * number(plan, "rms_std_mm") + 0.02 * predicted,
                 _ => 4.5 * number(plan, "rms_std_mm"),
             };
             assert!(off < room, "{what}: {plan}");
@@ -254,9 +254,9 @@ fn written_out(scenario: &Scenario, measurements: &[Measurement]) -> DMatrix<f64
 }
 
 /// Generalised least squares with the whole covariance of all readings, written out, gives the same estimate and covariance, also
-/// where readings bring deviations of their own; and what a plan promises is what identification then has.
+/// where readings bring deviations of their own; and the predicted accuracy of a plan is what identification then has.
 #[test]
-fn identification_and_promises_are_those_of_the_whole_covariance() {
+fn identification_and_predictions_are_those_of_the_whole_covariance() {
     let all = format!("{MISFIT}{GEARS}{RETURN}");
     for unloaded in ["own", "shared"] {
         let scenario = loaded(unloaded, &all);
@@ -266,7 +266,7 @@ fn identification_and_promises_are_those_of_the_whole_covariance() {
         let measured = robots.measure_noise_free(&plan, &belief.instrument, &normals, 0);
         let mut measurements = measured.expect("measurements");
         add_noise_of(&mut measurements, &belief.instrument, 1, 0);
-        let promised = posterior(belief, &plan);
+        let predicted = posterior(belief, &plan);
         for has_own in [false, true] {
             if has_own {
                 for (index, each) in measurements.iter_mut().enumerate() {
@@ -293,8 +293,8 @@ fn identification_and_promises_are_those_of_the_whole_covariance() {
             let error = apart(&found.posterior.covariance);
             assert!(error < 1e-6, "{unloaded}: {error}");
             if !has_own {
-                let error = apart(&promised.covariance);
-                assert!(error < 1e-6, "{unloaded}, promised: {error}");
+                let error = apart(&predicted.covariance);
+                assert!(error < 1e-6, "{unloaded}, predicted: {error}");
             }
         }
     }
@@ -313,7 +313,7 @@ fn contributions_add_up_under_several_loads() {
         assert!((combined_m / rho0_m - 1.0).abs() < 1e-9);
         let account = Account::new(&scenario.task, &scenario.truth, &two_loads());
         let account = account.expect("it is determined");
-        assert!((account.promised_m / rho0_m - 1.0).abs() < 1e-9);
+        assert!((account.predicted_m / rho0_m - 1.0).abs() < 1e-9);
         for (each, part) in budget.sources.iter().zip(&account.parts) {
             assert_eq!(each.source, part.name);
             let error = (each.contribution_um * 1e-6 / part.rms_m - 1.0).abs();
@@ -395,7 +395,7 @@ fn no_bound_speaks_about_several_loads_that_share_errors() {
     assert!(told.contains("one load in each configuration"), "{told}");
 }
 
-/// Of a list of candidates the best plan is found where loads of one configuration share errors, and it promises what it is
+/// Of a list of candidates the best plan is found where loads of one configuration share errors, and it predicts what it is
 /// judged by.
 #[test]
 fn candidates_of_one_configuration_are_weighed_together() {

@@ -143,7 +143,7 @@ fn rho0(json: &Value) -> Option<f64> {
     json["rho0_mm"].as_f64()
 }
 
-/// A case's files, and what `evaluate` promises of its plan.
+/// A case's files, and what `evaluate` predictions of its plan.
 fn evaluated(case: &Case) -> (Workplace, Option<f64>) {
     let workplace = Workplace::new();
     (case.set_up)(&workplace);
@@ -157,19 +157,19 @@ fn evaluated(case: &Case) -> (Workplace, Option<f64>) {
         null_entries(&json, "compliance_std_rad_per_nm"),
         case.places
     );
-    let promised = rho0(&json);
-    assert_eq!(promised.is_none(), case.is_needed, "{json:#}");
+    let predicted = rho0(&json);
+    assert_eq!(predicted.is_none(), case.is_needed, "{json:#}");
     for (name, value) in json["criteria"].as_object().expect("an object") {
         let is_number = name == "test_pose" && !case.is_needed;
         assert_eq!(value.is_number(), is_number, "{name}: {value}");
     }
-    (workplace, promised)
+    (workplace, predicted)
 }
 
 #[test]
 fn the_steps_name_what_the_plan_does_not_determine() {
     for case in &CASES {
-        let (workplace, promised) = evaluated(case);
+        let (workplace, predicted) = evaluated(case);
         workplace
             .run("measure s.toml --plan p.csv --measurements-out m.csv")
             .ends_with(0);
@@ -186,15 +186,18 @@ fn the_steps_name_what_the_plan_does_not_determine() {
             let condition = "condition C0305: test pose \"milling\" depends on compliances that are not determined: near, far;";
             assert_eq!(compensated.stderr.contains(condition), case.is_needed);
             let found = rho0(&compensated.json());
-            match (found, promised) {
-                (Some(found), Some(promised)) => {
-                    assert!((found / promised - 1.0).abs() < 0.05, "{found}, {promised}");
+            match (found, predicted) {
+                (Some(found), Some(predicted)) => {
+                    assert!(
+                        (found / predicted - 1.0).abs() < 0.05,
+                        "{found}, {predicted}"
+                    );
                     let left = compensated.json()["residual_mm"]
                         .as_f64()
                         .expect("a number");
                     assert!(left < 5.0 * found, "{left} of {found}");
                 }
-                (found, promised) => assert_eq!(found, promised),
+                (found, predicted) => assert_eq!(found, predicted),
             }
         }
     }
@@ -203,7 +206,7 @@ fn the_steps_name_what_the_plan_does_not_determine() {
 #[test]
 fn studies_count_what_the_plan_determines() {
     for case in &CASES {
-        let (workplace, promised) = evaluated(case);
+        let (workplace, predicted) = evaluated(case);
         for level in ["model", "robot"] {
             let study = workplace.run(&format!(
                 "study s.toml --level {level} --trials 500 --json --quiet"
@@ -224,7 +227,7 @@ fn studies_count_what_the_plan_determines() {
                 (&case.rank.into(), &0.into())
             );
             let number = |key: &str| plan[key].as_f64().expect("a number");
-            let ratio = number("predicted_rms_mm") / promised.expect("determined");
+            let ratio = number("predicted_rms_mm") / predicted.expect("determined");
             assert!((ratio - 1.0).abs() < 1e-6, "{ratio}");
             assert!(
                 number("nees_z").abs() < 4.0 && number("z").abs() < 4.0,
@@ -237,7 +240,7 @@ fn studies_count_what_the_plan_determines() {
 #[test]
 fn designs_name_what_no_plan_determines() {
     for case in &CASES {
-        let (workplace, promised) = evaluated(case);
+        let (workplace, predicted) = evaluated(case);
         let planned = workplace.run("plan s.toml --json --quiet");
         let ran = workplace.run("run s.toml --json --quiet");
         if case.is_needed {
@@ -252,7 +255,7 @@ fn designs_name_what_no_plan_determines() {
         assert_eq!(named(&ran), case.joints);
         let best = rho0(&planned.json()).expect("determined");
         assert!(
-            best <= promised.expect("determined") * (1.0 + 1e-6),
+            best <= predicted.expect("determined") * (1.0 + 1e-6),
             "{best}"
         );
         assert_eq!(rho0(&ran.json()), Some(best));
@@ -280,7 +283,7 @@ fn load(workplace: &Workplace) -> Scenario {
     Scenario::load(&workplace.path("s.toml")).expect("valid")
 }
 
-/// Joint 6 left out of the parameters is the same problem: the promise has the same number.
+/// Joint 6 left out of the parameters is the same problem: the prediction has the same number.
 #[test]
 fn the_number_is_that_of_the_problem_without_the_undetermined_joint() {
     let workplace = Workplace::new();
@@ -299,7 +302,7 @@ fn the_number_is_that_of_the_problem_without_the_undetermined_joint() {
 }
 
 /// Two hinges on one axis are one hinge of both compliances together: the same best plan, the same
-/// promise, the same compensation.
+/// prediction, the same compensation.
 #[test]
 fn a_determined_sum_is_as_good_as_one_joint() {
     let workplace = Workplace::new();
@@ -345,9 +348,9 @@ fn a_determined_sum_is_as_good_as_one_joint() {
     .expect("the sum is determined")
     .sqrt();
     assert!((sum - 4e-6).abs() < 5.0 * error, "{sum} +- {error}");
-    let promised = shown.poses[0].predicted_m.clone().expect("determined");
-    assert!((promised / of_twins - 1.0).abs() < 0.05);
-    assert!(shown.poses[0].seen.residual_m.norm() < 5.0 * promised);
+    let predicted = shown.poses[0].predicted_m.clone().expect("determined");
+    assert!((predicted / of_twins - 1.0).abs() < 0.05);
+    assert!(shown.poses[0].seen.residual_m.norm() < 5.0 * predicted);
     let wanted = Problem::new(&twins.task, Criterion::D);
     let watch = Watch {
         stop: &AtomicBool::new(false),
@@ -381,14 +384,14 @@ fn a_direction_that_hardly_shows_does_not_run_away() {
         );
         let scenario = load(&workplace);
         let plan = crate::support::table4(4);
-        let promised = Assessment::new(&scenario.task, &plan, None);
+        let predicted = Assessment::new(&scenario.task, &plan, None);
         for run in 0..3 {
             let shown = calibrate(&scenario.task, &scenario.truth, &plan, scenario.seed, run)
                 .expect("the fit ends");
             let found: Vec<bool> = (shown.identification.parameters.iter())
                 .map(|parameter| parameter.estimate.is_some())
                 .collect();
-            let expected: Vec<bool> = promised
+            let expected: Vec<bool> = predicted
                 .standard_errors
                 .iter()
                 .map(Option::is_some)
@@ -402,7 +405,7 @@ fn a_direction_that_hardly_shows_does_not_run_away() {
                 shown.identification.compliance_rad_per_nm[5].to_bits(),
                 nominal.to_bits()
             );
-            let rho0 = promised.rho0_m.expect("joint 6 does not matter there");
+            let rho0 = predicted.rho0_m.expect("joint 6 does not matter there");
             assert!(
                 shown.poses[0].seen.residual_m.norm() < 5.0 * rho0,
                 "{offset_mm} mm"

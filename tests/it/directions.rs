@@ -117,9 +117,9 @@ fn loads_in_the_tools_frame_turn_with_the_true_tool() {
     assert!(at_work("force_n = [280, 100, -180]") > 1e-7);
 }
 
-/// What is promised along a direction is seen in studies at both levels, also where more than the noise is uncertain.
+/// What is predicted along a direction is seen in studies at both levels, also where more than the noise is uncertain.
 #[test]
-fn promises_along_a_direction_hold() {
+fn predictions_along_a_direction_hold() {
     let direction = "direction = [1, 2, -1]";
     let number = |plan: &Value, key: &str| plan[key].as_f64().expect("a number");
     for (level, trials) in [("model", 40_000), ("robot", 800)] {

@@ -1,11 +1,11 @@
-//! Pictures of where the error comes from, and what became of the promise, in pages and recordings.
+//! Pictures of where the error comes from, and what became of the prediction, in pages and recordings.
 
 use crate::support::Workplace;
 use crate::uncertainties::{entry, with};
 
 const TITLE: &str = "Uncertainty budget";
 
-/// The page and the recording of a study have a bar for each source, what was promised, and the verdict; without a list of
+/// The page and the recording of a study have a bar for each source, what was predicted, and the verdict; without a list of
 /// what is uncertain there is nothing to draw.
 #[test]
 fn studies_show_where_the_error_comes_from() {
@@ -39,9 +39,9 @@ fn studies_show_where_the_error_comes_from() {
     assert!(!recorded("out/certain/study.rrd"));
 }
 
-/// The report of a run shows what its promise is made of.
+/// The report of a run shows what its prediction is made of.
 #[test]
-fn reports_show_what_a_promise_is_made_of() {
+fn reports_show_what_a_prediction_is_made_of() {
     let place = Workplace::new();
     let list = entry(("load_scale", "std_relative = 0.01"), "");
     place.write("laboratory.toml", with(&list, "model", 64));

@@ -40,7 +40,7 @@ fn down(low: f64) -> Loads {
     }
 }
 
-fn promise(scenario: &Scenario, experiments: u32) -> (Plan, f64, f64) {
+fn prediction(scenario: &Scenario, experiments: u32) -> (Plan, f64, f64) {
     let problem = Problem::new(&scenario.task, Criterion::TestPose);
     let (approximate, exact) =
         designed(&problem, experiments, experiments, 1).expect("there is a plan");
@@ -75,7 +75,7 @@ fn a_torque_bound_asks_for_a_smaller_force() {
     let cosine = 20.0_f64.to_radians().cos();
     let torque = TORQUE_NM - WEIGHT_NM * cosine;
     for experiments in [1, 3] {
-        let (plan, rho0, efficiency) = promise(&scenario, experiments);
+        let (plan, rho0, efficiency) = prediction(&scenario, experiments);
         assert_close("rho0", rho0, expected(&scenario, torque, experiments), 1e-5);
         assert!(efficiency > 0.98, "{efficiency}");
         for each in &plan.experiments {
@@ -104,7 +104,7 @@ fn any_force_works_against_the_weight() {
     });
     let torque = TORQUE_NM + WEIGHT_NM;
     for experiments in [1, 2] {
-        let (plan, rho0, efficiency) = promise(&scenario, experiments);
+        let (plan, rho0, efficiency) = prediction(&scenario, experiments);
         assert_close("rho0", rho0, expected(&scenario, torque, experiments), 1e-5);
         assert!(efficiency > 0.98, "{efficiency}");
         let arm = scenario
@@ -126,7 +126,7 @@ fn any_force_works_against_the_weight() {
 fn the_smallest_force_is_honoured() {
     // At 20 deg, 107 N are possible, horizontally 96 N.
     let scenario = arm(down(100.0));
-    let (plan, _, _) = promise(&scenario, 2);
+    let (plan, _, _) = prediction(&scenario, 2);
     assert!(
         plan.experiments
             .iter()

@@ -1,4 +1,4 @@
-//! Gear error as waves over the joint's own angle: in truth and belief, in promises, and found in absolute readings.
+//! Gear error as waves over the joint's own angle: in truth and belief, in predictions, and found in absolute readings.
 
 use elastocal::measurement::absolute_table;
 use elastocal::numeric::random::generator;
@@ -25,7 +25,7 @@ fn rho0(list: &str) -> f64 {
 
 /// Known, the prediction holds, at rest and in the linear model; hidden it is broken, by what the account says.
 #[test]
-fn promises_hold_and_are_broken_by_what_is_hidden() {
+fn predictions_hold_and_are_broken_by_what_is_hidden() {
     let known = study(&with(
         &entry(("transmission_error", WAVES), ""),
         "robot",

@@ -56,7 +56,7 @@ fn best(scenario: &Scenario, criterion: Criterion, experiments: u32) -> ExactDes
     found.expect("there is a plan").1
 }
 
-/// No experiment of a fresh sample may promise more than the cost of an optimal approximate design:
+/// No experiment of a fresh sample may prediction more than the cost of an optimal approximate design:
 /// the general equivalence theorem. The bound that the search certifies holds for the same reason.
 fn assert_optimal(problem: &Problem<'_>) {
     let design = approximate_design(problem, 1).expect("there is a design");

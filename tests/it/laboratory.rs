@@ -607,7 +607,7 @@ fn the_run_sheet_looks_well() {
     crate::browser::looks_well(&workplace.path("out/s/lab/run_sheet.html"), 8);
 }
 
-/// A plan by minutes repeats where that is cheap: it takes no longer, ways included, and promises more than as many
+/// A plan by minutes repeats where that is cheap: it takes no longer, ways included, and predicts less error than as many
 /// different configurations as there is time for.
 #[test]
 fn plans_by_minutes_repeat_where_that_is_cheap() {

@@ -188,7 +188,7 @@ fn a_scale_of_loads_scales_mandatory_experiments() {
 }
 
 #[test]
-fn a_plan_without_experiments_promises_nothing() {
+fn a_plan_without_experiments_predictions_nothing() {
     let assessment = Assessment::new(&scenario("klimchik2012").task, &Plan::default(), None);
     assert_eq!((assessment.experiments, assessment.rho0_m), (0, None));
     assert!(assessment.standard_errors.iter().all(Option::is_none));

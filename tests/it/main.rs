@@ -10,10 +10,10 @@
 //! - `unknowns`: unknowns besides compliances, found from measurements.
 //! - `recovery`: known compliances come back, and hand-computed small cases.
 //! - `directions`: accuracy along a direction alone, and targets in the tool's frame.
-//! - `tolerances`: what 95 % of calibrations stay below, promised and seen.
-//! - `uncertainties`: what nobody knows exactly: drawn in truth, carried by the belief, and kept in promises.
+//! - `tolerances`: what 95 % of calibrations stay below, predicted and seen.
+//! - `uncertainties`: what nobody knows exactly: drawn in truth, carried by the belief, and kept in predictions.
 //! - `unread`: what is uncertain and no reading shows: the task's force, masses of links.
-//! - `uncertainty`: the promised uncertainties are seen over many seeded runs.
+//! - `uncertainty`: the predicted uncertainties are seen over many seeded runs.
 //! - `uncertainty_budget`: squares of contributions add up to the predicted accuracy, for every kind of source.
 //! - `identifiability`: what measurements cannot tell is named.
 //! - `determined`: every command names the same compliances as not determined.
@@ -51,7 +51,7 @@
 //! - `draws`: random numbers of virtual robots in a file, of which readings are a function.
 //! - `simulated`: files by the hundred: false alarms, patterns that are found, models that are chosen.
 //! - `backlash`: gaps of joints: sides of approach in files, belief and truth, and loads that turn joints over.
-//! - `gear_waves`: gear error as waves over the joint's own angle, in promises and found in absolute readings.
+//! - `gear_waves`: gear error as waves over the joint's own angle, in predictions and found in absolute readings.
 //! - `model_features`: what models can say beside the chain: honoured or refused by name.
 //! - `model_messages`: models that cannot serve, and what to do about them.
 //! - `few_readings`: wrong readings of an arm with a slide, among few and many, spread or in one place.
@@ -61,7 +61,7 @@
 //! - `structured_discrepancy`: robots that are not as their model: regions, intervals and wrong readings.
 //! - `wrong_readings`: left out of model selection, patterns and inconsistencies, and named.
 //! - `ur10_measured`: real poses of a UR10, where they are there.
-//! - `validation`: other measurements check what an identification promises.
+//! - `validation`: other measurements check what an identification predicts.
 //! - `understanding`: what `check` says that it understood, and likely mistakes.
 //! - `csv_dialects`: plans and measurements as spreadsheets of every country write them.
 //! - `diagnoses`: likely mistakes in measurements, and the measurement that fits least.
@@ -84,7 +84,7 @@
 //! - `bounds`: the class of plans that a bound speaks about.
 //! - `left_out`: what a proof takes for certain, by name.
 //! - `proofs`: the bound that is proved, and its proof checked by another program.
-//! - `absolute_plans`, `absolute_promises`, `absolute_trials`, `stations`: plans of absolute readings, robots that keep what they promise,
+//! - `absolute_plans`, `absolute_predictions`, `absolute_trials`, `stations`: plans of absolute readings, robots that err as they predict,
 //!   virtual ones of the program among them, and where the instrument stands.
 //! - `chains`: what a command writes the next one reads, whatever is uncertain.
 //! - `candidates`: plans that are chosen from a list, held to all plans that there are of it.
@@ -92,7 +92,7 @@
 //! - `force_sizes`: the size of a force is a variable of the design; optima derived by hand.
 //! - `provenance`: what results depend on is in their hash.
 //! - `load_sets`: one load set decides for plans, measurements and mandatory experiments.
-//! - `nonlinear_gap`: where a promise is off because the model is not linear.
+//! - `nonlinear_gap`: where a prediction is off because the model is not linear.
 //! - `torque_laws`: joints of the virtual robot that are no springs, at rest, in time and in studies.
 //! - `next`: what to measure next, after some of a plan is measured.
 //! - `raw_readings`: positions without and with a load in place of deflections.
@@ -107,7 +107,7 @@
 #![expect(clippy::expect_used, reason = "a test that cannot go on fails")]
 
 mod absolute_plans;
-mod absolute_promises;
+mod absolute_predictions;
 mod absolute_readings;
 mod absolute_studies;
 mod absolute_targets;

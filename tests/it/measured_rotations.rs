@@ -31,7 +31,7 @@ fn rho0_um(results: &Value) -> f64 {
     results["rho0_mm"].as_f64().expect("determined") * 1e3
 }
 
-/// What `evaluate` promises of a plan is what `identify` says after its measurements.
+/// What `evaluate` predictions of a plan is what `identify` says after its measurements.
 #[test]
 fn standard_errors_are_those_of_identification() {
     let place = workplace("kr270_all_joints");
@@ -45,20 +45,20 @@ fn standard_errors_are_those_of_identification() {
     let identified = place
         .run("identify linear.toml --measurements m.csv --json")
         .json();
-    let promised = evaluated(&place, "linear.toml", &plan);
+    let predicted = evaluated(&place, "linear.toml", &plan);
     let key = "compliance_std_rad_per_nm";
-    let (promised, identified) = (numbers(&promised[key]), numbers(&identified[key]));
-    assert_eq!(promised.len(), 6);
-    for (promised, identified) in promised.iter().zip(&identified) {
+    let (predicted, identified) = (numbers(&predicted[key]), numbers(&identified[key]));
+    assert_eq!(predicted.len(), 6);
+    for (predicted, identified) in predicted.iter().zip(&identified) {
         assert!(
-            (promised / identified - 1.0).abs() < 1e-9,
-            "{promised} against {identified}"
+            (predicted / identified - 1.0).abs() < 1e-9,
+            "{predicted} against {identified}"
         );
     }
 }
 
 /// A plan made for rotations is better with them than one that was made without, no plan beats the bound,
-/// and runs of the study spread as promised.
+/// and runs of the study spread as predicted.
 #[test]
 fn plans_use_rotations() {
     let place = workplace("kr270_all_joints");

@@ -38,7 +38,7 @@ fn micro(json: &Value, key: &str) -> f64 {
         * 1e3
 }
 
-/// The rest goes with what is measured: together they promise what `next` says, and as much as a plan of all
+/// The rest goes with what is measured: together they prediction what `next` says, and as much as a plan of all
 /// that was made at once, since planning does not depend on the compliances.
 #[test]
 fn the_rest_goes_with_what_is_measured() {
@@ -66,16 +66,16 @@ fn the_rest_goes_with_what_is_measured() {
     let all = workplace
         .run("evaluate s.toml --quiet --no-proof --plan all.csv --json")
         .json();
-    let (promised, evaluated) = (micro(&json, "rho0_mm"), micro(&all, "rho0_mm"));
+    let (predicted, evaluated) = (micro(&json, "rho0_mm"), micro(&all, "rho0_mm"));
     assert!(
-        (promised / evaluated - 1.0).abs() < 1e-9,
-        "{promised} {evaluated}"
+        (predicted / evaluated - 1.0).abs() < 1e-9,
+        "{predicted} {evaluated}"
     );
     let old = micro(&json, "old_rest_rho0_mm");
-    assert!(promised < old * 1.001, "{promised} {old}");
-    assert!(promised >= micro(&json, "lower_bound_rho0_mm"));
+    assert!(predicted < old * 1.001, "{predicted} {old}");
+    assert!(predicted >= micro(&json, "lower_bound_rho0_mm"));
     // What is measured alone is worse.
-    assert!(micro(&json, "measured_rho0_mm") > 1.2 * promised);
+    assert!(micro(&json, "measured_rho0_mm") > 1.2 * predicted);
 }
 
 /// As few measurements as give an accuracy; none where it is reached.
@@ -198,7 +198,7 @@ fn measurements_count_as_their_own_deviations_say() {
     assert!(useless > 1.3 * plain, "{useless} {plain}");
 }
 
-/// What else is uncertain is in the promise of the rest, and mandatory experiments that are not measured stay mandatory.
+/// What else is uncertain is in the prediction of the rest, and mandatory experiments that are not measured stay mandatory.
 #[test]
 fn uncertainties_and_mandatory_experiments_go_with_the_rest() {
     let workplace = Workplace::new();
@@ -248,10 +248,10 @@ fn uncertainties_and_mandatory_experiments_go_with_the_rest() {
     let evaluated = workplace
         .run("evaluate s.toml --quiet --no-proof --plan all.csv --json")
         .json();
-    let [promised, evaluated] = [&json, &evaluated].map(|json| micro(json, "rho0_mm"));
+    let [predicted, evaluated] = [&json, &evaluated].map(|json| micro(json, "rho0_mm"));
     assert!(
-        (promised / evaluated - 1.0).abs() < 1e-4,
-        "{promised} {evaluated}"
+        (predicted / evaluated - 1.0).abs() < 1e-4,
+        "{predicted} {evaluated}"
     );
 }
 

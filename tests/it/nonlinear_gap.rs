@@ -1,4 +1,4 @@
-//! Where a promise is off because the model is not linear, half the uncertainty leaves a quarter of that.
+//! Where a prediction is off because the model is not linear, half the uncertainty leaves a quarter of that.
 
 use elastocal::numeric::random::normal::LANES;
 use elastocal::plan::Assessment;
@@ -17,7 +17,7 @@ const NORMAL: [[f64; 2]; 5] = [
     [2.856_970_013_872_806, 0.011_257_411_327_720_69],
 ];
 
-/// By how much of the promise joint 1, which no measurement shows, leaves more on the virtual robot than the linear model
+/// By how much of the prediction joint 1, which no measurement shows, leaves more on the virtual robot than the linear model
 /// computes, where its compliance is log-normal.
 fn gap(spread: f64) -> f64 {
     let size = format!("joints = [\"joint_1\"]\nstd_relative = {spread}");
@@ -41,7 +41,7 @@ fn gap(spread: f64) -> f64 {
 }
 
 /// A log-normal compliance of 15 % is the largest gap of all that docs/evidence.md has. To the fourth order in the spread s,
-/// E (e^sz - 1)^2 = s^2 (1 + 7/4 s^2), so that 7/8 s^2 of the promise is missing: 1.97 %. What is left of the gap at no spread
+/// E (e^sz - 1)^2 = s^2 (1 + 7/4 s^2), so that 7/8 s^2 of the prediction is missing: 1.97 %. What is left of the gap at no spread
 /// is the loads' own, which bend the robot away from where the linear model takes its derivatives.
 #[test]
 fn half_the_spread_leaves_a_quarter_of_the_gap() {

@@ -1,5 +1,5 @@
 //! What else is uncertain or to be found where rotations are measured, too, and on arms with springs beside the joints'
-//! own: promises, studies, identification, and names that are wrong.
+//! own: predictions, studies, identification, and names that are wrong.
 
 use std::fmt::Write as _;
 
@@ -40,9 +40,9 @@ fn with_springs(parameters: &str, more: &str, level: &str, trials: u32) -> Strin
     )
 }
 
-/// Each source with rotations measured, on the virtual robot: what is seen is what is promised.
+/// Each source with rotations measured, on the virtual robot: what is seen is what is predicted.
 #[test]
-fn promises_hold_where_rotations_are_measured() {
+fn predictions_hold_where_rotations_are_measured() {
     for source in SOURCES {
         let text = with_rotations(&repeated_in_study(1, &entry(source, ""), "robot", 600));
         assert_holds(&study(&text), &format!("{source:?}"));
@@ -60,7 +60,7 @@ fn promises_hold_where_rotations_are_measured() {
 
 /// All at once, as the linear model has it.
 #[test]
-fn promises_about_everything_are_exact_with_rotations() {
+fn predictions_about_everything_are_exact_with_rotations() {
     let all: String = (SOURCES.iter().chain(&SHARED).enumerate())
         .map(|(index, &source)| entry(source, &format!("name = \"source {index}\"")))
         .collect();
@@ -68,14 +68,14 @@ fn promises_about_everything_are_exact_with_rotations() {
     let plan = study(&text);
     assert_holds(&plan, "everything");
     let expected = expected_mm(&plan);
-    let promised = plan["combined_rms_mm"].as_f64().expect("a number");
-    let error = expected / promised - 1.0;
-    assert!(error.abs() < 1e-9, "{expected} {promised}");
+    let predicted = plan["combined_rms_mm"].as_f64().expect("a number");
+    let error = expected / predicted - 1.0;
+    assert!(error.abs() < 1e-9, "{expected} {predicted}");
 }
 
 /// A compensator of which little is known, in each run another one in MuJoCo's model.
 #[test]
-fn promises_hold_on_arms_with_springs() {
+fn predictions_hold_on_arms_with_springs() {
     let mut all = String::new();
     for source in [
         ("spring_stiffness", "std_relative = 0.3"),

@@ -70,19 +70,19 @@ fn two_steps_are_one() {
     let together = identified(&place, "first.toml", "both.csv", "together.json");
     assert_near(&second, &together, "compliance_rad_per_nm", 1e-9);
     assert_near(&second, &together, "compliance_std_rad_per_nm", 1e-9);
-    // And planning promises what identification then says.
+    // And planning predicts what identification then says.
     let arguments = format!("evaluate second.toml --plan {} --json --quiet", table4(4));
-    let promised = place.run(&arguments).json();
-    assert_near(&promised, &second, "compliance_std_rad_per_nm", 1e-9);
+    let predicted = place.run(&arguments).json();
+    assert_near(&predicted, &second, "compliance_std_rad_per_nm", 1e-9);
     assert!(
-        promised["efficiency"]
+        predicted["efficiency"]
             .as_f64()
             .is_some_and(|share| share > 0.8 && share <= 1.0)
     );
 }
 
 /// The paper's second step: a joint that a vertical load does not show is known from elsewhere. Plans take
-/// it along, no plan beats the bound, and runs of a study spread as promised.
+/// it along, no plan beats the bound, and runs of a study spread as predicted.
 #[test]
 fn a_joint_that_no_load_shows_is_known_before() {
     let place = Workplace::new();

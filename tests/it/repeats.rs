@@ -52,9 +52,9 @@ pub fn linear_equations(
     (rows, right)
 }
 
-/// On the virtual robot, drawn in every run, and in the linear model: what is seen is what is promised.
+/// On the virtual robot, drawn in every run, and in the linear model: what is seen is what is predicted.
 #[test]
-fn promises_hold_for_repeats() {
+fn predictions_hold_for_repeats() {
     for uncertainties in [
         MISFIT.to_owned(),
         GEARS.to_owned(),
@@ -160,7 +160,7 @@ fn identification_weighs_repeats_as_generalised_least_squares() {
 }
 
 /// Where repeats average little, the best plan of twelve measurements in four configurations still has to be found: no
-/// worse than that for noise alone, judged by the whole; and its promise is the one that is searched for.
+/// worse than that for noise alone, judged by the whole; and its prediction is the one that is searched for.
 #[test]
 fn plans_know_of_what_repeats_share() {
     let place = Workplace::new();

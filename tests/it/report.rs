@@ -109,7 +109,7 @@ fn assert_agrees(page: &str, results: &Value) {
     assert_has(page, &texts);
 }
 
-/// What stands beside the plan is as good as the plan's own promise says.
+/// What stands beside the plan is as good as the plan's own prediction says.
 fn assert_evidence_holds(results: &Value) {
     let rho0 = results["rho0_mm"].as_f64().expect("a number");
     let criteria = results["criteria_compared"].as_array().expect("an array");

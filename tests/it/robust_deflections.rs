@@ -459,7 +459,7 @@ fn the_command_names_what_it_leaves_out_and_what_it_counts() {
     assert_eq!(outcome.json()["rejected"], json!([]));
     outcome.says("too large");
 
-    // A robot that its model does not know: errors are larger, and later measurements are beside a promise that counts it.
+    // A robot that its model does not know: errors are larger, and later measurements are beside a prediction that counts it.
     let hidden = "\n[[uncertainty]]\nkind = \"discrepancy\"\nstd_mm = 0.3\nhidden = true\n";
     place.write("h.toml", scenario_text("klimchik2012") + hidden);
     measure("h.toml", "--measurements-out h.csv");

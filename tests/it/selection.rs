@@ -1,4 +1,4 @@
-//! Choices of readings: what is best by a promise is best by it, promises are kept by a robot that is as the model says, and
+//! Choices of readings: what is best by a prediction is best by it, predictions are kept by a robot that is as the model says, and
 //! threads change nothing.
 
 use elastocal::measurement::{AbsoluteReading, absolute_table};
@@ -17,9 +17,9 @@ fn number(value: &serde_json::Value) -> f64 {
         .unwrap_or_else(|| panic!("no number: {value}"))
 }
 
-/// No choice promises more than the planned one, whose bound holds; and on a robot without discrepancy all keep what they promise.
+/// No choice predictions more than the planned one, whose bound holds; and on a robot without discrepancy all err as they predict.
 #[test]
-fn promises_of_choices_are_kept() {
+fn predictions_of_choices_are_kept() {
     let place = workplace(&plain(150, false));
     let found = place.json(&format!("{SELECT} --threads 1 --plot-out p.svg"));
     assert_eq!(found["readings"], 150);
@@ -33,9 +33,9 @@ fn promises_of_choices_are_kept() {
         let bound = number(&best["lower_bound_rho0_mm"]);
         assert!(bound <= rho0 && bound > 0.7 * rho0, "{bound} and {rho0}");
         for other in planned {
-            let promised = number(&other["rho0_mm"]);
-            assert!(promised >= rho0 * (1.0 - 1e-9), "{other:#}");
-            let kept = number(&other["without_discrepancy_from_true_mm"]) / promised;
+            let predicted = number(&other["rho0_mm"]);
+            assert!(predicted >= rho0 * (1.0 - 1e-9), "{other:#}");
+            let kept = number(&other["without_discrepancy_from_true_mm"]) / predicted;
             assert!((0.65..1.4).contains(&kept), "{kept}: {other:#}");
             let chosen = other["readings"].as_array().expect("readings").len();
             assert_eq!(chosen.to_string(), of_size["size"].to_string());
@@ -51,10 +51,10 @@ fn promises_of_choices_are_kept() {
     assert_eq!(found["sizes"], again["sizes"]);
 }
 
-/// Errors that the readings' deviations do not tell of are promised, too.
+/// Errors that the readings' deviations do not tell of are predicted, too.
 #[test]
-fn promises_count_discrepancy() {
-    let promised = |noise: f64| {
+fn predictions_count_discrepancy() {
+    let predicted = |noise: f64| {
         let mut random = generator(11, 0);
         let arm = seen_arm(&mut random, &ur10(), 1, 1);
         let campaign = Campaign {
@@ -68,7 +68,7 @@ fn promises_count_discrepancy() {
         let best = &found["sizes"][0]["planned"][0];
         ["rho0_mm", "without_discrepancy_from_true_mm"].map(|key| number(&best[key]))
     };
-    let [own, with_discrepancy] = [1.0, 20.0].map(promised);
+    let [own, with_discrepancy] = [1.0, 20.0].map(predicted);
     for (own, with_discrepancy) in own.into_iter().zip(with_discrepancy) {
         let ratio = with_discrepancy / own;
         assert!((16.0..24.0).contains(&ratio), "{ratio}");

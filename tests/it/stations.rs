@@ -53,7 +53,7 @@ fn of_all(scenario: &Scenario, rows: &[Candidate]) -> f64 {
     let all: Vec<(usize, u32)> = (0..planning.candidates.len())
         .map(|place| (place, 1))
         .collect();
-    planning.promise(&all).rho0_m().expect("a promise")
+    planning.prediction(&all).rho0_m().expect("a prediction")
 }
 
 /// A station where the model's tracker is says what the tracker says; one that is far away, less.
@@ -100,7 +100,10 @@ fn the_best_of_all_plans_from_all_stations_is_found() {
         progress: &|_, _, _| {},
     };
     let found = planning.design([READINGS; 2], 1, watch).expect("a plan");
-    let value = planning.promise(&found.plan).rho0_m().expect("a promise");
+    let value = planning
+        .prediction(&found.plan)
+        .rho0_m()
+        .expect("a prediction");
     let mut best = (f64::INFINITY, Vec::new());
     let mut from_several = 0;
     for chosen in (0_u32..1 << all).filter(|chosen| chosen.count_ones() == READINGS) {
@@ -108,7 +111,7 @@ fn the_best_of_all_plans_from_all_stations_is_found() {
             .filter(|place| chosen >> place & 1 == 1)
             .map(|place| (place, 1))
             .collect();
-        if let Some(rho0_m) = planning.promise(&plan).rho0_m() {
+        if let Some(rho0_m) = planning.prediction(&plan).rho0_m() {
             let first = &planning.candidates[plan[0].0].station;
             let is_mixed = plan
                 .iter()
@@ -248,7 +251,8 @@ fn commands_choose_the_station() {
     let is_near = |each: &Value| each["station"] == "near";
     assert!(readings.iter().all(is_near), "{readings:?}");
     let again = place.json("evaluate s.toml --parameters frames --plan p.csv --candidates c.csv");
-    let [one, other] = [&planned, &again].map(|json| json["rho0_mm"].as_f64().expect("a promise"));
+    let [one, other] =
+        [&planned, &again].map(|json| json["rho0_mm"].as_f64().expect("a prediction"));
     assert!((one / other - 1.0).abs() < 1e-6, "{one} {other}");
 
     let evaluate = "evaluate s.toml --parameters frames --plan c.csv --quiet";

@@ -24,7 +24,7 @@ fn assert_accounted_for(plan: &Value) {
 
 /// Known, the prediction holds; hidden it is broken, by what the account says.
 #[test]
-fn promises_hold_and_are_broken_by_what_is_hidden() {
+fn predictions_hold_and_are_broken_by_what_is_hidden() {
     let known = study(&with(&entry(("stiffening", SHARES), ""), "robot", 800));
     assert_holds(&known, "stiffening");
     let noise = number(&study(&with("", "model", 4096)), "rms_mm");

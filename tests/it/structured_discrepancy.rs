@@ -1,4 +1,4 @@
-//! Robots that are not as their model: what is promised of other poses, and of parameters, holds all the same.
+//! Robots that are not as their model: what is predicted of other poses, and of parameters, holds all the same.
 
 use elastocal::identification::{
     AbsoluteCase, AbsoluteFit, ParameterGroup, ReadingPrognosis, ReadingWeights,
@@ -87,7 +87,7 @@ fn outcomes(
     .collect()
 }
 
-/// A UR10 seen by a tracker: halves promise the other halves' poses, everywhere in joint space.
+/// A UR10 seen by a tracker: halves prediction the other halves' poses, everywhere in joint space.
 #[test]
 fn regions_hold_on_a_real_ur10() {
     const HALVES: u64 = 6;

@@ -43,7 +43,7 @@ fn run(scenario: &Scenario, level: Level, entries: &[Entry], trials: u64) -> Vec
 /// rho0 of eq. 20 within 3.3 standard deviations of what a million runs show, for every plan of
 /// Fig. 7; and the estimation errors are as large as their covariance says.
 #[test]
-fn a_million_runs_keep_the_promise_of_every_plan() {
+fn a_million_runs_keep_the_prediction_of_every_plan() {
     let scenario = scenario("klimchik2012");
     let entries = paper_plans(&[2, 3, 4, 6, 12], 12);
     let tallies = run(&scenario, Level::Model, &entries, 1_000_000);
@@ -225,7 +225,7 @@ fn a_run_is_measured_as_its_replay_measures() {
 /// With the non-linear method nothing is lost to linearisation: run by run the virtual robot ends
 /// where the linear model says, but for the second order of the errors.
 #[test]
-fn the_virtual_robot_keeps_the_promise_of_the_model() {
+fn the_virtual_robot_errs_as_the_model_predicts() {
     let scenario = scenario("klimchik2012");
     assert_eq!(scenario.task.belief.method, Method::Nonlinear);
     let entries = paper_plans(&[3], 3);

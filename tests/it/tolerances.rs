@@ -1,4 +1,4 @@
-//! A promise as a tolerance: the distance that 95 % of all draws of what is uncertain stay below.
+//! A prediction as a tolerance: the distance that 95 % of all draws of what is uncertain stay below.
 
 use elastocal::plan::Assessment;
 
@@ -23,7 +23,7 @@ fn quantiles_follow_from_the_covariance() {
 
 /// Where nothing is predicted, no tolerance is.
 #[test]
-fn no_promise_no_tolerance() {
+fn no_prediction_no_tolerance() {
     let place = Workplace::new();
     place.write("paper.toml", with("", "model", 64));
     let file = std::fs::read_to_string(project("scenarios/plans/klimchik2012_m4.csv"));
@@ -42,7 +42,7 @@ fn no_promise_no_tolerance() {
     );
 }
 
-/// What is promised is seen: by the linear model, on the virtual robot with more that is uncertain, along a direction.
+/// What is predicted is seen: by the linear model, on the virtual robot with more that is uncertain, along a direction.
 #[test]
 fn runs_keep_the_tolerance() {
     let list = entry(("load_scale", "std_relative = 0.01"), "")
@@ -58,19 +58,19 @@ fn runs_keep_the_tolerance() {
         (with(&list, "robot", 1000), 0.08),
     ] {
         let plan = study(&text);
-        let promised = number(&plan["predicted_quantile95_mm"]);
+        let predicted = number(&plan["predicted_quantile95_mm"]);
         let seen = numbers(&plan["quantiles_mm"])[2];
         assert!(
-            (seen / promised - 1.0).abs() < room,
-            "{seen} against {promised}"
+            (seen / predicted - 1.0).abs() < room,
+            "{seen} against {predicted}"
         );
         let judged = Assessment::new(&loaded(&text).task, &table4(4), None);
         let judged = judged.quantile95_m.expect("determined") * 1e3;
-        assert!((promised / judged - 1.0).abs() < 1e-8);
+        assert!((predicted / judged - 1.0).abs() < 1e-8);
     }
 }
 
-/// It is printed beside the promise, and shards that are joined have the same bits as one study.
+/// It is printed beside the prediction, and shards that are joined have the same bits as one study.
 #[test]
 fn tolerances_are_printed_and_joined() {
     let place = Workplace::new();

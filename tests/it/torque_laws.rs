@@ -80,7 +80,7 @@ fn a_law_that_hardly_differs_leaves_the_rest_as_it_is() {
 
 /// Studies say what a law costs that the belief does not know of, at both levels what the account computes.
 #[test]
-fn laws_break_promises_as_computed() {
+fn laws_break_predictions_as_computed() {
     let law =
         "[[true_robot.torque_law]]\njoints = [\"joint_2\", \"joint_3\"]\nstiffens_at_mrad = 10\n";
     for (level, trials, nonlinear) in [("model", 4096, 0.005), ("robot", 96, 0.05)] {

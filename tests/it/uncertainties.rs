@@ -1,6 +1,6 @@
-//! What nobody knows exactly: the testbed draws it, the belief carries it, and promises hold.
+//! What nobody knows exactly: the testbed draws it, the belief carries it, and predictions hold.
 //!
-//! A mean square seen in N runs is off by at most 3 of its standard errors and 2 % of the promise, which is what
+//! A mean square seen in N runs is off by at most 3 of its standard errors and 2 % of the prediction, which is what
 //! the model's non-linearity is allowed.
 
 use elastocal::numeric::estimable::Estimable;
@@ -97,11 +97,11 @@ pub fn study(text: &str) -> Value {
 
 pub fn assert_holds(plan: &Value, what: &str) {
     let number = |key: &str| plan[key].as_f64().expect("a number");
-    let (rms, promised) = (number("rms_mm"), number("combined_rms_mm"));
-    let room = 3.0 * number("rms_std_mm") + 0.02 * promised;
+    let (rms, predicted) = (number("rms_mm"), number("combined_rms_mm"));
+    let room = 3.0 * number("rms_std_mm") + 0.02 * predicted;
     assert!(
-        (rms - promised).abs() < room,
-        "{what}: {rms} against {promised}"
+        (rms - predicted).abs() < room,
+        "{what}: {rms} against {predicted}"
     );
     assert_eq!(plan["verdict"], "holds", "{what}");
 }
@@ -113,9 +113,9 @@ pub fn expected_mm(plan: &Value) -> f64 {
     contributions.map(square).sum::<f64>().sqrt() * 1e-3
 }
 
-/// Each source alone, on the virtual robot that is drawn in every run: what is seen is what is promised.
+/// Each source alone, on the virtual robot that is drawn in every run: what is seen is what is predicted.
 #[test]
-fn promises_hold_on_a_robot_that_is_drawn_in_every_run() {
+fn predictions_hold_on_a_robot_that_is_drawn_in_every_run() {
     for source in SOURCES {
         let plan = study(&with(&entry(source, ""), "robot", 600));
         assert_holds(&plan, &format!("{source:?}"));
@@ -128,7 +128,7 @@ fn promises_hold_on_a_robot_that_is_drawn_in_every_run() {
 #[test]
 fn a_tracker_errs_along_its_beam_as_told() {
     let [mut along, mut across] = [0.0; 2];
-    for (size, promised) in [
+    for (size, predicted) in [
         ("std_um_per_m = 0.001\nalong_um_per_m = 40", &mut along),
         ("std_um_per_m = 40\nalong_um_per_m = 0.001", &mut across),
     ] {
@@ -136,7 +136,7 @@ fn a_tracker_errs_along_its_beam_as_told() {
         let text = text.replace("sigma_of", "tracker_site = \"tracker\"\nsigma_of");
         let plan = study(&text);
         assert_holds(&plan, size);
-        *promised = plan["combined_rms_mm"].as_f64().expect("a number");
+        *predicted = plan["combined_rms_mm"].as_f64().expect("a number");
     }
     // As much in all directions is both, where the plan's noise is small beside them.
     let all = with(
@@ -149,9 +149,9 @@ fn a_tracker_errs_along_its_beam_as_told() {
     assert!(all > 1.05 * along.max(across), "{along} {across} {all}");
 }
 
-/// By the linear model the promise is exact, and the errors are as large as their covariance says.
+/// By the linear model the prediction is exact, and the errors are as large as their covariance says.
 #[test]
-fn promises_are_exact_in_the_linear_model() {
+fn predictions_are_exact_in_the_linear_model() {
     for text in [
         with(&entry(SOURCES[1], ""), "model", 40_000),
         with(&entry(SOURCES[7], ""), "model", 40_000),
@@ -168,9 +168,9 @@ fn promises_are_exact_in_the_linear_model() {
     }
 }
 
-/// What the belief does not know of breaks its promise, as far as the account says, and by its name.
+/// What the belief does not know of breaks its prediction, as far as the account says, and by its name.
 #[test]
-fn what_is_hidden_breaks_the_promise() {
+fn what_is_hidden_breaks_the_prediction() {
     for source in [SOURCES[0], SOURCES[7], SOURCES[11]] {
         let text = with(&entry(source, "hidden = true"), "robot", 600);
         let plan = study(&text);
@@ -186,10 +186,10 @@ fn what_is_hidden_breaks_the_promise() {
             verdict.starts_with("exceeded") && verdict.contains(source.0),
             "{verdict}"
         );
-        // The promise is that of the noise alone.
+        // The prediction is that of the noise alone.
         let certain = study(&with("", "robot", 64));
-        let promised = certain["predicted_rms_mm"].as_f64().expect("a number");
-        assert!((number("combined_rms_mm") / promised - 1.0).abs() < 1e-6);
+        let predicted = certain["predicted_rms_mm"].as_f64().expect("a number");
+        assert!((number("combined_rms_mm") / predicted - 1.0).abs() < 1e-6);
     }
 }
 
@@ -281,10 +281,10 @@ fn plans_minimise_the_whole() {
     assert!(number(&whole["efficiency"]) > 0.95, "{whole}");
 }
 
-/// A belief in noise alone sees its promise broken by what the scenario lists, and takes no sigma from residuals where
+/// A belief in noise alone sees its prediction broken by what the scenario lists, and takes no sigma from residuals where
 /// it knows better.
 #[test]
-fn noise_alone_is_a_promise_that_breaks() {
+fn noise_alone_is_a_prediction_that_breaks() {
     let workplace = Workplace::new();
     workplace.write(
         "laboratory.toml",
@@ -394,13 +394,13 @@ fn identification_knows_of_uncertainties() {
             "{each}"
         );
     }
-    // What the plan promised is what is known now.
-    let promised = run(&format!(
+    // What the plan predicted is what is known now.
+    let predicted = run(&format!(
         "evaluate laboratory.toml --plan {plan} --no-proof"
     ));
     let compensated = run("compensate laboratory.toml --identified i.json");
     let found = compensated["rho0_mm"].as_f64().expect("a number");
-    let expected = promised["rho0_mm"].as_f64().expect("a number");
+    let expected = predicted["rho0_mm"].as_f64().expect("a number");
     assert!(
         (found / expected - 1.0).abs() < 0.02,
         "{found} against {expected}"

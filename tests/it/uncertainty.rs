@@ -1,4 +1,4 @@
-//! The promised uncertainties are honest: over many seeded runs, intervals cover the truth as often
+//! The predicted uncertainties are honest: over many seeded runs, intervals cover the truth as often
 //! as they say and errors are as large as predicted.
 //!
 //! A share p seen in N independent runs has the standard deviation sqrt(p (1 - p) / N). It may be
@@ -117,14 +117,14 @@ fn compensation_is_as_good_as_predicted() {
         &scenario.task.belief.nominal.chain,
         &scenario.task.belief.machining_tool,
     );
-    let promised = posterior(&scenario.task.belief, &table4(3));
-    let covariance = &promised.covariance;
+    let predicted = posterior(&scenario.task.belief, &table4(3));
+    let covariance = &predicted.covariance;
     let matrix = test_pose_matrix(
         &scenario.task.belief,
         pose,
         &scenario.task.belief.parameters,
     );
-    let rho0 = predicted_error(&matrix, &promised).expect("determined");
+    let rho0 = predicted_error(&matrix, &predicted).expect("determined");
     let at_pose = &matrix * covariance * matrix.transpose();
     let deviation = (2.0 * (&at_pose * &at_pose).trace() / f64::from(RUNS)).sqrt();
 

@@ -10,7 +10,7 @@ use elastocal::scenario::Scenario;
 use elastocal::study::account::Account;
 use serde_json::Value;
 
-use crate::absolute_promises::rows;
+use crate::absolute_predictions::rows;
 use crate::support::{Workplace, absolute_scenario_text, number, scenario_text, table4};
 use crate::uncertainties::{entry, everything, loaded, with};
 
@@ -204,11 +204,11 @@ fn contributions_to_absolute_places_add_up() {
         let rows = rows(&scenario, 16, None);
         let planning = AbsolutePlanning::new(&scenario.task, &[], &rows).expect("candidates");
         let plan = planning.whole();
-        let promise = planning.promise(&plan);
+        let prediction = planning.prediction(&plan);
         let budget = planning
-            .uncertainty_budget(&plan, &promise)
+            .uncertainty_budget(&plan, &prediction)
             .expect("determined");
-        assert_adds_up(&budget, promise.rho0_m().expect("determined"), &listed);
+        assert_adds_up(&budget, prediction.rho0_m().expect("determined"), &listed);
     }
 }
 
@@ -220,7 +220,7 @@ fn an_account_that_hides_nothing_is_the_budget() {
     let budget = assessment.uncertainty_budget.expect("determined");
     let account = Account::new(&scenario.task, &scenario.truth, &table4(4)).expect("determined");
     let combined_m = budget.combined_standard_uncertainty_um * 1e-6;
-    assert!((account.promised_m / combined_m - 1.0).abs() < 1e-9);
+    assert!((account.predicted_m / combined_m - 1.0).abs() < 1e-9);
     for part in &account.parts {
         let source = budget.sources.iter().find(|each| each.source == part.name);
         let contribution_m = source.expect("the same names").contribution_um * 1e-6;

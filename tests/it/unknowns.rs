@@ -28,7 +28,7 @@ fn number(value: &Value, key: &str) -> f64 {
         .unwrap_or_else(|| panic!("{key}: {value}"))
 }
 
-/// Whatever the zero of a joint is, it is found, and the accuracy is the promised one.
+/// Whatever the zero of a joint is, it is found, and the accuracy is the predicted one.
 #[test]
 fn what_nobody_knows_is_found() {
     let place = Workplace::new();
@@ -46,8 +46,8 @@ fn what_nobody_knows_is_found() {
         (&further["name"], &further["unit"]),
         (&"joint_3.zero".into(), &"rad".into())
     );
-    let promised_std = number(further, "std");
-    assert!((1e-4..1e-1).contains(&promised_std), "{planned}");
+    let predicted_std = number(further, "std");
+    assert!((1e-4..1e-1).contains(&predicted_std), "{planned}");
 
     place.write("truth.toml", with(unknowns, truth));
     let studied = place
@@ -55,17 +55,17 @@ fn what_nobody_knows_is_found() {
         .ends_with(0)
         .json();
     let plan = &studied["plans"][0];
-    let (rms, promised) = (number(plan, "rms_mm"), number(plan, "combined_rms_mm"));
-    let room = 3.0 * number(plan, "rms_std_mm") + 0.02 * promised;
-    assert!((rms - promised).abs() < room, "{rms} against {promised}");
-    assert!((promised / number(&planned, "rho0_mm") - 1.0).abs() < 1e-6);
+    let (rms, predicted) = (number(plan, "rms_mm"), number(plan, "combined_rms_mm"));
+    let room = 3.0 * number(plan, "rms_std_mm") + 0.02 * predicted;
+    assert!((rms - predicted).abs() < room, "{rms} against {predicted}");
+    assert!((predicted / number(&planned, "rho0_mm") - 1.0).abs() < 1e-6);
 
-    // The same laboratory, where the zero is not looked for, breaks its promise.
+    // The same laboratory, where the zero is not looked for, breaks its prediction.
     let blind = with("\"joint_3.zero\"", truth).replace(", \"joint_3.zero\"", "");
     place.write("blind.toml", blind);
     let studied = place.run("study blind.toml --json --quiet");
     let blind = &studied.ends_with(0).json()["plans"][0];
-    assert!(number(blind, "combined_rms_mm") < promised, "{blind}");
+    assert!(number(blind, "combined_rms_mm") < predicted, "{blind}");
 
     // What is written of it serves to compensate.
     place
@@ -81,14 +81,14 @@ fn what_nobody_knows_is_found() {
         (&"joint_3.zero".into(), &Value::Null)
     );
     assert!(
-        (number(found, "std") / promised_std - 1.0).abs() < 0.05,
+        (number(found, "std") / predicted_std - 1.0).abs() < 0.05,
         "{found}"
     );
     let compensated = place.run("compensate truth.toml --identified i.json --json --quiet");
     let rho0 = number(&compensated.ends_with(0).json(), "rho0_mm");
     assert!(
-        (rho0 / promised - 1.0).abs() < 0.05,
-        "{rho0} against {promised}"
+        (rho0 / predicted - 1.0).abs() < 0.05,
+        "{rho0} against {predicted}"
     );
 }
 

@@ -60,7 +60,7 @@ fn an_uncertain_task_adds_what_it_bends() {
 
 /// Each kind on the virtual robot, on the linear model, and hidden from the belief.
 #[test]
-fn promises_about_uncertain_tasks_hold() {
+fn predictions_about_uncertain_tasks_hold() {
     for source in [TASK_SIZE, TASK_FORCE] {
         assert_holds(&study(&with(&entry(source, ""), "robot", 600)), source.1);
         assert_holds(&study(&with(&entry(source, ""), "model", 40_000)), source.1);
@@ -128,16 +128,16 @@ const SILENT: [(&str, &str); 4] = [
     ("base_position", "std_mm = 5"),
 ];
 
-/// Masses and what no deflection shows leave a promise as it is, and the robots that are drawn keep it.
+/// Masses and what no deflection shows leave a prediction as it is, and the robots that are drawn keep it.
 #[test]
 fn what_links_weigh_costs_nothing() {
     let certain = study(&with("", "robot", 64));
     let number = |plan: &Value, key: &str| plan[key].as_f64().expect("a number");
-    let promised = number(&certain, "predicted_rms_mm");
+    let predicted = number(&certain, "predicted_rms_mm");
     for source in SILENT {
         let plan = study(&with(&entry(source, ""), "robot", 600));
         assert_holds(&plan, source.0);
-        assert!((number(&plan, "combined_rms_mm") / promised - 1.0).abs() < 1e-6);
+        assert!((number(&plan, "combined_rms_mm") / predicted - 1.0).abs() < 1e-6);
         assert!((number(&plan, "nees_z")).abs() < 5.0, "{plan}");
     }
     let all: String = SILENT.iter().map(|&source| entry(source, "")).collect();

@@ -1,4 +1,4 @@
-//! Other measurements than those that were identified from check what the identification promises.
+//! Other measurements than those that were identified from check what the identification predicts.
 
 use elastocal::calibration::{identify_as_planned, measure};
 use elastocal::identification::{Case, Sigma};
@@ -24,10 +24,10 @@ fn identified() -> Workplace {
     workplace
 }
 
-/// A robot that is what was identified keeps the promise in about as many cases as it should, and one whose
+/// A robot that is what was identified keeps the prediction in about as many cases as it should, and one whose
 /// compliances are others does not.
 #[test]
-fn a_promise_is_kept_or_not() {
+fn a_prediction_is_kept_or_not() {
     let workplace = identified();
     workplace
         .run("validate --quiet --identified i.json --experiments 4 --plan-out v.csv")
@@ -113,9 +113,9 @@ fn a_tolerance_with_a_guard_band_is_kept_or_not() {
     refused.ends_with(2).says("--measurements");
 }
 
-/// Validation asks where the identified robot is known least: there the promise is weaker than at random.
+/// Validation asks where the identified robot is known least: there the prediction is weaker than at random.
 #[test]
-fn validation_is_planned_where_the_promise_is_weakest() {
+fn validation_is_planned_where_the_prediction_is_weakest() {
     let workplace = identified();
     let weakest = |plan: &str| {
         workplace.run(&format!(
@@ -144,7 +144,7 @@ fn validation_is_planned_where_the_promise_is_weakest() {
     assert!(weakest("v.csv") > 1.5 * weakest(&own.display().to_string()));
 }
 
-/// Differences from predictions are as large as they are promised to be: over many robots, r^T S^-1 r has the mean of
+/// Differences from predictions are as large as they are predicted to be: over many robots, r^T S^-1 r has the mean of
 /// a chi-square, whatever is uncertain and whether rotations are measured.
 fn mean_square(scenario: &Scenario, runs: u64) -> f64 {
     let (task, truth) = (&scenario.task, &scenario.truth);
@@ -169,7 +169,7 @@ fn mean_square(scenario: &Scenario, runs: u64) -> f64 {
 }
 
 #[test]
-fn differences_are_as_large_as_promised() {
+fn differences_are_as_large_as_predicted() {
     let runs = 400;
     let workplace = Workplace::new();
     let uncertain = "\n[[uncertainty]]\nkind = \"compliance\"\njoints = [\"joint_1\"]\nstd_relative = 0.15\n\
@@ -197,7 +197,7 @@ fn differences_are_as_large_as_promised() {
 
 /// The commands with a laboratory's list of uncertainties, and with rotations.
 #[test]
-fn uncertainties_and_rotations_are_in_the_promise() {
+fn uncertainties_and_rotations_are_in_the_prediction() {
     let workplace = Workplace::new();
     workplace.write("u.toml", scenario_text("kr270_laboratory"));
     workplace.write(
@@ -223,7 +223,7 @@ fn uncertainties_and_rotations_are_in_the_promise() {
         }
         let probability = json["probability"].as_f64().expect("a number");
         assert!((1e-3..1.0).contains(&probability), "{probability}");
-        // A rotation that is wrong alone breaks the promise.
+        // A rotation that is wrong alone breaks the prediction.
         if has_rotation {
             let broken: String = (workplace.read("vm.csv").lines())
                 .map(|line| match line.split(',').collect::<Vec<_>>() {
@@ -244,7 +244,7 @@ fn uncertainties_and_rotations_are_in_the_promise() {
     }
 }
 
-/// Nothing is promised where compliances were not determined: such experiments are not planned, and refused by name.
+/// Nothing is predicted where compliances were not determined: such experiments are not planned, and refused by name.
 #[test]
 fn what_was_not_determined_is_not_validated() {
     let workplace = Workplace::new();

@@ -108,7 +108,7 @@ impl StudyCommand {
         if self.shard.is_none() {
             make_folder(&folder)?;
         }
-        self.promise(None);
+        self.prediction(None);
         let trials = self.trials.unwrap_or(scenario.study.trials);
         let (shard, shards) = self.shard.unwrap_or((1, 1));
         if is_absolute {
@@ -256,7 +256,7 @@ impl StudyCommand {
     /// Saves the tally that can be gone on from.
     fn save(&self, part: &TallyFile, path: &Path) -> Result<(), FileError> {
         part.write(path)?;
-        self.promise(Some(part));
+        self.prediction(Some(part));
         Ok(())
     }
 
@@ -271,7 +271,7 @@ impl StudyCommand {
     }
 
     /// What is kept if the study is interrupted now.
-    fn promise(&self, saved: Option<&TallyFile>) {
+    fn prediction(&self, saved: Option<&TallyFile>) {
         keeps(match (&self.resume, saved) {
             (Some(path), Some(part)) => format!(
                 "{} keeps {} runs; the same command goes on from there",

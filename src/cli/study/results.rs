@@ -19,7 +19,7 @@ use crate::cli::absolute_plan::ABSOLUTE;
 use crate::cli::table::{number, table};
 use crate::cli::uncertainty_budget::{common_sources, contributions};
 use crate::cli::views::{STUDY_PAGE, command_line};
-use crate::cli::written::Written;
+use crate::cli::written::{Written, record_text};
 
 /// What a study comes to.
 #[derive(Debug)]
@@ -53,7 +53,7 @@ impl Results {
             text: format!(
                 "{}\n{}{}{}{} runs of each plan, {}{took}. Results are in {}\n",
                 describe(&self.messages),
-                promises(&self.messages, self.accuracy()),
+                predictions(&self.messages, self.accuracy()),
                 sentence(&self.messages, &self.header),
                 noted(&self.failures(true)),
                 self.header.trials,
@@ -126,7 +126,7 @@ pub const FILES: [&str; 2] = ["study.json", "study.csv"];
 
 /// Writes study.json, study.csv and, for one set of conditions, study.html.
 pub fn write(folder: &Path, results: &Results, written: &mut Written) -> anyhow::Result<()> {
-    let text = serde_json::to_string_pretty(&results.json)? + "\n";
+    let text = record_text(&mut results.json.clone(), &results.conditions())?;
     let [json, csv] = FILES.map(|name| folder.join(name));
     written.note(&json, write_whole(&json, text.as_bytes()));
     let table = study_csv(&results.messages);
@@ -239,23 +239,23 @@ fn validation(message: &StudyPlanMessage) -> String {
     })
 }
 
-/// What each plan promised, what its errors are made of, and whether the prediction holds.
-fn promises(messages: &[StudyPlanMessage], accuracy: AccuracyKind) -> String {
+/// What each plan predicted, what its errors are made of, and whether the prediction holds.
+fn predictions(messages: &[StudyPlanMessage], accuracy: AccuracyKind) -> String {
     let mut text = match accuracy {
         AccuracyKind::Absolute => format!("{ABSOLUTE}\n"),
         AccuracyKind::Relative => String::new(),
     };
     let micro = |value: f64| format!("{:.3}", value * 1e3);
     for message in messages {
-        let promised = message.combined_rms_mm.zip(message.verdict.as_ref());
-        let Some((promised_mm, verdict)) = promised else {
+        let predicted = message.combined_rms_mm.zip(message.verdict.as_ref());
+        let Some((predicted_mm, verdict)) = predicted else {
             text += &validation(message);
             continue;
         };
         text += &format!(
             "{}: predicted {} um; the prediction {verdict}\n{}",
             message.name,
-            micro(promised_mm),
+            micro(predicted_mm),
             validation(message)
         );
         text += &common_sources((message.common_sources.as_ref()).map(|common| {

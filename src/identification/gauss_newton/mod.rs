@@ -304,7 +304,7 @@ struct StepBefore {
     /// The undamped step's length in standard errors.
     steps: f64,
     /// The smallest sum of squares there is, if the model is linear.
-    promised: f64,
+    predicted: f64,
 }
 
 /// The problem at one vector of values, with the next step in coordinates of the basis.
@@ -321,7 +321,7 @@ struct Solved {
 
 impl Solved {
     /// The smallest sum of squares there is, if the model is linear.
-    fn promised(&self) -> f64 {
+    fn predicted(&self) -> f64 {
         self.cost - self.steps * self.steps
     }
 }
@@ -351,7 +351,7 @@ impl FitProblem<'_> {
                 values: values.clone(),
                 gradient: now.gradient.clone(),
                 steps: now.steps,
-                promised: now.promised(),
+                predicted: now.predicted(),
             });
             let curved = curvature.as_ref();
             if let Some(found) = curved.and_then(|curved| self.curved_step(curved, &values, &now)) {
@@ -438,16 +438,16 @@ impl FitProblem<'_> {
         }
     }
 
-    /// Whether the smallest sum of squares that the linear model promises is one that no noise makes, by far, and was the same
+    /// Whether the smallest sum of squares that the linear model predictions is one that no noise makes, by far, and was the same
     /// a step before.
     fn is_hopeless(&self, before: &StepBefore, now: &Solved) -> bool {
         if self.haste != Haste::Plausibility {
             return false;
         }
-        let promised = now.promised();
-        let is_said_again = (promised - before.promised).abs() <= SAID_AGAIN * promised;
+        let predicted = now.predicted();
+        let is_said_again = (predicted - before.predicted).abs() <= SAID_AGAIN * predicted;
         let spare = self.rows().saturating_sub(self.basis.ncols());
-        let chance = ChiSquared::new(spare as f64).map(|chi| chi.sf(HOPELESS * promised));
+        let chance = ChiSquared::new(spare as f64).map(|chi| chi.sf(HOPELESS * predicted));
         is_said_again && chance == Ok(0.0)
     }
 

@@ -7,13 +7,13 @@
 use nalgebra::{DMatrix, Matrix6, MatrixXx6};
 
 use super::readable::disturbed;
-use super::{AbsolutePlanning, AbsolutePromise, in_units, place_rows, stacked};
+use super::{AbsolutePlanning, PredictedAccuracy, in_units, place_rows, stacked};
 use crate::observation::{AbsoluteErrors, ReadingKind, Setup, planned_rows};
 use crate::parameter::{
     ParameterKind, ParameterSet, ReadingSource, Source, SourceLevel, Uncertainty,
 };
 use crate::plan::uncertainty_budget::{Input, common};
-use crate::plan::{BudgetSource, CommonSources, NOISE, UncertaintyBudget};
+use crate::plan::{BudgetSource, CommonSources, UncertaintyBudget};
 use crate::task::{Extended, Task, station_named};
 
 /// What is known before without a name in the scenario, as of a payload that nobody weighed.
@@ -47,10 +47,10 @@ impl AbsolutePlanning<'_> {
             .collect()
     }
 
-    fn weighed(&self, plan: &[(usize, u32)], promise: &AbsolutePromise) -> WeighedReadings {
+    fn weighed(&self, plan: &[(usize, u32)], prediction: &PredictedAccuracy) -> WeighedReadings {
         let scales = self.set.scales();
-        let rows = in_units(stacked(&self.poses, promise.station), &scales);
-        let mut gain = rows * &promise.posterior.covariance;
+        let rows = in_units(stacked(&self.poses, prediction.station), &scales);
+        let mut gain = rows * &prediction.posterior.covariance;
         // By typical sizes: a gain in units over sizes.
         for (mut column, scale) in gain.column_iter_mut().zip(&scales) {
             column /= *scale;
@@ -87,10 +87,10 @@ impl AbsolutePlanning<'_> {
     pub fn uncertainty_budget(
         &self,
         plan: &[(usize, u32)],
-        promise: &AbsolutePromise,
+        prediction: &PredictedAccuracy,
     ) -> Option<UncertaintyBudget> {
-        let rho0_m = promise.rho0_m()?;
-        let weighed = self.weighed(plan, promise);
+        let rho0_m = prediction.rho0_m()?;
+        let weighed = self.weighed(plan, prediction);
         let noise = (weighed.each.iter()).map(|(place, times, weight)| {
             added(
                 weight,
@@ -98,19 +98,15 @@ impl AbsolutePlanning<'_> {
             )
         });
         let (noise, input) = (noise.sum(), self.noise(plan));
-        let mut sources = vec![BudgetSource::new(NOISE, SourceLevel::Reading, input, noise)];
+        let instrument = &self.case.belief.instrument;
+        let mut sources = vec![BudgetSource::of_noise(instrument, input, noise)];
         let mut before = (&weighed.gain * &self.before * weighed.gain.transpose()).trace();
         let mut named = Vec::new();
         let belief = self.case.belief;
         if let Some(extended) = &belief.uncertain {
             for (name, source) in extended.sources() {
                 let square = self.left_by_source(&weighed, source);
-                named.push(BudgetSource::of_readings(
-                    name,
-                    source,
-                    extended.arm(),
-                    square,
-                ));
+                named.push(BudgetSource::of_readings(name, source, extended, square));
             }
             let of_task = self.of_task(extended);
             for (name, places) in extended.shared() {
@@ -132,7 +128,7 @@ impl AbsolutePlanning<'_> {
             });
         }
         sources.extend(named);
-        Some(UncertaintyBudget::new(sources, promise.quantile95_m))
+        Some(UncertaintyBudget::new(sources, prediction.quantile95_m))
     }
 
     /// u(x) of the noise of a plan's readings, where one number says it.
@@ -160,16 +156,16 @@ impl AbsolutePlanning<'_> {
         weighed.gain.column(own).norm_squared() * precision
     }
 
-    /// The error sources in common with the campaign of the earlier identification, and the promise with them.
+    /// The error sources in common with the campaign of the earlier identification, and the prediction with them.
     pub fn common_sources(
         &self,
         plan: &[(usize, u32)],
-        promise: &AbsolutePromise,
+        prediction: &PredictedAccuracy,
     ) -> Option<CommonSources> {
         let belief = &self.case.belief;
         let extended = belief.uncertain.as_ref()?;
-        let weighed = self.weighed(plan, promise);
-        CommonSources::new(belief, promise.rho0_m()?, &|place| {
+        let weighed = self.weighed(plan, prediction);
+        CommonSources::new(belief, prediction.rho0_m()?, &|place| {
             let own = (self.set).index_of(extended.set().parameters()[place].kind)?;
             Some(weighed.gain.column(own) * self.set.parameters()[own].scale)
         })
@@ -194,17 +190,17 @@ impl AbsolutePlanning<'_> {
     pub fn left_by_hidden(
         &self,
         task: &Task,
-        (plan, promise): (&[(usize, u32)], &AbsolutePromise),
+        (plan, prediction): (&[(usize, u32)], &PredictedAccuracy),
         hidden: &[&Uncertainty],
     ) -> Vec<f64> {
         if hidden.is_empty() {
             return Vec::new();
         }
-        let weighed = self.weighed(plan, promise);
+        let weighed = self.weighed(plan, prediction);
         let square = |uncertainty: &&Uncertainty| match &uncertainty.source {
             Source::Reading(source) => self.left_by_source(&weighed, source),
             Source::Plan(parameters) => self
-                .left_by_parameters(task, (plan, promise), &weighed, parameters)
+                .left_by_parameters(task, (plan, prediction), &weighed, parameters)
                 .unwrap_or(0.0),
         };
         (hidden.iter())
@@ -216,7 +212,7 @@ impl AbsolutePlanning<'_> {
     fn left_by_parameters(
         &self,
         task: &Task,
-        (plan, promise): (&[(usize, u32)], &AbsolutePromise),
+        (plan, prediction): (&[(usize, u32)], &PredictedAccuracy),
         weighed: &WeighedReadings,
         parameters: &[(ParameterKind, f64)],
     ) -> Option<f64> {
@@ -241,7 +237,7 @@ impl AbsolutePlanning<'_> {
         let arm = &self.case.arm;
         let set = ParameterSet::new(arm, foreign.iter().copied()).ok()?;
         let poses = place_rows(task, &self.case, &set, self.target);
-        let mut left = -stacked(&poses, promise.station);
+        let mut left = -stacked(&poses, prediction.station);
         let rows = planned_rows(&set, arm, &set.prior().mean, &self.setups(plan));
         for ((_, _, weight), rows) in weighed.each.iter().zip(&rows) {
             left += weight * rows;

@@ -81,7 +81,7 @@ impl<'a> AbsolutePlanning<'a> {
             }
             let reads =
                 |&(place, _): &(usize, u32)| self.case.targets[setup(place).target] == *machining;
-            if drawn == readings && plan.iter().any(reads) && self.promise(&plan).left.is_ok() {
+            if drawn == readings && plan.iter().any(reads) && self.prediction(&plan).left.is_ok() {
                 return Ok(plan);
             }
         }
@@ -124,7 +124,7 @@ impl<'a> AbsolutePlanning<'a> {
         let mut best: Vec<Candidate> = (found.plan.iter())
             .map(|&(place, _)| planning.candidates[place].clone())
             .collect();
-        let mut least = planning.promise(&found.plan).rho0_m();
+        let mut least = planning.prediction(&found.plan).rho0_m();
         for (round, step) in STEPS.iter().enumerate() {
             if stop.load(std::sync::atomic::Ordering::Relaxed) {
                 break;
@@ -141,7 +141,7 @@ impl<'a> AbsolutePlanning<'a> {
             let Ok(searched) = local.design_by(SEARCHES, sizes, wanted.seed, here) else {
                 continue;
             };
-            let rho0_m = local.promise(&searched.plan).rho0_m();
+            let rho0_m = local.prediction(&searched.plan).rho0_m();
             if rho0_m.is_some_and(|rho0_m| least.is_none_or(|least| rho0_m < least)) {
                 least = rho0_m;
                 best = (searched.plan.iter())

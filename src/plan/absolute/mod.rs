@@ -10,7 +10,7 @@
 mod contributions;
 mod drawn;
 mod error;
-mod promise;
+mod predicted_accuracy;
 mod readable;
 
 use nalgebra::{DMatrix, Matrix3xX, Matrix6};
@@ -38,10 +38,10 @@ use crate::task::{Station, Task};
 
 pub use drawn::DrawnWanted;
 pub use error::AbsolutePlanError;
-pub use promise::AbsolutePromise;
+pub use predicted_accuracy::PredictedAccuracy;
 
 use contributions::is_of_task;
-use promise::{PlaceRows, in_units, known_after, stacked, stacked_task};
+use predicted_accuracy::{PlaceRows, in_units, known_after, stacked, stacked_task};
 
 use readable::{check_stations, errors_of, from_stations, possible, reading_of};
 
@@ -241,7 +241,7 @@ impl<'a> AbsolutePlanning<'a> {
         }
     }
 
-    /// What a promise takes for certain although the scenario says that it is not, or although nobody reads it, in words.
+    /// What a prediction takes for certain although the scenario says that it is not, or although nobody reads it, in words.
     pub fn assumed_exact(&self) -> Vec<String> {
         let mut words = Vec::new();
         if let Some(machining) = self.unread() {
@@ -463,7 +463,7 @@ impl<'a> AbsolutePlanning<'a> {
                 unread: None,
             });
         };
-        if let Err(names) = self.promise(&best.plan).left {
+        if let Err(names) = self.prediction(&best.plan).left {
             return Err(AbsolutePlanError::TooFew {
                 readings: measurements,
                 names,
@@ -557,8 +557,8 @@ impl<'a> AbsolutePlanning<'a> {
         })
     }
 
-    /// What a plan promises: candidates by their places, and how often each is read.
-    pub fn promise(&self, plan: &[(usize, u32)]) -> AbsolutePromise {
+    /// The predicted accuracy of a plan: candidates by their places, and how often each is read.
+    pub fn prediction(&self, plan: &[(usize, u32)]) -> PredictedAccuracy {
         let readings: Vec<PlannedReading> = plan
             .iter()
             .map(|&(place, times)| self.reading(place, times))
@@ -569,7 +569,7 @@ impl<'a> AbsolutePlanning<'a> {
         }
         let posterior = known_after(&self.set, &information);
         let count = plan.iter().map(|(_, times)| times).sum();
-        AbsolutePromise::new(posterior, &self.poses, &self.set.scales(), count)
+        PredictedAccuracy::new(posterior, &self.poses, &self.set.scales(), count)
     }
 }
 

@@ -49,13 +49,13 @@ use crate::robot::Load;
 
 /// Rounds of adding experiments and weighting them.
 const ROUNDS: usize = 60;
-/// The rounds end when no experiment promises more than this share.
+/// The rounds end when no experiment adds more than this share.
 const TOLERANCE: f64 = 1e-4;
 /// Where searches from random starts end this share above, they are missed (not for the test poses).
 const MISSED: f64 = 3e-4;
 /// How often such are added, at most.
 const RETURNS: usize = 6;
-/// As long as experiments of the pool promise more than this share, there are no local searches.
+/// As long as experiments of the pool prediction more than this share, there are no local searches.
 const ROUGH_TOLERANCE: f64 = 2e-2;
 /// Experiments that are added in one round.
 const ADDED: usize = 8;
@@ -176,7 +176,7 @@ impl ApproximateDesign {
     }
 }
 
-/// Finds the approximate design by adding the most informative experiments until none promises
+/// Finds the approximate design by adding the most informative experiments until none adds
 /// more. For criteria that are powers of others it is that of these, with their cost.
 ///
 /// # Errors
@@ -258,7 +258,7 @@ impl Growing<'_> {
         self.weighing.optimise(support, weights, tolerance)
     }
 
-    /// Adds the most informative experiments until none promises more; the best promises `gap` more to begin with.
+    /// Adds the most informative experiments until none adds more; the best adds `gap` more to begin with.
     fn grow(&mut self, mut gap: f64) {
         for _ in 0..ROUNDS {
             self.optimise(0.1 * gap);

@@ -125,7 +125,7 @@ pub fn budget_and_proof(
     Ok((points, bound))
 }
 
-/// A promise with all that is uncertain, of which a search may leave something out.
+/// A prediction with all that is uncertain, of which a search may leave something out.
 #[derive(Debug, Clone)]
 struct Whole {
     rho0_m: f64,

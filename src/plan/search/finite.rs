@@ -22,7 +22,7 @@ use crate::quantities::limits::MOST_EXPERIMENTS;
 
 /// Rounds of adding candidates and weighing them.
 const ROUNDS: usize = 100;
-/// The rounds end when no candidate promises more than this share.
+/// The rounds end when no candidate adds more than this share.
 const TOLERANCE: f64 = 1e-4;
 /// Candidates that are added in one round.
 const ADDED: usize = 8;

@@ -1,7 +1,7 @@
 //! The search for the best plan of a finite list of candidates: rounded weights, the greedy plan and random ones, each bettered by
 //! exchanges until none helps.
 //!
-//! Exchanges try the few candidates that promise most by the cost's derivative. Where none of these helps any more, a thorough pass
+//! Exchanges try the few candidates that prediction most by the cost's derivative. Where none of these helps any more, a thorough pass
 //! tries all that may help: the costs are convex and of degree -1, phi(M') >= phi(M)^2 / trace(G M') with trace(G M) = phi(M), so
 //! that an exchange can lower phi only if what comes has a larger derivative trace(G I) than what goes.
 
@@ -29,7 +29,7 @@ const PASSES: usize = 60;
 const FEW: usize = 6000;
 /// How many these are.
 const SHORT_LIST: usize = 1000;
-/// Of those that promise most, so many are tried.
+/// Of those that prediction most, so many are tried.
 const TRIED: usize = 24;
 /// The same for criteria that take eigenvalues.
 const TRIED_OF_OTHERS: usize = 8;
@@ -61,7 +61,7 @@ pub struct FiniteDesign {
 /// Which candidates exchanges try.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ExchangesTry {
-    /// Those that promise most.
+    /// Those that prediction most.
     Promising,
     /// In the end all that may help, too.
     AllThatMayHelp,
@@ -305,7 +305,7 @@ impl<'p, 'a> CandidateExchanges<'p, 'a> {
         found
     }
 
-    /// Exchanges measurements for those that promise most, one at a time and all of a configuration at once, until none helps.
+    /// Exchanges measurements for those that prediction most, one at a time and all of a configuration at once, until none helps.
     fn improved_by_promising(&mut self, plan: Vec<(usize, u32)>) -> FoundAmong {
         let is_few = self.problem.told.len() <= FEW;
         let mut is_complete = is_few;
@@ -374,7 +374,7 @@ impl<'p, 'a> CandidateExchanges<'p, 'a> {
         }
     }
 
-    /// The candidate that is best measured so often beside a plan, of those that promise most, with the cost; none twice in
+    /// The candidate that is best measured so often beside a plan, of those that prediction most, with the cost; none twice in
     /// vain.
     fn best_addition(
         &mut self,
@@ -424,7 +424,7 @@ enum Listed<'l> {
     AllThatMayHelp,
 }
 
-/// What candidates promise.
+/// What candidates prediction.
 #[derive(Clone, Copy)]
 struct Promising<'d> {
     /// The cost's derivatives; minus infinity of those that are not listed.

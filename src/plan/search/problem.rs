@@ -379,7 +379,7 @@ impl<'a> Problem<'a> {
             .collect()
     }
 
-    /// The uncertainties that the search leaves out, by name: they make next to nothing of any promise.
+    /// The uncertainties that the search leaves out, by name: they make next to nothing of any prediction.
     pub fn left_out(&self) -> Vec<&str> {
         let Some(extended) = self.extended else {
             return Vec::new();

@@ -88,6 +88,7 @@ fn with_readings(certain: &Task, extended: &Extended) -> Option<(Task, Vec<Strin
     let uncertainty = |(name, source): (&str, &ReadingSource)| Uncertainty {
         name: name.to_owned(),
         is_hidden: false,
+        distribution: extended.distribution(name),
         source: Source::Reading(source.clone()),
     };
     let kept: Vec<Uncertainty> = kept.into_iter().map(uncertainty).collect();

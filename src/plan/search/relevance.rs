@@ -1,5 +1,5 @@
-//! Which uncertainties a search for plans considers: those that make next to nothing of any promise cost it time, and a
-//! bound without them is below that with them. What a plan then promises is judged by all.
+//! Which uncertainties a search for plans considers: those that make next to nothing of any prediction cost it time, and a
+//! bound without them is below that with them. What a plan then predicts is judged by all.
 
 use nalgebra::{DMatrix, Matrix3xX};
 
@@ -7,10 +7,10 @@ use super::joints::random_points;
 use super::point::LoadChoice;
 use crate::task::{Extended, Task};
 
-/// What is left out makes together at most this share of the square of what random plans promise: half of it in
+/// What is left out makes together at most this share of the square of what random plans prediction: half of it in
 /// `rho_0`.
 const SMALL: f64 = 0.01;
-/// Plans of the task's size, and of so many times as many measurements, whose promises hold less noise.
+/// Plans of the task's size, and of so many times as many measurements, whose predictions hold less noise.
 const SIZES: [f64; 2] = [1.0, 10.0];
 
 /// The unknowns that are considered, in ascending order: the identified compliances, and those of the uncertainties that

@@ -236,7 +236,7 @@ pub fn median_random_plan(
     seed: u64,
 ) -> Result<(f64, Plan), SearchError> {
     let problem = Problem::new(task, Criterion::TestPose);
-    let mut promised = (0..plans)
+    let mut predicted = (0..plans)
         .into_par_iter()
         .map_init(
             || (Sampler::new(&problem), problem.cost()),
@@ -247,8 +247,8 @@ pub fn median_random_plan(
             },
         )
         .collect::<Result<Vec<(f64, Plan)>, SearchError>>()?;
-    promised.sort_by(|one, other| one.0.total_cmp(&other.0));
-    Ok(promised.swap_remove(promised.len() / 2))
+    predicted.sort_by(|one, other| one.0.total_cmp(&other.0));
+    Ok(predicted.swap_remove(predicted.len() / 2))
 }
 
 fn draw_plan(

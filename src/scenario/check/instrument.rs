@@ -51,6 +51,7 @@ impl Checker<'_> {
                 .map(|value| value * 1e-3),
             tracker_site,
             unloaded: table.unloaded,
+            distribution: table.distribution.unwrap_or_default(),
         })
     }
 }

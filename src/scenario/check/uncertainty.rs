@@ -112,6 +112,7 @@ impl Checker<'_> {
             all.push(Uncertainty {
                 name: name.to_owned(),
                 is_hidden: table.hidden,
+                distribution: table.distribution.unwrap_or_default(),
                 source: self.source(&key, table, belief, places)?,
             });
         }

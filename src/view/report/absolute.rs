@@ -1,4 +1,4 @@
-//! The page of a plan of absolute readings: what is promised, of what it is made, what to read, and what virtual robots make of it.
+//! The page of a plan of absolute readings: what is predicted, of what it is made, what to read, and what virtual robots make of it.
 
 use plotters::prelude::*;
 
@@ -23,7 +23,7 @@ use crate::view::plots::{COLOURS, PlotError};
 pub struct AbsolutePageRecord<'a> {
     /// The scenario.
     pub scenario: &'a Scenario,
-    /// What the plan promises.
+    /// The predicted accuracy of the plan.
     pub plan: &'a AbsolutePlanMessage,
     /// What virtual robots made of it, where some were drawn, and the same as a study has it.
     pub trials: Option<(&'a AbsoluteTrialsMessage, &'a StudyPlanMessage)>,
@@ -241,7 +241,7 @@ fn of_trials(trials: &AbsoluteTrialsMessage, runs: &StudyPlanMessage) -> Result<
     Ok(body + &distances_figure(&lines, caption)? + &distances_table(&lines))
 }
 
-/// What is promised at each test pose.
+/// What is predicted at each test pose.
 fn test_poses(plan: &AbsolutePlanMessage) -> Result<String, PlotError> {
     let values: Vec<f64> = (plan.test_poses.iter())
         .map(|pose| pose.rho0_mm.unwrap_or(0.0) * 1e3)

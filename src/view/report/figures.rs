@@ -91,7 +91,7 @@ pub fn accuracy_figure(
     )
 }
 
-/// What is promised along a path, or over a region (um), by the number of each pose, and over all of them.
+/// What is predicted along a path, or over a region (um), by the number of each pose, and over all of them.
 pub fn path_figure(values_um: &[f64], over_all_um: Option<f64>) -> Result<String, PlotError> {
     let points: Vec<(f64, f64)> = (1..)
         .map(f64::from)

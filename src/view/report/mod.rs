@@ -39,7 +39,7 @@ pub use study::{StudyPageRecord, study_page};
 pub struct RunRecord<'a> {
     /// The scenario.
     pub scenario: &'a Scenario,
-    /// Every plan's calibration and what it promised; the designed plan first.
+    /// Every plan's calibration and what it predicted; the designed plan first.
     pub plans: &'a [(CalibrationMessage, AssessmentMessage)],
     /// What the designed plan is shown beside.
     pub evidence: &'a EvidenceMessage,
@@ -278,7 +278,7 @@ fn residuals(calibration: &CalibrationMessage) -> Result<String, PlotError> {
     Ok(figure(&residuals_figure(&standardised)?, &caption) + &paragraph(&seen))
 }
 
-/// Every plan's promise and what came of it.
+/// Every plan's prediction and what came of it.
 fn plans(run: &RunRecord<'_>) -> String {
     let row = |(calibration, assessment): &(CalibrationMessage, AssessmentMessage)| {
         let pose = calibration.test_poses.first();

@@ -83,7 +83,7 @@ pub fn budget_section(budget: Option<&UncertaintyBudget>, about: &str) -> String
 
 /// What was predicted of a plan's runs and what became of it, in a sentence; nothing where nothing is listed as uncertain.
 pub fn verdict(runs: &StudyPlanMessage) -> Option<String> {
-    let (promised, verdict) = (runs.combined_rms_mm?, runs.verdict.as_ref()?);
+    let (predicted, verdict) = (runs.combined_rms_mm?, runs.verdict.as_ref()?);
     let validation = (runs.validation.as_ref()).map_or_else(String::new, |each| {
         let [predicted, observed, error, tolerance] = [
             each.predicted_um,
@@ -100,7 +100,7 @@ pub fn verdict(runs: &StudyPlanMessage) -> Option<String> {
     Some(format!(
         "{}: predicted {} rms; the prediction {verdict}.{validation}",
         runs.name,
-        micrometres(Some(promised))
+        micrometres(Some(predicted))
     ))
 }
 

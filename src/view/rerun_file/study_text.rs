@@ -59,11 +59,11 @@ pub(super) fn table(study: &StudyRecording, snapshot: &Snapshot) -> String {
         );
     }
     for plan in &snapshot.plans {
-        if let (Some(promised_mm), Some(verdict)) = (plan.combined_rms_mm, &plan.verdict) {
-            let promised = micro(Some(promised_mm));
+        if let (Some(predicted_mm), Some(verdict)) = (plan.combined_rms_mm, &plan.verdict) {
+            let predicted = micro(Some(predicted_mm));
             let _ = writeln!(
                 text,
-                "\n{}: predicted {promised} µm; the prediction {verdict}.",
+                "\n{}: predicted {predicted} µm; the prediction {verdict}.",
                 plan.name
             );
         }

@@ -1,4 +1,4 @@
-//! What plans of absolute readings promise, beside robots that are drawn, read, identified and judged at test poses; and what
+//! What plans of absolute readings prediction, beside robots that are drawn, read, identified and judged at test poses; and what
 //! disturbs a reading, beside readings that are disturbed.
 
 use elastocal::experiment::Candidate;
@@ -137,7 +137,11 @@ fn is_kept(scenario: &Scenario, groups: &[ParameterGroup], plan: &[Candidate], a
     let planning = AbsolutePlanning::new(&scenario.task, groups, plan).expect("candidates");
     assert_eq!(planning.candidates.len(), plan.len(), "{about}");
     let all: Vec<(usize, u32)> = (0..plan.len()).map(|place| (place, 1)).collect();
-    let promised = planning.promise(&all).rho0_m().expect("a promise").powi(2);
+    let predicted = planning
+        .prediction(&all)
+        .rho0_m()
+        .expect("a prediction")
+        .powi(2);
     let seen: f64 = (0..ROBOTS)
         .into_par_iter()
         .map(|robot| left_by_one(scenario, groups, plan, robot))
@@ -149,8 +153,8 @@ fn is_kept(scenario: &Scenario, groups: &[ParameterGroup], plan: &[Candidate], a
     // 2 % for what linear propagation leaves out.
     let bound = 4.0 * (2.0 / ROBOTS as f64).sqrt() + 0.02;
     assert!(
-        (seen / promised - 1.0).abs() < bound,
-        "{about}: {seen:e} seen of {promised:e}, within {bound}"
+        (seen / predicted - 1.0).abs() < bound,
+        "{about}: {seen:e} seen of {predicted:e}, within {bound}"
     );
     // Not far off by chance of a wide bound: half or twice the noise's variance would be.
     assert!(bound < 0.5);
@@ -165,7 +169,7 @@ fn any_force() -> String {
 
 /// Zeros and compliances, with nothing known before; geometry that is known to a degree, with a path for its target.
 #[test]
-fn robots_keep_what_was_promised() {
+fn robots_keep_what_was_predicted() {
     let place = Workplace::new();
     // Forces in any direction: gravity alone does not bend the first joint.
     place.write("f.toml", any_force());
@@ -195,8 +199,11 @@ fn what_the_tasks_force_does_is_added() {
     let groups = [ParameterGroup::Zeros, ParameterGroup::Compliances];
     let [without, with] = [&bare, &uncertain].map(|scenario| {
         let planning = AbsolutePlanning::new(&scenario.task, &groups, &rows).expect("candidates");
-        let promise = planning.promise(&all);
-        (promise.rho0_m().expect("a promise"), promise.task_force_m)
+        let prediction = planning.prediction(&all);
+        (
+            prediction.rho0_m().expect("a prediction"),
+            prediction.task_force_m,
+        )
     });
     assert!(without.1 == 0.0 && with.1 > 0.0);
     // The force moves the tool by what the arm gives way: J k J^T dF, drawn.
@@ -211,7 +218,7 @@ fn what_the_tasks_force_does_is_added() {
             station: 0,
             approach: None,
         };
-        crate::absolute_promises::place(&arm, &setup)
+        crate::absolute_predictions::place(&arm, &setup)
     };
     let mut random = generator(3, 0);
     let draws = 4000;
@@ -389,7 +396,7 @@ fn repeats_do_not_average_what_they_share() {
         let groups = [ParameterGroup::Zeros];
         let planning = AbsolutePlanning::new(&scenario.task, &groups, &rows).expect("candidates");
         let plan: Vec<(usize, u32)> = (0..rows.len()).map(|place| (place, repeats)).collect();
-        planning.promise(&plan).rho0_m().expect("a promise")
+        planning.prediction(&plan).rho0_m().expect("a prediction")
     };
     let new = rho0("joint_repeatability", 4) / rho0("joint_repeatability", 1);
     assert!((new - 0.5).abs() < 1e-6, "{new}");

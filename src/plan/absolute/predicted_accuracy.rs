@@ -1,4 +1,4 @@
-//! What a plan of absolute readings promises.
+//! The predicted accuracy of a plan of absolute readings.
 
 use nalgebra::{DMatrix, DVector, Matrix3};
 
@@ -7,9 +7,9 @@ use crate::numeric::posterior::Posterior;
 use crate::numeric::tolerance::length_quantile;
 use crate::parameter::ParameterSet;
 
-/// What a plan of absolute readings promises.
+/// The predicted accuracy of a plan of absolute readings.
 #[derive(Debug, Clone)]
-pub struct AbsolutePromise {
+pub struct PredictedAccuracy {
     /// The number of readings.
     pub readings: u32,
     /// The station in whose frame the tool's place counts, by its number: that which leaves least.
@@ -90,7 +90,7 @@ pub(super) fn known_after(set: &ParameterSet, information: &DMatrix<f64>) -> Pos
     }
 }
 
-impl AbsolutePromise {
+impl PredictedAccuracy {
     /// In the frame of the station where least is left.
     pub(super) fn new(
         posterior: Posterior,
