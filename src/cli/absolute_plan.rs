@@ -236,7 +236,7 @@ impl AbsoluteWanted<'_> {
         if let Some(path) = outputs.report {
             let conditions = &report.conditions;
             let page = self.page(path, &shown, &readings, (None, conditions))?;
-            report.text += &written.told(path, page);
+            report.text += &written.noted(path, page);
         }
         report.conditions.extend(written.conditions());
         Ok(report)
@@ -278,11 +278,11 @@ impl AbsoluteWanted<'_> {
                 })
                 .collect();
             let rows = write_candidates(path, self.scenario.task.belief.commands(), &rows);
-            text += &written.told(path, rows);
+            text += &written.noted(path, rows);
         }
         if let Some(path) = outputs.stills {
             let sheet = stills::sheet_of_readings(self.scenario, readings);
-            text += &written.told(path, write_whole(path, sheet.as_bytes()));
+            text += &written.noted(path, write_whole(path, sheet.as_bytes()));
         }
         text
     }
@@ -336,7 +336,7 @@ impl AbsoluteWanted<'_> {
                 .collect();
             let conditions = &report.conditions;
             let page = self.page(path, &shown, &readings, (trials.as_ref(), conditions))?;
-            report.text += &written.told(path, page);
+            report.text += &written.noted(path, page);
             report.conditions.extend(written.conditions());
         }
         Ok(report)

@@ -159,7 +159,7 @@ impl Budget {
         if let Some(path) = &self.plot_out {
             let title = format!("{}: accuracy against measurements", scenario.name);
             let plot = budget_plot(&title, &points)?;
-            text += &written.told(path, write_whole(path, plot.as_bytes()));
+            text += &written.noted(path, write_whole(path, plot.as_bytes()));
         }
         conditions.extend(written.conditions());
         Ok(Report {

@@ -125,13 +125,13 @@ impl Compensate {
         };
         if let Some(path) = &self.angles_out {
             let angles = angles(&scenario.task, &messages);
-            text += &written.told(path, write_whole(path, angles.as_bytes()));
+            text += &written.noted(path, write_whole(path, angles.as_bytes()));
         }
         if let Some(folder) = &self.program_out {
             make_folder(folder)?;
             for file in &files {
                 let path = folder.join(&file.name);
-                text += &written.told(&path, write_whole(&path, file.text.as_bytes()));
+                text += &written.noted(&path, write_whole(&path, file.text.as_bytes()));
             }
         }
         conditions.extend(written.conditions());

@@ -1,4 +1,4 @@
-//! What was identified, read from its file, and what speaks against trusting it.
+//! An identified file for a command, with its conditions.
 
 use std::path::Path;
 

@@ -239,7 +239,7 @@ impl Identify {
         if let Some(path) = &self.plot_out {
             let title = format!("{}: patterns in the residuals", scenario.name);
             let plot = patterns_plot(&title, &identified.patterns)?;
-            text += &written.told(path, write_whole(path, plot.as_bytes()));
+            text += &written.noted(path, write_whole(path, plot.as_bytes()));
         }
         Ok(Report {
             json,

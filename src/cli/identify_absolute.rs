@@ -81,13 +81,13 @@ pub fn execute(
         if let Some(path) = asked.plot_out {
             let title = plot("which model the readings pay for");
             let plot = model_selection_plot(&title, &model_selection)?;
-            text += &written.told(path, write_whole(path, plot.as_bytes()));
+            text += &written.noted(path, write_whole(path, plot.as_bytes()));
         }
         merge(&mut json, json!({ "model_selection": model_selection }));
     } else if let Some(path) = asked.plot_out {
         let title = plot("patterns in the residuals");
         let plot = patterns_plot(&title, &identified.patterns)?;
-        text += &written.told(path, write_whole(path, plot.as_bytes()));
+        text += &written.noted(path, write_whole(path, plot.as_bytes()));
     }
     text += &describe(&message);
     let uncounted = uncounted(belief);

@@ -83,10 +83,10 @@ impl Lab {
         let mut text = describe(&plan, &campaign);
         let path = folder.join(RUN_SHEET);
         let sheet = run_sheet(&scenario, &plan, &campaign);
-        text += &written.told(&path, write_whole(&path, sheet.as_bytes()));
+        text += &written.noted(&path, write_whole(&path, sheet.as_bytes()));
         for file in &files {
             let path = folder.join(&file.name);
-            text += &written.told(&path, write_whole(&path, file.text.as_bytes()));
+            text += &written.noted(&path, write_whole(&path, file.text.as_bytes()));
         }
         let provenance = ProvenanceMessage::new(&scenario).with_input("plan", &self.plan)?;
         let costs = &scenario.laboratory.costs;
@@ -94,10 +94,10 @@ impl Lab {
         let mut json = results("lab", &provenance, serde_json::to_value(&message)?);
         let [to_fill, record] = FILES.map(|name| folder.join(name));
         let empty = to_fill_in(&scenario, &plan, &campaign);
-        text += &written.told(&to_fill, write_whole(&to_fill, empty.as_bytes()));
+        text += &written.noted(&to_fill, write_whole(&to_fill, empty.as_bytes()));
         let mut conditions = self.conditions(&scenario, &plan, &campaign);
         let record_text = record_text(&mut json, &conditions)?;
-        text += &written.told(&record, write_whole(&record, record_text.as_bytes()));
+        text += &written.noted(&record, write_whole(&record, record_text.as_bytes()));
         conditions.extend(written.conditions());
         Ok(Report {
             json,

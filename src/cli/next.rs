@@ -151,7 +151,7 @@ impl Next {
         }
         let mut written = Written::default();
         if let Some(path) = &self.plan_out {
-            text += &written.told(path, write_plan(path, commands.clone(), next));
+            text += &written.noted(path, write_plan(path, commands.clone(), next));
         }
         conditions.extend(written.conditions());
         let mut provenance =

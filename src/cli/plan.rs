@@ -211,11 +211,11 @@ impl PlanCommand {
         let mut text = self.budget.write(budget, written);
         if let Some(path) = &self.plan_out {
             let rows = write_plan(path, scenario.task.belief.commands(), plan);
-            text += &written.told(path, rows);
+            text += &written.noted(path, rows);
         }
         if let Some(path) = &self.stills_out {
             let sheet = stills::sheet(scenario, plan);
-            text += &written.told(path, write_whole(path, sheet.as_bytes()));
+            text += &written.noted(path, write_whole(path, sheet.as_bytes()));
         }
         text
     }

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use clap::Parser;
 use clap::error::{ContextKind, ContextValue};
+use elastocal::codes::ErrorCode;
 use elastocal::text::diagnostics::say;
 use elastocal::text::renamed;
 
@@ -57,10 +58,13 @@ fn with_new_name(mut usage: clap::Error) -> clap::Error {
 
 /// What is wrong with the usage, for stderr, or the help that was asked for, for stdout.
 fn explain_usage(usage: &clap::Error) -> u8 {
-    let printed = usage.print();
     if usage.use_stderr() {
+        let text = usage.render().to_string();
+        let coded = format!("error {}:", ErrorCode::Usage);
+        say(text.replacen("error:", &coded, 1).trim_end());
         return 2;
     }
+    let printed = usage.print();
     let printed = if interruption::is_stdout_closed() {
         Err(anyhow::anyhow!(STDOUT_CLOSED))
     } else {

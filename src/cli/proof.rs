@@ -89,7 +89,7 @@ impl ProofArgs {
                     None => Err(FileError::new(path, "there is no proof to write")
                         .code(ErrorCode::NotWritable)),
                 };
-            text += &files.told(path, written);
+            text += &files.noted(path, written);
         }
         Ok(text)
     }

@@ -133,7 +133,7 @@ impl Select {
         if let Some(path) = &self.plot_out {
             let title = "Calibrated with a few readings, validated on all others";
             let plot = selection_plot(title, message)?;
-            text += &written.told(path, write_whole(path, plot.as_bytes()));
+            text += &written.noted(path, write_whole(path, plot.as_bytes()));
         }
         let provenance =
             ProvenanceMessage::new(scenario).with_input("measurements", &self.measurements)?;

@@ -32,7 +32,7 @@ impl BudgetArgs {
         };
         let sources = budget.map_or(&[][..], |budget| &budget.sources);
         let csv = BudgetSource::csv(sources);
-        written.told(path, write_whole(path, csv.as_bytes()))
+        written.noted(path, write_whole(path, csv.as_bytes()))
     }
 }
 

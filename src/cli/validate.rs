@@ -81,7 +81,7 @@ impl Validate {
             let mut text = format!("{count} where the identified robot is known least\n");
             let mut written = Written::default();
             if let Some(path) = &self.plan_out {
-                text += &written.told(path, write_plan(path, commands.clone(), &plan));
+                text += &written.noted(path, write_plan(path, commands.clone(), &plan));
             }
             conditions.extend(written.conditions());
             let keys = json!({ "plan": plan_messages(&commands, &plan) });

@@ -50,7 +50,7 @@ impl Written {
     }
 
     /// Notes what became of a file, and says so if it is there.
-    pub fn told(&mut self, path: &Path, written: Result<(), FileError>) -> String {
+    pub fn noted(&mut self, path: &Path, written: Result<(), FileError>) -> String {
         let is_there = written.is_ok();
         self.note(path, written);
         if is_there {

@@ -1,4 +1,4 @@
-//! What is wrong with an identification although there is one, by name.
+//! The conditions of an identification, by name.
 
 use super::outliers::{IMPLAUSIBLE, RejectedReading};
 use super::{Identification, NominalCompliance, UncertainEstimate};

@@ -1,4 +1,4 @@
-//! What a model leaves of readings beyond their own noise.
+//! Model discrepancy: residuals beyond the noise of the readings.
 
 use nalgebra::{DVector, Matrix6, Vector3, Vector6};
 

@@ -1,4 +1,4 @@
-//! Compliances that readings determine less well than what is believed of them.
+//! Compliances whose standard errors exceed their nominal values, which are kept.
 //!
 //! A compliance is positive, and its nominal value is right to a factor. One that a fit leaves uncertain by more than its nominal value, or
 //! makes negative, is better guessed by that: it stays nominal, and the others are fitted beside it.

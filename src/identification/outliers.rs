@@ -1,4 +1,4 @@
-//! Wrong readings: fits without what lies far out, until the same lies far out.
+//! Outliers (gross errors): fits without them, repeated until the same readings are outliers.
 //!
 //! The yardstick is the median of the squares that are left, which half of the readings being wrong does not spoil, so that a
 //! few readings that are wrong by much, all to one side too, hide neither themselves nor others. Readings within five

@@ -1,4 +1,4 @@
-//! Other measurements than those that were identified from, beside what is predicted for them.
+//! Validation: measurements that were not fitted, with what is predicted for them.
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use thiserror::Error;

@@ -1,4 +1,4 @@
-//! Residuals measurement by measurement: does one not fit the others, and what would be without it?
+//! Residuals and leverage measurement by measurement, and the fit without each (deletion diagnostics).
 
 use std::ops::Range;
 

@@ -1,4 +1,4 @@
-//! Deflections fitted without those that lie far out, with what the model leaves in the errors.
+//! Robust fit of deflections: without outliers, with the model discrepancy in the weights.
 //!
 //! The rules are those of absolute readings: who lies far out is decided by [`outliers`], how large a discrepancy is by
 //! [`Discrepancy`]. Deflections are few and often single ones hold a compliance, so that each is judged by the covariance of what a fit leaves of

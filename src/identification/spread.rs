@@ -1,4 +1,4 @@
-//! How large errors are where the robot stands: other at other angles of its joints.
+//! The standard deviation of errors as a function of the joint angles (heteroscedasticity).
 //!
 //! ```text
 //! ln s = b + sum_j f_j(q_j) + e                        s: a square of an error over its computed covariance

@@ -1,4 +1,4 @@
-//! What was identified, read from the file that tells of it.
+//! An identified file of deflections, read.
 
 use std::path::Path;
 

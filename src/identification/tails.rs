@@ -1,4 +1,4 @@
-//! Readings that lie far out: wrong ones, or of a tail that all errors have.
+//! Outliers, or the tail of a distribution that all errors have (Student's t)?
 //!
 //! ```text
 //! p(u) = (1 - w) t(u) + w g(u)                   u: the length of an error of three coordinates over its computed deviations

@@ -1,4 +1,4 @@
-//! Measurements: what a laboratory or the virtual robot delivers, and all that identification sees.
+//! Measurements: what a laboratory or the virtual robot delivers, and the only input of identification.
 //!
 //! A file holds deflections, loaded minus unloaded ([`Measurement`]), or absolute readings: where an instrument sees a
 //! target, in a frame of its own ([`AbsoluteReading`]).

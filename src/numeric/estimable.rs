@@ -1,4 +1,5 @@
-//! What measurements determine: one decision for planning, studies, identification and compensation.
+//! The estimable parameters: the subspace in which measurements determine them, by the Fisher information; the rest is the
+//! unidentifiable subspace (null space). One decision for planning, studies, identification and compensation.
 //!
 //! M is the information of all readings, in relative units: each parameter is divided by its typical
 //! size, each reading by its standard deviation. A direction of unit length with M's eigenvalue l is

@@ -1,4 +1,4 @@
-//! A quantity that wanders along a coordinate: the Ornstein-Uhlenbeck process of unit variance, seen through knots.
+//! The Ornstein-Uhlenbeck process of unit variance over a coordinate, by its values at knots.
 //!
 //! ```text
 //! cov(u(a), u(b)) = exp(-|a - b| / l)

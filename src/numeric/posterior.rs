@@ -1,4 +1,4 @@
-//! What is known of parameters after measurements: values, covariance, and which combinations.
+//! The posterior of parameters after measurements: means, covariance, and the unidentifiable subspace.
 
 use nalgebra::{DMatrix, DVector, RowDVector};
 use thiserror::Error;

@@ -1,4 +1,4 @@
-//! Sums over readings: information, gradient and sum of squares.
+//! Sums over readings: Fisher information, gradient and sum of squares.
 
 use std::convert::Infallible;
 

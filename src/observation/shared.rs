@@ -1,4 +1,4 @@
-//! Readings that share an error: the normal equations with the error taken out.
+//! Readings that share an error (a random effect): normal equations with the effect eliminated.
 //!
 //! Readings of one stand of the robot are y = h(x) + b + e, with a b of its own for each stand, target and station: what the
 //! model does not know of the configuration, loaded and unloaded the same. With b distributed normally, of precision P, and W the

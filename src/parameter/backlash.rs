@@ -1,4 +1,4 @@
-//! Backlash: on which side of its gap a joint stands.
+//! Backlash: the side of its gap on which a joint is.
 //!
 //! A joint with a gap of half width b stands at its command plus s b. Who came turning positively stopped short of the command,
 //! s = -1, and with the same side of approach unloaded and loaded a deflection shows the joint a little elsewhere and nothing

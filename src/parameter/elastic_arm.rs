@@ -1,4 +1,4 @@
-//! What planner and identification believe of a robot.
+//! The planner's model of a robot: geometry, masses, compliances, transmission error, backlash.
 
 use std::borrow::Cow;
 

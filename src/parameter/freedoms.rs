@@ -1,4 +1,4 @@
-//! What cannot be separated.
+//! Combinations of parameters that cannot be separated: the null space of the kinematic model.
 //!
 //! Two classes. *Structural*: a frame that is moved along or about its own joint's axis, and put back
 //! beyond the joint; a zero and its link's rotation about the axis, or its shift along it where the joint slides, which may be shifted in

@@ -1,4 +1,4 @@
-//! Gear error in waves: where a joint's gear has it, as a function of the joint's own angle.
+//! Transmission error as harmonics of the joint's own angle.
 //!
 //! Teeth, bearings and wave generators come round so many times in a turn of the joint, and so does what they are off by. A
 //! joint that is commanded q stands at q + e(q),

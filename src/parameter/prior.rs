@@ -1,4 +1,4 @@
-//! What is known of parameters before any reading.
+//! Prior information on parameters.
 
 use nalgebra::{DMatrix, DVector};
 

@@ -1,4 +1,4 @@
-//! Stiffening: by how much less, or more, than a spring a joint gives under much torque.
+//! Nonlinear joint stiffness: a joint whose compliance changes with its torque.
 //!
 //! Gears stiffen as teeth and bearings come to bear. With the compliance k, the torque tau of weight and load and a share e, which
 //! nobody knows, of what a spring would give at the torque `tau_0`, a joint gives to first order in e

@@ -1,4 +1,4 @@
-//! Sentences about what cannot be separated.
+//! Combinations that cannot be separated, in words.
 
 use nalgebra::{DMatrix, DVector};
 

@@ -1,4 +1,4 @@
-//! The information matrix of a plan, and the accuracy that follows from it.
+//! The Fisher information of a plan, and the accuracy that follows from it.
 
 use nalgebra::{DMatrix, Matrix3xX, Matrix6xX};
 

@@ -1,4 +1,4 @@
-//! What is to be known of a plan before its predicted accuracy is relied on, by name.
+//! The conditions of a plan, by name.
 
 use super::{Plan, posterior, rho0_m};
 use crate::codes::{Condition, ConditionCode};

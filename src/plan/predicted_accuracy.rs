@@ -1,4 +1,4 @@
-//! The predicted accuracy of a plan: the posterior before anything is read, and the residual error after compensation.
+//! The predicted accuracy of a plan: the posterior before any reading, and the residual error after compensation.
 
 use nalgebra::{DMatrix, DVector};
 

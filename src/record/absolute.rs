@@ -1,4 +1,4 @@
-//! What absolute readings tell of a robot, as a record, and the robot that a record tells of.
+//! An identification from absolute readings as a record, and the robot that a record describes.
 
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};

@@ -1,4 +1,4 @@
-//! What was seen of a plan of absolute readings, as a record.
+//! The reference simulation of a plan of absolute readings, as a record.
 
 use serde::Serialize;
 

@@ -1,4 +1,4 @@
-//! The predicted accuracy of a plan and what its errors are made of in truth, in tallies and results.
+//! The predicted accuracy of a plan and the contributions to its errors in the simulated truth, in tallies and results.
 
 use serde::{Deserialize, Serialize};
 

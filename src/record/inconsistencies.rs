@@ -1,4 +1,4 @@
-//! Series that contradict each other, as a record.
+//! Inconsistencies between series, as a record.
 
 use serde::{Deserialize, Serialize};
 

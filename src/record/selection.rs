@@ -1,4 +1,4 @@
-//! Choices of readings, and what came of them, as a record.
+//! Selections of readings and their residual errors, as a record.
 
 use serde::{Deserialize, Serialize};
 

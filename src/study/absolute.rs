@@ -1,4 +1,4 @@
-//! Whether a plan of absolute readings errs as predicted: robots are drawn, read in MuJoCo as the plan says, identified, and looked at
+//! The reference simulation of plans of absolute readings: robots are sampled, read in MuJoCo as the plan says, identified, and looked at
 //! where they must be accurate.
 //!
 //! In run r, everything that the scenario lists as uncertain is drawn as in any study; what is unknown and of which nothing is known

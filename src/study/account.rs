@@ -1,4 +1,4 @@
-//! What a plan's errors are made of in truth, whatever the belief knows of it, beside what the belief predicts.
+//! The contributions to a plan's errors in the simulated truth, hidden ones included, beside the predicted accuracy.
 //!
 //! The gain K = C M^-1 is the belief's. With the true covariance of a source's part of a reading, `R_s`, the true
 //! deviation d of a parameter that the belief knows of, and that of one that it does not, with the derivatives

@@ -1,4 +1,4 @@
-//! What a run's truth differs in from what is believed to be nominal, and how the linear model sees it.
+//! The deviations of a run's simulated truth from the planner's model, and their effect in the linear model.
 
 use nalgebra::{Cholesky, DMatrix};
 

@@ -17,7 +17,7 @@ use crate::identification::{
 use crate::measurement::AbsoluteReading;
 use crate::numeric::random::{generator, streams};
 use crate::observation::Observation;
-use crate::plan::search::{ExchangesTry, FiniteEffort, FiniteProblem, ToldByCandidates, Watch};
+use crate::plan::search::{CandidateInformation, ExchangesTry, FiniteEffort, FiniteProblem, Watch};
 use crate::plan::{Criterion, CriterionFunction};
 use crate::task::Belief;
 
@@ -106,7 +106,7 @@ pub struct SelectionOnlooker<'a> {
 /// The readings, ready to be chosen from.
 struct Chooser<'a> {
     parts: &'a PartsOfReadings<'a>,
-    told: ToldByCandidates,
+    told: CandidateInformation,
     before: DMatrix<f64>,
     positions: DMatrix<f64>,
     /// What all readings together leave of each.
@@ -135,7 +135,7 @@ pub fn select<'a>(
         })
         .collect::<Result<Vec<_>, _>>()
         .unwrap_or_default();
-    let mut told = ToldByCandidates::new(parts.set().len());
+    let mut told = CandidateInformation::new(parts.set().len());
     for information in parts.told() {
         told.push(&information);
     }

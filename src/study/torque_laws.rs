@@ -1,4 +1,4 @@
-//! What joints that are no springs add to readings and leave at test poses, to first order.
+//! Nonlinear joint stiffness of the virtual robot: its effect on readings and at test poses, to first order.
 
 use nalgebra::Vector6;
 

@@ -1,4 +1,4 @@
-//! Whether a prediction is kept: decided here, for deflections and for absolute readings alike.
+//! Whether a prediction holds: decided here, for deflections and for absolute readings alike.
 
 use super::summary::Measured;
 

@@ -1,4 +1,4 @@
-//! What the campaign behind `robot.prior` says of its error sources.
+//! The error sources of the campaign behind `robot.prior`.
 
 use nalgebra::{DMatrix, DVector};
 

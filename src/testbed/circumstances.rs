@@ -1,4 +1,4 @@
-//! What a run's laboratory is like: all that a scenario lists as uncertain, drawn as a function of seed and run.
+//! The simulated truth of a run's error sources, sampled as a function of seed and run.
 //!
 //! What the whole plan shares is drawn once a run, what is new in each reading for every reading. Frames of links and
 //! tools move in MuJoCo's model; zeros change what the joints are commanded, loads what hangs on the robot.

@@ -1,4 +1,4 @@
-//! The same robot simulated in time until it rests: MuJoCo's dynamics judge the static equilibria.
+//! The same robot simulated in time until it rests: MuJoCo's dynamics as reference for the static equilibria.
 
 use nalgebra::{DVector, Vector3};
 use thiserror::Error;

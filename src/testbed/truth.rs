@@ -1,4 +1,4 @@
-//! What only the testbed sees.
+//! The simulated truth, which only the testbed knows.
 
 use nalgebra::{DMatrix, Vector3};
 

@@ -1,4 +1,4 @@
-//! What the virtual robot obeys and the belief does not know, and how far its equalities give way.
+//! What the virtual robot has and the planner's model does not, and how far its equalities give way.
 
 use crate::mujoco::GivingWay;
 use crate::robot::{Load, SerialChain};

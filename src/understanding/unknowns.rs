@@ -1,4 +1,4 @@
-//! What of a robot could be identified, if all of it were unknown: a minimal set of parameters for each
+//! Identifiability of a robot: a minimal set of parameters for each
 //! kind of reading, and why the others are redundant.
 
 use nalgebra::{DVector, Vector3};

@@ -1,4 +1,4 @@
-//! Plots of what models leave of readings, as SVG.
+//! Plots of residuals and of model selection, as SVG.
 
 use plotters::prelude::*;
 

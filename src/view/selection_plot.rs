@@ -1,4 +1,4 @@
-//! What came of choices of readings, as SVG: every random choice a dot, every planned one a mark.
+//! Selections of readings, as SVG: every random one a dot, every planned one a mark.
 
 use plotters::prelude::*;
 

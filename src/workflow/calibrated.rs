@@ -1,4 +1,4 @@
-//! A robot as an identification left it, whatever was read of it: what is exported, and what is compensated with.
+//! An identified robot, from deflections or absolute readings: what is exported, and what is compensated with.
 
 use std::path::Path;
 

@@ -1,4 +1,4 @@
-//! A robot as `identify --identified-out` tells it from absolute readings, read from its file.
+//! An identified file of absolute readings, read.
 
 use std::path::Path;
 

@@ -1,4 +1,4 @@
-//! The fit itself, with what it leaves.
+//! The fit of absolute readings, its residuals and its conditions.
 
 use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ChiSquared, ContinuousCDF};

@@ -1,4 +1,5 @@
-//! Two series of readings, or the halves of joint space of one, whose parameters contradict each other.
+//! Inconsistency between two series of readings, or between the halves of joint space of one: parameters that differ by more than
+//! their covariance explains.
 //!
 //! Each parameter of the robot that both tell has a value on either side. How far these may lie apart is asked of two yardsticks:
 //!

@@ -1,4 +1,4 @@
-//! The likeliest model of what parameters leave: restricted maximum likelihood for a linear mixed model.
+//! Variance components of residuals: restricted maximum likelihood (REML) for a linear mixed model with random effects.
 //!
 //! Parameters (with their priors) are fixed effects, the joints' errors at their knots and what is new at each stand are random
 //! ones. With P = V^-1 - V^-1 X (X^T V^-1 X)^-1 X^T V^-1 for the covariance V of all readings, a variance v of a part

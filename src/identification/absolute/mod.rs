@@ -12,12 +12,12 @@ mod fit;
 mod inconsistencies;
 mod input_errors;
 mod joint_errors;
-mod left;
-mod looked;
 mod mixed;
 mod model_selection;
 mod outliers;
 mod parts;
+mod pattern_rows;
+mod residuals;
 mod rows;
 mod transfer;
 mod unknowns;
@@ -32,9 +32,9 @@ pub use error::AbsoluteError;
 pub use fit::{AbsoluteFit, ReadingWeights, Unexplained};
 pub use inconsistencies::{CONTRADICTION, Inconsistencies, Inconsistency, SeriesEstimates};
 pub use joint_errors::{DiscrepancyModel, JointError, MovedStation, ReadingPrognosis, SQUARE_95};
-pub use left::DistanceStatistics;
 pub use model_selection::{
     CrossValidation, ModelSelection, NestedModel, NestedModelTest, ParameterChange, Recommendation,
 };
 pub use parts::PartsOfReadings;
+pub use residuals::DistanceStatistics;
 pub use unknowns::{LeftOut, ParameterGroup};

@@ -1,4 +1,4 @@
-//! Absolute readings that lie far out.
+//! Outliers among absolute readings.
 
 use nalgebra::{Matrix6, Vector3};
 

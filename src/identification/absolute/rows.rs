@@ -1,4 +1,4 @@
-//! Readings to first order: what is left of each, and what moves it.
+//! Readings to first order: residuals and derivatives.
 
 use nalgebra::{DMatrix, DVector, Matrix6xX, Vector3};
 

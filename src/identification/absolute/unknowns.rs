@@ -1,4 +1,4 @@
-//! What is unknown: frames always, and what a belief names or groups of parameters add.
+//! The unknown parameters: frames always, and those that the planner's model or groups of parameters add.
 
 use nalgebra::{DMatrix, DVector, Vector3};
 use rand::RngExt;

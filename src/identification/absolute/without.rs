@@ -1,11 +1,11 @@
-//! A fit without one block of readings: its values, and what it leaves of that block.
+//! Cross-validation: a fit without one block of readings, and its residuals in that block.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Matrix6xX};
 use rayon::prelude::*;
 
 use super::super::gauss_newton::{FitError, ParameterFit};
 use super::blocks::ReadingPart;
-use super::left::left_of;
+use super::residuals::left_of;
 use super::{AbsoluteCase, ReadingResidual};
 use crate::numeric::estimable::Estimable;
 use crate::observation::{Form, NormalEquations, ObservationModel, SharedErrors};

@@ -1,4 +1,4 @@
-//! What a diagnosis says.
+//! A diagnosis in words.
 
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 

@@ -1,4 +1,4 @@
-//! Where stations and tools are, in closed form: a start for the fit that needs no guess.
+//! Frames of stations and tools in closed form: a start for the fit that needs no guess.
 //!
 //! A reading sees the target at B F X: B is the robot's base in the frame of the instrument's station, F the link
 //! that carries the target, from the commanded angles, X the target on its link. For poses the orientations alone give

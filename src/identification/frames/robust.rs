@@ -1,4 +1,4 @@
-//! Frames from readings of which some are wrong by any amount: least absolute deviations, then those without what lies far out.
+//! Frames from readings with gross errors: least absolute deviations, then least squares without outliers.
 
 use std::collections::BTreeMap;
 

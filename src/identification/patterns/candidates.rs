@@ -1,4 +1,4 @@
-//! What residuals are looked at against: columns of what each would do to the readings.
+//! What residuals may correlate with: columns of the effect of each on the readings.
 
 use nalgebra::{Matrix6xX, Vector6};
 

@@ -1,4 +1,4 @@
-//! What an identification leaves of deflections, as patterns are looked for in it.
+//! Residuals of deflections in the form in which patterns are looked for.
 
 use nalgebra::{Matrix6xX, Vector3};
 

@@ -8,19 +8,19 @@
 
 mod candidates;
 mod deflections;
+mod pattern;
 mod rows;
 mod screen;
-mod told;
 
 use nalgebra::DVector;
 
 pub use candidates::{Against, Course, Drifting};
 pub use deflections::looked_at;
+pub use pattern::{PatternPoint, WAVES_TO_SEE};
 use rows::Projected;
 pub(super) use rows::unit;
 pub use rows::{LookedAt, ReadingRows};
 use screen::{Test, judged, screened};
-pub use told::{PatternPoint, WAVES_TO_SEE};
 
 /// Residuals without any pattern are said to have one in one of a hundred files.
 pub const LEVEL: f64 = 0.01;

@@ -1,4 +1,4 @@
-//! What a fit leaves of readings, in whitened rows, beside what its parameters and other things would do to them.
+//! Residuals in whitened rows, with the derivatives by the fit's parameters and by other candidates.
 
 use nalgebra::{DMatrix, DVector, Matrix6xX, SymmetricEigen, Vector3, Vector6};
 

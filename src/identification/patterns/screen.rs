@@ -1,4 +1,4 @@
-//! F tests of what residuals may go with.
+//! F tests of what residuals may correlate with.
 //!
 //! With whitened residuals r, of which the fit's own directions are taken out, and the columns X of what a candidate does, these
 //! directions taken out of them, too:

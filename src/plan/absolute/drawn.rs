@@ -1,4 +1,4 @@
-//! Plans without a list of candidates: at configurations that are drawn from the task's region, and at others near those that
+//! Plans without a list of candidates: at configurations that are sampled from the task's region, and at others near those that
 //! are chosen.
 //!
 //! What comes of it is evidence, and no proof: the region has more configurations than are looked at.

@@ -18,8 +18,8 @@ use rayon::prelude::*;
 
 use super::Criterion;
 use super::search::{
-    BoundKind, ExchangesTry, FiniteBound, FiniteDesign, FiniteEffort, FiniteError, FiniteProblem,
-    LeftOutCandidates, PlanBound, PlanProof, SharingCandidates, ToldByCandidates, Watch,
+    BoundKind, CandidateInformation, ExchangesTry, FiniteBound, FiniteDesign, FiniteEffort,
+    FiniteError, FiniteProblem, LeftOutCandidates, PlanBound, PlanProof, SharingCandidates, Watch,
 };
 use crate::compensation::KnownArm;
 use crate::experiment::Candidate;
@@ -91,7 +91,7 @@ struct Shown {
     places: Vec<usize>,
     /// Directions of the unknowns (p x d).
     basis: DMatrix<f64>,
-    told: ToldByCandidates,
+    told: CandidateInformation,
     beside: DMatrix<f64>,
     /// C^T within these directions (d x 3 poses), in the frame of each station that determines the tool's place, by its number.
     test_poses: Vec<(usize, DMatrix<f64>)>,
@@ -335,7 +335,7 @@ impl<'a> AbsolutePlanning<'a> {
         }
         let basis = estimable.basis();
         let within = |matrix: &DMatrix<f64>| basis.tr_mul(matrix) * basis;
-        let mut told = ToldByCandidates::new(basis.ncols());
+        let mut told = CandidateInformation::new(basis.ncols());
         for some in places.chunks(TOGETHER) {
             let reduced: Vec<DMatrix<f64>> = told_of(some).par_iter().map(within).collect();
             for information in &reduced {

@@ -5,12 +5,12 @@ use rayon::prelude::*;
 use thiserror::Error;
 
 use super::bound::{Bound, Enumerated};
+use super::candidate_information::CandidateInformation;
 use super::exact::{ExactDesign, Watch};
 use super::finite::{FiniteBound, FiniteProblem, SharingCandidates};
 use super::finite_search::{ExchangesTry, FiniteEffort};
 use super::point::LoadChoice;
 use super::problem::{Problem, SearchError};
-use super::told::ToldByCandidates;
 use crate::experiment::{Candidate, Experiment, Loads, together};
 use crate::plan::{Criterion, Feasibility, Plan, Violation};
 use crate::quantities::limits::{MOST_CANDIDATES, MOST_EXPERIMENTS};
@@ -303,7 +303,7 @@ impl Candidates {
             .par_iter()
             .map(|experiment| problem.told(experiment, 1))
             .collect();
-        let mut told = ToldByCandidates::new(size);
+        let mut told = CandidateInformation::new(size);
         for information in &each {
             told.push(information);
         }

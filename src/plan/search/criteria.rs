@@ -1,4 +1,4 @@
-//! Which criterion's best plan does best at the test poses?
+//! Plans that are optimal by other criteria, compared at the test poses.
 
 use super::approximate::ApproximateDesign;
 use super::exact::{Watch, exact_design};

@@ -13,8 +13,8 @@
 
 use nalgebra::DMatrix;
 
+use super::candidate_information::CandidateInformation;
 use super::finite_error::FiniteError;
-use super::told::ToldByCandidates;
 use super::weighing::{Weighing, normalise};
 use crate::numeric::estimable::Estimable;
 use crate::plan::{Criterion, CriterionFunction};
@@ -44,7 +44,7 @@ pub struct FiniteProblem<'a> {
     /// M0 (p x p): what is known whatever is chosen.
     pub beside: DMatrix<f64>,
     /// What one measurement of each candidate tells.
-    pub told: ToldByCandidates,
+    pub told: CandidateInformation,
     /// How often each may be measured.
     pub most: Vec<u32>,
     /// Where readings share errors, which do, and what they tell.

@@ -21,6 +21,7 @@
 mod approximate;
 mod bound;
 mod budget;
+mod candidate_information;
 mod candidates;
 mod criteria;
 mod exact;
@@ -41,7 +42,6 @@ mod relevance;
 mod rounding;
 mod rows;
 mod sampling;
-mod told;
 mod weighing;
 
 pub use approximate::{ApproximateDesign, Certificate, approximate_design};
@@ -50,6 +50,7 @@ pub use budget::{
     BudgetPoint, RepeatsNeeded, budget, budget_and_proof, cheapest, repeated_configurations,
     repeats_needed,
 };
+pub use candidate_information::CandidateInformation;
 pub(in crate::plan) use candidates::possible_of;
 pub use candidates::{CandidateError, Candidates, LeftOutCandidates};
 pub use criteria::{CriterionPlan, compare_criteria};
@@ -61,4 +62,3 @@ pub use observation::MatrixEvaluator;
 pub use problem::{Effort, Problem, SearchError};
 pub use proved::{ProofEffort, ProofExperiment, ProofFile, ProvedBound, TIGHT};
 pub use sampling::{RandomPlans, median_random_plan, random_experiments, random_plan};
-pub use told::ToldByCandidates;

@@ -1,4 +1,4 @@
-//! A pool of random experiments. What each tells is worked out once, so that it is cheap to look for
+//! A pool of random experiments. The information of each is computed once, so that it is cheap to look for
 //! the best one of them.
 
 use nalgebra::DMatrix;

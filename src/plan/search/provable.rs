@@ -1,4 +1,4 @@
-//! What a proof of a bound knows of uncertainties, and what it leaves out: any may be assumed exact, which can only lower
+//! The error sources that a proof of a bound takes into account, and those that it assumes exact, which can only lower
 //! the bound.
 
 use nalgebra::DVector;

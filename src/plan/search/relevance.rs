@@ -1,4 +1,4 @@
-//! Which uncertainties a search for plans considers: those that make next to nothing of any prediction cost it time, and a
+//! Which error sources a search for plans considers: those with next to no contribution cost it time, and a
 //! bound without them is below that with them. What a plan then predicts is judged by all.
 
 use nalgebra::{DMatrix, Matrix3xX};

@@ -1,4 +1,4 @@
-//! The key `robot.prior`: an earlier identification is what is known before.
+//! The key `robot.prior`: an earlier identification as prior information.
 
 use std::path::PathBuf;
 

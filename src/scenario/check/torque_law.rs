@@ -1,4 +1,4 @@
-//! The tables `[[true_robot.torque_law]]`: joints of the virtual robot that are no springs.
+//! The tables `[[true_robot.torque_law]]`: nonlinear joint stiffness of the virtual robot.
 
 use super::Checker;
 use super::robot::names_of;

@@ -1,4 +1,4 @@
-//! The tables `[[uncertainty]]`: what nobody knows exactly.
+//! The tables `[[uncertainty]]`: error sources.
 
 use std::num::NonZeroU32;
 

@@ -1,4 +1,4 @@
-//! Fig. 7 redrawn: the distances that plans leave over many runs.
+//! Fig. 7 redrawn: the distribution of each plan's residual error over many runs.
 
 use plotters::prelude::*;
 

@@ -1,4 +1,4 @@
-//! The fits of the nested models, each from the one below, in the end all with the same weights.
+//! The fits of the nested models, each started from the smaller one, in the end all with the same weights.
 
 use nalgebra::DVector;
 

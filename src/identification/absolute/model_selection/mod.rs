@@ -1,4 +1,4 @@
-//! A selection of models: which groups of parameters the readings pay for.
+//! Model selection: which groups of parameters are supported by the readings.
 //!
 //! Each nested model fits what the nested model below does and one group more, all with the same weights: the readings' own covariances and
 //! what the highest nested model leaves unexplained. What a model leaves is alike in configurations that are near each other, so nested models are

@@ -1,4 +1,4 @@
-//! What is told of each nested model.
+//! A nested model with its residual errors, cross-validation and F test.
 
 use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, StudentsT};

@@ -1,4 +1,4 @@
-//! Which nested model to use: the rule of one standard error.
+//! The recommended nested model: the rule of one standard error of cross-validation.
 
 use super::nested_model::NestedModel;
 

@@ -1,4 +1,4 @@
-//! What each of many candidates tells, so that all of them are cheap to look through.
+//! The information of each of many candidates, computed once.
 
 use nalgebra::DMatrix;
 use rayon::prelude::*;
@@ -8,7 +8,7 @@ const CHUNK: usize = 256;
 
 /// The information (p x p, symmetric) that one measurement of each candidate gives.
 #[derive(Debug, Clone)]
-pub struct ToldByCandidates {
+pub struct CandidateInformation {
     size: usize,
     /// The upper triangles, column by column, one candidate after the other.
     packed: Vec<f64>,
@@ -21,7 +21,7 @@ fn triangle(matrix: &DMatrix<f64>) -> impl Iterator<Item = (usize, usize, f64)> 
         .flat_map(move |column| (0..=column).map(move |row| (row, column, matrix[(row, column)])))
 }
 
-impl ToldByCandidates {
+impl CandidateInformation {
     /// Of none yet, about p unknowns.
     pub const fn new(size: usize) -> Self {
         Self {

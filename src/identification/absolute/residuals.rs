@@ -1,4 +1,4 @@
-//! What a fit leaves of readings.
+//! The residuals of a fit of absolute readings.
 
 use nalgebra::Matrix6xX;
 use serde::{Deserialize, Serialize};

@@ -1,4 +1,4 @@
-//! What a fit of absolute readings leaves, as patterns are looked for in it.
+//! Residuals of absolute readings in the form in which patterns are looked for.
 
 use nalgebra::{Matrix6xX, Vector3, Vector6};
 
