@@ -22,10 +22,10 @@ entry of this page, `elastocal explain C02` an area; `elastocal explain C --mark
 
 const ERRORS: &str = "# Errors
 
-An error is why there is no result: it is printed as `error E0101: ...`, and the command ends with code 1. A code keeps its meaning.
-It is that of the cause that is known best: where a table is broken, the table's, and not that of the plan that is read from it.
-`elastocal explain E0101` prints an entry of this page; `elastocal explain E --markdown` makes the page. What speaks against a result that
-is there is a [condition](conditions.md).
+An error is why there is no result: it is printed as `error E0101: ...`, and the command ends with code 1 (wrong usage: 2). A code keeps
+its meaning. It is that of the cause that is known best: where a table is broken, the table's, and not that of the plan that is read from
+it. `elastocal explain E0101` prints an entry of this page; `elastocal explain E --markdown` makes the page. What speaks against a
+result that is there is a [condition](conditions.md).
 ";
 
 /// Arguments of `explain`.

@@ -43,7 +43,7 @@ impl Merge {
         roles.writes_to(&folder, &FILES);
         roles.writes_to(&folder, &[STUDY_PAGE]).check()?;
         make_folder(&folder)?;
-        let results = Results::new(&header, &tallies, None)?;
+        let results = Results::new(&header, &tallies, None);
         let mut written = Written::default();
         write(&folder, &results, &mut written)?;
         let mut report = results.report(&folder);

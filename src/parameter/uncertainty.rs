@@ -60,6 +60,18 @@ pub enum Source {
     Reading(ReadingSource),
 }
 
+impl Source {
+    /// Where it takes a new value.
+    pub fn level(&self) -> SourceLevel {
+        match self {
+            Self::Plan(parameters) => {
+                (parameters.first()).map_or(SourceLevel::Robot, |(kind, _)| kind.level())
+            }
+            Self::Reading(source) => source.level(),
+        }
+    }
+}
+
 /// What is new in each reading of a deflection, or in each configuration and shared by its readings.
 #[derive(Debug, Clone, PartialEq)]
 pub enum ReadingSource {

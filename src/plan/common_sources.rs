@@ -18,7 +18,7 @@ use crate::numeric::posterior::Posterior;
 use crate::task::{Belief, Task};
 
 /// The error sources that two campaigns have in common, and the accuracy with them.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct CommonSources {
     /// The names of the sources.
     pub names: Vec<String>,

@@ -11,13 +11,12 @@
 //!
 //! All are those of the one gain, so that their squares add up to the square of the whole.
 
-use nalgebra::{DMatrix, Matrix6, Matrix6xX};
+use nalgebra::DMatrix;
 
 use super::uncertainty_budget::{BudgetSource, Input, UncertaintyBudget};
 use super::{ExperimentModel, Plan, alone_and_together, hung, quantile95_m};
 use crate::compensation::{test_pose_rows, weighted_rows};
 use crate::numeric::posterior::Posterior;
-use crate::parameter::counted_times;
 use crate::task::{Instrument, Task};
 
 impl UncertaintyBudget {
@@ -61,15 +60,12 @@ fn sources(task: &Task, plan: &Plan, posterior: &Posterior) -> Vec<BudgetSource>
     };
     // The instrument's noise, then each source.
     let mut squares = vec![0.0; 1 + extended.sources().count()];
-    let size = belief.unknowns();
     let precision = belief.instrument.precision();
     let rows = precision.rows();
-    let own = |matrix: &Matrix6<f64>| matrix.view((0, 0), (rows, rows)).into_owned();
-    let noise = own(&precision.covariance());
     let mut model = extended.readings_of_all(precision);
-    let mut derivatives = Matrix6xX::zeros(size);
     let (alone, together) = alone_and_together(plan, extended.is_shared_by_configuration());
-    for experiments in together {
+    let alone = alone.into_iter().map(|experiment| vec![experiment]);
+    for experiments in together.into_iter().chain(alone) {
         model.come_from(experiments[0].approach.as_ref());
         model.move_to(experiments[0].configuration_rad.as_slice());
         let hung = hung(&experiments);
@@ -87,32 +83,6 @@ fn sources(task: &Task, plan: &Plan, posterior: &Posterior) -> Vec<BudgetSource>
         squares[0] += added(&covariance.noise);
         for (square, source) in squares[1..].iter_mut().zip(&covariance.sources) {
             *square += added(source);
-        }
-    }
-    for experiment in alone {
-        let load = &experiment.load;
-        model.set_repeats(experiment.repeats);
-        model.come_from(experiment.approach.as_ref());
-        model.move_to(experiment.configuration_rad.as_slice());
-        model.derivatives(load, &mut derivatives);
-        // Repeats may share a part of the noise, too.
-        let times = counted_times(
-            extended.unloaded().shared_part(),
-            f64::from(experiment.repeats),
-        );
-        let noise = &noise * times;
-        let covariance = &noise + own(&model.covariance_of_all(load));
-        let Some(inverse) = covariance.cholesky().map(|factor| factor.inverse()) else {
-            continue;
-        };
-        let weighted = &gain
-            * derivatives.rows(0, rows).transpose()
-            * inverse
-            * f64::from(experiment.repeats).sqrt();
-        let added = |covariance: &DMatrix<f64>| (&weighted * covariance).dot(&weighted);
-        squares[0] += added(&noise);
-        for (source, square) in squares[1..].iter_mut().enumerate() {
-            *square += added(&own(&model.covariance_of(source, load)));
         }
     }
     let mut sources = vec![noise_of(squares[0])];

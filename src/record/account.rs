@@ -2,37 +2,12 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::plan::CommonSources;
+use crate::quantities::plausible::shown;
 use crate::study::account::{Account, AccountPart};
 use crate::study::summary::Measured;
 use crate::study::tally_check::{Wrong, within, wrong};
 use crate::study::verdict::Kept;
 use crate::text::wrong_name;
-
-/// The account of a plan in a tally. Floats are strings, with all their digits.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct AccountHeader {
-    /// What the belief predicts (m).
-    predicted_m: String,
-    /// What the errors are made of.
-    parts: Vec<PartHeader>,
-    /// The error sources in common with the campaign of `robot.prior`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    common: Option<CommonHeader>,
-}
-
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-struct CommonHeader {
-    names: Vec<String>,
-    rho0_m: String,
-}
-
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-struct PartHeader {
-    name: String,
-    hidden: bool,
-    rms_m: String,
-}
 
 /// The contribution of a source to the errors of the simulated truth.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -45,36 +20,19 @@ pub struct ContributionMessage {
     pub contribution_um: f64,
 }
 
-impl AccountHeader {
-    /// An account as a tally keeps it.
-    pub fn new(account: &Account) -> Self {
-        let part = |part: &AccountPart| PartHeader {
-            name: part.name.clone(),
-            hidden: part.is_hidden,
-            rms_m: format!("{:e}", part.rms_m),
-        };
-        Self {
-            predicted_m: format!("{:e}", account.predicted_m),
-            parts: account.parts.iter().map(part).collect(),
-            common: account.common.as_ref().map(|common| CommonHeader {
-                names: common.names.clone(),
-                rho0_m: format!("{:e}", common.rho0_m),
-            }),
-        }
-    }
-
+impl Account {
     /// Whether there can be such an account.
     ///
     /// # Errors
     /// The key, and what is wrong there.
     pub fn check(&self) -> Result<(), Wrong> {
         within("parts", self.parts.len(), [1, 1000])?;
-        size("predicted_m".to_owned(), &self.predicted_m)?;
+        size("predicted_m", self.predicted_m)?;
         for (index, part) in self.parts.iter().enumerate() {
             if let Some(problem) = wrong_name(&part.name) {
                 return wrong(format!("parts[{index}].name"), problem);
             }
-            size(format!("parts[{index}].rms_m"), &part.rms_m)?;
+            size(&format!("parts[{index}].rms_m"), part.rms_m)?;
         }
         if let Some(common) = &self.common {
             within("common.names", common.names.len(), [1, 1000])?;
@@ -83,31 +41,9 @@ impl AccountHeader {
                     return wrong(format!("common.names[{index}]"), problem);
                 }
             }
-            size("common.rho0_m".to_owned(), &common.rho0_m)?;
+            size("common.rho0_m", common.rho0_m)?;
         }
         Ok(())
-    }
-
-    /// The account; `None` where its numbers are none.
-    pub fn account(&self) -> Option<Account> {
-        let part = |part: &PartHeader| {
-            Some(AccountPart {
-                name: part.name.clone(),
-                is_hidden: part.hidden,
-                rms_m: part.rms_m.parse().ok()?,
-            })
-        };
-        Some(Account {
-            predicted_m: self.predicted_m.parse().ok()?,
-            parts: self.parts.iter().map(part).collect::<Option<_>>()?,
-            common: match &self.common {
-                None => None,
-                Some(common) => Some(CommonSources {
-                    names: common.names.clone(),
-                    rho0_m: common.rho0_m.parse().ok()?,
-                }),
-            },
-        })
     }
 }
 
@@ -121,15 +57,15 @@ impl From<&AccountPart> for ContributionMessage {
     }
 }
 
-/// A number of metres as text.
-pub(super) fn size(key: String, text: &str) -> Result<(), Wrong> {
-    match text.parse::<f64>() {
-        Ok(value) if value.is_finite() && value >= 0.0 => Ok(()),
-        _ => wrong(
-            key,
-            format!("found {text:?}; a number from zero on as text, in metres"),
-        ),
+/// A size (m).
+pub(super) fn size(key: &str, value_m: f64) -> Result<(), Wrong> {
+    if value_m >= 0.0 {
+        return Ok(());
     }
+    wrong(
+        key,
+        format!("found {}; a number from zero on, in metres", shown(value_m)),
+    )
 }
 
 /// What an observed rms distance (m) says of the prediction, in words.
@@ -206,13 +142,14 @@ mod tests {
     }
 
     #[test]
-    fn an_account_comes_back_from_its_header() {
-        let header = AccountHeader::new(&account());
-        assert_eq!(header.account(), Some(account()));
-        assert!(header.check().is_ok());
-        let damaged = AccountHeader {
-            predicted_m: "nan".to_owned(),
-            ..header
+    fn an_account_comes_back_from_its_text() {
+        let text = serde_json::to_string(&account()).expect("JSON");
+        let read: Account = serde_json::from_str(&text).expect("an account");
+        assert_eq!(read, account());
+        assert!(read.check().is_ok());
+        let damaged = Account {
+            predicted_m: -1e-6,
+            ..read
         };
         assert!(damaged.check().is_err());
     }

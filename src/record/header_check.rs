@@ -5,7 +5,7 @@ use super::tally_file::{Header, PlanHeader};
 use crate::quantities::limits::{
     MOST_EXPERIMENTS, MOST_JOINTS, MOST_NAMED, MOST_SHARDS, MOST_STUDIED, MOST_TRIALS,
 };
-use crate::quantities::plausible::{DEVIATION, FACTOR};
+use crate::quantities::plausible::{DEVIATION, FACTOR, shown};
 use crate::study::tally_check::{Wrong, within, wrong};
 use crate::text::{is_unseen, wrong_name};
 
@@ -66,19 +66,18 @@ impl Header {
 
     fn check_plan(&self, plan: &PlanHeader) -> Result<(), Wrong> {
         within("experiments", plan.experiments, [1, MOST_EXPERIMENTS])?;
-        for (key, text, kind, unit) in [
-            ("sigma_m", &plan.sigma_m, &DEVIATION, 1e3),
-            ("load_scale", &plan.load_scale, &FACTOR, 1.0),
+        for (key, value, kind, unit) in [
+            ("sigma_m", plan.sigma_m, &DEVIATION, 1e3),
+            ("load_scale", plan.load_scale, &FACTOR, 1.0),
         ] {
-            let number: Option<f64> = text.parse().ok();
             // A deflection's deviation is up to 1.5 times a position's.
             let is_plausible =
                 |value: f64| kind.allows(value * unit) || kind.allows(value * unit / 1.5);
-            if !number.is_some_and(is_plausible) {
+            if !is_plausible(value) {
                 let allowed = kind.allowed();
                 return wrong(
                     key,
-                    format!("found {text:?}; {allowed} as text, in SI units"),
+                    format!("found {}; {allowed}, in SI units", shown(value)),
                 );
             }
         }
@@ -93,7 +92,7 @@ impl Header {
             (account.check()).map_err(|(key, problem)| (format!("account.{key}"), problem))?;
         }
         if let Some(quantile) = &plan.predicted_quantile95_m {
-            size("predicted_quantile95_m".to_owned(), quantile)?;
+            size("predicted_quantile95_m", *quantile)?;
         }
         let Some(reference) = plan.reference else {
             return Ok(());

@@ -9,7 +9,6 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 
-use super::account::AccountHeader;
 use super::messages::ProvenanceMessage;
 use crate::codes::ErrorCode;
 use crate::files::output::write_whole;
@@ -67,17 +66,17 @@ pub struct AbsoluteStudyHeader {
     pub drawn: Option<u32>,
 }
 
-/// What a plan's numbers depend on. Floats are strings, with all their digits.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+/// What a plan's numbers depend on.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PlanHeader {
     /// Its name.
     pub name: String,
     /// The number M of measurements in each run.
     pub experiments: u32,
     /// The instrument's standard deviation (m).
-    pub sigma_m: String,
+    pub sigma_m: f64,
     /// How many times the loads are those of the scenario and the plan.
-    pub load_scale: String,
+    pub load_scale: f64,
     /// The plan that it is compared with, as an index.
     pub reference: Option<usize>,
     /// SHA-256 of the plan; null where every run has its own.
@@ -85,20 +84,20 @@ pub struct PlanHeader {
     /// What it predicts and what its errors are made of, where the scenario lists uncertainties; nothing where every run has
     /// a plan of its own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub account: Option<AccountHeader>,
+    pub account: Option<Account>,
     /// The distance (m) that it predicts 95 % of the runs to stay below; nothing where every run has a plan of its own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub predicted_quantile95_m: Option<String>,
+    pub predicted_quantile95_m: Option<f64>,
 }
 
 impl PlanHeader {
-    /// The conditions of its runs; `None` where the numbers are damaged.
-    pub fn conditions(&self) -> Option<Conditions> {
-        Some(Conditions {
-            sigma_m: self.sigma_m.parse().ok()?,
+    /// The conditions of its runs.
+    pub const fn conditions(&self) -> Conditions {
+        Conditions {
+            sigma_m: self.sigma_m,
             experiments: self.experiments,
-            load_scale: self.load_scale.parse().ok()?,
-        })
+            load_scale: self.load_scale,
+        }
     }
 }
 
@@ -117,8 +116,8 @@ impl Header {
             PlanHeader {
                 name: entry.name.clone(),
                 experiments: conditions.experiments,
-                sigma_m: format!("{:e}", conditions.sigma_m),
-                load_scale: format!("{:e}", conditions.load_scale),
+                sigma_m: conditions.sigma_m,
+                load_scale: conditions.load_scale,
                 reference,
                 sha256: entry.kind.plan().map(fingerprint),
                 account: (entry.kind.plan())
@@ -126,15 +125,13 @@ impl Header {
                     .and_then(|plan| {
                         let setting = &settings[entry.setting];
                         Account::new(&setting.task, setting.truth, plan)
-                    })
-                    .map(|account| AccountHeader::new(&account)),
+                    }),
                 predicted_quantile95_m: (entry.kind.plan())
                     .and_then(|plan| {
                         let task = &settings[entry.setting].task;
                         quantile95_m(task, &posterior(&task.belief, plan))
                     })
-                    // Machines of a cluster differ in last digits.
-                    .map(|quantile_m| format!("{quantile_m:.9e}")),
+                    .map(to_ten_digits),
             }
         };
         Self {
@@ -163,17 +160,15 @@ impl Header {
         let header = Self::new(scenario, &[], Level::Robot, trials, shards, &[]);
         let plan = |((entry, prediction), reference): ((&AbsoluteEntry<'_>, _), _)| {
             let prediction: &PredictedAccuracy = prediction;
-            let account = Account::of_absolute(&scenario.task, &scenario.truth, entry, prediction);
             PlanHeader {
                 name: entry.name.clone(),
                 experiments: prediction.readings,
-                sigma_m: format!("{:e}", conditions.sigma_m),
-                load_scale: format!("{:e}", conditions.load_scale),
+                sigma_m: conditions.sigma_m,
+                load_scale: conditions.load_scale,
                 reference,
                 sha256: Some(fingerprint_of_readings(entry)),
-                account: account.map(|account| AccountHeader::new(&account)),
-                predicted_quantile95_m: (prediction.quantile95_m)
-                    .map(|quantile_m| format!("{quantile_m:.9e}")),
+                account: Account::of_absolute(&scenario.task, &scenario.truth, entry, prediction),
+                predicted_quantile95_m: prediction.quantile95_m.map(to_ten_digits),
             }
         };
         Self {
@@ -233,7 +228,7 @@ impl Header {
         let label = |plan: &PlanHeader| {
             let same = |other: &&PlanHeader| other.name == plan.name;
             match (self.plans.iter().filter(same).count(), plan.conditions()) {
-                (2.., Some(conditions)) => format!(
+                (2.., conditions) => format!(
                     "{}, {} measurements, sigma {:.4} mm, load {}",
                     plan.name,
                     conditions.experiments,
@@ -268,6 +263,11 @@ impl Header {
                 format!("is of another study: {key} is {found} and not {value}")
             })
     }
+}
+
+/// Machines of a cluster differ in last digits.
+fn to_ten_digits(value: f64) -> f64 {
+    format!("{value:.9e}").parse().unwrap_or(value)
 }
 
 fn fingerprint(plan: &Plan) -> String {
@@ -351,7 +351,7 @@ struct StoredTally {
     histogram: Vec<(usize, u64)>,
 }
 
-const FORMAT: u32 = 2;
+const FORMAT: u32 = 3;
 
 impl TallyFile {
     /// A shard of which nothing is done.

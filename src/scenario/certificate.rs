@@ -10,42 +10,15 @@
 //! Such an error is mostly systematic, which its size does not say: the level has to be given, and has to be that which the error
 //! source has in the model.
 
-use serde::Deserialize;
-
-use crate::parameter::ErrorDistribution;
+use crate::parameter::{ErrorDistribution, SourceLevel};
 use crate::quantities::plausible::COVERAGE;
-
-/// Where an error takes a new value.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, schemars::JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub(super) enum ErrorLevel {
-    Reading,
-    Visit,
-    Configuration,
-    Campaign,
-    Instrument,
-    Robot,
-}
-
-impl ErrorLevel {
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Reading => "reading",
-            Self::Visit => "visit",
-            Self::Configuration => "configuration",
-            Self::Campaign => "campaign",
-            Self::Instrument => "instrument",
-            Self::Robot => "robot",
-        }
-    }
-}
 
 /// What a table says of its maximum permissible errors.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct CertifiedError {
     pub distribution: Option<ErrorDistribution>,
     pub coverage_factor: Option<f64>,
-    pub level: Option<ErrorLevel>,
+    pub level: Option<SourceLevel>,
 }
 
 /// What is wrong with it: at which key, and what to do.
@@ -64,10 +37,8 @@ impl CertifiedError {
         distribution.or(factor).or(self.level.map(|_| "level"))
     }
 
-    /// How many standard uncertainties a maximum permissible error is. `source` is what it is of, and `level` where that takes
-    /// a new value.
-    pub fn divisor(&self, source: &str, level: ErrorLevel) -> Result<f64, WrongCertificate> {
-        self.check_level(source, level)?;
+    /// How many standard uncertainties a maximum permissible error is.
+    pub fn divisor(&self) -> Result<f64, WrongCertificate> {
         let wrong = |key, problem: &str, hint| WrongCertificate {
             key,
             problem: problem.to_owned(),
@@ -107,7 +78,8 @@ impl CertifiedError {
         }
     }
 
-    fn check_level(&self, source: &str, possible: ErrorLevel) -> Result<(), WrongCertificate> {
+    /// Checks the level that is given for an error of `source`, which takes new values at level `possible`.
+    pub fn check_level(&self, source: &str, possible: SourceLevel) -> Result<(), WrongCertificate> {
         let name = possible.name();
         let problem = match self.level {
             Some(level) if level == possible => return Ok(()),
@@ -139,7 +111,7 @@ mod tests {
         CertifiedError {
             distribution,
             coverage_factor,
-            level: Some(ErrorLevel::Reading),
+            level: Some(SourceLevel::Reading),
         }
     }
 
@@ -159,12 +131,12 @@ mod tests {
             (Triangular, variance(&|x| 1.0 - x.abs())),
             (Arcsine, variance(&of_arcsine)),
         ] {
-            let divisor = certificate(Some(distribution), None).divisor("it", ErrorLevel::Reading);
+            let divisor = certificate(Some(distribution), None).divisor();
             let found = divisor.expect("a divisor").powi(-2);
             assert!((found / expected - 1.0).abs() < 1e-3, "{distribution:?}");
         }
         for distribution in [None, Some(Normal)] {
-            let divisor = certificate(distribution, Some(2.0)).divisor("it", ErrorLevel::Reading);
+            let divisor = certificate(distribution, Some(2.0)).divisor();
             assert_eq!(divisor, Ok(2.0));
         }
     }

@@ -7,9 +7,8 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use super::certificate::ErrorLevel;
 use crate::gate::Gate;
-use crate::parameter::{ErrorDistribution, Unloaded};
+use crate::parameter::{ErrorDistribution, SourceLevel, Unloaded};
 use crate::plan::Criterion;
 use crate::study::Level;
 use crate::task::{AccuracyKind, Method};
@@ -164,7 +163,7 @@ pub(super) struct InstrumentTable {
     pub rotation_mpe_mrad: Option<f64>,
     pub distribution: Option<ErrorDistribution>,
     pub coverage_factor: Option<f64>,
-    pub level: Option<ErrorLevel>,
+    pub level: Option<SourceLevel>,
     pub tracker_site: Option<String>,
     #[serde(default)]
     pub unloaded: Unloaded,
@@ -442,7 +441,7 @@ pub(super) struct UncertaintyTable {
     pub mpe_um_per_h: Option<f64>,
     pub distribution: Option<ErrorDistribution>,
     pub coverage_factor: Option<f64>,
-    pub level: Option<ErrorLevel>,
+    pub level: Option<SourceLevel>,
     pub rp_mm: Option<f64>,
     pub q_deg: Option<Vec<f64>>,
     pub site: Option<String>,

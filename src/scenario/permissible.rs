@@ -1,6 +1,6 @@
 //! Which keys of a scenario take a maximum permissible error, and in place of which standard deviation.
 
-use super::certificate::{CertifiedError, ErrorLevel};
+use super::certificate::CertifiedError;
 use super::file::{InstrumentTable, UncertaintyKind, UncertaintyTable};
 
 /// A maximum permissible error.
@@ -87,35 +87,6 @@ impl UncertaintyTable {
             distribution: self.distribution,
             coverage_factor: self.coverage_factor,
             level: self.level,
-        }
-    }
-
-    /// Where it takes a new value.
-    pub const fn modelled_level(&self) -> ErrorLevel {
-        use UncertaintyKind as Of;
-        match self.kind {
-            Of::LoadDirection | Of::LoadPoint | Of::JointRepeatability | Of::TrackerRange => {
-                ErrorLevel::Reading
-            }
-            Of::TransmissionError if self.harmonics.is_some() => ErrorLevel::Robot,
-            Of::TransmissionError | Of::Discrepancy => ErrorLevel::Configuration,
-            Of::ToolPosition
-            | Of::ToolRotation
-            | Of::BasePosition
-            | Of::BaseRotation
-            | Of::Drift
-            | Of::TaskForce => ErrorLevel::Campaign,
-            Of::LoadScale | Of::LoadOffset => ErrorLevel::Instrument,
-            Of::Compliance
-            | Of::JointZero
-            | Of::LinkPosition
-            | Of::LinkRotation
-            | Of::LinkMass
-            | Of::LinkCentre
-            | Of::SpringStiffness
-            | Of::SpringRest
-            | Of::Backlash
-            | Of::Stiffening => ErrorLevel::Robot,
         }
     }
 }

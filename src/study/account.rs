@@ -11,6 +11,7 @@
 //! Nothing is hidden if these are the contributions of the [uncertainty budget](crate::plan::UncertaintyBudget).
 
 use nalgebra::{Cholesky, DMatrix};
+use serde::{Deserialize, Serialize};
 
 use super::absolute::AbsoluteEntry;
 use super::deviations::{Deviations, by_repeats};
@@ -24,24 +25,26 @@ use crate::task::Task;
 use crate::testbed::Truth;
 
 /// A part of the errors.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct AccountPart {
     /// What leaves it.
     pub name: String,
     /// Whether the belief does not know of it.
+    #[serde(rename = "hidden")]
     pub is_hidden: bool,
     /// Its contribution, rms over the test poses (m).
     pub rms_m: f64,
 }
 
 /// What is predicted, and what is to be expected in truth.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Account {
     /// The belief's prediction `rho_0` (m).
     pub predicted_m: f64,
     /// What the errors are made of, to first order.
     pub parts: Vec<AccountPart>,
     /// The error sources in common with the campaign of `robot.prior`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub common: Option<CommonSources>,
 }
 

@@ -7,7 +7,6 @@ use super::design::{Designed, Wanted};
 use crate::codes::Condition;
 use crate::experiment::Plan;
 use crate::plan::search::{SearchError, random_plan};
-use crate::record::account::AccountHeader;
 use crate::record::json::{merge, results};
 use crate::record::study::StudyPlanMessage;
 use crate::record::tally_file::{Header, PlanHeader};
@@ -129,39 +128,28 @@ pub fn foreign_loads(scenario: &Scenario) -> impl Iterator<Item = Condition> {
     scenario.study.plans.iter().filter_map(wrong)
 }
 
-/// A tally says conditions that are no numbers.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
-#[error("the conditions are damaged")]
-pub struct Damaged;
-
 /// What the tallies say of each plan.
-///
-/// # Errors
-/// The header's numbers are damaged.
-pub fn plan_messages(header: &Header, tallies: &[Tally]) -> Result<Vec<StudyPlanMessage>, Damaged> {
+pub fn plan_messages(header: &Header, tallies: &[Tally]) -> Vec<StudyPlanMessage> {
     let parameters = header.parameters.len();
     let message = |(plan, tally): (&PlanHeader, &Tally)| {
-        let conditions = plan.conditions().ok_or(Damaged)?;
+        let conditions = plan.conditions();
         let reference = plan.reference.and_then(|other| tallies.get(other));
         let reference = reference.filter(|&other| !std::ptr::eq(other, tally));
         let summary = Summary::new(tally, conditions.sigma_m, reference);
         let (name, summary) = (&plan.name, summary.as_ref());
-        let account = plan.account.as_ref().and_then(AccountHeader::account);
-        let quantile95_m =
-            (plan.predicted_quantile95_m.as_ref()).and_then(|text| text.parse().ok());
         let mut message = StudyPlanMessage::new(
             name,
             &conditions,
             parameters,
             tally,
             summary,
-            (account.as_ref(), quantile95_m),
+            (plan.account.as_ref(), plan.predicted_quantile95_m),
         );
         if header.absolute.is_some() {
             // What is left at several test poses is one robot's: its squares are not independent.
             message.nees_z = None;
         }
-        Ok(message)
+        message
     };
     header.plans.iter().zip(tallies).map(message).collect()
 }

@@ -52,7 +52,7 @@ fn cases(good: &Value) -> Vec<(&'static str, Value, &'static str)> {
     };
     let name = "\u{1b}[2J";
     vec![
-        ("elastocal_tally", json!(3), "elastocal_tally: found 3"),
+        ("elastocal_tally", json!(4), "elastocal_tally: found 4"),
         ("study/trials", json!(0), "study.trials: found 0; 1 to"),
         ("study/trials", json!(u64::MAX), "study.trials: found 18446744073709551615"),
         ("study/shards", json!(0), "study.shards: found 0"),
@@ -64,9 +64,9 @@ fn cases(good: &Value) -> Vec<(&'static str, Value, &'static str)> {
         ("study/platform", json!(name), "study.platform: found"),
         ("study/plans/0/name", json!(name), "study.plans[0].name: found"),
         ("study/plans/0/reference", json!(99), "study.plans[0].reference: found 99; 0 to 1"),
-        ("study/plans/0/sigma_m", json!("NaN"), "study.plans[0].sigma_m: found \"NaN\""),
-        ("study/plans/0/sigma_m", json!("1e308"), "study.plans[0].sigma_m: found \"1e308\""),
-        ("study/plans/0/load_scale", json!("-1"), "study.plans[0].load_scale: found \"-1\""),
+        ("study/plans/0/sigma_m", json!("NaN"), "study.plans[0].sigma_m"),
+        ("study/plans/0/sigma_m", json!(1e308), "study.plans[0].sigma_m: found 1e308"),
+        ("study/plans/0/load_scale", json!(-1.0), "study.plans[0].load_scale: found -1"),
         ("study/plans/0/experiments", json!(0), "study.plans[0].experiments: found 0"),
         ("study/plans/1/experiments", json!(6), "reference: found 0, a plan under other"),
         ("study/gate", json!({"rho0": {"relative": -1}}), "study.gate.rho0.relative: found -1"),

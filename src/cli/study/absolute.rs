@@ -135,7 +135,7 @@ impl StudyCommand {
             elapsed_s: start.elapsed().as_secs_f64(),
             runs: runs_of(&part) - done_before,
         };
-        let results = Results::new(&part.header, &part.tallies, Some(timing))?;
+        let results = Results::new(&part.header, &part.tallies, Some(timing));
         if self.shard.is_none() {
             write(folder, &results, &mut written)?;
         }

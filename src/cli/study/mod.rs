@@ -150,7 +150,7 @@ impl StudyCommand {
             elapsed_s,
             runs: runs_of(&part) - done_before,
         };
-        let results = Results::new(&part.header, &part.tallies, Some(timing))?;
+        let results = Results::new(&part.header, &part.tallies, Some(timing));
         let own_folder = self.shard.is_none().then_some(&*folder);
         if let Some(folder) = own_folder {
             write(folder, &results, &mut written)?;

@@ -32,15 +32,15 @@ pub struct Results {
 
 impl Results {
     /// Sums up the tallies of a study.
-    pub fn new(header: &Header, tallies: &[Tally], timing: Option<Timing>) -> anyhow::Result<Self> {
-        let messages = plan_messages(header, tallies)?;
+    pub fn new(header: &Header, tallies: &[Tally], timing: Option<Timing>) -> Self {
+        let messages = plan_messages(header, tallies);
         let json = study_json(header, &messages, timing);
-        Ok(Self {
+        Self {
             header: header.clone(),
             messages,
             json,
             timing,
-        })
+        }
     }
 
     /// Results for stdout, and the conditions that did not hold.

@@ -99,7 +99,7 @@ impl StudyObserver {
     /// Takes a snapshot, and shows it.
     pub fn observe(&mut self, tallies: &[Tally]) -> anyhow::Result<()> {
         let header = &self.study.header;
-        let mut plans = plan_messages(header, tallies)?;
+        let mut plans = plan_messages(header, tallies);
         for (plan, label) in plans.iter_mut().zip(header.labels()) {
             plan.name = label;
         }

@@ -48,13 +48,13 @@ impl ReadingPart {
 impl AbsoluteCase<'_> {
     /// Each reading's block of joint space, among so many. Readings of one stand are of one configuration.
     pub fn blocks(&self, count: usize) -> Vec<usize> {
-        // A stand's first reading stands for all of it, whatever angles the others say.
+        // A visit's first reading stands for all of it, whatever angles the others say.
         let mut configurations: Vec<&DVector<f64>> = (self.observations.iter())
             .map(|each| &each.setup.commanded_rad)
             .collect();
-        for stand in &self.visits {
-            for &index in &stand[1..] {
-                configurations[index] = configurations[stand[0]];
+        for visit in &self.visits {
+            for &index in &visit[1..] {
+                configurations[index] = configurations[visit[0]];
             }
         }
         joint_space_blocks(&configurations, count)

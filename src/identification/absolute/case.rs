@@ -116,16 +116,16 @@ impl<'a> AbsoluteCase<'a> {
             let q = reading.configuration_rad.as_slice();
             let load = transferred(chain, &belief.calibration_tool, tool, q, &reading.load);
             let covariance = case.covariance(reading)?;
-            let stand = match &reading.state {
+            let visit = match &reading.state {
                 None => case.visits.len(),
                 Some(state) => {
                     *(known.entry((state, station, target))).or_insert(case.visits.len())
                 }
             };
-            if stand == case.visits.len() {
+            if visit == case.visits.len() {
                 case.visits.push(Vec::new());
             }
-            case.visits[stand].push(index);
+            case.visits[visit].push(index);
             case.covariances.push(covariance);
             case.observations.push(Observation {
                 setup: Setup {
@@ -278,7 +278,7 @@ impl<'a> AbsoluteCase<'a> {
     /// coordinate of the position (m) and of the rotation (rad). Readings of one stand share that.
     pub(super) fn weigh(&mut self, [position_m, rotation_rad]: [f64; 2]) -> Option<SharedErrors> {
         let mut is_alone = vec![true; self.observations.len()];
-        for &index in self.visits.iter().filter(|stand| stand.len() > 1).flatten() {
+        for &index in self.visits.iter().filter(|visit| visit.len() > 1).flatten() {
             is_alone[index] = false;
         }
         let weighed = self.observations.iter_mut().zip(&self.covariances);

@@ -107,7 +107,7 @@ pub struct AbsoluteFit {
 /// What parameters leave of readings, told apart.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Unexplained {
-    /// Errors of joints and what is new at each stand, to predict with.
+    /// Errors of joints and what is new at each visit, to predict with.
     pub model: DiscrepancyModel,
     /// The covariance of the parameters (p x p), if that is what they leave.
     pub covariance: DMatrix<f64>,
@@ -341,7 +341,7 @@ impl AbsoluteCase<'_> {
         let (rows, mixed) = self.mixed(set, fit, discrepancy)?;
         let values = &fit.posterior.mean;
         let others = left_out.rows_at(&self.arm, set, values, &self.commanded_joints());
-        let found = mixed.fit(&mixed.stands_of(left_out, &others.ok()?))?;
+        let found = mixed.fit(&mixed.visits_of(left_out, &others.ok()?))?;
         let turns = self.commanded_turns();
         let (covariance, degrees) = mixed.with_waves(&turns).of_parameters()?;
         let places: Vec<usize> = (0..set.len()).collect();

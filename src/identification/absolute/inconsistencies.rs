@@ -142,14 +142,14 @@ impl AbsoluteCase<'_> {
         let places: Vec<usize> = (0..self.observations.len())
             .filter(|&index| is_in(index))
             .collect();
-        let of_stand = |stand: &Vec<usize>| -> Vec<usize> {
-            let found = stand
+        let of_visit = |visit: &Vec<usize>| -> Vec<usize> {
+            let found = visit
                 .iter()
                 .filter_map(|index| places.binary_search(index).ok());
             found.collect()
         };
-        let mut visits: Vec<Vec<usize>> = self.visits.iter().map(of_stand).collect();
-        visits.retain(|stand| !stand.is_empty());
+        let mut visits: Vec<Vec<usize>> = self.visits.iter().map(of_visit).collect();
+        visits.retain(|visit| !visit.is_empty());
         let case = Self {
             observations: part.observations,
             covariances: places

@@ -61,10 +61,10 @@ impl JointError {
     }
 
     /// The command with which the joint stands there.
-    pub fn command_for(&self, stands: f64) -> f64 {
-        let mut commanded = stands;
+    pub fn command_for(&self, wanted: f64) -> f64 {
+        let mut commanded = wanted;
         for _ in 0..CORRECTIONS {
-            commanded = stands - self.at(commanded);
+            commanded = wanted - self.at(commanded);
         }
         commanded
     }

@@ -139,8 +139,8 @@ impl AbsoluteCase<'_> {
             }
         }
         case.visits = (self.visits.iter())
-            .map(|stand| stand.iter().filter_map(|&index| place[index]).collect())
-            .filter(|stand: &Vec<usize>| !stand.is_empty())
+            .map(|visit| visit.iter().filter_map(|&index| place[index]).collect())
+            .filter(|visit: &Vec<usize>| !visit.is_empty())
             .collect();
         case
     }

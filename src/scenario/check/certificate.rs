@@ -2,7 +2,8 @@
 
 use super::Checker;
 use crate::files::FileError;
-use crate::scenario::certificate::{CertifiedError, ErrorLevel};
+use crate::parameter::SourceLevel;
+use crate::scenario::certificate::CertifiedError;
 use crate::scenario::file::UncertaintyTable;
 use crate::scenario::permissible::Permissible;
 
@@ -14,12 +15,12 @@ impl Checker<'_> {
     ) -> Result<Vec<UncertaintyTable>, FileError> {
         let one = |(index, table): (usize, &UncertaintyTable)| {
             let mut table = table.clone();
-            let (certificate, level) = (table.certificate(), table.modelled_level());
+            let certificate = table.certificate();
             let source = format!("a {}", table.kind.name());
             let sizes = table.kind.sizes();
             self.convert_permissible(
                 &format!("uncertainty[{index}]"),
-                (&source, level),
+                &source,
                 &certificate,
                 (sizes, &mut table.permissible()),
             )?;
@@ -28,12 +29,29 @@ impl Checker<'_> {
         tables.iter().enumerate().map(one).collect()
     }
 
-    /// Writes the standard deviations of what is given by maximum permissible errors of a table. `source` is what they are of, with
-    /// its level; it has these sizes.
+    /// Checks the level that a table gives for its maximum permissible errors, if it has any; they are of a source of that `level`.
+    pub(super) fn check_level(
+        &self,
+        key: &str,
+        source: &str,
+        certificate: &CertifiedError,
+        level: SourceLevel,
+    ) -> Result<(), FileError> {
+        if certificate.given().is_none() {
+            return Ok(());
+        }
+        certificate.check_level(source, level).map_err(|wrong| {
+            let own = format!("{key}.{}", wrong.key);
+            self.wrong(&own, wrong.problem).hint(wrong.hint)
+        })
+    }
+
+    /// Writes the standard deviations of what is given by maximum permissible errors of a table. `source` is what they are of; it
+    /// has these sizes.
     pub(super) fn convert_permissible(
         &self,
         key: &str,
-        (source, level): (&str, ErrorLevel),
+        source: &str,
         certificate: &CertifiedError,
         (sizes, errors): (&[&str], &mut [Permissible<'_>]),
     ) -> Result<(), FileError> {
@@ -67,7 +85,7 @@ impl Checker<'_> {
                 );
                 return Err(self.wrong(&own, problem));
             }
-            let divisor = certificate.divisor(source, level).map_err(|wrong| {
+            let divisor = certificate.divisor().map_err(|wrong| {
                 let own = format!("{key}.{}", wrong.key);
                 self.wrong(&own, wrong.problem).hint(wrong.hint)
             })?;

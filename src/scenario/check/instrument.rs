@@ -3,8 +3,8 @@
 use super::Checker;
 use crate::files::FileError;
 use crate::mujoco::Model;
+use crate::parameter::SourceLevel;
 use crate::quantities::plausible::{DEVIATION, ROTATION_DEVIATION};
-use crate::scenario::certificate::ErrorLevel;
 use crate::scenario::file::File;
 use crate::task::Instrument;
 
@@ -15,12 +15,10 @@ impl Checker<'_> {
     pub(super) fn instrument(&self, file: &File, model: &Model) -> Result<Instrument, FileError> {
         let mut table = file.instrument.clone();
         let certificate = table.certificate();
-        self.convert_permissible(
-            "instrument",
-            ("the instrument's noise", ErrorLevel::Reading),
-            &certificate,
-            (SIZES, &mut table.permissible()),
-        )?;
+        let source = "the instrument's noise";
+        let errors = (SIZES, &mut table.permissible()[..]);
+        self.convert_permissible("instrument", source, &certificate, errors)?;
+        self.check_level("instrument", source, &certificate, SourceLevel::Reading)?;
         let sigma_mm = table.sigma_mm.ok_or_else(|| {
             let wrong = self.wrong("instrument.sigma_mm", "is missing");
             wrong.hint("give sigma_mm, or mpe_um as a certificate has it")

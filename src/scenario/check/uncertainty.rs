@@ -109,11 +109,14 @@ impl Checker<'_> {
                 let wrong = self.wrong(&format!("{key}.name"), problem);
                 return Err(wrong.hint("give each uncertainty of a kind a name of its own"));
             }
+            let source = self.source(&key, table, belief, places)?;
+            let what = format!("a {}", table.kind.name());
+            self.check_level(&key, &what, &table.certificate(), source.level())?;
             all.push(Uncertainty {
                 name: name.to_owned(),
                 is_hidden: table.hidden,
                 distribution: table.distribution.unwrap_or_default(),
-                source: self.source(&key, table, belief, places)?,
+                source,
             });
         }
         Ok(all)

@@ -1,0 +1,542 @@
+//! Variance components of residuals: restricted maximum likelihood (REML) for a linear mixed model with random effects.
+//!
+//! Parameters (with their priors) are fixed effects, the joints' errors at their knots and what is new at each visit are random
+//! ones. With P = V^-1 - V^-1 X (X^T V^-1 X)^-1 X^T V^-1 for the covariance V of all readings, a variance v of a part
+//! v D of V is improved by
+//!
+//! ```text
+//! v <- v sqrt(y^T P D P y / trace(P D))
+//! ```
+//!
+//! which never makes the likelihood smaller (the minorisation of H. Zhou, L. Hu, J. Zhou, K. Lange, *MM algorithms for
+//! variance components models*, J. Comput. Graph. Stat. 28, 2019). How far the error of a joint reaches follows from its
+//! expected squares at the knots, as in the EM algorithm.
+
+mod prediction;
+mod standard_errors;
+mod visit;
+
+use nalgebra::{Cholesky, DMatrix, DVector};
+use rayon::prelude::*;
+
+use super::joint_errors::DiscrepancyModel;
+use super::rows::LinearReading;
+use super::{AbsoluteCase, Discrepancy};
+use crate::numeric::ornstein_uhlenbeck::{OrnsteinUhlenbeck, Tridiagonal, knots_among};
+use prediction::PredictedSquares;
+pub(super) use standard_errors::SumVariances;
+
+/// No joint has more knots.
+const MOST_KNOTS: usize = 48;
+/// Nor beside slow waves: errors that reach no further than between knots are nearly new at each visit.
+const MOST_BESIDE_WAVES: usize = 16;
+/// A knot is for so many visits.
+const VISITS_PER_KNOT: usize = 4;
+/// Improvements of the variances; later ones change intervals by a per cent.
+const ROUNDS: usize = 14;
+/// Deviations that change by less are found.
+const FOUND: f64 = 0.02;
+/// The smallest variance (m^2, rad^2).
+const LEAST: f64 = 1e-18;
+/// Waves that come round so often in a turn, or less, hide in parameters: a gear that is not round once in a turn looks like a joint that gives way
+/// to gravity. What is left tells next to nothing of them.
+const HIDDEN_WAVES: usize = 3;
+/// The largest variance of one of them, over that of what the joint is seen to be off by.
+const LARGEST_WAVES: f64 = 4.0;
+/// Pieces of sums, so that bits do not depend on threads.
+const PIECES: usize = 32;
+
+/// Readings that share what is new at a visit.
+#[derive(Debug, Clone)]
+pub(super) struct VisitReadings {
+    /// Read less predicted (m).
+    residual: DVector<f64>,
+    /// Derivatives by what is determined of the parameters (m x r).
+    fixed: DMatrix<f64>,
+    /// Derivatives by each joint's angle (m x k).
+    joints: DMatrix<f64>,
+    /// The same by waves of those joints' errors that have them (m x w).
+    waves: DMatrix<f64>,
+    /// The readings' own covariance.
+    own: DMatrix<f64>,
+    /// Which coordinate each row is, from 0 to 5.
+    coordinates: Vec<usize>,
+    /// The commanded angles of the joints.
+    angles: Vec<f64>,
+    /// Variances of what is new at it, of positions and of rotations, that its readings were weighed with.
+    assumed: [f64; 2],
+}
+
+/// The variances that are looked for.
+#[derive(Debug, Clone, PartialEq)]
+struct MixedVariances {
+    rest: [f64; 2],
+    joints: Vec<f64>,
+    waves: Vec<f64>,
+    process: Vec<OrnsteinUhlenbeck>,
+}
+
+/// The readings with what is known before of the parameters, in the coordinates of what is determined.
+#[derive(Debug, Clone)]
+pub(super) struct MixedModel {
+    visits: Vec<VisitReadings>,
+    /// Precision (r x r) and its pull (r).
+    prior: DMatrix<f64>,
+    pull: DVector<f64>,
+    /// The joints, and how the coordinates become parameters (p x r).
+    joints: Vec<usize>,
+    units: DMatrix<f64>,
+    /// Variances to start from, of positions and of rotations.
+    discrepancy_model: [f64; 2],
+    /// No joint has more knots.
+    most_knots: usize,
+    /// The joints with waves, by their places among all.
+    waving: Vec<usize>,
+}
+
+/// Variances after one more improvement.
+struct ImprovedVariances {
+    next: MixedVariances,
+    /// How many numbers told each of those before: of what is new at visits, then of the joints.
+    told: Vec<f64>,
+}
+
+/// What the model says with some variances.
+struct MixedSolution {
+    mean: DVector<f64>,
+    covariance: DMatrix<f64>,
+}
+
+/// What a mixed model gives.
+pub(super) struct MixedFit {
+    pub model: DiscrepancyModel,
+    /// The shares of readings, and of rotations, that lie in their regions of 95 % as computed, each predicted by a fit to the others.
+    pub predicted_by_others: [Option<f64>; 2],
+}
+
+/// A visit's equations at some variances.
+struct VisitEquations {
+    index: Vec<usize>,
+    matrix: DMatrix<f64>,
+    covariance: DMatrix<f64>,
+    spare: Vec<f64>,
+}
+
+/// Sums over visits of what improves the variances: numerators and denominators.
+#[derive(Clone)]
+struct VarianceImprovement {
+    rest: [[f64; 2]; 2],
+    joints: Vec<[f64; 2]>,
+}
+
+impl MixedModel {
+    /// Of the readings of a case at what was fitted to them. `units` (p x r) spans what is determined, of which the prior
+    /// knows a precision (r x r) and wants a change (r).
+    pub fn new(
+        case: &AbsoluteCase<'_>,
+        rows: &[LinearReading],
+        joints: Vec<usize>,
+        units: DMatrix<f64>,
+        [prior, pull]: [DMatrix<f64>; 2],
+        discrepancy: &Discrepancy,
+    ) -> Self {
+        let assumed = discrepancy.covariance();
+        let mut model = Self {
+            visits: Vec::new(),
+            prior,
+            pull: pull.column(0).into_owned(),
+            joints,
+            units,
+            discrepancy_model: [assumed[(0, 0)], assumed[(3, 3)]],
+            most_knots: MOST_KNOTS,
+            waving: Vec::new(),
+        };
+        model.visits = model.visits_of(case, rows);
+        model
+    }
+
+    /// Stands of readings at what was fitted, perhaps to others.
+    pub fn visits_of(&self, case: &AbsoluteCase<'_>, rows: &[LinearReading]) -> Vec<VisitReadings> {
+        let (joints, units) = (&self.joints, &self.units);
+        (case.visits.iter())
+            .map(|visit| {
+                let size: usize = visit.iter().map(|&index| rows[index].residual.len()).sum();
+                let mut all = VisitReadings {
+                    residual: DVector::zeros(size),
+                    fixed: DMatrix::zeros(size, units.ncols()),
+                    joints: DMatrix::zeros(size, joints.len()),
+                    waves: DMatrix::zeros(size, 0),
+                    own: DMatrix::zeros(size, size),
+                    coordinates: Vec::new(),
+                    angles: Vec::new(),
+                    assumed: self.discrepancy_model.map(|each| each.max(LEAST)),
+                };
+                for &index in visit {
+                    let (rows, at) = (&rows[index], all.coordinates.len());
+                    let count = rows.residual.len();
+                    all.residual.rows_mut(at, count).copy_from(&rows.residual);
+                    let fixed = &rows.columns * units;
+                    all.fixed.rows_mut(at, count).copy_from(&fixed);
+                    all.joints.rows_mut(at, count).copy_from(&rows.joints);
+                    let mut own = all.own.view_mut((at, at), (count, count));
+                    own.copy_from(&rows.own);
+                    all.coordinates.extend(0..count);
+                }
+                let first = visit.first().map(|&index| &case.observations[index].setup);
+                let angle = |&joint: &usize| first.map_or(0.0, |each| each.commanded_rad[joint]);
+                all.angles = joints.iter().map(angle).collect();
+                all
+            })
+            .collect()
+    }
+
+    /// The same of some of the visits.
+    fn of_visits(&self, is_in: impl Fn(usize) -> bool) -> Self {
+        let visits = self.visits.iter().enumerate();
+        let visits = visits.filter(|(number, _)| is_in(*number));
+        Self {
+            visits: visits.map(|(_, visit)| visit.clone()).collect(),
+            prior: self.prior.clone(),
+            pull: self.pull.clone(),
+            joints: self.joints.clone(),
+            units: self.units.clone(),
+            waving: self.waving.clone(),
+            ..*self
+        }
+    }
+
+    /// The same with slow waves in the error of each joint that turns, as many as hide in parameters.
+    pub fn with_waves(mut self, turns: &[bool]) -> Self {
+        let turning: Vec<usize> = (0..turns.len()).filter(|&joint| turns[joint]).collect();
+        for visit in &mut self.visits {
+            let waves = turning.iter().flat_map(|&joint| {
+                let (moved, angle) = (visit.joints.column(joint), visit.angles[joint]);
+                (1..=HIDDEN_WAVES).flat_map(move |order| {
+                    let (sine, cosine) = (order as f64 * angle).sin_cos();
+                    [moved * sine, moved * cosine]
+                })
+            });
+            visit.waves = DMatrix::from_iterator(
+                visit.residual.len(),
+                2 * HIDDEN_WAVES * turning.len(),
+                waves.flat_map(|column| column.data.as_vec().clone()),
+            );
+        }
+        self.most_knots = MOST_BESIDE_WAVES;
+        self.waving = turning;
+        self
+    }
+
+    fn without_waves(&self) -> Self {
+        let mut model = self.clone();
+        for visit in &mut model.visits {
+            visit.waves = DMatrix::zeros(visit.residual.len(), 0);
+        }
+        model.waving.clear();
+        model
+    }
+
+    /// Two series of one robot, which share the errors of its joints and nothing else: all parameters of the one (p) above all
+    /// of the other.
+    pub fn beside(&self, other: &Self) -> Self {
+        let corner = |one: &DMatrix<f64>, other: &DMatrix<f64>| {
+            let (rows, columns) = (one.nrows(), one.ncols());
+            let mut both = DMatrix::zeros(rows + other.nrows(), columns + other.ncols());
+            both.view_mut((0, 0), one.shape()).copy_from(one);
+            both.view_mut((rows, columns), other.shape())
+                .copy_from(other);
+            both
+        };
+        let (own, others) = (self.units.ncols(), other.units.ncols());
+        let wide = |visit: &VisitReadings, before: usize| VisitReadings {
+            fixed: (visit.fixed.clone())
+                .insert_columns(0, before, 0.0)
+                .resize_horizontally(own + others, 0.0),
+            ..visit.clone()
+        };
+        let visits = self.visits.iter().map(|each| wide(each, 0));
+        let visits = visits.chain(other.visits.iter().map(|each| wide(each, own)));
+        let mut pull = self.pull.clone().resize_vertically(own + others, 0.0);
+        pull.rows_mut(own, others).copy_from(&other.pull);
+        Self {
+            visits: visits.collect(),
+            prior: corner(&self.prior, &other.prior),
+            pull,
+            joints: self.joints.clone(),
+            units: corner(&self.units, &other.units),
+            discrepancy_model: [0, 1].map(|part| {
+                f64::midpoint(self.discrepancy_model[part], other.discrepancy_model[part])
+            }),
+            most_knots: self.most_knots.min(other.most_knots),
+            waving: self.waving.clone(),
+        }
+    }
+
+    /// The likeliest variances, with what the model says then. Over a part of a turn large waves add up to next to nothing, and what hides in
+    /// parameters is no reason against them: no joint's are more than twice as large as what it is seen to be off by without.
+    fn likeliest(&self) -> Option<(MixedVariances, MixedSolution)> {
+        let most = if self.waving.is_empty() {
+            Vec::new()
+        } else {
+            let (seen, _) = self.without_waves().likeliest()?;
+            self.waving
+                .iter()
+                .map(|&joint| seen.joints[joint])
+                .collect()
+        };
+        let mut variances = self.first();
+        let limit = |variances: &mut MixedVariances| {
+            for (variance, &most) in variances.waves.iter_mut().zip(&most) {
+                *variance = variance.min(most * LARGEST_WAVES).max(LEAST);
+            }
+        };
+        limit(&mut variances);
+        let mut solved = self.solved(&variances)?;
+        for _ in 0..ROUNDS {
+            let ImprovedVariances { mut next, .. } = self.improved(&variances, &solved)?;
+            limit(&mut next);
+            let change = next.change_from(&variances);
+            variances = next;
+            solved = self.solved(&variances)?;
+            if change < FOUND {
+                break;
+            }
+        }
+        Some((variances, solved))
+    }
+
+    /// The likeliest variances with what follows from them; of some readings that were left out, too. None where the numbers have no factorisation.
+    pub fn fit(&self, left_out: &[VisitReadings]) -> Option<MixedFit> {
+        let (variances, solved) = self.likeliest()?;
+        let mut model = self.model(&variances, &solved);
+        let kept = self.squares_by_others();
+        let left_out: Vec<PredictedSquares<'_>> = (left_out.iter())
+            .flat_map(|visit| self.squares_at(visit, &variances, &solved))
+            .collect();
+        let predicted_by_others = [0, 1].map(|part| model.seen(part, &kept, &left_out));
+        Some(MixedFit {
+            model,
+            predicted_by_others,
+        })
+    }
+
+    /// Half of what is unexplained in the joints.
+    fn first(&self) -> MixedVariances {
+        let count = (self.visits.len() / VISITS_PER_KNOT).clamp(2, self.most_knots);
+        let process: Vec<OrnsteinUhlenbeck> = (0..self.joints.len())
+            .map(|joint| {
+                let angles: Vec<f64> = self.visits.iter().map(|each| each.angles[joint]).collect();
+                let knots = knots_among(&angles, count);
+                OrnsteinUhlenbeck {
+                    length: OrnsteinUhlenbeck::longest(&knots),
+                    knots,
+                }
+            })
+            .collect();
+        let (mut moved, mut rows) = (0.0, 0.0);
+        for visit in &self.visits {
+            for (row, _) in (visit.coordinates.iter().enumerate()).filter(|(_, each)| **each < 3) {
+                moved += visit.joints.row(row).norm_squared();
+                rows += 1.0;
+            }
+        }
+        let [position, rotation] = self.discrepancy_model;
+        let of_joints = 0.5 * position * rows / f64::max(moved, f64::MIN_POSITIVE);
+        MixedVariances {
+            rest: [0.5 * position, 0.5 * rotation].map(|each| each.max(LEAST)),
+            joints: vec![of_joints.clamp(LEAST, 1e-4); process.len()],
+            waves: vec![of_joints.clamp(LEAST, 1e-4); self.waves() / (2 * HIDDEN_WAVES)],
+            process,
+        }
+    }
+
+    /// The number of waves of all joints.
+    fn waves(&self) -> usize {
+        self.visits.first().map_or(0, |visit| visit.waves.ncols())
+    }
+
+    /// Where the knots of each joint begin among all unknowns, where all waves do, and the number of unknowns.
+    fn offsets(&self, variances: &MixedVariances) -> Vec<usize> {
+        let mut offsets = vec![self.units.ncols()];
+        for each in &variances.process {
+            offsets.push(offsets[offsets.len() - 1] + each.knots.len());
+        }
+        offsets.push(offsets[offsets.len() - 1] + self.waves());
+        offsets
+    }
+
+    fn solved(&self, variances: &MixedVariances) -> Option<MixedSolution> {
+        let offsets = self.offsets(variances);
+        let size = *offsets.last()?;
+        let pieces: Vec<Option<(DMatrix<f64>, DVector<f64>)>> = (self.pieces())
+            .map(|visits| {
+                let mut information = DMatrix::zeros(size, size);
+                let mut gradient = DVector::zeros(size);
+                for visit in visits {
+                    let local = visit.local(variances, &offsets);
+                    let factor = Cholesky::new(local.covariance)?;
+                    let weighed = factor.solve(&local.matrix);
+                    // Many columns, few rows: faster than `tr_mul`.
+                    let own = weighed.transpose() * &local.matrix;
+                    let pull = weighed.tr_mul(&visit.residual);
+                    for (column, &to) in local.index.iter().enumerate() {
+                        gradient[to] += pull[column];
+                        for (row, &from) in local.index.iter().enumerate() {
+                            information[(from, to)] += own[(row, column)];
+                        }
+                    }
+                }
+                Some((information, gradient))
+            })
+            .collect();
+        let mut information = DMatrix::zeros(size, size);
+        let mut gradient = DVector::zeros(size);
+        for piece in pieces {
+            let (one, other) = piece?;
+            information += one;
+            gradient += other;
+        }
+        let fixed = self.units.ncols();
+        let mut before = information.view_mut((0, 0), (fixed, fixed));
+        before += &self.prior;
+        let mut pull = gradient.rows_mut(0, fixed);
+        pull += &self.pull;
+        for (joint, process) in variances.process.iter().enumerate() {
+            let (precision, _) = process.precision();
+            let (at, variance) = (offsets[joint], variances.joints[joint]);
+            for (knot, value) in precision.diagonal.iter().enumerate() {
+                information[(at + knot, at + knot)] += value / variance;
+            }
+            for (knot, value) in precision.beside.iter().enumerate() {
+                information[(at + knot, at + knot + 1)] += value / variance;
+                information[(at + knot + 1, at + knot)] += value / variance;
+            }
+        }
+        let first = offsets[variances.process.len()];
+        for at in first..size {
+            information[(at, at)] += variances.of_wave(at - first).recip();
+        }
+        // Units apart: parameters in typical sizes, joints in rad.
+        let sizes = information.diagonal().map(|each| each.sqrt().recip());
+        for (index, mut column) in information.column_iter_mut().enumerate() {
+            column.component_mul_assign(&sizes);
+            column *= sizes[index];
+        }
+        let mut covariance = Cholesky::new(information)?.inverse();
+        for (index, mut column) in covariance.column_iter_mut().enumerate() {
+            column.component_mul_assign(&sizes);
+            column *= sizes[index];
+        }
+        Some(MixedSolution {
+            mean: &covariance * gradient,
+            covariance,
+        })
+    }
+
+    fn pieces(&self) -> impl IndexedParallelIterator<Item = &[VisitReadings]> {
+        let size = self.visits.len().div_ceil(PIECES).max(1);
+        self.visits.par_chunks(size)
+    }
+
+    fn improved(
+        &self,
+        variances: &MixedVariances,
+        solved: &MixedSolution,
+    ) -> Option<ImprovedVariances> {
+        let offsets = self.offsets(variances);
+        let nothing = VarianceImprovement {
+            rest: [[0.0; 2]; 2],
+            joints: vec![[0.0; 2]; self.joints.len()],
+        };
+        let pieces: Vec<Option<VarianceImprovement>> = (self.pieces())
+            .map(|visits| {
+                let mut sum = nothing.clone();
+                for visit in visits {
+                    visit.improve(&visit.local(variances, &offsets), solved, &mut sum)?;
+                }
+                Some(sum)
+            })
+            .collect();
+        let mut sum = nothing;
+        for piece in pieces {
+            let piece = piece?;
+            for (sum, each) in (sum.rest.iter_mut().chain(&mut sum.joints))
+                .zip(piece.rest.iter().chain(&piece.joints))
+            {
+                sum[0] += each[0];
+                sum[1] += each[1];
+            }
+        }
+        let better = |variance: f64, [square, trace]: [f64; 2]| {
+            let ratio = if trace > 0.0 { square / trace } else { 1.0 };
+            (variance * ratio.max(0.0).sqrt()).max(LEAST)
+        };
+        let mut next = variances.clone();
+        let mut told = Vec::new();
+        for part in 0..2 {
+            told.push(variances.rest[part] * sum.rest[part][1]);
+            next.rest[part] = better(variances.rest[part], sum.rest[part]);
+        }
+        for (joint, process) in variances.process.iter().enumerate() {
+            let (at, count) = (offsets[joint], process.knots.len());
+            let variance = variances.joints[joint];
+            let product = |one: usize, other: usize| solved.mean[one] * solved.mean[other];
+            let mut values = Tridiagonal {
+                diagonal: (at..at + count).map(|each| product(each, each)).collect(),
+                beside: (at + 1..at + count)
+                    .map(|each| product(each - 1, each))
+                    .collect(),
+            };
+            let covariance = Tridiagonal {
+                diagonal: (at..at + count)
+                    .map(|each| solved.covariance[(each, each)])
+                    .collect(),
+                beside: (at + 1..at + count)
+                    .map(|each| solved.covariance[(each - 1, each)])
+                    .collect(),
+            };
+            let (precision, _) = process.precision();
+            let square = precision.product_trace(&values) / (variance * variance);
+            let known = precision.product_trace(&covariance) / variance;
+            let mut own = sum.joints[joint];
+            own[0] += square;
+            own[1] += (count as f64 - known).max(0.0) / variance;
+            told.push(variance * own[1]);
+            next.joints[joint] = better(variance, own);
+            let all = values.diagonal.iter_mut().chain(&mut values.beside);
+            for (value, known) in all.zip(covariance.diagonal.iter().chain(&covariance.beside)) {
+                *value += known;
+            }
+            next.process[joint].length = process.likeliest_length(&values);
+        }
+        for (joint, &variance) in variances.waves.iter().enumerate() {
+            let count = 2 * HIDDEN_WAVES;
+            let at = offsets[variances.process.len()] + joint * count;
+            let square = solved.mean.rows(at, count).norm_squared() / (variance * variance);
+            let own = solved.covariance.view((at, at), (count, count)).trace();
+            let trace = (count as f64 - own / variance).max(0.0) / variance;
+            told.push(variance * trace);
+            next.waves[joint] = better(variance, [square, trace]);
+        }
+        Some(ImprovedVariances { next, told })
+    }
+}
+
+impl MixedVariances {
+    /// Of a wave: all of one joint have one.
+    fn of_wave(&self, wave: usize) -> f64 {
+        self.waves[wave / (2 * HIDDEN_WAVES)]
+    }
+
+    /// The largest change of a deviation that matters, as a share of it.
+    fn change_from(&self, other: &Self) -> f64 {
+        let rest = self.rest.iter().zip(&other.rest);
+        let joints = self.joints.iter().zip(&other.joints);
+        let waves = self.waves.iter().zip(&other.waves);
+        rest.chain(joints)
+            .chain(waves)
+            .filter(|(one, _)| **one > 10.0 * LEAST)
+            .map(|(one, other)| ((one / other).sqrt() - 1.0).abs())
+            .fold(0.0, f64::max)
+    }
+}
