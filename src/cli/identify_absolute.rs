@@ -131,7 +131,7 @@ fn compared(message: &InconsistenciesMessage) -> String {
         found,
     } = message;
     format!(
-        "  Fitted apart {one} and {other}: of {} {} each other.\n",
+        "  Fitted apart {one} and {other}: of {} {} with each other.\n",
         counted(*compared as u64, "parameter"),
         match found.len() {
             0 => "none are inconsistent".to_owned(),

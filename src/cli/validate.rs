@@ -58,7 +58,11 @@ impl Validate {
             let measurements = self.measurements.as_deref();
             let tolerance = self.tolerance.tolerance();
             let file = &self.identified;
-            return validate_absolute::execute(&scenario, file, &robot, (measurements, tolerance));
+            let (robot, held) = robot.with_possible_compliances(&scenario.task.belief.arm());
+            let mut report =
+                validate_absolute::execute(&scenario, file, &robot, (measurements, tolerance))?;
+            report.conditions.splice(0..0, held);
+            return Ok(report);
         }
         let origin = StoredIdentification::origin(&self.identified)?;
         let scenario = (self.common).load_for(&self.identified, origin.as_ref(), &usage)?;

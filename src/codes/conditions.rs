@@ -137,6 +137,9 @@ codes! {
         ImpossibleMass = "C0503", "centre of mass far from its joint",
             "The centre of mass of a link lies further from its joint than twice the arm's reach. The usual cause are lengths in \
             millimetres: MJCF has metres.";
+        NoEquilibrium = "C0504", "no static equilibrium at a test pose",
+            "The robot does not hold its own weight or the task load at a test pose: its joints are too soft. The usual cause are \
+            stiffnesses that are gains for simulation, or in another unit. Commands that predict an accuracy refuse the scenario.";
         NotWritten = "C0601", "file not written",
             "An output could not be written; results do not depend on it, and are printed and in the other files. Files that are named as \
             from before are older than this result. Make room or choose another place, and run the command again.";

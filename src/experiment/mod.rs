@@ -76,25 +76,29 @@ pub fn together<'a>(
     is_same: impl Fn(usize, usize) -> bool,
 ) -> Vec<Vec<usize>> {
     let mut groups: Vec<Vec<usize>> = Vec::new();
-    let mut near: BTreeMap<i64, Vec<usize>> = BTreeMap::new();
+    let mut near: BTreeMap<[i64; 2], Vec<usize>> = BTreeMap::new();
     for index in 0..count {
-        // Different weights, lest a grid of angles sums up to the same.
-        let mut total = 0.0;
-        let mut mean_rad = 0.0;
-        for (joint, angle_rad) in configuration(index).iter().enumerate() {
-            let weight = 1.0 + 0.37 * joint as f64;
-            total += weight;
-            mean_rad += weight * angle_rad;
-        }
-        mean_rad /= f64::max(total, 1.0);
-        #[expect(
-            clippy::cast_possible_truncation,
-            reason = "what is beyond is at the end"
-        )]
-        let place = (mean_rad / ALIKE_RAD).floor() as i64;
-        let candidates = near
-            .range(place.saturating_sub(1)..=place.saturating_add(1))
-            .flat_map(|(_, known)| known);
+        // Two means of different weights, lest a grid of angles, or a line, sums up to the same.
+        let place = [0.37, -0.59].map(|slope| {
+            let (mut total, mut mean_rad) = (0.0, 0.0);
+            for (joint, angle_rad) in configuration(index).iter().enumerate() {
+                let weight: f64 = 1.0 + slope * joint as f64;
+                total += weight.abs();
+                mean_rad += weight * angle_rad;
+            }
+            #[expect(
+                clippy::cast_possible_truncation,
+                reason = "what is beyond is at the end"
+            )]
+            let place = (mean_rad / f64::max(total, 1.0) / ALIKE_RAD).floor() as i64;
+            place
+        });
+        let beside = |place: i64| place.saturating_sub(1)..=place.saturating_add(1);
+        let candidates = beside(place[0]).flat_map(|first| {
+            let second = beside(place[1]);
+            near.range([first, *second.start()]..=[first, *second.end()])
+                .flat_map(|(_, known)| known)
+        });
         let found = (candidates.copied())
             .filter(|&group| is_same(groups[group][0], index))
             .min();

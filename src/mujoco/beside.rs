@@ -17,8 +17,15 @@ pub(super) fn leave_out(spec: &mut MjSpec) -> Result<Vec<String>, String> {
     let mut said = Vec::new();
     let mut place = 0;
     loop {
+        let beside: Vec<String> = (spec.world_body_mut().body_iter(false))
+            .filter(|body| is_beside(body))
+            .flat_map(names_in)
+            .collect();
+        // What is tied among themselves is tied to nothing.
         let tied: Vec<String> = (spec.equality_iter())
-            .flat_map(|each| [each.name1().to_owned(), each.name2().to_owned()])
+            .map(|each| [each.name1().to_owned(), each.name2().to_owned()])
+            .filter(|ends| !ends.iter().all(|name| beside.contains(name)))
+            .flatten()
             .collect();
         let Some(body) = spec.world_body_mut().body_iter_mut().nth(place) else {
             break;
@@ -63,17 +70,24 @@ pub(super) fn leave_out(spec: &mut MjSpec) -> Result<Vec<String>, String> {
     Ok(said)
 }
 
+/// Whether a body has a joint of these kinds.
+fn has(body: &MjsBody, recurse: bool, of: &[MjtJoint]) -> bool {
+    (body.joint_iter(recurse)).any(|joint| of.contains(&joint.type_()))
+}
+
+/// Whether a body of the world is free, or a mocap body, and nothing in it is an arm.
+fn is_beside(body: &MjsBody) -> bool {
+    !has(body, true, &[MjtJoint::mjJNT_HINGE, MjtJoint::mjJNT_SLIDE])
+        && (has(body, false, &[MjtJoint::mjJNT_FREE]) || body.mocap())
+}
+
 /// What a body of the world is, if it is loose.
 fn loose(body: &MjsBody, tied: &[String]) -> Option<&'static str> {
-    let has = |recurse: bool, of: &[MjtJoint]| {
-        body.joint_iter(recurse)
-            .any(|joint| of.contains(&joint.type_()))
-    };
-    if has(true, &[MjtJoint::mjJNT_HINGE, MjtJoint::mjJNT_SLIDE]) {
+    if !is_beside(body) {
         return None;
     }
     let is_tied = names_in(body).iter().any(|name| tied.contains(name));
-    if has(false, &[MjtJoint::mjJNT_FREE]) {
+    if has(body, false, &[MjtJoint::mjJNT_FREE]) {
         // A weight that hangs on the arm is none of these.
         return (!is_tied).then_some("the free body");
     }

@@ -79,6 +79,7 @@ pub(super) fn rehearse(model: &Path) -> Result<(), Refusal> {
     };
     let child = Command::new(program)
         .arg(command)
+        .arg("--")
         .arg(model)
         .stdin(Stdio::null())
         .stdout(Stdio::null())

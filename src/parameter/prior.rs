@@ -55,9 +55,23 @@ impl Prior {
             .collect()
     }
 
+    /// Standard deviations where something is known, else typical sizes: what is known far better than the rest hides none of it.
+    fn own_sizes(&self, typical: &[f64]) -> Vec<f64> {
+        (typical.iter().zip(&self.precision.diagonal()))
+            .map(|(typical, own)| {
+                if *own > 0.0 {
+                    own.sqrt().recip()
+                } else {
+                    *typical
+                }
+            })
+            .collect()
+    }
+
     /// The precision as whitened equations, r x p: rows of unit variance that parameters times them equal those
     /// of the mean. `typical` sizes (p) keep units apart.
     pub fn rows(&self, typical: &[f64]) -> DMatrix<f64> {
+        let typical = &self.own_sizes(typical);
         let known = self.known(typical);
         DMatrix::from_fn(known.len(), typical.len(), |row, column| {
             let (precision, vector) = &known[row];
@@ -68,6 +82,7 @@ impl Prior {
     /// A matrix L (p x r) so that the mean + L z is distributed as what is known, for r
     /// independent standard normals z; what is not known has its mean.
     pub fn spread(&self, typical: &[f64]) -> DMatrix<f64> {
+        let typical = &self.own_sizes(typical);
         let known = self.known(typical);
         DMatrix::from_fn(typical.len(), known.len(), |row, column| {
             let (precision, vector) = &known[column];
@@ -115,6 +130,22 @@ mod tests {
                 let error = found[(row, column)] - expected[(row, column)];
                 assert!(error.abs() < 1e-12 * size, "{found}");
             }
+        }
+    }
+
+    /// What is known a billion times better than the rest hides none of it.
+    #[test]
+    fn a_very_good_prior_hides_no_other() {
+        let prior = Prior {
+            mean: DVector::zeros(2),
+            precision: dmatrix![1e18, 0.0; 0.0, 1.0],
+        };
+        let (rows, spread) = (prior.rows(&[1.0, 1.0]), prior.spread(&[1.0, 1.0]));
+        let [precision, covariance] = [rows.tr_mul(&rows), &spread * spread.transpose()];
+        for place in 0..2 {
+            let expected = prior.precision[(place, place)];
+            assert!((precision[(place, place)] / expected - 1.0).abs() < 1e-12);
+            assert!((covariance[(place, place)] * expected - 1.0).abs() < 1e-12);
         }
     }
 

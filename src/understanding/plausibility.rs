@@ -175,8 +175,14 @@ fn masses(understood: &Understanding) -> Option<String> {
     })
 }
 
-/// Why a model cannot be right: a link's mass lies much further from its joint than the arm reaches.
+/// Why a model cannot be right: a link's mass lies much further from its joint than the arm reaches, or the robot does not stand at
+/// a test pose.
 pub fn impossible(scenario: &Scenario, understood: &Understanding) -> Option<Condition> {
+    let falls = || Some(ConditionCode::NoEquilibrium.with(collapse(scenario)?));
+    impossible_mass(scenario, understood).or_else(falls)
+}
+
+fn impossible_mass(scenario: &Scenario, understood: &Understanding) -> Option<Condition> {
     let joints = &scenario.task.belief.nominal.chain.joints;
     let furthest = FURTHEST_CENTRE * understood.reach_m.max(1.0);
     let joint = (joints.iter()).find(|joint| joint.centre_of_mass_m.norm() > furthest)?;

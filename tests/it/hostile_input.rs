@@ -61,6 +61,21 @@ fn no_name_of_a_scenario_leaves_the_folder() {
     }
 }
 
+/// A file is no option, whatever it is called.
+#[test]
+fn no_name_of_a_model_is_an_option() {
+    let place = Workplace::new();
+    let model = std::fs::read_to_string(project("models/planar_3r.xml")).expect("the model");
+    for name in ["-m.xml", "--help.xml"] {
+        place.write(name, &model);
+        let named = format!("model = {name:?}");
+        let text = scenario_text("planar_3r");
+        let line = text.lines().find(|line| line.starts_with("model = "));
+        place.write("s.toml", text.replace(line.expect("a model"), &named));
+        place.run("check s.toml --quiet").ends_with(0);
+    }
+}
+
 /// What is compared with next to nothing is told as a difference.
 #[test]
 fn no_change_is_infinite() {

@@ -179,7 +179,9 @@ fn halves_of_one_series_are_held_beside_each_other() {
     let command = "identify s.toml --quiet --measurements m.csv --parameters zeros,compliances";
     let outcome = place.run(command).ends_with(0);
     assert!(
-        outcome.stdout.contains("none are inconsistent each other"),
+        outcome
+            .stdout
+            .contains("none are inconsistent with each other"),
         "{}",
         outcome.stdout
     );

@@ -9,7 +9,7 @@ use elastocal::task::Belief;
 use nalgebra::{UnitQuaternion, Vector3};
 
 use crate::model_selection::read_of;
-use crate::one_fit::{between, seen_arm};
+use crate::one_fit::{between, normal, seen_arm};
 use crate::support::scenario;
 
 type Change<'a> = &'a dyn Fn(usize, &mut AbsoluteReading);
@@ -41,7 +41,7 @@ fn input_errors_are_named() {
         let belief = &scenario.task.belief;
         let table = right(&scenario, 1, 80);
         assert_eq!(named(belief, &table), None, "{robot}");
-        let errors: [(&str, Change<'_>); 7] = [
+        let errors: [(&str, Change<'_>); 9] = [
             ("sign of q5", &|_, each| each.configuration_rad[4] *= -1.0),
             ("Add -90 deg to q3", &|_, each| {
                 each.configuration_rad[2] += quarter;
@@ -65,6 +65,10 @@ fn input_errors_are_named() {
                     UnitQuaternion::from_quaternion(mirrored)
                 });
             }),
+            ("x_mm and y_mm swapped", &|_, each| {
+                each.position_m.swap_rows(0, 1);
+            }),
+            ("sign of z_mm", &|_, each| each.position_m.z *= -1.0),
             ("moved near reading 41", &|index, each| {
                 if index >= 40 {
                     each.position_m += Vector3::new(0.4, -0.3, 0.2);
@@ -125,6 +129,41 @@ fn gross_errors_do_not_take_the_fit_with_them() {
                 );
             }
         }
+    }
+}
+
+/// A tenth of the positions that are all off by the same, next to each other in joint space, beside a discrepancy.
+#[test]
+fn clustered_gross_errors_beside_a_discrepancy_are_found() {
+    let scenario = scenario("ur10");
+    let belief = &scenario.task.belief;
+    let mut table = right(&scenario, 3, 400);
+    let mut random = generator(83, 0);
+    for each in &mut table {
+        each.rotation = None;
+        each.covariance = None;
+        each.position_m += Vector3::from_fn(|_, _| 2e-4 * normal(&mut random));
+    }
+    let mut order: Vec<usize> = (0..table.len()).collect();
+    let first = |place: &usize| table[*place].configuration_rad[0];
+    order.sort_by(|one, other| first(one).total_cmp(&first(other)));
+    let clean = fitted(belief, &table);
+    for size_m in [0.005, 0.01, 0.03] {
+        let mut wrong = table.clone();
+        let mut places = order[..40].to_vec();
+        for &place in &places {
+            wrong[place].position_m += Vector3::new(0.6, -0.5, 0.62) * size_m;
+        }
+        places.sort_unstable();
+        let found = fitted(belief, &wrong);
+        let rejected: Vec<usize> = found.rejected.iter().map(|each| each.reading).collect();
+        assert_eq!(rejected, places, "{size_m}");
+        let mean = |fit: &AbsoluteFit| {
+            let kept = (0..table.len()).filter(|place| !places.contains(place));
+            kept.map(|place| fit.left[place].position_m.norm())
+                .sum::<f64>()
+        };
+        assert!((mean(&found) / mean(&clean) - 1.0).abs() < 0.1, "{size_m}");
     }
 }
 

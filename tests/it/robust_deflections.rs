@@ -11,7 +11,7 @@ use elastocal::plan::search::random_plan;
 use elastocal::scenario::Scenario;
 use elastocal::testbed::TrueRobots;
 use elastocal::workflow::identify::{HowIdentified, identify_measurements};
-use nalgebra::Vector3;
+use nalgebra::{DVector, Vector3};
 use serde_json::{Value, json};
 
 use crate::one_fit::{between, normal};
@@ -282,9 +282,20 @@ fn a_compliance_that_is_negative_beyond_noise_is_a_condition() {
 fn many_measurements_are_grouped_by_few_comparisons() {
     let mut random = generator(67, 0);
     let angle = |random: &mut _| (between(random, -3.0, 3.0) * 4.0).round() / 4.0;
-    let all: Vec<nalgebra::DVector<f64>> = (0..4000)
-        .map(|_| nalgebra::DVector::from_fn(3, |_, _| angle(&mut random)))
+    let grid: Vec<DVector<f64>> = (0..4000)
+        .map(|_| DVector::from_fn(3, |_, _| angle(&mut random)))
         .collect();
+    let crowded = |place: usize| {
+        let middle = (place % 12) as f64 * 0.2;
+        DVector::from_fn(6, |_, _| middle + between(&mut random, -0.017, 0.017))
+    };
+    let crowds: Vec<DVector<f64>> = (0..4000).map(crowded).collect();
+    for all in [grid, crowds] {
+        assert_few_comparisons(&all);
+    }
+}
+
+fn assert_few_comparisons(all: &[DVector<f64>]) {
     let compared = std::cell::Cell::new(0_usize);
     let groups = elastocal::experiment::together(
         all.len(),

@@ -15,6 +15,7 @@ use super::super::nominal::{UNKNOWN, UNKNOWN_TOGETHER, with_nominal};
 use super::super::outliers;
 use super::super::outliers::IMPLAUSIBLE;
 use super::mixed::MixedModel;
+use super::outliers::LITTLE;
 use super::rows::LinearReading;
 use super::unknowns::{LeftOut, ToldApart};
 use super::{
@@ -284,6 +285,14 @@ impl AbsoluteCase<'_> {
             // One among few draws the fit to itself, and hides in what that leaves of the others.
             rejected.extend(self.farthest(set, first));
         }
+        let mut robust = None;
+        if rejected.is_empty() && first.1.is_some() && 1.0 - first.0.spare() < LITTLE {
+            // Many that err alike draw the fit to themselves, too.
+            robust = self.robust_fit(set, first.0);
+            if let Some(robust) = &robust {
+                rejected = self.far_out(set, (robust, first.1), start)?;
+            }
+        }
         let (rejected, found) = outliers::until_the_same(
             rejected,
             |(_, rejected, weighed): &(Self, Vec<RejectedReading>, WeighedFit)| {
@@ -291,7 +300,13 @@ impl AbsoluteCase<'_> {
             },
             |rejected| {
                 let mut kept = self.without(rejected);
-                let weighed = kept.weighed_fit(set, weights, Some(first.0)).ok()?;
+                let near = kept.weighed_fit(set, weights, Some(robust.as_ref().unwrap_or(first.0)));
+                let weighed = near.or_else(|_| {
+                    // Gross errors may have led the first fit to where none converges.
+                    kept = self.without(rejected);
+                    kept.weighed_fit(set, weights, None)
+                });
+                let weighed = weighed.ok()?;
                 let is_as_good = weighed.fit.posterior.estimable.rank() >= rank;
                 is_as_good.then(|| (kept, rejected.to_vec(), weighed))
             },

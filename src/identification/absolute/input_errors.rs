@@ -23,6 +23,9 @@ const PARTS: usize = 8;
 /// Up to so many joints every set of signs is tried.
 const ALL_SIGNS: usize = 7;
 
+/// How the columns of positions are called.
+const AXES: [&str; 3] = ["x", "y", "z"];
+
 /// A way in which a table may be wrong.
 #[derive(Debug, Clone, PartialEq)]
 enum InputError {
@@ -44,6 +47,10 @@ enum InputError {
     EulerOrder,
     /// Left-handed axes.
     Mirrored,
+    /// One column of positions with the wrong sign, orientations right.
+    Sign(usize),
+    /// Two columns of positions swapped, orientations right.
+    Columns([usize; 2]),
     /// From this reading on another station.
     Station(usize),
 }
@@ -126,6 +133,8 @@ impl AbsoluteCase<'_> {
                     sight.position_m = mirror * sight.position_m;
                     sight.rotation = sight.rotation.map(|each| mirror * each * mirror);
                 }
+                InputError::Sign(axis) => sight.position_m[*axis] *= -1.0,
+                InputError::Columns([one, other]) => sight.position_m.swap_rows(*one, *other),
                 _ => sight.rotation = sight.rotation.map(|each| reread(error, &each)),
             }
         }
@@ -156,6 +165,11 @@ impl AbsoluteCase<'_> {
             all.push(InputError::EulerOrder);
         }
         all.push(InputError::Mirrored);
+        if has_rotations {
+            // Two columns or one sign: orientations say along which axes, the base's frame takes the rest.
+            all.extend((0..3).map(InputError::Sign));
+            all.extend([[0, 1], [0, 2], [1, 2]].map(InputError::Columns));
+        }
         let degrees = 1_f64.to_degrees();
         all.extend([degrees, degrees.recip()].map(InputError::AngleUnit));
         all.extend(
@@ -223,6 +237,10 @@ impl AbsoluteCase<'_> {
                 "are the Euler angles in the other order (z y x for x y z, or about fixed axes)? Change axes or about in the mapping.".to_owned()
             }
             InputError::Mirrored => "are the axes of the instrument left-handed? Change the sign of one column of positions, and of orientations with it.".to_owned(),
+            InputError::Sign(axis) => format!("is the sign of {}_mm wrong? Change it.", AXES[*axis]),
+            InputError::Columns([one, other]) => {
+                format!("are {0}_mm and {1}_mm swapped? Swap them.", AXES[*one], AXES[*other])
+            }
             InputError::Station(from) => format!(
                 "was the instrument moved near reading {}? Give the readings from there on a station of their own.",
                 from * step + 1

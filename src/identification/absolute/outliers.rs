@@ -2,15 +2,19 @@
 
 use nalgebra::{Matrix6, Vector3};
 
-use super::super::gauss_newton::ParameterFit;
+use super::super::gauss_newton::{ParameterFit, fit_for_weights};
 use super::super::outliers::{self, LookedOver, squares_of};
+use super::case::whitener;
 use super::{
     AbsoluteCase, AbsoluteFit, CopiedReadings, Discrepancy, ReadingResidual, RejectedReading,
 };
+use crate::numeric::tolerance::median;
 use crate::parameter::ParameterSet;
 
+/// Reweighted fits of a robust one.
+const ROBUST_ROUNDS: usize = 8;
 /// Where a fit uses up less of its readings than this share, no single one draws it to itself.
-const LITTLE: f64 = 0.1;
+pub(super) const LITTLE: f64 = 0.1;
 
 /// What a fit says of all readings of a case.
 struct JudgedReadings {
@@ -44,6 +48,45 @@ impl AbsoluteCase<'_> {
             plausible: None,
         };
         outliers::far_out(&readings, |reading, whole| judged.squares(reading, whole))
+    }
+
+    /// A fit from near another one that gross errors pull far less: of least absolute deviations (Huber), then with weights that fall with
+    /// larger ones (Cauchy), so that those which are alike and close to each other do not pull it either.
+    pub(super) fn robust_fit(
+        &self,
+        set: &ParameterSet,
+        first: &ParameterFit,
+    ) -> Option<ParameterFit> {
+        let mut case = self.clone();
+        let mut fit = first.clone();
+        for round in 0..ROBUST_ROUNDS {
+            let left = case.left_by(&fit).ok()?;
+            let positions = left.iter().map(|each| each.position_m.norm());
+            let rotations = left.iter().filter_map(|each| each.rotation_rad);
+            let scales_m_rad = [
+                median(positions.collect())?,
+                median(rotations.map(|each| each.norm()).collect()).unwrap_or_default(),
+            ];
+            let values = case.rebased(set, &fit);
+            for (place, each) in left.iter().enumerate() {
+                let lengths = [
+                    each.position_m.norm(),
+                    each.rotation_rad.map_or(0.0, |each| each.norm()),
+                ];
+                let mut covariance = case.covariances[place];
+                for row in 0..6 {
+                    let (scale, length) = (scales_m_rad[row / 3], lengths[row / 3]);
+                    covariance[(row, row)] += if round < ROBUST_ROUNDS / 2 {
+                        scale * length.max(scale)
+                    } else {
+                        scale * scale + length * length / 4.0
+                    };
+                }
+                case.observations[place].whitener = whitener(&covariance);
+            }
+            fit = fit_for_weights(&case.arm, set, &case.observations, None, &values).ok()?;
+        }
+        Some(fit)
     }
 
     /// The reading without which the weighted squares of a fit to all are smallest; none of many, among which none draws the fit to
