@@ -11,6 +11,8 @@ mod deflections;
 mod pattern;
 mod rows;
 mod screen;
+#[cfg(test)]
+mod tests;
 
 use nalgebra::DVector;
 
@@ -24,7 +26,7 @@ use screen::{Test, judged, screened};
 
 /// Residuals without any pattern are said to have one in one of a hundred files.
 pub const LEVEL: f64 = 0.01;
-/// So many blocks of joint space tell how far readings are independent, where there are two readings for each.
+/// So many blocks of joint space tell how far configurations are independent, where there are two of them for each.
 pub const BLOCKS: usize = 16;
 /// More patterns than these are not named.
 const MOST: usize = 8;
@@ -51,7 +53,8 @@ pub struct Pattern {
     pub statistic: f64,
     /// Its first number of degrees of freedom.
     pub degrees_of_freedom: usize,
-    /// By how much discrepancies that are alike in a block of joint space count less than independent ones.
+    /// By how much errors that are larger where it shows, or alike in a configuration or a block of joint space, count less than
+    /// independent ones that are all alike.
     pub design_effect: f64,
     /// The probability that chance makes any of all that were looked at as strong.
     pub probability: f64,

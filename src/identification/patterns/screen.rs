@@ -7,20 +7,34 @@
 //! S = X^T X,   g = X^T r,   F = (g^T S^-1 g / q) / ((r^T r - g^T S^-1 g) / (N - p - q)) / d
 //! ```
 //!
-//! d is the design effect of blocks of joint space (never below one): discrepancies that are alike in a block count as what they are,
-//! few. The probability is multiplied by the number of candidates that were looked at (Bonferroni).
+//! d is the design effect (never below one): errors may be larger where a candidate shows, and alike in what one configuration or a
+//! block of joint space has read. With X's orthonormal directions D, what they leave e, and A = (the fit's directions, D), summed over
+//! the readings of each group b:
+//!
+//! ```text
+//! s_b = D_b^T e_b,   G_b = D_b^T D_b,   K_b = D_b^T A_b,   M = sum K_b^T K_b
+//! d   = (sum |s_b|^2 / (q - tr M)) / (e^T e / (N - p - q))
+//! nu  = (q - tr M)^2 / (sum tr G_b^2 - 2 sum tr(G_b K_b K_b^T) + tr M^2)
+//! ```
+//!
+//! which is one, known as a variance with nu degrees of freedom is, if errors are independent and alike (Bell and McCaffrey 2002).
+//! Groups are readings of one configuration, and blocks where they vary more than that; of both counts by which chance is likelier.
+//! The probability is multiplied by the number of candidates that were looked at (Bonferroni).
 
 use std::collections::BTreeMap;
 
-use nalgebra::{DMatrix, DVector, Matrix6xX, SymmetricEigen};
+use nalgebra::{DMatrix, DVector, Matrix6xX, SymmetricEigen, Vector6};
 use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 
 use super::candidates::{Against, Base, PatternColumn};
-use super::rows::{LookedAt, Projected};
+use super::rows::{LookedAt, Projected, ReadingRows};
 
 /// Of a column's square so much has to be left when the fit's directions are taken out: else it cannot be told from them.
 const TOLD_APART: f64 = 1e-4;
+
+/// Of a candidate's directions more than this share has to be left to compare groups by.
+const COMPARED: f64 = 1e-9;
 
 /// So many candidates are tested in one piece.
 const BATCH: usize = 16;
@@ -91,7 +105,7 @@ pub(super) fn screened(
                     against,
                     degrees: solved.degrees,
                     statistic,
-                    probability: probability(statistic, [solved.degrees, spare])?,
+                    probability: probability(statistic, solved.degrees, spare as f64)?,
                     explained: solved.explained,
                     coefficients: solved.coefficients,
                     design_effect: 1.0,
@@ -143,8 +157,8 @@ fn statistic(solved: &SolvedPattern, square: f64, spare: usize, design_effect: f
     is_enough.then(|| solved.explained / solved.degrees as f64 / mean_square / design_effect)
 }
 
-fn probability(statistic: f64, [one, other]: [usize; 2]) -> Option<f64> {
-    let distribution = FisherSnedecor::new(one as f64, other as f64).ok()?;
+fn probability(statistic: f64, one: usize, other: f64) -> Option<f64> {
+    let distribution = FisherSnedecor::new(one as f64, other).ok()?;
     Some(distribution.sf(statistic))
 }
 
@@ -251,7 +265,7 @@ impl SolvedPattern {
     }
 }
 
-/// A candidate again, with the design effect of the blocks of joint space, and its orthonormal directions (6 x d for each reading).
+/// A candidate again, with its design effect, and its orthonormal directions (6 x d for each reading).
 pub(super) fn judged(
     looked: &LookedAt,
     projected: &Projected,
@@ -278,45 +292,83 @@ pub(super) fn judged(
     for (directions, left) in directions.iter().zip(&projected.left) {
         shares += directions.tr_mul(left);
     }
-    let blocks = looked.readings.iter().map(|each| each.block).max()? + 1;
-    let mut scores = DMatrix::<f64>::zeros(solved.degrees, blocks);
-    for (index, reading) in looked.readings.iter().enumerate() {
-        let left = projected.left[index] - &directions[index] * &shares;
-        let score = directions[index].tr_mul(&left);
-        let mut sum = scores.column_mut(reading.block);
-        sum += score;
-    }
+    let left: Vec<Vector6<f64>> = (projected.left.iter().zip(&directions))
+        .map(|(left, directions)| left - directions * &shares)
+        .collect();
     let square = projected.square();
-    let spare = projected
-        .spare
-        .checked_sub(solved.degrees)
-        .filter(|&spare| spare > 0)?;
-    let mean_square = (square - solved.explained).max(0.0) / spare as f64;
-    let count = blocks as f64;
-    let degrees = solved.degrees as f64;
-    let is_many = blocks > 1 && mean_square > 0.0;
-    let effect = if is_many {
-        scores.norm_squared() * count / (count - 1.0) / degrees / mean_square
-    } else {
-        1.0
-    };
-    let design_effect = effect.max(1.0);
-    let statistic = statistic(&solved, square, spare, design_effect)?;
-    let by_blocks = solved.degrees * blocks.saturating_sub(1).max(1);
+    let spare = projected.spare.checked_sub(solved.degrees)?;
+    let alone = statistic(&solved, square, spare, 1.0)?;
+    let mean_square = (square - solved.explained) / spare as f64;
+    let blocks: Vec<usize> = looked.readings.iter().map(|each| each.block).collect();
+    let effect_of =
+        |groups: &[usize]| design_effect(groups, &projected.basis, &directions, &left, mean_square);
+    let by_visits = effect_of(&visits(looked))?;
+    let by_blocks = effect_of(&blocks).filter(|(effect, _)| *effect > 1.0);
+    let judgements = [Some(by_visits), by_blocks].into_iter().flatten();
+    let judgements = judgements.filter_map(|(effect, known)| {
+        let design_effect = effect.max(1.0);
+        let other = known.min(spare as f64);
+        let probability = probability(alone / design_effect, solved.degrees, other)?;
+        Some((probability, design_effect))
+    });
+    let (probability, design_effect) = judgements
+        .max_by(|one, other| (one.0.total_cmp(&other.0)).then(one.1.total_cmp(&other.1)))?;
     let test = Test {
         against,
         degrees: solved.degrees,
-        statistic,
-        // Where blocks say that readings are not independent, blocks are what counts.
-        probability: if effect > 1.0 {
-            let spare = spare.min(by_blocks);
-            probability(statistic, [solved.degrees, spare])?
-        } else {
-            probability(statistic, [solved.degrees, spare])?
-        },
+        statistic: alone / design_effect,
+        probability,
         explained: solved.explained,
         coefficients: solved.coefficients,
         design_effect,
     };
     Some((test, directions))
+}
+
+/// Which readings are of one configuration.
+fn visits(looked: &LookedAt) -> Vec<usize> {
+    let mut known = BTreeMap::new();
+    let number = |each: &ReadingRows| {
+        let angles: Vec<u64> = each.angles.iter().map(|angle| angle.to_bits()).collect();
+        let next = known.len();
+        *known.entry(angles).or_insert(next)
+    };
+    looked.readings.iter().map(number).collect()
+}
+
+/// How many times more a candidate's scores vary from group to group than independent errors that are alike would let them, and
+/// with how many degrees of freedom that is known; nothing where one group has them all.
+fn design_effect(
+    groups: &[usize],
+    basis: &[Matrix6xX<f64>],
+    directions: &[Matrix6xX<f64>],
+    left: &[Vector6<f64>],
+    mean_square: f64,
+) -> Option<(f64, f64)> {
+    let [taken, size] = [basis, directions].map(|each| each.first().map_or(0, Matrix6xX::ncols));
+    let count = groups.iter().max()? + 1;
+    let mut scores = DMatrix::<f64>::zeros(size, count);
+    // The K_b^T, side by side; the G_b are their last rows.
+    let mut shared = DMatrix::<f64>::zeros(taken + size, size * count);
+    for (index, &group) in groups.iter().enumerate() {
+        let own = &directions[index];
+        let mut score = scores.column_mut(group);
+        score += own.tr_mul(&left[index]);
+        let mut with_fit = shared.view_mut((0, group * size), (taken, size));
+        with_fit += basis[index].tr_mul(own);
+        let mut with_own = shared.view_mut((taken, group * size), (size, size));
+        with_own += own.tr_mul(own);
+    }
+    let expected = size as f64 - shared.norm_squared();
+    let mut variance = (&shared * shared.transpose()).norm_squared();
+    for group in 0..count {
+        let columns = shared.columns(group * size, size);
+        let own = columns.rows(taken, size).into_owned();
+        variance += own.norm_squared() - 2.0 * columns.tr_mul(&columns).dot(&own);
+    }
+    let is_known = expected > COMPARED * size as f64 && variance > 0.0;
+    is_known.then(|| {
+        let effect = scores.norm_squared() / expected / mean_square;
+        (effect, expected.powi(2) / variance)
+    })
 }
