@@ -22,19 +22,13 @@ from ._elastocal import COMMIT, VERSION, set_shared  # noqa: E402
 
 if TYPE_CHECKING:
     from ._commands import OPTIONS_OF_THE_PROGRAM_ALONE, command
-    from ._data import (
-        Assessment,
-        Compensation,
-        Condition,
-        Design,
-        ElastocalError,
-        Identified,
-        Measurements,
-        Plan,
-        Results,
-        UsageError,
-    )
-    from ._scenario import Problem, Scenario, compare, explain, import_table, init, merge, schema
+    from ._data import Experiment, Measurements, Plan, Readings
+    from ._errors import ElastocalError, UsageError
+    from ._problem import Problem
+    from ._progress import show_progress
+    from ._results import Assessment, Compensation, Condition, Design, Identified, Results, Validation
+    from ._scenario import Scenario, compare, explain, import_table, init, merge, schema
+    from ._tables import read_table
 
 #: Where the shipped `scenarios` and `models` are: those of the package, or of the clone that it is used in.
 SHARED = next(
@@ -54,29 +48,39 @@ __all__ = [
     "Condition",
     "Design",
     "ElastocalError",
+    "Experiment",
     "Identified",
     "Measurements",
     "Plan",
     "Problem",
+    "Readings",
     "Results",
     "SHARED",
     "Scenario",
     "UsageError",
+    "Validation",
+    "__version__",
     "command",
     "compare",
     "explain",
     "import_table",
     "init",
     "merge",
+    "read_table",
     "schema",
+    "show_progress",
 ]
 
 
 def __getattr__(name: str) -> object:
     """Names that need NumPy, when they are asked for: the command line, which starts here too, does without."""
     if name in __all__:
-        for module in ("_commands", "_data", "_scenario"):
+        for module in ("_commands", "_data", "_errors", "_problem", "_progress", "_results", "_scenario", "_tables"):
             found = import_module(f".{module}", __name__)
             if hasattr(found, name):
                 return getattr(found, name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return __all__

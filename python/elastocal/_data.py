@@ -1,70 +1,77 @@
-"""What goes in and comes out: arrays with units in their names."""
+"""What goes in: plans and measurements as arrays, checked when they are made."""
 
 from __future__ import annotations
 
 import csv
 import io
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from . import _views
+from ._errors import UsageError
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+
 Array = NDArray[np.float64]
 FilePath = str | PathLike[str]
+Unit = Literal["deg", "rad"]
 
 WRENCH = ["fx_n", "fy_n", "fz_n", "tx_nm", "ty_nm", "tz_nm"]
 DEFLECTION = ["dx_mm", "dy_mm", "dz_mm"]
+#: No joint of a robot turns further than two turns (rad): what is larger is in degrees.
+MOST_RAD = 4 * np.pi
+#: Where no angle of several configurations is larger (deg), they are in radians: plans spread over the joints' ranges.
+LEAST_DEG = 2 * np.pi
 
 
-class ElastocalError(Exception):
-    """What the command line says after ``error CODE:``; ``hint`` is what it says after ``hint:``, if anything.
-
-    ``code`` is stable, such as "E0101", and ``elastocal explain`` says what it means; None for usage.
-    """
-
-    def __init__(self, message: str, hint: str | None = None, code: str | None = None) -> None:
-        super().__init__(message)
-        self.hint = hint
-        self.code = code
-
-
-class UsageError(ElastocalError):
-    """An option that is not there, or a value that it cannot have."""
-
-
-@dataclass(frozen=True)
-class Condition:
-    """What must be looked at before results are relied on (exit code 3 on the command line unless ``allowed``).
-
-    ``code`` is stable, such as "C0102", and ``elastocal explain`` says what it means.
-    """
-
-    code: str
-    text: str
-    allowed: bool = False
-
-    def __str__(self) -> str:
-        return f"{self.code}{' (allowed)' if self.allowed else ''}: {self.text}"
+def numbers(name: str, values: ArrayLike, columns: Sequence[str] | None = None) -> Array:
+    """Rows of finite numbers, (k, columns); raises :class:`UsageError` for anything else."""
+    try:
+        found = np.atleast_2d(np.array(values, dtype=float))
+    except (TypeError, ValueError) as error:
+        raise UsageError(f"{name} wants rows of numbers, all of one length: {error}") from None
+    shape = f"{name} has the shape {np.shape(values)}"
+    if found.ndim != 2 or found.size == 0:
+        raise UsageError(f"{shape}; one row of numbers for each configuration is wanted")
+    if columns is not None and found.shape[1] != len(columns):
+        is_turned = found.shape[0] == len(columns)
+        hint = f"{name}.T has rows of {len(columns)}" if is_turned else f"a row is {', '.join(columns)}"
+        raise UsageError(f"{shape}; rows of {len(columns)} are wanted", hint)
+    wrong = np.argwhere(~np.isfinite(found))
+    if len(wrong):
+        row, column = wrong[0]
+        raise UsageError(f"{name} has {found[row, column]} in row {row}, column {column}; finite numbers are wanted")
+    return found
 
 
-class Results(dict[str, Any]):
-    """A command's record, with the keys that ``--json`` prints.
-
-    ``conditions`` must be looked at before the results are relied on, ``text`` is what the command line prints for a person.
-    """
-
-    def __init__(self, record: dict[str, Any], text: str, conditions: list[Condition]) -> None:
-        super().__init__(record)
-        self.text = text
-        self.conditions = conditions
+def for_each(name: str, rows: Array, count: int) -> Array:
+    """A row for each configuration: one row does for all."""
+    if len(rows) not in (1, count):
+        raise UsageError(f"{name} has {len(rows)} rows, and q_deg has {count}", "give as many, or one for all")
+    return np.broadcast_to(rows, (count, rows.shape[1])).copy()
 
 
-def _array(values: Any, columns: int | None = None) -> Array:
-    found = np.array([[np.nan if each is None else each for each in row] for row in values], dtype=float)
-    return found.reshape(len(values), columns) if columns is not None else found
+def angles(values: ArrayLike, unit: Unit | None, columns: Sequence[str] | None = None) -> Array:
+    """Configurations in degrees; raises :class:`UsageError` where they can only be in another unit than is said."""
+    found = numbers("q_deg", values, columns)
+    largest = float(np.abs(found).max())
+    if unit not in (None, "deg", "rad"):
+        raise UsageError(f"unit is 'deg' or 'rad', not {unit!r}")
+    if unit == "rad":
+        if largest > MOST_RAD:
+            raise UsageError(f"q_deg with unit='rad' has an angle of {largest:g} rad: these are degrees", "leave unit='rad' out")
+        return np.degrees(found)
+    if unit is None and found.size >= 6 and 0 < largest <= LEAST_DEG:
+        hint = "unit='rad' converts them; if they are degrees, unit='deg' says so"
+        raise UsageError(f"q_deg has no angle above {largest:.3g} in {len(found)} configurations: these are radians", hint)
+    return found
 
 
 def _table(text: str) -> tuple[list[str], Array]:
@@ -80,30 +87,35 @@ def _written(columns: list[str], rows: Array) -> str:
     return "\n".join(lines) + "\n"
 
 
-@dataclass
-class Plan:
-    """A plan of m experiments.
+def joints(count: int) -> list[str]:
+    """The columns of as many hinges."""
+    return [f"q{joint + 1}_deg" for joint in range(count)]
 
-    ``q_deg`` (m, n): commanded angles (deg; slides mm). ``wrench`` (m, 6): force (N) and torque (N m) at the calibration
-    tool in the world frame. ``repeats`` (m,): how often each is measured.
-    """
+
+class Experiment(NamedTuple):
+    """A row of a plan."""
 
     q_deg: Array
     wrench: Array
-    repeats: NDArray[np.int64]
+    repeats: int
 
-    def __post_init__(self) -> None:
-        self.q_deg = np.atleast_2d(np.asarray(self.q_deg, dtype=float))
+
+class Plan:
+    """A plan of m experiments.
+
+    ``q_deg`` (m, n): commanded angles (deg; slides mm; with ``unit="rad"`` they are given in rad). ``wrench`` (m, 6), or (6,) for
+    all: force (N) and torque (N m) at the calibration tool in the world frame. ``repeats`` (m,), or one number: how often each is
+    measured.
+    """
+
+    def __init__(self, q_deg: ArrayLike, wrench: ArrayLike, repeats: ArrayLike = 1, *, unit: Unit | None = None) -> None:
+        self.q_deg: Array = angles(q_deg, unit)
         count = len(self.q_deg)
-        wrench = np.atleast_2d(np.asarray(self.wrench, dtype=float))
-        self.wrench = np.broadcast_to(wrench, (count, 6)).copy()
-        repeats = np.asarray(self.repeats, dtype=np.int64)
-        self.repeats = np.broadcast_to(repeats, (count,)).copy()
-
-    @classmethod
-    def of(cls, q_deg: ArrayLike, wrench: ArrayLike, repeats: ArrayLike = 1) -> Plan:
-        """Of arrays; one wrench (6,) or number of repeats does for all experiments."""
-        return cls(np.asarray(q_deg, dtype=float), np.asarray(wrench, dtype=float), np.asarray(repeats, dtype=np.int64))
+        self.wrench: Array = for_each("wrench", numbers("wrench", wrench, WRENCH), count)
+        often = numbers("repeats", np.reshape(np.asarray(repeats), (-1, 1)))
+        if (often < 1).any() or (often % 1 != 0).any():
+            raise UsageError("repeats are whole numbers from 1 on", "an experiment that is not made has no row")
+        self.repeats: NDArray[np.int64] = for_each("repeats", often, count)[:, 0].astype(np.int64)
 
     @classmethod
     def load(cls, path: FilePath) -> Plan:
@@ -111,56 +123,97 @@ class Plan:
         columns, rows = _table(Path(path).read_text(encoding="utf-8"))
         q = [index for index, name in enumerate(columns) if name.startswith("q")]
         wrench = [columns.index(name) for name in WRENCH]
-        return cls(rows[:, q], rows[:, wrench], rows[:, columns.index("repeats")].astype(np.int64))
+        return cls(rows[:, q], rows[:, wrench], rows[:, columns.index("repeats")], unit="deg")
+
+    @classmethod
+    def from_record(cls, record: list[dict[str, Any]]) -> Plan:
+        """Of the key ``plan`` of a record."""
+        return cls(
+            [each["q_deg"] for each in record],
+            [each["wrench"] or [0.0] * 6 for each in record],
+            [each["repeats"] for each in record],
+            unit="deg",
+        )
 
     def csv(self, columns: list[str]) -> str:
         """The text of a plan CSV; ``columns`` names the joints' (``Scenario.columns``)."""
         lines = [",".join([*columns, *WRENCH, "repeats"])]
-        for q, wrench, repeats in zip(self.q_deg, self.wrench, self.repeats, strict=True):
-            numbers = [repr(float(value)) for value in (*q, *wrench)]
-            lines.append(",".join([*numbers, str(int(repeats))]))
+        for q, wrench, repeats in self:
+            lines.append(",".join([*(repr(float(value)) for value in (*q, *wrench)), str(repeats)]))
         return "\n".join(lines) + "\n"
 
     def save(self, path: FilePath, columns: list[str] | None = None) -> None:
         """Writes a plan CSV; joints are hinges where ``columns`` are not given."""
-        names = columns or [f"q{joint + 1}_deg" for joint in range(self.q_deg.shape[1])]
-        Path(path).write_text(self.csv(names), encoding="utf-8")
+        Path(path).write_text(self.csv(columns or joints(self.q_deg.shape[1])), encoding="utf-8")
 
     @property
     def measurements(self) -> int:
         """The number of measurements, repeats counted."""
         return int(self.repeats.sum())
 
-    @classmethod
-    def from_record(cls, record: list[dict[str, Any]]) -> Plan:
-        """Of the key ``plan`` of a record."""
-        return cls(
-            _array([each["q_deg"] for each in record]),
-            _array([each["wrench"] or [0.0] * 6 for each in record], 6),
-            np.array([each["repeats"] for each in record], dtype=np.int64),
+    def __len__(self) -> int:
+        return len(self.q_deg)
+
+    def __iter__(self) -> Iterator[Experiment]:
+        for q, wrench, repeats in zip(self.q_deg, self.wrench, self.repeats, strict=True):
+            yield Experiment(q, wrench, int(repeats))
+
+    def __getitem__(self, rows: int | slice | Sequence[int]) -> Plan:
+        """Some of the experiments, as a plan."""
+        chosen = [rows] if isinstance(rows, int) else rows
+        return Plan(self.q_deg[chosen], self.wrench[chosen], self.repeats[chosen], unit="deg")
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Plan) and all(
+            np.array_equal(mine, its)
+            for mine, its in [(self.q_deg, other.q_deg), (self.wrench, other.wrench), (self.repeats, other.repeats)]
         )
 
+    def __repr__(self) -> str:
+        repeated = "" if self.measurements == len(self) else f", {self.measurements} measurements"
+        return f"<Plan: {_views.counted(len(self), 'experiment')}{repeated}, {self.q_deg.shape[1]} joints>"
 
-@dataclass
+    def to_dataframe(self) -> pd.DataFrame:
+        """A row for each experiment, with the columns of the plan CSV."""
+        rows = np.column_stack([self.q_deg, self.wrench])
+        return _views.frame(rows, [*joints(self.q_deg.shape[1]), *WRENCH]).assign(repeats=self.repeats)
+
+    def _repr_html_(self) -> str:
+        rows = [[*(f"{value:.2f}" for value in q), *(f"{value:g}" for value in wrench), repeats] for q, wrench, repeats in self]
+        return _views.html(repr(self)[1:-1], [*joints(self.q_deg.shape[1]), *WRENCH, "repeats"], rows)
+
+    def plot(self, axes: Axes | None = None) -> Axes:
+        """The experiments' angles, joint by joint."""
+        return _views.plot_plan(self.q_deg, axes)
+
+
 class Measurements:
     """k measured deflections.
 
-    ``columns`` are those of the measurement CSV, ``rows`` (k, columns) its numbers. ``q_deg`` (k, n), ``wrench`` (k, 6) in N
-    and N m, ``deflection_mm`` (k, 3): loaded minus unloaded position in the world frame.
+    ``q_deg`` (k, n): commanded angles (deg; slides mm; with ``unit="rad"`` they are given in rad). ``wrench`` (k, 6) in N and N m,
+    or (6,) for all; ``deflection_mm`` (k, 3): loaded minus unloaded position in the world frame. ``columns`` names the joints'
+    where some slide (``Scenario.columns``).
+
+    ``columns`` are then those of the measurement CSV, ``rows`` (k, columns) its numbers.
     """
 
-    columns: list[str]
-    rows: Array
-    _text: str | None = field(default=None, repr=False)
-
-    @classmethod
-    def of(cls, q_deg: ArrayLike, wrench: ArrayLike, deflection_mm: ArrayLike, columns: list[str] | None = None) -> Measurements:
-        """Of arrays; ``columns`` names the joints' where some slide (``Scenario.columns``)."""
-        q = np.atleast_2d(np.asarray(q_deg, dtype=float))
-        load = np.broadcast_to(np.asarray(wrench, dtype=float), (len(q), 6))
-        deflection = np.asarray(deflection_mm, dtype=float).reshape(len(q), 3)
-        names = columns or [f"q{joint + 1}_deg" for joint in range(q.shape[1])]
-        return cls([*names, *WRENCH, *DEFLECTION], np.hstack([q, load, deflection]))
+    def __init__(
+        self,
+        q_deg: ArrayLike,
+        wrench: ArrayLike,
+        deflection_mm: ArrayLike,
+        columns: list[str] | None = None,
+        *,
+        unit: Unit | None = None,
+    ) -> None:
+        q = angles(q_deg, unit, columns)
+        load = for_each("wrench", numbers("wrench", wrench, WRENCH), len(q))
+        deflection = numbers("deflection_mm", deflection_mm, DEFLECTION)
+        if len(deflection) != len(q):
+            raise UsageError(f"deflection_mm has {len(deflection)} rows, and q_deg has {len(q)}", "each deflection has its row")
+        self.columns: list[str] = [*(columns or joints(q.shape[1])), *WRENCH, *DEFLECTION]
+        self.rows: Array = np.hstack([q, load, deflection])
+        self._text: str | None = None
 
     @classmethod
     def load(cls, path: FilePath) -> Measurements:
@@ -170,8 +223,10 @@ class Measurements:
     @classmethod
     def from_text(cls, text: str) -> Measurements:
         """Of the text of a measurement CSV."""
-        columns, rows = _table(text)
-        return cls(columns, rows, text)
+        made = cls.__new__(cls)
+        made.columns, made.rows = _table(text)
+        made._text = text
+        return made
 
     def csv(self) -> str:
         """The text of the measurement CSV."""
@@ -199,112 +254,49 @@ class Measurements:
         """Deflections (k, 3), mm, world frame."""
         return self._of(DEFLECTION)
 
+    def __len__(self) -> int:
+        return len(self.rows)
 
-def _metres(millimetres: float | None) -> float | None:
-    return None if millimetres is None else millimetres * 1e-3
+    def __repr__(self) -> str:
+        size = np.linalg.norm(self.deflection_mm, axis=1)
+        return f"<Measurements: {_views.counted(len(self), 'deflection')} of {size.min():.3g} to {size.max():.3g} mm>"
 
+    def to_dataframe(self) -> pd.DataFrame:
+        """A row for each measurement, with the columns of the measurement CSV."""
+        return _views.frame(self.rows, self.columns)
 
-@dataclass
-class Assessment:
-    """The predicted accuracy of a plan; ``results`` is the whole record."""
-
-    results: Results
-    #: The rms distance that compensation leaves at the test poses (m); None where it is not determined.
-    rho0_m: float | None
-    #: No plan of as many measurements is below (m); None where there is no bound.
-    lower_bound_rho0_m: float | None
-    #: The bound over rho0.
-    efficiency: float | None
-    #: The standard error that the plan predicts for each parameter (p,), rad/(N m); NaN where not determined. Empty where
-    #: accuracy is absolute.
-    compliance_std_rad_per_nm: Array
-
-    @classmethod
-    def from_results(cls, results: Results) -> Assessment:
-        """Of a record of ``evaluate`` or ``plan``; of absolute readings ``results["unknowns"]`` tells all standard errors."""
-        errors = [np.nan if each is None else each for each in results.get("compliance_std_rad_per_nm", [])]
-        return cls(
-            results,
-            _metres(results["rho0_mm"]),
-            _metres(results["lower_bound_rho0_mm"]),
-            results["efficiency"],
-            np.array(errors, dtype=float),
-        )
-
-    @property
-    def conditions(self) -> list[Condition]:
-        """What must be looked at."""
-        return self.results.conditions
+    def _repr_html_(self) -> str:
+        return _views.html(repr(self)[1:-1], self.columns, [[f"{value:.6g}" for value in row] for row in self.rows])
 
 
-@dataclass
-class Design(Assessment):
-    """A designed plan with what it predicts."""
+class Readings:
+    """Absolute readings of positions or poses, as :func:`read_table` makes them of a data frame."""
 
-    @property
-    def plan(self) -> Plan:
-        """The plan."""
-        return Plan.from_record(self.results["plan"])
+    def __init__(self, text: str) -> None:
+        self._text = text
 
+    def csv(self) -> str:
+        """The text of the measurement CSV."""
+        return self._text
 
-@dataclass
-class Identified:
-    """Identified compliances of p parameters; ``results`` is the whole record."""
+    def save(self, path: FilePath) -> None:
+        """Writes the measurement CSV."""
+        Path(path).write_text(self._text, encoding="utf-8")
 
-    results: Results
+    def _lines(self) -> list[list[str]]:
+        return list(csv.reader(line for line in self._text.splitlines() if line and not line.startswith("#")))
 
-    @property
-    def names(self) -> list[str]:
-        """The parameters' names (p,)."""
-        return list(self.results["parameters"])
+    def __len__(self) -> int:
+        return len(self._lines()) - 1
 
-    def _vector(self, key: str) -> Array:
-        return np.array([np.nan if each is None else each for each in self.results[key]], dtype=float)
+    def __repr__(self) -> str:
+        kind = "poses" if any(name in ("qw", "rx_mrad") for name in self._lines()[0]) else "positions"
+        return f"<Readings: {len(self)} {kind}>"
 
-    @property
-    def compliance_rad_per_nm(self) -> Array:
-        """Compliances (p,), rad/(N m); NaN where not determined."""
-        return self._vector("compliance_rad_per_nm")
+    def to_dataframe(self) -> pd.DataFrame:
+        """A row for each reading, with the columns of the measurement CSV."""
+        return _views.frame_of_csv(self._text)
 
-    @property
-    def compliance_std_rad_per_nm(self) -> Array:
-        """Standard errors (p,), rad/(N m); NaN where not determined."""
-        return self._vector("compliance_std_rad_per_nm")
-
-    @property
-    def covariance(self) -> Array:
-        """Covariance (p, p), (rad/(N m))^2; NaN where not determined."""
-        return _array(self.results["covariance_rad2_per_n2m2"])
-
-    @property
-    def conditions(self) -> list[Condition]:
-        """What must be looked at, such as residuals that are too large."""
-        return self.results.conditions
-
-
-@dataclass
-class Compensation:
-    """Commanded angles at the test poses; ``results`` is the whole record."""
-
-    results: Results
-
-    @property
-    def q_commanded_deg(self) -> Array:
-        """One row a test pose (poses, n), deg; slides mm."""
-        return _array([pose["q_commanded_deg"] for pose in self.results["test_poses"]])
-
-    @property
-    def angles_rad(self) -> Array:
-        """The same in radians, for robots without slides."""
-        return np.radians(self.q_commanded_deg)
-
-    @property
-    def residual_m(self) -> Array:
-        """What compensation leaves on the virtual robot (poses,), m; not a number where another one was measured."""
-        residuals = [pose["residual_mm"] for pose in self.results["test_poses"]]
-        return np.array([np.nan if each is None else each * 1e-3 for each in residuals])
-
-    @property
-    def conditions(self) -> list[Condition]:
-        """What must be looked at."""
-        return self.results.conditions
+    def _repr_html_(self) -> str:
+        head, *rows = self._lines()
+        return _views.html(repr(self)[1:-1], head, rows)

@@ -10,9 +10,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ._commands import command
-from ._data import ElastocalError, FilePath, Results, UsageError
+from ._commands import _command as command
+from ._data import FilePath
 from ._elastocal import PlanningProblem
+from ._errors import ElastocalError, UsageError
+from ._progress import Listener, progress
+from ._results import Results
 
 #: So often in a row workers may be lost without a shard made: what is left may be what ends them.
 ATTEMPTS = 3
@@ -91,7 +94,8 @@ def study(scenario: FilePath, executors: Executors, shards: int, tallies: Path, 
                     own.shutdown(wait=False, cancel_futures=True)
                 executor = own = executors()
             before = len(missing)
-            broken = _make(executor, work, files, missing)
+            with progress() as listener:
+                broken = _make(executor, work, files, missing, listener)
             in_vain = in_vain + 1 if len(missing) == before else 0
             is_final = isinstance(executors, Executor) and isinstance(broken, BrokenExecutor)
             if broken is not None and (is_final or in_vain >= ATTEMPTS):
@@ -102,7 +106,9 @@ def study(scenario: FilePath, executors: Executors, shards: int, tallies: Path, 
     return list(files.values())
 
 
-def _make(executor: Executor, work: Shards, files: dict[int, Path], missing: set[int]) -> Exception | None:
+def _make(
+    executor: Executor, work: Shards, files: dict[int, Path], missing: set[int], listener: Listener | None
+) -> Exception | None:
     """Makes each missing shard once; those that are there then are missing no more. Returns what took one, if anything."""
     broken: Exception | None = None
     futures: dict[Future[bytes], int] = {}
@@ -127,6 +133,8 @@ def _make(executor: Executor, work: Shards, files: dict[int, Path], missing: set
             unfinished.write_bytes(tally)
             unfinished.replace(files[shard])
             missing.discard(shard)
+            if listener is not None:
+                listener("shards of the study", len(files) - len(missing), len(files), "")
     finally:
         for future in futures:
             future.cancel()

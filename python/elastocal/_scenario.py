@@ -4,21 +4,27 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from os import fspath
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import ArrayLike
-
-from ._commands import command, read
-from ._data import Array, Assessment, Compensation, Design, FilePath, Identified, Measurements, Plan, Results, UsageError
-from ._elastocal import PlanningProblem
+from . import _change
+from ._commands import _command, read, takes
+from ._data import FilePath, Measurements, Plan, Readings
+from ._errors import UsageError
 from ._executor import Executors, merged
 from ._executor import study as run_shards
+from ._problem import Problem
+from ._results import Compensation, Design, Assessment, Identified, Results, Validation
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from . import _options as options
 
 #: The shards of a study on an executor: enough for some workers, and few enough to be worth their while.
 SHARDS = 16
@@ -36,69 +42,6 @@ def _gone(folder: Path, results: Results) -> Results:
     return results
 
 
-class Problem:
-    """The planning problem in numbers, for one's own criterion or optimiser."""
-
-    def __init__(self, path: FilePath, noise_only: bool = False) -> None:
-        self._problem = PlanningProblem(str(fspath(path)), noise_only)
-
-    @property
-    def columns(self) -> list[str]:
-        """The columns of configurations: ``q1_deg``, or ``q1_mm`` for a slide."""
-        return self._problem.columns()
-
-    @property
-    def parameters(self) -> list[str]:
-        """The names of the p parameters."""
-        return self._problem.parameters()
-
-    @property
-    def sigma_m(self) -> float:
-        """The standard deviation of each coordinate of a deflection (m)."""
-        return self._problem.sigma_m()
-
-    @property
-    def nominal_rad_per_nm(self) -> Array:
-        """The nominal compliance of each parameter (p,), rad/(N m)."""
-        return np.array(self._problem.nominal_rad_per_nm())
-
-    @property
-    def ranges_deg(self) -> Array:
-        """Lower and upper ends of the commanded joints' ranges (2, n), deg; slides mm."""
-        return np.array(self._problem.ranges())
-
-    def observation_matrix(self, q_deg: ArrayLike, wrench: ArrayLike) -> Array:
-        """The position rows of the observation matrix, eq. 7 of the paper: (3, p), m N m/rad.
-
-        ``q_deg`` (n,), deg; ``wrench`` (6,), N and N m at the calibration tool in the world frame.
-        """
-        q = np.asarray(q_deg, dtype=float).tolist()
-        return np.array(self._problem.observation_matrix(q, np.asarray(wrench, dtype=float).tolist()))
-
-    def test_pose_matrices(self) -> list[Array]:
-        """Eq. 23 for each test pose, times the root of its weight: (3, p) each, m N m/rad."""
-        return [np.array(each) for each in self._problem.test_pose_matrices()]
-
-    def information(self, plan: Plan) -> Array:
-        """The information of a plan by noise alone, eq. 12: (p, p), ((N m)/rad)^2."""
-        size = len(self.parameters)
-        total = np.zeros((size, size))
-        for q, wrench, repeats in zip(plan.q_deg, plan.wrench, plan.repeats, strict=True):
-            rows = self.observation_matrix(q, wrench)
-            total += float(repeats) * (rows.T @ rows)
-        return total / self.sigma_m**2
-
-    def objective(self, plan: Plan) -> tuple[float, Array]:
-        """rho0^2 (m^2), and its gradient by every coordinate of every experiment (m, joints), m^2/rad; slides m^2/m.
-
-        It has all that the scenario lists as uncertain; passive joints, which nothing commands, have columns, too.
-        Experiments of one configuration that share errors turn together: each has the gradient of all of them.
-        """
-        wrenches = plan.wrench.tolist()
-        value, gradient = self._problem.objective(plan.q_deg.tolist(), wrenches, plan.repeats.tolist())
-        return value, np.array(gradient)
-
-
 class Scenario:
     """A scenario file: ``Scenario.load(path)``.
 
@@ -112,6 +55,8 @@ class Scenario:
         self.noise_only = noise_only
         self.threads = threads
         self._problem: Problem | None = None
+        self._folder: tempfile.TemporaryDirectory[str] | None = None
+        self._changes: dict[str, Any] = {}
 
     @classmethod
     def load(cls, path: FilePath, *, seed: int | None = None, noise_only: bool = False, threads: int | None = None) -> Scenario:
@@ -120,16 +65,42 @@ class Scenario:
         scenario.command("check")
         return scenario
 
+    def with_(self, changes: Mapping[str, Any] | None = None, /, **more: Any) -> Scenario:
+        """The same scenario with other values: ``with_(sigma_mm=0.02)``.
+
+        A name alone is the key of that name that is least deep; ``with_({"study.experiments": 12})`` names its table, and
+        ``with_({"test_pose.0.weight": 2})`` the first of a list. None takes a key out. A wrong key is named with near ones, and
+        wrong values raise the :class:`ElastocalError` of the command line. The file stays as it is: the changed one is in a
+        folder that goes with the scenario; ``save(path)`` keeps it.
+        """
+        made = {**(changes or {}), **more}
+        folder, path = _change.changed(self.path, made)
+        other = Scenario.load(path, seed=self.seed, noise_only=self.noise_only, threads=self.threads)
+        other._folder, other._changes = folder, self._changes | made
+        return other
+
+    @property
+    def table(self) -> dict[str, Any]:
+        """What the scenario file says, key by key."""
+        return _change.table(self.path)
+
+    def save(self, path: FilePath) -> Scenario:
+        """Writes the scenario file, with whole paths of the files that it names, wherever; returns it."""
+        _, other = (None, self.path) if self._folder else _change.changed(self.path, {})
+        shutil.copyfile(other, path)
+        return Scenario(path, self.seed, self.noise_only, self.threads)
+
+    def __repr__(self) -> str:
+        changed = ", ".join(f"{key}={value!r}" if isinstance(value, (int, float, str)) else key for key, value in self._changes.items())
+        return f"<Scenario {self.path.name}{f' with {changed}' if changed else ''}>"
+
     def command(self, name: str, **given: Any) -> Results:
         """Any command of the command line for this scenario, with its options as keywords."""
-        given.setdefault("seed", self.seed)
-        given.setdefault("noise_only", self.noise_only)
-        given.setdefault("threads", self.threads)
-        return command(name, self.path, **given)
+        return _command(name, self.path, **{"seed": self.seed, "noise_only": self.noise_only, "threads": self.threads} | given)
 
     @property
     def problem(self) -> Problem:
-        """Observation and information matrices, and the objective with its gradient."""
+        """Observation and information matrices, the objective with its gradient, and violations."""
         if self._problem is None:
             self._problem = Problem(self.path, self.noise_only)
         return self._problem
@@ -139,191 +110,183 @@ class Scenario:
         """The columns of configurations: ``q1_deg``, or ``q1_mm`` for a slide."""
         return self.problem.columns
 
-    def _with_plan(self, name: str, plan: Plan, **given: Any) -> Results:
+    @contextmanager
+    def _files(self, **values: object) -> Iterator[dict[str, Any]]:
+        """Plans, measurements and identifications as files that a command reads; paths stay what they are."""
         with _folder() as folder:
-            plan.save(folder / "plan.csv", self.columns)
-            return self.command(name, plan=folder / "plan.csv", **given)
+            named: dict[str, Any] = {}
+            for name, value in values.items():
+                named[name] = path = folder / f"{name}.{'json' if isinstance(value, Identified) else 'csv'}"
+                if isinstance(value, Plan):
+                    self._fits(value.q_deg.shape[1], "the plan")
+                    value.save(path, self.columns)
+                elif isinstance(value, (Measurements, Readings)):
+                    value.save(path)
+                elif isinstance(value, Identified):
+                    path.write_text(json.dumps(value.results), encoding="utf-8")
+                else:
+                    named[name] = value
+            yield named
 
-    def check(self, plan: Plan | None = None, parameters: bool = False) -> Results:
+    def _fits(self, joints: int, what: str) -> None:
+        if joints != len(self.columns):
+            has = ", ".join(self.columns)
+            raise UsageError(f"{what} has {joints} columns of angles; the robot has {len(self.columns)} commanded joints: {has}")
+
+    @takes("check")
+    def check(self, plan: Plan | FilePath | None = None, **given: Unpack[options.CheckGiven]) -> Results:
         """The robot as it was understood, with ``warnings``; with a plan, ``ok`` and ``problems``."""
-        if plan is None:
-            return self.command("check", parameters=parameters)
-        return self._with_plan("check", plan, parameters=parameters)
+        with self._files(plan=plan) as files:
+            return self.command("check", **files, **given)
 
-    def design(self, experiments: int | None = None, **given: Any) -> Design:
+    @takes("plan")
+    def design(self, experiments: int | None = None, **given: Unpack[options.PlanGiven]) -> Design:
         """Designs a plan of ``experiments`` measurements (the scenario's if not given).
 
-        Further keywords are the options of ``elastocal plan``: ``configurations``, ``minutes``, ``criterion``, ``prove``,
-        ``prove_time``, ``no_proof``, ``proof_out``, ``plan_out``; ``candidates``, a CSV of rows that it is chosen
-        from; ``test_poses``, a CSV of poses in place of the scenario's. Where accuracy is absolute also ``parameters``, groups of
-        unknowns; ``draw``, how many configurations are drawn where there are no ``candidates``; ``report_out``, a page about the plan.
+        Where accuracy is absolute, ``parameters`` are groups of unknowns, and rows are chosen from ``candidates`` or drawn.
         """
-        found = self.command("plan", experiments=experiments, **given)
-        return Design(**vars(Assessment.from_results(found)))
+        return Design(self.command("plan", experiments=experiments, **given))
 
-    def evaluate(self, plan: Plan | FilePath, **given: Any) -> Assessment:
+    @takes("evaluate")
+    def evaluate(self, plan: Plan | FilePath, **given: Unpack[options.EvaluateGiven]) -> Assessment:
         """The predicted accuracy of a plan, and the bound that no plan of as many measurements can beat.
 
-        Where accuracy is absolute, a plan that names targets or stations is a file's: its path, as ``plan_out`` wrote it. Keywords
-        are then also ``parameters``, groups of unknowns; ``trials``, how many virtual robots are drawn, read as the plan says and
-        identified, to see whether it errs as predicted (``results["trials"]``); ``report_out``, a page about all that.
+        Where accuracy is absolute, a plan that names targets or stations is a file's: its path, as ``plan_out`` wrote it; with
+        ``trials``, ``results["trials"]`` says whether virtual robots err as predicted.
         """
-        if isinstance(plan, Plan):
-            return Assessment.from_results(self._with_plan("evaluate", plan, **given))
-        return Assessment.from_results(self.command("evaluate", plan=plan, **given))
+        with self._files(plan=plan) as files:
+            return Assessment(self.command("evaluate", **files, **given))
 
-    def budget(self, accuracy_um: float | None = None, up_to: int | None = None, **given: Any) -> Results:
+    @takes("budget")
+    def budget(
+        self, accuracy_um: float | None = None, up_to: int | None = None, **given: Unpack[options.BudgetGiven]
+    ) -> Results:
         """How many measurements in how many configurations an accuracy (um, rms) takes."""
         return self.command("budget", accuracy_um=accuracy_um, up_to=up_to, **given)
 
-    def measure(
-        self, plan: Plan, *, run: int | None = None, noise_free: bool = False, seed: int | None = None
-    ) -> Measurements:
+    @takes("measure")
+    def measure(self, plan: Plan | FilePath, **given: Unpack[options.MeasureGiven]) -> Measurements:
         """Measures a plan on the virtual robot, with the random numbers of a run under the seed (run 0 if not given).
 
         With ``run``, the robot is that of the run in a study: its compliances are drawn where the scenario has them vary.
         """
-        with _folder() as folder:
-            out = folder / "measurements.csv"
-            chosen = self.seed if seed is None else seed
-            self._with_plan("measure", plan, run=run, noise_free=noise_free, measurements_out=out, seed=chosen)
-            return Measurements.from_text(read(out))
+        with self._files(plan=plan) as files:
+            kept = given.pop("measurements_out", None)
+            with _folder() as folder:
+                out = Path(kept or folder / "measurements.csv")
+                self.command("measure", **files, measurements_out=out, **given)
+                return Measurements.from_text(read(out))
 
-    def identify(
-        self,
-        measurements: Measurements | FilePath,
-        *,
-        method: str | None = None,
-        sigma_from_residuals: bool = False,
-        parameters: list[str] | None = None,
-        model_selection: bool = False,
-        against: FilePath | None = None,
-        plot_out: FilePath | None = None,
-        keep_all: bool = False,
-    ) -> Identified:
+    @takes("identify")
+    def identify(self, measurements: Measurements | Readings | FilePath, **given: Unpack[options.IdentifyGiven]) -> Identified:
         """Identifies the compliances; ``method`` is ``nonlinear`` or ``linear``, the scenario's if not given.
 
-        Absolute readings are a file's: its path in place of ``measurements``. ``parameters`` are then groups such as ``geometry``
-        and ``compliances``, fitted with all frames; the results' ``unknowns`` and ``stations`` say what came of it. ``model_selection``
-        compares models with more and more groups, under ``model_selection`` in the results, and fits the one that is recommended. Another
-        series ``against`` which contradicts this one is told under ``inconsistencies``. A picture goes to ``plot_out``. Readings that
-        lie far out, deflections too, are left out, unless ``keep_all``.
+        Absolute readings are those of :func:`read_table`, or a file's. ``parameters`` are then groups such as ``geometry`` and
+        ``compliances``, fitted with all frames; the results' ``unknowns`` and ``stations`` say what came of it. Readings that lie
+        far out, deflections too, are left out, unless ``keep_all``.
         """
-        with _folder() as folder:
-            if isinstance(measurements, Measurements):
-                measurements.save(folder / "measurements.csv")
-                path: FilePath = folder / "measurements.csv"
-            else:
-                path = measurements
-            return Identified(
-                self.command(
-                    "identify",
-                    measurements=path,
-                    method=method,
-                    sigma_from_residuals=sigma_from_residuals,
-                    parameters=parameters,
-                    model_selection=model_selection,
-                    against=against,
-                    plot_out=plot_out,
-                    keep_all=keep_all,
-                )
-            )
+        with self._files(measurements=measurements) as files:
+            return Identified(self.command("identify", **files, **given))
 
-    def select(self, measurements: FilePath, *, parameters: list[str] | None = None, **given: Any) -> Results:
-        """Chooses a few of many absolute readings in several ways, calibrates with each choice, and judges on all others.
+    @takes("select")
+    def select(self, measurements: Readings | FilePath, **given: Unpack[options.SelectGiven]) -> Results:
+        """Chooses a few of many absolute readings in several ways, calibrates with each choice, and judges on all others."""
+        with self._files(measurements=measurements) as files:
+            return self.command("select", **files, **given)
 
-        Further keywords are the options of ``elastocal select``: ``sizes``, ``draws``, ``campaigns``, ``plot_out``.
-        """
-        return self.command("select", measurements=measurements, parameters=parameters, **given)
-
-    def compensate(self, identified: Identified, *, method: str | None = None) -> Compensation:
+    @takes("compensate")
+    def compensate(self, identified: Identified | FilePath, **given: Unpack[options.CompensateGiven]) -> Compensation:
         """The angles to command at the test poses, so that the loaded tool stands where it should."""
-        with _folder() as folder:
-            path = folder / "identified.json"
-            path.write_text(json.dumps(identified.results), encoding="utf-8")
-            return Compensation(self.command("compensate", identified=path, method=method))
+        with self._files(identified=identified) as files:
+            return Compensation(self.command("compensate", **files, **given))
 
-    def compensate_targets(self, identified: Identified, targets: FilePath, **given: Any) -> Results:
-        """The angles to command for absolute targets of a file.
+    @takes("compensate")
+    def compensate_targets(
+        self, identified: Identified | FilePath, targets: FilePath, **given: Unpack[options.CompensateGiven]
+    ) -> Results:
+        """The angles to command for absolute targets of a file."""
+        with self._files(identified=identified) as files:
+            return self.command("compensate", **files, targets=targets, **given)
 
-        Further keywords are ``tool``, ``frame``, ``station``, ``workpiece`` and ``angles_out``.
-        """
-        with _folder() as folder:
-            path = folder / "identified.json"
-            path.write_text(json.dumps(identified.results), encoding="utf-8")
-            return self.command("compensate", identified=path, targets=targets, **given)
-
-    def export(self, identified: Identified, model_out: FilePath) -> Results:
+    @takes("export")
+    def export(self, identified: Identified | FilePath, model_out: FilePath, **given: Unpack[options.ExportGiven]) -> Results:
         """Writes the calibrated robot as a model: MJCF where the file ends in ``.xml``, URDF where it ends in ``.urdf``."""
-        with _folder() as folder:
-            path = folder / "identified.json"
-            path.write_text(json.dumps(identified.results), encoding="utf-8")
-            return self.command("export", identified=path, model_out=model_out)
+        with self._files(identified=identified) as files:
+            return self.command("export", **files, model_out=model_out, **given)
 
-    def next(self, measurements: Measurements, plan: Plan, **given: Any) -> Results:
+    @takes("next")
+    def next(self, measurements: Measurements | FilePath, plan: Plan | FilePath, **given: Unpack[options.NextGiven]) -> Results:
         """What to measure next, after some of a plan is measured."""
-        with _folder() as folder:
-            measurements.save(folder / "measurements.csv")
-            return self._with_plan("next", plan, measurements=folder / "measurements.csv", **given)
+        with self._files(measurements=measurements, plan=plan) as files:
+            return self.command("next", **files, **given)
 
-    def validate(self, identified: Identified, measurements: Measurements | FilePath | None = None, **given: Any) -> Results:
+    @takes("validate")
+    def validate(
+        self,
+        identified: Identified | FilePath,
+        measurements: Measurements | Readings | FilePath | None = None,
+        **given: Unpack[options.ValidateGiven],
+    ) -> Validation:
         """A plan for checking an identification, or, with measurements, whether it errs as it predicts."""
-        with _folder() as folder:
-            path = folder / "identified.json"
-            path.write_text(json.dumps(identified.results), encoding="utf-8")
-            if isinstance(measurements, Measurements):
-                measurements.save(folder / "measurements.csv")
-                given["measurements"] = folder / "measurements.csv"
-            elif measurements is not None:
-                given["measurements"] = measurements
-            return self.command("validate", identified=path, **given)
+        with self._files(identified=identified, measurements=measurements) as files:
+            return Validation(self.command("validate", **files, **given))
 
-    def lab(self, plan: Plan, out: FilePath, **given: Any) -> Results:
+    @takes("lab")
+    def lab(self, plan: Plan | FilePath, out: FilePath, **given: Unpack[options.LabGiven]) -> Results:
         """Run sheet, robot program and table to fill in, in a folder under ``out``."""
-        return self._with_plan("lab", plan, out=out, **given)
+        with self._files(plan=plan) as files:
+            return self.command("lab", **files, out=out, **given)
 
+    @takes("study")
     def study(
         self,
         *,
+        plans: Mapping[str, Plan | FilePath] | None = None,
         out: FilePath | None = None,
         executor: Executors | None = None,
         shards: int | None = None,
         tallies: FilePath | None = None,
-        **given: Any,
+        **given: Unpack[options.StudyGiven],
     ) -> Results:
-        """Compares the scenario's plans over many runs: ``trials``, ``level``, ``resume``, ``shard``, ... as ``elastocal study``.
-
-        Where accuracy is absolute also ``parameters``, ``candidates`` and ``draw``, as of :meth:`design`.
-        Without ``out`` no file stays.
+        """Compares the scenario's plans over many runs, or ``plans``: by name a :class:`Plan`, its file, or "optimal", "random_each"
+        and what else is a ``kind`` of ``[[study.plan]]``. Without ``out`` no file stays.
 
         With an ``executor``, any of :mod:`concurrent.futures` or a function that makes one, the study is made in ``shards`` (16 if
         not given) by its workers, each with ``threads`` (one if not given), to the same bits. Files that the scenario names are sent
         along. A shard whose worker is lost is made again; with ``tallies``, a folder, shards that are made stay there, and the same
         call goes on from them.
         """
+        if plans is not None:
+            with self._files(**plans) as files:
+                listed = [{"name": name, **_study_plan(path)} for name, path in files.items()]
+                other = self.with_({"study.plan": listed})
+                return other.study(out=out, executor=executor, shards=shards, tallies=tallies, **given)
         if executor is None:
             if shards is not None or tallies is not None:
                 raise UsageError("shards and tallies are for a study on an executor; `shard` makes one part")
-            return self._into("study", out, given)
-        given = {"seed": self.seed, "noise_only": self.noise_only, "threads": self.threads or 1} | given
+            return self._into("study", out, dict(given))
+        own = {"seed": self.seed, "noise_only": self.noise_only, "threads": self.threads or 1}
         with _folder() as folder:
             kept = folder / "tallies" if tallies is None else Path(tallies)
-            files = run_shards(self.path, executor, shards or SHARDS, kept, given)
+            files_of_shards = run_shards(self.path, executor, shards or SHARDS, kept, own | given)
             if out is not None:
-                return merged(files, out)
-            return _gone(folder, merged(files, folder))
+                return merged(files_of_shards, out)
+            return _gone(folder, merged(files_of_shards, folder))
 
-    def run(self, *, out: FilePath | None = None, **given: Any) -> Results:
+    @takes("run")
+    def run(self, *, out: FilePath | None = None, **given: Unpack[options.RunGiven]) -> Results:
         """The whole loop: design, measure, identify, compensate, beside other plans. Without ``out`` no file stays."""
-        return self._into("run", out, given)
+        return self._into("run", out, dict(given))
 
-    def replay(self, run: int, *, out: FilePath | None = None, **given: Any) -> Results:
+    @takes("replay")
+    def replay(self, run: int, *, out: FilePath | None = None, **given: Unpack[options.ReplayGiven]) -> Results:
         """One run of the study on the virtual robot."""
         return self._into("replay", out, {"run": run, **given})
 
-    def reproduce(self, *, out: FilePath | None = None, **given: Any) -> Results:
+    @takes("reproduce")
+    def reproduce(self, *, out: FilePath | None = None, **given: Unpack[options.ReproduceGiven]) -> Results:
         """The paper's numbers beside this program's."""
-        return self._into("reproduce", out, given)
+        return self._into("reproduce", out, dict(given))
 
     def _into(self, name: str, out: FilePath | None, given: dict[str, Any]) -> Results:
         if out is not None:
@@ -332,32 +295,42 @@ class Scenario:
             return _gone(folder, self.command(name, out=folder, **given))
 
 
-def compare(base: FilePath, new: FilePath, **given: Any) -> Results:
-    """Two results files against tolerances: ``allow_different``, ``exact``, ``within``, ``markdown``."""
-    return command("compare", base, new, **given)
+def _study_plan(plan: object) -> dict[str, str]:
+    is_kind = isinstance(plan, str) and "." not in plan and "/" not in plan
+    return {"kind": str(plan)} if is_kind else {"kind": "file", "file": str(Path(str(plan)).resolve())}
 
 
-def init(model: FilePath, scenario_out: FilePath, tip: str | None = None) -> Scenario:
+@takes("compare")
+def compare(base: FilePath, new: FilePath, **given: Unpack[options.CompareGiven]) -> Results:
+    """Two results files against tolerances."""
+    return _command("compare", base, new, **given)
+
+
+@takes("init")
+def init(model: FilePath, scenario_out: FilePath, **given: Unpack[options.InitGiven]) -> Scenario:
     """A first scenario for a robot's model (MJCF or URDF), written to ``scenario_out``; returns it."""
-    command("init", model, scenario_out=scenario_out, tip=tip)
+    _command("init", model, scenario_out=scenario_out, **given)
     return Scenario(scenario_out)
 
 
-def import_table(table: FilePath, mapping: FilePath, measurements_out: FilePath | None = None) -> Results:
+@takes("import")
+def import_table(table: FilePath, mapping: FilePath, **given: Unpack[options.ImportGiven]) -> Results:
     """Reads a table of another program through a mapping of its columns, and writes a measurement file."""
-    return command("import", table, mapping=mapping, measurements_out=measurements_out)
+    return _command("import", table, mapping=mapping, **given)
 
 
-def merge(*shards: FilePath, **given: Any) -> Results:
+@takes("merge")
+def merge(*shards: FilePath, **given: Unpack[options.MergeGiven]) -> Results:
     """Joins the shards of a study."""
-    return command("merge", *shards, **given)
+    return _command("merge", *shards, **given)
 
 
-def explain(*codes: str) -> Results:
+@takes("explain")
+def explain(*codes: str, **given: Unpack[options.ExplainGiven]) -> Results:
     """What codes of conditions and errors mean, such as "C0102"; all codes if none is given."""
-    return command("explain", *codes)
+    return _command("explain", *codes, **given)
 
 
 def schema() -> Results:
     """The JSON schema of scenario files."""
-    return command("schema")
+    return _command("schema")

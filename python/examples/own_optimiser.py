@@ -6,9 +6,12 @@
 import sys
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 import elastocal as ec
+
+Array = NDArray[np.float64]
 
 
 def main(path: str) -> None:
@@ -19,29 +22,37 @@ def main(path: str) -> None:
     weight = np.array([0.0, 0.0, -2500.0, 0.0, 0.0, 0.0])
     random = np.random.default_rng(1)
 
-    def plan_of(q_deg: np.ndarray) -> ec.Plan:
-        return ec.Plan.of(q_deg.reshape(experiments, joints), weight)
+    def plan_of(q_deg: Array) -> ec.Plan:
+        return ec.Plan(q_deg.reshape(experiments, joints), weight, unit="deg")
 
-    def logarithm(q_deg: np.ndarray) -> tuple[float, np.ndarray]:
+    def logarithm(q_deg: Array) -> tuple[float, Array]:
         value, gradient = problem.objective(plan_of(q_deg))
-        return np.log(value), np.radians(gradient).ravel() / value
+        return float(np.log(value)), np.radians(gradient).ravel() / value
 
-    found = [
-        minimize(
-            logarithm,
-            random.uniform(low, high, (experiments, joints)).ravel(),
-            jac=True,
-            bounds=list(zip(low, high)) * experiments,
-        )
-        for _ in range(8)
-    ]
-    best = plan_of(min(found, key=lambda each: each.fun).x)
-    # SciPy knows joint ranges alone; elastocal names what else the scenario asks for.
+    def possible() -> Array:
+        """Configurations at random in which the scenario lets a robot be."""
+        rows: list[Array] = []
+        while len(rows) < experiments:
+            row = random.uniform(low, high)
+            if not problem.violations(row, weight):
+                rows.append(row)
+        return np.concatenate(rows)
+
+    def search() -> Array:
+        """From a possible plan to the optimum, which knows joint ranges alone, and back as far as the plan is impossible."""
+        start = possible()
+        end = minimize(logarithm, start, jac=True, bounds=list(zip(low, high)) * experiments).x
+        ways = [start + share * (end - start) for share in np.linspace(1, 0, 41)]
+        return min((each for each in ways if not problem.violations(plan_of(each))), key=lambda each: logarithm(each)[0])
+
+    best = plan_of(min((search() for _ in range(8)), key=lambda each: logarithm(each)[0]))
     assessed = scenario.evaluate(best, no_proof=True)
-    found = "; ".join(map(str, assessed.conditions)) or "a possible plan"
-    print(f"SciPy: rho0 = {1e6 * assessed.rho0_m:.3f} um, {found}")
     design = scenario.design(experiments=experiments, no_proof=True)
-    print(f"elastocal: rho0 = {1e6 * design.rho0_m:.3f} um, no plan below {1e6 * design.lower_bound_rho0_m:.3f} um")
+    for name, found in {"SciPy": assessed, "elastocal": design}.items():
+        assert found.rho0_m is not None and not found.violations
+        print(f"{name}: rho0 = {1e6 * found.rho0_m:.3f} um, a possible plan")
+    if design.lower_bound_rho0_m is not None:
+        print(f"no plan is below {1e6 * design.lower_bound_rho0_m:.3f} um")
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ def main(model: str) -> None:
         for warning in scenario.check()["warnings"]:
             print("warning:", warning)
         design = scenario.design(experiments=4, no_proof=True)
-        print(f"4 measurements predict {1e6 * design.rho0_m:.1f} um")
+        print(repr(design))
         identified = scenario.identify(scenario.measure(design.plan))
         for name, value, error in zip(
             identified.names, identified.compliance_rad_per_nm, identified.compliance_std_rad_per_nm

@@ -1,5 +1,6 @@
 //! The command line's commands, called with its arguments.
 
+use std::any::TypeId;
 use std::ffi::OsString;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
@@ -8,13 +9,14 @@ use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
-use clap::{CommandFactory, Parser};
+use clap::{Arg, ArgAction, CommandFactory, Parser};
 use elastocal::files::shipped;
 use pyo3::prelude::*;
 use serde_json::{Value, json};
 
 use crate::cli::printed_error::PrintedError;
 use crate::cli::interruption::STOP;
+use crate::cli::progress::LATEST;
 use crate::cli::{Arguments, Report, process};
 
 /// How often Python is asked whether somebody pressed ctrl-C.
@@ -23,18 +25,25 @@ const PATIENCE: Duration = Duration::from_millis(50);
 static BUSY: Mutex<()> = Mutex::new(());
 
 /// Does what a command says, with the command line's arguments, on so many threads. Returns JSON: `results`, `text`
-/// and `conditions`, or `error` with `hint`, `is_usage` and, but for usage, `code`.
+/// and `conditions`, or `error` with `hint`, `is_usage` and, but for usage, `code`. What is done meanwhile goes to `progress`:
+/// its name, how much is done, of how much (none where that is not known), and a message.
 ///
 /// # Errors
 /// Python's, such as KeyboardInterrupt: the work then ends soon, and nothing is made of a part of it.
 #[pyfunction]
-#[pyo3(signature = (arguments, threads=None))]
-pub fn command(py: Python<'_>, arguments: Vec<String>, threads: Option<usize>) -> PyResult<String> {
+#[pyo3(signature = (arguments, threads=None, progress=None))]
+pub fn command(
+    py: Python<'_>,
+    arguments: Vec<String>,
+    threads: Option<usize>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<String> {
     let (said, mut hears) = channel();
     py.detach(|| {
         std::thread::spawn(move || {
             let _turn = BUSY.lock().unwrap_or_else(PoisonError::into_inner);
             STOP.store(false, Ordering::Relaxed);
+            *LATEST.lock().unwrap_or_else(PoisonError::into_inner) = Default::default();
             let answer = catch_unwind(AssertUnwindSafe(|| answer(&arguments, threads)));
             let _ = said.send(answer.unwrap_or_else(|_| {
                 json!({ "error": "elastocal broke down; please report it", "hint": null, "is_usage": false })
@@ -42,6 +51,7 @@ pub fn command(py: Python<'_>, arguments: Vec<String>, threads: Option<usize>) -
         });
     });
     let mut interrupted = None;
+    let mut shown = Doing::default();
     loop {
         let (heard, back) = py.detach(move || (hears.recv_timeout(PATIENCE), hears));
         hears = back;
@@ -53,13 +63,33 @@ pub fn command(py: Python<'_>, arguments: Vec<String>, threads: Option<usize>) -
                 };
             }
             Err(RecvTimeoutError::Timeout) => {
-                if let Err(error) = py.check_signals() {
+                let listener = progress.as_ref().filter(|_| interrupted.is_none());
+                let doing = doing();
+                let told = match listener {
+                    Some(listener) if doing != shown => listener.call1(py, doing.clone()).map(drop),
+                    _ => Ok(()),
+                };
+                shown = doing;
+                if let Err(error) = told.and_then(|()| py.check_signals()) {
                     STOP.store(true, Ordering::Relaxed);
                     interrupted = Some(error);
                 }
             }
             Err(RecvTimeoutError::Disconnected) => return Ok(Value::Null.to_string()),
         }
+    }
+}
+
+/// What is done, how much of it is done, of how much, and a message.
+type Doing = (String, u64, Option<u64>, String);
+
+/// What is done now.
+fn doing() -> Doing {
+    let latest = LATEST.lock().unwrap_or_else(PoisonError::into_inner);
+    let (what, bar) = &*latest;
+    match bar.as_ref().filter(|bar| !bar.is_finished()) {
+        Some(bar) => (what.clone(), bar.position(), bar.length(), bar.message()),
+        None => (what.clone(), 0, None, String::new()),
     }
 }
 
@@ -109,7 +139,7 @@ pub fn set_shared(folder: PathBuf) {
 }
 
 /// The command line's commands with their arguments, as JSON: for each command a list of `name`, `long`,
-/// `takes_value`, `is_positional`, `is_hidden` and `help`.
+/// `takes_value`, `is_positional`, `is_hidden`, `is_list`, `type`, `choices` and `help`.
 #[pyfunction]
 pub fn options() -> String {
     let program = Arguments::command();
@@ -126,6 +156,9 @@ pub fn options() -> String {
                     "takes_value": option.get_action().takes_values(),
                     "is_positional": option.is_positional(),
                     "is_hidden": option.is_hide_set(),
+                    "is_list": is_list(option),
+                    "type": kind(option),
+                    "choices": choices(option),
                     "help": option.get_help().map(ToString::to_string),
                 })
             })
@@ -133,4 +166,37 @@ pub fn options() -> String {
         (command.get_name().to_owned(), Value::Array(options))
     });
     Value::Object(listed.collect()).to_string()
+}
+
+fn is_list(option: &Arg) -> bool {
+    let many = option.get_num_args().is_some_and(|range| range.max_values() > 1);
+    many || option.get_value_delimiter().is_some() || matches!(option.get_action(), ArgAction::Append)
+}
+
+/// What Python calls the type of an option's value.
+fn kind(option: &Arg) -> &'static str {
+    let id = option.get_value_parser().type_id();
+    let is = |types: &[TypeId]| types.iter().any(|each| id == *each);
+    if !option.get_action().takes_values() {
+        "bool"
+    } else if is(&[TypeId::of::<PathBuf>()]) {
+        "path"
+    } else if is(&[TypeId::of::<f64>()]) {
+        "float"
+    } else if is(&[
+        TypeId::of::<u16>(),
+        TypeId::of::<u32>(),
+        TypeId::of::<u64>(),
+        TypeId::of::<usize>(),
+    ]) {
+        "int"
+    } else {
+        "str"
+    }
+}
+
+fn choices(option: &Arg) -> Vec<String> {
+    let choices = option.get_value_parser().possible_values();
+    let names = choices.into_iter().flatten();
+    names.map(|each| each.get_name().to_owned()).collect()
 }

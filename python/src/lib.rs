@@ -7,6 +7,7 @@
 mod cli;
 mod commands;
 mod problem;
+mod tables;
 
 use pyo3::prelude::*;
 
@@ -20,5 +21,7 @@ fn _elastocal(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(commands::set_shared, module)?)?;
     module.add_function(wrap_pyfunction!(commands::command, module)?)?;
     module.add_function(wrap_pyfunction!(commands::options, module)?)?;
+    module.add_function(wrap_pyfunction!(tables::read_toml, module)?)?;
+    module.add_function(wrap_pyfunction!(tables::written_toml, module)?)?;
     module.add_class::<problem::PlanningProblem>()
 }

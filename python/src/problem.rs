@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use elastocal::plan::search::Problem;
-use elastocal::plan::{Criterion, Experiment, Plan};
+use elastocal::plan::{Criterion, Experiment, Feasibility, Plan};
 use elastocal::robot::{Load, ObservationMatrix};
 use elastocal::scenario::Scenario;
 use nalgebra::{Dim, Matrix, RawStorage};
@@ -113,6 +113,28 @@ impl PlanningProblem {
         wrenches: Vec<[f64; 6]>,
         repeats: Vec<u32>,
     ) -> PyResult<(f64, Rows)> {
+        let plan = self.plan(&q, wrenches, repeats)?;
+        Ok(py.detach(|| self.value_and_gradient(&plan)))
+    }
+
+    /// What is impossible about a plan, in words; nothing where it can be measured.
+    fn violations(
+        &self,
+        py: Python<'_>,
+        q: Rows,
+        wrenches: Vec<[f64; 6]>,
+        repeats: Vec<u32>,
+    ) -> PyResult<Vec<String>> {
+        let plan = self.plan(&q, wrenches, repeats)?;
+        Ok(py.detach(|| {
+            let found = Feasibility::new(&self.scenario.task).violations(&plan);
+            found.iter().map(ToString::to_string).collect()
+        }))
+    }
+}
+
+impl PlanningProblem {
+    fn plan(&self, q: &Rows, wrenches: Vec<[f64; 6]>, repeats: Vec<u32>) -> PyResult<Plan> {
         if q.len() != wrenches.len() || q.len() != repeats.len() || q.is_empty() {
             return Err(PyValueError::new_err(
                 "as many configurations as wrenches and repeats are needed, and at least one",
@@ -127,11 +149,9 @@ impl PlanningProblem {
                 approach: None,
             });
         }
-        Ok(py.detach(|| self.value_and_gradient(&Plan { experiments })))
+        Ok(Plan { experiments })
     }
-}
 
-impl PlanningProblem {
     fn configuration(&self, written: &[f64]) -> PyResult<Vec<f64>> {
         let commands = self.scenario.task.belief.commands();
         if written.len() != commands.len() {

@@ -97,7 +97,7 @@ def test_the_loop_has_the_program_s_bits(tmp_path: Path) -> None:
     found = scenario.identify(measurements)
     assert same(program("identify", PAPER, "--measurements", measured, "--identified-out", identified), found.results)
     # The deflections alone, without where they come from, say the same.
-    plain = ec.Measurements.of(measurements.q_deg, measurements.wrench, measurements.deflection_mm)
+    plain = ec.Measurements(measurements.q_deg, measurements.wrench, measurements.deflection_mm)
     assert np.array_equal(scenario.identify(plain).compliance_rad_per_nm, found.compliance_rad_per_nm)
     compensated = scenario.compensate(found)
     assert same(program("compensate", PAPER, "--identified", identified), compensated.results)
@@ -216,7 +216,7 @@ def test_matrices_are_those_of_the_prediction() -> None:
         for sign in (1, -1):
             q = plan.q_deg.copy()
             q[experiment, joint] += sign * np.degrees(step)
-            ends.append(problem.objective(ec.Plan.of(q, plan.wrench, plan.repeats))[0])
+            ends.append(problem.objective(ec.Plan(q, plan.wrench, plan.repeats))[0])
         assert np.isclose(gradient[experiment, joint], (ends[0] - ends[1]) / (2 * step), rtol=1e-5, atol=1e-18)
     with pytest.raises(ValueError, match="6 commanded joints"):
         problem.observation_matrix([0, 0], [0, 0, -1, 0, 0, 0])
@@ -265,7 +265,7 @@ def test_examples_run(name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest
     assert "um" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("name", ["fig7", "own_robot"])
+@pytest.mark.parametrize("name", ["fig7", "own_robot", "tracker_table", "urdf_to_validated"])
 def test_notebooks_run(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(ROOT / "python/notebooks")
     monkeypatch.setenv("MPLBACKEND", "Agg")

@@ -31,7 +31,7 @@ mod patterns;
 mod plan;
 pub mod printed_error;
 pub mod process;
-mod progress;
+pub mod progress;
 mod proof;
 mod repeats;
 mod replay;
@@ -524,6 +524,7 @@ impl Common {
 
     /// Says on stderr what is being done.
     fn say(&self, what: &str) {
+        progress::note(what, None);
         if !self.quiet {
             say(what);
         }

@@ -1,6 +1,17 @@
 //! Progress bars on stderr.
 
+use std::sync::{Mutex, PoisonError};
+
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+/// What was said last and the bar that was made since, for who calls commands as functions and shows progress otherwise.
+pub static LATEST: Mutex<(String, Option<ProgressBar>)> = Mutex::new((String::new(), None));
+
+/// Notes what is done now.
+pub fn note(what: &str, bar: Option<&ProgressBar>) {
+    let mut latest = LATEST.lock().unwrap_or_else(PoisonError::into_inner);
+    *latest = (what.to_owned(), bar.cloned());
+}
 
 /// A bar of known length; shown on a terminal only.
 pub fn bar(quiet: bool, what: &str) -> ProgressBar {
@@ -14,5 +25,6 @@ pub fn bar(quiet: bool, what: &str) -> ProgressBar {
         bar.set_style(style);
     }
     bar.set_prefix(what.to_owned());
+    note(what, Some(&bar));
     bar
 }

@@ -1,0 +1,42 @@
+"""What goes wrong, in Python's words."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Iterable
+
+
+class ElastocalError(Exception):
+    """What the command line says after ``error CODE:``; ``hint`` is what it says after ``hint:``, if anything.
+
+    ``code`` is stable, such as "E0101", and ``elastocal explain`` says what it means; None for usage.
+    """
+
+    def __init__(self, message: str, hint: str | None = None, code: str | None = None) -> None:
+        super().__init__(message)
+        self.hint = hint
+        self.code = code
+        # Tracebacks show notes (from Python 3.11 on), and so the hint.
+        if hint is not None and hasattr(self, "add_note"):
+            self.add_note(f"hint: {hint}")
+
+
+class UsageError(ElastocalError):
+    """An option that is not there, or a value that it cannot have."""
+
+
+def nearest(word: str, known: Iterable[str]) -> str | None:
+    """A hint with the known words that are like a wrong one, if there are any."""
+    near = difflib.get_close_matches(word, list(known), n=3, cutoff=0.7)
+    return f"did you mean {' or '.join(repr(each) for each in near)}?" if near else None
+
+
+def in_python(text: str, longs: dict[str, str]) -> str:
+    """A message of the command line with keywords in place of options, and without what is for a terminal."""
+    told = re.split(r"\n\n(?:Usage|For more information)", text.removeprefix("error: "))[0]
+
+    def keyword(found: re.Match[str]) -> str:
+        return longs.get(found[1], found[0])
+
+    return re.sub(r"--([a-z][a-z-]*)(?:[ =]<[^>]*>)?", keyword, told).rstrip()

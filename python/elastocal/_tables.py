@@ -1,0 +1,114 @@
+"""Absolute readings out of a data frame."""
+
+from __future__ import annotations
+
+import json
+import re
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from . import _elastocal
+from ._commands import command, read
+from ._data import Readings, angles, numbers
+from ._errors import UsageError, nearest
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from scipy.spatial.transform import Rotation
+
+#: Columns with numbers, and the unit that they have if `units` says nothing.
+UNITS = {"joints": "deg", "position": "mm", "rotation": "deg", "force": "N", "torque": "Nm", "time": "s", "temperature": "C"}
+#: Columns with words; what is not a column's name is the word of all rows.
+WORDS = ["target", "station", "state", "approach"]
+#: SciPy's words for rotations, and elastocal's.
+CONVENTIONS = {"quat": "quaternion xyzw", "rotvec": "rotation_vector", "matrix": "matrix"}
+
+
+def convention(rotation: str) -> str:
+    """Elastocal's words for SciPy's: capital axes turn with the target, small ones stand still."""
+    if rotation in CONVENTIONS:
+        return CONVENTIONS[rotation]
+    if re.fullmatch(r"[xyz]{3}|[XYZ]{3}", rotation):
+        return f"{'intrinsic' if rotation.isupper() else 'extrinsic'} {rotation.lower()}"
+    wanted = "'XYZ' (axes that turn with the target), 'xyz' (axes that stand still), 'quat' (x, y, z, w), 'rotvec' or 'matrix'"
+    raise UsageError(f"rotation is not {rotation!r}; as in SciPy it is {wanted}")
+
+
+def read_table(
+    frame: pd.DataFrame,
+    *,
+    columns: Mapping[str, str | Sequence[str]],
+    rotation: str | Rotation | None = None,
+    units: Mapping[str, str] | None = None,
+) -> Readings:
+    """Absolute readings out of a data frame of pandas.
+
+    ``columns`` says where things are: ``joints`` in the model's order, ``position`` and ``rotation`` of the target in the
+    instrument's frame, with standard deviations ``position_std`` and ``rotation_std``; the load as ``force`` and ``torque``;
+    ``time``, ``temperature``; ``target``, ``station``, ``state``, ``approach``: a column, or one word for all rows.
+
+    ``rotation`` is SciPy's word for the columns: ``"XYZ"`` (intrinsic Euler angles), ``"xyz"`` (extrinsic), ``"quat"``, ``"rotvec"``,
+    ``"matrix"``; or a SciPy ``Rotation`` with one for each row. ``units`` are deg, mm, N, N m, s and C if not given:
+    ``units={"joints": "rad"}``.
+    """
+    made = frame.copy()
+    known = {*UNITS, *WORDS, "position_std", "rotation_std"}
+    places: dict[str, Any] = {key: [value] if isinstance(value, str) else list(value) for key, value in columns.items()}
+    unit = UNITS | dict(units or {})
+    for what in [*places, *unit]:
+        if what not in known:
+            raise UsageError(f"columns have no {what!r}; they have: {', '.join(sorted(known))}", nearest(what, known))
+    if rotation is not None and not isinstance(rotation, str):
+        turned = rotation.as_quat()
+        if len(turned) != len(made):
+            raise UsageError(f"rotation has {len(turned)} rotations, and the frame has {len(made)} rows")
+        places["rotation"] = ["qx of rotation", "qy of rotation", "qz of rotation", "qw of rotation"]
+        made[places["rotation"]] = turned
+    for what in ("joints", "position"):
+        if what not in places:
+            raise UsageError(f"columns have no {what!r}", "columns={'joints': [...], 'position': ['x', 'y', 'z']} are needed")
+    if "rotation" in places and rotation is None:
+        raise UsageError("columns have a rotation: rotation='XYZ' or another of SciPy's words says how it is written")
+    for what, names in places.items():
+        for name in names if what not in WORDS else []:
+            if name not in made:
+                raise UsageError(f"columns[{what!r}]: the frame has no column {name!r}", nearest(name, map(str, made.columns)))
+        if what not in WORDS:
+            numbers(f"columns[{what!r}]", made[names].to_numpy())
+    if unit["joints"] in ("deg", "rad"):
+        try:
+            angles(made[places["joints"]].to_numpy(), "rad" if unit["joints"] == "rad" else None)
+        except UsageError as error:
+            hint = "units={'joints': 'rad'} or {'joints': 'deg'} says what they are"
+            raise UsageError(str(error).replace("q_deg", "columns['joints']"), hint) from None
+    mapping = _mapping(places, unit, rotation, {str(name) for name in made.columns})
+    with tempfile.TemporaryDirectory(prefix="elastocal-") as name:
+        folder = Path(name)
+        made.to_csv(folder / "table.csv", index=False)
+        (folder / "mapping.toml").write_text(_elastocal.written_toml(json.dumps(mapping)), encoding="utf-8")
+        out = folder / "measurements.csv"
+        command("import", folder / "table.csv", mapping=folder / "mapping.toml", measurements_out=out)
+        return Readings(read(out))
+
+
+def _mapping(places: dict[str, Any], unit: dict[str, str], rotation: Any, there: set[str]) -> dict[str, Any]:
+    """What the columns are, as `import` takes it."""
+    said: dict[str, Any] = {"delimiter": ",", "joint": [{"column": each, "unit": unit["joints"]} for each in places["joints"]]}
+    for what in ("position", "rotation", "force", "torque"):
+        if what in places:
+            said[what] = {"columns": places[what]}
+            if what != "rotation" or isinstance(rotation, str) and rotation not in ("quat", "matrix"):
+                said[what]["unit"] = unit[what]
+            if f"{what}_std" in places:
+                said[what]["std_columns"] = places[f"{what}_std"]
+    if "rotation" in places:
+        said["rotation"]["convention"] = convention(rotation) if isinstance(rotation, str) else CONVENTIONS["quat"]
+    for what in ("time", "temperature"):
+        if what in places:
+            said[what] = {"column": places[what][0], "unit": unit[what]}
+    for what in WORDS:
+        if what in places:
+            said[what] = {"column" if places[what][0] in there else "value": places[what][0]}
+    return said

@@ -1,0 +1,326 @@
+"""What makes the package pleasant: keywords that complete, arrays that are checked, changed scenarios, tables and pictures."""
+
+from __future__ import annotations
+
+import inspect
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import elastocal as ec
+from elastocal._commands import OPTIONS_OF_THE_PROGRAM_ALONE, options
+
+from test_elastocal import PAPER, PROGRAM, QUICK, ROOT, needs_program
+
+METHODS = {"design": "plan", "import_table": "import", "compensate_targets": "compensate"}
+DOWN = [0, 0, -200, 0, 0, 0]
+
+
+@pytest.fixture(scope="module")
+def scenario() -> ec.Scenario:
+    return ec.Scenario.load(QUICK)
+
+
+@pytest.fixture(scope="module")
+def design(scenario: ec.Scenario) -> ec.Design:
+    return scenario.design(no_proof=True)
+
+
+# Keywords.
+
+
+def test_types_of_keywords_are_those_of_the_command_line() -> None:
+    checked = subprocess.run([sys.executable, ROOT / "tools/python-options", "--check"], capture_output=True, text=True, check=False)
+    assert checked.returncode == 0, checked.stderr
+
+
+@needs_program
+def test_signatures_have_every_option_of_the_program() -> None:
+    functions = {name: each for name, each in inspect.getmembers(ec.Scenario, inspect.isfunction) if not name.startswith("_")}
+    functions |= {name: getattr(ec, name) for name in ("compare", "init", "import_table", "merge", "explain")}
+    seen = set()
+    for name, function in functions.items():
+        command = METHODS.get(name, name)
+        if command not in options():
+            continue
+        seen.add(command)
+        text = subprocess.run([PROGRAM, command, "--help"], capture_output=True, text=True, check=True).stdout
+        shown = {each.replace("-", "_") for each in re.findall(r"^ +(?:-\w, )?--([a-z-]+)", text, flags=re.MULTILINE)}
+        hidden = {each["name"] for each in options()[command] if each["is_hidden"]}
+        taken = set(inspect.signature(function).parameters)
+        assert shown - OPTIONS_OF_THE_PROGRAM_ALONE - hidden <= taken, name
+        assert not any(each.kind is inspect.Parameter.VAR_KEYWORD for each in inspect.signature(function).parameters.values()), name
+    assert seen == set(options()) - {"view", "completion", "schema"}
+    assert "how many" in (ec.Scenario.select.__doc__ or "").lower()
+
+
+@pytest.mark.parametrize(
+    ("method", "given", "message", "hint"),
+    [
+        ("design", {"experimnts": 4}, "plan has no option 'experimnts'", "did you mean 'experiments'"),
+        ("design", {"experiments": -1}, r"invalid value '-1' for 'experiments': -1 is not in 1", None),
+        ("design", {"no_proof": True, "prove": "1%"}, "'no_proof' cannot be used with", None),
+        ("design", {"no_proof": 3}, "no_proof is True or False, not 3", None),
+        ("design", {"plan_out": True}, "plan_out wants a value", None),
+        ("design", {"experiments": [3, 4]}, "experiments is one value", None),
+        ("design", {"experiments": object()}, "experiments is text, a number or a path, not a object", None),
+        ("study", {"level": "robots"}, "invalid value 'robots' for 'level'", "robot"),
+    ],
+)
+def test_wrong_usage_is_told_in_python_s_words(
+    scenario: ec.Scenario, method: str, given: dict[str, Any], message: str, hint: str | None
+) -> None:
+    with pytest.raises(ec.UsageError, match=message) as raised:
+        getattr(scenario, method)(**given)
+    assert "--" not in f"{raised.value} {raised.value.hint}"
+    assert hint is None or hint in str(raised.value.hint)
+
+
+def test_hints_have_no_options_of_the_command_line(design: ec.Design) -> None:
+    with pytest.raises(ec.UsageError, match="there is no command 'plann'") as raised:
+        ec.command("plann", QUICK)  # type: ignore[call-overload]
+    assert raised.value.hint == "did you mean 'plan'?"
+    assert ec.__version__ == ec.VERSION
+
+
+# Arrays.
+
+Q = [[10, 20, 30], [-40, 50, -60]]
+
+
+@pytest.mark.parametrize(
+    ("make", "message", "hint"),
+    [
+        (lambda: ec.Plan(np.radians(Q), DOWN), "no angle above 1.05 in 2 configurations: these are radians", "unit='rad'"),
+        (lambda: ec.Plan(Q, DOWN, unit="rad"), "an angle of 60 rad: these are degrees", "leave unit"),
+        (lambda: ec.Plan(Q, DOWN, unit="grad"), "unit is 'deg' or 'rad'", None),  # type: ignore[arg-type]
+        (lambda: ec.Plan(Q, [0, 0, -200]), r"wrench has the shape \(3,\); rows of 6 are wanted", "fx_n"),
+        (lambda: ec.Plan(Q, np.zeros((6, 2))), r"wrench has the shape \(6, 2\)", "wrench.T has rows of 6"),
+        (lambda: ec.Plan(Q, np.zeros((3, 6))), "wrench has 3 rows, and q_deg has 2", "one for all"),
+        (lambda: ec.Plan(Q, DOWN, [1, 2, 3]), "repeats has 3 rows, and q_deg has 2", None),
+        (lambda: ec.Plan(Q, DOWN, 0), "repeats are whole numbers from 1 on", None),
+        (lambda: ec.Plan([[10, 20], [30]], DOWN), "q_deg wants rows of numbers", None),
+        (lambda: ec.Plan([[10, np.nan, 20]], DOWN), "q_deg has nan in row 0, column 1", None),
+        (lambda: ec.Plan(np.zeros((2, 2, 3)), DOWN), r"q_deg has the shape \(2, 2, 3\)", None),
+        (lambda: ec.Measurements(Q, DOWN, [[0, 0, 1]]), "deflection_mm has 1 rows, and q_deg has 2", None),
+        (lambda: ec.Measurements(Q, DOWN, np.zeros((3, 2))), r"deflection_mm has the shape \(3, 2\)", "deflection_mm.T"),
+        (lambda: ec.Measurements(Q, DOWN, [[0, 0, 1], [0, 0, np.inf]]), "deflection_mm has inf in row 1, column 2", None),
+    ],
+)
+def test_arrays_are_checked_when_they_are_given(make: Any, message: str, hint: str | None) -> None:
+    with pytest.raises(ec.UsageError, match=message) as raised:
+        make()
+    assert hint is None or hint in str(raised.value.hint)
+    if sys.version_info >= (3, 11):
+        assert hint is None or hint in raised.value.__notes__[0]
+
+
+def test_plans_are_sequences(scenario: ec.Scenario, design: ec.Design) -> None:
+    plan = design.plan
+    assert len(plan) == len(list(plan)) == 3 and plan[:2] == ec.Plan(plan.q_deg[:2], plan.wrench[0], unit="deg") != plan
+    assert np.allclose(ec.Plan(np.radians(Q), DOWN, unit="rad").q_deg, Q)
+    with pytest.raises(ec.UsageError, match="the plan has 4 columns of angles; the robot has 3 commanded joints: q1_deg"):
+        scenario.evaluate(ec.Plan([[10, 20, 30, 40]], DOWN))
+
+
+# Scenarios.
+
+
+def test_scenarios_are_changed(scenario: ec.Scenario, design: ec.Design, tmp_path: Path) -> None:
+    finer = scenario.with_(sigma_mm=0.015)
+    assert finer.problem.sigma_m == pytest.approx(scenario.problem.sigma_m / 2)
+    other = finer.with_({"test_pose.0.weight": 2.0, "design": {"experiments": 5}}, seed=np.int64(3))
+    assert len(other.design(no_proof=True)) == 5 and other.problem.sigma_m == finer.problem.sigma_m
+    assert repr(finer) == "<Scenario planar_3r.toml with sigma_mm=0.015>"
+    other.save(tmp_path / "kept.toml")
+    del finer, other
+    kept = ec.Scenario.load(tmp_path / "kept.toml")
+    assert kept.design(no_proof=True).results["provenance"]["seed"] == 3
+    # The same file, written anew, has the same bits.
+    assert scenario.with_().design(no_proof=True).plan == design.plan
+
+
+@pytest.mark.parametrize(
+    ("changes", "message", "hint"),
+    [
+        ({"sigma_m": 1}, "no key 'sigma_m'", "'instrument.sigma_mm'"),
+        ({"instrument.sigma": 1}, "no key 'instrument.sigma'", "'instrument.sigma_mm'"),
+        ({"experiments": 1}, "'experiments' is a key of several tables: design.experiments or study.experiments", "with_"),
+        ({"test_pose.7.weight": 1}, "test_pose.7.weight: the scenario has 1 of them", None),
+        ({"sigma_mm": -1}, "sigma_mm", None),
+        ({"sigma_mm": "much"}, "sigma_mm|invalid type", None),
+        ({"robot.model": "none.xml"}, "none.xml", None),
+    ],
+)
+def test_wrong_changes_are_told(scenario: ec.Scenario, changes: dict[str, Any], message: str, hint: str | None) -> None:
+    with pytest.raises(ec.ElastocalError, match=message) as raised:
+        scenario.with_(changes)
+    assert hint is None or hint in str(raised.value.hint)
+
+
+def test_studies_take_plans(scenario: ec.Scenario, design: ec.Design, tmp_path: Path) -> None:
+    design.plan.save(tmp_path / "own.csv", scenario.columns)
+    study = scenario.study(plans={"mine": design.plan, "file": tmp_path / "own.csv", "random": "random_each"}, trials=300)
+    means = study.to_dataframe().set_index("name")["mean_mm"]
+    assert list(means.index) == ["mine", "file", "random"] and means["mine"] == means["file"] < means["random"]
+
+
+def test_violations_are_those_of_check(scenario: ec.Scenario, design: ec.Design) -> None:
+    assert scenario.problem.violations(design.plan) == [] == scenario.problem.violations(design.plan.q_deg)
+    paper = ec.Scenario.load(ROOT / "scenarios/kr270.toml")
+    plan = ec.Plan.load(ROOT / "scenarios/plans/klimchik2012_m3.csv")
+    found = paper.problem.violations(plan)
+    assert len(found) == 1 and found == paper.check(plan)["problems"] == paper.evaluate(plan, no_proof=True).violations
+
+
+# Results.
+
+
+def test_results_are_short_and_have_tables_and_pictures(scenario: ec.Scenario, design: ec.Design) -> None:
+    matplotlib = pytest.importorskip("matplotlib")
+    matplotlib.use("Agg")
+    pytest.importorskip("pandas")
+    measured = scenario.measure(design.plan)
+    identified = scenario.identify(measured)
+    check = scenario.validate(identified, experiments=4)
+    found: list[Any] = [
+        design,
+        design.plan,
+        scenario.evaluate(design.plan, no_proof=True),
+        identified,
+        scenario.compensate(identified),
+        scenario.study(trials=200),
+        scenario.budget(up_to=4, no_proof=True),
+        check,
+        scenario.validate(identified, scenario.measure(check.plan, run=1)),
+    ]
+    for each in found:
+        assert len(repr(each)) < 200 and "<" in each._repr_html_()
+        table = each.to_dataframe()
+        assert len(table) > 0, each
+        axes = each.plot()
+        assert axes.has_data() and (axes.get_ylabel() or axes.get_xlabel()), each
+        matplotlib.pyplot.close("all")
+    assert len(repr(measured)) < 100 and len(measured) == 3 and len(identified) == 3
+    assert list(identified.to_dataframe().index) == identified.names
+    with pytest.raises(ec.UsageError, match="no list 'plns'; it has: .*plan"):
+        design.to_dataframe("plns")
+
+
+def test_extras_are_named_where_they_are_missing(design: ec.Design, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    monkeypatch.setitem(sys.modules, "matplotlib.pyplot", None)
+    with pytest.raises(ImportError, match=r"to_dataframe needs pandas: pip install 'elastocal\[notebook\]'"):
+        design.to_dataframe()
+    with pytest.raises(ImportError, match="plot needs matplotlib"):
+        design.plot()
+
+
+def test_progress_is_told(capfd: pytest.CaptureFixture[str]) -> None:
+    told: list[tuple[str, int, int | None, str]] = []
+    ec.show_progress(lambda *words: told.append(words))  # type: ignore[arg-type]
+    try:
+        ec.Scenario(PAPER).design(experiments=6, no_proof=True, threads=1)
+        assert any(what == "searching the plan" and 0 <= done <= (total or 0) for what, done, total, _ in told)
+        pytest.importorskip("tqdm")
+        ec.show_progress(True)
+        ec.Scenario(PAPER).design(experiments=6, no_proof=True, threads=1)
+        assert "searching the plan" in capfd.readouterr().err
+        ec.show_progress(None)
+        ec.Scenario(PAPER).design(experiments=6, no_proof=True, threads=1)
+        assert capfd.readouterr().err == ""
+    finally:
+        ec.show_progress(None)
+
+
+def test_a_listener_that_fails_ends_the_work() -> None:
+    def fail(*_: object) -> None:
+        raise RuntimeError("enough")
+
+    ec.show_progress(fail)
+    try:
+        with pytest.raises(RuntimeError, match="enough"):
+            while True:
+                ec.Scenario(PAPER).budget(up_to=60, no_proof=True)
+    finally:
+        ec.show_progress(None)
+
+
+# Tables.
+
+
+def test_data_frames_become_readings(tmp_path: Path) -> None:
+    pandas = pytest.importorskip("pandas")
+    from scipy.spatial.transform import Rotation
+
+    random = np.random.default_rng(1)
+    joints = [f"axis {joint}" for joint in range(1, 7)]
+    turned = Rotation.random(20, random_state=1)
+    frame = pandas.DataFrame(random.uniform(-3, 3, (20, 6)), columns=joints)
+    frame[["x", "y", "z"]] = random.uniform(-1, 1, (20, 3))
+    columns: dict[str, Any] = {"joints": joints, "position": ["x", "y", "z"], "target": "reflector"}
+    units = {"joints": "rad", "position": "m"}
+    same = {}
+    for name, rotation in {
+        "XYZ": turned.as_euler("XYZ", degrees=True),
+        "zyx": turned.as_euler("zyx", degrees=True),
+        "quat": turned.as_quat(),
+        "matrix": turned.as_matrix().reshape(20, 9),
+    }.items():
+        names = [f"r{index}" for index in range(rotation.shape[1])]
+        made = frame.join(pandas.DataFrame(rotation, columns=names))
+        same[name] = ec.read_table(made, columns=columns | {"rotation": names}, rotation=name, units=units)
+    same["scipy"] = ec.read_table(frame, columns=columns, rotation=turned, units=units)
+    first = same.pop("XYZ")
+    assert repr(first) == "<Readings: 20 poses>" and set(first.to_dataframe()["target"]) == {"reflector"}
+    for other in same.values():
+        one, two = (each.to_dataframe().select_dtypes("number").to_numpy() for each in (first, other))
+        assert np.allclose(one[:, :9], two[:, :9], rtol=1e-9) and np.allclose(np.abs(np.sum(one[:, 9:] * two[:, 9:], axis=1)), 1, rtol=1e-9)
+    assert np.allclose(first.to_dataframe()["x_mm"], 1e3 * frame["x"]) and np.allclose(first.to_dataframe()["q2_deg"], np.degrees(frame["axis 2"]))
+    for changes, message in [
+        ({"columns": columns | {"position": ["x", "y", "zz"]}}, "the frame has no column 'zz'"),
+        ({"columns": columns | {"joint": joints}}, "columns have no 'joint'"),
+        ({"units": None}, r"columns\['joints'\] has no angle above 3 in 20 configurations: these are radians|these are radians"),
+        ({"columns": columns | {"rotation": ["x", "y", "z"]}}, "rotation='XYZ' or another"),
+        ({"columns": columns | {"rotation": ["x", "y", "z"]}, "rotation": "Xyz"}, "rotation is not 'Xyz'"),
+    ]:
+        with pytest.raises(ec.UsageError, match=message):
+            ec.read_table(frame, **{"columns": columns, "units": units} | changes)
+
+
+# Pages.
+
+
+@pytest.mark.parametrize("page", ["docs/python.md", "python/README.md"])
+def test_examples_of_pages_run(page: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("pandas")
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+    monkeypatch.chdir(ROOT)
+    space: dict[str, Any] = {"__name__": "__main__"}
+    text = re.sub(r"<!-- not run: .*-->\n+```python\n.*?^```", "", (ROOT / page).read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
+    blocks = re.findall(r"^```python\n(.*?)^```", text, flags=re.MULTILINE | re.DOTALL)
+    assert blocks
+    for block in blocks:
+        exec(compile(block, page, "exec"), space)
+
+
+def test_messages_of_the_page_are_those_of_the_package(scenario: ec.Scenario) -> None:
+    page = (ROOT / "docs/python.md").read_text(encoding="utf-8")
+    q = [[90, 20, 30], [-40, 50, -60]]
+    for mistake in (
+        lambda: ec.Plan(np.radians(q), DOWN),
+        lambda: ec.Plan(q, DOWN, unit="rad"),
+        lambda: ec.Plan(q, np.zeros((6, 2))),
+        lambda: ec.Measurements(q, DOWN, [[0, 0, 1], [0, 0, np.nan]]),
+        lambda: scenario.evaluate(ec.Plan([[10, 20, 30, 40, 50, 60]], DOWN)),
+        lambda: scenario.design(experiments=-1),
+        lambda: scenario.with_(sigma_m=0.02),
+    ):
+        with pytest.raises(ec.UsageError) as raised:
+            mistake()
+        assert f"`{raised.value}`" in page
