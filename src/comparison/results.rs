@@ -67,7 +67,7 @@ struct Head {
 
 /// What `plan` and `evaluate` say, and `run` of each plan.
 #[derive(Deserialize)]
-struct Prediction {
+struct PredictedPlan {
     experiments: u32,
     parameters: Vec<String>,
     #[serde(deserialize_with = "there")]
@@ -93,7 +93,7 @@ struct RunResults {
 #[derive(Deserialize)]
 struct RunPlanResults {
     name: String,
-    assessment: Prediction,
+    assessment: PredictedPlan,
     test_poses: Vec<PoseResults>,
 }
 
@@ -222,7 +222,7 @@ impl ResultsFile {
         }
     }
 
-    fn single(&mut self, prediction: Prediction) -> Result<(), FileError> {
+    fn single(&mut self, prediction: PredictedPlan) -> Result<(), FileError> {
         self.settings
             .push(("experiments", prediction.experiments.into()));
         let name = self.add_plan(ONLY_PLAN);
@@ -233,7 +233,7 @@ impl ResultsFile {
         &mut self,
         plan: &str,
         place: &str,
-        prediction: Prediction,
+        prediction: PredictedPlan,
     ) -> Result<(), FileError> {
         let (names, errors) = (prediction.parameters, prediction.compliance_std_rad_per_nm);
         if names.len() != errors.len() {

@@ -12,6 +12,10 @@ const LAWS: &str = "[[true_robot.torque_law]]\njoints = [\"joint_2\"]\nstiffens_
                     [[true_robot.torque_law]]\njoints = [\"joint_3\"]\ndead_band_mrad = 0.05\nsoftens_at_mrad = 20\n\
                     [[true_robot.torque_law]]\njoints = [\"joint_5\"]\ndead_band_mrad = 0.1\n";
 
+/// Without a dead band, where the chain's own equations find the rest.
+const SMOOTH: &str = "[[true_robot.torque_law]]\njoints = [\"joint_2\", \"joint_4\"]\nstiffens_at_mrad = 2\n\
+                      [[true_robot.torque_law]]\njoints = [\"joint_3\"]\nsoftens_at_mrad = 20\n";
+
 fn number(plan: &Value, key: &str) -> f64 {
     plan[key].as_f64().expect("a number")
 }
@@ -34,7 +38,13 @@ fn rest(scenario: &Scenario, load: &Load, experiment: usize) -> (Vec<f64>, f64) 
 /// Where it rests each joint holds the torque of weight and load by its law, and MuJoCo's simulation in time rests there, too.
 #[test]
 fn joints_hold_by_their_laws_at_rest_and_in_time() {
-    let scenario = loaded(&with(LAWS, "robot", 64));
+    for laws in [LAWS, SMOOTH] {
+        assert_held_by(laws);
+    }
+}
+
+fn assert_held_by(laws: &str) {
+    let scenario = loaded(&with(laws, "robot", 64));
     let belief = &scenario.task.belief;
     for experiment in 0..3 {
         for load in [Load::NONE, table4(3).experiments[0].load] {

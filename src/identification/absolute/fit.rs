@@ -15,7 +15,6 @@ use super::super::nominal::{UNKNOWN, UNKNOWN_TOGETHER, with_nominal};
 use super::super::outliers;
 use super::super::outliers::IMPLAUSIBLE;
 use super::mixed::MixedModel;
-use super::outliers::LITTLE;
 use super::rows::LinearReading;
 use super::unknowns::{LeftOut, ToldApart};
 use super::{
@@ -286,7 +285,7 @@ impl AbsoluteCase<'_> {
             rejected.extend(self.farthest(set, first));
         }
         let mut robust = None;
-        if rejected.is_empty() && first.1.is_some() && 1.0 - first.0.spare() < LITTLE {
+        if rejected.is_empty() && first.1.is_some() {
             // Many that err alike draw the fit to themselves, too.
             robust = self.robust_fit(set, first.0);
             if let Some(robust) = &robust {

@@ -14,7 +14,7 @@ use crate::parameter::ParameterSet;
 /// Reweighted fits of a robust one.
 const ROBUST_ROUNDS: usize = 8;
 /// Where a fit uses up less of its readings than this share, no single one draws it to itself.
-pub(super) const LITTLE: f64 = 0.1;
+const LITTLE: f64 = 0.1;
 
 /// What a fit says of all readings of a case.
 struct JudgedReadings {
@@ -51,12 +51,15 @@ impl AbsoluteCase<'_> {
     }
 
     /// A fit from near another one that gross errors pull far less: of least absolute deviations (Huber), then with weights that fall with
-    /// larger ones (Cauchy), so that those which are alike and close to each other do not pull it either.
+    /// larger ones (Cauchy), so that those which are alike and close to each other do not pull it either. None of few readings.
     pub(super) fn robust_fit(
         &self,
         set: &ParameterSet,
         first: &ParameterFit,
     ) -> Option<ParameterFit> {
+        if 1.0 - first.spare() >= LITTLE {
+            return None;
+        }
         let mut case = self.clone();
         let mut fit = first.clone();
         for round in 0..ROBUST_ROUNDS {
