@@ -1,7 +1,7 @@
 //! Simulated files by the hundred: how often patterns and inconsistencies are told where there are none, how often those that are there
 //! are found, and whether the model is chosen that was simulated. `SIMULATED` asks for so many files of the first kind (`make simulated`).
 
-use elastocal::identification::patterns::{Against, Course, Drifting, Patterns};
+use elastocal::identification::patterns::{Against, Course, Drifting, LEVEL, Patterns};
 use elastocal::identification::{AbsoluteCase, ParameterGroup, ReadingWeights};
 use elastocal::measurement::AbsoluteReading;
 use elastocal::numeric::random::generator;
@@ -72,7 +72,7 @@ fn discrepancy(seed: u32) -> impl Fn(usize, f64) -> f64 {
     move |joint, angle| size * ((3e4 + joint as f64) * angle).sin()
 }
 
-/// No pattern and no inconsistency is told of any file in which there is none.
+/// Patterns and inconsistencies are told of no more of the files in which there is none than the level of the tests says.
 #[test]
 fn no_file_raises_a_false_alarm() {
     let scenario = ur10();
@@ -91,7 +91,8 @@ fn no_file_raises_a_false_alarm() {
         alarms.len(),
         share(ALL)
     );
-    assert!(alarms.is_empty(), "{alarms:?}");
+    let most = (LEVEL * f64::from(share(ALL))).floor();
+    assert!(alarms.len() as f64 <= most, "{alarms:?}");
 }
 
 /// The pattern that is there is told first.
