@@ -60,6 +60,7 @@ def takes(name: str) -> Callable[[Function], Function]:
         named = [each for each in own.parameters.values() if each.kind is not inspect.Parameter.VAR_KEYWORD]
         NAMED[name] = NAMED.get(name, set()) | {each.name for each in named}
         more = {key: each for key, each in keywords(name).items() if key not in own.parameters}
+        more["threads"] = {"name": "threads", "type": "int", "choices": [], "is_list": False, "help": "How many threads to use"}
         kind = inspect.Parameter.KEYWORD_ONLY
         added = [inspect.Parameter(key, kind, default=None, annotation=annotation(each)) for key, each in more.items()]
         function.__signature__ = own.replace(parameters=[*named, *added])  # type: ignore[attr-defined]

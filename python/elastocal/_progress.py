@@ -40,8 +40,9 @@ class Bars:
             return
         if self._bar is None or what != self._what:
             self.close()
-            form = "{desc} {bar:30} {n_fmt}/{total_fmt} {elapsed}{postfix}" if total else "{desc} {elapsed}{postfix}"
-            self._bar, self._what = tqdm(desc=what, total=total, leave=False, bar_format=form), what
+            self._bar, self._what = tqdm(desc=what, total=total, leave=False, bar_format="{desc}"), what
+        # How much there is may be known later than what is done.
+        self._bar.bar_format = "{desc} {bar:30} {n_fmt}/{total_fmt} {elapsed}{postfix}" if total else "{desc} {elapsed}{postfix}"
         self._bar.n, self._bar.total = done, total
         self._bar.set_postfix_str(message, refresh=False)
         self._bar.refresh()

@@ -14,8 +14,8 @@ use elastocal::files::shipped;
 use pyo3::prelude::*;
 use serde_json::{Value, json};
 
-use crate::cli::printed_error::PrintedError;
 use crate::cli::interruption::STOP;
+use crate::cli::printed_error::PrintedError;
 use crate::cli::progress::LATEST;
 use crate::cli::{Arguments, Report, process};
 
@@ -43,7 +43,7 @@ pub fn command(
         std::thread::spawn(move || {
             let _turn = BUSY.lock().unwrap_or_else(PoisonError::into_inner);
             STOP.store(false, Ordering::Relaxed);
-            *LATEST.lock().unwrap_or_else(PoisonError::into_inner) = Default::default();
+            *LATEST.lock().unwrap_or_else(PoisonError::into_inner) = (String::new(), None);
             let answer = catch_unwind(AssertUnwindSafe(|| answer(&arguments, threads)));
             let _ = said.send(answer.unwrap_or_else(|_| {
                 json!({ "error": "elastocal broke down; please report it", "hint": null, "is_usage": false })
@@ -169,8 +169,11 @@ pub fn options() -> String {
 }
 
 fn is_list(option: &Arg) -> bool {
-    let many = option.get_num_args().is_some_and(|range| range.max_values() > 1);
-    many || option.get_value_delimiter().is_some() || matches!(option.get_action(), ArgAction::Append)
+    let many = option
+        .get_num_args()
+        .is_some_and(|range| range.max_values() > 1);
+    many || option.get_value_delimiter().is_some()
+        || matches!(option.get_action(), ArgAction::Append)
 }
 
 /// What Python calls the type of an option's value.
