@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from . import _change
 from ._commands import _command, read, takes
 from ._data import FilePath, Measurements, Plan, Readings
-from ._errors import UsageError
+from ._errors import ElastocalError, UsageError
 from ._executor import Executors, merged
 from ._executor import study as run_shards
 from ._problem import Problem
@@ -75,7 +75,11 @@ class Scenario:
         """
         made = {**(changes or {}), **more}
         folder, path = _change.changed(self.path, made)
-        other = Scenario.load(path, seed=self.seed, noise_only=self.noise_only, threads=self.threads)
+        try:
+            other = Scenario.load(path, seed=self.seed, noise_only=self.noise_only, threads=self.threads)
+        except ElastocalError as error:
+            # The file that is wrong is not one that somebody has written.
+            raise type(error)(str(error).removeprefix(f"{path}: "), error.hint, error.code) from None
         other._folder, other._changes = folder, self._changes | made
         return other
 
@@ -112,11 +116,15 @@ class Scenario:
 
     @contextmanager
     def _files(self, **values: object) -> Iterator[dict[str, Any]]:
-        """Plans, measurements and identifications as files that a command reads; paths stay what they are."""
+        """Plans (also of designs), measurements and identifications as files that a command reads; paths stay what they are."""
         with _folder() as folder:
             named: dict[str, Any] = {}
             for name, value in values.items():
                 named[name] = path = folder / f"{name}.{'json' if isinstance(value, Identified) else 'csv'}"
+                if isinstance(value, (Design, Validation)):
+                    value = value.plan
+                if isinstance(value, Measurements):
+                    self._fits(value.q_deg.shape[1], "the table of measurements")
                 if isinstance(value, Plan):
                     self._fits(value.q_deg.shape[1], "the plan")
                     value.save(path, self.columns)
@@ -134,7 +142,7 @@ class Scenario:
             raise UsageError(f"{what} has {joints} columns of angles; the robot has {len(self.columns)} commanded joints: {has}")
 
     @takes("check")
-    def check(self, plan: Plan | FilePath | None = None, **given: Unpack[options.CheckGiven]) -> Results:
+    def check(self, plan: Plan | Design | FilePath | None = None, **given: Unpack[options.CheckGiven]) -> Results:
         """The robot as it was understood, with ``warnings``; with a plan, ``ok`` and ``problems``."""
         with self._files(plan=plan) as files:
             return self.command("check", **files, **given)
@@ -148,7 +156,7 @@ class Scenario:
         return Design(self.command("plan", experiments=experiments, **given))
 
     @takes("evaluate")
-    def evaluate(self, plan: Plan | FilePath, **given: Unpack[options.EvaluateGiven]) -> Assessment:
+    def evaluate(self, plan: Plan | Design | FilePath, **given: Unpack[options.EvaluateGiven]) -> Assessment:
         """The predicted accuracy of a plan, and the bound that no plan of as many measurements can beat.
 
         Where accuracy is absolute, a plan that names targets or stations is a file's: its path, as ``plan_out`` wrote it; with
@@ -165,7 +173,7 @@ class Scenario:
         return self.command("budget", accuracy_um=accuracy_um, up_to=up_to, **given)
 
     @takes("measure")
-    def measure(self, plan: Plan | FilePath, **given: Unpack[options.MeasureGiven]) -> Measurements:
+    def measure(self, plan: Plan | Design | Validation | FilePath, **given: Unpack[options.MeasureGiven]) -> Measurements:
         """Measures a plan on the virtual robot, with the random numbers of a run under the seed (run 0 if not given).
 
         With ``run``, the robot is that of the run in a study: its compliances are drawn where the scenario has them vary.
@@ -232,7 +240,7 @@ class Scenario:
             return Validation(self.command("validate", **files, **given))
 
     @takes("lab")
-    def lab(self, plan: Plan | FilePath, out: FilePath, **given: Unpack[options.LabGiven]) -> Results:
+    def lab(self, plan: Plan | Design | FilePath, out: FilePath, **given: Unpack[options.LabGiven]) -> Results:
         """Run sheet, robot program and table to fill in, in a folder under ``out``."""
         with self._files(plan=plan) as files:
             return self.command("lab", **files, out=out, **given)
@@ -241,7 +249,7 @@ class Scenario:
     def study(
         self,
         *,
-        plans: Mapping[str, Plan | FilePath] | None = None,
+        plans: Mapping[str, Plan | Design | FilePath] | None = None,
         out: FilePath | None = None,
         executor: Executors | None = None,
         shards: int | None = None,

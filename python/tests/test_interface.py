@@ -124,6 +124,9 @@ def test_plans_are_sequences(scenario: ec.Scenario, design: ec.Design) -> None:
     plan = design.plan
     assert len(plan) == len(list(plan)) == 3 and plan[:2] == ec.Plan(plan.q_deg[:2], plan.wrench[0], unit="deg") != plan
     assert np.allclose(ec.Plan(np.radians(Q), DOWN, unit="rad").q_deg, Q)
+    assert scenario.measure(design).rows.tolist() == scenario.measure(plan).rows.tolist()
+    with pytest.raises(ec.UsageError, match="the table of measurements has 4 columns of angles"):
+        scenario.identify(ec.Measurements([[10, 20, 30, 40]], DOWN, [[0, 0, 1]]))
     with pytest.raises(ec.UsageError, match="the plan has 4 columns of angles; the robot has 3 commanded joints: q1_deg"):
         scenario.evaluate(ec.Plan([[10, 20, 30, 40]], DOWN))
 
@@ -152,7 +155,7 @@ def test_scenarios_are_changed(scenario: ec.Scenario, design: ec.Design, tmp_pat
         ({"instrument.sigma": 1}, "no key 'instrument.sigma'", "'instrument.sigma_mm'"),
         ({"experiments": 1}, "'experiments' is a key of several tables: design.experiments or study.experiments", "with_"),
         ({"test_pose.7.weight": 1}, "test_pose.7.weight: the scenario has 1 of them", None),
-        ({"sigma_mm": -1}, "sigma_mm", None),
+        ({"sigma_mm": -1}, "^instrument.sigma_mm: found -1; a positive number is allowed", None),
         ({"sigma_mm": "much"}, "sigma_mm|invalid type", None),
         ({"robot.model": "none.xml"}, "none.xml", None),
     ],
