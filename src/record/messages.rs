@@ -255,7 +255,7 @@ impl From<&Identification> for IdentificationMessage {
                 [] => Vec::new(),
                 _ => rows_of(&identification.posterior.covariance),
             },
-            sigma_mm: identification.sigma_m * 1e3,
+            sigma_mm: units::thousandths(identification.sigma_m),
             residual_sigma_mm: identification.residual_sigma_m.map(|sigma| sigma * 1e3),
             consistency: identification.consistency,
             consistency_lower: identification.consistency_lower,
