@@ -106,7 +106,7 @@ def threads() -> dict[int, float]:
 # Commands that are larger than usual, and the CPU time (s) that each may take, on a machine with other work
 # to do; two cores do it in half of that.
 LARGE = [
-    ("budget up to 60 measurements", "budget scenarios/klimchik2012.toml --up-to 60 --no-proof", 25.0),
+    ("budget up to 60 measurements", "budget scenarios/klimchik2012.toml --up-to 60 --no-proof", 30.0),
     ("plan of 20 experiments, 30 joints", "plan {arm} --no-proof", 40.0),
     ("run with 200 test poses", "run {poses} --noise-only --no-proof", 12.0),
 ]
