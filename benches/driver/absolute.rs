@@ -57,7 +57,7 @@ fn poses(scenario: &Scenario, transmission_error_rad: f64) -> Vec<AbsoluteReadin
                 load: Load::NONE,
                 target: None,
                 station: None,
-                state: None,
+                visit: None,
                 position_m: seen.position_m + error(),
                 rotation: Some(UnitQuaternion::from_rotation_matrix(&rotation)),
                 covariance: Some(Matrix6::identity() * (SIGMA * SIGMA)),

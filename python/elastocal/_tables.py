@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 #: Columns with numbers, and the unit that they have if `units` says nothing.
 UNITS = {"joints": "deg", "position": "mm", "rotation": "deg", "force": "N", "torque": "Nm", "time": "s", "temperature": "C"}
 #: Columns with words; what is not a column's name is the word of all rows.
-WORDS = ["target", "station", "state", "approach"]
+WORDS = ["target", "station", "visit", "approach"]
 #: SciPy's words for rotations, and elastocal's.
 CONVENTIONS = {"quat": "quaternion xyzw", "rotvec": "rotation_vector", "matrix": "matrix"}
 
@@ -47,7 +47,7 @@ def read_table(
 
     ``columns`` says where things are: ``joints`` in the model's order, ``position`` and ``rotation`` of the target in the
     instrument's frame, with standard deviations ``position_std`` and ``rotation_std``; the load as ``force`` and ``torque``;
-    ``time``, ``temperature``; ``target``, ``station``, ``state``, ``approach``: a column, or one word for all rows.
+    ``time``, ``temperature``; ``target``, ``station``, ``visit``, ``approach``: a column, or one word for all rows.
 
     ``rotation`` is SciPy's word for the columns: ``"XYZ"`` (intrinsic Euler angles), ``"xyz"`` (extrinsic), ``"quat"``, ``"rotvec"``,
     ``"matrix"``; or a SciPy ``Rotation`` with one for each row. ``units`` are deg, mm, N, N m, s and C if not given:

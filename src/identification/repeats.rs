@@ -111,7 +111,7 @@ impl Repeats {
         let poses: Vec<(usize, Vec<RepeatedVisit>)> = (groups.into_iter())
             .map(|group| {
                 let rows: Vec<usize> = group.into_iter().map(|place| kept[place]).collect();
-                let visits = by_state(readings, &rows).into_iter();
+                let visits = by_visit(readings, &rows).into_iter();
                 let mean =
                     |rows: Vec<usize>| mean(&rows.into_iter().map(visit).collect::<Vec<_>>());
                 (rows[0], visits.map(mean).collect())
@@ -159,14 +159,14 @@ impl Repeats {
     }
 }
 
-/// Rows of one state are readings of one visit; without a state each row is a visit.
-fn by_state(readings: &[AbsoluteReading], rows: &[usize]) -> Vec<Vec<usize>> {
+/// Rows of one visit together; each row is one where no column says it.
+fn by_visit(readings: &[AbsoluteReading], rows: &[usize]) -> Vec<Vec<usize>> {
     let mut visits: Vec<Vec<usize>> = Vec::new();
     for &row in rows {
-        let state = &readings[row].state;
+        let own = &readings[row].visit;
         let known = visits
             .iter_mut()
-            .find(|visit| state.is_some() && readings[visit[0]].state == *state);
+            .find(|visit| own.is_some() && readings[visit[0]].visit == *own);
         match known {
             Some(visit) => visit.push(row),
             None => visits.push(vec![row]),

@@ -15,8 +15,9 @@ pub struct AbsoluteReading {
     pub target: Option<String>,
     /// Where the instrument stands: readings of one station are in one frame.
     pub station: Option<String>,
-    /// The stand of the robot: readings of one state are of one configuration, which the robot has not left in between.
-    pub state: Option<String>,
+    /// The visit: the robot has not left the configuration between its readings. Where no reading says it, the k-th of each target in
+    /// one configuration, under one load and from one station, is of visit k.
+    pub visit: Option<String>,
     /// The target's position in the instrument's frame (m).
     pub position_m: Vector3<f64>,
     /// The target's axes in the instrument's frame, where poses are read.

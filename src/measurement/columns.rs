@@ -28,7 +28,7 @@ pub const POSITION: [&str; 3] = ["x_mm", "y_mm", "z_mm"];
 /// The orientation of the target's axes there, as a unit quaternion.
 pub const QUATERNION: [&str; 4] = ["qw", "qx", "qy", "qz"];
 /// What else a file of absolute readings may have in words.
-pub const WORDS: [&str; 4] = ["target", "state", "station", APPROACH];
+pub const WORDS: [&str; 4] = ["target", "visit", "station", APPROACH];
 pub const TIME: &str = "time_s";
 pub const TEMPERATURE: &str = "temperature_c";
 /// The rows and columns of a reading's covariance: a position, then the rotation vector.

@@ -81,7 +81,7 @@ pub enum MeasuredFile {
 ///
 /// # Errors
 /// As [`read_measurements`]; of absolute readings a quaternion must be of length 1, a covariance positive definite, and
-/// rows of one state of one configuration.
+/// rows of one visit at the same angles.
 pub fn read_measured(path: &Path, of: impl Into<MeasuredArm>) -> Result<MeasuredFile, FileError> {
     read(path, &of.into(), false)
 }

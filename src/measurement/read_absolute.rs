@@ -51,17 +51,17 @@ pub(super) fn absolute_readings(
 ) -> Result<Vec<AbsoluteReading>, FileError> {
     let given = AbsoluteGroups::new(table)?;
     let mut readings = Vec::new();
-    let mut stands: BTreeMap<String, (usize, Vec<u64>)> = BTreeMap::new();
+    let mut visits: BTreeMap<String, (usize, Vec<u64>)> = BTreeMap::new();
     for row in table.rows() {
         let reading = given.reading(&row, commands)?;
-        if let Some(state) = &reading.state {
+        if let Some(visit) = &reading.visit {
             let bits: Vec<u64> = (reading.configuration_rad.iter())
                 .map(|q| q.to_bits())
                 .collect();
-            let (line, known) = (stands.entry(state.clone())).or_insert((row.line(), bits.clone()));
+            let (line, known) = (visits.entry(visit.clone())).or_insert((row.line(), bits.clone()));
             if *known != bits {
                 let problem = format!(
-                    "state: found {state:?} at other joint angles than in line {line}; rows of one state are readings of one visit, at the same commanded angles"
+                    "visit: found {visit:?} at other joint angles than in line {line}; the readings of one visit are at the same commanded angles"
                 );
                 return Err(row.wrong(problem));
             }
@@ -143,14 +143,14 @@ impl AbsoluteGroups {
         if let Some(problem) = faint_load(&load.wrench()) {
             return Err(row.wrong(problem));
         }
-        let [target, state, station, _] = WORDS;
+        let [target, visit, station, _] = WORDS;
         let number = |column: &str| Some(row.get(column)).filter(|value| !value.is_nan());
         Ok(AbsoluteReading {
             configuration_rad,
             load,
             target: name(row, target)?,
             station: name(row, station)?,
-            state: name(row, state)?,
+            visit: name(row, visit)?,
             position_m: row.vector(POSITION) * 1e-3,
             rotation: if self.is_pose {
                 Some(rotation(row)?)

@@ -86,7 +86,7 @@ pub fn absolute_table(commands: &Commands, readings: &[AbsoluteReading]) -> Stri
 fn word(reading: &AbsoluteReading, index: usize) -> Option<String> {
     match index {
         0 => reading.target.clone(),
-        1 => reading.state.clone(),
+        1 => reading.visit.clone(),
         2 => reading.station.clone(),
         // APPROACH
         _ => reading.approach.as_ref().map(Approach::word),

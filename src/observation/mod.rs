@@ -9,9 +9,9 @@
 //! What is planned is seen as [`PlannedReadings`]: by that model ([`ObservedRows`]) or in the same form closed, with
 //! gradients: where deflections alone are read of an arm without springs beside the joints' own ([`FirstOrder`]), and
 //! where compliances alone are unknown and only the instrument's noise disturbs ([`ComplianceRows`]). Tests hold the
-//! three together. [`AbsoluteErrors`] are what disturbs absolute readings besides the instrument's noise.
+//! three together. [`ReadingErrors`] are those of absolute readings besides the instrument's noise; [`VisitEquations`] say what
+//! readings of one configuration tell together, which share them.
 
-mod absolute_errors;
 mod braced;
 mod compliances;
 mod first_order;
@@ -21,13 +21,16 @@ mod observed;
 mod off_springs;
 mod planned;
 mod reading;
+mod reading_errors;
 mod rotation;
 mod shared;
 mod sweep;
 #[cfg(test)]
 mod tests;
+mod visits;
+#[cfg(test)]
+mod visits_tests;
 
-pub use absolute_errors::AbsoluteErrors;
 pub use braced::BareArm;
 pub use compliances::{ComplianceColumns, ComplianceRows};
 pub use first_order::FirstOrder;
@@ -42,4 +45,6 @@ pub use reading::{
     DeflectionPrecision, Observation, PlannedReading, Prediction, Reading, ReadingKind, Setup,
     Whitener,
 };
-pub use shared::{SharedErrors, shared_equations};
+pub use reading_errors::ReadingErrors;
+pub use shared::{SharedErrors, SharingReadings, shared_equations};
+pub use visits::{SharingReading, Together, VisitEquations, Visits, visits_of};

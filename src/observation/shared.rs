@@ -1,17 +1,16 @@
-//! Readings that share an error (a random effect): normal equations with the effect eliminated.
+//! Readings that share errors (random effects): normal equations with the effects eliminated.
 //!
-//! Readings of one stand of the robot are y = h(x) + b + e, with a b of its own for each stand, target and station: what the
-//! model does not know of the configuration, loaded and unloaded the same. With b distributed normally, of precision P, and W the
-//! precision of e, leaving b to take its best value gives
+//! Readings of one group are y = h(x) + Z b + e, with unit normal effects b of the group: what the model does not know of a visit or a
+//! configuration, or what a scenario says of it. With W the precision of e, leaving b to take its best value gives
 //!
 //! ```text
-//! sum J^T W J - (sum W J)^T (sum W + P)^-1 (sum W J)
+//! sum J^T W J - (sum Z^T W J)^T (sum Z^T W Z + 1)^-1 (sum Z^T W J)
 //! ```
 //!
-//! the same as generalised least squares with the whole covariance of the group. With P = 0 only differences within a
+//! the same as generalised least squares with the whole covariance of the group. With large effects only differences within a
 //! group count: deflections, with the correlation that a common unloaded reading gives them.
 
-use nalgebra::{DVector, Matrix6, Matrix6xX, Vector6};
+use nalgebra::{Cholesky, DMatrix, DVector, Matrix6, Matrix6xX, Vector6};
 
 use super::information::{NormalEquations, ReadingSums, in_blocks};
 use super::model::ObservationModel;
@@ -22,16 +21,54 @@ use crate::robot::EquilibriumError;
 /// Groups whose sums are made in one piece.
 const BLOCK: usize = 8;
 
-/// Which readings share an error, and how large it may be.
+/// Readings that share errors.
 #[derive(Debug, Clone, PartialEq)]
-pub struct SharedErrors {
-    /// All readings by their places, each in one group; groups of one share nothing with others.
-    pub groups: Vec<Vec<usize>>,
-    /// The precision of the error of groups of several: of position (1/m^2) and rotation (1/rad^2) coordinates.
-    pub precision: Vector6<f64>,
+pub struct SharingReadings {
+    /// The readings by their places.
+    pub readings: Vec<usize>,
+    /// How one standard deviation of each effect moves each of them (6 x k; m, rad), in the instrument's frame.
+    pub effects: Vec<Matrix6xX<f64>>,
 }
 
-/// The normal equations of observations of which groups share an error, through the static equilibrium.
+/// Which readings share errors: all readings, each in one group.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SharedErrors {
+    /// The groups.
+    pub groups: Vec<SharingReadings>,
+}
+
+impl SharedErrors {
+    /// The covariance of these errors in each reading by itself (m^2, m rad, rad^2).
+    pub fn covariances(&self) -> Vec<Matrix6<f64>> {
+        let each = self
+            .groups
+            .iter()
+            .flat_map(|group| group.readings.iter().zip(&group.effects));
+        let mut all = vec![Matrix6::zeros(); each.clone().count()];
+        for (&index, effects) in each {
+            all[index] = effects * effects.transpose();
+        }
+        all
+    }
+
+    /// The same of some readings, by their places in rising order, which become their new numbers.
+    pub fn among(&self, places: &[usize]) -> Self {
+        let of_group = |group: &SharingReadings| {
+            let each = group.readings.iter().zip(&group.effects);
+            let (readings, effects) = each
+                .filter_map(|(index, effects)| {
+                    Some((places.binary_search(index).ok()?, effects.clone()))
+                })
+                .unzip();
+            SharingReadings { readings, effects }
+        };
+        let mut groups: Vec<SharingReadings> = self.groups.iter().map(of_group).collect();
+        groups.retain(|group| !group.readings.is_empty());
+        Self { groups }
+    }
+}
+
+/// The normal equations of observations of which groups share errors, through the static equilibrium.
 ///
 /// # Errors
 /// The arm has no equilibrium for an observation, whose place in the list is given.
@@ -46,74 +83,61 @@ pub fn shared_equations(
     let scales = set.scales();
     in_blocks(set.len(), &shared.groups, BLOCK, |_, groups| {
         let mut block = ReadingSums::new(&model, &scales);
-        let mut room = SharedSums::new(set.len());
         for group in groups {
-            room.clear();
-            for &index in group {
+            let effects = group.effects.first().map_or(0, Matrix6xX::ncols);
+            let mut sums = EffectSums::new(effects, set.len());
+            for (&index, effects) in group.readings.iter().zip(&group.effects) {
                 let each = &observations[index];
                 let residual = block.add(each).map_err(|error| (index, error))?;
-                if group.len() > 1 {
-                    room.add(each, &block.rows, &residual);
-                }
+                sums.add(each, effects, &block.rows, &residual);
             }
-            if group.len() > 1 {
-                room.take_from(&mut block.sums, &shared.precision);
-            }
+            sums.take_from(&mut block.sums);
         }
         Ok(block.sums)
     })
 }
 
 /// The sums of one group.
-struct SharedSums {
-    weight: Matrix6<f64>,
-    columns: Matrix6xX<f64>,
-    residual: Vector6<f64>,
+struct EffectSums {
+    weight: DMatrix<f64>,
+    columns: DMatrix<f64>,
+    residual: DVector<f64>,
 }
 
-impl SharedSums {
-    fn new(parameters: usize) -> Self {
+impl EffectSums {
+    fn new(effects: usize, parameters: usize) -> Self {
         Self {
-            weight: Matrix6::zeros(),
-            columns: Matrix6xX::zeros(parameters),
-            residual: Vector6::zeros(),
+            weight: DMatrix::identity(effects, effects),
+            columns: DMatrix::zeros(effects, parameters),
+            residual: DVector::zeros(effects),
         }
     }
 
-    fn clear(&mut self) {
-        self.weight.fill(0.0);
-        self.columns.fill(0.0);
-        self.residual.fill(0.0);
+    fn add(
+        &mut self,
+        each: &Observation,
+        effects: &Matrix6xX<f64>,
+        rows: &Matrix6xX<f64>,
+        residual: &Vector6<f64>,
+    ) {
+        let mut effects = effects.clone();
+        let kind = each.reading.kind();
+        (each.whitener).whiten(kind, &mut Vector6::zeros(), &mut effects);
+        self.weight.gemm_tr(1.0, &effects, &effects, 1.0);
+        self.columns.gemm_tr(1.0, &effects, rows, 1.0);
+        self.residual.gemv_tr(1.0, &effects, residual, 1.0);
     }
 
-    fn add(&mut self, each: &Observation, rows: &Matrix6xX<f64>, residual: &Vector6<f64>) {
-        let mut whitener = *each.whitener.matrix();
-        if each.reading.kind().rows() == 3 {
-            whitener.fixed_view_mut::<3, 6>(3, 0).fill(0.0);
-            whitener.fixed_view_mut::<6, 3>(0, 3).fill(0.0);
+    fn take_from(self, sums: &mut NormalEquations) {
+        if self.residual.is_empty() {
+            return;
         }
-        let turned = whitener.transpose();
-        self.weight += turned * whitener;
-        self.residual += turned * residual;
-        for (mut sum, column) in self.columns.column_iter_mut().zip(rows.column_iter()) {
-            sum += turned * column;
-        }
-    }
-
-    fn take_from(&self, sums: &mut NormalEquations, precision: &Vector6<f64>) {
-        let mut weight = self.weight + Matrix6::from_diagonal(precision);
-        for row in 0..6 {
-            // Rows that were not read share nothing.
-            if self.weight[(row, row)] == 0.0 {
-                weight[(row, row)] = 1.0;
-            }
-        }
-        let Some(inverse) = weight.cholesky().map(|factor| factor.inverse()) else {
+        let Some(factor) = Cholesky::new(self.weight) else {
             return;
         };
-        let best = inverse * &self.columns;
+        let best = factor.solve(&self.columns);
         sums.information -= self.columns.tr_mul(&best);
         sums.gradient -= best.tr_mul(&self.residual);
-        sums.square -= self.residual.dot(&(inverse * self.residual));
+        sums.square -= self.residual.dot(&factor.solve(&self.residual));
     }
 }

@@ -1,8 +1,8 @@
 //! Error sources besides the instrument's noise, by their level.
 //!
-//! Levels average differently: what is new in each reading belongs to the reading's covariance; what is shared by one
-//! configuration to that of all its readings, so that repeats do not average it; what is shared by the whole plan is a parameter
-//! with a prior, and no number of readings averages it.
+//! Levels average differently: what is new in each reading belongs to the reading's covariance; what is new at each visit to that of
+//! all readings of the visit; what is shared by one configuration to that of all its visits, so that repeats do not average it; what
+//! is shared by the whole plan is a parameter with a prior, and no number of readings averages it. A deflection is a visit by itself.
 
 use nalgebra::{Matrix3, Vector3};
 use serde::Deserialize;
@@ -56,7 +56,7 @@ pub enum Source {
     /// Shared by the whole plan: parameters, each with its standard deviation in its own unit; positive
     /// ones in their logarithm.
     Plan(Vec<(ParameterKind, f64)>),
-    /// New in each reading, or in each configuration.
+    /// New in each reading, at each visit, or in each configuration.
     Reading(ReadingSource),
 }
 
@@ -72,7 +72,7 @@ impl Source {
     }
 }
 
-/// What is new in each reading of a deflection, or in each configuration and shared by its readings.
+/// What is new in each reading, at each visit or in each configuration; sizes are those of a deflection.
 #[derive(Debug, Clone, PartialEq)]
 pub enum ReadingSource {
     /// Each joint comes back to its command only within a standard deviation (rad; m where it slides)
@@ -178,15 +178,17 @@ impl ReadingSource {
 
     /// Whether all deflections of one configuration share it, under whatever load, so that repeats do not average it.
     pub const fn is_of_configuration(&self) -> bool {
-        matches!(self, Self::TransmissionError(_) | Self::Discrepancy(_))
+        matches!(self.level(), SourceLevel::Configuration)
     }
 
     /// Where it takes a new value.
     pub const fn level(&self) -> SourceLevel {
-        if self.is_of_configuration() {
-            SourceLevel::Configuration
-        } else {
-            SourceLevel::Reading
+        match self {
+            Self::TransmissionError(_) | Self::Discrepancy(_) => SourceLevel::Configuration,
+            Self::JointRepeatability(_) | Self::LoadDirection(_) | Self::LoadPoint(_) => {
+                SourceLevel::Visit
+            }
+            Self::Range(_) => SourceLevel::Reading,
         }
     }
 

@@ -138,7 +138,7 @@ pub struct UnexplainedMessage {
     pub remainder_mm: f64,
     /// The same of rotations (mrad).
     pub remainder_mrad: f64,
-    /// By how much larger the squares of errors of positions and rotations are than computed, where each stand of the robot
+    /// By how much larger the squares of errors of positions and rotations are than computed, where each visit of the robot
     /// was predicted by the others.
     pub scale: [f64; 2],
     /// The shares of positions and of rotations that lay in their regions of 95 % then, before these were scaled.

@@ -1,10 +1,12 @@
 //! The reference simulation of plans of absolute readings: robots are sampled, read in MuJoCo as the plan says, identified, and looked at
 //! where they must be accurate.
 //!
-//! In run r, everything that the scenario lists as uncertain is drawn as in any study; what is unknown and of which nothing is known
-//! before is drawn by shares of its typical size, and the instrument's frames are anywhere. The one fit sees readings with the covariance
-//! that they were planned with, and what it then says of the loaded tool's place is compared with where the virtual robot has it.
+//! In run r, everything that the scenario lists as uncertain is sampled as in any study, each at its level: the targets that one visit
+//! reads share its errors. What is unknown and of which nothing is known before is sampled by shares of its typical size, and the
+//! instrument's frames are anywhere. The one fit sees readings with the covariance that they were planned with, and what it then says of
+//! the loaded tool's place is compared with where the virtual robot has it.
 
+use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -30,12 +32,12 @@ use crate::numeric::random::normal::{LANES, fill_normals};
 use crate::numeric::random::streams::{FRAMES, Stream, frames_of_trial};
 use crate::numeric::random::{draws, generator};
 use crate::numeric::tolerance::CHI_SQUARE_95;
-use crate::observation::{Form, ObservationModel, ReadingKind, Setup};
+use crate::observation::{Form, ObservationModel, ReadingKind, Setup, SharedErrors};
 use crate::parameter::{ErrorDistribution, ParameterKind, ParameterSet, Source, Uncertainty};
-use crate::plan::absolute::{AbsolutePlanning, PredictedAccuracy};
+use crate::plan::absolute::{AbsolutePlanning, PredictedAccuracy, RepeatedReading};
 use crate::robot::{EquilibriumError, Load};
 use crate::task::{Task, station_named};
-use crate::testbed::{ReadRobots, SeenFrom, Truth, compliances_of_run};
+use crate::testbed::{ReadRobots, ReadingNumbers, SeenFrom, Truth, compliances_of_run};
 
 /// What nothing is known of is drawn with this share of its typical size ...
 const SHARE_OF_SIZE: f64 = 0.3;
@@ -90,7 +92,9 @@ struct JudgedPlan<'a> {
     entry: &'a AbsoluteEntry<'a>,
     prediction: PredictedAccuracy,
     predicted_m: f64,
-    /// What each row of the plan reads.
+    /// Its readings by configuration,
+    groups: Vec<Vec<RepeatedReading>>,
+    /// and the target of each row of the plan.
     targets: Vec<String>,
     truth: Truth,
     /// Where the tool is predicted to be at each test pose.
@@ -324,6 +328,7 @@ impl<'a> JudgedPlan<'a> {
                 uncertainties: uncertainties(truth, &entry.planning),
                 ..truth.clone()
             },
+            groups: entry.planning.by_configuration(&entry.plan),
             entry,
             prediction,
             predicted_m,
@@ -472,7 +477,8 @@ impl Trial<'_> {
             .map_err(|error| unseen(Failure::Measurement)(&error))?;
         let belief = &task.belief;
         let no_fit = unseen(Failure::Identification);
-        let mut case = AbsoluteCase::new(belief, &read).map_err(|error| no_fit(&error))?;
+        let case = AbsoluteCase::new(belief, &read).map_err(|error| no_fit(&error))?;
+        let mut case = case.sharing(tried.sharing(&frames));
         let fit = case
             .fit(self.groups, ReadingWeights::AsNeeded)
             .map_err(|error| no_fit(&error))?;
@@ -524,7 +530,7 @@ impl Trial<'_> {
         Ok(seen)
     }
 
-    /// What the instrument says: of each row, the mean of all its readings that are there.
+    /// What the instrument says: of each reading that visits repeat alike, the mean.
     fn read(
         &self,
         robots: &mut ReadRobots,
@@ -534,17 +540,17 @@ impl Trial<'_> {
         let Self {
             task, tried, seed, ..
         } = *self;
-        let AbsoluteEntry { planning, plan, .. } = tried.entry;
+        let planning = &tried.entry.planning;
         let sigma = &task.belief.instrument;
         // One of the two readings that make a deflection.
         let half = std::f64::consts::FRAC_1_SQRT_2;
         let is_pose = sigma.rotation_sigma_rad.is_some();
         let mut noise = vec![[0.0; LANES]; 6 * readings];
         fill_normals(Stream::Noise, seed, self.run, &mut noise);
-        let mut next = 0;
         let mut read = Vec::new();
-        for (&(place, times), target) in plan.iter().zip(&tried.targets) {
-            let row = &planning.candidates[place];
+        for (each, taken) in tried.groups.iter().flatten().zip(tried.numbers()) {
+            let row = &planning.candidates[each.place];
+            let target = tried.target(each.place);
             let experiment = Experiment {
                 configuration_rad: row.configuration_rad.clone(),
                 load: row.load.unwrap_or(Load::NONE),
@@ -556,21 +562,13 @@ impl Trial<'_> {
                 target,
                 station_m: station.map(|station| station.position_m),
             };
-            let named = |name: &&Option<String>| **name == row.station;
-            let frame = planning
-                .stations()
-                .iter()
-                .position(|name| named(&name))
-                .unwrap_or(0);
-            let frame = &frames[frame];
-            let first = next;
+            let frame = &frames[planning.station_of(each.place)];
             let (mut sum_m, mut turns) = (Vector3::zeros(), Vec::new());
-            for _ in 0..times {
-                let own = next;
-                next += 1;
-                let (at_m, axes) = robots.read(&experiment, seen, [own, first])?;
-                let three =
-                    |from: usize| Vector3::from_fn(|axis, _| noise[6 * own + from + axis][0]);
+            for numbers in taken {
+                let (at_m, axes) = robots.read(&experiment, seen, numbers)?;
+                let three = |from: usize| {
+                    Vector3::from_fn(|axis, _| noise[6 * numbers.reading + from + axis][0])
+                };
                 sum_m += (frame * nalgebra::Point3::from(at_m)).coords
                     + three(0) * (half * sigma.sigma_m);
                 let turn = three(3) * (half * sigma.rotation_sigma_rad.unwrap_or(0.0));
@@ -580,21 +578,79 @@ impl Trial<'_> {
                         * Rotation3::from_matrix_unchecked(axes),
                 );
             }
+            let covariance = planning.own_covariance(each.place, each.times);
             read.push(AbsoluteReading {
                 configuration_rad: row.configuration_rad.clone(),
                 load: experiment.load,
-                target: Some(target.clone()),
+                target: Some(target.to_owned()),
                 station: row.station.clone(),
-                state: None,
-                position_m: sum_m / f64::from(times),
+                visit: None,
+                position_m: sum_m / f64::from(each.times),
                 rotation: is_pose.then(|| mean_turn(&turns)),
-                covariance: Some(turned(&planning.covariance(place, times), frame)),
+                covariance: Some(turned(&covariance, frame)),
                 approach: row.approach.clone(),
                 time_s: None,
                 temperature_c: None,
             });
         }
         Ok(read)
+    }
+}
+
+impl JudgedPlan<'_> {
+    fn target(&self, place: usize) -> &str {
+        let row = self.entry.plan.iter().position(|(each, _)| *each == place);
+        row.map_or("", |row| self.targets[row].as_str())
+    }
+
+    /// The numbers of what is sampled for the visits of each reading: readings count in the plan's order, each with its repeats, and
+    /// the first of a visit or a configuration brings what all of it share.
+    fn numbers(&self) -> Vec<Vec<ReadingNumbers>> {
+        let mut firsts = BTreeMap::new();
+        let mut count = 0;
+        for &(place, times) in &self.entry.plan {
+            firsts.insert(place, count);
+            count += times as usize;
+        }
+        let mut all = Vec::new();
+        for group in &self.groups {
+            let configuration = group.iter().map(|each| firsts[&each.place]).min();
+            for visits in group.chunk_by(|one, other| one.visits == other.visits) {
+                let visit = visits.iter().map(|each| firsts[&each.place]).min();
+                let [visit, configuration] = [visit, configuration].map(Option::unwrap_or_default);
+                for each in visits {
+                    let first = firsts[&each.place];
+                    let of_visit = |number: usize| ReadingNumbers {
+                        reading: first + number,
+                        visit: visit + number,
+                        configuration,
+                    };
+                    all.push((0..each.times as usize).map(of_visit).collect());
+                }
+                for each in visits {
+                    if let Some(next) = firsts.get_mut(&each.place) {
+                        *next += each.times as usize;
+                    }
+                }
+            }
+        }
+        all
+    }
+
+    /// The errors that readings share, from an instrument with these frames.
+    fn sharing(&self, frames: &[Isometry3<f64>]) -> SharedErrors {
+        let mut next = 0;
+        let of_group = |group: &Vec<RepeatedReading>| {
+            let mut sharing = self.entry.planning.sharing(group, frames);
+            for reading in &mut sharing.readings {
+                *reading += next;
+            }
+            next += group.len();
+            sharing
+        };
+        SharedErrors {
+            groups: self.groups.iter().map(of_group).collect(),
+        }
     }
 }
 

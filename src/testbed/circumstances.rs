@@ -11,7 +11,7 @@ use crate::mujoco::{ModelChange, TorqueLaw};
 use crate::numeric::random::normal::LANES;
 use crate::parameter::{
     Axis, ElasticArm, FrameChange, ParameterError, ParameterKind, ParameterSet, RangeNoise,
-    ReadingSource, Source, Uncertainty, Unloaded,
+    ReadingSource, Source, SourceLevel, Uncertainty, Unloaded,
 };
 use crate::robot::{Approach, Load};
 use crate::task::Instrument;
@@ -338,8 +338,11 @@ impl Circumstances {
         } else {
             unloaded.map(|_| 0.0)
         };
-        let normal =
-            |is_shared: bool, place: usize| if is_shared { shared[place] } else { own[place] };
+        // A deflection is a visit of its own.
+        let normal = |level: SourceLevel, place: usize| match level {
+            SourceLevel::Reading | SourceLevel::Visit => own[place],
+            _ => shared[place],
+        };
         let noise = self.noise(&mut load, 1.0, normal, |cause, joint, by_rad| match cause {
             OffBy::Return => returned[joint] += by_rad,
             OffBy::Gear => unloaded[joint] += by_rad,
@@ -397,6 +400,17 @@ impl Visit<'_> {
     }
 }
 
+/// Which reading of a run brings what is new in this one: itself, the first of its visit, and the first in its configuration.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ReadingNumbers {
+    /// The reading.
+    pub reading: usize,
+    /// The first of its visit.
+    pub visit: usize,
+    /// The first in its configuration.
+    pub configuration: usize,
+}
+
 /// What differs when a target is read by itself, not twice for a deflection.
 #[derive(Debug, Clone)]
 pub(super) struct Disturbed {
@@ -428,17 +442,21 @@ enum OffBy {
 
 impl Circumstances {
     /// A reading of a target by itself. Of what is told of deflections, joints that return and the instrument's range, it has half
-    /// the variance. `own` and `shared` are the numbers of the reading, and of the first at its stand.
+    /// the variance.
     pub(super) fn disturbed(
         &self,
         experiment: &Experiment,
         normals: &[[f64; LANES]],
         lane: usize,
-        [own, shared]: [usize; 2],
+        numbers: ReadingNumbers,
     ) -> Disturbed {
         let size = self.numbers_of_reading();
-        let number = |is_shared: bool, place: usize| {
-            let reading = if is_shared { shared } else { own };
+        let number = |level: SourceLevel, place: usize| {
+            let reading = match level {
+                SourceLevel::Reading => numbers.reading,
+                SourceLevel::Visit => numbers.visit,
+                _ => numbers.configuration,
+            };
             normals[self.shared.len() + reading * size + place][lane]
         };
         let (q, approach) = (&experiment.configuration_rad, experiment.approach.as_ref());
@@ -454,28 +472,29 @@ impl Circumstances {
         }
     }
 
-    /// What is new in a reading, or at its stand: what acts is moved, and so are the joints. What is told of deflections counts by
-    /// `of_deflection`; numbers are those of the reading or of what its repeats share, by their place.
+    /// What is new in a reading, its visit or its configuration: what acts is moved, and so are the joints. What is told of deflections counts by
+    /// `of_deflection`; numbers are those of the level at which a source takes a new value, by their place.
     fn noise(
         &self,
         load: &mut Load,
         of_deflection: f64,
-        number: impl Fn(bool, usize) -> f64,
+        number: impl Fn(SourceLevel, usize) -> f64,
         mut turn: impl FnMut(OffBy, usize, f64),
     ) -> ReadingNoise {
         let mut discrepancy_m = Vector3::zeros();
         let mut by_distance = Vec::new();
         let mut place = 0;
         for source in &self.sources {
-            let is_shared = source.is_of_configuration();
+            let level = source.level();
             let is_halved = self.is_halved(source);
             let mut next = |deviation: f64| {
                 place += 1;
                 if !is_halved {
-                    return deviation * number(is_shared, place - 1);
+                    return deviation * number(level, place - 1);
                 }
                 place += 1;
-                let [loaded, unloaded] = [number(false, place - 2), number(true, place - 1)];
+                let unloaded = number(SourceLevel::Configuration, place - 1);
+                let loaded = number(level, place - 2);
                 deviation * (loaded - unloaded) * OF_ONE_READING
             };
             let mut three = |deviation: f64| Vector3::from_fn(|_, _| next(deviation));

@@ -16,7 +16,7 @@ mod true_compliances;
 mod truth;
 mod virtual_robot;
 
-pub use circumstances::{Circumstances, Visit};
+pub use circumstances::{Circumstances, ReadingNumbers, Visit};
 pub use instrument::{add_noise, add_noise_of, numbers};
 pub use read_robots::{ReadRobots, SeenFrom};
 pub use robots::TrueRobots;

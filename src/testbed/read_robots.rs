@@ -2,7 +2,7 @@
 
 use nalgebra::{DVector, Matrix3, Rotation3, Vector3};
 
-use super::circumstances::{Circumstances, Disturbed};
+use super::circumstances::{Circumstances, Disturbed, ReadingNumbers};
 use super::truth::Truth;
 use super::virtual_robot::VirtualRobot;
 use crate::experiment::Experiment;
@@ -106,8 +106,8 @@ impl ReadRobots {
         Ok(())
     }
 
-    /// Where a target is (m, world frame) and its axes, as they are read without the instrument's own noise: reading number `own`,
-    /// and `shared` the first at its stand. The experiment's load hangs on the calibration tool.
+    /// Where a target is (m, world frame) and its axes, as they are read without the instrument's own noise. The experiment's load
+    /// hangs on the calibration tool.
     ///
     /// # Errors
     /// There is no stable equilibrium.
@@ -115,13 +115,13 @@ impl ReadRobots {
         &mut self,
         experiment: &Experiment,
         seen: SeenFrom<'_>,
-        [own, shared]: [usize; 2],
+        numbers: ReadingNumbers,
     ) -> Result<(Vector3<f64>, Matrix3<f64>), EquilibriumError> {
         let Disturbed {
             commanded_rad,
             load,
             noise,
-        } = (self.laboratory).disturbed(experiment, &self.normals, 0, [own, shared]);
+        } = (self.laboratory).disturbed(experiment, &self.normals, 0, numbers);
         let place = self.bodies.iter().position(|(name, _)| name == seen.target);
         let place = place.unwrap_or(0);
         let (carried_m, ..) = self.bodies[0].1.rest(&commanded_rad, &load)?;

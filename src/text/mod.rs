@@ -33,7 +33,8 @@ pub fn plain(text: &str) -> Cow<'_, str> {
 }
 
 /// Keys, words and options of older files and scripts, and what they are called now.
-const RENAMED: [(&str, &str); 4] = [
+const RENAMED: [(&str, &str); 5] = [
+    ("state", "visit"),
     ("joint_return", "joint_repeatability"),
     ("gear_error", "transmission_error"),
     ("misfit", "discrepancy"),

@@ -93,7 +93,7 @@ def station(random):
 
 def table(random, robot, commanded, targets, stations, loaded=False, is_pose=False):
     """Rows as text: each pose is one visit, with one draw of its joints' repeatability."""
-    head = [f"q{j}_deg" for j in range(1, 7)] + ["fx_n", "fy_n", "fz_n", "tx_nm", "ty_nm", "tz_nm", "target", "station", "state"]
+    head = [f"q{j}_deg" for j in range(1, 7)] + ["fx_n", "fy_n", "fz_n", "tx_nm", "ty_nm", "tz_nm", "target", "station", "visit"]
     head += ["x_mm", "y_mm", "z_mm"] + (["qw", "qx", "qy", "qz"] if is_pose else []) + ["sx_mm", "sy_mm", "sz_mm"]
     head += ["srx_mrad", "sry_mrad", "srz_mrad"] if is_pose else []
     rows = []

@@ -65,7 +65,7 @@ fn readings(scenario: &Scenario, rows: &[Candidate]) -> Vec<AbsoluteReading> {
                 load: Load::NONE,
                 target: row.target.clone(),
                 station: None,
-                state: None,
+                visit: None,
                 position_m: seen.position_m,
                 rotation: None,
                 covariance: None,

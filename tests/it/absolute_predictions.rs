@@ -5,8 +5,10 @@ use elastocal::experiment::Candidate;
 use elastocal::identification::{AbsoluteCase, ParameterGroup, ReadingWeights};
 use elastocal::measurement::AbsoluteReading;
 use elastocal::numeric::random::generator;
-use elastocal::observation::{AbsoluteErrors, BareArm, Form, ObservationModel, ReadingKind, Setup};
-use elastocal::parameter::{ElasticArm, ParameterKind, ParameterSet, RangeNoise, ReadingSource};
+use elastocal::observation::{BareArm, Form, ObservationModel, ReadingErrors, ReadingKind, Setup};
+use elastocal::parameter::{
+    ElasticArm, ParameterKind, ParameterSet, RangeNoise, ReadingSource, SourceLevel,
+};
 use elastocal::plan::absolute::AbsolutePlanning;
 use elastocal::plan::search::random_plan;
 use elastocal::robot::Load;
@@ -49,7 +51,7 @@ fn reading(row: &Candidate, position_m: Vector3<f64>) -> AbsoluteReading {
         load: row.load.unwrap_or(Load::NONE),
         target: row.target.clone(),
         station: row.station.clone(),
-        state: None,
+        visit: None,
         position_m,
         rotation: None,
         covariance: None,
@@ -60,7 +62,7 @@ fn reading(row: &Candidate, position_m: Vector3<f64>) -> AbsoluteReading {
 }
 
 /// Where an arm has a target.
-fn place(arm: &ElasticArm, setup: &Setup) -> Vector3<f64> {
+pub fn place(arm: &ElasticArm, setup: &Setup) -> Vector3<f64> {
     let nothing = ParameterSet::empty();
     let mut model = ObservationModel::new(&nothing, arm, &[]);
     let mut ignored = Matrix6xX::zeros(0);
@@ -326,11 +328,18 @@ fn readings_are_disturbed_as_much_as_planned() {
     let mut random = generator(4, 0);
     for source in &sources {
         let calibration = &belief.calibration_tool;
-        let errors = AbsoluteErrors::new(bare, q, (calibration, &load), Some(&station), [source]);
+        let errors = ReadingErrors::new(bare, q, (calibration, &load), Some(&station), [source]);
         let is_shared = source.is_of_configuration();
-        assert_eq!(errors.own.amax() == 0.0, is_shared, "{source:?}");
-        assert_eq!(errors.is_new_each_time(), !is_shared, "{source:?}");
-        let expected = errors.own + errors.shared;
+        let moves = |columns: &Matrix6xX<f64>| columns.ncols() > 0 && columns.amax() > 0.0;
+        let levels = [
+            (SourceLevel::Reading, errors.reading.amax() > 0.0),
+            (SourceLevel::Visit, moves(&errors.visit)),
+            (SourceLevel::Configuration, moves(&errors.configuration)),
+        ];
+        for (level, is_moved) in levels {
+            assert_eq!(is_moved, source.level() == level, "{source:?}");
+        }
+        let expected = errors.covariance();
         let found = sampled(&mut random, draws, |next| {
             let mut three = |size: f64| Vector3::from_fn(|_, _| size * next());
             let mut moved = row.configuration_rad.clone();

@@ -28,7 +28,7 @@ pub fn reading(random: &mut impl rand::Rng, row: usize, is_pose: bool) -> Absolu
         },
         target: Some(["cat's eye", "ball, upper"][row % 2].to_owned()),
         station: Some(format!("S{}", row / 4)),
-        state: Some(format!("stand {stand}")),
+        visit: Some(format!("stand {stand}")),
         position_m: Vector3::new(number(2.0), number(2.0), number(2.0)),
         rotation: is_pose
             .then(|| UnitQuaternion::from_euler_angles(number(3.0), number(1.5), number(3.0))),
@@ -96,7 +96,7 @@ fn a_position_at_joint_angles_is_enough() {
     assert_eq!(found[0].position_m, Vector3::new(100.25e-3, -0.5e-3, 1.0));
     assert_eq!(found[0].load, Load::NONE);
     assert_eq!(found[0].approach, Some(Approach(vec![true; 3])));
-    assert_eq!((&found[0].covariance, &found[0].state), (&None, &None));
+    assert_eq!((&found[0].covariance, &found[0].visit), (&None, &None));
 }
 
 /// What stands behind the joint angles, header and row, and what is said of it.
@@ -225,13 +225,13 @@ fn wrong_entries_are_told_in_words() {
         let error = read_measured(&path, 3).expect_err(header).to_string();
         assert!(error.contains(expected), "{header}: {error}");
     }
-    let rows = "state,x_mm,y_mm,z_mm\n0,0,0,A,1,2,3\n0,0,0,B,1,2,3\n0,1,0,A,1,2,3\n";
+    let rows = "visit,x_mm,y_mm,z_mm\n0,0,0,A,1,2,3\n0,0,0,B,1,2,3\n0,1,0,A,1,2,3\n";
     let path = written(&workplace, "wrong.csv", format!("{q}{rows}"));
     let error = read_measured(&path, 3)
-        .expect_err("a state that moves")
+        .expect_err("a visit that moves")
         .to_string();
     assert!(
-        error.contains("line 4: state: found \"A\" at other joint angles than in line 2"),
+        error.contains("line 4: visit: found \"A\" at other joint angles than in line 2"),
         "{error}"
     );
 }

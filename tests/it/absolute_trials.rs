@@ -49,7 +49,7 @@ position_mm = [-6000, -3000, 1500]
 "#;
 
 /// Within three standard errors and 2 %, by the numbers themselves; and as many as predicted stay below the quantile.
-fn holds(trials: &Value) {
+pub fn holds(trials: &Value) {
     let [predicted, seen, error] =
         ["predicted_rms_mm", "rms_mm", "rms_std_mm"].map(|key| number(&trials[key]));
     assert!(error < 0.06 * seen, "{trials}");

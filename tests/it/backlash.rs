@@ -293,7 +293,7 @@ pub fn pose_of(
         load: setup.load,
         target: None,
         station: None,
-        state: None,
+        visit: None,
         position_m: seen.position_m,
         rotation: Some(nalgebra::UnitQuaternion::from_rotation_matrix(&rotation)),
         covariance: Some(nalgebra::Matrix6::from_diagonal(

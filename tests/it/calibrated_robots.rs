@@ -66,7 +66,7 @@ fn readings(random: &mut impl Rng, arm: &ElasticArm, count: usize) -> Vec<Absolu
                 load,
                 target: Some(arm.tools[0].name.clone()),
                 station: (stations > 1).then(|| format!("S{}", index % stations)),
-                state: None,
+                visit: None,
                 position_m: seen.translation.vector,
                 rotation: Some(seen.rotation),
                 covariance: Some(Matrix6::from_diagonal(&Vector6::from_fn(|row, _| {

@@ -214,7 +214,7 @@ fn readings(scenario: &Scenario, kind: ReadingKind, count: u32, seed: u64) -> Ve
                 load,
                 target: None,
                 station: None,
-                state: None,
+                visit: None,
                 position_m: seen.position_m + noise(),
                 rotation: (kind == ReadingKind::Pose).then(|| {
                     UnitQuaternion::from_rotation_matrix(&turned)

@@ -169,7 +169,7 @@ fn absolute(
                 load: Load::NONE,
                 target: None,
                 station: None,
-                state: None,
+                visit: None,
                 position_m: seen.position_m + noise(random, SIGMA_M),
                 rotation: (trial.has_rotations)
                     .then(|| UnitQuaternion::from_rotation_matrix(&rotation)),

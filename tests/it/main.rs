@@ -220,4 +220,5 @@ mod unknowns;
 mod unread;
 mod ur10_measured;
 mod validation;
+mod visits;
 mod wrong_readings;

@@ -69,7 +69,7 @@ pub fn read_within(
                 load: setup.load,
                 target: None,
                 station: None,
-                state: None,
+                visit: None,
                 position_m,
                 rotation: Some(UnitQuaternion::from_rotation_matrix(&rotation)),
                 covariance: Some(covariance),

@@ -77,7 +77,7 @@ pub fn read(random: &mut impl Rng, arm: &ElasticArm, campaign: &Campaign) -> Vec
                 load: setup.load,
                 target: Some(arm.tools[setup.target].name.clone()),
                 station: (stations > 1).then(|| format!("S{}", setup.station)),
-                state: None,
+                visit: None,
                 position_m,
                 rotation: campaign
                     .is_pose
@@ -588,10 +588,10 @@ fn wrong_robots_are_told_in_words() {
     validate("").says("for which no plan is made");
 }
 
-/// Each stand of the robot is off by 0.3 mm, unloaded and loaded the same: readings of one state tell compliances as their
+/// Each stand of the robot is off by 0.3 mm, unloaded and loaded the same: readings of one visit tell compliances as their
 /// differences do, and the standard errors are right.
 #[test]
-fn readings_of_one_state_share_what_the_model_does_not_know() {
+fn readings_of_one_visit_share_what_the_model_does_not_know() {
     const RUNS: u64 = 60;
     let scenario = ur10();
     let mut random = generator(15, 0);
@@ -603,7 +603,7 @@ fn readings_of_one_state_share_what_the_model_does_not_know() {
         force_n: 0.0,
     };
     let forces = [0.0, -100.0, 100.0];
-    let run = |seed: u64, has_states: bool| {
+    let run = |seed: u64, has_visits: bool| {
         let mut random = generator(16, seed);
         let stands = read(&mut random, &arm, &campaign);
         let nothing = ParameterSet::empty();
@@ -632,7 +632,7 @@ fn readings_of_one_state_share_what_the_model_does_not_know() {
                 let error = Vector3::from_fn(|_, _| SIGMA_M * normal(&mut random));
                 readings.push(AbsoluteReading {
                     load,
-                    state: has_states.then(|| format!("stand {stand}")),
+                    visit: has_visits.then(|| format!("stand {stand}")),
                     position_m: seen.position_m + off + error,
                     ..reading.clone()
                 });

@@ -60,7 +60,7 @@ fn visits(drift_m_per_h: Vector3<f64>, times: usize) -> Vec<AbsoluteReading> {
                 load: Load::NONE,
                 target: None,
                 station: None,
-                state: (times > 1).then(|| format!("v{visit}")),
+                visit: (times > 1).then(|| format!("v{visit}")),
                 // Read to a tenth of a micrometre.
                 position_m: seen.as_ref().expect("stable").position_m
                     + returned

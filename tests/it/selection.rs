@@ -117,7 +117,7 @@ fn what_cannot_be_chosen_from_is_refused() {
         .ends_with(2);
     let together: Vec<_> = (0..readings.len())
         .map(|index| AbsoluteReading {
-            state: Some(format!("s{}", index.max(1))),
+            visit: Some(format!("s{}", index.max(1))),
             ..readings[if index == 1 { 0 } else { index }].clone()
         })
         .collect();

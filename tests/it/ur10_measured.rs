@@ -72,7 +72,7 @@ pub fn series(path: &PathBuf) -> Vec<AbsoluteReading> {
             load: Load::NONE,
             target: None,
             station: None,
-            state: None,
+            visit: None,
             position_m: three("", "") * 1e-3,
             rotation: Some(about(0) * about(1) * about(2)),
             covariance: Some(Matrix6::from_fn(|row, column| {

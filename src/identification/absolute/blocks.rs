@@ -46,7 +46,7 @@ impl ReadingPart {
 }
 
 impl AbsoluteCase<'_> {
-    /// Each reading's block of joint space, among so many. Readings of one stand are of one configuration.
+    /// Each reading's block of joint space, among so many. Readings of one visit are of one configuration.
     pub fn blocks(&self, count: usize) -> Vec<usize> {
         // A visit's first reading stands for all of it, whatever angles the others say.
         let mut configurations: Vec<&DVector<f64>> = (self.observations.iter())
@@ -86,19 +86,7 @@ impl AbsoluteCase<'_> {
         let places: Vec<usize> = (0..self.observations.len())
             .filter(|&index| is_in(index))
             .collect();
-        let shared = shared.map(|shared| {
-            let of_group = |group: &Vec<usize>| -> Vec<usize> {
-                (group.iter())
-                    .filter_map(|index| places.binary_search(index).ok())
-                    .collect()
-            };
-            let mut groups: Vec<Vec<usize>> = shared.groups.iter().map(of_group).collect();
-            groups.retain(|group| !group.is_empty());
-            SharedErrors {
-                groups,
-                precision: shared.precision,
-            }
-        });
+        let shared = shared.map(|shared| shared.among(&places));
         let observations = places
             .iter()
             .map(|&index| self.observations[index].clone())

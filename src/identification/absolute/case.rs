@@ -2,15 +2,16 @@
 
 use std::collections::BTreeMap;
 
-use nalgebra::{Isometry3, Matrix6, Rotation3, Vector3, Vector6};
+use nalgebra::{Isometry3, Matrix6, Matrix6xX, Rotation3, Vector3, Vector6};
 
 use super::super::copies::{CopiedReadings, ReadBits};
 use super::super::frames::{MountedFrames, RobustFrames, Sight, reach};
 use super::super::outliers::RejectedReading;
 use super::AbsoluteError;
 use super::transfer::transferred;
+use super::visits::visits;
 use crate::measurement::AbsoluteReading;
-use crate::observation::{Observation, Reading, Setup, SharedErrors, Whitener};
+use crate::observation::{Observation, Reading, Setup, SharedErrors, SharingReadings, Whitener};
 use crate::parameter::ElasticArm;
 use crate::robot::{KinematicState, Kinematics, SerialChain, Tool};
 use crate::task::Belief;
@@ -37,10 +38,15 @@ pub struct AbsoluteCase<'a> {
     pub targets: Vec<String>,
     /// The readings, each with its own covariance.
     pub observations: Vec<Observation>,
-    /// These covariances (m^2, m rad, rad^2).
+    /// The covariances of all errors of each (m^2, m rad, rad^2).
     pub covariances: Vec<Matrix6<f64>>,
-    /// The readings by their places: those of one state, station and target together.
+    /// The readings by their places: those of one visit together.
     pub visits: Vec<Vec<usize>>,
+    /// Of what no parameter explains, the standard deviation that readings of one visit do not share: of each coordinate of the
+    /// position (m) and of the rotation (rad).
+    pub within: [f64; 2],
+    /// Errors that readings share as the planner's model has them; none where that is to be found from residuals.
+    pub shared: Option<SharedErrors>,
     /// Whether readings that lie far out are fitted, too.
     pub keeps_all: bool,
     /// The readings that are far out of any frames, which no fit begins with.
@@ -95,12 +101,13 @@ impl<'a> AbsoluteCase<'a> {
             targets: Vec::new(),
             observations: Vec::new(),
             covariances: Vec::new(),
-            visits: Vec::new(),
+            visits: visits(readings),
+            within: [0.0; 2],
+            shared: None,
             keeps_all: false,
             far_from_frames: Vec::new(),
             copies: CopiedReadings::default(),
         };
-        let mut known: BTreeMap<(&str, usize, usize), usize> = BTreeMap::new();
         for (index, reading) in readings.iter().enumerate() {
             let station = case.station(reading.station.as_deref());
             let target = case.target(index, reading.target.as_deref())?;
@@ -116,16 +123,6 @@ impl<'a> AbsoluteCase<'a> {
             let q = reading.configuration_rad.as_slice();
             let load = transferred(chain, &belief.calibration_tool, tool, q, &reading.load);
             let covariance = case.covariance(reading)?;
-            let visit = match &reading.state {
-                None => case.visits.len(),
-                Some(state) => {
-                    *(known.entry((state, station, target))).or_insert(case.visits.len())
-                }
-            };
-            if visit == case.visits.len() {
-                case.visits.push(Vec::new());
-            }
-            case.visits[visit].push(index);
             case.covariances.push(covariance);
             case.observations.push(Observation {
                 setup: Setup {
@@ -149,6 +146,15 @@ impl<'a> AbsoluteCase<'a> {
         }
         case.arm.instrument_from_base = vec![Isometry3::identity(); case.stations.len()];
         Ok(case)
+    }
+
+    /// The same where readings, weighed by their own covariances, share errors besides.
+    pub fn sharing(mut self, shared: SharedErrors) -> Self {
+        for (covariance, more) in self.covariances.iter_mut().zip(shared.covariances()) {
+            *covariance += more;
+        }
+        self.shared = Some(shared);
+        self
     }
 
     fn station(&mut self, name: Option<&str>) -> usize {
@@ -275,33 +281,41 @@ impl<'a> AbsoluteCase<'a> {
     }
 
     /// Weighs the readings by their own covariance and by what no parameter explains besides: a standard deviation of each
-    /// coordinate of the position (m) and of the rotation (rad). Readings of one stand share that.
-    pub(super) fn weigh(&mut self, [position_m, rotation_rad]: [f64; 2]) -> Option<SharedErrors> {
-        let mut is_alone = vec![true; self.observations.len()];
+    /// coordinate of the position (m) and of the rotation (rad). Readings of one visit share that but for what differs within visits.
+    pub(super) fn weigh(&mut self, discrepancy: [f64; 2]) -> Option<SharedErrors> {
+        let within = [0, 1].map(|part| self.within[part].min(discrepancy[part]));
+        let mut more = vec![discrepancy; self.observations.len()];
         for &index in self.visits.iter().filter(|visit| visit.len() > 1).flatten() {
-            is_alone[index] = false;
+            more[index] = within;
         }
-        let weighed = self.observations.iter_mut().zip(&self.covariances);
-        for ((each, covariance), is_alone) in weighed.zip(&is_alone) {
-            let mut covariance = *covariance;
-            if !is_alone {
-                each.whitener = whitener(&covariance);
-                continue;
+        let of_others = self.shared.as_ref().map(SharedErrors::covariances);
+        for (index, each) in self.observations.iter_mut().enumerate() {
+            let mut covariance = self.covariances[index];
+            if let Some(of_others) = &of_others {
+                covariance -= of_others[index];
             }
             for row in 0..6 {
-                let more = if row < 3 { position_m } else { rotation_rad };
-                covariance[(row, row)] += more * more;
+                covariance[(row, row)] += more[index][row / 3].powi(2);
             }
             each.whitener = whitener(&covariance);
         }
-        let precision = Vector6::from_fn(|row, _| {
-            let discrepancy = if row < 3 { position_m } else { rotation_rad };
-            discrepancy.max(LEAST_MISFIT).powi(-2)
-        });
-        let has_any = is_alone.iter().any(|is_alone| !is_alone);
+        if self.shared.is_some() {
+            return self.shared.clone();
+        }
+        let all = [0, 1].map(|part| (discrepancy[part].powi(2) - within[part].powi(2)).sqrt());
+        let effects = Matrix6xX::from_columns(
+            &[0, 1, 2, 3, 4, 5].map(|row| Vector6::ith(row, all[row / 3].max(LEAST_MISFIT))),
+        );
+        let of_visit = |visit: &Vec<usize>| SharingReadings {
+            effects: match visit.len() {
+                1 => vec![Matrix6xX::zeros(0)],
+                several => vec![effects.clone(); several],
+            },
+            readings: visit.clone(),
+        };
+        let has_any = self.visits.len() < self.observations.len();
         has_any.then(|| SharedErrors {
-            groups: self.visits.clone(),
-            precision,
+            groups: self.visits.iter().map(of_visit).collect(),
         })
     }
 

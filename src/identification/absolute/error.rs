@@ -90,7 +90,7 @@ pub enum AbsoluteError {
         likely: String,
     },
     /// Readings that cannot be chosen one by one.
-    #[error("rows of one state are readings of one visit, and cannot be chosen one by one")]
+    #[error("several readings of one visit cannot be chosen one by one")]
     Together,
     /// A parameter that the robot cannot have.
     #[error(transparent)]
@@ -132,7 +132,7 @@ impl AbsoluteError {
             Self::Target { .. } => Some(
                 "add the target to the scenario as a [[robot.tool]], or to the model as a site",
             ),
-            Self::Together => Some("leave the column state out"),
+            Self::Together => Some("give readings of one target, each in a visit of its own"),
             _ => None,
         }
     }

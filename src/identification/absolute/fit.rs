@@ -207,6 +207,7 @@ impl AbsoluteCase<'_> {
                 .clone_from(&discrepancy_model.covariance);
         }
         self.arm.clone_from(&kept.arm);
+        self.within = kept.within;
         let left = self.left_by(&fit)?;
         let (nominal, undetermined): (Vec<_>, Vec<_>) =
             (fit.freedoms.named.into_iter()).partition(|each| each.stays_nominal);
@@ -238,11 +239,18 @@ impl AbsoluteCase<'_> {
         weights: ReadingWeights,
         near: Option<&ParameterFit>,
     ) -> Result<WeighedFit, AbsoluteError> {
+        let known = self.shared.clone();
+        let shared = known.as_ref();
         let own = match weights {
             ReadingWeights::WithDiscrepancy => None,
-            ReadingWeights::Own => Some(fit_for_residuals(&self.arm, set, &self.observations)?),
+            ReadingWeights::Own => Some(fit_for_residuals(
+                &self.arm,
+                set,
+                &self.observations,
+                shared,
+            )?),
             ReadingWeights::AsNeeded => {
-                match fit_if_plausible(&self.arm, set, &self.observations) {
+                match fit_if_plausible(&self.arm, set, &self.observations, shared) {
                     Ok(fit) => Some(fit),
                     // Readings that the model cannot explain may drive its parameters anywhere.
                     Err(FitError::NotConverged { .. }) => None,
@@ -256,7 +264,7 @@ impl AbsoluteCase<'_> {
             Some(fit) if is_plausible || weights == ReadingWeights::Own => {
                 let values = self.rebased(set, &fit);
                 (
-                    fit_from(&self.arm, set, &self.observations, None, &values)?,
+                    fit_from(&self.arm, set, &self.observations, shared, &values)?,
                     None,
                 )
             }
@@ -394,12 +402,14 @@ impl AbsoluteCase<'_> {
         other: Option<ParameterFit>,
     ) -> Result<(ParameterFit, Option<[f64; 2]>), AbsoluteError> {
         let (mut found, mut values) = if let Some(fit) = other {
+            self.within = self.within_visits(&self.left_by(&fit)?, fit.spare());
             (self.discrepancy(&fit)?, self.rebased(set, &fit))
         } else {
             let kinds = self.frame_kinds().into_iter().map(|kind| (kind, None));
             let frames = ParameterSet::new(&self.arm, kinds)?;
             let fit = fit_parameters(&self.arm, &frames, &self.observations)?;
             let found = self.discrepancy(&fit)?;
+            self.within = self.within_visits(&self.left_by(&fit)?, fit.spare());
             self.rebased(&frames, &fit);
             (found, set.prior().mean.clone())
         };
@@ -408,6 +418,7 @@ impl AbsoluteCase<'_> {
             let fit =
                 fit_for_weights(&self.arm, set, &self.observations, shared.as_ref(), &values)?;
             found = self.discrepancy(&fit)?;
+            self.within = self.within_visits(&self.left_by(&fit)?, fit.spare());
             values = self.rebased(set, &fit);
         }
         let shared = self.weigh(found);

@@ -157,6 +157,7 @@ impl AbsoluteCase<'_> {
                 .map(|&index| self.covariances[index])
                 .collect(),
             visits,
+            shared: self.shared.as_ref().map(|shared| shared.among(&places)),
             ..self.clone()
         };
         (case, part.shared)

@@ -4,7 +4,7 @@
 //! ```text
 //! y = h(x) + sum_j J_j e_j(q_j) + m + noise
 //! cov(e_j(q), e_j(q')) = s_j^2 exp(-|q - q'| / l_j)         new functions for each joint
-//! cov(m) = diag(p^2, r^2)                                    new for each stand of the robot
+//! cov(m) = diag(p^2, r^2)                                    new at each visit
 //! ```
 //!
 //! Gears, encoders and bearings make such errors; so do, over a part of joint space, effects that no parameter has. Readings

@@ -21,6 +21,7 @@ mod residuals;
 mod rows;
 mod transfer;
 mod unknowns;
+mod visits;
 mod without;
 
 use super::copies::CopiedReadings;

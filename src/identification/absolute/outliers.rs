@@ -172,17 +172,17 @@ impl AbsoluteCase<'_> {
 
     pub(super) fn part_of(&self, is_in: impl Fn(usize) -> bool) -> Self {
         let mut place = vec![None; self.observations.len()];
+        let places: Vec<usize> = (0..place.len()).filter(|&index| is_in(index)).collect();
         let mut case = self.clone();
         case.observations.clear();
         case.covariances.clear();
         case.far_from_frames.clear();
         case.copies = CopiedReadings::default();
-        for (index, place) in place.iter_mut().enumerate() {
-            if is_in(index) {
-                *place = Some(case.observations.len());
-                case.observations.push(self.observations[index].clone());
-                case.covariances.push(self.covariances[index]);
-            }
+        case.shared = self.shared.as_ref().map(|shared| shared.among(&places));
+        for &index in &places {
+            place[index] = Some(case.observations.len());
+            case.observations.push(self.observations[index].clone());
+            case.covariances.push(self.covariances[index]);
         }
         case.visits = (self.visits.iter())
             .map(|visit| visit.iter().filter_map(|&index| place[index]).collect())

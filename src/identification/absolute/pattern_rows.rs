@@ -13,7 +13,7 @@ use crate::robot::Approach;
 
 impl AbsoluteCase<'_> {
     /// What a fit leaves of the readings that the case was made of. Each counts by its own covariance and by the fit's discrepancy,
-    /// those of one stand, too.
+    /// those of one visit, too.
     ///
     /// # Errors
     /// The robot has no equilibrium.

@@ -112,7 +112,7 @@ pub fn fit_parameters(
     set: &ParameterSet,
     observations: &[Observation],
 ) -> Result<ParameterFit, FitError> {
-    fit_from_frames(nominal, set, observations, Haste::None)
+    fit_from_frames(nominal, set, (observations, None), Haste::None)
 }
 
 /// The same, found as soon as a step is short in standard errors as the residuals have them: whether the observations' own
@@ -121,8 +121,9 @@ pub(super) fn fit_for_residuals(
     nominal: &ElasticArm,
     set: &ParameterSet,
     observations: &[Observation],
+    shared: Option<&SharedErrors>,
 ) -> Result<ParameterFit, FitError> {
-    fit_from_frames(nominal, set, observations, Haste::Residuals)
+    fit_from_frames(nominal, set, (observations, shared), Haste::Residuals)
 }
 
 /// The same, ended where it begins as soon as it is clear that the observations' own covariances explain them by no values.
@@ -130,22 +131,23 @@ pub(super) fn fit_if_plausible(
     nominal: &ElasticArm,
     set: &ParameterSet,
     observations: &[Observation],
+    shared: Option<&SharedErrors>,
 ) -> Result<ParameterFit, FitError> {
-    fit_from_frames(nominal, set, observations, Haste::Plausibility)
+    fit_from_frames(nominal, set, (observations, shared), Haste::Plausibility)
 }
 
 /// A fit that begins where the frames follow from the readings.
 fn fit_from_frames(
     nominal: &ElasticArm,
     set: &ParameterSet,
-    observations: &[Observation],
+    (observations, shared): (&[Observation], Option<&SharedErrors>),
     haste: Haste,
 ) -> Result<ParameterFit, FitError> {
     if observations.is_empty() {
         return Err(FitError::NoObservations);
     }
     let start = frames(nominal, set, observations);
-    fit(nominal, set, observations, None, &start, haste)
+    fit(nominal, set, observations, shared, &start, haste)
 }
 
 /// The same from values (p) that are near; some observations may share an error.

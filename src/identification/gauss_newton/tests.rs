@@ -322,7 +322,7 @@ fn badly_explained_readings_take_few_steps() {
     let again = fit_from(&belief, &set, &observations, None, &values).expect("a fit");
     assert_eq!(again.iterations, 1);
     // And that no noise makes such residuals is clear long before.
-    let given_up = fit_if_plausible(&belief, &set, &observations).expect("a start");
+    let given_up = fit_if_plausible(&belief, &set, &observations, None).expect("a start");
     assert!(given_up.iterations <= 4, "{}", given_up.iterations);
     assert!(given_up.square > 100.0 * given_up.rows as f64);
 }
@@ -341,7 +341,7 @@ fn a_far_start_is_not_given_up() {
         }
         let setups = setups(&mut numbers, &belief, 100, 0.0);
         let observations = observe(&mut numbers, &belief, &set, &truth, &setups, 1.0);
-        let fit = fit_if_plausible(&belief, &set, &observations).expect("a fit");
+        let fit = fit_if_plausible(&belief, &set, &observations, None).expect("a fit");
         let mean_square = fit.square / fit.degrees_of_freedom() as f64;
         assert!((0.8..1.25).contains(&mean_square), "{sizes}: {mean_square}");
     }

@@ -165,7 +165,7 @@ impl ImportedColumns {
             rotation,
             words: [
                 reader.word("target", file.target.as_ref())?,
-                reader.word("state", file.state.as_ref())?,
+                reader.word("visit", file.visit.as_ref())?,
                 reader.word("station", file.station.as_ref())?,
                 reader.word("approach", file.approach.as_ref())?,
             ],
@@ -307,7 +307,7 @@ impl ImportedColumns {
             configuration_rad,
             load,
             target: name(0)?,
-            state: name(1)?,
+            visit: name(1)?,
             station: name(2)?,
             position_m,
             rotation,

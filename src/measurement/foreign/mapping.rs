@@ -35,7 +35,7 @@ pub(super) struct Mapping {
     pub weight: Option<ScalarMapping>,
     pub target: Option<Word>,
     pub station: Option<Word>,
-    pub state: Option<Word>,
+    pub visit: Option<Word>,
     pub approach: Option<Word>,
     pub time: Option<ScalarMapping>,
     pub temperature: Option<ScalarMapping>,

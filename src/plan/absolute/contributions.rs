@@ -4,11 +4,11 @@
 //! adds `R_s` to the covariance R of readings leaves trace(K (sum J^T R^-1 `R_s` R^-1 J) K^T), and what is known before
 //! trace(K `M_0` K^T). Squares add up.
 
-use nalgebra::{DMatrix, Matrix6, MatrixXx6};
+use nalgebra::{Cholesky, DMatrix, Matrix6, Matrix6xX, MatrixXx6};
 
 use super::readable::disturbed;
-use super::{AbsolutePlanning, PredictedAccuracy, in_units, place_rows, stacked};
-use crate::observation::{AbsoluteErrors, ReadingKind, Setup, planned_rows};
+use super::{AbsolutePlanning, PredictedAccuracy, RepeatedReading, in_units, place_rows, stacked};
+use crate::observation::{ReadingErrors, ReadingKind, Setup, planned_rows};
 use crate::parameter::{
     ParameterKind, ParameterSet, ReadingSource, Source, SourceLevel, Uncertainty,
 };
@@ -29,22 +29,51 @@ pub(super) fn is_of_task(kind: ParameterKind) -> bool {
     )
 }
 
-/// What a plan makes of its readings: of each the candidate, how often it is read, and K J^T R^-1 (3 n x 6, in 1).
+/// What a plan makes of its readings, by configuration.
 struct WeighedReadings {
     /// K, by the unknowns in typical sizes (3 n x p).
     gain: DMatrix<f64>,
-    each: Vec<(usize, u32, MatrixXx6<f64>)>,
+    /// Of each the readings with their part of K J^T R^-1 (3 n x 6, in 1).
+    groups: Vec<Vec<(RepeatedReading, MatrixXx6<f64>)>>,
+}
+
+impl WeighedReadings {
+    fn readings(&self) -> impl Iterator<Item = &(RepeatedReading, MatrixXx6<f64>)> {
+        self.groups.iter().flatten()
+    }
+
+    /// What errors leave (m^2), each averaged over where it is new.
+    fn left_by(&self, errors: impl Fn(usize) -> ReadingErrors) -> f64 {
+        let of_group = |group: &Vec<(RepeatedReading, MatrixXx6<f64>)>| -> f64 {
+            let mut square = 0.0;
+            let mut configuration: Option<DMatrix<f64>> = None;
+            let mut visits: Vec<Option<DMatrix<f64>>> = vec![None; group.len()];
+            let add = |sum: &mut Option<DMatrix<f64>>, weight, columns: &Matrix6xX<f64>| {
+                let moved: DMatrix<f64> = weight * columns;
+                *sum = Some(sum.take().map_or(moved.clone(), |sum| sum + moved));
+            };
+            for (each, weight) in group {
+                let errors = errors(each.place);
+                let times = f64::from(each.times);
+                square += added(weight, &errors.reading) / times;
+                add(&mut configuration, weight, &errors.configuration);
+                add(
+                    &mut visits[each.visits],
+                    weight,
+                    &(errors.visit / times.sqrt()),
+                );
+            }
+            let shared = visits.iter().chain([&configuration]).flatten();
+            square + shared.map(DMatrix::norm_squared).sum::<f64>()
+        };
+        self.groups.iter().map(of_group).sum()
+    }
 }
 
 impl AbsolutePlanning<'_> {
-    /// The setups of a plan's readings.
-    fn setups(&self, plan: &[(usize, u32)]) -> Vec<(&Setup, ReadingKind)> {
-        (plan.iter())
-            .map(|&(place, _)| {
-                let observation = &self.case.observations[place];
-                (&observation.setup, observation.reading.kind())
-            })
-            .collect()
+    fn setup(&self, place: usize) -> (&Setup, ReadingKind) {
+        let observation = &self.case.observations[place];
+        (&observation.setup, observation.reading.kind())
     }
 
     fn weighed(&self, plan: &[(usize, u32)], prediction: &PredictedAccuracy) -> WeighedReadings {
@@ -56,31 +85,74 @@ impl AbsolutePlanning<'_> {
             column /= *scale;
         }
         let mean = &self.set.prior().mean;
-        let setups = self.setups(plan);
-        let derivatives = planned_rows(&self.set, &self.case.arm, mean, &setups);
-        let each = (plan.iter().zip(setups).zip(&derivatives))
-            .map(|((&(place, times), (_, kind)), rows)| {
-                let precision = inverted(&self.covariance(place, times), kind);
-                (place, times, &gain * rows.transpose() * precision)
+        let weigh = |group: Vec<RepeatedReading>| {
+            let setups: Vec<(&Setup, ReadingKind)> =
+                group.iter().map(|each| self.setup(each.place)).collect();
+            let derivatives = planned_rows(&self.set, &self.case.arm, mean, &setups);
+            let columns: Vec<MatrixXx6<f64>> = derivatives
+                .iter()
+                .map(|rows| &gain * rows.transpose())
+                .collect();
+            let precision = self.precision(&group);
+            let weight = |place: usize| -> MatrixXx6<f64> {
+                (columns.iter().enumerate())
+                    .map(|(other, column)| {
+                        column * precision.fixed_view::<6, 6>(6 * other, 6 * place)
+                    })
+                    .sum()
+            };
+            let weights: Vec<MatrixXx6<f64>> = (0..group.len()).map(weight).collect();
+            group.into_iter().zip(weights).collect()
+        };
+        let groups = self.by_configuration(plan).into_iter().map(weigh).collect();
+        WeighedReadings { gain, groups }
+    }
+
+    /// The inverse of the covariance of all mean readings of a configuration (6 n x 6 n), and nothing of what is not read.
+    fn precision(&self, group: &[RepeatedReading]) -> DMatrix<f64> {
+        let rows: Vec<usize> = (group.iter().enumerate())
+            .flat_map(|(index, each)| {
+                let count = self.setup(each.place).1.rows();
+                (0..count).map(move |row| 6 * index + row)
             })
             .collect();
-        WeighedReadings { gain, each }
+        let here = vec![nalgebra::Isometry3::identity(); self.case.stations.len()];
+        let effects = self.sharing(group, &here).effects;
+        let covariance = DMatrix::from_fn(rows.len(), rows.len(), |row, column| {
+            let [(one, row), (other, column)] =
+                [rows[row], rows[column]].map(|place| (place / 6, place % 6));
+            let shared = effects[one].row(row).dot(&effects[other].row(column));
+            if one == other {
+                let own = self.own_covariance(group[one].place, group[one].times);
+                return shared + own[(row, column)];
+            }
+            shared
+        });
+        let mut precision = DMatrix::zeros(6 * group.len(), 6 * group.len());
+        if let Some(factor) = Cholesky::new(covariance) {
+            let inverse = factor.inverse();
+            for (row, &to_row) in rows.iter().enumerate() {
+                for (column, &to_column) in rows.iter().enumerate() {
+                    precision[(to_row, to_column)] = inverse[(row, column)];
+                }
+            }
+        }
+        precision
     }
 
     /// What a source of errors leaves (m^2).
     fn left_by_source(&self, weighed: &WeighedReadings, source: &ReadingSource) -> f64 {
-        let of_one = |(place, times, weight): &(usize, u32, MatrixXx6<f64>)| {
-            let errors = self.errors_of_one(*place, source);
-            added(weight, &errors.of_mean(&Matrix6::zeros(), *times))
-        };
-        weighed.each.iter().map(of_one).sum()
-    }
-
-    fn errors_of_one(&self, place: usize, source: &ReadingSource) -> AbsoluteErrors {
-        let candidate = &self.candidates[place];
-        let station = station_named(self.stations, candidate.station.as_deref());
-        let setup = &self.case.observations[place].setup;
-        disturbed(&self.case, station, candidate, setup, [source])
+        weighed.left_by(|place| {
+            let candidate = &self.candidates[place];
+            let station = station_named(self.stations, candidate.station.as_deref());
+            disturbed(
+                &self.case,
+                station,
+                candidate,
+                self.setup(place).0,
+                [source],
+            )
+        })
     }
 
     /// The uncertainty budget of a plan with this predicted accuracy; `None` where it predicts nothing.
@@ -91,13 +163,11 @@ impl AbsolutePlanning<'_> {
     ) -> Option<UncertaintyBudget> {
         let rho0_m = prediction.rho0_m()?;
         let weighed = self.weighed(plan, prediction);
-        let noise = (weighed.each.iter()).map(|(place, times, weight)| {
-            added(
-                weight,
-                &(self.case.covariances[*place] / f64::from((*times).max(1))),
-            )
+        let noise = weighed.left_by(|place| ReadingErrors {
+            reading: self.case.covariances[place],
+            ..ReadingErrors::none()
         });
-        let (noise, input) = (noise.sum(), self.noise(plan));
+        let input = self.noise(plan);
         let instrument = &self.case.belief.instrument;
         let mut sources = vec![BudgetSource::of_noise(instrument, input, noise)];
         let mut before = (&weighed.gain * &self.before * weighed.gain.transpose()).trace();
@@ -200,7 +270,7 @@ impl AbsolutePlanning<'_> {
         let square = |uncertainty: &&Uncertainty| match &uncertainty.source {
             Source::Reading(source) => self.left_by_source(&weighed, source),
             Source::Plan(parameters) => self
-                .left_by_parameters(task, (plan, prediction), &weighed, parameters)
+                .left_by_parameters((task, prediction), &weighed, parameters)
                 .unwrap_or(0.0),
         };
         (hidden.iter())
@@ -211,8 +281,7 @@ impl AbsolutePlanning<'_> {
     /// |(K sum J^T R^-1 Z - C_h) d|^2 of parameters that are not in the vector; what is in it is found, whatever it is.
     fn left_by_parameters(
         &self,
-        task: &Task,
-        (plan, prediction): (&[(usize, u32)], &PredictedAccuracy),
+        (task, prediction): (&Task, &PredictedAccuracy),
         weighed: &WeighedReadings,
         parameters: &[(ParameterKind, f64)],
     ) -> Option<f64> {
@@ -238,8 +307,12 @@ impl AbsolutePlanning<'_> {
         let set = ParameterSet::new(arm, foreign.iter().copied()).ok()?;
         let poses = place_rows(task, &self.case, &set, self.target);
         let mut left = -stacked(&poses, prediction.station);
-        let rows = planned_rows(&set, arm, &set.prior().mean, &self.setups(plan));
-        for ((_, _, weight), rows) in weighed.each.iter().zip(&rows) {
+        let setups: Vec<(&Setup, ReadingKind)> = weighed
+            .readings()
+            .map(|(each, _)| self.setup(each.place))
+            .collect();
+        let rows = planned_rows(&set, arm, &set.prior().mean, &setups);
+        for ((_, weight), rows) in weighed.readings().zip(&rows) {
             left += weight * rows;
         }
         for ((mut column, parameter), (_, deviation)) in
@@ -249,19 +322,6 @@ impl AbsolutePlanning<'_> {
         }
         Some(known + left.norm_squared())
     }
-}
-
-/// The inverse of the covariance of what is read, and nothing of what is not.
-fn inverted(covariance: &Matrix6<f64>, kind: ReadingKind) -> Matrix6<f64> {
-    let rows = kind.rows();
-    let own = covariance.view((0, 0), (rows, rows)).into_owned();
-    let mut precision = Matrix6::zeros();
-    if let Some(factor) = own.cholesky() {
-        precision
-            .view_mut((0, 0), (rows, rows))
-            .copy_from(&factor.inverse());
-    }
-    precision
 }
 
 /// What a covariance of a reading leaves through its weight.

@@ -12,14 +12,16 @@ mod drawn;
 mod error;
 mod predicted_accuracy;
 mod readable;
+mod together;
 
-use nalgebra::{DMatrix, Matrix3xX, Matrix6};
+use nalgebra::{DMatrix, Matrix3xX};
 use rayon::prelude::*;
 
 use super::Criterion;
 use super::search::{
     BoundKind, CandidateInformation, ExchangesTry, FiniteBound, FiniteDesign, FiniteEffort,
-    FiniteError, FiniteProblem, LeftOutCandidates, PlanBound, PlanProof, SharingCandidates, Watch,
+    FiniteError, FiniteProblem, LeftOutCandidates, PlanBound, PlanProof, SharingCandidates,
+    TogetherBounds, Watch,
 };
 use crate::compensation::KnownArm;
 use crate::experiment::Candidate;
@@ -27,10 +29,7 @@ use crate::identification::{AbsoluteCase, ParameterGroup};
 use crate::measurement::AbsoluteReading;
 use crate::numeric::estimable::Estimable;
 use crate::numeric::posterior::Posterior;
-use crate::observation::{
-    AbsoluteErrors, PlannedReading, ReadingKind, Setup, Whitener, planned_information_of_each,
-    planned_positions,
-};
+use crate::observation::{PlannedReading, ReadingErrors, ReadingKind, Setup, planned_positions};
 use crate::parameter::{ParameterKind, ParameterSet, relative_precision};
 use crate::quantities::limits::MOST_EXPERIMENTS;
 use crate::robot::Load;
@@ -44,6 +43,8 @@ use contributions::is_of_task;
 use predicted_accuracy::{PlaceRows, in_units, known_after, stacked, stacked_task};
 
 use readable::{check_stations, errors_of, from_stations, possible, reading_of};
+use together::Neighbours;
+pub use together::RepeatedReading;
 
 /// Searches for one plan.
 const SEARCHES: usize = 12;
@@ -64,8 +65,10 @@ pub struct AbsolutePlanning<'a> {
     pub left_out: Vec<LeftOutCandidates>,
     case: AbsoluteCase<'a>,
     set: ParameterSet,
-    /// What disturbs a reading of each candidate besides the instrument.
-    errors: Vec<AbsoluteErrors>,
+    /// The errors of a reading of each candidate besides the instrument's noise,
+    errors: Vec<ReadingErrors>,
+    /// and with which they are shared.
+    neighbours: Neighbours,
     /// The stations that the task describes.
     stations: &'a [Station],
     /// The machining tool, by its place among the arm's.
@@ -92,6 +95,8 @@ struct Shown {
     /// Directions of the unknowns (p x d).
     basis: DMatrix<f64>,
     told: CandidateInformation,
+    /// What several of one configuration tell at most.
+    together: Option<TogetherBounds>,
     beside: DMatrix<f64>,
     /// C^T within these directions (d x 3 poses), in the frame of each station that determines the tool's place, by its number.
     test_poses: Vec<(usize, DMatrix<f64>)>,
@@ -150,6 +155,7 @@ impl<'a> AbsolutePlanning<'a> {
             target,
             before: relative_precision(&set),
             offered,
+            neighbours: Neighbours::of(&candidates),
             candidates,
             left_out,
             case,
@@ -272,34 +278,12 @@ impl<'a> AbsolutePlanning<'a> {
         (!self.case.targets.contains(machining)).then_some(machining)
     }
 
-    /// The covariance of the mean of so many readings of a candidate (m^2, m rad, rad^2), in the world frame.
-    pub fn covariance(&self, place: usize, times: u32) -> Matrix6<f64> {
-        self.errors[place].of_mean(&self.case.covariances[place], times)
-    }
-
-    /// The reading of a candidate, as the mean of so many.
-    fn reading(&self, place: usize, times: u32) -> PlannedReading {
-        let observation = &self.case.observations[place];
-        let covariance = self.covariance(place, times);
-        let mut planned = observation.planned();
-        if let Some(whitener) = Whitener::of_covariance(&covariance) {
-            planned.whitener = whitener;
-        }
-        planned
-    }
-
-    /// What readings tell (p x p each, in typical sizes).
-    fn told_of(&self, readings: &[PlannedReading]) -> Vec<DMatrix<f64>> {
-        let mean = &self.set.prior().mean;
-        planned_information_of_each(&self.set, &self.case.arm, mean, readings)
-    }
-
     /// Some candidates, of which so many are to be measured, by what they tell of what they can tell at all.
     fn shown(&self, places: Vec<usize>, measurements: u32) -> Result<Shown, AbsolutePlanError> {
         let told_of = |places: &[usize]| {
-            let readings: Vec<PlannedReading> =
-                places.iter().map(|&place| self.reading(place, 1)).collect();
-            self.told_of(&readings)
+            let alone: Vec<Vec<(usize, u32)>> =
+                places.iter().map(|&place| vec![(place, 1)]).collect();
+            self.told_of(&alone)
         };
         let mut all = DMatrix::zeros(self.set.len(), self.set.len());
         for some in places.chunks(TOGETHER) {
@@ -349,6 +333,7 @@ impl<'a> AbsolutePlanning<'a> {
             test_poses: determined
                 .map(|(station, (rows, _))| (station, basis.tr_mul(&rows.transpose())))
                 .collect(),
+            together: self.bounds_together(&places, basis),
             basis: basis.clone(),
             told,
             places,
@@ -366,16 +351,17 @@ impl<'a> AbsolutePlanning<'a> {
         measurements: u32,
         work: impl FnOnce(&FiniteProblem<'_>) -> T,
     ) -> T {
-        // No two of them are of one place.
-        let configurations = self.places();
-        let repeated = |measured: &[(usize, u32)]| {
-            let (index, times) = measured[0];
-            let reading = self.reading(shown.places[index], times);
-            let told = self.told_of(&[reading]).pop();
+        let places = shown.places.iter();
+        let configurations: Vec<usize> = places
+            .map(|&place| self.neighbours.configurations[place])
+            .collect();
+        let told = |measured: &[(usize, u32)]| {
+            let each = measured.iter();
+            let group = each.map(|&(index, times)| (shown.places[index], times));
+            let told = self.told_of(&[group.collect()]).pop();
             let told = told.unwrap_or_else(|| DMatrix::zeros(self.set.len(), self.set.len()));
             shown.basis.tr_mul(&told) * &shown.basis
         };
-        let is_shared = self.errors.iter().any(|errors| !errors.is_new_each_time());
         let faint = FAINT * f64::from(measurements) * shown.told.mean().diagonal().amax();
         let size = shown.told.size();
         let most = |&place: &usize| self.candidates[place].most.unwrap_or(MOST_EXPERIMENTS);
@@ -385,9 +371,10 @@ impl<'a> AbsolutePlanning<'a> {
             beside: &shown.beside + DMatrix::identity(size, size) * faint,
             told: shown.told.clone(),
             most: shown.places.iter().map(most).collect(),
-            sharing: is_shared.then_some(SharingCandidates {
+            sharing: self.shares(&shown.places).then_some(SharingCandidates {
                 configurations: &configurations,
-                told: &repeated,
+                told: &told,
+                bounds: shown.together.as_ref(),
             }),
         })
     }
@@ -559,12 +546,8 @@ impl<'a> AbsolutePlanning<'a> {
 
     /// The predicted accuracy of a plan: candidates by their places, and how often each is read.
     pub fn prediction(&self, plan: &[(usize, u32)]) -> PredictedAccuracy {
-        let readings: Vec<PlannedReading> = plan
-            .iter()
-            .map(|&(place, times)| self.reading(place, times))
-            .collect();
         let mut information = self.before.clone();
-        for told in self.told_of(&readings) {
+        for told in self.told_of(&self.neighbours.groups(plan)) {
             information += told;
         }
         let posterior = known_after(&self.set, &information);

@@ -8,7 +8,7 @@ use super::error::AbsolutePlanError;
 use crate::experiment::{Candidate, Experiment};
 use crate::identification::AbsoluteCase;
 use crate::measurement::AbsoluteReading;
-use crate::observation::{AbsoluteErrors, BareArm, Setup};
+use crate::observation::{BareArm, ReadingErrors, Setup};
 use crate::parameter::ReadingSource;
 use crate::plan::search::{LeftOutCandidates, possible_of};
 use crate::plan::{Feasibility, LookingAt};
@@ -129,7 +129,7 @@ pub(super) fn reading_of(candidate: &Candidate, is_pose: bool) -> AbsoluteReadin
         load: candidate.load.unwrap_or(Load::NONE),
         target: candidate.target.clone(),
         station: candidate.station.clone(),
-        state: None,
+        visit: None,
         position_m: Vector3::zeros(),
         rotation: is_pose.then(UnitQuaternion::identity),
         covariance: None,
@@ -145,9 +145,9 @@ pub(super) fn errors_of(
     stations: &[Station],
     candidate: &Candidate,
     setup: &Setup,
-) -> AbsoluteErrors {
+) -> ReadingErrors {
     let Some(extended) = &case.belief.uncertain else {
-        return AbsoluteErrors::NONE;
+        return ReadingErrors::none();
     };
     let station = station_named(stations, candidate.station.as_deref());
     let sources = extended.sources().map(|(_, source)| source);
@@ -161,7 +161,7 @@ pub(super) fn disturbed<'s>(
     candidate: &Candidate,
     setup: &Setup,
     sources: impl IntoIterator<Item = &'s ReadingSource>,
-) -> AbsoluteErrors {
+) -> ReadingErrors {
     let Belief {
         nominal,
         calibration_tool,
@@ -173,7 +173,7 @@ pub(super) fn disturbed<'s>(
         tool: &case.arm.tools[setup.target],
     };
     let load = candidate.load.unwrap_or(Load::NONE);
-    AbsoluteErrors::new(
+    ReadingErrors::new(
         arm,
         candidate.configuration_rad.as_slice(),
         (calibration_tool, &load),

@@ -334,6 +334,8 @@ impl Candidates {
         let sharing = SharingCandidates {
             configurations: &configurations,
             told: &told_by,
+            // Bounds speak about plans that hang one load in each configuration.
+            bounds: None,
         };
         work(&FiniteProblem {
             criterion: problem.criterion,

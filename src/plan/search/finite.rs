@@ -10,6 +10,8 @@
 //! where each may stand in the sum as often as it may be measured. All candidates are looked through, so that nothing rests on
 //! a search: that is the theorem of the approximate design with a finite set for its region. M* is that of the best
 //! approximate design of the candidates and, where each may be measured a few times only, that of weights which know of it.
+//!
+//! Candidates of one configuration that share errors may tell more together than the sum of each: [`TogetherBounds`].
 
 use nalgebra::DMatrix;
 
@@ -61,6 +63,38 @@ pub struct SharingCandidates<'a> {
     pub configurations: &'a [usize],
     /// What those of one configuration tell together.
     pub told: &'a ToldTogether<'a>,
+    /// What those of one configuration tell at most together, where several may be chosen that tell more than by themselves; none
+    /// where plans are bounded that have one in each.
+    pub bounds: Option<&'a TogetherBounds>,
+}
+
+/// What candidates of one configuration tell at most: something once, and something for each measurement.
+#[derive(Debug, Clone)]
+pub struct TogetherBounds {
+    /// The candidates of each configuration that has several.
+    pub groups: Vec<Vec<usize>>,
+    /// What is added once for each group.
+    pub once: CandidateInformation,
+    /// What is added for each measurement: of all candidates in groups, one after the other.
+    pub each: CandidateInformation,
+}
+
+impl TogetherBounds {
+    /// Raises the derivatives of candidates to what a measurement adds at most: alone, or as one of two or more of several
+    /// candidates of its configuration.
+    fn raise(&self, directions: &DMatrix<f64>, derivatives: &mut [f64]) {
+        let once = self.once.derivatives(directions);
+        let each = self.each.derivatives(directions);
+        let mut rest = each.as_slice();
+        for (group, once) in self.groups.iter().zip(once) {
+            let (own, others) = rest.split_at(group.len());
+            rest = others;
+            let together = 0.5 * once + own.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            for &candidate in group {
+                derivatives[candidate] = derivatives[candidate].max(together);
+            }
+        }
+    }
 }
 
 impl SharingCandidates<'_> {
@@ -371,9 +405,12 @@ impl FiniteProblem<'_> {
     }
 
     fn plane(&self, cost: f64, directions: &DMatrix<f64>, derivatives: &[f64]) -> TangentPlane {
+        let mut derivatives = derivatives.to_vec();
+        if let Some(bounds) = self.sharing.and_then(|sharing| sharing.bounds) {
+            bounds.raise(directions, &mut derivatives);
+        }
         let mut largest: Vec<(f64, u32)> = derivatives
-            .iter()
-            .copied()
+            .into_iter()
             .zip(self.most.iter().copied())
             .collect();
         largest.sort_by(|one, other| other.0.total_cmp(&one.0));

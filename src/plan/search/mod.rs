@@ -55,7 +55,7 @@ pub(in crate::plan) use candidates::possible_of;
 pub use candidates::{CandidateError, Candidates, LeftOutCandidates};
 pub use criteria::{CriterionPlan, compare_criteria};
 pub use exact::{ExactDesign, Watch, exact_design};
-pub use finite::{FiniteBound, FiniteProblem, SharingCandidates};
+pub use finite::{FiniteBound, FiniteProblem, SharingCandidates, TogetherBounds};
 pub use finite_error::FiniteError;
 pub use finite_search::{ExchangesTry, FiniteDesign, FiniteEffort};
 pub use observation::MatrixEvaluator;

@@ -6,7 +6,7 @@ use super::Checker;
 use super::uncertainty::ReadingPlaces;
 use crate::files::FileError;
 use crate::numeric::tolerance::pose_repeatability;
-use crate::observation::AbsoluteErrors;
+use crate::observation::ReadingErrors;
 use crate::parameter::ReadingSource;
 use crate::quantities::plausible::{ANGLE, DEVIATION};
 use crate::robot::{Commands, Load, SerialChain};
@@ -58,8 +58,9 @@ impl Checker<'_> {
         let each_one_rad = ReadingSource::JointRepeatability(deviations.clone());
         let at = (&tool, &Load::NONE);
         let arm = belief.arm_with(&tool);
-        let errors = AbsoluteErrors::new(arm, q_rad.as_slice(), at, None, [&each_one_rad]);
-        let of_position = DMatrix::from_fn(3, 3, |row, column| errors.own[(row, column)]);
+        let errors = ReadingErrors::new(arm, q_rad.as_slice(), at, None, [&each_one_rad]);
+        let covariance = errors.covariance();
+        let of_position = DMatrix::from_fn(3, 3, |row, column| covariance[(row, column)]);
         let of_one_rad = pose_repeatability(&of_position);
         let Some(of_one_rad) = of_one_rad.filter(|of_one_rad| *of_one_rad > NOTHING_M) else {
             return Err(self.wrong(&own, "none of the joints moves the tool there"));

@@ -86,8 +86,10 @@ pub(super) struct MixedModel {
     /// The joints, and how the coordinates become parameters (p x r).
     joints: Vec<usize>,
     units: DMatrix<f64>,
-    /// Variances to start from, of positions and of rotations.
+    /// Variances to start from, of positions and of rotations,
     discrepancy_model: [f64; 2],
+    /// and those that readings of one visit do not share.
+    within: [f64; 2],
     /// No joint has more knots.
     most_knots: usize,
     /// The joints with waves, by their places among all.
@@ -141,13 +143,15 @@ impl MixedModel {
         discrepancy: &Discrepancy,
     ) -> Self {
         let assumed = discrepancy.covariance();
+        let within = case.within.map(|each| each * each);
         let mut model = Self {
             visits: Vec::new(),
             prior,
             pull: pull.column(0).into_owned(),
             joints,
             units,
-            discrepancy_model: [assumed[(0, 0)], assumed[(3, 3)]],
+            discrepancy_model: [assumed[(0, 0)] - within[0], assumed[(3, 3)] - within[1]],
+            within,
             most_knots: MOST_KNOTS,
             waving: Vec::new(),
         };
@@ -180,6 +184,9 @@ impl MixedModel {
                     all.joints.rows_mut(at, count).copy_from(&rows.joints);
                     let mut own = all.own.view_mut((at, at), (count, count));
                     own.copy_from(&rows.own);
+                    for row in 0..if visit.len() > 1 { count } else { 0 } {
+                        own[(row, row)] += self.within[row / 3];
+                    }
                     all.coordinates.extend(0..count);
                 }
                 let first = visit.first().map(|&index| &case.observations[index].setup);
@@ -267,6 +274,7 @@ impl MixedModel {
             discrepancy_model: [0, 1].map(|part| {
                 f64::midpoint(self.discrepancy_model[part], other.discrepancy_model[part])
             }),
+            within: [0, 1].map(|part| f64::midpoint(self.within[part], other.within[part])),
             most_knots: self.most_knots.min(other.most_knots),
             waving: self.waving.clone(),
         }

@@ -38,7 +38,8 @@ impl MixedModel {
             .view_mut((parameters, fixed), (knots, knots))
             .fill_with_identity();
         let joints = variances.process.iter().enumerate();
-        let [position_m, rotation_rad] = variances.rest.map(f64::sqrt);
+        let [position_m, rotation_rad] =
+            [0, 1].map(|part| (variances.rest[part] + self.within[part]).sqrt());
         DiscrepancyModel {
             joints: joints
                 .map(|(joint, process)| JointError {

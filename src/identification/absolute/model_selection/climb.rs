@@ -64,6 +64,7 @@ impl AbsoluteCase<'_> {
                     let values = self.rebased(&set, &fit);
                     if has_discrepancy {
                         let discrepancy = self.discrepancy(&fit)?;
+                        self.within = self.within_visits(&self.left_by(&fit)?, fit.spare());
                         shared = self.weigh(discrepancy);
                     }
                     fit_from(
@@ -89,6 +90,7 @@ impl AbsoluteCase<'_> {
                 Ok((set, fit)) => {
                     if has_discrepancy {
                         let discrepancy = self.discrepancy(&fit)?;
+                        self.within = self.within_visits(&self.left_by(&fit)?, fit.spare());
                         shared = self.weigh(discrepancy);
                     }
                     steps.push(NestedModelFit {

@@ -1,0 +1,129 @@
+//! Errors of an absolute reading besides the instrument's own noise, by level, to first order at the commanded angles.
+//!
+//! With the columns `J_j`, `z_j` of the target's Jacobian (those of the arm with its springs) and compliances k, an error of a joint
+//! moves the target along its column, and a load that is off by (dF, dT) at the target by the sum of `k_j` `J_j` (`J_j` . dF + `z_j` . dT).
+//! Readings that share an error share its random numbers, each by columns of its own: targets of one visit are moved together.
+
+use nalgebra::{Matrix6, Matrix6xX, Vector3, Vector6};
+
+use super::braced::BareArm;
+use super::reading::of_positions;
+use crate::parameter::ReadingSource;
+use crate::robot::{KinematicState, Kinematics, Load, Tool};
+
+/// Of what makes a deflection's error, a reading has so much: two of them make one.
+const HALF: f64 = 0.5;
+
+/// The errors of a reading besides the instrument's noise (m, rad), in the robot's base frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ReadingErrors {
+    /// What is new in each reading: its covariance (m^2, m rad, rad^2).
+    pub reading: Matrix6<f64>,
+    /// What is new at each visit: how one standard deviation of each random effect moves the target (6 x v).
+    pub visit: Matrix6xX<f64>,
+    /// The same of what each configuration has, whatever the load and however often (6 x c).
+    pub configuration: Matrix6xX<f64>,
+}
+
+impl ReadingErrors {
+    /// None.
+    pub fn none() -> Self {
+        Self {
+            reading: Matrix6::zeros(),
+            visit: Matrix6xX::zeros(0),
+            configuration: Matrix6xX::zeros(0),
+        }
+    }
+
+    /// Of what is uncertain where an arm's tool is read: at the angles `q` (rad), under a load at the tool that carries it, from
+    /// where the instrument stands (m, in the base frame), where that is known.
+    ///
+    /// Joint repeatability and the instrument's range are given for deflections: each of the two readings has half the variance.
+    /// Transmission errors and discrepancy are those of a configuration, whole.
+    pub fn new<'a>(
+        arm: BareArm<'_>,
+        q: &[f64],
+        (carrier, load): (&Tool, &Load),
+        station_m: Option<&Vector3<f64>>,
+        sources: impl IntoIterator<Item = &'a ReadingSource>,
+    ) -> Self {
+        let mut state = KinematicState::new(arm.chain.len());
+        arm.chain.at(carrier).update(q, &mut state);
+        let carried_m = state.tool_position;
+        arm.chain.at(arm.tool).update(q, &mut state);
+        let lever = carried_m - state.tool_position;
+        let plain = state.clone();
+        let seen = state.braced(arm.compliance_rad_per_nm);
+        let column = |joint: usize| -> Vector6<f64> {
+            let [moved, turned] = [seen.position_column(joint), seen.rotation_column(joint)];
+            Vector6::from_fn(|row, _| if row < 3 { moved[row] } else { turned[row - 3] })
+        };
+        let of_joints = |deviations: &[f64], share: f64| -> Vec<Vector6<f64>> {
+            let uncertain =
+                (deviations.iter().enumerate()).filter(|(_, deviation)| **deviation > 0.0);
+            uncertain
+                .map(|(joint, deviation)| column(joint) * (deviation * share.sqrt()))
+                .collect()
+        };
+        let of_loads = |deviation: f64, change: &dyn Fn(&Vector3<f64>) -> Load| {
+            [0, 1, 2].map(|axis| -> Vector6<f64> {
+                let off = change(&Vector3::ith(axis, deviation));
+                (arm.compliance_rad_per_nm.iter().enumerate())
+                    .map(|(joint, k)| column(joint) * (k * plain.load_torque(joint, &off)))
+                    .sum()
+            })
+        };
+        let at_target = |force_n: Vector3<f64>, torque_nm: Vector3<f64>| Load {
+            force_n,
+            torque_nm: torque_nm + lever.cross(&force_n),
+        };
+        let mut reading = Matrix6::zeros();
+        let (mut visit, mut configuration) = (Vec::new(), Vec::new());
+        for source in sources {
+            match source {
+                ReadingSource::JointRepeatability(deviations) => {
+                    visit.extend(of_joints(deviations, HALF));
+                }
+                ReadingSource::TransmissionError(deviations) => {
+                    configuration.extend(of_joints(deviations, 1.0));
+                }
+                ReadingSource::LoadDirection(deviation) => {
+                    visit.extend(of_loads(*deviation, &|turn| {
+                        at_target(turn.cross(&load.force_n), turn.cross(&load.torque_nm))
+                    }));
+                }
+                ReadingSource::LoadPoint(deviation) => {
+                    visit.extend(of_loads(*deviation, &|shift| {
+                        at_target(Vector3::zeros(), shift.cross(&load.force_n))
+                    }));
+                }
+                ReadingSource::Range(noise) => {
+                    let apart = plain.tool_position - station_m.unwrap_or(&noise.from_m);
+                    reading += of_positions(&(noise.covariance(&apart) * HALF));
+                }
+                ReadingSource::Discrepancy(deviation) => {
+                    configuration.extend([0, 1, 2].map(|axis| Vector6::ith(axis, *deviation)));
+                }
+            }
+        }
+        let together = |columns: &[Vector6<f64>]| {
+            Matrix6xX::from_fn(columns.len(), |row, column| columns[column][row])
+        };
+        Self {
+            reading,
+            visit: together(&visit),
+            configuration: together(&configuration),
+        }
+    }
+
+    /// Whether readings of one visit, or of one configuration, share any.
+    pub fn are_shared(&self) -> bool {
+        self.visit.ncols() + self.configuration.ncols() > 0
+    }
+
+    /// The covariance of them all in one reading by itself (m^2, m rad, rad^2).
+    pub fn covariance(&self) -> Matrix6<f64> {
+        let squared = |columns: &Matrix6xX<f64>| columns * columns.transpose();
+        self.reading + squared(&self.visit) + squared(&self.configuration)
+    }
+}

@@ -1,0 +1,238 @@
+//! Readings of one configuration, by what they tell together: targets that one visit reads share its errors.
+
+use nalgebra::{DMatrix, Isometry3, Matrix6, Matrix6xX};
+use rayon::prelude::*;
+
+use super::AbsolutePlanning;
+use crate::experiment::{Candidate, is_one_configuration, together};
+use crate::observation::{
+    PlannedReading, SharingReading, SharingReadings, Together, VisitEquations, Visits, Whitener,
+    visits_of,
+};
+use crate::plan::search::{CandidateInformation, TogetherBounds};
+use crate::robot::Load;
+
+/// Which candidates share errors.
+#[derive(Debug, Clone)]
+pub(super) struct Neighbours {
+    /// The number of each candidate's configuration.
+    pub configurations: Vec<usize>,
+    /// The number of each candidate's visit: at one command pose, under one load, with the instrument at one station.
+    visits: Vec<usize>,
+}
+
+impl Neighbours {
+    pub fn of(candidates: &[Candidate]) -> Self {
+        let q = |place: usize| &candidates[place].configuration_rad;
+        let numbers = |is_same: &dyn Fn(&Candidate, &Candidate) -> bool| {
+            let is_same = |one: usize, other: usize| is_same(&candidates[one], &candidates[other]);
+            let mut numbers = vec![0; candidates.len()];
+            for (number, members) in together(candidates.len(), q, is_same).iter().enumerate() {
+                for &member in members {
+                    numbers[member] = number;
+                }
+            }
+            numbers
+        };
+        let stands = |one: &Candidate, other: &Candidate| {
+            is_one_configuration(
+                (&one.configuration_rad, one.approach.as_ref()),
+                (&other.configuration_rad, other.approach.as_ref()),
+            )
+        };
+        let load = |each: &Candidate| each.load.unwrap_or(Load::NONE);
+        Self {
+            configurations: numbers(&stands),
+            visits: numbers(&|one, other| {
+                stands(one, other) && load(one) == load(other) && one.station == other.station
+            }),
+        }
+    }
+
+    /// Readings that share a configuration, in the order of the first.
+    pub fn groups(&self, plan: &[(usize, u32)]) -> Vec<Vec<(usize, u32)>> {
+        let mut groups: Vec<Vec<(usize, u32)>> = Vec::new();
+        for &(place, times) in plan {
+            let here = self.configurations[place];
+            let known = |group: &&mut Vec<(usize, u32)>| self.configurations[group[0].0] == here;
+            match groups.iter_mut().find(known) {
+                Some(group) => group.push((place, times)),
+                None => groups.push(vec![(place, times)]),
+            }
+        }
+        groups
+    }
+}
+
+/// A reading that is taken in so many visits alike.
+#[derive(Debug, Clone, Copy)]
+pub struct RepeatedReading {
+    /// The candidate.
+    pub place: usize,
+    /// The number of visits.
+    pub times: u32,
+    /// Which of the configuration's visits these are.
+    pub visits: usize,
+}
+
+impl AbsolutePlanning<'_> {
+    /// The readings of a plan by their configurations: those of one visit, and of visits that read the same, together.
+    pub fn by_configuration(&self, plan: &[(usize, u32)]) -> Vec<Vec<RepeatedReading>> {
+        let of_group = |group: Vec<(usize, u32)>| -> Vec<RepeatedReading> {
+            let visits = self.visits(&group).into_iter().enumerate();
+            visits
+                .flat_map(|(number, visits)| {
+                    let Visits { count, readings } = visits;
+                    readings.into_iter().map(move |place| RepeatedReading {
+                        place,
+                        times: count,
+                        visits: number,
+                    })
+                })
+                .collect()
+        };
+        let groups = self.neighbours.groups(plan);
+        groups.into_iter().map(of_group).collect()
+    }
+
+    /// The visits of one configuration.
+    fn visits(&self, group: &[(usize, u32)]) -> Vec<Visits> {
+        visits_of(group, |place| self.neighbours.visits[place])
+    }
+
+    /// The covariance of the mean of so many readings of a candidate by what is new in each (m^2, m rad, rad^2), in the world frame.
+    pub fn own_covariance(&self, place: usize, times: u32) -> Matrix6<f64> {
+        (self.case.covariances[place] + self.errors[place].reading) / f64::from(times.max(1))
+    }
+
+    /// The errors that readings of one configuration share, each seen in its instrument's frame.
+    pub fn sharing(&self, group: &[RepeatedReading], frames: &[Isometry3<f64>]) -> SharingReadings {
+        let visits = 1 + group.iter().map(|each| each.visits).max().unwrap_or(0);
+        let of_one = |each: &RepeatedReading| {
+            let errors = &self.errors[each.place];
+            let (kept, own) = (errors.configuration.ncols(), errors.visit.ncols());
+            let mut effects = Matrix6xX::zeros(kept + visits * own);
+            effects
+                .columns_mut(0, kept)
+                .copy_from(&errors.configuration);
+            effects
+                .columns_mut(kept + each.visits * own, own)
+                .copy_from(&(&errors.visit / f64::from(each.times).sqrt()));
+            turned_columns(&effects, &frames[self.station_of(each.place)])
+        };
+        SharingReadings {
+            readings: (0..group.len()).collect(),
+            effects: group.iter().map(of_one).collect(),
+        }
+    }
+
+    /// A candidate's station, by its number.
+    pub fn station_of(&self, place: usize) -> usize {
+        self.case.observations[place].setup.station
+    }
+
+    fn sharing_reading(&self, place: usize) -> SharingReading<'_> {
+        let mut planned: PlannedReading = self.case.observations[place].planned();
+        if let Some(whitener) = Whitener::of_covariance(&self.own_covariance(place, 1)) {
+            planned.whitener = whitener;
+        }
+        SharingReading {
+            planned,
+            errors: &self.errors[place],
+        }
+    }
+
+    fn equations(&self) -> VisitEquations<'_> {
+        VisitEquations::new(&self.set, &self.case.arm, &self.set.prior().mean)
+    }
+
+    /// What readings of some configurations tell (p x p each, in typical sizes).
+    pub(super) fn told_of(&self, groups: &[Vec<(usize, u32)>]) -> Vec<DMatrix<f64>> {
+        let of_group = |equations: &mut VisitEquations<'_>, group: &Vec<(usize, u32)>| {
+            let readings: Vec<SharingReading<'_>> = group
+                .iter()
+                .map(|(place, _)| self.sharing_reading(*place))
+                .collect();
+            let own = |place: usize| group.iter().position(|(each, _)| *each == place);
+            let mut visits = self.visits(group);
+            for each in visits.iter_mut().flat_map(|visit| &mut visit.readings) {
+                *each = own(*each).unwrap_or(0);
+            }
+            equations.information(&readings, &visits)
+        };
+        (groups.par_iter())
+            .map_init(|| self.equations(), of_group)
+            .collect()
+    }
+
+    /// Whether readings of several of some candidates, or repeats of one, do not add up.
+    pub(super) fn shares(&self, places: &[usize]) -> bool {
+        let keeps = |&place: &usize| self.errors[place].configuration.ncols() > 0;
+        places.iter().any(keeps) || !self.several(places).is_empty()
+    }
+
+    /// The candidates of each configuration that has several of these, whose readings share errors: by their places among these.
+    fn several(&self, places: &[usize]) -> Vec<Vec<usize>> {
+        let mut by_number: std::collections::BTreeMap<usize, Vec<usize>> = Default::default();
+        for (index, &place) in places.iter().enumerate() {
+            if self.errors[place].are_shared() {
+                let here = self.neighbours.configurations[place];
+                by_number.entry(here).or_default().push(index);
+            }
+        }
+        let mut groups: Vec<Vec<usize>> = by_number.into_values().collect();
+        groups.retain(|group| group.len() > 1);
+        groups
+    }
+
+    /// What several candidates of one configuration tell at most, within directions of the unknowns (p x d).
+    pub(super) fn bounds_together(
+        &self,
+        places: &[usize],
+        basis: &DMatrix<f64>,
+    ) -> Option<TogetherBounds> {
+        let groups = self.several(places);
+        if groups.is_empty() {
+            return None;
+        }
+        let within = |matrix: &DMatrix<f64>| basis.tr_mul(matrix) * basis;
+        let of_group = |equations: &mut VisitEquations<'_>, group: &Vec<usize>| {
+            let here = group.iter().map(|&index| places[index]);
+            let readings: Vec<SharingReading<'_>> = here
+                .clone()
+                .map(|place| self.sharing_reading(place))
+                .collect();
+            let classes: Vec<usize> = here.map(|place| self.neighbours.visits[place]).collect();
+            let Together { once, each } = equations.bounds(&readings, &classes);
+            (within(&once), each.iter().map(within).collect::<Vec<_>>())
+        };
+        let found: Vec<(DMatrix<f64>, Vec<DMatrix<f64>>)> = (groups.par_iter())
+            .map_init(|| self.equations(), of_group)
+            .collect();
+        let mut bounds = TogetherBounds {
+            groups,
+            once: CandidateInformation::new(basis.ncols()),
+            each: CandidateInformation::new(basis.ncols()),
+        };
+        for (once, each) in &found {
+            bounds.once.push(once);
+            for own in each {
+                bounds.each.push(own);
+            }
+        }
+        Some(bounds)
+    }
+}
+
+/// Columns of the world frame (6 x k; m, rad) in an instrument's.
+fn turned_columns(columns: &Matrix6xX<f64>, frame: &Isometry3<f64>) -> Matrix6xX<f64> {
+    let axes = frame.rotation.to_rotation_matrix();
+    let mut turned = columns.clone();
+    for (mut part, own) in turned.column_iter_mut().zip(columns.column_iter()) {
+        for rows in [0, 3] {
+            let moved = axes * own.fixed_rows::<3>(rows);
+            part.fixed_rows_mut::<3>(rows).copy_from(&moved);
+        }
+    }
+    turned
+}

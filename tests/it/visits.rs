@@ -1,0 +1,276 @@
+//! Several targets that one visit reads: they share what is new at the visit, in predictions, bounds and virtual robots.
+
+use std::sync::atomic::AtomicBool;
+
+use elastocal::experiment::Candidate;
+use elastocal::identification::{AbsoluteCase, ParameterGroup, ReadingWeights};
+use elastocal::measurement::AbsoluteReading;
+use elastocal::numeric::random::generator;
+use elastocal::plan::absolute::AbsolutePlanning;
+use elastocal::plan::search::{Watch, random_plan};
+use elastocal::robot::Load;
+use elastocal::scenario::Scenario;
+use nalgebra::Vector3;
+use rand::RngExt;
+use rayon::prelude::*;
+
+use crate::absolute_predictions::place;
+use crate::absolute_trials::holds;
+use crate::one_fit::normal;
+use crate::support::{Workplace, absolute_scenario_text, number};
+
+const GROUPS: [ParameterGroup; 1] = [ParameterGroup::Zeros];
+
+/// A further reflector beside the spindle.
+const TWIN: &str = "\n[[robot.tool]]\nname = \"twin\"\non = \"spindle\"\nposition_mm = [0, 0, 0]\n";
+
+/// What moves all targets of a visit, and what moves all visits of a configuration.
+const SHARED: &str = r#"
+[[uncertainty]]
+kind = "joint_repeatability"
+std_mrad = 0.2
+
+[[uncertainty]]
+kind = "load_direction"
+std_mrad = 20
+
+[[uncertainty]]
+kind = "transmission_error"
+std_mrad = 0.1
+
+[[uncertainty]]
+kind = "discrepancy"
+std_mm = 0.05
+"#;
+
+fn load(text: &str) -> Scenario {
+    let place = Workplace::new();
+    place.write("s.toml", text);
+    Scenario::load(&place.path("s.toml")).expect("valid")
+}
+
+/// Readings of some targets in random configurations, without and with the scenario's load.
+fn rows(scenario: &Scenario, count: u32, targets: &[&str], loads: &[bool]) -> Vec<Candidate> {
+    let plan = random_plan(&scenario.task, count, 8, 0).expect("a plan");
+    let mut rows = Vec::new();
+    for each in &plan.experiments {
+        for &is_loaded in loads {
+            for &target in targets {
+                rows.push(Candidate {
+                    line: rows.len() + 2,
+                    configuration_rad: each.configuration_rad.clone(),
+                    load: Some(if is_loaded { each.load } else { Load::NONE }),
+                    most: None,
+                    target: Some(target.to_owned()),
+                    station: None,
+                    approach: None,
+                });
+            }
+        }
+    }
+    rows
+}
+
+fn predicted(scenario: &Scenario, rows: &[Candidate]) -> f64 {
+    let planning = AbsolutePlanning::new(&scenario.task, &GROUPS, rows).expect("candidates");
+    let prediction = planning.prediction(&planning.whole());
+    prediction.rho0_m().expect("a prediction")
+}
+
+/// Where the robot comes back badly and the instrument reads well, a second target at the same place adds nothing; a second visit does.
+#[test]
+fn a_second_target_at_one_place_adds_nothing() {
+    let text = absolute_scenario_text("ur10").replace("sigma_mm = 0.02", "sigma_mm = 0.0005")
+        + TWIN
+        + "\n[[uncertainty]]\nkind = \"joint_repeatability\"\nstd_mrad = 0.1\n";
+    let scenario = load(&text);
+    let one = rows(&scenario, 12, &["spindle"], &[false]);
+    let alone = predicted(&scenario, &one);
+    let both = predicted(
+        &scenario,
+        &rows(&scenario, 12, &["spindle", "twin"], &[false]),
+    );
+    assert!((both / alone - 1.0).abs() < 2e-3, "{both} {alone}");
+    let twice: Vec<Candidate> = (one.into_iter())
+        .map(|row| Candidate {
+            most: Some(2),
+            ..row
+        })
+        .collect();
+    let twice = predicted(&scenario, &twice);
+    assert!(
+        (twice / alone - 0.5_f64.sqrt()).abs() < 2e-3,
+        "{twice} {alone}"
+    );
+}
+
+/// Robots that come to each configuration once and are read at three targets, and some of these more often: sampled at each level in
+/// MuJoCo, identified, and as accurate as predicted.
+#[test]
+fn robots_read_at_several_targets_keep_what_is_predicted() {
+    let place = Workplace::new();
+    let known = "\n[[uncertainty]]\nkind = \"joint_zero\"\nstd_mrad = 2\n\n[[uncertainty]]\nkind = \"compliance\"\nstd_relative = 0.2\n";
+    let text = absolute_scenario_text("ur10") + TWIN + SHARED + known;
+    place.write("s.toml", &text);
+    let scenario = load(&text);
+    let targets = ["spindle", "reflector", "twin"];
+    let mut plan = "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm,repeats,target\n".to_owned();
+    for (place, row) in rows(&scenario, 8, &targets, &[false, true])
+        .iter()
+        .enumerate()
+    {
+        if row.load != Some(Load::NONE) && row.target.as_deref() == Some("twin") {
+            continue;
+        }
+        let angles = row.configuration_rad.iter().map(|q| q.to_degrees());
+        let load = row.load.unwrap_or(Load::NONE).wrench();
+        for value in angles.chain(load.iter().copied()) {
+            plan += &format!("{value},");
+        }
+        let target = row.target.as_deref().unwrap_or_default();
+        plan += &format!("{},{target}\n", 1 + place % 5 % 2);
+    }
+    place.write("p.csv", plan);
+    let judged =
+        place.json("evaluate s.toml --parameters zeros,compliances --plan p.csv --trials 300");
+    holds(&judged["trials"]);
+    let sources = judged["uncertainty_budget"]["sources"]
+        .as_array()
+        .expect("sources")
+        .clone();
+    let shares: f64 = sources.iter().map(|each| number(&each["share"])).sum();
+    assert!((shares - 1.0).abs() < 1e-6, "{shares}");
+    let source = |name: &str| {
+        sources
+            .iter()
+            .find(|each| each["source"] == name)
+            .expect(name)
+    };
+    assert_eq!(source("joint_repeatability")["level"], "visit");
+}
+
+/// Two targets, two loads and repeats share errors in every way: no plan is below the bound, and the search finds one near it.
+#[test]
+fn no_plan_of_several_targets_is_below_the_bound() {
+    for (more, nearest) in [(SHARED, 0.5), ("", 0.8)] {
+        let scenario = load(&(absolute_scenario_text("ur10") + more));
+        let rows = rows(&scenario, 8, &["spindle", "reflector"], &[false, true]);
+        let planning = AbsolutePlanning::new(&scenario.task, &GROUPS, &rows).expect("candidates");
+        let stop = AtomicBool::new(false);
+        let watch = Watch {
+            stop: &stop,
+            progress: &|_, _, _| {},
+        };
+        let found = planning.design([10, 10], 1, watch).expect("a plan");
+        let rho0 = |plan: &[(usize, u32)]| planning.prediction(plan).rho0_m();
+        let best = rho0(&found.plan).expect("a prediction");
+        let bound = found.bound.expect("a bound").best;
+        assert!(bound < best && bound > nearest * best, "{bound} {best}");
+        let mut random = generator(5, 0);
+        let mut near = 0;
+        for _ in 0..2000 {
+            // Few configurations, so that readings share them.
+            let first = random.random_range(0..rows.len() / 4 - 3) * 4;
+            let mut plan: Vec<(usize, u32)> = Vec::new();
+            for _ in 0..10 {
+                let place = first + random.random_range(0..16);
+                match plan.iter_mut().find(|(each, _)| *each == place) {
+                    Some((_, times)) => *times += 1,
+                    None => plan.push((place, 1)),
+                }
+            }
+            let Some(value) = rho0(&plan) else { continue };
+            assert!(value >= bound, "{plan:?}: {value} {bound}");
+            if near % 20 == 0 {
+                let own = planning.bound(&plan).expect("a bound").expect("one").best;
+                assert!(value >= own, "{plan:?}: {value} {own}");
+            }
+            near += 1;
+        }
+        assert!(near > 500, "{near}");
+    }
+}
+
+/// Readings of three targets in each of 40 configurations, whose joints are off by another error at each visit, and the robot's zeros.
+fn read_with_errors(scenario: &Scenario, seed: u64, are_apart: bool) -> Vec<f64> {
+    let belief = &scenario.task.belief;
+    let targets = ["spindle", "reflector", "twin"];
+    let rows = rows(scenario, 40, &targets, &[false]);
+    let mut random = generator(21, seed);
+    let mut readings: Vec<AbsoluteReading> = (rows.iter().enumerate())
+        .map(|(index, row)| AbsoluteReading {
+            configuration_rad: row.configuration_rad.clone(),
+            load: Load::NONE,
+            target: row.target.clone(),
+            station: None,
+            visit: are_apart.then(|| format!("visit {index}")),
+            position_m: Vector3::zeros(),
+            rotation: None,
+            covariance: None,
+            approach: None,
+            time_s: None,
+            temperature_c: None,
+        })
+        .collect();
+    let case = AbsoluteCase::placed(belief, &readings).expect("readings");
+    let set = case.unknowns_beside(&GROUPS, &[]).expect("unknowns");
+    let values: Vec<f64> = (set.parameters().iter())
+        .map(|each| {
+            if each.kind.is_mounted() {
+                0.0
+            } else {
+                1e-3 * normal(&mut random)
+            }
+        })
+        .collect();
+    let truth = set.apply(&case.arm, &values);
+    let sigma_m = belief.instrument.sigma_m / 2.0_f64.sqrt();
+    let mut off_rad = Vec::new();
+    for (index, (reading, observation)) in readings.iter_mut().zip(&case.observations).enumerate() {
+        if index % targets.len() == 0 {
+            off_rad = (0..6).map(|_| 2e-4 * normal(&mut random)).collect();
+        }
+        let mut setup = observation.setup.clone();
+        for (angle, off) in setup.commanded_rad.iter_mut().zip(&off_rad) {
+            *angle += off;
+        }
+        reading.position_m =
+            place(&truth, &setup) + Vector3::from_fn(|_, _| sigma_m * normal(&mut random));
+    }
+    let mut read = AbsoluteCase::new(belief, &readings).expect("readings");
+    let fit = read.fit(&GROUPS, ReadingWeights::AsNeeded).expect("a fit");
+    (set.parameters().iter().zip(&values))
+        .filter(|(each, _)| !each.kind.is_mounted())
+        .map(|(each, value)| {
+            let index = fit.set.index_of(each.kind).expect("fitted");
+            let error = fit.standard_error(index).expect("determined");
+            (fit.quantity(index) - value) / error
+        })
+        .collect()
+}
+
+/// Standard errors of identified zeros are right where one visit moves three targets together, and far too small where each is taken
+/// for a visit of its own.
+#[test]
+fn identified_zeros_know_of_visits() {
+    const RUNS: u64 = 24;
+    let scenario = load(&(absolute_scenario_text("ur10") + TWIN));
+    let mean_square = |are_apart: bool| {
+        let each: Vec<Vec<f64>> = (0..RUNS)
+            .into_par_iter()
+            .map(|run| read_with_errors(&scenario, run, are_apart))
+            .collect();
+        let all: Vec<f64> = each.into_iter().flatten().collect();
+        all.iter().map(|each| each * each).sum::<f64>() / all.len() as f64
+    };
+    // Of normal errors the mean of n squares has the standard deviation (2/n)^1/2; zeros of one run are correlated, so that runs
+    // count: four of them, and a tenth for variances that are estimated from 40 visits.
+    let allowed = 4.0 * (2.0 / RUNS as f64 / 3.0).sqrt() + 0.1;
+    let together = mean_square(false);
+    assert!(
+        (together - 1.0).abs() < allowed,
+        "{together} within {allowed}"
+    );
+    let apart = mean_square(true);
+    assert!(apart > 1.7 * together, "{apart} {together}");
+}
