@@ -4,12 +4,10 @@ use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::super::conditions::{Told, impossible_compliance, left_out, too_large};
-use super::super::discrepancy::WEIGHINGS;
 use super::super::estimate::two_sided_student;
 use super::super::frames::reach;
 use super::super::gauss_newton::{
-    FitError, ParameterFit, fit_for_residuals, fit_for_weights, fit_from, fit_if_plausible,
-    fit_parameters,
+    FitError, ParameterFit, fit_for_residuals, fit_from, fit_if_plausible,
 };
 use super::super::nominal::{UNKNOWN, UNKNOWN_TOGETHER, with_nominal};
 use super::super::outliers;
@@ -394,38 +392,6 @@ impl AbsoluteCase<'_> {
         })
     }
 
-    /// A fit that weighs readings by what the model leaves, too; the first weight comes from another fit, or from the frames alone
-    /// where there is none.
-    fn with_discrepancy(
-        &mut self,
-        set: &ParameterSet,
-        other: Option<ParameterFit>,
-    ) -> Result<(ParameterFit, Option<[f64; 2]>), AbsoluteError> {
-        let (mut found, mut values) = if let Some(fit) = other {
-            self.within = self.within_visits(&self.left_by(&fit)?, fit.spare());
-            (self.discrepancy(&fit)?, self.rebased(set, &fit))
-        } else {
-            let kinds = self.frame_kinds().into_iter().map(|kind| (kind, None));
-            let frames = ParameterSet::new(&self.arm, kinds)?;
-            let fit = fit_parameters(&self.arm, &frames, &self.observations)?;
-            let found = self.discrepancy(&fit)?;
-            self.within = self.within_visits(&self.left_by(&fit)?, fit.spare());
-            self.rebased(&frames, &fit);
-            (found, set.prior().mean.clone())
-        };
-        for _ in 0..WEIGHINGS {
-            let shared = self.weigh(found);
-            let fit =
-                fit_for_weights(&self.arm, set, &self.observations, shared.as_ref(), &values)?;
-            found = self.discrepancy(&fit)?;
-            self.within = self.within_visits(&self.left_by(&fit)?, fit.spare());
-            values = self.rebased(set, &fit);
-        }
-        let shared = self.weigh(found);
-        let fit = fit_from(&self.arm, set, &self.observations, shared.as_ref(), &values)?;
-        Ok((fit, Some(found)))
-    }
-
     /// The fitted frames become those from which their parameters count: the values of a fit (p) there.
     pub(super) fn rebased(&mut self, set: &ParameterSet, fit: &ParameterFit) -> DVector<f64> {
         self.arm
@@ -443,15 +409,6 @@ impl AbsoluteCase<'_> {
                 observation: index + 1,
                 source,
             })
-    }
-
-    /// What residuals are larger than the readings' own covariances make them, as standard deviations of position (m) and
-    /// rotation (rad).
-    pub(super) fn discrepancy(&self, fit: &ParameterFit) -> Result<[f64; 2], FitError> {
-        let left = self.left_by(fit)?;
-        // Each reading has its part in what was fitted.
-        let discrepancy = Discrepancy::of(&left, &self.covariances, fit.spare());
-        Ok([discrepancy.position_m, discrepancy.rotation_rad])
     }
 }
 

@@ -7,6 +7,7 @@
 
 mod blocks;
 mod case;
+mod discrepancy;
 mod error;
 mod fit;
 mod inconsistencies;

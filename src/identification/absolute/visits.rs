@@ -1,10 +1,7 @@
-//! Which absolute readings are of one visit of the robot, and how far their residuals differ.
+//! Which absolute readings are of one visit of the robot.
 
 use std::collections::BTreeMap;
 
-use nalgebra::Vector3;
-
-use super::{AbsoluteCase, ReadingResidual};
 use crate::experiment::{is_one_configuration, together};
 use crate::measurement::AbsoluteReading;
 
@@ -54,37 +51,4 @@ pub(super) fn visits(readings: &[AbsoluteReading]) -> Vec<Vec<usize>> {
         visits[number].push(place);
     }
     visits
-}
-
-impl AbsoluteCase<'_> {
-    /// By how much residuals within visits differ more than the readings' own covariances make them: standard deviations of each
-    /// coordinate of the position (m) and of the rotation (rad). `spare` is the share of the numbers that the fit did not use up.
-    pub(super) fn within_visits(&self, left: &[ReadingResidual], spare: f64) -> [f64; 2] {
-        let mut sums = [[0.0; 3]; 2];
-        for visit in self.visits.iter().filter(|visit| visit.len() > 1) {
-            let positions = visit.iter().map(|&index| (index, left[index].position_m));
-            let turned = |&index: &usize| Some((index, left[index].rotation_rad?));
-            let rotations = visit.iter().filter_map(turned);
-            let parts: [Vec<(usize, Vector3<f64>)>; 2] = [positions.collect(), rotations.collect()];
-            for ((first, part), sum) in [0, 3].into_iter().zip(parts).zip(&mut sums) {
-                let count = part.len() as f64;
-                if part.len() < 2 {
-                    continue;
-                }
-                let mean = part.iter().map(|(_, each)| each).sum::<Vector3<f64>>() / count;
-                for (index, each) in &part {
-                    let own = &self.covariances[*index];
-                    let own: f64 = (first..first + 3).map(|row| own[(row, row)]).sum();
-                    sum[0] += (each - mean).norm_squared();
-                    sum[1] += own * (1.0 - 1.0 / count);
-                }
-                sum[2] += 3.0 * (count - 1.0);
-            }
-        }
-        sums.map(|[square, own, freedom]| {
-            ((square / spare - own) / f64::max(freedom, 1.0))
-                .max(0.0)
-                .sqrt()
-        })
-    }
 }

@@ -63,8 +63,7 @@ impl AbsoluteCase<'_> {
                     let fit = fit_parameters(&self.arm, &set, &self.observations)?;
                     let values = self.rebased(&set, &fit);
                     if has_discrepancy {
-                        let discrepancy = self.discrepancy(&fit)?;
-                        self.within = self.within_visits(&self.left_by(&fit)?, fit.spare());
+                        let discrepancy = self.estimated_discrepancy(&fit)?;
                         shared = self.weigh(discrepancy);
                     }
                     fit_from(
@@ -89,8 +88,7 @@ impl AbsoluteCase<'_> {
             match told {
                 Ok((set, fit)) => {
                     if has_discrepancy {
-                        let discrepancy = self.discrepancy(&fit)?;
-                        self.within = self.within_visits(&self.left_by(&fit)?, fit.spare());
+                        let discrepancy = self.estimated_discrepancy(&fit)?;
                         shared = self.weigh(discrepancy);
                     }
                     steps.push(NestedModelFit {
