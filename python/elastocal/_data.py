@@ -163,6 +163,14 @@ class Plan:
         chosen = [rows] if isinstance(rows, int) else rows
         return Plan(self.q_deg[chosen], self.wrench[chosen], self.repeats[chosen], unit="deg")
 
+    def __add__(self, other: Plan) -> Plan:
+        """This plan, and then another."""
+        mine, its = self.q_deg.shape[1], other.q_deg.shape[1]
+        if mine != its:
+            raise UsageError(f"the plans have {mine} and {its} joints")
+        both = ([getattr(self, name), getattr(other, name)] for name in ("q_deg", "wrench", "repeats"))
+        return Plan(*map(np.concatenate, both), unit="deg")
+
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Plan) and all(
             np.array_equal(mine, its)
@@ -185,6 +193,17 @@ class Plan:
     def plot(self, axes: Axes | None = None) -> Axes:
         """The experiments' angles, joint by joint."""
         return _views.plot_plan(self.q_deg, axes)
+
+
+def absolute_plan(rows: list[dict[str, Any]], columns: list[str]) -> str:
+    """The text of a CSV of a plan of absolute readings, of the key ``plan`` of a record."""
+    words = [name for name in ("target", "station") if any(row.get(name) for row in rows)]
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow([*columns, *WRENCH, "repeats", *words])
+    for row in rows:
+        writer.writerow([*row["q_deg"], *(row["wrench"] or [0.0] * 6), row["repeats"], *(row[name] for name in words)])
+    return text.getvalue()
 
 
 class Measurements:
@@ -257,7 +276,20 @@ class Measurements:
     def __len__(self) -> int:
         return len(self.rows)
 
+    def __getitem__(self, rows: int | slice | Sequence[int]) -> Measurements:
+        """Some of the measurements."""
+        chosen = [rows] if isinstance(rows, int) else rows
+        made = Measurements.__new__(Measurements)
+        made.columns, made.rows, made._text = self.columns, self.rows[chosen], None
+        if self._text is not None:
+            # Where they come from stays with them.
+            said = "".join(f"{line}\n" for line in self._text.splitlines() if line.startswith("#"))
+            made._text = said + _written(made.columns, made.rows)
+        return made
+
     def __repr__(self) -> str:
+        if not len(self):
+            return "<Measurements: none>"
         size = np.linalg.norm(self.deflection_mm, axis=1)
         return f"<Measurements: {_views.counted(len(self), 'deflection')} of {size.min():.3g} to {size.max():.3g} mm>"
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from . import _change
 from ._commands import _command, read, takes
-from ._data import FilePath, Measurements, Plan, Readings
+from ._data import FilePath, Measurements, Plan, Readings, absolute_plan
 from ._errors import ElastocalError, UsageError
 from ._executor import Executors, merged
 from ._executor import study as run_shards
@@ -121,6 +121,9 @@ class Scenario:
             named: dict[str, Any] = {}
             for name, value in values.items():
                 named[name] = path = folder / f"{name}.{'json' if isinstance(value, Identified) else 'csv'}"
+                if isinstance(value, Design) and value.results.get("accuracy") == "absolute":
+                    path.write_text(absolute_plan(value.results["plan"], self.columns), encoding="utf-8")
+                    continue
                 if isinstance(value, (Design, Validation)):
                     value = value.plan
                 if isinstance(value, Measurements):
@@ -134,7 +137,12 @@ class Scenario:
                     path.write_text(json.dumps(value.results), encoding="utf-8")
                 else:
                     named[name] = value
-            yield named
+            try:
+                yield named
+            except ElastocalError as error:
+                # Nobody has written the files in this folder, nor can they be looked at.
+                told, hint = (said and re.sub(rf"{re.escape(str(folder))}/(\w+)\.\w+", r"\1", said) for said in (str(error), error.hint))
+                raise type(error)(told or "", hint, error.code) from None
 
     def _fits(self, joints: int, what: str) -> None:
         if joints != len(self.columns):
@@ -159,8 +167,8 @@ class Scenario:
     def evaluate(self, plan: Plan | Design | FilePath, **given: Unpack[options.EvaluateGiven]) -> Assessment:
         """The predicted accuracy of a plan, and the bound that no plan of as many measurements can beat.
 
-        Where accuracy is absolute, a plan that names targets or stations is a file's: its path, as ``plan_out`` wrote it; with
-        ``trials``, ``results["trials"]`` says whether virtual robots err as predicted.
+        Where accuracy is absolute, a plan that names targets or stations is a design, or a file's path; with ``trials``,
+        ``results["trials"]`` says whether virtual robots err as predicted.
         """
         with self._files(plan=plan) as files:
             return Assessment(self.command("evaluate", **files, **given))
@@ -174,9 +182,11 @@ class Scenario:
 
     @takes("measure")
     def measure(self, plan: Plan | Design | Validation | FilePath, **given: Unpack[options.MeasureGiven]) -> Measurements:
-        """Measures a plan on the virtual robot, with the random numbers of a run under the seed (run 0 if not given).
+        """Measures a plan on the virtual robot of a run in a study, with its random numbers under the seed (run 0 if not given).
 
-        With ``run``, the robot is that of the run in a study: its compliances are drawn where the scenario has them vary.
+        Another run or seed is another robot where the scenario has compliances or errors of the robot vary. One robot is measured in
+        one call: ``scenario.measure(first + second)`` begins with the numbers of ``scenario.measure(first)``; the rest, which is
+        ``[len(measured):]``, has new noise on the same robot.
         """
         with self._files(plan=plan) as files:
             kept = given.pop("measurements_out", None)

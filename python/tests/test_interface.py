@@ -131,6 +131,26 @@ def test_plans_are_sequences(scenario: ec.Scenario, design: ec.Design) -> None:
         scenario.evaluate(ec.Plan([[10, 20, 30, 40]], DOWN))
 
 
+def test_one_robot_is_measured_again(design: ec.Design) -> None:
+    scenario = ec.Scenario.load(ROOT / "scenarios/kr270.toml")
+    plan = ec.Plan.load(ROOT / "scenarios/plans/klimchik2012_m3.csv")
+    both = plan + plan[[2, 0]]
+    assert len(both) == 5 and both[:3] == plan
+    first, all_of_it = scenario.measure(plan, run=4), scenario.measure(both, run=4)
+    again = all_of_it[len(first) :]
+    assert np.array_equal(all_of_it[:3].rows, first.rows) and len(again) == 2
+    # Other noise on the same robot: far nearer than another robot is.
+    off = np.linalg.norm(again.deflection_mm - first.deflection_mm[[2, 0]], axis=1)
+    other = np.linalg.norm(scenario.measure(plan, run=5).deflection_mm - first.deflection_mm, axis=1)
+    assert 0 < off.max() < 0.5 * other.max()
+    # It is known to be of that virtual robot, so that compensation is judged.
+    residuals_m = [scenario.compensate(scenario.identify(each)).residual_m for each in (first, all_of_it[:3])]
+    assert np.isfinite(residuals_m[0]).all() and np.array_equal(*residuals_m)
+    assert repr(first[3:]) == "<Measurements: none>"
+    with pytest.raises(ec.UsageError, match="the plans have 6 and 3 joints"):
+        plan + design.plan
+
+
 # Scenarios.
 
 
@@ -213,6 +233,40 @@ def test_results_are_short_and_have_tables_and_pictures(scenario: ec.Scenario, d
     assert list(identified.to_dataframe().index) == identified.names
     with pytest.raises(ec.UsageError, match="no list 'plns'; it has: .*plan"):
         design.to_dataframe("plns")
+
+
+def test_fits_to_absolute_readings_have_tables_and_pictures() -> None:
+    matplotlib = pytest.importorskip("matplotlib")
+    matplotlib.use("Agg")
+    pandas = pytest.importorskip("pandas")
+    frame = pandas.read_csv(ROOT / "tests/golden/ur10_visits.csv.gz")
+    columns: dict[str, Any] = {name: name for name in ("target", "station", "state")}
+    columns |= {"joints": [f"q{joint}_deg" for joint in range(1, 7)], "force": ["fx_n", "fy_n", "fz_n"]}
+    columns |= {"position": ["x_mm", "y_mm", "z_mm"], "position_std": ["sx_mm", "sy_mm", "sz_mm"]}
+    fitted, others = (ec.read_table(rows, columns=columns) for rows in (frame[:240], frame[240:480]))
+    scenario = ec.Scenario.load(ROOT / "tests/golden/ur10_readings.toml")
+    identified = scenario.identify(fitted, parameters="compliances")
+    unknowns = identified.to_dataframe()
+    assert list(unknowns["name"]) == identified.names and list(unknowns)[:4] == ["name", "value", "standard_error", "unit"]
+    assert np.allclose(np.sqrt(np.diag(identified.covariance)), unknowns["standard_error"])
+    validation = scenario.validate(identified, others)
+    table = validation.to_dataframe()
+    assert list(table.index)[:2] == ["nominal", "identified"] and table.loc["identified", "mean_mm"] > 0
+    for each in (identified, validation):
+        axes = each.plot()
+        assert axes.has_data() and axes.get_ylabel() and len(repr(each)) < 300
+        matplotlib.pyplot.close("all")
+
+
+def test_messages_name_no_file_that_nobody_has_written() -> None:
+    pandas = pytest.importorskip("pandas")
+    frame = pandas.DataFrame(np.random.default_rng(1).uniform(-90, 90, (8, 13)))
+    frame.columns = frame.columns.astype(str)
+    names = list(frame.columns)
+    readings = ec.read_table(frame, columns={"joints": names[:6], "position": names[6:9], "rotation": names[9:12]}, rotation="rotvec")
+    with pytest.raises(ec.ElastocalError, match="^measurements: nothing says how precise the orientations are") as raised:
+        ec.Scenario.load(ROOT / "scenarios/ur10.toml").identify(readings)
+    assert "tmp" not in str(raised.value)
 
 
 def test_extras_are_named_where_they_are_missing(design: ec.Design, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -298,6 +352,10 @@ def test_data_frames_become_readings(tmp_path: Path) -> None:
 
 # Pages.
 
+#: A block about readings that the project does not hold.
+SERIES_C = r"<!-- run where series_c.csv is: .*-->\n+```python\n(.*?)^```"
+BLOCK = re.MULTILINE | re.DOTALL
+
 
 @pytest.mark.parametrize("page", ["docs/python.md", "python/README.md"])
 def test_examples_of_pages_run(page: str, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -305,11 +363,21 @@ def test_examples_of_pages_run(page: str, monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.setenv("MPLBACKEND", "Agg")
     monkeypatch.chdir(ROOT)
     space: dict[str, Any] = {"__name__": "__main__"}
-    text = re.sub(r"<!-- not run: .*-->\n+```python\n.*?^```", "", (ROOT / page).read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
-    blocks = re.findall(r"^```python\n(.*?)^```", text, flags=re.MULTILINE | re.DOTALL)
+    text = (ROOT / page).read_text(encoding="utf-8")
+    blocks = re.findall(r"^```python\n(.*?)^```", re.sub(SERIES_C, "", text, flags=BLOCK), flags=BLOCK)
     assert blocks
     for block in blocks:
         exec(compile(block, page, "exec"), space)
+
+
+def test_the_example_of_a_real_robot_runs(series_c: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+    monkeypatch.chdir(series_c)
+    [block] = re.findall(SERIES_C, (ROOT / "docs/python.md").read_text(encoding="utf-8"), flags=BLOCK)
+    space: dict[str, Any] = {"ec": ec}
+    exec(compile(block, "docs/python.md", "exec"), space)
+    mean = space["distances_mm"]["mean_mm"]
+    assert mean["identified"] < 0.7 * mean["nominal"] and mean["with joint errors"] < 0.3 * mean["identified"]
 
 
 def test_messages_of_the_page_are_those_of_the_package(scenario: ec.Scenario) -> None:
