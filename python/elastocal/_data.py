@@ -74,10 +74,15 @@ def angles(values: ArrayLike, unit: Unit | None, columns: Sequence[str] | None =
     return found
 
 
-def _table(text: str) -> tuple[list[str], Array]:
+def _table(text: str, wanted: Sequence[str], what: str) -> tuple[list[str], Array]:
     """The columns of a CSV that elastocal has written, and its rows."""
     lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
-    rows = list(csv.reader(io.StringIO("\n".join(lines))))
+    rows = list(csv.reader(io.StringIO("\n".join(lines)))) or [[]]
+    missing = [name for name in wanted if name not in rows[0]]
+    if missing or "target" in rows[0]:
+        hint = "methods take files of absolute readings, and of plans of them, by their paths" if "target" in rows[0] else None
+        has = ", ".join(rows[0]) or "no columns"
+        raise UsageError(f"{what} has the columns q1_deg and so on, {', '.join(wanted)}; found {has}", hint)
     return rows[0], np.array(rows[1:], dtype=float).reshape(len(rows) - 1, len(rows[0]))
 
 
@@ -120,7 +125,7 @@ class Plan:
     @classmethod
     def load(cls, path: FilePath) -> Plan:
         """Reads a plan CSV as elastocal writes it."""
-        columns, rows = _table(Path(path).read_text(encoding="utf-8"))
+        columns, rows = _table(Path(path).read_text(encoding="utf-8"), [*WRENCH, "repeats"], f"{path}: a plan")
         q = [index for index, name in enumerate(columns) if name.startswith("q")]
         wrench = [columns.index(name) for name in WRENCH]
         return cls(rows[:, q], rows[:, wrench], rows[:, columns.index("repeats")], unit="deg")
@@ -237,13 +242,13 @@ class Measurements:
     @classmethod
     def load(cls, path: FilePath) -> Measurements:
         """Reads a measurement CSV as elastocal writes it."""
-        return cls.from_text(Path(path).read_text(encoding="utf-8"))
+        return cls.from_text(Path(path).read_text(encoding="utf-8"), f"{path}: a table of measurements")
 
     @classmethod
-    def from_text(cls, text: str) -> Measurements:
-        """Of the text of a measurement CSV."""
+    def from_text(cls, text: str, what: str = "a table of measurements") -> Measurements:
+        """Of the text of a measurement CSV; messages say ``what`` it is."""
         made = cls.__new__(cls)
-        made.columns, made.rows = _table(text)
+        made.columns, made.rows = _table(text, [*WRENCH, *DEFLECTION], what)
         made._text = text
         return made
 

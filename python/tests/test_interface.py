@@ -63,7 +63,9 @@ def test_signatures_have_every_option_of_the_program() -> None:
     ("method", "given", "message", "hint"),
     [
         ("design", {"experimnts": 4}, "plan has no option 'experimnts'", "did you mean 'experiments'"),
-        ("design", {"experiments": -1}, r"invalid value '-1' for 'experiments': -1 is not in 1", None),
+        ("design", {"experiments": -1}, r"invalid value '-1' for 'experiments': 1 to 10000 is allowed", None),
+        ("design", {"experiments": "four"}, "invalid value 'four' for 'experiments': a whole number from 0 on is wanted", None),
+        ("design", {"seed": 1.5}, "invalid value '1.5' for 'seed': a whole number", None),
         ("design", {"no_proof": True, "prove": "1%"}, "'no_proof' cannot be used with", None),
         ("design", {"no_proof": 3}, "no_proof is True or False, not 3", None),
         ("design", {"plan_out": True}, "plan_out wants a value", None),
@@ -79,6 +81,32 @@ def test_wrong_usage_is_told_in_python_s_words(
         getattr(scenario, method)(**given)
     assert "--" not in f"{raised.value} {raised.value.hint}"
     assert hint is None or hint in str(raised.value.hint)
+
+
+def test_what_is_no_plan_and_no_table_is_told(scenario: ec.Scenario, design: ec.Design, tmp_path: Path) -> None:
+    measured = scenario.measure(design.plan)
+    identified = scenario.identify(measured)
+    bad = tmp_path / "bad.csv"
+    bad.write_text("a,b\n1,2\n", encoding="utf-8")
+    anything: Any = scenario
+    for mistake, message, hint in [
+        (lambda: anything.evaluate(np.zeros((3, 3))), "plan wants Plan, Design, Validation or a file's path, not ndarray", "ec.Plan(q_deg, wrench)"),
+        (lambda: anything.evaluate(measured), "plan wants .* not Measurements", "ec.Plan"),
+        (lambda: anything.identify(design), "measurements wants Measurements, Readings or a file's path, not Design", "ec.read_table"),
+        (lambda: anything.validate(measured, identified), "identified wants Identified or a file's path, not Measurements", "identify"),
+        (lambda: anything.study(plans=[design.plan]), "plans are a dict of plans by name, not a list", "plans={"),
+        (lambda: anything.study(executor=4), "executor is one of concurrent.futures", "get_executor"),
+        (lambda: anything.problem.objective(design.plan.q_deg), "plan is a Plan, not a ndarray", "ec.Plan"),
+        (lambda: ec.Scenario.load(ROOT / "models/planar_3r.xml"), "is a robot's model; a scenario is wanted", "ec.init"),
+        (lambda: ec.Plan.load(bad), "bad.csv: a plan has the columns q1_deg and so on, fx_n, .*; found a, b", ""),
+        (lambda: ec.Measurements.load(bad), "bad.csv: a table of measurements has .* dz_mm; found a, b", ""),
+        (lambda: ec.Scenario(tmp_path / "none.toml").problem, "none.toml: cannot be read", ""),
+        (lambda: scenario.problem.violations([[1, 2]]), "found 2 coordinates; the robot has 3 commanded joints", ""),
+    ]:
+        with pytest.raises(ec.ElastocalError, match=message) as raised:
+            mistake()
+        assert hint in str(raised.value.hint)
+    assert len(scenario.design(np.float64(4.0), no_proof=True)) == 4  # type: ignore[arg-type]
 
 
 def test_hints_have_no_options_of_the_command_line(design: ec.Design) -> None:
@@ -149,6 +177,35 @@ def test_one_robot_is_measured_again(design: ec.Design) -> None:
     assert repr(first[3:]) == "<Measurements: none>"
     with pytest.raises(ec.UsageError, match="the plans have 6 and 3 joints"):
         plan + design.plan
+
+
+def test_plans_of_absolute_readings_are_read_virtually(tmp_path: Path) -> None:
+    pytest.importorskip("pandas")
+    scenario = ec.Scenario.load(ROOT / "tests/golden/ur10_readings.toml")
+    design = scenario.design(experiments=30, parameters="compliances", draw=20)
+    readings = scenario.measure_absolute(design, run=3)
+    table = readings.to_dataframe()
+    assert len(readings) == 30 == design.plan.measurements and np.allclose(table["sx_mm"], 0.04 / np.sqrt(2))
+    # What the run's robot is, nobody is told: neither compliances nor frames.
+    assert "compliance" not in readings.csv() and readings.csv() == scenario.measure_absolute(design, run=3).csv()
+    assert not np.allclose(table["x_mm"], scenario.measure_absolute(design, run=4).to_dataframe()["x_mm"], atol=10)
+    identified = scenario.identify(readings, parameters="all")
+    assert 0.5 < identified.results["distance_mm"]["rms"] / (0.04 * np.sqrt(1.5)) < 2.0
+    assert scenario.validate(identified, scenario.measure_absolute(design, run=3)).results["distance_mm"]["mean"] < 0.1
+    # Without anything uncertain, repeats differ by the instrument's noise alone, and poses have orientations.
+    certain = scenario.with_(uncertainty=[], rotation_sigma_mrad=0.1)
+    plan = tmp_path / "plan.csv"
+    plan.write_text("q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,repeats,target,station\n90,-80,55,70,-70,-130,400,spindle,door\n", encoding="utf-8")
+    poses = certain.measure_absolute(plan)
+    rows = poses.to_dataframe()
+    assert repr(poses) == "<Readings: 400 poses>" and rows[["x_mm", "y_mm", "z_mm"]].std().to_numpy() == pytest.approx(0.04 / np.sqrt(2), rel=0.15)
+    assert rows["qw"].std() > 0 and set(rows["station"]) == {"door"}
+    with pytest.raises(ec.UsageError, match="accuracy is absolute: measure_absolute"):
+        scenario.measure(plan)
+    with pytest.raises(ec.UsageError, match="accuracy is relative: measure"):
+        ec.Scenario.load(QUICK).measure_absolute(plan)
+    with pytest.raises(ec.ElastocalError, match="noise_free is for plans of deflections"):
+        scenario.measure_absolute(plan, noise_free=True)
 
 
 # Scenarios.
