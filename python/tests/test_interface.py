@@ -402,9 +402,15 @@ def test_data_frames_become_readings(tmp_path: Path) -> None:
         ({"units": None}, r"columns\['joints'\] has no angle above 3 in 20 configurations: these are radians|these are radians"),
         ({"columns": columns | {"rotation": ["x", "y", "z"]}}, "rotation='XYZ' or another"),
         ({"columns": columns | {"rotation": ["x", "y", "z"]}, "rotation": "Xyz"}, "rotation is not 'Xyz'"),
+        ({"rotation": "XYZ"}, "columns have no 'rotation'"),
+        ({"columns": columns | {"rotation": ["x", "y", "z"]}, "rotation": "quat"}, "^rotation.columns: found 3; 4 are needed"),
+        ({"columns": columns | {"position": ["x", "y"]}}, "^position.columns: invalid length 2"),
+        ({"units": {"joints": "degree"}}, '^joint.0..unit: found "degree"; one of rad, deg'),
+        ({"frame": frame.to_numpy()}, "a data frame of pandas is wanted, not ndarray"),
     ]:
-        with pytest.raises(ec.UsageError, match=message):
-            ec.read_table(frame, **{"columns": columns, "units": units} | changes)
+        with pytest.raises(ec.ElastocalError, match=message) as raised:
+            ec.read_table(**{"frame": frame, "columns": columns, "units": units} | changes)
+        assert "/tmp" not in str(raised.value)
 
 
 # Pages.
