@@ -114,14 +114,17 @@ def _values(keyword: str, option: dict[str, Any], value: object) -> list[str]:
         raise UsageError(f"{keyword} is one value, not {value!r}")
     if value is True and option["takes_value"]:
         raise UsageError(f"{keyword} wants a value{': ' + ', '.join(option['choices']) if option['choices'] else ''}, not True")
-    return [_word(keyword, each) for each in (value if several else [value])]  # type: ignore[attr-defined]
+    is_whole = option["type"] == "int"
+    return [_word(keyword, each, is_whole) for each in (value if several else [value])]  # type: ignore[attr-defined]
 
 
-def _word(keyword: str, value: object) -> str:
-    if hasattr(value, "item") and not isinstance(value, (str, PathLike)):
+def _word(keyword: str, value: object, is_whole: bool = False) -> str:
+    if hasattr(value, "item") and getattr(value, "size", 0) == 1:
         # NumPy's numbers are Python's.
         value = value.item()
     if isinstance(value, float):
+        if is_whole and value.is_integer():
+            return str(int(value))
         return repr(value)
     if isinstance(value, (str, int)):
         return str(value)

@@ -74,10 +74,15 @@ def angles(values: ArrayLike, unit: Unit | None, columns: Sequence[str] | None =
     return found
 
 
-def _table(text: str) -> tuple[list[str], Array]:
+def _table(text: str, wanted: Sequence[str], what: str) -> tuple[list[str], Array]:
     """The columns of a CSV that elastocal has written, and its rows."""
     lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
-    rows = list(csv.reader(io.StringIO("\n".join(lines))))
+    rows = list(csv.reader(io.StringIO("\n".join(lines)))) or [[]]
+    missing = [name for name in wanted if name not in rows[0]]
+    if missing or "target" in rows[0]:
+        hint = "methods take files of absolute readings, and of plans of them, by their paths" if "target" in rows[0] else None
+        has = ", ".join(rows[0]) or "no columns"
+        raise UsageError(f"{what} has the columns q1_deg and so on, {', '.join(wanted)}; found {has}", hint)
     return rows[0], np.array(rows[1:], dtype=float).reshape(len(rows) - 1, len(rows[0]))
 
 
@@ -120,7 +125,7 @@ class Plan:
     @classmethod
     def load(cls, path: FilePath) -> Plan:
         """Reads a plan CSV as elastocal writes it."""
-        columns, rows = _table(Path(path).read_text(encoding="utf-8"))
+        columns, rows = _table(Path(path).read_text(encoding="utf-8"), [*WRENCH, "repeats"], f"{path}: a plan")
         q = [index for index, name in enumerate(columns) if name.startswith("q")]
         wrench = [columns.index(name) for name in WRENCH]
         return cls(rows[:, q], rows[:, wrench], rows[:, columns.index("repeats")], unit="deg")
@@ -163,6 +168,14 @@ class Plan:
         chosen = [rows] if isinstance(rows, int) else rows
         return Plan(self.q_deg[chosen], self.wrench[chosen], self.repeats[chosen], unit="deg")
 
+    def __add__(self, other: Plan) -> Plan:
+        """This plan, and then another."""
+        mine, its = self.q_deg.shape[1], other.q_deg.shape[1]
+        if mine != its:
+            raise UsageError(f"the plans have {mine} and {its} joints")
+        both = ([getattr(self, name), getattr(other, name)] for name in ("q_deg", "wrench", "repeats"))
+        return Plan(*map(np.concatenate, both), unit="deg")
+
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Plan) and all(
             np.array_equal(mine, its)
@@ -185,6 +198,17 @@ class Plan:
     def plot(self, axes: Axes | None = None) -> Axes:
         """The experiments' angles, joint by joint."""
         return _views.plot_plan(self.q_deg, axes)
+
+
+def absolute_plan(rows: list[dict[str, Any]], columns: list[str]) -> str:
+    """The text of a CSV of a plan of absolute readings, of the key ``plan`` of a record."""
+    words = [name for name in ("target", "station") if any(row.get(name) for row in rows)]
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow([*columns, *WRENCH, "repeats", *words])
+    for row in rows:
+        writer.writerow([*row["q_deg"], *(row["wrench"] or [0.0] * 6), row["repeats"], *(row[name] for name in words)])
+    return text.getvalue()
 
 
 class Measurements:
@@ -218,13 +242,13 @@ class Measurements:
     @classmethod
     def load(cls, path: FilePath) -> Measurements:
         """Reads a measurement CSV as elastocal writes it."""
-        return cls.from_text(Path(path).read_text(encoding="utf-8"))
+        return cls.from_text(Path(path).read_text(encoding="utf-8"), f"{path}: a table of measurements")
 
     @classmethod
-    def from_text(cls, text: str) -> Measurements:
-        """Of the text of a measurement CSV."""
+    def from_text(cls, text: str, what: str = "a table of measurements") -> Measurements:
+        """Of the text of a measurement CSV; messages say ``what`` it is."""
         made = cls.__new__(cls)
-        made.columns, made.rows = _table(text)
+        made.columns, made.rows = _table(text, [*WRENCH, *DEFLECTION], what)
         made._text = text
         return made
 
@@ -257,7 +281,20 @@ class Measurements:
     def __len__(self) -> int:
         return len(self.rows)
 
+    def __getitem__(self, rows: int | slice | Sequence[int]) -> Measurements:
+        """Some of the measurements."""
+        chosen = [rows] if isinstance(rows, int) else rows
+        made = Measurements.__new__(Measurements)
+        made.columns, made.rows, made._text = self.columns, self.rows[chosen], None
+        if self._text is not None:
+            # Where they come from stays with them.
+            said = "".join(f"{line}\n" for line in self._text.splitlines() if line.startswith("#"))
+            made._text = said + _written(made.columns, made.rows)
+        return made
+
     def __repr__(self) -> str:
+        if not len(self):
+            return "<Measurements: none>"
         size = np.linalg.norm(self.deflection_mm, axis=1)
         return f"<Measurements: {_views.counted(len(self), 'deflection')} of {size.min():.3g} to {size.max():.3g} mm>"
 

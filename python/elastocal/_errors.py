@@ -22,8 +22,16 @@ class ElastocalError(Exception):
             self.add_note(f"hint: {hint}")
 
 
-class UsageError(ElastocalError):
+class UsageError(ElastocalError, ValueError):
     """An option that is not there, or a value that it cannot have."""
+
+
+#: What the command line says, and Python.
+WORDS = {
+    "invalid digit found in string": "a whole number from 0 on is wanted",
+    "invalid float literal": "a number is wanted",
+    "give the path of a scenario file after the command": "the shipped ones are in ec.SHARED / 'scenarios'",
+}
 
 
 def nearest(word: str, known: Iterable[str]) -> str | None:
@@ -35,6 +43,10 @@ def nearest(word: str, known: Iterable[str]) -> str | None:
 def in_python(text: str, longs: dict[str, str]) -> str:
     """A message of the command line with keywords in place of options, and without what is for a terminal."""
     told = re.split(r"\n\n(?:Usage|For more information)", text.removeprefix("error: "))[0]
+
+    for theirs, ours in WORDS.items():
+        told = told.replace(theirs, ours)
+    told = re.sub(r"\S+ is not in (\d+)\.\.=(\d+)", r"\1 to \2 is allowed", told)
 
     def keyword(found: re.Match[str]) -> str:
         return longs.get(found[1], found[0])

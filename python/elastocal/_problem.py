@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from os import fspath
 from pathlib import Path
 
@@ -11,7 +13,16 @@ from numpy.typing import ArrayLike
 from . import _change
 from ._data import Array, FilePath, Plan
 from ._elastocal import PlanningProblem
-from ._errors import UsageError
+from ._errors import ElastocalError, UsageError
+
+
+@contextmanager
+def _told() -> Iterator[None]:
+    """What does not fit the robot, as this package's error."""
+    try:
+        yield
+    except ValueError as error:
+        raise UsageError(str(error)) from None
 
 
 class Problem:
@@ -19,7 +30,10 @@ class Problem:
 
     def __init__(self, path: FilePath, noise_only: bool = False) -> None:
         self.path = Path(fspath(path))
-        self._problem = PlanningProblem(str(self.path), noise_only)
+        try:
+            self._problem = PlanningProblem(str(self.path), noise_only)
+        except ValueError as error:
+            raise ElastocalError(str(error)) from None
 
     @property
     def columns(self) -> list[str]:
@@ -52,7 +66,8 @@ class Problem:
         ``q_deg`` (n,), deg; ``wrench`` (6,), N and N m at the calibration tool in the world frame.
         """
         q = np.asarray(q_deg, dtype=float).tolist()
-        return np.array(self._problem.observation_matrix(q, np.asarray(wrench, dtype=float).tolist()))
+        with _told():
+            return np.array(self._problem.observation_matrix(q, np.asarray(wrench, dtype=float).tolist()))
 
     def test_pose_matrices(self) -> list[Array]:
         """Eq. 23 for each test pose, times the root of its weight: (3, p) each, m N m/rad."""
@@ -73,8 +88,10 @@ class Problem:
         It has all that the scenario lists as uncertain; passive joints, which nothing commands, have columns, too.
         Experiments of one configuration that share errors turn together: each has the gradient of all of them.
         """
-        wrenches = plan.wrench.tolist()
-        value, gradient = self._problem.objective(plan.q_deg.tolist(), wrenches, plan.repeats.tolist())
+        if not isinstance(plan, Plan):
+            raise UsageError(f"plan is a Plan, not a {type(plan).__name__}", "ec.Plan(q_deg, wrench) makes one of arrays")
+        with _told():
+            value, gradient = self._problem.objective(plan.q_deg.tolist(), plan.wrench.tolist(), plan.repeats.tolist())
         return value, np.array(gradient)
 
     def violations(self, plan: Plan | ArrayLike, wrench: ArrayLike | None = None) -> list[str]:
@@ -84,7 +101,8 @@ class Problem:
         """
         if not isinstance(plan, Plan):
             plan = Plan(plan, self._load() if wrench is None else wrench, unit="deg")
-        return self._problem.violations(plan.q_deg.tolist(), plan.wrench.tolist(), plan.repeats.tolist())
+        with _told():
+            return self._problem.violations(plan.q_deg.tolist(), plan.wrench.tolist(), plan.repeats.tolist())
 
     def _load(self) -> list[float]:
         load = _change.table(self.path)["load"]

@@ -153,23 +153,24 @@ class Identified(Outcome):
 
     @property
     def names(self) -> list[str]:
-        """The parameters' names (p,)."""
-        return list(self.results["parameters"])
+        """The parameters' names (p,); of a fit to absolute readings those of all unknowns."""
+        unknowns = self.results.get("unknowns")
+        return list(self.results["parameters"]) if unknowns is None else [str(each["name"]) for each in unknowns]
 
     @property
     def compliance_rad_per_nm(self) -> Array:
-        """Compliances (p,), rad/(N m); NaN where not determined."""
+        """Compliances (p,), rad/(N m); NaN where not determined. Empty of a fit to absolute readings: ``to_dataframe()`` has all."""
         return self._vector("compliance_rad_per_nm")
 
     @property
     def compliance_std_rad_per_nm(self) -> Array:
-        """Standard errors (p,), rad/(N m); NaN where not determined."""
+        """Standard errors (p,), rad/(N m); NaN where not determined. Empty of a fit to absolute readings."""
         return self._vector("compliance_std_rad_per_nm")
 
     @property
     def covariance(self) -> Array:
-        """Covariance (p, p), (rad/(N m))^2; NaN where not determined."""
-        rows = self.results["covariance_rad2_per_n2m2"]
+        """Covariance (p, p), (rad/(N m))^2, of absolute readings in the units of all unknowns; NaN where not determined."""
+        rows = self.results["covariance" if "unknowns" in self.results else "covariance_rad2_per_n2m2"]
         return np.array([[np.nan if each is None else each for each in row] for row in rows], dtype=float)
 
     def __len__(self) -> int:

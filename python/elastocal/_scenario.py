@@ -7,14 +7,15 @@ import re
 import shutil
 import tempfile
 from collections.abc import Iterator, Mapping
+from concurrent.futures import Executor
 from contextlib import contextmanager
-from os import fspath
+from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from . import _change
 from ._commands import _command, read, takes
-from ._data import FilePath, Measurements, Plan, Readings
+from ._data import FilePath, Measurements, Plan, Readings, absolute_plan
 from ._errors import ElastocalError, UsageError
 from ._executor import Executors, merged
 from ._executor import study as run_shards
@@ -26,6 +27,15 @@ if TYPE_CHECKING:
 
     from . import _options as options
 
+#: What methods take besides a file's path, by the name of the parameter, and how it is made.
+TAKEN: dict[str, tuple[tuple[type, ...], str]] = {
+    "plan": ((Plan, Design, Validation), "ec.Plan(q_deg, wrench) makes one of arrays, scenario.design() a good one"),
+    "measurements": (
+        (Measurements, Readings),
+        "ec.Measurements(q_deg, wrench, deflection_mm) makes them of arrays, ec.read_table of a data frame",
+    ),
+    "identified": ((Identified,), "scenario.identify(measurements) returns it"),
+}
 #: The shards of a study on an executor: enough for some workers, and few enough to be worth their while.
 SHARDS = 16
 
@@ -62,6 +72,8 @@ class Scenario:
     def load(cls, path: FilePath, *, seed: int | None = None, noise_only: bool = False, threads: int | None = None) -> Scenario:
         """Reads and checks a scenario file; raises :class:`ElastocalError` for what is wrong."""
         scenario = cls(path, seed, noise_only, threads)
+        if scenario.path.suffix in (".xml", ".urdf"):
+            raise UsageError(f"{path} is a robot's model; a scenario is wanted", "ec.init(model, 'robot.toml') writes and returns one")
         scenario.command("check")
         return scenario
 
@@ -120,7 +132,14 @@ class Scenario:
         with _folder() as folder:
             named: dict[str, Any] = {}
             for name, value in values.items():
+                kinds, made_by = TAKEN.get(name, TAKEN["plan"])
+                if value is not None and not isinstance(value, (str, PathLike, *kinds)):
+                    wanted = ", ".join(kind.__name__ for kind in kinds)
+                    raise UsageError(f"{name} wants {wanted} or a file's path, not {type(value).__name__}", made_by)
                 named[name] = path = folder / f"{name}.{'json' if isinstance(value, Identified) else 'csv'}"
+                if isinstance(value, Design) and value.results.get("accuracy") == "absolute":
+                    path.write_text(absolute_plan(value.results["plan"], self.columns), encoding="utf-8")
+                    continue
                 if isinstance(value, (Design, Validation)):
                     value = value.plan
                 if isinstance(value, Measurements):
@@ -134,7 +153,13 @@ class Scenario:
                     path.write_text(json.dumps(value.results), encoding="utf-8")
                 else:
                     named[name] = value
-            yield named
+            try:
+                yield named
+            except ElastocalError as error:
+                # Nobody has written the files in this folder, nor can they be looked at.
+                named_file = re.compile(rf"{re.escape(str(folder))}/(\w+)\.\w+")
+                hint = error.hint and named_file.sub(r"\1", error.hint)
+                raise type(error)(named_file.sub(r"\1", str(error)), hint, error.code) from None
 
     def _fits(self, joints: int, what: str) -> None:
         if joints != len(self.columns):
@@ -159,8 +184,8 @@ class Scenario:
     def evaluate(self, plan: Plan | Design | FilePath, **given: Unpack[options.EvaluateGiven]) -> Assessment:
         """The predicted accuracy of a plan, and the bound that no plan of as many measurements can beat.
 
-        Where accuracy is absolute, a plan that names targets or stations is a file's: its path, as ``plan_out`` wrote it; with
-        ``trials``, ``results["trials"]`` says whether virtual robots err as predicted.
+        Where accuracy is absolute, a plan that names targets or stations is a design, or a file's path; with ``trials``,
+        ``results["trials"]`` says whether virtual robots err as predicted.
         """
         with self._files(plan=plan) as files:
             return Assessment(self.command("evaluate", **files, **given))
@@ -174,16 +199,32 @@ class Scenario:
 
     @takes("measure")
     def measure(self, plan: Plan | Design | Validation | FilePath, **given: Unpack[options.MeasureGiven]) -> Measurements:
-        """Measures a plan on the virtual robot, with the random numbers of a run under the seed (run 0 if not given).
+        """Measures a plan on the virtual robot of a run in a study, with its random numbers under the seed (run 0 if not given).
 
-        With ``run``, the robot is that of the run in a study: its compliances are drawn where the scenario has them vary.
+        Another run or seed is another robot where the scenario has compliances or errors of the robot vary. One robot is measured in
+        one call: ``scenario.measure(first + second)`` begins with the numbers of ``scenario.measure(first)``; the rest, which is
+        ``[len(measured):]``, has new noise on the same robot.
         """
-        with self._files(plan=plan) as files:
-            kept = given.pop("measurements_out", None)
-            with _folder() as folder:
-                out = Path(kept or folder / "measurements.csv")
-                self.command("measure", **files, measurements_out=out, **given)
-                return Measurements.from_text(read(out))
+        if self.table.get("design", {}).get("accuracy") == "absolute":
+            raise UsageError("the scenario's accuracy is absolute: measure_absolute(plan) has readings", "with_(accuracy='relative')")
+        return Measurements.from_text(self._measured(plan, dict(given)))
+
+    def _measured(self, plan: Plan | Design | Validation | FilePath, given: dict[str, Any]) -> str:
+        with self._files(plan=plan) as files, _folder() as folder:
+            out = Path(given.pop("measurements_out", None) or folder / "measurements.csv")
+            self.command("measure", **files, measurements_out=out, **given)
+            return read(out)
+
+    @takes("measure")
+    def measure_absolute(self, plan: Design | FilePath, **given: Unpack[options.MeasureGiven]) -> Readings:
+        """Reads a plan of absolute readings on the virtual robot of a run, for :meth:`identify`; accuracy must be absolute.
+
+        Robot, instrument's frames and noise are functions of the seed and of ``run`` (0 if not given), as for :meth:`measure`. Each
+        repeat is a reading by itself, with the instrument's standard deviations; the robot's true parameters are not in the table.
+        """
+        if self.table.get("design", {}).get("accuracy") != "absolute":
+            raise UsageError("the scenario's accuracy is relative: measure(plan) has its deflections", "with_(accuracy='absolute')")
+        return Readings(self._measured(plan, dict(given)))
 
     @takes("identify")
     def identify(self, measurements: Measurements | Readings | FilePath, **given: Unpack[options.IdentifyGiven]) -> Identified:
@@ -265,6 +306,8 @@ class Scenario:
         call goes on from them.
         """
         if plans is not None:
+            if not isinstance(plans, Mapping):
+                raise UsageError(f"plans are a dict of plans by name, not a {type(plans).__name__}", "plans={'own': plan, 'random': 'random_each'}")
             with self._files(**plans) as files:
                 listed = [{"name": name, **_study_plan(path)} for name, path in files.items()]
                 other = self.with_({"study.plan": listed})
@@ -273,6 +316,9 @@ class Scenario:
             if shards is not None or tallies is not None:
                 raise UsageError("shards and tallies are for a study on an executor; `shard` makes one part")
             return self._into("study", out, dict(given))
+        if not (isinstance(executor, Executor) or callable(executor)):
+            hint = "of a Dask client it is client.get_executor(pure=False)"
+            raise UsageError(f"executor is one of concurrent.futures, or a function that makes one, not a {type(executor).__name__}", hint)
         own = {"seed": self.seed, "noise_only": self.noise_only, "threads": self.threads or 1}
         with _folder() as folder:
             kept = folder / "tallies" if tallies is None else Path(tallies)

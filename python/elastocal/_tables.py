@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from . import _elastocal
 from ._commands import command, read
 from ._data import Readings, angles, numbers
-from ._errors import UsageError, nearest
+from ._errors import ElastocalError, UsageError, nearest
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -53,6 +53,8 @@ def read_table(
     ``"matrix"``; or a SciPy ``Rotation`` with one for each row. ``units`` are deg, mm, N, N m, s and C if not given:
     ``units={"joints": "rad"}``.
     """
+    if not hasattr(frame, "to_csv"):
+        raise UsageError(f"a data frame of pandas is wanted, not {type(frame).__name__}", "pandas.read_csv(path) makes one of a file")
     made = frame.copy()
     known = {*UNITS, *WORDS, "position_std", "rotation_std"}
     places: dict[str, Any] = {key: [value] if isinstance(value, str) else list(value) for key, value in columns.items()}
@@ -71,6 +73,8 @@ def read_table(
             raise UsageError(f"columns have no {what!r}", "columns={'joints': [...], 'position': ['x', 'y', 'z']} are needed")
     if "rotation" in places and rotation is None:
         raise UsageError("columns have a rotation: rotation='XYZ' or another of SciPy's words says how it is written")
+    if "rotation" not in places and (rotation is not None or "rotation_std" in places):
+        raise UsageError("columns have no 'rotation'", "columns={'rotation': [...]} says where the rotations are")
     for what, names in places.items():
         for name in names if what not in WORDS else []:
             if name not in made:
@@ -89,7 +93,12 @@ def read_table(
         made.to_csv(folder / "table.csv", index=False)
         (folder / "mapping.toml").write_text(_elastocal.written_toml(json.dumps(mapping)), encoding="utf-8")
         out = folder / "measurements.csv"
-        command("import", folder / "table.csv", mapping=folder / "mapping.toml", measurements_out=out)
+        try:
+            command("import", folder / "table.csv", mapping=folder / "mapping.toml", measurements_out=out)
+        except ElastocalError as error:
+            # Nobody has written these files.
+            told = re.sub(rf"{re.escape(name)}/\S+: |(?<=\w) \(line \d+\)", "", str(error))
+            raise type(error)(told, error.hint and error.hint.replace(" in the mapping", ""), error.code) from None
         return Readings(read(out))
 
 

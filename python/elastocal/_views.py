@@ -24,6 +24,7 @@ LISTS = {
     "budget": ("budget", "plan"),
     "compensate": ("test_poses", "test pose"),
     "evaluate": ("uncertainty_budget.sources", "error source"),
+    "identify": ("unknowns", "unknown"),
     "next": ("plan", "experiment"),
     "plan": ("plan", "experiment"),
     "run": ("plans", "plan"),
@@ -33,6 +34,10 @@ LISTS = {
 }
 #: Rows that a page shows of a long table.
 SHOWN = 60
+#: Columns that stand first in a table.
+FIRST = ["name", "value", "standard_error", "unit"]
+#: What a validation with absolute readings compares.
+ROBOTS = {"before": "nominal", "": "identified", "with_joint_errors": "with joint errors"}
 
 
 def counted(count: int, what: str) -> str:
@@ -91,6 +96,17 @@ def frame_of_csv(text: str) -> pd.DataFrame:
     return made
 
 
+def is_of_absolute_readings(record: Any) -> bool:
+    """Whether it is a validation with absolute readings."""
+    return record.command == "validate" and bool(record.get("residuals_mm"))
+
+
+def distances_mm(record: Any) -> dict[str, dict[str, float]]:
+    """How far each robot is from absolute readings."""
+    robots = {name: record.get(place) if place else record for place, name in ROBOTS.items()}
+    return {name: each["distance_mm"] for name, each in robots.items() if each}
+
+
 def frame_of_record(record: Any, key: str | None) -> pd.DataFrame:
     """What the record is about, or the list of objects under a key."""
     pandas = _import("pandas", "notebook", "to_dataframe")
@@ -98,6 +114,9 @@ def frame_of_record(record: Any, key: str | None) -> pd.DataFrame:
         values = {name: record[name] for name in ("compliance_rad_per_nm", "compliance_std_rad_per_nm")}
         made: pd.DataFrame = pandas.DataFrame(values, index=pandas.Index(record["parameters"], name="parameter"), dtype=float)
         return made
+    if key is None and is_of_absolute_readings(record):
+        table: pd.DataFrame = pandas.DataFrame(distances_mm(record)).T
+        return table[["mean", "rms", "quantile95", "largest"]].add_suffix("_mm")
     there = lists(record)
     chosen = key or listed(record)
     if chosen not in there:
@@ -105,6 +124,8 @@ def frame_of_record(record: Any, key: str | None) -> pd.DataFrame:
         hint = key and nearest(key, there)
         raise UsageError(f"the record has {what}; it has: {', '.join(there) or 'none'}", hint or None)
     made = pandas.json_normalize(rows(record, chosen))
+    first = [name for name in FIRST if name in made]
+    made = made[[*first, *made.columns.difference(first, sort=False)]]
     return made
 
 
@@ -163,9 +184,20 @@ def _study(record: Any, axes: Axes | None) -> Axes:
     return axes
 
 
+def _residuals(record: Any, axes: Axes | None) -> Axes:
+    axes = _axes(axes)
+    lengths = np.linalg.norm(np.array(record["residuals_mm"], dtype=float), axis=1)
+    axes.hist(lengths, bins=40, range=(0.0, 2.0 * np.nanquantile(lengths, 0.95)), color="#4477aa")
+    axes.axvline(record["distance_mm"]["mean"], color="#888888", linestyle="--", label="mean of those fitted")
+    axes.set_xlabel("distance after the fit [mm]")
+    axes.set_ylabel("readings")
+    axes.legend()
+    return axes
+
+
 def _identified(record: Any, axes: Axes | None) -> Axes:
     if not record.get("compliance_rad_per_nm"):
-        raise UsageError("these results have no compliances to draw", "to_dataframe(key) has their tables")
+        return _residuals(record, axes)
     axes = _axes(axes)
     values, errors = (np.array(record[key], dtype=float) for key in ("compliance_rad_per_nm", "compliance_std_rad_per_nm"))
     axes.errorbar(record["parameters"], 1e6 * values, 1.96e6 * errors, fmt="o", capsize=4, label="identified, 95 %")
@@ -212,6 +244,14 @@ def _compensated(record: Any, axes: Axes | None) -> Axes:
 
 
 def _validated(record: Any, axes: Axes | None) -> Axes:
+    if is_of_absolute_readings(record):
+        robots = distances_mm(record)
+        axes = _axes(axes)
+        axes.bar(list(robots), [each["mean"] for each in robots.values()], color="#4477aa", label="mean")
+        axes.plot(list(robots), [each["quantile95"] for each in robots.values()], "k_", markersize=18, label="95 % are below")
+        axes.set_ylabel("distance from readings [mm]")
+        axes.legend()
+        return axes
     checked = record.get("measurements") or []
     if not (checked and "residual_rms_mm" in checked[0]):
         return _plan(record, axes) if record.get("plan") else _refuse(record)

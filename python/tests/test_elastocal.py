@@ -265,8 +265,7 @@ def test_examples_run(name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest
     assert "um" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("name", ["fig7", "own_robot", "tracker_table", "urdf_to_validated"])
-def test_notebooks_run(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def run_notebook(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(ROOT / "python/notebooks")
     monkeypatch.setenv("MPLBACKEND", "Agg")
     notebook = json.loads((ROOT / f"python/notebooks/{name}.ipynb").read_text())
@@ -274,3 +273,24 @@ def test_notebooks_run(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     for cell in notebook["cells"]:
         if cell["cell_type"] == "code":
             exec(compile("".join(cell["source"]), f"{name}.ipynb", "exec"), space)
+
+
+@pytest.mark.parametrize("name", ["fig7", "own_robot", "study_on_dask", "tracker_table", "urdf_to_validated"])
+def test_notebooks_run(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    run_notebook(name, monkeypatch)
+
+
+@pytest.mark.usefixtures("series_c")
+def test_the_notebook_of_a_real_robot_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+    run_notebook("ur10_series", monkeypatch)
+
+
+def test_the_notebook_of_a_real_robot_is_skipped_without_its_readings(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ELASTOCAL_UR10_IPA", "/nonexistent")
+    with pytest.raises(SystemExit, match="skipped: series_c.csv"):
+        run_notebook("ur10_series", monkeypatch)
+
+
+def test_every_notebook_is_run() -> None:
+    text = Path(__file__).read_text(encoding="utf-8")
+    assert all(f'"{each.stem}"' in text for each in (ROOT / "python/notebooks").glob("*.ipynb"))

@@ -63,7 +63,9 @@ def test_signatures_have_every_option_of_the_program() -> None:
     ("method", "given", "message", "hint"),
     [
         ("design", {"experimnts": 4}, "plan has no option 'experimnts'", "did you mean 'experiments'"),
-        ("design", {"experiments": -1}, r"invalid value '-1' for 'experiments': -1 is not in 1", None),
+        ("design", {"experiments": -1}, r"invalid value '-1' for 'experiments': 1 to 10000 is allowed", None),
+        ("design", {"experiments": "four"}, "invalid value 'four' for 'experiments': a whole number from 0 on is wanted", None),
+        ("design", {"seed": 1.5}, "invalid value '1.5' for 'seed': a whole number", None),
         ("design", {"no_proof": True, "prove": "1%"}, "'no_proof' cannot be used with", None),
         ("design", {"no_proof": 3}, "no_proof is True or False, not 3", None),
         ("design", {"plan_out": True}, "plan_out wants a value", None),
@@ -79,6 +81,32 @@ def test_wrong_usage_is_told_in_python_s_words(
         getattr(scenario, method)(**given)
     assert "--" not in f"{raised.value} {raised.value.hint}"
     assert hint is None or hint in str(raised.value.hint)
+
+
+def test_what_is_no_plan_and_no_table_is_told(scenario: ec.Scenario, design: ec.Design, tmp_path: Path) -> None:
+    measured = scenario.measure(design.plan)
+    identified = scenario.identify(measured)
+    bad = tmp_path / "bad.csv"
+    bad.write_text("a,b\n1,2\n", encoding="utf-8")
+    anything: Any = scenario
+    for mistake, message, hint in [
+        (lambda: anything.evaluate(np.zeros((3, 3))), "plan wants Plan, Design, Validation or a file's path, not ndarray", "ec.Plan(q_deg, wrench)"),
+        (lambda: anything.evaluate(measured), "plan wants .* not Measurements", "ec.Plan"),
+        (lambda: anything.identify(design), "measurements wants Measurements, Readings or a file's path, not Design", "ec.read_table"),
+        (lambda: anything.validate(measured, identified), "identified wants Identified or a file's path, not Measurements", "identify"),
+        (lambda: anything.study(plans=[design.plan]), "plans are a dict of plans by name, not a list", "plans={"),
+        (lambda: anything.study(executor=4), "executor is one of concurrent.futures", "get_executor"),
+        (lambda: anything.problem.objective(design.plan.q_deg), "plan is a Plan, not a ndarray", "ec.Plan"),
+        (lambda: ec.Scenario.load(ROOT / "models/planar_3r.xml"), "is a robot's model; a scenario is wanted", "ec.init"),
+        (lambda: ec.Plan.load(bad), "bad.csv: a plan has the columns q1_deg and so on, fx_n, .*; found a, b", ""),
+        (lambda: ec.Measurements.load(bad), "bad.csv: a table of measurements has .* dz_mm; found a, b", ""),
+        (lambda: ec.Scenario(tmp_path / "none.toml").problem, "none.toml: cannot be read", ""),
+        (lambda: scenario.problem.violations([[1, 2]]), "found 2 coordinates; the robot has 3 commanded joints", ""),
+    ]:
+        with pytest.raises(ec.ElastocalError, match=message) as raised:
+            mistake()
+        assert hint in str(raised.value.hint)
+    assert len(scenario.design(np.float64(4.0), no_proof=True)) == 4  # type: ignore[arg-type]
 
 
 def test_hints_have_no_options_of_the_command_line(design: ec.Design) -> None:
@@ -129,6 +157,55 @@ def test_plans_are_sequences(scenario: ec.Scenario, design: ec.Design) -> None:
         scenario.identify(ec.Measurements([[10, 20, 30, 40]], DOWN, [[0, 0, 1]]))
     with pytest.raises(ec.UsageError, match="the plan has 4 columns of angles; the robot has 3 commanded joints: q1_deg"):
         scenario.evaluate(ec.Plan([[10, 20, 30, 40]], DOWN))
+
+
+def test_one_robot_is_measured_again(design: ec.Design) -> None:
+    scenario = ec.Scenario.load(ROOT / "scenarios/kr270.toml")
+    plan = ec.Plan.load(ROOT / "scenarios/plans/klimchik2012_m3.csv")
+    both = plan + plan[[2, 0]]
+    assert len(both) == 5 and both[:3] == plan
+    first, all_of_it = scenario.measure(plan, run=4), scenario.measure(both, run=4)
+    again = all_of_it[len(first) :]
+    assert np.array_equal(all_of_it[:3].rows, first.rows) and len(again) == 2
+    # Other noise on the same robot: far nearer than another robot is.
+    off = np.linalg.norm(again.deflection_mm - first.deflection_mm[[2, 0]], axis=1)
+    other = np.linalg.norm(scenario.measure(plan, run=5).deflection_mm - first.deflection_mm, axis=1)
+    assert 0 < off.max() < 0.5 * other.max()
+    # It is known to be of that virtual robot, so that compensation is judged.
+    residuals_m = [scenario.compensate(scenario.identify(each)).residual_m for each in (first, all_of_it[:3])]
+    assert np.isfinite(residuals_m[0]).all() and np.array_equal(*residuals_m)
+    assert repr(first[3:]) == "<Measurements: none>"
+    with pytest.raises(ec.UsageError, match="the plans have 6 and 3 joints"):
+        plan + design.plan
+
+
+def test_plans_of_absolute_readings_are_read_virtually(tmp_path: Path) -> None:
+    pytest.importorskip("pandas")
+    scenario = ec.Scenario.load(ROOT / "tests/golden/ur10_readings.toml")
+    design = scenario.design(experiments=30, parameters="compliances", draw=20)
+    readings = scenario.measure_absolute(design, run=3)
+    table = readings.to_dataframe()
+    assert len(readings) == 30 == design.plan.measurements and np.allclose(table["sx_mm"], 0.04 / np.sqrt(2))
+    # What the run's robot is, nobody is told: neither compliances nor frames.
+    assert "compliance" not in readings.csv() and readings.csv() == scenario.measure_absolute(design, run=3).csv()
+    assert not np.allclose(table["x_mm"], scenario.measure_absolute(design, run=4).to_dataframe()["x_mm"], atol=10)
+    identified = scenario.identify(readings, parameters="all")
+    assert 0.5 < identified.results["distance_mm"]["rms"] / (0.04 * np.sqrt(1.5)) < 2.0
+    assert scenario.validate(identified, scenario.measure_absolute(design, run=3)).results["distance_mm"]["mean"] < 0.1
+    # Without anything uncertain, repeats differ by the instrument's noise alone, and poses have orientations.
+    certain = scenario.with_(uncertainty=[], rotation_sigma_mrad=0.1)
+    plan = tmp_path / "plan.csv"
+    plan.write_text("q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,repeats,target,station\n90,-80,55,70,-70,-130,400,spindle,door\n", encoding="utf-8")
+    poses = certain.measure_absolute(plan)
+    rows = poses.to_dataframe()
+    assert repr(poses) == "<Readings: 400 poses>" and rows[["x_mm", "y_mm", "z_mm"]].std().to_numpy() == pytest.approx(0.04 / np.sqrt(2), rel=0.15)
+    assert rows["qw"].std() > 0 and set(rows["station"]) == {"door"}
+    with pytest.raises(ec.UsageError, match="accuracy is absolute: measure_absolute"):
+        scenario.measure(plan)
+    with pytest.raises(ec.UsageError, match="accuracy is relative: measure"):
+        ec.Scenario.load(QUICK).measure_absolute(plan)
+    with pytest.raises(ec.ElastocalError, match="noise_free is for plans of deflections"):
+        scenario.measure_absolute(plan, noise_free=True)
 
 
 # Scenarios.
@@ -215,6 +292,40 @@ def test_results_are_short_and_have_tables_and_pictures(scenario: ec.Scenario, d
         design.to_dataframe("plns")
 
 
+def test_fits_to_absolute_readings_have_tables_and_pictures() -> None:
+    matplotlib = pytest.importorskip("matplotlib")
+    matplotlib.use("Agg")
+    pandas = pytest.importorskip("pandas")
+    frame = pandas.read_csv(ROOT / "tests/golden/ur10_visits.csv.gz")
+    columns: dict[str, Any] = {name: name for name in ("target", "station", "state")}
+    columns |= {"joints": [f"q{joint}_deg" for joint in range(1, 7)], "force": ["fx_n", "fy_n", "fz_n"]}
+    columns |= {"position": ["x_mm", "y_mm", "z_mm"], "position_std": ["sx_mm", "sy_mm", "sz_mm"]}
+    fitted, others = (ec.read_table(rows, columns=columns) for rows in (frame[:240], frame[240:480]))
+    scenario = ec.Scenario.load(ROOT / "tests/golden/ur10_readings.toml")
+    identified = scenario.identify(fitted, parameters="compliances")
+    unknowns = identified.to_dataframe()
+    assert list(unknowns["name"]) == identified.names and list(unknowns)[:4] == ["name", "value", "standard_error", "unit"]
+    assert np.allclose(np.sqrt(np.diag(identified.covariance)), unknowns["standard_error"])
+    validation = scenario.validate(identified, others)
+    table = validation.to_dataframe()
+    assert list(table.index)[:2] == ["nominal", "identified"] and table.loc["identified", "mean_mm"] > 0
+    for each in (identified, validation):
+        axes = each.plot()
+        assert axes.has_data() and axes.get_ylabel() and len(repr(each)) < 300
+        matplotlib.pyplot.close("all")
+
+
+def test_messages_name_no_file_that_nobody_has_written() -> None:
+    pandas = pytest.importorskip("pandas")
+    frame = pandas.DataFrame(np.random.default_rng(1).uniform(-90, 90, (8, 13)))
+    frame.columns = frame.columns.astype(str)
+    names = list(frame.columns)
+    readings = ec.read_table(frame, columns={"joints": names[:6], "position": names[6:9], "rotation": names[9:12]}, rotation="rotvec")
+    with pytest.raises(ec.ElastocalError, match="^measurements: nothing says how precise the orientations are") as raised:
+        ec.Scenario.load(ROOT / "scenarios/ur10.toml").identify(readings)
+    assert "tmp" not in str(raised.value)
+
+
 def test_extras_are_named_where_they_are_missing(design: ec.Design, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pandas", None)
     monkeypatch.setitem(sys.modules, "matplotlib.pyplot", None)
@@ -291,12 +402,22 @@ def test_data_frames_become_readings(tmp_path: Path) -> None:
         ({"units": None}, r"columns\['joints'\] has no angle above 3 in 20 configurations: these are radians|these are radians"),
         ({"columns": columns | {"rotation": ["x", "y", "z"]}}, "rotation='XYZ' or another"),
         ({"columns": columns | {"rotation": ["x", "y", "z"]}, "rotation": "Xyz"}, "rotation is not 'Xyz'"),
+        ({"rotation": "XYZ"}, "columns have no 'rotation'"),
+        ({"columns": columns | {"rotation": ["x", "y", "z"]}, "rotation": "quat"}, "^rotation.columns: found 3; 4 are needed"),
+        ({"columns": columns | {"position": ["x", "y"]}}, "^position.columns: invalid length 2"),
+        ({"units": {"joints": "degree"}}, '^joint.0..unit: found "degree"; one of rad, deg'),
+        ({"frame": frame.to_numpy()}, "a data frame of pandas is wanted, not ndarray"),
     ]:
-        with pytest.raises(ec.UsageError, match=message):
-            ec.read_table(frame, **{"columns": columns, "units": units} | changes)
+        with pytest.raises(ec.ElastocalError, match=message) as raised:
+            ec.read_table(**{"frame": frame, "columns": columns, "units": units} | changes)
+        assert "/tmp" not in str(raised.value)
 
 
 # Pages.
+
+#: A block about readings that the project does not hold.
+SERIES_C = r"<!-- run where series_c.csv is: .*-->\n+```python\n(.*?)^```"
+BLOCK = re.MULTILINE | re.DOTALL
 
 
 @pytest.mark.parametrize("page", ["docs/python.md", "python/README.md"])
@@ -305,11 +426,21 @@ def test_examples_of_pages_run(page: str, monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.setenv("MPLBACKEND", "Agg")
     monkeypatch.chdir(ROOT)
     space: dict[str, Any] = {"__name__": "__main__"}
-    text = re.sub(r"<!-- not run: .*-->\n+```python\n.*?^```", "", (ROOT / page).read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
-    blocks = re.findall(r"^```python\n(.*?)^```", text, flags=re.MULTILINE | re.DOTALL)
+    text = (ROOT / page).read_text(encoding="utf-8")
+    blocks = re.findall(r"^```python\n(.*?)^```", re.sub(SERIES_C, "", text, flags=BLOCK), flags=BLOCK)
     assert blocks
     for block in blocks:
         exec(compile(block, page, "exec"), space)
+
+
+def test_the_example_of_a_real_robot_runs(series_c: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+    monkeypatch.chdir(series_c)
+    [block] = re.findall(SERIES_C, (ROOT / "docs/python.md").read_text(encoding="utf-8"), flags=BLOCK)
+    space: dict[str, Any] = {"ec": ec}
+    exec(compile(block, "docs/python.md", "exec"), space)
+    mean = space["distances_mm"]["mean_mm"]
+    assert mean["identified"] < 0.7 * mean["nominal"] and mean["with joint errors"] < 0.3 * mean["identified"]
 
 
 def test_messages_of_the_page_are_those_of_the_package(scenario: ec.Scenario) -> None:

@@ -144,7 +144,7 @@ struct AskedFor<'a> {
 }
 
 /// Why there is none, with the file that it is about.
-fn explained(path: &Path, error: &AbsolutePlanError) -> FileError {
+pub fn explained(path: &Path, error: &AbsolutePlanError) -> FileError {
     let wrong = FileError::new(path, error.to_string()).code(ErrorCode::AbsolutePlan);
     match error.hint() {
         Some(hint) => wrong.hint(hint),

@@ -5,14 +5,21 @@ use std::path::PathBuf;
 use clap::Args;
 use elastocal::calibration::{MeasuredRun, measure, measure_noise_free};
 use elastocal::codes::ErrorCode;
+use elastocal::experiment::read_candidates;
 use elastocal::files::FileError;
-use elastocal::measurement::write_measurements_under;
+use elastocal::files::output::write_whole;
+use elastocal::measurement::{absolute_table, write_measurements_under};
+use elastocal::plan::absolute::AbsolutePlanning;
 use elastocal::plan::read_plan;
 use elastocal::record::messages::{MeasurementMessage, ProvenanceMessage, TruthMessage};
+use elastocal::scenario::Scenario;
+use elastocal::study::virtual_readings::virtual_readings;
+use elastocal::task::AccuracyKind;
 use elastocal::testbed::{TrueRobots, VirtualRobot};
 use elastocal::text::wording::counted;
 use serde_json::json;
 
+use super::absolute_plan::{explained, refuse_options};
 use super::table::table;
 use super::{Common, Report, check_outputs, inputs, results, without_effect};
 
@@ -39,6 +46,9 @@ pub struct Measure {
 impl Measure {
     pub fn execute(&self) -> anyhow::Result<Report> {
         let scenario = self.common.load()?;
+        if scenario.task.design.accuracy == AccuracyKind::Absolute {
+            return self.absolute(&scenario);
+        }
         let plan = read_plan(&self.plan, scenario.task.belief.commands())?;
         let outputs = [("--measurements-out", self.measurements_out.as_deref())];
         let mut roles = inputs(&scenario);
@@ -113,6 +123,43 @@ impl Measure {
             ),
             text,
             conditions: (scenario.task.loads.outside_plan(&plan, None).into_iter()).collect(),
+        })
+    }
+
+    /// A plan of absolute readings, each by itself.
+    fn absolute(&self, scenario: &Scenario) -> anyhow::Result<Report> {
+        refuse_options(scenario, &[("--noise-free", self.noise_free)])?;
+        let (task, seed, run) = (&scenario.task, scenario.seed, self.run.unwrap_or(0));
+        let commands = task.belief.commands();
+        let rows = read_candidates(&self.plan, commands.clone())?;
+        let outputs = [("--measurements-out", self.measurements_out.as_deref())];
+        let mut roles = inputs(scenario);
+        check_outputs(roles.reads("the plan", &self.plan), &outputs)?;
+        let planning = AbsolutePlanning::of_plan(task, &[], &rows)
+            .and_then(|planning| planning.check_whole().map(|()| planning))
+            .map_err(|error| explained(&self.plan, &error))?;
+        let wrong = |error: String| FileError::new(&self.plan, error).code(ErrorCode::Simulation);
+        let readings = virtual_readings(task, &scenario.truth, &planning, [seed, run])
+            .map_err(|error| wrong(error.to_string()))?;
+        let mut text = format!(
+            "{} of the virtual robot of run {run}\n",
+            counted(readings.len() as u64, "absolute reading")
+        );
+        if let Some(path) = &self.measurements_out {
+            let origin = scenario.origin().simulated(seed, Some(run));
+            let table = origin.comments() + &absolute_table(&commands, &readings);
+            write_whole(path, table.as_bytes())?;
+            text += &format!("wrote {}\n", path.display());
+        }
+        let provenance = ProvenanceMessage::new(scenario).with_input("plan", &self.plan)?;
+        Ok(Report {
+            json: results(
+                "measure",
+                &provenance,
+                json!({ "accuracy": "absolute", "run": run, "readings": readings.len() }),
+            ),
+            text,
+            conditions: Vec::new(),
         })
     }
 }

@@ -10,6 +10,7 @@
 //! - [`verdict`]: whether the observed accuracy is the predicted one.
 //! - [`selection`]: readings chosen in several ways, the robot calibrated with each, and validated on all others.
 //! - [`absolute`]: robots that are read as a plan of absolute readings says, identified and looked at.
+//! - [`virtual_readings`]: what an instrument writes down of such a plan in a run.
 //! - [`evidence`]: what a designed plan is shown beside: rivals, other sizes, many runs.
 
 pub mod absolute;
@@ -27,6 +28,7 @@ pub mod tally;
 pub(crate) mod tally_check;
 mod torque_laws;
 pub mod verdict;
+pub mod virtual_readings;
 
 use thiserror::Error;
 
