@@ -6,17 +6,11 @@
 //! instrument's frames are anywhere. The one fit sees readings with the covariance that they were planned with, and what it then says of
 //! the loaded tool's place is compared with where the virtual robot has it.
 
-use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use nalgebra::{
-    Isometry3, Matrix3, Matrix6, Matrix6xX, Quaternion, Rotation3, SymmetricEigen, Translation3,
-    UnitQuaternion, Vector3,
-};
-use rand::{Rng, RngExt};
-use rand_distr::{Distribution, StandardNormal};
+use nalgebra::{Isometry3, Matrix3, Matrix6, Matrix6xX, Rotation3, SymmetricEigen, Vector3};
 use thiserror::Error;
 
 use super::StudyError;
@@ -24,27 +18,22 @@ use super::runner::{RunBlocks, RunsInBlocks};
 use super::summary::Summary;
 use super::tally::{Batch, BlockSums, Failure, Tally};
 use super::verdict::Kept;
-use crate::experiment::Experiment;
+use super::virtual_readings::{ReadPlan, Shown, VirtualReadingError};
 use crate::identification::{AbsoluteCase, ParameterGroup, ReadingWeights};
 use crate::measurement::AbsoluteReading;
 use crate::mujoco::ModelError;
-use crate::numeric::random::normal::{LANES, fill_normals};
-use crate::numeric::random::streams::{FRAMES, Stream, frames_of_trial};
-use crate::numeric::random::{draws, generator};
+use crate::numeric::random::normal::LANES;
 use crate::numeric::tolerance::CHI_SQUARE_95;
 use crate::observation::{Form, ObservationModel, ReadingKind, Setup, SharedErrors};
 use crate::parameter::{ErrorDistribution, ParameterKind, ParameterSet, Source, Uncertainty};
 use crate::plan::absolute::{AbsolutePlanning, PredictedAccuracy, RepeatedReading};
-use crate::robot::{EquilibriumError, Load};
-use crate::task::{Task, station_named};
-use crate::testbed::{ReadRobots, ReadingNumbers, SeenFrom, Truth, compliances_of_run};
+use crate::task::Task;
+use crate::testbed::{ReadRobots, Truth, compliances_of_run};
 
 /// What nothing is known of is drawn with this share of its typical size ...
 const SHARE_OF_SIZE: f64 = 0.3;
 /// ... and compliances with this standard deviation of their logarithm.
 const COMPLIANCE_SPREAD: f64 = 0.1;
-/// The instrument is within such a cube about the robot (m).
-const AWAY_M: f64 = 3.0;
 /// The runs of a block, the unit of work: a run takes longer than one of deflections. Sums depend on it, so it is fixed.
 pub const BLOCK_RUNS: u64 = LANES as u64;
 
@@ -92,10 +81,8 @@ struct JudgedPlan<'a> {
     entry: &'a AbsoluteEntry<'a>,
     prediction: PredictedAccuracy,
     predicted_m: f64,
-    /// Its readings by configuration,
-    groups: Vec<Vec<RepeatedReading>>,
-    /// and the target of each row of the plan.
-    targets: Vec<String>,
+    /// How it is carried out.
+    read: ReadPlan<'a>,
     truth: Truth,
     /// Where the tool is predicted to be at each test pose.
     regions: Vec<PlaceRegion>,
@@ -304,17 +291,15 @@ impl RunsInBlocks for AbsoluteRunner<'_> {
 }
 
 impl<'a> JudgedPlan<'a> {
-    fn new(task: &Task, truth: &Truth, entry: &'a AbsoluteEntry<'a>) -> Result<Self, TrialError> {
+    fn new(
+        task: &'a Task,
+        truth: &Truth,
+        entry: &'a AbsoluteEntry<'a>,
+    ) -> Result<Self, TrialError> {
         let belief = &task.belief;
-        let target_of = |place: usize| match &entry.planning.candidates[place].target {
-            Some(target) => target.clone(),
-            None => belief.calibration_tool.name.clone(),
-        };
-        let targets: Vec<String> = (entry.plan.iter())
-            .map(|&(place, _)| target_of(place))
-            .collect();
+        let read = ReadPlan::new(task, &entry.planning, &entry.plan);
         let machining = &belief.machining_tool.name;
-        if !targets.contains(machining) {
+        if !read.targets().any(|target| target == machining) {
             return Err(TrialError::Unread(machining.clone()));
         }
         let prediction = entry.planning.prediction(&entry.plan);
@@ -328,17 +313,15 @@ impl<'a> JudgedPlan<'a> {
                 uncertainties: uncertainties(truth, &entry.planning),
                 ..truth.clone()
             },
-            groups: entry.planning.by_configuration(&entry.plan),
+            read,
             entry,
             prediction,
             predicted_m,
-            targets,
         })
     }
 
     fn robots(&self, task: &Task) -> Result<ReadRobots, ModelError> {
-        let targets = self.targets.iter().map(String::as_str);
-        ReadRobots::new(&task.belief, &self.truth, targets)
+        ReadRobots::new(&task.belief, &self.truth, self.read.targets())
     }
 }
 
@@ -459,22 +442,14 @@ impl Trial<'_> {
         let Self {
             task, tried, seed, ..
         } = *self;
-        let AbsoluteEntry { planning, plan, .. } = tried.entry;
-        let times = plan.iter().map(|(_, times)| *times as usize);
-        let readings: usize = times.sum();
+        let run = [seed, self.run];
         let compliance = compliances_of_run(&tried.truth, seed, self.run);
-        (robots.become_run_of(&compliance, readings, [seed, self.run]))
+        (robots.become_run_of(&compliance, tried.read.len(), run))
             .map_err(|error| unseen(Failure::Measurement)(&error))?;
-        let stations = planning.stations();
-        let mut random = generator(seed, frames_of_trial(self.run));
-        let mut numbers: Vec<f64> = stations
-            .iter()
-            .flat_map(|_| anywhere(&mut random))
-            .collect();
-        draws::pass(FRAMES, [seed, self.run], &mut numbers);
-        let frames: Vec<Isometry3<f64>> = numbers.as_chunks().0.iter().map(frame_of).collect();
-        let read = (self.read(robots, &frames, readings))
-            .map_err(|error| unseen(Failure::Measurement)(&error))?;
+        let stations = tried.entry.planning.stations();
+        let frames = tried.read.frames(run);
+        let read =
+            (self.read(robots, &frames)).map_err(|error| unseen(Failure::Measurement)(&error))?;
         let belief = &task.belief;
         let no_fit = unseen(Failure::Identification);
         let case = AbsoluteCase::new(belief, &read).map_err(|error| no_fit(&error))?;
@@ -535,108 +510,28 @@ impl Trial<'_> {
         &self,
         robots: &mut ReadRobots,
         frames: &[Isometry3<f64>],
-        readings: usize,
-    ) -> Result<Vec<AbsoluteReading>, EquilibriumError> {
-        let Self {
-            task, tried, seed, ..
-        } = *self;
-        let planning = &tried.entry.planning;
-        let sigma = &task.belief.instrument;
-        // One of the two readings that make a deflection.
-        let half = std::f64::consts::FRAC_1_SQRT_2;
-        let is_pose = sigma.rotation_sigma_rad.is_some();
-        let mut noise = vec![[0.0; LANES]; 6 * readings];
-        fill_normals(Stream::Noise, seed, self.run, &mut noise);
-        let mut read = Vec::new();
-        for (each, taken) in tried.groups.iter().flatten().zip(tried.numbers()) {
-            let row = &planning.candidates[each.place];
-            let target = tried.target(each.place);
-            let experiment = Experiment {
-                configuration_rad: row.configuration_rad.clone(),
-                load: row.load.unwrap_or(Load::NONE),
-                repeats: 1,
-                approach: row.approach.clone(),
-            };
-            let station = station_named(&task.stations, row.station.as_deref());
-            let seen = SeenFrom {
-                target,
-                station_m: station.map(|station| station.position_m),
-            };
-            let frame = &frames[planning.station_of(each.place)];
-            let (mut sum_m, mut turns) = (Vector3::zeros(), Vec::new());
-            for numbers in taken {
-                let (at_m, axes) = robots.read(&experiment, seen, numbers)?;
-                let three = |from: usize| {
-                    Vector3::from_fn(|axis, _| noise[6 * numbers.reading + from + axis][0])
-                };
-                sum_m += (frame * nalgebra::Point3::from(at_m)).coords
-                    + three(0) * (half * sigma.sigma_m);
-                let turn = three(3) * (half * sigma.rotation_sigma_rad.unwrap_or(0.0));
-                turns.push(
-                    Rotation3::new(turn)
-                        * frame.rotation.to_rotation_matrix()
-                        * Rotation3::from_matrix_unchecked(axes),
-                );
-            }
+    ) -> Result<Vec<AbsoluteReading>, VirtualReadingError> {
+        let (task, plan) = (self.task, &self.tried.read);
+        let planning = &self.tried.entry.planning;
+        let is_pose = task.belief.instrument.rotation_sigma_rad.is_some();
+        let of_one = |(each, shown): (RepeatedReading, Vec<Shown>)| {
+            let mean_m = shown
+                .iter()
+                .map(|shown| shown.position_m)
+                .sum::<Vector3<f64>>()
+                / f64::from(each.times);
+            let turns: Vec<Rotation3<f64>> = shown.iter().map(|shown| shown.rotation).collect();
             let covariance = planning.own_covariance(each.place, each.times);
-            read.push(AbsoluteReading {
-                configuration_rad: row.configuration_rad.clone(),
-                load: experiment.load,
-                target: Some(target.to_owned()),
-                station: row.station.clone(),
-                visit: None,
-                position_m: sum_m / f64::from(each.times),
-                rotation: is_pose.then(|| mean_turn(&turns)),
-                covariance: Some(turned(&covariance, frame)),
-                approach: row.approach.clone(),
-                time_s: None,
-                temperature_c: None,
-            });
-        }
-        Ok(read)
+            let covariance = turned(&covariance, &frames[planning.station_of(each.place)]);
+            let rotation = is_pose.then(|| mean_turn(&turns));
+            plan.reading(each.place, (mean_m, rotation), covariance)
+        };
+        let read = plan.read(task, robots, frames, [self.seed, self.run])?;
+        Ok(read.into_iter().map(of_one).collect())
     }
 }
 
 impl JudgedPlan<'_> {
-    fn target(&self, place: usize) -> &str {
-        let row = self.entry.plan.iter().position(|(each, _)| *each == place);
-        row.map_or("", |row| self.targets[row].as_str())
-    }
-
-    /// The numbers of what is sampled for the visits of each reading: readings count in the plan's order, each with its repeats, and
-    /// the first of a visit or a configuration brings what all of it share.
-    fn numbers(&self) -> Vec<Vec<ReadingNumbers>> {
-        let mut firsts = BTreeMap::new();
-        let mut count = 0;
-        for &(place, times) in &self.entry.plan {
-            firsts.insert(place, count);
-            count += times as usize;
-        }
-        let mut all = Vec::new();
-        for group in &self.groups {
-            let configuration = group.iter().map(|each| firsts[&each.place]).min();
-            for visits in group.chunk_by(|one, other| one.visits == other.visits) {
-                let visit = visits.iter().map(|each| firsts[&each.place]).min();
-                let [visit, configuration] = [visit, configuration].map(Option::unwrap_or_default);
-                for each in visits {
-                    let first = firsts[&each.place];
-                    let of_visit = |number: usize| ReadingNumbers {
-                        reading: first + number,
-                        visit: visit + number,
-                        configuration,
-                    };
-                    all.push((0..each.times as usize).map(of_visit).collect());
-                }
-                for each in visits {
-                    if let Some(next) = firsts.get_mut(&each.place) {
-                        *next += each.times as usize;
-                    }
-                }
-            }
-        }
-        all
-    }
-
     /// The errors that readings share, from an instrument with these frames.
     fn sharing(&self, frames: &[Isometry3<f64>]) -> SharedErrors {
         let mut next = 0;
@@ -649,19 +544,19 @@ impl JudgedPlan<'_> {
             sharing
         };
         SharedErrors {
-            groups: self.groups.iter().map(of_group).collect(),
+            groups: self.read.groups.iter().map(of_group).collect(),
         }
     }
 }
 
 /// The mean of rotations that hardly differ.
-fn mean_turn(turns: &[Rotation3<f64>]) -> UnitQuaternion<f64> {
+fn mean_turn(turns: &[Rotation3<f64>]) -> Rotation3<f64> {
     let first = turns.first().copied().unwrap_or_else(Rotation3::identity);
     let off: Vector3<f64> = turns
         .iter()
         .map(|turn| (turn * first.inverse()).scaled_axis())
         .sum();
-    UnitQuaternion::from_rotation_matrix(&(Rotation3::new(off / turns.len().max(1) as f64) * first))
+    Rotation3::new(off / turns.len().max(1) as f64) * first
 }
 
 /// A covariance in the world frame as one in the instrument's.
@@ -673,18 +568,4 @@ fn turned(covariance: &Matrix6<f64>, frame: &Isometry3<f64>) -> Matrix6<f64> {
     let turned = both * covariance * both.transpose();
     // Rounding leaves the halves apart, and a covariance has one value for both.
     (turned + turned.transpose()) / 2.0
-}
-
-/// A position (m), and a quaternion that is not of unit length.
-fn anywhere(random: &mut impl Rng) -> [f64; 7] {
-    let [x, y, z] = [(); 3].map(|()| AWAY_M * (2.0 * random.random::<f64>() - 1.0));
-    let [w, i, j, k] = [(); 4].map(|()| StandardNormal.sample(random));
-    [x, y, z, w, i, j, k]
-}
-
-fn frame_of(&[x, y, z, w, i, j, k]: &[f64; 7]) -> Isometry3<f64> {
-    Isometry3::from_parts(
-        Translation3::new(x, y, z),
-        UnitQuaternion::from_quaternion(Quaternion::new(w, i, j, k)),
-    )
 }

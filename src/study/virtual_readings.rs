@@ -1,28 +1,30 @@
-//! Virtual readings of a plan of absolute readings: what an instrument would write down in a run, a row for each reading.
+//! Virtual readings of a plan of absolute readings: what an instrument shows of a virtual robot, visit by visit.
 
-use std::f64::consts::FRAC_1_SQRT_2;
+use std::collections::BTreeMap;
 
 use nalgebra::{
     Isometry3, Matrix6, Point3, Quaternion, Rotation3, Translation3, UnitQuaternion, Vector3,
     Vector6,
 };
-use rand::RngExt;
+use rand::{Rng, RngExt};
 use rand_distr::{Distribution, StandardNormal};
 use thiserror::Error;
 
 use crate::experiment::{Candidate, Experiment};
 use crate::measurement::AbsoluteReading;
 use crate::mujoco::ModelError;
-use crate::numeric::random::generator;
 use crate::numeric::random::normal::{LANES, fill_normals};
-use crate::numeric::random::streams::{Stream, frames_of_trial};
-use crate::plan::absolute::AbsolutePlanning;
+use crate::numeric::random::streams::{FRAMES, Stream, frames_of_trial};
+use crate::numeric::random::{draws, generator};
+use crate::plan::absolute::{AbsolutePlanning, RepeatedReading};
 use crate::robot::{EquilibriumError, Load};
 use crate::task::{Task, station_named};
-use crate::testbed::{ReadRobots, SeenFrom, Truth, compliances_of_run};
+use crate::testbed::{ReadRobots, ReadingNumbers, SeenFrom, Truth, compliances_of_run};
 
 /// The instrument is within such a cube about the robot (m).
 const AWAY_M: f64 = 3.0;
+/// A reading has this share of the standard deviation of a deflection, which is made of two.
+const OF_DEFLECTION: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
 /// Why there are no readings.
 #[derive(Debug, Error)]
@@ -40,8 +42,192 @@ pub enum VirtualReadingError {
     },
 }
 
-/// All readings of a plan in a run under a seed, each with the instrument's own covariance: the robot differs in what the scenario lists
-/// as uncertain, the instrument's frames are anywhere, and each reading has noise. The first readings do not depend on how many follow.
+/// A plan of absolute readings as it is carried out.
+#[derive(Debug)]
+pub struct ReadPlan<'a> {
+    planning: &'a AbsolutePlanning<'a>,
+    plan: &'a [(usize, u32)],
+    /// The readings by configuration, those that visits repeat alike together.
+    pub groups: Vec<Vec<RepeatedReading>>,
+    /// What is sampled for each of them, visit by visit.
+    numbers: Vec<Vec<ReadingNumbers>>,
+    /// The calibration tool, which is read where a row names no target.
+    own_target: &'a str,
+}
+
+/// What an instrument shows of a target once, in its own frame.
+#[derive(Debug, Clone, Copy)]
+pub struct Shown {
+    /// Which reading of the plan it is: rows count in their order, each with its repeats.
+    pub number: usize,
+    /// Where the target is (m),
+    pub position_m: Vector3<f64>,
+    /// and its axes.
+    pub rotation: Rotation3<f64>,
+}
+
+impl<'a> ReadPlan<'a> {
+    /// A plan: candidates by their places, and how often each is read.
+    pub fn new(
+        task: &'a Task,
+        planning: &'a AbsolutePlanning<'a>,
+        plan: &'a [(usize, u32)],
+    ) -> Self {
+        let groups = planning.by_configuration(plan);
+        Self {
+            planning,
+            plan,
+            numbers: numbers(plan, &groups),
+            groups,
+            own_target: &task.belief.calibration_tool.name,
+        }
+    }
+
+    /// How many readings there are.
+    pub fn len(&self) -> usize {
+        self.plan.iter().map(|(_, times)| *times as usize).sum()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.plan.is_empty()
+    }
+
+    fn row(&self, place: usize) -> &Candidate {
+        &self.planning.candidates[place]
+    }
+
+    /// What a candidate reads.
+    pub fn target(&self, place: usize) -> &str {
+        self.row(place).target.as_deref().unwrap_or(self.own_target)
+    }
+
+    /// What the rows of the plan read.
+    pub fn targets(&self) -> impl Iterator<Item = &str> {
+        self.plan.iter().map(|&(place, _)| self.target(place))
+    }
+
+    /// The frame of each station in a run: anywhere about the robot.
+    pub fn frames(&self, [seed, run]: [u64; 2]) -> Vec<Isometry3<f64>> {
+        let mut random = generator(seed, frames_of_trial(run));
+        let stations = self.planning.stations().iter();
+        let mut numbers: Vec<f64> = stations.flat_map(|_| anywhere(&mut random)).collect();
+        draws::pass(FRAMES, [seed, run], &mut numbers);
+        numbers.as_chunks().0.iter().map(frame_of).collect()
+    }
+
+    /// Reads the robot of a run from instruments with these frames: each of the readings that visits repeat alike, so often.
+    ///
+    /// # Errors
+    /// The first row at which the robot does not rest.
+    pub fn read(
+        &self,
+        task: &Task,
+        robots: &mut ReadRobots,
+        frames: &[Isometry3<f64>],
+        [seed, run]: [u64; 2],
+    ) -> Result<Vec<(RepeatedReading, Vec<Shown>)>, VirtualReadingError> {
+        let sigma = &task.belief.instrument;
+        let sigma_m = OF_DEFLECTION * sigma.sigma_m;
+        let sigma_rad = OF_DEFLECTION * sigma.rotation_sigma_rad.unwrap_or(0.0);
+        let mut noise = vec![[0.0; LANES]; 6 * self.len()];
+        fill_normals(Stream::Noise, seed, run, &mut noise);
+        let mut all = Vec::with_capacity(self.numbers.len());
+        for (each, visits) in self.groups.iter().flatten().zip(&self.numbers) {
+            let row = self.row(each.place);
+            let experiment = Experiment {
+                configuration_rad: row.configuration_rad.clone(),
+                load: row.load.unwrap_or(Load::NONE),
+                repeats: 1,
+                approach: row.approach.clone(),
+            };
+            let station = station_named(&task.stations, row.station.as_deref());
+            let seen = SeenFrom {
+                target: self.target(each.place),
+                station_m: station.map(|station| station.position_m),
+            };
+            let frame = &frames[self.planning.station_of(each.place)];
+            let shown = visits.iter().map(|&numbers| {
+                let rest = robots.read(&experiment, seen, numbers);
+                let (at_m, axes) = rest.map_err(|error| VirtualReadingError::Rest {
+                    line: row.line,
+                    error,
+                })?;
+                let own = &noise[6 * numbers.reading..];
+                let three = |from: usize| Vector3::from_fn(|axis, _| own[from + axis][0]);
+                Ok(Shown {
+                    number: numbers.reading,
+                    position_m: (frame * Point3::from(at_m)).coords + three(0) * sigma_m,
+                    rotation: Rotation3::new(three(3) * sigma_rad)
+                        * frame.rotation.to_rotation_matrix()
+                        * Rotation3::from_matrix_unchecked(axes),
+                })
+            });
+            all.push((*each, shown.collect::<Result<_, VirtualReadingError>>()?));
+        }
+        Ok(all)
+    }
+
+    /// A row of a file with what was read there.
+    pub fn reading(
+        &self,
+        place: usize,
+        (position_m, rotation): (Vector3<f64>, Option<Rotation3<f64>>),
+        covariance: Matrix6<f64>,
+    ) -> AbsoluteReading {
+        let row = self.row(place);
+        AbsoluteReading {
+            configuration_rad: row.configuration_rad.clone(),
+            load: row.load.unwrap_or(Load::NONE),
+            target: Some(self.target(place).to_owned()),
+            station: row.station.clone(),
+            visit: None,
+            position_m,
+            rotation: rotation.map(|turned| UnitQuaternion::from_rotation_matrix(&turned)),
+            covariance: Some(covariance),
+            approach: row.approach.clone(),
+            time_s: None,
+            temperature_c: None,
+        }
+    }
+}
+
+/// What is sampled for the visits of each reading: readings count in the plan's order, each with its repeats, and the first of a
+/// visit or a configuration brings what all of it share.
+fn numbers(plan: &[(usize, u32)], groups: &[Vec<RepeatedReading>]) -> Vec<Vec<ReadingNumbers>> {
+    let mut firsts = BTreeMap::new();
+    let mut count = 0;
+    for &(place, times) in plan {
+        firsts.insert(place, count);
+        count += times as usize;
+    }
+    let mut all = Vec::new();
+    for group in groups {
+        let configuration = group.iter().map(|each| firsts[&each.place]).min();
+        for visits in group.chunk_by(|one, other| one.visits == other.visits) {
+            let visit = visits.iter().map(|each| firsts[&each.place]).min();
+            let [visit, configuration] = [visit, configuration].map(Option::unwrap_or_default);
+            for each in visits {
+                let first = firsts[&each.place];
+                let of_visit = |number: usize| ReadingNumbers {
+                    reading: first + number,
+                    visit: visit + number,
+                    configuration,
+                };
+                all.push((0..each.times as usize).map(of_visit).collect());
+            }
+            for each in visits {
+                if let Some(next) = firsts.get_mut(&each.place) {
+                    *next += each.times as usize;
+                }
+            }
+        }
+    }
+    all
+}
+
+/// All readings of all candidates in a run under a seed, each with the instrument's own covariance, in the order of the plan's rows: the
+/// robot differs in what the scenario lists as uncertain, the instrument's frames are anywhere, and each reading has noise.
 ///
 /// # Errors
 /// The virtual robot lacks what is read, or does not rest.
@@ -51,83 +237,41 @@ pub fn virtual_readings(
     planning: &AbsolutePlanning<'_>,
     [seed, run]: [u64; 2],
 ) -> Result<Vec<AbsoluteReading>, VirtualReadingError> {
-    let belief = &task.belief;
-    let plan = planning.readings(&planning.whole());
-    let own_tool = &belief.calibration_tool.name;
-    let target_of = |row: &Candidate| row.target.clone().unwrap_or_else(|| own_tool.clone());
-    let targets: Vec<String> = plan.iter().map(|(row, _)| target_of(row)).collect();
-    let count = plan.iter().map(|&(_, times)| times as usize).sum();
-    let mut robots = ReadRobots::new(belief, truth, targets.iter().map(String::as_str))?;
-    robots.become_run_of(&compliances_of_run(truth, seed, run), count, [seed, run])?;
-    let frames = frames_of_run(planning.stations().len(), [seed, run]);
-    let mut noise = vec![[0.0; LANES]; 6 * count];
-    fill_normals(Stream::Noise, seed, run, &mut noise);
-    // One of the two readings that make a deflection.
-    let sigma_m = FRAC_1_SQRT_2 * belief.instrument.sigma_m;
-    let sigma_rad = belief
-        .instrument
-        .rotation_sigma_rad
-        .map(|sigma| FRAC_1_SQRT_2 * sigma);
-    let [m, rad] = [sigma_m, sigma_rad.unwrap_or(0.0)].map(|sigma| sigma * sigma);
+    let whole = planning.whole();
+    let plan = ReadPlan::new(task, planning, &whole);
+    let mut robots = ReadRobots::new(&task.belief, truth, plan.targets())?;
+    let compliance = compliances_of_run(truth, seed, run);
+    robots.become_run_of(&compliance, plan.len(), [seed, run])?;
+    let frames = plan.frames([seed, run]);
+    let instrument = &task.belief.instrument;
+    let [m, rad] = [
+        instrument.sigma_m,
+        instrument.rotation_sigma_rad.unwrap_or(0.0),
+    ]
+    .map(|sigma| (OF_DEFLECTION * sigma).powi(2));
     let covariance = Matrix6::from_diagonal(&Vector6::new(m, m, m, rad, rad, rad));
-    let mut readings: Vec<AbsoluteReading> = Vec::with_capacity(count);
-    for (&(row, times), target) in plan.iter().zip(targets) {
-        let experiment = Experiment {
-            configuration_rad: row.configuration_rad.clone(),
-            load: row.load.unwrap_or(Load::NONE),
-            repeats: 1,
-            approach: row.approach.clone(),
-        };
-        let station = station_named(&task.stations, row.station.as_deref());
-        let seen = SeenFrom {
-            target: &target,
-            station_m: station.map(|station| station.position_m),
-        };
-        let frame = planning.stations().iter().zip(&frames);
-        let frame = frame
-            .filter(|(name, _)| **name == row.station)
-            .map(|(_, frame)| *frame);
-        let frame = frame.last().unwrap_or_else(Isometry3::identity);
-        let first = readings.len();
-        for own in first..first + times as usize {
-            let (at_m, axes) = (robots.read(&experiment, seen, [own, first])).map_err(|error| {
-                VirtualReadingError::Rest {
-                    line: row.line,
-                    error,
-                }
-            })?;
-            let off = |from: usize| Vector3::from_fn(|axis, _| noise[6 * own + from + axis][0]);
-            let turned = |sigma: f64| {
-                let axes =
-                    UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes));
-                UnitQuaternion::new(off(3) * sigma) * frame.rotation * axes
-            };
-            readings.push(AbsoluteReading {
-                configuration_rad: row.configuration_rad.clone(),
-                load: experiment.load,
-                target: Some(target.clone()),
-                station: row.station.clone(),
-                state: None,
-                position_m: (frame * Point3::from(at_m)).coords + off(0) * sigma_m,
-                rotation: sigma_rad.map(turned),
-                covariance: Some(covariance),
-                approach: row.approach.clone(),
-                time_s: None,
-                temperature_c: None,
-            });
-        }
+    let mut readings = Vec::with_capacity(plan.len());
+    for (each, shown) in plan.read(task, &mut robots, &frames, [seed, run])? {
+        readings.extend(shown.into_iter().map(|shown| {
+            let turned = instrument.rotation_sigma_rad.map(|_| shown.rotation);
+            let reading = plan.reading(each.place, (shown.position_m, turned), covariance);
+            (shown.number, reading)
+        }));
     }
-    Ok(readings)
+    readings.sort_by_key(|(number, _)| *number);
+    Ok(readings.into_iter().map(|(_, reading)| reading).collect())
 }
 
-/// The frame of each station in a run: anywhere about the robot.
-fn frames_of_run(stations: usize, [seed, run]: [u64; 2]) -> Vec<Isometry3<f64>> {
-    let mut random = generator(seed, frames_of_trial(run));
-    let mut frame = || {
-        let [x, y, z] = [(); 3].map(|()| AWAY_M * (2.0 * random.random::<f64>() - 1.0));
-        let [w, i, j, k] = [(); 4].map(|()| StandardNormal.sample(&mut random));
-        let turned = UnitQuaternion::from_quaternion(Quaternion::new(w, i, j, k));
-        Isometry3::from_parts(Translation3::new(x, y, z), turned)
-    };
-    (0..stations).map(|_| frame()).collect()
+/// A position (m), and a quaternion that is not of unit length.
+fn anywhere(random: &mut impl Rng) -> [f64; 7] {
+    let [x, y, z] = [(); 3].map(|()| AWAY_M * (2.0 * random.random::<f64>() - 1.0));
+    let [w, i, j, k] = [(); 4].map(|()| StandardNormal.sample(random));
+    [x, y, z, w, i, j, k]
+}
+
+fn frame_of(&[x, y, z, w, i, j, k]: &[f64; 7]) -> Isometry3<f64> {
+    Isometry3::from_parts(
+        Translation3::new(x, y, z),
+        UnitQuaternion::from_quaternion(Quaternion::new(w, i, j, k)),
+    )
 }
