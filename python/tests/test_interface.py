@@ -297,7 +297,7 @@ def test_fits_to_absolute_readings_have_tables_and_pictures() -> None:
     matplotlib.use("Agg")
     pandas = pytest.importorskip("pandas")
     frame = pandas.read_csv(ROOT / "tests/golden/ur10_visits.csv.gz")
-    columns: dict[str, Any] = {name: name for name in ("target", "station", "state")}
+    columns: dict[str, Any] = {name: name for name in ("target", "station", "visit")}
     columns |= {"joints": [f"q{joint}_deg" for joint in range(1, 7)], "force": ["fx_n", "fy_n", "fz_n"]}
     columns |= {"position": ["x_mm", "y_mm", "z_mm"], "position_std": ["sx_mm", "sy_mm", "sz_mm"]}
     fitted, others = (ec.read_table(rows, columns=columns) for rows in (frame[:240], frame[240:480]))
