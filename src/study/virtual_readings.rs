@@ -13,9 +13,9 @@ use thiserror::Error;
 use crate::experiment::{Candidate, Experiment};
 use crate::measurement::AbsoluteReading;
 use crate::mujoco::ModelError;
-use crate::numeric::random::generator;
 use crate::numeric::random::normal::{LANES, fill_normals};
-use crate::numeric::random::streams::{Stream, frames_of_trial};
+use crate::numeric::random::streams::{FRAMES, Stream, frames_of_trial};
+use crate::numeric::random::{draws, generator};
 use crate::plan::absolute::AbsolutePlanning;
 use crate::robot::{EquilibriumError, Load};
 use crate::task::{Task, station_named};
@@ -83,11 +83,9 @@ pub fn virtual_readings(
             target: &target,
             station_m: station.map(|station| station.position_m),
         };
-        let frame = planning.stations().iter().zip(&frames);
-        let frame = frame
-            .filter(|(name, _)| **name == row.station)
-            .map(|(_, frame)| *frame);
-        let frame = frame.last().unwrap_or_else(Isometry3::identity);
+        let named = |name: &Option<String>| *name == row.station;
+        let place = planning.stations().iter().position(named);
+        let frame = place.map_or_else(Isometry3::identity, |place| frames[place]);
         let first = readings.len();
         for own in first..first + times as usize {
             let (at_m, axes) = (robots.read(&experiment, seen, [own, first])).map_err(|error| {
@@ -123,11 +121,16 @@ pub fn virtual_readings(
 /// The frame of each station in a run: anywhere about the robot.
 fn frames_of_run(stations: usize, [seed, run]: [u64; 2]) -> Vec<Isometry3<f64>> {
     let mut random = generator(seed, frames_of_trial(run));
-    let mut frame = || {
+    let mut anywhere = || {
         let [x, y, z] = [(); 3].map(|()| AWAY_M * (2.0 * random.random::<f64>() - 1.0));
         let [w, i, j, k] = [(); 4].map(|()| StandardNormal.sample(&mut random));
+        [x, y, z, w, i, j, k]
+    };
+    let mut numbers: Vec<f64> = (0..stations).flat_map(|_| anywhere()).collect();
+    draws::pass(FRAMES, [seed, run], &mut numbers);
+    let frame = |&[x, y, z, w, i, j, k]: &[f64; 7]| {
         let turned = UnitQuaternion::from_quaternion(Quaternion::new(w, i, j, k));
         Isometry3::from_parts(Translation3::new(x, y, z), turned)
     };
-    (0..stations).map(|_| frame()).collect()
+    numbers.as_chunks().0.iter().map(frame).collect()
 }
