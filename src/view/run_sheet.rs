@@ -218,10 +218,10 @@ fn hang(scenario: &Scenario, stop: usize, load: &Load, picture: &str) -> String 
     let [x, y, z] = [0, 1, 2].map(|axis| tool.link_from_tool.translation.vector[axis] * 1e3);
     let link = (tool.joints.checked_sub(1))
         .and_then(|last| belief.nominal.chain.joints.get(last))
-        .map_or_else(String::new, |joint| format!(" behind joint {}", joint.name));
+        .map_or_else(String::new, |joint| format!(" behind {}", joint.name));
     let mut text = format!(
         "<p><strong>The robot halts before stop {stop}: hang the load {}{}.</strong></p>\n\
-         <p>It acts at {} ({x:.1}, {y:.1}, {z:.1} mm in the frame of the link{}), in the world frame.</p>\n",
+         <p>It acts at {}: ({x:.1}, {y:.1}, {z:.1}) mm in the frame of the link{}. Its direction is that in the world frame.</p>\n",
         escaped(&in_words(load)),
         mass.map_or_else(String::new, |mass| format!(", {} kg", significant(mass, 5))),
         escaped(&tool.name),

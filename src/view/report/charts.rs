@@ -75,7 +75,11 @@ impl ChartAxis {
                 .filter(|tick| range.contains(tick))
                 .collect()
         };
-        let (ticks, minor) = (at(&[1, 2, 5]), at(&[3, 4, 6, 7, 8, 9]));
+        let (mut ticks, mut minor) = (at(&[1, 2, 5]), at(&[3, 4, 6, 7, 8, 9]));
+        // Where these are few, all have numbers.
+        if ticks.len() < 3 {
+            ticks.append(&mut minor);
+        }
         Self {
             range,
             ticks,
