@@ -255,7 +255,7 @@ impl AbsoluteWanted<'_> {
             plan: &shown.message,
             trials: trials.map(|tried| (&tried.message, &tried.as_study)),
             provenance: &shown.provenance,
-            stills: &stills::sheet_of_readings(self.scenario, readings),
+            stills: &stills::figures_of_readings(self.scenario, readings),
             conditions,
             command: &command_line(),
         })?;

@@ -47,7 +47,7 @@ pub struct ProgramFile {
 }
 
 /// The mass (kg) whose weight a load is, under gravity (m/s^2); none where it does not hang.
-fn hung_kg(load: &Load, gravity_m_s2: &Vector3<f64>) -> Option<f64> {
+pub fn hung_kg(load: &Load, gravity_m_s2: &Vector3<f64>) -> Option<f64> {
     let (pull, gravity) = (load.force_n.norm(), gravity_m_s2.norm());
     let hangs = load.force_n.dot(gravity_m_s2) > PLUMB * pull * gravity;
     (hangs && load.torque_nm.norm() == 0.0).then(|| pull / gravity)

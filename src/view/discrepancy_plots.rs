@@ -2,7 +2,8 @@
 
 use plotters::prelude::*;
 
-use super::plots::{COLOURS, PlotError, SIZE, draw_legend};
+use super::plots::{COLOURS, PlotError, SIZE};
+use super::report::charts::{Area, ChartAxis, INK, Mark, Series, chart_of, plot, short, text};
 use crate::identification::DistanceStatistics;
 use crate::record::model_selection::{ModelSelectionMessage, NestedModelMessage};
 use crate::record::patterns::{PatternMessage, PatternsMessage};
@@ -31,66 +32,49 @@ pub fn model_selection_plot(
         all.filter_map(|(place, nested_model)| Some((place as f64, of(nested_model)?)))
             .collect()
     };
-    let lines = [
-        ("readings that were fitted", line(&fitted)),
-        ("blocks that were not", line(&predicted)),
-    ];
-    let all = lines.iter().flat_map(|(_, line)| line);
+    let lines = [line(&fitted), line(&predicted)];
+    let all = lines.iter().flatten();
     let top = all.map(|(_, value)| *value).fold(0.0, f64::max) * 1.1;
-    let names = |place: &f64| {
-        let mut all = nested_models.iter().enumerate();
-        let nested_model = all.find(|(index, _)| (*index as f64 - place).abs() < 1e-6);
+    let label = |place: &f64| {
+        let mut all = (0..).map(f64::from).zip(nested_models);
+        let nested_model = all.find(|(index, _)| (index - place).abs() < 1e-6);
         nested_model.map_or_else(String::new, |(_, nested_model)| {
             let plus = if *place > 0.5 { "+ " } else { "" };
             format!("{plus}{} ({})", nested_model.added, nested_model.unknowns)
         })
     };
-    let mut svg = String::new();
-    {
-        let area = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
-        area.fill(&WHITE)?;
-        let mut chart = ChartBuilder::on(&area)
-            .caption(title, ("sans-serif", 20))
-            .margin(15)
-            .x_label_area_size(45)
-            .y_label_area_size(60)
-            .build_cartesian_2d(-0.5..nested_models.len() as f64 - 0.5, 0.0..top.max(1e-9))?;
-        chart
-            .configure_mesh()
-            .disable_x_mesh()
-            .x_labels(2 * nested_models.len() + 1)
-            .x_label_formatter(&names)
-            .x_desc("parameters (unknowns)")
-            .y_desc("rms residual [mm]")
-            .label_style(("sans-serif", 15))
-            .draw()?;
-        for (index, (name, line)) in lines.into_iter().enumerate() {
-            let colour = COLOURS[index % COLOURS.len()];
-            chart
-                .draw_series(LineSeries::new(line, colour.stroke_width(2)).point_size(4))?
-                .label(name)
-                .legend(move |(x, y)| {
-                    PathElement::new([(x, y), (x + 20, y)], colour.stroke_width(2))
-                });
+    let chosen = model_selection.recommended.and_then(|place| {
+        let nested_model = nested_models.get(place)?;
+        Some((place as f64, predicted(nested_model)?))
+    });
+    let series = [
+        Series::new("fitted readings", COLOURS[0], Mark::Line),
+        Series::new("blocks that were not", COLOURS[1], Mark::Line),
+        Series::new("recommended", INK, Mark::Ring),
+    ];
+    let count = nested_models.len();
+    let axes = [
+        ChartAxis::new(
+            -0.5..count as f64 - 0.5,
+            (0_u32..).map(f64::from).take(count).collect(),
+        ),
+        ChartAxis::linear(0.0..top.max(1e-9), 8),
+    ];
+    let names = ["parameters (unknowns)", "rms residual [mm]"];
+    plot(SIZE, title, |area| {
+        let mut chart = chart_of(area, axes, names, &series, &label)?;
+        for (each, line) in series.iter().zip(&lines) {
+            each.draw(&mut chart, line)?;
+            Series::new("", each.colour, Mark::Dot).draw(&mut chart, line)?;
         }
-        let chosen = model_selection.recommended.and_then(|place| {
-            let nested_model = nested_models.get(place)?;
-            Some((place as f64, predicted(nested_model)?))
-        });
-        chart
-            .draw_series(chosen.map(|at| Circle::new(at, 9, BLACK.stroke_width(2))))?
-            .label("recommended")
-            .legend(|(x, y)| Circle::new((x + 10, y), 6, BLACK.stroke_width(2)));
-        draw_legend(&mut chart)?;
-        area.present()?;
-    }
-    Ok(svg)
+        series[2].draw(&mut chart, chosen.as_slice())
+    })
 }
 
 /// A panel's size (pixels).
-const PANEL: (u32, u32) = (400, 300);
+const PANEL: (u32, u32) = (900, 600);
 /// The height of the title (pixels).
-const HEAD: u32 = 30;
+const HEAD: u32 = 50;
 /// So many patterns are drawn.
 const MOST_PANELS: usize = 6;
 
@@ -105,33 +89,23 @@ pub fn patterns_plot(title: &str, patterns: &PatternsMessage) -> Result<String, 
     let rows = found.len().div_ceil(columns).max(1);
     let [wide, high] = [columns, rows].map(|count| u32::try_from(count).unwrap_or(1));
     let size = (PANEL.0 * wide, PANEL.1 * high + HEAD);
-    let mut svg = String::new();
-    {
-        let area = SVGBackend::with_string(&mut svg, size).into_drawing_area();
-        area.fill(&WHITE)?;
-        let title = if found.is_empty() {
-            format!("{title}: none of {} looked at", patterns.looked_at)
-        } else {
-            title.to_owned()
-        };
-        let area = area.titled(&title, ("sans-serif", 18))?;
-        for (pattern, panel) in found.iter().zip(area.split_evenly((rows, columns))) {
-            draw_pattern(pattern, &panel)?;
-        }
-        area.present()?;
-    }
-    Ok(svg)
+    let title = if found.is_empty() {
+        format!("{title}: none of {} looked at", patterns.looked_at)
+    } else {
+        title.to_owned()
+    };
+    plot(size, &title, |area| {
+        let panels = area.split_evenly((rows, columns));
+        (found.iter().zip(&panels)).try_for_each(|(pattern, panel)| draw_pattern(pattern, panel))
+    })
 }
 
-fn draw_pattern(
-    pattern: &PatternMessage,
-    panel: &DrawingArea<SVGBackend<'_>, plotters::coord::Shift>,
-) -> Result<(), PlotError> {
+fn draw_pattern(pattern: &PatternMessage, panel: &Area<'_>) -> Result<(), PlotError> {
     let (factor, unit) = match pattern.unit.as_str() {
         "rad" => (1e3, "mrad"),
         "m" => (1e3, "mm"),
-        "1" => (1e6, "um/m"),
-        _ => (1e6, "1e-6 rad/(N m)"),
+        "1" => (1e6, "\u{b5}m/m"),
+        _ => (1e6, "\u{b5}rad/(N m)"),
     };
     let points = &pattern.points;
     let reach = |values: &mut dyn Iterator<Item = f64>| {
@@ -152,40 +126,33 @@ fn draw_pattern(
             point.pattern,
         ]
     });
-    let mut chart = ChartBuilder::on(panel)
-        .caption(panel_title(pattern), ("sans-serif", 14))
-        .margin(8)
-        .x_label_area_size(35)
-        .y_label_area_size(55)
-        .build_cartesian_2d(
-            reach(&mut points.iter().map(|point| point.at)),
-            reach(&mut ends.map(|value| value * factor)),
-        )?;
-    chart
-        .configure_mesh()
-        .x_desc(format!("[{}]", pattern.at_unit))
-        .y_desc(format!("[{unit}]"))
-        .x_labels(6)
-        .y_labels(6)
-        .label_style(("sans-serif", 12))
-        .draw()?;
+    let x = reach(&mut points.iter().map(|point| point.at));
+    let y = reach(&mut ends.map(|value| value * factor));
+    let panel = panel.titled(&panel_title(pattern), text(INK))?;
+    let at = pattern.joint.as_ref().unwrap_or(&pattern.against);
+    let names = [
+        format!("{at} [{}]", pattern.at_unit),
+        format!("residual [{unit}]"),
+    ];
+    let axes = [ChartAxis::linear(x, 6), ChartAxis::linear(y, 6)];
+    let mut chart = chart_of(&panel, axes, [&names[0], &names[1]], &[], &|x| short(*x))?;
     chart.draw_series(points.iter().map(|point| {
         let [low, high] = [-1.0, 1.0].map(|side| point.observed + side * point.standard_error);
         PathElement::new(
             [(point.at, low * factor), (point.at, high * factor)],
-            COLOURS[0],
+            COLOURS[0].stroke_width(3),
         )
     }))?;
     chart.draw_series(
         points
             .iter()
-            .map(|point| Circle::new((point.at, point.observed * factor), 2, COLOURS[0].filled())),
+            .map(|point| Circle::new((point.at, point.observed * factor), 5, COLOURS[0].filled())),
     )?;
     chart.draw_series(LineSeries::new(
         points
             .iter()
             .map(|point| (point.at, point.pattern * factor)),
-        COLOURS[1].stroke_width(2),
+        COLOURS[1].stroke_width(4),
     ))?;
     Ok(())
 }

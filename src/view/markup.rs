@@ -21,6 +21,11 @@ pub fn escaped(text: &str) -> String {
     safe
 }
 
+/// A unit as pages print it, not as terminals do.
+pub fn micro_sign(unit: &str) -> String {
+    unit.replace("1e-6 ", "\u{b5}").replace("um", "\u{b5}m")
+}
+
 /// A whole page, which loads nothing. `body` is HTML.
 pub fn page(title: &str, body: &str) -> String {
     format!(
@@ -72,11 +77,12 @@ pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
     )
 }
 
-/// A card of the overview: what it is about, the answer, and what to know about it. `tone` is
-/// `good`, `bad` or nothing.
+/// A card of the overview: what it is about and the answer in a line, and what to know about it folded below. `tone` is
+/// `good`, `bad` (which is open) or nothing.
 pub fn card(tone: &str, title: &str, answer: &str, about: &str) -> String {
+    let open = if tone == "bad" { " open" } else { "" };
     format!(
-        "<div class=\"card {}\"><h3>{}</h3><strong>{}</strong><p>{}</p></div>\n",
+        "<details class=\"card {}\"{open}><summary><h3>{}</h3><strong>{}</strong></summary><p>{}</p></details>\n",
         escaped(tone),
         escaped(title),
         escaped(answer),

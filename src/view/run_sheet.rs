@@ -5,44 +5,76 @@ use std::fmt::Write;
 use nalgebra::DVector;
 
 use super::markup::{escaped, page, paragraph, section, table};
-use super::stills;
+use super::stills::{self, Pictures};
 use crate::experiment::{Plan, in_words};
-use crate::laboratory::{Campaign, Stop};
+use crate::laboratory::{Campaign, Stop, hung_kg};
 use crate::record::messages::ProvenanceMessage;
-use crate::robot::Commands;
+use crate::robot::{Commands, Load};
 use crate::scenario::Scenario;
-use crate::text::wording::{counted, number};
+use crate::text::wording::{counted, number, significant};
 
 const STYLE: &str = include_str!("run_sheet.css");
 /// More readings than this at one stop are written into the file.
 const LINES: u32 = 8;
+/// What is written down once.
+const FIELDS: [&str; 10] = [
+    "date",
+    "operator",
+    "robot, serial number",
+    "controller, software",
+    "instrument, serial number",
+    "its certificate, valid until",
+    "reflector, serial number",
+    "loads and their certificate",
+    "air temperature, start [\u{b0}C]",
+    "air temperature, end [\u{b0}C]",
+];
 
 /// The sheet as a page for print, which loads nothing.
 pub fn run_sheet(scenario: &Scenario, plan: &Plan, campaign: &Campaign) -> String {
-    let commands = scenario.task.belief.commands();
     let pictures = stills::pictures(scenario, plan);
-    let mut stops = String::new();
-    for (index, stop) in campaign.stops.iter().enumerate() {
-        if let (Some(load), true) = (&stop.load, stop.changes_load) {
-            let _ = writeln!(
-                stops,
-                "<div class=\"hang\">The robot halts before stop {}: hang the load {}.</div>",
-                index + 1,
-                escaped(&in_words(load))
-            );
-        }
-        let picture = &pictures[stop.experiments[0]][usize::from(stop.load.is_some())];
-        stops += &of_stop(&commands, index + 1, stop, picture);
-    }
+    let places = places(campaign);
     let title = format!("{}: run sheet", scenario.name);
+    let fields = FIELDS.map(|field| format!("<p class=\"blank\">{}</p>\n", escaped(field)));
     let body = format!(
-        "<style>\n{STYLE}</style>\n<h1>{}</h1>\n{}{}{}",
+        "<style>\n{STYLE}</style>\n<h1>{}</h1>\n{}<div class=\"fields\">\n{}</div>\n{}{}{}{}",
         escaped(&title),
         overview(scenario, plan, campaign),
-        section("stops", "Stops", &stops),
+        fields.concat(),
+        section(
+            "before",
+            "Before the first stop",
+            &before(scenario, campaign)
+        ),
+        section(
+            "configurations",
+            "Configurations",
+            &configurations(scenario, campaign, &places, &pictures)
+        ),
+        section(
+            "stops",
+            "Stops",
+            &stops(scenario, campaign, &places, &pictures)
+        ),
         provenance(scenario)
     );
     page(&title, &body)
+}
+
+/// The stops at each configuration that is approached from one side, in the order of the first visits.
+fn places(campaign: &Campaign) -> Vec<Vec<usize>> {
+    let mut places: Vec<Vec<usize>> = Vec::new();
+    for (index, stop) in campaign.stops.iter().enumerate() {
+        let is_here = |place: &&mut Vec<usize>| {
+            let first = &campaign.stops[place[0]];
+            (&first.configuration, &first.side) == (&stop.configuration, &stop.side)
+        };
+        match places.iter_mut().find(is_here) {
+            Some(place) => place.push(index),
+            None => places.push(vec![index]),
+        }
+    }
+    places
 }
 
 fn overview(scenario: &Scenario, plan: &Plan, campaign: &Campaign) -> String {
@@ -62,69 +94,181 @@ fn overview(scenario: &Scenario, plan: &Plan, campaign: &Campaign) -> String {
                the position of the reflector down (world frame, mm), tick the stop, and let the program go on.";
     let mut text = paragraph(&what) + &paragraph(how);
     if !scenario.description.is_empty() {
-        text = paragraph(&scenario.description) + &text;
+        text = format!("<p class=\"lead\">{}</p>\n", escaped(&scenario.description)) + &text;
     }
     if !campaign.is_checked {
-        text += "<p><strong>Moves were not looked at for collisions: the scenario names no \
-                 region.collision_clearance_mm. Run the program slowly and with care.</strong></p>\n";
+        text += "<p class=\"alarm\">Moves were not looked at for collisions: the scenario names no \
+                 region.collision_clearance_mm. Run the program slowly and with care.</p>\n";
     }
-    if campaign.home.is_none() {
-        text += &paragraph(
-            "Bring the robot by hand to where the first stop's approach begins: the program starts with a straight \
-             joint move there.",
-        );
-    }
-    text + "<p class=\"blank\">Date, people, temperature:</p>\n\
-            <p class=\"blank\">The controller's own compensation of deflections (KUKA: $ABS_ACCUR) is off:</p>\n"
+    text
 }
 
-fn of_stop(commands: &Commands, index: usize, stop: &Stop, picture: &str) -> String {
+/// What is to be done before, with a box to tick.
+fn before(scenario: &Scenario, campaign: &Campaign) -> String {
+    let laboratory = &scenario.laboratory;
+    let home = match &campaign.home {
+        Some(home) => format!(
+            "Home, where the program starts and ends: {}.",
+            angles(&scenario.task.belief.commands(), home)
+        ),
+        None => "Bring the robot by hand to where the first stop's approach begins: the program starts with a straight \
+                 joint move there."
+            .to_owned(),
+    };
+    let todo = [
+        "The robot and the instrument are warm: all axes were moved until readings no longer drift. From, to:".to_owned(),
+        "The instrument is aligned to the robot's base (world frame). Residual of the alignment [mm]:".to_owned(),
+        format!(
+            "Tool {} and base {} of the controller are right, with the load data of the tool alone; speed {} %.",
+            laboratory.tool_number, laboratory.base_number, laboratory.speed_percent
+        ),
+        "The controller's own compensation of deflections (KUKA: $ABS_ACCUR) is off.".to_owned(),
+        home,
+    ];
+    let lines = todo.map(|each| format!("<li>{}</li>\n", escaped(&each)));
+    format!("<ul class=\"todo\">\n{}</ul>\n", lines.concat())
+}
+
+/// The angles of a configuration in a line.
+fn angles(commands: &Commands, q: &DVector<f64>) -> String {
+    let shown = commands.shown(q.as_slice()).into_iter();
+    let values: Vec<String> = shown.map(|value| number(Some(value), 3)).collect();
+    format!("{} {}", values.join(", "), commands.unit())
+}
+
+/// Each configuration once: picture, angles, side of approach, and where it comes.
+fn configurations(
+    scenario: &Scenario,
+    campaign: &Campaign,
+    places: &[Vec<usize>],
+    pictures: &[Pictures],
+) -> String {
+    let commands = scenario.task.belief.commands();
+    let of_place = |(index, place): (usize, &Vec<usize>)| {
+        let stop = &campaign.stops[place[0]];
+        let numbers: Vec<String> = place.iter().map(|each| (each + 1).to_string()).collect();
+        let shown = |q: &DVector<f64>| commands.shown(q.as_slice());
+        let (from, at) = (
+            stop.approach.as_ref().map(shown),
+            shown(&stop.configuration),
+        );
+        let rows: Vec<Vec<String>> = (at.iter().enumerate())
+            .map(|(joint, value)| {
+                let from = from.as_ref().map(|from| from[joint]);
+                vec![
+                    format!("A{}", joint + 1),
+                    number(from, 3),
+                    number(Some(*value), 3),
+                ]
+            })
+            .collect();
+        let unit = commands.unit();
+        let header = [
+            "joint",
+            &format!("from [{unit}]"),
+            &format!("stop [{unit}]"),
+        ];
+        format!(
+            "<article class=\"place\"><h3>Configuration {}: stops {}</h3>\n{}\
+             <p>Approached with {}.</p>\n{}</article>\n",
+            index + 1,
+            numbers.join(", "),
+            pictures[stop.experiments[0]].unloaded,
+            escaped(&stop.side.to_string()),
+            table(&header, &rows)
+        )
+    };
+    let all: String = places.iter().enumerate().map(of_place).collect();
+    format!("<div class=\"places\">\n{all}</div>\n")
+}
+
+/// The stops in their order, with lines for the readings, and the changes of load between them.
+fn stops(
+    scenario: &Scenario,
+    campaign: &Campaign,
+    places: &[Vec<usize>],
+    pictures: &[Pictures],
+) -> String {
+    const HEAD: &str = "<thead><tr><th></th><th>stop</th><th>configuration</th><th>experiment</th>\
+                        <th>reading</th><th>x [mm]</th><th>y [mm]</th><th>z [mm]</th></tr></thead>";
+    let commands = scenario.task.belief.commands();
+    let (mut text, mut index) = (String::new(), 0);
+    for group in campaign.stops.chunk_by(|_, next| !next.changes_load) {
+        let first = &group[0];
+        if let (Some(load), true) = (&first.load, first.changes_load) {
+            let picture = &pictures[first.experiments[0]].load;
+            text += &hang(scenario, index + 1, load, picture);
+        }
+        let _ = writeln!(text, "<table class=\"stops\">\n{HEAD}");
+        for stop in group {
+            let place = places.iter().position(|place| place.contains(&index));
+            index += 1;
+            text += &of_stop(&commands, (index, place.unwrap_or(0) + 1), stop);
+        }
+        text += "</table>\n";
+    }
+    text
+}
+
+/// Which load is hung where, and what the controller is told.
+fn hang(scenario: &Scenario, stop: usize, load: &Load, picture: &str) -> String {
+    let belief = &scenario.task.belief;
+    let tool = &belief.calibration_tool;
+    let mass = hung_kg(load, &belief.nominal.chain.gravity_m_s2);
+    let [x, y, z] = [0, 1, 2].map(|axis| tool.link_from_tool.translation.vector[axis] * 1e3);
+    let link = (tool.joints.checked_sub(1))
+        .and_then(|last| belief.nominal.chain.joints.get(last))
+        .map_or_else(String::new, |joint| format!(" behind {}", joint.name));
+    let mut text = format!(
+        "<p><strong>The robot halts before stop {stop}: hang the load {}{}.</strong></p>\n\
+         <p>It acts at {}: ({x:.1}, {y:.1}, {z:.1}) mm in the frame of the link{}. Its direction is that in the world frame.</p>\n",
+        escaped(&in_words(load)),
+        mass.map_or_else(String::new, |mass| format!(", {} kg", significant(mass, 5))),
+        escaped(&tool.name),
+        escaped(&link)
+    );
+    if let Some(mass) = mass {
+        let _ = writeln!(
+            text,
+            "<p class=\"todo\">Payload data, if the program does not set them: {} kg more, at the TCP of tool {}.</p>",
+            significant(mass, 5),
+            scenario.laboratory.tool_number
+        );
+    }
+    format!("<div class=\"hang\">{picture}<div>{text}</div></div>\n")
+}
+
+fn of_stop(commands: &Commands, (index, place): (usize, usize), stop: &Stop) -> String {
     let experiments: Vec<String> = (stop.experiments.iter())
         .map(|index| (index + 1).to_string())
         .collect();
-    let load = stop.load.as_ref();
-    let load = load.map_or_else(|| "without load".to_owned(), in_words);
-    let names: Vec<String> = (1..=commands.len())
-        .map(|joint| format!("A{joint}"))
+    let over: Vec<String> = (stop.way.via.iter())
+        .map(|via| {
+            format!(
+                "<tr><td></td><td colspan=\"7\">over {}</td></tr>\n",
+                angles(commands, via)
+            )
+        })
         .collect();
-    let mut header = vec!["joint"];
-    header.extend(names.iter().map(String::as_str));
-    let row = |name: &str, q: &DVector<f64>| {
-        let shown = commands.shown(q.as_slice());
-        let values = shown.into_iter().map(|value| number(Some(value), 3));
-        [name.to_owned()].into_iter().chain(values).collect()
-    };
-    let mut rows: Vec<Vec<String>> = Vec::new();
-    for via in &stop.way.via {
-        rows.push(row("over", via));
-    }
-    if let Some(approach) = &stop.approach {
-        rows.push(row("from", approach));
-    }
-    rows.push(row("stop", &stop.configuration));
-    let lines = stop.readings.min(LINES);
-    let lines_to_fill: Vec<String> = (1..=lines)
-        .map(|line| format!("<tr><td>{line}</td><td></td><td></td><td></td></tr>\n"))
+    let lines = stop.readings.clamp(1, LINES);
+    let blank = "<td></td><td></td><td></td>";
+    let more: String = (2..=lines)
+        .map(|line| {
+            format!("<tr class=\"line\"><td colspan=\"4\"></td><td>{line}</td>{blank}</tr>\n")
+        })
         .collect();
-    let readings = lines_to_fill.concat();
-    let more = match stop.readings - lines {
+    let rest = match stop.readings.saturating_sub(lines) {
         0 => String::new(),
-        more => paragraph(&format!(
-            "and {}, into the file",
-            counted(more.into(), "more reading")
-        )),
+        rest => format!(
+            "<tr><td colspan=\"5\"></td><td colspan=\"3\">and {}, into the file</td></tr>\n",
+            counted(rest.into(), "more reading")
+        ),
     };
     format!(
-        "<article class=\"stop\"><header><strong>{index}</strong><span>experiment {}</span>\
-         <span>{}</span><span class=\"tick\" title=\"done\"></span></header>\n\
-         <div class=\"parts\">{picture}<div class=\"words\"><p>Angles in {}; approached with {}.</p>\n{}\
-         <table class=\"readings\"><thead><tr><th></th><th>x [mm]</th><th>y [mm]</th><th>z [mm]</th></tr></thead>\
-         <tbody>\n{readings}</tbody></table>{more}</div></div></article>\n",
+        "<tbody class=\"stop\">\n{}<tr class=\"line\"><td><span class=\"tick\" title=\"done\"></span></td><td><strong>{index}</strong></td>\
+         <td>{place}</td><td>{}</td><td>1</td>{blank}</tr>\n{more}{rest}</tbody>\n",
+        over.concat(),
         experiments.join(", "),
-        escaped(&load),
-        commands.unit(),
-        escaped(&stop.side.to_string()),
-        table(&header, &rows),
     )
 }
 

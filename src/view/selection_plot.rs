@@ -1,13 +1,13 @@
 //! Selections of readings, as SVG: every random one a dot, every planned one a mark.
 
-use plotters::prelude::*;
+use plotters::style::RGBColor;
 
-use super::plots::{COLOURS, PlotError, draw_legend};
+use super::plots::{COLOURS, PlotError, SIZE};
+use super::report::charts::{ChartAxis, INK, Mark, Series, chart_of, plot};
 use crate::record::selection::{SelectionMessage, SelectionSizeMessage};
 
-const SIZE: (u32, u32) = (900, 520);
-/// Where the planned choices stand beside the random ones, which take the place from 0 to this of each size.
-const RANDOM: f64 = 0.3;
+/// The random choices of a size stand so far to the left of it at most, the planned ones to the right.
+const RANDOM: f64 = 0.35;
 
 /// The mean distances of all choices, size beside size. Returns the SVG text.
 ///
@@ -15,87 +15,62 @@ const RANDOM: f64 = 0.3;
 /// There are no choices, or the drawing fails.
 pub fn selection_plot(title: &str, message: &SelectionMessage) -> Result<String, PlotError> {
     let [lowest, top] = heights(message)?;
-    let mut svg = String::new();
-    {
-        let area = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
-        area.fill(&WHITE)?;
-        let count = message.sizes.len() as f64;
-        let mut chart = ChartBuilder::on(&area)
-            .caption(title, ("sans-serif", 20))
-            .margin(15)
-            .x_label_area_size(45)
-            .y_label_area_size(60)
-            .build_cartesian_2d(-0.1..count + 0.7, (0.85 * lowest)..top)?;
-        let label = |x: &f64| {
-            let place = x.round();
-            let size = message.sizes.iter().enumerate();
-            let mut here = size.filter(|(index, _)| (*index as f64 - place).abs() < 0.5);
-            match here.next() {
-                Some((_, of_size)) if (x - place).abs() < 1e-9 => {
-                    format!("{} readings", of_size.size)
-                }
-                _ => String::new(),
-            }
+    let sizes = || (0..).map(f64::from).zip(&message.sizes);
+    let count = message.sizes.len() as f64;
+    let all = message.all_mm.mean;
+    let random = sizes().flat_map(|(place, of_size)| {
+        let means = &of_size.random.means_mm;
+        let step = RANDOM / means.len().max(1) as f64;
+        let all = (0..).map(f64::from).zip(means);
+        all.map(move |(index, mean)| (place - RANDOM + step * index, *mean))
+    });
+    let grey = RGBColor(150, 150, 150);
+    let mut drawn = vec![
+        (
+            Series::new("fitted to all readings", INK, Mark::Dashed),
+            vec![(-0.5, all), (count - 0.5, all)],
+        ),
+        (Series::new("random", grey, Mark::Dot), random.collect()),
+    ];
+    let criteria = message
+        .sizes
+        .first()
+        .map_or(&[][..], |first| &first.planned);
+    for (number, first) in criteria.iter().enumerate() {
+        let step = RANDOM / criteria.len() as f64;
+        let marks = sizes().filter_map(|(place, of_size)| {
+            let mean = of_size.planned.get(number)?.distance_mm.as_ref()?.mean;
+            Some((place + step * (number + 1) as f64, mean))
+        });
+        let name = match first.criterion.as_str() {
+            "test_pose" => "absolute accuracy".to_owned(),
+            other => other.to_uppercase(),
         };
-        chart
-            .configure_mesh()
-            .disable_x_mesh()
-            .x_labels(2 * message.sizes.len() + 2)
-            .x_label_formatter(&label)
-            .y_desc("mean distance at all other readings [mm]")
-            .label_style(("sans-serif", 15))
-            .draw()?;
-        let line = [
-            (-0.1, message.all_mm.mean),
-            (count - 0.1, message.all_mm.mean),
-        ];
-        chart
-            .draw_series(DashedLineSeries::new(line, 6, 4, BLACK.stroke_width(1)))?
-            .label("fitted to all readings")
-            .legend(|(x, y)| PathElement::new([(x, y), (x + 20, y)], BLACK));
-        let dots = message
-            .sizes
-            .iter()
-            .enumerate()
-            .flat_map(|(index, of_size)| {
-                let means = &of_size.random.means_mm;
-                let step = RANDOM / means.len().max(1) as f64;
-                (means.iter().enumerate())
-                    .filter(|(_, mean)| **mean < top)
-                    .map(move |(place, mean)| (index as f64 + step * place as f64, *mean))
-            });
-        chart
-            .draw_series(dots.map(|at| Circle::new(at, 2, RGBColor(150, 150, 150).filled())))?
-            .label("random")
-            .legend(|(x, y)| Circle::new((x + 10, y), 3, RGBColor(150, 150, 150).filled()));
-        let criteria = message
-            .sizes
-            .first()
-            .map_or(&[][..], |first| &first.planned);
-        for (number, first) in criteria.iter().enumerate() {
-            let colour = *COLOURS.get(number).unwrap_or(&BLACK);
-            let marks = message
-                .sizes
-                .iter()
-                .enumerate()
-                .filter_map(|(index, of_size)| {
-                    let mean = of_size.planned.get(number)?.distance_mm.as_ref()?.mean;
-                    let offset = RANDOM + 0.08 * (number + 1) as f64;
-                    (mean < top).then_some((index as f64 + offset, mean))
-                });
-            let name = match first.criterion.as_str() {
-                "test_pose" => "absolute accuracy".to_owned(),
-                other => other.to_uppercase(),
-            };
-            chart
-                .draw_series(marks.map(|at| TriangleMarker::new(at, 7, colour.filled())))?
-                .label(name)
-                .legend(move |(x, y)| TriangleMarker::new((x + 10, y), 7, colour.filled()));
-        }
-        draw_legend(&mut chart)?;
-        area.present()?;
+        let colour = *COLOURS.get(number).unwrap_or(&INK);
+        drawn.push((Series::new(&name, colour, Mark::Triangle), marks.collect()));
     }
-    Ok(svg)
+    let (series, points): (Vec<Series>, Vec<Vec<(f64, f64)>>) = drawn.into_iter().unzip();
+    let axes = [
+        ChartAxis::new(-0.5..count - 0.5, sizes().map(|(place, _)| place).collect()),
+        ChartAxis::linear(0.85 * lowest..top, 8),
+    ];
+    let label = |place: &f64| {
+        let mut here = sizes().filter(|(at, _)| (at - place).abs() < 1e-9);
+        here.next()
+            .map_or_else(String::new, |(_, of_size)| of_size.size.to_string())
+    };
+    let names = [
+        "readings that were chosen",
+        "mean distance at all others [mm]",
+    ];
+    plot(SIZE, title, |area| {
+        let mut chart = chart_of(area, axes, names, &series, &label)?;
+        for (each, points) in series.iter().zip(points) {
+            let seen = points.into_iter().filter(|(_, mean)| *mean < top);
+            each.draw(&mut chart, &seen.collect::<Vec<_>>())?;
+        }
+        Ok(())
+    })
 }
 
 /// The lowest mean (mm), and how high the picture goes.

@@ -65,6 +65,23 @@ pub fn sheet(scenario: &Scenario, plan: &Plan) -> String {
 
 /// The sheet of a plan of absolute readings, each so often: with what is read, and from where.
 pub fn sheet_of_readings(scenario: &Scenario, readings: &[(&Candidate, u32)]) -> String {
+    let (plan, rows) = plan_of(readings);
+    sheet_of(scenario, &plan, &rows)
+}
+
+/// The stills as figures of a page.
+pub fn figures(scenario: &Scenario, plan: &Plan) -> String {
+    figures_of(scenario, plan, &[])
+}
+
+/// Those of a plan of absolute readings, each so often.
+pub fn figures_of_readings(scenario: &Scenario, readings: &[(&Candidate, u32)]) -> String {
+    let (plan, rows) = plan_of(readings);
+    figures_of(scenario, &plan, &rows)
+}
+
+/// Absolute readings as experiments, with what is read in each.
+fn plan_of<'a>(readings: &[(&'a Candidate, u32)]) -> (Plan, Vec<&'a Candidate>) {
     let experiments = readings.iter().map(|(row, repeats)| Experiment {
         configuration_rad: row.configuration_rad.clone(),
         load: row.load.unwrap_or(Load::NONE),
@@ -74,8 +91,28 @@ pub fn sheet_of_readings(scenario: &Scenario, readings: &[(&Candidate, u32)]) ->
     let plan = Plan {
         experiments: experiments.collect(),
     };
-    let rows: Vec<&Candidate> = readings.iter().map(|(row, _)| *row).collect();
-    sheet_of(scenario, &plan, &rows)
+    (plan, readings.iter().map(|(row, _)| *row).collect())
+}
+
+fn figures_of(scenario: &Scenario, plan: &Plan, rows: &[&Candidate]) -> String {
+    let scenes = scenes(scenario, plan, rows);
+    let camera = camera(&scenes);
+    let commands = scenario.task.belief.commands();
+    let mut figures = String::new();
+    for (index, (experiment, scene)) in plan.experiments.iter().zip(&scenes).enumerate() {
+        let of_reading = rows.get(index).map(|row| read_words(scenario, row));
+        let [angles, loads] = words(&commands, experiment, of_reading.as_deref());
+        let number = index + 1;
+        let drawing = framed(&camera, scene, None, &format!("Experiment {number}"));
+        let _ = writeln!(
+            figures,
+            "<figure class=\"still\"><figcaption><b>{number}</b> {angles}; <b>{} x</b><br><span class=\"load\">{loads}</span>\
+             </figcaption>{}</figure>",
+            experiment.repeats,
+            with_shared(drawing, index, &camera)
+        );
+    }
+    figures
 }
 
 /// The sheet of a plan; of absolute readings, `rows` say what is read in each experiment, and from where.
@@ -116,8 +153,8 @@ fn sheet_of(scenario: &Scenario, plan: &Plan, rows: &[&Candidate]) -> String {
         );
         let commands = scenario.task.belief.commands();
         let of_reading = rows.get(index).map(|row| read_words(scenario, row));
-        let shown = (experiment, of_reading.as_deref());
-        caption(&mut svg, &commands, index + 1, shown, still_width);
+        let words = words(&commands, experiment, of_reading.as_deref());
+        caption(&mut svg, &words, index + 1, experiment.repeats, still_width);
         picture(&mut svg, &camera, scene);
         svg.push_str("</g>\n");
     }
@@ -125,32 +162,58 @@ fn sheet_of(scenario: &Scenario, plan: &Plan, rows: &[&Candidate]) -> String {
     svg
 }
 
-/// Single pictures of what a sheet shows, for one page: for each experiment without and with its load.
-pub fn pictures(scenario: &Scenario, plan: &Plan) -> Vec<[String; 2]> {
+/// Pictures of an experiment for the sheet that is taken to the laboratory.
+pub struct Pictures {
+    /// The robot without a load.
+    pub unloaded: String,
+    /// Where its load hangs.
+    pub load: String,
+}
+
+/// Those of each experiment of a plan, for one page.
+pub fn pictures(scenario: &Scenario, plan: &Plan) -> Vec<Pictures> {
     let scenes = scenes(scenario, plan, &[]);
     let camera = camera(&scenes);
-    let [width, height] = camera.size_px;
-    let drawn = |index: usize, scene: &Scene, words: &str| {
-        let mut svg = format!(
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width:.1} {height:.1}\" width=\"{width:.0}\" \
-             height=\"{height:.0}\" aria-label=\"Experiment {} {words} load\">",
-            index + 1
-        );
-        // Once in a page is enough.
-        if index == 0 {
-            svg += &shared(&camera);
-        }
-        let _ = write!(svg, "<g transform=\"translate(0 -{CAPTION_PX})\">");
-        picture(&mut svg, &camera, scene);
-        svg + "</g></svg>"
-    };
     (scenes.into_iter().enumerate())
         .map(|(index, mut scene)| {
-            let with = drawn(index, &scene, "with");
+            let number = index + 1;
+            let label = format!("Where the load of experiment {number} hangs");
+            let load = framed(&camera, &scene, Some(close_up(&camera, &scene)), &label);
             scene.arrow_end = scene.tool;
-            [drawn(index, &scene, "without"), with]
+            let label = format!("Experiment {number} without load");
+            let unloaded = framed(&camera, &scene, None, &label);
+            let unloaded = with_shared(unloaded, index, &camera);
+            Pictures { unloaded, load }
         })
         .collect()
+}
+
+/// The first drawing of a page has what stands once for all.
+fn with_shared(drawing: String, index: usize, camera: &Camera) -> String {
+    match index {
+        0 => drawing.replacen('>', &format!(">{}", shared(camera)), 1),
+        _ => drawing,
+    }
+}
+
+/// A square around the tool and its load (px).
+fn close_up(camera: &Camera, scene: &Scene) -> [f64; 4] {
+    let [from, to] = [&scene.tool, &scene.arrow_end].map(|point| camera.see(point));
+    let side = 2.4 * (to[0] - from[0]).hypot(to[1] - from[1]).max(20.0);
+    let corner = |axis: usize| f64::midpoint(from[axis], to[axis]) - 0.5 * side;
+    [corner(0), corner(1), side, side]
+}
+
+/// A scene as a drawing of its own: all of it, or what is in a box.
+fn framed(camera: &Camera, scene: &Scene, within: Option<[f64; 4]>, label: &str) -> String {
+    let [x, y, width, height] = within.unwrap_or([0.0, 0.0, camera.size_px[0], camera.size_px[1]]);
+    let mut svg = format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"{x:.1} {y:.1} {width:.1} {height:.1}\" width=\"{width:.0}\" \
+         height=\"{height:.0}\" role=\"img\" aria-label=\"{}\"><g transform=\"translate(0 -{CAPTION_PX})\">",
+        escaped(label)
+    );
+    picture(&mut svg, camera, scene);
+    svg + "</g></svg>"
 }
 
 /// What stands once for all stills: the floor is the same in every one.
@@ -309,14 +372,8 @@ fn heading(scenario: &Scenario, plan: &Plan, what: &str) -> String {
     )
 }
 
-/// The numbers over a still.
-fn caption(
-    svg: &mut String,
-    commands: &Commands,
-    number: usize,
-    (experiment, read): (&Experiment, Option<&str>),
-    width: f64,
-) {
+/// The numbers over a still: angles and loads, with what is read.
+fn words(commands: &Commands, experiment: &Experiment, read: Option<&str>) -> [String; 2] {
     let q = commands.shown(experiment.configuration_rad.as_slice());
     let q: Vec<_> = q.into_iter().map(short).collect();
     let vector = |values: &Vector3<f64>| {
@@ -334,14 +391,22 @@ fn caption(
     if let Some(read) = read {
         let _ = write!(loads, "; {}", escaped(read));
     }
+    [format!("q = {} {}", q.join(", "), commands.unit()), loads]
+}
+
+/// They stand over a still of a sheet.
+fn caption(
+    svg: &mut String,
+    [angles, loads]: &[String; 2],
+    number: usize,
+    repeats: u32,
+    width: f64,
+) {
     let _ = write!(
         svg,
         "<g fill=\"#222\" font-size=\"13\"><text y=\"14\"><tspan font-weight=\"bold\">{number}</tspan>\
-         <tspan x=\"20\">q = {} {}</tspan></text><text x=\"20\" y=\"31\" fill=\"#b3261e\">{loads}</text>\
-         <text x=\"{width:.0}\" y=\"31\" text-anchor=\"end\" font-weight=\"bold\">{} x</text></g>",
-        q.join(", "),
-        commands.unit(),
-        experiment.repeats
+         <tspan x=\"20\">{angles}</tspan></text><text x=\"20\" y=\"31\" fill=\"#b3261e\">{loads}</text>\
+         <text x=\"{width:.0}\" y=\"31\" text-anchor=\"end\" font-weight=\"bold\">{repeats} x</text></g>"
     );
 }
 

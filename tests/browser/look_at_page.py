@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Looks at an HTML page in a headless Chromium and prints what it saw as JSON.
 
-    look_at_page.py CHROMIUM PAGE [--width PX] [--screenshot FILE.png]
+    look_at_page.py CHROMIUM PAGE [--width PX] [--dark] [--paper a4|letter] [--screenshot FILE.png] [--pdf FILE.pdf]
 
 Speaks the DevTools protocol over a pipe, with the standard library alone.
 """
@@ -11,6 +11,7 @@ import base64
 import json
 import os
 import pathlib
+import re
 import select
 import subprocess
 import sys
@@ -18,6 +19,10 @@ import tempfile
 import time
 
 TIMEOUT_S = 60
+MM_PER_INCH = 25.4
+# Width and height of sheets, and what @page in the style of pages leaves free to the left and right of them (mm).
+PAPERS_MM = {"a4": (210, 297), "letter": (215.9, 279.4)}
+MARGINS_MM = 28
 
 OPTIONS = [
     "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
@@ -26,8 +31,8 @@ OPTIONS = [
     "--remote-debugging-pipe",
 ]
 
-# What a person would see: figures with their content, text that is cut off or covers other text,
-# and whether the page is wider than the window.
+# What a person would see: figures with their content, text that is cut off, faint (a contrast below 4.5 to 1, as WCAG 2 has it),
+# or covers other text, and whether the page is wider than the window.
 LOOK = r"""
 (() => {
   const box = element => element.getBoundingClientRect();
@@ -60,8 +65,32 @@ LOOK = r"""
       outside, overlaps,
     };
   });
+  const parts = colour => colour.match(/[\d.]+/g).map(Number);
+  const luminance = colour => parts(colour).slice(0, 3).map(each => each / 255)
+    .map(each => each <= 0.04045 ? each / 12.92 : ((each + 0.055) / 1.055) ** 2.4)
+    .reduce((sum, each, i) => sum + each * [0.2126, 0.7152, 0.0722][i], 0);
+  const ground = element => {
+    for (let each = element; each; each = each.parentElement) {
+      const colour = getComputedStyle(each).backgroundColor;
+      if (parts(colour)[3] !== 0) return colour;
+    }
+    return "rgb(255, 255, 255)";
+  };
+  const contrast = element => {
+    const style = getComputedStyle(element);
+    const colours = [element.closest("svg") ? style.fill : style.color, ground(element)];
+    const [dark, light] = colours.map(luminance).sort((a, b) => a - b);
+    return (light + 0.05) / (dark + 0.05);
+  };
+  const elements = [...document.querySelectorAll("body *")].filter(each => box(each).width > 0);
+  const shown = each => each.textContent.trim().slice(0, 60);
+  const has_text = each => [...each.childNodes].some(node => node.nodeType === 3 && node.data.trim());
+  const faint = elements.filter(each => has_text(each) && contrast(each) < 4.5).map(shown);
+  const cut = elements.filter(each => !each.closest("svg") && each.clientWidth > 0
+    && each.scrollWidth > each.clientWidth + 1).map(shown);
   const root = document.documentElement;
   return {
+    faint, cut,
     title: document.title, text: document.body.innerText,
     scripts: document.scripts.length,
     page_px: [root.scrollWidth, root.scrollHeight], window_px: root.clientWidth, figures,
@@ -143,7 +172,11 @@ class Browser:
             self.process.wait()
 
 
-def look(browser, page, width, screenshot):
+def look(browser, page, given):
+    width = given.width
+    if given.paper:
+        paper = PAPERS_MM[given.paper]
+        width = round((paper[0] - MARGINS_MM) * 96 / MM_PER_INCH)
     target = browser.call("Target.createTarget", url="about:blank")["targetId"]
     session = browser.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
     call = lambda method, **parameters: browser.call(method, session, **parameters)
@@ -151,6 +184,8 @@ def look(browser, page, width, screenshot):
         call(f"{domain}.enable")
     call("Emulation.setDeviceMetricsOverride", width=width, height=900, deviceScaleFactor=1,
          mobile=width < 700)
+    scheme = {"name": "prefers-color-scheme", "value": "dark" if given.dark else "light"}
+    call("Emulation.setEmulatedMedia", media="print" if given.paper else "", features=[scheme])
     browser.events.clear()
     call("Page.navigate", url=page.resolve().as_uri())
     browser.wait_for("Page.loadEventFired")
@@ -159,10 +194,10 @@ def look(browser, page, width, screenshot):
     if "exceptionDetails" in answer:
         raise SystemExit(f"the look failed: {answer['exceptionDetails']}")
     seen = answer["result"]["value"]
-    if screenshot:
+    if given.screenshot:
         picture = call("Page.captureScreenshot", format="png", captureBeyondViewport=True, clip={
             "x": 0, "y": 0, "width": width, "height": seen["page_px"][1], "scale": 1})
-        screenshot.write_bytes(base64.b64decode(picture["data"]))
+        given.screenshot.write_bytes(base64.b64decode(picture["data"]))
     parameters = lambda method: [
         each["params"] for each in browser.events if each.get("method") == method]
     seen["console"] = [
@@ -173,6 +208,15 @@ def look(browser, page, width, screenshot):
     ] + [each["entry"]["text"] for each in parameters("Log.entryAdded")]
     seen["requests"] = [
         each["request"]["url"] for each in parameters("Network.requestWillBeSent")]
+    if given.paper:
+        across, down = (side / MM_PER_INCH for side in paper)
+        printed = call("Page.printToPDF", paperWidth=across, paperHeight=down, preferCSSPageSize=True,
+                       printBackground=True)
+        pdf = base64.b64decode(printed["data"])
+        sizes = re.findall(rb"/MediaBox \[0 0 ([\d.]+) ([\d.]+)\]", pdf)
+        seen["pages_mm"] = [[float(side) * MM_PER_INCH / 72 for side in size] for size in sizes]
+        if given.pdf:
+            given.pdf.write_bytes(pdf)
     return seen
 
 
@@ -181,12 +225,15 @@ def main():
     arguments.add_argument("chromium")
     arguments.add_argument("page", type=pathlib.Path)
     arguments.add_argument("--width", type=int, default=1280)
+    arguments.add_argument("--dark", action="store_true")
+    arguments.add_argument("--paper", choices=PAPERS_MM)
     arguments.add_argument("--screenshot", type=pathlib.Path)
+    arguments.add_argument("--pdf", type=pathlib.Path)
     given = arguments.parse_args()
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
         browser = Browser(given.chromium, profile)
         try:
-            seen = look(browser, given.page, given.width, given.screenshot)
+            seen = look(browser, given.page, given)
         finally:
             browser.close()
     json.dump(seen, sys.stdout, indent=1)

@@ -25,9 +25,9 @@ fn chromium() -> Option<PathBuf> {
         })
 }
 
-/// What the browser sees of a page in a window of this width; `None` without a browser, which is
+/// What the browser sees of a page, looked at in this way; `None` without a browser, which is
 /// said even where tests' outputs are captured.
-fn look(page: &Path, width_px: u32) -> Option<Value> {
+fn look(page: &Path, way: &str) -> Option<Value> {
     let Some(chromium) = chromium() else {
         let text = "\nSKIPPED: there is no Chromium to look at pages (tools/install-chromium)\n";
         std::io::stderr()
@@ -39,7 +39,7 @@ fn look(page: &Path, width_px: u32) -> Option<Value> {
         .arg(project("tests/browser/look_at_page.py"))
         .arg(chromium)
         .arg(page)
-        .args(["--width", &width_px.to_string()])
+        .args(way.split(' '))
         .output()
         .expect("python3 starts");
     let said = String::from_utf8_lossy(&output.stderr);
@@ -51,14 +51,27 @@ fn is_empty(value: &Value) -> bool {
     value.as_array().expect("an array").is_empty()
 }
 
-/// Asserts that a person would see the page with its figures, on a screen and on a phone: no error,
-/// nothing loaded, nothing empty, no text cut off or on other text.
+/// Asserts that a person would see the page with its figures, on a screen, on a phone and on paper: no error,
+/// nothing loaded, nothing empty, no text faint, cut off or on other text.
 pub fn looks_well(page: &Path, figures: usize) {
-    for width_px in [1280, 390] {
-        let Some(seen) = look(page, width_px) else {
+    for (width_px, scheme) in [
+        (1600, ""),
+        (1600, " --dark"),
+        (700, ""),
+        (700, " --dark"),
+        (390, ""),
+    ] {
+        let Some(seen) = look(page, &format!("--width {width_px}{scheme}")) else {
             return;
         };
-        let place = format!("{} at {width_px} px", page.display());
+        let place = format!("{} at {width_px} px{scheme}", page.display());
+        // Tables scroll on a phone.
+        assert!(
+            width_px < 700 || is_empty(&seen["cut"]),
+            "{place}: {}",
+            seen["cut"]
+        );
+        assert!(is_empty(&seen["faint"]), "{place}: {}", seen["faint"]);
         assert!(is_empty(&seen["errors"]), "{place}: {}", seen["errors"]);
         assert!(is_empty(&seen["console"]), "{place}: {}", seen["console"]);
         assert_eq!(seen["scripts"], 0);
@@ -90,6 +103,28 @@ pub fn looks_well(page: &Path, figures: usize) {
             assert!(is_empty(&figure["overlaps"]), "{place}: {figure:#}");
         }
     }
+    for (paper, size_mm) in [("a4", [210.0, 297.0]), ("letter", [215.9, 279.4])] {
+        prints_well(page, paper, size_mm);
+    }
+}
+
+/// Asserts that a page comes out on sheets of a size, and that none of it is cut off there.
+fn prints_well(page: &Path, paper: &str, size_mm: [f64; 2]) {
+    let Some(seen) = look(page, &format!("--paper {paper} --dark")) else {
+        return;
+    };
+    let place = format!("{} on {paper}", page.display());
+    assert!(is_empty(&seen["cut"]), "{place}: {}", seen["cut"]);
+    assert!(is_empty(&seen["faint"]), "{place}: {}", seen["faint"]);
+    assert_eq!(seen["page_px"][0], seen["window_px"], "{place}");
+    let sheets = seen["pages_mm"].as_array().expect("sheets");
+    assert!((1..20).contains(&sheets.len()), "{place}: {sheets:?}");
+    for sheet in sheets {
+        for (side, found) in size_mm.iter().zip(sheet.as_array().expect("two sides")) {
+            let found = found.as_f64().expect("a number");
+            assert!((found - side).abs() < 0.5, "{place}: {sheet}");
+        }
+    }
 }
 
 /// The look itself sees what is wrong with a page.
@@ -101,11 +136,15 @@ fn the_look_sees_what_is_wrong() {
         "<!DOCTYPE html><html><body><div style='width: 3000px'>wide</div>\
          <svg width='200' height='100' aria-label='two'><text x='10' y='50'>One text</text>\
          <text x='12' y='52'>on another</text><text x='180' y='90'>cut off</text></svg>\
+         <p style='color: #999; background: #fff'>too faint</p>\
+         <div style='width: 40px; overflow: auto'><p style='width: 60px'>scrolls</p></div>\
          <img src='missing.png'><script>console.log('hello'); nothing.works();</script></body></html>",
     );
-    let Some(seen) = look(&workplace.path("wrong.html"), 1280) else {
+    let Some(seen) = look(&workplace.path("wrong.html"), "--width 1280") else {
         return;
     };
+    assert_eq!(seen["faint"], serde_json::json!(["too faint"]));
+    assert_eq!(seen["cut"], serde_json::json!(["scrolls"]));
     assert_eq!(seen["scripts"], 1);
     assert_eq!(seen["console"], serde_json::json!(["hello"]));
     assert!(!is_empty(&seen["errors"]));

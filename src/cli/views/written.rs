@@ -38,7 +38,7 @@ pub struct RunViews {
 
 impl RunViews {
     pub fn new(run: &RunShown<'_>) -> anyhow::Result<Self> {
-        let stills = stills::sheet(run.scenario, &run.calibrations[0].1.plan);
+        let plan = &run.calibrations[0].1.plan;
         let page = run_page(&RunRecord {
             scenario: run.scenario,
             plans: run.records,
@@ -47,11 +47,11 @@ impl RunViews {
             random_repeats: run.random_repeats,
             conditions: run.conditions,
             command: &command_line(),
-            stills: &stills,
+            stills: &stills::figures(run.scenario, plan),
         })?;
         Ok(Self {
             recording: Recording::new(run.scenario, run.calibrations)?,
-            stills,
+            stills: stills::sheet(run.scenario, plan),
             page,
         })
     }

@@ -2,7 +2,7 @@
 
 use plotters::prelude::*;
 
-use super::charts::{ChartAxis, Rows, WHOLE, drawing, short, ticks};
+use super::charts::{ChartAxis, Rows, WHOLE, drawing, short};
 use super::distances::{Line, Role, distances_figure, distances_table};
 use super::figures::path_figure;
 use super::{conditions_card, provenance, sources};
@@ -15,7 +15,7 @@ use crate::record::messages::ProvenanceMessage;
 use crate::record::study::StudyPlanMessage;
 use crate::scenario::Scenario;
 use crate::text::wording::{counted, dash, micrometres, number, percent};
-use crate::view::markup::{card, escaped, figure, page, paragraph, section, table};
+use crate::view::markup::{card, escaped, figure, micro_sign, page, paragraph, section, table};
 use crate::view::plots::{COLOURS, PlotError};
 
 /// What the page of a plan of absolute readings is made of.
@@ -29,7 +29,7 @@ pub struct AbsolutePageRecord<'a> {
     pub trials: Option<(&'a AbsoluteTrialsMessage, &'a StudyPlanMessage)>,
     /// Where it comes from.
     pub provenance: &'a ProvenanceMessage,
-    /// The robot in each configuration (SVG).
+    /// The robot in each configuration (HTML).
     pub stills: &'a str,
     /// What must be looked at.
     pub conditions: &'a [Condition],
@@ -272,10 +272,7 @@ fn test_poses(plan: &AbsolutePlanMessage) -> Result<String, PlotError> {
         names: &names,
         notes: &notes,
         width: WHOLE,
-        axis: ChartAxis {
-            range: 0.0..longest.max(f64::MIN_POSITIVE),
-            ticks: ticks(0.0, longest, 8),
-        },
+        axis: ChartAxis::linear(0.0..longest.max(f64::MIN_POSITIVE), 8),
         title: "\u{3c1}\u{2080}, predicted rms distance [\u{b5}m]".to_owned(),
     };
     let svg = drawing(rows.size(), "Accuracy at each test pose", |area| {
@@ -317,7 +314,7 @@ fn readings(shown: &AbsolutePageRecord<'_>) -> String {
         })
         .collect();
     format!(
-        "<div class=\"wide stills\" role=\"img\" aria-label=\"The robot at each reading\">{}</div>\n{}{}",
+        "<div class=\"stills\">{}</div>\n{}{}",
         shown.stills,
         paragraph(
             "Green: the line of sight from the instrument to the reflector that is read. Loads act at the calibration \
@@ -339,7 +336,7 @@ fn unknowns(plan: &AbsolutePlanMessage) -> String {
                     || "not by itself".to_owned(),
                     |error| format!("{:.3e}", error * factor),
                 ),
-                unit.to_owned(),
+                micro_sign(unit),
                 unknown.what.clone(),
             ]
         })

@@ -28,6 +28,14 @@ pub const INK: RGBColor = RGBColor(28, 37, 48);
 pub const SOFT: RGBColor = RGBColor(91, 102, 115);
 pub const GRID: RGBColor = RGBColor(222, 227, 232);
 
+/// What stands for the colours of text and lines in a page, which may be dark.
+const OF_PAGE: [(&str, &str); 4] = [
+    ("\"#1C2530\"", "\"currentColor\""),
+    ("\"#5B6673\"", "\"var(--soft)\""),
+    ("\"#DEE3E8\"", "\"var(--line)\""),
+    ("\"#FFFFFF\"", "\"var(--paper)\""),
+];
+
 /// A drawing area on SVG text.
 pub type Area<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
 /// An axis whose ticks were chosen.
@@ -37,6 +45,47 @@ pub struct ChartAxis {
     pub range: std::ops::Range<f64>,
     /// Where its ticks are.
     pub ticks: Vec<f64>,
+    /// Where lines without a number stand between them.
+    pub minor: Vec<f64>,
+}
+
+impl ChartAxis {
+    /// With about so many round ticks.
+    pub fn linear(range: std::ops::Range<f64>, about: u32) -> Self {
+        Self::new(range.clone(), ticks(range.start, range.end, about))
+    }
+
+    /// With these ticks.
+    pub const fn new(range: std::ops::Range<f64>, ticks: Vec<f64>) -> Self {
+        Self {
+            range,
+            ticks,
+            minor: Vec::new(),
+        }
+    }
+
+    /// Of logarithms (base 10): numbers at 1, 2, 5, 10, ..., lines at all of 1, 2, 3, ... 10, 20, ...
+    pub fn logarithmic(range: std::ops::Range<f64>) -> Self {
+        let at = |factors: &[u8]| -> Vec<f64> {
+            (-12_i32..12)
+                .flat_map(|power| {
+                    (factors.iter())
+                        .map(move |factor| f64::from(*factor).log10() + f64::from(power))
+                })
+                .filter(|tick| range.contains(tick))
+                .collect()
+        };
+        let (mut ticks, mut minor) = (at(&[1, 2, 5]), at(&[3, 4, 6, 7, 8, 9]));
+        // Where these are few, all have numbers.
+        if ticks.len() < 3 {
+            ticks.append(&mut minor);
+        }
+        Self {
+            range,
+            ticks,
+            minor,
+        }
+    }
 }
 
 impl Ranged for ChartAxis {
@@ -51,7 +100,7 @@ impl Ranged for ChartAxis {
 
     fn key_points<Hint: KeyPointHint>(&self, hint: Hint) -> Vec<f64> {
         if hint.weight().allow_light_points() {
-            Vec::new()
+            self.minor.clone()
         } else {
             self.ticks.clone()
         }
@@ -65,7 +114,7 @@ impl Ranged for ChartAxis {
 /// A chart with two of them.
 pub type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<ChartAxis, ChartAxis>>;
 
-/// An SVG drawing with a name, which takes the width that it is given.
+/// An SVG drawing with a name, which takes the width that it is given and the colours of its page.
 pub fn drawing(
     size: (u32, u32),
     name: &str,
@@ -78,6 +127,9 @@ pub fn drawing(
         area.present()?;
     }
     let content = svg.split_once('>').map_or("", |(_, content)| content);
+    let content = (OF_PAGE.iter()).fold(content.to_owned(), |content, (own, of_page)| {
+        content.replace(own, of_page)
+    });
     let class = if size.0 >= WHOLE { "whole" } else { "half" };
     Ok(format!(
         "<svg class=\"{class}\" role=\"img\" aria-label=\"{}\" viewBox=\"0 0 {} {}\">{content}",
@@ -85,6 +137,23 @@ pub fn drawing(
         size.0,
         size.1
     ))
+}
+
+/// A plot that is a file of its own, with its title, on white.
+pub fn plot(
+    size: (u32, u32),
+    title: &str,
+    draw: impl FnOnce(&Area<'_>) -> Result<(), PlotError>,
+) -> Result<String, PlotError> {
+    let mut svg = String::new();
+    {
+        let area = SVGBackend::with_string(&mut svg, size).into_drawing_area();
+        area.fill(&WHITE)?;
+        let style = ("sans-serif", TEXT + 6).into_font().color(&INK);
+        draw(&area.titled(title, style)?)?;
+        area.present()?;
+    }
+    Ok(svg)
 }
 
 /// Text of the figures.
@@ -136,10 +205,7 @@ impl Rows<'_> {
             .y_label_area_size(26 + width_of(&names))
             .build_cartesian_2d(
                 self.axis.clone(),
-                ChartAxis {
-                    range: 0.0..count as f64,
-                    ticks: middles,
-                },
+                ChartAxis::new(0.0..count as f64, middles),
             )?;
         let name_at = |y: &f64| {
             let from_top = count as f64 - 0.5 - y;
@@ -149,7 +215,7 @@ impl Rows<'_> {
         chart
             .configure_mesh()
             .disable_y_mesh()
-            .light_line_style(TRANSPARENT)
+            .light_line_style(GRID.mix(0.5))
             .bold_line_style(GRID)
             .axis_style(SOFT)
             .set_tick_mark_size(LabelAreaPosition::Left, 8)
@@ -195,12 +261,149 @@ pub fn ticks(low: f64, high: f64, about: u32) -> Vec<f64> {
         .collect()
 }
 
-/// The logarithms of 1, 2, 5, 10, 20, ... between two logarithms (base 10).
-pub fn log_ticks(low: f64, high: f64) -> Vec<f64> {
-    (-12_i32..12)
-        .flat_map(|power| [1.0, 2.0, 5.0].map(|factor: f64| factor.log10() + f64::from(power)))
-        .filter(|tick| (low..=high).contains(tick))
-        .collect()
+/// Draws its axes with their names and the grid; `label` writes a tick of x.
+pub fn draw_axes(
+    chart: &mut Chart<'_, '_>,
+    [x, y]: [&str; 2],
+    label: &dyn Fn(&f64) -> String,
+) -> Result<(), PlotError> {
+    chart
+        .configure_mesh()
+        .light_line_style(GRID.mix(0.5))
+        .bold_line_style(GRID)
+        .axis_style(SOFT)
+        .label_style(text(INK))
+        .axis_desc_style(text(SOFT))
+        .x_desc(x)
+        .y_desc(y)
+        .x_label_formatter(&label)
+        .y_label_formatter(&|y| short(*y))
+        .draw()?;
+    Ok(())
+}
+
+/// How a series is drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Mark {
+    /// A line.
+    Line,
+    /// A dashed line.
+    Dashed,
+    /// A filled circle.
+    Dot,
+    /// An open circle.
+    Ring,
+    /// A filled triangle.
+    Triangle,
+}
+
+/// A series' name with its colour and mark.
+pub struct Series {
+    /// What it is called.
+    pub name: String,
+    /// Its colour.
+    pub colour: RGBColor,
+    /// How it is drawn.
+    pub mark: Mark,
+}
+
+impl Series {
+    /// A series.
+    pub fn new(name: &str, colour: RGBColor, mark: Mark) -> Self {
+        let name = shortened(name, LONGEST_NAME);
+        Self { name, colour, mark }
+    }
+
+    /// Draws its points.
+    pub fn draw(&self, chart: &mut Chart<'_, '_>, points: &[(f64, f64)]) -> Result<(), PlotError> {
+        let points = points.iter().copied();
+        let (thick, filled) = (self.colour.stroke_width(3), self.colour.filled());
+        match self.mark {
+            Mark::Line => chart.draw_series(LineSeries::new(points, thick))?,
+            Mark::Dashed => chart.draw_series(DashedLineSeries::new(points, 10, 7, thick))?,
+            Mark::Dot => chart.draw_series(points.map(|at| Circle::new(at, 6, filled)))?,
+            Mark::Ring => chart.draw_series(points.map(|at| Circle::new(at, 15, thick)))?,
+            Mark::Triangle => {
+                chart.draw_series(points.map(|at| TriangleMarker::new(at, 13, filled)))?
+            }
+        };
+        Ok(())
+    }
+
+    /// Draws its entry of a legend.
+    fn draw_entry(&self, area: &Area<'_>, (x, y): (i32, i32)) -> Result<(), PlotError> {
+        let (thick, filled) = (self.colour.stroke_width(3), self.colour.filled());
+        let line = |from: i32, to: i32| PathElement::new([(x + from, y), (x + to, y)], thick);
+        match self.mark {
+            Mark::Line => area.draw(&line(0, 34))?,
+            Mark::Dashed => {
+                area.draw(&line(0, 13))?;
+                area.draw(&line(21, 34))?;
+            }
+            Mark::Dot => area.draw(&Circle::new((x + 17, y), 6, filled))?,
+            Mark::Ring => area.draw(&Circle::new((x + 17, y), 12, thick))?,
+            Mark::Triangle => area.draw(&TriangleMarker::new((x + 17, y), 13, filled))?,
+        }
+        let style = text(INK).pos(Pos::new(HPos::Left, VPos::Center));
+        area.draw(&Text::new(self.name.clone(), (x + 48, y), style))?;
+        Ok(())
+    }
+}
+
+/// A chart with named axes, and the names of its series in a column beside it, off the data; `label` writes a tick of x.
+pub fn chart_of<'a, 'b>(
+    area: &'a Area<'b>,
+    axes: [ChartAxis; 2],
+    names: [&str; 2],
+    series: &[Series],
+    label: &dyn Fn(&f64) -> String,
+) -> Result<Chart<'a, 'b>, PlotError> {
+    const LINE: i32 = 46;
+    let entries: Vec<String> = series.iter().map(|each| each.name.clone()).collect();
+    let room = if entries.is_empty() {
+        14
+    } else {
+        84 + width_of(&entries)
+    };
+    let [x, y] = axes;
+    let mut chart = ChartBuilder::on(area)
+        .margin(14)
+        .margin_right(room)
+        .x_label_area_size(78)
+        .y_label_area_size(112)
+        .build_cartesian_2d(x, y)?;
+    draw_axes(&mut chart, names, label)?;
+    let plotted = chart.plotting_area().get_pixel_range();
+    let mut at = (plotted.0.end + 24, plotted.1.start + LINE / 2);
+    for each in series {
+        each.draw_entry(area, at)?;
+        at.1 += LINE;
+    }
+    Ok(chart)
+}
+
+/// A value between the ends of its interval, at a height: `[low, value, high]`.
+pub fn interval(
+    chart: &mut Chart<'_, '_>,
+    [low, value, high]: [f64; 3],
+    y: f64,
+    colour: RGBColor,
+) -> Result<(), PlotError> {
+    let cap = |x: f64| [(x, y - 0.16), (x, y + 0.16)];
+    for line in [[(low, y), (high, y)], cap(low), cap(high)] {
+        chart.draw_series([PathElement::new(line, colour.stroke_width(5))])?;
+    }
+    chart.draw_series([Circle::new((value, y), 10, colour.filled())])?;
+    Ok(())
+}
+
+/// Ticks at whole numbers.
+pub fn whole_ticks(low: f64, high: f64) -> Vec<f64> {
+    let mut ticks = ticks(low, high, 8);
+    if ticks.windows(2).any(|pair| pair[1] - pair[0] < 1.0) {
+        ticks.retain(|tick| (tick - tick.round()).abs() < 1e-9);
+    }
+    ticks
 }
 
 /// A number without needless zeros.

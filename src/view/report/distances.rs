@@ -2,7 +2,9 @@
 
 use plotters::prelude::*;
 
-use super::charts::{Chart, ChartAxis, INK, Rows, WHOLE, drawing, log_ticks, short};
+use super::charts::{
+    Chart, ChartAxis, INK, Mark, Rows, Series, WHOLE, chart_of, drawing, interval, short,
+};
 use crate::record::study::StudyPlanMessage;
 use crate::text::wording::{inverse_interval, micrometres, number};
 use crate::view::markup::{figure, table};
@@ -10,6 +12,8 @@ use crate::view::plots::{COLOURS, PlotError};
 
 /// The share of a row that the highest distribution fills.
 const FILL: f64 = 0.86;
+/// The room beside the intervals of means (decades).
+const MARGIN: f64 = 0.08;
 /// The vermilion of random plans.
 const RANDOM: RGBColor = RGBColor(213, 94, 0);
 
@@ -69,15 +73,11 @@ pub fn distances_figure(lines: &[Line<'_>], caption: &str) -> Result<String, Plo
     let notes: Vec<String> = (lines.iter())
         .map(|line| format!("mean {}", micrometres(line.runs.mean_mm)))
         .collect();
-    let range = range(&lines);
     let rows = Rows {
         names: &names,
         notes: &notes,
         width: WHOLE,
-        axis: ChartAxis {
-            ticks: log_ticks(range.start, range.end),
-            range,
-        },
+        axis: ChartAxis::logarithmic(range(&lines)),
         title: "residual error at the test pose [\u{b5}m], logarithmic".to_owned(),
     };
     let highest = (lines.iter())
@@ -101,6 +101,111 @@ pub fn distances_figure(lines: &[Line<'_>], caption: &str) -> Result<String, Plo
         },
     )?;
     Ok(figure(&svg, caption))
+}
+
+/// The mean of each plan with its 95 % interval.
+pub fn means_figure(lines: &[Line<'_>]) -> Result<String, PlotError> {
+    let means: Vec<(&Line<'_>, [f64; 3])> = (lines.iter())
+        .filter_map(|line| {
+            let [low, high] = line.runs.mean_ci95_mm?;
+            Some((line, [low, line.runs.mean_mm?, high].map(logarithm)))
+        })
+        .collect();
+    let all = || means.iter().flat_map(|(_, ends)| ends);
+    let (low, high) = (
+        all().copied().fold(f64::MAX, f64::min),
+        all().copied().fold(f64::MIN, f64::max),
+    );
+    if means.is_empty() {
+        return Ok(String::new());
+    }
+    let names: Vec<String> = means.iter().map(|(line, _)| line.name.clone()).collect();
+    let micro = |logarithm: f64| format!("{:.2}", 10_f64.powf(logarithm));
+    let notes: Vec<String> = (means.iter())
+        .map(|(_, [low, mean, high])| {
+            format!("{} ({} to {})", micro(*mean), micro(*low), micro(*high))
+        })
+        .collect();
+    let rows = Rows {
+        names: &names,
+        notes: &notes,
+        width: WHOLE,
+        axis: ChartAxis::logarithmic(low - MARGIN..high + MARGIN),
+        title: "mean residual error [\u{b5}m], logarithmic".to_owned(),
+    };
+    let svg = drawing(
+        rows.size(),
+        "Mean residual error of each plan with its 95 % interval",
+        |area| {
+            let mut chart = rows.draw(area, &|tick| short(10_f64.powf(*tick)))?;
+            for (row, (line, ends)) in means.iter().enumerate() {
+                interval(&mut chart, *ends, rows.middle(row), line.role.colour())?;
+            }
+            Ok(())
+        },
+    )?;
+    Ok(figure(
+        &svg,
+        "Mean of each plan's runs with its 95 % interval, in \u{b5}m.",
+    ))
+}
+
+/// The share of each plan's runs that stay below an error.
+pub fn shares_figure(lines: &[Line<'_>]) -> Result<String, PlotError> {
+    let lines: Vec<&Line<'_>> = (lines.iter()).filter(|line| line.runs.runs > 0).collect();
+    if lines.is_empty() {
+        return Ok(String::new());
+    }
+    let series = |(index, line): (usize, &&Line<'_>)| {
+        let colour = match line.role {
+            Role::Other => COLOURS[1 + index % (COLOURS.len() - 1)],
+            role => role.colour(),
+        };
+        let mark = if index < COLOURS.len() {
+            Mark::Line
+        } else {
+            Mark::Dashed
+        };
+        Series::new(&line.name, colour, mark)
+    };
+    let series: Vec<Series> = lines.iter().enumerate().map(series).collect();
+    let axes = [
+        ChartAxis::logarithmic(range(&lines)),
+        ChartAxis::linear(0.0..100.0, 5),
+    ];
+    let names = [
+        "residual error at the test pose [\u{b5}m], logarithmic",
+        "runs below it [%]",
+    ];
+    let svg = drawing(
+        (WHOLE, 620),
+        "Cumulative distribution of the residual error",
+        |area| {
+            let inside = axes[0].range.clone();
+            let mut chart = chart_of(area, axes, names, &series, &|tick| {
+                short(10_f64.powf(*tick))
+            })?;
+            for (line, series) in lines.iter().zip(&series) {
+                let points = below(line.runs).filter(|(x, _)| inside.contains(x));
+                series.draw(&mut chart, &points.collect::<Vec<_>>())?;
+            }
+            Ok(())
+        },
+    )?;
+    Ok(figure(
+        &svg,
+        "Empirical cumulative distribution of each plan's runs.",
+    ))
+}
+
+/// The upper end of each bin (logarithm of um) and the share of the runs below it (%).
+fn below(runs: &StudyPlanMessage) -> impl Iterator<Item = (f64, f64)> {
+    let ends = runs.histogram.edges_mm.iter().skip(1);
+    let counts = runs.histogram.counts.iter();
+    counts.zip(ends).scan(0, |below, (count, end)| {
+        *below += count;
+        Some((logarithm(*end), 100.0 * *below as f64 / runs.runs as f64))
+    })
 }
 
 /// Draws a plan's hill with its foot at a height; `highest` is the highest share of any plan.
@@ -139,7 +244,7 @@ fn draw_line(
 /// The numbers below the figure.
 pub fn distances_table(lines: &[Line<'_>]) -> String {
     let micro = |value: Option<f64>| number(value.map(|value| value * 1e3), 3);
-    let interval = |[low, high]: [f64; 2]| format!("{:.3} to {:.3}", low * 1e3, high * 1e3);
+    let interval = |[low, high]: [f64; 2]| format!("{:.3}\u{a0}to {:.3}", low * 1e3, high * 1e3);
     let has_printed = lines.iter().any(|line| line.printed_mean_mm.is_some());
     let mut header = vec![
         "plan",

@@ -5,7 +5,8 @@ use std::ops::Range;
 use plotters::prelude::*;
 
 use super::charts::{
-    Area, Chart, ChartAxis, GRID, HALF, INK, Rows, SOFT, WHOLE, drawing, short, text, ticks,
+    Area, Chart, ChartAxis, GRID, HALF, INK, Rows, WHOLE, draw_axes, drawing, interval, short,
+    text, whole_ticks,
 };
 use crate::record::evidence::{AccuracyMessage, CriterionPlanMessage};
 use crate::text::wording::{micrometres, percent};
@@ -49,7 +50,7 @@ pub fn accuracy_figure(
                 "measurements",
                 "\u{3c1}\u{2080}, rms residual error [\u{b5}m]",
             ];
-            draw_axes(&mut chart, names, true)?;
+            draw_axes(&mut chart, names, &|x: &f64| short(*x))?;
             let [blue, orange, ..] = COLOURS;
             chart
                 .draw_series(DashedLineSeries::new(bound, 10, 7, INK.stroke_width(3)))?
@@ -103,7 +104,7 @@ pub fn path_figure(values_um: &[f64], over_all_um: Option<f64>) -> Result<String
     drawing((WHOLE, HEIGHT), "Accuracy along the test poses", |area| {
         let mut chart = over_measurements(area, 14, &x, (0.0..top.max(f64::MIN_POSITIVE), 5))?;
         let names = ["test pose", "\u{3c1}\u{2080} [\u{b5}m]"];
-        draw_axes(&mut chart, names, true)?;
+        draw_axes(&mut chart, names, &|x: &f64| short(*x))?;
         let blue = COLOURS[0];
         if let Some(all) = over_all_um {
             let across = [(x.start, all), (x.end, all)];
@@ -134,10 +135,7 @@ pub fn criteria_figure(plans: &[CriterionPlanMessage]) -> Result<String, PlotErr
         names: &names,
         notes: &notes,
         width: HALF,
-        axis: ChartAxis {
-            range: 0.0..high,
-            ticks: ticks(0.0, high, 4),
-        },
+        axis: ChartAxis::linear(0.0..high, 4),
         title: "\u{3c1}\u{2080} at the test pose [\u{b5}m]".to_owned(),
     };
     drawing(
@@ -196,10 +194,7 @@ pub fn compliances_figure(estimates: &[RelativeEstimate]) -> Result<String, Plot
         names: &names,
         notes: &notes,
         width: HALF,
-        axis: ChartAxis {
-            range: -high..high,
-            ticks: ticks(-high, high, 6),
-        },
+        axis: ChartAxis::linear(-high..high, 6),
         title: "estimate less simulated truth, share of it [%]".to_owned(),
     };
     drawing(
@@ -213,14 +208,8 @@ pub fn compliances_figure(estimates: &[RelativeEstimate]) -> Result<String, Plot
                 let Some((error, [low, high])) = each.error else {
                     continue;
                 };
-                let (y, blue) = (rows.middle(row), COLOURS[0]);
-                let bar = [(low * 100.0, y), (high * 100.0, y)];
-                chart.draw_series([PathElement::new(bar, blue.stroke_width(5))])?;
-                for end in bar {
-                    let cap = [(end.0, y - 0.16), (end.0, y + 0.16)];
-                    chart.draw_series([PathElement::new(cap, blue.stroke_width(5))])?;
-                }
-                chart.draw_series([Circle::new((error * 100.0, y), 10, blue.filled())])?;
+                let ends = [low, error, high].map(|share| share * 100.0);
+                interval(&mut chart, ends, rows.middle(row), COLOURS[0])?;
             }
             Ok(())
         },
@@ -238,7 +227,11 @@ pub fn residuals_figure(standardised: &[[Option<f64>; 3]]) -> Result<String, Plo
         let mut chart = over_measurements(area, 52, &x, (-high..high, 6))?;
         let band = [(x.start, -NORMAL_95), (x.end, NORMAL_95)];
         chart.draw_series([Rectangle::new(band, GRID.mix(0.6).filled())])?;
-        draw_axes(&mut chart, ["measurement", "standardised residual"], false)?;
+        draw_axes(
+            &mut chart,
+            ["measurement", "standardised residual"],
+            &|x: &f64| short(*x),
+        )?;
         chart.draw_series([PathElement::new([(x.start, 0.0), (x.end, 0.0)], INK)])?;
         for (axis, (name, offset, x)) in AXES.into_iter().enumerate() {
             let colour = COLOURS[axis];
@@ -267,39 +260,14 @@ fn over_measurements<'a, 'b>(
     x: &Range<f64>,
     (y, about): (Range<f64>, u32),
 ) -> Result<Chart<'a, 'b>, PlotError> {
-    let along_x = ChartAxis {
-        range: x.clone(),
-        ticks: whole_ticks(x.start, x.end),
-    };
-    let along_y = ChartAxis {
-        ticks: ticks(y.start, y.end, about),
-        range: y,
-    };
+    let along_x = ChartAxis::new(x.clone(), whole_ticks(x.start, x.end));
+    let along_y = ChartAxis::linear(y, about);
     Ok(ChartBuilder::on(area)
         .margin(14)
         .margin_top(room_above)
         .x_label_area_size(78)
         .y_label_area_size(104)
         .build_cartesian_2d(along_x, along_y)?)
-}
-
-/// Draws its axes with their names and the grid, with or without the lines that go up.
-fn draw_axes(chart: &mut Chart<'_, '_>, [x, y]: [&str; 2], goes_up: bool) -> Result<(), PlotError> {
-    let mut mesh = chart.configure_mesh();
-    if !goes_up {
-        mesh.disable_x_mesh();
-    }
-    mesh.light_line_style(TRANSPARENT)
-        .bold_line_style(GRID)
-        .axis_style(SOFT)
-        .label_style(text(INK))
-        .axis_desc_style(text(SOFT))
-        .x_desc(x)
-        .y_desc(y)
-        .x_label_formatter(&|x| short(*x))
-        .y_label_formatter(&|y| short(*y))
-        .draw()?;
-    Ok(())
 }
 
 /// A mark of its own shape for each coordinate: the colour is not all that tells them apart.
@@ -311,13 +279,4 @@ fn marker(axis: usize, (x, y): (i32, i32), colour: RGBColor) -> Polygon<(i32, i3
     };
     let corners: Vec<_> = corners.iter().map(|(dx, dy)| (x + dx, y + dy)).collect();
     Polygon::new(corners, colour.filled())
-}
-
-/// Ticks at whole numbers.
-fn whole_ticks(low: f64, high: f64) -> Vec<f64> {
-    let mut ticks = ticks(low, high, 8);
-    if ticks.windows(2).any(|pair| pair[1] - pair[0] < 1.0) {
-        ticks.retain(|tick| (tick - tick.round()).abs() < 1e-9);
-    }
-    ticks
 }

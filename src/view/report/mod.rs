@@ -8,7 +8,7 @@
 //! The numbers are those of the JSON records.
 
 mod absolute;
-mod charts;
+pub(super) mod charts;
 mod distances;
 mod figures;
 mod overview;
@@ -51,7 +51,7 @@ pub struct RunRecord<'a> {
     pub conditions: &'a [Condition],
     /// The command that made the report.
     pub command: &'a str,
-    /// The robot in each configuration (SVG).
+    /// The robot in each configuration (HTML).
     pub stills: &'a str,
 }
 
@@ -69,45 +69,49 @@ pub fn run_page(run: &RunRecord<'_>) -> Result<String, PlotError> {
     body += &distances(evidence, &calibration.name)?;
     let budget = assessment.uncertainty_budget.as_ref();
     body += &sources::budget_section(budget, CONTRIBUTIONS);
+    body += &pair([
+        section("compliances", "Compliances", &compliances(calibration)?),
+        section(
+            "residuals",
+            "Standardised residuals",
+            &residuals(calibration)?,
+        ),
+    ]);
+    body += &section("plans", "The plans in this run", &plans(run));
     let accuracy = accuracy_figure(
         (&evidence.accuracy, &evidence.repeated),
         &evidence.lower_bounds_rho0_mm,
         assessment.experiments,
     )?;
     let criteria = criteria_figure(&evidence.criteria_compared)?;
-    body += &format!(
-        "<div class=\"pair\">\n{}{}</div>\n",
-        section(
-            "accuracy",
-            "More or fewer measurements",
-            &figure(&accuracy, &accuracy_caption(assessment.experiments))
-        ),
+    body += &pair([
         section(
             "criteria",
             "The criteria compared",
-            &(figure(&criteria, &criteria_caption(&evidence.criteria_compared)) + CRITERIA_LEGEND)
-        )
-    );
+            &(figure(&criteria, &criteria_caption(&evidence.criteria_compared)) + CRITERIA_LEGEND),
+        ),
+        section(
+            "accuracy",
+            "More or fewer measurements",
+            &figure(&accuracy, &accuracy_caption(assessment.experiments)),
+        ),
+    ]);
+    body += &overview::next_steps(run, assessment);
     body += &section(
         "configurations",
         "What to measure",
         &configurations(run, calibration),
     );
-    body += &format!(
-        "<div class=\"pair\">\n{}{}</div>\n",
-        section("compliances", "Compliances", &compliances(calibration)?),
-        section(
-            "residuals",
-            "Standardised residuals",
-            &residuals(calibration)?
-        )
-    );
-    body += &section("plans", "The plans in this run", &plans(run));
     body += &provenance(&ProvenanceMessage::new(run.scenario), run.command);
     Ok(page(
         &format!("{}: calibration report", run.scenario.name),
         &body,
     ))
+}
+
+/// Two sections beside each other, where there is room.
+fn pair(sections: [String; 2]) -> String {
+    format!("<div class=\"pair\">\n{}</div>\n", sections.concat())
 }
 
 /// Many runs of every plan; `own` is the designed one.
@@ -205,7 +209,7 @@ fn configurations(run: &RunRecord<'_>, calibration: &CalibrationMessage) -> Stri
         })
         .collect();
     format!(
-        "<div class=\"wide stills\" role=\"img\" aria-label=\"The robot in each configuration\">{}</div>\n{}{}",
+        "<div class=\"stills\">{}</div>\n{}{}",
         run.stills,
         paragraph(
             "The same numbers are in plan.csv. Loads act at the calibration tool, in the world frame, z up."
@@ -250,7 +254,7 @@ fn compliances(calibration: &CalibrationMessage) -> Result<String, PlotError> {
     }
     let svg = compliances_figure(&estimates)?;
     let caption = "From this run's measurements of the virtual robot, beside the simulated truth of this run: 95 % of such intervals cover it.";
-    let unit = "compliance [1e-6 rad/(N m)]";
+    let unit = "compliance [\u{b5}rad/(N m)]";
     Ok(figure(&svg, caption) + &table(&["joint", unit, "95 % interval", "simulated truth"], &rows))
 }
 

@@ -1,16 +1,16 @@
-//! The top of a run's report: which plan, how accurate, proved by what, and what to do.
+//! What a run's report answers first: which plan, how accurate, proved by what; and what to do.
 
 use super::RunRecord;
 use crate::plan::UncertaintyBudget;
 use crate::plan::search::RepeatsNeeded;
 use crate::record::messages::{AssessmentMessage, CalibrationMessage};
 use crate::text::wording::{counted, micrometres, number, percent, shell_path};
-use crate::view::markup::{card, escaped, paragraph};
+use crate::view::markup::{card, escaped, paragraph, section};
 
 /// Searches of which at least this share agree count as agreeing.
 const MANY: f64 = 0.05;
 
-/// Title, cards and next steps.
+/// Title and cards.
 pub fn overview(
     run: &RunRecord<'_>,
     calibration: &CalibrationMessage,
@@ -25,11 +25,10 @@ pub fn overview(
     ];
     format!(
         "<header><h1>Calibration plan: {}</h1>\n<p class=\"lead\">{}</p></header>\n\
-         <div class=\"cards\">\n{}</div>\n{}",
+         <div class=\"cards\">\n{}</div>\n",
         escaped(&run.scenario.name),
         escaped(&run.scenario.description),
-        cards.concat(),
-        next_steps(run, assessment)
+        cards.concat()
     )
 }
 
@@ -183,7 +182,7 @@ fn check_card(run: &RunRecord<'_>, assessment: &AssessmentMessage) -> String {
 }
 
 /// What to do with the plan in the laboratory.
-fn next_steps(run: &RunRecord<'_>, assessment: &AssessmentMessage) -> String {
+pub fn next_steps(run: &RunRecord<'_>, assessment: &AssessmentMessage) -> String {
     let scenario = shell_path(&run.scenario.path);
     let step = |text: &str, command: &str| {
         let command = if command.is_empty() {
@@ -215,7 +214,8 @@ fn next_steps(run: &RunRecord<'_>, assessment: &AssessmentMessage) -> String {
         steps += &step(&more.0, &format!("elastocal plan {scenario} {}", more.1));
     }
     let lead = paragraph("Instead of the virtual robot, on yours:");
-    format!("<div class=\"next\"><h2>What to do next</h2>\n{lead}<ol>\n{steps}</ol></div>\n")
+    let steps = format!("{lead}<ol class=\"next\">\n{steps}</ol>\n");
+    section("next", "What to do next", &steps)
 }
 
 /// The next larger plan that was searched.

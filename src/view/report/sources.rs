@@ -1,16 +1,14 @@
 //! The uncertainty budget as a table, with a bar in the cell of each source's share of variance.
 
 use crate::plan::{BudgetSource, UncertaintyBudget};
-use crate::record::account::ContributionMessage;
 use crate::record::study::StudyPlanMessage;
 use crate::text::wording::{micrometres, number, percent, significant};
-use crate::view::markup::{escaped, paragraph, section};
+use crate::view::markup::{escaped, micro_sign, paragraph, section};
 
-/// A row of a table: its words and numbers, the share that ends it (%), and whether the planner's model has the source.
+/// A row of a table: its words and numbers, and the share that ends it (%).
 struct SourceRow {
     cells: Vec<String>,
     share_percent: f64,
-    is_hidden: bool,
 }
 
 /// A table whose last column is a share with its bar, the largest first.
@@ -24,18 +22,19 @@ fn with_bars(header: &[&str], mut rows: Vec<SourceRow>) -> String {
     let head = tagged("th", &mut header.iter().copied());
     let body = rows.iter().fold(String::new(), |all, row| {
         let cells = tagged("td", &mut row.cells.iter().map(String::as_str));
-        let class = if row.is_hidden { "bar hidden" } else { "bar" };
-        let (share, shown) = (
-            row.share_percent,
-            percent(Some(row.share_percent / 100.0), 1),
-        );
-        all + &format!(
-            "<tr>{cells}<td class=\"{class}\" style=\"--share: {share:.2}%\">{shown}</td></tr>\n"
-        )
+        let share = row.share_percent;
+        let bar = bar(share, false, &percent(Some(share / 100.0), 1));
+        all + &format!("<tr>{cells}{bar}</tr>\n")
     });
     format!(
         "<div class=\"wide\"><table>\n<thead><tr>{head}</tr></thead>\n<tbody>\n{body}</tbody>\n</table></div>\n"
     )
+}
+
+/// A cell with a bar over so many percent of it behind its text.
+fn bar(percent: f64, is_hidden: bool, text: &str) -> String {
+    let class = if is_hidden { "bar hidden" } else { "bar" };
+    format!("<td class=\"{class}\" style=\"--share: {percent:.2}%\">{text}</td>")
 }
 
 /// The section of a budget that has more than the instrument's noise, with what is to be known of it.
@@ -43,6 +42,7 @@ pub fn budget_section(budget: Option<&UncertaintyBudget>, about: &str) -> String
     let Some(budget) = budget.filter(|budget| budget.has_more_than_noise()) else {
         return String::new();
     };
+    let unit = |each: &BudgetSource| Some(micro_sign(each.unit.as_deref()?));
     let or_none = |text: Option<String>| text.unwrap_or_else(|| "\u{2013}".to_owned());
     let row = |each: &BudgetSource| SourceRow {
         cells: vec![
@@ -50,12 +50,11 @@ pub fn budget_section(budget: Option<&UncertaintyBudget>, about: &str) -> String
             each.evaluation.name().to_owned(),
             each.level.name().to_owned(),
             or_none(each.standard_uncertainty.map(|value| significant(value, 3))),
-            or_none(each.unit.clone()),
+            or_none(unit(each)),
             or_none(each.sensitivity.map(|value| significant(value, 3))),
             number(Some(each.contribution_um), 2),
         ],
         share_percent: each.variance_share_percent,
-        is_hidden: false,
     };
     let header = [
         "source",
@@ -104,36 +103,69 @@ pub fn verdict(runs: &StudyPlanMessage) -> Option<String> {
     ))
 }
 
-/// The verdict and the contributions of each plan of a study whose scenario lists what is uncertain.
+/// The verdict of each plan of a study whose scenario lists what is uncertain, and the contributions of all beside each other.
 pub fn of_study(plans: &[StudyPlanMessage]) -> String {
-    let mut body = String::new();
-    for plan in plans {
-        let Some(verdict) = verdict(plan) else {
-            continue;
-        };
-        body += &paragraph(&verdict);
-        let square = |each: &ContributionMessage| each.contribution_um.powi(2);
-        let total: f64 = plan.contributions.iter().map(square).sum();
-        let row = |each: &ContributionMessage| {
-            let hidden = if each.hidden { " (hidden)" } else { "" };
-            SourceRow {
-                cells: vec![
-                    format!("{}{hidden}", each.source),
-                    number(Some(each.contribution_um), 2),
-                ],
-                share_percent: 100.0 * square(each) / total,
-                is_hidden: each.hidden,
-            }
-        };
-        let header = ["source", "contribution [\u{b5}m]", "share of variance"];
-        body += &with_bars(&header, plan.contributions.iter().map(row).collect());
+    let verdicts: String = (plans.iter().filter_map(verdict))
+        .map(|verdict| paragraph(&verdict))
+        .collect();
+    let plans: Vec<&StudyPlanMessage> = (plans.iter())
+        .filter(|plan| verdict(plan).is_some() && !plan.contributions.is_empty())
+        .collect();
+    if plans.is_empty() {
+        return String::new();
     }
-    if body.is_empty() {
-        return body;
+    let about = "Contributions to the errors of the simulated truth (\u{b5}m), to first order; squares add up. Orange: the planner's model \
+                 does not have the source.";
+    section(
+        "sources",
+        "Uncertainty budget",
+        &(verdicts + &contributions(&plans) + &paragraph(about)),
+    )
+}
+
+/// A row for each source and a column for each plan; bars are as long as contributions, the largest source comes first.
+fn contributions(plans: &[&StudyPlanMessage]) -> String {
+    let all = || plans.iter().flat_map(|plan| &plan.contributions);
+    let largest_of = |source: &str| {
+        let of_source = all().filter(|each| each.source == source);
+        of_source
+            .map(|each| each.contribution_um)
+            .fold(0.0, f64::max)
+    };
+    let mut sources: Vec<&str> = Vec::new();
+    for each in all() {
+        if !sources.contains(&each.source.as_str()) {
+            sources.push(&each.source);
+        }
     }
-    let about = "Contributions to the errors of the simulated truth, to first order; squares add up. Orange: the planner's model does \
-                 not have the source.";
-    section("sources", "Uncertainty budget", &(body + &paragraph(about)))
+    sources.sort_by(|one, other| largest_of(other).total_cmp(&largest_of(one)));
+    let largest = largest_of(sources.first().unwrap_or(&"")).max(f64::MIN_POSITIVE);
+    let cell = |plan: &&StudyPlanMessage, source: &str| {
+        let found = plan.contributions.iter().find(|each| each.source == source);
+        found.map_or_else(
+            || "<td></td>".to_owned(),
+            |each| {
+                bar(
+                    100.0 * each.contribution_um / largest,
+                    each.hidden,
+                    &number(Some(each.contribution_um), 2),
+                )
+            },
+        )
+    };
+    let row = |source: &str| {
+        let cells: String = plans.iter().map(|plan| cell(plan, source)).collect();
+        let is_hidden = all().any(|each| each.source == source && each.hidden);
+        let hidden = if is_hidden { " (hidden)" } else { "" };
+        format!("<tr><td>{}{hidden}</td>{cells}</tr>\n", escaped(source))
+    };
+    let head: String = (plans.iter())
+        .map(|plan| format!("<th>{}</th>", escaped(&plan.name)))
+        .collect();
+    let body: String = sources.into_iter().map(row).collect();
+    format!(
+        "<div class=\"wide\"><table>\n<thead><tr><th>source</th>{head}</tr></thead>\n<tbody>\n{body}</tbody>\n</table></div>\n"
+    )
 }
 
 #[cfg(test)]
@@ -142,15 +174,14 @@ mod tests {
 
     #[test]
     fn bars_are_as_long_as_shares_and_the_largest_comes_first() {
-        let row = |name: &str, share_percent, is_hidden| SourceRow {
+        let row = |name: &str, share_percent| SourceRow {
             cells: vec![name.to_owned()],
             share_percent,
-            is_hidden,
         };
-        let rows = vec![row("a <&", 36.0, false), row("b", 64.0, true)];
+        let rows = vec![row("a <&", 36.0), row("b", 64.0)];
         let html = with_bars(&["source", "share"], rows);
         let places = [
-            "<td>b</td><td class=\"bar hidden\" style=\"--share: 64.00%\">64.0\u{a0}%</td>",
+            "<td>b</td><td class=\"bar\" style=\"--share: 64.00%\">64.0\u{a0}%</td>",
             "<td>a &lt;&amp;</td><td class=\"bar\" style=\"--share: 36.00%\">36.0\u{a0}%</td>",
         ]
         .map(|part| html.find(part).expect(part));

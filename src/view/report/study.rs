@@ -1,7 +1,9 @@
 //! The page of a Monte Carlo study.
 
 use super::absolute::ABSOLUTE_ACCURACY;
-use super::distances::{Line, Role, distances_figure, distances_table};
+use super::distances::{
+    Line, Role, distances_figure, distances_table, means_figure, shares_figure,
+};
 use super::{conditions_card, provenance, sources};
 use crate::codes::Condition;
 use crate::record::messages::ProvenanceMessage;
@@ -71,7 +73,10 @@ pub fn study_page(study: &StudyPageRecord<'_>) -> Result<String, PlotError> {
     body += &section(
         "distances",
         "How far off the tool is after compensation",
-        &(distances_figure(&lines, &caption)? + &distances_table(&lines)),
+        &(means_figure(&lines)?
+            + &distances_figure(&lines, &caption)?
+            + &shares_figure(&lines)?
+            + &distances_table(&lines)),
     );
     body += &sources::of_study(study.plans);
     body += &provenance(study.provenance, study.command);
