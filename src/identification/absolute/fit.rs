@@ -57,7 +57,7 @@ pub enum ReadingWeights {
 
 /// The probability of residuals at least as large; none where nothing is left over.
 fn consistency(fit: &ParameterFit) -> Option<f64> {
-    let chi_square = ChiSquared::new(fit.degrees_of_freedom() as f64).ok()?;
+    let chi_square = ChiSquared::new(fit.degrees_of_freedom()).ok()?;
     Some(chi_square.sf(fit.square))
 }
 
@@ -328,8 +328,8 @@ impl AbsoluteCase<'_> {
         [position_m, rotation_rad]: [f64; 2],
     ) -> Option<(Vec<LinearReading>, MixedModel)> {
         let joints = self.commanded_joints();
-        let variances = 2 * (joints.len() + 1);
-        if self.visits.len() < LEAST_STANDS || fit.degrees_of_freedom() < 2 * variances {
+        let variances = joints.len() + 1;
+        if self.visits.len() < LEAST_STANDS || fit.degrees_of_freedom() < 4.0 * variances as f64 {
             return None;
         }
         let values = &fit.posterior.mean;

@@ -133,7 +133,7 @@ impl AbsoluteCase<'_> {
             freedom: f64::INFINITY,
         };
         if 1.0 - judged.spare >= LITTLE {
-            judged.freedom = fit.degrees_of_freedom() as f64;
+            judged.freedom = fit.degrees_of_freedom();
             let covariance = &fit.posterior.covariance;
             let mut here = self.clone();
             let values = here.rebased(set, fit);

@@ -88,6 +88,8 @@ pub struct ParameterFit {
     pub freedoms: Freedoms,
     /// The number of scalar readings.
     pub rows: usize,
+    /// How many parameters the readings determine, less what a prior knows of them: the trace of the gain by the design.
+    pub determined: f64,
     /// The sum of squares of the whitened residuals, without the prior's.
     pub square: f64,
     /// The number of steps.
@@ -95,14 +97,14 @@ pub struct ParameterFit {
 }
 
 impl ParameterFit {
-    /// Scalar readings, less what they determine.
-    pub fn degrees_of_freedom(&self) -> usize {
-        self.rows.saturating_sub(self.posterior.estimable.rank())
+    /// Scalar readings, less what they determine: the mean of the sum of squares.
+    pub fn degrees_of_freedom(&self) -> f64 {
+        (self.rows as f64 - self.determined).max(0.0)
     }
 
     /// The share of the numbers that the fit did not use up.
     pub fn spare(&self) -> f64 {
-        self.degrees_of_freedom().max(1) as f64 / self.rows as f64
+        self.degrees_of_freedom().max(1.0) / self.rows as f64
     }
 }
 
@@ -219,7 +221,10 @@ fn fit(
     let start = nominal_values + within.component_mul(&scales);
     let (values, solved, iterations) = problem.solve(&start)?;
     let units = estimable.basis_in_units();
-    let covariance = symmetric(&(&units * solved.factor.inverse() * units.transpose()));
+    let inverse = solved.factor.inverse();
+    let known_before = estimable.basis().tr_mul(&problem.prior) * estimable.basis();
+    let determined = estimable.rank() as f64 - known_before.dot(&inverse);
+    let covariance = symmetric(&(&units * inverse * units.transpose()));
     let names = set.parameters().iter().map(|each| each.name.clone());
     Ok(ParameterFit {
         belief: set.apply(nominal, values.as_slice()),
@@ -234,6 +239,7 @@ fn fit(
             .iter()
             .map(|each| each.reading.kind().rows())
             .sum(),
+        determined,
         square: solved.equations.square,
         iterations,
     })

@@ -327,6 +327,40 @@ fn badly_explained_readings_take_few_steps() {
     assert!(given_up.square > 100.0 * given_up.rows as f64);
 }
 
+/// Parameters that a prior knows about as well as the readings do use up half a reading each: residuals of robots that are sampled from
+/// it are as large as their degrees of freedom.
+#[test]
+fn priors_leave_their_part_to_the_residuals() {
+    const RUNS: u32 = 300;
+    let mut belief = ur10();
+    belief.tools.truncate(1);
+    let joints = 0..belief.chain.len();
+    let deviation = 0.5 * SIGMA_RAD;
+    let zeros = joints.map(|joint| (ParameterKind::JointZero { joint }, Some(deviation)));
+    let set = ParameterSet::new(&belief, zeros).expect("a set");
+    let mut numbers = Numbers(31);
+    let setups = setups(&mut numbers, &belief, 3, 0.0);
+    let (mut square, mut freedom) = (0.0, 0.0);
+    for _ in 0..RUNS {
+        let truth = DVector::from_fn(set.len(), |_, _| deviation * numbers.normal());
+        let observations = observe(&mut numbers, &belief, &set, &truth, &setups, 1.0);
+        let fit = fit_parameters(&belief, &set, &observations).expect("a fit");
+        square += fit.square;
+        freedom += fit.degrees_of_freedom();
+        let rank = fit.posterior.estimable.rank() as f64;
+        assert!(
+            fit.determined > 0.1 * rank && fit.determined < 0.95 * rank,
+            "{fit:?}"
+        );
+    }
+    // A sum of squares has at most twice its mean for a variance.
+    let allowed = 4.0 * (2.0 / freedom).sqrt();
+    assert!(
+        (square / freedom - 1.0).abs() < allowed,
+        "{square} {freedom} {allowed}"
+    );
+}
+
 /// Frames that are half a metre and half a radian away, and residuals that are noise: far is not hopeless.
 #[test]
 fn a_far_start_is_not_given_up() {
@@ -342,7 +376,7 @@ fn a_far_start_is_not_given_up() {
         let setups = setups(&mut numbers, &belief, 100, 0.0);
         let observations = observe(&mut numbers, &belief, &set, &truth, &setups, 1.0);
         let fit = fit_if_plausible(&belief, &set, &observations, None).expect("a fit");
-        let mean_square = fit.square / fit.degrees_of_freedom() as f64;
+        let mean_square = fit.square / fit.degrees_of_freedom();
         assert!((0.8..1.25).contains(&mean_square), "{sizes}: {mean_square}");
     }
 }
@@ -388,11 +422,7 @@ fn intervals_hold_the_truth_as_often_as_they_say() {
             });
             let error = DVector::from_vec(fit.posterior.mean.clone()) - &truth;
             let nees = fit.posterior.normalised_square(&error).expect("regular");
-            (
-                held.collect(),
-                fit.square / fit.degrees_of_freedom() as f64,
-                nees,
-            )
+            (held.collect(), fit.square / fit.degrees_of_freedom(), nees)
         })
         .collect();
     let share = |index: usize| {
