@@ -199,13 +199,13 @@ fn stops(
             let picture = &pictures[first.experiments[0]].load;
             text += &hang(scenario, index + 1, load, picture);
         }
-        let _ = writeln!(text, "<table class=\"stops\">\n{HEAD}");
+        let _ = writeln!(text, "<div class=\"wide\"><table class=\"stops\">\n{HEAD}");
         for stop in group {
             let place = places.iter().position(|place| place.contains(&index));
             index += 1;
             text += &of_stop(&commands, (index, place.unwrap_or(0) + 1), stop);
         }
-        text += "</table>\n";
+        text += "</table></div>\n";
     }
     text
 }
