@@ -199,13 +199,13 @@ fn stops(
             let picture = &pictures[first.experiments[0]].load;
             text += &hang(scenario, index + 1, load, picture);
         }
-        let _ = writeln!(text, "<table class=\"stops\">\n{HEAD}");
+        let _ = writeln!(text, "<div class=\"wide\"><table class=\"stops\">\n{HEAD}");
         for stop in group {
             let place = places.iter().position(|place| place.contains(&index));
             index += 1;
             text += &of_stop(&commands, (index, place.unwrap_or(0) + 1), stop);
         }
-        text += "</table>\n";
+        text += "</table></div>\n";
     }
     text
 }
@@ -252,11 +252,13 @@ fn of_stop(commands: &Commands, (index, place): (usize, usize), stop: &Stop) -> 
         .collect();
     let lines = stop.readings.clamp(1, LINES);
     let blank = "<td></td><td></td><td></td>";
-    let more: String = (2..=lines)
-        .map(|line| {
-            format!("<tr class=\"line\"><td colspan=\"4\"></td><td>{line}</td>{blank}</tr>\n")
-        })
-        .collect();
+    let mut more = String::new();
+    for line in 2..=lines {
+        let _ = writeln!(
+            more,
+            "<tr class=\"line\"><td colspan=\"4\"></td><td>{line}</td>{blank}</tr>"
+        );
+    }
     let rest = match stop.readings.saturating_sub(lines) {
         0 => String::new(),
         rest => format!(

@@ -604,7 +604,16 @@ fn the_run_sheet_looks_well() {
     assert_eq!(sheet.matches("class=\"stop\"").count(), 8);
     assert_eq!(sheet.matches("hang the load (0, 0, -2500) N").count(), 1);
     assert_eq!(sheet.matches("class=\"tick\"").count(), 8);
-    crate::browser::looks_well(&workplace.path("out/s/lab/run_sheet.html"), 8);
+    // Each configuration once, though it is visited twice, and where the load hangs.
+    assert_eq!(sheet.matches("class=\"place\"").count(), 4);
+    for said in [
+        ", 254.84 kg.",
+        "instrument, serial number",
+        "at the TCP of tool 1",
+    ] {
+        assert_eq!(sheet.matches(said).count(), 1, "{said}");
+    }
+    crate::browser::looks_well(&workplace.path("out/s/lab/run_sheet.html"), 5);
 }
 
 /// A plan by minutes repeats where that is cheap: it takes no longer, ways included, and predicts less error than as many

@@ -69,7 +69,7 @@ pub fn run_page(run: &RunRecord<'_>) -> Result<String, PlotError> {
     body += &distances(evidence, &calibration.name)?;
     let budget = assessment.uncertainty_budget.as_ref();
     body += &sources::budget_section(budget, CONTRIBUTIONS);
-    body += &pair([
+    body += &pair(&[
         section("compliances", "Compliances", &compliances(calibration)?),
         section(
             "residuals",
@@ -84,7 +84,7 @@ pub fn run_page(run: &RunRecord<'_>) -> Result<String, PlotError> {
         assessment.experiments,
     )?;
     let criteria = criteria_figure(&evidence.criteria_compared)?;
-    body += &pair([
+    body += &pair(&[
         section(
             "criteria",
             "The criteria compared",
@@ -110,7 +110,7 @@ pub fn run_page(run: &RunRecord<'_>) -> Result<String, PlotError> {
 }
 
 /// Two sections beside each other, where there is room.
-fn pair(sections: [String; 2]) -> String {
+fn pair(sections: &[String; 2]) -> String {
     format!("<div class=\"pair\">\n{}</div>\n", sections.concat())
 }
 

@@ -159,12 +159,11 @@ fn contributions(plans: &[&StudyPlanMessage]) -> String {
         let hidden = if is_hidden { " (hidden)" } else { "" };
         format!("<tr><td>{}{hidden}</td>{cells}</tr>\n", escaped(source))
     };
-    let head: String = (plans.iter())
-        .map(|plan| format!("<th>{}</th>", escaped(&plan.name)))
-        .collect();
+    let names: Vec<String> = plans.iter().map(|plan| escaped(&plan.name)).collect();
+    let head = names.join("</th><th>");
     let body: String = sources.into_iter().map(row).collect();
     format!(
-        "<div class=\"wide\"><table>\n<thead><tr><th>source</th>{head}</tr></thead>\n<tbody>\n{body}</tbody>\n</table></div>\n"
+        "<div class=\"wide\"><table>\n<thead><tr><th>source</th><th>{head}</th></tr></thead>\n<tbody>\n{body}</tbody>\n</table></div>\n"
     )
 }
 
