@@ -412,3 +412,16 @@ pub fn short(value: f64) -> String {
     let text = text.trim_end_matches('0').trim_end_matches('.');
     if text == "-0" { "0" } else { text }.replace('-', "\u{2212}")
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn few_decades_have_a_number_at_every_line() {
+        let wide = ChartAxis::logarithmic(0.0..2.0);
+        assert_eq!([wide.ticks.len(), wide.minor.len()], [6, 12]);
+        let narrow = ChartAxis::logarithmic(0.36..0.77);
+        assert_eq!([narrow.ticks.len(), narrow.minor.len()], [3, 0]);
+    }
+}
