@@ -9,7 +9,7 @@ use crate::parameter::{ElasticArm, ParameterKind, ParameterSet};
 use crate::robot::Load;
 
 /// Readings of one configuration with errors of all levels, each of a class.
-struct Case {
+struct SharingCase {
     belief: ElasticArm,
     set: ParameterSet,
     setups: Vec<Setup>,
@@ -18,7 +18,7 @@ struct Case {
     classes: Vec<usize>,
 }
 
-impl Case {
+impl SharingCase {
     fn new(seed: u64, classes: &[usize]) -> Self {
         let mut numbers = Numbers(seed);
         let belief = ur10();
@@ -134,7 +134,7 @@ fn information_is_that_of_the_whole_covariance() {
     .iter()
     .enumerate()
     {
-        let case = Case::new(seed as u64 + 1, &classes);
+        let case = SharingCase::new(seed as u64 + 1, &classes);
         let found = case
             .equations()
             .information(&case.readings(), &case.visits(times));
@@ -160,7 +160,7 @@ fn information_is_that_of_the_whole_covariance() {
 #[test]
 fn bounds_hold_for_all_counts() {
     let classes = [0, 0, 1, 1];
-    let case = Case::new(7, &classes);
+    let case = SharingCase::new(7, &classes);
     let readings = case.readings();
     let bounds = case.equations().bounds(&readings, &classes);
     let mut numbers = Numbers(3);

@@ -2,8 +2,9 @@
 
 use plotters::prelude::*;
 
-use super::plots::{COLOURS, PlotError, SIZE};
-use super::report::charts::{Area, ChartAxis, INK, Mark, Series, chart_of, plot, short, text};
+use super::charts::{
+    Area, COLOURS, ChartAxis, INK, Mark, PlotError, SIZE, Series, chart_of, plot, short, text,
+};
 use crate::identification::DistanceStatistics;
 use crate::record::model_selection::{ModelSelectionMessage, NestedModelMessage};
 use crate::record::patterns::{PatternMessage, PatternsMessage};

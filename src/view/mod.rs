@@ -5,11 +5,12 @@
 //! - [`rerun_file`], [`mcap_file`]: the recordings.
 //! - [`stills`]: a sheet of pictures of the robot in each configuration of a plan.
 //! - [`run_sheet`]: the sheet to take along into the laboratory.
-//! - [`plots`]: plots as SVG; [`discrepancy_plots`]: those of what models leave; [`selection_plot`]: what came of choices of
-//!   readings.
+//! - [`plots`]: budgets of measurements as SVG; [`discrepancy_plots`]: residuals; [`selection_plot`]: choices of readings. All are made of
+//!   `charts`, as the figures of pages are.
 //! - [`report`]: pages to look at, on [`markup`].
 //! - [`mesh`]: the model's shapes as triangles.
 
+mod charts;
 pub mod discrepancy_plots;
 pub mod markup;
 pub mod mcap_file;

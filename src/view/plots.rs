@@ -1,37 +1,9 @@
-//! Plots as SVG, in colours that the colour-blind can tell apart (Okabe and Ito).
+//! Plots of budgets of measurements as SVG.
 
-use plotters::prelude::*;
-use thiserror::Error;
-
-use super::report::charts::{ChartAxis, INK, Mark, Series, chart_of, plot, short, whole_ticks};
+use super::charts::{
+    COLOURS, ChartAxis, INK, Mark, PlotError, SIZE, Series, chart_of, plot, short, whole_ticks,
+};
 use crate::plan::search::{BudgetPoint, repeated_configurations};
-
-pub(super) const SIZE: (u32, u32) = (1500, 840);
-pub(super) const COLOURS: [RGBColor; 5] = [
-    RGBColor(0, 114, 178),
-    RGBColor(230, 159, 0),
-    RGBColor(0, 158, 115),
-    RGBColor(204, 121, 167),
-    RGBColor(86, 180, 233),
-];
-
-/// A plot could not be drawn.
-#[derive(Debug, Error, Clone, PartialEq, Eq)]
-#[error("the plot could not be drawn: {0}")]
-pub struct PlotError(pub(super) String);
-
-impl PlotError {
-    /// For a reason.
-    pub fn new(reason: &str) -> Self {
-        Self(reason.to_owned())
-    }
-}
-
-impl<E: std::error::Error + Send + Sync> From<DrawingAreaErrorKind<E>> for PlotError {
-    fn from(error: DrawingAreaErrorKind<E>) -> Self {
-        Self(error.to_string())
-    }
-}
 
 /// `rho_0` against the number of measurements: a line for each number of configurations, and the
 /// bound that no plan can beat. Returns the SVG text.

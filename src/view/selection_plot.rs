@@ -2,8 +2,7 @@
 
 use plotters::style::RGBColor;
 
-use super::plots::{COLOURS, PlotError, SIZE};
-use super::report::charts::{ChartAxis, INK, Mark, Series, chart_of, plot};
+use super::charts::{COLOURS, ChartAxis, INK, Mark, PlotError, SIZE, Series, chart_of, plot};
 use crate::record::selection::{SelectionMessage, SelectionSizeMessage};
 
 /// The random choices of a size stand so far to the left of it at most, the planned ones to the right.

@@ -2,7 +2,7 @@
 //! type, level, standard uncertainty and sensitivity.
 
 use elastocal::parameter::SourceLevel::{
-    self, Campaign, Configuration, Instrument, Reading, Robot, Task,
+    self, Campaign, Configuration, Instrument, Reading, Robot, Task, Visit,
 };
 use elastocal::plan::absolute::AbsolutePlanning;
 use elastocal::plan::{Assessment, Evaluation, UncertaintyBudget};
@@ -25,15 +25,15 @@ type Listed = (
 const KINDS: [Listed; 22] = [
     (
         ("joint_repeatability", "std_mrad = 0.05"),
-        Reading,
+        Visit,
         Some((0.05, "mrad")),
     ),
     (
         ("load_direction", "std_mrad = 2"),
-        Reading,
+        Visit,
         Some((2.0, "mrad")),
     ),
-    (("load_point", "std_mm = 5"), Reading, Some((5.0, "mm"))),
+    (("load_point", "std_mm = 5"), Visit, Some((5.0, "mm"))),
     (
         ("tracker_range", "std_um_per_m = 3"),
         Reading,

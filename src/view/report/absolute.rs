@@ -2,7 +2,6 @@
 
 use plotters::prelude::*;
 
-use super::charts::{ChartAxis, Rows, WHOLE, drawing, short};
 use super::distances::{Line, Role, distances_figure, distances_table};
 use super::figures::path_figure;
 use super::{conditions_card, provenance, sources};
@@ -15,8 +14,9 @@ use crate::record::messages::ProvenanceMessage;
 use crate::record::study::StudyPlanMessage;
 use crate::scenario::Scenario;
 use crate::text::wording::{counted, dash, micrometres, number, percent};
+use crate::view::charts::{COLOURS, PlotError};
+use crate::view::charts::{ChartAxis, Rows, WHOLE, drawing, short};
 use crate::view::markup::{card, escaped, figure, micro_sign, page, paragraph, section, table};
-use crate::view::plots::{COLOURS, PlotError};
 
 /// What the page of a plan of absolute readings is made of.
 #[derive(Debug, Clone, Copy)]

@@ -2,13 +2,13 @@
 
 use plotters::prelude::*;
 
-use super::charts::{
-    Chart, ChartAxis, INK, Mark, Rows, Series, WHOLE, chart_of, drawing, interval, short,
-};
 use crate::record::study::StudyPlanMessage;
 use crate::text::wording::{inverse_interval, micrometres, number};
+use crate::view::charts::{COLOURS, PlotError};
+use crate::view::charts::{
+    Chart, ChartAxis, INK, Mark, Rows, Series, WHOLE, chart_of, drawing, interval, short,
+};
 use crate::view::markup::{figure, table};
-use crate::view::plots::{COLOURS, PlotError};
 
 /// The share of a row that the highest distribution fills.
 const FILL: f64 = 0.86;

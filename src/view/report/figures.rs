@@ -4,13 +4,13 @@ use std::ops::Range;
 
 use plotters::prelude::*;
 
-use super::charts::{
+use crate::record::evidence::{AccuracyMessage, CriterionPlanMessage};
+use crate::text::wording::{micrometres, percent};
+use crate::view::charts::{
     Area, Chart, ChartAxis, GRID, HALF, INK, Rows, WHOLE, draw_axes, drawing, interval, short,
     text, whole_ticks,
 };
-use crate::record::evidence::{AccuracyMessage, CriterionPlanMessage};
-use crate::text::wording::{micrometres, percent};
-use crate::view::plots::{COLOURS, PlotError};
+use crate::view::charts::{COLOURS, PlotError};
 
 /// The height of the figures that are no row charts.
 const HEIGHT: u32 = 620;

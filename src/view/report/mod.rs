@@ -8,7 +8,6 @@
 //! The numbers are those of the JSON records.
 
 mod absolute;
-pub(super) mod charts;
 mod distances;
 mod figures;
 mod overview;
@@ -16,8 +15,8 @@ mod reproduction;
 mod sources;
 mod study;
 
+use super::charts::{self, PlotError};
 use super::markup::{card, escaped, figure, page, paragraph, section, table};
-use super::plots::PlotError;
 use crate::codes::Condition;
 use crate::plan::search::RepeatsNeeded;
 use crate::record::evidence::{CriterionPlanMessage, EvidenceMessage};

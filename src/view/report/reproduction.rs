@@ -5,8 +5,8 @@ use super::provenance;
 use crate::paper::record::{FigureSevenMessage, ReproductionMessage, TableSixMessage};
 use crate::record::messages::{ExperimentMessage, ProvenanceMessage};
 use crate::text::wording::{number, percent};
+use crate::view::charts::PlotError;
 use crate::view::markup::{card, page, paragraph, section, table};
-use crate::view::plots::PlotError;
 
 /// The paper.
 const CITATION: &str = "A. Klimchik, A. Pashkevich, Y. Wu, S. Caro, B. Furet, Design of calibration experiments for \

@@ -9,8 +9,8 @@ use crate::codes::Condition;
 use crate::record::messages::ProvenanceMessage;
 use crate::record::study::StudyPlanMessage;
 use crate::text::wording::{counted, micrometres, number};
+use crate::view::charts::PlotError;
 use crate::view::markup::{card, escaped, page, section};
-use crate::view::plots::PlotError;
 
 /// What the page of a study is made of.
 #[derive(Debug, Clone, Copy)]

@@ -4,10 +4,39 @@
 use plotters::coord::ranged1d::{DefaultFormatting, KeyPointHint, Ranged};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
+use thiserror::Error;
 
 use crate::text::wording::shortened;
 use crate::view::markup::escaped;
-use crate::view::plots::PlotError;
+
+/// The size of a plot that is a file of its own.
+pub const SIZE: (u32, u32) = (1500, 840);
+/// Colours that the colour-blind can tell apart (Okabe and Ito).
+pub const COLOURS: [RGBColor; 5] = [
+    RGBColor(0, 114, 178),
+    RGBColor(230, 159, 0),
+    RGBColor(0, 158, 115),
+    RGBColor(204, 121, 167),
+    RGBColor(86, 180, 233),
+];
+
+/// A plot could not be drawn.
+#[derive(Debug, Error, Clone, PartialEq, Eq)]
+#[error("the plot could not be drawn: {0}")]
+pub struct PlotError(pub(super) String);
+
+impl PlotError {
+    /// For a reason.
+    pub fn new(reason: &str) -> Self {
+        Self(reason.to_owned())
+    }
+}
+
+impl<E: std::error::Error + Send + Sync> From<DrawingAreaErrorKind<E>> for PlotError {
+    fn from(error: DrawingAreaErrorKind<E>) -> Self {
+        Self(error.to_string())
+    }
+}
 
 /// The width of a figure that takes half a page (in units of the drawing).
 pub const HALF: u32 = 960;
