@@ -276,6 +276,19 @@ fn sources() -> [ReadingSource; 6] {
     ]
 }
 
+/// A source's errors are those of its level alone.
+fn check_level(source: &ReadingSource, errors: &ReadingErrors) {
+    let moves = |columns: &Matrix6xX<f64>| columns.ncols() > 0 && columns.amax() > 0.0;
+    let levels = [
+        (SourceLevel::Reading, errors.reading.amax() > 0.0),
+        (SourceLevel::Visit, moves(&errors.visit)),
+        (SourceLevel::Configuration, moves(&errors.configuration)),
+    ];
+    for (level, is_moved) in levels {
+        assert_eq!(is_moved, source.level() == level, "{source:?}");
+    }
+}
+
 /// Each source moves readings by as much as the covariance says, at a target that is not where the load acts.
 #[test]
 fn readings_are_disturbed_as_much_as_planned() {
@@ -330,15 +343,7 @@ fn readings_are_disturbed_as_much_as_planned() {
         let calibration = &belief.calibration_tool;
         let errors = ReadingErrors::new(bare, q, (calibration, &load), Some(&station), [source]);
         let is_shared = source.is_of_configuration();
-        let moves = |columns: &Matrix6xX<f64>| columns.ncols() > 0 && columns.amax() > 0.0;
-        let levels = [
-            (SourceLevel::Reading, errors.reading.amax() > 0.0),
-            (SourceLevel::Visit, moves(&errors.visit)),
-            (SourceLevel::Configuration, moves(&errors.configuration)),
-        ];
-        for (level, is_moved) in levels {
-            assert_eq!(is_moved, source.level() == level, "{source:?}");
-        }
+        check_level(source, &errors);
         let expected = errors.covariance();
         let found = sampled(&mut random, draws, |next| {
             let mut three = |size: f64| Vector3::from_fn(|_, _| size * next());

@@ -5,6 +5,15 @@ use std::collections::BTreeMap;
 use crate::experiment::{is_one_configuration, together};
 use crate::measurement::AbsoluteReading;
 
+/// What tells a visit from others.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum VisitName<'a> {
+    /// A word of a file, and the station.
+    Given(&'a str, Option<&'a str>),
+    /// The number of a configuration under a load from a station, and which visit of it.
+    Counted(usize, usize),
+}
+
 /// Readings by their places: those of one visit together, in the order of the first. Where no column says it, the k-th reading of each
 /// target in one configuration, under one load and from one station, is of visit k.
 pub(super) fn visits(readings: &[AbsoluteReading]) -> Vec<Vec<usize>> {
@@ -30,19 +39,16 @@ pub(super) fn visits(readings: &[AbsoluteReading]) -> Vec<Vec<usize>> {
         }
     }
     let mut taken: BTreeMap<(usize, Option<&str>), usize> = BTreeMap::new();
-    let mut known: BTreeMap<(Option<&str>, Option<&str>, usize, usize), usize> = BTreeMap::new();
+    let mut known: BTreeMap<VisitName<'_>, usize> = BTreeMap::new();
     let mut visits: Vec<Vec<usize>> = Vec::new();
     for (place, reading) in readings.iter().enumerate() {
-        let station = reading.station.as_deref();
-        let visit = match reading.visit.as_deref() {
-            Some(visit) => (Some(visit), station, 0, 0),
-            None => {
-                let before = taken
-                    .entry((alike[place], reading.target.as_deref()))
-                    .or_default();
-                *before += 1;
-                (None, station, alike[place], *before)
-            }
+        let visit = if let Some(name) = reading.visit.as_deref() {
+            VisitName::Given(name, reading.station.as_deref())
+        } else {
+            let target = reading.target.as_deref();
+            let count = taken.entry((alike[place], target)).or_default();
+            *count += 1;
+            VisitName::Counted(alike[place], *count)
         };
         let number = *known.entry(visit).or_insert(visits.len());
         if number == visits.len() {

@@ -1,5 +1,7 @@
 //! Readings of one configuration, by what they tell together: targets that one visit reads share its errors.
 
+use std::collections::BTreeMap;
+
 use nalgebra::{DMatrix, Isometry3, Matrix6, Matrix6xX};
 use rayon::prelude::*;
 
@@ -173,7 +175,7 @@ impl AbsolutePlanning<'_> {
 
     /// The candidates of each configuration that has several of these, whose readings share errors: by their places among these.
     fn several(&self, places: &[usize]) -> Vec<Vec<usize>> {
-        let mut by_number: std::collections::BTreeMap<usize, Vec<usize>> = Default::default();
+        let mut by_number: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
         for (index, &place) in places.iter().enumerate() {
             if self.errors[place].are_shared() {
                 let here = self.neighbours.configurations[place];
