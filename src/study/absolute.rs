@@ -18,7 +18,7 @@ use super::runner::{RunBlocks, RunsInBlocks};
 use super::summary::Summary;
 use super::tally::{Batch, BlockSums, Failure, Tally};
 use super::verdict::Kept;
-use super::virtual_readings::{ReadPlan, Shown, VirtualReadingError};
+use super::virtual_readings::{ReadPlan, TargetReading, VirtualReadingError};
 use crate::identification::{AbsoluteCase, ParameterGroup, ReadingWeights};
 use crate::measurement::AbsoluteReading;
 use crate::mujoco::ModelError;
@@ -514,7 +514,7 @@ impl Trial<'_> {
         let (task, plan) = (self.task, &self.tried.read);
         let planning = &self.tried.entry.planning;
         let is_pose = task.belief.instrument.rotation_sigma_rad.is_some();
-        let of_one = |(each, shown): (RepeatedReading, Vec<Shown>)| {
+        let of_one = |(each, shown): (RepeatedReading, Vec<TargetReading>)| {
             let mean_m = shown
                 .iter()
                 .map(|shown| shown.position_m)

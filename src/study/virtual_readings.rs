@@ -57,7 +57,7 @@ pub struct ReadPlan<'a> {
 
 /// What an instrument shows of a target once, in its own frame.
 #[derive(Debug, Clone, Copy)]
-pub struct Shown {
+pub struct TargetReading {
     /// Which reading of the plan it is: rows count in their order, each with its repeats.
     pub number: usize,
     /// Where the target is (m),
@@ -126,7 +126,7 @@ impl<'a> ReadPlan<'a> {
         robots: &mut ReadRobots,
         frames: &[Isometry3<f64>],
         [seed, run]: [u64; 2],
-    ) -> Result<Vec<(RepeatedReading, Vec<Shown>)>, VirtualReadingError> {
+    ) -> Result<Vec<(RepeatedReading, Vec<TargetReading>)>, VirtualReadingError> {
         let sigma = &task.belief.instrument;
         let sigma_m = OF_DEFLECTION * sigma.sigma_m;
         let sigma_rad = OF_DEFLECTION * sigma.rotation_sigma_rad.unwrap_or(0.0);
@@ -155,7 +155,7 @@ impl<'a> ReadPlan<'a> {
                 })?;
                 let own = &noise[6 * numbers.reading..];
                 let three = |from: usize| Vector3::from_fn(|axis, _| own[from + axis][0]);
-                Ok(Shown {
+                Ok(TargetReading {
                     number: numbers.reading,
                     position_m: (frame * Point3::from(at_m)).coords + three(0) * sigma_m,
                     rotation: Rotation3::new(three(3) * sigma_rad)
