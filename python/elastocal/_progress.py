@@ -54,13 +54,19 @@ class Bars:
             self._bar = None
 
 
+def _is_notebook() -> bool:
+    """Whether this runs in a kernel, and not only beside its package."""
+    ipython = sys.modules.get("IPython")
+    return ipython is not None and hasattr(ipython.get_ipython(), "kernel")
+
+
 @contextmanager
 def progress() -> Iterator[Listener | None]:
     """Who is told of progress, if anybody."""
     if callable(_chosen):
         yield _chosen
         return
-    is_seen = sys.stderr is not None and sys.stderr.isatty() or "ipykernel" in sys.modules
+    is_seen = sys.stderr is not None and sys.stderr.isatty() or _is_notebook()
     is_wanted = is_seen if _chosen is None else _chosen
     if not is_wanted or importlib.util.find_spec("tqdm") is None:
         yield None

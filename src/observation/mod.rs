@@ -9,7 +9,7 @@
 //! What is planned is seen as [`PlannedReadings`]: by that model ([`ObservedRows`]) or in the same form closed, with
 //! gradients: where deflections alone are read of an arm without springs beside the joints' own ([`FirstOrder`]), and
 //! where compliances alone are unknown and only the instrument's noise disturbs ([`ComplianceRows`]). Tests hold the
-//! three together. [`ReadingErrors`] are those of absolute readings besides the instrument's noise; [`VisitEquations`] say what
+//! three together. [`ReadingErrors`] are those of absolute readings besides the instrument's noise; [`ConfigurationEquations`] say what
 //! readings of one configuration tell together, which share them.
 
 mod braced;
@@ -47,4 +47,4 @@ pub use reading::{
 };
 pub use reading_errors::ReadingErrors;
 pub use shared::{SharedErrors, SharingReadings, shared_equations};
-pub use visits::{SharingReading, Together, VisitEquations, Visits, visits_of};
+pub use visits::{ConfigurationEquations, SharingReading, Together, Visits, visits_of};

@@ -56,7 +56,7 @@ pub struct SharingReading<'a> {
 
 /// The information of readings of one configuration about p parameters in typical sizes, to first order.
 #[derive(Debug, Clone)]
-pub struct VisitEquations<'a> {
+pub struct ConfigurationEquations<'a> {
     model: ObservationModel<'a>,
     scales: DVector<f64>,
 }
@@ -70,7 +70,7 @@ pub struct Together {
     pub each: Vec<DMatrix<f64>>,
 }
 
-impl<'a> VisitEquations<'a> {
+impl<'a> ConfigurationEquations<'a> {
     /// At values of the parameters (p).
     pub fn new(set: &'a ParameterSet, nominal: &'a ElasticArm, values: &DVector<f64>) -> Self {
         Self {

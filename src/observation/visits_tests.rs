@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, Matrix6, Matrix6xX, Vector6};
 
-use super::visits::{SharingReading, VisitEquations, Visits, visits_of};
+use super::visits::{ConfigurationEquations, SharingReading, Visits, visits_of};
 use super::{PlannedReading, ReadingErrors, ReadingKind, Setup, Whitener, planned_rows};
 use crate::parameter::arms::{Numbers, ur10};
 use crate::parameter::{ElasticArm, ParameterKind, ParameterSet};
@@ -75,8 +75,8 @@ impl SharingCase {
             .collect()
     }
 
-    fn equations(&self) -> VisitEquations<'_> {
-        VisitEquations::new(&self.set, &self.belief, &self.set.prior().mean)
+    fn equations(&self) -> ConfigurationEquations<'_> {
+        ConfigurationEquations::new(&self.set, &self.belief, &self.set.prior().mean)
     }
 
     fn visits(&self, times: &[u32]) -> Vec<Visits> {

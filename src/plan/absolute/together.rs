@@ -8,8 +8,8 @@ use rayon::prelude::*;
 use super::AbsolutePlanning;
 use crate::experiment::{Candidate, is_one_configuration, together};
 use crate::observation::{
-    PlannedReading, SharingReading, SharingReadings, Together, VisitEquations, Visits, Whitener,
-    visits_of,
+    ConfigurationEquations, PlannedReading, SharingReading, SharingReadings, Together, Visits,
+    Whitener, visits_of,
 };
 use crate::plan::search::{CandidateInformation, TogetherBounds};
 use crate::robot::Load;
@@ -144,13 +144,13 @@ impl AbsolutePlanning<'_> {
         }
     }
 
-    fn equations(&self) -> VisitEquations<'_> {
-        VisitEquations::new(&self.set, &self.case.arm, &self.set.prior().mean)
+    fn equations(&self) -> ConfigurationEquations<'_> {
+        ConfigurationEquations::new(&self.set, &self.case.arm, &self.set.prior().mean)
     }
 
     /// What readings of some configurations tell (p x p each, in typical sizes).
     pub(super) fn told_of(&self, groups: &[Vec<(usize, u32)>]) -> Vec<DMatrix<f64>> {
-        let of_group = |equations: &mut VisitEquations<'_>, group: &Vec<(usize, u32)>| {
+        let of_group = |equations: &mut ConfigurationEquations<'_>, group: &Vec<(usize, u32)>| {
             let readings: Vec<SharingReading<'_>> = group
                 .iter()
                 .map(|(place, _)| self.sharing_reading(*place))
@@ -198,7 +198,7 @@ impl AbsolutePlanning<'_> {
             return None;
         }
         let within = |matrix: &DMatrix<f64>| basis.tr_mul(matrix) * basis;
-        let of_group = |equations: &mut VisitEquations<'_>, group: &Vec<usize>| {
+        let of_group = |equations: &mut ConfigurationEquations<'_>, group: &Vec<usize>| {
             let here = group.iter().map(|&index| places[index]);
             let readings: Vec<SharingReading<'_>> = here
                 .clone()
