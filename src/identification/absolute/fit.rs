@@ -275,8 +275,8 @@ impl AbsoluteCase<'_> {
         })
     }
 
-    /// Fits without the readings that lie far out of a first fit with its discrepancy. None where none does, where too many do, or where the others
-    /// tell less than all.
+    /// Fits without the readings that lie far out of a first fit with its discrepancy, which was without those of `start`. None where none
+    /// does and none was, where too many do, or where the others determine less than all.
     pub(super) fn without_far_out(
         &self,
         set: &ParameterSet,
@@ -286,6 +286,14 @@ impl AbsoluteCase<'_> {
     ) -> Option<(Self, Vec<RejectedReading>, WeighedFit)> {
         let rank = first.0.posterior.estimable.rank();
         let mut rejected = self.far_out(set, first, start)?;
+        if rejected.is_empty() && !start.is_empty() {
+            // Geometry and elasticity explain what frames alone do not.
+            let mut all = self.without(&[]);
+            let weighed = all.weighed_fit(set, weights, Some(first.0)).ok()?;
+            let fit_of_all = (&weighed.fit, weighed.discrepancy);
+            let others = self.without_far_out(set, weights, fit_of_all, &[]);
+            return Some(others.unwrap_or((all, Vec::new(), weighed)));
+        }
         if rejected.is_empty() && first.1.is_some() {
             // One among few draws the fit to itself, and hides in what that leaves of the others.
             rejected.extend(self.farthest(set, first));
