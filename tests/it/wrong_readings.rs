@@ -136,7 +136,7 @@ fn readings_apart_from_a_crowd_are_fitted() {
                 "measure s.toml --plan plan.csv --seed {seed} --measurements-out m.csv --quiet"
             ))
             .ends_with(0);
-        let json = place.json("identify s.toml --measurements m.csv --parameters zeros --json");
+        let json = place.json("identify s.toml --measurements m.csv --parameters zeros");
         assert_eq!(json["rejected"], json!([]), "seed {seed}");
         assert!(number(&json["consistency"]) > 1e-3, "seed {seed}");
     }
