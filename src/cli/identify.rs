@@ -64,6 +64,10 @@ pub struct Identify {
     /// Fit readings that lie far out, too: more than 5 standard deviations from what the others say.
     #[arg(long)]
     keep_all: bool,
+    /// Where to write the variance components of the residuals, as tables [[uncertainty]] for a scenario: joint error functions and
+    /// discrepancy. Of absolute readings.
+    #[arg(long, value_name = "FILE")]
+    uncertainties_out: Option<PathBuf>,
     /// Where to write what was identified, for `compensate`.
     #[arg(long, value_name = "FILE")]
     identified_out: Option<PathBuf>,
@@ -79,6 +83,7 @@ impl Identify {
         let outputs = [
             ("--identified-out", self.identified_out.as_deref()),
             ("--plot-out", self.plot_out.as_deref()),
+            ("--uncertainties-out", self.uncertainties_out.as_deref()),
         ];
         let mut roles = inputs(&scenario);
         roles.reads("the measurements", &self.measurements);
@@ -137,6 +142,7 @@ impl Identify {
             by_model_selection: self.model_selection,
             against: self.against.as_deref(),
             plot_out: self.plot_out.as_deref(),
+            uncertainties_out: self.uncertainties_out.as_deref(),
             keeps_all: self.keep_all,
         };
         identify_absolute::execute(scenario, &self.measurements, readings, &asked)
@@ -159,6 +165,11 @@ impl Identify {
                 !self.parameters.is_empty(),
                 "--parameters",
                 "of which robot.parameters of the scenario says what to identify",
+            ),
+            (
+                self.uncertainties_out.is_some(),
+                "--uncertainties-out",
+                "of which no joint error functions are estimated",
             ),
         ];
         for (is_given, option, why) in refused {

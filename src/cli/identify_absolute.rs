@@ -14,11 +14,14 @@ use elastocal::record::inconsistencies::InconsistenciesMessage;
 use elastocal::record::json::merge;
 use elastocal::record::messages::ProvenanceMessage;
 use elastocal::record::model_selection::ModelSelectionMessage;
+use elastocal::record::uncertainties::uncertainty_tables;
 use elastocal::scenario::Scenario;
 use elastocal::task::Belief;
 use elastocal::text::wording::counted;
 use elastocal::view::discrepancy_plots::{model_selection_plot, patterns_plot};
-use elastocal::workflow::identify_absolute::{identify_absolute, model_selection, uncounted};
+use elastocal::workflow::identify_absolute::{
+    IdentifiedRobot, identify_absolute, model_selection, uncounted,
+};
 use serde_json::json;
 
 use super::study::results::noted;
@@ -38,6 +41,8 @@ pub struct Asked<'a> {
     pub against: Option<&'a Path>,
     /// Where the picture goes.
     pub plot_out: Option<&'a Path>,
+    /// Where the variance components go.
+    pub uncertainties_out: Option<&'a Path>,
 }
 
 /// Fits a robot to absolute readings.
@@ -90,6 +95,9 @@ pub fn execute(
         text += &written.noted(path, write_whole(path, plot.as_bytes()));
     }
     text += &describe(&message);
+    if let Some(path) = asked.uncertainties_out {
+        text += &written.noted(path, write_uncertainties(path, file, &identified));
+    }
     let uncounted = uncounted(belief);
     if !uncounted.is_empty() {
         text += &format!(
@@ -110,6 +118,27 @@ pub fn execute(
         text,
         conditions,
     })
+}
+
+/// Writes the variance components of a fit's residuals.
+fn write_uncertainties(
+    path: &Path,
+    file: &Path,
+    IdentifiedRobot { case, fit, .. }: &IdentifiedRobot<'_>,
+) -> Result<(), FileError> {
+    let name = |joint: usize| case.arm.chain.joints[joint].name.clone();
+    let components = case.variance_components(fit);
+    let found = components.map(|found| uncertainty_tables(&found, name));
+    let tables = (found.transpose())
+        .map_err(|error| FileError::new(path, error.to_string()))?
+        .flatten()
+        .ok_or_else(|| {
+            let problem =
+                "shows no variance components beyond the readings' own standard deviations";
+            FileError::new(file, problem)
+        })?;
+    let text = format!("# Variance components of {}.\n\n{tables}", file.display());
+    write_whole(path, text.as_bytes())
 }
 
 /// The other series.

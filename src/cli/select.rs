@@ -14,7 +14,7 @@ use elastocal::record::json::merge;
 use elastocal::record::messages::ProvenanceMessage;
 use elastocal::record::selection::{PlannedChoiceMessage, SelectionMessage, SelectionSizeMessage};
 use elastocal::scenario::Scenario;
-use elastocal::study::selection::{SelectionOnlooker, SelectionWanted, select};
+use elastocal::study::selection::{SelectionOnlooker, SelectionWanted, WITH_FUNCTIONS, select};
 use elastocal::text::wording::{counted, shell_path};
 use elastocal::view::selection_plot::selection_plot;
 use serde_json::json;
@@ -162,8 +162,13 @@ fn describe(message: &SelectionMessage) -> String {
     for of_size in &message.sizes {
         text += &format!("\n{}", of_one_size(of_size));
     }
-    text += "\n  Distances are those at all readings that were not chosen. Predicted is the accuracy for errors that are independent from reading \
-             to reading.\n  From all is the rms distance from the robot that all readings are fitted to; without discrepancy, the \
+    let counted = if message.joint_errors.is_empty() {
+        "are for errors that are independent between readings"
+    } else {
+        "count joint error functions, which every fit has"
+    };
+    text += &format!("\n  rho0 and predicted rms (with what is new at each reading) {counted}.\n");
+    text += "  Distances are those at all readings that were not chosen.\n  From all is the rms distance from the robot that all readings are fitted to; without discrepancy, the \
              same for a robot that is exactly as the\n  model says, whose readings have independent errors as large.\n";
     text
 }
@@ -177,6 +182,7 @@ fn named(choice: &PlannedChoiceMessage) -> &str {
         "o3" => "O3, E",
         "o4" => "O4",
         "o5" => "O5",
+        WITH_FUNCTIONS => "absolute accuracy, joint errors",
         other => other,
     }
 }
@@ -195,6 +201,7 @@ fn of_one_size(of_size: &SelectionSizeMessage) -> String {
             named(choice).to_owned(),
             of(&|lengths| lengths.mean),
             of(&|lengths| lengths.rms),
+            cell(choice.predicted_rms_mm),
             of(&|lengths| lengths.quantile95),
             of(&|lengths| lengths.largest),
             number(choice.better_than_random.map(|share| share * 100.0), 0),
@@ -217,6 +224,7 @@ fn of_one_size(of_size: &SelectionSizeMessage) -> String {
             (*name).to_owned(),
             of(random.mean_mm),
             of(random.rms_mm),
+            of(random.predicted_rms_mm),
             of(random.quantile95_mm),
             of(random.largest_mm),
             String::new(),
@@ -229,10 +237,11 @@ fn of_one_size(of_size: &SelectionSizeMessage) -> String {
         "chosen by",
         "mean [mm]",
         "rms",
+        "predicted rms",
         "95 % below",
         "largest",
         "better than random [%]",
-        "predicted",
+        "rho0",
         "from all",
         "without discrepancy",
     ];

@@ -32,8 +32,8 @@ pub use absolute::{
     AbsoluteCase, AbsoluteError, AbsoluteFit, CONTRADICTION, CrossValidation, DiscrepancyModel,
     DistanceStatistics, FEWEST_BLOCKS, Inconsistencies, Inconsistency, JointError, LeftOut,
     ModelSelection, MovedStation, NestedModel, NestedModelTest, ParameterChange, ParameterGroup,
-    PartsOfReadings, ReadingPrognosis, ReadingWeights, Recommendation, SQUARE_95, SeriesEstimates,
-    Unexplained,
+    PartsOfReadings, PredictedPositions, ReadingPrognosis, ReadingWeights, Recommendation,
+    SQUARE_95, SeriesEstimates, SimulatedReadings, Unexplained, VarianceComponents,
 };
 pub use case::{Case, Sigma};
 pub use conditions::impossible_compliance;
@@ -52,5 +52,5 @@ pub use prediction::{Predicted, PredictionError, Predictions};
 pub use repeats::{PlaceDrift, RepeatedPose, Repeats};
 pub use residuals::{MeasurementResidual, Residuals, Suspect, measurement_residuals, residuals};
 pub use robust::{RobustIdentification, Robustness};
-pub use spread::SPREAD_ORDERS;
+pub use spread::{MOST_SPREAD, SPREAD_ORDERS};
 pub use stored::{OtherUnknowns, StoredIdentification, nominal_instead, shift_with};

@@ -14,6 +14,8 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 
 /// So many orders of polynomials of each joint's angle tell how large errors are there.
 pub const SPREAD_ORDERS: usize = 6;
+/// No square depends more on a joint's angle, as a coefficient of its logarithm: few readings that say so say nothing.
+pub const MOST_SPREAD: f64 = 30.0;
 /// Improvements of the variances.
 const ROUNDS: usize = 40;
 /// The variance of a logarithm of a square of three normal coordinates is 0.93.
@@ -159,11 +161,11 @@ fn of_step(squares: &[f64], expected: &DVector<f64>) -> DVector<f64> {
 
 impl ErrorSpread {
     /// Of some squares, each with the angles of the joints there; `ranges` are those of the joints' angles. By logarithms, which wrong
-    /// readings hardly move. None where the numbers have no factorisation.
+    /// readings hardly move. None where the numbers have no factorisation, or are too few to tell.
     pub fn of_logarithms(squares: &[f64], angles: &[&[f64]], ranges: &[[f64; 2]]) -> Option<Self> {
         let columns = columns_at(angles, ranges);
         let (_, mean) = SpreadVariances::first(ranges).likeliest(&columns, &logarithms(squares))?;
-        Some(Self::new(&mean, Vec::new()))
+        Self::new(&mean, Vec::new())
     }
 
     /// The same by means, as regions that shall hold most of the squares need, and the logarithm at each place as the others have it.
@@ -199,16 +201,17 @@ impl ErrorSpread {
                 by_others[row] = (columns.row(row) * &found)[(0, 0)] - found[0];
             }
         }
-        Some(Self::new(&mean, by_others))
+        Self::new(&mean, by_others)
     }
 
-    fn new(mean: &DVector<f64>, by_others: Vec<f64>) -> Self {
+    fn new(mean: &DVector<f64>, by_others: Vec<f64>) -> Option<Self> {
         let coefficients = &mean.as_slice()[1..];
+        let is_told = coefficients.iter().all(|each| each.abs() <= MOST_SPREAD);
         let of_joints = coefficients.chunks(SPREAD_ORDERS);
-        Self {
+        is_told.then(|| Self {
             of_joints: of_joints.map(<[f64]>::to_vec).collect(),
             by_others,
-        }
+        })
     }
 
     /// The logarithm at other angles.
@@ -254,6 +257,15 @@ mod tests {
         assert!(
             (share(7.0, [0.0, 4.0]) - 1.0).abs() < 1e-15 && share(3.0, [3.0, 3.0]).abs() < 1e-15
         );
+    }
+
+    /// What no joint does is taken for nothing.
+    #[test]
+    fn what_is_too_much_tells_nothing() {
+        let (squares, angles) = squares(300, |angle| 60.0 * angle);
+        let angles: Vec<&[f64]> = angles.iter().map(<[f64; 2]>::as_slice).collect();
+        let found = ErrorSpread::of_logarithms(&squares, &angles, &[[-1.0, 1.0], [0.0, 5.0]]);
+        assert!(found.is_none());
     }
 
     /// A function of one joint's angle is found, and none of the other's; where there is none, none is.

@@ -4,6 +4,7 @@
 //! - [`factorisation`]: eigenvalues and singular values, of matrices that may hold anything.
 //! - [`estimable`]: what measurements determine, one decision for every stage.
 //! - [`least_squares`]: the fit within it (eqs. 5, 6, 9).
+//! - [`low_rank`]: information that comes in rows of few unknowns.
 //! - [`posterior`]: what is known afterwards, and the variance of anything that follows from it
 //!   (eqs. 11 to 13, 20).
 //! - [`tolerance`]: the length that a share of errors stays below, and medians.
@@ -12,6 +13,7 @@
 pub mod estimable;
 pub mod factorisation;
 pub mod least_squares;
+pub mod low_rank;
 pub mod ornstein_uhlenbeck;
 pub mod posterior;
 pub mod random;

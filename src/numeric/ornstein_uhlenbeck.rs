@@ -8,6 +8,10 @@
 //! precision of the values at knots is tridiagonal, and a value in between is a weighted sum of the two beside it and
 //! a part of its own.
 
+use nalgebra::DMatrix;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+
 /// Lengths that are tried, from the shortest, each so many times the one before.
 const FIRST_LENGTH: f64 = 0.01;
 const RATIO: f64 = 1.25;
@@ -44,6 +48,17 @@ pub struct Tridiagonal {
 }
 
 impl Tridiagonal {
+    /// Adds it to a larger matrix, from this place on its diagonal on.
+    pub fn add_to(&self, matrix: &mut DMatrix<f64>, first: usize) {
+        for (place, value) in self.diagonal.iter().enumerate() {
+            matrix[(first + place, first + place)] += value;
+        }
+        for (place, value) in self.beside.iter().enumerate() {
+            matrix[(first + place, first + place + 1)] += value;
+            matrix[(first + place + 1, first + place)] += value;
+        }
+    }
+
     /// The sum of the products of its entries with those of another: trace(A B).
     pub fn product_trace(&self, other: &Self) -> f64 {
         let sum = |one: &[f64], other: &[f64]| -> f64 {
@@ -70,6 +85,22 @@ pub fn knots_among(values: &[f64], count: usize) -> Vec<f64> {
     // Knots nearer than any length that is tried tell nothing apart.
     knots.dedup_by(|one, other| *one - *other < 0.1 * FIRST_LENGTH);
     knots
+}
+
+/// Values of one sample of the process at some places, with this length.
+pub fn sampled(places: &[f64], length: f64, random: &mut ChaCha8Rng) -> Vec<f64> {
+    let mut order: Vec<usize> = (0..places.len()).collect();
+    order.sort_by(|&one, &other| places[one].total_cmp(&places[other]).then(one.cmp(&other)));
+    let mut values = vec![0.0; places.len()];
+    let mut before: Option<(f64, f64)> = None;
+    for place in order {
+        let kept = before.map_or(0.0, |(at, _)| (-(places[place] - at) / length).exp());
+        let new: f64 = StandardNormal.sample(random);
+        let old = before.map_or(0.0, |(_, value)| value);
+        values[place] = kept * old + (1.0 - kept * kept).max(0.0).sqrt() * new;
+        before = Some((places[place], values[place]));
+    }
+    values
 }
 
 impl OrnsteinUhlenbeck {
@@ -159,8 +190,6 @@ impl OrnsteinUhlenbeck {
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::DMatrix;
-
     use super::*;
 
     fn process() -> OrnsteinUhlenbeck {
@@ -203,6 +232,26 @@ mod tests {
             assert!((&found - &weights).norm() < 1e-12, "{at}");
             let spare = 1.0 - (weights * with.transpose())[(0, 0)];
             assert!((between.spare - spare).abs() < 1e-12, "{at}");
+        }
+    }
+
+    /// Samples are of unit variance, and correlated as the process is, whatever the order of the places.
+    #[test]
+    fn samples_are_correlated_as_the_process_is() {
+        let places = [0.3, -0.2, 0.0];
+        let mut random = crate::numeric::random::generator(3, 0);
+        let count = 20_000;
+        let mut products = DMatrix::zeros(3, 3);
+        for _ in 0..count {
+            let values = DMatrix::from_vec(3, 1, sampled(&places, 0.4, &mut random));
+            products += &values * values.transpose() / f64::from(count);
+        }
+        for (row, one) in places.iter().enumerate() {
+            for (column, other) in places.iter().enumerate() {
+                let expected = (-(one - other).abs() / 0.4_f64).exp();
+                let error = (1.0 + expected * expected).sqrt() / f64::from(count).sqrt();
+                assert!((products[(row, column)] - expected).abs() < 4.0 * error);
+            }
         }
     }
 

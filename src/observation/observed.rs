@@ -12,7 +12,7 @@ use nalgebra::{Cholesky, DVector, Matrix3, Matrix3xX, Matrix6, Matrix6xX, Vector
 use super::model::ObservationModel;
 use super::reading::{DeflectionPrecision, Setup, Whitener, of_positions};
 use crate::parameter::{
-    Axis, ElasticArm, ParameterKind, ParameterSet, ReadingSource, counted_times,
+    Axis, ElasticArm, ParameterKind, ParameterSet, ReadingSource, TransmissionError, counted_times,
 };
 use crate::robot::{Approach, EquilibriumSolver, KinematicState, Kinematics, Load};
 
@@ -167,7 +167,7 @@ impl<'a> ObservedRows<'a> {
                 });
                 form * form.transpose() * (deviation * deviation)
             }
-            ReadingSource::TransmissionError(deviations) => {
+            ReadingSource::TransmissionError(TransmissionError { deviations, .. }) => {
                 work.predict(self, q, load);
                 (self.zeros.iter().zip(deviations))
                     .map(|(&place, deviation)| {
@@ -186,7 +186,9 @@ impl<'a> ObservedRows<'a> {
 
     /// See [`super::FirstOrder::covariance_between`].
     pub fn covariance_between(&self, source: usize, [one, other]: [&Load; 2]) -> Matrix6<f64> {
-        if let ReadingSource::TransmissionError(deviations) = &self.sources[source] {
+        if let ReadingSource::TransmissionError(TransmissionError { deviations, .. }) =
+            &self.sources[source]
+        {
             let seen = |load: &Load| -> Vec<Vector6<f64>> {
                 let work = &mut *self.work.borrow_mut();
                 work.predict(self, &self.q, load);

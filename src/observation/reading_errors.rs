@@ -8,7 +8,7 @@ use nalgebra::{Matrix6, Matrix6xX, Vector3, Vector6};
 
 use super::braced::BareArm;
 use super::reading::of_positions;
-use crate::parameter::ReadingSource;
+use crate::parameter::{ReadingSource, TransmissionError};
 use crate::robot::{KinematicState, Kinematics, Load, Tool};
 
 /// Of what makes a deflection's error, a reading has so much: two of them make one.
@@ -84,7 +84,7 @@ impl ReadingErrors {
                 ReadingSource::JointRepeatability(deviations) => {
                     visit.extend(of_joints(deviations, HALF));
                 }
-                ReadingSource::TransmissionError(deviations) => {
+                ReadingSource::TransmissionError(TransmissionError { deviations, .. }) => {
                     configuration.extend(of_joints(deviations, 1.0));
                 }
                 ReadingSource::LoadDirection(deviation) => {

@@ -37,6 +37,7 @@ pub(crate) use set::FrameChange;
 pub use set::{ParameterError, ParameterSet};
 pub use stiffening::Stiffening;
 pub use uncertainty::{
-    ErrorDistribution, RangeNoise, ReadingSource, Source, Uncertainty, Unloaded, counted_times,
+    ErrorDistribution, JointFunction, RangeNoise, ReadingSource, Source, TransmissionError,
+    Uncertainty, Unloaded, counted_times,
 };
 pub use words::Freedom;

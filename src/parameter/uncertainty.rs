@@ -85,12 +85,56 @@ pub enum ReadingSource {
     LoadPoint(f64),
     /// The instrument's noise grows with the distance from where it stands.
     Range(RangeNoise),
-    /// Each joint stands where it stands with an error of its gear (rad; m where it slides) that is another one in each
-    /// configuration, loaded and unloaded the same, under all loads and in all repeats. One for each joint.
-    TransmissionError(Vec<f64>),
+    /// Each joint stands where it stands with an error of its gear, loaded and unloaded the same, under all loads and in all repeats.
+    TransmissionError(TransmissionError),
     /// What no parameter explains is another deflection in each configuration, the same under all loads and in all repeats: the
     /// standard deviation (m) of each coordinate.
     Discrepancy(f64),
+}
+
+/// What gears are off by.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TransmissionError {
+    /// A standard deviation for each joint (rad; m where it slides).
+    pub deviations: Vec<f64>,
+    /// Over which angle of its own (rad) a joint's error forgets: then it is a random function of that angle, which the robot keeps, with
+    /// the correlation exp(-|q - q'| / l). Without one it is independent between configurations, as of deflections it may be taken in any
+    /// case.
+    pub correlation_rad: Option<f64>,
+}
+
+/// A joint's error as a random function of its own angle, which the robot keeps: cov(e(q), e(q')) = s^2 exp(-|q - q'| / l).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct JointFunction {
+    /// The joint.
+    pub joint: usize,
+    /// The standard deviation s (rad).
+    pub deviation_rad: f64,
+    /// The correlation length l (rad).
+    pub correlation_rad: f64,
+}
+
+impl TransmissionError {
+    /// The joints' errors as functions, where they are any.
+    pub fn functions(&self) -> impl Iterator<Item = JointFunction> {
+        let joints = self.deviations.iter().enumerate();
+        let uncertain = joints.filter(|(_, deviation)| **deviation > 0.0);
+        uncertain.filter_map(|(joint, &deviation_rad)| {
+            Some(JointFunction {
+                joint,
+                deviation_rad,
+                correlation_rad: self.correlation_rad?,
+            })
+        })
+    }
+
+    /// Errors that are independent between configurations.
+    pub const fn independent(deviations: Vec<f64>) -> Self {
+        Self {
+            deviations,
+            correlation_rad: None,
+        }
+    }
 }
 
 /// Noise of an instrument that grows with the distance of what it reads. A laser tracker tells distances by its beam's
@@ -167,9 +211,8 @@ impl ReadingSource {
     /// How many normal numbers a reading takes for it.
     pub const fn numbers(&self) -> usize {
         match self {
-            Self::JointRepeatability(deviations) | Self::TransmissionError(deviations) => {
-                deviations.len()
-            }
+            Self::JointRepeatability(deviations)
+            | Self::TransmissionError(TransmissionError { deviations, .. }) => deviations.len(),
             Self::LoadDirection(_) | Self::LoadPoint(_) | Self::Range(_) | Self::Discrepancy(_) => {
                 3
             }
@@ -178,12 +221,13 @@ impl ReadingSource {
 
     /// Whether all deflections of one configuration share it, under whatever load, so that repeats do not average it.
     pub const fn is_of_configuration(&self) -> bool {
-        matches!(self.level(), SourceLevel::Configuration)
+        matches!(self, Self::TransmissionError(_) | Self::Discrepancy(_))
     }
 
     /// Where it takes a new value.
     pub const fn level(&self) -> SourceLevel {
         match self {
+            Self::TransmissionError(error) if error.correlation_rad.is_some() => SourceLevel::Robot,
             Self::TransmissionError(_) | Self::Discrepancy(_) => SourceLevel::Configuration,
             Self::JointRepeatability(_) | Self::LoadDirection(_) | Self::LoadPoint(_) => {
                 SourceLevel::Visit

@@ -12,7 +12,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::csv::word_field;
-use crate::parameter::{ParameterKind, ReadingSource, SourceLevel};
+use crate::parameter::{ParameterKind, ReadingSource, SourceLevel, TransmissionError};
 use crate::quantities::units::shown_unit;
 use crate::task::{Extended, Instrument};
 
@@ -162,9 +162,10 @@ impl BudgetSource {
             }))
         };
         let input = match source {
-            ReadingSource::JointRepeatability(each) | ReadingSource::TransmissionError(each) => {
-                of_joints(each)
-            }
+            ReadingSource::JointRepeatability(each)
+            | ReadingSource::TransmissionError(TransmissionError {
+                deviations: each, ..
+            }) => of_joints(each),
             ReadingSource::LoadDirection(deviation) => Some((*deviation, "rad")),
             ReadingSource::LoadPoint(deviation) | ReadingSource::Discrepancy(deviation) => {
                 Some((*deviation, "m"))

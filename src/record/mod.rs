@@ -36,4 +36,5 @@ pub mod selection;
 pub mod static_compliance;
 pub mod study;
 pub mod tally_file;
+pub mod uncertainties;
 pub mod understanding;

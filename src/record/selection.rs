@@ -19,12 +19,25 @@ pub struct SelectionMessage {
     pub known_before: usize,
     /// What was left out since no reading can tell it from others.
     pub left_out: Vec<String>,
+    /// The joints whose errors are functions of their own angles in the planner's model, and so in every fit.
+    pub joint_errors: Vec<JointFunctionMessage>,
     /// What no unknown explains, of each coordinate (mm); null where the readings' own deviations explain all.
     pub discrepancy_mm: Option<f64>,
     /// What a fit of all readings leaves of them (mm).
     pub all_mm: DistanceStatistics,
     /// By size.
     pub sizes: Vec<SelectionSizeMessage>,
+}
+
+/// A joint error function, as the planner's model has it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+pub struct JointFunctionMessage {
+    /// The joint's name.
+    pub joint: String,
+    /// The standard deviation (mrad).
+    pub std_mrad: f64,
+    /// The correlation length (deg).
+    pub correlation_deg: f64,
 }
 
 /// What came of choices of one size.
@@ -41,12 +54,15 @@ pub struct SelectionSizeMessage {
 /// A planned choice.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct PlannedChoiceMessage {
-    /// The criterion; `test_pose` stands for absolute accuracy over all readings.
+    /// The criterion; `test_pose` stands for absolute accuracy over all readings, `test_pose_with_joint_errors` for the same with joint error
+    /// functions.
     pub criterion: String,
     /// The chosen readings, from 1.
     pub readings: Vec<usize>,
-    /// What independent errors leave, rms over all readings (mm).
+    /// What independent errors leave, rms over all readings (mm); with joint error functions, over all other readings.
     pub rho0_mm: Option<f64>,
+    /// The predicted rms distance at all other readings (mm): the same with what is new at each.
+    pub predicted_rms_mm: Option<f64>,
     /// What no choice of as many readings is below (mm), of the choice for absolute accuracy.
     pub lower_bound_rho0_mm: Option<f64>,
     /// Distances at all other readings (mm); null where there is no fit.
@@ -70,6 +86,8 @@ pub struct RandomChoicesMessage {
     pub failed: usize,
     /// What independent errors leave (mm).
     pub rho0_mm: Option<SpreadMessage>,
+    /// The predicted rms distances at all other readings (mm).
+    pub predicted_rms_mm: Option<SpreadMessage>,
     /// Of the distances at all other readings (mm), the means.
     pub mean_mm: Option<SpreadMessage>,
     /// The rms.
@@ -104,6 +122,13 @@ impl SelectionMessage {
                 .filter(|&index| precision[(index, index)] > 0.0)
                 .count(),
             left_out: all.left_out.iter().map(|each| each.name.clone()).collect(),
+            joint_errors: (selection.parts.functions().iter())
+                .map(|each| JointFunctionMessage {
+                    joint: all.arm.chain.joints[each.joint].name.clone(),
+                    std_mrad: each.deviation_rad * 1e3,
+                    correlation_deg: each.correlation_rad.to_degrees(),
+                })
+                .collect(),
             discrepancy_mm: all.discrepancy.map(|[position_m, _]| position_m * 1e3),
             all_mm: DistanceStatistics::in_thousandths(&left),
             sizes: selection
@@ -128,7 +153,7 @@ impl SelectionSizeMessage {
         let random = RandomChoicesMessage::new(&of_size.random);
         let planned = (of_size.planned.iter())
             .map(|(criterion, chosen)| {
-                let criterion = criterion.name().to_owned();
+                let criterion = (*criterion).to_owned();
                 match chosen {
                     Ok(chosen) => PlannedChoiceMessage::new(criterion, chosen, &random.means_mm),
                     Err(problem) => PlannedChoiceMessage::none(criterion, problem),
@@ -154,6 +179,7 @@ impl PlannedChoiceMessage {
             criterion,
             readings: chosen.readings.iter().map(|reading| reading + 1).collect(),
             rho0_mm: chosen.predicted_m.map(|value| value * 1e3),
+            predicted_rms_mm: chosen.predicted_distance_m.map(|value| value * 1e3),
             lower_bound_rho0_mm: chosen.bound_m.map(|value| value * 1e3),
             distance_mm: (chosen.judged.as_ref())
                 .map(|judged| DistanceStatistics::in_thousandths(&judged.distance)),
@@ -169,6 +195,7 @@ impl PlannedChoiceMessage {
             criterion,
             readings: Vec::new(),
             rho0_mm: None,
+            predicted_rms_mm: None,
             lower_bound_rho0_mm: None,
             distance_mm: None,
             from_all_mm: None,
@@ -191,6 +218,11 @@ impl RandomChoicesMessage {
             rho0_mm: spread_of(
                 (random.iter())
                     .filter_map(|chosen| Some(chosen.predicted_m? * 1e3))
+                    .collect(),
+            ),
+            predicted_rms_mm: spread_of(
+                (random.iter())
+                    .filter_map(|chosen| Some(chosen.predicted_distance_m? * 1e3))
                     .collect(),
             ),
             mean_mm: spread(&|distance| distance.mean),

@@ -446,6 +446,7 @@ pub(super) struct UncertaintyTable {
     pub q_deg: Option<Vec<f64>>,
     pub site: Option<String>,
     pub harmonics: Option<Vec<i64>>,
+    pub correlation_deg: Option<f64>,
     pub turned_over_at_nm: Option<f64>,
     pub at_nm: Option<f64>,
     #[serde(default)]

@@ -2,7 +2,8 @@
 //! choice and judged on all other readings.
 //!
 //! All choices have the same unknowns, the same knowledge before and the same weights. The same is done with a robot that is
-//! exactly as the model says, read with independent errors of the same size: what differs is what discrepancy does.
+//! exactly as the model says, read with independent errors of the same size: what differs is what discrepancy does. Where the planner's
+//! model has joint error functions, every fit has them, one choice is planned with them, and that robot's are sampled.
 
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
@@ -12,12 +13,14 @@ use rayon::prelude::*;
 
 use crate::identification::{
     AbsoluteCase, AbsoluteError, DistanceStatistics, ParameterGroup, PartsOfReadings,
-    ReadingResidual,
+    SimulatedReadings,
 };
 use crate::measurement::AbsoluteReading;
+use crate::numeric::low_rank::LowRankList;
 use crate::numeric::random::{generator, streams};
-use crate::observation::Observation;
-use crate::plan::search::{CandidateInformation, ExchangesTry, FiniteEffort, FiniteProblem, Watch};
+use crate::plan::search::{
+    CandidateInformation, ExchangesTry, FiniteEffort, FiniteProblem, Watch, best_choice,
+};
 use crate::plan::{Criterion, CriterionFunction};
 use crate::task::Belief;
 
@@ -33,6 +36,9 @@ pub const CHOICES: [Criterion; 6] = [
     Criterion::O4,
     Criterion::O5,
 ];
+
+/// The name of the choice for absolute accuracy that is planned with joint error functions.
+pub const WITH_FUNCTIONS: &str = "test_pose_with_joint_errors";
 
 /// What is compared.
 #[derive(Debug, Clone)]
@@ -62,8 +68,11 @@ pub struct Judged {
 pub struct Chosen {
     /// The readings by their places, in rising order.
     pub readings: Vec<usize>,
-    /// `rho_0` (m): what errors that are independent from reading to reading leave, rms over all readings.
+    /// `rho_0` (m): what errors that are independent from reading to reading leave, rms over all readings; with joint error functions, over
+    /// those that were not chosen.
     pub predicted_m: Option<f64>,
+    /// The predicted rms distance (m) at the readings that were not chosen, with what is new at each.
+    pub predicted_distance_m: Option<f64>,
     /// The same over what no choice of as many readings is below.
     pub bound_m: Option<f64>,
     /// On the readings that there are; none where there is no fit.
@@ -77,8 +86,8 @@ pub struct Chosen {
 pub struct SelectionOfSize {
     /// How many readings were chosen.
     pub size: u32,
-    /// By each of [`CHOICES`]; or why there is none.
-    pub planned: Vec<(Criterion, Result<Chosen, String>)>,
+    /// With joint error functions, where there are any, and by each of [`CHOICES`], by name; or why there is none.
+    pub planned: Vec<(&'static str, Result<Chosen, String>)>,
     /// At random.
     pub random: Vec<Chosen>,
 }
@@ -109,10 +118,11 @@ struct Chooser<'a> {
     told: CandidateInformation,
     before: DMatrix<f64>,
     positions: DMatrix<f64>,
-    /// What all readings together leave of each.
-    left_by_all: &'a [ReadingResidual],
-    /// The robot without discrepancy, each time that it was read.
-    campaigns: Vec<Vec<Observation>>,
+    /// The readings as they are, and those of the robot without discrepancy, each time that it was read.
+    read: SimulatedReadings,
+    campaigns: Vec<SimulatedReadings>,
+    /// With joint error functions, where there are any.
+    list: Option<LowRankList>,
     wanted: &'a SelectionWanted,
 }
 
@@ -131,7 +141,7 @@ pub fn select<'a>(
     let campaigns = (0..u64::from(wanted.campaigns))
         .map(|campaign| {
             let mut random = generator(wanted.seed, streams::campaign_of_choices(campaign));
-            parts.without_discrepancy(&mut random)
+            parts.simulated(&mut random)
         })
         .collect::<Result<Vec<_>, _>>()
         .unwrap_or_default();
@@ -143,17 +153,33 @@ pub fn select<'a>(
         told,
         before: parts.known_before(),
         positions: in_fewest_columns(parts.positions()),
-        left_by_all: &parts.all.left,
+        read: SimulatedReadings {
+            observations: parts.case.observations.clone(),
+            expected_m: parts.expected_m.clone(),
+        },
+        list: (!parts.functions().is_empty())
+            .then(|| parts.with_functions())
+            .transpose()?,
         campaigns,
         wanted,
         parts: &parts,
     };
     let done = AtomicUsize::new(0);
-    let all = wanted.sizes.len() * (CHOICES.len() + wanted.draws as usize);
+    let planned = CHOICES.len() + usize::from(chooser.list.is_some());
+    let all = wanted.sizes.len() * (planned + wanted.draws as usize);
     let tell = || (onlooker.progress)(done.fetch_add(1, Ordering::Relaxed) + 1, all);
     let sizes = (wanted.sizes.iter())
         .map(|&size| {
-            let planned = chooser.planned(size, onlooker.stop, &tell);
+            let mut planned = chooser.planned(size, onlooker.stop, &tell);
+            let with_functions = chooser.list.as_ref();
+            planned.splice(
+                0..0,
+                with_functions.map(|list| {
+                    let chosen = chooser.with_functions(list, size, onlooker.stop);
+                    tell();
+                    (WITH_FUNCTIONS, chosen)
+                }),
+            );
             let random = (0..wanted.draws)
                 .into_par_iter()
                 .filter(|_| !onlooker.stop.load(Ordering::Relaxed))
@@ -199,7 +225,7 @@ impl Chooser<'_> {
         size: u32,
         stop: &AtomicBool,
         tell: &(dyn Fn() + Sync),
-    ) -> Vec<(Criterion, Result<Chosen, String>)> {
+    ) -> Vec<(&'static str, Result<Chosen, String>)> {
         let effort = FiniteEffort {
             measurements: size,
             configurations: size,
@@ -264,9 +290,21 @@ impl Chooser<'_> {
                         ..self.judged(readings)
                     }
                 });
-                (problem.criterion, chosen)
+                (problem.criterion.name(), chosen)
             })
             .collect()
+    }
+
+    /// The best choice for absolute accuracy with joint error functions.
+    fn with_functions(
+        &self,
+        list: &LowRankList,
+        size: u32,
+        stop: &AtomicBool,
+    ) -> Result<Chosen, String> {
+        let found = best_choice(list, size as usize, SEARCHES, self.wanted.seed, stop);
+        let found = found.ok_or("the readings determine nothing")?;
+        Ok(self.judged(found.chosen))
     }
 
     /// A random choice.
@@ -284,38 +322,42 @@ impl Chooser<'_> {
             self.told.add_to(&mut information, reading, 1.0);
         }
         let mut function = CriterionFunction::new(Criterion::TestPose, self.positions.clone());
-        let observations = &self.parts.case.observations;
+        let (judged, predicted) = self.judge(&readings, &self.read).unzip();
+        let [place, distance] = [0, 1].map(|part| predicted.map(|squares| squares[part].sqrt()));
         let campaigns = self.campaigns.iter();
         Chosen {
-            predicted_m: function.value(&information),
+            predicted_m: match self.list {
+                Some(_) => place,
+                None => function.value(&information),
+            },
+            predicted_distance_m: distance,
             bound_m: None,
-            judged: self.judge(&readings, observations),
+            judged,
             without_discrepancy: campaigns
-                .filter_map(|observations| self.judge(&readings, observations))
+                .filter_map(|readings_of| Some(self.judge(&readings, readings_of)?.0))
                 .collect(),
             readings,
         }
     }
 
-    /// Calibrates with chosen readings of some, and judges on the others.
-    fn judge(&self, chosen: &[usize], observations: &[Observation]) -> Option<Judged> {
-        let fit = self.parts.fit(observations, chosen).ok()?;
-        let left = self.parts.left_by(&fit).ok()?;
-        let others = || (0..left.len()).filter(|index| chosen.binary_search(index).is_err());
-        let read = &self.parts.case.observations;
-        // Residuals are about the readings that there are, wherever these stand.
-        let distances = others().map(|index| {
-            let moved = observations[index].position_m() - read[index].position_m();
-            (left[index].position_m + moved).norm()
-        });
-        let squares = others().map(|index| {
-            (left[index].position_m - self.left_by_all[index].position_m).norm_squared()
-        });
+    /// Calibrates with chosen readings of some, and judges on the others; with the predicted mean squares, see
+    /// [`PredictedPositions`](crate::identification::PredictedPositions).
+    fn judge(&self, chosen: &[usize], read: &SimulatedReadings) -> Option<(Judged, [f64; 2])> {
+        let predicted = self.parts.predicted_by(&read.observations, chosen)?;
+        let positions = predicted.positions_m.iter().enumerate();
+        let others = || {
+            let positions = positions.clone();
+            positions.filter(|(index, _)| chosen.binary_search(index).is_err())
+        };
+        let distances =
+            others().map(|(index, at)| (read.observations[index].position_m() - at).norm());
+        let squares = others().map(|(index, at)| (read.expected_m[index] - at).norm_squared());
         let count = others().count().max(1) as f64;
-        Some(Judged {
+        let judged = Judged {
             distance: DistanceStatistics::of(distances.collect())?,
             from_all_m: (squares.sum::<f64>() / count).sqrt(),
-        })
+        };
+        Some((judged, predicted.squares_m2))
     }
 }
 

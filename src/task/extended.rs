@@ -6,8 +6,8 @@ use nalgebra::DMatrix;
 
 use crate::observation::{DeflectionPrecision, PlannedReadings};
 use crate::parameter::{
-    ElasticArm, ErrorDistribution, ParameterError, ParameterKind, ParameterSet, Prior,
-    ReadingSource, Source, Uncertainty, Unloaded,
+    ElasticArm, ErrorDistribution, JointFunction, ParameterError, ParameterKind, ParameterSet,
+    Prior, ReadingSource, Source, Uncertainty, Unloaded,
 };
 
 /// Which of the arm's tools is measured.
@@ -258,6 +258,26 @@ impl Extended {
     pub fn sources(&self) -> impl Iterator<Item = (&str, &ReadingSource)> {
         let names = self.source_names.iter().map(String::as_str);
         names.zip(&self.sources)
+    }
+
+    /// The joints' errors as functions of their own angles, in the joints' order.
+    pub fn joint_functions(&self) -> Vec<JointFunction> {
+        let of_one = |source: &ReadingSource| match source {
+            ReadingSource::TransmissionError(error) => error.functions().collect(),
+            _ => Vec::new(),
+        };
+        let mut functions: Vec<JointFunction> = self.sources.iter().flat_map(of_one).collect();
+        functions.sort_by_key(|each| each.joint);
+        functions
+    }
+
+    /// The standard deviation (m) of each coordinate of what no parameter explains of a position; none where nothing says so.
+    pub fn discrepancy_m(&self) -> Option<f64> {
+        let squares = self.sources.iter().filter_map(|source| match source {
+            ReadingSource::Discrepancy(deviation) => Some(deviation * deviation),
+            _ => None,
+        });
+        squares.reduce(|sum, each| sum + each).map(f64::sqrt)
     }
 
     /// The readings that planning sees, with derivatives with respect to some of the unknowns in units of their `sizes`.

@@ -11,7 +11,7 @@ use crate::mujoco::{ModelChange, TorqueLaw};
 use crate::numeric::random::normal::LANES;
 use crate::parameter::{
     Axis, ElasticArm, FrameChange, ParameterError, ParameterKind, ParameterSet, RangeNoise,
-    ReadingSource, Source, SourceLevel, Uncertainty, Unloaded,
+    ReadingSource, Source, SourceLevel, TransmissionError, Uncertainty, Unloaded,
 };
 use crate::robot::{Approach, Load};
 use crate::task::Instrument;
@@ -504,7 +504,7 @@ impl Circumstances {
                         turn(OffBy::Return, joint, next(deviation * of_deflection));
                     }
                 }
-                ReadingSource::TransmissionError(deviations) => {
+                ReadingSource::TransmissionError(TransmissionError { deviations, .. }) => {
                     for (joint, &deviation) in deviations.iter().enumerate() {
                         turn(OffBy::Gear, joint, next(deviation));
                     }

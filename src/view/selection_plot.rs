@@ -43,6 +43,7 @@ pub fn selection_plot(title: &str, message: &SelectionMessage) -> Result<String,
         });
         let name = match first.criterion.as_str() {
             "test_pose" => "absolute accuracy".to_owned(),
+            "test_pose_with_joint_errors" => "with joint errors".to_owned(),
             other => other.to_uppercase(),
         };
         let colour = *COLOURS.get(number).unwrap_or(&INK);

@@ -10,8 +10,8 @@ use crate::files::FileError;
 use crate::files::schema::read_results;
 use crate::files::typed::from_json;
 use crate::identification::{
-    Discrepancy, DiscrepancyModel, JointError, SPREAD_ORDERS, covariance_of_any, nominal_instead,
-    shift_with,
+    Discrepancy, DiscrepancyModel, JointError, MOST_SPREAD, SPREAD_ORDERS, covariance_of_any,
+    nominal_instead, shift_with,
 };
 use crate::measurement::Origin;
 use crate::numeric::ornstein_uhlenbeck::OrnsteinUhlenbeck;
@@ -257,9 +257,6 @@ impl StoredRobot {
 
 /// A key of the file below some other, and what is wrong with it.
 type KeyProblem = (String, String);
-
-/// No factor of errors' squares depends more on a joint's angle, as a logarithm.
-const MOST_SPREAD: f64 = 30.0;
 
 /// What joints are off by.
 fn joint_errors(

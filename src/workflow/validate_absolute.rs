@@ -8,8 +8,8 @@ use super::stored_robot::{StoredRobot, robot_kinds};
 use crate::codes::{Condition, ConditionCode};
 use crate::files::FileError;
 use crate::identification::{
-    AbsoluteCase, AbsoluteError, FitError, MountedFrames, MovedStation, ParameterGroup,
-    ReadingPrognosis, ReadingResidual, ReadingWeights, fit_parameters,
+    AbsoluteCase, AbsoluteError, FitError, MountedFrames, MovedStation, ReadingPrognosis,
+    ReadingResidual, fit_parameters,
 };
 use crate::measurement::AbsoluteReading;
 use crate::numeric::estimable::Estimable;
@@ -238,10 +238,8 @@ pub fn validate_absolute(
 
 /// What the nominal robot leaves in frames that suit the readings best.
 fn before(belief: &Belief, readings: &[AbsoluteReading]) -> Option<Vec<ReadingResidual>> {
-    let mut case = AbsoluteCase::new(belief, readings).ok()?;
-    case.keeps_all = true;
-    let fit = case.fit(&[ParameterGroup::Frames], ReadingWeights::Own);
-    Some(fit.ok()?.left)
+    let case = AbsoluteCase::new(belief, readings).ok()?;
+    case.left_in_best_frames().ok()
 }
 
 /// Why readings cannot be held beside a robot.

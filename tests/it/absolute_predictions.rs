@@ -8,6 +8,7 @@ use elastocal::numeric::random::generator;
 use elastocal::observation::{BareArm, Form, ObservationModel, ReadingErrors, ReadingKind, Setup};
 use elastocal::parameter::{
     ElasticArm, ParameterKind, ParameterSet, RangeNoise, ReadingSource, SourceLevel,
+    TransmissionError,
 };
 use elastocal::plan::absolute::AbsolutePlanning;
 use elastocal::plan::search::random_plan;
@@ -264,7 +265,7 @@ fn sources() -> [ReadingSource; 6] {
     let deviations = vec![2e-5, 3e-5, 1e-5, 5e-5, 4e-5, 6e-5];
     [
         ReadingSource::JointRepeatability(deviations.clone()),
-        ReadingSource::TransmissionError(deviations.clone()),
+        ReadingSource::TransmissionError(TransmissionError::independent(deviations.clone())),
         ReadingSource::LoadDirection(0.01),
         ReadingSource::LoadPoint(0.005),
         ReadingSource::Range(RangeNoise {
@@ -352,7 +353,7 @@ fn readings_are_disturbed_as_much_as_planned() {
             let mut added = Vector3::zeros();
             match source {
                 ReadingSource::JointRepeatability(deviations)
-                | ReadingSource::TransmissionError(deviations) => {
+                | ReadingSource::TransmissionError(TransmissionError { deviations, .. }) => {
                     let share = if is_shared { 1.0 } else { half };
                     for (angle, deviation) in moved.iter_mut().zip(deviations) {
                         *angle += share * deviation * next();

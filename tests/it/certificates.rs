@@ -1,7 +1,7 @@
 //! Input as certificates print it: maximum permissible errors, and pose repeatability.
 
 use elastocal::numeric::random::generator;
-use elastocal::parameter::{ReadingSource, Source, Uncertainty};
+use elastocal::parameter::{ReadingSource, Source, TransmissionError, Uncertainty};
 use elastocal::scenario::Scenario;
 use nalgebra::Vector3;
 use rand_distr::{Distribution, StandardNormal};
@@ -20,7 +20,10 @@ fn sizes(source: &Source) -> Vec<f64> {
     match source {
         Source::Plan(parameters) => parameters.iter().map(|(_, size)| *size).collect(),
         Source::Reading(
-            ReadingSource::JointRepeatability(all) | ReadingSource::TransmissionError(all),
+            ReadingSource::JointRepeatability(all)
+            | ReadingSource::TransmissionError(TransmissionError {
+                deviations: all, ..
+            }),
         ) => all.clone(),
         Source::Reading(ReadingSource::LoadDirection(size) | ReadingSource::LoadPoint(size)) => {
             vec![*size]

@@ -232,8 +232,8 @@ fn written_out(scenario: &Scenario, measurements: &[Measurement]) -> DMatrix<f64
                     ReadingSource::Discrepancy(deviation) => {
                         block += Matrix3::identity() * deviation.powi(2);
                     }
-                    ReadingSource::TransmissionError(deviations) => {
-                        for (joint, deviation) in deviations.iter().enumerate() {
+                    ReadingSource::TransmissionError(gears) => {
+                        for (joint, deviation) in gears.deviations.iter().enumerate() {
                             let [one, other] = [one, other].map(|each| along(each, joint));
                             block += one * other.transpose() * deviation.powi(2);
                         }

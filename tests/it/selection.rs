@@ -2,9 +2,11 @@
 //! threads change nothing.
 
 use elastocal::measurement::{AbsoluteReading, absolute_table};
+use elastocal::numeric::ornstein_uhlenbeck::sampled;
 use elastocal::numeric::random::generator;
 use elastocal::scenario::Scenario;
 
+use crate::model_selection::read_of;
 use crate::one_fit::{Campaign, plain, read, seen_arm, ur10, workplace};
 use crate::support::{Workplace, project, scenario_text};
 
@@ -72,6 +74,139 @@ fn predictions_count_discrepancy() {
     for (own, with_discrepancy) in own.into_iter().zip(with_discrepancy) {
         let ratio = with_discrepancy / own;
         assert!((16.0..24.0).contains(&ratio), "{ratio}");
+    }
+}
+
+/// The standard deviation (rad) and the correlation length (rad) of each joint's error function.
+const FUNCTION: (f64, f64) = (4e-4, 0.18);
+
+/// Poses of an arm of which each joint is off by a random function of its own angle.
+fn with_functions(seed: u64, readings: usize) -> Vec<AbsoluteReading> {
+    let mut random = generator(seed, 0);
+    let arm = seen_arm(&mut random, &ur10(), 1, 1);
+    let grid: Vec<f64> = (0..4001)
+        .map(|place| -2.61 + 5.22e0 / 4e3 * f64::from(place))
+        .collect();
+    let functions: Vec<Vec<f64>> = (0..6)
+        .map(|_| sampled(&grid, FUNCTION.1, &mut random))
+        .collect();
+    let gear = |joint: usize, angle: f64| {
+        let after = grid
+            .partition_point(|place| *place < angle)
+            .clamp(1, grid.len() - 1);
+        let share = (angle - grid[after - 1]) / (grid[after] - grid[after - 1]);
+        let function = &functions[joint];
+        FUNCTION.0 * (function[after - 1] * (1.0 - share) + function[after] * share)
+    };
+    read_of(&mut random, &arm, readings, 0.0, &gear)
+}
+
+fn function_tables(std_mrad: f64, correlation_rad: f64) -> String {
+    let correlation_deg = correlation_rad.to_degrees();
+    format!(
+        "\n[[uncertainty]]\nkind = \"transmission_error\"\nstd_mrad = {std_mrad}\ncorrelation_deg = {correlation_deg}\n\
+         \n[[uncertainty]]\nkind = \"discrepancy\"\nstd_mm = 0.01\n"
+    )
+}
+
+/// With joint error functions in the planner's model every fit has them: choices that are planned with them are better than those planned
+/// for independent errors, and what is predicted is observed, on simulated robots and on the readings themselves.
+#[test]
+fn joint_error_functions_are_planned_with() {
+    let place = workplace(&with_functions(5, 260));
+    let tables = function_tables(FUNCTION.0 * 1e3, FUNCTION.1);
+    place.write("f.toml", scenario_text("ur10") + &tables);
+    let command = "--measurements m.csv --parameters zeros --sizes 14,30 --draws 10";
+    let found = place.json(&format!(
+        "select f.toml {command} --campaigns 20 --threads 1"
+    ));
+    let plain = place.json(&format!("select s.toml {command} --campaigns 0"));
+    assert_eq!(found["joint_errors"].as_array().expect("joints").len(), 6);
+    for (of_size, plain) in (found["sizes"].as_array().expect("sizes").iter())
+        .zip(plain["sizes"].as_array().expect("sizes"))
+    {
+        let planned = of_size["planned"].as_array().expect("choices");
+        assert_eq!(planned.len(), 7);
+        let best = &planned[0];
+        assert_eq!(best["criterion"], "test_pose_with_joint_errors");
+        let rho0 = number(&best["rho0_mm"]);
+        assert!(rho0 < number(&planned[1]["rho0_mm"]), "{best:#}");
+        assert!(rho0 < number(&of_size["random"]["rho0_mm"][0]), "{best:#}");
+        // Twenty robots, whose errors of a function's length or so are independent.
+        for choice in &planned[..2] {
+            let kept = number(&choice["without_discrepancy_from_true_mm"]);
+            let kept = kept / number(&choice["rho0_mm"]);
+            assert!((0.85..1.15).contains(&kept), "{kept}: {choice:#}");
+            let kept = number(&choice["distance_mm"]["rms"]) / number(&choice["predicted_rms_mm"]);
+            assert!((0.7..1.35).contains(&kept), "{kept}: {choice:#}");
+        }
+        // A fit without functions leaves far more.
+        let without = number(&plain["planned"][0]["distance_mm"]["rms"]);
+        assert!(
+            number(&best["distance_mm"]["rms"]) < 0.85 * without,
+            "{without} {best:#}"
+        );
+    }
+    let again = place.json(&format!(
+        "select f.toml {command} --campaigns 20 --threads 2"
+    ));
+    assert_eq!(found["sizes"], again["sizes"]);
+}
+
+/// What `identify` estimates of joint error functions is what readings were made with, and `select` takes it as it is written.
+#[test]
+fn estimated_components_are_those_of_the_robot() {
+    let place = workplace(&with_functions(6, 700));
+    let identify = "identify s.toml --measurements m.csv --parameters zeros --quiet";
+    place.run(&format!("{identify} --uncertainties-out u.toml"));
+    let tables = place.read("u.toml");
+    place.write("f.toml", scenario_text("ur10") + &tables);
+    let scenario = Scenario::load(&place.path("f.toml")).expect("a scenario");
+    let extended = scenario.task.belief.uncertain.as_ref().expect("uncertain");
+    let functions = extended.joint_functions();
+    assert_eq!(functions.len(), 6);
+    for each in functions {
+        // What decides over short ways is the variance over the length; both apart are known worse.
+        let slope = each.deviation_rad.powi(2) / each.correlation_rad;
+        let ratio = slope / (FUNCTION.0.powi(2) / FUNCTION.1);
+        assert!((0.5..1.6).contains(&ratio), "{ratio}: {tables}");
+    }
+    place.run("select f.toml --measurements m.csv --parameters zeros --sizes 12 --draws 1 --campaigns 0 --quiet")
+        .ends_with(0);
+}
+
+/// Correlation lengths are of transmission errors of joints that turn, without harmonics.
+#[test]
+fn wrong_correlations_are_refused() {
+    let place = workplace(&plain(12, false));
+    for (table, wanted) in [
+        (
+            "kind = \"joint_zero\"\nstd_mrad = 1\ncorrelation_deg = 5",
+            "only a transmission_error without harmonics",
+        ),
+        (
+            "kind = \"transmission_error\"\nstd_mrad = 1\nharmonics = [3]\ncorrelation_deg = 5",
+            "only a transmission_error without harmonics",
+        ),
+        (
+            "kind = \"transmission_error\"\nstd_mrad = 1\ncorrelation_deg = 0",
+            "correlation_deg",
+        ),
+        (
+            "kind = \"transmission_error\"\nstd_mrad = 1\ncorrelation_deg = nan",
+            "correlation_deg",
+        ),
+    ] {
+        place.write(
+            "w.toml",
+            format!("{}\n[[uncertainty]]\n{table}\n", scenario_text("ur10")),
+        );
+        let outcome = place.run("check w.toml --quiet").ends_with(1);
+        assert!(
+            outcome.stderr.contains(wanted),
+            "{wanted}: {}",
+            outcome.stderr
+        );
     }
 }
 

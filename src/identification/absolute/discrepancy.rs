@@ -21,9 +21,7 @@ impl AbsoluteCase<'_> {
         let (mut found, mut values) = if let Some(fit) = other {
             (self.estimated_discrepancy(&fit)?, self.rebased(set, &fit))
         } else {
-            let kinds = self.frame_kinds().into_iter().map(|kind| (kind, None));
-            let frames = ParameterSet::new(&self.arm, kinds)?;
-            let fit = fit_parameters(&self.arm, &frames, &self.observations)?;
+            let (frames, fit) = self.fit_of_frames()?;
             let found = self.estimated_discrepancy(&fit)?;
             self.rebased(&frames, &fit);
             (found, set.prior().mean.clone())
@@ -38,6 +36,24 @@ impl AbsoluteCase<'_> {
         let shared = self.weigh(found);
         let fit = fit_from(&self.arm, set, &self.observations, shared.as_ref(), &values)?;
         Ok((fit, Some(found)))
+    }
+
+    /// The frames of stations and targets alone that suit the readings best, all else as it is.
+    fn fit_of_frames(&self) -> Result<(ParameterSet, ParameterFit), AbsoluteError> {
+        let kinds = self.frame_kinds().into_iter().map(|kind| (kind, None));
+        let frames = ParameterSet::new(&self.arm, kinds)?;
+        let fit = fit_parameters(&self.arm, &frames, &self.observations)?;
+        Ok((frames, fit))
+    }
+
+    /// What the robot as it is leaves of the readings in the frames that suit them best.
+    ///
+    /// # Errors
+    /// The readings do not determine frames.
+    pub fn left_in_best_frames(&self) -> Result<Vec<ReadingResidual>, AbsoluteError> {
+        self.check_frames()?;
+        let (_, fit) = self.fit_of_frames()?;
+        Ok(self.left_by(&fit)?)
     }
 
     /// What residuals are larger than the readings' own covariances make them, as standard deviations of position (m) and

@@ -12,7 +12,7 @@ use super::super::gauss_newton::{
 use super::super::nominal::{UNKNOWN, UNKNOWN_TOGETHER, with_nominal};
 use super::super::outliers;
 use super::super::outliers::IMPLAUSIBLE;
-use super::mixed::MixedModel;
+use super::mixed::{MixedModel, VarianceComponents};
 use super::rows::LinearReading;
 use super::unknowns::{LeftOut, ToldApart};
 use super::{
@@ -340,9 +340,30 @@ impl AbsoluteCase<'_> {
         if self.visits.len() < LEAST_STANDS || fit.degrees_of_freedom() < 4.0 * variances as f64 {
             return None;
         }
-        let values = &fit.posterior.mean;
+        self.mixed_of(set, &fit.posterior, joints, [position_m, rotation_rad])
+    }
+
+    /// The variance components of what a fit leaves of the readings that it kept; none where there is too little to tell, or where nothing
+    /// is left beyond the readings' own covariances.
+    pub fn variance_components(&self, fit: &AbsoluteFit) -> Option<VarianceComponents> {
+        fit.discrepancy_model.as_ref()?;
+        let (joints, turns) = (self.commanded_joints(), self.commanded_turns());
+        let kept = self.kept(fit);
+        let (_, mixed) = kept.mixed_of(&fit.set, &fit.posterior, joints, fit.discrepancy?)?;
+        mixed.components(&turns)
+    }
+
+    /// The same with errors of these joints, however many readings there are.
+    pub(super) fn mixed_of(
+        &self,
+        set: &ParameterSet,
+        posterior: &Posterior,
+        joints: Vec<usize>,
+        [position_m, rotation_rad]: [f64; 2],
+    ) -> Option<(Vec<LinearReading>, MixedModel)> {
+        let values = &posterior.mean;
         let rows = self.rows_at(&self.arm, set, values, &joints).ok()?;
-        let estimable = &fit.posterior.estimable;
+        let estimable = &posterior.estimable;
         let off = DVector::from_column_slice(values) - &set.prior().mean;
         let pull = relative_precision(set) * off.component_div(&set.scales());
         let basis = estimable.basis();

@@ -34,9 +34,10 @@ pub use error::AbsoluteError;
 pub use fit::{AbsoluteFit, ReadingWeights, Unexplained};
 pub use inconsistencies::{CONTRADICTION, Inconsistencies, Inconsistency, SeriesEstimates};
 pub use joint_errors::{DiscrepancyModel, JointError, MovedStation, ReadingPrognosis, SQUARE_95};
+pub use mixed::VarianceComponents;
 pub use model_selection::{
     CrossValidation, ModelSelection, NestedModel, NestedModelTest, ParameterChange, Recommendation,
 };
-pub use parts::PartsOfReadings;
+pub use parts::{PartsOfReadings, PredictedPositions, SimulatedReadings};
 pub use residuals::DistanceStatistics;
 pub use unknowns::{LeftOut, ParameterGroup};

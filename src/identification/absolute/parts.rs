@@ -1,18 +1,23 @@
 //! Fits of parts of the readings, all with the same unknowns, priors and weights.
 
-use nalgebra::{DMatrix, Matrix6xX, Rotation3, Vector6};
+use nalgebra::{Cholesky, DMatrix, Matrix6xX, Rotation3, Vector3, Vector6};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-use super::super::gauss_newton::{FitError, ParameterFit, fit_from};
+use super::super::gauss_newton::{FitError, fit_from};
+use super::mixed::VarianceComponents;
 use super::{
-    AbsoluteCase, AbsoluteError, AbsoluteFit, ParameterGroup, ReadingResidual, ReadingWeights,
+    AbsoluteCase, AbsoluteError, AbsoluteFit, Discrepancy, DiscrepancyModel, ParameterGroup,
+    ReadingWeights,
 };
+use crate::numeric::low_rank::{LowRankInformation, LowRankList};
+use crate::numeric::ornstein_uhlenbeck::sampled;
 use crate::observation::{
     Form, Observation, ObservationModel, Reading, planned_information_of_each, planned_positions,
 };
-use crate::parameter::{ParameterSet, relative_precision};
+use crate::parameter::{JointFunction, ParameterSet, relative_precision};
 use crate::robot::EquilibriumError;
+use crate::task::Extended;
 
 /// Readings of which any part can be fitted as all were: the same unknowns, what is known of them before, and weights.
 #[derive(Debug, Clone)]
@@ -21,10 +26,33 @@ pub struct PartsOfReadings<'a> {
     pub case: AbsoluteCase<'a>,
     /// What all together say.
     pub all: AbsoluteFit,
+    /// Where each position is as all together say (m), without what is new at it.
+    pub expected_m: Vec<Vector3<f64>>,
+    known: VarianceComponents,
+}
+
+/// Readings of a robot that is as the planner's model says.
+#[derive(Debug, Clone)]
+pub struct SimulatedReadings {
+    /// The readings.
+    pub observations: Vec<Observation>,
+    /// Where each position is (m), without what is new at it.
+    pub expected_m: Vec<Vector3<f64>>,
+}
+
+/// What a fit of some readings predicts of all.
+#[derive(Debug, Clone)]
+pub struct PredictedPositions {
+    /// Where they are (m).
+    pub positions_m: Vec<Vector3<f64>>,
+    /// The predicted mean square distance from there (m^2): of the places, without what is new at each reading, and of the readings; over the
+    /// readings that were not fitted.
+    pub squares_m2: [f64; 2],
 }
 
 impl<'a> AbsoluteCase<'a> {
-    /// Fits all readings, those far out among them, and keeps what fits of parts of them share.
+    /// Fits all readings, those far out among them, and keeps what fits of parts of them share. Where the planner's model has joint error
+    /// functions, these are part of every fit, and what is new at each position is as large as it says.
     ///
     /// # Errors
     /// As [`fit`](Self::fit); or some readings cannot be taken by themselves.
@@ -37,11 +65,33 @@ impl<'a> AbsoluteCase<'a> {
         }
         self.keeps_all = true;
         let all = self.fit(groups, ReadingWeights::AsNeeded)?;
-        // The fit leaves the readings with their own weights.
-        if let Some(discrepancy) = all.discrepancy {
-            self.weigh(discrepancy);
+        let uncertain = self.belief.uncertain.as_ref();
+        let mut known = VarianceComponents {
+            functions: uncertain.map_or_else(Vec::new, Extended::joint_functions),
+            rest: all.discrepancy.unwrap_or_default(),
+        };
+        let mut left = &all.left;
+        if let Some(model) =
+            (all.discrepancy_model.as_ref()).filter(|_| !known.functions.is_empty())
+        {
+            known.rest = [model.model.rest.position_m, model.model.rest.rotation_rad];
+            if let Some(said) = uncertain.and_then(Extended::discrepancy_m) {
+                known.rest[0] = said;
+            }
+            left = &model.left;
         }
-        Ok(PartsOfReadings { case: self, all })
+        // The fit leaves the readings with their own weights.
+        if all.discrepancy.is_some() || !known.functions.is_empty() {
+            self.weigh(known.rest);
+        }
+        let read = self.observations.iter().map(Observation::position_m);
+        let expected_m = read.zip(left).map(|(read, left)| read - left.position_m);
+        Ok(PartsOfReadings {
+            expected_m: expected_m.collect(),
+            case: self,
+            all,
+            known,
+        })
     }
 }
 
@@ -49,6 +99,11 @@ impl PartsOfReadings<'_> {
     /// What is fitted.
     pub const fn set(&self) -> &ParameterSet {
         &self.all.set
+    }
+
+    /// The joint error functions that are part of every fit.
+    pub fn functions(&self) -> &[JointFunction] {
+        &self.known.functions
     }
 
     /// What each reading tells of the unknowns (p x p, in typical sizes), with the robot nominal, and frames where all readings
@@ -77,60 +132,176 @@ impl PartsOfReadings<'_> {
         rows.transpose() / (setups.len().max(1) as f64).sqrt()
     }
 
-    /// The fit of some of these observations, which may be those of the case or others in their places.
-    pub fn fit(
+    /// What each reading tells where joint error functions are unknown beside the unknowns: of the functions their values at knots are, and
+    /// what lies between these is new at each reading.
+    ///
+    /// # Errors
+    /// The robot has no equilibrium there.
+    pub fn with_functions(&self) -> Result<LowRankList, FitError> {
+        let (set, joints) = (self.set(), self.known.joints());
+        let mean = &set.prior().mean;
+        let rows = (self.case).rows_at(&self.case.arm, set, mean.as_slice(), &joints)?;
+        let scales = set.scales();
+        let processes = self.known.processes(&self.case.observations);
+        let knots: usize = processes.iter().map(|each| each.knots.len()).sum();
+        let mut before = DMatrix::zeros(set.len() + knots, set.len() + knots);
+        let mut own = before.view_mut((0, 0), (set.len(), set.len()));
+        own.copy_from(&self.known_before());
+        let mut first = set.len();
+        for process in &processes {
+            process.precision().0.add_to(&mut before, first);
+            first += process.knots.len();
+        }
+        let mut list = LowRankList::new(before);
+        let rest = Discrepancy {
+            position_m: self.known.rest[0],
+            rotation_rad: self.known.rest[1],
+        };
+        let share = (rows.len().max(1) as f64).recip();
+        for (each, rows) in self.case.observations.iter().zip(&rows) {
+            let count = rows.residual.len();
+            let mut columns: Vec<usize> = (0..set.len()).collect();
+            let mut matrix = rows.columns.clone();
+            for (mut column, scale) in matrix.column_iter_mut().zip(&scales) {
+                column *= *scale;
+            }
+            let mut covariance = &rows.own + rest.covariance().view((0, 0), (count, count));
+            let mut first = set.len();
+            for (place, (process, function)) in
+                processes.iter().zip(&self.known.functions).enumerate()
+            {
+                let moved = rows.joints.column(place) * function.deviation_rad;
+                let between = process.between(each.setup.commanded_rad[function.joint]);
+                for (knot, weight) in between.knots.into_iter().zip(between.weights) {
+                    if weight != 0.0 {
+                        columns.push(first + knot);
+                        matrix = matrix.insert_column(columns.len() - 1, 0.0);
+                        matrix
+                            .column_mut(columns.len() - 1)
+                            .copy_from(&(&moved * weight));
+                    }
+                }
+                covariance += &moved * moved.transpose() * between.spare;
+                first += process.knots.len();
+            }
+            let mut information = LowRankInformation {
+                columns,
+                rows: matrix.rows(0, 3).into_owned(),
+            };
+            list.want(&information, share);
+            if let Some(factor) = Cholesky::new(covariance) {
+                factor.l_dirty().solve_lower_triangular_mut(&mut matrix);
+            }
+            information.rows = matrix;
+            list.candidates.push(information);
+        }
+        Ok(list)
+    }
+
+    /// What a fit of some of these observations, which may be those of the case or others in their places, predicts of all positions; none
+    /// where there is no fit. `chosen` are in rising order.
+    pub fn predicted_by(
         &self,
         observations: &[Observation],
         chosen: &[usize],
-    ) -> Result<ParameterFit, FitError> {
-        let chosen: Vec<Observation> = chosen
-            .iter()
-            .map(|&index| observations[index].clone())
-            .collect();
-        let set = self.set();
-        fit_from(&self.case.arm, set, &chosen, None, &set.prior().mean)
+    ) -> Option<PredictedPositions> {
+        let mut part = self
+            .case
+            .part_of(|index| chosen.binary_search(&index).is_ok());
+        for (to, &index) in part.observations.iter_mut().zip(chosen) {
+            to.clone_from(&observations[index]);
+        }
+        let (arm, set) = (&self.case.arm, self.set());
+        let fit = fit_from(arm, set, &part.observations, None, &set.prior().mean).ok()?;
+        let joints = self.known.joints();
+        let [position_m, rotation_rad] = self.known.rest;
+        let rest = Discrepancy {
+            position_m,
+            rotation_rad,
+        };
+        let model = if joints.is_empty() {
+            DiscrepancyModel::plain(fit.posterior.covariance.clone(), rest)
+        } else {
+            let (_, mixed) = part.mixed_of(set, &fit.posterior, joints.clone(), self.known.rest)?;
+            mixed.with_known(&self.known)?
+        };
+        let values = &fit.posterior.mean;
+        let rows = self.case.rows_at(arm, set, values, &joints).ok()?;
+        let places: Vec<usize> = (0..set.len()).collect();
+        let mut squares = [0.0; 2];
+        let mut others = 0.0;
+        let of_reading = |(index, (rows, each)): (usize, (_, &Observation))| {
+            let q = each.setup.commanded_rad.as_slice();
+            let (left, covariance) = model.prognosis(rows, &places, q);
+            if chosen.binary_search(&index).is_err() {
+                let new = model.rest.covariance() + self.case.covariances[index];
+                let [all, new] = [
+                    covariance.diagonal().rows(0, 3).sum(),
+                    new.diagonal().fixed_rows::<3>(0).sum(),
+                ];
+                squares[0] += all - new;
+                squares[1] += all;
+                others += 1.0;
+            }
+            each.position_m() - left.fixed_rows::<3>(0)
+        };
+        let positions_m = (rows.iter().zip(&self.case.observations).enumerate()).map(of_reading);
+        Some(PredictedPositions {
+            positions_m: positions_m.collect(),
+            squares_m2: squares.map(|square| square / f64::max(others, 1.0)),
+        })
     }
 
-    /// What a fit leaves of all readings.
+    /// The readings of a robot that is exactly as all readings together say but for joint error functions, which are sampled anew, with
+    /// errors that are normal, independent and as large as the weights say.
     ///
     /// # Errors
     /// The robot has no equilibrium there.
-    pub fn left_by(&self, fit: &ParameterFit) -> Result<Vec<ReadingResidual>, EquilibriumError> {
-        self.case.left(&fit.belief).map_err(|(_, error)| error)
-    }
-
-    /// The readings of a robot that is exactly as all readings together say, with errors that are normal, independent and as large
-    /// as the weights say.
-    ///
-    /// # Errors
-    /// The robot has no equilibrium there.
-    pub fn without_discrepancy(
+    pub fn simulated(
         &self,
         random: &mut ChaCha8Rng,
-    ) -> Result<Vec<Observation>, EquilibriumError> {
+    ) -> Result<SimulatedReadings, EquilibriumError> {
         let nothing = ParameterSet::empty();
         let mut model = ObservationModel::new(&nothing, &self.all.arm, &[]);
         let mut derivatives = Matrix6xX::zeros(0);
-        (self.case.observations.iter())
-            .map(|each| {
-                let kind = each.reading.kind();
-                let predicted = model.predict(Form::AtRest, &each.setup, kind, &mut derivatives)?;
-                let normal = Vector6::from_fn(|_, _| StandardNormal.sample(random));
-                let error = each.whitener.coloured(&normal);
-                let position_m = predicted.position_m + error.fixed_rows::<3>(0);
-                let turned = error.fixed_rows::<3>(3).into_owned();
-                let reading = match each.reading {
-                    Reading::Pose { .. } => Reading::Pose {
-                        position_m,
-                        rotation: Rotation3::new(turned).into_inner() * predicted.rotation,
-                    },
-                    _ => Reading::Position { position_m },
-                };
-                Ok(Observation {
-                    reading,
-                    ..each.clone()
-                })
-            })
-            .collect()
+        let mut setups: Vec<_> = (self.case.observations.iter())
+            .map(|each| each.setup.clone())
+            .collect();
+        for function in &self.known.functions {
+            let angles = setups.iter().map(|each| each.commanded_rad[function.joint]);
+            let error = sampled(
+                &angles.collect::<Vec<_>>(),
+                function.correlation_rad,
+                random,
+            );
+            for (setup, error) in setups.iter_mut().zip(error) {
+                setup.commanded_rad[function.joint] += function.deviation_rad * error;
+            }
+        }
+        let mut simulated = SimulatedReadings {
+            observations: Vec::new(),
+            expected_m: Vec::new(),
+        };
+        for (each, setup) in self.case.observations.iter().zip(&setups) {
+            let kind = each.reading.kind();
+            let predicted = model.predict(Form::AtRest, setup, kind, &mut derivatives)?;
+            let normal = Vector6::from_fn(|_, _| StandardNormal.sample(random));
+            let error = each.whitener.coloured(&normal);
+            let position_m = predicted.position_m + error.fixed_rows::<3>(0);
+            let turned = error.fixed_rows::<3>(3).into_owned();
+            let reading = match each.reading {
+                Reading::Pose { .. } => Reading::Pose {
+                    position_m,
+                    rotation: Rotation3::new(turned).into_inner() * predicted.rotation,
+                },
+                _ => Reading::Position { position_m },
+            };
+            simulated.expected_m.push(predicted.position_m);
+            simulated.observations.push(Observation {
+                reading,
+                ..each.clone()
+            });
+        }
+        Ok(simulated)
     }
 }

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Matrix3xX, Vector3};
 
 use super::{Column, FirstOrder, Lever, WavyJoint, by_shift, by_turn};
-use crate::parameter::{ReadingSource, along};
+use crate::parameter::{ReadingSource, TransmissionError, along};
 use crate::robot::Load;
 
 impl FirstOrder<'_> {
@@ -204,7 +204,7 @@ impl FirstOrder<'_> {
         let times = self.times(source);
         match &sources[source] {
             ReadingSource::Discrepancy(_) => {}
-            ReadingSource::TransmissionError(deviations) => {
+            ReadingSource::TransmissionError(TransmissionError { deviations, .. }) => {
                 for (index, deviation) in deviations.iter().enumerate() {
                     let lever = self.joints[index];
                     let seen = self.of_motion(index, &lever, load);

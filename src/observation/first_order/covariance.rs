@@ -3,7 +3,7 @@
 use nalgebra::{Cholesky, Matrix3, Vector3};
 
 use super::{FirstOrder, Lever, by_shift, by_turn};
-use crate::parameter::{ReadingSource, counted_times};
+use crate::parameter::{ReadingSource, TransmissionError, counted_times};
 use crate::robot::Load;
 
 impl FirstOrder<'_> {
@@ -32,7 +32,9 @@ impl FirstOrder<'_> {
     /// The covariance by one of the sources of two deflections of this configuration under these loads (m^2), the one's rows
     /// by the other's columns: what of it all deflections of one configuration share.
     pub fn covariance_between(&self, source: usize, [one, other]: [&Load; 2]) -> Matrix3<f64> {
-        if let ReadingSource::TransmissionError(deviations) = &self.sources[source] {
+        if let ReadingSource::TransmissionError(TransmissionError { deviations, .. }) =
+            &self.sources[source]
+        {
             let seen = |joint: usize, load: &Load| {
                 self.of_motion(joint, &self.joints[joint], load) * deviations[joint]
             };
@@ -75,13 +77,15 @@ impl FirstOrder<'_> {
                 let (form, deviation) = self.load_form(source, load);
                 form * form.transpose() * (deviation * deviation)
             }
-            ReadingSource::TransmissionError(deviations) => (self.joints.iter().zip(deviations))
-                .enumerate()
-                .map(|(joint, (lever, deviation))| {
-                    let seen = self.of_motion(joint, lever, load) * *deviation;
-                    seen * seen.transpose()
-                })
-                .sum(),
+            ReadingSource::TransmissionError(TransmissionError { deviations, .. }) => {
+                (self.joints.iter().zip(deviations))
+                    .enumerate()
+                    .map(|(joint, (lever, deviation))| {
+                        let seen = self.of_motion(joint, lever, load) * *deviation;
+                        seen * seen.transpose()
+                    })
+                    .sum()
+            }
             other => {
                 let own = other.covariance_of_positions(&self.tool_position);
                 own.unwrap_or_else(Matrix3::zeros)

@@ -7,7 +7,7 @@ use crate::observation::{ObservationModel, ReadingKind, Setup};
 use crate::parameter::arms::{Numbers, heavy, random, random_elastic, ur10};
 use crate::parameter::{
     Axis, Backlash, ElasticArm, Parameter, ParameterKind, ParameterSet, RangeNoise, ReadingSource,
-    Stiffening, arms,
+    Stiffening, TransmissionError, arms,
 };
 use crate::robot::{Approach, KinematicState, Load};
 
@@ -90,11 +90,11 @@ pub(in crate::observation) fn every_source(
             per_metre: 2e-5,
             along_per_metre: 5e-6,
         }),
-        ReadingSource::TransmissionError(
+        ReadingSource::TransmissionError(TransmissionError::independent(
             (0..arm.chain.len())
                 .map(|_| numbers.between(0.0, 1e-2))
                 .collect(),
-        ),
+        )),
         ReadingSource::Discrepancy(1e-5),
     ]
 }
@@ -420,7 +420,7 @@ fn covariances_are_those_of_what_changes() {
         };
         // The deflection where a joint stands elsewhere, loaded and unloaded.
         let mut moved = FirstOrder::new(&arm, 0, &set, &[1.0], 3e-5, &[]);
-        for (joint, deviation) in gears.iter().enumerate() {
+        for (joint, deviation) in gears.deviations.iter().enumerate() {
             let mut at = |h: f64| {
                 let mut q = q.clone();
                 q[joint] += h;

@@ -16,6 +16,7 @@
 //!   refinement by gradients.
 //! - `rounding`: plans of many measurements, from a rounded approximate design.
 //! - `told`, `finite`, `finite_search`, `candidates`: plans of a finite list of candidates, whose bound is proved by looking at all.
+//! - `low_rank_search`: choices from a long list of readings that inform few of many unknowns.
 //! - `exact`: the best plan of whole experiments that many such searches find.
 
 mod approximate;
@@ -31,6 +32,7 @@ mod finite_error;
 mod finite_search;
 mod joints;
 mod local;
+mod low_rank_search;
 mod observation;
 mod point;
 mod pool;
@@ -58,6 +60,7 @@ pub use exact::{ExactDesign, Watch, exact_design};
 pub use finite::{FiniteBound, FiniteProblem, SharingCandidates, TogetherBounds};
 pub use finite_error::FiniteError;
 pub use finite_search::{ExchangesTry, FiniteDesign, FiniteEffort};
+pub use low_rank_search::{ListChoice, best_choice};
 pub use observation::MatrixEvaluator;
 pub use problem::{Effort, Problem, SearchError};
 pub use proved::{ProofEffort, ProofExperiment, ProofFile, ProvedBound, TIGHT};

@@ -20,6 +20,7 @@ mod station;
 mod study;
 mod test_pose;
 mod torque_law;
+mod transmission_error;
 mod uncertainty;
 
 use std::cell::RefCell;

@@ -1,7 +1,5 @@
 //! The tables `[[uncertainty]]`: error sources.
 
-use std::num::NonZeroU32;
-
 use nalgebra::{DVector, Vector3};
 
 use super::Checker;
@@ -9,8 +7,8 @@ use super::robot::names_of;
 use crate::files::FileError;
 use crate::mujoco::State;
 use crate::parameter::{
-    Axis, GearWave, ParameterError, ParameterKind, RangeNoise, ReadingSource, Source, Uncertainty,
-    Unloaded,
+    Axis, ParameterError, ParameterKind, RangeNoise, ReadingSource, Source, TransmissionError,
+    Uncertainty, Unloaded,
 };
 use crate::quantities::plausible::{
     DEVIATION, FORCE_LIMIT, GAP_DEVIATION, Kind, PER_HOUR_DEVIATION, PER_METRE_DEVIATION,
@@ -32,11 +30,6 @@ pub(super) struct ReadingPlaces<'a> {
 
 /// More are no list of what is uncertain.
 const MOST: usize = 100;
-
-/// More waves are no list of what a gear has ...
-const MOST_WAVES: usize = 20;
-/// ... and more of one in a turn than any gear has teeth.
-const MOST_PER_TURN: u32 = 1000;
 
 /// A torque that some uncertainties of joints come with.
 struct TorqueKey {
@@ -135,6 +128,13 @@ impl Checker<'_> {
             let problem = format!("a {} is not one of joints", table.kind.name());
             return Err(self.wrong(&format!("{key}.joints"), problem));
         }
+        if table.correlation_deg.is_some()
+            && (table.kind != UncertaintyKind::TransmissionError || table.harmonics.is_some())
+        {
+            let key = format!("{key}.correlation_deg");
+            let problem = "only a transmission_error without harmonics has a correlation length";
+            return Err(self.wrong(&key, problem));
+        }
         if let Some(harmonics) = &table.harmonics {
             return Ok(Source::Plan(self.waves(key, table, belief, harmonics)?));
         }
@@ -152,11 +152,13 @@ impl Checker<'_> {
                 for (joint, size) in self.joint_sizes(key, table, belief, "std_mrad")? {
                     sizes[joint] = size;
                 }
-                if table.kind == UncertaintyKind::TransmissionError {
-                    ReadingSource::TransmissionError(sizes)
-                } else {
-                    ReadingSource::JointRepeatability(sizes)
+                if table.kind == UncertaintyKind::JointRepeatability {
+                    return Ok(Source::Reading(ReadingSource::JointRepeatability(sizes)));
                 }
+                ReadingSource::TransmissionError(TransmissionError {
+                    correlation_rad: self.correlation(key, table, belief, &sizes)?,
+                    deviations: sizes,
+                })
             }
             UncertaintyKind::TrackerRange => {
                 let per_metre = size("std_um_per_m")?;
@@ -301,73 +303,6 @@ impl Checker<'_> {
             | UncertaintyKind::TransmissionError
             | UncertaintyKind::Discrepancy => Ok(Vec::new()),
         }
-    }
-
-    /// Gear error in waves of which so many come in a turn: two parameters for each of them and each joint.
-    fn waves(
-        &self,
-        key: &str,
-        table: &UncertaintyTable,
-        belief: &Belief,
-        harmonics: &[i64],
-    ) -> Result<Vec<(ParameterKind, f64)>, FileError> {
-        let own = format!("{key}.harmonics");
-        if table.kind != UncertaintyKind::TransmissionError {
-            let problem = format!("a {} has no waves", table.kind.name());
-            return Err(self.wrong(&own, problem));
-        }
-        if table.std_mm.is_some() {
-            let problem = "a joint that slides has no turn, and so no harmonics";
-            let wrong = self.wrong(&format!("{key}.std_mm"), problem);
-            return Err(wrong.hint(
-                "give std_mrad, and slides a transmission_error of their own without harmonics",
-            ));
-        }
-        self.at_most(&own, harmonics.len(), MOST_WAVES)?;
-        let mut counts: Vec<NonZeroU32> = Vec::new();
-        for (index, &count) in harmonics.iter().enumerate() {
-            let own = format!("{own}[{index}]");
-            let per_turn = u32::try_from(count).ok().and_then(NonZeroU32::new);
-            let Some(per_turn) = per_turn.filter(|count| count.get() <= MOST_PER_TURN) else {
-                let problem = format!(
-                    "found {count}; a whole number of periods a turn from 1 to {MOST_PER_TURN} is needed"
-                );
-                let wrong = self.wrong(&own, problem);
-                return Err(match count {
-                    0 => wrong.hint("a constant transmission error is a joint_zero"),
-                    _ => wrong,
-                });
-            };
-            if counts.contains(&per_turn) {
-                return Err(self.wrong(&own, format!("found {per_turn} twice")));
-            }
-            counts.push(per_turn);
-        }
-        if counts.is_empty() {
-            let wrong = self.wrong(&own, "is empty");
-            return Err(wrong.hint(
-                "leave it out for a transmission error that is independent between configurations",
-            ));
-        }
-        let slides = |joint: usize| belief.nominal.chain.joints[joint].drive.slides;
-        if table.joints.is_some()
-            && let Some(joint) = (self
-                .uncertain_joints(key, table, belief, &|_| true)?
-                .into_iter())
-            .find(|&joint| slides(joint))
-        {
-            let name = &belief.nominal.chain.joints[joint].name;
-            let problem = format!("{name} slides: it has no turn, and so no harmonics");
-            return Err(self.wrong(&format!("{key}.joints"), problem));
-        }
-        // All waves together are off by the size that is given, at every angle.
-        let share = (counts.len() as f64).sqrt().recip();
-        let joints = self.joint_sizes(key, table, belief, "std_mrad")?;
-        let of = |(joint, size): (usize, f64)| {
-            let waves = counts.iter().flat_map(|&count| GearWave::both(count));
-            waves.map(move |wave| (ParameterKind::JointWave { joint, wave }, size * share))
-        };
-        Ok(joints.into_iter().flat_map(of).collect())
     }
 
     /// A parameter of each spring between places of the arm.
@@ -586,7 +521,7 @@ impl Checker<'_> {
     }
 
     /// Joints with a size each: angles of those that turn, lengths of those that slide.
-    fn joint_sizes(
+    pub(super) fn joint_sizes(
         &self,
         key: &str,
         table: &UncertaintyTable,

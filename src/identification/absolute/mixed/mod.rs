@@ -12,6 +12,7 @@
 //! variance components models*, J. Comput. Graph. Stat. 28, 2019). How far the error of a joint reaches follows from its
 //! expected squares at the knots, as in the EM algorithm.
 
+mod known;
 mod prediction;
 mod standard_errors;
 mod visit;
@@ -23,6 +24,7 @@ use super::joint_errors::DiscrepancyModel;
 use super::rows::LinearReading;
 use super::{AbsoluteCase, Discrepancy};
 use crate::numeric::ornstein_uhlenbeck::{OrnsteinUhlenbeck, Tridiagonal, knots_among};
+pub use known::VarianceComponents;
 use prediction::PredictedSquares;
 pub(super) use standard_errors::SumVariances;
 
@@ -411,14 +413,13 @@ impl MixedModel {
         pull += &self.pull;
         for (joint, process) in variances.process.iter().enumerate() {
             let (precision, _) = process.precision();
-            let (at, variance) = (offsets[joint], variances.joints[joint]);
-            for (knot, value) in precision.diagonal.iter().enumerate() {
-                information[(at + knot, at + knot)] += value / variance;
-            }
-            for (knot, value) in precision.beside.iter().enumerate() {
-                information[(at + knot, at + knot + 1)] += value / variance;
-                information[(at + knot + 1, at + knot)] += value / variance;
-            }
+            let variance = variances.joints[joint];
+            let scaled = |values: Vec<f64>| values.iter().map(|value| value / variance).collect();
+            let precision = Tridiagonal {
+                diagonal: scaled(precision.diagonal),
+                beside: scaled(precision.beside),
+            };
+            precision.add_to(&mut information, offsets[joint]);
         }
         let first = offsets[variances.process.len()];
         for at in first..size {

@@ -1,0 +1,124 @@
+//! Variance components that are known before, and those that are estimated for plans.
+
+use super::super::joint_errors::DiscrepancyModel;
+use super::{FOUND, LEAST, MixedModel, MixedVariances, ROUNDS};
+use crate::numeric::ornstein_uhlenbeck::{OrnsteinUhlenbeck, knots_among};
+use crate::observation::Observation;
+use crate::parameter::JointFunction;
+
+/// The knots of no more visits are all their angles: then nothing is lost between knots.
+const EXACT: usize = 120;
+/// Knots in planning are so many correlation lengths apart, unless they would be more than so many a joint.
+const APART: f64 = 0.5;
+const MOST_PLANNED: u32 = 120;
+/// Where components are estimated for plans, each joint has so many knots at most.
+const FINE_KNOTS: usize = 128;
+/// Angles that are nearer to each other (rad) are one.
+const SAME_RAD: f64 = 1e-6;
+
+/// Joint error functions and what is new at each visit, as the planner's model or an earlier fit has them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct VarianceComponents {
+    /// The functions, of each joint one at most, in the joints' order.
+    pub functions: Vec<JointFunction>,
+    /// The standard deviations of each coordinate of what is new at each visit: of positions (m) and of rotations (rad).
+    pub rest: [f64; 2],
+}
+
+impl VarianceComponents {
+    /// The joints that have functions.
+    pub fn joints(&self) -> Vec<usize> {
+        self.functions.iter().map(|each| each.joint).collect()
+    }
+
+    /// The functions at knots half a correlation length apart, or further where that would be many, among the angles of readings.
+    pub fn processes(&self, observations: &[Observation]) -> Vec<OrnsteinUhlenbeck> {
+        let of_function = |function: &JointFunction| {
+            let angles = observations
+                .iter()
+                .map(|each| each.setup.commanded_rad[function.joint]);
+            let angles: Vec<f64> = angles.collect();
+            let low = angles.iter().copied().fold(f64::INFINITY, f64::min);
+            let high = angles.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            let mut count = 2;
+            while count < MOST_PLANNED
+                && (high - low) / f64::from(count - 1) > APART * function.correlation_rad
+            {
+                count += 1;
+            }
+            let knots = knots_among(&angles, count as usize);
+            OrnsteinUhlenbeck {
+                knots,
+                length: function.correlation_rad,
+            }
+        };
+        self.functions.iter().map(of_function).collect()
+    }
+}
+
+impl MixedModel {
+    /// The likeliest variance components, with more knots than a fit has: what lies between knots looks independent from visit to visit, and
+    /// functions smaller than they are. Of joints that turn.
+    pub fn components(&self, turns: &[bool]) -> Option<VarianceComponents> {
+        let (coarse, _) = self.likeliest()?;
+        let mut fine = self.clone();
+        fine.most_knots = FINE_KNOTS;
+        let mut variances = fine.first();
+        for (process, coarse) in variances.process.iter_mut().zip(&coarse.process) {
+            process.length = coarse.length;
+        }
+        variances = MixedVariances {
+            process: variances.process,
+            ..coarse
+        };
+        for _ in 0..ROUNDS {
+            let solved = fine.solved(&variances)?;
+            let next = fine.improved(&variances, &solved)?.next;
+            let change = next.change_from(&variances);
+            variances = next;
+            if change < FOUND {
+                break;
+            }
+        }
+        let joints = self.joints.iter().zip(turns).enumerate();
+        let functions = joints.filter(|(_, (_, turns))| **turns);
+        Some(VarianceComponents {
+            functions: functions
+                .map(|(place, (&joint, _))| JointFunction {
+                    joint,
+                    deviation_rad: variances.joints[place].sqrt(),
+                    correlation_rad: variances.process[place].length,
+                })
+                .collect(),
+            rest: [0, 1].map(|part| (variances.rest[part] + self.within[part]).sqrt()),
+        })
+    }
+
+    /// What the readings say with these variance components; the model's joints are those that have functions. None where the numbers have
+    /// no factorisation.
+    pub fn with_known(&self, known: &VarianceComponents) -> Option<DiscrepancyModel> {
+        let process = |(place, function): (usize, &JointFunction)| {
+            let mut angles: Vec<f64> = self.visits.iter().map(|each| each.angles[place]).collect();
+            angles.sort_by(f64::total_cmp);
+            angles.dedup_by(|one, other| *one - *other < SAME_RAD);
+            OrnsteinUhlenbeck {
+                knots: if angles.len() <= EXACT {
+                    angles
+                } else {
+                    knots_among(&angles, self.most_knots)
+                },
+                length: function.correlation_rad,
+            }
+        };
+        let variances = MixedVariances {
+            rest: known.rest.map(|each| (each * each).max(LEAST)),
+            joints: (known.functions.iter())
+                .map(|each| each.deviation_rad.powi(2))
+                .collect(),
+            waves: Vec::new(),
+            process: known.functions.iter().enumerate().map(process).collect(),
+        };
+        let solved = self.solved(&variances)?;
+        Some(self.model(&variances, &solved))
+    }
+}
