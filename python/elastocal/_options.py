@@ -127,6 +127,7 @@ class IdentifyGiven(Common, total=False):
     parameters: Literal["frames", "zeros", "links", "geometry", "compliances", "springs", "payload", "all"] | Sequence[Literal["frames", "zeros", "links", "geometry", "compliances", "springs", "payload", "all"]] | None
     plot_out: FilePath | None
     sigma_from_residuals: bool | None
+    uncertainties_out: FilePath | None
 
 
 class IdentifyOptions(IdentifyGiven, total=False):
