@@ -159,6 +159,9 @@ fn compared(message: &InconsistenciesMessage) -> String {
         compared,
         found,
     } = message;
+    if *compared == 0 {
+        return format!("  Fitted apart {one} and {other}: no parameter is determined by both.\n");
+    }
     format!(
         "  Fitted apart {one} and {other}: of {} {} with each other.\n",
         counted(*compared as u64, "parameter"),
@@ -292,7 +295,7 @@ fn discrepancy_model(found: &UnexplainedMessage) -> String {
         table(&header, &rows),
         found.distance_mm.mean,
         turned.map_or_else(String::new, |angle| format!(", {:.4} mrad", angle.mean)),
-        counted(found.visits as u64, "stand"),
+        counted(found.visits as u64, "visit"),
         found.effective_sample_size
     )
 }

@@ -78,8 +78,7 @@ fn heights(message: &SelectionMessage) -> Result<[f64; 2], PlotError> {
     let means = |of_size: &SelectionSizeMessage| -> Vec<f64> {
         let planned = of_size.planned.iter();
         let planned = planned.filter_map(|each| Some(each.distance_mm.as_ref()?.mean));
-        let random = of_size.random.mean_mm.iter().map(|spread| spread[2] * 1.1);
-        planned.chain(random).collect()
+        planned.chain(of_size.random.means_mm.clone()).collect()
     };
     let all: Vec<f64> = message.sizes.iter().flat_map(means).collect();
     let highest = all.iter().copied().fold(0.0, f64::max);
@@ -87,6 +86,6 @@ fn heights(message: &SelectionMessage) -> Result<[f64; 2], PlotError> {
         return Err(PlotError::new("there is nothing to draw"));
     }
     let lowest = all.iter().copied().fold(message.all_mm.mean, f64::min);
-    // A planned choice that failed altogether does not hide the others.
+    // A choice that failed altogether does not hide the others.
     Ok([lowest, highest.min(4.0 * lowest) * 1.05])
 }

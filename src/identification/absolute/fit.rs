@@ -24,8 +24,8 @@ use crate::numeric::factorisation::symmetric;
 use crate::numeric::posterior::Posterior;
 use crate::parameter::{ElasticArm, Parameter, ParameterKind, ParameterSet, relative_precision};
 
-/// Fewer stands of the robot tell nothing of what the parameters leave but its size.
-const LEAST_STANDS: usize = 20;
+/// Fewer visits tell nothing of what the parameters leave but its size.
+const LEAST_VISITS: usize = 20;
 
 /// Robots leave less than this share of how far positions reach in each coordinate: 2 mm of a metre.
 const ROBOTS_LEAVE: f64 = 2e-3;
@@ -113,7 +113,7 @@ pub struct Unexplained {
     pub degrees: Vec<f64>,
     /// What is left of each reading that was not rejected beside the parameters and the joints' errors.
     pub left: Vec<ReadingResidual>,
-    /// Stands of the robot.
+    /// Visits.
     pub visits: usize,
     /// As many with errors of their own would tell as much of the parameters.
     pub effective_sample_size: f64,
@@ -337,7 +337,7 @@ impl AbsoluteCase<'_> {
     ) -> Option<(Vec<LinearReading>, MixedModel)> {
         let joints = self.commanded_joints();
         let variances = joints.len() + 1;
-        if self.visits.len() < LEAST_STANDS || fit.degrees_of_freedom() < 4.0 * variances as f64 {
+        if self.visits.len() < LEAST_VISITS || fit.degrees_of_freedom() < 4.0 * variances as f64 {
             return None;
         }
         self.mixed_of(set, &fit.posterior, joints, [position_m, rotation_rad])

@@ -81,7 +81,7 @@ pub struct DiscrepancyModel {
     pub covariance: DMatrix<f64>,
     /// What joints do not explain.
     pub rest: Discrepancy,
-    /// By how much larger than computed the squares of errors are that were seen where stands of the robot were
+    /// By how much larger than computed the squares of errors are that were seen where visits were
     /// predicted by a fit to the others: of positions and of rotations, where joints do not say that they are larger or smaller. Regions are
     /// larger by the root.
     pub scale: [f64; 2],

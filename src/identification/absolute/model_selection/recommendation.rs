@@ -2,6 +2,9 @@
 
 use super::nested_model::NestedModel;
 
+/// Losses that differ by less than this share of them are equal: of models whose further unknowns nothing determines.
+const ROUNDING: f64 = 1e-9;
+
 /// Which nested model to use.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Recommendation {
@@ -35,7 +38,12 @@ pub(super) fn recommended(nested_models: &mut [NestedModel]) -> Option<Recommend
         let count = apart.len() as f64;
         let mean = apart.iter().sum::<f64>() / count;
         let squares: f64 = apart.iter().map(|each| (each - mean).powi(2)).sum();
-        own.beyond_best = own.loss - of_best.loss;
+        let beyond = own.loss - of_best.loss;
+        own.beyond_best = if beyond > ROUNDING * of_best.loss.abs() {
+            beyond
+        } else {
+            0.0
+        };
         own.standard_error = (squares / (count - 1.0) / count).sqrt();
     }
     let is_enough = |nested_model: &NestedModel| {
@@ -155,5 +163,14 @@ mod tests {
         for (found, expected) in errors.iter().zip([0.02_f64, 0.14, 0.0, 0.06]) {
             assert!((found - (expected / 6.0).sqrt()).abs() < 1e-12, "{found}");
         }
+    }
+
+    /// Of models that are equal but for rounding, the lowest is recommended, and none predicts worse.
+    #[test]
+    fn equal_models_are_equal() {
+        let rounded = [1.0, 2.0, 3.0].map(|loss| loss * (1.0 + 1e-15));
+        let mut nested_models = [rounded, [1.0, 2.0, 3.0]].map(nested_model);
+        let found = recommended(&mut nested_models).expect("a recommendation");
+        assert_eq!(found.nested_model, 0);
     }
 }
