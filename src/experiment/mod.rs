@@ -68,6 +68,22 @@ pub fn is_one_configuration(
 /// Configurations that are one differ by less than this (rad) in the mean angle that sorts them.
 const ALIKE_RAD: f64 = 2.0 * SAME_CONFIGURATION;
 
+/// The number of each of so many things: those that are the same have the same. Only those whose configurations (rad) are near are
+/// compared.
+pub fn numbered<'a>(
+    count: usize,
+    configuration: impl Fn(usize) -> &'a DVector<f64>,
+    is_same: impl Fn(usize, usize) -> bool,
+) -> Vec<usize> {
+    let mut numbers = vec![0; count];
+    for (number, members) in together(count, configuration, is_same).iter().enumerate() {
+        for &member in members {
+            numbers[member] = number;
+        }
+    }
+    numbers
+}
+
 /// So many things by their places, those that are the same together, in the order of the first. Only those whose configurations (rad)
 /// are near are compared.
 pub fn together<'a>(

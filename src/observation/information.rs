@@ -227,7 +227,7 @@ pub fn planned_rows(
         .collect()
 }
 
-fn in_sizes(rows: &mut Matrix6xX<f64>, scales: &DVector<f64>) {
+pub(super) fn in_sizes(rows: &mut Matrix6xX<f64>, scales: &DVector<f64>) {
     for (mut column, scale) in rows.column_iter_mut().zip(scales) {
         column *= *scale;
     }

@@ -11,6 +11,7 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector, Matrix6xX, Vector6};
 
+use super::information::in_sizes;
 use super::model::ObservationModel;
 use super::reading::PlannedReading;
 use super::reading_errors::ReadingErrors;
@@ -134,9 +135,7 @@ impl<'a> ConfigurationEquations<'a> {
         let SharingReading { planned, errors } = reading;
         let mut rows = Matrix6xX::zeros(self.scales.len());
         (self.model).predict_as_planned(&planned.setup, planned.kind, &mut rows);
-        for (mut column, scale) in rows.column_iter_mut().zip(&self.scales) {
-            column *= *scale;
-        }
+        in_sizes(&mut rows, &self.scales);
         let mut columns: Vec<Vector6<f64>> = Vec::new();
         for part in [&rows, &errors.configuration, &errors.visit] {
             columns.extend(part.column_iter().map(Vector6::from));

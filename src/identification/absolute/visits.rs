@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::experiment::{is_one_configuration, together};
+use crate::experiment::{is_one_configuration, numbered};
 use crate::measurement::AbsoluteReading;
 
 /// What tells a visit from others.
@@ -27,17 +27,8 @@ pub(super) fn visits(readings: &[AbsoluteReading]) -> Vec<Vec<usize>> {
             && own.load == others.load
             && own.station == others.station
     };
-    let mut alike = vec![0; readings.len()];
-    let groups = together(
-        readings.len(),
-        |place| &readings[place].configuration_rad,
-        is_same,
-    );
-    for (number, group) in groups.iter().enumerate() {
-        for &place in group {
-            alike[place] = number;
-        }
-    }
+    let q = |place: usize| &readings[place].configuration_rad;
+    let alike = numbered(readings.len(), q, is_same);
     let mut taken: BTreeMap<(usize, Option<&str>), usize> = BTreeMap::new();
     let mut known: BTreeMap<VisitName<'_>, usize> = BTreeMap::new();
     let mut visits: Vec<Vec<usize>> = Vec::new();

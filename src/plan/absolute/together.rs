@@ -6,7 +6,7 @@ use nalgebra::{DMatrix, Isometry3, Matrix6, Matrix6xX};
 use rayon::prelude::*;
 
 use super::AbsolutePlanning;
-use crate::experiment::{Candidate, is_one_configuration, together};
+use crate::experiment::{Candidate, is_one_configuration, numbered};
 use crate::observation::{
     ConfigurationEquations, PlannedReading, SharingReading, SharingReadings, Together, Visits,
     Whitener, visits_of,
@@ -28,13 +28,7 @@ impl Neighbours {
         let q = |place: usize| &candidates[place].configuration_rad;
         let numbers = |is_same: &dyn Fn(&Candidate, &Candidate) -> bool| {
             let is_same = |one: usize, other: usize| is_same(&candidates[one], &candidates[other]);
-            let mut numbers = vec![0; candidates.len()];
-            for (number, members) in together(candidates.len(), q, is_same).iter().enumerate() {
-                for &member in members {
-                    numbers[member] = number;
-                }
-            }
-            numbers
+            numbered(candidates.len(), q, is_same)
         };
         let stands = |one: &Candidate, other: &Candidate| {
             is_one_configuration(

@@ -11,7 +11,7 @@ use super::finite::{FiniteBound, FiniteProblem, SharingCandidates};
 use super::finite_search::{ExchangesTry, FiniteEffort};
 use super::point::LoadChoice;
 use super::problem::{Problem, SearchError};
-use crate::experiment::{Candidate, Experiment, Loads, together};
+use crate::experiment::{Candidate, Experiment, Loads, numbered};
 use crate::plan::{Criterion, Feasibility, Plan, Violation};
 use crate::quantities::limits::{MOST_CANDIDATES, MOST_EXPERIMENTS};
 use crate::task::Task;
@@ -308,19 +308,12 @@ impl Candidates {
             told.push(information);
         }
         let is_shared = problem.is_shared_by_configuration();
-        let mut configurations = vec![0; self.experiments.len()];
-        if is_shared {
-            let all = together(
-                self.experiments.len(),
-                |place| &self.experiments[place].configuration_rad,
-                |one, other| self.experiments[one].stands_as(&self.experiments[other]),
-            );
-            for (number, members) in all.into_iter().enumerate() {
-                for member in members {
-                    configurations[member] = number;
-                }
-            }
-        }
+        let q = |place: usize| &self.experiments[place].configuration_rad;
+        let stands_as =
+            |one: usize, other: usize| self.experiments[one].stands_as(&self.experiments[other]);
+        let shared = if is_shared { self.experiments.len() } else { 0 };
+        let mut configurations = numbered(shared, q, stands_as);
+        configurations.resize(self.experiments.len(), 0);
         let told_by = |measured: &[(usize, u32)]| {
             if let [(only, times)] = *measured {
                 return problem.told(&self.experiments[only], times);
