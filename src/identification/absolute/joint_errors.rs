@@ -121,11 +121,11 @@ impl MovedStation {
 }
 
 /// One reading: what is left, what it depends on of all that is known, and what is new in it.
-struct LocalRows {
-    index: Vec<usize>,
-    matrix: DMatrix<f64>,
-    left: DVector<f64>,
-    new: DMatrix<f64>,
+pub(super) struct LocalRows {
+    pub index: Vec<usize>,
+    pub matrix: DMatrix<f64>,
+    pub left: DVector<f64>,
+    pub new: DMatrix<f64>,
 }
 
 impl DiscrepancyModel {
@@ -150,7 +150,7 @@ impl DiscrepancyModel {
     }
 
     /// What one reading's rows leave, and what moves that. `places` says which of the parameters (p) each column belongs to.
-    fn local(&self, rows: &LinearReading, places: &[usize], q: &[f64]) -> LocalRows {
+    pub(super) fn local(&self, rows: &LinearReading, places: &[usize], q: &[f64]) -> LocalRows {
         let offsets = self.offsets();
         let (mut index, mut columns) = (places.to_vec(), Vec::new());
         columns.extend(rows.columns.column_iter().map(nalgebra::Matrix::into_owned));

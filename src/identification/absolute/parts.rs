@@ -5,10 +5,10 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
 use super::super::gauss_newton::{FitError, fit_from};
+use super::joint_errors::LocalRows;
 use super::mixed::VarianceComponents;
 use super::{
-    AbsoluteCase, AbsoluteError, AbsoluteFit, Discrepancy, DiscrepancyModel, ParameterGroup,
-    ReadingWeights,
+    AbsoluteCase, AbsoluteError, AbsoluteFit, DiscrepancyModel, ParameterGroup, ReadingWeights,
 };
 use crate::numeric::low_rank::{LowRankInformation, LowRankList};
 use crate::numeric::ornstein_uhlenbeck::sampled;
@@ -141,55 +141,37 @@ impl PartsOfReadings<'_> {
         let (set, joints) = (self.set(), self.known.joints());
         let mean = &set.prior().mean;
         let rows = (self.case).rows_at(&self.case.arm, set, mean.as_slice(), &joints)?;
-        let scales = set.scales();
-        let processes = self.known.processes(&self.case.observations);
-        let knots: usize = processes.iter().map(|each| each.knots.len()).sum();
-        let mut before = DMatrix::zeros(set.len() + knots, set.len() + knots);
+        let mut sizes: Vec<f64> = set.scales().iter().copied().collect();
+        let model = self.known.unfitted(&self.case.observations, set.len());
+        for joint in &model.joints {
+            sizes.resize(sizes.len() + joint.values.len(), joint.deviation);
+        }
+        let mut before = DMatrix::zeros(sizes.len(), sizes.len());
         let mut own = before.view_mut((0, 0), (set.len(), set.len()));
         own.copy_from(&self.known_before());
-        let mut first = set.len();
-        for process in &processes {
-            process.precision().0.add_to(&mut before, first);
-            first += process.knots.len();
+        for (joint, &first) in model.joints.iter().zip(&model.offsets()) {
+            joint.process.precision().0.add_to(&mut before, first);
         }
         let mut list = LowRankList::new(before);
-        let rest = Discrepancy {
-            position_m: self.known.rest[0],
-            rotation_rad: self.known.rest[1],
-        };
         let share = (rows.len().max(1) as f64).recip();
+        let places: Vec<usize> = (0..set.len()).collect();
         for (each, rows) in self.case.observations.iter().zip(&rows) {
-            let count = rows.residual.len();
-            let mut columns: Vec<usize> = (0..set.len()).collect();
-            let mut matrix = rows.columns.clone();
-            for (mut column, scale) in matrix.column_iter_mut().zip(&scales) {
-                column *= *scale;
-            }
-            let mut covariance = &rows.own + rest.covariance().view((0, 0), (count, count));
-            let mut first = set.len();
-            for (place, (process, function)) in
-                processes.iter().zip(&self.known.functions).enumerate()
-            {
-                let moved = rows.joints.column(place) * function.deviation_rad;
-                let between = process.between(each.setup.commanded_rad[function.joint]);
-                for (knot, weight) in between.knots.into_iter().zip(between.weights) {
-                    if weight != 0.0 {
-                        columns.push(first + knot);
-                        matrix = matrix.insert_column(columns.len() - 1, 0.0);
-                        matrix
-                            .column_mut(columns.len() - 1)
-                            .copy_from(&(&moved * weight));
-                    }
-                }
-                covariance += &moved * moved.transpose() * between.spare;
-                first += process.knots.len();
+            let q = each.setup.commanded_rad.as_slice();
+            let LocalRows {
+                index: columns,
+                mut matrix,
+                new,
+                ..
+            } = model.local(rows, &places, q);
+            for (mut column, &place) in matrix.column_iter_mut().zip(&columns) {
+                column *= sizes[place];
             }
             let mut information = LowRankInformation {
                 columns,
                 rows: matrix.rows(0, 3).into_owned(),
             };
             list.want(&information, share);
-            if let Some(factor) = Cholesky::new(covariance) {
+            if let Some(factor) = Cholesky::new(new) {
                 factor.l_dirty().solve_lower_triangular_mut(&mut matrix);
             }
             information.rows = matrix;
@@ -214,13 +196,8 @@ impl PartsOfReadings<'_> {
         let (arm, set) = (&self.case.arm, self.set());
         let fit = fit_from(arm, set, &part.observations, None, &set.prior().mean).ok()?;
         let joints = self.known.joints();
-        let [position_m, rotation_rad] = self.known.rest;
-        let rest = Discrepancy {
-            position_m,
-            rotation_rad,
-        };
         let model = if joints.is_empty() {
-            DiscrepancyModel::plain(fit.posterior.covariance.clone(), rest)
+            DiscrepancyModel::plain(fit.posterior.covariance.clone(), self.known.discrepancy())
         } else {
             let (_, mixed) = part.mixed_of(set, &fit.posterior, joints.clone(), self.known.rest)?;
             mixed.with_known(&self.known)?

@@ -1,6 +1,9 @@
 //! Variance components that are known before, and those that are estimated for plans.
 
-use super::super::joint_errors::DiscrepancyModel;
+use nalgebra::DMatrix;
+
+use super::super::Discrepancy;
+use super::super::joint_errors::{DiscrepancyModel, JointError};
 use super::{FOUND, LEAST, MixedModel, MixedVariances, ROUNDS};
 use crate::numeric::ornstein_uhlenbeck::{OrnsteinUhlenbeck, knots_among};
 use crate::observation::Observation;
@@ -31,8 +34,22 @@ impl VarianceComponents {
         self.functions.iter().map(|each| each.joint).collect()
     }
 
-    /// The functions at knots half a correlation length apart, or further where that would be many, among the angles of readings.
-    pub fn processes(&self, observations: &[Observation]) -> Vec<OrnsteinUhlenbeck> {
+    /// What is new at each visit.
+    pub const fn discrepancy(&self) -> Discrepancy {
+        let [position_m, rotation_rad] = self.rest;
+        Discrepancy {
+            position_m,
+            rotation_rad,
+        }
+    }
+
+    /// A model before any reading, of so many parameters of which nothing is known: functions at knots half a correlation length apart among
+    /// the angles of readings, or further where that would be many.
+    pub(in super::super) fn unfitted(
+        &self,
+        observations: &[Observation],
+        parameters: usize,
+    ) -> DiscrepancyModel {
         let of_function = |function: &JointFunction| {
             let angles = observations
                 .iter()
@@ -40,19 +57,26 @@ impl VarianceComponents {
             let angles: Vec<f64> = angles.collect();
             let low = angles.iter().copied().fold(f64::INFINITY, f64::min);
             let high = angles.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-            let mut count = 2;
-            while count < MOST_PLANNED
-                && (high - low) / f64::from(count - 1) > APART * function.correlation_rad
-            {
-                count += 1;
-            }
+            let apart = APART * function.correlation_rad;
+            let count = (2..MOST_PLANNED)
+                .find(|count| high - low <= apart * f64::from(count - 1))
+                .unwrap_or(MOST_PLANNED);
             let knots = knots_among(&angles, count as usize);
-            OrnsteinUhlenbeck {
-                knots,
-                length: function.correlation_rad,
+            JointError {
+                joint: function.joint,
+                values: vec![0.0; knots.len()],
+                process: OrnsteinUhlenbeck {
+                    knots,
+                    length: function.correlation_rad,
+                },
+                deviation: function.deviation_rad,
+                spread: [Vec::new(), Vec::new()],
             }
         };
-        self.functions.iter().map(of_function).collect()
+        DiscrepancyModel {
+            joints: self.functions.iter().map(of_function).collect(),
+            ..DiscrepancyModel::plain(DMatrix::zeros(parameters, parameters), self.discrepancy())
+        }
     }
 }
 
