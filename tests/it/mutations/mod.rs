@@ -409,6 +409,13 @@ std_mrad = 0.05
 harmonics = [1, 2, 40]
 
 [[uncertainty]]
+kind = "transmission_error"
+name = "error_functions"
+joints = ["joint_2"]
+std_mrad = 0.05
+correlation_deg = 8
+
+[[uncertainty]]
 kind = "stiffening"
 joints = ["joint_2", "joint_3"]
 std_relative = 0.01
