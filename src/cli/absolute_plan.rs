@@ -540,22 +540,16 @@ fn describe(message: &AbsolutePlanMessage) -> String {
         text += &format!("Assumed exact: {certain}\n");
     }
     if message.test_poses.len() > 1 {
-        let rows: Vec<Vec<String>> = (message.test_poses.iter())
-            .map(|pose| vec![pose.name.clone(), number(pose.rho0_mm, 5)])
-            .collect();
-        text += &format!("\n{}", table(&["test pose", "rho0 [mm]"], &rows));
+        let rows = (message.test_poses.iter())
+            .map(|pose| vec![pose.name.clone(), number(pose.rho0_mm, 5)]);
+        text += &format!("\n{}", table("test pose | rho0 [mm]", rows));
     }
-    let rows: Vec<Vec<String>> = (message.unknowns.iter())
-        .map(|each| {
-            let error = each.standard_error;
-            let error = error.map_or_else(|| "-".to_owned(), |error| format!("{error:.3e}"));
-            vec![each.name.clone(), error, each.unit.clone()]
-        })
-        .collect();
-    text += &format!(
-        "\n{}\n",
-        table(&["unknown", "standard error", "unit"], &rows)
-    );
+    let rows = (message.unknowns.iter()).map(|each| {
+        let error = each.standard_error;
+        let error = error.map_or_else(|| "-".to_owned(), |error| format!("{error:.3e}"));
+        vec![each.name.clone(), error, each.unit.clone()]
+    });
+    text += &format!("\n{}\n", table("unknown | standard error | unit", rows));
     text
 }
 

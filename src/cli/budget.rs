@@ -21,7 +21,7 @@ use serde_json::{Value, json};
 use super::interruption::ask_search;
 use super::progress::bar;
 use super::proof::{ProofArgs, proof_json};
-use super::table::{number, table};
+use super::table::{number, table_of};
 use super::uncertainty_budget::common_sources;
 use super::written::Written;
 use super::{Common, Report, check_outputs, inputs, results, without_effect};
@@ -269,5 +269,5 @@ fn describe(points: &[BudgetPoint]) -> String {
         rows.push(row);
     }
     let header: Vec<&str> = header.iter().map(String::as_str).collect();
-    table(&header, &rows)
+    table_of(&header, rows)
 }

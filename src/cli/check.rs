@@ -129,37 +129,29 @@ impl Check {
 
 /// The robot as it was understood, for a person.
 pub(super) fn describe(understanding: &Understanding) -> String {
-    let header = [
-        "joint",
-        "range [deg]",
-        "stiffness [N m/rad]",
-        "compliance [rad/(N m)]",
-        "moving mass [kg]",
-        "",
-    ];
-    let rows: Vec<Vec<String>> = (understanding.joints.iter())
-        .map(|joint| {
-            let stiffness = joint.compliance_rad_per_nm.recip();
-            vec![
-                joint.name.clone(),
-                range(joint),
-                if stiffness.is_finite() {
-                    format!("{stiffness:.3e}")
-                } else {
-                    "rigid".to_owned()
-                },
-                format!("{:.3e}", joint.compliance_rad_per_nm),
-                format!("{:.1}", joint.moving_mass_kg),
-                match (joint.drive.passive_at, joint.is_parameter) {
-                    (Some(_), true) => "passive, identified".to_owned(),
-                    (Some(_), false) => "passive".to_owned(),
-                    (None, true) => "identified".to_owned(),
-                    (None, false) => String::new(),
-                },
-            ]
-        })
-        .collect();
-    let mut text = table(&header, &rows);
+    let header =
+        "joint | range [deg] | stiffness [N m/rad] | compliance [rad/(N m)] | moving mass [kg] | ";
+    let rows = (understanding.joints.iter()).map(|joint| {
+        let stiffness = joint.compliance_rad_per_nm.recip();
+        vec![
+            joint.name.clone(),
+            range(joint),
+            if stiffness.is_finite() {
+                format!("{stiffness:.3e}")
+            } else {
+                "rigid".to_owned()
+            },
+            format!("{:.3e}", joint.compliance_rad_per_nm),
+            format!("{:.1}", joint.moving_mass_kg),
+            match (joint.drive.passive_at, joint.is_parameter) {
+                (Some(_), true) => "passive, identified".to_owned(),
+                (Some(_), false) => "passive".to_owned(),
+                (None, true) => "identified".to_owned(),
+                (None, false) => String::new(),
+            },
+        ]
+    });
+    let mut text = table(header, rows);
     text += &format!(
         "\nThe arm reaches {:.0} mm from its first joint; gravity is {:.2} m/s^2.\n",
         understanding.reach_m * 1e3,

@@ -11,7 +11,7 @@ use elastocal::files::output::write_whole;
 use elastocal::files::roles::Roles;
 use elastocal::gate::Decision;
 
-use super::table::table;
+use super::table::table_of;
 use super::{Accepted, Report, check_outputs};
 
 /// Arguments of `compare`.
@@ -118,7 +118,7 @@ fn describe(base: &ResultsFile, new: &ResultsFile, comparison: &Comparison) -> S
         )
     };
     let mut text = origin("base", base) + &origin("new ", new) + "\n";
-    text += &table(&COLUMNS, &rows(comparison.changes.iter()));
+    text += &table_of(&COLUMNS, rows(comparison.changes.iter()));
     text += &format!("\n{}\n", verdict(comparison));
     for note in notes(base, new, comparison) {
         text += &format!("{note}\n");

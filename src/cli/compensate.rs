@@ -22,7 +22,7 @@ use serde_json::{Value, json};
 use super::dialect::dialect;
 use super::identified::{ScenarioRobot, read_robot, taken_as_believed};
 use super::static_compliance::add_static_compliance;
-use super::table::{number, table};
+use super::table::{number, table_of};
 use super::targets::{TargetFrame, TargetQuestion, Workpiece, compensate_targets};
 use super::written::Written;
 use super::{Common, Report, check_outputs, inputs, named_by_file, results, without_effect};
@@ -263,8 +263,8 @@ fn describe(poses: &[TestPoseMessage], unit: &str, is_simulated: bool) -> String
         row.push(angles.join(" "));
         row
     };
-    let rows: Vec<Vec<String>> = poses.iter().map(row).collect();
-    table(&header, &rows)
+    let rows = poses.iter().map(row);
+    table_of(&header, rows)
 }
 
 /// The angles to command as CSV: a row for each test pose, with the task's load and the predicted rms distance.

@@ -249,31 +249,26 @@ pub fn describe(scenario: &Scenario, assessment: &Assessment) -> String {
     text += &budget(assessment);
     text += &describe_criterion(assessment);
     text.push('\n');
-    let rows: Vec<Vec<String>> = scenario
+    let rows = scenario
         .task
         .belief
         .parameter_names()
         .into_iter()
         .zip(&assessment.standard_errors)
-        .map(|(name, error)| vec![name, number(error.map(|error| error * 1e9), 2)])
-        .collect();
-    text += &table(&["joint", "standard error [1e-9 rad/(N m)]"], &rows);
+        .map(|(name, error)| vec![name, number(error.map(|error| error * 1e9), 2)]);
+    text += &table("joint | standard error [1e-9 rad/(N m)]", rows);
     text.push('\n');
     text += &further(assessment);
-    let rows: Vec<Vec<String>> = assessment
-        .criteria
-        .iter()
-        .map(|(criterion, value)| {
-            let value = value.map_or_else(|| "-".to_owned(), |value| format!("{value:.6e}"));
-            let better = if criterion.is_maximised() {
-                "larger"
-            } else {
-                "smaller"
-            };
-            vec![criterion.name().to_owned(), value, better.to_owned()]
-        })
-        .collect();
-    text += &table(&["criterion", "value", "better"], &rows);
+    let rows = assessment.criteria.iter().map(|(criterion, value)| {
+        let value = value.map_or_else(|| "-".to_owned(), |value| format!("{value:.6e}"));
+        let better = if criterion.is_maximised() {
+            "larger"
+        } else {
+            "smaller"
+        };
+        vec![criterion.name().to_owned(), value, better.to_owned()]
+    });
+    text += &table("criterion | value | better", rows);
     for violation in &assessment.violations {
         text += &format!("\nviolation: {violation}");
     }
@@ -296,6 +291,6 @@ fn further(assessment: &Assessment) -> String {
         );
         vec![each.name.clone(), error, each.unit.to_owned()]
     };
-    let rows: Vec<Vec<String>> = assessment.further.iter().map(row).collect();
-    table(&["also to be found", "standard error", "unit"], &rows) + "\n"
+    let rows = assessment.further.iter().map(row);
+    table("also to be found | standard error | unit", rows) + "\n"
 }

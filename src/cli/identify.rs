@@ -296,8 +296,8 @@ fn uncertain(identification: &Identification) -> String {
     let silent = identification.uncertain.len() - rows.len();
     let mut text = String::new();
     if !rows.is_empty() {
-        let header = ["uncertain", "value", "standard error", "before", "unit"];
-        text += &format!("\n{}", table(&header, &rows));
+        let header = "uncertain | value | standard error | before | unit";
+        text += &format!("\n{}", table(header, rows));
     }
     if silent > 0 {
         text += &format!(
@@ -311,43 +311,34 @@ fn uncertain(identification: &Identification) -> String {
 /// An identification for a person.
 pub fn describe(identification: &Identification) -> String {
     let micro = |value: f64| number(Some(value * 1e6), 4);
-    let rows: Vec<Vec<String>> = identification
-        .parameters
-        .iter()
-        .map(|parameter| {
-            if let Some(estimate) = parameter.estimate {
-                vec![
-                    parameter.name.clone(),
-                    micro(estimate.value),
-                    micro(estimate.standard_error),
-                    format!(
-                        "{} to {}",
-                        micro(estimate.interval95[0]),
-                        micro(estimate.interval95[1])
-                    ),
-                ]
+    let rows = identification.parameters.iter().map(|parameter| {
+        if let Some(estimate) = parameter.estimate {
+            vec![
+                parameter.name.clone(),
+                micro(estimate.value),
+                micro(estimate.standard_error),
+                format!(
+                    "{} to {}",
+                    micro(estimate.interval95[0]),
+                    micro(estimate.interval95[1])
+                ),
+            ]
+        } else {
+            let mut row = vec![parameter.name.clone()];
+            let stays = &identification.stays_nominal;
+            let is_nominal = stays.iter().any(|each| each.name == parameter.name);
+            let why = if is_nominal {
+                "nominal"
             } else {
-                let mut row = vec![parameter.name.clone()];
-                let stays = &identification.stays_nominal;
-                let is_nominal = stays.iter().any(|each| each.name == parameter.name);
-                let why = if is_nominal {
-                    "nominal"
-                } else {
-                    "not determined"
-                };
-                row.extend([why, "-", "-"].map(str::to_owned));
-                row
-            }
-        })
-        .collect();
+                "not determined"
+            };
+            row.extend([why, "-", "-"].map(str::to_owned));
+            row
+        }
+    });
     let mut text = table(
-        &[
-            "joint",
-            "compliance [1e-6 rad/(N m)]",
-            "standard error",
-            "95 % interval",
-        ],
-        &rows,
+        "joint | compliance [1e-6 rad/(N m)] | standard error | 95 % interval",
+        rows,
     );
     text += &uncertain(identification);
     text += &format!(

@@ -191,15 +191,8 @@ fn describe(message: &AbsoluteMessage) -> String {
         })
         .collect();
     if !rows.is_empty() {
-        let header = [
-            "unknown",
-            "nominal",
-            "value",
-            "standard error",
-            "95 % interval",
-            "unit",
-        ];
-        text += &format!("\n{}", table(&header, &rows));
+        let header = "unknown | nominal | value | standard error | 95 % interval | unit";
+        text += &format!("\n{}", table(header, rows));
     }
     if !message.left_out.is_empty() {
         let names: Vec<&str> = message
@@ -234,33 +227,26 @@ fn describe(message: &AbsoluteMessage) -> String {
 
 /// What the discrepancy consists of.
 fn discrepancy_model(found: &UnexplainedMessage) -> String {
-    let rows: Vec<Vec<String>> = (found.joints.iter())
-        .map(|each| {
-            let largest = each
-                .values
-                .iter()
-                .copied()
-                .map(f64::abs)
-                .fold(0.0, f64::max);
-            vec![
-                each.joint.clone(),
-                format!("{:.4}", each.deviation * 1e3),
-                format!("{:.1}", each.length.to_degrees()),
-                format!("{:.4}", largest * 1e3),
-            ]
-        })
-        .collect();
-    let header = [
-        "joint",
-        "off by [mrad]",
-        "alike within [deg]",
-        "largest [mrad]",
-    ];
+    let rows = (found.joints.iter()).map(|each| {
+        let largest = each
+            .values
+            .iter()
+            .copied()
+            .map(f64::abs)
+            .fold(0.0, f64::max);
+        vec![
+            each.joint.clone(),
+            format!("{:.4}", each.deviation * 1e3),
+            format!("{:.1}", each.length.to_degrees()),
+            format!("{:.4}", largest * 1e3),
+        ]
+    });
+    let header = "joint | off by [mrad] | alike within [deg] | largest [mrad]";
     let turned = found.angle_mrad.as_ref();
     format!(
         "  Of that, joint error functions of this size:\n\n{}  \
          With these, the mean residual is {:.4} mm{}; {}, effective sample size {:.0}.\n",
-        table(&header, &rows),
+        table(header, rows),
         found.distance_mm.mean,
         turned.map_or_else(String::new, |angle| format!(", {:.4} mrad", angle.mean)),
         counted(found.visits as u64, "stand"),
@@ -294,17 +280,11 @@ fn frames_table(stations: &[MountedFrameMessage], targets: &[MountedFrameMessage
             std(&frame.rotation_std_mrad),
         ]
     };
-    let rows: Vec<Vec<String>> = (stations.iter().map(|frame| row("base at station", frame)))
-        .chain(targets.iter().map(|frame| row("target", frame)))
-        .collect();
-    let header = [
-        "frame",
-        "position [mm]",
-        "standard error",
-        "quaternion w x y z",
-        "standard error [mrad]",
-    ];
-    table(&header, &rows)
+    let rows = (stations.iter().map(|frame| row("base at station", frame)))
+        .chain(targets.iter().map(|frame| row("target", frame)));
+    let header =
+        "frame | position [mm] | standard error | quaternion w x y z | standard error [mrad]";
+    table(header, rows)
 }
 
 /// Distances, and angles where there are any.
@@ -325,13 +305,7 @@ fn distances_table(
     let mut rows = vec![row("distance [mm]", distance_mm)];
     rows.extend(angle_mrad.map(|angles| row("angle [mrad]", angles)));
     table(
-        &[
-            "read less predicted",
-            "mean",
-            "rms",
-            "95 % below",
-            "largest",
-        ],
-        &rows,
+        "read less predicted | mean | rms | 95 % below | largest",
+        rows,
     )
 }

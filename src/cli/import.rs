@@ -72,7 +72,7 @@ fn describe(path: &Path, imported: &ImportedTable) -> String {
     let ranges: Vec<Vec<String>> = (imported.ranges.iter())
         .map(|(column, [low, high])| vec![column.clone(), shown(*low), shown(*high)])
         .collect();
-    let ranges = table(&["column", "smallest", "largest"], &ranges);
+    let ranges = table("column | smallest | largest", ranges);
     let mut text = format!("{}: {rows}\n{ranges}", path.display());
     if !imported.unread.is_empty() {
         text += &format!("Not read: {}.\n", imported.unread.join(", "));

@@ -173,34 +173,25 @@ fn to_fill_in(scenario: &Scenario, plan: &Plan, campaign: &Campaign) -> String {
 
 /// The stops for a person.
 fn describe(plan: &Plan, campaign: &Campaign) -> String {
-    let rows: Vec<Vec<String>> = (campaign.stops.iter().enumerate())
-        .map(|(index, stop)| {
-            let experiments: Vec<String> = (stop.experiments.iter())
-                .map(|index| (index + 1).to_string())
-                .collect();
-            let load = match (&stop.load, stop.changes_load) {
-                (None, _) => "none".to_owned(),
-                (Some(load), true) => format!("hang {}", elastocal::experiment::in_words(load)),
-                (Some(_), false) => "the same".to_owned(),
-            };
-            vec![
-                (index + 1).to_string(),
-                experiments.join(", "),
-                load,
-                stop.readings.to_string(),
-                stop.side.to_string(),
-                stop.way.via.len().to_string(),
-            ]
-        })
-        .collect();
-    let header = [
-        "stop",
-        "experiment",
-        "load",
-        "readings",
-        "approached with",
-        "over safe poses",
-    ];
+    let rows = (campaign.stops.iter().enumerate()).map(|(index, stop)| {
+        let experiments: Vec<String> = (stop.experiments.iter())
+            .map(|index| (index + 1).to_string())
+            .collect();
+        let load = match (&stop.load, stop.changes_load) {
+            (None, _) => "none".to_owned(),
+            (Some(load), true) => format!("hang {}", elastocal::experiment::in_words(load)),
+            (Some(_), false) => "the same".to_owned(),
+        };
+        vec![
+            (index + 1).to_string(),
+            experiments.join(", "),
+            load,
+            stop.readings.to_string(),
+            stop.side.to_string(),
+            stop.way.via.len().to_string(),
+        ]
+    });
+    let header = "stop | experiment | load | readings | approached with | over safe poses";
     let (hours, minutes) = ((campaign.minutes / 60.0).floor(), campaign.minutes % 60.0);
     let looked = if campaign.is_checked {
         "Every move keeps the clearance."
@@ -209,7 +200,7 @@ fn describe(plan: &Plan, campaign: &Campaign) -> String {
     };
     format!(
         "{}\n{} in {}, {} of load: {hours:.0} h {minutes:.0} min. {looked}\n",
-        table(&header, &rows),
+        table(header, rows),
         counted(plan.measurements().into(), "measurement"),
         counted(campaign.stops.len() as u64, "stop"),
         counted(campaign.load_changes() as u64, "change"),

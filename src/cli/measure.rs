@@ -80,24 +80,17 @@ impl Measure {
             let joints = task.belief.parameters.iter().copied();
             (measurements, Some(TruthMessage::new(joints, &truth)))
         };
-        let rows: Vec<Vec<String>> = measurements
-            .iter()
-            .enumerate()
-            .map(|(index, each)| {
-                let mut row = vec![(index + 1).to_string()];
-                row.extend(
-                    each.deflection_m
-                        .iter()
-                        .map(|value| format!("{:.4}", value * 1e3)),
-                );
-                row.push(format!("{:.4}", each.deflection_m.norm() * 1e3));
-                row
-            })
-            .collect();
-        let mut text = table(
-            &["experiment", "dx [mm]", "dy [mm]", "dz [mm]", "size [mm]"],
-            &rows,
-        );
+        let rows = measurements.iter().enumerate().map(|(index, each)| {
+            let mut row = vec![(index + 1).to_string()];
+            row.extend(
+                each.deflection_m
+                    .iter()
+                    .map(|value| format!("{:.4}", value * 1e3)),
+            );
+            row.push(format!("{:.4}", each.deflection_m.norm() * 1e3));
+            row
+        });
+        let mut text = table("experiment | dx [mm] | dy [mm] | dz [mm] | size [mm]", rows);
         if let Some(truth) = of_run.as_ref().filter(|_| self.noise_free) {
             text += &truth_words(&task.belief.parameter_names(), truth);
         }
@@ -179,10 +172,10 @@ fn truth_words(joints: &[String], truth: &TruthMessage) -> String {
             unit.to_owned(),
         ]
     });
-    let rows: Vec<Vec<String>> = compliances.map(compliance).chain(sampled).collect();
+    let rows = compliances.map(compliance).chain(sampled);
     format!(
         "\nThe simulated truth of run {}:\n{}",
         truth.run,
-        table(&["parameter", "value", "unit"], &rows)
+        table("parameter | value | unit", rows)
     )
 }

@@ -13,25 +13,15 @@ const TOLD: usize = 3;
 
 /// Nested models, what they change, and which one to use.
 pub fn describe(model_selection: &ModelSelectionMessage) -> String {
-    let rows: Vec<Vec<String>> = (model_selection.nested_models.iter().enumerate())
-        .map(|(place, nested_model)| {
-            row(
-                nested_model,
-                place,
-                model_selection.recommended == Some(place),
-            )
-        })
-        .collect();
-    let header = [
-        "model",
-        "unknowns",
-        "fitted rms [mm]",
-        "predicted rms [mm]",
-        "loss over the best",
-        "F",
-        "probability",
-    ];
-    let mut text = table(&header, &rows);
+    let rows = (model_selection.nested_models.iter().enumerate()).map(|(place, nested_model)| {
+        row(
+            nested_model,
+            place,
+            model_selection.recommended == Some(place),
+        )
+    });
+    let header = "model | unknowns | fitted rms [mm] | predicted rms [mm] | loss over the best | F | probability";
+    let mut text = table(header, rows);
     text += &format!(
         "  predicted: each of {} blocks of joint space by a fit to the others ({} readings); loss: weighted squares of \
          that, with the standard error of the difference\n",

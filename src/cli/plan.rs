@@ -181,9 +181,9 @@ fn tell(timed: &[TimedPlan]) -> String {
             format!("{:.0}", plan.minutes),
         ]
     };
-    let header = ["configurations", "measurements", "rho0 [um]", "minutes"];
-    let rows: Vec<Vec<String>> = timed.iter().map(row).collect();
-    table(&header, &rows) + "\n"
+    let header = "configurations | measurements | rho0 [um] | minutes";
+    let rows = timed.iter().map(row);
+    table(header, rows) + "\n"
 }
 
 /// What the bound rests on, in words.

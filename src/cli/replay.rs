@@ -13,7 +13,7 @@ use serde_json::json;
 
 use super::interruption::proceed;
 use super::study::entries;
-use super::table::table;
+use super::table::table_of;
 use super::views::{REPLAY_ENDINGS, ReplayViews};
 use super::written::Written;
 use super::{Common, Report, inputs, results};
@@ -121,6 +121,6 @@ fn describe(scenario: &Scenario, calibrations: &[(String, Calibration)]) -> Stri
         row.extend(calibration.poses.iter().map(distance));
         row
     };
-    let rows: Vec<_> = calibrations.iter().map(row).collect();
-    table(&header, &rows)
+    let rows = calibrations.iter().map(row);
+    table_of(&header, rows)
 }

@@ -119,27 +119,19 @@ fn describe(message: &ReproductionMessage) -> String {
 
 fn table_6(message: &ReproductionMessage) -> String {
     let micro = |value: Option<f64>| number(value.map(|value| value * 1e3), 3);
-    let rows: Vec<Vec<String>> = (message.table6.iter())
-        .map(|row| {
-            vec![
-                format!("{} in {}", row.experiments, row.configurations),
-                micro(Some(row.printed_rho0_mm)),
-                micro(row.found_rho0_mm),
-                number(row.ratio, 3),
-                micro(Some(row.own_rho0_mm)),
-                micro(row.lower_bound_rho0_mm),
-            ]
-        })
-        .collect();
-    let header = [
-        "measurements",
-        "printed [um]",
-        "Table 4 by eq. 20 [um]",
-        "ratio",
-        "our plan [um]",
-        "bound [um]",
-    ];
-    table(&header, &rows)
+    let rows = (message.table6.iter()).map(|row| {
+        vec![
+            format!("{} in {}", row.experiments, row.configurations),
+            micro(Some(row.printed_rho0_mm)),
+            micro(row.found_rho0_mm),
+            number(row.ratio, 3),
+            micro(Some(row.own_rho0_mm)),
+            micro(row.lower_bound_rho0_mm),
+        ]
+    });
+    let header =
+        "measurements | printed [um] | Table 4 by eq. 20 [um] | ratio | our plan [um] | bound [um]";
+    table(header, rows)
 }
 
 fn figure_7(message: &ReproductionMessage) -> String {
@@ -147,25 +139,17 @@ fn figure_7(message: &ReproductionMessage) -> String {
     let interval = |ends: Option<[f64; 2]>| {
         ends.map_or_else(String::new, |[low, high]| format!("{low:.2} to {high:.2}"))
     };
-    let rows: Vec<Vec<String>> = (message.fig7.iter())
-        .map(|each| {
-            vec![
-                each.runs.name.clone(),
-                micro(each.printed_mean_mm),
-                micro(each.runs.mean_mm),
-                interval((each.runs.mean_ci95_mm).map(|ends| ends.map(|end| end * 1e3))),
-                number(each.random_over_mean, 2),
-                interval(each.random_over_mean_ci95),
-            ]
-        })
-        .collect();
-    let header = [
-        "plan",
-        "printed [um]",
-        "mean [um]",
-        "95 % interval [um]",
-        "random over it",
-        "95 % interval",
-    ];
-    table(&header, &rows)
+    let rows = (message.fig7.iter()).map(|each| {
+        vec![
+            each.runs.name.clone(),
+            micro(each.printed_mean_mm),
+            micro(each.runs.mean_mm),
+            interval((each.runs.mean_ci95_mm).map(|ends| ends.map(|end| end * 1e3))),
+            number(each.random_over_mean, 2),
+            interval(each.random_over_mean_ci95),
+        ]
+    });
+    let header =
+        "plan | printed [um] | mean [um] | 95 % interval [um] | random over it | 95 % interval";
+    table(header, rows)
 }

@@ -23,24 +23,16 @@ pub fn describe(
     });
     let all = order.len();
     order.truncate(LISTED);
-    let rows: Vec<Vec<String>> = order
-        .into_iter()
-        .map(|index| {
-            let mut row = row(identification, index, &residuals.measurements[index]);
-            if rejected.iter().any(|each| each.reading == index) {
-                row[0] += " (left out)";
-            }
-            row
-        })
-        .collect();
+    let rows = order.into_iter().map(|index| {
+        let mut row = row(identification, index, &residuals.measurements[index]);
+        if rejected.iter().any(|each| each.reading == index) {
+            row[0] += " (left out)";
+        }
+        row
+    });
     let mut text = table(
-        &[
-            "measurement",
-            "residual x, y, z [mm]",
-            "over its standard deviation",
-            "probability",
-        ],
-        &rows,
+        "measurement | residual x, y, z [mm] | over its standard deviation | probability",
+        rows,
     );
     if all > LISTED {
         text += &format!("  ({} more fit better)\n", all - LISTED);

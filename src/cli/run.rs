@@ -167,28 +167,19 @@ fn summary(folder: &Path, entries: &[TriedPlan], random: Option<(f64, RepeatsNee
     let mut text = identify::describe(&main.calibration.1.identification);
     text.push('\n');
     let micro = |value: f64| number(Some(value * 1e6), 2);
-    let rows: Vec<Vec<String>> = entries
-        .iter()
-        .map(|entry| {
-            let pose = &entry.calibration.1.poses[0];
-            vec![
-                entry.calibration.0.clone(),
-                number(entry.assessment.rho0_m.map(|value| value * 1e6), 2),
-                number(entry.assessment.efficiency(), 4),
-                micro(pose.seen.residual_m.norm()),
-                entry.assessment.violations.len().to_string(),
-            ]
-        })
-        .collect();
+    let rows = entries.iter().map(|entry| {
+        let pose = &entry.calibration.1.poses[0];
+        vec![
+            entry.calibration.0.clone(),
+            number(entry.assessment.rho0_m.map(|value| value * 1e6), 2),
+            number(entry.assessment.efficiency(), 4),
+            micro(pose.seen.residual_m.norm()),
+            entry.assessment.violations.len().to_string(),
+        ]
+    });
     text += &table(
-        &[
-            "plan",
-            "predicted rms [um]",
-            "efficiency",
-            "observed in this run [um]",
-            "violations",
-        ],
-        &rows,
+        "plan | predicted rms [um] | efficiency | observed in this run [um] | violations",
+        rows,
     );
     for entry in entries {
         if let Some(reason) = entry.assessment.no_bound() {

@@ -225,17 +225,7 @@ fn of_one_size(of_size: &SelectionSizeMessage) -> String {
             of(random.without_discrepancy_from_true_mm),
         ]);
     }
-    let header = [
-        "chosen by",
-        "mean [mm]",
-        "rms",
-        "95 % below",
-        "largest",
-        "better than random [%]",
-        "predicted",
-        "from all",
-        "without discrepancy",
-    ];
+    let header = "chosen by | mean [mm] | rms | 95 % below | largest | better than random [%] | predicted | from all | without discrepancy";
     if random.failed > 0 {
         problems += &format!(
             "  {} of {} random choices give no fit.\n",
@@ -246,6 +236,6 @@ fn of_one_size(of_size: &SelectionSizeMessage) -> String {
         "{} of the readings, {} random choices:\n{}{problems}",
         of_size.size,
         random.draws,
-        table(&header, &rows)
+        table(header, rows)
     )
 }

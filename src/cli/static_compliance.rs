@@ -53,11 +53,11 @@ fn describe(message: &StaticComplianceMessage) -> String {
             cells.extend([0, 1, 2].map(cell));
             cells
         };
-        let rows: Vec<Vec<String>> = axes.iter().enumerate().map(row).collect();
+        let rows = axes.iter().enumerate().map(row);
         text += &format!(
             "\nstatic compliance at {} [mm/N], with 95 % intervals\n{}",
             pose.name,
-            table(&["", "by a force along x", "along y", "along z"], &rows)
+            table(" | by a force along x | along y | along z", rows)
         );
     }
     if !message.assumed_exact.is_empty() {

@@ -5,9 +5,14 @@ use elastocal::text::wording::shortened;
 /// Names of rows have at most so many characters.
 const LONGEST_NAME: usize = 40;
 
+/// A table whose header has the names of its columns between bars.
+pub fn table(header: &str, rows: impl IntoIterator<Item = Vec<String>>) -> String {
+    table_of(&header.split(" | ").collect::<Vec<_>>(), rows)
+}
+
 /// A table with aligned columns; the first, of names, is left-aligned, the others right-aligned.
-pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
-    let mut rows = rows.to_vec();
+pub fn table_of(header: &[&str], rows: impl IntoIterator<Item = Vec<String>>) -> String {
+    let mut rows: Vec<Vec<String>> = rows.into_iter().collect();
     for name in rows.iter_mut().filter_map(|row| row.first_mut()) {
         *name = shortened(name, LONGEST_NAME);
     }

@@ -116,9 +116,11 @@ pub fn compensate_targets(
         }
         list.push(json!({ "line": row.line, "q_commanded_deg": angles, "unreachable": reason }));
     }
-    let heading = format!("commanded angles [{}]", names.unit());
     let mut text = format!("Targets of the tool {name:?} in {said}:\n");
-    text += &table(&["target", &heading], &shown);
+    text += &table(
+        &format!("target | commanded angles [{}]", names.unit()),
+        shown,
+    );
     if !robot.stations.is_empty() && !robot.found_tools[tool] {
         text +=
             &format!("The place of {name:?} on its link was not read: it is the nominal one.\n");

@@ -53,16 +53,8 @@ pub fn describe(budget: Option<&UncertaintyBudget>, common: Option<(&[String], f
             number(Some(each.variance_share_percent), 1),
         ]
     };
-    let rows: Vec<Vec<String>> = budget.sources.iter().map(row).collect();
-    let header = [
-        "source",
-        "type",
-        "level",
-        "u(x)",
-        "unit",
-        "contribution [um]",
-        "share [%]",
-    ];
+    let rows = budget.sources.iter().map(row);
+    let header = "source | type | level | u(x) | unit | contribution [um] | share [%]";
     let remark =
         |each: &BudgetSource| Some(format!("  {} {}\n", each.source, each.remark.as_ref()?));
     let remarks: String = budget.sources.iter().filter_map(remark).collect();
@@ -75,7 +67,7 @@ pub fn describe(budget: Option<&UncertaintyBudget>, common: Option<(&[String], f
     let common = common.map(|(names, rho0_mm)| (names, format!("{:.3} um", rho0_mm * 1e3)));
     format!(
         "\n{}{combined}{remarks}{}",
-        table(&header, &rows),
+        table(header, rows),
         common_sources(common)
     )
 }
@@ -95,8 +87,8 @@ pub fn contributions(sources: &[ContributionMessage]) -> String {
             number(Some(share), 1),
         ]
     };
-    let rows: Vec<Vec<String>> = sources.iter().map(row).collect();
-    table(&["source", "contribution [um]", "share [%]"], &rows)
+    let rows = sources.iter().map(row);
+    table("source | contribution [um] | share [%]", rows)
 }
 
 /// The accuracy with the error sources that the campaign of the prior has, too.

@@ -16,7 +16,7 @@ use nalgebra::Vector3;
 use serde_json::{Value, json};
 
 use super::identified::read_identified;
-use super::table::table;
+use super::table::table_of;
 use super::tolerance::{JudgedMeasurements, ToleranceArgs};
 use super::validate_absolute;
 use super::written::Written;
@@ -155,23 +155,21 @@ fn record(validation: &Validation) -> Value {
 
 fn describe(validation: &Validation) -> String {
     let has_rotation = (validation.each.iter()).any(|each| each.rotation_difference_rad.is_some());
-    let rows: Vec<Vec<String>> = (validation.each.iter().enumerate())
-        .map(|(index, each)| {
-            let micro = |value: f64| format!("{:.1}", value * 1e6);
-            let [predicted_m, left_m] = predicted_m(each);
-            let mut row = vec![
-                (index + 1).to_string(),
-                micro(each.difference_m.norm()),
-                micro(predicted_m),
-                micro(left_m),
-            ];
-            if has_rotation {
-                let rotation_rad = each.rotation_difference_rad;
-                row.push(rotation_rad.map_or_else(|| "-".to_owned(), |each| micro(each.norm())));
-            }
-            row
-        })
-        .collect();
+    let rows = (validation.each.iter().enumerate()).map(|(index, each)| {
+        let micro = |value: f64| format!("{:.1}", value * 1e6);
+        let [predicted_m, left_m] = predicted_m(each);
+        let mut row = vec![
+            (index + 1).to_string(),
+            micro(each.difference_m.norm()),
+            micro(predicted_m),
+            micro(left_m),
+        ];
+        if has_rotation {
+            let rotation_rad = each.rotation_difference_rad;
+            row.push(rotation_rad.map_or_else(|| "-".to_owned(), |each| micro(each.norm())));
+        }
+        row
+    });
     let mut header = vec![
         "measurement",
         "measured less predicted [um]",
@@ -183,7 +181,7 @@ fn describe(validation: &Validation) -> String {
     }
     format!(
         "{}\nPredicted and observed differences: p = {:.2}.\n",
-        table(&header, &rows),
+        table_of(&header, rows),
         validation.probability
     )
 }

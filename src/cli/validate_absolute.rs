@@ -145,17 +145,11 @@ fn describe(validation: &AbsoluteValidation) -> String {
     }
     add("identified robot", &validation.left);
     add("with what its joints are off by", &with_joints);
-    let header = [
-        "read less predicted",
-        "mean",
-        "rms",
-        "95 % below",
-        "largest",
-    ];
+    let header = "read less predicted | mean | rms | 95 % below | largest";
     let mut text = format!(
         "{} that were not fitted\n{}",
         counted(validation.left.len() as u64, "reading"),
-        table(&header, &rows)
+        table(header, rows)
     );
     let share = |part: usize, name: &str| {
         let share = validation.coverage(part)?;

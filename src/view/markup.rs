@@ -59,8 +59,13 @@ pub fn figure(svg: &str, caption: &str) -> String {
     )
 }
 
-/// A table; the first column is text, the others are numbers.
-pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
+/// A table whose header has the names of its columns between bars; the first column is text, the others are numbers.
+pub fn table(header: &str, rows: impl IntoIterator<Item = Vec<String>>) -> String {
+    table_of(&header.split(" | ").collect::<Vec<_>>(), rows)
+}
+
+/// The same with columns of any names.
+pub fn table_of(header: &[&str], rows: impl IntoIterator<Item = Vec<String>>) -> String {
     let line = |tag: &str, cells: &mut dyn Iterator<Item = &str>| {
         let cells: Vec<String> = cells
             .map(|cell| format!("<{tag}>{}</{tag}>", escaped(cell)))
@@ -68,8 +73,7 @@ pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
         format!("<tr>{}</tr>\n", cells.concat())
     };
     let head = line("th", &mut header.iter().copied());
-    let body: String = rows
-        .iter()
+    let body: String = (rows.into_iter())
         .map(|row| line("td", &mut row.iter().map(String::as_str)))
         .collect();
     format!(

@@ -16,7 +16,7 @@ use serde_json::Value;
 
 use crate::cli::Report;
 use crate::cli::absolute_plan::ABSOLUTE;
-use crate::cli::table::{number, table};
+use crate::cli::table::{number, table_of};
 use crate::cli::uncertainty_budget::{common_sources, contributions};
 use crate::cli::views::{STUDY_PAGE, command_line};
 use crate::cli::written::{Written, record_text};
@@ -212,7 +212,7 @@ pub fn describe(messages: &[StudyPlanMessage]) -> String {
         "NEES",
         "failed",
     ]);
-    table(&header, &messages.iter().map(row).collect::<Vec<_>>())
+    table_of(&header, messages.iter().map(row))
 }
 
 /// A condition that a sweep can vary: what it is called, and its value as text.

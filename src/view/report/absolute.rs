@@ -16,7 +16,9 @@ use crate::scenario::Scenario;
 use crate::text::wording::{counted, dash, micrometres, number, percent};
 use crate::view::charts::{COLOURS, PlotError};
 use crate::view::charts::{ChartAxis, Rows, WHOLE, drawing, short};
-use crate::view::markup::{card, escaped, figure, micro_sign, page, paragraph, section, table};
+use crate::view::markup::{
+    card, escaped, figure, micro_sign, page, paragraph, section, table, table_of,
+};
 
 /// What the page of a plan of absolute readings is made of.
 #[derive(Debug, Clone, Copy)]
@@ -251,13 +253,12 @@ fn test_poses(plan: &AbsolutePlanMessage) -> Result<String, PlotError> {
         counted(values.len() as u64, "test pose"),
         micrometres(plan.rho0_mm)
     );
-    let rows: Vec<Vec<String>> = (plan.test_poses.iter())
-        .map(|pose| vec![pose.name.clone(), micrometres(pose.rho0_mm)])
-        .collect();
-    let header = ["test pose", "\u{3c1}\u{2080}"];
+    let rows =
+        (plan.test_poses.iter()).map(|pose| vec![pose.name.clone(), micrometres(pose.rho0_mm)]);
+    let header = "test pose | \u{3c1}\u{2080}";
     if values.len() > FEW_POSES {
         let svg = path_figure(&values, plan.rho0_mm.map(|all| all * 1e3))?;
-        let numbers = table(&header, &rows);
+        let numbers = table(header, rows);
         return Ok(figure(&svg, &caption)
             + &format!("<details><summary>The numbers</summary>\n{numbers}</details>\n"));
     }
@@ -300,19 +301,17 @@ fn readings(shown: &AbsolutePageRecord<'_>) -> String {
         values.join(", ")
     };
     let own = &shown.scenario.task.belief.calibration_tool.name;
-    let rows: Vec<Vec<String>> = (shown.plan.plan.iter().enumerate())
-        .map(|(index, reading)| {
-            let mut row = vec![(index + 1).to_string()];
-            row.extend(reading.q_deg.iter().map(|&angle| number(Some(angle), 3)));
-            let wrench = reading.wrench.as_ref();
-            row.push(wrench.map_or_else(dash, |wrench| vector(&wrench[..3])));
-            row.push(wrench.map_or_else(dash, |wrench| vector(&wrench[3..])));
-            row.push(reading.target.clone().unwrap_or_else(|| own.clone()));
-            row.push(reading.station.clone().unwrap_or_else(dash));
-            row.push(reading.repeats.to_string());
-            row
-        })
-        .collect();
+    let rows = (shown.plan.plan.iter().enumerate()).map(|(index, reading)| {
+        let mut row = vec![(index + 1).to_string()];
+        row.extend(reading.q_deg.iter().map(|&angle| number(Some(angle), 3)));
+        let wrench = reading.wrench.as_ref();
+        row.push(wrench.map_or_else(dash, |wrench| vector(&wrench[..3])));
+        row.push(wrench.map_or_else(dash, |wrench| vector(&wrench[3..])));
+        row.push(reading.target.clone().unwrap_or_else(|| own.clone()));
+        row.push(reading.station.clone().unwrap_or_else(dash));
+        row.push(reading.repeats.to_string());
+        row
+    });
     format!(
         "<div class=\"stills\">{}</div>\n{}{}",
         shown.stills,
@@ -320,29 +319,27 @@ fn readings(shown: &AbsolutePageRecord<'_>) -> String {
             "Green: the line of sight from the instrument to the reflector that is read. Loads act at the calibration \
              tool, in the world frame, z up. --plan-out writes the same numbers."
         ),
-        table(&header, &rows)
+        table_of(&header, rows)
     )
 }
 
 /// All unknowns, with how well each is known afterwards.
 fn unknowns(plan: &AbsolutePlanMessage) -> String {
-    let rows: Vec<Vec<String>> = (plan.unknowns.iter())
-        .map(|unknown| {
-            let (factor, unit) = shown_unit(&unknown.unit);
-            let error = unknown.standard_error;
-            vec![
-                unknown.name.clone(),
-                error.map_or_else(
-                    || "not by itself".to_owned(),
-                    |error| format!("{:.3e}", error * factor),
-                ),
-                micro_sign(unit),
-                unknown.what.clone(),
-            ]
-        })
-        .collect();
-    let numbers = table(&["unknown", "standard error", "unit", "what it is"], &rows);
+    let rows = (plan.unknowns.iter()).map(|unknown| {
+        let (factor, unit) = shown_unit(&unknown.unit);
+        let error = unknown.standard_error;
+        vec![
+            unknown.name.clone(),
+            error.map_or_else(
+                || "not by itself".to_owned(),
+                |error| format!("{:.3e}", error * factor),
+            ),
+            micro_sign(unit),
+            unknown.what.clone(),
+        ]
+    });
     let count = counted(rows.len() as u64, "unknown");
+    let numbers = table("unknown | standard error | unit | what it is", rows);
     paragraph(&format!(
         "{count}: the frames of stations and reflectors, which every such plan finds, and what else is unknown of the robot. Of a \
          logarithm the unit is 1."

@@ -8,7 +8,7 @@ use crate::view::charts::{COLOURS, PlotError};
 use crate::view::charts::{
     Chart, ChartAxis, INK, Mark, Rows, Series, WHOLE, chart_of, drawing, interval, short,
 };
-use crate::view::markup::{figure, table};
+use crate::view::markup::{figure, table_of};
 
 /// The share of a row that the highest distribution fills.
 const FILL: f64 = 0.86;
@@ -260,28 +260,26 @@ pub fn distances_table(lines: &[Line<'_>]) -> String {
     if has_printed {
         header.push("mean as printed [\u{b5}m]");
     }
-    let rows: Vec<Vec<String>> = (lines.iter())
-        .map(|line| {
-            let runs = line.runs;
-            let ratio = runs.mean_ratio_to_random.map(f64::recip);
-            let mut row = vec![
-                line.name.clone(),
-                micro(runs.mean_mm),
-                runs.mean_ci95_mm.map_or_else(String::new, interval),
-                micro(runs.rms_mm),
-                micro(runs.predicted_rms_mm),
-                micro(runs.quantiles_mm.map(|quantiles| quantiles[2])),
-                number(ratio, 2),
-                (runs.mean_ratio_to_random_ci95).map_or_else(String::new, inverse_interval),
-                runs.failed.to_string(),
-            ];
-            if has_printed {
-                row.push(number(line.printed_mean_mm.map(|value| value * 1e3), 2));
-            }
-            row
-        })
-        .collect();
-    table(&header, &rows)
+    let rows = (lines.iter()).map(|line| {
+        let runs = line.runs;
+        let ratio = runs.mean_ratio_to_random.map(f64::recip);
+        let mut row = vec![
+            line.name.clone(),
+            micro(runs.mean_mm),
+            runs.mean_ci95_mm.map_or_else(String::new, interval),
+            micro(runs.rms_mm),
+            micro(runs.predicted_rms_mm),
+            micro(runs.quantiles_mm.map(|quantiles| quantiles[2])),
+            number(ratio, 2),
+            (runs.mean_ratio_to_random_ci95).map_or_else(String::new, inverse_interval),
+            runs.failed.to_string(),
+        ];
+        if has_printed {
+            row.push(number(line.printed_mean_mm.map(|value| value * 1e3), 2));
+        }
+        row
+    });
+    table_of(&header, rows)
 }
 
 /// The middle of each bin (logarithm of um) and the share of the runs for each unit of the

@@ -16,7 +16,7 @@ mod sources;
 mod study;
 
 use super::charts::{self, PlotError};
-use super::markup::{card, escaped, figure, page, paragraph, section, table};
+use super::markup::{card, escaped, figure, page, paragraph, section, table, table_of};
 use crate::codes::Condition;
 use crate::plan::search::RepeatsNeeded;
 use crate::record::evidence::{CriterionPlanMessage, EvidenceMessage};
@@ -197,23 +197,21 @@ fn configurations(run: &RunRecord<'_>, calibration: &CalibrationMessage) -> Stri
         let values: Vec<String> = values.iter().map(|&value| charts::short(value)).collect();
         values.join(", ")
     };
-    let rows: Vec<Vec<String>> = (calibration.plan.iter().enumerate())
-        .map(|(index, experiment)| {
-            let mut row = vec![(index + 1).to_string()];
-            row.extend(experiment.q_deg.iter().map(|&angle| number(Some(angle), 3)));
-            row.push(vector(&experiment.wrench[..3]));
-            row.push(vector(&experiment.wrench[3..]));
-            row.push(experiment.repeats.to_string());
-            row
-        })
-        .collect();
+    let rows = (calibration.plan.iter().enumerate()).map(|(index, experiment)| {
+        let mut row = vec![(index + 1).to_string()];
+        row.extend(experiment.q_deg.iter().map(|&angle| number(Some(angle), 3)));
+        row.push(vector(&experiment.wrench[..3]));
+        row.push(vector(&experiment.wrench[3..]));
+        row.push(experiment.repeats.to_string());
+        row
+    });
     format!(
         "<div class=\"stills\">{}</div>\n{}{}",
         run.stills,
         paragraph(
             "The same numbers are in plan.csv. Loads act at the calibration tool, in the world frame, z up."
         ),
-        table(&header, &rows)
+        table_of(&header, rows)
     )
 }
 
@@ -253,8 +251,8 @@ fn compliances(calibration: &CalibrationMessage) -> Result<String, PlotError> {
     }
     let svg = compliances_figure(&estimates)?;
     let caption = "From this run's measurements of the virtual robot, beside the simulated truth of this run: 95 % of such intervals cover it.";
-    let unit = "compliance [\u{b5}rad/(N m)]";
-    Ok(figure(&svg, caption) + &table(&["joint", unit, "95 % interval", "simulated truth"], &rows))
+    let header = "joint | compliance [\u{b5}rad/(N m)] | 95 % interval | simulated truth";
+    Ok(figure(&svg, caption) + &table(header, rows))
 }
 
 /// What the fit leaves of each measurement.
@@ -294,16 +292,9 @@ fn plans(run: &RunRecord<'_>) -> String {
             assessment.violations.len().to_string(),
         ]
     };
-    let rows: Vec<Vec<String>> = run.plans.iter().map(row).collect();
-    let header = [
-        "plan",
-        "measurements",
-        "predicted rms \u{3c1}\u{2080} [\u{b5}m]",
-        "efficiency",
-        "observed in this run [\u{b5}m]",
-        "violations",
-    ];
-    table(&header, &rows)
+    let rows = run.plans.iter().map(row);
+    let header = "plan | measurements | predicted rms \u{3c1}\u{2080} [\u{b5}m] | efficiency | observed in this run [\u{b5}m] | violations";
+    table(header, rows)
 }
 
 /// A card of what must be looked at; nothing where there is nothing.

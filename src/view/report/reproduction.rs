@@ -190,21 +190,11 @@ fn table_6(message: &ReproductionMessage) -> String {
             micro(row.lower_bound_rho0_mm),
         ]
     };
-    let rows: Vec<Vec<String>> = message.table6.iter().map(row).collect();
-    let header = [
-        "measurements",
-        "configurations",
-        "printed [\u{b5}m]",
-        "printed, by the rule of repeats [\u{b5}m]",
-        "Table 4\u{2019}s plan by eq. 20 [\u{b5}m]",
-        "ratio to printed",
-        "our plan [\u{b5}m]",
-        "its repeats",
-        "no plan is below [\u{b5}m]",
-    ];
+    let rows = message.table6.iter().map(row);
+    let header = "measurements | configurations | printed [\u{b5}m] | printed, by the rule of repeats [\u{b5}m] | Table 4\u{2019}s plan by eq. 20 [\u{b5}m] | ratio to printed | our plan [\u{b5}m] | its repeats | no plan is below [\u{b5}m]";
     paragraph(
         "\u{3c1}\u{2080} at the test pose. The rule of repeats: a plan of m measurements that is repeated to M has \u{221a}(m/M) times the residual error. Our plans may share out the repeats unevenly.",
-    ) + &table(&header, &rows)
+    ) + &table(header, rows)
 }
 
 fn equation_23(message: &ReproductionMessage) -> String {
@@ -218,10 +208,10 @@ fn equation_23(message: &ReproductionMessage) -> String {
         ours.extend(row.iter().map(|cell| shown(cell.found_nm2)));
         rows.extend([printed, ours]);
     }
-    let header = ["row", "k2", "k3", "k4", "k5", "k6"];
+    let header = "row | k2 | k3 | k4 | k5 | k6";
     paragraph(
         "In N m\u{b2}. Angles and numbers are printed with one decimal, which leaves some tenths open.",
-    ) + &table(&header, &rows)
+    ) + &table(header, rows)
 }
 
 fn table_5(message: &ReproductionMessage) -> String {
@@ -248,8 +238,8 @@ fn table_5(message: &ReproductionMessage) -> String {
         ours.push(percent(Some(row.largest_difference), 2));
         rows.extend([printed, ours]);
     }
-    let header = ["measurements", "k2", "k3", "k4", "k5", "k6", "apart by"];
-    paragraph("In 1e-9 rad/(N m), of the plans of Table 4.") + &table(&header, &rows)
+    let header = "measurements | k2 | k3 | k4 | k5 | k6 | apart by";
+    paragraph("In 1e-9 rad/(N m), of the plans of Table 4.") + &table(header, rows)
 }
 
 fn table_4(message: &ReproductionMessage) -> String {
@@ -264,11 +254,11 @@ fn table_4(message: &ReproductionMessage) -> String {
         let (printed, own) = (&plan.plan, own.map_or(&[][..], |row| &row.own_plan));
         let mut rows = angles("printed", printed);
         rows.extend(angles("ours", own));
-        let header = ["plan", "q2", "q3", "q4", "q5", "q6"];
+        let header = "plan | q2 | q3 | q4 | q5 | q6";
         body += &format!(
             "<details><summary>{} measurements</summary>\n{}{}</details>\n",
             plan.experiments,
-            table(&header, &rows),
+            table(header, rows),
             plan.violations
                 .iter()
                 .map(|each| paragraph(each))
