@@ -428,11 +428,7 @@ impl AbsoluteWanted<'_> {
         let budget = message.uncertainty_budget.as_ref();
         let told = self.budget.write(budget, &mut written);
         conditions.extend(written.conditions());
-        let report = Report {
-            json,
-            text: describe(&message) + &left_out + &told,
-            conditions,
-        };
+        let report = Report::new(json, describe(&message) + &left_out + &told, conditions);
         let shown = ReportedPlan {
             message,
             provenance,

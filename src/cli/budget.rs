@@ -162,8 +162,8 @@ impl Budget {
             text += &written.noted(path, write_whole(path, plot.as_bytes()));
         }
         conditions.extend(written.conditions());
-        Ok(Report {
-            json: results(
+        Ok(Report::new(
+            results(
                 "budget",
                 &provenance,
                 json!({
@@ -176,7 +176,7 @@ impl Budget {
             ),
             text,
             conditions,
-        })
+        ))
     }
 }
 

@@ -8,9 +8,9 @@ use elastocal::plan::{Feasibility, read_plan};
 use elastocal::record::json::merge;
 use elastocal::record::messages::{ProvenanceMessage, SchemaMessage};
 use elastocal::record::platform::platform;
-use elastocal::record::understanding::{UnderstandingMessage, UnknownsMessage};
+use elastocal::record::understanding::{understanding_json, unknowns_json};
 use elastocal::understanding::{
-    Understanding, UnderstoodJoint, UnderstoodPose, UnderstoodTruth, impossible, unknowns,
+    Understanding, UnderstoodJoint, UnderstoodPose, UnderstoodTruth, Unknowns, impossible, unknowns,
 };
 use nalgebra::Vector3;
 use serde_json::{Value, json};
@@ -74,11 +74,8 @@ impl Check {
             (true, Some(_)) => format!("{name} cannot be right\n"),
             (false, _) => format!("{}\n", violations.join("\n")),
         };
-        let told_apart: Vec<UnknownsMessage> = if self.parameters {
+        let told_apart = if self.parameters {
             unknowns(&scenario.task, scenario.seed)
-                .iter()
-                .map(Into::into)
-                .collect()
         } else {
             Vec::new()
         };
@@ -100,16 +97,12 @@ impl Check {
             provenance = provenance.with_input("plan", path)?;
         }
         let mut json = results("check", &provenance, json);
-        let understood = UnderstandingMessage::new(&understanding);
-        merge(&mut json, serde_json::to_value(understood)?);
+        merge(&mut json, understanding_json(&understanding));
         if self.parameters {
-            merge(&mut json, json!({ "identifiable": told_apart }));
+            let each: Vec<Value> = told_apart.iter().map(unknowns_json).collect();
+            merge(&mut json, json!({ "identifiable": each }));
         }
-        Ok(Report {
-            json,
-            text,
-            conditions,
-        })
+        Ok(Report::new(json, text, conditions))
     }
 
     /// A broken scenario, or one with a broken plan, has neither seed nor hash here.
@@ -243,19 +236,21 @@ fn describe_pose(understanding: &Understanding, pose: &UnderstoodPose) -> String
 }
 
 /// A minimal set of parameters, and what is redundant beside it.
-fn describe_unknowns(unknowns: &UnknownsMessage) -> String {
+fn describe_unknowns(unknowns: &Unknowns) -> String {
+    let minimal = unknowns.minimal();
     let mut text = format!(
         "From a {} of the calibration tool, {} of {} parameters can be identified together:\n",
-        unknowns.reading,
-        unknowns.minimal_set.len(),
-        unknowns.parameters
+        unknowns.reading.name(),
+        minimal.len(),
+        unknowns.names.len()
     );
-    for line in unknowns.minimal_set.chunks(8) {
+    for line in minimal.chunks(8) {
         text += &format!("  {}\n", line.join(", "));
     }
     text += "These can be left out:\n";
-    for each in &unknowns.redundant {
-        text += &format!("  {}: {}\n", each.parameter, each.reason);
+    for each in &unknowns.freedoms {
+        let parameter = &unknowns.names[each.redundant];
+        text += &format!("  {parameter}: {}\n", each.sentence);
     }
     text + "\n"
 }

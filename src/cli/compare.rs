@@ -61,11 +61,11 @@ impl Compare {
         if let Some(path) = &self.markdown {
             write_whole(path, markdown(&base, &new, &comparison).as_bytes())?;
         }
-        Ok(Report {
-            json: comparison_json(&base, &new, &comparison),
-            text: describe(&base, &new, &comparison),
-            conditions: conditions(&comparison),
-        })
+        Ok(Report::new(
+            comparison_json(&base, &new, &comparison),
+            describe(&base, &new, &comparison),
+            conditions(&comparison),
+        ))
     }
 }
 

@@ -148,11 +148,7 @@ impl Compensate {
         }
         let provenance =
             ProvenanceMessage::new(&scenario).with_input("identified", &self.identified)?;
-        let mut report = Report {
-            json: results("compensate", &provenance, keys),
-            text,
-            conditions,
-        };
+        let mut report = Report::new(results("compensate", &provenance, keys), text, conditions);
         if self.static_compliance {
             let Task {
                 belief, test_poses, ..

@@ -153,11 +153,7 @@ impl Evaluate {
         text += &self.budget.write(budget, &mut written);
         let mut conditions = conditions(&scenario, &assessment);
         conditions.extend(written.conditions());
-        let mut report = Report {
-            json,
-            text,
-            conditions,
-        };
+        let mut report = Report::new(json, text, conditions);
         if self.static_compliance {
             let belief = &scenario.task.belief;
             let (arm, set) = belief.parameters_of_arm()?;

@@ -241,14 +241,14 @@ impl Identify {
             let plot = patterns_plot(&title, &identified.patterns)?;
             text += &written.noted(path, write_whole(path, plot.as_bytes()));
         }
-        Ok(Report {
+        Ok(Report::new(
             json,
             text,
-            conditions: (loads_outside.into_iter())
+            (loads_outside.into_iter())
                 .chain(identified.conditions())
                 .chain(written.conditions())
                 .collect(),
-        })
+        ))
     }
 }
 

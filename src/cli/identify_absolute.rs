@@ -105,11 +105,7 @@ pub fn execute(
     text += &noted(&identified.fit.notes());
     let mut conditions = identified.conditions();
     conditions.extend(written.conditions());
-    Ok(Report {
-        json,
-        text,
-        conditions,
-    })
+    Ok(Report::new(json, text, conditions))
 }
 
 /// The other series.

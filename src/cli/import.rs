@@ -49,8 +49,8 @@ impl Import {
         let ranges: Vec<_> = (imported.ranges.iter())
             .map(|(column, range)| json!({ "column": column, "range": range }))
             .collect();
-        Ok(Report {
-            json: json!({
+        Ok(Report::new(
+            json!({
                 "schema": SchemaMessage::new("import"),
                 "provenance": {
                     "version": elastocal::VERSION, "commit": elastocal::COMMIT, "platform": platform(),
@@ -61,8 +61,8 @@ impl Import {
                 "unread": imported.unread,
             }),
             text,
-            conditions: Vec::new(),
-        })
+            Vec::new(),
+        ))
     }
 }
 

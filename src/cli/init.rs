@@ -9,7 +9,7 @@ use elastocal::files::output::{check_writable, write_whole};
 use elastocal::record::json::merge;
 use elastocal::record::messages::SchemaMessage;
 use elastocal::record::platform::platform;
-use elastocal::record::understanding::UnderstandingMessage;
+use elastocal::record::understanding::understanding_json;
 use elastocal::scenario::scenario_schema;
 use elastocal::text::wording::shell_path;
 use elastocal::workflow::init::{SCHEMA_FILE, draft};
@@ -87,14 +87,7 @@ impl Init {
             "scenario_file": path,
             "found": draft.found,
         });
-        merge(
-            &mut json,
-            serde_json::to_value(UnderstandingMessage::new(&draft.understanding))?,
-        );
-        Ok(Report {
-            json,
-            text,
-            conditions: Vec::new(),
-        })
+        merge(&mut json, understanding_json(&draft.understanding));
+        Ok(Report::new(json, text, Vec::new()))
     }
 }

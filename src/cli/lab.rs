@@ -11,7 +11,7 @@ use elastocal::measurement::CONTROLLER_COMPENSATES;
 use elastocal::measurement::{RowToFillIn, table_to_fill_in};
 use elastocal::parameter::Unloaded;
 use elastocal::plan::{Feasibility, Plan, read_plan};
-use elastocal::record::campaign::CampaignMessage;
+use elastocal::record::campaign::campaign_json;
 use elastocal::record::messages::ProvenanceMessage;
 use elastocal::scenario::Scenario;
 use elastocal::task::Extended;
@@ -90,8 +90,8 @@ impl Lab {
         }
         let provenance = ProvenanceMessage::new(&scenario).with_input("plan", &self.plan)?;
         let costs = &scenario.laboratory.costs;
-        let message = CampaignMessage::new(&commands, costs, &campaign);
-        let mut json = results("lab", &provenance, serde_json::to_value(&message)?);
+        let record = campaign_json(&commands, costs, &campaign);
+        let mut json = results("lab", &provenance, record);
         let [to_fill, record] = FILES.map(|name| folder.join(name));
         let empty = to_fill_in(&scenario, &plan, &campaign);
         text += &written.noted(&to_fill, write_whole(&to_fill, empty.as_bytes()));
@@ -99,11 +99,7 @@ impl Lab {
         let record_text = record_text(&mut json, &conditions)?;
         text += &written.noted(&record, write_whole(&record, record_text.as_bytes()));
         conditions.extend(written.conditions());
-        Ok(Report {
-            json,
-            text,
-            conditions,
-        })
+        Ok(Report::new(json, text, conditions))
     }
 
     fn conditions(&self, scenario: &Scenario, plan: &Plan, campaign: &Campaign) -> Vec<Condition> {

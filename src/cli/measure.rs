@@ -108,15 +108,15 @@ impl Measure {
         let messages: Vec<MeasurementMessage> = (measurements.iter())
             .map(|each| MeasurementMessage::new(&commands, each))
             .collect();
-        Ok(Report {
-            json: results(
+        Ok(Report::new(
+            results(
                 "measure",
                 &ProvenanceMessage::new(&scenario).with_input("plan", &self.plan)?,
                 json!({ "noise_free": self.noise_free, "run": self.run, "measurements": messages, "truth": of_run }),
             ),
             text,
-            conditions: (scenario.task.loads.outside_plan(&plan, None).into_iter()).collect(),
-        })
+            (scenario.task.loads.outside_plan(&plan, None).into_iter()).collect(),
+        ))
     }
 
     /// A plan of absolute readings, each by itself.
@@ -145,15 +145,15 @@ impl Measure {
             text += &format!("wrote {}\n", path.display());
         }
         let provenance = ProvenanceMessage::new(scenario).with_input("plan", &self.plan)?;
-        Ok(Report {
-            json: results(
+        Ok(Report::new(
+            results(
                 "measure",
                 &provenance,
                 json!({ "accuracy": "absolute", "run": run, "readings": readings.len() }),
             ),
             text,
-            conditions: Vec::new(),
-        })
+            Vec::new(),
+        ))
     }
 }
 

@@ -268,6 +268,15 @@ pub struct Report {
 }
 
 impl Report {
+    /// Results as JSON and as text, and what must be looked at.
+    pub const fn new(json: Value, text: String, conditions: Vec<Condition>) -> Self {
+        Self {
+            json,
+            text,
+            conditions,
+        }
+    }
+
     /// The same with conditions among the results, and marked where they are accepted.
     fn with_accepted(mut self, codes: &[ConditionCode]) -> serde_json::Result<Self> {
         for condition in &mut self.conditions {

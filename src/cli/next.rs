@@ -160,8 +160,8 @@ impl Next {
             provenance = provenance.with_input("plan", plan)?;
         }
         let found = found.as_ref();
-        Ok(Report {
-            json: results(
+        Ok(Report::new(
+            results(
                 "next",
                 &provenance,
                 json!({
@@ -177,7 +177,7 @@ impl Next {
             ),
             text,
             conditions,
-        })
+        ))
     }
 
     fn check(&self, scenario: &Scenario) -> Result<(), FileError> {

@@ -468,9 +468,5 @@ fn reported(
     if is_cut_short {
         conditions.push(search_stopped());
     }
-    Ok(Report {
-        json,
-        text,
-        conditions,
-    })
+    Ok(Report::new(json, text, conditions))
 }

@@ -82,11 +82,11 @@ impl Replay {
         let record = folder.join(record);
         written.note(&record, write_whole(&record, text.as_bytes()));
         let where_it_is = views.write(&record, &mut written);
-        Ok(Report {
+        Ok(Report::new(
             json,
-            text: describe(&scenario, &calibrations) + &where_it_is,
-            conditions: written.conditions(),
-        })
+            describe(&scenario, &calibrations) + &where_it_is,
+            written.conditions(),
+        ))
     }
 
     /// What an entry measures in the run.

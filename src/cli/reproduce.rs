@@ -72,11 +72,11 @@ impl Reproduce {
         let file = folder.join(FILE);
         written.note(&file, write_whole(&file, record.as_bytes()));
         conditions.extend(written.conditions());
-        Ok(Report {
-            text: describe(&message) + &format!("\nResults are in {}\n", folder.display()),
-            conditions,
+        Ok(Report::new(
             json,
-        })
+            describe(&message) + &format!("\nResults are in {}\n", folder.display()),
+            conditions,
+        ))
     }
 }
 

@@ -117,11 +117,7 @@ impl Run {
         text += &self.budget.write(budget, &mut written);
         let mut conditions = outcome.conditions;
         conditions.extend(written.conditions());
-        Ok(Report {
-            json,
-            text,
-            conditions,
-        })
+        Ok(Report::new(json, text, conditions))
     }
 }
 

@@ -140,11 +140,7 @@ impl Select {
         let mut json = results("select", &provenance, json!({ "groups": self.parameters }));
         merge(&mut json, serde_json::to_value(message)?);
         conditions.extend(written.conditions());
-        Ok(Report {
-            json,
-            text,
-            conditions,
-        })
+        Ok(Report::new(json, text, conditions))
     }
 }
 

@@ -146,11 +146,11 @@ pub fn compensate_targets(
         "corrects_joint_errors": robot.with_joint_errors.is_some(),
         "targets": list,
     });
-    Ok(Report {
-        json: results("compensate", provenance, keys),
+    Ok(Report::new(
+        results("compensate", provenance, keys),
         text,
         conditions,
-    })
+    ))
 }
 
 fn tool_of(robot: &CalibratedRobot, question: &TargetQuestion<'_>) -> Result<usize, FileError> {

@@ -89,11 +89,11 @@ impl Validate {
             }
             conditions.extend(written.conditions());
             let keys = json!({ "plan": plan_messages(&commands, &plan) });
-            return Ok(Report {
-                json: results("validate", &provenance, keys),
+            return Ok(Report::new(
+                results("validate", &provenance, keys),
                 text,
                 conditions,
-            });
+            ));
         };
         let measured = read_measurements(path, &task.belief)?;
         // What the model left unexplained is in other measurements, too.
@@ -108,11 +108,11 @@ impl Validate {
                 validation.probability
             )));
         }
-        let mut report = Report {
-            json: results("validate", &provenance, record(&validation)),
-            text: describe(&validation),
+        let mut report = Report::new(
+            results("validate", &provenance, record(&validation)),
+            describe(&validation),
             conditions,
-        };
+        );
         if let Some(tolerance) = self.tolerance.tolerance() {
             // The model discrepancy is the robot's, and no uncertainty of the measurement.
             let bare = validate(&task.belief, &identified.posterior, &measured)

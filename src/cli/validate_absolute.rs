@@ -62,11 +62,11 @@ pub fn execute(
         .with_input("measurements", file)?;
     let text = describe(&validation);
     let conditions = validation.conditions();
-    let mut report = Report {
-        json: results("validate", &provenance, record(&validation)),
+    let mut report = Report::new(
+        results("validate", &provenance, record(&validation)),
         text,
         conditions,
-    };
+    );
     if let Some(tolerance) = tolerance {
         let left = validation.left.iter().map(|each| each.position_m);
         let each = left.zip(validation.readings_m2.iter().copied());

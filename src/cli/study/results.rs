@@ -48,9 +48,9 @@ impl Results {
         let took = self.timing.map_or_else(String::new, |timing| {
             format!(", in {:.2} s", timing.elapsed_s)
         });
-        Report {
-            json: self.json.clone(),
-            text: format!(
+        Report::new(
+            self.json.clone(),
+            format!(
                 "{}\n{}{}{}{} runs of each plan, {}{took}. Results are in {}\n",
                 describe(&self.messages),
                 predictions(&self.messages, self.accuracy()),
@@ -60,8 +60,8 @@ impl Results {
                 describe_level(self.header.level),
                 folder.display()
             ),
-            conditions: self.conditions(),
-        }
+            self.conditions(),
+        )
     }
 
     /// What is accurate here.
