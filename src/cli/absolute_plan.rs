@@ -57,6 +57,12 @@ pub struct UnknownArgs {
     pub parameters: Vec<ParameterGroup>,
 }
 
+/// What a scenario's accuracy has none of.
+fn other_accuracy(scenario: &Scenario, problem: impl Into<String>) -> FileError {
+    let wrong = FileError::new(&scenario.path, problem).at("design.accuracy");
+    wrong.code(ErrorCode::OtherAccuracy)
+}
+
 impl UnknownArgs {
     /// Refuses groups where deflections are planned.
     pub fn refuse(&self, scenario: &Scenario) -> Result<(), FileError> {
@@ -64,9 +70,8 @@ impl UnknownArgs {
             return Ok(());
         }
         let problem = "plans deflections, of which robot.parameters says what is unknown";
-        let wrong = FileError::new(&scenario.path, problem).at("design.accuracy");
-        let wrong = wrong.code(ErrorCode::OtherAccuracy);
-        Err(wrong.hint("leave out --parameters, or set accuracy = \"absolute\""))
+        let hint = "leave out --parameters, or set accuracy = \"absolute\"";
+        Err(other_accuracy(scenario, problem).hint(hint))
     }
 }
 
@@ -76,11 +81,8 @@ pub fn refuse_options(scenario: &Scenario, given: &[(&str, bool)]) -> Result<(),
         return Ok(());
     };
     let problem = format!("is \"absolute\", and {option} is for plans of deflections");
-    let wrong = FileError::new(&scenario.path, problem).at("design.accuracy");
-    let wrong = wrong.code(ErrorCode::OtherAccuracy);
-    Err(wrong.hint(format!(
-        "leave out {option}, or set accuracy = \"relative\""
-    )))
+    let hint = format!("leave out {option}, or set accuracy = \"relative\"");
+    Err(other_accuracy(scenario, problem).hint(hint))
 }
 
 /// Refuses options that are about absolute readings alone, each with what is there instead.
@@ -92,9 +94,7 @@ pub fn refuse_where_relative(
         return Ok(());
     };
     let problem = format!("is \"relative\", and {option} is for plans of absolute readings");
-    let wrong = FileError::new(&scenario.path, problem).at("design.accuracy");
-    let wrong = wrong.code(ErrorCode::OtherAccuracy);
-    Err(wrong.hint(format!("leave out {option}: {instead}")))
+    Err(other_accuracy(scenario, problem).hint(format!("leave out {option}: {instead}")))
 }
 
 /// What is written of a plan besides its record.
@@ -281,8 +281,7 @@ impl AbsoluteWanted<'_> {
             text += &written.noted(path, rows);
         }
         if let Some(path) = outputs.stills {
-            let sheet = stills::sheet_of_readings(self.scenario, readings);
-            text += &written.noted(path, write_whole(path, sheet.as_bytes()));
+            text += &written.save(path, &stills::sheet_of_readings(self.scenario, readings));
         }
         text
     }
@@ -391,14 +390,10 @@ impl AbsoluteWanted<'_> {
         let prediction = planning.prediction(plan);
         let mut message = AbsolutePlanMessage::new(task, planning, plan, &prediction, bound);
         message.drawn = asked.drawn;
-        let mut provenance = ProvenanceMessage::new(self.scenario);
-        if let Some(plan) = asked.plan {
-            provenance = provenance.with_input("plan", plan)?;
-        }
-        provenance = self.poses.of(provenance)?;
-        if let Some(candidates) = self.candidates {
-            provenance = provenance.with_input("candidates", candidates)?;
-        }
+        let provenance = ProvenanceMessage::new(self.scenario)
+            .with_optional("plan", asked.plan)?
+            .with_optional("test_poses", self.poses.path())?
+            .with_optional("candidates", self.candidates)?;
         let mut json = results(
             asked.command,
             &provenance,

@@ -5,7 +5,6 @@ use std::sync::atomic::Ordering;
 
 use clap::Args;
 use elastocal::codes::ConditionCode;
-use elastocal::files::output::write_whole;
 use elastocal::laboratory::Campaign;
 use elastocal::laboratory::time::quickest;
 use elastocal::plan::search::{
@@ -158,8 +157,7 @@ impl Budget {
         }
         if let Some(path) = &self.plot_out {
             let title = format!("{}: accuracy against measurements", scenario.name);
-            let plot = budget_plot(&title, &points)?;
-            text += &written.noted(path, write_whole(path, plot.as_bytes()));
+            text += &written.save(path, &budget_plot(&title, &points)?);
         }
         conditions.extend(written.conditions());
         Ok(Report::new(
@@ -268,6 +266,5 @@ fn describe(points: &[BudgetPoint]) -> String {
         ));
         rows.push(row);
     }
-    let header: Vec<&str> = header.iter().map(String::as_str).collect();
     table_of(&header, rows)
 }

@@ -92,10 +92,8 @@ impl Check {
         let problems: Vec<String> = violations.into_iter().chain(found).collect();
         let conditions = violated.into_iter().chain(impossible).collect();
         let json = json!({ "ok": problems.is_empty(), "problems": problems });
-        let mut provenance = ProvenanceMessage::new(&scenario);
-        if let Some(path) = &self.plan {
-            provenance = provenance.with_input("plan", path)?;
-        }
+        let provenance =
+            ProvenanceMessage::new(&scenario).with_optional("plan", self.plan.as_deref())?;
         let mut json = results("check", &provenance, json);
         merge(&mut json, understanding_json(&understanding));
         if self.parameters {

@@ -7,7 +7,6 @@ use elastocal::calibration::{CompensatedPose, pose_conditions};
 use elastocal::codes::ErrorCode;
 use elastocal::csv::word_field;
 use elastocal::experiment::experiment_columns;
-use elastocal::files::output::write_whole;
 use elastocal::files::{FileError, make_folder};
 use elastocal::laboratory::{
     CampaignError, Dialect, Program, ProgramFile, ProgramTarget, program_to,
@@ -79,10 +78,9 @@ impl Compensate {
             mut conditions,
         } = read_robot(&self.common, "compensate", &self.identified)?;
         let method = self.method.unwrap_or(scenario.task.belief.method);
-        let dialect = match &self.program_out {
-            Some(_) => Some(dialect(self.dialect.as_deref(), &scenario)?),
-            None => None,
-        };
+        let dialect = (self.program_out.as_ref())
+            .map(|_| dialect(self.dialect.as_deref(), &scenario))
+            .transpose()?;
         self.check(&scenario, dialect.as_ref())?;
         if let Some(targets) = &self.targets {
             let provenance = ProvenanceMessage::new(&scenario)
@@ -124,14 +122,13 @@ impl Compensate {
             None => Vec::new(),
         };
         if let Some(path) = &self.angles_out {
-            let angles = angles(&scenario.task, &messages);
-            text += &written.noted(path, write_whole(path, angles.as_bytes()));
+            text += &written.save(path, &angles(&scenario.task, &messages));
         }
         if let Some(folder) = &self.program_out {
             make_folder(folder)?;
             for file in &files {
                 let path = folder.join(&file.name);
-                text += &written.noted(&path, write_whole(&path, file.text.as_bytes()));
+                text += &written.save(&path, &file.text);
             }
         }
         conditions.extend(written.conditions());
@@ -163,9 +160,7 @@ impl Compensate {
     fn check(&self, scenario: &Scenario, dialect: Option<&Dialect>) -> Result<(), FileError> {
         let mut roles = inputs(scenario);
         roles.reads("what was identified", &self.identified);
-        if let Some(targets) = &self.targets {
-            roles.reads("the targets", targets);
-        }
+        roles.may_read("the targets", self.targets.as_deref());
         if let (Some(folder), Some(dialect)) = (&self.program_out, dialect) {
             let files = self.files(&Program::default(), scenario, dialect)?;
             let names: Vec<&str> = files.iter().map(|file| &*file.name).collect();

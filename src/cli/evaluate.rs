@@ -79,8 +79,9 @@ impl Evaluate {
             self.budget.out(),
         ];
         roles.reads("the plan", &self.plan);
-        self.poses.role(&mut roles);
-        check_outputs(self.candidates.role(&mut roles), &outputs)?;
+        roles.may_read("the test poses", self.poses.path());
+        roles.may_read("the candidates", self.candidates.path());
+        check_outputs(&mut roles, &outputs)?;
         self.poses.replace(&mut scenario.task)?;
         rests(&scenario)?;
         if scenario.task.design.accuracy == AccuracyKind::Absolute {
@@ -135,8 +136,10 @@ impl Evaluate {
             Assessment::new(&scenario.task, &plan, Some(&rho0)).beside(&bound, &plan)
         };
         let message = AssessmentMessage::new(&scenario, &assessment);
-        let provenance = ProvenanceMessage::new(&scenario).with_input("plan", &self.plan)?;
-        let provenance = self.poses.of(self.candidates.of(provenance)?)?;
+        let provenance = ProvenanceMessage::new(&scenario)
+            .with_input("plan", &self.plan)?
+            .with_optional("candidates", self.candidates.path())?
+            .with_optional("test_poses", self.poses.path())?;
         let mut json = results("evaluate", &provenance, json!({ "gate": scenario.gate }));
         merge(&mut json, serde_json::to_value(&message)?);
         let mut written = Written::default();

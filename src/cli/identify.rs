@@ -82,9 +82,7 @@ impl Identify {
         ];
         let mut roles = inputs(&scenario);
         roles.reads("the measurements", &self.measurements);
-        if let Some(against) = &self.against {
-            roles.reads("the other measurements", against);
-        }
+        roles.may_read("the other measurements", self.against.as_deref());
         check_outputs(&mut roles, &outputs)?;
         let mut report = match measured {
             MeasuredFile::Deflections(measurements) => {
@@ -238,8 +236,7 @@ impl Identify {
         let mut written = Written::default();
         if let Some(path) = &self.plot_out {
             let title = format!("{}: patterns in the residuals", scenario.name);
-            let plot = patterns_plot(&title, &identified.patterns)?;
-            text += &written.noted(path, write_whole(path, plot.as_bytes()));
+            text += &written.save(path, &patterns_plot(&title, &identified.patterns)?);
         }
         Ok(Report::new(
             json,

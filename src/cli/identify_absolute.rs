@@ -3,7 +3,6 @@
 use std::path::Path;
 
 use elastocal::files::FileError;
-use elastocal::files::output::write_whole;
 use elastocal::identification::{
     AbsoluteError, DistanceStatistics, ModelSelection, ParameterGroup, ReadingWeights,
 };
@@ -80,14 +79,12 @@ pub fn execute(
         text += &format!("{}\n", super::model_selection::describe(&model_selection));
         if let Some(path) = asked.plot_out {
             let title = plot("which model the readings pay for");
-            let plot = model_selection_plot(&title, &model_selection)?;
-            text += &written.noted(path, write_whole(path, plot.as_bytes()));
+            text += &written.save(path, &model_selection_plot(&title, &model_selection)?);
         }
         merge(&mut json, json!({ "model_selection": model_selection }));
     } else if let Some(path) = asked.plot_out {
         let title = plot("patterns in the residuals");
-        let plot = patterns_plot(&title, &identified.patterns)?;
-        text += &written.noted(path, write_whole(path, plot.as_bytes()));
+        text += &written.save(path, &patterns_plot(&title, &identified.patterns)?);
     }
     text += &describe(&message);
     let uncounted = uncounted(belief);

@@ -4,7 +4,6 @@ use std::path::PathBuf;
 
 use clap::Args;
 use elastocal::codes::{Condition, ConditionCode, ErrorCode};
-use elastocal::files::output::write_whole;
 use elastocal::files::{FileError, make_folder};
 use elastocal::laboratory::{Campaign, CampaignError, Program, ProgramFile, program};
 use elastocal::measurement::CONTROLLER_COMPENSATES;
@@ -83,10 +82,10 @@ impl Lab {
         let mut text = describe(&plan, &campaign);
         let path = folder.join(RUN_SHEET);
         let sheet = run_sheet(&scenario, &plan, &campaign);
-        text += &written.noted(&path, write_whole(&path, sheet.as_bytes()));
+        text += &written.save(&path, &sheet);
         for file in &files {
             let path = folder.join(&file.name);
-            text += &written.noted(&path, write_whole(&path, file.text.as_bytes()));
+            text += &written.save(&path, &file.text);
         }
         let provenance = ProvenanceMessage::new(&scenario).with_input("plan", &self.plan)?;
         let costs = &scenario.laboratory.costs;
@@ -94,10 +93,10 @@ impl Lab {
         let mut json = results("lab", &provenance, record);
         let [to_fill, record] = FILES.map(|name| folder.join(name));
         let empty = to_fill_in(&scenario, &plan, &campaign);
-        text += &written.noted(&to_fill, write_whole(&to_fill, empty.as_bytes()));
+        text += &written.save(&to_fill, &empty);
         let mut conditions = self.conditions(&scenario, &plan, &campaign);
         let record_text = record_text(&mut json, &conditions)?;
-        text += &written.noted(&record, write_whole(&record, record_text.as_bytes()));
+        text += &written.save(&record, &record_text);
         conditions.extend(written.conditions());
         Ok(Report::new(json, text, conditions))
     }

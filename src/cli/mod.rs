@@ -385,20 +385,10 @@ impl Command {
             Self::Select(command) => &command.common,
             Self::Replay(command) => &command.common,
             Self::Reproduce(command) => &command.common,
-            Self::Init(_)
-            | Self::Import(_)
-            | Self::Merge(_)
-            | Self::Compare(_)
-            | Self::View(_)
-            | Self::Explain(_)
-            | Self::Schema(_)
-            | Self::Completion(_)
-            | Self::LoadModel(_) => return None,
+            _ => return None,
         })
     }
-}
 
-impl Command {
     /// The conditions that are accepted.
     fn accepted(&self) -> &[ConditionCode] {
         match self {
@@ -425,10 +415,7 @@ impl Common {
     fn noted_draws(&self) -> Result<Option<Draws>, FileError> {
         match (&self.draws_in, &self.draws_out) {
             (Some(path), _) => {
-                let draws = Draws::from_file(path);
-                draws
-                    .map(Some)
-                    .map_err(|wrong| wrong.or_code(ErrorCode::Draws))
+                (Draws::from_file(path).map(Some)).map_err(|wrong| wrong.or_code(ErrorCode::Draws))
             }
             (None, Some(path)) => {
                 check_writable(path)?;

@@ -83,10 +83,11 @@ impl Next {
         let scenario = (self.common).load_for(&self.measurements, origin.as_ref(), &usage)?;
         let (task, commands) = (&scenario.task, scenario.task.belief.commands());
         let measurements = read_measurements_so_far(&self.measurements, &task.belief)?;
-        let given = match &self.plan {
-            Some(path) => Some(read_plan(path, commands.clone())?),
-            None => None,
-        };
+        let given = self
+            .plan
+            .as_ref()
+            .map(|path| read_plan(path, commands.clone()));
+        let given = given.transpose()?;
         self.check(&scenario)?;
 
         let belief = &task.belief;
@@ -154,11 +155,9 @@ impl Next {
             text += &written.noted(path, write_plan(path, commands.clone(), next));
         }
         conditions.extend(written.conditions());
-        let mut provenance =
-            ProvenanceMessage::new(&scenario).with_input("measurements", &self.measurements)?;
-        if let Some(plan) = &self.plan {
-            provenance = provenance.with_input("plan", plan)?;
-        }
+        let provenance = ProvenanceMessage::new(&scenario)
+            .with_input("measurements", &self.measurements)?
+            .with_optional("plan", self.plan.as_deref())?;
         let found = found.as_ref();
         Ok(Report::new(
             results(
@@ -183,9 +182,7 @@ impl Next {
     fn check(&self, scenario: &Scenario) -> Result<(), FileError> {
         let mut roles = inputs(scenario);
         roles.reads("the measurements", &self.measurements);
-        if let Some(plan) = &self.plan {
-            roles.reads("the plan", plan);
-        }
+        roles.may_read("the plan", self.plan.as_deref());
         check_outputs(&mut roles, &[("--plan-out", self.plan_out.as_deref())])
     }
 

@@ -6,7 +6,6 @@ use std::sync::atomic::AtomicBool;
 use clap::Args;
 use elastocal::codes::ErrorCode;
 use elastocal::files::FileError;
-use elastocal::files::output::write_whole;
 use elastocal::laboratory::Campaign;
 use elastocal::laboratory::time::{TimedPlan, plans_within};
 use elastocal::plan::search::{
@@ -214,8 +213,7 @@ impl PlanCommand {
             text += &written.noted(path, rows);
         }
         if let Some(path) = &self.stills_out {
-            let sheet = stills::sheet(scenario, plan);
-            text += &written.noted(path, write_whole(path, sheet.as_bytes()));
+            text += &written.save(path, &stills::sheet(scenario, plan));
         }
         text
     }
@@ -323,8 +321,9 @@ impl PlanCommand {
             "bound_searches_agreeing": 0,
             "candidates": CandidatesMessage::new(candidates),
         });
-        let provenance = self.poses.of(ProvenanceMessage::new(scenario))?;
-        let provenance = self.candidates.of(provenance)?;
+        let provenance = ProvenanceMessage::new(scenario)
+            .with_optional("test_poses", self.poses.path())?
+            .with_optional("candidates", self.candidates.path())?;
         let json = results("plan", &provenance, json);
         let mut report = reported(scenario, &assessment, designed.is_cut_short, (json, text))?;
         report.conditions.extend(written.conditions());
@@ -341,8 +340,9 @@ impl PlanCommand {
             self.budget.out(),
         ];
         let mut roles = inputs(&scenario);
-        self.poses.role(&mut roles);
-        check_outputs(self.candidates.role(&mut roles), &outputs)?;
+        roles.may_read("the test poses", self.poses.path());
+        roles.may_read("the candidates", self.candidates.path());
+        check_outputs(&mut roles, &outputs)?;
         self.poses.replace(&mut scenario.task)?;
         rests(&scenario)?;
         if let Some(experiments) = self.experiments {
@@ -426,7 +426,8 @@ impl PlanCommand {
         let mut text = tell(&timed) + &describe(&scenario, &assessment);
         text += &(left_out(&scenario.task) + "\n");
         let mut written = Written::default();
-        let provenance = self.poses.of(ProvenanceMessage::new(&scenario))?;
+        let provenance =
+            ProvenanceMessage::new(&scenario).with_optional("test_poses", self.poses.path())?;
         text += &(self.proof).tell(designed.wanted_bound(), &provenance, &mut written)?;
         let certificate = &designed.wanted_approximate().certificate;
         text += &rests_on(certificate, &assessment);

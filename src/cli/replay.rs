@@ -3,7 +3,6 @@
 use clap::Args;
 use elastocal::calibration::{Calibration, calibrate};
 use elastocal::files::make_folder;
-use elastocal::files::output::write_whole;
 use elastocal::plan::Plan;
 use elastocal::plan::search::random_plan;
 use elastocal::record::messages::{CalibrationMessage, ProvenanceMessage};
@@ -80,7 +79,7 @@ impl Replay {
         let views = ReplayViews::new(&scenario, &calibrations)?;
         let mut written = Written::default();
         let record = folder.join(record);
-        written.note(&record, write_whole(&record, text.as_bytes()));
+        written.save(&record, &text);
         let where_it_is = views.write(&record, &mut written);
         Ok(Report::new(
             json,
@@ -112,7 +111,6 @@ impl Replay {
 fn describe(scenario: &Scenario, calibrations: &[(String, Calibration)]) -> String {
     let mut header = vec!["plan".to_owned()];
     header.extend((scenario.task.test_poses.iter()).map(|pose| format!("{} [um]", pose.name)));
-    let header: Vec<&str> = header.iter().map(String::as_str).collect();
     let row = |(name, calibration): &(String, Calibration)| {
         let distance = |pose: &elastocal::calibration::CompensatedPose| {
             format!("{:.3}", pose.seen.residual_m.norm() * 1e6)
@@ -121,6 +119,5 @@ fn describe(scenario: &Scenario, calibrations: &[(String, Calibration)]) -> Stri
         row.extend(calibration.poses.iter().map(distance));
         row
     };
-    let rows = calibrations.iter().map(row);
-    table_of(&header, rows)
+    table_of(&header, calibrations.iter().map(row))
 }

@@ -3,7 +3,6 @@
 use clap::Args;
 use elastocal::codes::{Condition, ConditionCode};
 use elastocal::files::make_folder;
-use elastocal::files::output::write_whole;
 use elastocal::paper::record::ReproductionMessage;
 use elastocal::paper::reproduce;
 use elastocal::plan::search::Watch;
@@ -68,9 +67,9 @@ impl Reproduce {
         let record = record_text(&mut json, &conditions)?;
         let mut written = Written::default();
         let file = folder.join(REPRODUCTION_PAGE);
-        written.note(&file, write_whole(&file, page.as_bytes()));
+        written.save(&file, &page);
         let file = folder.join(FILE);
-        written.note(&file, write_whole(&file, record.as_bytes()));
+        written.save(&file, &record);
         conditions.extend(written.conditions());
         Ok(Report::new(
             json,

@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use elastocal::calibration::Calibration;
 use elastocal::files::make_folder;
-use elastocal::files::output::write_whole;
 use elastocal::measurement::write_measurements_under;
 use elastocal::plan::search::RepeatsNeeded;
 use elastocal::plan::{UncertaintyBudget, take_nearest_turns, write_plan};
@@ -154,7 +153,7 @@ fn write_all(
         .simulated(scenario.seed, Some(main.truth.run));
     let rows = write_measurements_under(&origin, &measurements, commands, &main.measurements);
     written.note(&measurements, rows);
-    written.note(&results, write_whole(&results, text.as_bytes()));
+    written.save(&results, text);
 }
 
 /// What it means, for a person.

@@ -5,7 +5,6 @@ use std::path::PathBuf;
 use clap::Args;
 use elastocal::codes::{Condition, ConditionCode, ErrorCode};
 use elastocal::files::FileError;
-use elastocal::files::output::write_whole;
 use elastocal::identification::DistanceStatistics;
 use elastocal::identification::ParameterGroup;
 use elastocal::measurement::{MeasuredFile, Origin, read_measured};
@@ -132,8 +131,7 @@ impl Select {
         let mut written = Written::default();
         if let Some(path) = &self.plot_out {
             let title = "Calibrated with a few readings, validated on all others";
-            let plot = selection_plot(title, message)?;
-            text += &written.noted(path, write_whole(path, plot.as_bytes()));
+            text += &written.save(path, &selection_plot(title, message)?);
         }
         let provenance =
             ProvenanceMessage::new(scenario).with_input("measurements", &self.measurements)?;

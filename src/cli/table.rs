@@ -11,7 +11,7 @@ pub fn table(header: &str, rows: impl IntoIterator<Item = Vec<String>>) -> Strin
 }
 
 /// A table with aligned columns; the first, of names, is left-aligned, the others right-aligned.
-pub fn table_of(header: &[&str], rows: impl IntoIterator<Item = Vec<String>>) -> String {
+pub fn table_of(header: &[impl AsRef<str>], rows: impl IntoIterator<Item = Vec<String>>) -> String {
     let mut rows: Vec<Vec<String>> = rows.into_iter().collect();
     for name in rows.iter_mut().filter_map(|row| row.first_mut()) {
         *name = shortened(name, LONGEST_NAME);
@@ -19,7 +19,7 @@ pub fn table_of(header: &[&str], rows: impl IntoIterator<Item = Vec<String>>) ->
     let width = |column: usize| {
         rows.iter()
             .map(|row| row[column].chars().count())
-            .chain([header[column].chars().count()])
+            .chain([header[column].as_ref().chars().count()])
             .max()
             .unwrap_or(0)
     };
@@ -38,7 +38,7 @@ pub fn table_of(header: &[&str], rows: impl IntoIterator<Item = Vec<String>>) ->
             .collect();
         format!("  {}\n", cells.join("  ").trim_end())
     };
-    let mut text = line(&mut header.iter().copied());
+    let mut text = line(&mut header.iter().map(AsRef::as_ref));
     for row in &rows {
         text += &line(&mut row.iter().map(String::as_str));
     }

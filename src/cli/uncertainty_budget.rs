@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use elastocal::files::output::write_whole;
 use elastocal::plan::{BudgetSource, UncertaintyBudget};
 use elastocal::record::account::ContributionMessage;
 use elastocal::text::wording::significant;
@@ -32,7 +31,7 @@ impl BudgetArgs {
         };
         let sources = budget.map_or(&[][..], |budget| &budget.sources);
         let csv = BudgetSource::csv(sources);
-        written.noted(path, write_whole(path, csv.as_bytes()))
+        written.save(path, &csv)
     }
 }
 

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use elastocal::codes::{Condition, ConditionCode};
 use elastocal::files::FileError;
+use elastocal::files::output::write_whole;
 use elastocal::text::diagnostics::say;
 use serde_json::Value;
 
@@ -58,6 +59,11 @@ impl Written {
         } else {
             String::new()
         }
+    }
+
+    /// Writes a file of text, notes what became of it, and says so if it is there.
+    pub fn save(&mut self, path: &Path, text: &str) -> String {
+        self.noted(path, write_whole(path, text.as_bytes()))
     }
 
     /// What could not be written, and which files are there all the same.

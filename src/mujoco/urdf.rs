@@ -49,11 +49,7 @@ pub(super) struct Urdf {
 impl Urdf {
     /// A file's text, if it is a URDF; without any mesh where these are no good.
     pub fn read(path: &Path, text: &str, with_meshes: bool) -> Option<Self> {
-        let options = ParsingOptions {
-            allow_dtd: true,
-            ..ParsingOptions::default()
-        };
-        let document = Document::parse_with_options(text, options).ok()?;
+        let document = parsed(text).ok()?;
         let root = document.root_element();
         if root.tag_name().name() != "robot" {
             return None;
@@ -83,6 +79,15 @@ impl Urdf {
             neighbours: neighbours(root),
         })
     }
+}
+
+/// Reads a text as XML, as MuJoCo takes it: it may declare a document's type.
+pub(super) fn parsed(text: &str) -> Result<Document<'_>, roxmltree::Error> {
+    let options = ParsingOptions {
+        allow_dtd: true,
+        ..ParsingOptions::default()
+    };
+    Document::parse_with_options(text, options)
 }
 
 /// The joints of a description: whether it moves, its parent link and its child link.

@@ -92,6 +92,14 @@ impl ProvenanceMessage {
         self.inputs_sha256.insert(name.to_owned(), hash);
         Ok(self)
     }
+
+    /// The same with a file that need not be given.
+    pub fn with_optional(self, name: &str, path: Option<&Path>) -> Result<Self, FileError> {
+        match path {
+            Some(path) => self.with_input(name, path),
+            None => Ok(self),
+        }
+    }
 }
 
 /// One configuration and load of a plan.
@@ -221,10 +229,11 @@ pub struct IdentificationMessage {
 impl From<&Identification> for IdentificationMessage {
     fn from(identification: &Identification) -> Self {
         // What else is uncertain stands apart.
-        let posterior = match identification.uncertain.as_slice() {
-            [] => identification.posterior.clone(),
-            _ => (identification.posterior).of_first(identification.parameters.len()),
-        };
+        let all = (!identification.uncertain.is_empty()).then_some(&identification.posterior);
+        let posterior = all.map_or_else(
+            || identification.posterior.clone(),
+            |all| all.of_first(identification.parameters.len()),
+        );
         let estimates = || identification.parameters.iter().map(|each| each.estimate);
         Self {
             method: method_name(identification.method).to_owned(),
@@ -247,14 +256,9 @@ impl From<&Identification> for IdentificationMessage {
             uncertain: (identification.uncertain.iter())
                 .map(UncertainMessage::from)
                 .collect(),
-            undetermined_of_all: match identification.uncertain.as_slice() {
-                [] => Vec::new(),
-                _ => directions_of(identification.posterior.estimable.hidden()),
-            },
-            covariance_of_all: match identification.uncertain.as_slice() {
-                [] => Vec::new(),
-                _ => rows_of(&identification.posterior.covariance),
-            },
+            undetermined_of_all: all
+                .map_or_else(Vec::new, |all| directions_of(all.estimable.hidden())),
+            covariance_of_all: all.map_or_else(Vec::new, |all| rows_of(&all.covariance)),
             sigma_mm: units::thousandths(identification.sigma_m),
             residual_sigma_mm: identification.residual_sigma_m.map(|sigma| sigma * 1e3),
             consistency: identification.consistency,
@@ -463,25 +467,22 @@ fn relative() -> String {
 impl AssessmentMessage {
     /// The record of an assessment.
     pub fn new(scenario: &Scenario, assessment: &Assessment) -> Self {
-        let millimetres = |(criterion, value): &(Criterion, Option<f64>)| {
-            let unit = if *criterion == Criterion::TestPose {
+        let unit = |criterion| {
+            if criterion == Criterion::TestPose {
                 1e3
             } else {
                 1.0
-            };
-            (criterion.name().to_owned(), value.map(|value| value * unit))
+            }
+        };
+        let millimetres = |&(criterion, value): &(Criterion, Option<f64>)| {
+            let value = value.map(|value| value * unit(criterion));
+            (criterion.name().to_owned(), value)
         };
         let rho0_proof = assessment.bound().and_then(|bound| bound.proof.as_ref());
         let (criterion, asked_for) = (assessment.asked_for()).unzip();
         let bound = asked_for.and_then(|bound| bound.as_ref().ok());
         let proof = bound.and_then(|bound| bound.proof.as_ref());
-        let in_unit = |value: f64| {
-            if criterion == Some(Criterion::TestPose) {
-                value * 1e3
-            } else {
-                value
-            }
-        };
+        let in_unit = |value: f64| criterion.map_or(value, |criterion| value * unit(criterion));
         Self {
             accuracy: relative(),
             experiments: assessment.experiments,

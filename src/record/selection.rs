@@ -39,7 +39,7 @@ pub struct SelectionSizeMessage {
 }
 
 /// A planned choice.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct PlannedChoiceMessage {
     /// The criterion; `test_pose` stands for absolute accuracy over all readings.
     pub criterion: String,
@@ -167,14 +167,8 @@ impl PlannedChoiceMessage {
     fn none(criterion: String, problem: &str) -> Self {
         Self {
             criterion,
-            readings: Vec::new(),
-            rho0_mm: None,
-            lower_bound_rho0_mm: None,
-            distance_mm: None,
-            from_all_mm: None,
-            better_than_random: None,
-            without_discrepancy_from_true_mm: None,
             problem: Some(problem.to_owned()),
+            ..Self::default()
         }
     }
 }

@@ -65,14 +65,14 @@ pub fn table(header: &str, rows: impl IntoIterator<Item = Vec<String>>) -> Strin
 }
 
 /// The same with columns of any names.
-pub fn table_of(header: &[&str], rows: impl IntoIterator<Item = Vec<String>>) -> String {
+pub fn table_of(header: &[impl AsRef<str>], rows: impl IntoIterator<Item = Vec<String>>) -> String {
     let line = |tag: &str, cells: &mut dyn Iterator<Item = &str>| {
         let cells: Vec<String> = cells
             .map(|cell| format!("<{tag}>{}</{tag}>", escaped(cell)))
             .collect();
         format!("<tr>{}</tr>\n", cells.concat())
     };
-    let head = line("th", &mut header.iter().copied());
+    let head = line("th", &mut header.iter().map(AsRef::as_ref));
     let body: String = (rows.into_iter())
         .map(|row| line("td", &mut row.iter().map(String::as_str)))
         .collect();

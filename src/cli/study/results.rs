@@ -3,7 +3,6 @@
 use std::path::Path;
 
 use elastocal::codes::{Condition, ConditionCode};
-use elastocal::files::output::write_whole;
 use elastocal::record::study::{StudyPlanMessage, study_csv};
 use elastocal::record::tally_file::{Header, PlanHeader};
 use elastocal::study::Level;
@@ -128,12 +127,12 @@ pub const FILES: [&str; 2] = ["study.json", "study.csv"];
 pub fn write(folder: &Path, results: &Results, written: &mut Written) -> anyhow::Result<()> {
     let text = record_text(&mut results.json.clone(), &results.conditions())?;
     let [json, csv] = FILES.map(|name| folder.join(name));
-    written.note(&json, write_whole(&json, text.as_bytes()));
+    written.save(&json, &text);
     let table = study_csv(&results.messages);
-    written.note(&csv, write_whole(&csv, table.as_bytes()));
+    written.save(&csv, &table);
     if let Some(page) = results.page()? {
         let html = folder.join(STUDY_PAGE);
-        written.note(&html, write_whole(&html, page.as_bytes()));
+        written.save(&html, &page);
     }
     Ok(())
 }

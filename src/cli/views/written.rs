@@ -3,7 +3,6 @@
 use std::path::Path;
 
 use elastocal::calibration::Calibration;
-use elastocal::files::output::write_whole;
 use elastocal::scenario::Scenario;
 use elastocal::text::wording::shell_word;
 use elastocal::view::mcap_file::write_mcap;
@@ -65,8 +64,8 @@ impl RunViews {
     ) -> anyhow::Result<()> {
         let [mcap, rerun, svg, html] =
             ["run.mcap", "run.rrd", "stills.svg", "report.html"].map(|name| folder.join(name));
-        written.note(&svg, write_whole(&svg, self.stills.as_bytes()));
-        written.note(&html, write_whole(&html, self.page.as_bytes()));
+        written.save(&svg, &self.stills);
+        written.save(&html, &self.page);
         written.note(&mcap, write_mcap(&mcap, &self.recording));
         written.note(&rerun, write_rerun(&rerun, &self.recording));
         target.map_or(Ok(()), |target| show(target, &self.recording, written))

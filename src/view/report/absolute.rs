@@ -295,7 +295,6 @@ fn readings(shown: &AbsolutePageRecord<'_>) -> String {
     header.extend(columns.iter().map(|column| column.replace('_', " [") + "]"));
     header
         .extend(["force [N]", "torque [N m]", "reflector", "station", "times"].map(str::to_owned));
-    let header: Vec<&str> = header.iter().map(String::as_str).collect();
     let vector = |values: &[f64]| {
         let values: Vec<String> = values.iter().map(|&value| short(value)).collect();
         values.join(", ")

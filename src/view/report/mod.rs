@@ -192,7 +192,6 @@ fn configurations(run: &RunRecord<'_>, calibration: &CalibrationMessage) -> Stri
         "torque [N m]".to_owned(),
         "times".to_owned(),
     ]);
-    let header: Vec<&str> = header.iter().map(String::as_str).collect();
     let vector = |values: &[f64]| {
         let values: Vec<String> = values.iter().map(|&value| charts::short(value)).collect();
         values.join(", ")
