@@ -36,7 +36,7 @@ use super::conditions::{search_stopped, undetermined_by_plan};
 use super::interruption::{Interrupted, STOP, ask_search};
 use super::progress::bar;
 use super::static_compliance::add_static_compliance;
-use super::table::{number, table};
+use super::table::{number, or_dash, table};
 use super::uncertainty_budget::{self, BudgetArgs};
 use super::views::command_line;
 use super::written::Written;
@@ -537,7 +537,7 @@ fn describe(message: &AbsolutePlanMessage) -> String {
     }
     let rows = (message.unknowns.iter()).map(|each| {
         let error = each.standard_error;
-        let error = error.map_or_else(|| "-".to_owned(), |error| format!("{error:.3e}"));
+        let error = or_dash(error, |error| format!("{error:.3e}"));
         vec![each.name.clone(), error, each.unit.clone()]
     });
     text += &format!("\n{}\n", table("unknown | standard error | unit", rows));

@@ -22,7 +22,7 @@ use super::conditions::conditions;
 use super::interruption::{STOP, proceed};
 use super::proof::{ProofArgs, leaving_out};
 use super::static_compliance::add_static_compliance;
-use super::table::{number, table};
+use super::table::{number, or_dash, table};
 use super::uncertainty_budget::{self, BudgetArgs};
 use super::written::Written;
 use super::{Common, Report, check_outputs, inputs, rests, results, without_effect};
@@ -199,7 +199,7 @@ fn describe_criterion(assessment: &Assessment) -> String {
     let value = assessment.value(*criterion);
     let mut text = format!(
         "{name} = {}; no plan of as many can be {beyond} {:.6e}",
-        value.map_or_else(|| "-".to_owned(), |value| format!("{value:.6e}")),
+        or_dash(value, |value| format!("{value:.6e}")),
         bound.best
     );
     if let Some(efficiency) = assessment.criterion_efficiency() {
@@ -259,7 +259,7 @@ pub fn describe(scenario: &Scenario, assessment: &Assessment) -> String {
     text.push('\n');
     text += &further(assessment);
     let rows = assessment.criteria.iter().map(|(criterion, value)| {
-        let value = value.map_or_else(|| "-".to_owned(), |value| format!("{value:.6e}"));
+        let value = or_dash(*value, |value| format!("{value:.6e}"));
         let better = if criterion.is_maximised() {
             "larger"
         } else {

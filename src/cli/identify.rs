@@ -24,7 +24,7 @@ use serde_json::{Value, json};
 
 use super::identify_absolute::Asked;
 use super::study::results::noted;
-use super::table::{number, table};
+use super::table::{number, or_dash, table};
 use super::written::Written;
 use super::{Common, Report, check_outputs, inputs, named_by_file, without_effect};
 use super::{identify_absolute, patterns, repeats, residuals};
@@ -272,8 +272,7 @@ const TOLD: f64 = 0.95;
 
 /// What else is uncertain, as far as the measurements tell something of it.
 fn uncertain(identification: &Identification) -> String {
-    let small =
-        |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |value| format!("{value:.3e}"));
+    let small = |value: Option<f64>| or_dash(value, |value| format!("{value:.3e}"));
     let is_told = |each: &&UncertainEstimate| match (each.estimate, each.prior_deviation) {
         (Some(estimate), Some(before)) => estimate.standard_error < TOLD * before,
         _ => true,

@@ -21,7 +21,7 @@ use elastocal::workflow::identify_absolute::{identify_absolute, model_selection,
 use serde_json::json;
 
 use super::study::results::noted;
-use super::table::table;
+use super::table::{DISTANCES, distances, or_dash, table};
 use super::written::Written;
 use super::{Report, patterns, repeats};
 
@@ -164,11 +164,10 @@ fn describe(message: &AbsoluteMessage) -> String {
         .map(|each| {
             let (factor, unit) = shown_unit(&each.unit);
             let number = |value: f64| format!("{:.4}", value * factor);
-            let error = each.standard_error.map_or_else(|| "-".to_owned(), number);
-            let interval = each.interval95.map_or_else(
-                || "-".to_owned(),
-                |[low, high]| format!("{} to {}", number(low), number(high)),
-            );
+            let error = or_dash(each.standard_error, number);
+            let interval = or_dash(each.interval95, |[low, high]| {
+                format!("{} to {}", number(low), number(high))
+            });
             let value = match each.standard_error {
                 Some(_) => number(each.value),
                 None => "not determined".to_owned(),
@@ -260,16 +259,12 @@ fn frames_table(stations: &[MountedFrameMessage], targets: &[MountedFrameMessage
             .name
             .as_deref()
             .map_or_else(String::new, |name| format!(" {name}"));
-        let std = |errors: &Option<[f64; 3]>| {
-            errors.map_or_else(|| "-".to_owned(), |errors| joined(&errors, 4))
-        };
+        let std = |errors: &Option<[f64; 3]>| or_dash(*errors, |errors| joined(&errors, 4));
         vec![
             format!("{what}{name}"),
             joined(&frame.position_mm, 4),
             std(&frame.position_std_mm),
-            frame
-                .quaternion
-                .map_or_else(|| "-".to_owned(), |q| joined(&q, 7)),
+            or_dash(frame.quaternion, |q| joined(&q, 7)),
             std(&frame.rotation_std_mrad),
         ]
     };
@@ -285,20 +280,7 @@ fn distances_table(
     distance_mm: &DistanceStatistics,
     angle_mrad: Option<&DistanceStatistics>,
 ) -> String {
-    let row = |name: &str, lengths: &DistanceStatistics| {
-        let numbers = [
-            lengths.mean,
-            lengths.rms,
-            lengths.quantile95,
-            lengths.largest,
-        ];
-        let cells = numbers.map(|value| format!("{value:.4}"));
-        [vec![name.to_owned()], cells.to_vec()].concat()
-    };
-    let mut rows = vec![row("distance [mm]", distance_mm)];
-    rows.extend(angle_mrad.map(|angles| row("angle [mrad]", angles)));
-    table(
-        "read less predicted | mean | rms | 95 % below | largest",
-        rows,
-    )
+    let mut rows = vec![distances("distance [mm]", distance_mm)];
+    rows.extend(angle_mrad.map(|angles| distances("angle [mrad]", angles)));
+    table(DISTANCES, rows)
 }

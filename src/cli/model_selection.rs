@@ -6,7 +6,7 @@ use elastocal::record::model_selection::{
 };
 
 use super::residuals::probability;
-use super::table::{number, table};
+use super::table::{number, or_dash, table};
 
 /// So many changes of parameters are told of each nested model.
 const TOLD: usize = 3;
@@ -70,13 +70,13 @@ fn row(nested_model: &NestedModelMessage, place: usize, is_recommended: bool) ->
         nested_model.unknowns.to_string(),
         rms(nested_model.distance_mm.as_ref().map(|lengths| lengths.rms)),
         rms(predicted.map(|lengths| lengths.rms)),
-        judged.map_or_else(
-            || "-".to_owned(),
-            |judged| format!("{:.4} +- {:.4}", judged.beyond_best, judged.standard_error),
-        ),
+        or_dash(judged, |judged| {
+            format!("{:.4} +- {:.4}", judged.beyond_best, judged.standard_error)
+        }),
         number(nested_model.test.as_ref().map(|test| test.statistic), 1),
-        (nested_model.test.as_ref())
-            .map_or_else(|| "-".to_owned(), |test| probability(test.probability)),
+        or_dash(nested_model.test.as_ref(), |test| {
+            probability(test.probability)
+        }),
     ]
 }
 

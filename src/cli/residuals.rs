@@ -2,7 +2,7 @@
 
 use elastocal::identification::{Identification, MeasurementResidual, RejectedReading, Residuals};
 
-use super::table::{number, table};
+use super::table::{number, or_dash, table};
 
 /// So many measurements are listed, those that fit least first.
 const LISTED: usize = 6;
@@ -55,9 +55,7 @@ fn row(
                 .map(|value| format!("{:7.4}", value * 1e3)),
         ),
         three(&mut (residual.standardised.iter()).map(|value| format!("{:>5}", number(*value, 1)))),
-        residual
-            .probability
-            .map_or_else(|| "-".to_owned(), probability),
+        or_dash(residual.probability, probability),
     ]
 }
 

@@ -11,6 +11,8 @@ use elastocal::plan::{UncertaintyBudget, take_nearest_turns, write_plan};
 use elastocal::record::messages::ProvenanceMessage;
 use elastocal::scenario::Scenario;
 use elastocal::text::wording::counted;
+use elastocal::view::report::RunRecord;
+use elastocal::view::stills;
 use elastocal::workflow::design::Wanted;
 use elastocal::workflow::run::{FailedPlan, RANDOM_PLANS, RunError, RunStage, TriedPlan, run};
 
@@ -20,7 +22,7 @@ use super::plan::design;
 use super::proof::ProofArgs;
 use super::table::{number, table};
 use super::uncertainty_budget::BudgetArgs;
-use super::views::{RUN_FILES, RunShown, RunViews, TARGETS, ViewerTarget};
+use super::views::{RUN_FILES, RunViews, TARGETS, ViewerTarget, command_line};
 use super::written::{Written, record_text, warn};
 use super::{Common, Report, check_outputs, identify, inputs};
 
@@ -89,16 +91,18 @@ impl Run {
             .map(|each| each.calibration.clone())
             .collect();
         let random_rho0_m = outcome.random_rho0_m;
-        let views = RunViews::new(&RunShown {
+        let main = &outcome.tried[0].calibration.1;
+        let record = RunRecord {
             scenario: &scenario,
-            calibrations: &calibrations,
-            records: &outcome.records,
+            plans: &outcome.records,
             evidence: &outcome.evidence,
             random: (RANDOM_PLANS, random_rho0_m.map(|value| value * 1e3)),
             random_repeats: outcome.random_repeats,
             conditions: &outcome.conditions,
-        })?;
-        let main = &outcome.tried[0].calibration.1;
+            command: &command_line(),
+            stills: &stills::figures(&scenario, &main.plan),
+        };
+        let views = RunViews::new(&record, &calibrations)?;
         let mut written = Written::default();
         let text = record_text(&mut json, &outcome.conditions)?;
         write_all(&scenario, &folder, main, &text, &mut written);

@@ -1,5 +1,6 @@
 //! Plain text tables.
 
+use elastocal::identification::DistanceStatistics;
 use elastocal::text::wording::shortened;
 
 /// Names of rows have at most so many characters.
@@ -45,7 +46,22 @@ pub fn table_of(header: &[impl AsRef<str>], rows: impl IntoIterator<Item = Vec<S
     text
 }
 
+/// The columns of [`distances`].
+pub const DISTANCES: &str = "read less predicted | mean | rms | 95 % below | largest";
+
+/// A row of the statistics of some distances or angles.
+pub fn distances(name: &str, each: &DistanceStatistics) -> Vec<String> {
+    let numbers = [each.mean, each.rms, each.quantile95, each.largest];
+    let cells = numbers.map(|value| format!("{value:.4}"));
+    [vec![name.to_owned()], cells.to_vec()].concat()
+}
+
+/// What is shown of something, or a dash where there is nothing.
+pub fn or_dash<T>(of: Option<T>, shown: impl FnOnce(T) -> String) -> String {
+    of.map_or_else(|| "-".to_owned(), shown)
+}
+
 /// A number with the given decimals, or a dash where there is none.
 pub fn number(value: Option<f64>, decimals: usize) -> String {
-    value.map_or_else(|| "-".to_owned(), |value| format!("{value:.decimals$}"))
+    or_dash(value, |value| format!("{value:.decimals$}"))
 }

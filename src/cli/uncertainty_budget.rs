@@ -7,7 +7,7 @@ use elastocal::plan::{BudgetSource, UncertaintyBudget};
 use elastocal::record::account::ContributionMessage;
 use elastocal::text::wording::significant;
 
-use super::table::{number, table};
+use super::table::{number, or_dash, table};
 use super::written::Written;
 
 /// Where a budget is written.
@@ -46,7 +46,7 @@ pub fn describe(budget: Option<&UncertaintyBudget>, common: Option<(&[String], f
             each.source.clone(),
             each.evaluation.name().to_owned(),
             each.level.name().to_owned(),
-            (each.standard_uncertainty).map_or_else(|| "-".to_owned(), |each| significant(each, 3)),
+            or_dash(each.standard_uncertainty, |each| significant(each, 3)),
             unit.to_owned(),
             number(Some(each.contribution_um), 3),
             number(Some(each.variance_share_percent), 1),

@@ -16,7 +16,7 @@ use nalgebra::Vector3;
 use serde_json::{Value, json};
 
 use super::identified::read_identified;
-use super::table::table_of;
+use super::table::{or_dash, table_of};
 use super::tolerance::{JudgedMeasurements, ToleranceArgs};
 use super::validate_absolute;
 use super::written::Written;
@@ -166,7 +166,7 @@ fn describe(validation: &Validation) -> String {
         ];
         if has_rotation {
             let rotation_rad = each.rotation_difference_rad;
-            row.push(rotation_rad.map_or_else(|| "-".to_owned(), |each| micro(each.norm())));
+            row.push(or_dash(rotation_rad, |each| micro(each.norm())));
         }
         row
     });

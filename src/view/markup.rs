@@ -37,6 +37,15 @@ pub fn page(title: &str, body: &str) -> String {
     )
 }
 
+/// The beginning of a page: its title, what it is about, and its cards (HTML).
+pub fn heading(title: &str, lead: &str, cards: &str) -> String {
+    format!(
+        "<header><h1>{}</h1>\n<p class=\"lead\">{}</p></header>\n<div class=\"cards\">\n{cards}</div>\n",
+        escaped(title),
+        escaped(lead)
+    )
+}
+
 /// A section with a title; `body` is HTML.
 pub fn section(id: &str, title: &str, body: &str) -> String {
     format!(

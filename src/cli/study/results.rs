@@ -15,7 +15,7 @@ use serde_json::Value;
 
 use crate::cli::Report;
 use crate::cli::absolute_plan::ABSOLUTE;
-use crate::cli::table::{number, table_of};
+use crate::cli::table::{number, or_dash, table_of};
 use crate::cli::uncertainty_budget::{common_sources, contributions};
 use crate::cli::views::{STUDY_PAGE, command_line};
 use crate::cli::written::{Written, record_text};
@@ -181,10 +181,9 @@ pub fn describe(messages: &[StudyPlanMessage]) -> String {
         })
         .collect();
     let row = |message: &StudyPlanMessage| {
-        let interval = message.mean_ci95_mm.map_or_else(
-            || "-".to_owned(),
-            |[low, high]| format!("{:.3} to {:.3}", low * 1e3, high * 1e3),
-        );
+        let interval = or_dash(message.mean_ci95_mm, |[low, high]| {
+            format!("{:.3} to {:.3}", low * 1e3, high * 1e3)
+        });
         let mut row = vec![message.name.clone()];
         row.extend(swept.iter().map(|(_, value)| value(message)));
         row.extend([

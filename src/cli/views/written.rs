@@ -11,7 +11,6 @@ use elastocal::view::report::{RunRecord, run_page};
 use elastocal::view::rerun_file::{messages, write_rerun};
 use elastocal::view::stills;
 
-use super::RunShown;
 use crate::cli::written::{Written, warn};
 
 pub use super::study::StudyObserver;
@@ -36,22 +35,15 @@ pub struct RunViews {
 }
 
 impl RunViews {
-    pub fn new(run: &RunShown<'_>) -> anyhow::Result<Self> {
-        let plan = &run.calibrations[0].1.plan;
-        let page = run_page(&RunRecord {
-            scenario: run.scenario,
-            plans: run.records,
-            evidence: run.evidence,
-            random: run.random,
-            random_repeats: run.random_repeats,
-            conditions: run.conditions,
-            command: &command_line(),
-            stills: &stills::figures(run.scenario, plan),
-        })?;
+    /// Of the plans' names and calibrations, the designed plan first.
+    pub fn new(
+        run: &RunRecord<'_>,
+        calibrations: &[(String, Calibration)],
+    ) -> anyhow::Result<Self> {
         Ok(Self {
-            recording: Recording::new(run.scenario, run.calibrations)?,
-            stills: stills::sheet(run.scenario, plan),
-            page,
+            recording: Recording::new(run.scenario, calibrations)?,
+            stills: stills::sheet(run.scenario, &calibrations[0].1.plan),
+            page: run_page(run)?,
         })
     }
 

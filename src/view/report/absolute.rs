@@ -15,9 +15,9 @@ use crate::record::study::StudyPlanMessage;
 use crate::scenario::Scenario;
 use crate::text::wording::{counted, dash, micrometres, number, percent};
 use crate::view::charts::{COLOURS, PlotError};
-use crate::view::charts::{ChartAxis, Rows, WHOLE, drawing, short};
+use crate::view::charts::{ChartAxis, Rows, WHOLE, short};
 use crate::view::markup::{
-    card, escaped, figure, micro_sign, page, paragraph, section, table, table_of,
+    card, figure, heading, micro_sign, page, paragraph, section, table, table_of,
 };
 
 /// What the page of a plan of absolute readings is made of.
@@ -50,12 +50,8 @@ pub const ABSOLUTE_ACCURACY: &str = "An absolute accuracy: where the loaded tool
 /// The page of a plan of absolute readings as HTML.
 pub fn absolute_page(shown: &AbsolutePageRecord<'_>) -> Result<String, PlotError> {
     let plan = shown.plan;
-    let mut body = format!(
-        "<header><h1>Plan of absolute readings: {}</h1>\n<p class=\"lead\">{}</p></header>\n<div class=\"cards\">\n{}</div>\n",
-        escaped(&shown.scenario.name),
-        escaped(&shown.scenario.description),
-        cards(shown)
-    );
+    let title = format!("Plan of absolute readings: {}", shown.scenario.name);
+    let mut body = heading(&title, &shown.scenario.description, &cards(shown));
     if let Some((trials, runs)) = shown.trials {
         body += &section(
             "trials",
@@ -276,8 +272,8 @@ fn test_poses(plan: &AbsolutePlanMessage) -> Result<String, PlotError> {
         axis: ChartAxis::linear(0.0..longest.max(f64::MIN_POSITIVE), 8),
         title: "\u{3c1}\u{2080}, predicted rms distance [\u{b5}m]".to_owned(),
     };
-    let svg = drawing(rows.size(), "Accuracy at each test pose", |area| {
-        let mut chart = rows.draw(area, &|tick| short(*tick))?;
+    let label = |tick: &f64| short(*tick);
+    let svg = rows.drawn("Accuracy at each test pose", &label, |chart| {
         for (row, value) in values.iter().enumerate() {
             let middle = rows.middle(row);
             let corners = [(0.0, middle - HALF_BAR), (*value, middle + HALF_BAR)];

@@ -6,7 +6,7 @@ use crate::paper::record::{FigureSevenMessage, ReproductionMessage, TableSixMess
 use crate::record::messages::{ExperimentMessage, ProvenanceMessage};
 use crate::text::wording::{number, percent};
 use crate::view::charts::PlotError;
-use crate::view::markup::{card, page, paragraph, section, table};
+use crate::view::markup::{card, heading, page, paragraph, section, table};
 
 /// The paper.
 const CITATION: &str = "A. Klimchik, A. Pashkevich, Y. Wu, S. Caro, B. Furet, Design of calibration experiments for \
@@ -19,11 +19,8 @@ pub fn reproduction_page(
     from: &ProvenanceMessage,
     command: &str,
 ) -> Result<String, PlotError> {
-    let mut body = format!(
-        "<header><h1>The paper\u{2019}s numbers, and ours</h1>\n<p class=\"lead\">{CITATION}</p></header>\n\
-         <div class=\"cards\">\n{}</div>\n",
-        cards(message)
-    );
+    let title = "The paper\u{2019}s numbers, and ours";
+    let mut body = heading(title, CITATION, &cards(message));
     body += &section(
         "fig7",
         "Fig. 7: twelve measurements by each plan",
