@@ -7,7 +7,6 @@ use clap::Args;
 use elastocal::plan::{Feasibility, read_plan};
 use elastocal::record::json::merge;
 use elastocal::record::messages::{ProvenanceMessage, SchemaMessage};
-use elastocal::record::platform::platform;
 use elastocal::record::understanding::{understanding_json, unknowns_json};
 use elastocal::understanding::{
     Understanding, UnderstoodJoint, UnderstoodPose, UnderstoodTruth, Unknowns, impossible, unknowns,
@@ -17,7 +16,7 @@ use serde_json::{Value, json};
 
 use super::printed_error::PrintedError;
 use super::table::table;
-use super::{Common, Report, results, without_effect};
+use super::{Common, Report, program, results, without_effect};
 
 /// Arguments of `check`.
 #[derive(Debug, Args)]
@@ -106,11 +105,12 @@ impl Check {
     /// A broken scenario, or one with a broken plan, has neither seed nor hash here.
     fn broken(&self, error: &anyhow::Error) -> Value {
         let PrintedError { code, .. } = PrintedError::of(error);
-        let [version, commit] = [elastocal::VERSION, elastocal::COMMIT];
         let scenario = (self.common.scenario().file_stem()).map(OsStr::to_string_lossy);
+        let mut provenance = program();
+        merge(&mut provenance, json!({ "scenario": scenario }));
         json!({
             "schema": SchemaMessage::new("check"),
-            "provenance": { "version": version, "commit": commit, "platform": platform(), "scenario": scenario },
+            "provenance": provenance,
             "ok": false,
             "problems": [error.to_string()],
             "code": code,

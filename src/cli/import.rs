@@ -7,12 +7,11 @@ use elastocal::files::output::write_whole;
 use elastocal::files::roles::Roles;
 use elastocal::measurement::foreign::{ImportedTable, import};
 use elastocal::record::messages::SchemaMessage;
-use elastocal::record::platform::platform;
 use elastocal::text::wording::counted;
 use serde_json::json;
 
 use super::table::table;
-use super::{Report, check_outputs};
+use super::{Report, check_outputs, program};
 
 /// Arguments of `import`.
 #[derive(Debug, Args)]
@@ -52,9 +51,7 @@ impl Import {
         Ok(Report::new(
             json!({
                 "schema": SchemaMessage::new("import"),
-                "provenance": {
-                    "version": elastocal::VERSION, "commit": elastocal::COMMIT, "platform": platform(),
-                },
+                "provenance": program(),
                 "measurements_file": out,
                 "rows": imported.rows,
                 "columns": ranges,

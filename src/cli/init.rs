@@ -8,14 +8,13 @@ use elastocal::files::FileError;
 use elastocal::files::output::{check_writable, write_whole};
 use elastocal::record::json::merge;
 use elastocal::record::messages::SchemaMessage;
-use elastocal::record::platform::platform;
 use elastocal::record::understanding::understanding_json;
 use elastocal::scenario::scenario_schema;
 use elastocal::text::wording::shell_path;
 use elastocal::workflow::init::{SCHEMA_FILE, draft};
 use serde_json::json;
 
-use super::Report;
+use super::{Report, program};
 
 /// Arguments of `init`.
 #[derive(Debug, Args)]
@@ -81,9 +80,7 @@ impl Init {
         );
         let mut json = json!({
             "schema": SchemaMessage::new("init"),
-            "provenance": {
-                "version": elastocal::VERSION, "commit": elastocal::COMMIT, "platform": platform(),
-            },
+            "provenance": program(),
             "scenario_file": path,
             "found": draft.found,
         });

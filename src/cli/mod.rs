@@ -65,12 +65,13 @@ use elastocal::files::shipped;
 use elastocal::measurement::Origin;
 use elastocal::numeric::random::draws::Draws;
 use elastocal::record::json::results;
+use elastocal::record::platform::platform;
 use elastocal::scenario::Scenario;
 use elastocal::task::AccuracyKind;
 use elastocal::text::diagnostics::say;
 use elastocal::text::plain;
 use elastocal::understanding::collapse;
-use serde_json::Value;
+use serde_json::{Value, json};
 
 /// A virtual calibration testbed for the joint stiffness of industrial robots.
 #[derive(Debug, Parser)]
@@ -545,6 +546,11 @@ fn check_outputs(roles: &mut Roles, options: &[(&str, Option<&Path>)]) -> Result
     }
     roles.check()?;
     named().try_for_each(|(_, path)| check_writable(path))
+}
+
+/// Where results come from that no scenario is behind.
+fn program() -> Value {
+    json!({ "version": elastocal::VERSION, "commit": elastocal::COMMIT, "platform": platform() })
 }
 
 /// More threads than this for each core only cost time and memory.

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use roxmltree::{Document, Node};
 
-use crate::mujoco::urdf::parsed;
+use crate::mujoco::urdf::{escaped, parsed};
 
 /// Reads a text as XML.
 pub(super) fn parse(text: &str) -> Result<Document<'_>, String> {
@@ -124,15 +124,6 @@ pub(super) fn numbers(values: &[f64]) -> String {
         }
     };
     values.iter().map(written).collect::<Vec<_>>().join(" ")
-}
-
-/// A text as an attribute's value.
-pub(super) fn escaped(text: &str) -> String {
-    (text.replace('&', "&amp;").replace('<', "&lt;"))
-        .replace('>', "&gt;")
-        .replace('"', "&quot;")
-        .replace('\'', "&apos;")
-        .replace('\n', "&#10;")
 }
 
 #[cfg(test)]
