@@ -329,8 +329,7 @@ impl AbsoluteWanted<'_> {
         }
         if let Some(path) = also.page {
             let mut written = Written::default();
-            let readings: Vec<(&Candidate, u32)> = rows
-                .iter()
+            let readings: Vec<(&Candidate, u32)> = (rows.iter())
                 .map(|row| (row, row.most.unwrap_or(1)))
                 .collect();
             let conditions = &report.conditions;

@@ -238,15 +238,11 @@ fn describe(points: &[BudgetPoint]) -> String {
     }
     header.push("bound [um]".to_owned());
     let mut rows = Vec::new();
-    for all_different in points
-        .iter()
-        .filter(|point| point.configurations == point.experiments)
-    {
+    for all_different in (points.iter()).filter(|point| point.configurations == point.experiments) {
         let m = all_different.experiments;
         let mut row = vec![m.to_string()];
         row.extend(counts.iter().map(|&count| {
-            points
-                .iter()
+            (points.iter())
                 .find(|point| point.experiments == m && point.configurations == count)
                 .map_or_else(String::new, |point| {
                     let loss = point.rho0_m / all_different.rho0_m - 1.0;

@@ -153,15 +153,11 @@ pub fn read_identified(
 /// What is known of the compliances and of the other unknowns together.
 fn all_of(compliances: &Posterior, others: OtherUnknowns, sizes: &[f64]) -> Posterior {
     Posterior {
-        names: compliances
-            .names
-            .iter()
+        names: (compliances.names.iter())
             .cloned()
             .chain(others.names)
             .collect(),
-        mean: compliances
-            .mean
-            .iter()
+        mean: (compliances.mean.iter())
             .copied()
             .chain(others.values)
             .collect(),

@@ -55,9 +55,7 @@ pub fn execute(
     } else {
         None
     };
-    let groups = model_selection
-        .as_ref()
-        .map_or(asked.groups, ModelSelection::groups);
+    let groups = (model_selection.as_ref()).map_or(asked.groups, ModelSelection::groups);
     let mut identified =
         identify_absolute(belief, readings, groups, (asked.weights, asked.keeps_all))
             .map_err(wrong)?;
@@ -187,9 +185,7 @@ fn describe(message: &AbsoluteMessage) -> String {
         text += &format!("\n{}", table(header, rows));
     }
     if !message.left_out.is_empty() {
-        let names: Vec<&str> = message
-            .left_out
-            .iter()
+        let names: Vec<&str> = (message.left_out.iter())
             .map(|each| each.name.as_str())
             .collect();
         text += &format!("\n  Redundant, not fitted: {}\n", names.join(", "));
@@ -220,9 +216,7 @@ fn describe(message: &AbsoluteMessage) -> String {
 /// What the discrepancy consists of.
 fn discrepancy_model(found: &UnexplainedMessage) -> String {
     let rows = (found.joints.iter()).map(|each| {
-        let largest = each
-            .values
-            .iter()
+        let largest = (each.values.iter())
             .copied()
             .map(f64::abs)
             .fold(0.0, f64::max);
@@ -248,8 +242,7 @@ fn discrepancy_model(found: &UnexplainedMessage) -> String {
 
 fn frames_table(stations: &[MountedFrameMessage], targets: &[MountedFrameMessage]) -> String {
     let joined = |values: &[f64], decimals: usize| {
-        let texts: Vec<String> = values
-            .iter()
+        let texts: Vec<String> = (values.iter())
             .map(|value| format!("{value:.decimals$}"))
             .collect();
         texts.join(" ")

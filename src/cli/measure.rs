@@ -82,11 +82,7 @@ impl Measure {
         };
         let rows = measurements.iter().enumerate().map(|(index, each)| {
             let mut row = vec![(index + 1).to_string()];
-            row.extend(
-                each.deflection_m
-                    .iter()
-                    .map(|value| format!("{:.4}", value * 1e3)),
-            );
+            row.extend((each.deflection_m.iter()).map(|value| format!("{:.4}", value * 1e3)));
             row.push(format!("{:.4}", each.deflection_m.norm() * 1e3));
             row
         });

@@ -83,10 +83,7 @@ impl Next {
         let scenario = (self.common).load_for(&self.measurements, origin.as_ref(), &usage)?;
         let (task, commands) = (&scenario.task, scenario.task.belief.commands());
         let measurements = read_measurements_so_far(&self.measurements, &task.belief)?;
-        let given = self
-            .plan
-            .as_ref()
-            .map(|path| read_plan(path, commands.clone()));
+        let given = (self.plan.as_ref()).map(|path| read_plan(path, commands.clone()));
         let given = given.transpose()?;
         self.check(&scenario)?;
 

@@ -103,10 +103,7 @@ fn describe(message: &ReproductionMessage) -> String {
         message.trials
     );
     text += &figure_7(message);
-    let own = message
-        .fig7
-        .iter()
-        .rfind(|each| each.printed_mean_mm.is_none());
+    let own = (message.fig7.iter()).rfind(|each| each.printed_mean_mm.is_none());
     if let Some((own, [low, high])) = own.and_then(|own| Some((own, own.random_over_mean_ci95?))) {
         text += &format!(
             "\nResidual error of random plans: {} times that of our optimum ({low:.2} to {high:.2}); the paper has about 1.6 times that of its plans.\n",

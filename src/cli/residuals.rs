@@ -49,11 +49,7 @@ fn row(
     let residuals_m = &identification.residuals_m[3 * index..3 * index + 3];
     vec![
         (index + 1).to_string(),
-        three(
-            &mut residuals_m
-                .iter()
-                .map(|value| format!("{:7.4}", value * 1e3)),
-        ),
+        three(&mut (residuals_m.iter()).map(|value| format!("{:7.4}", value * 1e3))),
         three(&mut (residual.standardised.iter()).map(|value| format!("{:>5}", number(*value, 1)))),
         or_dash(residual.probability, probability),
     ]

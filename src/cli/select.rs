@@ -69,11 +69,7 @@ impl Select {
             let problem = "holds deflections, and readings are chosen of absolute ones".to_owned();
             return Err(wrong(problem).code(ErrorCode::OtherAccuracy).into());
         };
-        if let Some(size) = self
-            .sizes
-            .iter()
-            .find(|size| **size as usize >= readings.len())
-        {
+        if let Some(size) = (self.sizes.iter()).find(|size| **size as usize >= readings.len()) {
             let problem = format!(
                 "holds {}, of which {size} leave none to validate on",
                 counted(readings.len() as u64, "reading")

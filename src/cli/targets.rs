@@ -158,8 +158,7 @@ fn tool_of(robot: &CalibratedRobot, question: &TargetQuestion<'_>) -> Result<usi
         return Ok(robot.machining_tool);
     };
     let tools = &robot.arm.tools;
-    tools
-        .iter()
+    (tools.iter())
         .position(|tool| tool.name == name)
         .ok_or_else(|| {
             let known: Vec<&str> = tools.iter().map(|tool| tool.name.as_str()).collect();
@@ -222,8 +221,7 @@ fn station<'a>(
         Some(other) => &other.stations,
         None => &robot.stations,
     };
-    let names: Vec<&str> = stations
-        .iter()
+    let names: Vec<&str> = (stations.iter())
         .filter_map(|each| each.name.as_deref())
         .collect();
     let several = format!("name one of them with --station: {}", names.join(", "));

@@ -73,8 +73,7 @@ pub fn describe(budget: Option<&UncertaintyBudget>, common: Option<(&[String], f
 
 /// The contributions to the errors of a simulated truth.
 pub fn contributions(sources: &[ContributionMessage]) -> String {
-    let total: f64 = sources
-        .iter()
+    let total: f64 = (sources.iter())
         .map(|each| each.contribution_um.powi(2))
         .sum();
     let row = |each: &ContributionMessage| {

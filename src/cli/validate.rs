@@ -117,10 +117,7 @@ impl Validate {
             // The model discrepancy is the robot's, and no uncertainty of the measurement.
             let bare = validate(&task.belief, &identified.posterior, &measured)
                 .map_err(|error| FileError::new(path, error.to_string()))?;
-            let each = bare
-                .each
-                .iter()
-                .map(|each| (each.difference_m, each.reading_m2));
+            let each = (bare.each.iter()).map(|each| (each.difference_m, each.reading_m2));
             JudgedMeasurements::new(tolerance, each).report(&mut report);
         }
         Ok(report)

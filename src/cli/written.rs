@@ -69,9 +69,7 @@ impl Written {
     /// What could not be written, and which files are there all the same.
     pub fn conditions(mut self) -> Vec<Condition> {
         let code = ConditionCode::NotWritten;
-        let mut conditions: Vec<Condition> = self
-            .problems
-            .into_iter()
+        let mut conditions: Vec<Condition> = (self.problems.into_iter())
             .map(|text| code.with(text))
             .collect();
         if self.missing.is_empty() {
@@ -92,8 +90,7 @@ impl Written {
 }
 
 fn list(files: &[PathBuf]) -> String {
-    let names: Vec<String> = files
-        .iter()
+    let names: Vec<String> = (files.iter())
         .map(|file| file.display().to_string())
         .collect();
     names.join(", ")

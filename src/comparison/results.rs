@@ -132,9 +132,6 @@ fn there<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<f64>, D::E
 
 impl ResultsFile {
     /// Reads the results of `run`, `plan`, `evaluate` or `study`.
-    ///
-    /// # Errors
-    /// The file is not such results.
     pub fn read(path: &Path) -> Result<Self, FileError> {
         let hint = "files to compare are results.json, study.json, or what --json prints";
         let (text, _) = read_results(path, &["run", "plan", "evaluate", "study"], hint)?;

@@ -29,8 +29,7 @@ pub fn program_to(
     targets: &[ProgramTarget],
     title: &str,
 ) -> Result<Program, CampaignError> {
-    let configurations: Vec<DVector<f64>> = targets
-        .iter()
+    let configurations: Vec<DVector<f64>> = (targets.iter())
         .map(|each| each.configuration.clone())
         .collect();
     let mut ways = Ways::new(task, &laboratory.safe_poses, &configurations);

@@ -111,8 +111,7 @@ pub fn deflection_table(
     commands: &Commands,
     measurements: &[Measurement],
 ) -> Result<String, FileError> {
-    let has = |what, is_there: fn(&Measurement) -> bool| match measurements
-        .iter()
+    let has = |what, is_there: fn(&Measurement) -> bool| match (measurements.iter())
         .filter(|each| is_there(each))
         .count()
     {

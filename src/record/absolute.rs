@@ -196,8 +196,7 @@ impl AbsoluteMessage {
                 })
                 .collect(),
             undetermined: [&*fit.undetermined, &*fit.stays_nominal].concat(),
-            distance_mm: distances
-                .as_ref()
+            distance_mm: (distances.as_ref())
                 .map(DistanceStatistics::in_thousandths)
                 .unwrap_or_default(),
             angle_mrad: angles.as_ref().map(DistanceStatistics::in_thousandths),
@@ -210,9 +209,7 @@ impl AbsoluteMessage {
             residuals_mm: (fit.left.iter())
                 .map(|each| (each.position_m * 1e3).into())
                 .collect(),
-            discrepancy_model: fit
-                .discrepancy_model
-                .as_ref()
+            discrepancy_model: (fit.discrepancy_model.as_ref())
                 .map(|each| discrepancy_model(case, fit, each)),
             rejected: fit.rejected.iter().map(RejectedMessage::from).collect(),
             conditions: fit.conditions(),
@@ -345,8 +342,7 @@ fn stations(case: &AbsoluteCase<'_>, fit: &AbsoluteFit) -> Vec<MountedFrameMessa
 
 fn targets(case: &AbsoluteCase<'_>, fit: &AbsoluteFit) -> Vec<MountedFrameMessage> {
     let tools = case.targets.iter().zip(&fit.arm.tools);
-    tools
-        .enumerate()
+    (tools.enumerate())
         .map(|(tool, (name, place))| {
             let position = Axis::ALL.map(|axis| ParameterKind::ToolPosition { tool, axis });
             let rotation = Axis::ALL.map(|axis| ParameterKind::ToolRotation { tool, axis });

@@ -153,8 +153,7 @@ impl AbsolutePlanMessage {
                     standard_error: prediction.posterior.standard_error(index),
                 })
                 .collect(),
-            plan: plan
-                .iter()
+            plan: (plan.iter())
                 .map(|&(place, repeats)| {
                     PlannedReadingMessage::new(&commands, &planning.candidates[place], repeats)
                 })

@@ -52,9 +52,7 @@ impl AbsoluteTrialsMessage {
             coverage95: trials.tally.coverage(),
             prediction: trials.kept().name(),
             verdict: verdict(account, seen_m),
-            contributions: account
-                .parts
-                .iter()
+            contributions: (account.parts.iter())
                 .map(ContributionMessage::from)
                 .collect(),
             histogram: HistogramMessage::new(&trials.tally, trials.sigma_m),

@@ -22,9 +22,6 @@ pub struct ContributionMessage {
 
 impl Account {
     /// Whether there can be such an account.
-    ///
-    /// # Errors
-    /// The key, and what is wrong there.
     pub fn check(&self) -> Result<(), Wrong> {
         within("parts", self.parts.len(), [1, 1000])?;
         size("predicted_m", self.predicted_m)?;

@@ -14,9 +14,6 @@ const MOST_UNKNOWNS: usize = 100_000;
 
 impl Header {
     /// Whether there can be such a study.
-    ///
-    /// # Errors
-    /// The key, and what is wrong there.
     pub fn check(&self) -> Result<(), Wrong> {
         within("study.trials", self.trials, [1, MOST_TRIALS])?;
         within("study.shards", self.shards, [1, MOST_SHARDS])?;

@@ -237,9 +237,7 @@ impl From<&Identification> for IdentificationMessage {
         let estimates = || identification.parameters.iter().map(|each| each.estimate);
         Self {
             method: method_name(identification.method).to_owned(),
-            parameters: identification
-                .parameters
-                .iter()
+            parameters: (identification.parameters.iter())
                 .map(|parameter| parameter.name.clone())
                 .collect(),
             compliance_rad_per_nm: estimates().map(|estimate| Some(estimate?.value)).collect(),
@@ -511,9 +509,7 @@ impl AssessmentMessage {
             no_bound_reason: asked_for
                 .and_then(|bound| bound.as_ref().err())
                 .map(ToString::to_string),
-            violations: assessment
-                .violations
-                .iter()
+            violations: (assessment.violations.iter())
                 .map(|violation| ViolationMessage {
                     experiment: violation.experiment,
                     what: violation.what.clone(),
@@ -644,11 +640,7 @@ impl CalibrationMessage {
                 .map(|each| MeasurementMessage::new(commands, each))
                 .collect(),
             truth: TruthMessage::new(
-                calibration
-                    .identification
-                    .parameters
-                    .iter()
-                    .map(|each| each.joint),
+                (calibration.identification.parameters.iter()).map(|each| each.joint),
                 &calibration.truth,
             ),
             identification: (&calibration.identification).into(),

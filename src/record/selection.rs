@@ -106,9 +106,7 @@ impl SelectionMessage {
             left_out: all.left_out.iter().map(|each| each.name.clone()).collect(),
             discrepancy_mm: all.discrepancy.map(|[position_m, _]| position_m * 1e3),
             all_mm: DistanceStatistics::in_thousandths(&left),
-            sizes: selection
-                .sizes
-                .iter()
+            sizes: (selection.sizes.iter())
                 .map(SelectionSizeMessage::new)
                 .collect(),
         }

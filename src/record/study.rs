@@ -165,9 +165,7 @@ impl StudyPlanMessage {
             combined_rms_mm: account.map(|account| account.predicted_m * 1e3),
             predicted_quantile95_mm: predicted_quantile95_m.map(|value| value * 1e3),
             contributions: account.map_or_else(Vec::new, |account| {
-                account
-                    .parts
-                    .iter()
+                (account.parts.iter())
                     .map(ContributionMessage::from)
                     .collect()
             }),

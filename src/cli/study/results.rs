@@ -99,10 +99,7 @@ impl Results {
     fn page(&self) -> anyhow::Result<Option<String>> {
         let plans = &self.header.plans;
         let first = &plans[0];
-        if plans
-            .iter()
-            .any(|plan| plan.conditions() != first.conditions())
-        {
+        if (plans.iter()).any(|plan| plan.conditions() != first.conditions()) {
             return Ok(None);
         }
         let page = study_page(&StudyPageRecord {
@@ -174,11 +171,7 @@ pub fn describe(messages: &[StudyPlanMessage]) -> String {
     let micro = |value: Option<f64>| number(value.map(|value| value * 1e3), 3);
     let swept: Vec<_> = SWEPT
         .into_iter()
-        .filter(|(_, value)| {
-            messages
-                .iter()
-                .any(|each| value(each) != value(&messages[0]))
-        })
+        .filter(|(_, value)| (messages.iter()).any(|each| value(each) != value(&messages[0])))
         .collect();
     let row = |message: &StudyPlanMessage| {
         let interval = or_dash(message.mean_ci95_mm, |[low, high]| {

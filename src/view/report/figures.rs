@@ -63,9 +63,7 @@ pub fn accuracy_figure(
                 });
             chart
                 .draw_series(
-                    repeated
-                        .iter()
-                        .map(|at| Cross::new(*at, 9, orange.stroke_width(5))),
+                    (repeated.iter()).map(|at| Cross::new(*at, 9, orange.stroke_width(5))),
                 )?
                 .label("this plan, repeated")
                 .legend(move |(x, y)| Cross::new((x + 17, y), 9, orange.stroke_width(5)));

@@ -320,8 +320,7 @@ fn provenance(from: &ProvenanceMessage, command: &str) -> String {
         ("seed", from.seed.to_string()),
         ("command", command.to_owned()),
     ];
-    let list: Vec<String> = entries
-        .iter()
+    let list: Vec<String> = (entries.iter())
         .map(|(key, value)| format!("<dt>{key}</dt><dd>{}</dd>\n", escaped(value)))
         .collect();
     section(

@@ -105,10 +105,7 @@ fn headline_card(message: &ReproductionMessage) -> String {
     let printed: Vec<f64> = papers()
         .filter_map(|each| each.printed_random_over_mean)
         .collect();
-    let own = message
-        .fig7
-        .iter()
-        .rfind(|each| each.printed_mean_mm.is_none());
+    let own = (message.fig7.iter()).rfind(|each| each.printed_mean_mm.is_none());
     let Some((own, [low, high])) = own.and_then(|own| Some((own, own.random_over_mean_ci95?)))
     else {
         return String::new();
@@ -152,8 +149,7 @@ fn figure_7(message: &ReproductionMessage) -> Result<String, PlotError> {
     let legend: Vec<Vec<String>> = (message.fig7.iter())
         .map(|each| vec![each.runs.name.clone(), each.description.clone()])
         .collect();
-    let legend: String = legend
-        .iter()
+    let legend: String = (legend.iter())
         .map(|each| format!("{}: {}", each[0], each[1]))
         .collect::<Vec<_>>()
         .join("; ");
@@ -224,11 +220,7 @@ fn table_5(message: &ReproductionMessage) -> String {
             number(value, decimals)
         };
         let mut printed = vec![format!("{}, printed", row.experiments)];
-        printed.extend(
-            row.printed_rad_per_nm
-                .iter()
-                .map(|&value| nano(Some(value))),
-        );
+        printed.extend((row.printed_rad_per_nm.iter()).map(|&value| nano(Some(value))));
         printed.push(String::new());
         let mut ours = vec![format!("{}, ours", row.experiments)];
         ours.extend(row.found_rad_per_nm.iter().map(|&value| nano(value)));
@@ -256,8 +248,7 @@ fn table_4(message: &ReproductionMessage) -> String {
             "<details><summary>{} measurements</summary>\n{}{}</details>\n",
             plan.experiments,
             table(header, rows),
-            plan.violations
-                .iter()
+            (plan.violations.iter())
                 .map(|each| paragraph(each))
                 .collect::<String>()
         );

@@ -144,8 +144,7 @@ impl Layout<'_> {
         &mut self,
         areas: impl IntoIterator<Item = &'a ViewArea>,
     ) -> Vec<IncludedContent> {
-        areas
-            .into_iter()
+        (areas.into_iter())
             .map(|area| IncludedContent(self.add(area).0.as_str().into()))
             .collect()
     }

@@ -70,9 +70,6 @@ pub struct StudyStream {
 
 impl StudyStream {
     /// Begins with the layout and what is there before the first run.
-    ///
-    /// # Errors
-    /// What is wrong with the messages; a matter of the program.
     pub fn new(study: &StudyRecording) -> Result<(Self, Vec<LogMsg>), String> {
         let content = format!("{:?}", study.header);
         // The legend has its place behind the last run.
@@ -127,9 +124,6 @@ impl StudyStream {
     }
 
     /// The messages of what was added since the last call.
-    ///
-    /// # Errors
-    /// What is wrong with them; a matter of the program.
     pub fn take(&mut self) -> Result<Vec<LogMsg>, String> {
         self.store.take()
     }
