@@ -6,8 +6,7 @@ use std::sync::atomic::Ordering;
 use clap::Args;
 use elastocal::codes::{Condition, ConditionCode, ErrorCode};
 use elastocal::experiment::{Candidate, read_candidates, write_candidates};
-use elastocal::files::FileError;
-use elastocal::files::output::write_whole;
+use elastocal::files::{FileError, output::write_whole};
 use elastocal::identification::ParameterGroup;
 use elastocal::parameter::ParameterKind;
 use elastocal::plan::absolute::{
@@ -16,16 +15,12 @@ use elastocal::plan::absolute::{
 use elastocal::plan::search::{PlanBound, Watch};
 use elastocal::record::absolute_plan::{AbsolutePlanMessage, DrawnMessage};
 use elastocal::record::absolute_trials::{AbsoluteTrialsMessage, as_study};
-use elastocal::record::candidates::CandidatesMessage;
-use elastocal::record::json::merge;
-use elastocal::record::messages::ProvenanceMessage;
 use elastocal::record::study::StudyPlanMessage;
+use elastocal::record::{candidates::CandidatesMessage, json::merge, messages::ProvenanceMessage};
 use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
-use elastocal::study::StudyError;
 use elastocal::study::absolute::{AbsoluteEntry, AbsoluteRunner, AbsoluteTrials, TrialError};
-use elastocal::study::account::Account;
-use elastocal::study::verdict::Kept;
+use elastocal::study::{StudyError, account::Account, verdict::Kept};
 use elastocal::text::wording::counted;
 use elastocal::view::report::{AbsolutePageRecord, absolute_page};
 use elastocal::view::stills;

@@ -5,8 +5,7 @@ use std::sync::atomic::Ordering;
 
 use clap::Args;
 use elastocal::codes::ConditionCode;
-use elastocal::laboratory::Campaign;
-use elastocal::laboratory::time::quickest;
+use elastocal::laboratory::{Campaign, time::quickest};
 use elastocal::plan::search::{
     BudgetPoint, Watch, budget_and_proof, cheapest, repeated_configurations,
 };

@@ -5,10 +5,8 @@ use std::path::PathBuf;
 use clap::Args;
 use elastocal::codes::{Condition, ConditionCode, ErrorCode};
 use elastocal::comparison::record::{COLUMNS, comparison_json, markdown, notes, rows, verdict};
-use elastocal::comparison::results::ResultsFile;
-use elastocal::comparison::{Aspect, Comparison, Rules, compare};
-use elastocal::files::output::write_whole;
-use elastocal::files::roles::Roles;
+use elastocal::comparison::{Aspect, Comparison, Rules, compare, results::ResultsFile};
+use elastocal::files::{output::write_whole, roles::Roles};
 use elastocal::gate::Decision;
 
 use super::table::table_of;

@@ -8,13 +8,11 @@ use elastocal::identification::{
     Discrepancy, OtherUnknowns, StoredIdentification, impossible_compliance,
 };
 use elastocal::measurement::SimulatedRun;
-use elastocal::numeric::estimable::Estimable;
-use elastocal::numeric::posterior::Posterior;
+use elastocal::numeric::{estimable::Estimable, posterior::Posterior};
 use elastocal::scenario::Scenario;
 use elastocal::task::Fingerprint;
 use elastocal::text::wording::shell_path;
-use elastocal::workflow::calibrated::CalibratedRobot;
-use elastocal::workflow::stored_robot::StoredRobot;
+use elastocal::workflow::{calibrated::CalibratedRobot, stored_robot::StoredRobot};
 
 use super::Common;
 

@@ -4,8 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use elastocal::codes::{ConditionCode, ErrorCode};
-use elastocal::files::FileError;
-use elastocal::files::output::write_whole;
+use elastocal::files::{FileError, output::write_whole};
 use elastocal::identification::{
     Identification, IdentificationError, ParameterGroup, ReadingWeights, Robustness,
     UncertainEstimate,
@@ -13,8 +12,7 @@ use elastocal::identification::{
 use elastocal::measurement::{
     AbsoluteReading, MeasuredFile, Measurement, Origin, controller_compensates, read_measured,
 };
-use elastocal::record::json::merge;
-use elastocal::record::messages::ProvenanceMessage;
+use elastocal::record::{json::merge, messages::ProvenanceMessage};
 use elastocal::scenario::Scenario;
 use elastocal::task::Method;
 use elastocal::text::wording::{counted, shell_path};

@@ -9,10 +9,8 @@ use elastocal::identification::{
 use elastocal::measurement::{AbsoluteReading, MeasuredFile, read_measured};
 use elastocal::quantities::units::shown_unit;
 use elastocal::record::absolute::{AbsoluteMessage, MountedFrameMessage, UnexplainedMessage};
-use elastocal::record::inconsistencies::InconsistenciesMessage;
-use elastocal::record::json::merge;
-use elastocal::record::messages::ProvenanceMessage;
-use elastocal::record::model_selection::ModelSelectionMessage;
+use elastocal::record::{inconsistencies::InconsistenciesMessage, json::merge};
+use elastocal::record::{messages::ProvenanceMessage, model_selection::ModelSelectionMessage};
 use elastocal::scenario::Scenario;
 use elastocal::task::Belief;
 use elastocal::text::wording::counted;

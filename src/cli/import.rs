@@ -3,8 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use elastocal::files::output::write_whole;
-use elastocal::files::roles::Roles;
+use elastocal::files::{output::write_whole, roles::Roles};
 use elastocal::measurement::foreign::{ImportedTable, import};
 use elastocal::record::messages::SchemaMessage;
 use elastocal::text::wording::counted;

@@ -12,8 +12,7 @@ use elastocal::laboratory::next::{
 use elastocal::measurement::{Origin, read_measurements_so_far};
 use elastocal::plan::search::Watch;
 use elastocal::plan::{Feasibility, Plan, Violation, read_plan, take_nearest_turns, write_plan};
-use elastocal::quantities::limits::MOST_EXPERIMENTS;
-use elastocal::quantities::plausible::ACCURACY;
+use elastocal::quantities::{limits::MOST_EXPERIMENTS, plausible::ACCURACY};
 use elastocal::record::messages::{ProvenanceMessage, plan_messages};
 use elastocal::scenario::Scenario;
 use elastocal::task::Task;

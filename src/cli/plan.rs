@@ -13,11 +13,9 @@ use elastocal::plan::search::{
     SearchError, Watch,
 };
 use elastocal::plan::{Assessment, Criterion, Plan, take_nearest_turns, write_plan};
-use elastocal::quantities::limits::MOST_EXPERIMENTS;
-use elastocal::quantities::plausible::MINUTES;
-use elastocal::record::candidates::CandidatesMessage;
-use elastocal::record::json::merge;
+use elastocal::quantities::{limits::MOST_EXPERIMENTS, plausible::MINUTES};
 use elastocal::record::messages::{AssessmentMessage, ProvenanceMessage, plan_messages};
+use elastocal::record::{candidates::CandidatesMessage, json::merge};
 use elastocal::scenario::Scenario;
 use elastocal::task::{AccuracyKind, Task};
 use elastocal::text::wording::counted;

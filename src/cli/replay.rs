@@ -3,8 +3,7 @@
 use clap::Args;
 use elastocal::calibration::{Calibration, calibrate};
 use elastocal::files::make_folder;
-use elastocal::plan::Plan;
-use elastocal::plan::search::random_plan;
+use elastocal::plan::{Plan, search::random_plan};
 use elastocal::record::messages::{CalibrationMessage, ProvenanceMessage};
 use elastocal::scenario::Scenario;
 use elastocal::study::{Conditions, Entry, EntryKind, Setting};

@@ -3,11 +3,9 @@
 use clap::Args;
 use elastocal::codes::{Condition, ConditionCode};
 use elastocal::files::make_folder;
-use elastocal::paper::record::ReproductionMessage;
-use elastocal::paper::reproduce;
+use elastocal::paper::{record::ReproductionMessage, reproduce};
 use elastocal::plan::search::Watch;
-use elastocal::record::json::merge;
-use elastocal::record::messages::ProvenanceMessage;
+use elastocal::record::{json::merge, messages::ProvenanceMessage};
 use elastocal::view::report::reproduction_page;
 use serde_json::json;
 

@@ -6,13 +6,11 @@ use clap::Args;
 use elastocal::calibration::Calibration;
 use elastocal::files::make_folder;
 use elastocal::measurement::write_measurements_under;
-use elastocal::plan::search::RepeatsNeeded;
-use elastocal::plan::{UncertaintyBudget, take_nearest_turns, write_plan};
+use elastocal::plan::{UncertaintyBudget, search::RepeatsNeeded, take_nearest_turns, write_plan};
 use elastocal::record::messages::ProvenanceMessage;
 use elastocal::scenario::Scenario;
 use elastocal::text::wording::counted;
-use elastocal::view::report::RunRecord;
-use elastocal::view::stills;
+use elastocal::view::{report::RunRecord, stills};
 use elastocal::workflow::design::Wanted;
 use elastocal::workflow::run::{FailedPlan, RANDOM_PLANS, RunError, RunStage, TriedPlan, run};
 

@@ -7,8 +7,7 @@ use elastocal::codes::{Condition, ConditionCode, ErrorCode};
 use elastocal::compensation::{
     AbsoluteTarget, InverseKinematics, TargetRow, Unreachable, read_targets,
 };
-use elastocal::files::FileError;
-use elastocal::files::output::write_whole;
+use elastocal::files::{FileError, output::write_whole};
 use elastocal::mujoco::frame;
 use elastocal::parameter::ElasticArm;
 use elastocal::record::messages::ProvenanceMessage;

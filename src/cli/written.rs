@@ -3,8 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use elastocal::codes::{Condition, ConditionCode};
-use elastocal::files::FileError;
-use elastocal::files::output::write_whole;
+use elastocal::files::{FileError, output::write_whole};
 use elastocal::text::diagnostics::say;
 use serde_json::Value;
 

@@ -7,9 +7,7 @@ use serde::de::IgnoredAny;
 use serde::{Deserialize, Deserializer};
 use serde_json::Value;
 
-use crate::files::FileError;
-use crate::files::schema::read_results;
-use crate::files::typed::from_json;
+use crate::files::{FileError, schema::read_results, typed::from_json};
 use crate::gate::{Gate, Quantity};
 use crate::record::messages::{ProvenanceMessage, SchemaMessage};
 

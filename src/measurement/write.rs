@@ -9,8 +9,7 @@ use super::columns::{
 };
 use super::{Measurement, Origin};
 use crate::experiment::{APPROACH, experiment_columns, experiment_fields};
-use crate::files::FileError;
-use crate::files::output::write_whole;
+use crate::files::{FileError, output::write_whole};
 use crate::quantities::units::thousandths;
 use crate::robot::{Approach, Commands, Load};
 

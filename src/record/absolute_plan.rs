@@ -5,9 +5,8 @@ use serde::Serialize;
 use super::candidates::CandidatesMessage;
 use super::messages::CommonSourcesMessage;
 use crate::experiment::Candidate;
-use crate::plan::UncertaintyBudget;
 use crate::plan::absolute::{AbsolutePlanning, PredictedAccuracy};
-use crate::plan::search::PlanBound;
+use crate::plan::{UncertaintyBudget, search::PlanBound};
 use crate::robot::{Commands, Load};
 use crate::task::{AccuracyKind, Task};
 

@@ -4,9 +4,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::quantities::plausible::shown;
 use crate::study::account::{Account, AccountPart};
-use crate::study::summary::Measured;
 use crate::study::tally_check::{Wrong, within, wrong};
-use crate::study::verdict::Kept;
+use crate::study::{summary::Measured, verdict::Kept};
 use crate::text::wrong_name;
 
 /// The contribution of a source to the errors of the simulated truth.

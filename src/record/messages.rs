@@ -11,15 +11,13 @@ use serde::{Deserialize, Serialize};
 
 use crate::calibration::{Calibration, CompensatedPose};
 use crate::codes::Condition;
-use crate::files::schema::RESULTS_VERSION;
-use crate::files::{FileError, hexadecimal, sha256_of};
+use crate::files::{FileError, hexadecimal, schema::RESULTS_VERSION, sha256_of};
 use crate::identification::{Identification, UncertainEstimate};
 use crate::measurement::Measurement;
 use crate::plan::search::PlanProof;
 use crate::plan::{Assessment, CommonSources, Criterion, Experiment, Plan, UncertaintyBudget};
 use crate::quantities::units;
-use crate::record::platform::platform;
-use crate::record::residuals::ResidualMessage;
+use crate::record::{platform::platform, residuals::ResidualMessage};
 use crate::robot::{Commands, Load};
 use crate::scenario::Scenario;
 use crate::task::{AccuracyKind, Fingerprint, Method};

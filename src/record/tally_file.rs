@@ -11,21 +11,17 @@ use sha2::{Digest, Sha256};
 
 use super::messages::ProvenanceMessage;
 use crate::codes::ErrorCode;
-use crate::files::output::write_whole;
-use crate::files::schema::check_version;
-use crate::files::typed::from_json;
 use crate::files::{FileError, hexadecimal, is_plain_name, read_text};
+use crate::files::{output::write_whole, schema::check_version, typed::from_json};
 use crate::gate::Gate;
 use crate::identification::ParameterGroup;
-use crate::plan::absolute::PredictedAccuracy;
-use crate::plan::{Experiment, Plan, posterior, quantile95_m};
+use crate::plan::{Experiment, Plan, absolute::PredictedAccuracy, posterior, quantile95_m};
 use crate::robot::Load;
 use crate::scenario::Scenario;
 use crate::study::absolute::{AbsoluteEntry, AbsoluteRunner, BLOCK_RUNS};
-use crate::study::account::Account;
 use crate::study::tally::{BINS, Failure, SUMS, Tally};
-use crate::study::tally_check::within;
 use crate::study::{Conditions, Entry, Level, Setting, runner};
+use crate::study::{account::Account, tally_check::within};
 
 /// What a study's numbers depend on; tallies of different headers do not add.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

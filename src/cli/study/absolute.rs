@@ -9,19 +9,16 @@ use elastocal::files::{FileError, hexadecimal, sha256_of};
 use elastocal::plan::search::Watch;
 use elastocal::record::tally_file::{AbsoluteStudyHeader, Header, TallyFile};
 use elastocal::scenario::Scenario;
-use elastocal::study::Level;
-use elastocal::study::absolute::AbsoluteRunner;
+use elastocal::study::{Level, absolute::AbsoluteRunner};
 use elastocal::text::wording::counted;
 use elastocal::workflow::absolute_study::{AbsoluteStudyWanted, check, entries, explained};
 use elastocal::workflow::study::Timing;
 
 use super::results::{Results, write};
 use super::{StudyCommand, runs_of};
-use crate::cli::Report;
 use crate::cli::absolute_plan::{UnknownArgs, refuse_options, refuse_where_relative};
 use crate::cli::interruption::{STOP, ask_work, proceed};
-use crate::cli::plan::DRAWN;
-use crate::cli::written::Written;
+use crate::cli::{Report, plan::DRAWN, written::Written};
 
 /// What a study of absolute readings takes besides.
 #[derive(Debug, Args)]

@@ -5,20 +5,18 @@ use std::path::Path;
 use elastocal::codes::{Condition, ConditionCode};
 use elastocal::record::study::{StudyPlanMessage, study_csv};
 use elastocal::record::tally_file::{Header, PlanHeader};
-use elastocal::study::Level;
-use elastocal::study::tally::Tally;
+use elastocal::study::{Level, tally::Tally};
 use elastocal::task::AccuracyKind;
 use elastocal::text::wording::{inverse_interval, significant};
 use elastocal::view::report::{StudyPageRecord, study_page};
 use elastocal::workflow::study::{Timing, plan_messages, study_json};
 use serde_json::Value;
 
-use crate::cli::Report;
-use crate::cli::absolute_plan::ABSOLUTE;
 use crate::cli::table::{number, or_dash, table_of};
 use crate::cli::uncertainty_budget::{common_sources, contributions};
 use crate::cli::views::{STUDY_PAGE, command_line};
 use crate::cli::written::{Written, record_text};
+use crate::cli::{Report, absolute_plan::ABSOLUTE};
 
 /// What a study comes to.
 #[derive(Debug)]

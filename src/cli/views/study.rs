@@ -7,13 +7,11 @@ use elastocal::plan::search::random_plan;
 use elastocal::record::tally_file::Header;
 use elastocal::scenario::Scenario;
 use elastocal::study::runner::{Runner, RunsInBlocks};
-use elastocal::study::tally::Tally;
-use elastocal::study::{Entry, Setting};
-use elastocal::view::mcap_file::study::write_study_mcap;
-use elastocal::view::recording::Recording;
+use elastocal::study::{Entry, Setting, tally::Tally};
 use elastocal::view::rerun_file::study::{StudyStream, write_study_rerun};
 use elastocal::view::rerun_file::viewer::{Messages, Viewer};
 use elastocal::view::study_recording::{Snapshot, StudyRecording};
+use elastocal::view::{mcap_file::study::write_study_mcap, recording::Recording};
 use elastocal::workflow::study::plan_messages;
 
 use super::target::ViewerTarget;

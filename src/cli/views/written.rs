@@ -5,11 +5,9 @@ use std::path::Path;
 use elastocal::calibration::Calibration;
 use elastocal::scenario::Scenario;
 use elastocal::text::wording::shell_word;
-use elastocal::view::mcap_file::write_mcap;
-use elastocal::view::recording::Recording;
 use elastocal::view::report::{RunRecord, run_page};
 use elastocal::view::rerun_file::{messages, write_rerun};
-use elastocal::view::stills;
+use elastocal::view::{mcap_file::write_mcap, recording::Recording, stills};
 
 use crate::cli::written::{Written, warn};
 

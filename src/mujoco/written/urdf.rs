@@ -10,9 +10,8 @@ use super::edits::{Edits, numbers, parse};
 use super::paths::{folder_of, way};
 use super::pose::{roll_pitch_yaw, values};
 use super::{ModelCalibration, WrittenModel};
-use crate::mujoco::loading::prepare;
 use crate::mujoco::urdf::{escaped, number};
-use crate::mujoco::{Model, ModelError};
+use crate::mujoco::{Model, ModelError, loading::prepare};
 
 /// The text of a model, calibrated, for a folder.
 pub(super) fn written(

@@ -1,8 +1,7 @@
 //! What a run's report answers first: which plan, how accurate, proved by what; and what to do.
 
 use super::RunRecord;
-use crate::plan::UncertaintyBudget;
-use crate::plan::search::RepeatsNeeded;
+use crate::plan::{UncertaintyBudget, search::RepeatsNeeded};
 use crate::record::messages::{AssessmentMessage, CalibrationMessage};
 use crate::text::wording::{counted, micrometres, number, percent, shell_path};
 use crate::view::markup::{card, escaped, heading, paragraph, section};

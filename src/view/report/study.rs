@@ -6,8 +6,7 @@ use super::distances::{
 };
 use super::{conditions_card, provenance, sources};
 use crate::codes::Condition;
-use crate::record::messages::ProvenanceMessage;
-use crate::record::study::StudyPlanMessage;
+use crate::record::{messages::ProvenanceMessage, study::StudyPlanMessage};
 use crate::text::wording::{counted, micrometres, number};
 use crate::view::charts::PlotError;
 use crate::view::markup::{card, heading, page, section};

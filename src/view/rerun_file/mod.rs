@@ -17,8 +17,7 @@ use re_sdk_types::blueprint::components::PlayState;
 use sha2::{Digest, Sha256};
 
 use super::recording::{RecordedCalibration, Recording, ShownTool, Step, StepKind};
-use crate::files::FileError;
-use crate::files::output::write_whole;
+use crate::files::{FileError, output::write_whole};
 use blueprint::{Clock, SPACE, TEXT, ViewArea};
 use eye::Eye;
 use store::Store;

@@ -15,8 +15,7 @@ use super::blueprint::{BARS, Clock, PLANE, SPACE, TEXT, ViewArea};
 use super::store::Store;
 use super::{STEP, log_step, open, scene, study_text, write_messages};
 use crate::files::FileError;
-use crate::record::account::ContributionMessage;
-use crate::record::study::HistogramMessage;
+use crate::record::{account::ContributionMessage, study::HistogramMessage};
 use crate::view::recording::ShownTool;
 use crate::view::study_recording::{Snapshot, StudyRecording};
 
