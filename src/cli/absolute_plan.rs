@@ -29,7 +29,7 @@ use serde_json::json;
 use super::candidates::{PoseArgs, left_out};
 use super::conditions::{search_stopped, undetermined_by_plan};
 use super::interruption::{Interrupted, STOP, ask_search};
-use super::progress::bar;
+use super::progress::{bar, show};
 use super::static_compliance::add_static_compliance;
 use super::table::{number, or_dash, table};
 use super::uncertainty_budget::{self, BudgetArgs};
@@ -170,10 +170,7 @@ impl AbsoluteWanted<'_> {
         outputs: AbsoluteOutputs<'_>,
     ) -> anyhow::Result<Report> {
         let bar = bar(self.common.quiet, "searching the plan");
-        let progress = |done: usize, all: usize, _: f64| {
-            bar.set_length(all as u64);
-            bar.set_position(done as u64);
-        };
+        let progress = |done: usize, all: usize, _: f64| show(&bar, done, all);
         let stop = ask_search();
         let watch = Watch {
             stop,

@@ -17,7 +17,7 @@ use elastocal::view::plots::budget_plot;
 use serde_json::{Value, json};
 
 use super::interruption::ask_search;
-use super::progress::bar;
+use super::progress::{bar, show};
 use super::proof::{ProofArgs, proof_json};
 use super::table::{number, table_of};
 use super::uncertainty_budget::common_sources;
@@ -111,10 +111,7 @@ impl Budget {
                 scenario.seed,
                 proof,
                 watch,
-                &|done, all| {
-                    bar.set_length(all as u64);
-                    bar.set_position(done as u64);
-                },
+                &|done, all| show(&bar, done, all),
             )
         })?;
         let is_cut_short = watch.stop.load(Ordering::Relaxed);

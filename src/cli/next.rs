@@ -23,7 +23,7 @@ use serde_json::json;
 use super::conditions::search_stopped;
 use super::identify::explained;
 use super::interruption::ask_search;
-use super::progress::bar;
+use super::progress::{bar, show};
 use super::written::Written;
 use super::{
     Common, Report, check_outputs, identify, inputs, named_by_file, results, without_effect,
@@ -205,10 +205,7 @@ impl Next {
         let stop = ask_search();
         self.common.say("planning what to measure next");
         let bar = bar(self.common.quiet, "searching the plan");
-        let progress = |done: usize, all: usize, _: f64| {
-            bar.set_length(all as u64);
-            bar.set_position(done as u64);
-        };
+        let progress = |done: usize, all: usize, _: f64| show(&bar, done, all);
         let watch = Watch {
             stop,
             progress: &progress,

@@ -31,7 +31,7 @@ use super::candidates::{CandidateArgs, PoseArgs, told};
 use super::conditions::{conditions, search_stopped};
 use super::evaluate::describe;
 use super::interruption::ask_search;
-use super::progress::bar;
+use super::progress::{bar, show};
 use super::proof::ProofArgs;
 use super::table::table;
 use super::uncertainty_budget::BudgetArgs;
@@ -100,8 +100,7 @@ pub fn design(
         })
     };
     let progress = |bound: &Bound, done: usize, all: usize, cost: f64| {
-        bar.set_length(all as u64);
-        bar.set_position(done as u64);
+        show(&bar, done, all);
         if wanted.criterion == Criterion::TestPose {
             let least = bound.of_size(wanted.experiments).map_or_else(
                 |_| String::new(),
@@ -280,10 +279,7 @@ impl PlanCommand {
             self.criterion.name()
         ));
         let bar = bar(self.common.quiet, "searching the plan");
-        let progress = |done: usize, all: usize, _: f64| {
-            bar.set_length(all as u64);
-            bar.set_position(done as u64);
-        };
+        let progress = |done: usize, all: usize, _: f64| show(&bar, done, all);
         let watch = Watch {
             stop: ask_search(),
             progress: &progress,

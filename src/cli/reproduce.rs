@@ -10,7 +10,7 @@ use elastocal::view::report::reproduction_page;
 use serde_json::json;
 
 use super::interruption::{STOP, proceed};
-use super::progress::bar;
+use super::progress::{bar, show};
 use super::table::{number, table};
 use super::views::{REPRODUCTION_PAGE, command_line};
 use super::written::{Written, record_text};
@@ -46,10 +46,7 @@ impl Reproduce {
             stop: &STOP,
             progress: &|_, _, _| {},
         };
-        let reproduction = reproduce(&scenario, trials, watch, &|done, all| {
-            bar.set_length(all as u64);
-            bar.set_position(done as u64);
-        });
+        let reproduction = reproduce(&scenario, trials, watch, &|done, all| show(&bar, done, all));
         bar.finish_and_clear();
         proceed()?;
         let reproduction = reproduction?;

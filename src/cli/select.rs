@@ -18,7 +18,7 @@ use serde_json::json;
 
 use super::identify_absolute::explained;
 use super::interruption::ask_search;
-use super::progress::bar;
+use super::progress::{bar, show};
 use super::table::{number, table};
 use super::written::Written;
 use super::{Common, Report, check_outputs, inputs, named_by_file, results, without_effect};
@@ -81,10 +81,7 @@ impl Select {
                 + self.draws as usize * self.sizes.len()
         ));
         let bar = bar(self.common.quiet, "choosing, calibrating, judging");
-        let progress = |done: usize, all: usize| {
-            bar.set_length(all as u64);
-            bar.set_position(done as u64);
-        };
+        let progress = |done: usize, all: usize| show(&bar, done, all);
         let wanted = SelectionWanted {
             sizes: self.sizes.clone(),
             draws: self.draws,
