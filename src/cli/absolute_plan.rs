@@ -6,8 +6,7 @@ use std::sync::atomic::Ordering;
 use clap::Args;
 use elastocal::codes::{Condition, ConditionCode, ErrorCode};
 use elastocal::experiment::{Candidate, read_candidates, write_candidates};
-use elastocal::files::FileError;
-use elastocal::files::output::write_whole;
+use elastocal::files::{FileError, output::write_whole};
 use elastocal::identification::ParameterGroup;
 use elastocal::parameter::ParameterKind;
 use elastocal::plan::absolute::{
@@ -16,16 +15,12 @@ use elastocal::plan::absolute::{
 use elastocal::plan::search::{PlanBound, Watch};
 use elastocal::record::absolute_plan::{AbsolutePlanMessage, DrawnMessage};
 use elastocal::record::absolute_trials::{AbsoluteTrialsMessage, as_study};
-use elastocal::record::candidates::CandidatesMessage;
-use elastocal::record::json::merge;
-use elastocal::record::messages::ProvenanceMessage;
 use elastocal::record::study::StudyPlanMessage;
+use elastocal::record::{candidates::CandidatesMessage, json::merge, messages::ProvenanceMessage};
 use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
-use elastocal::study::StudyError;
 use elastocal::study::absolute::{AbsoluteEntry, AbsoluteRunner, AbsoluteTrials, TrialError};
-use elastocal::study::account::Account;
-use elastocal::study::verdict::Kept;
+use elastocal::study::{StudyError, account::Account, verdict::Kept};
 use elastocal::text::wording::counted;
 use elastocal::view::report::{AbsolutePageRecord, absolute_page};
 use elastocal::view::stills;
@@ -34,9 +29,9 @@ use serde_json::json;
 use super::candidates::{PoseArgs, left_out};
 use super::conditions::{search_stopped, undetermined_by_plan};
 use super::interruption::{Interrupted, STOP, ask_search};
-use super::progress::bar;
+use super::progress::{bar, show};
 use super::static_compliance::add_static_compliance;
-use super::table::{number, table};
+use super::table::{number, or_dash, table};
 use super::uncertainty_budget::{self, BudgetArgs};
 use super::views::command_line;
 use super::written::Written;
@@ -57,6 +52,12 @@ pub struct UnknownArgs {
     pub parameters: Vec<ParameterGroup>,
 }
 
+/// What a scenario's accuracy has none of.
+fn other_accuracy(scenario: &Scenario, problem: impl Into<String>) -> FileError {
+    let wrong = FileError::new(&scenario.path, problem).at("design.accuracy");
+    wrong.code(ErrorCode::OtherAccuracy)
+}
+
 impl UnknownArgs {
     /// Refuses groups where deflections are planned.
     pub fn refuse(&self, scenario: &Scenario) -> Result<(), FileError> {
@@ -64,9 +65,8 @@ impl UnknownArgs {
             return Ok(());
         }
         let problem = "plans deflections, of which robot.parameters says what is unknown";
-        let wrong = FileError::new(&scenario.path, problem).at("design.accuracy");
-        let wrong = wrong.code(ErrorCode::OtherAccuracy);
-        Err(wrong.hint("leave out --parameters, or set accuracy = \"absolute\""))
+        let hint = "leave out --parameters, or set accuracy = \"absolute\"";
+        Err(other_accuracy(scenario, problem).hint(hint))
     }
 }
 
@@ -76,11 +76,8 @@ pub fn refuse_options(scenario: &Scenario, given: &[(&str, bool)]) -> Result<(),
         return Ok(());
     };
     let problem = format!("is \"absolute\", and {option} is for plans of deflections");
-    let wrong = FileError::new(&scenario.path, problem).at("design.accuracy");
-    let wrong = wrong.code(ErrorCode::OtherAccuracy);
-    Err(wrong.hint(format!(
-        "leave out {option}, or set accuracy = \"relative\""
-    )))
+    let hint = format!("leave out {option}, or set accuracy = \"relative\"");
+    Err(other_accuracy(scenario, problem).hint(hint))
 }
 
 /// Refuses options that are about absolute readings alone, each with what is there instead.
@@ -92,9 +89,7 @@ pub fn refuse_where_relative(
         return Ok(());
     };
     let problem = format!("is \"relative\", and {option} is for plans of absolute readings");
-    let wrong = FileError::new(&scenario.path, problem).at("design.accuracy");
-    let wrong = wrong.code(ErrorCode::OtherAccuracy);
-    Err(wrong.hint(format!("leave out {option}: {instead}")))
+    Err(other_accuracy(scenario, problem).hint(format!("leave out {option}: {instead}")))
 }
 
 /// What is written of a plan besides its record.
@@ -175,10 +170,7 @@ impl AbsoluteWanted<'_> {
         outputs: AbsoluteOutputs<'_>,
     ) -> anyhow::Result<Report> {
         let bar = bar(self.common.quiet, "searching the plan");
-        let progress = |done: usize, all: usize, _: f64| {
-            bar.set_length(all as u64);
-            bar.set_position(done as u64);
-        };
+        let progress = |done: usize, all: usize, _: f64| show(&bar, done, all);
         let stop = ask_search();
         let watch = Watch {
             stop,
@@ -281,8 +273,7 @@ impl AbsoluteWanted<'_> {
             text += &written.noted(path, rows);
         }
         if let Some(path) = outputs.stills {
-            let sheet = stills::sheet_of_readings(self.scenario, readings);
-            text += &written.noted(path, write_whole(path, sheet.as_bytes()));
+            text += &written.save(path, &stills::sheet_of_readings(self.scenario, readings));
         }
         text
     }
@@ -330,8 +321,7 @@ impl AbsoluteWanted<'_> {
         }
         if let Some(path) = also.page {
             let mut written = Written::default();
-            let readings: Vec<(&Candidate, u32)> = rows
-                .iter()
+            let readings: Vec<(&Candidate, u32)> = (rows.iter())
                 .map(|row| (row, row.most.unwrap_or(1)))
                 .collect();
             let conditions = &report.conditions;
@@ -391,14 +381,10 @@ impl AbsoluteWanted<'_> {
         let prediction = planning.prediction(plan);
         let mut message = AbsolutePlanMessage::new(task, planning, plan, &prediction, bound);
         message.drawn = asked.drawn;
-        let mut provenance = ProvenanceMessage::new(self.scenario);
-        if let Some(plan) = asked.plan {
-            provenance = provenance.with_input("plan", plan)?;
-        }
-        provenance = self.poses.of(provenance)?;
-        if let Some(candidates) = self.candidates {
-            provenance = provenance.with_input("candidates", candidates)?;
-        }
+        let provenance = ProvenanceMessage::new(self.scenario)
+            .with_optional("plan", asked.plan)?
+            .with_optional("test_poses", self.poses.path())?
+            .with_optional("candidates", self.candidates)?;
         let mut json = results(
             asked.command,
             &provenance,
@@ -428,11 +414,7 @@ impl AbsoluteWanted<'_> {
         let budget = message.uncertainty_budget.as_ref();
         let told = self.budget.write(budget, &mut written);
         conditions.extend(written.conditions());
-        let report = Report {
-            json,
-            text: describe(&message) + &left_out + &told,
-            conditions,
-        };
+        let report = Report::new(json, describe(&message) + &left_out + &told, conditions);
         let shown = ReportedPlan {
             message,
             provenance,
@@ -540,22 +522,16 @@ fn describe(message: &AbsolutePlanMessage) -> String {
         text += &format!("Assumed exact: {certain}\n");
     }
     if message.test_poses.len() > 1 {
-        let rows: Vec<Vec<String>> = (message.test_poses.iter())
-            .map(|pose| vec![pose.name.clone(), number(pose.rho0_mm, 5)])
-            .collect();
-        text += &format!("\n{}", table(&["test pose", "rho0 [mm]"], &rows));
+        let rows = (message.test_poses.iter())
+            .map(|pose| vec![pose.name.clone(), number(pose.rho0_mm, 5)]);
+        text += &format!("\n{}", table("test pose | rho0 [mm]", rows));
     }
-    let rows: Vec<Vec<String>> = (message.unknowns.iter())
-        .map(|each| {
-            let error = each.standard_error;
-            let error = error.map_or_else(|| "-".to_owned(), |error| format!("{error:.3e}"));
-            vec![each.name.clone(), error, each.unit.clone()]
-        })
-        .collect();
-    text += &format!(
-        "\n{}\n",
-        table(&["unknown", "standard error", "unit"], &rows)
-    );
+    let rows = (message.unknowns.iter()).map(|each| {
+        let error = each.standard_error;
+        let error = or_dash(error, |error| format!("{error:.3e}"));
+        vec![each.name.clone(), error, each.unit.clone()]
+    });
+    text += &format!("\n{}\n", table("unknown | standard error | unit", rows));
     text
 }
 

@@ -5,9 +5,7 @@ use std::sync::atomic::Ordering;
 
 use clap::Args;
 use elastocal::codes::ConditionCode;
-use elastocal::files::output::write_whole;
-use elastocal::laboratory::Campaign;
-use elastocal::laboratory::time::quickest;
+use elastocal::laboratory::{Campaign, time::quickest};
 use elastocal::plan::search::{
     BudgetPoint, Watch, budget_and_proof, cheapest, repeated_configurations,
 };
@@ -19,9 +17,9 @@ use elastocal::view::plots::budget_plot;
 use serde_json::{Value, json};
 
 use super::interruption::ask_search;
-use super::progress::bar;
+use super::progress::{bar, show};
 use super::proof::{ProofArgs, proof_json};
-use super::table::{number, table};
+use super::table::{number, table_of};
 use super::uncertainty_budget::common_sources;
 use super::written::Written;
 use super::{Common, Report, check_outputs, inputs, results, without_effect};
@@ -113,10 +111,7 @@ impl Budget {
                 scenario.seed,
                 proof,
                 watch,
-                &|done, all| {
-                    bar.set_length(all as u64);
-                    bar.set_position(done as u64);
-                },
+                &|done, all| show(&bar, done, all),
             )
         })?;
         let is_cut_short = watch.stop.load(Ordering::Relaxed);
@@ -158,12 +153,11 @@ impl Budget {
         }
         if let Some(path) = &self.plot_out {
             let title = format!("{}: accuracy against measurements", scenario.name);
-            let plot = budget_plot(&title, &points)?;
-            text += &written.noted(path, write_whole(path, plot.as_bytes()));
+            text += &written.save(path, &budget_plot(&title, &points)?);
         }
         conditions.extend(written.conditions());
-        Ok(Report {
-            json: results(
+        Ok(Report::new(
+            results(
                 "budget",
                 &provenance,
                 json!({
@@ -176,7 +170,7 @@ impl Budget {
             ),
             text,
             conditions,
-        })
+        ))
     }
 }
 
@@ -240,15 +234,11 @@ fn describe(points: &[BudgetPoint]) -> String {
     }
     header.push("bound [um]".to_owned());
     let mut rows = Vec::new();
-    for all_different in points
-        .iter()
-        .filter(|point| point.configurations == point.experiments)
-    {
+    for all_different in (points.iter()).filter(|point| point.configurations == point.experiments) {
         let m = all_different.experiments;
         let mut row = vec![m.to_string()];
         row.extend(counts.iter().map(|&count| {
-            points
-                .iter()
+            (points.iter())
                 .find(|point| point.experiments == m && point.configurations == count)
                 .map_or_else(String::new, |point| {
                     let loss = point.rho0_m / all_different.rho0_m - 1.0;
@@ -268,6 +258,5 @@ fn describe(points: &[BudgetPoint]) -> String {
         ));
         rows.push(row);
     }
-    let header: Vec<&str> = header.iter().map(String::as_str).collect();
-    table(&header, &rows)
+    table_of(&header, rows)
 }

@@ -6,10 +6,8 @@ use clap::Args;
 use elastocal::codes::ErrorCode;
 use elastocal::experiment::read_candidates;
 use elastocal::files::FileError;
-use elastocal::files::roles::Roles;
 use elastocal::plan::search::{Candidates, LeftOutCandidates, SearchError};
 use elastocal::quantities::limits::MOST_NAMED;
-use elastocal::record::messages::ProvenanceMessage;
 use elastocal::robot::Load;
 use elastocal::task::{Task, TestPose};
 use elastocal::text::wording::counted;
@@ -56,22 +54,6 @@ impl CandidateArgs {
             None => error.into(),
         }
     }
-
-    /// The file as one that is read.
-    pub fn role<'a>(&self, roles: &'a mut Roles) -> &'a mut Roles {
-        if let Some(path) = &self.candidates {
-            roles.reads("the candidates", path);
-        }
-        roles
-    }
-
-    /// The provenance of what depends on the file.
-    pub fn of(&self, provenance: ProvenanceMessage) -> Result<ProvenanceMessage, FileError> {
-        match &self.candidates {
-            Some(path) => provenance.with_input("candidates", path),
-            None => Ok(provenance),
-        }
-    }
 }
 
 /// Where the robot must be accurate, in place of the scenario's test poses.
@@ -84,11 +66,9 @@ pub struct PoseArgs {
 }
 
 impl PoseArgs {
-    /// The file as one that is read.
-    pub fn role(&self, roles: &mut Roles) {
-        if let Some(path) = &self.test_poses {
-            roles.reads("the test poses", path);
-        }
+    /// The file.
+    pub fn path(&self) -> Option<&Path> {
+        self.test_poses.as_deref()
     }
 
     /// Puts the poses of the file in place of a task's, where one was given.
@@ -136,14 +116,6 @@ impl PoseArgs {
         }
         task.test_poses = poses;
         Ok(())
-    }
-
-    /// The provenance of what depends on the file.
-    pub fn of(&self, provenance: ProvenanceMessage) -> Result<ProvenanceMessage, FileError> {
-        match &self.test_poses {
-            Some(path) => provenance.with_input("test_poses", path),
-            None => Ok(provenance),
-        }
     }
 }
 

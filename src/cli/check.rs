@@ -7,17 +7,16 @@ use clap::Args;
 use elastocal::plan::{Feasibility, read_plan};
 use elastocal::record::json::merge;
 use elastocal::record::messages::{ProvenanceMessage, SchemaMessage};
-use elastocal::record::platform::platform;
-use elastocal::record::understanding::{UnderstandingMessage, UnknownsMessage};
+use elastocal::record::understanding::{understanding_json, unknowns_json};
 use elastocal::understanding::{
-    Understanding, UnderstoodJoint, UnderstoodPose, UnderstoodTruth, impossible, unknowns,
+    Understanding, UnderstoodJoint, UnderstoodPose, UnderstoodTruth, Unknowns, impossible, unknowns,
 };
 use nalgebra::Vector3;
 use serde_json::{Value, json};
 
 use super::printed_error::PrintedError;
 use super::table::table;
-use super::{Common, Report, results, without_effect};
+use super::{Common, Report, program, results, without_effect};
 
 /// Arguments of `check`.
 #[derive(Debug, Args)]
@@ -74,11 +73,8 @@ impl Check {
             (true, Some(_)) => format!("{name} cannot be right\n"),
             (false, _) => format!("{}\n", violations.join("\n")),
         };
-        let told_apart: Vec<UnknownsMessage> = if self.parameters {
+        let told_apart = if self.parameters {
             unknowns(&scenario.task, scenario.seed)
-                .iter()
-                .map(Into::into)
-                .collect()
         } else {
             Vec::new()
         };
@@ -95,31 +91,26 @@ impl Check {
         let problems: Vec<String> = violations.into_iter().chain(found).collect();
         let conditions = violated.into_iter().chain(impossible).collect();
         let json = json!({ "ok": problems.is_empty(), "problems": problems });
-        let mut provenance = ProvenanceMessage::new(&scenario);
-        if let Some(path) = &self.plan {
-            provenance = provenance.with_input("plan", path)?;
-        }
+        let provenance =
+            ProvenanceMessage::new(&scenario).with_optional("plan", self.plan.as_deref())?;
         let mut json = results("check", &provenance, json);
-        let understood = UnderstandingMessage::new(&understanding);
-        merge(&mut json, serde_json::to_value(understood)?);
+        merge(&mut json, understanding_json(&understanding));
         if self.parameters {
-            merge(&mut json, json!({ "identifiable": told_apart }));
+            let each: Vec<Value> = told_apart.iter().map(unknowns_json).collect();
+            merge(&mut json, json!({ "identifiable": each }));
         }
-        Ok(Report {
-            json,
-            text,
-            conditions,
-        })
+        Ok(Report::new(json, text, conditions))
     }
 
     /// A broken scenario, or one with a broken plan, has neither seed nor hash here.
     fn broken(&self, error: &anyhow::Error) -> Value {
         let PrintedError { code, .. } = PrintedError::of(error);
-        let [version, commit] = [elastocal::VERSION, elastocal::COMMIT];
         let scenario = (self.common.scenario().file_stem()).map(OsStr::to_string_lossy);
+        let mut provenance = program();
+        merge(&mut provenance, json!({ "scenario": scenario }));
         json!({
             "schema": SchemaMessage::new("check"),
-            "provenance": { "version": version, "commit": commit, "platform": platform(), "scenario": scenario },
+            "provenance": provenance,
             "ok": false,
             "problems": [error.to_string()],
             "code": code,
@@ -129,37 +120,29 @@ impl Check {
 
 /// The robot as it was understood, for a person.
 pub(super) fn describe(understanding: &Understanding) -> String {
-    let header = [
-        "joint",
-        "range [deg]",
-        "stiffness [N m/rad]",
-        "compliance [rad/(N m)]",
-        "moving mass [kg]",
-        "",
-    ];
-    let rows: Vec<Vec<String>> = (understanding.joints.iter())
-        .map(|joint| {
-            let stiffness = joint.compliance_rad_per_nm.recip();
-            vec![
-                joint.name.clone(),
-                range(joint),
-                if stiffness.is_finite() {
-                    format!("{stiffness:.3e}")
-                } else {
-                    "rigid".to_owned()
-                },
-                format!("{:.3e}", joint.compliance_rad_per_nm),
-                format!("{:.1}", joint.moving_mass_kg),
-                match (joint.drive.passive_at, joint.is_parameter) {
-                    (Some(_), true) => "passive, identified".to_owned(),
-                    (Some(_), false) => "passive".to_owned(),
-                    (None, true) => "identified".to_owned(),
-                    (None, false) => String::new(),
-                },
-            ]
-        })
-        .collect();
-    let mut text = table(&header, &rows);
+    let header =
+        "joint | range [deg] | stiffness [N m/rad] | compliance [rad/(N m)] | moving mass [kg] | ";
+    let rows = (understanding.joints.iter()).map(|joint| {
+        let stiffness = joint.compliance_rad_per_nm.recip();
+        vec![
+            joint.name.clone(),
+            range(joint),
+            if stiffness.is_finite() {
+                format!("{stiffness:.3e}")
+            } else {
+                "rigid".to_owned()
+            },
+            format!("{:.3e}", joint.compliance_rad_per_nm),
+            format!("{:.1}", joint.moving_mass_kg),
+            match (joint.drive.passive_at, joint.is_parameter) {
+                (Some(_), true) => "passive, identified".to_owned(),
+                (Some(_), false) => "passive".to_owned(),
+                (None, true) => "identified".to_owned(),
+                (None, false) => String::new(),
+            },
+        ]
+    });
+    let mut text = table(header, rows);
     text += &format!(
         "\nThe arm reaches {:.0} mm from its first joint; gravity is {:.2} m/s^2.\n",
         understanding.reach_m * 1e3,
@@ -251,19 +234,21 @@ fn describe_pose(understanding: &Understanding, pose: &UnderstoodPose) -> String
 }
 
 /// A minimal set of parameters, and what is redundant beside it.
-fn describe_unknowns(unknowns: &UnknownsMessage) -> String {
+fn describe_unknowns(unknowns: &Unknowns) -> String {
+    let minimal = unknowns.minimal();
     let mut text = format!(
         "From a {} of the calibration tool, {} of {} parameters can be identified together:\n",
-        unknowns.reading,
-        unknowns.minimal_set.len(),
-        unknowns.parameters
+        unknowns.reading.name(),
+        minimal.len(),
+        unknowns.names.len()
     );
-    for line in unknowns.minimal_set.chunks(8) {
+    for line in minimal.chunks(8) {
         text += &format!("  {}\n", line.join(", "));
     }
     text += "These can be left out:\n";
-    for each in &unknowns.redundant {
-        text += &format!("  {}: {}\n", each.parameter, each.reason);
+    for each in &unknowns.freedoms {
+        let parameter = &unknowns.names[each.redundant];
+        text += &format!("  {parameter}: {}\n", each.sentence);
     }
     text + "\n"
 }

@@ -5,13 +5,11 @@ use std::path::PathBuf;
 use clap::Args;
 use elastocal::codes::{Condition, ConditionCode, ErrorCode};
 use elastocal::comparison::record::{COLUMNS, comparison_json, markdown, notes, rows, verdict};
-use elastocal::comparison::results::ResultsFile;
-use elastocal::comparison::{Aspect, Comparison, Rules, compare};
-use elastocal::files::output::write_whole;
-use elastocal::files::roles::Roles;
+use elastocal::comparison::{Aspect, Comparison, Rules, compare, results::ResultsFile};
+use elastocal::files::{output::write_whole, roles::Roles};
 use elastocal::gate::Decision;
 
-use super::table::table;
+use super::table::table_of;
 use super::{Accepted, Report, check_outputs};
 
 /// Arguments of `compare`.
@@ -61,11 +59,11 @@ impl Compare {
         if let Some(path) = &self.markdown {
             write_whole(path, markdown(&base, &new, &comparison).as_bytes())?;
         }
-        Ok(Report {
-            json: comparison_json(&base, &new, &comparison),
-            text: describe(&base, &new, &comparison),
-            conditions: conditions(&comparison),
-        })
+        Ok(Report::new(
+            comparison_json(&base, &new, &comparison),
+            describe(&base, &new, &comparison),
+            conditions(&comparison),
+        ))
     }
 }
 
@@ -118,7 +116,7 @@ fn describe(base: &ResultsFile, new: &ResultsFile, comparison: &Comparison) -> S
         )
     };
     let mut text = origin("base", base) + &origin("new ", new) + "\n";
-    text += &table(&COLUMNS, &rows(comparison.changes.iter()));
+    text += &table_of(&COLUMNS, rows(comparison.changes.iter()));
     text += &format!("\n{}\n", verdict(comparison));
     for note in notes(base, new, comparison) {
         text += &format!("{note}\n");

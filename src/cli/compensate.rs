@@ -7,7 +7,6 @@ use elastocal::calibration::{CompensatedPose, pose_conditions};
 use elastocal::codes::ErrorCode;
 use elastocal::csv::word_field;
 use elastocal::experiment::experiment_columns;
-use elastocal::files::output::write_whole;
 use elastocal::files::{FileError, make_folder};
 use elastocal::laboratory::{
     CampaignError, Dialect, Program, ProgramFile, ProgramTarget, program_to,
@@ -22,7 +21,7 @@ use serde_json::{Value, json};
 use super::dialect::dialect;
 use super::identified::{ScenarioRobot, read_robot, taken_as_believed};
 use super::static_compliance::add_static_compliance;
-use super::table::{number, table};
+use super::table::{number, table_of};
 use super::targets::{TargetFrame, TargetQuestion, Workpiece, compensate_targets};
 use super::written::Written;
 use super::{Common, Report, check_outputs, inputs, named_by_file, results, without_effect};
@@ -79,10 +78,9 @@ impl Compensate {
             mut conditions,
         } = read_robot(&self.common, "compensate", &self.identified)?;
         let method = self.method.unwrap_or(scenario.task.belief.method);
-        let dialect = match &self.program_out {
-            Some(_) => Some(dialect(self.dialect.as_deref(), &scenario)?),
-            None => None,
-        };
+        let dialect = (self.program_out.as_ref())
+            .map(|_| dialect(self.dialect.as_deref(), &scenario))
+            .transpose()?;
         self.check(&scenario, dialect.as_ref())?;
         if let Some(targets) = &self.targets {
             let provenance = ProvenanceMessage::new(&scenario)
@@ -124,14 +122,13 @@ impl Compensate {
             None => Vec::new(),
         };
         if let Some(path) = &self.angles_out {
-            let angles = angles(&scenario.task, &messages);
-            text += &written.noted(path, write_whole(path, angles.as_bytes()));
+            text += &written.save(path, &angles(&scenario.task, &messages));
         }
         if let Some(folder) = &self.program_out {
             make_folder(folder)?;
             for file in &files {
                 let path = folder.join(&file.name);
-                text += &written.noted(&path, write_whole(&path, file.text.as_bytes()));
+                text += &written.save(&path, &file.text);
             }
         }
         conditions.extend(written.conditions());
@@ -148,11 +145,7 @@ impl Compensate {
         }
         let provenance =
             ProvenanceMessage::new(&scenario).with_input("identified", &self.identified)?;
-        let mut report = Report {
-            json: results("compensate", &provenance, keys),
-            text,
-            conditions,
-        };
+        let mut report = Report::new(results("compensate", &provenance, keys), text, conditions);
         if self.static_compliance {
             let Task {
                 belief, test_poses, ..
@@ -167,9 +160,7 @@ impl Compensate {
     fn check(&self, scenario: &Scenario, dialect: Option<&Dialect>) -> Result<(), FileError> {
         let mut roles = inputs(scenario);
         roles.reads("what was identified", &self.identified);
-        if let Some(targets) = &self.targets {
-            roles.reads("the targets", targets);
-        }
+        roles.may_read("the targets", self.targets.as_deref());
         if let (Some(folder), Some(dialect)) = (&self.program_out, dialect) {
             let files = self.files(&Program::default(), scenario, dialect)?;
             let names: Vec<&str> = files.iter().map(|file| &*file.name).collect();
@@ -263,8 +254,8 @@ fn describe(poses: &[TestPoseMessage], unit: &str, is_simulated: bool) -> String
         row.push(angles.join(" "));
         row
     };
-    let rows: Vec<Vec<String>> = poses.iter().map(row).collect();
-    table(&header, &rows)
+    let rows = poses.iter().map(row);
+    table_of(&header, rows)
 }
 
 /// The angles to command as CSV: a row for each test pose, with the task's load and the predicted rms distance.

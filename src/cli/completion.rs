@@ -23,10 +23,10 @@ impl Completion {
             &mut script,
         );
         let text = String::from_utf8(script)?;
-        Ok(Report {
-            json: serde_json::json!({ "completion": text }),
+        Ok(Report::new(
+            serde_json::json!({ "completion": text }),
             text,
-            conditions: Vec::new(),
-        })
+            Vec::new(),
+        ))
     }
 }

@@ -6,9 +6,8 @@ use clap::Args;
 use elastocal::compensation::KnownArm;
 use elastocal::plan::search::Bound;
 use elastocal::plan::{Assessment, Criterion, FurtherError, Plan, posterior, read_plan};
-use elastocal::record::candidates::CandidatesMessage;
-use elastocal::record::json::merge;
 use elastocal::record::messages::{AssessmentMessage, ProvenanceMessage};
+use elastocal::record::{candidates::CandidatesMessage, json::merge};
 use elastocal::scenario::Scenario;
 use elastocal::task::AccuracyKind;
 use elastocal::text::wording::counted;
@@ -22,7 +21,7 @@ use super::conditions::conditions;
 use super::interruption::{STOP, proceed};
 use super::proof::{ProofArgs, leaving_out};
 use super::static_compliance::add_static_compliance;
-use super::table::{number, table};
+use super::table::{number, or_dash, table};
 use super::uncertainty_budget::{self, BudgetArgs};
 use super::written::Written;
 use super::{Common, Report, check_outputs, inputs, rests, results, without_effect};
@@ -79,8 +78,9 @@ impl Evaluate {
             self.budget.out(),
         ];
         roles.reads("the plan", &self.plan);
-        self.poses.role(&mut roles);
-        check_outputs(self.candidates.role(&mut roles), &outputs)?;
+        roles.may_read("the test poses", self.poses.path());
+        roles.may_read("the candidates", self.candidates.path());
+        check_outputs(&mut roles, &outputs)?;
         self.poses.replace(&mut scenario.task)?;
         rests(&scenario)?;
         if scenario.task.design.accuracy == AccuracyKind::Absolute {
@@ -135,8 +135,10 @@ impl Evaluate {
             Assessment::new(&scenario.task, &plan, Some(&rho0)).beside(&bound, &plan)
         };
         let message = AssessmentMessage::new(&scenario, &assessment);
-        let provenance = ProvenanceMessage::new(&scenario).with_input("plan", &self.plan)?;
-        let provenance = self.poses.of(self.candidates.of(provenance)?)?;
+        let provenance = ProvenanceMessage::new(&scenario)
+            .with_input("plan", &self.plan)?
+            .with_optional("candidates", self.candidates.path())?
+            .with_optional("test_poses", self.poses.path())?;
         let mut json = results("evaluate", &provenance, json!({ "gate": scenario.gate }));
         merge(&mut json, serde_json::to_value(&message)?);
         let mut written = Written::default();
@@ -153,11 +155,7 @@ impl Evaluate {
         text += &self.budget.write(budget, &mut written);
         let mut conditions = conditions(&scenario, &assessment);
         conditions.extend(written.conditions());
-        let mut report = Report {
-            json,
-            text,
-            conditions,
-        };
+        let mut report = Report::new(json, text, conditions);
         if self.static_compliance {
             let belief = &scenario.task.belief;
             let (arm, set) = belief.parameters_of_arm()?;
@@ -200,7 +198,7 @@ fn describe_criterion(assessment: &Assessment) -> String {
     let value = assessment.value(*criterion);
     let mut text = format!(
         "{name} = {}; no plan of as many can be {beyond} {:.6e}",
-        value.map_or_else(|| "-".to_owned(), |value| format!("{value:.6e}")),
+        or_dash(value, |value| format!("{value:.6e}")),
         bound.best
     );
     if let Some(efficiency) = assessment.criterion_efficiency() {
@@ -249,31 +247,26 @@ pub fn describe(scenario: &Scenario, assessment: &Assessment) -> String {
     text += &budget(assessment);
     text += &describe_criterion(assessment);
     text.push('\n');
-    let rows: Vec<Vec<String>> = scenario
+    let rows = scenario
         .task
         .belief
         .parameter_names()
         .into_iter()
         .zip(&assessment.standard_errors)
-        .map(|(name, error)| vec![name, number(error.map(|error| error * 1e9), 2)])
-        .collect();
-    text += &table(&["joint", "standard error [1e-9 rad/(N m)]"], &rows);
+        .map(|(name, error)| vec![name, number(error.map(|error| error * 1e9), 2)]);
+    text += &table("joint | standard error [1e-9 rad/(N m)]", rows);
     text.push('\n');
     text += &further(assessment);
-    let rows: Vec<Vec<String>> = assessment
-        .criteria
-        .iter()
-        .map(|(criterion, value)| {
-            let value = value.map_or_else(|| "-".to_owned(), |value| format!("{value:.6e}"));
-            let better = if criterion.is_maximised() {
-                "larger"
-            } else {
-                "smaller"
-            };
-            vec![criterion.name().to_owned(), value, better.to_owned()]
-        })
-        .collect();
-    text += &table(&["criterion", "value", "better"], &rows);
+    let rows = assessment.criteria.iter().map(|(criterion, value)| {
+        let value = or_dash(*value, |value| format!("{value:.6e}"));
+        let better = if criterion.is_maximised() {
+            "larger"
+        } else {
+            "smaller"
+        };
+        vec![criterion.name().to_owned(), value, better.to_owned()]
+    });
+    text += &table("criterion | value | better", rows);
     for violation in &assessment.violations {
         text += &format!("\nviolation: {violation}");
     }
@@ -296,6 +289,6 @@ fn further(assessment: &Assessment) -> String {
         );
         vec![each.name.clone(), error, each.unit.to_owned()]
     };
-    let rows: Vec<Vec<String>> = assessment.further.iter().map(row).collect();
-    table(&["also to be found", "standard error", "unit"], &rows) + "\n"
+    let rows = assessment.further.iter().map(row);
+    table("also to be found | standard error | unit", rows) + "\n"
 }

@@ -67,11 +67,11 @@ impl Explain {
         } else {
             named
         };
-        Report {
-            json: json!({ "schema": SchemaMessage::new("explain"), "codes": codes }),
+        Report::new(
+            json!({ "schema": SchemaMessage::new("explain"), "codes": codes }),
             text,
-            conditions: Vec::new(),
-        }
+            Vec::new(),
+        )
     }
 }
 

@@ -46,8 +46,8 @@ impl Export {
         write_whole(&self.model_out, exported.text.as_bytes())?;
         let mut text = describe(&exported);
         text += &format!("wrote {}\n", self.model_out.display());
-        Ok(Report {
-            json: results(
+        Ok(Report::new(
+            results(
                 "export",
                 &provenance,
                 json!({
@@ -64,7 +64,7 @@ impl Export {
             ),
             text,
             conditions,
-        })
+        ))
     }
 }
 

@@ -8,13 +8,11 @@ use elastocal::identification::{
     Discrepancy, OtherUnknowns, StoredIdentification, impossible_compliance,
 };
 use elastocal::measurement::SimulatedRun;
-use elastocal::numeric::estimable::Estimable;
-use elastocal::numeric::posterior::Posterior;
+use elastocal::numeric::{estimable::Estimable, posterior::Posterior};
 use elastocal::scenario::Scenario;
 use elastocal::task::Fingerprint;
 use elastocal::text::wording::shell_path;
-use elastocal::workflow::calibrated::CalibratedRobot;
-use elastocal::workflow::stored_robot::StoredRobot;
+use elastocal::workflow::{calibrated::CalibratedRobot, stored_robot::StoredRobot};
 
 use super::Common;
 
@@ -153,15 +151,11 @@ pub fn read_identified(
 /// What is known of the compliances and of the other unknowns together.
 fn all_of(compliances: &Posterior, others: OtherUnknowns, sizes: &[f64]) -> Posterior {
     Posterior {
-        names: compliances
-            .names
-            .iter()
+        names: (compliances.names.iter())
             .cloned()
             .chain(others.names)
             .collect(),
-        mean: compliances
-            .mean
-            .iter()
+        mean: (compliances.mean.iter())
             .copied()
             .chain(others.values)
             .collect(),

@@ -4,8 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use elastocal::codes::{ConditionCode, ErrorCode};
-use elastocal::files::FileError;
-use elastocal::files::output::write_whole;
+use elastocal::files::{FileError, output::write_whole};
 use elastocal::identification::{
     Identification, IdentificationError, ParameterGroup, ReadingWeights, Robustness,
     UncertainEstimate,
@@ -13,8 +12,7 @@ use elastocal::identification::{
 use elastocal::measurement::{
     AbsoluteReading, MeasuredFile, Measurement, Origin, controller_compensates, read_measured,
 };
-use elastocal::record::json::merge;
-use elastocal::record::messages::ProvenanceMessage;
+use elastocal::record::{json::merge, messages::ProvenanceMessage};
 use elastocal::scenario::Scenario;
 use elastocal::task::Method;
 use elastocal::text::wording::{counted, shell_path};
@@ -24,7 +22,7 @@ use serde_json::{Value, json};
 
 use super::identify_absolute::Asked;
 use super::study::results::noted;
-use super::table::{number, table};
+use super::table::{number, or_dash, table};
 use super::written::Written;
 use super::{Common, Report, check_outputs, inputs, named_by_file, without_effect};
 use super::{identify_absolute, patterns, repeats, residuals};
@@ -87,9 +85,7 @@ impl Identify {
         ];
         let mut roles = inputs(&scenario);
         roles.reads("the measurements", &self.measurements);
-        if let Some(against) = &self.against {
-            roles.reads("the other measurements", against);
-        }
+        roles.may_read("the other measurements", self.against.as_deref());
         check_outputs(&mut roles, &outputs)?;
         let mut report = match measured {
             MeasuredFile::Deflections(measurements) => {
@@ -249,17 +245,16 @@ impl Identify {
         let mut written = Written::default();
         if let Some(path) = &self.plot_out {
             let title = format!("{}: patterns in the residuals", scenario.name);
-            let plot = patterns_plot(&title, &identified.patterns)?;
-            text += &written.noted(path, write_whole(path, plot.as_bytes()));
+            text += &written.save(path, &patterns_plot(&title, &identified.patterns)?);
         }
-        Ok(Report {
+        Ok(Report::new(
             json,
             text,
-            conditions: (loads_outside.into_iter())
+            (loads_outside.into_iter())
                 .chain(identified.conditions())
                 .chain(written.conditions())
                 .collect(),
-        })
+        ))
     }
 }
 
@@ -286,8 +281,7 @@ const TOLD: f64 = 0.95;
 
 /// What else is uncertain, as far as the measurements tell something of it.
 fn uncertain(identification: &Identification) -> String {
-    let small =
-        |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |value| format!("{value:.3e}"));
+    let small = |value: Option<f64>| or_dash(value, |value| format!("{value:.3e}"));
     let is_told = |each: &&UncertainEstimate| match (each.estimate, each.prior_deviation) {
         (Some(estimate), Some(before)) => estimate.standard_error < TOLD * before,
         _ => true,
@@ -307,8 +301,8 @@ fn uncertain(identification: &Identification) -> String {
     let silent = identification.uncertain.len() - rows.len();
     let mut text = String::new();
     if !rows.is_empty() {
-        let header = ["uncertain", "value", "standard error", "before", "unit"];
-        text += &format!("\n{}", table(&header, &rows));
+        let header = "uncertain | value | standard error | before | unit";
+        text += &format!("\n{}", table(header, rows));
     }
     if silent > 0 {
         text += &format!(
@@ -322,43 +316,34 @@ fn uncertain(identification: &Identification) -> String {
 /// An identification for a person.
 pub fn describe(identification: &Identification) -> String {
     let micro = |value: f64| number(Some(value * 1e6), 4);
-    let rows: Vec<Vec<String>> = identification
-        .parameters
-        .iter()
-        .map(|parameter| {
-            if let Some(estimate) = parameter.estimate {
-                vec![
-                    parameter.name.clone(),
-                    micro(estimate.value),
-                    micro(estimate.standard_error),
-                    format!(
-                        "{} to {}",
-                        micro(estimate.interval95[0]),
-                        micro(estimate.interval95[1])
-                    ),
-                ]
+    let rows = identification.parameters.iter().map(|parameter| {
+        if let Some(estimate) = parameter.estimate {
+            vec![
+                parameter.name.clone(),
+                micro(estimate.value),
+                micro(estimate.standard_error),
+                format!(
+                    "{} to {}",
+                    micro(estimate.interval95[0]),
+                    micro(estimate.interval95[1])
+                ),
+            ]
+        } else {
+            let mut row = vec![parameter.name.clone()];
+            let stays = &identification.stays_nominal;
+            let is_nominal = stays.iter().any(|each| each.name == parameter.name);
+            let why = if is_nominal {
+                "nominal"
             } else {
-                let mut row = vec![parameter.name.clone()];
-                let stays = &identification.stays_nominal;
-                let is_nominal = stays.iter().any(|each| each.name == parameter.name);
-                let why = if is_nominal {
-                    "nominal"
-                } else {
-                    "not determined"
-                };
-                row.extend([why, "-", "-"].map(str::to_owned));
-                row
-            }
-        })
-        .collect();
+                "not determined"
+            };
+            row.extend([why, "-", "-"].map(str::to_owned));
+            row
+        }
+    });
     let mut text = table(
-        &[
-            "joint",
-            "compliance [1e-6 rad/(N m)]",
-            "standard error",
-            "95 % interval",
-        ],
-        &rows,
+        "joint | compliance [1e-6 rad/(N m)] | standard error | 95 % interval",
+        rows,
     );
     text += &uncertain(identification);
     text += &format!(

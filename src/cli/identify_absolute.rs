@@ -2,19 +2,16 @@
 
 use std::path::Path;
 
-use elastocal::files::FileError;
-use elastocal::files::output::write_whole;
+use elastocal::files::{FileError, output::write_whole};
 use elastocal::identification::{
     AbsoluteError, DistanceStatistics, ModelSelection, ParameterGroup, ReadingWeights,
 };
 use elastocal::measurement::{AbsoluteReading, MeasuredFile, read_measured};
 use elastocal::quantities::units::shown_unit;
 use elastocal::record::absolute::{AbsoluteMessage, MountedFrameMessage, UnexplainedMessage};
-use elastocal::record::inconsistencies::InconsistenciesMessage;
-use elastocal::record::json::merge;
-use elastocal::record::messages::ProvenanceMessage;
-use elastocal::record::model_selection::ModelSelectionMessage;
 use elastocal::record::uncertainties::uncertainty_tables;
+use elastocal::record::{inconsistencies::InconsistenciesMessage, json::merge};
+use elastocal::record::{messages::ProvenanceMessage, model_selection::ModelSelectionMessage};
 use elastocal::scenario::Scenario;
 use elastocal::task::Belief;
 use elastocal::text::wording::counted;
@@ -25,7 +22,7 @@ use elastocal::workflow::identify_absolute::{
 use serde_json::json;
 
 use super::study::results::noted;
-use super::table::table;
+use super::table::{DISTANCES, distances, or_dash, table};
 use super::written::Written;
 use super::{Report, patterns, repeats};
 
@@ -61,9 +58,7 @@ pub fn execute(
     } else {
         None
     };
-    let groups = model_selection
-        .as_ref()
-        .map_or(asked.groups, ModelSelection::groups);
+    let groups = (model_selection.as_ref()).map_or(asked.groups, ModelSelection::groups);
     let mut identified =
         identify_absolute(belief, readings, groups, (asked.weights, asked.keeps_all))
             .map_err(wrong)?;
@@ -85,14 +80,12 @@ pub fn execute(
         text += &format!("{}\n", super::model_selection::describe(&model_selection));
         if let Some(path) = asked.plot_out {
             let title = plot("which model the readings pay for");
-            let plot = model_selection_plot(&title, &model_selection)?;
-            text += &written.noted(path, write_whole(path, plot.as_bytes()));
+            text += &written.save(path, &model_selection_plot(&title, &model_selection)?);
         }
         merge(&mut json, json!({ "model_selection": model_selection }));
     } else if let Some(path) = asked.plot_out {
         let title = plot("patterns in the residuals");
-        let plot = patterns_plot(&title, &identified.patterns)?;
-        text += &written.noted(path, write_whole(path, plot.as_bytes()));
+        text += &written.save(path, &patterns_plot(&title, &identified.patterns)?);
     }
     text += &describe(&message);
     if let Some(path) = asked.uncertainties_out {
@@ -113,11 +106,7 @@ pub fn execute(
     text += &noted(&identified.fit.notes());
     let mut conditions = identified.conditions();
     conditions.extend(written.conditions());
-    Ok(Report {
-        json,
-        text,
-        conditions,
-    })
+    Ok(Report::new(json, text, conditions))
 }
 
 /// Writes the variance components of a fit's residuals.
@@ -203,11 +192,10 @@ fn describe(message: &AbsoluteMessage) -> String {
         .map(|each| {
             let (factor, unit) = shown_unit(&each.unit);
             let number = |value: f64| format!("{:.4}", value * factor);
-            let error = each.standard_error.map_or_else(|| "-".to_owned(), number);
-            let interval = each.interval95.map_or_else(
-                || "-".to_owned(),
-                |[low, high]| format!("{} to {}", number(low), number(high)),
-            );
+            let error = or_dash(each.standard_error, number);
+            let interval = or_dash(each.interval95, |[low, high]| {
+                format!("{} to {}", number(low), number(high))
+            });
             let value = match each.standard_error {
                 Some(_) => number(each.value),
                 None => "not determined".to_owned(),
@@ -223,20 +211,11 @@ fn describe(message: &AbsoluteMessage) -> String {
         })
         .collect();
     if !rows.is_empty() {
-        let header = [
-            "unknown",
-            "nominal",
-            "value",
-            "standard error",
-            "95 % interval",
-            "unit",
-        ];
-        text += &format!("\n{}", table(&header, &rows));
+        let header = "unknown | nominal | value | standard error | 95 % interval | unit";
+        text += &format!("\n{}", table(header, rows));
     }
     if !message.left_out.is_empty() {
-        let names: Vec<&str> = message
-            .left_out
-            .iter()
+        let names: Vec<&str> = (message.left_out.iter())
             .map(|each| each.name.as_str())
             .collect();
         text += &format!("\n  Redundant, not fitted: {}\n", names.join(", "));
@@ -266,33 +245,24 @@ fn describe(message: &AbsoluteMessage) -> String {
 
 /// What the discrepancy consists of.
 fn discrepancy_model(found: &UnexplainedMessage) -> String {
-    let rows: Vec<Vec<String>> = (found.joints.iter())
-        .map(|each| {
-            let largest = each
-                .values
-                .iter()
-                .copied()
-                .map(f64::abs)
-                .fold(0.0, f64::max);
-            vec![
-                each.joint.clone(),
-                format!("{:.4}", each.deviation * 1e3),
-                format!("{:.1}", each.length.to_degrees()),
-                format!("{:.4}", largest * 1e3),
-            ]
-        })
-        .collect();
-    let header = [
-        "joint",
-        "off by [mrad]",
-        "alike within [deg]",
-        "largest [mrad]",
-    ];
+    let rows = (found.joints.iter()).map(|each| {
+        let largest = (each.values.iter())
+            .copied()
+            .map(f64::abs)
+            .fold(0.0, f64::max);
+        vec![
+            each.joint.clone(),
+            format!("{:.4}", each.deviation * 1e3),
+            format!("{:.1}", each.length.to_degrees()),
+            format!("{:.4}", largest * 1e3),
+        ]
+    });
+    let header = "joint | off by [mrad] | alike within [deg] | largest [mrad]";
     let turned = found.angle_mrad.as_ref();
     format!(
         "  Of that, joint error functions of this size:\n\n{}  \
          With these, the mean residual is {:.4} mm{}; {}, effective sample size {:.0}.\n",
-        table(&header, &rows),
+        table(header, rows),
         found.distance_mm.mean,
         turned.map_or_else(String::new, |angle| format!(", {:.4} mrad", angle.mean)),
         counted(found.visits as u64, "visit"),
@@ -302,8 +272,7 @@ fn discrepancy_model(found: &UnexplainedMessage) -> String {
 
 fn frames_table(stations: &[MountedFrameMessage], targets: &[MountedFrameMessage]) -> String {
     let joined = |values: &[f64], decimals: usize| {
-        let texts: Vec<String> = values
-            .iter()
+        let texts: Vec<String> = (values.iter())
             .map(|value| format!("{value:.decimals$}"))
             .collect();
         texts.join(" ")
@@ -313,30 +282,20 @@ fn frames_table(stations: &[MountedFrameMessage], targets: &[MountedFrameMessage
             .name
             .as_deref()
             .map_or_else(String::new, |name| format!(" {name}"));
-        let std = |errors: &Option<[f64; 3]>| {
-            errors.map_or_else(|| "-".to_owned(), |errors| joined(&errors, 4))
-        };
+        let std = |errors: &Option<[f64; 3]>| or_dash(*errors, |errors| joined(&errors, 4));
         vec![
             format!("{what}{name}"),
             joined(&frame.position_mm, 4),
             std(&frame.position_std_mm),
-            frame
-                .quaternion
-                .map_or_else(|| "-".to_owned(), |q| joined(&q, 7)),
+            or_dash(frame.quaternion, |q| joined(&q, 7)),
             std(&frame.rotation_std_mrad),
         ]
     };
-    let rows: Vec<Vec<String>> = (stations.iter().map(|frame| row("base at station", frame)))
-        .chain(targets.iter().map(|frame| row("target", frame)))
-        .collect();
-    let header = [
-        "frame",
-        "position [mm]",
-        "standard error",
-        "quaternion w x y z",
-        "standard error [mrad]",
-    ];
-    table(&header, &rows)
+    let rows = (stations.iter().map(|frame| row("base at station", frame)))
+        .chain(targets.iter().map(|frame| row("target", frame)));
+    let header =
+        "frame | position [mm] | standard error | quaternion w x y z | standard error [mrad]";
+    table(header, rows)
 }
 
 /// Distances, and angles where there are any.
@@ -344,26 +303,7 @@ fn distances_table(
     distance_mm: &DistanceStatistics,
     angle_mrad: Option<&DistanceStatistics>,
 ) -> String {
-    let row = |name: &str, lengths: &DistanceStatistics| {
-        let numbers = [
-            lengths.mean,
-            lengths.rms,
-            lengths.quantile95,
-            lengths.largest,
-        ];
-        let cells = numbers.map(|value| format!("{value:.4}"));
-        [vec![name.to_owned()], cells.to_vec()].concat()
-    };
-    let mut rows = vec![row("distance [mm]", distance_mm)];
-    rows.extend(angle_mrad.map(|angles| row("angle [mrad]", angles)));
-    table(
-        &[
-            "read less predicted",
-            "mean",
-            "rms",
-            "95 % below",
-            "largest",
-        ],
-        &rows,
-    )
+    let mut rows = vec![distances("distance [mm]", distance_mm)];
+    rows.extend(angle_mrad.map(|angles| distances("angle [mrad]", angles)));
+    table(DISTANCES, rows)
 }

@@ -3,16 +3,14 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use elastocal::files::output::write_whole;
-use elastocal::files::roles::Roles;
+use elastocal::files::{output::write_whole, roles::Roles};
 use elastocal::measurement::foreign::{ImportedTable, import};
 use elastocal::record::messages::SchemaMessage;
-use elastocal::record::platform::platform;
 use elastocal::text::wording::counted;
 use serde_json::json;
 
 use super::table::table;
-use super::{Report, check_outputs};
+use super::{Report, check_outputs, program};
 
 /// Arguments of `import`.
 #[derive(Debug, Args)]
@@ -49,20 +47,18 @@ impl Import {
         let ranges: Vec<_> = (imported.ranges.iter())
             .map(|(column, range)| json!({ "column": column, "range": range }))
             .collect();
-        Ok(Report {
-            json: json!({
+        Ok(Report::new(
+            json!({
                 "schema": SchemaMessage::new("import"),
-                "provenance": {
-                    "version": elastocal::VERSION, "commit": elastocal::COMMIT, "platform": platform(),
-                },
+                "provenance": program(),
                 "measurements_file": out,
                 "rows": imported.rows,
                 "columns": ranges,
                 "unread": imported.unread,
             }),
             text,
-            conditions: Vec::new(),
-        })
+            Vec::new(),
+        ))
     }
 }
 
@@ -72,7 +68,7 @@ fn describe(path: &Path, imported: &ImportedTable) -> String {
     let ranges: Vec<Vec<String>> = (imported.ranges.iter())
         .map(|(column, [low, high])| vec![column.clone(), shown(*low), shown(*high)])
         .collect();
-    let ranges = table(&["column", "smallest", "largest"], &ranges);
+    let ranges = table("column | smallest | largest", ranges);
     let mut text = format!("{}: {rows}\n{ranges}", path.display());
     if !imported.unread.is_empty() {
         text += &format!("Not read: {}.\n", imported.unread.join(", "));

@@ -6,16 +6,13 @@ use clap::Args;
 use elastocal::codes::ErrorCode;
 use elastocal::files::FileError;
 use elastocal::files::output::{check_writable, write_whole};
-use elastocal::record::json::merge;
-use elastocal::record::messages::SchemaMessage;
-use elastocal::record::platform::platform;
-use elastocal::record::understanding::UnderstandingMessage;
+use elastocal::record::{json::merge, messages::SchemaMessage, understanding::understanding_json};
 use elastocal::scenario::scenario_schema;
 use elastocal::text::wording::shell_path;
 use elastocal::workflow::init::{SCHEMA_FILE, draft};
 use serde_json::json;
 
-use super::Report;
+use super::{Report, program};
 
 /// Arguments of `init`.
 #[derive(Debug, Args)]
@@ -81,20 +78,11 @@ impl Init {
         );
         let mut json = json!({
             "schema": SchemaMessage::new("init"),
-            "provenance": {
-                "version": elastocal::VERSION, "commit": elastocal::COMMIT, "platform": platform(),
-            },
+            "provenance": program(),
             "scenario_file": path,
             "found": draft.found,
         });
-        merge(
-            &mut json,
-            serde_json::to_value(UnderstandingMessage::new(&draft.understanding))?,
-        );
-        Ok(Report {
-            json,
-            text,
-            conditions: Vec::new(),
-        })
+        merge(&mut json, understanding_json(&draft.understanding));
+        Ok(Report::new(json, text, Vec::new()))
     }
 }

@@ -200,9 +200,6 @@ fn describe(finished: &[PathBuf]) -> String {
 }
 
 /// Ends work that was asked to end, before it makes a result of a part.
-///
-/// # Errors
-/// It was asked.
 pub fn proceed() -> Result<(), Interrupted> {
     if STOP.load(Ordering::Relaxed) {
         return Err(Interrupted);

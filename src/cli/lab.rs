@@ -4,15 +4,12 @@ use std::path::PathBuf;
 
 use clap::Args;
 use elastocal::codes::{Condition, ConditionCode, ErrorCode};
-use elastocal::files::output::write_whole;
 use elastocal::files::{FileError, make_folder};
 use elastocal::laboratory::{Campaign, CampaignError, Program, ProgramFile, program};
-use elastocal::measurement::CONTROLLER_COMPENSATES;
-use elastocal::measurement::{RowToFillIn, table_to_fill_in};
+use elastocal::measurement::{CONTROLLER_COMPENSATES, RowToFillIn, table_to_fill_in};
 use elastocal::parameter::Unloaded;
 use elastocal::plan::{Feasibility, Plan, read_plan};
-use elastocal::record::campaign::CampaignMessage;
-use elastocal::record::messages::ProvenanceMessage;
+use elastocal::record::{campaign::campaign_json, messages::ProvenanceMessage};
 use elastocal::scenario::Scenario;
 use elastocal::task::Extended;
 use elastocal::text::wording::counted;
@@ -83,27 +80,23 @@ impl Lab {
         let mut text = describe(&plan, &campaign);
         let path = folder.join(RUN_SHEET);
         let sheet = run_sheet(&scenario, &plan, &campaign);
-        text += &written.noted(&path, write_whole(&path, sheet.as_bytes()));
+        text += &written.save(&path, &sheet);
         for file in &files {
             let path = folder.join(&file.name);
-            text += &written.noted(&path, write_whole(&path, file.text.as_bytes()));
+            text += &written.save(&path, &file.text);
         }
         let provenance = ProvenanceMessage::new(&scenario).with_input("plan", &self.plan)?;
         let costs = &scenario.laboratory.costs;
-        let message = CampaignMessage::new(&commands, costs, &campaign);
-        let mut json = results("lab", &provenance, serde_json::to_value(&message)?);
+        let record = campaign_json(&commands, costs, &campaign);
+        let mut json = results("lab", &provenance, record);
         let [to_fill, record] = FILES.map(|name| folder.join(name));
         let empty = to_fill_in(&scenario, &plan, &campaign);
-        text += &written.noted(&to_fill, write_whole(&to_fill, empty.as_bytes()));
+        text += &written.save(&to_fill, &empty);
         let mut conditions = self.conditions(&scenario, &plan, &campaign);
         let record_text = record_text(&mut json, &conditions)?;
-        text += &written.noted(&record, write_whole(&record, record_text.as_bytes()));
+        text += &written.save(&record, &record_text);
         conditions.extend(written.conditions());
-        Ok(Report {
-            json,
-            text,
-            conditions,
-        })
+        Ok(Report::new(json, text, conditions))
     }
 
     fn conditions(&self, scenario: &Scenario, plan: &Plan, campaign: &Campaign) -> Vec<Condition> {
@@ -173,34 +166,25 @@ fn to_fill_in(scenario: &Scenario, plan: &Plan, campaign: &Campaign) -> String {
 
 /// The stops for a person.
 fn describe(plan: &Plan, campaign: &Campaign) -> String {
-    let rows: Vec<Vec<String>> = (campaign.stops.iter().enumerate())
-        .map(|(index, stop)| {
-            let experiments: Vec<String> = (stop.experiments.iter())
-                .map(|index| (index + 1).to_string())
-                .collect();
-            let load = match (&stop.load, stop.changes_load) {
-                (None, _) => "none".to_owned(),
-                (Some(load), true) => format!("hang {}", elastocal::experiment::in_words(load)),
-                (Some(_), false) => "the same".to_owned(),
-            };
-            vec![
-                (index + 1).to_string(),
-                experiments.join(", "),
-                load,
-                stop.readings.to_string(),
-                stop.side.to_string(),
-                stop.way.via.len().to_string(),
-            ]
-        })
-        .collect();
-    let header = [
-        "stop",
-        "experiment",
-        "load",
-        "readings",
-        "approached with",
-        "over safe poses",
-    ];
+    let rows = (campaign.stops.iter().enumerate()).map(|(index, stop)| {
+        let experiments: Vec<String> = (stop.experiments.iter())
+            .map(|index| (index + 1).to_string())
+            .collect();
+        let load = match (&stop.load, stop.changes_load) {
+            (None, _) => "none".to_owned(),
+            (Some(load), true) => format!("hang {}", elastocal::experiment::in_words(load)),
+            (Some(_), false) => "the same".to_owned(),
+        };
+        vec![
+            (index + 1).to_string(),
+            experiments.join(", "),
+            load,
+            stop.readings.to_string(),
+            stop.side.to_string(),
+            stop.way.via.len().to_string(),
+        ]
+    });
+    let header = "stop | experiment | load | readings | approached with | over safe poses";
     let (hours, minutes) = ((campaign.minutes / 60.0).floor(), campaign.minutes % 60.0);
     let looked = if campaign.is_checked {
         "Every move keeps the clearance."
@@ -209,7 +193,7 @@ fn describe(plan: &Plan, campaign: &Campaign) -> String {
     };
     format!(
         "{}\n{} in {}, {} of load: {hours:.0} h {minutes:.0} min. {looked}\n",
-        table(&header, &rows),
+        table(header, rows),
         counted(plan.measurements().into(), "measurement"),
         counted(campaign.stops.len() as u64, "stop"),
         counted(campaign.load_changes() as u64, "change"),

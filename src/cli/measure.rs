@@ -6,11 +6,9 @@ use clap::Args;
 use elastocal::calibration::{MeasuredRun, measure, measure_noise_free};
 use elastocal::codes::ErrorCode;
 use elastocal::experiment::read_candidates;
-use elastocal::files::FileError;
-use elastocal::files::output::write_whole;
+use elastocal::files::{FileError, output::write_whole};
 use elastocal::measurement::{absolute_table, write_measurements_under};
-use elastocal::plan::absolute::AbsolutePlanning;
-use elastocal::plan::read_plan;
+use elastocal::plan::{absolute::AbsolutePlanning, read_plan};
 use elastocal::record::messages::{MeasurementMessage, ProvenanceMessage, TruthMessage};
 use elastocal::scenario::Scenario;
 use elastocal::study::virtual_readings::virtual_readings;
@@ -80,24 +78,13 @@ impl Measure {
             let joints = task.belief.parameters.iter().copied();
             (measurements, Some(TruthMessage::new(joints, &truth)))
         };
-        let rows: Vec<Vec<String>> = measurements
-            .iter()
-            .enumerate()
-            .map(|(index, each)| {
-                let mut row = vec![(index + 1).to_string()];
-                row.extend(
-                    each.deflection_m
-                        .iter()
-                        .map(|value| format!("{:.4}", value * 1e3)),
-                );
-                row.push(format!("{:.4}", each.deflection_m.norm() * 1e3));
-                row
-            })
-            .collect();
-        let mut text = table(
-            &["experiment", "dx [mm]", "dy [mm]", "dz [mm]", "size [mm]"],
-            &rows,
-        );
+        let rows = measurements.iter().enumerate().map(|(index, each)| {
+            let mut row = vec![(index + 1).to_string()];
+            row.extend((each.deflection_m.iter()).map(|value| format!("{:.4}", value * 1e3)));
+            row.push(format!("{:.4}", each.deflection_m.norm() * 1e3));
+            row
+        });
+        let mut text = table("experiment | dx [mm] | dy [mm] | dz [mm] | size [mm]", rows);
         if let Some(truth) = of_run.as_ref().filter(|_| self.noise_free) {
             text += &truth_words(&task.belief.parameter_names(), truth);
         }
@@ -115,15 +102,15 @@ impl Measure {
         let messages: Vec<MeasurementMessage> = (measurements.iter())
             .map(|each| MeasurementMessage::new(&commands, each))
             .collect();
-        Ok(Report {
-            json: results(
+        Ok(Report::new(
+            results(
                 "measure",
                 &ProvenanceMessage::new(&scenario).with_input("plan", &self.plan)?,
                 json!({ "noise_free": self.noise_free, "run": self.run, "measurements": messages, "truth": of_run }),
             ),
             text,
-            conditions: (scenario.task.loads.outside_plan(&plan, None).into_iter()).collect(),
-        })
+            (scenario.task.loads.outside_plan(&plan, None).into_iter()).collect(),
+        ))
     }
 
     /// A plan of absolute readings, each by itself.
@@ -152,15 +139,15 @@ impl Measure {
             text += &format!("wrote {}\n", path.display());
         }
         let provenance = ProvenanceMessage::new(scenario).with_input("plan", &self.plan)?;
-        Ok(Report {
-            json: results(
+        Ok(Report::new(
+            results(
                 "measure",
                 &provenance,
                 json!({ "accuracy": "absolute", "run": run, "readings": readings.len() }),
             ),
             text,
-            conditions: Vec::new(),
-        })
+            Vec::new(),
+        ))
     }
 }
 
@@ -179,10 +166,10 @@ fn truth_words(joints: &[String], truth: &TruthMessage) -> String {
             unit.to_owned(),
         ]
     });
-    let rows: Vec<Vec<String>> = compliances.map(compliance).chain(sampled).collect();
+    let rows = compliances.map(compliance).chain(sampled);
     format!(
         "\nThe simulated truth of run {}:\n{}",
         truth.run,
-        table(&["parameter", "value", "unit"], &rows)
+        table("parameter | value | unit", rows)
     )
 }

@@ -3,8 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use elastocal::files::make_folder;
-use elastocal::files::roles::Roles;
+use elastocal::files::{make_folder, roles::Roles};
 use elastocal::record::tally_file::join;
 
 use super::study::results::{FILES, Results, write};

@@ -58,19 +58,15 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use clap::{Arg, Args, Parser, Subcommand};
 use elastocal::codes::{Condition, ConditionCode, ErrorCode, condition_code};
-use elastocal::files::FileError;
-use elastocal::files::output::check_writable;
-use elastocal::files::roles::Roles;
-use elastocal::files::shipped;
+use elastocal::files::{FileError, output::check_writable, roles::Roles, shipped};
 use elastocal::measurement::Origin;
 use elastocal::numeric::random::draws::Draws;
-use elastocal::record::json::results;
+use elastocal::record::{json::results, platform::platform};
 use elastocal::scenario::Scenario;
 use elastocal::task::AccuracyKind;
-use elastocal::text::diagnostics::say;
-use elastocal::text::plain;
+use elastocal::text::{diagnostics::say, plain};
 use elastocal::understanding::collapse;
-use serde_json::Value;
+use serde_json::{Value, json};
 
 /// A virtual calibration testbed for the joint stiffness of industrial robots.
 #[derive(Debug, Parser)]
@@ -268,6 +264,15 @@ pub struct Report {
 }
 
 impl Report {
+    /// Results as JSON and as text, and what must be looked at.
+    pub const fn new(json: Value, text: String, conditions: Vec<Condition>) -> Self {
+        Self {
+            json,
+            text,
+            conditions,
+        }
+    }
+
     /// The same with conditions among the results, and marked where they are accepted.
     fn with_accepted(mut self, codes: &[ConditionCode]) -> serde_json::Result<Self> {
         for condition in &mut self.conditions {
@@ -376,20 +381,10 @@ impl Command {
             Self::Select(command) => &command.common,
             Self::Replay(command) => &command.common,
             Self::Reproduce(command) => &command.common,
-            Self::Init(_)
-            | Self::Import(_)
-            | Self::Merge(_)
-            | Self::Compare(_)
-            | Self::View(_)
-            | Self::Explain(_)
-            | Self::Schema(_)
-            | Self::Completion(_)
-            | Self::LoadModel(_) => return None,
+            _ => return None,
         })
     }
-}
 
-impl Command {
     /// The conditions that are accepted.
     fn accepted(&self) -> &[ConditionCode] {
         match self {
@@ -416,10 +411,7 @@ impl Common {
     fn noted_draws(&self) -> Result<Option<Draws>, FileError> {
         match (&self.draws_in, &self.draws_out) {
             (Some(path), _) => {
-                let draws = Draws::from_file(path);
-                draws
-                    .map(Some)
-                    .map_err(|wrong| wrong.or_code(ErrorCode::Draws))
+                (Draws::from_file(path).map(Some)).map_err(|wrong| wrong.or_code(ErrorCode::Draws))
             }
             (None, Some(path)) => {
                 check_writable(path)?;
@@ -549,6 +541,11 @@ fn check_outputs(roles: &mut Roles, options: &[(&str, Option<&Path>)]) -> Result
     }
     roles.check()?;
     named().try_for_each(|(_, path)| check_writable(path))
+}
+
+/// Where results come from that no scenario is behind.
+fn program() -> Value {
+    json!({ "version": elastocal::VERSION, "commit": elastocal::COMMIT, "platform": platform() })
 }
 
 /// More threads than this for each core only cost time and memory.

@@ -6,32 +6,22 @@ use elastocal::record::model_selection::{
 };
 
 use super::residuals::probability;
-use super::table::{number, table};
+use super::table::{number, or_dash, table};
 
 /// So many changes of parameters are told of each nested model.
 const TOLD: usize = 3;
 
 /// Nested models, what they change, and which one to use.
 pub fn describe(model_selection: &ModelSelectionMessage) -> String {
-    let rows: Vec<Vec<String>> = (model_selection.nested_models.iter().enumerate())
-        .map(|(place, nested_model)| {
-            row(
-                nested_model,
-                place,
-                model_selection.recommended == Some(place),
-            )
-        })
-        .collect();
-    let header = [
-        "model",
-        "unknowns",
-        "fitted rms [mm]",
-        "predicted rms [mm]",
-        "loss over the best",
-        "F",
-        "probability",
-    ];
-    let mut text = table(&header, &rows);
+    let rows = (model_selection.nested_models.iter().enumerate()).map(|(place, nested_model)| {
+        row(
+            nested_model,
+            place,
+            model_selection.recommended == Some(place),
+        )
+    });
+    let header = "model | unknowns | fitted rms [mm] | predicted rms [mm] | loss over the best | F | probability";
+    let mut text = table(header, rows);
     text += &format!(
         "  predicted: each of {} blocks of joint space by a fit to the others ({} readings); loss: weighted squares of \
          that, with the standard error of the difference\n",
@@ -80,13 +70,13 @@ fn row(nested_model: &NestedModelMessage, place: usize, is_recommended: bool) ->
         nested_model.unknowns.to_string(),
         rms(nested_model.distance_mm.as_ref().map(|lengths| lengths.rms)),
         rms(predicted.map(|lengths| lengths.rms)),
-        judged.map_or_else(
-            || "-".to_owned(),
-            |judged| format!("{:.4} +- {:.4}", judged.beyond_best, judged.standard_error),
-        ),
+        or_dash(judged, |judged| {
+            format!("{:.4} +- {:.4}", judged.beyond_best, judged.standard_error)
+        }),
         number(nested_model.test.as_ref().map(|test| test.statistic), 1),
-        (nested_model.test.as_ref())
-            .map_or_else(|| "-".to_owned(), |test| probability(test.probability)),
+        or_dash(nested_model.test.as_ref(), |test| {
+            probability(test.probability)
+        }),
     ]
 }
 

@@ -12,8 +12,7 @@ use elastocal::laboratory::next::{
 use elastocal::measurement::{Origin, read_measurements_so_far};
 use elastocal::plan::search::Watch;
 use elastocal::plan::{Feasibility, Plan, Violation, read_plan, take_nearest_turns, write_plan};
-use elastocal::quantities::limits::MOST_EXPERIMENTS;
-use elastocal::quantities::plausible::ACCURACY;
+use elastocal::quantities::{limits::MOST_EXPERIMENTS, plausible::ACCURACY};
 use elastocal::record::messages::{ProvenanceMessage, plan_messages};
 use elastocal::scenario::Scenario;
 use elastocal::task::Task;
@@ -24,7 +23,7 @@ use serde_json::json;
 use super::conditions::search_stopped;
 use super::identify::explained;
 use super::interruption::ask_search;
-use super::progress::bar;
+use super::progress::{bar, show};
 use super::written::Written;
 use super::{
     Common, Report, check_outputs, identify, inputs, named_by_file, results, without_effect,
@@ -83,10 +82,8 @@ impl Next {
         let scenario = (self.common).load_for(&self.measurements, origin.as_ref(), &usage)?;
         let (task, commands) = (&scenario.task, scenario.task.belief.commands());
         let measurements = read_measurements_so_far(&self.measurements, &task.belief)?;
-        let given = match &self.plan {
-            Some(path) => Some(read_plan(path, commands.clone())?),
-            None => None,
-        };
+        let given = (self.plan.as_ref()).map(|path| read_plan(path, commands.clone()));
+        let given = given.transpose()?;
         self.check(&scenario)?;
 
         let belief = &task.belief;
@@ -154,14 +151,12 @@ impl Next {
             text += &written.noted(path, write_plan(path, commands.clone(), next));
         }
         conditions.extend(written.conditions());
-        let mut provenance =
-            ProvenanceMessage::new(&scenario).with_input("measurements", &self.measurements)?;
-        if let Some(plan) = &self.plan {
-            provenance = provenance.with_input("plan", plan)?;
-        }
+        let provenance = ProvenanceMessage::new(&scenario)
+            .with_input("measurements", &self.measurements)?
+            .with_optional("plan", self.plan.as_deref())?;
         let found = found.as_ref();
-        Ok(Report {
-            json: results(
+        Ok(Report::new(
+            results(
                 "next",
                 &provenance,
                 json!({
@@ -177,15 +172,13 @@ impl Next {
             ),
             text,
             conditions,
-        })
+        ))
     }
 
     fn check(&self, scenario: &Scenario) -> Result<(), FileError> {
         let mut roles = inputs(scenario);
         roles.reads("the measurements", &self.measurements);
-        if let Some(plan) = &self.plan {
-            roles.reads("the plan", plan);
-        }
+        roles.may_read("the plan", self.plan.as_deref());
         check_outputs(&mut roles, &[("--plan-out", self.plan_out.as_deref())])
     }
 
@@ -212,10 +205,7 @@ impl Next {
         let stop = ask_search();
         self.common.say("planning what to measure next");
         let bar = bar(self.common.quiet, "searching the plan");
-        let progress = |done: usize, all: usize, _: f64| {
-            bar.set_length(all as u64);
-            bar.set_position(done as u64);
-        };
+        let progress = |done: usize, all: usize, _: f64| show(&bar, done, all);
         let watch = Watch {
             stop,
             progress: &progress,

@@ -6,7 +6,6 @@ use std::sync::atomic::AtomicBool;
 use clap::Args;
 use elastocal::codes::ErrorCode;
 use elastocal::files::FileError;
-use elastocal::files::output::write_whole;
 use elastocal::laboratory::Campaign;
 use elastocal::laboratory::time::{TimedPlan, plans_within};
 use elastocal::plan::search::{
@@ -14,11 +13,9 @@ use elastocal::plan::search::{
     SearchError, Watch,
 };
 use elastocal::plan::{Assessment, Criterion, Plan, take_nearest_turns, write_plan};
-use elastocal::quantities::limits::MOST_EXPERIMENTS;
-use elastocal::quantities::plausible::MINUTES;
-use elastocal::record::candidates::CandidatesMessage;
-use elastocal::record::json::merge;
+use elastocal::quantities::{limits::MOST_EXPERIMENTS, plausible::MINUTES};
 use elastocal::record::messages::{AssessmentMessage, ProvenanceMessage, plan_messages};
+use elastocal::record::{candidates::CandidatesMessage, json::merge};
 use elastocal::scenario::Scenario;
 use elastocal::task::{AccuracyKind, Task};
 use elastocal::text::wording::counted;
@@ -34,7 +31,7 @@ use super::candidates::{CandidateArgs, PoseArgs, told};
 use super::conditions::{conditions, search_stopped};
 use super::evaluate::describe;
 use super::interruption::ask_search;
-use super::progress::bar;
+use super::progress::{bar, show};
 use super::proof::ProofArgs;
 use super::table::table;
 use super::uncertainty_budget::BudgetArgs;
@@ -103,8 +100,7 @@ pub fn design(
         })
     };
     let progress = |bound: &Bound, done: usize, all: usize, cost: f64| {
-        bar.set_length(all as u64);
-        bar.set_position(done as u64);
+        show(&bar, done, all);
         if wanted.criterion == Criterion::TestPose {
             let least = bound.of_size(wanted.experiments).map_or_else(
                 |_| String::new(),
@@ -181,9 +177,9 @@ fn tell(timed: &[TimedPlan]) -> String {
             format!("{:.0}", plan.minutes),
         ]
     };
-    let header = ["configurations", "measurements", "rho0 [um]", "minutes"];
-    let rows: Vec<Vec<String>> = timed.iter().map(row).collect();
-    table(&header, &rows) + "\n"
+    let header = "configurations | measurements | rho0 [um] | minutes";
+    let rows = timed.iter().map(row);
+    table(header, rows) + "\n"
 }
 
 /// What the bound rests on, in words.
@@ -214,8 +210,7 @@ impl PlanCommand {
             text += &written.noted(path, rows);
         }
         if let Some(path) = &self.stills_out {
-            let sheet = stills::sheet(scenario, plan);
-            text += &written.noted(path, write_whole(path, sheet.as_bytes()));
+            text += &written.save(path, &stills::sheet(scenario, plan));
         }
         text
     }
@@ -284,10 +279,7 @@ impl PlanCommand {
             self.criterion.name()
         ));
         let bar = bar(self.common.quiet, "searching the plan");
-        let progress = |done: usize, all: usize, _: f64| {
-            bar.set_length(all as u64);
-            bar.set_position(done as u64);
-        };
+        let progress = |done: usize, all: usize, _: f64| show(&bar, done, all);
         let watch = Watch {
             stop: ask_search(),
             progress: &progress,
@@ -323,8 +315,9 @@ impl PlanCommand {
             "bound_searches_agreeing": 0,
             "candidates": CandidatesMessage::new(candidates),
         });
-        let provenance = self.poses.of(ProvenanceMessage::new(scenario))?;
-        let provenance = self.candidates.of(provenance)?;
+        let provenance = ProvenanceMessage::new(scenario)
+            .with_optional("test_poses", self.poses.path())?
+            .with_optional("candidates", self.candidates.path())?;
         let json = results("plan", &provenance, json);
         let mut report = reported(scenario, &assessment, designed.is_cut_short, (json, text))?;
         report.conditions.extend(written.conditions());
@@ -341,8 +334,9 @@ impl PlanCommand {
             self.budget.out(),
         ];
         let mut roles = inputs(&scenario);
-        self.poses.role(&mut roles);
-        check_outputs(self.candidates.role(&mut roles), &outputs)?;
+        roles.may_read("the test poses", self.poses.path());
+        roles.may_read("the candidates", self.candidates.path());
+        check_outputs(&mut roles, &outputs)?;
         self.poses.replace(&mut scenario.task)?;
         rests(&scenario)?;
         if let Some(experiments) = self.experiments {
@@ -426,7 +420,8 @@ impl PlanCommand {
         let mut text = tell(&timed) + &describe(&scenario, &assessment);
         text += &(left_out(&scenario.task) + "\n");
         let mut written = Written::default();
-        let provenance = self.poses.of(ProvenanceMessage::new(&scenario))?;
+        let provenance =
+            ProvenanceMessage::new(&scenario).with_optional("test_poses", self.poses.path())?;
         text += &(self.proof).tell(designed.wanted_bound(), &provenance, &mut written)?;
         let certificate = &designed.wanted_approximate().certificate;
         text += &rests_on(certificate, &assessment);
@@ -468,9 +463,5 @@ fn reported(
     if is_cut_short {
         conditions.push(search_stopped());
     }
-    Ok(Report {
-        json,
-        text,
-        conditions,
-    })
+    Ok(Report::new(json, text, conditions))
 }

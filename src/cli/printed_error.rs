@@ -9,13 +9,9 @@ use elastocal::identification::IdentificationError;
 use elastocal::mujoco::ModelError;
 use elastocal::plan::search::SearchError;
 use elastocal::robot::EquilibriumError;
-use elastocal::study::StudyError;
-use elastocal::study::absolute::TrialError;
-use elastocal::study::evidence::EvidenceError;
-use elastocal::text::diagnostics::say;
-use elastocal::text::wording::shortened;
-use elastocal::workflow::run::RunError;
-use elastocal::workflow::study::EntryError;
+use elastocal::study::{StudyError, absolute::TrialError, evidence::EvidenceError};
+use elastocal::text::{diagnostics::say, wording::shortened};
+use elastocal::workflow::{run::RunError, study::EntryError};
 
 /// More characters than this of an error nobody reads.
 const LONGEST_ERROR: usize = 4000;

@@ -6,8 +6,7 @@ use std::path::PathBuf;
 use clap::Parser;
 use clap::error::{ContextKind, ContextValue};
 use elastocal::codes::ErrorCode;
-use elastocal::text::diagnostics::say;
-use elastocal::text::renamed;
+use elastocal::text::{diagnostics::say, renamed};
 
 use super::interruption::{self, Interrupted};
 use super::printed_error::PrintedError;

@@ -13,6 +13,12 @@ pub fn note(what: &str, bar: Option<&ProgressBar>) {
     *latest = (what.to_owned(), bar.cloned());
 }
 
+/// Shows on a bar how much of all is done.
+pub fn show(bar: &ProgressBar, done: usize, all: usize) {
+    bar.set_length(all as u64);
+    bar.set_position(done as u64);
+}
+
 /// A bar of known length; shown on a terminal only.
 pub fn bar(quiet: bool, what: &str) -> ProgressBar {
     let target = if quiet {

@@ -6,8 +6,7 @@ use std::time::{Duration, Instant};
 
 use clap::Args;
 use elastocal::codes::ErrorCode;
-use elastocal::files::FileError;
-use elastocal::files::output::write_whole;
+use elastocal::files::{FileError, output::write_whole};
 use elastocal::plan::proof::{NoProof, ProofLimits};
 use elastocal::plan::search::{Bound, ProofEffort, ProofFile};
 use elastocal::record::messages::ProvenanceMessage;

@@ -40,8 +40,8 @@ pub fn describe(repeats: Option<&RepeatsMessage>, what: &str) -> String {
             number(pose.ap_mm, 4),
         ]
     };
-    let rows: Vec<Vec<String>> = repeats.poses.iter().take(SHOWN).map(row).collect();
-    text += &table(&["first row", "visits", "RP [mm]", "AP [mm]"], &rows);
+    let rows = repeats.poses.iter().take(SHOWN).map(row);
+    text += &table("first row | visits | RP [mm] | AP [mm]", rows);
     if repeats.poses.len() > SHOWN {
         let more = repeats.poses.len() - SHOWN;
         text += &format!("  and {} in --json\n", counted(more as u64, "more pose"));

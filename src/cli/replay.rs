@@ -3,9 +3,7 @@
 use clap::Args;
 use elastocal::calibration::{Calibration, calibrate};
 use elastocal::files::make_folder;
-use elastocal::files::output::write_whole;
-use elastocal::plan::Plan;
-use elastocal::plan::search::random_plan;
+use elastocal::plan::{Plan, search::random_plan};
 use elastocal::record::messages::{CalibrationMessage, ProvenanceMessage};
 use elastocal::scenario::Scenario;
 use elastocal::study::{Conditions, Entry, EntryKind, Setting};
@@ -13,7 +11,7 @@ use serde_json::json;
 
 use super::interruption::proceed;
 use super::study::entries;
-use super::table::table;
+use super::table::table_of;
 use super::views::{REPLAY_ENDINGS, ReplayViews};
 use super::written::Written;
 use super::{Common, Report, inputs, results};
@@ -80,13 +78,13 @@ impl Replay {
         let views = ReplayViews::new(&scenario, &calibrations)?;
         let mut written = Written::default();
         let record = folder.join(record);
-        written.note(&record, write_whole(&record, text.as_bytes()));
+        written.save(&record, &text);
         let where_it_is = views.write(&record, &mut written);
-        Ok(Report {
+        Ok(Report::new(
             json,
-            text: describe(&scenario, &calibrations) + &where_it_is,
-            conditions: written.conditions(),
-        })
+            describe(&scenario, &calibrations) + &where_it_is,
+            written.conditions(),
+        ))
     }
 
     /// What an entry measures in the run.
@@ -112,7 +110,6 @@ impl Replay {
 fn describe(scenario: &Scenario, calibrations: &[(String, Calibration)]) -> String {
     let mut header = vec!["plan".to_owned()];
     header.extend((scenario.task.test_poses.iter()).map(|pose| format!("{} [um]", pose.name)));
-    let header: Vec<&str> = header.iter().map(String::as_str).collect();
     let row = |(name, calibration): &(String, Calibration)| {
         let distance = |pose: &elastocal::calibration::CompensatedPose| {
             format!("{:.3}", pose.seen.residual_m.norm() * 1e6)
@@ -121,6 +118,5 @@ fn describe(scenario: &Scenario, calibrations: &[(String, Calibration)]) -> Stri
         row.extend(calibration.poses.iter().map(distance));
         row
     };
-    let rows: Vec<_> = calibrations.iter().map(row).collect();
-    table(&header, &rows)
+    table_of(&header, calibrations.iter().map(row))
 }

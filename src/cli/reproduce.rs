@@ -3,17 +3,14 @@
 use clap::Args;
 use elastocal::codes::{Condition, ConditionCode};
 use elastocal::files::make_folder;
-use elastocal::files::output::write_whole;
-use elastocal::paper::record::ReproductionMessage;
-use elastocal::paper::reproduce;
+use elastocal::paper::{record::ReproductionMessage, reproduce};
 use elastocal::plan::search::Watch;
-use elastocal::record::json::merge;
-use elastocal::record::messages::ProvenanceMessage;
+use elastocal::record::{json::merge, messages::ProvenanceMessage};
 use elastocal::view::report::reproduction_page;
 use serde_json::json;
 
 use super::interruption::{STOP, proceed};
-use super::progress::bar;
+use super::progress::{bar, show};
 use super::table::{number, table};
 use super::views::{REPRODUCTION_PAGE, command_line};
 use super::written::{Written, record_text};
@@ -49,10 +46,7 @@ impl Reproduce {
             stop: &STOP,
             progress: &|_, _, _| {},
         };
-        let reproduction = reproduce(&scenario, trials, watch, &|done, all| {
-            bar.set_length(all as u64);
-            bar.set_position(done as u64);
-        });
+        let reproduction = reproduce(&scenario, trials, watch, &|done, all| show(&bar, done, all));
         bar.finish_and_clear();
         proceed()?;
         let reproduction = reproduction?;
@@ -68,15 +62,15 @@ impl Reproduce {
         let record = record_text(&mut json, &conditions)?;
         let mut written = Written::default();
         let file = folder.join(REPRODUCTION_PAGE);
-        written.note(&file, write_whole(&file, page.as_bytes()));
+        written.save(&file, &page);
         let file = folder.join(FILE);
-        written.note(&file, write_whole(&file, record.as_bytes()));
+        written.save(&file, &record);
         conditions.extend(written.conditions());
-        Ok(Report {
-            text: describe(&message) + &format!("\nResults are in {}\n", folder.display()),
-            conditions,
+        Ok(Report::new(
             json,
-        })
+            describe(&message) + &format!("\nResults are in {}\n", folder.display()),
+            conditions,
+        ))
     }
 }
 
@@ -104,10 +98,7 @@ fn describe(message: &ReproductionMessage) -> String {
         message.trials
     );
     text += &figure_7(message);
-    let own = message
-        .fig7
-        .iter()
-        .rfind(|each| each.printed_mean_mm.is_none());
+    let own = (message.fig7.iter()).rfind(|each| each.printed_mean_mm.is_none());
     if let Some((own, [low, high])) = own.and_then(|own| Some((own, own.random_over_mean_ci95?))) {
         text += &format!(
             "\nResidual error of random plans: {} times that of our optimum ({low:.2} to {high:.2}); the paper has about 1.6 times that of its plans.\n",
@@ -119,27 +110,19 @@ fn describe(message: &ReproductionMessage) -> String {
 
 fn table_6(message: &ReproductionMessage) -> String {
     let micro = |value: Option<f64>| number(value.map(|value| value * 1e3), 3);
-    let rows: Vec<Vec<String>> = (message.table6.iter())
-        .map(|row| {
-            vec![
-                format!("{} in {}", row.experiments, row.configurations),
-                micro(Some(row.printed_rho0_mm)),
-                micro(row.found_rho0_mm),
-                number(row.ratio, 3),
-                micro(Some(row.own_rho0_mm)),
-                micro(row.lower_bound_rho0_mm),
-            ]
-        })
-        .collect();
-    let header = [
-        "measurements",
-        "printed [um]",
-        "Table 4 by eq. 20 [um]",
-        "ratio",
-        "our plan [um]",
-        "bound [um]",
-    ];
-    table(&header, &rows)
+    let rows = (message.table6.iter()).map(|row| {
+        vec![
+            format!("{} in {}", row.experiments, row.configurations),
+            micro(Some(row.printed_rho0_mm)),
+            micro(row.found_rho0_mm),
+            number(row.ratio, 3),
+            micro(Some(row.own_rho0_mm)),
+            micro(row.lower_bound_rho0_mm),
+        ]
+    });
+    let header =
+        "measurements | printed [um] | Table 4 by eq. 20 [um] | ratio | our plan [um] | bound [um]";
+    table(header, rows)
 }
 
 fn figure_7(message: &ReproductionMessage) -> String {
@@ -147,25 +130,17 @@ fn figure_7(message: &ReproductionMessage) -> String {
     let interval = |ends: Option<[f64; 2]>| {
         ends.map_or_else(String::new, |[low, high]| format!("{low:.2} to {high:.2}"))
     };
-    let rows: Vec<Vec<String>> = (message.fig7.iter())
-        .map(|each| {
-            vec![
-                each.runs.name.clone(),
-                micro(each.printed_mean_mm),
-                micro(each.runs.mean_mm),
-                interval((each.runs.mean_ci95_mm).map(|ends| ends.map(|end| end * 1e3))),
-                number(each.random_over_mean, 2),
-                interval(each.random_over_mean_ci95),
-            ]
-        })
-        .collect();
-    let header = [
-        "plan",
-        "printed [um]",
-        "mean [um]",
-        "95 % interval [um]",
-        "random over it",
-        "95 % interval",
-    ];
-    table(&header, &rows)
+    let rows = (message.fig7.iter()).map(|each| {
+        vec![
+            each.runs.name.clone(),
+            micro(each.printed_mean_mm),
+            micro(each.runs.mean_mm),
+            interval((each.runs.mean_ci95_mm).map(|ends| ends.map(|end| end * 1e3))),
+            number(each.random_over_mean, 2),
+            interval(each.random_over_mean_ci95),
+        ]
+    });
+    let header =
+        "plan | printed [um] | mean [um] | 95 % interval [um] | random over it | 95 % interval";
+    table(header, rows)
 }

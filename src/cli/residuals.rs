@@ -2,7 +2,7 @@
 
 use elastocal::identification::{Identification, MeasurementResidual, RejectedReading, Residuals};
 
-use super::table::{number, table};
+use super::table::{number, or_dash, table};
 
 /// So many measurements are listed, those that fit least first.
 const LISTED: usize = 6;
@@ -23,24 +23,16 @@ pub fn describe(
     });
     let all = order.len();
     order.truncate(LISTED);
-    let rows: Vec<Vec<String>> = order
-        .into_iter()
-        .map(|index| {
-            let mut row = row(identification, index, &residuals.measurements[index]);
-            if rejected.iter().any(|each| each.reading == index) {
-                row[0] += " (left out)";
-            }
-            row
-        })
-        .collect();
+    let rows = order.into_iter().map(|index| {
+        let mut row = row(identification, index, &residuals.measurements[index]);
+        if rejected.iter().any(|each| each.reading == index) {
+            row[0] += " (left out)";
+        }
+        row
+    });
     let mut text = table(
-        &[
-            "measurement",
-            "residual x, y, z [mm]",
-            "over its standard deviation",
-            "probability",
-        ],
-        &rows,
+        "measurement | residual x, y, z [mm] | over its standard deviation | probability",
+        rows,
     );
     if all > LISTED {
         text += &format!("  ({} more fit better)\n", all - LISTED);
@@ -57,15 +49,9 @@ fn row(
     let residuals_m = &identification.residuals_m[3 * index..3 * index + 3];
     vec![
         (index + 1).to_string(),
-        three(
-            &mut residuals_m
-                .iter()
-                .map(|value| format!("{:7.4}", value * 1e3)),
-        ),
+        three(&mut (residuals_m.iter()).map(|value| format!("{:7.4}", value * 1e3))),
         three(&mut (residual.standardised.iter()).map(|value| format!("{:>5}", number(*value, 1)))),
-        residual
-            .probability
-            .map_or_else(|| "-".to_owned(), probability),
+        or_dash(residual.probability, probability),
     ]
 }
 

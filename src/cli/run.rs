@@ -5,13 +5,12 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use elastocal::calibration::Calibration;
 use elastocal::files::make_folder;
-use elastocal::files::output::write_whole;
 use elastocal::measurement::write_measurements_under;
-use elastocal::plan::search::RepeatsNeeded;
-use elastocal::plan::{UncertaintyBudget, take_nearest_turns, write_plan};
+use elastocal::plan::{UncertaintyBudget, search::RepeatsNeeded, take_nearest_turns, write_plan};
 use elastocal::record::messages::ProvenanceMessage;
 use elastocal::scenario::Scenario;
 use elastocal::text::wording::counted;
+use elastocal::view::{report::RunRecord, stills};
 use elastocal::workflow::design::Wanted;
 use elastocal::workflow::run::{FailedPlan, RANDOM_PLANS, RunError, RunStage, TriedPlan, run};
 
@@ -21,7 +20,7 @@ use super::plan::design;
 use super::proof::ProofArgs;
 use super::table::{number, table};
 use super::uncertainty_budget::BudgetArgs;
-use super::views::{RUN_FILES, RunShown, RunViews, TARGETS, ViewerTarget};
+use super::views::{RUN_FILES, RunViews, TARGETS, ViewerTarget, command_line};
 use super::written::{Written, record_text, warn};
 use super::{Common, Report, check_outputs, identify, inputs};
 
@@ -90,16 +89,18 @@ impl Run {
             .map(|each| each.calibration.clone())
             .collect();
         let random_rho0_m = outcome.random_rho0_m;
-        let views = RunViews::new(&RunShown {
+        let main = &outcome.tried[0].calibration.1;
+        let record = RunRecord {
             scenario: &scenario,
-            calibrations: &calibrations,
-            records: &outcome.records,
+            plans: &outcome.records,
             evidence: &outcome.evidence,
             random: (RANDOM_PLANS, random_rho0_m.map(|value| value * 1e3)),
             random_repeats: outcome.random_repeats,
             conditions: &outcome.conditions,
-        })?;
-        let main = &outcome.tried[0].calibration.1;
+            command: &command_line(),
+            stills: &stills::figures(&scenario, &main.plan),
+        };
+        let views = RunViews::new(&record, &calibrations)?;
         let mut written = Written::default();
         let text = record_text(&mut json, &outcome.conditions)?;
         write_all(&scenario, &folder, main, &text, &mut written);
@@ -117,11 +118,7 @@ impl Run {
         text += &self.budget.write(budget, &mut written);
         let mut conditions = outcome.conditions;
         conditions.extend(written.conditions());
-        Ok(Report {
-            json,
-            text,
-            conditions,
-        })
+        Ok(Report::new(json, text, conditions))
     }
 }
 
@@ -158,7 +155,7 @@ fn write_all(
         .simulated(scenario.seed, Some(main.truth.run));
     let rows = write_measurements_under(&origin, &measurements, commands, &main.measurements);
     written.note(&measurements, rows);
-    written.note(&results, write_whole(&results, text.as_bytes()));
+    written.save(&results, text);
 }
 
 /// What it means, for a person.
@@ -167,28 +164,19 @@ fn summary(folder: &Path, entries: &[TriedPlan], random: Option<(f64, RepeatsNee
     let mut text = identify::describe(&main.calibration.1.identification);
     text.push('\n');
     let micro = |value: f64| number(Some(value * 1e6), 2);
-    let rows: Vec<Vec<String>> = entries
-        .iter()
-        .map(|entry| {
-            let pose = &entry.calibration.1.poses[0];
-            vec![
-                entry.calibration.0.clone(),
-                number(entry.assessment.rho0_m.map(|value| value * 1e6), 2),
-                number(entry.assessment.efficiency(), 4),
-                micro(pose.seen.residual_m.norm()),
-                entry.assessment.violations.len().to_string(),
-            ]
-        })
-        .collect();
+    let rows = entries.iter().map(|entry| {
+        let pose = &entry.calibration.1.poses[0];
+        vec![
+            entry.calibration.0.clone(),
+            number(entry.assessment.rho0_m.map(|value| value * 1e6), 2),
+            number(entry.assessment.efficiency(), 4),
+            micro(pose.seen.residual_m.norm()),
+            entry.assessment.violations.len().to_string(),
+        ]
+    });
     text += &table(
-        &[
-            "plan",
-            "predicted rms [um]",
-            "efficiency",
-            "observed in this run [um]",
-            "violations",
-        ],
-        &rows,
+        "plan | predicted rms [um] | efficiency | observed in this run [um] | violations",
+        rows,
     );
     for entry in entries {
         if let Some(reason) = entry.assessment.no_bound() {

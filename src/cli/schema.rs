@@ -14,10 +14,7 @@ impl Schema {
     #[expect(clippy::unused_self, reason = "as every command")]
     pub fn execute(&self) -> anyhow::Result<Report> {
         let json = scenario_schema();
-        Ok(Report {
-            text: serde_json::to_string_pretty(&json)? + "\n",
-            json,
-            conditions: Vec::new(),
-        })
+        let text = serde_json::to_string_pretty(&json)? + "\n";
+        Ok(Report::new(json, text, Vec::new()))
     }
 }

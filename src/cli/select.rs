@@ -5,14 +5,11 @@ use std::path::PathBuf;
 use clap::Args;
 use elastocal::codes::{Condition, ConditionCode, ErrorCode};
 use elastocal::files::FileError;
-use elastocal::files::output::write_whole;
-use elastocal::identification::DistanceStatistics;
-use elastocal::identification::ParameterGroup;
+use elastocal::identification::{DistanceStatistics, ParameterGroup};
 use elastocal::measurement::{MeasuredFile, Origin, read_measured};
 use elastocal::quantities::limits::MOST_EXPERIMENTS;
-use elastocal::record::json::merge;
-use elastocal::record::messages::ProvenanceMessage;
 use elastocal::record::selection::{PlannedChoiceMessage, SelectionMessage, SelectionSizeMessage};
+use elastocal::record::{json::merge, messages::ProvenanceMessage};
 use elastocal::scenario::Scenario;
 use elastocal::study::selection::{SelectionOnlooker, SelectionWanted, WITH_FUNCTIONS, select};
 use elastocal::text::wording::{counted, shell_path};
@@ -21,7 +18,7 @@ use serde_json::json;
 
 use super::identify_absolute::explained;
 use super::interruption::ask_search;
-use super::progress::bar;
+use super::progress::{bar, show};
 use super::table::{number, table};
 use super::written::Written;
 use super::{Common, Report, check_outputs, inputs, named_by_file, results, without_effect};
@@ -70,11 +67,7 @@ impl Select {
             let problem = "holds deflections, and readings are chosen of absolute ones".to_owned();
             return Err(wrong(problem).code(ErrorCode::OtherAccuracy).into());
         };
-        if let Some(size) = self
-            .sizes
-            .iter()
-            .find(|size| **size as usize >= readings.len())
-        {
+        if let Some(size) = (self.sizes.iter()).find(|size| **size as usize >= readings.len()) {
             let problem = format!(
                 "holds {}, of which {size} leave none to validate on",
                 counted(readings.len() as u64, "reading")
@@ -88,10 +81,7 @@ impl Select {
                 + self.draws as usize * self.sizes.len()
         ));
         let bar = bar(self.common.quiet, "choosing, calibrating, judging");
-        let progress = |done: usize, all: usize| {
-            bar.set_length(all as u64);
-            bar.set_position(done as u64);
-        };
+        let progress = |done: usize, all: usize| show(&bar, done, all);
         let wanted = SelectionWanted {
             sizes: self.sizes.clone(),
             draws: self.draws,
@@ -132,19 +122,14 @@ impl Select {
         let mut written = Written::default();
         if let Some(path) = &self.plot_out {
             let title = "Calibrated with a few readings, validated on all others";
-            let plot = selection_plot(title, message)?;
-            text += &written.noted(path, write_whole(path, plot.as_bytes()));
+            text += &written.save(path, &selection_plot(title, message)?);
         }
         let provenance =
             ProvenanceMessage::new(scenario).with_input("measurements", &self.measurements)?;
         let mut json = results("select", &provenance, json!({ "groups": self.parameters }));
         merge(&mut json, serde_json::to_value(message)?);
         conditions.extend(written.conditions());
-        Ok(Report {
-            json,
-            text,
-            conditions,
-        })
+        Ok(Report::new(json, text, conditions))
     }
 }
 
@@ -233,18 +218,7 @@ fn of_one_size(of_size: &SelectionSizeMessage) -> String {
             of(random.without_discrepancy_from_true_mm),
         ]);
     }
-    let header = [
-        "chosen by",
-        "mean [mm]",
-        "rms",
-        "predicted rms",
-        "95 % below",
-        "largest",
-        "better than random [%]",
-        "rho0",
-        "from all",
-        "without discrepancy",
-    ];
+    let header = "chosen by | mean [mm] | rms | predicted rms | 95 % below | largest | better than random [%] | rho0 | from all | without discrepancy";
     if random.failed > 0 {
         problems += &format!(
             "  {} of {} random choices give no fit.\n",
@@ -255,6 +229,6 @@ fn of_one_size(of_size: &SelectionSizeMessage) -> String {
         "{} of the readings, {} random choices:\n{}{problems}",
         of_size.size,
         random.draws,
-        table(&header, &rows)
+        table(header, rows)
     )
 }

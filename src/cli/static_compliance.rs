@@ -1,14 +1,15 @@
 //! The static compliance of the tool at the test poses, in JSON and for a person.
 
-use elastocal::compensation::KnownArm;
+use elastocal::compensation::{KnownArm, StaticCompliance};
 use elastocal::record::json::merge;
-use elastocal::record::static_compliance::{PoseComplianceMessage, StaticComplianceMessage};
 use elastocal::robot::EquilibriumError;
 use elastocal::task::TestPose;
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::Report;
 use super::table::table;
+
+const AXES: [usize; 3] = [0, 1, 2];
 
 /// Adds the static compliance of an arm at the test poses to a report.
 pub fn add_static_compliance(
@@ -16,55 +17,53 @@ pub fn add_static_compliance(
     known: &KnownArm<'_>,
     poses: &[TestPose],
 ) -> Result<(), EquilibriumError> {
-    let of_pose = |pose: &TestPose| {
+    let exact = known.exact_compliances();
+    let mut records = Vec::new();
+    for pose in poses {
         let compliance = known.static_compliance(&pose.configuration_rad)?;
-        Ok(PoseComplianceMessage::new(&pose.name, &compliance))
-    };
-    let message = StaticComplianceMessage {
-        assumed_exact: known.exact_compliances(),
-        test_poses: poses.iter().map(of_pose).collect::<Result<_, _>>()?,
-    };
-    report.text += &describe(&message);
-    merge(&mut report.json, json!({ "static_compliance": message }));
+        records.push(record(&pose.name, &compliance));
+        report.text += &describe(&pose.name, &compliance);
+    }
+    if !exact.is_empty() {
+        report.text += &format!("  assumed exact: the compliances of {}\n", exact.join(", "));
+    }
+    let keys = json!({ "assumed_exact": exact, "test_poses": records });
+    merge(&mut report.json, json!({ "static_compliance": keys }));
     Ok(())
 }
 
-/// An entry with its 95 % interval.
-fn entry(value: f64, interval: Option<[f64; 2]>) -> String {
-    let interval = interval.map_or_else(
-        || "not determined".to_owned(),
-        |[low, high]| format!("{low:.6} to {high:.6}"),
-    );
-    format!("{value:.6} ({interval})")
+/// The ends of an entry's 95 % interval (mm/N); none where it depends on what is not determined.
+fn interval_mm(compliance: &StaticCompliance, row: usize, column: usize) -> Option<[f64; 2]> {
+    let interval = compliance.interval95_m_per_n(row, column);
+    interval.map(|ends| ends.map(|end| end * 1e3))
 }
 
-fn describe(message: &StaticComplianceMessage) -> String {
-    let axes = ["x", "y", "z"];
-    let mut text = String::new();
-    for pose in &message.test_poses {
-        let row = |(row, axis): (usize, &&str)| {
-            let cell = |column: usize| {
-                entry(
-                    pose.mm_per_n[row][column],
-                    pose.interval95_mm_per_n[row][column],
-                )
-            };
-            let mut cells = vec![format!("moves along {axis}")];
-            cells.extend([0, 1, 2].map(cell));
-            cells
-        };
-        let rows: Vec<Vec<String>> = axes.iter().enumerate().map(row).collect();
-        text += &format!(
-            "\nstatic compliance at {} [mm/N], with 95 % intervals\n{}",
-            pose.name,
-            table(&["", "by a force along x", "along y", "along z"], &rows)
+/// Rows are displacements, columns forces, along x, y and z of the base.
+fn record(name: &str, compliance: &StaticCompliance) -> Value {
+    let uncertainty = compliance.standard_uncertainty_m_per_n;
+    json!({
+        "name": name,
+        "mm_per_n": AXES.map(|row| AXES.map(|column| compliance.m_per_n[(row, column)] * 1e3)),
+        "standard_uncertainty_mm_per_n": uncertainty.map(|row| row.map(|each| each.map(|each| each * 1e3))),
+        "interval95_mm_per_n": AXES.map(|row| AXES.map(|column| interval_mm(compliance, row, column))),
+    })
+}
+
+fn describe(name: &str, compliance: &StaticCompliance) -> String {
+    let entry = |row: usize, column: usize| {
+        let interval = interval_mm(compliance, row, column).map_or_else(
+            || "not determined".to_owned(),
+            |[low, high]| format!("{low:.6} to {high:.6}"),
         );
-    }
-    if !message.assumed_exact.is_empty() {
-        text += &format!(
-            "  assumed exact: the compliances of {}\n",
-            message.assumed_exact.join(", ")
-        );
-    }
-    text
+        let value = compliance.m_per_n[(row, column)] * 1e3;
+        format!("{value:.6} ({interval})")
+    };
+    let rows = AXES.map(|row| {
+        let name = format!("moves along {}", ["x", "y", "z"][row]);
+        [vec![name], AXES.map(|column| entry(row, column)).to_vec()].concat()
+    });
+    format!(
+        "\nstatic compliance at {name} [mm/N], with 95 % intervals\n{}",
+        table(" | by a force along x | along y | along z", rows)
+    )
 }

@@ -1,20 +1,26 @@
 //! Plain text tables.
 
+use elastocal::identification::DistanceStatistics;
 use elastocal::text::wording::shortened;
 
 /// Names of rows have at most so many characters.
 const LONGEST_NAME: usize = 40;
 
+/// A table whose header has the names of its columns between bars.
+pub fn table(header: &str, rows: impl IntoIterator<Item = Vec<String>>) -> String {
+    table_of(&header.split(" | ").collect::<Vec<_>>(), rows)
+}
+
 /// A table with aligned columns; the first, of names, is left-aligned, the others right-aligned.
-pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
-    let mut rows = rows.to_vec();
+pub fn table_of(header: &[impl AsRef<str>], rows: impl IntoIterator<Item = Vec<String>>) -> String {
+    let mut rows: Vec<Vec<String>> = rows.into_iter().collect();
     for name in rows.iter_mut().filter_map(|row| row.first_mut()) {
         *name = shortened(name, LONGEST_NAME);
     }
     let width = |column: usize| {
         rows.iter()
             .map(|row| row[column].chars().count())
-            .chain([header[column].chars().count()])
+            .chain([header[column].as_ref().chars().count()])
             .max()
             .unwrap_or(0)
     };
@@ -33,14 +39,29 @@ pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
             .collect();
         format!("  {}\n", cells.join("  ").trim_end())
     };
-    let mut text = line(&mut header.iter().copied());
+    let mut text = line(&mut header.iter().map(AsRef::as_ref));
     for row in &rows {
         text += &line(&mut row.iter().map(String::as_str));
     }
     text
 }
 
+/// The columns of [`distances`].
+pub const DISTANCES: &str = "read less predicted | mean | rms | 95 % below | largest";
+
+/// A row of the statistics of some distances or angles.
+pub fn distances(name: &str, each: &DistanceStatistics) -> Vec<String> {
+    let numbers = [each.mean, each.rms, each.quantile95, each.largest];
+    let cells = numbers.map(|value| format!("{value:.4}"));
+    [vec![name.to_owned()], cells.to_vec()].concat()
+}
+
+/// What is shown of something, or a dash where there is nothing.
+pub fn or_dash<T>(of: Option<T>, shown: impl FnOnce(T) -> String) -> String {
+    of.map_or_else(|| "-".to_owned(), shown)
+}
+
 /// A number with the given decimals, or a dash where there is none.
 pub fn number(value: Option<f64>, decimals: usize) -> String {
-    value.map_or_else(|| "-".to_owned(), |value| format!("{value:.decimals$}"))
+    or_dash(value, |value| format!("{value:.decimals$}"))
 }

@@ -7,8 +7,7 @@ use elastocal::codes::{Condition, ConditionCode, ErrorCode};
 use elastocal::compensation::{
     AbsoluteTarget, InverseKinematics, TargetRow, Unreachable, read_targets,
 };
-use elastocal::files::FileError;
-use elastocal::files::output::write_whole;
+use elastocal::files::{FileError, output::write_whole};
 use elastocal::mujoco::frame;
 use elastocal::parameter::ElasticArm;
 use elastocal::record::messages::ProvenanceMessage;
@@ -116,9 +115,11 @@ pub fn compensate_targets(
         }
         list.push(json!({ "line": row.line, "q_commanded_deg": angles, "unreachable": reason }));
     }
-    let heading = format!("commanded angles [{}]", names.unit());
     let mut text = format!("Targets of the tool {name:?} in {said}:\n");
-    text += &table(&["target", &heading], &shown);
+    text += &table(
+        &format!("target | commanded angles [{}]", names.unit()),
+        shown,
+    );
     if !robot.stations.is_empty() && !robot.found_tools[tool] {
         text +=
             &format!("The place of {name:?} on its link was not read: it is the nominal one.\n");
@@ -144,11 +145,11 @@ pub fn compensate_targets(
         "corrects_joint_errors": robot.with_joint_errors.is_some(),
         "targets": list,
     });
-    Ok(Report {
-        json: results("compensate", provenance, keys),
+    Ok(Report::new(
+        results("compensate", provenance, keys),
         text,
         conditions,
-    })
+    ))
 }
 
 fn tool_of(robot: &CalibratedRobot, question: &TargetQuestion<'_>) -> Result<usize, FileError> {
@@ -156,8 +157,7 @@ fn tool_of(robot: &CalibratedRobot, question: &TargetQuestion<'_>) -> Result<usi
         return Ok(robot.machining_tool);
     };
     let tools = &robot.arm.tools;
-    tools
-        .iter()
+    (tools.iter())
         .position(|tool| tool.name == name)
         .ok_or_else(|| {
             let known: Vec<&str> = tools.iter().map(|tool| tool.name.as_str()).collect();
@@ -220,8 +220,7 @@ fn station<'a>(
         Some(other) => &other.stations,
         None => &robot.stations,
     };
-    let names: Vec<&str> = stations
-        .iter()
+    let names: Vec<&str> = (stations.iter())
         .filter_map(|each| each.name.as_deref())
         .collect();
     let several = format!("name one of them with --station: {}", names.join(", "));

@@ -67,8 +67,7 @@ impl JudgedMeasurements {
     }
 
     fn count(&self, decision: Decision) -> usize {
-        self.each
-            .iter()
+        (self.each.iter())
             .filter(|each| each.decision == decision)
             .count()
     }

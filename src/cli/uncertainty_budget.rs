@@ -3,12 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use elastocal::files::output::write_whole;
 use elastocal::plan::{BudgetSource, UncertaintyBudget};
 use elastocal::record::account::ContributionMessage;
 use elastocal::text::wording::significant;
 
-use super::table::{number, table};
+use super::table::{number, or_dash, table};
 use super::written::Written;
 
 /// Where a budget is written.
@@ -32,7 +31,7 @@ impl BudgetArgs {
         };
         let sources = budget.map_or(&[][..], |budget| &budget.sources);
         let csv = BudgetSource::csv(sources);
-        written.noted(path, write_whole(path, csv.as_bytes()))
+        written.save(path, &csv)
     }
 }
 
@@ -47,22 +46,14 @@ pub fn describe(budget: Option<&UncertaintyBudget>, common: Option<(&[String], f
             each.source.clone(),
             each.evaluation.name().to_owned(),
             each.level.name().to_owned(),
-            (each.standard_uncertainty).map_or_else(|| "-".to_owned(), |each| significant(each, 3)),
+            or_dash(each.standard_uncertainty, |each| significant(each, 3)),
             unit.to_owned(),
             number(Some(each.contribution_um), 3),
             number(Some(each.variance_share_percent), 1),
         ]
     };
-    let rows: Vec<Vec<String>> = budget.sources.iter().map(row).collect();
-    let header = [
-        "source",
-        "type",
-        "level",
-        "u(x)",
-        "unit",
-        "contribution [um]",
-        "share [%]",
-    ];
+    let rows = budget.sources.iter().map(row);
+    let header = "source | type | level | u(x) | unit | contribution [um] | share [%]";
     let remark =
         |each: &BudgetSource| Some(format!("  {} {}\n", each.source, each.remark.as_ref()?));
     let remarks: String = budget.sources.iter().filter_map(remark).collect();
@@ -75,15 +66,14 @@ pub fn describe(budget: Option<&UncertaintyBudget>, common: Option<(&[String], f
     let common = common.map(|(names, rho0_mm)| (names, format!("{:.3} um", rho0_mm * 1e3)));
     format!(
         "\n{}{combined}{remarks}{}",
-        table(&header, &rows),
+        table(header, rows),
         common_sources(common)
     )
 }
 
 /// The contributions to the errors of a simulated truth.
 pub fn contributions(sources: &[ContributionMessage]) -> String {
-    let total: f64 = sources
-        .iter()
+    let total: f64 = (sources.iter())
         .map(|each| each.contribution_um.powi(2))
         .sum();
     let row = |each: &ContributionMessage| {
@@ -95,8 +85,8 @@ pub fn contributions(sources: &[ContributionMessage]) -> String {
             number(Some(share), 1),
         ]
     };
-    let rows: Vec<Vec<String>> = sources.iter().map(row).collect();
-    table(&["source", "contribution [um]", "share [%]"], &rows)
+    let rows = sources.iter().map(row);
+    table("source | contribution [um] | share [%]", rows)
 }
 
 /// The accuracy with the error sources that the campaign of the prior has, too.

@@ -16,7 +16,7 @@ use nalgebra::Vector3;
 use serde_json::{Value, json};
 
 use super::identified::read_identified;
-use super::table::table;
+use super::table::{or_dash, table_of};
 use super::tolerance::{JudgedMeasurements, ToleranceArgs};
 use super::validate_absolute;
 use super::written::Written;
@@ -89,11 +89,11 @@ impl Validate {
             }
             conditions.extend(written.conditions());
             let keys = json!({ "plan": plan_messages(&commands, &plan) });
-            return Ok(Report {
-                json: results("validate", &provenance, keys),
+            return Ok(Report::new(
+                results("validate", &provenance, keys),
                 text,
                 conditions,
-            });
+            ));
         };
         let measured = read_measurements(path, &task.belief)?;
         // What the model left unexplained is in other measurements, too.
@@ -108,19 +108,16 @@ impl Validate {
                 validation.probability
             )));
         }
-        let mut report = Report {
-            json: results("validate", &provenance, record(&validation)),
-            text: describe(&validation),
+        let mut report = Report::new(
+            results("validate", &provenance, record(&validation)),
+            describe(&validation),
             conditions,
-        };
+        );
         if let Some(tolerance) = self.tolerance.tolerance() {
             // The model discrepancy is the robot's, and no uncertainty of the measurement.
             let bare = validate(&task.belief, &identified.posterior, &measured)
                 .map_err(|error| FileError::new(path, error.to_string()))?;
-            let each = bare
-                .each
-                .iter()
-                .map(|each| (each.difference_m, each.reading_m2));
+            let each = (bare.each.iter()).map(|each| (each.difference_m, each.reading_m2));
             JudgedMeasurements::new(tolerance, each).report(&mut report);
         }
         Ok(report)
@@ -155,23 +152,21 @@ fn record(validation: &Validation) -> Value {
 
 fn describe(validation: &Validation) -> String {
     let has_rotation = (validation.each.iter()).any(|each| each.rotation_difference_rad.is_some());
-    let rows: Vec<Vec<String>> = (validation.each.iter().enumerate())
-        .map(|(index, each)| {
-            let micro = |value: f64| format!("{:.1}", value * 1e6);
-            let [predicted_m, left_m] = predicted_m(each);
-            let mut row = vec![
-                (index + 1).to_string(),
-                micro(each.difference_m.norm()),
-                micro(predicted_m),
-                micro(left_m),
-            ];
-            if has_rotation {
-                let rotation_rad = each.rotation_difference_rad;
-                row.push(rotation_rad.map_or_else(|| "-".to_owned(), |each| micro(each.norm())));
-            }
-            row
-        })
-        .collect();
+    let rows = (validation.each.iter().enumerate()).map(|(index, each)| {
+        let micro = |value: f64| format!("{:.1}", value * 1e6);
+        let [predicted_m, left_m] = predicted_m(each);
+        let mut row = vec![
+            (index + 1).to_string(),
+            micro(each.difference_m.norm()),
+            micro(predicted_m),
+            micro(left_m),
+        ];
+        if has_rotation {
+            let rotation_rad = each.rotation_difference_rad;
+            row.push(or_dash(rotation_rad, |each| micro(each.norm())));
+        }
+        row
+    });
     let mut header = vec![
         "measurement",
         "measured less predicted [um]",
@@ -183,7 +178,7 @@ fn describe(validation: &Validation) -> String {
     }
     format!(
         "{}\nPredicted and observed differences: p = {:.2}.\n",
-        table(&header, &rows),
+        table_of(&header, rows),
         validation.probability
     )
 }

@@ -17,7 +17,7 @@ use elastocal::workflow::validate_absolute::{
 use serde_json::{Value, json};
 
 use super::identify_absolute::explained;
-use super::table::table;
+use super::table::{DISTANCES, distances, table};
 use super::tolerance::JudgedMeasurements;
 use super::{Report, results};
 
@@ -62,11 +62,11 @@ pub fn execute(
         .with_input("measurements", file)?;
     let text = describe(&validation);
     let conditions = validation.conditions();
-    let mut report = Report {
-        json: results("validate", &provenance, record(&validation)),
+    let mut report = Report::new(
+        results("validate", &provenance, record(&validation)),
         text,
         conditions,
-    };
+    );
     if let Some(tolerance) = tolerance {
         let left = validation.left.iter().map(|each| each.position_m);
         let each = left.zip(validation.readings_m2.iter().copied());
@@ -132,12 +132,7 @@ fn describe(validation: &AbsoluteValidation) -> String {
             .into_iter()
             .zip(lengths(left))
         {
-            let Some(each) = lengths else {
-                continue;
-            };
-            let numbers = [each.mean, each.rms, each.quantile95, each.largest];
-            let cells = numbers.map(|value| format!("{value:.4}"));
-            rows.push([vec![format!("{name}: {what}")], cells.to_vec()].concat());
+            rows.extend(lengths.map(|each| distances(&format!("{name}: {what}"), &each)));
         }
     };
     if let Some(before) = &validation.before {
@@ -145,17 +140,10 @@ fn describe(validation: &AbsoluteValidation) -> String {
     }
     add("identified robot", &validation.left);
     add("with what its joints are off by", &with_joints);
-    let header = [
-        "read less predicted",
-        "mean",
-        "rms",
-        "95 % below",
-        "largest",
-    ];
     let mut text = format!(
         "{} that were not fitted\n{}",
         counted(validation.left.len() as u64, "reading"),
-        table(&header, &rows)
+        table(DISTANCES, rows)
     );
     let share = |part: usize, name: &str| {
         let share = validation.coverage(part)?;

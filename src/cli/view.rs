@@ -8,8 +8,7 @@ use std::time::SystemTime;
 use clap::Args;
 use elastocal::codes::ErrorCode;
 use elastocal::files::FileError;
-use elastocal::text::diagnostics::say;
-use elastocal::text::wording::no_option;
+use elastocal::text::{diagnostics::say, wording::no_option};
 
 use super::Report;
 

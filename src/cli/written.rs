@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use elastocal::codes::{Condition, ConditionCode};
-use elastocal::files::FileError;
+use elastocal::files::{FileError, output::write_whole};
 use elastocal::text::diagnostics::say;
 use serde_json::Value;
 
@@ -60,12 +60,15 @@ impl Written {
         }
     }
 
+    /// Writes a file of text, notes what became of it, and says so if it is there.
+    pub fn save(&mut self, path: &Path, text: &str) -> String {
+        self.noted(path, write_whole(path, text.as_bytes()))
+    }
+
     /// What could not be written, and which files are there all the same.
     pub fn conditions(mut self) -> Vec<Condition> {
         let code = ConditionCode::NotWritten;
-        let mut conditions: Vec<Condition> = self
-            .problems
-            .into_iter()
+        let mut conditions: Vec<Condition> = (self.problems.into_iter())
             .map(|text| code.with(text))
             .collect();
         if self.missing.is_empty() {
@@ -86,8 +89,7 @@ impl Written {
 }
 
 fn list(files: &[PathBuf]) -> String {
-    let names: Vec<String> = files
-        .iter()
+    let names: Vec<String> = (files.iter())
         .map(|file| file.display().to_string())
         .collect();
     names.join(", ")

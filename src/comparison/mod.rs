@@ -9,6 +9,7 @@
 pub mod record;
 pub mod results;
 
+use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -19,7 +20,7 @@ use crate::study::summary::TWO_SIDED_95;
 use results::{Key, ResultNumber, ResultsFile};
 
 /// In what results can differ that makes them answers to different questions.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
 #[serde(rename_all = "snake_case")]
 pub enum Aspect {
     /// The command, or the version of its results.
@@ -100,18 +101,6 @@ pub struct Rules<'a> {
 }
 
 impl Aspect {
-    const ALL: [Self; 9] = [
-        Self::Schema,
-        Self::Scenario,
-        Self::Seed,
-        Self::Experiments,
-        Self::Configurations,
-        Self::Criterion,
-        Self::Trials,
-        Self::Level,
-        Self::Plans,
-    ];
-
     /// The name, as on the command line.
     pub const fn name(self) -> &'static str {
         match self {
@@ -247,7 +236,7 @@ fn differences(base: &ResultsFile, new: &ResultsFile) -> Vec<Difference> {
             new: say(new),
         }
     };
-    let all = Aspect::ALL.into_iter();
+    let all = Aspect::value_variants().iter().copied();
     all.filter(differs).map(difference).collect()
 }
 

@@ -187,10 +187,7 @@ pub fn verdict(comparison: &Comparison) -> String {
     let all = comparison.changes.len();
     let compared = format!("{all} numbers compared ({})", names.join(", "));
     let of = |decision: Decision| {
-        let same = comparison
-            .changes
-            .iter()
-            .filter(|change| change.decision == decision);
+        let same = (comparison.changes.iter()).filter(|change| change.decision == decision);
         same.count()
     };
     match (of(Decision::Reject), of(Decision::Inconclusive)) {

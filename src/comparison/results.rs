@@ -7,9 +7,7 @@ use serde::de::IgnoredAny;
 use serde::{Deserialize, Deserializer};
 use serde_json::Value;
 
-use crate::files::FileError;
-use crate::files::schema::read_results;
-use crate::files::typed::from_json;
+use crate::files::{FileError, schema::read_results, typed::from_json};
 use crate::gate::{Gate, Quantity};
 use crate::record::messages::{ProvenanceMessage, SchemaMessage};
 
@@ -132,9 +130,6 @@ fn there<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<f64>, D::E
 
 impl ResultsFile {
     /// Reads the results of `run`, `plan`, `evaluate` or `study`.
-    ///
-    /// # Errors
-    /// The file is not such results.
     pub fn read(path: &Path) -> Result<Self, FileError> {
         let hint = "files to compare are results.json, study.json, or what --json prints";
         let (text, _) = read_results(path, &["run", "plan", "evaluate", "study"], hint)?;

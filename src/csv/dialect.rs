@@ -19,19 +19,12 @@ pub enum Delimiter {
 impl Delimiter {
     const ALL: [Self; 3] = [Self::Comma, Self::Semicolon, Self::Tab];
 
-    const fn sign(self) -> char {
+    /// Its sign, and what several are called.
+    const fn spelled(self) -> (char, &'static str) {
         match self {
-            Self::Comma => ',',
-            Self::Semicolon => ';',
-            Self::Tab => '\t',
-        }
-    }
-
-    const fn name(self) -> &'static str {
-        match self {
-            Self::Comma => "commas",
-            Self::Semicolon => "semicolons",
-            Self::Tab => "tabs",
+            Self::Comma => (',', "commas"),
+            Self::Semicolon => (';', "semicolons"),
+            Self::Tab => ('\t', "tabs"),
         }
     }
 
@@ -41,26 +34,23 @@ impl Delimiter {
         let said = line.strip_prefix("sep=")?;
         Self::ALL
             .into_iter()
-            .find(|delimiter| said.starts_with(delimiter.sign()))
+            .find(|delimiter| said.starts_with(delimiter.spelled().0))
     }
 
     /// The one in the header, since no column's name contains any.
     pub(super) fn of_header(path: &Path, header: &str) -> Result<Self, FileError> {
         let found: Vec<Self> = Self::ALL
             .into_iter()
-            .filter(|delimiter| header.contains(delimiter.sign()))
+            .filter(|delimiter| header.contains(delimiter.spelled().0))
             .collect();
         match found.as_slice() {
             [] => Ok(Self::Comma),
             [one] => Ok(*one),
-            [one, other, ..] => Err(wrong_table(
-                path,
-                format!(
-                    "found {} and {} between the columns' names; one of them is allowed",
-                    one.name(),
-                    other.name()
-                ),
-            )),
+            [one, other, ..] => {
+                let [one, other] = [one, other].map(|each| each.spelled().1);
+                let found = format!("found {one} and {other} between the columns' names");
+                Err(wrong_table(path, found + "; one of them is allowed"))
+            }
         }
     }
 
@@ -78,7 +68,7 @@ impl Delimiter {
                     .for_each(|field| field.push(sign));
             } else if sign == '"' {
                 quoted = !quoted;
-            } else if sign == self.sign() && !quoted {
+            } else if sign == self.spelled().0 && !quoted {
                 fields.push(String::new());
             } else if let Some(field) = fields.last_mut() {
                 field.push(sign);

@@ -244,9 +244,7 @@ impl<'a> Table<'a> {
 
     /// Whether the file has all of these columns.
     pub fn has(&self, columns: &[&str]) -> bool {
-        columns
-            .iter()
-            .all(|column| self.columns.iter().any(|known| known == column))
+        (columns.iter()).all(|column| self.columns.iter().any(|known| known == column))
     }
 
     /// An error about the header.
@@ -361,8 +359,7 @@ fn check_columns(
             return Err(wrong(format!("found the column {column:?} twice")));
         }
     }
-    required
-        .iter()
+    (required.iter())
         .find(|column| !found.contains(column))
         .map_or(Ok(()), |missing| {
             Err(wrong(format!(

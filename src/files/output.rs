@@ -69,9 +69,6 @@ impl Output {
     }
 
     /// Puts the finished file where it belongs.
-    ///
-    /// # Errors
-    /// It cannot be put there.
     pub fn publish(self) -> Result<(), FileError> {
         let published = match (self.content, &self.destination) {
             (Content::Beside(temporary), Destination::Regular { file, old }) => {

@@ -2,6 +2,7 @@
 
 use std::fs::{File, Metadata, OpenOptions};
 use std::io::{ErrorKind, Read};
+use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -42,18 +43,11 @@ pub(crate) fn unreadable(metadata: &Metadata) -> Option<&'static str> {
     if metadata.is_dir() {
         return Some("is a folder; a file is needed");
     }
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::FileTypeExt;
-        let kind = metadata.file_type();
-        if kind.is_char_device() || kind.is_block_device() {
-            return Some("is a device; a file is needed");
-        }
-        if kind.is_socket() {
-            return Some("is a socket; a file is needed");
-        }
+    let kind = metadata.file_type();
+    if kind.is_char_device() || kind.is_block_device() {
+        return Some("is a device; a file is needed");
     }
-    None
+    kind.is_socket().then_some("is a socket; a file is needed")
 }
 
 fn within_limit(too_large: bool, bytes: Vec<u8>) -> Result<Vec<u8>, String> {
@@ -68,12 +62,7 @@ fn within_limit(too_large: bool, bytes: Vec<u8>) -> Result<Vec<u8>, String> {
 /// Opens without waiting for a writer.
 fn open_pipe(path: &Path) -> std::io::Result<File> {
     let mut options = OpenOptions::new();
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::OpenOptionsExt;
-        options.custom_flags(libc::O_NONBLOCK);
-    }
-    options.read(true).open(path)
+    options.custom_flags(libc::O_NONBLOCK).read(true).open(path)
 }
 
 fn read_pipe(pipe: &mut File) -> Result<Vec<u8>, String> {

@@ -177,10 +177,7 @@ impl Campaign {
             let start = stop.approach.as_ref();
             start.map_or(0.0, |start| apart(start, &stop.configuration))
         };
-        let there = self
-            .stops
-            .iter()
-            .map(|stop| stop.way.length + approach(stop));
+        let there = (self.stops.iter()).map(|stop| stop.way.length + approach(stop));
         there.sum::<f64>() + self.return_way.as_ref().map_or(0.0, |way| way.length)
     }
 

@@ -96,9 +96,6 @@ impl Dialect {
     }
 
     /// One of those that come along.
-    ///
-    /// # Errors
-    /// There is none of this name.
     pub fn known(name: &str) -> Result<Self, DialectError> {
         let found = KNOWN.iter().find(|(known, _)| *known == name);
         let (_, text) = found.ok_or_else(|| DialectError::Unknown(name.to_owned()))?;
@@ -106,9 +103,6 @@ impl Dialect {
     }
 
     /// A dialect from its text.
-    ///
-    /// # Errors
-    /// It is none.
     pub fn read(text: &str) -> Result<Self, DialectError> {
         let wrong = |problem: &str| Err(DialectError::Wrong(problem.to_owned()));
         let dialect: Self = toml::from_str(text)
@@ -140,9 +134,6 @@ impl Dialect {
     }
 
     /// Checks that it is for so many joints.
-    ///
-    /// # Errors
-    /// It is for others.
     pub fn check_joints(&self, joints: usize) -> Result<(), DialectError> {
         if self.axes.len() == joints {
             return Ok(());

@@ -148,9 +148,6 @@ pub struct Rest {
 }
 
 /// Plans the rest of a campaign.
-///
-/// # Errors
-/// No plan is possible.
 pub fn rest(
     left: &Remaining,
     goal: Goal,

@@ -58,9 +58,8 @@ pub fn program(campaign: &Campaign, gravity_m_s2: &Vector3<f64>, title: &str) ->
     let mut steps = Vec::new();
     let mut payload = None;
     if let Some(home) = &campaign.home {
-        steps.push(ProgramStep::Remark(
-            "Start at the first safe pose".to_owned(),
-        ));
+        let start = "Start at the first safe pose";
+        steps.push(ProgramStep::Remark(start.to_owned()));
         steps.push(ProgramStep::Move(home.clone()));
     }
     for (index, stop) in campaign.stops.iter().enumerate() {
@@ -71,15 +70,10 @@ pub fn program(campaign: &Campaign, gravity_m_s2: &Vector3<f64>, title: &str) ->
             if stop.approach.is_none() {
                 steps.push(ProgramStep::Move(stop.configuration.clone()));
             }
-            steps.push(ProgramStep::Halt(format!(
-                "Hang the load {}",
-                in_words(load)
-            )));
+            let hang = format!("Hang the load {}", in_words(load));
+            steps.push(ProgramStep::Halt(hang));
         }
-        let hung = stop
-            .load
-            .as_ref()
-            .and_then(|load| hung_kg(load, gravity_m_s2));
+        let hung = (stop.load.as_ref()).and_then(|load| hung_kg(load, gravity_m_s2));
         if hung != payload {
             steps.push(ProgramStep::Payload(hung));
             payload = hung;
@@ -90,16 +84,22 @@ pub fn program(campaign: &Campaign, gravity_m_s2: &Vector3<f64>, title: &str) ->
         steps.push(ProgramStep::Log);
     }
     if let (Some(home), Some(way)) = (&campaign.home, &campaign.return_way) {
-        steps.push(ProgramStep::Remark(
-            "Back to the first safe pose".to_owned(),
-        ));
-        steps.extend(way.via.iter().cloned().map(ProgramStep::Move));
-        steps.push(ProgramStep::Move(home.clone()));
+        steps.extend(back(way.via.clone(), home));
     }
     Program {
         title: title.to_owned(),
         steps,
     }
+}
+
+/// The steps over safe poses back to the first.
+pub(super) fn back(
+    via: Vec<DVector<f64>>,
+    home: &DVector<f64>,
+) -> impl Iterator<Item = ProgramStep> {
+    let remark = ProgramStep::Remark("Back to the first safe pose".to_owned());
+    let moves = via.into_iter().chain([home.clone()]).map(ProgramStep::Move);
+    [remark].into_iter().chain(moves)
 }
 
 fn remark(number: usize, stop: &Stop) -> String {
@@ -194,14 +194,7 @@ fn target(dialect: &Dialect, commands: &Commands, q: &DVector<f64>) -> String {
 
 /// A name of letters, digits and underscores that begins with a letter.
 fn identifier(name: &str, longest: usize) -> String {
-    let letters = name.chars().map(|letter| {
-        if letter.is_ascii_alphanumeric() {
-            letter
-        } else {
-            '_'
-        }
-    });
-    let mut name: String = letters.collect();
+    let mut name = name.replace(|letter: char| !letter.is_ascii_alphanumeric(), "_");
     if !name.starts_with(|letter: char| letter.is_ascii_alphabetic()) {
         name.insert_str(0, "p_");
     }

@@ -84,10 +84,7 @@ impl Side {
             .take(SIDES)
             .collect();
         let of_wanted = |wanted: &[bool]| {
-            let negative = moves
-                .iter()
-                .enumerate()
-                .filter(|(_, joint)| !wanted[**joint]);
+            let negative = (moves.iter().enumerate()).filter(|(_, joint)| !wanted[**joint]);
             vec![negative.map(|(bit, _)| 1_usize << bit).sum()]
         };
         for pattern in wanted.map_or(all, of_wanted) {

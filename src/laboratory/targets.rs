@@ -4,7 +4,7 @@ use nalgebra::DVector;
 
 use super::side::{Side, wanted_side};
 use super::ways::Ways;
-use super::{CampaignError, Laboratory, Program, ProgramStep};
+use super::{CampaignError, Laboratory, Program, ProgramStep, program};
 use crate::robot::Load;
 use crate::task::Task;
 
@@ -29,8 +29,7 @@ pub fn program_to(
     targets: &[ProgramTarget],
     title: &str,
 ) -> Result<Program, CampaignError> {
-    let configurations: Vec<DVector<f64>> = targets
-        .iter()
+    let configurations: Vec<DVector<f64>> = (targets.iter())
         .map(|each| each.configuration.clone())
         .collect();
     let mut ways = Ways::new(task, &laboratory.safe_poses, &configurations);
@@ -41,16 +40,8 @@ pub fn program_to(
         let q = &target.configuration;
         check_range(task, target)?;
         let judge = ways.judge();
-        let wanted = wanted_side(task, None);
-        let free = [Load::NONE];
-        let (side, approach) = Side::free(
-            task,
-            laboratory.approach,
-            judge,
-            q,
-            &free,
-            wanted.as_deref(),
-        );
+        let (wanted, by) = (wanted_side(task, None), laboratory.approach);
+        let (side, approach) = Side::free(task, by, judge, q, &[Load::NONE], wanted.as_deref());
         let end = approach.as_ref().unwrap_or(q);
         steps.push(ProgramStep::Remark(format!(
             "{}, approached with {side}",
@@ -66,11 +57,7 @@ pub fn program_to(
     if let (Some(home), Some((_, last))) = (home, &last) {
         let back = ways.find(last, home, &[Load::NONE], 0);
         let back = back.ok_or_else(|| no_way("from the last target", "the first safe pose"))?;
-        steps.push(ProgramStep::Remark(
-            "Back to the first safe pose".to_owned(),
-        ));
-        steps.extend(back.via.into_iter().map(ProgramStep::Move));
-        steps.push(ProgramStep::Move(home.clone()));
+        steps.extend(program::back(back.via, home));
     }
     Ok(Program {
         title: title.to_owned(),

@@ -75,19 +75,13 @@ pub fn quickest<'a, T>(
     plans.sort_by(|one, other| one.0.total_cmp(&other.0));
     let mut best: Option<(f64, T)> = None;
     for (at_least, plan, with) in plans {
-        if best
-            .as_ref()
-            .is_some_and(|(minutes, _)| *minutes <= at_least)
-        {
+        if (best.as_ref()).is_some_and(|(minutes, _)| *minutes <= at_least) {
             break;
         }
         let Ok(campaign) = Campaign::new(task, laboratory, plan, false) else {
             continue;
         };
-        if best
-            .as_ref()
-            .is_none_or(|(minutes, _)| campaign.minutes < *minutes)
-        {
+        if (best.as_ref()).is_none_or(|(minutes, _)| campaign.minutes < *minutes) {
             best = Some((campaign.minutes, with));
         }
     }
@@ -129,9 +123,7 @@ pub fn plans_within(
     let mut way_min = 0.0;
     let mut idle = 0;
     for configurations in fewest..=CONFIGURATIONS {
-        let best = plans
-            .iter()
-            .fold(f64::INFINITY, |best, plan| best.min(plan.rho0_m));
+        let best = (plans.iter()).fold(f64::INFINITY, |best, plan| best.min(plan.rho0_m));
         let expected_min = way_min * f64::from(configurations);
         match search.plan(configurations, expected_min, watch)? {
             Some((plan, ways_min)) => {

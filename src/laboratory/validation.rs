@@ -18,9 +18,6 @@ const CANDIDATES: u32 = 400;
 /// The experiments of a validation: of many random ones those whose deflection is known least by what is
 /// identified, each after those before it are measured. What depends on compliances that were not determined is
 /// left out: nothing is predicted there.
-///
-/// # Errors
-/// No experiment is possible.
 pub fn validation_plan(
     task: &Task,
     posterior: &Posterior,

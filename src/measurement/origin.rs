@@ -21,9 +21,8 @@ pub const CONTROLLER_COMPENSATES: &str = "controller_compensates: ";
 /// The file cannot be read, or says neither yes nor no.
 pub fn controller_compensates(path: &Path) -> Result<bool, FileError> {
     let comments = comments(path)?;
-    let said = comments
-        .iter()
-        .find_map(|line| line.strip_prefix(CONTROLLER_COMPENSATES.trim_end()));
+    let said =
+        (comments.iter()).find_map(|line| line.strip_prefix(CONTROLLER_COMPENSATES.trim_end()));
     match said.map(str::trim) {
         None | Some("no") => Ok(false),
         Some("yes") => Ok(true),

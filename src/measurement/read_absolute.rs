@@ -97,8 +97,7 @@ impl AbsoluteGroups {
                 ROTATION_SIGMA.contains(column) || column.starts_with('c') && column.contains('r')
             };
             let lost = [&ROTATION_SIGMA[..], &names].concat();
-            if let Some(found) = lost
-                .iter()
+            if let Some(found) = (lost.iter())
                 .filter(of_rotation)
                 .find(|column| table.has(&[column]))
             {

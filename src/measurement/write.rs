@@ -9,8 +9,7 @@ use super::columns::{
 };
 use super::{Measurement, Origin};
 use crate::experiment::{APPROACH, experiment_columns, experiment_fields};
-use crate::files::FileError;
-use crate::files::output::write_whole;
+use crate::files::{FileError, output::write_whole};
 use crate::quantities::units::thousandths;
 use crate::robot::{Approach, Commands, Load};
 
@@ -111,8 +110,7 @@ pub fn deflection_table(
     commands: &Commands,
     measurements: &[Measurement],
 ) -> Result<String, FileError> {
-    let has = |what, is_there: fn(&Measurement) -> bool| match measurements
-        .iter()
+    let has = |what, is_there: fn(&Measurement) -> bool| match (measurements.iter())
         .filter(|each| is_there(each))
         .count()
     {

@@ -62,9 +62,7 @@ pub fn absolute_table(commands: &Commands, readings: &[AbsoluteReading]) -> Stri
         if has_load {
             push(each.load.wrench().as_slice());
         }
-        let said = words
-            .iter()
-            .map(|&index| word_field(&word(each, index).unwrap_or_default()));
+        let said = (words.iter()).map(|&index| word_field(&word(each, index).unwrap_or_default()));
         fields.extend(said);
         let mut push = |values: &[f64]| fields.extend(values.iter().map(ToString::to_string));
         push(each.position_m.map(thousandths).as_slice());

@@ -45,10 +45,7 @@ pub(super) fn leave_out(spec: &mut MjSpec) -> Result<Vec<String>, String> {
         deleted.map_err(|error| error.to_string())?;
         let mut index = 0;
         while let Some(equality) = spec.equality_iter_mut().nth(index) {
-            if !names
-                .iter()
-                .any(|name| name == equality.name1() || name == equality.name2())
-            {
+            if !(names.iter()).any(|name| name == equality.name1() || name == equality.name2()) {
                 index += 1;
                 continue;
             }

@@ -60,9 +60,6 @@ impl Model {
 
     /// Makes this model, which is `nominal` with other changes, the one with these: without a copy of what does not
     /// change, where nobody else has it.
-    ///
-    /// # Errors
-    /// See [`Self::with_changes`].
     pub fn become_changed(
         &mut self,
         nominal: &Self,

@@ -114,9 +114,6 @@ impl Model {
     }
 
     /// The identifier of a joint.
-    ///
-    /// # Errors
-    /// There is no such joint.
     pub fn joint(&self, name: &str) -> Result<usize, ModelError> {
         (0..self.joints())
             .find(|&joint| self.joint_name(joint) == name)

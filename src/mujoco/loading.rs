@@ -26,17 +26,18 @@ impl Model {
                 let mut spec = specification_of(path)?;
                 let left_out =
                     beside::leave_out(&mut spec).map_err(|error| refused(path, error))?;
-                let inner = spec
-                    .compile()
-                    .map_err(|error| refused(path, error.to_string()))?;
-                return Ok(Self {
-                    left_out: Arc::new(left_out),
-                    ..Self::new(inner, path)?
-                });
+                return Self::compiled((spec, left_out), path);
             }
             return Self::new(inner, path);
         };
-        let (mut spec, left_out) = read.spec(path)?;
+        Self::compiled(read.spec(path)?, path)
+    }
+
+    /// The model of a specification, from which this was left out.
+    fn compiled(
+        (mut spec, left_out): (MjSpec, Vec<String>),
+        path: &Path,
+    ) -> Result<Self, ModelError> {
         let inner = (spec.compile()).map_err(|error| refused(path, error.to_string()))?;
         Ok(Self {
             left_out: Arc::new(left_out),
@@ -54,20 +55,15 @@ impl Model {
         if additions.is_empty() {
             return Self::load(path);
         }
-        let refused = |message: String| refused(path, message);
         let plain = Self::load(path)?;
         let (mut spec, left_out) = plain.specification()?;
         for obstacle in &additions.obstacles {
-            obstacle::add(&mut spec, obstacle).map_err(refused)?;
+            obstacle::add(&mut spec, obstacle).map_err(|message| refused(path, message))?;
         }
         if !additions.tools.is_empty() || !additions.payloads.is_empty() {
             plain.mount(&mut spec, additions)?;
         }
-        let inner = spec.compile().map_err(|error| refused(error.to_string()))?;
-        Ok(Self {
-            left_out: Arc::new(left_out),
-            ..Self::new(inner, path)?
-        })
+        Self::compiled((spec, left_out), path)
     }
 
     /// What the file of this model says, to be edited, and what is left out of it, in words. The model is what the file says alone.

@@ -39,10 +39,7 @@ impl Model {
         }
         let is_locked = |joint: i32| {
             // A joint equality with one joint alone has none for its second.
-            joint < 0
-                || locked
-                    .iter()
-                    .any(|&(each, _)| usize::try_from(joint) == Ok(each))
+            joint < 0 || (locked.iter()).any(|&(each, _)| usize::try_from(joint) == Ok(each))
         };
         for equality in 0..model.eq_type().len() {
             if model.eq_type()[equality] == MjtEq::mjEQ_JOINT

@@ -145,9 +145,6 @@ impl Model {
     }
 
     /// The identifier of a site.
-    ///
-    /// # Errors
-    /// There is no such site.
     pub fn site(&self, name: &str) -> Result<usize, ModelError> {
         // The bindings' strings end at a zero.
         (!name.contains('\0'))

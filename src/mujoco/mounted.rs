@@ -53,9 +53,6 @@ impl Additions {
 
 impl Model {
     /// A body by its name, or that of a site, with the frame of what was named in the body's.
-    ///
-    /// # Errors
-    /// There is neither.
     pub(super) fn carrier(&self, name: &str) -> Result<(usize, Isometry3<f64>), ModelError> {
         let body = (1..self.bodies()).find(|&body| self.body_name(body) == name);
         if let Some(body) = body {

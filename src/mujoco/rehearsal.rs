@@ -5,6 +5,7 @@
 //! the first compilation is the only one.
 
 use std::io::Read;
+use std::os::unix::process::ExitStatusExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::{Mutex, PoisonError};
@@ -13,10 +14,8 @@ use std::time::{Duration, Instant};
 /// A model that takes longer is given up.
 const PATIENCE: Duration = Duration::from_mins(1);
 /// The same in time of the processor (s).
-#[cfg(unix)]
 const PROCESSOR_S: libc::rlim_t = 30;
 /// The memory that compiling a model may take (bytes).
-#[cfg(unix)]
 const MEMORY: libc::rlim_t = 4 << 30;
 
 static STAGE: Mutex<Rehearsals> = Mutex::new(Rehearsals {
@@ -48,7 +47,6 @@ fn stage<T>(use_it: impl FnOnce(&mut Rehearsals) -> T) -> T {
 
 /// Limits this process, the child, to the time and memory that a model may take.
 pub fn limit_process() {
-    #[cfg(unix)]
     for (resource, most) in [
         (libc::RLIMIT_CPU, PROCESSOR_S),
         (libc::RLIMIT_AS, MEMORY),
@@ -108,19 +106,10 @@ pub(super) fn rehearse(model: &Path) -> Result<(), Refusal> {
 
 /// Whether the user ended the child, and this process too.
 fn is_stopped(status: ExitStatus) -> bool {
-    #[cfg(unix)]
-    {
-        use std::os::unix::process::ExitStatusExt;
-        [libc::SIGINT, libc::SIGTERM, libc::SIGHUP]
-            .map(Some)
-            .contains(&status.signal())
-            || status.code() == Some(130)
-    }
-    #[cfg(not(unix))]
-    {
-        let _ = status;
-        false
-    }
+    [libc::SIGINT, libc::SIGTERM, libc::SIGHUP]
+        .map(Some)
+        .contains(&status.signal())
+        || status.code() == Some(130)
 }
 
 /// What the child says is wrong with the model, or else how it ended.

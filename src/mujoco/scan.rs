@@ -3,8 +3,9 @@
 
 use std::path::{Path, PathBuf};
 
-use roxmltree::{Document, Node, ParsingOptions};
+use roxmltree::{Document, Node};
 
+use super::urdf::parsed;
 use crate::files::source;
 use crate::quantities::limits::{MOST_ELEMENTS, MOST_PARTS};
 use crate::text::wording::shortened;
@@ -59,11 +60,7 @@ impl Scan<'_> {
             return Err(name(path, "is not UTF-8 text"));
         };
         // What MuJoCo takes for XML and this reader does not, MuJoCo judges.
-        let options = ParsingOptions {
-            allow_dtd: true,
-            ..ParsingOptions::default()
-        };
-        let Ok(document) = Document::parse_with_options(&text, options) else {
+        let Ok(document) = parsed(&text) else {
             return Ok(());
         };
         self.parts += 1;

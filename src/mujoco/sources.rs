@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::ModelError;
-use super::urdf::Urdf;
+use super::urdf::{Urdf, parsed};
 
 /// What only pictures show.
 const PICTURES: [&str; 2] = ["texture", "skin"];
@@ -33,17 +33,13 @@ pub fn sources(model: &Path) -> Result<Vec<PathBuf>, ModelError> {
             path: file.clone(),
             message: format!("XML: {error}"),
         };
-        let options = roxmltree::ParsingOptions {
-            allow_dtd: true,
-            ..roxmltree::ParsingOptions::default()
-        };
         if let Some(urdf) = Urdf::read(&file, &text, true) {
             for mesh in urdf.meshes {
                 push_new(&mut found, mesh);
             }
             continue;
         }
-        let document = roxmltree::Document::parse_with_options(&text, options).map_err(compile)?;
+        let document = parsed(&text).map_err(compile)?;
         push_new(&mut folders, folder_of(&file));
         let elements = || document.descendants().filter(roxmltree::Node::is_element);
         for compiler in elements().filter(|each| each.has_tag_name("compiler")) {

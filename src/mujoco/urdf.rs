@@ -49,11 +49,7 @@ pub(super) struct Urdf {
 impl Urdf {
     /// A file's text, if it is a URDF; without any mesh where these are no good.
     pub fn read(path: &Path, text: &str, with_meshes: bool) -> Option<Self> {
-        let options = ParsingOptions {
-            allow_dtd: true,
-            ..ParsingOptions::default()
-        };
-        let document = Document::parse_with_options(text, options).ok()?;
+        let document = parsed(text).ok()?;
         let root = document.root_element();
         if root.tag_name().name() != "robot" {
             return None;
@@ -83,6 +79,15 @@ impl Urdf {
             neighbours: neighbours(root),
         })
     }
+}
+
+/// Reads a text as XML, as MuJoCo takes it: it may declare a document's type.
+pub(super) fn parsed(text: &str) -> Result<Document<'_>, roxmltree::Error> {
+    let options = ParsingOptions {
+        allow_dtd: true,
+        ..ParsingOptions::default()
+    };
+    Document::parse_with_options(text, options)
 }
 
 /// The joints of a description: whether it moves, its parent link and its child link.
@@ -122,30 +127,18 @@ fn neighbours(root: Node<'_, '_>) -> Vec<[String; 2]> {
     pairs
 }
 
+/// An attribute that is a number.
+pub(super) fn number(node: Node<'_, '_>, name: &str) -> Option<f64> {
+    node.attribute(name)?.trim().parse().ok()
+}
+
 /// Whether a tensor of inertia can be one: symmetric with positive eigenvalues.
 fn is_inertia(node: Node<'_, '_>) -> bool {
-    let of = |name| {
-        node.attribute(name)
-            .and_then(|value| value.trim().parse::<f64>().ok())
-    };
-    let entry = |name| of(name).unwrap_or(f64::NAN);
-    let (xy, xz, yz) = (entry("ixy"), entry("ixz"), entry("iyz"));
-    let tensor = nalgebra::Matrix3::new(
-        entry("ixx"),
-        xy,
-        xz,
-        xy,
-        entry("iyy"),
-        yz,
-        xz,
-        yz,
-        entry("izz"),
-    );
-    tensor.iter().all(|each| each.is_finite())
-        && tensor
-            .symmetric_eigenvalues()
-            .iter()
-            .all(|&value| value > 1e-15)
+    let entry = |name| number(node, name).unwrap_or(f64::NAN);
+    let [xy, xz, yz] = ["ixy", "ixz", "iyz"].map(entry);
+    let [xx, yy, zz] = ["ixx", "iyy", "izz"].map(entry);
+    let tensor = nalgebra::Matrix3::from([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]);
+    tensor.iter().all(|each| each.is_finite()) && tensor.symmetric_eigenvalues().min() > 1e-15
 }
 
 /// A URDF's text, not yet read.
@@ -302,8 +295,11 @@ impl UrdfWriter {
     }
 }
 
-fn escaped(text: &str) -> String {
+/// A text as an attribute's value.
+pub(super) fn escaped(text: &str) -> String {
     (text.replace('&', "&amp;").replace('<', "&lt;"))
         .replace('>', "&gt;")
         .replace('"', "&quot;")
+        .replace('\'', "&apos;")
+        .replace('\n', "&#10;")
 }

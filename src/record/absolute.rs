@@ -196,8 +196,7 @@ impl AbsoluteMessage {
                 })
                 .collect(),
             undetermined: [&*fit.undetermined, &*fit.stays_nominal].concat(),
-            distance_mm: distances
-                .as_ref()
+            distance_mm: (distances.as_ref())
                 .map(DistanceStatistics::in_thousandths)
                 .unwrap_or_default(),
             angle_mrad: angles.as_ref().map(DistanceStatistics::in_thousandths),
@@ -210,9 +209,7 @@ impl AbsoluteMessage {
             residuals_mm: (fit.left.iter())
                 .map(|each| (each.position_m * 1e3).into())
                 .collect(),
-            discrepancy_model: fit
-                .discrepancy_model
-                .as_ref()
+            discrepancy_model: (fit.discrepancy_model.as_ref())
                 .map(|each| discrepancy_model(case, fit, each)),
             rejected: fit.rejected.iter().map(RejectedMessage::from).collect(),
             conditions: fit.conditions(),
@@ -329,59 +326,59 @@ fn numbered(name: &str, index: usize) -> String {
     }
 }
 
-fn in_thousandths(errors: [f64; 3]) -> [f64; 3] {
-    errors.map(|error| error * 1e3)
-}
-
-fn quaternion(frame: &Isometry3<f64>) -> [f64; 4] {
-    let [x, y, z, w] = frame.rotation.coords.into();
-    [w, x, y, z]
-}
-
 fn stations(case: &AbsoluteCase<'_>, fit: &AbsoluteFit) -> Vec<MountedFrameMessage> {
     let bases = case.stations.iter().zip(&fit.arm.instrument_from_base);
-    bases
-        .enumerate()
-        .map(|(station, (name, frame))| {
-            let position = Axis::ALL.map(|axis| ParameterKind::BasePosition { station, axis });
-            let rotation = Axis::ALL.map(|axis| ParameterKind::BaseRotation { station, axis });
-            MountedFrameMessage {
-                name: name.clone(),
-                unknowns: numbered("base", station),
-                link: None,
-                position_mm: (frame.translation.vector * 1e3).into(),
-                quaternion: Some(quaternion(frame)),
-                position_std_mm: fit.standard_errors(position).map(in_thousandths),
-                rotation_std_mrad: fit.standard_errors(rotation).map(in_thousandths),
-            }
-        })
-        .collect()
+    let base = |(station, (name, frame)): (usize, (&Option<String>, &Isometry3<f64>))| {
+        let position = Axis::ALL.map(|axis| ParameterKind::BasePosition { station, axis });
+        let rotation = Axis::ALL.map(|axis| ParameterKind::BaseRotation { station, axis });
+        MountedFrameMessage {
+            name: name.clone(),
+            unknowns: numbered("base", station),
+            ..MountedFrameMessage::new(fit, frame, [position, rotation])
+        }
+    };
+    bases.enumerate().map(base).collect()
 }
 
 fn targets(case: &AbsoluteCase<'_>, fit: &AbsoluteFit) -> Vec<MountedFrameMessage> {
     let tools = case.targets.iter().zip(&fit.arm.tools);
-    tools
-        .enumerate()
+    (tools.enumerate())
         .map(|(tool, (name, place))| {
             let position = Axis::ALL.map(|axis| ParameterKind::ToolPosition { tool, axis });
             let rotation = Axis::ALL.map(|axis| ParameterKind::ToolRotation { tool, axis });
             let is_turned = fit.set.index_of(rotation[0]).is_some();
             let carrier = place.joints.checked_sub(1);
             let link = carrier.and_then(|joint| fit.arm.chain.joints.get(joint));
+            let own = MountedFrameMessage::new(fit, &place.link_from_tool, [position, rotation]);
             MountedFrameMessage {
                 name: Some(name.clone()),
                 unknowns: numbered("tool", tool),
                 link: link.map(|joint| joint.name.clone()),
-                position_mm: (place.link_from_tool.translation.vector * 1e3).into(),
-                quaternion: is_turned.then(|| quaternion(&place.link_from_tool)),
-                position_std_mm: fit.standard_errors(position).map(in_thousandths),
-                rotation_std_mrad: fit.standard_errors(rotation).map(in_thousandths),
+                quaternion: own.quaternion.filter(|_| is_turned),
+                ..own
             }
         })
         .collect()
 }
 
 impl MountedFrameMessage {
+    /// A frame with the standard errors of its position and rotation, not yet named.
+    fn new(fit: &AbsoluteFit, frame: &Isometry3<f64>, unknowns: [[ParameterKind; 3]; 2]) -> Self {
+        let [x, y, z, w] = frame.rotation.coords.into();
+        let errors = unknowns.map(|kinds| fit.standard_errors(kinds));
+        let [position_std_mm, rotation_std_mrad] =
+            errors.map(|errors| errors.map(|errors| errors.map(|error| error * 1e3)));
+        Self {
+            name: None,
+            unknowns: String::new(),
+            link: None,
+            position_mm: (frame.translation.vector * 1e3).into(),
+            quaternion: Some([w, x, y, z]),
+            position_std_mm,
+            rotation_std_mrad,
+        }
+    }
+
     /// The frame; with the orientation of another where none was read. None where the numbers are no frame.
     pub fn frame(&self, otherwise: &Isometry3<f64>) -> Option<Isometry3<f64>> {
         let rotation = match self.quaternion {

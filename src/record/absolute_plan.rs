@@ -5,9 +5,8 @@ use serde::Serialize;
 use super::candidates::CandidatesMessage;
 use super::messages::CommonSourcesMessage;
 use crate::experiment::Candidate;
-use crate::plan::UncertaintyBudget;
 use crate::plan::absolute::{AbsolutePlanning, PredictedAccuracy};
-use crate::plan::search::PlanBound;
+use crate::plan::{UncertaintyBudget, search::PlanBound};
 use crate::robot::{Commands, Load};
 use crate::task::{AccuracyKind, Task};
 
@@ -153,8 +152,7 @@ impl AbsolutePlanMessage {
                     standard_error: prediction.posterior.standard_error(index),
                 })
                 .collect(),
-            plan: plan
-                .iter()
+            plan: (plan.iter())
                 .map(|&(place, repeats)| {
                     PlannedReadingMessage::new(&commands, &planning.candidates[place], repeats)
                 })

@@ -4,9 +4,7 @@ use serde::Serialize;
 
 use super::account::{ContributionMessage, verdict};
 use super::study::{HistogramMessage, StudyPlanMessage};
-use crate::study::Conditions;
-use crate::study::absolute::AbsoluteTrials;
-use crate::study::account::Account;
+use crate::study::{Conditions, absolute::AbsoluteTrials, account::Account};
 
 /// Robots that were drawn, read as the plan says, identified and looked at.
 #[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
@@ -52,9 +50,7 @@ impl AbsoluteTrialsMessage {
             coverage95: trials.tally.coverage(),
             prediction: trials.kept().name(),
             verdict: verdict(account, seen_m),
-            contributions: account
-                .parts
-                .iter()
+            contributions: (account.parts.iter())
                 .map(ContributionMessage::from)
                 .collect(),
             histogram: HistogramMessage::new(&trials.tally, trials.sigma_m),

@@ -4,9 +4,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::quantities::plausible::shown;
 use crate::study::account::{Account, AccountPart};
-use crate::study::summary::Measured;
 use crate::study::tally_check::{Wrong, within, wrong};
-use crate::study::verdict::Kept;
+use crate::study::{summary::Measured, verdict::Kept};
 use crate::text::wrong_name;
 
 /// The contribution of a source to the errors of the simulated truth.
@@ -22,9 +21,6 @@ pub struct ContributionMessage {
 
 impl Account {
     /// Whether there can be such an account.
-    ///
-    /// # Errors
-    /// The key, and what is wrong there.
     pub fn check(&self) -> Result<(), Wrong> {
         within("parts", self.parts.len(), [1, 1000])?;
         size("predicted_m", self.predicted_m)?;

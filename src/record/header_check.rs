@@ -14,9 +14,6 @@ const MOST_UNKNOWNS: usize = 100_000;
 
 impl Header {
     /// Whether there can be such a study.
-    ///
-    /// # Errors
-    /// The key, and what is wrong there.
     pub fn check(&self) -> Result<(), Wrong> {
         within("study.trials", self.trials, [1, MOST_TRIALS])?;
         within("study.shards", self.shards, [1, MOST_SHARDS])?;
@@ -24,11 +21,8 @@ impl Header {
         within("study.parameters", self.parameters.len(), [1, MOST_JOINTS])?;
         within("study.unknowns", self.unknowns(), [1, MOST_UNKNOWNS])?;
         if let Some(absolute) = &self.absolute {
-            within(
-                "study.absolute.test_poses",
-                absolute.test_poses,
-                [1, MOST_NAMED],
-            )?;
+            let poses = absolute.test_poses;
+            within("study.absolute.test_poses", poses, [1, MOST_NAMED])?;
             let hash = absolute.candidates_sha256.as_ref();
             if hash.is_some_and(|hash| hash.contains(is_unseen)) {
                 return wrong("study.absolute.candidates_sha256", "is none");
@@ -74,18 +68,11 @@ impl Header {
             let is_plausible =
                 |value: f64| kind.allows(value * unit) || kind.allows(value * unit / 1.5);
             if !is_plausible(value) {
-                let allowed = kind.allowed();
-                return wrong(
-                    key,
-                    format!("found {}; {allowed}, in SI units", shown(value)),
-                );
+                let (found, allowed) = (shown(value), kind.allowed());
+                return wrong(key, format!("found {found}; {allowed}, in SI units"));
             }
         }
-        if plan
-            .sha256
-            .as_ref()
-            .is_some_and(|hash| hash.contains(is_unseen))
-        {
+        if (plan.sha256.as_ref()).is_some_and(|hash| hash.contains(is_unseen)) {
             return wrong("sha256", "is none");
         }
         if let Some(account) = &plan.account {
@@ -97,20 +84,12 @@ impl Header {
         let Some(reference) = plan.reference else {
             return Ok(());
         };
-        match self.plans.get(reference) {
-            None => {
-                let last = self.plans.len() - 1;
-                wrong(
-                    "reference",
-                    format!("found {reference}; 0 to {last} are allowed"),
-                )
-            }
-            Some(other) if other.conditions() != plan.conditions() => wrong(
-                "reference",
-                format!("found {reference}, a plan under other conditions"),
-            ),
-            Some(_) => Ok(()),
+        within("reference", reference, [0, self.plans.len() - 1])?;
+        if self.plans[reference].conditions() != plan.conditions() {
+            let problem = format!("found {reference}, a plan under other conditions");
+            return wrong("reference", problem);
         }
+        Ok(())
     }
 
     /// The runs in the first blocks of a shard.

@@ -11,15 +11,13 @@ use serde::{Deserialize, Serialize};
 
 use crate::calibration::{Calibration, CompensatedPose};
 use crate::codes::Condition;
-use crate::files::schema::RESULTS_VERSION;
-use crate::files::{FileError, hexadecimal, sha256_of};
+use crate::files::{FileError, hexadecimal, schema::RESULTS_VERSION, sha256_of};
 use crate::identification::{Identification, UncertainEstimate};
 use crate::measurement::Measurement;
 use crate::plan::search::PlanProof;
 use crate::plan::{Assessment, CommonSources, Criterion, Experiment, Plan, UncertaintyBudget};
 use crate::quantities::units;
-use crate::record::platform::platform;
-use crate::record::residuals::ResidualMessage;
+use crate::record::{platform::platform, residuals::ResidualMessage};
 use crate::robot::{Commands, Load};
 use crate::scenario::Scenario;
 use crate::task::{AccuracyKind, Fingerprint, Method};
@@ -91,6 +89,14 @@ impl ProvenanceMessage {
         let hash = hexadecimal(&sha256_of(path)?);
         self.inputs_sha256.insert(name.to_owned(), hash);
         Ok(self)
+    }
+
+    /// The same with a file that need not be given.
+    pub fn with_optional(self, name: &str, path: Option<&Path>) -> Result<Self, FileError> {
+        match path {
+            Some(path) => self.with_input(name, path),
+            None => Ok(self),
+        }
     }
 }
 
@@ -221,16 +227,15 @@ pub struct IdentificationMessage {
 impl From<&Identification> for IdentificationMessage {
     fn from(identification: &Identification) -> Self {
         // What else is uncertain stands apart.
-        let posterior = match identification.uncertain.as_slice() {
-            [] => identification.posterior.clone(),
-            _ => (identification.posterior).of_first(identification.parameters.len()),
-        };
+        let all = (!identification.uncertain.is_empty()).then_some(&identification.posterior);
+        let posterior = all.map_or_else(
+            || identification.posterior.clone(),
+            |all| all.of_first(identification.parameters.len()),
+        );
         let estimates = || identification.parameters.iter().map(|each| each.estimate);
         Self {
             method: method_name(identification.method).to_owned(),
-            parameters: identification
-                .parameters
-                .iter()
+            parameters: (identification.parameters.iter())
                 .map(|parameter| parameter.name.clone())
                 .collect(),
             compliance_rad_per_nm: estimates().map(|estimate| Some(estimate?.value)).collect(),
@@ -247,14 +252,9 @@ impl From<&Identification> for IdentificationMessage {
             uncertain: (identification.uncertain.iter())
                 .map(UncertainMessage::from)
                 .collect(),
-            undetermined_of_all: match identification.uncertain.as_slice() {
-                [] => Vec::new(),
-                _ => directions_of(identification.posterior.estimable.hidden()),
-            },
-            covariance_of_all: match identification.uncertain.as_slice() {
-                [] => Vec::new(),
-                _ => rows_of(&identification.posterior.covariance),
-            },
+            undetermined_of_all: all
+                .map_or_else(Vec::new, |all| directions_of(all.estimable.hidden())),
+            covariance_of_all: all.map_or_else(Vec::new, |all| rows_of(&all.covariance)),
             sigma_mm: units::thousandths(identification.sigma_m),
             residual_sigma_mm: identification.residual_sigma_m.map(|sigma| sigma * 1e3),
             consistency: identification.consistency,
@@ -463,25 +463,22 @@ fn relative() -> String {
 impl AssessmentMessage {
     /// The record of an assessment.
     pub fn new(scenario: &Scenario, assessment: &Assessment) -> Self {
-        let millimetres = |(criterion, value): &(Criterion, Option<f64>)| {
-            let unit = if *criterion == Criterion::TestPose {
+        let unit = |criterion| {
+            if criterion == Criterion::TestPose {
                 1e3
             } else {
                 1.0
-            };
-            (criterion.name().to_owned(), value.map(|value| value * unit))
+            }
+        };
+        let millimetres = |&(criterion, value): &(Criterion, Option<f64>)| {
+            let value = value.map(|value| value * unit(criterion));
+            (criterion.name().to_owned(), value)
         };
         let rho0_proof = assessment.bound().and_then(|bound| bound.proof.as_ref());
         let (criterion, asked_for) = (assessment.asked_for()).unzip();
         let bound = asked_for.and_then(|bound| bound.as_ref().ok());
         let proof = bound.and_then(|bound| bound.proof.as_ref());
-        let in_unit = |value: f64| {
-            if criterion == Some(Criterion::TestPose) {
-                value * 1e3
-            } else {
-                value
-            }
-        };
+        let in_unit = |value: f64| criterion.map_or(value, |criterion| value * unit(criterion));
         Self {
             accuracy: relative(),
             experiments: assessment.experiments,
@@ -510,9 +507,7 @@ impl AssessmentMessage {
             no_bound_reason: asked_for
                 .and_then(|bound| bound.as_ref().err())
                 .map(ToString::to_string),
-            violations: assessment
-                .violations
-                .iter()
+            violations: (assessment.violations.iter())
                 .map(|violation| ViolationMessage {
                     experiment: violation.experiment,
                     what: violation.what.clone(),
@@ -643,11 +638,7 @@ impl CalibrationMessage {
                 .map(|each| MeasurementMessage::new(commands, each))
                 .collect(),
             truth: TruthMessage::new(
-                calibration
-                    .identification
-                    .parameters
-                    .iter()
-                    .map(|each| each.joint),
+                (calibration.identification.parameters.iter()).map(|each| each.joint),
                 &calibration.truth,
             ),
             identification: (&calibration.identification).into(),

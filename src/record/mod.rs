@@ -8,7 +8,6 @@
 //! - [`residuals`], [`patterns`], [`repeats`]: what `identify` says of residuals, likely mistakes and repeated visits.
 //! - [`selection`]: choices of readings, and what came of them.
 //! - [`study`]: a Monte Carlo study.
-//! - [`static_compliance`]: of the tool at test poses.
 //! - [`tally_file`]: tallies of parts of a study, to join or to go on from.
 //! - [`understanding`]: a robot as it was understood.
 //! - [`campaign`]: a plan as it is carried out in the laboratory.
@@ -33,7 +32,6 @@ pub mod platform;
 pub mod repeats;
 pub mod residuals;
 pub mod selection;
-pub mod static_compliance;
 pub mod study;
 pub mod tally_file;
 pub mod uncertainties;

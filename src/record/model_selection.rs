@@ -109,9 +109,7 @@ impl From<&ModelSelection> for ModelSelectionMessage {
     fn from(model_selection: &ModelSelection) -> Self {
         let recommendation = model_selection.recommendation.as_ref();
         Self {
-            nested_models: model_selection
-                .nested_models
-                .iter()
+            nested_models: (model_selection.nested_models.iter())
                 .map(Into::into)
                 .collect(),
             skipped: (model_selection.skipped.iter())
@@ -125,9 +123,7 @@ impl From<&ModelSelection> for ModelSelectionMessage {
             best: recommendation.map(|each| each.best),
             recommended: recommendation.map(|each| each.nested_model),
             sentences: recommendation.map_or_else(Vec::new, |each| each.sentences.clone()),
-            rejected: model_selection
-                .rejected
-                .iter()
+            rejected: (model_selection.rejected.iter())
                 .map(RejectedMessage::from)
                 .collect(),
         }
@@ -145,14 +141,8 @@ impl From<&NestedModel> for NestedModelMessage {
             groups: words(&nested_model.groups),
             unknowns: nested_model.unknowns,
             undetermined: nested_model.undetermined.clone(),
-            distance_mm: nested_model
-                .distances
-                .as_ref()
-                .map(DistanceStatistics::in_thousandths),
-            angle_mrad: nested_model
-                .angles
-                .as_ref()
-                .map(DistanceStatistics::in_thousandths),
+            distance_mm: (nested_model.distances.as_ref()).map(DistanceStatistics::in_thousandths),
+            angle_mrad: (nested_model.angles.as_ref()).map(DistanceStatistics::in_thousandths),
             discrepancy_mm: nested_model.discrepancy[0] * 1e3,
             discrepancy_mrad: nested_model.discrepancy[1] * 1e3,
             cross_validation: judged.ok().map(Into::into),
@@ -167,10 +157,7 @@ impl From<&CrossValidation> for CrossValidationMessage {
     fn from(judged: &CrossValidation) -> Self {
         Self {
             distance_mm: (judged.distances.as_ref()).map(DistanceStatistics::in_thousandths),
-            angle_mrad: judged
-                .angles
-                .as_ref()
-                .map(DistanceStatistics::in_thousandths),
+            angle_mrad: (judged.angles.as_ref()).map(DistanceStatistics::in_thousandths),
             loss: judged.loss,
             beyond_best: judged.beyond_best,
             standard_error: judged.standard_error,

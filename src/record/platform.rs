@@ -18,9 +18,7 @@ fn instruction_sets() -> impl Iterator<Item = &'static str> {
         ("fma", is_x86_feature_detected!("fma")),
         ("avx512f", is_x86_feature_detected!("avx512f")),
     ];
-    found
-        .into_iter()
-        .filter_map(|(name, has)| has.then_some(name))
+    (found.into_iter()).filter_map(|(name, has)| has.then_some(name))
 }
 
 #[cfg(not(target_arch = "x86_64"))]

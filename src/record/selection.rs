@@ -52,7 +52,7 @@ pub struct SelectionSizeMessage {
 }
 
 /// A planned choice.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct PlannedChoiceMessage {
     /// The criterion; `test_pose` stands for absolute accuracy over all readings, `test_pose_with_joint_errors` for the same with joint error
     /// functions.
@@ -109,7 +109,7 @@ impl SelectionMessage {
     pub fn new(selection: &Selection<'_>) -> Self {
         let all = &selection.parts.all;
         let set = &all.set;
-        let left = DistanceStatistics::of_positions(&all.left).unwrap_or_default();
+        let left = DistanceStatistics::of(selection.parts.distances_m()).unwrap_or_default();
         let precision = &set.prior().precision;
         Self {
             readings: all.left.len(),
@@ -129,11 +129,9 @@ impl SelectionMessage {
                     correlation_deg: each.correlation_rad.to_degrees(),
                 })
                 .collect(),
-            discrepancy_mm: all.discrepancy.map(|[position_m, _]| position_m * 1e3),
+            discrepancy_mm: selection.parts.discrepancy_m().map(|value| value * 1e3),
             all_mm: DistanceStatistics::in_thousandths(&left),
-            sizes: selection
-                .sizes
-                .iter()
+            sizes: (selection.sizes.iter())
                 .map(SelectionSizeMessage::new)
                 .collect(),
         }
@@ -193,15 +191,8 @@ impl PlannedChoiceMessage {
     fn none(criterion: String, problem: &str) -> Self {
         Self {
             criterion,
-            readings: Vec::new(),
-            rho0_mm: None,
-            predicted_rms_mm: None,
-            lower_bound_rho0_mm: None,
-            distance_mm: None,
-            from_all_mm: None,
-            better_than_random: None,
-            without_discrepancy_from_true_mm: None,
             problem: Some(problem.to_owned()),
+            ..Self::default()
         }
     }
 }

@@ -7,11 +7,10 @@ use serde::{Deserialize, Serialize};
 use super::account::{ContributionMessage, verdict};
 use super::messages::CommonSourcesMessage;
 use crate::csv::word_field;
-use crate::study::Conditions;
-use crate::study::account::Account;
 use crate::study::summary::{Measured, Summary};
 use crate::study::tally::{Failure, Tally};
 use crate::study::verdict::{MonteCarloOutcome, numerical_tolerance};
+use crate::study::{Conditions, account::Account};
 
 /// What many runs of one plan say. Numbers that do not exist are `null`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -165,9 +164,7 @@ impl StudyPlanMessage {
             combined_rms_mm: account.map(|account| account.predicted_m * 1e3),
             predicted_quantile95_mm: predicted_quantile95_m.map(|value| value * 1e3),
             contributions: account.map_or_else(Vec::new, |account| {
-                account
-                    .parts
-                    .iter()
+                (account.parts.iter())
                     .map(ContributionMessage::from)
                     .collect()
             }),

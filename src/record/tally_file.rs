@@ -11,20 +11,17 @@ use sha2::{Digest, Sha256};
 
 use super::messages::ProvenanceMessage;
 use crate::codes::ErrorCode;
-use crate::files::output::write_whole;
-use crate::files::schema::check_version;
-use crate::files::typed::from_json;
 use crate::files::{FileError, hexadecimal, is_plain_name, read_text};
+use crate::files::{output::write_whole, schema::check_version, typed::from_json};
 use crate::gate::Gate;
 use crate::identification::ParameterGroup;
-use crate::plan::absolute::PredictedAccuracy;
-use crate::plan::{Experiment, Plan, posterior, quantile95_m};
+use crate::plan::{Experiment, Plan, absolute::PredictedAccuracy, posterior, quantile95_m};
 use crate::robot::Load;
 use crate::scenario::Scenario;
 use crate::study::absolute::{AbsoluteEntry, AbsoluteRunner, BLOCK_RUNS};
-use crate::study::account::Account;
 use crate::study::tally::{BINS, Failure, SUMS, Tally};
 use crate::study::{Conditions, Entry, Level, Setting, runner};
+use crate::study::{account::Account, tally_check::within};
 
 /// What a study's numbers depend on; tallies of different headers do not add.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -526,16 +523,9 @@ impl WrittenTallyFile {
         }
         let header = self.study;
         header.check()?;
-        let is_within = |key: &str, found: u64, low: u64, high: u64| {
-            if (low..=high).contains(&found) {
-                return Ok(());
-            }
-            let problem = format!("found {found}; {low} to {high} are allowed");
-            Err((key.to_owned(), problem))
-        };
-        is_within("shard", self.shard, 1, header.shards)?;
+        within("shard", self.shard, [1, header.shards])?;
         let blocks = header.blocks_of(self.shard);
-        is_within("blocks_done", self.blocks_done, 0, blocks)?;
+        within("blocks_done", self.blocks_done, [0, blocks])?;
         let (found, plans) = (self.tallies.len(), header.plans.len());
         if found != plans {
             let problem = format!("found {found}; there are {plans} plans");
@@ -555,11 +545,15 @@ impl WrittenTallyFile {
                 .map_err(|(key, problem)| (format!("tallies[{index}].{key}"), problem))?;
             // Each run determines so many combinations at most.
             let most = (tally.runs).saturating_mul(header.most_freedom(header.unknowns()));
-            is_within(&format!("tallies[{index}].freedom"), tally.freedom, 0, most)?;
+            within(
+                &format!("tallies[{index}].freedom"),
+                tally.freedom,
+                [0, most],
+            )?;
             let [all, holding] = tally.intervals;
             let most = tally.runs.saturating_mul(header.most_intervals());
-            is_within(&format!("tallies[{index}].intervals[0]"), all, 0, most)?;
-            is_within(&format!("tallies[{index}].intervals[1]"), holding, 0, all)?;
+            within(&format!("tallies[{index}].intervals[0]"), all, [0, most])?;
+            within(&format!("tallies[{index}].intervals[1]"), holding, [0, all])?;
         }
         Ok(TallyFile {
             header,

@@ -107,10 +107,7 @@ impl Understanding {
             warnings: Vec::new(),
         };
         understanding.warnings = plausibility::warnings(scenario, &understanding);
-        let of_truth = understanding
-            .truth
-            .iter()
-            .flat_map(UnderstoodTruth::warnings);
+        let of_truth = (understanding.truth.iter()).flat_map(UnderstoodTruth::warnings);
         let of_truth: Vec<String> = of_truth.collect();
         understanding.warnings.extend(of_truth);
         understanding
@@ -199,9 +196,7 @@ fn largest_turn(chain: &SerialChain, to: &[f64], from: &[f64]) -> (usize, f64) {
     let slides = |joint: usize| chain.joints[joint].drive.slides;
     let all_slide = (0..chain.len()).all(slides);
     let turns = to.iter().zip(from).map(|(to, from)| (to - from).abs());
-    let turns = turns
-        .enumerate()
-        .filter(|turn| all_slide || !slides(turn.0));
+    let turns = (turns.enumerate()).filter(|turn| all_slide || !slides(turn.0));
     let larger = |most: (usize, f64), turn: (usize, f64)| if turn.1 > most.1 { turn } else { most };
     turns.reduce(larger).unwrap_or((0, 0.0))
 }

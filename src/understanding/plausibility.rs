@@ -243,9 +243,8 @@ fn radians_for_degrees(scenario: &Scenario, index: usize) -> Option<String> {
     let written = |angle: f64| (angle - angle.round()).abs() > 1e-9;
     let small =
         q_deg.iter().all(|angle| angle.abs() <= TAU) && q_deg.iter().any(|&angle| written(angle));
-    let turn_far = joints
-        .iter()
-        .all(|joint| joint.range_rad[1] - joint.range_rad[0] > TURNS_FURTHER_RAD);
+    let turn_far =
+        (joints.iter()).all(|joint| joint.range_rad[1] - joint.range_rad[0] > TURNS_FURTHER_RAD);
     (small && turn_far && q_deg.len() > 1).then(|| {
         format!(
             "test_pose[{index}].q_deg: all angles of {:?} are within {TAU:.2} deg of zero: are they radians?",

@@ -98,9 +98,7 @@ impl UnderstoodTruth {
             match known {
                 Some(known) => {
                     known.distance = known.distance.max(each.distance);
-                    known.weld_rad = known
-                        .weld_rad
-                        .into_iter()
+                    known.weld_rad = (known.weld_rad.into_iter())
                         .chain(each.weld_rad)
                         .reduce(f64::max);
                 }

@@ -6,8 +6,7 @@ use rand::RngExt;
 use rand_distr::{Distribution, UnitSphere};
 
 use crate::experiment::Loads;
-use crate::numeric::random::generator;
-use crate::numeric::random::streams::UNKNOWNS;
+use crate::numeric::{random::generator, random::streams::UNKNOWNS};
 use crate::observation::{PlannedReading, ReadingKind, Setup, Whitener, planned_information};
 use crate::parameter::{ElasticArm, Freedom, Freedoms, ParameterKind, ParameterSet};
 use crate::robot::Load;

@@ -12,12 +12,14 @@ use crate::view::markup::escaped;
 /// The size of a plot that is a file of its own.
 pub const SIZE: (u32, u32) = (1500, 840);
 /// Colours that the colour-blind can tell apart (Okabe and Ito).
-pub const COLOURS: [RGBColor; 5] = [
+pub const COLOURS: [RGBColor; 7] = [
     RGBColor(0, 114, 178),
     RGBColor(230, 159, 0),
     RGBColor(0, 158, 115),
     RGBColor(204, 121, 167),
     RGBColor(86, 180, 233),
+    RGBColor(213, 94, 0),
+    RGBColor(148, 103, 189),
 ];
 
 /// A plot could not be drawn.
@@ -149,12 +151,7 @@ pub fn drawing(
     name: &str,
     draw: impl FnOnce(&Area<'_>) -> Result<(), PlotError>,
 ) -> Result<String, PlotError> {
-    let mut svg = String::new();
-    {
-        let area = SVGBackend::with_string(&mut svg, size).into_drawing_area();
-        draw(&area)?;
-        area.present()?;
-    }
+    let svg = svg(size, draw)?;
     let content = svg.split_once('>').map_or("", |(_, content)| content);
     let content = (OF_PAGE.iter()).fold(content.to_owned(), |content, (own, of_page)| {
         content.replace(own, of_page)
@@ -174,12 +171,21 @@ pub fn plot(
     title: &str,
     draw: impl FnOnce(&Area<'_>) -> Result<(), PlotError>,
 ) -> Result<String, PlotError> {
+    svg(size, |area| {
+        area.fill(&WHITE)?;
+        let style = ("sans-serif", TEXT + 6).into_font().color(&INK);
+        draw(&area.titled(title, style)?)
+    })
+}
+
+fn svg(
+    size: (u32, u32),
+    draw: impl FnOnce(&Area<'_>) -> Result<(), PlotError>,
+) -> Result<String, PlotError> {
     let mut svg = String::new();
     {
         let area = SVGBackend::with_string(&mut svg, size).into_drawing_area();
-        area.fill(&WHITE)?;
-        let style = ("sans-serif", TEXT + 6).into_font().color(&INK);
-        draw(&area.titled(title, style)?)?;
+        draw(&area)?;
         area.present()?;
     }
     Ok(svg)
@@ -206,7 +212,7 @@ pub struct Rows<'n> {
 
 impl Rows<'_> {
     /// The size of the drawing.
-    pub fn size(&self) -> (u32, u32) {
+    fn size(&self) -> (u32, u32) {
         let rows = u32::try_from(self.names.len()).unwrap_or(u32::MAX);
         (self.width, TOP + AXIS + rows.saturating_mul(ROW))
     }
@@ -216,8 +222,18 @@ impl Rows<'_> {
         (self.names.len() - row) as f64 - 0.5
     }
 
+    /// A drawing under a name, with names, notes and axis; `label` writes a tick, `fill` draws what is in the rows.
+    pub fn drawn(
+        &self,
+        name: &str,
+        label: &dyn Fn(&f64) -> String,
+        fill: impl FnOnce(&mut Chart<'_, '_>) -> Result<(), PlotError>,
+    ) -> Result<String, PlotError> {
+        drawing(self.size(), name, |area| fill(&mut self.draw(area, label)?))
+    }
+
     /// Draws names, notes and axis; `label` writes a tick.
-    pub fn draw<'a, 'b>(
+    fn draw<'a, 'b>(
         &self,
         area: &'a Area<'b>,
         label: &dyn Fn(&f64) -> String,

@@ -81,9 +81,6 @@ const MOST_PANELS: usize = 6;
 
 /// The strongest patterns in residuals, a panel each: means over readings with their standard errors, and the pattern. Returns
 /// the SVG text.
-///
-/// # Errors
-/// The drawing fails.
 pub fn patterns_plot(title: &str, patterns: &PatternsMessage) -> Result<String, PlotError> {
     let found: Vec<&PatternMessage> = patterns.found.iter().take(MOST_PANELS).collect();
     let columns = if found.len() > 1 { 2 } else { 1 };
@@ -144,15 +141,12 @@ fn draw_pattern(pattern: &PatternMessage, panel: &Area<'_>) -> Result<(), PlotEr
             COLOURS[0].stroke_width(3),
         )
     }))?;
-    chart.draw_series(
-        points
-            .iter()
-            .map(|point| Circle::new((point.at, point.observed * factor), 5, COLOURS[0].filled())),
-    )?;
+    chart
+        .draw_series((points.iter()).map(|point| {
+            Circle::new((point.at, point.observed * factor), 5, COLOURS[0].filled())
+        }))?;
     chart.draw_series(LineSeries::new(
-        points
-            .iter()
-            .map(|point| (point.at, point.pattern * factor)),
+        (points.iter()).map(|point| (point.at, point.pattern * factor)),
         COLOURS[1].stroke_width(4),
     ))?;
     Ok(())

@@ -37,6 +37,15 @@ pub fn page(title: &str, body: &str) -> String {
     )
 }
 
+/// The beginning of a page: its title, what it is about, and its cards (HTML).
+pub fn heading(title: &str, lead: &str, cards: &str) -> String {
+    format!(
+        "<header><h1>{}</h1>\n<p class=\"lead\">{}</p></header>\n<div class=\"cards\">\n{cards}</div>\n",
+        escaped(title),
+        escaped(lead)
+    )
+}
+
 /// A section with a title; `body` is HTML.
 pub fn section(id: &str, title: &str, body: &str) -> String {
     format!(
@@ -59,17 +68,21 @@ pub fn figure(svg: &str, caption: &str) -> String {
     )
 }
 
-/// A table; the first column is text, the others are numbers.
-pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
+/// A table whose header has the names of its columns between bars; the first column is text, the others are numbers.
+pub fn table(header: &str, rows: impl IntoIterator<Item = Vec<String>>) -> String {
+    table_of(&header.split(" | ").collect::<Vec<_>>(), rows)
+}
+
+/// The same with columns of any names.
+pub fn table_of(header: &[impl AsRef<str>], rows: impl IntoIterator<Item = Vec<String>>) -> String {
     let line = |tag: &str, cells: &mut dyn Iterator<Item = &str>| {
         let cells: Vec<String> = cells
             .map(|cell| format!("<{tag}>{}</{tag}>", escaped(cell)))
             .collect();
         format!("<tr>{}</tr>\n", cells.concat())
     };
-    let head = line("th", &mut header.iter().copied());
-    let body: String = rows
-        .iter()
+    let head = line("th", &mut header.iter().map(AsRef::as_ref));
+    let body: String = (rows.into_iter())
         .map(|row| line("td", &mut row.iter().map(String::as_str)))
         .collect();
     format!(

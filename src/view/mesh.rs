@@ -54,8 +54,7 @@ impl Mesh {
             }
             Shape::Box(half_sizes) => cuboid(half_sizes),
             Shape::Mesh(vertices, triangles) => Self {
-                vertices: vertices
-                    .iter()
+                vertices: (vertices.iter())
                     .map(|vertex| Point3::from(*vertex).cast())
                     .collect(),
                 triangles: triangles.clone(),
@@ -73,9 +72,7 @@ impl Mesh {
 
     /// The surface with normals: smooth where faces meet at a small angle, else sharp.
     pub fn shaded(&self) -> ShadedMesh {
-        let normals: Vec<_> = self
-            .triangles
-            .iter()
+        let normals: Vec<_> = (self.triangles.iter())
             .map(|each| self.normal(*each))
             .collect();
         let mut around = vec![Vec::new(); self.vertices.len()];
@@ -92,8 +89,7 @@ impl Mesh {
             let indices = corners.map(|corner| {
                 // Weighted by the faces' angles at the corner, so that it does not matter how a
                 // face is cut into triangles.
-                let normal = around[corner as usize]
-                    .iter()
+                let normal = (around[corner as usize].iter())
                     .map(|&(other, angle)| (normals[other], angle))
                     .filter(|(other, _)| other.dot(own) >= smooth)
                     .map(|(other, angle)| other * angle)
@@ -171,8 +167,7 @@ fn cuboid(half_sizes: &Vector3<f64>) -> Mesh {
     ];
     Mesh {
         vertices: (0..8).map(corner).collect(),
-        triangles: faces
-            .iter()
+        triangles: (faces.iter())
             .flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]])
             .collect(),
     }
@@ -269,8 +264,7 @@ mod tests {
 
     /// The volume that a closed surface encloses; negative if its normals point inwards.
     fn volume(mesh: &Mesh) -> f64 {
-        mesh.triangles
-            .iter()
+        (mesh.triangles.iter())
             .map(|triangle| {
                 let [a, b, c] = triangle.map(|corner| mesh.vertices[corner as usize].coords);
                 a.dot(&b.cross(&c)) / 6.0
@@ -297,9 +291,7 @@ mod tests {
         for (shape, half_sizes, exact) in shapes() {
             let mesh = Mesh::new(&shape);
             assert_closed(&mesh);
-            let reach = mesh
-                .vertices
-                .iter()
+            let reach = (mesh.vertices.iter())
                 .fold(Vector3::zeros(), |reach: Vector3<f64>, vertex| {
                     reach.sup(&vertex.coords.abs())
                 });
@@ -356,16 +348,12 @@ mod tests {
             Vector3::new(0.0, 0.0, FRAC_PI_2),
         );
         let mesh = Mesh::new(&Shape::Box(Vector3::new(0.1, 0.2, 0.4))).transformed(&pose);
-        let centre = mesh
-            .vertices
-            .iter()
+        let centre = (mesh.vertices.iter())
             .map(|each| each.coords)
             .sum::<Vector3<f64>>()
             / 8.0;
         assert!((centre - Vector3::new(1.0, 2.0, 3.0)).amax() < 1e-12);
-        let high = mesh
-            .vertices
-            .iter()
+        let high = (mesh.vertices.iter())
             .map(|vertex| vertex.x)
             .fold(f64::MIN, f64::max);
         assert!((high - 1.2).abs() < 1e-12);

@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use nalgebra::DVector;
 
-use super::markup::{escaped, page, paragraph, section, table};
+use super::markup::{escaped, page, paragraph, section, table_of};
 use super::stills::{self, Pictures};
 use crate::experiment::{Plan, in_words};
 use crate::laboratory::{Campaign, Stop, hung_kg};
@@ -152,16 +152,14 @@ fn configurations(
             stop.approach.as_ref().map(shown),
             shown(&stop.configuration),
         );
-        let rows: Vec<Vec<String>> = (at.iter().enumerate())
-            .map(|(joint, value)| {
-                let from = from.as_ref().map(|from| from[joint]);
-                vec![
-                    format!("A{}", joint + 1),
-                    number(from, 3),
-                    number(Some(*value), 3),
-                ]
-            })
-            .collect();
+        let rows = (at.iter().enumerate()).map(|(joint, value)| {
+            let from = from.as_ref().map(|from| from[joint]);
+            vec![
+                format!("A{}", joint + 1),
+                number(from, 3),
+                number(Some(*value), 3),
+            ]
+        });
         let unit = commands.unit();
         let header = [
             "joint",
@@ -175,7 +173,7 @@ fn configurations(
             numbers.join(", "),
             pictures[stop.experiments[0]].unloaded,
             escaped(&stop.side.to_string()),
-            table(&header, &rows)
+            table_of(&header, rows)
         )
     };
     let all: String = places.iter().enumerate().map(of_place).collect();

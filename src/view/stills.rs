@@ -302,8 +302,7 @@ fn read_words(scenario: &Scenario, row: &Candidate) -> String {
 fn camera(scenes: &[Scene]) -> Camera {
     let reach = |azimuth: f64| -> f64 {
         let across = Vector3::new(-azimuth.sin(), azimuth.cos(), 0.0);
-        scenes
-            .iter()
+        (scenes.iter())
             .map(|scene| scene.tool.coords.dot(&across).abs())
             .sum()
     };

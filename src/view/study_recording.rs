@@ -2,10 +2,8 @@
 //! and what the runs so far say.
 
 use super::recording::Recording;
-use crate::record::study::StudyPlanMessage;
-use crate::record::tally_file::Header;
-use crate::study::Level;
-use crate::study::runner::block_runs;
+use crate::record::{study::StudyPlanMessage, tally_file::Header};
+use crate::study::{Level, runner::block_runs};
 
 /// A study, before its runs.
 #[derive(Debug, Clone)]

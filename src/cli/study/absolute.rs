@@ -5,24 +5,20 @@ use std::time::Instant;
 
 use clap::Args;
 use elastocal::experiment::read_candidates;
-use elastocal::files::roles::Roles;
 use elastocal::files::{FileError, hexadecimal, sha256_of};
 use elastocal::plan::search::Watch;
 use elastocal::record::tally_file::{AbsoluteStudyHeader, Header, TallyFile};
 use elastocal::scenario::Scenario;
-use elastocal::study::Level;
-use elastocal::study::absolute::AbsoluteRunner;
+use elastocal::study::{Level, absolute::AbsoluteRunner};
 use elastocal::text::wording::counted;
 use elastocal::workflow::absolute_study::{AbsoluteStudyWanted, check, entries, explained};
 use elastocal::workflow::study::Timing;
 
 use super::results::{Results, write};
 use super::{StudyCommand, runs_of};
-use crate::cli::Report;
 use crate::cli::absolute_plan::{UnknownArgs, refuse_options, refuse_where_relative};
 use crate::cli::interruption::{STOP, ask_work, proceed};
-use crate::cli::plan::DRAWN;
-use crate::cli::written::Written;
+use crate::cli::{Report, plan::DRAWN, written::Written};
 
 /// What a study of absolute readings takes besides.
 #[derive(Debug, Args)]
@@ -49,11 +45,9 @@ impl AbsoluteStudyArgs {
         refuse_where_relative(scenario, &given)
     }
 
-    /// The file as one that is read.
-    pub fn role(&self, roles: &mut Roles) {
-        if let Some(path) = &self.candidates {
-            roles.reads("the candidates", path);
-        }
+    /// The file of candidates.
+    pub fn path(&self) -> Option<&Path> {
+        self.candidates.as_deref()
     }
 }
 
@@ -77,10 +71,9 @@ impl StudyCommand {
     ) -> anyhow::Result<Report> {
         let common = &self.common;
         let given = &self.absolute;
-        let rows = match &given.candidates {
-            Some(path) => Some(read_candidates(path, scenario.task.belief.commands())?),
-            None => None,
-        };
+        let rows = (given.candidates.as_ref())
+            .map(|path| read_candidates(path, scenario.task.belief.commands()))
+            .transpose()?;
         let configurations = given.draw.unwrap_or(DRAWN);
         let groups = &given.unknown.parameters;
         let wanted = AbsoluteStudyWanted {
@@ -107,10 +100,8 @@ impl StudyCommand {
         let absolute = AbsoluteStudyHeader {
             test_poses: task.test_poses.len(),
             groups: groups.clone(),
-            candidates_sha256: match &given.candidates {
-                Some(path) => Some(hexadecimal(&sha256_of(path)?)),
-                None => None,
-            },
+            candidates_sha256: (given.path().map(sha256_of).transpose()?)
+                .map(|hash| hexadecimal(&hash)),
             drawn: given.candidates.is_none().then_some(configurations),
         };
         let sizes = [trials, shards];

@@ -9,15 +9,14 @@ use std::time::Instant;
 use clap::Args;
 use elastocal::files::{FileError, make_folder};
 use elastocal::quantities::limits::{MOST_SHARDS, MOST_TRIALS};
-use elastocal::record::json::merge;
-use elastocal::record::messages::SchemaMessage;
 use elastocal::record::tally_file::{Header, TallyFile};
+use elastocal::record::{json::merge, messages::SchemaMessage};
 use elastocal::scenario::Scenario;
 use elastocal::study::runner::{Runner, RunsInBlocks};
 use elastocal::study::{Entry, Level, Setting, StudyError};
 use elastocal::task::{AccuracyKind, Task};
-use elastocal::text::diagnostics::say;
-use elastocal::text::wording::counted;
+use elastocal::text::{diagnostics::say, wording::counted};
+use elastocal::view::study_recording::next_snapshot;
 use elastocal::workflow::design::Wanted;
 use elastocal::workflow::study::{self, EntryError, Timing, foreign_loads};
 use indicatif::ProgressStyle;
@@ -103,7 +102,7 @@ impl StudyCommand {
                 roles.writes_to(&folder, views::STUDY_FILES);
             }
         }
-        self.absolute.role(&mut roles);
+        roles.may_read("the candidates", self.absolute.path());
         check_outputs(&mut roles, &outputs)?;
         if self.shard.is_none() {
             make_folder(&folder)?;
@@ -131,11 +130,10 @@ impl StudyCommand {
             describe_level(level)
         ));
         let target = self.rerun.as_ref();
-        let mut observer = if self.shard.is_none() || target.is_some() {
-            StudyObserver::new(&scenario, &settings, &part.header, &entries, target)?
-        } else {
-            None
-        };
+        let is_shown = self.shard.is_none() || target.is_some();
+        let mut observer = is_shown
+            .then(|| StudyObserver::new(&scenario, &settings, &part.header, &entries, target))
+            .transpose()?;
         let start = Instant::now();
         let done_before: u64 = runs_of(&part);
         let mut written = Written::default();
@@ -220,7 +218,7 @@ impl StudyCommand {
         let mut saved: Option<Instant> = None;
         while part.blocks_done < all {
             let snapshot = match &observer {
-                Some(observer) => observer.next_snapshot(part.blocks_done).min(all),
+                Some(_) => next_snapshot(part.blocks_done).min(all),
                 None => all,
             };
             let count = round.min(snapshot - part.blocks_done);

@@ -3,23 +3,20 @@
 use std::path::Path;
 
 use elastocal::codes::{Condition, ConditionCode};
-use elastocal::files::output::write_whole;
 use elastocal::record::study::{StudyPlanMessage, study_csv};
 use elastocal::record::tally_file::{Header, PlanHeader};
-use elastocal::study::Level;
-use elastocal::study::tally::Tally;
+use elastocal::study::{Level, tally::Tally};
 use elastocal::task::AccuracyKind;
 use elastocal::text::wording::{inverse_interval, significant};
 use elastocal::view::report::{StudyPageRecord, study_page};
 use elastocal::workflow::study::{Timing, plan_messages, study_json};
 use serde_json::Value;
 
-use crate::cli::Report;
-use crate::cli::absolute_plan::ABSOLUTE;
-use crate::cli::table::{number, table};
+use crate::cli::table::{number, or_dash, table_of};
 use crate::cli::uncertainty_budget::{common_sources, contributions};
 use crate::cli::views::{STUDY_PAGE, command_line};
 use crate::cli::written::{Written, record_text};
+use crate::cli::{Report, absolute_plan::ABSOLUTE};
 
 /// What a study comes to.
 #[derive(Debug)]
@@ -48,9 +45,9 @@ impl Results {
         let took = self.timing.map_or_else(String::new, |timing| {
             format!(", in {:.2} s", timing.elapsed_s)
         });
-        Report {
-            json: self.json.clone(),
-            text: format!(
+        Report::new(
+            self.json.clone(),
+            format!(
                 "{}\n{}{}{}{} runs of each plan, {}{took}. Results are in {}\n",
                 describe(&self.messages),
                 predictions(&self.messages, self.accuracy()),
@@ -60,8 +57,8 @@ impl Results {
                 describe_level(self.header.level),
                 folder.display()
             ),
-            conditions: self.conditions(),
-        }
+            self.conditions(),
+        )
     }
 
     /// What is accurate here.
@@ -100,10 +97,7 @@ impl Results {
     fn page(&self) -> anyhow::Result<Option<String>> {
         let plans = &self.header.plans;
         let first = &plans[0];
-        if plans
-            .iter()
-            .any(|plan| plan.conditions() != first.conditions())
-        {
+        if (plans.iter()).any(|plan| plan.conditions() != first.conditions()) {
             return Ok(None);
         }
         let page = study_page(&StudyPageRecord {
@@ -128,12 +122,12 @@ pub const FILES: [&str; 2] = ["study.json", "study.csv"];
 pub fn write(folder: &Path, results: &Results, written: &mut Written) -> anyhow::Result<()> {
     let text = record_text(&mut results.json.clone(), &results.conditions())?;
     let [json, csv] = FILES.map(|name| folder.join(name));
-    written.note(&json, write_whole(&json, text.as_bytes()));
+    written.save(&json, &text);
     let table = study_csv(&results.messages);
-    written.note(&csv, write_whole(&csv, table.as_bytes()));
+    written.save(&csv, &table);
     if let Some(page) = results.page()? {
         let html = folder.join(STUDY_PAGE);
-        written.note(&html, write_whole(&html, page.as_bytes()));
+        written.save(&html, &page);
     }
     Ok(())
 }
@@ -175,17 +169,12 @@ pub fn describe(messages: &[StudyPlanMessage]) -> String {
     let micro = |value: Option<f64>| number(value.map(|value| value * 1e3), 3);
     let swept: Vec<_> = SWEPT
         .into_iter()
-        .filter(|(_, value)| {
-            messages
-                .iter()
-                .any(|each| value(each) != value(&messages[0]))
-        })
+        .filter(|(_, value)| (messages.iter()).any(|each| value(each) != value(&messages[0])))
         .collect();
     let row = |message: &StudyPlanMessage| {
-        let interval = message.mean_ci95_mm.map_or_else(
-            || "-".to_owned(),
-            |[low, high]| format!("{:.3} to {:.3}", low * 1e3, high * 1e3),
-        );
+        let interval = or_dash(message.mean_ci95_mm, |[low, high]| {
+            format!("{:.3} to {:.3}", low * 1e3, high * 1e3)
+        });
         let mut row = vec![message.name.clone()];
         row.extend(swept.iter().map(|(_, value)| value(message)));
         row.extend([
@@ -212,7 +201,7 @@ pub fn describe(messages: &[StudyPlanMessage]) -> String {
         "NEES",
         "failed",
     ]);
-    table(&header, &messages.iter().map(row).collect::<Vec<_>>())
+    table_of(&header, messages.iter().map(row))
 }
 
 /// A condition that a sweep can vary: what it is called, and its value as text.

@@ -7,13 +7,11 @@ use elastocal::plan::search::random_plan;
 use elastocal::record::tally_file::Header;
 use elastocal::scenario::Scenario;
 use elastocal::study::runner::{Runner, RunsInBlocks};
-use elastocal::study::tally::Tally;
-use elastocal::study::{Entry, Setting};
-use elastocal::view::mcap_file::study::write_study_mcap;
-use elastocal::view::recording::Recording;
+use elastocal::study::{Entry, Setting, tally::Tally};
 use elastocal::view::rerun_file::study::{StudyStream, write_study_rerun};
 use elastocal::view::rerun_file::viewer::{Messages, Viewer};
-use elastocal::view::study_recording::{Snapshot, StudyRecording, next_snapshot};
+use elastocal::view::study_recording::{Snapshot, StudyRecording};
+use elastocal::view::{mcap_file::study::write_study_mcap, recording::Recording};
 use elastocal::workflow::study::plan_messages;
 
 use super::target::ViewerTarget;
@@ -34,7 +32,7 @@ impl StudyObserver {
         header: &Header,
         entries: &[Entry],
         target: Option<&ViewerTarget>,
-    ) -> anyhow::Result<Option<Self>> {
+    ) -> anyhow::Result<Self> {
         let mut calibrations = Vec::new();
         for (entry, label) in entries.iter().zip(header.labels()) {
             let Setting {
@@ -67,13 +65,7 @@ impl StudyObserver {
             observer.live = Some((viewer, stream));
             observer.send(messages);
         }
-        Ok(Some(observer))
-    }
-
-    /// After how many blocks the next snapshot is taken.
-    #[expect(clippy::unused_self, reason = "without the feature nobody asks")]
-    pub fn next_snapshot(&self, done: u64) -> u64 {
-        next_snapshot(done)
+        Ok(observer)
     }
 
     /// Sends messages to the viewer; that it is gone is said once.

@@ -3,16 +3,12 @@
 use std::path::Path;
 
 use elastocal::calibration::Calibration;
-use elastocal::files::output::write_whole;
 use elastocal::scenario::Scenario;
 use elastocal::text::wording::shell_word;
-use elastocal::view::mcap_file::write_mcap;
-use elastocal::view::recording::Recording;
 use elastocal::view::report::{RunRecord, run_page};
 use elastocal::view::rerun_file::{messages, write_rerun};
-use elastocal::view::stills;
+use elastocal::view::{mcap_file::write_mcap, recording::Recording, stills};
 
-use super::RunShown;
 use crate::cli::written::{Written, warn};
 
 pub use super::study::StudyObserver;
@@ -37,22 +33,15 @@ pub struct RunViews {
 }
 
 impl RunViews {
-    pub fn new(run: &RunShown<'_>) -> anyhow::Result<Self> {
-        let plan = &run.calibrations[0].1.plan;
-        let page = run_page(&RunRecord {
-            scenario: run.scenario,
-            plans: run.records,
-            evidence: run.evidence,
-            random: run.random,
-            random_repeats: run.random_repeats,
-            conditions: run.conditions,
-            command: &command_line(),
-            stills: &stills::figures(run.scenario, plan),
-        })?;
+    /// Of the plans' names and calibrations, the designed plan first.
+    pub fn new(
+        run: &RunRecord<'_>,
+        calibrations: &[(String, Calibration)],
+    ) -> anyhow::Result<Self> {
         Ok(Self {
-            recording: Recording::new(run.scenario, run.calibrations)?,
-            stills: stills::sheet(run.scenario, plan),
-            page,
+            recording: Recording::new(run.scenario, calibrations)?,
+            stills: stills::sheet(run.scenario, &calibrations[0].1.plan),
+            page: run_page(run)?,
         })
     }
 
@@ -65,8 +54,8 @@ impl RunViews {
     ) -> anyhow::Result<()> {
         let [mcap, rerun, svg, html] =
             ["run.mcap", "run.rrd", "stills.svg", "report.html"].map(|name| folder.join(name));
-        written.note(&svg, write_whole(&svg, self.stills.as_bytes()));
-        written.note(&html, write_whole(&html, self.page.as_bytes()));
+        written.save(&svg, &self.stills);
+        written.save(&html, &self.page);
         written.note(&mcap, write_mcap(&mcap, &self.recording));
         written.note(&rerun, write_rerun(&rerun, &self.recording));
         target.map_or(Ok(()), |target| show(target, &self.recording, written))

@@ -106,6 +106,20 @@ impl PartsOfReadings<'_> {
         &self.known.functions
     }
 
+    /// What is new at each position besides its reading's own error: the standard deviation of each coordinate (m); none where nothing is.
+    pub fn discrepancy_m(&self) -> Option<f64> {
+        let [position_m, _] = self.known.rest;
+        (position_m > 0.0).then_some(position_m)
+    }
+
+    /// How far readings are from where all together say (m).
+    pub fn distances_m(&self) -> Vec<f64> {
+        let read = self.case.observations.iter().map(Observation::position_m);
+        let both = read.zip(&self.expected_m);
+        both.map(|(read, expected)| (read - expected).norm())
+            .collect()
+    }
+
     /// What each reading tells of the unknowns (p x p, in typical sizes), with the robot nominal, and frames where all readings
     /// say.
     pub fn told(&self) -> Vec<DMatrix<f64>> {

@@ -184,8 +184,7 @@ impl Reader<'_> {
         numbers: &[ForeignNumber],
         row: &ForeignRow,
     ) -> Result<Vec<f64>, FileError> {
-        numbers
-            .iter()
+        (numbers.iter())
             .map(|number| self.value(number, row))
             .collect()
     }

@@ -3,19 +3,17 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use roxmltree::{Document, Node, ParsingOptions};
+use roxmltree::{Document, Node};
+
+use crate::mujoco::urdf::{escaped, parsed};
 
 /// Reads a text as XML.
 pub(super) fn parse(text: &str) -> Result<Document<'_>, String> {
-    let options = ParsingOptions {
-        allow_dtd: true,
-        ..ParsingOptions::default()
-    };
     // What an entity stands for has no place of its own in the text.
     if text.contains("<!ENTITY") {
         return Err("it declares XML entities: write out what they stand for".to_owned());
     }
-    Document::parse_with_options(text, options).map_err(|error| format!("XML: {error}"))
+    parsed(text).map_err(|error| format!("XML: {error}"))
 }
 
 /// Changes of a text, collected and then made all at once.
@@ -126,15 +124,6 @@ pub(super) fn numbers(values: &[f64]) -> String {
         }
     };
     values.iter().map(written).collect::<Vec<_>>().join(" ")
-}
-
-/// A text as an attribute's value.
-pub(super) fn escaped(text: &str) -> String {
-    (text.replace('&', "&amp;").replace('<', "&lt;"))
-        .replace('>', "&gt;")
-        .replace('"', "&quot;")
-        .replace('\'', "&apos;")
-        .replace('\n', "&#10;")
 }
 
 #[cfg(test)]

@@ -13,8 +13,7 @@ use mujoco_rs::wrappers::mj_model::MjtTrn;
 
 use super::paths::{folder_of, way};
 use super::{ModelCalibration, RIGID, WrittenModel};
-use crate::mujoco::idle::IDLE;
-use crate::mujoco::{KEPT, Model, ModelChange, ModelError};
+use crate::mujoco::{KEPT, Model, ModelChange, ModelError, idle::IDLE};
 
 /// So many digits give a number back.
 const DIGITS: i32 = 17;

@@ -6,12 +6,12 @@ use std::path::Path;
 use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3};
 use roxmltree::Node;
 
-use super::edits::{Edits, escaped, numbers, parse};
+use super::edits::{Edits, numbers, parse};
 use super::paths::{folder_of, way};
 use super::pose::{roll_pitch_yaw, values};
 use super::{ModelCalibration, WrittenModel};
-use crate::mujoco::loading::prepare;
-use crate::mujoco::{Model, ModelError};
+use crate::mujoco::urdf::{escaped, number};
+use crate::mujoco::{Model, ModelError, loading::prepare};
 
 /// The text of a model, calibrated, for a folder.
 pub(super) fn written(
@@ -121,17 +121,11 @@ impl<'d, 't> UrdfEditor<'d, 't> {
                     )
                 };
                 let mass = child("mass").ok_or_else(unclear)?;
-                let given = mass
-                    .attribute("value")
-                    .and_then(|text| text.trim().parse::<f64>().ok());
-                let given = given.ok_or_else(unclear)?;
+                let given = number(mass, "value").ok_or_else(unclear)?;
                 self.edits.set_numbers(mass, "value", &[given * factor]);
                 if let Some(inertia) = child("inertia") {
                     for name in ["ixx", "ixy", "ixz", "iyy", "iyz", "izz"] {
-                        let given = inertia
-                            .attribute(name)
-                            .and_then(|text| text.trim().parse::<f64>().ok());
-                        if let Some(given) = given {
+                        if let Some(given) = number(inertia, name) {
                             self.edits.set_numbers(inertia, name, &[given * factor]);
                         }
                     }

@@ -315,8 +315,7 @@ impl TriangleListPrimitive {
         let round = |value: f64| (value * 1e5).round() / 1e5;
         Self {
             pose: Isometry3::identity().into(),
-            points: points
-                .iter()
+            points: (points.iter())
                 .map(|point| point.coords.map(round).into())
                 .collect(),
             color: color.into(),

@@ -21,8 +21,7 @@ use schemars::generate::SchemaSettings;
 use serde::Serialize;
 
 use super::recording::{RecordedCalibration, Recording, Step, StepKind};
-use crate::files::FileError;
-use crate::files::output::Output;
+use crate::files::{FileError, output::Output};
 use crate::record::messages::{
     ExperimentMessage, IdentificationMessage, MeasurementMessage, ProvenanceMessage,
     TestPoseMessage, thousandfold,

@@ -47,9 +47,7 @@ pub(super) fn scenery(recording: &Recording, now: Time) -> SceneUpdate {
         entity.triangles = surfaces(body, None);
         entity
     });
-    let links = recording
-        .links
-        .iter()
+    let links = (recording.links.iter())
         .filter(|body| body.only_with.is_none())
         .flat_map(|body| link(body, now));
     SceneUpdate {
@@ -138,8 +136,7 @@ fn link(body: &Body, now: Time) -> [SceneEntity; 2] {
 }
 
 fn surfaces(body: &Body, rgba: Option<[f32; 4]>) -> Vec<TriangleListPrimitive> {
-    body.surfaces
-        .iter()
+    (body.surfaces.iter())
         .map(|surface| {
             let mesh = &surface.mesh;
             let rgba = rgba.unwrap_or(surface.rgba);

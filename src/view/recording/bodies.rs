@@ -50,8 +50,7 @@ pub(super) fn bodies(scenario: &Scenario) -> Result<(Vec<Body>, Vec<Body>), Cali
                 && (each.group <= LAST_SHOWN_GROUP
                     || each.group == UNMOUNTED_GROUP && only_with(id).is_some())
         };
-        let surfaces: Vec<_> = scenery
-            .iter()
+        let surfaces: Vec<_> = (scenery.iter())
             .filter(shown)
             .map(|each| Surface {
                 rgba: colour(each),

@@ -243,10 +243,7 @@ impl Recording {
     /// Every step of every calibration, numbered from 1 in the order in which they are shown.
     pub fn steps(&self) -> impl Iterator<Item = (u32, &RecordedCalibration, &Step)> {
         let steps = self.calibrations.iter().flat_map(|calibration| {
-            calibration
-                .steps
-                .iter()
-                .map(move |step| (calibration, step))
+            (calibration.steps.iter()).map(move |step| (calibration, step))
         });
         (1..)
             .zip(steps)

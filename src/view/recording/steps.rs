@@ -159,13 +159,11 @@ pub(super) fn enlarge(
     stage: &mut Stage,
 ) -> Result<(), CalibrationError> {
     let site = scenario.truth.robot.model.site(tool_name(scenario, tool))?;
-    let mut steps: Vec<_> = calibrations
-        .iter_mut()
+    let mut steps: Vec<_> = (calibrations.iter_mut())
         .flat_map(|calibration| &mut calibration.steps)
         .filter(|step| step.tool() == tool)
         .collect();
-    let largest = steps
-        .iter()
+    let largest = (steps.iter())
         .map(|step| step.displacement_m().norm())
         .fold(0.0, f64::max);
     let factor = round_factor(DRAWN_DEFLECTION_M / largest);

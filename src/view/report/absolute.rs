@@ -9,14 +9,15 @@ use crate::codes::Condition;
 use crate::plan::UncertaintyBudget;
 use crate::quantities::units::shown_unit;
 use crate::record::absolute_plan::{AbsolutePlanMessage, PlannedReadingMessage};
-use crate::record::absolute_trials::AbsoluteTrialsMessage;
-use crate::record::messages::ProvenanceMessage;
 use crate::record::study::StudyPlanMessage;
+use crate::record::{absolute_trials::AbsoluteTrialsMessage, messages::ProvenanceMessage};
 use crate::scenario::Scenario;
 use crate::text::wording::{counted, dash, micrometres, number, percent};
 use crate::view::charts::{COLOURS, PlotError};
-use crate::view::charts::{ChartAxis, Rows, WHOLE, drawing, short};
-use crate::view::markup::{card, escaped, figure, micro_sign, page, paragraph, section, table};
+use crate::view::charts::{ChartAxis, Rows, WHOLE, short};
+use crate::view::markup::{
+    card, figure, heading, micro_sign, page, paragraph, section, table, table_of,
+};
 
 /// What the page of a plan of absolute readings is made of.
 #[derive(Debug, Clone, Copy)]
@@ -48,12 +49,8 @@ pub const ABSOLUTE_ACCURACY: &str = "An absolute accuracy: where the loaded tool
 /// The page of a plan of absolute readings as HTML.
 pub fn absolute_page(shown: &AbsolutePageRecord<'_>) -> Result<String, PlotError> {
     let plan = shown.plan;
-    let mut body = format!(
-        "<header><h1>Plan of absolute readings: {}</h1>\n<p class=\"lead\">{}</p></header>\n<div class=\"cards\">\n{}</div>\n",
-        escaped(&shown.scenario.name),
-        escaped(&shown.scenario.description),
-        cards(shown)
-    );
+    let title = format!("Plan of absolute readings: {}", shown.scenario.name);
+    let mut body = heading(&title, &shown.scenario.description, &cards(shown));
     if let Some((trials, runs)) = shown.trials {
         body += &section(
             "trials",
@@ -251,13 +248,12 @@ fn test_poses(plan: &AbsolutePlanMessage) -> Result<String, PlotError> {
         counted(values.len() as u64, "test pose"),
         micrometres(plan.rho0_mm)
     );
-    let rows: Vec<Vec<String>> = (plan.test_poses.iter())
-        .map(|pose| vec![pose.name.clone(), micrometres(pose.rho0_mm)])
-        .collect();
-    let header = ["test pose", "\u{3c1}\u{2080}"];
+    let rows =
+        (plan.test_poses.iter()).map(|pose| vec![pose.name.clone(), micrometres(pose.rho0_mm)]);
+    let header = "test pose | \u{3c1}\u{2080}";
     if values.len() > FEW_POSES {
         let svg = path_figure(&values, plan.rho0_mm.map(|all| all * 1e3))?;
-        let numbers = table(&header, &rows);
+        let numbers = table(header, rows);
         return Ok(figure(&svg, &caption)
             + &format!("<details><summary>The numbers</summary>\n{numbers}</details>\n"));
     }
@@ -275,8 +271,8 @@ fn test_poses(plan: &AbsolutePlanMessage) -> Result<String, PlotError> {
         axis: ChartAxis::linear(0.0..longest.max(f64::MIN_POSITIVE), 8),
         title: "\u{3c1}\u{2080}, predicted rms distance [\u{b5}m]".to_owned(),
     };
-    let svg = drawing(rows.size(), "Accuracy at each test pose", |area| {
-        let mut chart = rows.draw(area, &|tick| short(*tick))?;
+    let label = |tick: &f64| short(*tick);
+    let svg = rows.drawn("Accuracy at each test pose", &label, |chart| {
         for (row, value) in values.iter().enumerate() {
             let middle = rows.middle(row);
             let corners = [(0.0, middle - HALF_BAR), (*value, middle + HALF_BAR)];
@@ -294,25 +290,22 @@ fn readings(shown: &AbsolutePageRecord<'_>) -> String {
     header.extend(columns.iter().map(|column| column.replace('_', " [") + "]"));
     header
         .extend(["force [N]", "torque [N m]", "reflector", "station", "times"].map(str::to_owned));
-    let header: Vec<&str> = header.iter().map(String::as_str).collect();
     let vector = |values: &[f64]| {
         let values: Vec<String> = values.iter().map(|&value| short(value)).collect();
         values.join(", ")
     };
     let own = &shown.scenario.task.belief.calibration_tool.name;
-    let rows: Vec<Vec<String>> = (shown.plan.plan.iter().enumerate())
-        .map(|(index, reading)| {
-            let mut row = vec![(index + 1).to_string()];
-            row.extend(reading.q_deg.iter().map(|&angle| number(Some(angle), 3)));
-            let wrench = reading.wrench.as_ref();
-            row.push(wrench.map_or_else(dash, |wrench| vector(&wrench[..3])));
-            row.push(wrench.map_or_else(dash, |wrench| vector(&wrench[3..])));
-            row.push(reading.target.clone().unwrap_or_else(|| own.clone()));
-            row.push(reading.station.clone().unwrap_or_else(dash));
-            row.push(reading.repeats.to_string());
-            row
-        })
-        .collect();
+    let rows = (shown.plan.plan.iter().enumerate()).map(|(index, reading)| {
+        let mut row = vec![(index + 1).to_string()];
+        row.extend(reading.q_deg.iter().map(|&angle| number(Some(angle), 3)));
+        let wrench = reading.wrench.as_ref();
+        row.push(wrench.map_or_else(dash, |wrench| vector(&wrench[..3])));
+        row.push(wrench.map_or_else(dash, |wrench| vector(&wrench[3..])));
+        row.push(reading.target.clone().unwrap_or_else(|| own.clone()));
+        row.push(reading.station.clone().unwrap_or_else(dash));
+        row.push(reading.repeats.to_string());
+        row
+    });
     format!(
         "<div class=\"stills\">{}</div>\n{}{}",
         shown.stills,
@@ -320,29 +313,27 @@ fn readings(shown: &AbsolutePageRecord<'_>) -> String {
             "Green: the line of sight from the instrument to the reflector that is read. Loads act at the calibration \
              tool, in the world frame, z up. --plan-out writes the same numbers."
         ),
-        table(&header, &rows)
+        table_of(&header, rows)
     )
 }
 
 /// All unknowns, with how well each is known afterwards.
 fn unknowns(plan: &AbsolutePlanMessage) -> String {
-    let rows: Vec<Vec<String>> = (plan.unknowns.iter())
-        .map(|unknown| {
-            let (factor, unit) = shown_unit(&unknown.unit);
-            let error = unknown.standard_error;
-            vec![
-                unknown.name.clone(),
-                error.map_or_else(
-                    || "not by itself".to_owned(),
-                    |error| format!("{:.3e}", error * factor),
-                ),
-                micro_sign(unit),
-                unknown.what.clone(),
-            ]
-        })
-        .collect();
-    let numbers = table(&["unknown", "standard error", "unit", "what it is"], &rows);
+    let rows = (plan.unknowns.iter()).map(|unknown| {
+        let (factor, unit) = shown_unit(&unknown.unit);
+        let error = unknown.standard_error;
+        vec![
+            unknown.name.clone(),
+            error.map_or_else(
+                || "not by itself".to_owned(),
+                |error| format!("{:.3e}", error * factor),
+            ),
+            micro_sign(unit),
+            unknown.what.clone(),
+        ]
+    });
     let count = counted(rows.len() as u64, "unknown");
+    let numbers = table("unknown | standard error | unit | what it is", rows);
     paragraph(&format!(
         "{count}: the frames of stations and reflectors, which every such plan finds, and what else is unknown of the robot. Of a \
          logarithm the unit is 1."

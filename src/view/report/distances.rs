@@ -8,7 +8,7 @@ use crate::view::charts::{COLOURS, PlotError};
 use crate::view::charts::{
     Chart, ChartAxis, INK, Mark, Rows, Series, WHOLE, chart_of, drawing, interval, short,
 };
-use crate::view::markup::{figure, table};
+use crate::view::markup::{figure, table_of};
 
 /// The share of a row that the highest distribution fills.
 const FILL: f64 = 0.86;
@@ -83,23 +83,12 @@ pub fn distances_figure(lines: &[Line<'_>], caption: &str) -> Result<String, Plo
     let highest = (lines.iter())
         .flat_map(|line| shares(line.runs).map(|(_, share)| share))
         .fold(f64::MIN_POSITIVE, f64::max);
-    let svg = drawing(
-        rows.size(),
-        "Distribution of the residual error of each plan",
-        |area| {
-            let mut chart = rows.draw(area, &|tick| short(10_f64.powf(*tick)))?;
-            for (row, line) in lines.iter().enumerate() {
-                draw_line(
-                    &mut chart,
-                    &rows.axis,
-                    rows.middle(row) - 0.46,
-                    line,
-                    highest,
-                )?;
-            }
-            Ok(())
-        },
-    )?;
+    let title = "Distribution of the residual error of each plan";
+    let svg = rows.drawn(title, &power_of_ten, |chart| {
+        (lines.iter().enumerate()).try_for_each(|(row, line)| {
+            draw_line(chart, &rows.axis, rows.middle(row) - 0.46, line, highest)
+        })
+    })?;
     Ok(figure(&svg, caption))
 }
 
@@ -133,17 +122,12 @@ pub fn means_figure(lines: &[Line<'_>]) -> Result<String, PlotError> {
         axis: ChartAxis::logarithmic(low - MARGIN..high + MARGIN),
         title: "mean residual error [\u{b5}m], logarithmic".to_owned(),
     };
-    let svg = drawing(
-        rows.size(),
-        "Mean residual error of each plan with its 95 % interval",
-        |area| {
-            let mut chart = rows.draw(area, &|tick| short(10_f64.powf(*tick)))?;
-            for (row, (line, ends)) in means.iter().enumerate() {
-                interval(&mut chart, *ends, rows.middle(row), line.role.colour())?;
-            }
-            Ok(())
-        },
-    )?;
+    let title = "Mean residual error of each plan with its 95 % interval";
+    let svg = rows.drawn(title, &power_of_ten, |chart| {
+        (means.iter().enumerate()).try_for_each(|(row, (line, ends))| {
+            interval(chart, *ends, rows.middle(row), line.role.colour())
+        })
+    })?;
     Ok(figure(
         &svg,
         "Mean of each plan's runs with its 95 % interval, in \u{b5}m.",
@@ -177,21 +161,15 @@ pub fn shares_figure(lines: &[Line<'_>]) -> Result<String, PlotError> {
         "residual error at the test pose [\u{b5}m], logarithmic",
         "runs below it [%]",
     ];
-    let svg = drawing(
-        (WHOLE, 620),
-        "Cumulative distribution of the residual error",
-        |area| {
-            let inside = axes[0].range.clone();
-            let mut chart = chart_of(area, axes, names, &series, &|tick| {
-                short(10_f64.powf(*tick))
-            })?;
-            for (line, series) in lines.iter().zip(&series) {
-                let points = below(line.runs).filter(|(x, _)| inside.contains(x));
-                series.draw(&mut chart, &points.collect::<Vec<_>>())?;
-            }
-            Ok(())
-        },
-    )?;
+    let title = "Cumulative distribution of the residual error";
+    let svg = drawing((WHOLE, 620), title, |area| {
+        let inside = axes[0].range.clone();
+        let mut chart = chart_of(area, axes, names, &series, &power_of_ten)?;
+        (lines.iter().zip(&series)).try_for_each(|(line, series)| {
+            let points = below(line.runs).filter(|(x, _)| inside.contains(x));
+            series.draw(&mut chart, &points.collect::<Vec<_>>())
+        })
+    })?;
     Ok(figure(
         &svg,
         "Empirical cumulative distribution of each plan's runs.",
@@ -260,28 +238,26 @@ pub fn distances_table(lines: &[Line<'_>]) -> String {
     if has_printed {
         header.push("mean as printed [\u{b5}m]");
     }
-    let rows: Vec<Vec<String>> = (lines.iter())
-        .map(|line| {
-            let runs = line.runs;
-            let ratio = runs.mean_ratio_to_random.map(f64::recip);
-            let mut row = vec![
-                line.name.clone(),
-                micro(runs.mean_mm),
-                runs.mean_ci95_mm.map_or_else(String::new, interval),
-                micro(runs.rms_mm),
-                micro(runs.predicted_rms_mm),
-                micro(runs.quantiles_mm.map(|quantiles| quantiles[2])),
-                number(ratio, 2),
-                (runs.mean_ratio_to_random_ci95).map_or_else(String::new, inverse_interval),
-                runs.failed.to_string(),
-            ];
-            if has_printed {
-                row.push(number(line.printed_mean_mm.map(|value| value * 1e3), 2));
-            }
-            row
-        })
-        .collect();
-    table(&header, &rows)
+    let rows = (lines.iter()).map(|line| {
+        let runs = line.runs;
+        let ratio = runs.mean_ratio_to_random.map(f64::recip);
+        let mut row = vec![
+            line.name.clone(),
+            micro(runs.mean_mm),
+            runs.mean_ci95_mm.map_or_else(String::new, interval),
+            micro(runs.rms_mm),
+            micro(runs.predicted_rms_mm),
+            micro(runs.quantiles_mm.map(|quantiles| quantiles[2])),
+            number(ratio, 2),
+            (runs.mean_ratio_to_random_ci95).map_or_else(String::new, inverse_interval),
+            runs.failed.to_string(),
+        ];
+        if has_printed {
+            row.push(number(line.printed_mean_mm.map(|value| value * 1e3), 2));
+        }
+        row
+    });
+    table_of(&header, rows)
 }
 
 /// The middle of each bin (logarithm of um) and the share of the runs for each unit of the
@@ -304,6 +280,12 @@ fn range(lines: &[&Line<'_>]) -> std::ops::Range<f64> {
         .map(|each| each[3] * 1.3)
         .fold(f64::MIN_POSITIVE, f64::max);
     logarithm(low.min(high / 2.0))..logarithm(high)
+}
+
+/// A tick of a logarithmic axis.
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "as charts label ticks")]
+fn power_of_ten(tick: &f64) -> String {
+    short(10_f64.powf(*tick))
 }
 
 /// The decimal logarithm of a distance in um.

@@ -63,9 +63,7 @@ pub fn accuracy_figure(
                 });
             chart
                 .draw_series(
-                    repeated
-                        .iter()
-                        .map(|at| Cross::new(*at, 9, orange.stroke_width(5))),
+                    (repeated.iter()).map(|at| Cross::new(*at, 9, orange.stroke_width(5))),
                 )?
                 .label("this plan, repeated")
                 .legend(move |(x, y)| Cross::new((x + 17, y), 9, orange.stroke_width(5)));
@@ -138,21 +136,17 @@ pub fn criteria_figure(plans: &[CriterionPlanMessage]) -> Result<String, PlotErr
         axis: ChartAxis::linear(0.0..high, 4),
         title: "\u{3c1}\u{2080} at the test pose [\u{b5}m]".to_owned(),
     };
-    drawing(
-        rows.size(),
-        "Accuracy of the best plan for each criterion",
-        |area| {
-            let mut chart = rows.draw(area, &|tick| short(*tick))?;
-            for (row, plan) in plans.iter().enumerate() {
-                let Some(rho0) = plan.rho0_mm else { continue };
-                let colour = if row == 0 { COLOURS[0] } else { COLOURS[4] };
-                let (middle, half) = (rows.middle(row), 0.32);
-                let corners = [(0.0, middle - half), (rho0 * 1e3, middle + half)];
-                chart.draw_series([Rectangle::new(corners, colour.filled())])?;
-            }
-            Ok(())
-        },
-    )
+    let title = "Accuracy of the best plan for each criterion";
+    rows.drawn(title, &|tick| short(*tick), |chart| {
+        for (row, plan) in plans.iter().enumerate() {
+            let Some(rho0) = plan.rho0_mm else { continue };
+            let colour = if row == 0 { COLOURS[0] } else { COLOURS[4] };
+            let (middle, half) = (rows.middle(row), 0.32);
+            let corners = [(0.0, middle - half), (rho0 * 1e3, middle + half)];
+            chart.draw_series([Rectangle::new(corners, colour.filled())])?;
+        }
+        Ok(())
+    })
 }
 
 /// What a criterion's plan is called.
@@ -197,23 +191,18 @@ pub fn compliances_figure(estimates: &[RelativeEstimate]) -> Result<String, Plot
         axis: ChartAxis::linear(-high..high, 6),
         title: "estimate less simulated truth, share of it [%]".to_owned(),
     };
-    drawing(
-        rows.size(),
-        "Identified compliances with 95 % intervals, against the simulated truth",
-        |area| {
-            let mut chart = rows.draw(area, &|tick| short(*tick))?;
-            let bottom_to_top = [(0.0, 0.0), (0.0, estimates.len() as f64)];
-            chart.draw_series([PathElement::new(bottom_to_top, INK.stroke_width(2))])?;
-            for (row, each) in estimates.iter().enumerate() {
-                let Some((error, [low, high])) = each.error else {
-                    continue;
-                };
+    let title = "Identified compliances with 95 % intervals, against the simulated truth";
+    rows.drawn(title, &|tick| short(*tick), |chart| {
+        let bottom_to_top = [(0.0, 0.0), (0.0, estimates.len() as f64)];
+        chart.draw_series([PathElement::new(bottom_to_top, INK.stroke_width(2))])?;
+        for (row, each) in estimates.iter().enumerate() {
+            if let Some((error, [low, high])) = each.error {
                 let ends = [low, error, high].map(|share| share * 100.0);
-                interval(&mut chart, ends, rows.middle(row), COLOURS[0])?;
+                interval(chart, ends, rows.middle(row), COLOURS[0])?;
             }
-            Ok(())
-        },
-    )
+        }
+        Ok(())
+    })
 }
 
 /// Residuals in standard deviations of their own, of every measurement and coordinate.

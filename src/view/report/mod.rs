@@ -16,7 +16,7 @@ mod sources;
 mod study;
 
 use super::charts::{self, PlotError};
-use super::markup::{card, escaped, figure, page, paragraph, section, table};
+use super::markup::{card, escaped, figure, page, paragraph, section, table, table_of};
 use crate::codes::Condition;
 use crate::plan::search::RepeatsNeeded;
 use crate::record::evidence::{CriterionPlanMessage, EvidenceMessage};
@@ -192,28 +192,25 @@ fn configurations(run: &RunRecord<'_>, calibration: &CalibrationMessage) -> Stri
         "torque [N m]".to_owned(),
         "times".to_owned(),
     ]);
-    let header: Vec<&str> = header.iter().map(String::as_str).collect();
     let vector = |values: &[f64]| {
         let values: Vec<String> = values.iter().map(|&value| charts::short(value)).collect();
         values.join(", ")
     };
-    let rows: Vec<Vec<String>> = (calibration.plan.iter().enumerate())
-        .map(|(index, experiment)| {
-            let mut row = vec![(index + 1).to_string()];
-            row.extend(experiment.q_deg.iter().map(|&angle| number(Some(angle), 3)));
-            row.push(vector(&experiment.wrench[..3]));
-            row.push(vector(&experiment.wrench[3..]));
-            row.push(experiment.repeats.to_string());
-            row
-        })
-        .collect();
+    let rows = (calibration.plan.iter().enumerate()).map(|(index, experiment)| {
+        let mut row = vec![(index + 1).to_string()];
+        row.extend(experiment.q_deg.iter().map(|&angle| number(Some(angle), 3)));
+        row.push(vector(&experiment.wrench[..3]));
+        row.push(vector(&experiment.wrench[3..]));
+        row.push(experiment.repeats.to_string());
+        row
+    });
     format!(
         "<div class=\"stills\">{}</div>\n{}{}",
         run.stills,
         paragraph(
             "The same numbers are in plan.csv. Loads act at the calibration tool, in the world frame, z up."
         ),
-        table(&header, &rows)
+        table_of(&header, rows)
     )
 }
 
@@ -253,8 +250,8 @@ fn compliances(calibration: &CalibrationMessage) -> Result<String, PlotError> {
     }
     let svg = compliances_figure(&estimates)?;
     let caption = "From this run's measurements of the virtual robot, beside the simulated truth of this run: 95 % of such intervals cover it.";
-    let unit = "compliance [\u{b5}rad/(N m)]";
-    Ok(figure(&svg, caption) + &table(&["joint", unit, "95 % interval", "simulated truth"], &rows))
+    let header = "joint | compliance [\u{b5}rad/(N m)] | 95 % interval | simulated truth";
+    Ok(figure(&svg, caption) + &table(header, rows))
 }
 
 /// What the fit leaves of each measurement.
@@ -294,16 +291,9 @@ fn plans(run: &RunRecord<'_>) -> String {
             assessment.violations.len().to_string(),
         ]
     };
-    let rows: Vec<Vec<String>> = run.plans.iter().map(row).collect();
-    let header = [
-        "plan",
-        "measurements",
-        "predicted rms \u{3c1}\u{2080} [\u{b5}m]",
-        "efficiency",
-        "observed in this run [\u{b5}m]",
-        "violations",
-    ];
-    table(&header, &rows)
+    let rows = run.plans.iter().map(row);
+    let header = "plan | measurements | predicted rms \u{3c1}\u{2080} [\u{b5}m] | efficiency | observed in this run [\u{b5}m] | violations";
+    table(header, rows)
 }
 
 /// A card of what must be looked at; nothing where there is nothing.
@@ -330,8 +320,7 @@ fn provenance(from: &ProvenanceMessage, command: &str) -> String {
         ("seed", from.seed.to_string()),
         ("command", command.to_owned()),
     ];
-    let list: Vec<String> = entries
-        .iter()
+    let list: Vec<String> = (entries.iter())
         .map(|(key, value)| format!("<dt>{key}</dt><dd>{}</dd>\n", escaped(value)))
         .collect();
     section(

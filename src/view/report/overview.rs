@@ -1,11 +1,10 @@
 //! What a run's report answers first: which plan, how accurate, proved by what; and what to do.
 
 use super::RunRecord;
-use crate::plan::UncertaintyBudget;
-use crate::plan::search::RepeatsNeeded;
+use crate::plan::{UncertaintyBudget, search::RepeatsNeeded};
 use crate::record::messages::{AssessmentMessage, CalibrationMessage};
 use crate::text::wording::{counted, micrometres, number, percent, shell_path};
-use crate::view::markup::{card, escaped, paragraph, section};
+use crate::view::markup::{card, escaped, heading, paragraph, section};
 
 /// Searches of which at least this share agree count as agreeing.
 const MANY: f64 = 0.05;
@@ -23,13 +22,8 @@ pub fn overview(
         random_card(run, assessment),
         check_card(run, assessment),
     ];
-    format!(
-        "<header><h1>Calibration plan: {}</h1>\n<p class=\"lead\">{}</p></header>\n\
-         <div class=\"cards\">\n{}</div>\n",
-        escaped(&run.scenario.name),
-        escaped(&run.scenario.description),
-        cards.concat()
-    )
+    let title = format!("Calibration plan: {}", run.scenario.name);
+    heading(&title, &run.scenario.description, &cards.concat())
 }
 
 fn plan_card(calibration: &CalibrationMessage, assessment: &AssessmentMessage) -> String {

@@ -6,7 +6,7 @@ use crate::paper::record::{FigureSevenMessage, ReproductionMessage, TableSixMess
 use crate::record::messages::{ExperimentMessage, ProvenanceMessage};
 use crate::text::wording::{number, percent};
 use crate::view::charts::PlotError;
-use crate::view::markup::{card, page, paragraph, section, table};
+use crate::view::markup::{card, heading, page, paragraph, section, table};
 
 /// The paper.
 const CITATION: &str = "A. Klimchik, A. Pashkevich, Y. Wu, S. Caro, B. Furet, Design of calibration experiments for \
@@ -19,11 +19,8 @@ pub fn reproduction_page(
     from: &ProvenanceMessage,
     command: &str,
 ) -> Result<String, PlotError> {
-    let mut body = format!(
-        "<header><h1>The paper\u{2019}s numbers, and ours</h1>\n<p class=\"lead\">{CITATION}</p></header>\n\
-         <div class=\"cards\">\n{}</div>\n",
-        cards(message)
-    );
+    let title = "The paper\u{2019}s numbers, and ours";
+    let mut body = heading(title, CITATION, &cards(message));
     body += &section(
         "fig7",
         "Fig. 7: twelve measurements by each plan",
@@ -108,10 +105,7 @@ fn headline_card(message: &ReproductionMessage) -> String {
     let printed: Vec<f64> = papers()
         .filter_map(|each| each.printed_random_over_mean)
         .collect();
-    let own = message
-        .fig7
-        .iter()
-        .rfind(|each| each.printed_mean_mm.is_none());
+    let own = (message.fig7.iter()).rfind(|each| each.printed_mean_mm.is_none());
     let Some((own, [low, high])) = own.and_then(|own| Some((own, own.random_over_mean_ci95?)))
     else {
         return String::new();
@@ -155,8 +149,7 @@ fn figure_7(message: &ReproductionMessage) -> Result<String, PlotError> {
     let legend: Vec<Vec<String>> = (message.fig7.iter())
         .map(|each| vec![each.runs.name.clone(), each.description.clone()])
         .collect();
-    let legend: String = legend
-        .iter()
+    let legend: String = (legend.iter())
         .map(|each| format!("{}: {}", each[0], each[1]))
         .collect::<Vec<_>>()
         .join("; ");
@@ -190,21 +183,11 @@ fn table_6(message: &ReproductionMessage) -> String {
             micro(row.lower_bound_rho0_mm),
         ]
     };
-    let rows: Vec<Vec<String>> = message.table6.iter().map(row).collect();
-    let header = [
-        "measurements",
-        "configurations",
-        "printed [\u{b5}m]",
-        "printed, by the rule of repeats [\u{b5}m]",
-        "Table 4\u{2019}s plan by eq. 20 [\u{b5}m]",
-        "ratio to printed",
-        "our plan [\u{b5}m]",
-        "its repeats",
-        "no plan is below [\u{b5}m]",
-    ];
+    let rows = message.table6.iter().map(row);
+    let header = "measurements | configurations | printed [\u{b5}m] | printed, by the rule of repeats [\u{b5}m] | Table 4\u{2019}s plan by eq. 20 [\u{b5}m] | ratio to printed | our plan [\u{b5}m] | its repeats | no plan is below [\u{b5}m]";
     paragraph(
         "\u{3c1}\u{2080} at the test pose. The rule of repeats: a plan of m measurements that is repeated to M has \u{221a}(m/M) times the residual error. Our plans may share out the repeats unevenly.",
-    ) + &table(&header, &rows)
+    ) + &table(header, rows)
 }
 
 fn equation_23(message: &ReproductionMessage) -> String {
@@ -218,10 +201,10 @@ fn equation_23(message: &ReproductionMessage) -> String {
         ours.extend(row.iter().map(|cell| shown(cell.found_nm2)));
         rows.extend([printed, ours]);
     }
-    let header = ["row", "k2", "k3", "k4", "k5", "k6"];
+    let header = "row | k2 | k3 | k4 | k5 | k6";
     paragraph(
         "In N m\u{b2}. Angles and numbers are printed with one decimal, which leaves some tenths open.",
-    ) + &table(&header, &rows)
+    ) + &table(header, rows)
 }
 
 fn table_5(message: &ReproductionMessage) -> String {
@@ -237,19 +220,15 @@ fn table_5(message: &ReproductionMessage) -> String {
             number(value, decimals)
         };
         let mut printed = vec![format!("{}, printed", row.experiments)];
-        printed.extend(
-            row.printed_rad_per_nm
-                .iter()
-                .map(|&value| nano(Some(value))),
-        );
+        printed.extend((row.printed_rad_per_nm.iter()).map(|&value| nano(Some(value))));
         printed.push(String::new());
         let mut ours = vec![format!("{}, ours", row.experiments)];
         ours.extend(row.found_rad_per_nm.iter().map(|&value| nano(value)));
         ours.push(percent(Some(row.largest_difference), 2));
         rows.extend([printed, ours]);
     }
-    let header = ["measurements", "k2", "k3", "k4", "k5", "k6", "apart by"];
-    paragraph("In 1e-9 rad/(N m), of the plans of Table 4.") + &table(&header, &rows)
+    let header = "measurements | k2 | k3 | k4 | k5 | k6 | apart by";
+    paragraph("In 1e-9 rad/(N m), of the plans of Table 4.") + &table(header, rows)
 }
 
 fn table_4(message: &ReproductionMessage) -> String {
@@ -264,13 +243,12 @@ fn table_4(message: &ReproductionMessage) -> String {
         let (printed, own) = (&plan.plan, own.map_or(&[][..], |row| &row.own_plan));
         let mut rows = angles("printed", printed);
         rows.extend(angles("ours", own));
-        let header = ["plan", "q2", "q3", "q4", "q5", "q6"];
+        let header = "plan | q2 | q3 | q4 | q5 | q6";
         body += &format!(
             "<details><summary>{} measurements</summary>\n{}{}</details>\n",
             plan.experiments,
-            table(&header, &rows),
-            plan.violations
-                .iter()
+            table(header, rows),
+            (plan.violations.iter())
                 .map(|each| paragraph(each))
                 .collect::<String>()
         );

@@ -6,11 +6,10 @@ use super::distances::{
 };
 use super::{conditions_card, provenance, sources};
 use crate::codes::Condition;
-use crate::record::messages::ProvenanceMessage;
-use crate::record::study::StudyPlanMessage;
+use crate::record::{messages::ProvenanceMessage, study::StudyPlanMessage};
 use crate::text::wording::{counted, micrometres, number};
 use crate::view::charts::PlotError;
-use crate::view::markup::{card, escaped, page, section};
+use crate::view::markup::{card, heading, page, section};
 
 /// What the page of a study is made of.
 #[derive(Debug, Clone, Copy)]
@@ -64,12 +63,9 @@ pub fn study_page(study: &StudyPageRecord<'_>) -> Result<String, PlotError> {
             }
         )
     );
-    let mut body = format!(
-        "<header><h1>Plans compared: {}</h1>\n<p class=\"lead\">{}</p></header>\n<div class=\"cards\">\n{}</div>\n",
-        escaped(&study.provenance.scenario),
-        escaped(&caption),
-        accuracy_card(study.is_absolute) + &cards(study)
-    );
+    let title = format!("Plans compared: {}", study.provenance.scenario);
+    let cards = accuracy_card(study.is_absolute) + &cards(study);
+    let mut body = heading(&title, &caption, &cards);
     body += &section(
         "distances",
         "How far off the tool is after compensation",

@@ -110,21 +110,19 @@ impl Layout<'_> {
                 self.add_axes(&path, *values);
                 path
             }
-            ViewArea::Row(areas) => {
+            ViewArea::Row(areas) | ViewArea::Column(areas) => {
                 let path = format!("container/{text}");
                 let content = self.add_all(areas.iter().map(|(_, area)| area));
-                let container = ContainerBlueprint::new(ContainerKind::Horizontal)
-                    .with_contents(content)
-                    .with_col_shares(areas.iter().map(|(share, _)| ColumnShare(Float32(*share))));
-                self.log(&path, &container);
-                path
-            }
-            ViewArea::Column(areas) => {
-                let path = format!("container/{text}");
-                let content = self.add_all(areas.iter().map(|(_, area)| area));
-                let container = ContainerBlueprint::new(ContainerKind::Vertical)
-                    .with_contents(content)
-                    .with_row_shares(areas.iter().map(|(share, _)| RowShare(Float32(*share))));
+                let shares = areas.iter().map(|(share, _)| Float32(*share));
+                let container = if matches!(area, ViewArea::Row(_)) {
+                    ContainerBlueprint::new(ContainerKind::Horizontal)
+                        .with_contents(content)
+                        .with_col_shares(shares.map(ColumnShare))
+                } else {
+                    ContainerBlueprint::new(ContainerKind::Vertical)
+                        .with_contents(content)
+                        .with_row_shares(shares.map(RowShare))
+                };
                 self.log(&path, &container);
                 path
             }
@@ -146,8 +144,7 @@ impl Layout<'_> {
         &mut self,
         areas: impl IntoIterator<Item = &'a ViewArea>,
     ) -> Vec<IncludedContent> {
-        areas
-            .into_iter()
+        (areas.into_iter())
             .map(|area| IncludedContent(self.add(area).0.as_str().into()))
             .collect()
     }

@@ -47,9 +47,7 @@ impl Eye {
         let upwards = HALF_VIEW_RAD.tan() * FILLED;
         // A side of the view is a plane through the eye: the farthest point beyond it says where it may be.
         let farthest = |side: Vector3<f64>, slope: f64| {
-            let beyond = points
-                .iter()
-                .map(|point| point.dot(&(side - slope * forward)));
+            let beyond = (points.iter()).map(|point| point.dot(&(side - slope * forward)));
             beyond.fold(f64::MIN, f64::max)
         };
         let between = |side: Vector3<f64>, slope: f64| {

@@ -17,8 +17,7 @@ use re_sdk_types::blueprint::components::PlayState;
 use sha2::{Digest, Sha256};
 
 use super::recording::{RecordedCalibration, Recording, ShownTool, Step, StepKind};
-use crate::files::FileError;
-use crate::files::output::write_whole;
+use crate::files::{FileError, output::write_whole};
 use blueprint::{Clock, SPACE, TEXT, ViewArea};
 use eye::Eye;
 use store::Store;
@@ -42,9 +41,6 @@ pub fn write_rerun(path: &Path, recording: &Recording) -> Result<(), FileError> 
 }
 
 /// The messages of a recording with its layout, for a file or a viewer.
-///
-/// # Errors
-/// What is wrong with them; a matter of the program.
 pub fn messages(recording: &Recording) -> Result<Vec<LogMsg>, String> {
     let mut content = format!("{:?}", recording.provenance);
     for calibration in &recording.calibrations {
@@ -82,8 +78,7 @@ fn open(
     clock: &Clock,
 ) -> Result<(Vec<LogMsg>, Store), String> {
     let digest = Sha256::digest(content.as_bytes());
-    let id = digest
-        .iter()
+    let id = (digest.iter())
         .take(15)
         .fold(0, |number, byte| number << 8 | u128::from(*byte));
     let new = |kind, name, first| Store::new(StoreId::new(kind, APPLICATION, name), first);

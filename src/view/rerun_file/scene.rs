@@ -157,12 +157,7 @@ fn mesh(body: &Body, colour: impl Fn([f32; 4]) -> [u8; 4]) -> Mesh3D {
     for surface in &body.surfaces {
         let shaded = surface.mesh.shaded();
         let first = u32::try_from(vertices.len()).unwrap_or(u32::MAX);
-        triangles.extend(
-            shaded
-                .triangles
-                .iter()
-                .map(|each| each.map(|corner| first + corner)),
-        );
+        triangles.extend((shaded.triangles.iter()).map(|each| each.map(|corner| first + corner)));
         colours.extend(std::iter::repeat_n(
             colour(surface.rgba),
             shaded.vertices.len(),

@@ -61,11 +61,9 @@ impl Store {
         what: &dyn AsComponents,
     ) {
         self.rows += 1;
-        let time = when
-            .iter()
-            .fold(TimePoint::default(), |time, &(timeline, place)| {
-                time.with(Timeline::new_sequence(timeline), place)
-            });
+        let time = (when.iter()).fold(TimePoint::default(), |time, &(timeline, place)| {
+            time.with(Timeline::new_sequence(timeline), place)
+        });
         self.entities
             .entry((path.into(), when.iter().map(|(name, _)| *name).collect()))
             .or_default()
@@ -94,8 +92,7 @@ impl Store {
         for ((path, _), rows) in std::mem::take(&mut self.entities) {
             self.next_chunk = self.next_chunk.wrapping_add(1);
             let id = ChunkId::from_u128(self.next_chunk);
-            let chunk = rows
-                .into_iter()
+            let chunk = (rows.into_iter())
                 .fold(Chunk::builder_with_id(id, path), |chunk, row| {
                     chunk.with_serialized_batches(row.id, row.time, row.components)
                 })

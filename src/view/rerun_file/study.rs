@@ -15,8 +15,7 @@ use super::blueprint::{BARS, Clock, PLANE, SPACE, TEXT, ViewArea};
 use super::store::Store;
 use super::{STEP, log_step, open, scene, study_text, write_messages};
 use crate::files::FileError;
-use crate::record::account::ContributionMessage;
-use crate::record::study::HistogramMessage;
+use crate::record::{account::ContributionMessage, study::HistogramMessage};
 use crate::view::recording::ShownTool;
 use crate::view::study_recording::{Snapshot, StudyRecording};
 
@@ -70,9 +69,6 @@ pub struct StudyStream {
 
 impl StudyStream {
     /// Begins with the layout and what is there before the first run.
-    ///
-    /// # Errors
-    /// What is wrong with the messages; a matter of the program.
     pub fn new(study: &StudyRecording) -> Result<(Self, Vec<LogMsg>), String> {
         let content = format!("{:?}", study.header);
         // The legend has its place behind the last run.
@@ -127,9 +123,6 @@ impl StudyStream {
     }
 
     /// The messages of what was added since the last call.
-    ///
-    /// # Errors
-    /// What is wrong with them; a matter of the program.
     pub fn take(&mut self) -> Result<Vec<LogMsg>, String> {
         self.store.take()
     }

@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use nalgebra::Vector3;
 
-use crate::record::messages::{CalibrationMessage, MeasurementMessage, TestPoseMessage};
+use crate::record::messages::{CalibrationMessage, TestPoseMessage};
 use crate::view::recording::{RecordedCalibration, Recording, Step, StepKind};
 
 /// What the robot does in a step.
@@ -20,30 +20,22 @@ pub(super) fn step(calibration: &RecordedCalibration, step: &Step) -> String {
     match &step.kind {
         StepKind::Experiment { measurements, .. } => {
             let record = &calibration.record;
-            for index in measurements.clone() {
-                if let Some(moved) = record.truth.deflections_mm.get(index) {
-                    row(&mut text, "true deflection [mm]", &Vector3::from(*moved));
-                }
-            }
-            for index in measurements.clone() {
-                if let Some(MeasurementMessage { deflection_mm, .. }) =
-                    record.measurements.get(index)
-                {
-                    row(&mut text, "measured [mm]", &Vector3::from(*deflection_mm));
-                }
-            }
-            for index in measurements.clone() {
-                if let Some(residual) = record.identification.residuals_mm.get(index) {
-                    row(&mut text, "residual [mm]", &Vector3::from(*residual));
+            let measured: Vec<[f64; 3]> = (record.measurements.iter())
+                .map(|each| each.deflection_mm)
+                .collect();
+            for (name, vectors) in [
+                ("true deflection [mm]", &record.truth.deflections_mm),
+                ("measured [mm]", &measured),
+                ("residual [mm]", &record.identification.residuals_mm),
+            ] {
+                for vector in measurements.clone().filter_map(|index| vectors.get(index)) {
+                    row(&mut text, name, &Vector3::from(*vector));
                 }
             }
         }
         StepKind::TestPose { .. } => {
-            row(
-                &mut text,
-                "off the wanted place [mm]",
-                &(step.displacement_m() * 1e3),
-            );
+            let off = step.displacement_m() * 1e3;
+            row(&mut text, "off the wanted place [mm]", &off);
         }
     }
     let joints = calibration.commands.shown(step.commanded_rad.as_slice());

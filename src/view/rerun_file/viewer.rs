@@ -50,9 +50,6 @@ impl std::fmt::Display for Address {
 
 impl Address {
     /// Whether something listens there, or why not.
-    ///
-    /// # Errors
-    /// Nothing does.
     pub fn probe(&self) -> std::io::Result<()> {
         let origin = &self.0.origin;
         let host = origin.host.to_string();
