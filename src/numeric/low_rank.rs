@@ -135,9 +135,9 @@ impl UpdatedCovariance {
         let Some(inverse) = own.try_inverse() else {
             return;
         };
-        // P' = P - Y S Y^T, and Q' = P' N P' with N P W^T = N Y.
+        self.cost -= (&inverse * &within).trace() * sign;
+        // P' = P - Y S Y^T, and Q' = P' N P' with Y = P W^T, Q W^T = P N Y.
         let gain = &through * inverse * sign;
-        self.cost -= (gain.tr_mul(&weighed)).trace();
         self.covariance.gemm(-1.0, &gain, &through.transpose(), 1.0);
         self.weighed.gemm(-1.0, &gain, &weighed.transpose(), 1.0);
         self.weighed.gemm(-1.0, &weighed, &gain.transpose(), 1.0);
