@@ -57,6 +57,8 @@ pub fn identify_absolute<'a>(
     case.keeps_all = keeps_all;
     let likely = case.likely_input_error();
     let fit = case.fit(groups, weights).map_err(mistaken)?;
+    // Geometry and elasticity may explain what frames alone do not.
+    let likely = likely.filter(|_| !fit.explains_all());
     // What lies far out is no pattern, and no inconsistency.
     let mut kept = case.kept(&fit);
     let patterns = (kept.looked_at(&fit, &fit.of_kept(readings))?).patterns();

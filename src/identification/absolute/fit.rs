@@ -442,6 +442,12 @@ impl AbsoluteCase<'_> {
 }
 
 impl AbsoluteFit {
+    /// Whether it explains all readings within their own standard deviations.
+    pub fn explains_all(&self) -> bool {
+        let is_plausible = self.consistency.is_some_and(|each| each >= IMPLAUSIBLE);
+        is_plausible && self.discrepancy.is_none() && self.rejected.is_empty()
+    }
+
     /// The quantity of a parameter in its own unit: ratios of logarithms become quantities.
     pub fn quantity(&self, index: usize) -> f64 {
         let parameter = &self.set.parameters()[index];
