@@ -10,13 +10,13 @@ use elastocal::text::{diagnostics::say, renamed};
 
 use super::interruption::{self, Interrupted};
 use super::printed_error::PrintedError;
-use super::{Arguments, STDOUT_CLOSED, unless_reader_is_gone};
+use super::{Arguments, unless_reader_is_gone};
 
 /// Does what the arguments say, the program's name first, and returns the exit code. It is the only place that maps
 /// outcomes to exit codes: 0 done, 1 failed, 2 wrong usage (by clap), 3 done with a condition that was not accepted, 130
 /// interrupted. `itself` as in [`Arguments::execute`].
 pub fn run(arguments: impl IntoIterator<Item = OsString>, itself: Option<PathBuf>) -> u8 {
-    interruption::listen(end_interrupted);
+    interruption::listen();
     let arguments = match Arguments::try_parse_from(arguments) {
         Ok(arguments) => arguments,
         Err(usage) => return explain_usage(&with_new_name(usage)),
@@ -32,7 +32,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>, itself: Option<PathBuf
                 3
             }
         }
-        Err(error) if error.is::<Interrupted>() => interruption::finish(end_interrupted),
+        Err(error) if error.is::<Interrupted>() => interruption::finish(),
         Err(error) => {
             PrintedError::of(&error).say();
             1
@@ -63,29 +63,11 @@ fn explain_usage(usage: &clap::Error) -> u8 {
         say(text.replacen("error:", &coded, 1).trim_end());
         return 2;
     }
-    let printed = usage.print();
-    let printed = if interruption::is_stdout_closed() {
-        Err(anyhow::anyhow!(STDOUT_CLOSED))
-    } else {
-        unless_reader_is_gone(printed)
-    };
-    match printed {
+    match unless_reader_is_gone(usage.print()) {
         Ok(()) => 0,
         Err(error) => {
             PrintedError::of(&error).say();
             1
         }
-    }
-}
-
-/// Ends the process while other threads are still at work, which must not see it taken apart.
-fn end_interrupted() -> ! {
-    // SAFETY: it takes a number and does not return.
-    #[expect(
-        unsafe_code,
-        reason = "the library's exit takes apart what other threads use"
-    )]
-    unsafe {
-        libc::_exit(130)
     }
 }

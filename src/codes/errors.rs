@@ -100,7 +100,7 @@ codes! {
             "There is no recording, the file is none, or no rerun viewer was found. `run` and `study` write recordings; ELASTOCAL_RERUN \
             names the viewer.";
         Other = "E0901", "other error",
-            "None of the other kinds, such as a closed stdout; the message says what is wrong.";
+            "None of the other kinds, such as a stdout that is full; the message says what is wrong.";
         Usage = "E0902", "wrong usage",
             "A command, option or value of the command line is none that there is. `elastocal help` lists the commands, \
             `elastocal COMMAND --help` the options of one. The exit code is 2.";

@@ -86,7 +86,7 @@ impl FileError {
 /// Reads a text file.
 ///
 /// # Errors
-/// It is missing, neither a file nor a pipe, not readable, too large, or not UTF-8.
+/// It is missing, neither a file nor a shell's pipe, not readable, too large, or not UTF-8.
 pub fn read_text(path: &Path) -> Result<String, FileError> {
     utf8(path, read_bytes(path)?)
 }
@@ -94,7 +94,7 @@ pub fn read_text(path: &Path) -> Result<String, FileError> {
 /// Reads a file.
 ///
 /// # Errors
-/// It is missing, neither a file nor a pipe, not readable or too large.
+/// It is missing, neither a file nor a shell's pipe, not readable or too large.
 pub fn read_bytes(path: &Path) -> Result<Vec<u8>, FileError> {
     source::read(path).map_err(|problem| FileError::new(path, problem).code(ErrorCode::Unreadable))
 }

@@ -131,9 +131,6 @@ impl Scan<'_> {
                 Err(name(path, problem))
             };
         }
-        if !metadata.is_file() {
-            return Err(name(path, "is a pipe; a file is needed"));
-        }
         if !["include", "model"].contains(&tag) {
             return Ok(());
         }
