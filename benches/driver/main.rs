@@ -6,7 +6,6 @@
 mod absolute;
 mod arms;
 mod fit;
-mod limits;
 mod paths;
 mod problem;
 
@@ -74,9 +73,14 @@ fn print_costs() {
     for name in NAMES {
         let mut work = hot_path(name);
         let once = seconds(&mut work, 1).min(seconds(&mut work, 1));
-        let times = limits::whole(0.05 / once).max(1);
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "small and positive"
+        )]
+        let times = (0.05 / once).max(1.0) as u64;
         let mut each_us: Vec<f64> = (0..11)
-            .map(|_| seconds(&mut work, times) / limits::float(times) * 1e6)
+            .map(|_| seconds(&mut work, times) / times as f64 * 1e6)
             .collect();
         each_us.sort_by(f64::total_cmp);
         let [low, median, high] = [each_us[0], each_us[5], each_us[10]];

@@ -76,6 +76,14 @@ impl FileError {
         self
     }
 
+    /// Adds a hint, where there is one.
+    pub fn hinted(self, hint: Option<impl Into<String>>) -> Self {
+        match hint {
+            Some(hint) => self.hint(hint),
+            None => self,
+        }
+    }
+
     /// Adds a hint.
     pub fn hint(mut self, hint: impl Into<String>) -> Self {
         self.hint = Some(shortened(&hint.into(), LONGEST_PROBLEM));

@@ -260,38 +260,24 @@ pub(super) struct ForbiddenTable {
     pub within_deg: f64,
 }
 
-/// The shapes of obstacles.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, schemars::JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub(super) enum ObstacleKind {
-    Box,
-    Sphere,
-    Cylinder,
-    Capsule,
-}
-
-impl ObstacleKind {
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Box => "box",
-            Self::Sphere => "sphere",
-            Self::Cylinder => "cylinder",
-            Self::Capsule => "capsule",
-        }
-    }
-}
-
 /// One of `[[obstacle]]`.
 #[derive(Debug, Deserialize, schemars::JsonSchema)]
-#[serde(deny_unknown_fields)]
 pub(super) struct ObstacleTable {
     pub name: String,
-    pub kind: ObstacleKind,
-    pub size_mm: Option<Vec<f64>>,
-    pub radius_mm: Option<f64>,
-    pub length_mm: Option<f64>,
     pub position_mm: Vec<f64>,
     pub rpy_deg: Option<Vec<f64>>,
+    #[serde(flatten)]
+    pub shape: ShapeTable,
+}
+
+/// The shapes of obstacles.
+#[derive(Debug, Deserialize, schemars::JsonSchema)]
+#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
+pub(super) enum ShapeTable {
+    Box { size_mm: Vec<f64> },
+    Sphere { radius_mm: f64 },
+    Cylinder { radius_mm: f64, length_mm: f64 },
+    Capsule { radius_mm: f64, length_mm: f64 },
 }
 
 /// One of `[[station]]`.
@@ -569,4 +555,15 @@ pub(super) enum StudyPlanTable {
     RandomEach {
         name: String,
     },
+}
+
+impl StudyPlanTable {
+    pub const fn name(&self) -> &String {
+        match self {
+            Self::File { name, .. }
+            | Self::Optimal { name, .. }
+            | Self::Random { name }
+            | Self::RandomEach { name } => name,
+        }
+    }
 }

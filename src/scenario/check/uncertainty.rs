@@ -3,7 +3,7 @@
 use nalgebra::{DVector, Vector3};
 
 use super::Checker;
-use super::robot::names_of;
+use super::number::names_of;
 use crate::files::FileError;
 use crate::mujoco::State;
 use crate::parameter::{
