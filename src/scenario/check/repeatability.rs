@@ -106,11 +106,11 @@ impl Checker<'_> {
         match needs.iter().find(|(_, is_given)| *is_given) {
             Some((name, _)) if table.rp_mm.is_none() => {
                 let problem = "says where a pose repeatability holds, and none is given";
-                let wrong = self.wrong(&format!("{key}.{name}"), problem);
-                Err(match table.kind {
-                    UncertaintyKind::JointRepeatability => wrong.hint("give rp_mm"),
-                    _ => wrong.hint("leave it out: rp_mm is of a joint_repeatability"),
-                })
+                let hint = match table.kind {
+                    UncertaintyKind::JointRepeatability => "give rp_mm",
+                    _ => "leave it out: rp_mm is of a joint_repeatability",
+                };
+                Err(self.wrong(&format!("{key}.{name}"), problem).hint(hint))
             }
             _ => Ok(()),
         }
