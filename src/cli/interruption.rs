@@ -25,7 +25,7 @@ const GRACE: Duration = Duration::from_millis(600);
 pub static STOP: AtomicBool = AtomicBool::new(false);
 
 /// So long a search may take until it ends with a plan.
-const SEARCH_GRACE: Duration = Duration::from_secs(2);
+const SEARCH_GRACE: Duration = Duration::from_secs(3);
 
 static STATE: Mutex<Interruption> = Mutex::new(Interruption {
     asks: Asks::Nobody,
