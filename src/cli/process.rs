@@ -4,9 +4,8 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 
 use clap::Parser;
-use clap::error::{ContextKind, ContextValue};
 use elastocal::codes::ErrorCode;
-use elastocal::text::{diagnostics::say, renamed};
+use elastocal::text::diagnostics::say;
 
 use super::interruption::{self, Interrupted};
 use super::printed_error::PrintedError;
@@ -19,7 +18,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>, itself: Option<PathBuf
     interruption::listen();
     let arguments = match Arguments::try_parse_from(arguments) {
         Ok(arguments) => arguments,
-        Err(usage) => return explain_usage(&with_new_name(usage)),
+        Err(usage) => return explain_usage(&usage),
     };
     match arguments.execute(itself) {
         Ok(conditions) => {
@@ -38,21 +37,6 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>, itself: Option<PathBuf
             1
         }
     }
-}
-
-/// With what an older option is called now.
-fn with_new_name(mut usage: clap::Error) -> clap::Error {
-    let new = match usage.get(ContextKind::InvalidArg) {
-        Some(ContextValue::String(option)) => renamed(option),
-        _ => None,
-    };
-    if let Some(new) = new {
-        usage.insert(
-            ContextKind::SuggestedArg,
-            ContextValue::String(new.to_owned()),
-        );
-    }
-    usage
 }
 
 /// What is wrong with the usage, for stderr, or the help that was asked for, for stdout.

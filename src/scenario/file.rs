@@ -292,8 +292,11 @@ pub(super) struct StationTable {
 }
 
 /// What is uncertain.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, schemars::JsonSchema)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, Deserialize, schemars::JsonSchema, strum::IntoStaticStr,
+)]
 #[serde(rename_all = "snake_case")]
+#[strum(serialize_all = "snake_case")]
 pub(super) enum UncertaintyKind {
     Compliance,
     JointZero,
@@ -327,33 +330,8 @@ pub(super) enum UncertaintyKind {
 }
 
 impl UncertaintyKind {
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Compliance => "compliance",
-            Self::JointZero => "joint_zero",
-            Self::LinkPosition => "link_position",
-            Self::LinkRotation => "link_rotation",
-            Self::LinkMass => "link_mass",
-            Self::LinkCentre => "link_centre",
-            Self::SpringStiffness => "spring_stiffness",
-            Self::SpringRest => "spring_rest",
-            Self::ToolPosition => "tool_position",
-            Self::ToolRotation => "tool_rotation",
-            Self::BasePosition => "base_position",
-            Self::BaseRotation => "base_rotation",
-            Self::LoadScale => "load_scale",
-            Self::LoadOffset => "load_offset",
-            Self::TaskForce => "task_force",
-            Self::LoadDirection => "load_direction",
-            Self::LoadPoint => "load_point",
-            Self::JointRepeatability => "joint_repeatability",
-            Self::Backlash => "backlash",
-            Self::Stiffening => "stiffening",
-            Self::TrackerRange => "tracker_range",
-            Self::Drift => "drift",
-            Self::TransmissionError => "transmission_error",
-            Self::Discrepancy => "discrepancy",
-        }
+    pub fn name(self) -> &'static str {
+        self.into()
     }
 
     /// The keys that its size may have.
@@ -429,8 +407,6 @@ pub(super) struct UncertaintyTable {
     pub coverage_factor: Option<f64>,
     pub level: Option<SourceLevel>,
     pub rp_mm: Option<f64>,
-    pub q_deg: Option<Vec<f64>>,
-    pub site: Option<String>,
     pub harmonics: Option<Vec<i64>>,
     pub correlation_deg: Option<f64>,
     pub turned_over_at_nm: Option<f64>,

@@ -224,10 +224,6 @@ fn no_output_overwrites_an_input() {
             "plan s.toml --plan-out a --stills-out ./a",
             "is the file for --plan-out (a) and for --stills-out",
         ),
-        (
-            "plan s.toml --plan-out x/../a --stills-out a",
-            "is the file for --plan-out (x/../a)",
-        ),
         (&format!("{measure} plan.csv"), "is the plan"),
         (&format!("{IDENTIFY} m.csv"), "is the measurements"),
         (&format!("{IDENTIFY} link"), "is the measurements (m.csv)"),

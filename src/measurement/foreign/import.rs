@@ -7,7 +7,7 @@ use nalgebra::{DVector, Matrix3, Matrix6, UnitQuaternion, Vector3};
 
 use super::mapping::{Convention, Mapping};
 use super::quantity::{
-    ANGLE, DEVIATION, FORCE, LENGTH, PURE, ROTATION_DEVIATION, TEMPERATURE, TIME, TORQUE,
+    ANGLE, DEVIATION, FORCE, LENGTH, ROTATION_DEVIATION, TEMPERATURE, TIME, TORQUE,
 };
 use super::source::{ForeignRow, Measured, Reader, Source};
 use crate::codes::ErrorCode;
@@ -137,20 +137,30 @@ impl ImportedColumns {
                 ));
             }
         };
-        let place = reader.vector(key, place, [LENGTH, DEVIATION])?;
-        let rotation = rotation(reader, file)?;
-        let has_deviations = rotation.as_ref().map(|(_, (_, own))| own.is_some());
-        if has_deviations.is_some_and(|has| has != place.1.is_some()) {
-            let problem = "poses have standard deviations of both or of none: std_columns of position and rotation";
-            return Err(reader.wrong("rotation", problem));
-        }
+        let place = reader.measured((key, place), 3, [LENGTH, DEVIATION])?;
+        let rotation = match &file.rotation {
+            None => None,
+            Some(numbers) => {
+                let Some(convention) = numbers.convention else {
+                    return Err(reader.wrong("rotation.convention", "is missing"));
+                };
+                let (count, quantity) = convention.numbers();
+                let kinds = [quantity, ROTATION_DEVIATION];
+                let measured = reader.measured(("rotation", numbers), count, kinds)?;
+                if measured.1.is_some() != place.1.is_some() {
+                    let problem = "poses have standard deviations of both or of none: std_columns of position and rotation";
+                    return Err(reader.wrong("rotation", problem));
+                }
+                Some((convention, measured))
+            }
+        };
         let mut load = Vec::new();
         for (key, mapping, quantity, first) in [
             ("force", &file.force, FORCE, 0),
             ("torque", &file.torque, TORQUE, 3),
         ] {
             if let Some(mapping) = mapping {
-                let (numbers, _) = reader.vector(key, mapping, [quantity; 2])?;
+                let (numbers, _) = reader.measured((key, mapping), 3, [quantity; 2])?;
                 load.extend((first..).zip(numbers));
             }
         }
@@ -199,7 +209,11 @@ impl ImportedColumns {
             // No weight is no minus zero.
             wrench[*place] = 0.0 + reader.value(source, row)?;
         }
-        let (position_m, sigma_m) = reader.measured(&self.place, row)?;
+        let mut three = |sources: &Vec<Source>| {
+            (reader.values(sources, row)).map(|values| Vector3::from_row_slice(&values))
+        };
+        let (place, deviations) = &self.place;
+        let (position_m, sigma_m) = (three(place)?, deviations.as_ref().map(three).transpose()?);
         let mut covariance = sigma_m.map(|sigma| {
             let mut all = Matrix6::identity();
             set_block(
@@ -271,29 +285,6 @@ impl ImportedColumns {
         }
         Ok(Some(rotation))
     }
-}
-
-fn rotation(
-    reader: &mut Reader<'_>,
-    file: &Mapping,
-) -> Result<Option<(Convention, Measured)>, FileError> {
-    let Some(mapping) = &file.rotation else {
-        return Ok(None);
-    };
-    let (count, found) = (mapping.convention.numbers(), mapping.columns.len());
-    if found != count {
-        let problem = format!("found {found}; {count} are needed");
-        return Err(reader.wrong("rotation.columns", problem));
-    }
-    let quantity = if count == 3 { ANGLE } else { PURE };
-    let numbers = reader.numbers("rotation", (&mapping.columns, &mapping.unit), quantity)?;
-    let unit = mapping.std_unit.as_ref().unwrap_or(&mapping.unit);
-    let deviations = (mapping.std_columns.as_ref())
-        .map(|columns| reader.numbers("rotation.std", (columns, unit), ROTATION_DEVIATION));
-    Ok(Some((
-        mapping.convention,
-        (numbers, deviations.transpose()?),
-    )))
 }
 
 fn deflection((reading, sigma_m): (AbsoluteReading, Option<Vector3<f64>>)) -> Measurement {

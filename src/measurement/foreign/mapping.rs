@@ -3,6 +3,7 @@
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use serde::Deserialize;
 
+use super::quantity::{ANGLE, ForeignQuantity, PURE};
 use crate::measurement::columns::unit_quaternion;
 
 /// A mapping as it is written; see `docs/files.md`.
@@ -12,22 +13,54 @@ pub(super) struct Mapping {
     /// The commanded joints in the order of the model.
     pub joint: Vec<JointMapping>,
     /// Where the target is, in the instrument's frame.
-    pub position: Option<VectorMapping>,
+    pub position: Option<Numbers>,
     /// How it is turned there.
-    pub rotation: Option<RotationMapping>,
+    pub rotation: Option<Numbers>,
     /// Loaded minus unloaded position, in the world frame, in place of position and rotation.
-    pub deflection: Option<VectorMapping>,
+    pub deflection: Option<Numbers>,
     /// The load at the calibration tool, in the world frame.
-    pub force: Option<VectorMapping>,
-    pub torque: Option<VectorMapping>,
+    pub force: Option<Numbers>,
+    pub torque: Option<Numbers>,
     /// The size of a weight there.
-    pub weight: Option<ScalarMapping>,
+    pub weight: Option<Numbers>,
     pub target: Option<Word>,
     pub station: Option<Word>,
     pub visit: Option<Word>,
     pub approach: Option<Word>,
-    pub time: Option<ScalarMapping>,
-    pub temperature: Option<ScalarMapping>,
+    pub time: Option<Numbers>,
+    pub temperature: Option<Numbers>,
+}
+
+/// Numbers of one unit, and their standard deviations.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Numbers {
+    #[serde(alias = "column")]
+    pub columns: Names,
+    #[serde(default)]
+    pub unit: String,
+    pub std_columns: Option<Names>,
+    /// That of the values if not given.
+    pub std_unit: Option<String>,
+    /// Of rotations.
+    pub convention: Option<Convention>,
+}
+
+/// The names of columns.
+#[derive(Debug, Deserialize)]
+#[serde(untagged)]
+pub(super) enum Names {
+    One(String),
+    More(Vec<String>),
+}
+
+impl Names {
+    pub fn all(&self) -> &[String] {
+        match self {
+            Self::One(name) => std::slice::from_ref(name),
+            Self::More(names) => names,
+        }
+    }
 }
 
 /// Where a word comes from.
@@ -54,39 +87,6 @@ pub(super) struct JointMapping {
 
 const fn one() -> f64 {
     1.0
-}
-
-/// Three numbers, and their standard deviations.
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct VectorMapping {
-    pub columns: [String; 3],
-    pub unit: String,
-    pub std_columns: Option<[String; 3]>,
-    /// That of the values if not given.
-    pub std_unit: Option<String>,
-}
-
-/// A rotation: the target's axes in the instrument's frame.
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct RotationMapping {
-    pub convention: Convention,
-    pub columns: Vec<String>,
-    /// Of angles.
-    #[serde(default)]
-    pub unit: String,
-    pub std_columns: Option<[String; 3]>,
-    /// That of the values if not given.
-    pub std_unit: Option<String>,
-}
-
-/// One number.
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct ScalarMapping {
-    pub column: String,
-    pub unit: String,
 }
 
 /// How a table writes rotations, of the target's axes in the instrument's frame.
@@ -120,11 +120,11 @@ impl TryFrom<String> for Convention {
 }
 
 impl Convention {
-    /// How many numbers a rotation has; three are angles.
-    pub const fn numbers(self) -> usize {
+    /// How many numbers a rotation has, and of what.
+    pub const fn numbers(self) -> (usize, ForeignQuantity) {
         match self {
-            Self::Euler(_) | Self::RotationVector => 3,
-            Self::Quaternion => 4,
+            Self::Euler(_) | Self::RotationVector => (3, ANGLE),
+            Self::Quaternion => (4, PURE),
         }
     }
 

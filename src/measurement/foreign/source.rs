@@ -4,9 +4,8 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 use ::csv::StringRecord;
-use nalgebra::Vector3;
 
-use super::mapping::{ScalarMapping, VectorMapping, Word};
+use super::mapping::{Numbers, Word};
 use super::quantity::{ForeignQuantity, Unit};
 use crate::csv::Decimals;
 use crate::files::FileError;
@@ -100,30 +99,36 @@ impl Reader<'_> {
         })
     }
 
-    /// Numbers of one unit.
-    pub fn numbers(
+    fn numbers(
         &mut self,
         key: &str,
-        (columns, unit): (&[String], &str),
+        (names, unit): (&[String], &str),
+        count: usize,
         quantity: ForeignQuantity,
     ) -> Result<Vec<Source>, FileError> {
-        (columns.iter())
-            .map(|column| self.number(key, (column, unit), quantity))
+        if names.len() != count {
+            let problem = format!("found {}; {count} are needed", names.len());
+            return Err(self.wrong(&format!("{key}.columns"), problem));
+        }
+        (names.iter())
+            .map(|name| self.number(key, (name, unit), quantity))
             .collect()
     }
 
-    /// Three numbers of a quantity, and their standard deviations.
-    pub fn vector(
+    /// So many numbers of a quantity, and their standard deviations.
+    pub fn measured(
         &mut self,
-        key: &str,
-        mapping: &VectorMapping,
+        (key, numbers): (&str, &Numbers),
+        count: usize,
         [quantity, deviation]: [ForeignQuantity; 2],
     ) -> Result<Measured, FileError> {
-        let unit = &mapping.unit;
-        let values = self.numbers(key, (&mapping.columns, unit), quantity)?;
-        let std_unit = mapping.std_unit.as_ref().unwrap_or(unit);
-        let deviations = (mapping.std_columns.as_ref())
-            .map(|columns| self.numbers(&format!("{key}.std"), (columns, std_unit), deviation));
+        let unit = &numbers.unit;
+        let values = self.numbers(key, (numbers.columns.all(), unit), count, quantity)?;
+        let std_unit = numbers.std_unit.as_ref().unwrap_or(unit);
+        let deviations = numbers.std_columns.as_ref().map(|names| {
+            let key = format!("{key}.std");
+            self.numbers(&key, (names.all(), std_unit), count.min(3), deviation)
+        });
         Ok((values, deviations.transpose()?))
     }
 
@@ -131,12 +136,14 @@ impl Reader<'_> {
     pub fn scalar(
         &mut self,
         key: &str,
-        mapping: Option<&ScalarMapping>,
+        numbers: Option<&Numbers>,
         quantity: ForeignQuantity,
     ) -> Result<Option<Source>, FileError> {
-        mapping
-            .map(|mapping| self.number(key, (&mapping.column, &mapping.unit), quantity))
-            .transpose()
+        let Some(numbers) = numbers else {
+            return Ok(None);
+        };
+        let (mut one, _) = self.measured((key, numbers), 1, [quantity; 2])?;
+        Ok(one.pop())
     }
 
     /// The place of a column of words, or the word.
@@ -172,17 +179,5 @@ impl Reader<'_> {
         (sources.iter())
             .map(|source| self.value(source, row))
             .collect()
-    }
-
-    /// Three numbers in a row, and their standard deviations, in SI units.
-    pub fn measured(
-        &mut self,
-        (values, deviations): &Measured,
-        row: &ForeignRow,
-    ) -> Result<(Vector3<f64>, Option<Vector3<f64>>), FileError> {
-        let mut three = |sources: &Vec<Source>| {
-            (self.values(sources, row)).map(|values| Vector3::from_row_slice(&values))
-        };
-        Ok((three(values)?, deviations.as_ref().map(three).transpose()?))
     }
 }

@@ -122,7 +122,6 @@ impl Checker<'_> {
         places: ReadingPlaces<'_>,
     ) -> Result<Source, FileError> {
         self.check_sizes(key, table)?;
-        self.check_repeatability(key, table)?;
         if table.joints.is_some() && !table.kind.is_of_joints() {
             let problem = format!("a {} is not one of joints", table.kind.name());
             return Err(self.wrong(&format!("{key}.joints"), problem));
