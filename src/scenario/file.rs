@@ -8,7 +8,7 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 
 use crate::gate::Gate;
-use crate::parameter::{ErrorDistribution, SourceLevel, Unloaded};
+use crate::parameter::{ErrorDistribution, Unloaded};
 use crate::plan::Criterion;
 use crate::study::Level;
 use crate::task::{AccuracyKind, Method};
@@ -17,10 +17,6 @@ use crate::task::{AccuracyKind, Method};
 #[derive(Debug, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct File {
-    /// The versions of elastocal that it is written for.
-    #[serde(default)]
-    #[expect(dead_code, reason = "checked before all other keys")]
-    pub requires: Option<String>,
     #[serde(default)]
     pub description: String,
     #[serde(default)]
@@ -163,7 +159,6 @@ pub(super) struct InstrumentTable {
     pub rotation_mpe_mrad: Option<f64>,
     pub distribution: Option<ErrorDistribution>,
     pub coverage_factor: Option<f64>,
-    pub level: Option<SourceLevel>,
     pub tracker_site: Option<String>,
     #[serde(default)]
     pub unloaded: Unloaded,
@@ -405,7 +400,6 @@ pub(super) struct UncertaintyTable {
     pub mpe_um_per_h: Option<f64>,
     pub distribution: Option<ErrorDistribution>,
     pub coverage_factor: Option<f64>,
-    pub level: Option<SourceLevel>,
     pub rp_mm: Option<f64>,
     pub harmonics: Option<Vec<i64>>,
     pub correlation_deg: Option<f64>,

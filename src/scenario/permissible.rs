@@ -1,14 +1,13 @@
 //! Which keys of a scenario take a maximum permissible error, and in place of which standard deviation.
 
 use super::file::{InstrumentTable, UncertaintyKind, UncertaintyTable};
-use crate::parameter::{ErrorDistribution, SourceLevel};
+use crate::parameter::ErrorDistribution;
 
 /// What a table says of its maximum permissible errors.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Certificate {
     pub distribution: Option<ErrorDistribution>,
     pub coverage_factor: Option<f64>,
-    pub level: Option<SourceLevel>,
 }
 
 /// A maximum permissible error with its key, the standard deviation with its key in whose place it is given, and the error's unit
@@ -36,7 +35,6 @@ impl InstrumentTable {
         Certificate {
             distribution: self.distribution,
             coverage_factor: self.coverage_factor,
-            level: self.level,
         }
     }
 }
@@ -70,7 +68,6 @@ impl UncertaintyTable {
         Certificate {
             distribution: self.distribution,
             coverage_factor: self.coverage_factor,
-            level: self.level,
         }
     }
 }

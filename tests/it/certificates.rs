@@ -58,37 +58,18 @@ fn a_maximum_permissible_error_becomes_its_standard_uncertainty() {
         ("coverage_factor = 2", 2.0),
         ("distribution = \"normal\"\ncoverage_factor = 3", 3.0),
     ];
-    for (index, (kind, mpe, level, key, standard)) in [
-        (
-            "load_scale",
-            "mpe_relative = 0.01",
-            "instrument",
-            "std_relative",
-            0.01,
-        ),
-        ("load_offset", "mpe_n = 6", "instrument", "std_n", 6.0),
-        ("tool_position", "mpe_um = 90", "campaign", "std_mm", 0.09),
-        ("joint_zero", "mpe_mrad = 0.3", "robot", "std_mrad", 0.3),
-        ("backlash", "mpe_arcsec = 60", "robot", "std_arcsec", 60.0),
-        (
-            "drift",
-            "mpe_um_per_h = 20",
-            "campaign",
-            "std_um_per_h",
-            20.0,
-        ),
-        (
-            "discrepancy",
-            "mpe_um = 40",
-            "configuration",
-            "std_mm",
-            0.04,
-        ),
+    for (index, (kind, mpe, key, standard)) in [
+        ("load_scale", "mpe_relative = 0.01", "std_relative", 0.01),
+        ("load_offset", "mpe_n = 6", "std_n", 6.0),
+        ("tool_position", "mpe_um = 90", "std_mm", 0.09),
+        ("joint_zero", "mpe_mrad = 0.3", "std_mrad", 0.3),
+        ("backlash", "mpe_arcsec = 60", "std_arcsec", 60.0),
+        ("drift", "mpe_um_per_h = 20", "std_um_per_h", 20.0),
+        ("discrepancy", "mpe_um = 40", "std_mm", 0.04),
         // A certificate is of one reading, and two make a deflection.
         (
             "tracker_range",
             "mpe_um_per_m = 6",
-            "reading",
             "std_um_per_m",
             6.0 * 2.0_f64.sqrt(),
         ),
@@ -97,16 +78,15 @@ fn a_maximum_permissible_error_becomes_its_standard_uncertainty() {
     .enumerate()
     {
         let (distribution, divisor) = says[index % says.len()];
-        let given = format!("{mpe}\n{distribution}\nlevel = \"{level}\"");
+        let given = format!("{mpe}\n{distribution}");
         let meant = format!("{key} = {:e}", standard / divisor);
         assert_same(&entry((kind, &given), ""), &entry((kind, &meant), ""));
     }
-    let both =
-        "mpe_um_per_m = 6\nmpe_along_um_per_m = 0.3\ncoverage_factor = 2\nlevel = \"reading\"";
+    let both = "mpe_um_per_m = 6\nmpe_along_um_per_m = 0.3\ncoverage_factor = 2";
     let found = sizes(&only(&entry(("tracker_range", both), "")).source);
     assert!((found[0] / found[1] - 20.0).abs() < 1e-12, "{found:?}");
     // Gears err by configurations, and waves of theirs for as long as the robot lasts.
-    let waves = "mpe_mrad = 0.1\ncoverage_factor = 2\nlevel = \"robot\"\nharmonics = [1]";
+    let waves = "mpe_mrad = 0.1\ncoverage_factor = 2\nharmonics = [1]";
     assert_same(
         &entry(("transmission_error", waves), ""),
         &entry(
@@ -125,7 +105,7 @@ fn an_instrument_may_be_given_by_its_certificate() {
             .belief
             .instrument
     };
-    let mpe = "mpe_um = 60\ncoverage_factor = 2\nlevel = \"reading\"\nrotation_mpe_mrad = 0.2";
+    let mpe = "mpe_um = 60\ncoverage_factor = 2\nrotation_mpe_mrad = 0.2";
     let expected = of("sigma_mm = 0.03\nrotation_sigma_mrad = 0.1");
     assert!((of(mpe).sigma_m / expected.sigma_m - 1.0).abs() < 1e-12);
     assert_eq!(of(mpe).rotation_sigma_rad, expected.rotation_sigma_rad);
@@ -133,19 +113,12 @@ fn an_instrument_may_be_given_by_its_certificate() {
     for (says, problems) in [
         ("", ["instrument.sigma_mm", "is missing"]),
         (
-            "sigma_mm = 0.03\nmpe_um = 60\ncoverage_factor = 2\nlevel = \"reading\"",
+            "sigma_mm = 0.03\nmpe_um = 60\ncoverage_factor = 2",
             ["instrument.mpe_um", "sigma_mm is given, too"],
         ),
         (
-            "mpe_um = 60\ncoverage_factor = 2\nlevel = \"instrument\"",
-            [
-                "instrument.level",
-                "the level of the instrument's noise is \"reading\"",
-            ],
-        ),
-        (
-            "sigma_mm = 0.03\nlevel = \"reading\"",
-            ["instrument.level", "none is given"],
+            "sigma_mm = 0.03\ncoverage_factor = 2",
+            ["instrument.coverage_factor", "none is given"],
         ),
     ] {
         place.write("wrong.toml", text.replace("sigma_mm = 0.03", says));
@@ -158,47 +131,37 @@ fn an_instrument_may_be_given_by_its_certificate() {
 fn wrong_certificates_are_refused_by_name() {
     for (entry, key, says) in [
         (
-            "mpe_relative = 0.01\ncoverage_factor = 2",
-            "uncertainty[0].level",
-            "is missing",
-        ),
-        (
-            "mpe_relative = 0.01\ncoverage_factor = 2\nlevel = \"reading\"",
-            "uncertainty[0].level",
-            "found \"reading\"; the level of a load_scale is \"instrument\"",
-        ),
-        (
-            "mpe_relative = 0.01\nlevel = \"instrument\"",
+            "mpe_relative = 0.01",
             "uncertainty[0].distribution",
             "is missing, and so is coverage_factor",
         ),
         (
-            "mpe_relative = 0.01\nlevel = \"instrument\"\ndistribution = \"uniform\"\ncoverage_factor = 2",
+            "mpe_relative = 0.01\ndistribution = \"uniform\"\ncoverage_factor = 2",
             "uncertainty[0].coverage_factor",
             "beside a distribution with bounds",
         ),
         (
-            "mpe_relative = 0.01\nlevel = \"instrument\"\ndistribution = \"normal\"",
+            "mpe_relative = 0.01\ndistribution = \"normal\"",
             "uncertainty[0].coverage_factor",
             "a normal distribution has no bounds",
         ),
         (
-            "mpe_relative = 0.01\nlevel = \"instrument\"\ncoverage_factor = -2",
+            "mpe_relative = 0.01\ncoverage_factor = -2",
             "uncertainty[0].coverage_factor",
             "found -2",
         ),
         (
-            "mpe_relative = -0.01\nlevel = \"instrument\"\ncoverage_factor = 2",
+            "mpe_relative = -0.01\ncoverage_factor = 2",
             "uncertainty[0].mpe_relative",
             "found -0.01",
         ),
         (
-            "mpe_relative = 0.01\nstd_relative = 0.01\nlevel = \"instrument\"\ncoverage_factor = 2",
+            "mpe_relative = 0.01\nstd_relative = 0.01\ncoverage_factor = 2",
             "uncertainty[0].mpe_relative",
             "std_relative is given, too",
         ),
         (
-            "mpe_um = 10\nlevel = \"instrument\"\ncoverage_factor = 2",
+            "mpe_um = 10\ncoverage_factor = 2",
             "uncertainty[0].mpe_um",
             "a load_scale has no such size; it has std_relative",
         ),

@@ -1,10 +1,10 @@
-//! The program where it is installed: scenarios that come with it, and scenarios for other versions of it.
+//! The program where it is installed: scenarios that come with it.
 
 use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-use crate::support::{Workplace, project, scenario_text};
+use crate::support::{Workplace, project};
 
 fn copy_folder(from: &Path, to: &Path) {
     fs::create_dir_all(to).expect("a folder can be made");
@@ -59,35 +59,4 @@ fn shipped_scenarios_are_found_outside_of_a_clone() {
         stderr.starts_with("error E0101: scenarios/kr270.toml: "),
         "{stderr}"
     );
-}
-
-/// Keys that only a later version has are its own: what is said first is that another version is wanted.
-#[test]
-fn a_scenario_for_another_version_is_refused_by_its_version() {
-    let place = Workplace::new();
-    let text = scenario_text("planar_3r");
-    place.write("plain.toml", &text);
-    place.write("now.toml", format!("requires = \">=0.1, <99\"\n{text}"));
-    place.write(
-        "later.toml",
-        format!("requires = \">=99\"\nnew_key = 1\n{text}"),
-    );
-    place.write("wrong.toml", format!("requires = \"newest\"\n{text}"));
-    let hash = |name: &str| {
-        let printed = place
-            .run(&format!("check {name} --json --quiet"))
-            .ends_with(0)
-            .json();
-        printed["provenance"]["scenario_sha256"].clone()
-    };
-    assert!(hash("plain.toml").is_string());
-    assert_eq!(hash("plain.toml"), hash("now.toml"));
-    for (name, problem) in [
-        ("later.toml", "found \">=99\"; this is elastocal "),
-        ("wrong.toml", "found \"newest\"; versions such as "),
-    ] {
-        let refused = place.run(&format!("check {name}")).ends_with(1);
-        let expected = format!("error E0101: {name}: requires: {problem}");
-        assert!(refused.stderr.starts_with(&expected), "{}", refused.stderr);
-    }
 }

@@ -6,13 +6,10 @@
 //! ```text
 //! uniform u = a / sqrt(3)   triangular u = a / sqrt(6)   arcsine u = a / sqrt(2)   normal u = a / k
 //! ```
-//!
-//! Such an error is mostly systematic, which its size does not say: the level has to be given, and has to be that which the error
-//! source has in the model.
 
 use super::Checker;
 use crate::files::FileError;
-use crate::parameter::{ErrorDistribution, SourceLevel};
+use crate::parameter::ErrorDistribution;
 use crate::quantities::plausible::COVERAGE;
 use crate::scenario::file::UncertaintyTable;
 use crate::scenario::permissible::{Certificate, Permissible};
@@ -103,41 +100,13 @@ impl Checker<'_> {
             }
         }
     }
-
-    /// Checks the level that a table gives for its maximum permissible errors, if it has any; they are of a source of that `level`.
-    pub(super) fn check_level(
-        &self,
-        key: &str,
-        source: &str,
-        certificate: &Certificate,
-        level: SourceLevel,
-    ) -> Result<(), FileError> {
-        let name = level.name();
-        let problem = match certificate.level {
-            _ if first_given(certificate).is_none() => return Ok(()),
-            Some(given) if given == level => return Ok(()),
-            Some(given) => format!(
-                "found {:?}; the level of {source} is {name:?}, and no other is modelled",
-                given.name()
-            ),
-            None => {
-                format!("is missing: it says what averages the error; that of {source} is {name:?}")
-            }
-        };
-        Err(self.wrong(&format!("{key}.level"), problem).hint(
-            "a maximum permissible error is mostly systematic: what is alike in all readings is another error source, such \
-             as load_scale, base_position or tool_position",
-        ))
-    }
 }
 
 /// The first key that is given.
 fn first_given(certificate: &Certificate) -> Option<&'static str> {
     let distribution = certificate.distribution.map(|_| "distribution");
     let factor = certificate.coverage_factor.map(|_| "coverage_factor");
-    distribution
-        .or(factor)
-        .or(certificate.level.map(|_| "level"))
+    distribution.or(factor)
 }
 
 /// The square of half of the width between the bounds of a distribution over its standard deviation; none where it has no bounds.

@@ -3,7 +3,6 @@
 use super::Checker;
 use crate::files::FileError;
 use crate::mujoco::Model;
-use crate::parameter::SourceLevel;
 use crate::quantities::plausible::{DEVIATION, ROTATION_DEVIATION};
 use crate::scenario::file::File;
 use crate::task::Instrument;
@@ -18,7 +17,6 @@ impl Checker<'_> {
         let source = "the instrument's noise";
         let of = (source, SIZES);
         self.convert_permissible("instrument", of, &certificate, table.permissible())?;
-        self.check_level("instrument", source, &certificate, SourceLevel::Reading)?;
         let sigma_mm = table.sigma_mm.ok_or_else(|| {
             let wrong = self.wrong("instrument.sigma_mm", "is missing");
             wrong.hint("give sigma_mm, or mpe_um as a certificate has it")

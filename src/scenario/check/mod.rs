@@ -14,7 +14,6 @@ mod obstacle;
 mod prior;
 mod region;
 mod repeatability;
-mod requires;
 mod robot;
 mod station;
 mod study;
@@ -220,18 +219,15 @@ impl Checker<'_> {
     }
 
     fn parse(&self, text: &str) -> Result<File, FileError> {
-        self.check_version(text)?;
         from_toml(self.path, text).map_err(|wrong| {
             let hint = hint_for(&wrong.problem);
             wrong.hinted(hint)
         })
     }
 
-    /// All that results depend on. A tolerance, the version that is required, a comment or an order of keys is no such
-    /// thing.
+    /// All that results depend on. A tolerance, a comment or an order of keys is no such thing.
     fn question(&self, mut table: toml::Table) -> Result<String, FileError> {
         table.remove("gate");
-        table.remove("requires");
         serde_json::to_string(&table).map_err(|error| FileError::new(self.path, error.to_string()))
     }
 

@@ -102,8 +102,6 @@ impl Checker<'_> {
                 return Err(wrong.hint("give each uncertainty of a kind a name of its own"));
             }
             let source = self.source(&key, table, belief, places)?;
-            let what = format!("a {}", table.kind.name());
-            self.check_level(&key, &what, &table.certificate(), source.level())?;
             all.push(Uncertainty {
                 name: name.to_owned(),
                 is_hidden: table.hidden,
