@@ -10,17 +10,16 @@ pub mod record;
 pub mod results;
 
 use clap::ValueEnum;
-use serde::{Deserialize, Serialize};
-use serde_json::Value;
+use serde::Serialize;
 
 use crate::codes::ErrorCode;
 use crate::files::FileError;
 use crate::gate::{Decision, Direction, Gate, Quantity, Tolerance};
 use crate::study::summary::TWO_SIDED_95;
-use results::{Key, ResultNumber, ResultsFile};
+use results::{Answer, Key, ResultNumber, ResultsFile};
 
 /// In what results can differ that makes them answers to different questions.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, ValueEnum)]
 #[serde(rename_all = "snake_case")]
 pub enum Aspect {
     /// The command, or the version of its results.
@@ -102,52 +101,8 @@ pub struct Rules<'a> {
 
 impl Aspect {
     /// The name, as on the command line.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Schema => "schema",
-            Self::Scenario => "scenario",
-            Self::Seed => "seed",
-            Self::Experiments => "experiments",
-            Self::Configurations => "configurations",
-            Self::Criterion => "criterion",
-            Self::Trials => "trials",
-            Self::Level => "level",
-            Self::Plans => "plans",
-        }
-    }
-
-    /// What it is in a results file, for a person; none where the file says nothing about it.
-    fn of(self, file: &ResultsFile) -> Option<String> {
-        let provenance = &file.provenance;
-        match self {
-            Self::Schema => Some(format!("{} {}", file.schema.name, file.schema.version)),
-            Self::Scenario => {
-                let hash: String = provenance.scenario_sha256.chars().take(12).collect();
-                Some(format!("{} {hash}", provenance.scenario))
-            }
-            Self::Seed => Some(provenance.seed.to_string()),
-            Self::Plans => Some(file.plans.join(", ")),
-            _ => (file.settings.iter())
-                .find(|(name, _)| *name == self.name())
-                .map(|(_, value)| match value {
-                    Value::String(text) => text.clone(),
-                    other => other.to_string(),
-                }),
-        }
-    }
-
-    fn is_same(self, base: &ResultsFile, new: &ResultsFile) -> bool {
-        match self {
-            // A copy of a scenario under another name asks the same question.
-            Self::Scenario => base.provenance.scenario_sha256 == new.provenance.scenario_sha256,
-            Self::Plans => sorted(&base.plans) == sorted(&new.plans),
-            // Results of earlier versions do not say.
-            Self::Configurations => match (self.of(base), self.of(new)) {
-                (Some(base), Some(new)) => base == new,
-                _ => true,
-            },
-            _ => self.of(base) == self.of(new),
-        }
+    pub fn name(self) -> String {
+        format!("{self:?}").to_lowercase()
     }
 }
 
@@ -168,7 +123,14 @@ pub fn compare(
         return Err(refusal(base, new, &refused));
     }
     let is_same_platform = base.provenance.platform == new.provenance.platform;
-    let within = rules.within.filter(|_| is_same_platform).map(nearly);
+    // So small a share may change, either way.
+    let within = rules.within.filter(|_| is_same_platform);
+    let within = within.map(|share| Tolerance {
+        relative: share,
+        absolute: 0.0,
+        direction: Direction::Both,
+        guard_band: 0.0,
+    });
     let found_in =
         |file: &'_ ResultsFile, key: &Key| file.numbers.iter().position(|each| each.key == *key);
     let mut changes = Vec::new();
@@ -185,17 +147,19 @@ pub fn compare(
     }
     let only_new = (new.numbers.iter()).filter(|each| found_in(base, &each.key).is_none());
     not_compared.extend(only_new.map(|each| each.key.clone()));
-    let scenario_may_differ = rules.allowed.contains(&Aspect::Scenario);
+    let not_comparable =
+        |problem: String| FileError::new(&new.path, problem).code(ErrorCode::NotComparable);
     let missing = (not_compared.iter())
         .find(|key| base.plans.contains(&key.plan) && new.plans.contains(&key.plan));
-    if let (Some(key), false) = (missing, scenario_may_differ || schema_differs(&differences)) {
+    let may_miss = rules.allowed.contains(&Aspect::Scenario)
+        || differences.iter().any(|each| each.aspect == Aspect::Schema);
+    if let (Some(key), false) = (missing, may_miss) {
         let problem = format!("only one of this file and {} has it", base.path.display());
-        let wrong = FileError::new(&new.path, problem).at(key.text());
-        return Err(wrong.code(ErrorCode::NotComparable));
+        return Err(not_comparable(problem).at(key.text()));
     }
     if changes.is_empty() {
         let problem = format!("has no number in common with {}", base.path.display());
-        return Err(FileError::new(&new.path, problem).code(ErrorCode::NotComparable));
+        return Err(not_comparable(problem));
     }
     let same_bits = |change: &Change| change.base.map(f64::to_bits) == change.new.map(f64::to_bits);
     Ok(Comparison {
@@ -206,45 +170,28 @@ pub fn compare(
     })
 }
 
-/// So small a share may change, either way.
-const fn nearly(share: f64) -> Tolerance {
-    Tolerance {
-        relative: share,
-        absolute: 0.0,
-        direction: Direction::Both,
-        guard_band: 0.0,
-    }
-}
-
-fn sorted(names: &[String]) -> Vec<&String> {
-    let mut names: Vec<_> = names.iter().collect();
-    names.sort_unstable();
-    names
-}
-
-fn schema_differs(differences: &[Difference]) -> bool {
-    (differences.iter()).any(|difference| difference.aspect == Aspect::Schema)
-}
-
 fn differences(base: &ResultsFile, new: &ResultsFile) -> Vec<Difference> {
-    let differs = |aspect: &Aspect| !aspect.is_same(base, new);
-    let difference = |aspect: Aspect| {
-        let say = |file| aspect.of(file).unwrap_or_else(|| "none".to_owned());
-        Difference {
+    let difference = |&aspect: &Aspect| {
+        let [base, new] = [base, new].map(|file| file.answers.get(&aspect));
+        let identity = |answer: Option<&Answer>| answer.map(|each| each.identity.clone());
+        let shown = |answer: Option<&Answer>| {
+            answer.map_or_else(|| "none".to_owned(), |each| each.shown.clone())
+        };
+        (identity(base) != identity(new)).then(|| Difference {
             aspect,
-            base: say(base),
-            new: say(new),
-        }
+            base: shown(base),
+            new: shown(new),
+        })
     };
-    let all = Aspect::value_variants().iter().copied();
-    all.filter(differs).map(difference).collect()
+    let all = Aspect::value_variants().iter();
+    all.filter_map(difference).collect()
 }
 
 fn refusal(base: &ResultsFile, new: &ResultsFile, refused: &[&Difference]) -> FileError {
     let named: Vec<String> = (refused.iter())
         .map(|each| format!("{} ({}, not {})", each.aspect.name(), each.new, each.base))
         .collect();
-    let names: Vec<&str> = refused.iter().map(|each| each.aspect.name()).collect();
+    let names: Vec<String> = refused.iter().map(|each| each.aspect.name()).collect();
     let problem = format!(
         "differs from {} in {}",
         base.path.display(),

@@ -1,12 +1,13 @@
 //! Results files as they are compared: their numbers by plan and quantity, and under which settings
 //! they were made.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use serde::de::IgnoredAny;
 use serde::{Deserialize, Deserializer};
-use serde_json::Value;
 
+use super::Aspect;
 use crate::files::{FileError, schema::read_results, typed::from_json};
 use crate::gate::{Gate, Quantity};
 use crate::record::messages::{ProvenanceMessage, SchemaMessage};
@@ -36,6 +37,15 @@ pub struct ResultNumber {
     pub standard_error: f64,
 }
 
+/// Which question results answer, in one aspect.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Answer {
+    /// What must be the same for the question to be the same.
+    pub identity: String,
+    /// For a person.
+    pub shown: String,
+}
+
 /// A results file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ResultsFile {
@@ -47,8 +57,8 @@ pub struct ResultsFile {
     pub provenance: ProvenanceMessage,
     /// The scenario's tolerances.
     pub gate: Gate,
-    /// What was asked for beside the scenario, such as the number of runs, by name.
-    pub settings: Vec<(&'static str, Value)>,
+    /// What was asked.
+    pub answers: BTreeMap<Aspect, Answer>,
     /// The plans' names.
     pub plans: Vec<String>,
     /// All numbers.
@@ -142,7 +152,7 @@ impl ResultsFile {
             schema: head.schema,
             provenance: head.provenance,
             gate: head.gate,
-            settings: Vec::new(),
+            answers: BTreeMap::new(),
             plans: Vec::new(),
             numbers: Vec::new(),
         };
@@ -151,19 +161,43 @@ impl ResultsFile {
             "elastocal.study" => file.study(from_json(path, &text)?),
             "elastocal.plan" => {
                 let designed: DesignedResults = from_json(path, &text)?;
-                file.settings.push(("criterion", designed.criterion.into()));
-                let configurations = designed.configurations;
-                file.settings
-                    .extend(configurations.map(|count| ("configurations", count.into())));
+                file.answer(Aspect::Criterion, designed.criterion);
+                if let Some(count) = designed.configurations {
+                    file.answer(Aspect::Configurations, count.to_string());
+                }
                 file.single(from_json(path, &text)?)?;
             }
             _ => file.single(from_json(path, &text)?)?,
         }
+        file.answer_for_all();
         Ok(file)
     }
 
+    fn answer(&mut self, aspect: Aspect, identity: String) {
+        let shown = identity.clone();
+        self.answers.insert(aspect, Answer { identity, shown });
+    }
+
+    /// What all results say of their question.
+    fn answer_for_all(&mut self) {
+        let form = format!("{} {}", self.schema.name, self.schema.version);
+        self.answer(Aspect::Schema, form);
+        self.answer(Aspect::Seed, self.provenance.seed.to_string());
+        // A copy of a scenario under another name asks the same question.
+        let identity = self.provenance.scenario_sha256.clone();
+        let hash: String = identity.chars().take(12).collect();
+        let shown = format!("{} {hash}", self.provenance.scenario);
+        self.answers
+            .insert(Aspect::Scenario, Answer { identity, shown });
+        let mut sorted = self.plans.clone();
+        sorted.sort_unstable();
+        let [identity, shown] = [&sorted, &self.plans].map(|names| names.join(", "));
+        self.answers
+            .insert(Aspect::Plans, Answer { identity, shown });
+    }
+
     fn run(&mut self, run: RunResults) -> Result<(), FileError> {
-        self.settings.push(("experiments", run.experiments.into()));
+        self.answer(Aspect::Experiments, run.experiments.to_string());
         for (index, plan) in run.plans.into_iter().enumerate() {
             let name = self.add_plan(&plan.name);
             self.prediction(
@@ -182,17 +216,10 @@ impl ResultsFile {
     fn study(&mut self, study: StudyResults) {
         let mut experiments: Vec<u32> = study.plans.iter().map(|plan| plan.experiments).collect();
         experiments.dedup();
-        self.settings.extend([
-            ("trials", study.trials.into()),
-            ("level", study.level.into()),
-            (
-                "experiments",
-                match experiments[..] {
-                    [one] => one.into(),
-                    _ => experiments.into(),
-                },
-            ),
-        ]);
+        self.answer(Aspect::Trials, study.trials.to_string());
+        self.answer(Aspect::Level, study.level);
+        let experiments: Vec<String> = experiments.iter().map(ToString::to_string).collect();
+        self.answer(Aspect::Experiments, experiments.join(", "));
         let is_swept = |name: &str| study.plans.iter().filter(|plan| plan.name == name).count() > 1;
         for plan in &study.plans {
             let (m, sigma_mm, load) = (plan.experiments, plan.sigma_mm, plan.load_scale);
@@ -218,8 +245,7 @@ impl ResultsFile {
     }
 
     fn single(&mut self, prediction: PredictedPlan) -> Result<(), FileError> {
-        self.settings
-            .push(("experiments", prediction.experiments.into()));
+        self.answer(Aspect::Experiments, prediction.experiments.to_string());
         let name = self.add_plan(ONLY_PLAN);
         self.prediction(&name, "", prediction)
     }

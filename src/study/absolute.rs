@@ -6,17 +6,16 @@
 //! instrument's frames are anywhere. The one fit sees readings with the covariance that they were planned with, and what it then says of
 //! the loaded tool's place is compared with where the virtual robot has it.
 
-use std::ops::Range;
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 
 use nalgebra::{Isometry3, Matrix3, Matrix6, Matrix6xX, Rotation3, SymmetricEigen, Vector3};
 use thiserror::Error;
 
 use super::StudyError;
-use super::runner::{RunBlocks, RunsInBlocks};
+use super::runner::RunsInBlocks;
 use super::summary::Summary;
-use super::tally::{Batch, BlockSums, Failure, Tally};
+use super::tally::{Batch, Failure, Tally};
 use super::verdict::Kept;
 use super::virtual_readings::{ReadPlan, TargetReading, VirtualReadingError};
 use crate::identification::{AbsoluteCase, ParameterGroup, ReadingWeights};
@@ -187,43 +186,6 @@ impl<'a> AbsoluteRunner<'a> {
         }
     }
 
-    /// For each plan, the one that it is compared with: the first random one.
-    pub fn references(&self) -> Vec<Option<usize>> {
-        let random = self.tried.iter().position(|each| each.entry.is_random);
-        vec![random; self.tried.len()]
-    }
-
-    /// A block's runs in their order.
-    fn block(
-        &self,
-        robots: &mut [ReadRobots],
-        first: u64,
-        runs: u64,
-    ) -> Result<Vec<Tally>, StudyError> {
-        let count = usize::try_from(runs).unwrap_or(LANES);
-        let mut batches = Vec::with_capacity(self.tried.len());
-        for (tried, robots) in self.tried.iter().zip(robots) {
-            let mut batch = Batch::default();
-            for (lane, run) in (first..).take(count).enumerate() {
-                if self.stop.is_some_and(|stop| stop.load(Ordering::Relaxed)) {
-                    return Err(StudyError::Stopped);
-                }
-                self.run_of(tried, robots, run, (&mut batch, lane));
-            }
-            batch.clean(count);
-            batches.push(batch);
-        }
-        let references = self.references();
-        let tallies = batches.iter().zip(references).map(|(batch, reference)| {
-            let (mut tally, mut sums) = (Tally::default(), BlockSums::default());
-            let reference = reference.map(|other| &batches[other]);
-            tally.add(&mut sums, batch, reference, count);
-            tally.close(&mut sums);
-            tally
-        });
-        Ok(tallies.collect())
-    }
-
     /// One run of one plan.
     fn run_of(
         &self,
@@ -259,34 +221,45 @@ impl<'a> AbsoluteRunner<'a> {
 }
 
 impl RunsInBlocks for AbsoluteRunner<'_> {
+    type Workspace<'a>
+        = Vec<ReadRobots>
+    where
+        Self: 'a;
+
     fn block_runs(&self) -> u64 {
         BLOCK_RUNS
     }
 
-    fn run(
-        &self,
-        trials: u64,
-        blocks: Range<u64>,
-        step: u64,
-        progress: &(dyn Fn(u64) + Sync),
-    ) -> Result<Vec<Tally>, StudyError> {
-        let blocks = RunBlocks {
-            block_runs: BLOCK_RUNS,
-            trials,
-            numbers: blocks,
-            step,
-        };
-        let new_robots = || {
-            let robots = self.tried.iter().map(|each| each.robots(self.task));
-            let robots = robots.collect::<Result<Vec<_>, _>>();
-            robots.map_err(|error| StudyError::Model(error.to_string()))
-        };
-        blocks.run(
-            self.tried.len(),
-            new_robots,
-            |robots, first, runs| self.block(robots, first, runs),
-            progress,
-        )
+    /// The first random one.
+    fn references(&self) -> Vec<Option<usize>> {
+        let random = self.tried.iter().position(|each| each.entry.is_random);
+        vec![random; self.tried.len()]
+    }
+
+    fn stop(&self) -> Option<&AtomicBool> {
+        self.stop
+    }
+
+    fn workspace(&self) -> Result<Self::Workspace<'_>, StudyError> {
+        let robots = self.tried.iter().map(|each| each.robots(self.task));
+        Ok(robots.collect::<Result<_, _>>()?)
+    }
+
+    fn draw<'a>(&'a self, _: &mut Self::Workspace<'a>, _: u64) {}
+
+    fn make<'a>(
+        &'a self,
+        robots: &mut Self::Workspace<'a>,
+        plan: usize,
+        (first, count): (u64, usize),
+        batch: &mut Batch,
+    ) -> Result<(), StudyError> {
+        *batch = Batch::default();
+        for (lane, run) in (first..).take(count).enumerate() {
+            self.proceed()?;
+            self.run_of(&self.tried[plan], &mut robots[plan], run, (batch, lane));
+        }
+        Ok(())
     }
 }
 

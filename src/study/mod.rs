@@ -1,6 +1,5 @@
 //! Monte Carlo studies: how good are plans over many runs?
 //!
-//! - `counts`: counts as numbers.
 //! - `settings`: what a study is made of.
 //! - [`model_level`]: a run of the paper's linear model, a few small products of matrices.
 //! - [`robot_level`]: a run of the whole loop on the virtual robot in MuJoCo.
@@ -15,7 +14,6 @@
 
 pub mod absolute;
 pub mod account;
-mod counts;
 pub mod deviations;
 pub mod evidence;
 pub mod model_level;
@@ -25,7 +23,6 @@ pub mod selection;
 mod settings;
 pub mod summary;
 pub mod tally;
-pub(crate) mod tally_check;
 mod torque_laws;
 pub mod verdict;
 pub mod virtual_readings;
